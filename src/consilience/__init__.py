@@ -1,0 +1,1 @@
+"""Consilience: conclusions from independent multibody engines that agree are strong."""

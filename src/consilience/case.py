@@ -1,0 +1,58 @@
+"""A case: a mechanism, its initial state, what to ask, and where it comes from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from consilience.assembly import Initial, initial_state, random_states
+from consilience.mechanism import Mechanism, State
+from consilience.spatial import Array
+
+
+@dataclass(frozen=True)
+class Case:
+    """A mechanism with an initial state and the questions to ask about it.
+
+    Attributes
+    ----------
+    name : str
+        File stem, with ``-<variant>`` where the file has variants.
+    duration, sample : float, s
+        Span of the trajectory and its uniform sampling interval.
+    digits : int
+        Correct digits asked of a trajectory.
+    instants : int
+        Number of states of the question `instant`: the initial state, then random consistent ones from `seed`.
+    """
+
+    name: str
+    title: str
+    mechanism: Mechanism
+    initial: Initial
+    duration: float
+    sample: float
+    digits: int
+    instants: int
+    seed: int
+    sources: tuple[str, ...] = ()
+    remarks: str = ""
+    tags: tuple[str, ...] = field(default=())
+
+    @cached_property
+    def initial_state(self) -> State:
+        """Assembled, consistent initial state."""
+        return initial_state(self.mechanism, self.initial)
+
+    @cached_property
+    def states(self) -> list[State]:
+        """States of the question `instant`."""
+        start = self.initial_state
+        return [start, *random_states(self.mechanism, start, self.instants - 1, self.seed)]
+
+    @property
+    def times(self) -> Array:
+        """Sample times of the trajectory, shape (n_t,), s."""
+        return np.arange(round(self.duration / self.sample) + 1) * self.sample

@@ -1,0 +1,93 @@
+"""The protocol an engine's adapter follows, and how adapters are found.
+
+An adapter is a plug-in package with an entry point in the group ``consilience.engines``. It sees a mechanism, a
+state and a method, never a case: expected values cannot reach it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib.metadata import EntryPoint, entry_points
+from typing import Protocol
+
+from consilience.errors import InvalidInput
+from consilience.mechanism import Mechanism, State
+from consilience.run import (
+    EngineInfo,
+    InstantAnswer,
+    Manifest,
+    Method,
+    ModelAnswer,
+    Question,
+    TrajectoryAnswer,
+    Unsupported,
+)
+from consilience.spatial import Array
+
+GROUP = "consilience.engines"
+
+
+class Engine(Protocol):
+    """What the harness asks of an engine. Constructed without arguments, in the worker that owns it.
+
+    Rules for an implementer:
+
+    1. Return canonical observables only (`consilience.run`); no generalised coordinate crosses the boundary.
+    2. Map coordinates from and to body poses and velocities.
+    3. Say what cannot be represented in `unsupported`, with the reason; never approximate in silence.
+    4. Label each method with its route; name every knob that is not at its default in `Method.settings`.
+    5. Fail by raising: the worker turns it into one failed run.
+    """
+
+    def info(self) -> EngineInfo:
+        """Name and version."""
+        ...
+
+    def unsupported(self, mechanism: Mechanism, question: Question) -> tuple[Unsupported, ...]:
+        """Everything of the mechanism and question the engine cannot represent; empty if it can."""
+        ...
+
+    def methods(self, mechanism: Mechanism, question: Question) -> tuple[Method, ...]:
+        """Ways to answer the question, the headline first."""
+        ...
+
+    def manifest(self, mechanism: Mechanism) -> Manifest:
+        """What the translation keeps exact and what it approximates."""
+        ...
+
+    def model(self, mechanism: Mechanism, state: State, method: Method) -> ModelAnswer:
+        """Report mass, centre of mass, inertia and freedom of the translated model at a state."""
+        ...
+
+    def instant(self, mechanism: Mechanism, states: Sequence[State], method: Method) -> InstantAnswer:
+        """Accelerations, joint reactions and energies at consistent states."""
+        ...
+
+    def trajectory(
+        self, mechanism: Mechanism, state: State, times: Array, method: Method, step: float
+    ) -> TrajectoryAnswer:
+        """Motion from `state` at ``times[0]``, sampled on the uniform grid `times`; `step` divides its interval."""
+        ...
+
+
+def installed() -> dict[str, EntryPoint]:
+    """Entry points of all installed engines by name; nothing is imported."""
+    return {point.name: point for point in sorted(entry_points(group=GROUP), key=lambda p: p.name)}
+
+
+def create(name: str) -> Engine:
+    """Import and construct an engine in this process.
+
+    Raises
+    ------
+    InvalidInput
+        If no engine of that name is installed.
+    ImportError
+        If its package does not import.
+    """
+    points = installed()
+    if name not in points:
+        known = ", ".join(points)
+        raise InvalidInput(f"engine '{name}'", "it is not installed", f"Installed engines: {known}.")
+    engine: Engine = points[name].load()()
+    return engine

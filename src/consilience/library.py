@@ -1,0 +1,63 @@
+"""The shipped case library, and how a case is found by name or path."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from consilience.case import Case
+from consilience.casefile import load_file
+from consilience.errors import InvalidInput
+
+
+def case_folder() -> Path:
+    """Folder of the shipped cases: inside the installed package, or beside ``src`` in a checkout."""
+    packaged = Path(__file__).parent / "cases"
+    return packaged if packaged.is_dir() else Path(__file__).parents[2] / "cases"
+
+
+def case_names() -> list[str]:
+    """Names of all shipped cases, variants spelled out."""
+    return [case.name for case in shipped_cases()]
+
+
+def shipped_cases() -> list[Case]:
+    """All shipped cases, sorted by file."""
+    return [case for path in sorted(case_folder().glob("*.toml")) for case in load_file(path)]
+
+
+def load_cases(name: str) -> list[Case]:
+    """Cases that a user means by a name: a shipped case or file, all its variants, or the path of a case file.
+
+    Raises
+    ------
+    InvalidInput
+        If there is no such case.
+    """
+    if name.endswith(".toml") or "/" in name:
+        return load_file(Path(name))
+    for path in sorted(case_folder().glob("*.toml")):
+        if name == path.stem or name.startswith(f"{path.stem}-"):
+            cases = load_file(path)
+            chosen = cases if name == path.stem else [case for case in cases if case.name == name]
+            if chosen:
+                return chosen
+    raise InvalidInput(
+        f"case '{name}'",
+        "there is no shipped case of that name",
+        f"Shipped cases: {', '.join(case_names())}. The path of a case file works, too.",
+    )
+
+
+def load_case(name: str) -> Case:
+    """One case by name or path.
+
+    Raises
+    ------
+    InvalidInput
+        If there is no such case, or the name stands for several variants.
+    """
+    cases = load_cases(name)
+    if len(cases) > 1:
+        known = ", ".join(case.name for case in cases)
+        raise InvalidInput(f"case '{name}'", f"it has {len(cases)} variants", f"Name one: {known}.")
+    return cases[0]

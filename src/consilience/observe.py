@@ -1,0 +1,167 @@
+"""Energy, momentum and mass properties from poses and velocities: the same code for every engine.
+
+An engine's own account of its energies is an answer to be compared; what is plotted and judged over a trajectory is
+recomputed here from the motion alone.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from consilience.kinematics import (
+    RANK_TOLERANCE,
+    RelativeMotion,
+    constraint_jacobian,
+    joint_coordinates,
+    joint_frames,
+    joint_rates,
+    relative_motion,
+    row_jacobian,
+)
+from consilience.mechanism import GROUND, Joint, Mechanism, State
+from consilience.spatial import Array, rotation_from_quaternion
+
+_REACH_TOLERANCE = 1e-6
+"""A null vector of unit length that moves a component by less than this does not reach it: far above the rounding of
+the null space (1e-14 over the rank gap), far below the order one of a component it does reach."""
+
+
+def centres_of_mass(mechanism: Mechanism, state: State) -> tuple[Array, Array]:
+    """Positions and velocities of the bodies' centres of mass, each shape (n_b, 3), world axes."""
+    R = rotation_from_quaternion(state.quat_WB)
+    arms = np.einsum("bij,bj->bi", R, np.array([b.com for b in mechanism.bodies]))
+    return state.p_WB + arms, state.v_WB_W + np.cross(state.w_WB_W, arms)
+
+
+def world_inertias(mechanism: Mechanism, state: State) -> Array:
+    """Inertia tensors about the bodies' centres of mass in world axes, ``A I' A^T``, shape (n_b, 3, 3)."""
+    R = rotation_from_quaternion(state.quat_WB)
+    return R @ np.array([b.inertia for b in mechanism.bodies]) @ np.swapaxes(R, 1, 2)
+
+
+def mass_properties(mechanism: Mechanism, state: State) -> tuple[float, Array, Array]:
+    """Total mass, centre of mass (3,) in the world, and inertia (3, 3) about it in world axes."""
+    masses = np.array([b.mass for b in mechanism.bodies])
+    r, _ = centres_of_mass(mechanism, state)
+    total = float(masses.sum())
+    com = masses @ r / total
+    c = r - com
+    shifted = np.einsum("b,bij->ij", masses, np.eye(3) * np.sum(c * c, 1)[:, None, None] - c[:, :, None] * c[:, None])
+    return total, com, world_inertias(mechanism, state).sum(axis=0) + shifted
+
+
+def kinetic_energy(mechanism: Mechanism, state: State) -> float:
+    """``T = sum 1/2 m v.v + 1/2 w.I w`` in J."""
+    masses = np.array([b.mass for b in mechanism.bodies])
+    _, v = centres_of_mass(mechanism, state)
+    w = state.w_WB_W
+    spin = np.einsum("bi,bij,bj", w, world_inertias(mechanism, state), w)
+    return float(0.5 * masses @ np.sum(v * v, axis=1) + 0.5 * spin)
+
+
+def body_point(mechanism: Mechanism, state: State, body: str, point: Array) -> tuple[Array, Array]:
+    """World position and velocity of a point given in body axes; the ground is at rest at the world origin."""
+    if body == GROUND:
+        return point, np.zeros(3)
+    i = mechanism.body_index[body]
+    arm = rotation_from_quaternion(state.quat_WB[i]) @ point
+    return state.p_WB[i] + arm, state.v_WB_W[i] + np.cross(state.w_WB_W[i], arm)
+
+
+def joint_spring_motion(mechanism: Mechanism, state: State, joint: str, coordinate: str) -> tuple[float, float]:
+    """Coordinate (angle in (-pi, pi]) and rate of a sprung joint."""
+    target = mechanism.joints[mechanism.joint_index[joint]]
+    motion: RelativeMotion = relative_motion(mechanism, state, target)
+    return (
+        float(joint_coordinates(target.kind, motion)[coordinate]),
+        float(joint_rates(target.kind, motion)[coordinate]),
+    )
+
+
+def potential_energy(mechanism: Mechanism, state: State, turns: Array | None = None) -> float:
+    """Potential energy in J of gravity (zero at the world origin) and of springs.
+
+    Parameters
+    ----------
+    turns : ndarray, shape (n_joint_springs,), optional
+        Full turns to add to the angles of the joint springs. Without it angles are in (-pi, pi].
+    """
+    masses = np.array([b.mass for b in mechanism.bodies])
+    r, _ = centres_of_mass(mechanism, state)
+    energy = -float(masses @ (r @ mechanism.gravity))
+    for spring in mechanism.springs:
+        p_i, _ = body_point(mechanism, state, spring.predecessor, spring.point_predecessor)
+        p_j, _ = body_point(mechanism, state, spring.successor, spring.point_successor)
+        energy += 0.5 * spring.stiffness * (float(np.linalg.norm(p_j - p_i)) - spring.free_length) ** 2
+    for n, joint_spring in enumerate(mechanism.joint_springs):
+        q, _ = joint_spring_motion(mechanism, state, joint_spring.joint, joint_spring.coordinate)
+        q += 2 * np.pi * (0.0 if turns is None else turns[n])
+        energy += 0.5 * joint_spring.stiffness * (q - joint_spring.rest) ** 2
+    return energy
+
+
+def load_potential(mechanism: Mechanism, state: State) -> float:
+    """Potential energy in J of the constant forces fixed in the world, zero at the world origin.
+
+    Forces fixed in a body and torques have no potential: what they do is work from outside.
+    """
+    return -sum(
+        float(load.vector @ body_point(mechanism, state, load.body, load.point)[0])
+        for load in mechanism.loads
+        if load.kind == "force" and load.frame == "world"
+    )
+
+
+def is_conservative(mechanism: Mechanism) -> bool:
+    """Whether kinetic plus potential energy is constant: no dampers, no torques, no body-fixed forces."""
+    damped = any(s.damping != 0 for s in (*mechanism.springs, *mechanism.joint_springs))
+    driven = any(not (load.kind == "force" and load.frame == "world") for load in mechanism.loads)
+    return not damped and not driven
+
+
+def linear_momentum(mechanism: Mechanism, state: State) -> Array:
+    """``sum m v`` in kg m/s, shape (3,)."""
+    _, v = centres_of_mass(mechanism, state)
+    return np.array([b.mass for b in mechanism.bodies]) @ v
+
+
+def angular_momentum(mechanism: Mechanism, state: State) -> Array:
+    """Angular momentum about the world origin in kg m^2/s, shape (3,)."""
+    masses = np.array([b.mass for b in mechanism.bodies])
+    r, v = centres_of_mass(mechanism, state)
+    spin = np.einsum("bij,bj->i", world_inertias(mechanism, state), state.w_WB_W)
+    return np.cross(r, masses[:, None] * v).sum(axis=0) + spin
+
+
+def reaction_map(mechanism: Mechanism, state: State, joint: Joint) -> Array:
+    """Wrench on the successor per multiplier: force and torque at the origin of M, axes of F, shape (6, rows)."""
+    frames = joint_frames(mechanism, state, joint)
+    columns = []
+    for row in joint.rows:
+        coefficients = row_jacobian(frames, row)[6:]
+        force = coefficients[:3]
+        torque = coefficients[3:] - np.cross(frames.s_j, force)
+        columns.append(np.concatenate([frames.U.T @ force, frames.U.T @ torque]))
+    return np.array(columns).T.reshape(6, len(joint.rows))
+
+
+def determinate_reactions(mechanism: Mechanism, state: State) -> NDArray[np.bool_]:
+    """Which reaction components equilibrium determines, shape (n_j, 6): force then torque, axes of F.
+
+    Multipliers are unique up to the null space of ``Q^T``; a component is determined only if that null space does
+    not reach it [C4 section 4.2.3, EXU]. The others are the solver's choice and must never be compared.
+    """
+    Q = constraint_jacobian(mechanism, state)
+    if len(Q) == 0:
+        return np.ones((len(mechanism.joints), 6), dtype=bool)
+    U, singular, _ = np.linalg.svd(Q)
+    rank = int(np.sum(singular > RANK_TOLERANCE * singular[0]))
+    free = U[:, rank:]
+    determined, start = [], 0
+    for joint in mechanism.joints:
+        rows = slice(start, start + len(joint.rows))
+        start = rows.stop
+        reach = np.linalg.norm(reaction_map(mechanism, state, joint) @ free[rows], axis=1)
+        determined.append(reach < _REACH_TOLERANCE)
+    return np.array(determined)

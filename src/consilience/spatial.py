@@ -1,0 +1,223 @@
+"""Rotations, orientation coordinates and frames: the floor everything else stands on.
+
+Rotation matrices map components: ``v_W = R_WB @ v_B``. Quaternions (Euler parameters) are scalar first,
+``(e0, e1, e2, e3)``, of unit length, and belong to the same map. Angles are radians. Equation keys refer to
+`docs/formulations.md`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+def skew(a: ArrayLike) -> Array:
+    """Skew matrix ``~a`` with ``~a @ b == cross(a, b)``, shape (3, 3)."""
+    x, y, z = np.asarray(a, dtype=float)
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def rotation_from_quaternion(quat: ArrayLike) -> Array:
+    """Rotation matrix of unit Euler parameters, ``A = (e0^2 - e.e) 1 + 2 e e^T + 2 e0 ~e`` [MASS (2)].
+
+    Parameters
+    ----------
+    quat : array_like, shape (..., 4)
+        Unit quaternions, scalar first. They are used as they are: a norm other than one scales the matrix.
+
+    Returns
+    -------
+    ndarray, shape (..., 3, 3)
+    """
+    q = np.asarray(quat, dtype=float)
+    w, x, y, z = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
+    rows = [
+        [w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def quaternion_from_rotation(R: ArrayLike) -> Array:
+    """Unit Euler parameters of rotation matrices, the largest component positive (Shepperd's choice of pivot).
+
+    Parameters
+    ----------
+    R : array_like, shape (..., 3, 3)
+
+    Returns
+    -------
+    ndarray, shape (..., 4)
+    """
+    R = np.asarray(R, dtype=float)
+    if R.ndim > 2:
+        flat = np.array([quaternion_from_rotation(r) for r in R.reshape(-1, 3, 3)])
+        return flat.reshape(*R.shape[:-2], 4)
+    trace = np.trace(R)
+    pivots = np.array([trace, R[0, 0], R[1, 1], R[2, 2]])
+    i = int(np.argmax(pivots))
+    quat = np.empty(4)
+    if i == 0:
+        quat[:] = 1.0 + trace, R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]
+    else:
+        a, b, c = (i - 1), i % 3, (i + 1) % 3
+        quat[0] = R[c, b] - R[b, c]
+        quat[1 + a] = 1.0 + 2.0 * R[a, a] - trace
+        quat[1 + b] = R[a, b] + R[b, a]
+        quat[1 + c] = R[a, c] + R[c, a]
+    return quat / np.linalg.norm(quat)
+
+
+def quaternion_product(p: ArrayLike, q: ArrayLike) -> Array:
+    """Hamilton product: the rotation ``q`` followed by ``p``, as ``R(p q) = R(p) @ R(q)``."""
+    p0, p1, p2, p3 = np.moveaxis(np.asarray(p, dtype=float), -1, 0)
+    q0, q1, q2, q3 = np.moveaxis(np.asarray(q, dtype=float), -1, 0)
+    return np.stack(
+        [
+            p0 * q0 - p1 * q1 - p2 * q2 - p3 * q3,
+            p0 * q1 + p1 * q0 + p2 * q3 - p3 * q2,
+            p0 * q2 - p1 * q3 + p2 * q0 + p3 * q1,
+            p0 * q3 + p1 * q2 - p2 * q1 + p3 * q0,
+        ],
+        axis=-1,
+    )
+
+
+def quaternion_from_rotation_vector(phi: ArrayLike) -> Array:
+    """Unit Euler parameters of the rotation by ``|phi|`` about ``phi``, shape (4,)."""
+    phi = np.asarray(phi, dtype=float)
+    angle = float(np.linalg.norm(phi))
+    # np.sinc(x) = sin(pi x) / (pi x) is smooth through zero, unlike the quotient written out
+    return np.concatenate([[np.cos(angle / 2)], 0.5 * np.sinc(angle / (2 * np.pi)) * phi])
+
+
+def rotation_vector_from_quaternion(quat: ArrayLike) -> Array:
+    """Rotation vector (axis times angle, angle in [0, pi]) of unit Euler parameters, shape (3,)."""
+    q = np.asarray(quat, dtype=float)
+    q = -q if q[0] < 0 else q
+    sine = float(np.linalg.norm(q[1:]))
+    if sine < 1e-9:  # angle / sin(angle / 2) is 2 to rounding
+        return 2.0 * q[1:]
+    return (2.0 * np.arctan2(sine, q[0]) / sine) * q[1:]
+
+
+def elementary_rotation(axis: int, angle: float) -> Array:
+    """Rotation by `angle` about coordinate axis 0, 1 or 2."""
+    c, s = np.cos(angle), np.sin(angle)
+    b, d = (axis + 1) % 3, (axis + 2) % 3
+    R = np.eye(3)
+    R[b, b] = R[d, d] = c
+    R[b, d], R[d, b] = -s, s
+    return R
+
+
+def rotation_from_euler_zxz(angles: ArrayLike) -> Array:
+    """Rotation matrix of Euler angles (phi, theta, psi), ``Rz(phi) Rx(theta) Rz(psi)`` [C4 section 4.3.1]."""
+    phi, theta, psi = np.asarray(angles, dtype=float)
+    return elementary_rotation(2, phi) @ elementary_rotation(0, theta) @ elementary_rotation(2, psi)
+
+
+def rotation_from_bryant_xyz(angles: ArrayLike) -> Array:
+    """Rotation matrix of Bryant (Cardan) angles (alpha, beta, gamma), ``Rx(alpha) Ry(beta) Rz(gamma)`` [C4]."""
+    alpha, beta, gamma = np.asarray(angles, dtype=float)
+    return elementary_rotation(0, alpha) @ elementary_rotation(1, beta) @ elementary_rotation(2, gamma)
+
+
+def rotation_from_three_points(O: ArrayLike, P: ArrayLike, Q: ArrayLike) -> Array:
+    """Rotation matrix ``[i j k]`` of the frame with origin O, P on its x axis and Q in its xy plane [INTRO].
+
+    Raises
+    ------
+    ValueError
+        If the three points lie on one line, so that they define no plane.
+    """
+    OP = np.subtract(P, O, dtype=float)
+    OQ = np.subtract(Q, O, dtype=float)
+    normal = np.cross(OP, OQ)
+    if np.linalg.norm(normal) <= 1e-12 * np.linalg.norm(OP) * np.linalg.norm(OQ):
+        raise ValueError("the three points lie on one line")
+    i = OP / np.linalg.norm(OP)
+    k = normal / np.linalg.norm(normal)
+    return np.column_stack([i, np.cross(k, i), k])
+
+
+def orthogonal_triad(a: ArrayLike) -> tuple[Array, Array]:
+    """Two vectors that make an orthogonal (not normalised) triad with `a` [INTRO].
+
+    ``a_d`` has 0 where ``|a|`` is largest and 1 elsewhere; ``a1 = a x a_d``, ``a2 = a1 x a``.
+    """
+    a = np.asarray(a, dtype=float)
+    a_d = np.ones(3)
+    a_d[int(np.argmax(np.abs(a)))] = 0.0
+    a1 = np.cross(a, a_d)
+    return a1, np.cross(a1, a)
+
+
+def rotation_with_z_axis(axis: ArrayLike, second: ArrayLike | None = None) -> Array:
+    """Rotation matrix whose z column is along `axis` and whose x column is along `second`, made orthogonal.
+
+    Parameters
+    ----------
+    axis : array_like, shape (3,)
+    second : array_like, shape (3,), optional
+        Direction for x; its component along `axis` is removed. Without it x comes from `orthogonal_triad`.
+
+    Raises
+    ------
+    ValueError
+        If `axis` is zero, or `second` is zero or parallel to it.
+    """
+    axis = np.asarray(axis, dtype=float)
+    length = float(np.linalg.norm(axis))
+    if length == 0.0:
+        raise ValueError("the axis is the zero vector")
+    z = axis / length
+    if second is None:
+        x = orthogonal_triad(z)[0]
+    else:
+        x = np.asarray(second, dtype=float)
+        if np.linalg.norm(np.cross(z, x)) <= 1e-9 * max(float(np.linalg.norm(x)), np.finfo(float).tiny):
+            raise ValueError("the second axis is parallel to the first, or zero")
+        x = x - z * (z @ x)
+    x = x / np.linalg.norm(x)
+    return np.column_stack([x, np.cross(z, x), z])
+
+
+def euler_parameter_matrix(quat: ArrayLike) -> Array:
+    """``G = [-e | e0 1 - ~e]``, shape (3, 4): ``w' = 2 G dp/dt``, ``dp/dt = 1/2 G^T w'`` [MASS (38)]."""
+    q = np.asarray(quat, dtype=float)
+    return np.column_stack([-q[1:], q[0] * np.eye(3) - skew(q[1:])])
+
+
+def rotation_angle_between(quat_a: ArrayLike, quat_b: ArrayLike) -> Array:
+    """Angle of the rotation that takes orientation a to b, in [0, pi]; blind to the signs of the quaternions.
+
+    Parameters
+    ----------
+    quat_a, quat_b : array_like, shape (..., 4)
+    """
+    a, b = np.asarray(quat_a, dtype=float), np.asarray(quat_b, dtype=float)
+    conjugate = a * np.array([1.0, -1.0, -1.0, -1.0])
+    relative = quaternion_product(conjugate, b)
+    # the arctangent keeps full accuracy near zero, where arccos of the scalar part loses half the digits
+    return np.asarray(2.0 * np.arctan2(np.linalg.norm(relative[..., 1:], axis=-1), np.abs(relative[..., 0])))
+
+
+def continuous_in_time(quats: ArrayLike) -> Array:
+    """Choose the sign of each quaternion of a series so that neighbours are close and the first has e0 >= 0.
+
+    Parameters
+    ----------
+    quats : array_like, shape (n_t, ..., 4)
+    """
+    q = np.array(quats, dtype=float)
+    if len(q) == 0:
+        return q
+    jumps = np.sum(q[1:] * q[:-1], axis=-1) < 0
+    first = q[:1, ..., 0] < 0
+    flips = np.cumsum(np.concatenate([first, jumps]), axis=0) % 2 == 1
+    q[flips] *= -1.0
+    return q

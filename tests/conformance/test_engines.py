@@ -1,0 +1,151 @@
+"""One suite over all engines: every joint kind, trees and loops, lumpy bodies, skew frames.
+
+Expected values are those of `truth`, a dense NumPy solution in maximal coordinates that shares no dynamics with any
+engine. What an engine cannot represent it must say (`unsupported`), and then it is not asked.
+"""
+
+import functools
+
+import numpy as np
+import pytest
+import truth
+from mechanisms import LOOPS, TREES, states_of
+from scipy.integrate import solve_ivp
+
+from consilience.assembly import free_directions
+from consilience.mechanism import State
+from consilience.observe import (
+    determinate_reactions,
+    kinetic_energy,
+    mass_properties,
+    potential_energy,
+)
+from consilience.run import Question, Route, defects
+from consilience.spatial import euler_parameter_matrix, rotation_angle_between, rotation_from_quaternion
+
+ALL = TREES | LOOPS
+EPS = np.finfo(float).eps
+
+# native solvers of constraints at velocity level cannot do better; each has its reason in the adapter's README
+NATIVE_SOLVER_BAR = {"dart": {Route.EXTRAPOLATED: 1e-8}}
+
+
+def condition(mechanism, state):
+    """Condition number of the mass matrix in orthonormal free directions."""
+    n = len(mechanism.bodies)
+    R = rotation_from_quaternion(state.quat_WB)
+    M = np.zeros((6 * n, 6 * n))
+    for i, body in enumerate(mechanism.bodies):
+        C = np.array(truth.skew(R[i] @ body.com))
+        inertia = R[i] @ body.inertia @ R[i].T - body.mass * C @ C
+        block = [[body.mass * np.eye(3), -body.mass * C], [body.mass * C, inertia]]
+        M[6 * i : 6 * i + 6, 6 * i : 6 * i + 6] = np.block(block)
+    N = free_directions(mechanism, state)
+    return np.linalg.cond(N.T @ M @ N)
+
+
+def relative(a, b):
+    return np.max(np.abs(a - b)) / np.max(np.abs(b))
+
+
+def supported_methods(engine, mechanism, question):
+    reasons = engine.unsupported(mechanism, question)
+    if reasons:
+        assert all(r.feature and r.reason for r in reasons)
+        pytest.skip("; ".join(f"{r.feature}: {r.reason}" for r in reasons))
+    methods = engine.methods(mechanism, question)
+    assert methods
+    return methods
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_model(engine, name):
+    mechanism = ALL[name]
+    state = states_of(mechanism)[1]
+    for method in supported_methods(engine, mechanism, Question.MODEL):
+        answer = engine.model(mechanism, state, method)
+        assert defects(answer, Question.MODEL, mechanism, 1) == []
+        mass, com, inertia = mass_properties(mechanism, state)
+        assert answer.mass == pytest.approx(mass, rel=1e-12)
+        assert np.max(np.abs(answer.com - com)) < 1e-12 * max(1, np.max(np.abs(com)))
+        assert relative(answer.inertia, inertia) < 1e-12
+        assert answer.freedom == free_directions(mechanism, state).shape[1]
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_instant(engine, engine_name, name):
+    mechanism = ALL[name]
+    states = states_of(mechanism)
+    for method in supported_methods(engine, mechanism, Question.INSTANT):
+        answer = engine.instant(mechanism, states, method)
+        assert defects(answer, Question.INSTANT, mechanism, len(states)) == []
+        bar = NATIVE_SOLVER_BAR.get(engine_name, {}).get(method.route, 1e-11)
+        for n, state in enumerate(states):
+            a, alpha, force, torque = truth.solve(mechanism, state)
+            expected = np.hstack([a, alpha])
+            found = np.hstack([answer.a_WB_W[n], answer.alpha_WB_W[n]])
+            assert relative(found, expected) < bar + 4 * EPS * condition(mechanism, state), method.name
+            if answer.force_F is not None:
+                expected, known = np.hstack([force, torque]), determinate_reactions(mechanism, state)
+                found = np.hstack([answer.force_F[n], answer.torque_F[n]])
+                if np.max(np.abs(expected[known])) > 1e-6:  # else the only joints are free ones
+                    assert relative(found[known], expected[known]) < max(1e-10, 10 * bar), method.name
+            T, V = kinetic_energy(mechanism, state), potential_energy(mechanism, state)
+            assert answer.kinetic[n] == pytest.approx(T, rel=1e-12)
+            assert answer.potential[n] == pytest.approx(V, rel=1e-12, abs=1e-12 * max(1.0, T))
+
+
+@functools.cache
+def motion(name, duration=0.4, sample=0.05):
+    """Trajectory of the truth by DOP853 on poses and velocities of all bodies."""
+    mechanism = ALL[name]
+    start = states_of(mechanism)[0]
+    n = len(mechanism.bodies)
+
+    def unpack(y):
+        p, quat, v, w = np.split(y, [3 * n, 7 * n, 10 * n])
+        quat = quat.reshape(n, 4)
+        unit = quat / np.linalg.norm(quat, axis=1)[:, None]
+        return State(p.reshape(n, 3), unit, v.reshape(n, 3), w.reshape(n, 3))
+
+    def derivative(_, y):
+        state = unpack(y)
+        a, alpha, _, _ = truth.solve(mechanism, state)
+        R = rotation_from_quaternion(state.quat_WB)
+        body_rates = np.einsum("bji,bj->bi", R, state.w_WB_W)
+        rates = [0.5 * euler_parameter_matrix(q).T @ w for q, w in zip(state.quat_WB, body_rates, strict=True)]
+        return np.concatenate([state.v_WB_W.ravel(), np.ravel(rates), a.ravel(), alpha.ravel()])
+
+    times = np.arange(round(duration / sample) + 1) * sample
+    y0 = np.concatenate([start.p_WB.ravel(), start.quat_WB.ravel(), start.v_WB_W.ravel(), start.w_WB_W.ravel()])
+    solution = solve_ivp(derivative, (0, duration), y0, "DOP853", times, rtol=1e-11, atol=1e-12)
+    return times, start, [unpack(y) for y in solution.y.T]
+
+
+def error(answer, states):
+    p = max(np.max(np.abs(answer.p_WB[k] - s.p_WB)) for k, s in enumerate(states))
+    angle = max(np.max(rotation_angle_between(answer.quat_WB[k], s.quat_WB)) for k, s in enumerate(states))
+    return max(p, angle)
+
+
+MOVING = ["long_chain", "floating_chain", "forced_chain", "branched", "four_bar", "slider_crank"]
+MOVING += ["single_rod", "loop_universal", "loop_rod"]
+
+
+@pytest.mark.parametrize("name", MOVING)
+def test_trajectory_converges_to_the_truth_with_the_declared_order(engine, name):
+    mechanism = ALL[name]
+    for method in supported_methods(engine, mechanism, Question.TRAJECTORY):
+        times, start, states = motion(name)
+        errors = []
+        for substeps in method.substeps:
+            answer = engine.trajectory(mechanism, start, times, method, (times[1] - times[0]) / substeps)
+            assert defects(answer, Question.TRAJECTORY, mechanism, len(times)) == []
+            np.testing.assert_allclose(answer.time, times, atol=1e-12)
+            errors.append(error(answer, states))
+            v = max(np.max(np.abs(answer.v_WB_W[k] - s.v_WB_W)) for k, s in enumerate(states))
+            w = max(np.max(np.abs(answer.w_WB_W[k] - s.w_WB_W)) for k, s in enumerate(states))
+            assert max(v, w) < 1e3 * errors[-1] + 1e-8, method.name
+        assert errors[-1] < 0.05, method.name
+        if method.order is not None and errors[-1] > 1e-10:
+            assert np.log2(errors[-2] / errors[-1]) == pytest.approx(method.order, abs=0.3), (method.name, errors)

@@ -1,0 +1,179 @@
+"""Mechanisms for tests: lumpy bodies (off-centre mass, full inertia), skew frames, every joint kind, trees and loops."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from consilience.assembly import initial_state, random_states
+from consilience.mechanism import (
+    GROUND,
+    JOINT_KINDS,
+    Body,
+    Frame,
+    Joint,
+    JointSpring,
+    Load,
+    Mechanism,
+    Spring,
+    State,
+)
+from consilience.spatial import quaternion_from_rotation_vector, rotation_from_quaternion
+
+GRAVITY = np.array([1.3, -2.1, -9.4])
+
+
+def rotation(rng: np.random.Generator) -> np.ndarray:
+    return rotation_from_quaternion(quaternion_from_rotation_vector(rng.normal(size=3)))
+
+
+def lumpy_body(name: str, rng: np.random.Generator) -> Body:
+    """Mass near 1 kg, inertia of a random cloud of points (so that it is a possible one), centre of mass off-centre."""
+    points = rng.normal(scale=0.3, size=(8, 3))
+    masses = rng.uniform(0.1, 0.3, size=8)
+    com = masses @ points / masses.sum()
+    c = points - com
+    inertia = np.einsum("n,nij->ij", masses, np.eye(3) * np.sum(c * c, 1)[:, None, None] - c[:, :, None] * c[:, None])
+    return Body(name, float(masses.sum()), com, inertia, Frame(rng.normal(scale=0.5, size=3), rotation(rng)))
+
+
+def drawn_joint(name: str, kind: str, bodies: dict[str, Body], i: str, j: str, at, axes, to=None) -> Joint:
+    """Joint from a frame in the world of the drawing."""
+    ground = Frame(np.zeros(3), np.eye(3))
+    start = ground if i == GROUND else bodies[i].drawing
+    end = ground if j == GROUND else bodies[j].drawing
+    to = at if to is None else to
+    return Joint(
+        name,
+        kind,
+        i,
+        j,
+        Frame(start.R.T @ (at - start.p), start.R.T @ axes),
+        Frame(end.R.T @ (to - end.p), end.R.T @ axes),
+        float(np.linalg.norm(to - at)) if kind == "rod" else 0.0,
+    )
+
+
+def chain(*kinds: str, seed: int = 0, backwards: tuple[int, ...] = (), forces: bool = False) -> Mechanism:
+    """Serial chain from the ground; the joints at the positions `backwards` have predecessor and successor swapped."""
+    rng = np.random.default_rng(seed)
+    bodies = {f"b{n}": lumpy_body(f"b{n}", rng) for n in range(len(kinds))}
+    names = [GROUND, *bodies]
+    joints = []
+    for n, kind in enumerate(kinds):
+        at, axes = rng.normal(scale=0.5, size=3), rotation(rng)
+        to = at + 0.7 * axes[:, 2] if kind == "rod" else None
+        i, j = names[n], names[n + 1]
+        if n in backwards:
+            i, j = j, i
+        joints.append(drawn_joint(f"j{n}", kind, bodies, i, j, at, axes, to))
+    extra = force_elements(joints, list(bodies), rng) if forces else {}
+    return Mechanism("_".join(kinds), GRAVITY, tuple(bodies.values()), tuple(joints), **extra)
+
+
+def force_elements(joints: list[Joint], bodies: list[str], rng: np.random.Generator) -> dict:
+    """A spring-damper from the ground to the last body, one on each one-axis joint, and one load of every kind."""
+    springs = (Spring("s", GROUND, bodies[-1], rng.normal(size=3), rng.normal(scale=0.3, size=3), 12.0, 0.7, 0.4),)
+    coordinate = {"revolute": "angle", "prismatic": "distance", "cylindrical": "angle"}
+    joint_springs = tuple(
+        JointSpring(f"k_{j.name}", j.name, coordinate[j.kind], 3.0, 0.2, 0.1) for j in joints if j.kind in coordinate
+    )
+    loads = tuple(
+        Load(f"{kind}_{frame}", kind, bodies[-1], rng.normal(size=3), frame, rng.normal(scale=0.3, size=3))
+        for kind in ("force", "torque")
+        for frame in ("world", "body")
+    )
+    return {"springs": springs, "joint_springs": joint_springs, "loads": loads}
+
+
+def four_bar(seed: int = 5, closing: str = "revolute") -> Mechanism:
+    """Planar four-bar in a skew plane with lumpy bodies; the last joint is of the kind asked."""
+    rng = np.random.default_rng(seed)
+    R = rotation(rng)
+    corners = [R @ np.array(p) for p in ([0, 0, 0], [0.3, 0.8, 0], [1.6, 1.1, 0], [1.4, 0, 0])]
+    bodies = {n: lumpy_body(n, rng) for n in ("crank", "coupler", "rocker")}
+    names = [GROUND, "crank", "coupler", "rocker", GROUND]
+    joints = [
+        drawn_joint(f"j{n}", closing if n == 3 else "revolute", bodies, names[n], names[n + 1], corners[n], R)
+        for n in range(4)
+    ]
+    return Mechanism("four_bar", GRAVITY, tuple(bodies.values()), tuple(joints))
+
+
+def slider_crank(seed: int = 6) -> Mechanism:
+    """Three revolutes and a prismatic joint in a skew plane, lumpy bodies."""
+    rng = np.random.default_rng(seed)
+    R = rotation(rng)
+    corners = [R @ np.array(p) for p in ([0, 0, 0], [0.3, 0.4, 0], [1.3, 0.1, 0])]
+    bodies = {n: lumpy_body(n, rng) for n in ("crank", "rod", "slider")}
+    along_x = R @ np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
+    joints = [
+        drawn_joint("a", "revolute", bodies, GROUND, "crank", corners[0], R),
+        drawn_joint("b", "revolute", bodies, "crank", "rod", corners[1], R),
+        drawn_joint("c", "revolute", bodies, "rod", "slider", corners[2], R),
+        drawn_joint("d", "prismatic", bodies, GROUND, "slider", corners[2], along_x),
+    ]
+    return Mechanism("slider_crank", GRAVITY, tuple(bodies.values()), tuple(joints))
+
+
+def spatial_loop(seed: int = 7, coupler: str = "spherical") -> Mechanism:
+    """Revolute, spherical, `coupler`, revolute: a spatial loop without dependent rows."""
+    rng = np.random.default_rng(seed)
+    bodies = {n: lumpy_body(n, rng) for n in ("a", "b", "c")}
+    p = [np.array(x) for x in ([0.0, 0, 0], [0.2, 0.5, 0.3], [1.0, 0.7, 0.8], [1.3, -0.2, 0.1])]
+    axes = [rotation(rng) for _ in p]
+    to = p[2] if coupler != "rod" else None
+    if coupler == "rod":  # the coupler body hangs on the first ball, the rod leads on to the last body
+        end = p[2] + np.array([0.2, 0.1, -0.4])
+        z = (end - p[2]) / np.linalg.norm(end - p[2])
+        x = np.cross(z, [0, 0, 1.0])
+        x /= np.linalg.norm(x)
+        axes[2], to = np.column_stack([x, np.cross(z, x), z]), end
+    joints = [
+        drawn_joint("j0", "revolute", bodies, GROUND, "a", p[0], axes[0]),
+        drawn_joint("j1", "spherical", bodies, "a", "b", p[1], axes[1]),
+        drawn_joint("j2", coupler, bodies, "b", "c", p[2], axes[2], to),
+        drawn_joint("j3", "revolute", bodies, "c", GROUND, p[3], axes[3]),
+    ]
+    return Mechanism(f"loop_{coupler}", GRAVITY, tuple(bodies.values()), tuple(joints))
+
+
+def branched(seed: int = 8) -> Mechanism:
+    """A tree with branches whose bodies are listed out of order."""
+    rng = np.random.default_rng(seed)
+    names = ["leaf", "root", "arm", "hand", "tail"]
+    bodies = {n: lumpy_body(n, rng) for n in names}
+    edges = [
+        ("root", "arm", "universal"),
+        (GROUND, "root", "free"),
+        ("root", "tail", "spherical"),
+        ("arm", "hand", "prismatic"),
+        ("tail", "leaf", "revolute"),
+    ]
+    joints = [
+        drawn_joint(f"j{n}", kind, bodies, i, j, rng.normal(scale=0.5, size=3), rotation(rng))
+        for n, (i, j, kind) in enumerate(edges)
+    ]
+    return Mechanism("branched", GRAVITY, tuple(bodies.values()), tuple(joints))
+
+
+TREES = {
+    **{f"single_{kind}": chain(kind, seed=n) for n, kind in enumerate(JOINT_KINDS) if kind != "rigid"},
+    **{f"backward_{kind}": chain("revolute", kind, seed=40 + n, backwards=(1,)) for n, kind in enumerate(JOINT_KINDS)},
+    "rigid_between": chain("revolute", "rigid", "spherical", seed=20),
+    "long_chain": chain("revolute", "prismatic", "spherical", "revolute", "universal", seed=21),
+    "floating_chain": chain("free", "cylindrical", "planar", "revolute", seed=22),
+    "forced_chain": chain("revolute", "prismatic", "spherical", "cylindrical", seed=23, forces=True),
+    "branched": branched(),
+}
+
+LOOPS = {
+    "four_bar": four_bar(),
+    "slider_crank": slider_crank(),
+    "four_bar_spherical": four_bar(closing="spherical"),
+    "four_bar_cylindrical": four_bar(closing="cylindrical"),
+    **{f"loop_{kind}": spatial_loop(coupler=kind) for kind in ("spherical", "universal", "rod")},
+}
+
+
+def states_of(mechanism: Mechanism, count: int = 5, seed: int = 3) -> list[State]:
+    return random_states(mechanism, initial_state(mechanism), count, seed)

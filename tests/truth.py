@@ -1,0 +1,89 @@
+"""Accelerations and reactions in dense maximal coordinates, in plain NumPy: slow, short, independent of the solver.
+
+Newton-Euler per body about the body *origin*, constraint rows from `consilience.kinematics`, one least-squares solve.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from consilience.kinematics import (
+    constraint_gamma,
+    constraint_jacobian,
+    joint_frames,
+    row_jacobian,
+)
+from consilience.mechanism import GROUND, Mechanism, State
+from consilience.observe import body_point, joint_spring_motion, world_inertias
+from consilience.spatial import rotation_from_quaternion, skew
+
+
+def applied_wrenches(mechanism: Mechanism, state: State) -> np.ndarray:
+    """Applied force and torque about the origin of each body, world axes, shape (n_b, 6); gravity included."""
+    R = rotation_from_quaternion(state.quat_WB)
+    wrench = np.zeros((len(mechanism.bodies), 6))
+
+    def push(body, force, point_W, torque=(0.0, 0.0, 0.0)):
+        if body != GROUND:
+            i = mechanism.body_index[body]
+            wrench[i, :3] += force
+            wrench[i, 3:] += np.asarray(torque) + np.cross(point_W - state.p_WB[i], force)
+
+    for i, body in enumerate(mechanism.bodies):
+        push(body.name, body.mass * mechanism.gravity, state.p_WB[i] + R[i] @ body.com)
+    for s in mechanism.springs:
+        (p_i, v_i), (p_j, v_j) = (
+            body_point(mechanism, state, s.predecessor, s.point_predecessor),
+            body_point(mechanism, state, s.successor, s.point_successor),
+        )
+        length = np.linalg.norm(p_j - p_i)
+        e = (p_j - p_i) / length
+        force = (s.stiffness * (length - s.free_length) + s.damping * e @ (v_j - v_i)) * e
+        push(s.predecessor, force, p_i)
+        push(s.successor, -force, p_j)
+    for s in mechanism.joint_springs:
+        joint = mechanism.joints[mechanism.joint_index[s.joint]]
+        f = joint_frames(mechanism, state, joint)
+        q, rate = joint_spring_motion(mechanism, state, s.joint, s.coordinate)
+        effort = -(s.stiffness * (q - s.rest) + s.damping * rate) * f.U[:, 2]
+        point, _ = body_point(mechanism, state, joint.successor, joint.M.p)
+        force, torque = (effort, np.zeros(3)) if s.coordinate == "distance" else (np.zeros(3), effort)
+        push(joint.successor, force, point, torque)
+        push(joint.predecessor, -force, point, -torque)
+    for load in mechanism.loads:
+        i = mechanism.body_index[load.body]
+        vector = load.vector if load.frame == "world" else R[i] @ load.vector
+        point = body_point(mechanism, state, load.body, load.point)[0]
+        if load.kind == "force":
+            push(load.body, vector, point)
+        else:
+            push(load.body, np.zeros(3), point, vector)
+    return wrench
+
+
+def solve(mechanism: Mechanism, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """a_WB_W, alpha_WB_W, force_F, torque_F of a consistent state (least-norm multipliers where not unique)."""
+    n = len(mechanism.bodies)
+    R = rotation_from_quaternion(state.quat_WB)
+    inertias = world_inertias(mechanism, state)
+    M, f = np.zeros((6 * n, 6 * n)), applied_wrenches(mechanism, state).ravel()
+    for i, body in enumerate(mechanism.bodies):
+        c, w, b = R[i] @ body.com, state.w_WB_W[i], slice(6 * i, 6 * i + 6)
+        C = skew(c)
+        I_origin = inertias[i] - body.mass * C @ C
+        M[b, b] = np.block([[body.mass * np.eye(3), -body.mass * C], [body.mass * C, I_origin]])
+        f[b] -= np.concatenate([body.mass * np.cross(w, np.cross(w, c)), np.cross(w, I_origin @ w)])
+    Q, gamma = constraint_jacobian(mechanism, state), constraint_gamma(mechanism, state)
+    inverse = np.linalg.inv(M)
+    lam = np.linalg.lstsq(Q @ inverse @ Q.T, gamma - Q @ inverse @ f, rcond=1e-9)[0] if len(Q) else np.zeros(0)
+    a = (inverse @ (f + Q.T @ lam)).reshape(n, 6)
+    forces, torques, start = [], [], 0
+    for joint in mechanism.joints:
+        frames = joint_frames(mechanism, state, joint)
+        rows = lam[start : start + len(joint.rows)]
+        start += len(joint.rows)
+        on_successor = sum((m * row_jacobian(frames, r)[6:] for m, r in zip(rows, joint.rows, strict=True)), np.zeros(6))
+        force, torque = on_successor[:3], on_successor[3:] - np.cross(frames.s_j, on_successor[:3])
+        forces.append(frames.U.T @ force)
+        torques.append(frames.U.T @ torque)
+    return a[:, :3], a[:, 3:], np.array(forces), np.array(torques)
