@@ -17,6 +17,7 @@ from consilience.kinematics import (
     RANK_TOLERANCE,
     constraint_jacobian,
     constraint_residual,
+    free_directions,
     joint_coordinates,
     joint_frames,
     relative_motion,
@@ -251,16 +252,6 @@ def initial_state(mechanism: Mechanism, initial: Initial | None = None) -> State
     for name, (v_body, w_body) in initial.velocities.items():
         v[mechanism.body_index[name]], w[mechanism.body_index[name]] = v_body, w_body
     return assemble_velocities(mechanism, State(placed.p_WB, placed.quat_WB, v, w), rates)
-
-
-def free_directions(mechanism: Mechanism, state: State) -> Array:
-    """Orthonormal basis of the null space of Q: motions the joints allow, shape (6 n_b, freedom)."""
-    Q = constraint_jacobian(mechanism, state)
-    if len(Q) == 0:
-        return np.eye(Q.shape[1])
-    _, singular, Vt = np.linalg.svd(Q)
-    rank = int(np.sum(singular > RANK_TOLERANCE * singular[0]))
-    return np.ascontiguousarray(Vt[rank:].T)
 
 
 def random_states(mechanism: Mechanism, start: State, count: int, seed: int, speed: float = 2.0) -> list[State]:

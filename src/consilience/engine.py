@@ -66,7 +66,10 @@ class Engine(Protocol):
     def trajectory(
         self, mechanism: Mechanism, state: State, times: Array, method: Method, step: float
     ) -> TrajectoryAnswer:
-        """Motion from `state` at ``times[0]``, sampled on the uniform grid `times`; `step` divides its interval."""
+        """Motion from `state` at ``times[0]``, sampled on the uniform grid `times`.
+
+        `step` is the step size and divides the sample interval; of an adaptive method it is the tolerance.
+        """
         ...
 
 

@@ -157,6 +157,16 @@ def constraint_gamma(mechanism: Mechanism, state: State, joints: tuple[Joint, ..
     return np.array(values)
 
 
+def free_directions(mechanism: Mechanism, state: State) -> Array:
+    """Orthonormal basis of the null space of Q: motions the joints allow, shape (6 n_b, freedom)."""
+    Q = constraint_jacobian(mechanism, state)
+    if len(Q) == 0:
+        return np.eye(Q.shape[1])
+    _, singular, Vt = np.linalg.svd(Q)
+    rank = int(np.sum(singular > RANK_TOLERANCE * singular[0]))
+    return np.ascontiguousarray(Vt[rank:].T)
+
+
 @dataclass(frozen=True, eq=False)
 class RelativeMotion:
     """Motion of M relative to F, in axes of F.

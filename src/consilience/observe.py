@@ -13,6 +13,7 @@ from consilience.kinematics import (
     RANK_TOLERANCE,
     RelativeMotion,
     constraint_jacobian,
+    free_directions,
     joint_coordinates,
     joint_frames,
     joint_rates,
@@ -20,7 +21,7 @@ from consilience.kinematics import (
     row_jacobian,
 )
 from consilience.mechanism import GROUND, Joint, Mechanism, State
-from consilience.spatial import Array, rotation_from_quaternion
+from consilience.spatial import Array, rotation_from_quaternion, skew
 
 _REACH_TOLERANCE = 1e-6
 """A null vector of unit length that moves a component by less than this does not reach it: far above the rounding of
@@ -165,3 +166,19 @@ def determinate_reactions(mechanism: Mechanism, state: State) -> NDArray[np.bool
         reach = np.linalg.norm(reaction_map(mechanism, state, joint) @ free[rows], axis=1)
         determined.append(reach < _REACH_TOLERANCE)
     return np.array(determined)
+
+
+def mass_matrix_condition(mechanism: Mechanism, state: State) -> float:
+    """Condition number of the mass matrix in orthonormal free directions; 1 where nothing can move.
+
+    Rounding errors of any method that inverts the mass matrix grow with it.
+    """
+    n = len(mechanism.bodies)
+    M = np.zeros((6 * n, 6 * n))
+    arms = centres_of_mass(mechanism, state)[0] - state.p_WB
+    for i, (body, inertia) in enumerate(zip(mechanism.bodies, world_inertias(mechanism, state), strict=True)):
+        S = body.mass * skew(arms[i])
+        block = [[body.mass * np.eye(3), -S], [S, inertia - S @ skew(arms[i])]]
+        M[6 * i : 6 * i + 6, 6 * i : 6 * i + 6] = np.block(block)
+    N = free_directions(mechanism, state)
+    return float(np.linalg.cond(N.T @ M @ N)) if N.shape[1] else 1.0

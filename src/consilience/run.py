@@ -81,7 +81,9 @@ class Method:
     order : int or None
         Declared order of a fixed-step integrator.
     substeps : tuple of int
-        Trajectory only: steps per sample interval on each level, coarse to fine.
+        Trajectory at fixed steps: steps per sample interval on each level, coarse to fine.
+    tolerances : tuple of float
+        Trajectory at adaptive steps: tolerance on each level, coarse to fine.
     settings : dict
         Every knob that is not at the engine's default.
     """
@@ -90,6 +92,7 @@ class Method:
     route: Route
     order: int | None = None
     substeps: tuple[int, ...] = ()
+    tolerances: tuple[float, ...] = ()
     settings: dict[str, Any] = field(default_factory=dict)
 
 
@@ -219,9 +222,9 @@ class Run:
     Attributes
     ----------
     level : int
-        Index into `Method.substeps`; 0 for the other questions.
-    step : float or None, s
-        Step size of a trajectory.
+        Index into `Method.substeps` or `Method.tolerances`; 0 for the other questions.
+    step : float or None
+        Step size of a trajectory in s, or its tolerance where the method is adaptive.
     answer : Answer or None
         None unless `status` is ``answered``.
     reason : str

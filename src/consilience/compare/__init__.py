@@ -1,0 +1,18 @@
+"""Runs in, verdicts out. Knows answers and the mechanism, never an engine."""
+
+from __future__ import annotations
+
+from consilience.compare.instant import compare_instant, compare_model
+from consilience.compare.result import Comparison, Level, Quantity, Verdict
+from consilience.compare.trajectory import compare_trajectory, reference_spread
+
+__all__ = [
+    "Comparison",
+    "Level",
+    "Quantity",
+    "Verdict",
+    "compare_instant",
+    "compare_model",
+    "compare_trajectory",
+    "reference_spread",
+]

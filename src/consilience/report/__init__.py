@@ -1,0 +1,1 @@
+"""Reports: JSON Lines are the record, every page and table is rendered from it."""

@@ -1,0 +1,107 @@
+"""States: from and to DART's positions and velocities.
+
+DART's coordinates: a ball joint has the rotation vector of the link in the joint frame, and as velocity the angular
+velocity in axes of the **link**; a free joint with identity frames has rotation vector and origin in axes of the
+**parent**, and as velocity angular velocity and rate of the origin, both in axes of the parent.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from consilience.mechanism import State
+from consilience.spatial import (
+    Array,
+    quaternion_from_rotation,
+    quaternion_product,
+    rotation_from_quaternion,
+    rotation_vector_from_quaternion,
+)
+from consilience.tree import coordinates
+from consilience_dart.translation import Model
+
+SMALL_ANGLE = 2e-3
+"""DART's exponential map is a truncated series below about 1e-3 rad (error up to 1.6e-10): stay out of its range."""
+
+
+@dataclass(frozen=True, eq=False)
+class Coordinates:
+    """Coordinates of a state without the defects of rotation vectors.
+
+    Attributes
+    ----------
+    q, v : ndarray, shape (n,)
+        DART's positions (zero where `quats` tells the rotation) and velocities.
+    quats : ndarray, shape (n_rotations, 4)
+        Orientation of each ball and free joint, in the order of the links.
+    """
+
+    q: Array
+    v: Array
+    quats: Array
+
+
+def rotations(model: Model) -> list[tuple[int, bool]]:
+    """First coordinate of each ball and free joint, and whether its angular velocity is in axes of the parent."""
+    return [
+        (start, link.elementary == "F")
+        for start, link in zip(model.start, model.tree.links, strict=True)
+        if link.elementary in ("S", "F")
+    ]
+
+
+def from_state(model: Model, state: State) -> Coordinates:
+    """Coordinates of the skeleton at a state of the mechanism."""
+    q, v = np.zeros(model.skeleton.getNumDofs()), np.zeros(model.skeleton.getNumDofs())
+    quats = [np.zeros((0, 4))]
+    for link, i, c in zip(
+        model.tree.links, model.start, coordinates(model.mechanism, model.tree, state), strict=True
+    ):
+        if link.elementary in ("R", "P"):
+            q[i], v[i] = c.q, c.rate
+        elif link.elementary == "S":
+            quats.append(np.atleast_2d(c.quat))
+            v[i : i + 3] = c.w
+        elif link.elementary == "F":
+            place, R = link.placement, rotation_from_quaternion(c.quat)
+            quats.append(np.atleast_2d(quaternion_product(quaternion_from_rotation(place.R), c.quat)))
+            q[i + 3 : i + 6] = place.p + place.R @ c.p
+            v[i : i + 6] = np.concatenate([place.R @ R @ c.w, place.R @ c.v])
+    return Coordinates(q, v, np.vstack(quats))
+
+
+def rotation_vector(quat: Array) -> Array:
+    """Rotation vector that DART maps to the rotation without loss: small angles are sent as their other name.
+
+    A rotation by a small angle t about an axis is the one by ``2 pi - t`` about the opposite axis.
+    """
+    phi = rotation_vector_from_quaternion(quat)
+    angle = float(np.linalg.norm(phi))
+    if 0.0 < angle < SMALL_ANGLE:
+        phi = phi * (1.0 - 2.0 * np.pi / angle)
+    return phi
+
+
+def send(model: Model, c: Coordinates) -> None:
+    """Set the skeleton's positions and velocities."""
+    q = c.q.copy()
+    for (i, _), quat in zip(rotations(model), c.quats, strict=True):
+        q[i : i + 3] = rotation_vector(quat)
+    model.skeleton.setPositions(q)
+    model.skeleton.setVelocities(c.v)
+
+
+def read(model: Model) -> tuple[Array, Array, Array, Array]:
+    """``p_WB, quat_WB, v_WB_W, w_WB_W`` of all bodies at the skeleton's state, one row per body."""
+    p, quat, v, w = [], [], [], []
+    for carrier in model.carriers:
+        node, frame = model.nodes[carrier], model.tree.links[carrier].body_frame
+        T = node.getWorldTransform()
+        R = T.rotation()
+        p.append(T.translation() + R @ frame.p)
+        quat.append(quaternion_from_rotation(R @ frame.R))
+        v.append(node.getLinearVelocity(frame.p))
+        w.append(node.getAngularVelocity())
+    return np.array(p), np.array(quat), np.array(v), np.array(w)

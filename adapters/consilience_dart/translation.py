@@ -1,0 +1,159 @@
+"""Translation of a mechanism into one DART skeleton, by way of the tree of elementary joints.
+
+Each link of the tree is one body node whose frame is the link's frame; the joint frame coincides with it, so
+``T_ChildBodyToJoint`` is the identity everywhere. All links hang under one massless node welded to the world: DART
+treats constraints between two trees of one skeleton as if the trees did not meet.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import dartpy
+import numpy as np
+
+from consilience.mechanism import JointSpring, Mechanism
+from consilience.spatial import Array
+from consilience.tree import Link, Tree, lower
+
+Z = np.array([0.0, 0.0, 1.0])
+
+CREATORS = {
+    "R": "createRevoluteJointAndBodyNodePair",
+    "P": "createPrismaticJointAndBodyNodePair",
+    "S": "createBallJointAndBodyNodePair",
+    "F": "createFreeJointAndBodyNodePair",
+    "W": "createWeldJointAndBodyNodePair",
+}
+FREEDOM = {"R": 1, "P": 1, "S": 3, "F": 6, "W": 0}
+SPRUNG = {"angle": "R", "distance": "P"}  # joint coordinate of a spring -> elementary joint that has it
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A mechanism as DART holds it.
+
+    Attributes
+    ----------
+    skeleton : dartpy Skeleton
+    nodes, joints : list
+        Body node and its parent joint of each link of `tree`.
+    start : list of int
+        Index of each link's first coordinate in the skeleton.
+    carriers : list of int
+        Link that carries the original of each body of the mechanism.
+    spring_offset : float, J
+        What DART's spring energy lacks where several springs on one joint were merged.
+    """
+
+    mechanism: Mechanism
+    tree: Tree
+    skeleton: Any
+    nodes: list[Any]
+    joints: list[Any]
+    start: list[int]
+    carriers: list[int]
+    spring_offset: float
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Silence the standard error of native code: DART warns there of every massless link."""
+    saved = os.dup(2)
+    sink = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(sink, 2)
+    try:
+        yield
+    finally:
+        os.dup2(saved, 2)
+        os.close(saved)
+        os.close(sink)
+
+
+def isometry(p: Array, R: Array) -> Any:
+    """DART's rigid transform from an origin and a rotation matrix."""
+    transform = dartpy.math.Isometry3()
+    transform.set_rotation(R)
+    transform.set_translation(p)
+    return transform
+
+
+def set_inertia(node: Any, mass: float, com: Array, moment: Array) -> None:
+    """Give a node its inertia: `moment` is about the centre of mass, in axes of the node."""
+    if mass > 0.0:
+        node.setInertia(dartpy.dynamics.Inertia(mass, com, moment))
+        return
+    with quiet():
+        node.setInertia(dartpy.dynamics.Inertia(0.0, np.zeros(3), np.zeros((3, 3))))
+
+
+def _add(skeleton: Any, parent: Any, link: Link) -> tuple[Any, Any]:
+    joint, node = getattr(skeleton, CREATORS[link.elementary])(parent)
+    node.setName(link.name)
+    joint.setName(f"to {link.name}")
+    set_inertia(node, link.mass, link.com, link.inertia)
+    if link.elementary in ("R", "P"):
+        joint.setAxis(Z)
+    if link.elementary != "F":  # a free joint keeps the identity: elsewhere its velocity has an odd basis
+        joint.setTransformFromParentBodyNode(isometry(link.placement.p, link.placement.R))
+    return joint, node
+
+
+def sprung_link(tree: Tree, joint: int, coordinate: str) -> int:
+    """Index of the link whose elementary joint has the coordinate of a joint spring."""
+    return next(
+        i for i, link in enumerate(tree.links) if link.joint == joint and link.elementary == SPRUNG[coordinate]
+    )
+
+
+def sprung(mechanism: Mechanism, tree: Tree) -> dict[int, list[JointSpring]]:
+    """Joint springs by the link whose coordinate they act on."""
+    found: dict[int, list[JointSpring]] = {}
+    for spring in mechanism.joint_springs:
+        link = sprung_link(tree, mechanism.joint_index[spring.joint], spring.coordinate)
+        found.setdefault(link, []).append(spring)
+    return found
+
+
+def _add_joint_springs(mechanism: Mechanism, tree: Tree, joints: list[Any]) -> float:
+    """Give DART's joints their springs and dampers; return the energy that merging several on one joint loses."""
+    offset = 0.0
+    for i, springs in sprung(mechanism, tree).items():
+        # the coordinate of a joint passed backwards is the negative of the mechanism's
+        sign = -1.0 if tree.links[i].reversed else 1.0
+        stiffness = sum(s.stiffness for s in springs)
+        moment = sum(s.stiffness * s.rest for s in springs)
+        rest = moment / stiffness if stiffness else 0.0
+        joints[i].setSpringStiffness(0, stiffness)
+        joints[i].setDampingCoefficient(0, sum(s.damping for s in springs))
+        joints[i].setRestPosition(0, sign * rest)
+        offset += 0.5 * (sum(s.stiffness * s.rest**2 for s in springs) - stiffness * rest**2)
+    return offset
+
+
+def build(mechanism: Mechanism) -> Model:
+    """Translate a mechanism. The skeleton has time step zero, so that its joint springs act at the state as it is."""
+    tree = lower(mechanism)
+    skeleton = dartpy.dynamics.Skeleton(mechanism.name)
+    skeleton.setGravity(mechanism.gravity)
+    skeleton.setTimeStep(0.0)
+    _, ground = skeleton.createWeldJointAndBodyNodePair(None)
+    ground.setName("ground")
+    set_inertia(ground, 0.0, np.zeros(3), np.zeros((3, 3)))
+    nodes: list[Any] = []
+    joints: list[Any] = []
+    for link in tree.links:
+        joint, node = _add(skeleton, nodes[link.parent] if link.parent >= 0 else ground, link)
+        joints.append(joint)
+        nodes.append(node)
+    offset = _add_joint_springs(mechanism, tree, joints)
+    start = [
+        joint.getIndexInSkeleton(0) if FREEDOM[link.elementary] else -1
+        for joint, link in zip(joints, tree.links, strict=True)
+    ]
+    carriers = [tree.carrier(b) for b in range(len(mechanism.bodies))]
+    return Model(mechanism, tree, skeleton, nodes, joints, start, carriers, offset)

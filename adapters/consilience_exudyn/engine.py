@@ -1,0 +1,113 @@
+"""The adapter: questions of the harness to Exudyn."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from consilience.mechanism import Mechanism, State
+from consilience.run import (
+    EngineInfo,
+    InstantAnswer,
+    Manifest,
+    Method,
+    ModelAnswer,
+    Question,
+    Route,
+    TrajectoryAnswer,
+    Unsupported,
+)
+from consilience.spatial import Array
+from consilience_exudyn.kinematic_tree import build_tree, is_one_axis_tree
+from consilience_exudyn.library import SETTINGS, exu
+from consilience_exudyn.maximal import Axes, build
+from consilience_exudyn.pointwise import instant_answer, model_answer
+from consilience_exudyn.redundancy import independent_axes, left_out
+from consilience_exudyn.terms import Terms
+from consilience_exudyn.trajectory import maximal_answer, tree_answer
+
+_IMPLICIT = ("TrapezoidalIndex2", "GeneralizedAlpha")
+_TREE = "ExplicitRungeKutta44 on KinematicTree"
+_IMPLICIT_SUBSTEPS = (25, 50, 100)
+_EXPLICIT_SUBSTEPS = (20, 40, 80)
+
+
+class ExudynEngine:
+    """Exudyn with rigid bodies in redundant coordinates, and kinematic trees where a mechanism is one."""
+
+    def __init__(self) -> None:
+        self._terms: tuple[Mechanism, Terms] | None = None
+        self._held: tuple[Mechanism, tuple[Axes, ...]] | None = None
+
+    def info(self) -> EngineInfo:
+        """Name and version."""
+        return EngineInfo(
+            name="exudyn",
+            version=str(exu.config.Version()) if callable(getattr(exu.config, "Version", None)) else exu.__version__,
+            adapter="consilience_exudyn",
+            remarks="redundant coordinates with Euler parameters; dependent constraint equations left out",
+        )
+
+    def unsupported(self, mechanism: Mechanism, question: Question) -> tuple[Unsupported, ...]:
+        """Nothing: every joint kind and force element has a counterpart."""
+        return ()
+
+    def methods(self, mechanism: Mechanism, question: Question) -> tuple[Method, ...]:
+        """Ways to answer, the headline first."""
+        if question is not Question.TRAJECTORY:
+            name, route = {
+                Question.MODEL: ("ComputeMassMatrix, ComputeJacobianAE", Route.NATIVE),
+                Question.INSTANT: ("ComputeMassMatrix, ComputeODE2RHS, ComputeJacobianAE", Route.HARNESS_SOLVE),
+            }[question]
+            return (Method(name, route, settings=_POINTWISE),)
+        settings = dict(SETTINGS)
+        dropped = left_out(mechanism, self._independent(mechanism))
+        if dropped:
+            settings["constraint equations left out"] = dropped
+        methods = [Method(n, Route.NATIVE, 2, _IMPLICIT_SUBSTEPS, settings) for n in _IMPLICIT]
+        if is_one_axis_tree(mechanism):
+            methods.append(Method(_TREE, Route.NATIVE, 4, _EXPLICIT_SUBSTEPS, dict(SETTINGS)))
+        return tuple(methods)
+
+    def manifest(self, mechanism: Mechanism) -> Manifest:
+        """What the translation keeps; it approximates nothing."""
+        exact = ["bodies: ObjectRigidBody, inertia moved to the body's origin", "joints: constraints without compliance"]
+        if mechanism.springs or mechanism.joint_springs or mechanism.loads:
+            exact.append("force elements: Exudyn's own connectors and loads")
+        dropped = left_out(mechanism, self._independent(mechanism))
+        exact += [f"joint '{name}': dependent {axes} left out in trajectories" for name, axes in dropped.items()]
+        return Manifest(exact=tuple(exact))
+
+    def model(self, mechanism: Mechanism, state: State, method: Method) -> ModelAnswer:
+        """Mass properties and freedom from Exudyn's mass matrix and constraint Jacobian."""
+        return model_answer(self._terms_of(mechanism, state), state)
+
+    def instant(self, mechanism: Mechanism, states: Sequence[State], method: Method) -> InstantAnswer:
+        """Accelerations, reactions and energies at consistent states."""
+        return instant_answer(self._terms_of(mechanism, states[0]), states)
+
+    def trajectory(
+        self, mechanism: Mechanism, state: State, times: Array, method: Method, step: float
+    ) -> TrajectoryAnswer:
+        """Motion by one of Exudyn's integrators."""
+        if method.name == _TREE:
+            return tree_answer(build_tree(mechanism, state), times, step)
+        held = self._independent(mechanism)
+        solver: Any = getattr(exu.DynamicSolverType, method.name)
+        return maximal_answer(build(mechanism, state, held), held, solver, times, step)
+
+    def _terms_of(self, mechanism: Mechanism, state: State) -> Terms:
+        if self._terms is None or self._terms[0] is not mechanism:
+            self._terms = (mechanism, Terms(build(mechanism, state)))
+        return self._terms[1]
+
+    def _independent(self, mechanism: Mechanism) -> tuple[Axes, ...]:
+        if self._held is None or self._held[0] is not mechanism:
+            self._held = (mechanism, independent_axes(mechanism))
+        return self._held[1]
+
+
+_POINTWISE: dict[str, Any] = {
+    **SETTINGS,
+    "timeIntegration.generalizedAlpha.computeInitialAccelerations": False,
+}

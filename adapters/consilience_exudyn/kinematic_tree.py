@@ -1,0 +1,130 @@
+"""A tree of one-axis joints as an ObjectKinematicTree: Exudyn's minimal coordinates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from consilience.mechanism import GROUND, Mechanism, State
+from consilience.spatial import Array
+from consilience.tree import Tree, coordinates, lower
+from consilience_exudyn.forces import add_springs_and_loads, transformation
+from consilience_exudyn.library import exu, items
+
+_JOINT_TYPES = {"R": exu.JointType.RevoluteZ, "P": exu.JointType.PrismaticZ}
+_SPRUNG = {"angle": "R", "distance": "P"}
+_OUTPUTS = ("Position", "RotationMatrix", "Velocity", "AngularVelocity")
+
+
+@dataclass(frozen=True, eq=False)
+class KinematicTree:
+    """An assembled Exudyn system of one kinematic tree.
+
+    Attributes
+    ----------
+    container, system : exudyn.SystemContainer, exudyn.MainSystem
+    sensors : tuple of tuple of exudyn.SensorIndex
+        Position, rotation matrix of the link, velocity and angular velocity of each body.
+    R_LB : ndarray, shape (n_b, 3, 3)
+        Axes of each body in its link.
+    """
+
+    container: Any
+    system: Any
+    sensors: tuple[tuple[Any, ...], ...]
+    R_LB: Array
+
+
+def is_one_axis_tree(mechanism: Mechanism) -> bool:
+    """Whether the mechanism has no loop and only joints made of revolute and prismatic axes."""
+    tree = lower(mechanism)
+    return not tree.welds and all(link.elementary in _JOINT_TYPES for link in tree.links)
+
+
+def build_tree(mechanism: Mechanism, state: State) -> KinematicTree:
+    """Translate a tree of one-axis joints, with the joint coordinates of a state as initial values."""
+    tree = lower(mechanism)
+    container = exu.SystemContainer()
+    system = container.AddSystem()
+    ground = system.AddObject(items.ObjectGround())
+    at = coordinates(mechanism, tree, state)
+    node = system.AddNode(
+        items.NodeGenericODE2(
+            referenceCoordinates=[0.0] * len(at),
+            initialCoordinates=[c.q for c in at],
+            initialCoordinates_t=[c.rate for c in at],
+            numberOfODE2Coordinates=len(at),
+        )
+    )
+    index = system.AddObject(_tree_object(mechanism, tree, node))
+
+    def mark(name: str, p: Array, R: Array) -> Any:
+        if name == GROUND:
+            return system.AddMarker(items.MarkerBodyRigid(bodyNumber=ground, localHT=transformation(p, R)))
+        carrier = tree.carrier(mechanism.body_index[name])
+        B = tree.links[carrier].body_frame
+        place = transformation(B.p + B.R @ p, B.R @ R)
+        return system.AddMarker(
+            items.MarkerKinematicTreeRigid(objectNumber=index, linkNumber=carrier, localHT=place)
+        )
+
+    add_springs_and_loads(system, mechanism, mark)
+    carriers = [tree.carrier(b) for b in range(len(mechanism.bodies))]
+    sensors = tuple(_add_sensors(system, index, n, tree.links[n].body_frame.p) for n in carriers)
+    system.Assemble()
+    return KinematicTree(container, system, sensors, np.array([tree.links[n].body_frame.R for n in carriers]))
+
+
+def _tree_object(mechanism: Mechanism, tree: Tree, node: Any) -> Any:
+    links = tree.links
+    force, stiffness, damping = _joint_controls(mechanism, tree)
+    return items.ObjectKinematicTree(
+        nodeNumber=node,
+        gravity=list(mechanism.gravity),
+        jointTypes=[_JOINT_TYPES[link.elementary] for link in links],
+        linkParents=[link.parent for link in links],
+        jointTransformations=exu.Matrix3DList([link.placement.R for link in links]),
+        jointOffsets=exu.Vector3DList([link.placement.p for link in links]),
+        linkInertiasCOM=exu.Matrix3DList([link.inertia for link in links]),
+        linkCOMs=exu.Vector3DList([link.com for link in links]),
+        linkMasses=[link.mass for link in links],
+        jointForceVector=list(force),
+        jointPositionOffsetVector=[0.0] * len(links),
+        jointVelocityOffsetVector=[0.0] * len(links),
+        jointPControlVector=list(stiffness),
+        jointDControlVector=list(damping),
+    )
+
+
+def _joint_controls(mechanism: Mechanism, tree: Tree) -> tuple[Array, Array, Array]:
+    """Joint springs as the tree's joint control: constant force, stiffness and damping of each coordinate.
+
+    A joint passed backwards has the negative coordinate, so the constant part ``k q0`` changes sign.
+    """
+    force, stiffness, damping = np.zeros((3, len(tree.links)))
+    for spring in mechanism.joint_springs:
+        joint = mechanism.joint_index[spring.joint]
+        elementary = _SPRUNG[spring.coordinate]
+        n = next(i for i, link in enumerate(tree.links) if link.joint == joint and link.elementary == elementary)
+        force[n] += (-1.0 if tree.links[n].reversed else 1.0) * spring.stiffness * spring.rest
+        stiffness[n] += spring.stiffness
+        damping[n] += spring.damping
+    return force, stiffness, damping
+
+
+def _add_sensors(system: Any, tree: Any, link: int, p_LB: Array) -> tuple[Any, ...]:
+    return tuple(
+        system.AddSensor(
+            items.SensorKinematicTree(
+                objectNumber=tree,
+                linkNumber=link,
+                localPosition=list(p_LB),
+                outputVariableType=getattr(exu.OutputVariableType, name),
+                storeInternal=True,
+                writeToFile=False,
+            )
+        )
+        for name in _OUTPUTS
+    )

@@ -1,0 +1,190 @@
+"""A mechanism in Exudyn's redundant coordinates: a rigid body with Euler parameters each, joints as constraints."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from consilience.mechanism import GROUND, Body, Joint, Mechanism, State
+from consilience.spatial import Array, euler_parameter_matrix, rotation_from_quaternion
+from consilience_exudyn.forces import add_joint_springs, add_springs_and_loads, transformation
+from consilience_exudyn.library import exu, items
+
+Axes = tuple[int, ...]
+"""Constrained axes of an ObjectJointGeneric: three translations, then three rotations, in the turned frame F; 1 is held."""
+
+_UNIT_QUATERNION = np.array([1.0, 0.0, 0.0, 0.0])
+_ONE = np.eye(3)
+_Z_TO_X = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])  # columns z, x, y: the new x is the old z, the new y the old x
+
+
+@dataclass(frozen=True)
+class JointItem:
+    """One row of the table of joints.
+
+    Attributes
+    ----------
+    axes : tuple of int
+        The joint as an ObjectJointGeneric; for a rod one entry, its distance.
+    native : callable or None
+        Exudyn's own object for the joint; None where it has only the generic one.
+    turn : ndarray, shape (3, 3)
+        Axes of Exudyn's joint frames in F and in M.
+    """
+
+    axes: Axes
+    native: Callable[..., Any] | None = None
+    turn: Array = field(default_factory=lambda: _ONE)
+
+
+JOINT_ITEMS: dict[str, JointItem] = {
+    "revolute": JointItem((1, 1, 1, 1, 1, 0), items.ObjectJointRevoluteZ),
+    "prismatic": JointItem((0, 1, 1, 1, 1, 1), items.ObjectJointPrismaticX, _Z_TO_X),
+    "cylindrical": JointItem((1, 1, 0, 1, 1, 0)),
+    "universal": JointItem((1, 1, 1, 0, 0, 1), turn=_Z_TO_X),  # the third rotation alone: x of marker 0 across y of 1
+    "spherical": JointItem((1, 1, 1, 0, 0, 0), items.ObjectJointSpherical),
+    "planar": JointItem((0, 0, 1, 1, 1, 0)),
+    "rigid": JointItem((1, 1, 1, 1, 1, 1)),
+    "rod": JointItem((1,), items.ObjectConnectorDistance),
+    "free": JointItem(()),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Maximal:
+    """An assembled Exudyn system.
+
+    Attributes
+    ----------
+    container, system : exudyn.SystemContainer, exudyn.MainSystem
+    bodies : tuple of exudyn.ObjectIndex
+        In the mechanism's order; seven coordinates each.
+    joints : tuple of exudyn.ObjectIndex or None
+        In the mechanism's order; None for a joint without constraints.
+    gravity : tuple of exudyn.LoadIndex
+    sensors : tuple of tuple of exudyn.SensorIndex
+        Coordinates, velocity and angular velocity of each body.
+    """
+
+    mechanism: Mechanism
+    container: Any
+    system: Any
+    bodies: tuple[Any, ...]
+    joints: tuple[Any, ...]
+    gravity: tuple[Any, ...]
+    sensors: tuple[tuple[Any, Any, Any], ...]
+
+
+def full_axes(mechanism: Mechanism) -> tuple[Axes, ...]:
+    """Constrained axes of every joint with nothing left out."""
+    return tuple(JOINT_ITEMS[joint.kind].axes for joint in mechanism.joints)
+
+
+def inertia_about_origin(body: Body) -> Array:
+    """Inertia tensor about the body's origin in body axes, ``I + m (c.c 1 - c c^T)``, shape (3, 3)."""
+    c = body.com
+    return np.asarray(body.inertia + body.mass * ((c @ c) * _ONE - np.outer(c, c)))
+
+
+def inertia_vector(I: Array) -> list[float]:
+    """Six entries of an inertia tensor in Exudyn's order, xx yy zz yz xz xy."""
+    return [I[0, 0], I[1, 1], I[2, 2], I[1, 2], I[0, 2], I[0, 1]]
+
+
+def coordinates(state: State) -> Array:
+    """Coordinates of a state, shape (7 n_b,): displacement and Euler parameters from a pose at the world's origin."""
+    return np.hstack([state.p_WB, state.quat_WB - _UNIT_QUATERNION]).ravel()
+
+
+def velocities(state: State) -> Array:
+    """Rates of the coordinates, shape (7 n_b,): ``dp/dt = 1/2 G^T w_B``."""
+    pairs = zip(state.quat_WB, state.w_WB_W, strict=True)
+    rates = [0.5 * euler_parameter_matrix(q).T @ (rotation_from_quaternion(q).T @ w) for q, w in pairs]
+    return np.hstack([state.v_WB_W, np.array(rates)]).ravel()
+
+
+def set_initial(model: Maximal, state: State) -> None:
+    """Make a state the initial values from which Exudyn's solvers start."""
+    data = model.system.systemData
+    data.SetODE2Coordinates(coordinates(state), configuration=exu.ConfigurationType.Initial)
+    data.SetODE2Coordinates_t(velocities(state), configuration=exu.ConfigurationType.Initial)
+
+
+def build(mechanism: Mechanism, state: State, held: tuple[Axes, ...] | None = None) -> Maximal:
+    """Translate a mechanism.
+
+    Parameters
+    ----------
+    state : State
+        Initial values. The reference configuration of every body is the pose at the world's origin.
+    held : tuple of Axes, optional
+        Constrained axes of each joint, where dependent ones are left out. A joint with all of its axes becomes
+        Exudyn's own object of that kind.
+    """
+    container = exu.SystemContainer()
+    system = container.AddSystem()
+    ground = system.AddObject(items.ObjectGround())
+    bodies, gravity, sensors = [], [], []
+    for body in mechanism.bodies:
+        node, index = _add_body(system, body)
+        bodies.append(index)
+        marker = system.AddMarker(items.MarkerBodyMass(bodyNumber=index))
+        load = items.LoadMassProportional(markerNumber=marker, loadVector=list(mechanism.gravity))
+        gravity.append(system.AddLoad(load))
+        sensors.append(_add_sensors(system, node, index))
+
+    def mark(name: str, p: Array, R: Array) -> Any:
+        index = ground if name == GROUND else bodies[mechanism.body_index[name]]
+        return system.AddMarker(items.MarkerBodyRigid(bodyNumber=index, localHT=transformation(p, R)))
+
+    joints = [
+        _add_joint(system, joint, axes, mark)
+        for joint, axes in zip(mechanism.joints, held or full_axes(mechanism), strict=True)
+    ]
+    add_springs_and_loads(system, mechanism, mark)
+    add_joint_springs(system, mechanism, mark)
+    system.Assemble()
+    model = Maximal(mechanism, container, system, tuple(bodies), tuple(joints), tuple(gravity), tuple(sensors))
+    set_initial(model, state)
+    return model
+
+
+def _add_body(system: Any, body: Body) -> tuple[Any, Any]:
+    node = system.AddNode(items.NodeRigidBodyEP(referenceCoordinates=[0, 0, 0, *_UNIT_QUATERNION]))
+    item = items.ObjectRigidBody(
+        mass=body.mass,
+        inertia=inertia_vector(inertia_about_origin(body)),
+        centerOfMass=list(body.com),
+        nodeNumber=node,
+    )
+    return node, system.AddObject(item)
+
+
+def _add_sensors(system: Any, node: Any, body: Any) -> tuple[Any, Any, Any]:
+    kinds = exu.OutputVariableType
+    keep = {"storeInternal": True, "writeToFile": False}
+    return (
+        system.AddSensor(items.SensorNode(nodeNumber=node, outputVariableType=kinds.Coordinates, **keep)),
+        system.AddSensor(items.SensorBody(bodyNumber=body, outputVariableType=kinds.Velocity, **keep)),
+        system.AddSensor(items.SensorBody(bodyNumber=body, outputVariableType=kinds.AngularVelocity, **keep)),
+    )
+
+
+def _add_joint(system: Any, joint: Joint, axes: Axes, mark: Callable[[str, Array, Array], Any]) -> Any:
+    """Add the native object if every axis is held, else the generic joint; nothing if no axis is."""
+    if not any(axes):
+        return None
+    item = JOINT_ITEMS[joint.kind]
+    native = item.native if axes == item.axes else None
+    markers = [
+        mark(joint.predecessor, joint.F.p, joint.F.R @ item.turn),
+        mark(joint.successor, joint.M.p, joint.M.R @ item.turn),
+    ]
+    if joint.kind == "rod":
+        return system.AddObject(items.ObjectConnectorDistance(markerNumbers=markers, distance=joint.length))
+    if native:
+        return system.AddObject(native(markerNumbers=markers))
+    return system.AddObject(items.ObjectJointGeneric(markerNumbers=markers, constrainedAxes=list(axes)))

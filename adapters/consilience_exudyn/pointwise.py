@@ -1,0 +1,108 @@
+"""Answers at given states: mass properties, accelerations, reactions and energies."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from consilience.harness import solve_constrained
+from consilience.kinematics import RANK_TOLERANCE, reaction_in_F
+from consilience.mechanism import GROUND, Joint, State
+from consilience.run import InstantAnswer, ModelAnswer
+from consilience.spatial import Array, euler_parameter_matrix, rotation_from_quaternion
+from consilience_exudyn.library import LoadPotentialEnergy, SystemEnergy, exu
+from consilience_exudyn.maximal import Maximal
+from consilience_exudyn.terms import Terms
+
+
+def rank(J: Array) -> int:
+    """Rank of constraint rows by their singular values."""
+    if J.size == 0:
+        return 0
+    singular = np.linalg.svd(J, compute_uv=False)
+    return int(np.sum(singular > RANK_TOLERANCE * singular[0]))
+
+
+def model_answer(terms: Terms, state: State) -> ModelAnswer:
+    """Mass properties out of Exudyn's mass matrix, freedom out of its constraint Jacobian.
+
+    The block of a body about its origin is ``[[m 1, -m ~c], [m ~c, I + m (c.c 1 - c c^T)]]`` in world axes.
+    """
+    M = terms.mass_matrix(state)
+    freedom = len(M) - rank(terms.constraint_jacobian(state))
+    masses, centres, about_origin = [], [], []
+    for i, body in enumerate(terms.model.bodies):
+        block = M[6 * i : 6 * i + 6, 6 * i : 6 * i + 6]
+        moment = block[3:, :3]
+        arm = np.array([moment[2, 1], moment[0, 2], moment[1, 0]]) / block[0, 0]
+        origin = np.array(terms.model.system.GetObjectOutputBody(body, exu.OutputVariableType.Position))
+        masses.append(block[0, 0])
+        centres.append(origin + arm)
+        about_origin.append(block[3:, 3:] - _steiner(block[0, 0], arm))
+    mass = float(np.sum(masses))
+    com = np.array(masses) @ np.array(centres) / mass
+    shifted = [I + _steiner(m, c - com) for I, m, c in zip(about_origin, masses, centres, strict=True)]
+    return ModelAnswer(mass=mass, com=com, inertia=np.sum(shifted, axis=0), freedom=freedom)
+
+
+def _steiner(mass: float, c: Array) -> Array:
+    return np.asarray(mass * ((c @ c) * np.eye(3) - np.outer(c, c)))
+
+
+def instant_answer(terms: Terms, states: Sequence[State]) -> InstantAnswer:
+    """Accelerations from Exudyn's terms by the harness's solve; reactions and energies as Exudyn evaluates them."""
+    energy = SystemEnergy(terms.model.system)
+    accelerations, reactions, energies = [], [], []
+    for state in states:
+        equations = terms.equations(state)
+        a, mu = solve_constrained(equations.M, equations.f, equations.J, equations.gamma)
+        terms.set_multipliers(mu)
+        accelerations.append(a.reshape(-1, 6))
+        reactions.append([_reaction(terms.model, state, k) for k in range(len(terms.model.joints))])
+        energies.append(_energies(terms.model, energy))
+    a, wrenches = np.array(accelerations), np.array(reactions).reshape(len(states), -1, 2, 3)
+    kinetic, potential = np.array(energies).T
+    return InstantAnswer(
+        a_WB_W=a[:, :, :3],
+        alpha_WB_W=a[:, :, 3:],
+        force_F=wrenches[:, :, 0],
+        torque_F=wrenches[:, :, 1],
+        kinetic=kinetic,
+        potential=potential,
+    )
+
+
+def _reaction(model: Maximal, state: State, k: int) -> tuple[Array, Array]:
+    """Wrench of joint k in the harness's convention, from Exudyn's ReactionForces at the current multipliers.
+
+    They are ``Cq^T lam`` in the coordinates of the joined bodies, on the left of the equations of motion: the joint
+    exerts their negative. What acts along the Euler parameters of a body is ``2 G^T tau_B``, so ``tau_B = 1/2 G Q``.
+    """
+    joint: Joint = model.mechanism.joints[k]
+    if model.joints[k] is None:
+        return np.zeros(3), np.zeros(3)
+    on_predecessor = joint.successor == GROUND
+    i = model.mechanism.body_index[joint.predecessor if on_predecessor else joint.successor]
+    data = model.system.systemData
+    generalised = np.zeros(7 * len(model.bodies))
+    forces = model.system.ComputeItem(model.joints[k], exu.ComputeItemType.ReactionForces)
+    np.add.at(generalised, data.GetObjectLTGODE2(model.joints[k]), -np.array(forces))
+    own = generalised[data.GetObjectLTGODE2(model.bodies[i])]
+    quat = state.quat_WB[i]
+    torque = rotation_from_quaternion(quat) @ (0.5 * euler_parameter_matrix(quat) @ own[3:])
+    return reaction_in_F(model.mechanism, state, joint, own[:3], torque, state.p_WB[i], on_predecessor)
+
+
+def _energies(model: Maximal, energy: Any) -> tuple[float, float]:
+    """Kinetic energy, and potential energy of gravity and springs, of the current configuration.
+
+    Exudyn's potential of a load is zero in the reference configuration, where every body stands at the world's
+    origin; the loads of the mechanism that are not gravity have no part in the harness's potential energy.
+    """
+    kinetic, springs, _, _ = energy.ComputeSystemEnergies()
+    mechanism = model.mechanism
+    weight = sum(LoadPotentialEnergy(model.system, load) for load in model.gravity)
+    reference = -sum(body.mass * float(mechanism.gravity @ body.com) for body in mechanism.bodies)
+    return kinetic, springs + weight + reference

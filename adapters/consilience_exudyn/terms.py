@@ -1,0 +1,160 @@
+"""Mass matrix, forces and constraint equations of an assembled Exudyn system, read from its own solver.
+
+Exudyn's equations are ``M q'' + Cq^T lam = f`` and ``Cq q'' = -c`` in seven coordinates per body. They are brought
+to ``a = (a_WB_W, alpha_WB_W)`` of each body by ``q' = T v`` and ``q'' = T a + S``, where S is what the Euler parameters
+turn without acceleration, ``-1/4 |w|^2 e``; the columns of T span what the unit norms of the parameters allow.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from consilience.mechanism import State
+from consilience.spatial import Array, euler_parameter_matrix, rotation_from_quaternion
+from consilience_exudyn.library import exu, plain_settings
+from consilience_exudyn.maximal import Maximal, coordinates, velocities
+
+_STENCIL = ((-2.0, 1.0), (-1.0, -8.0), (1.0, 8.0), (2.0, -1.0))
+"""Points and twelvefold weights of the central first derivative; exact for polynomials of degree four."""
+
+
+@dataclass(frozen=True, eq=False)
+class Equations:
+    """``M a = f + J^T mu``, ``J a = gamma`` at one state, for ``a = (a_WB_W, alpha_WB_W)`` of each body.
+
+    Attributes
+    ----------
+    M : ndarray, shape (6 n_b, 6 n_b)
+    f : ndarray, shape (6 n_b,)
+    J : ndarray, shape (r, 6 n_b)
+        Rows of the joints, in Exudyn's order; Exudyn's multipliers are the negative of `mu`.
+    gamma : ndarray, shape (r,)
+    """
+
+    M: Array
+    f: Array
+    J: Array
+    gamma: Array
+
+
+def velocity_map(state: State) -> Array:
+    """T of ``q' = T (v_WB_W, w_WB_W)``, shape (7 n_b, 6 n_b)."""
+    blocks = [
+        block_diag(np.eye(3), 0.5 * euler_parameter_matrix(q).T @ rotation_from_quaternion(q).T) for q in state.quat_WB
+    ]
+    return np.asarray(block_diag(*blocks))
+
+
+def coasting(state: State) -> Array:
+    """S of ``q'' = T a + S``, shape (7 n_b,)."""
+    turning = -0.25 * np.sum(state.w_WB_W**2, axis=1)[:, None] * state.quat_WB
+    return np.hstack([np.zeros_like(state.p_WB), turning]).ravel()
+
+
+class Terms:
+    """Exudyn's solver, initialised on one system, as a source of the terms of its equations.
+
+    Attributes
+    ----------
+    rows : ndarray of int, shape (r,)
+        Algebraic equations that belong to joints; the others are the unit norms of Euler parameters.
+    """
+
+    def __init__(self, model: Maximal) -> None:
+        settings = plain_settings()
+        # singular with dependent rows, and otherwise correct to no more than 1e-8: not what is asked of it here
+        settings.timeIntegration.generalizedAlpha.computeInitialAccelerations = False
+        self.model = model
+        self._data = model.system.systemData
+        self._solver = exu.MainSolverImplicitSecondOrder()
+        self._solver.InitializeSolver(model.system, settings)
+        self._size = 7 * len(model.bodies)
+        rows = [self._data.GetObjectLTGAE(joint) for joint in model.joints if joint is not None]
+        self.rows = np.array([row for block in rows for row in block], dtype=int)
+        self._lengths = self._rod_lengths()
+
+    def _rod_lengths(self) -> Array:
+        """Length per algebraic row: of a rod its distance, zero for rows that are polynomials as they are."""
+        lengths = np.zeros(self._solver.GetAEsize())
+        for joint, index in zip(self.model.mechanism.joints, self.model.joints, strict=True):
+            if joint.kind == "rod" and index is not None:
+                lengths[self._data.GetObjectLTGAE(index)] = joint.length
+        return lengths
+
+    def place(self, q: Array, v: Array) -> None:
+        """Put the current configuration at coordinates `q` and rates `v`, angles counted from zero turns."""
+        self._data.SetODE2Coordinates(q, configuration=exu.ConfigurationType.Current)
+        self._data.SetODE2Coordinates_t(v, configuration=exu.ConfigurationType.Current)
+        self._data.SetDataCoordinates(np.zeros(self._solver.GetDataSize()), exu.ConfigurationType.Current)
+
+    def mass_matrix(self, state: State) -> Array:
+        """Mass matrix in ``(v_WB_W, w_WB_W)`` of each body, shape (6 n_b, 6 n_b)."""
+        self.place(coordinates(state), velocities(state))
+        T = velocity_map(state)
+        return np.asarray(T.T @ self._coordinate_mass() @ T)
+
+    def constraint_jacobian(self, state: State) -> Array:
+        """Jacobian of the joint rows for ``(v_WB_W, w_WB_W)`` of each body, shape (r, 6 n_b)."""
+        self.place(coordinates(state), velocities(state))
+        return np.asarray(self._coordinate_jacobian() @ velocity_map(state))
+
+    def equations(self, state: State) -> Equations:
+        """All terms at a consistent state; leaves the current configuration there."""
+        q, v = coordinates(state), velocities(state)
+        c = self._convective(q, v)
+        self.place(q, v)
+        T, S = velocity_map(state), coasting(state)
+        M, Cq = self._coordinate_mass(), self._coordinate_jacobian()
+        self._solver.ComputeODE2RHS(self.model.system)
+        f = self._residual()[: self._size]
+        return Equations(M=T.T @ M @ T, f=T.T @ (f - M @ S), J=Cq @ T, gamma=-c - Cq @ S)
+
+    def set_multipliers(self, mu: Array) -> None:
+        """Give the current configuration the multipliers that belong to `Equations`."""
+        lam = np.zeros(self._solver.GetAEsize())
+        lam[self.rows] = -mu
+        self._data.SetAECoordinates(lam, exu.ConfigurationType.Current)
+
+    def _residual(self) -> Array:
+        return np.array(self._solver.GetSystemResidual())
+
+    def _coordinate_mass(self) -> Array:
+        self._solver.ComputeMassMatrix(self.model.system)
+        return np.array(self._solver.GetSystemMassMatrix())[: self._size, : self._size]
+
+    def _coordinate_jacobian(self) -> Array:
+        system, solver = self.model.system, self._solver
+        # the first call sets the whole matrix to zero, the second adds to it
+        solver.ComputeJacobianODE2RHS(system, scalarFactor_ODE2=0.0, scalarFactor_ODE2_t=0.0, scalarFactor_ODE1=0.0)
+        solver.ComputeJacobianAE(
+            system, scalarFactor_ODE2=1.0, scalarFactor_ODE2_t=0.0, scalarFactor_ODE1=1.0, velocityLevel=False
+        )
+        jacobian: Any = np.array(solver.GetSystemJacobian())
+        return np.asarray(jacobian[self._size :, : self._size][self.rows])
+
+    def _algebraic(self, velocity_level: bool) -> Array:
+        self._solver.ComputeAlgebraicEquations(self.model.system, velocityLevel=velocity_level)
+        return self._residual()[self._size :]
+
+    def _convective(self, q: Array, v: Array) -> Array:
+        """``c = d/ds C'(q + s v, v)`` of the joint rows by one central stencil with a big step, without truncation.
+
+        C is a polynomial in the Euler parameters, C' along a straight line one of degree at most four. The rod's
+        ``|d| - L`` is not, but ``|d| C'`` is: ``c = (d/ds (|d| C') - C'^2) / |d|``.
+        """
+        step = 0.25 / max(1.0, float(np.max(np.abs(v), initial=0.0)))
+        rod = self._lengths > 0.0
+        total = np.zeros(len(self._lengths))
+        for point, weight in _STENCIL:
+            self.place(q + point * step * v, v)
+            distance = np.where(rod, self._lengths + self._algebraic(False), 1.0)
+            total += weight * distance * self._algebraic(True)
+        total /= 12.0 * step
+        self.place(q, v)
+        distance = np.where(rod, self._lengths + self._algebraic(False), 1.0)
+        own = np.where(rod, self._algebraic(True) ** 2, 0.0)
+        return np.asarray(((total - own) / distance)[self.rows])

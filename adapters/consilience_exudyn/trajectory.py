@@ -1,0 +1,118 @@
+"""Motion by Exudyn's own integrators: one run of SolveDynamic, sampled by sensors that store internally."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from consilience.kinematics import RANK_TOLERANCE
+from consilience.mechanism import State
+from consilience.run import TrajectoryAnswer
+from consilience.spatial import Array, continuous_in_time, quaternion_from_rotation
+from consilience_exudyn.kinematic_tree import KinematicTree
+from consilience_exudyn.library import exu, plain_settings
+from consilience_exudyn.maximal import JOINT_ITEMS, Axes, Maximal, full_axes
+from consilience_exudyn.redundancy import smallest_singular_value
+from consilience_exudyn.terms import Terms
+
+_ON_GRID = 1e-9
+"""A sample may miss its time by this fraction of the sample interval: sums of steps, rounded."""
+
+
+def solve(system: Any, solver: Any, times: Array, step: float) -> int:
+    """Run SolveDynamic from the initial values over the grid `times` with a fixed step; returns the steps.
+
+    Raises
+    ------
+    exudyn.SolverError
+        Where Newton's iteration fails or a matrix is singular.
+    RuntimeError
+        If the run stops without reaching the end.
+    """
+    interval = float(times[1] - times[0])
+    steps = (len(times) - 1) * round(interval / step)
+    settings = plain_settings()
+    settings.solution.sensors.writePeriod = interval
+    settings.timeIntegration.startTime = float(times[0])
+    settings.timeIntegration.endTime = float(times[-1])
+    settings.timeIntegration.numberOfSteps = steps
+    if not system.SolveDynamic(settings, solverType=solver):
+        raise RuntimeError(f"{solver} stopped before {times[-1]} s with a step of {step} s")
+    return steps
+
+
+def stored(system: Any, sensor: Any, times: Array) -> Array:
+    """Values of a sensor on the grid `times`, shape (n_t, width).
+
+    Raises
+    ------
+    RuntimeError
+        If Exudyn sampled at other times.
+    """
+    data = np.array(system.GetSensorStoredData(sensor))
+    interval = times[1] - times[0]
+    if len(data) != len(times) or np.max(np.abs(data[:, 0] - times)) > _ON_GRID * interval:
+        raise RuntimeError(f"a sensor holds {len(data)} samples, the last at {data[-1, 0]} s, for {len(times)} asked")
+    return np.asarray(data[:, 1:])
+
+
+def maximal_answer(model: Maximal, held: Sequence[Axes], solver: Any, times: Array, step: float) -> TrajectoryAnswer:
+    """Motion in redundant coordinates.
+
+    Quaternions are divided by their norm, which index-2 solvers hold to their own error only.
+    """
+    steps = solve(model.system, solver, times, step)
+    series = [[stored(model.system, sensor, times) for sensor in three] for three in model.sensors]
+    q = np.stack([coordinates for coordinates, _, _ in series], axis=1)
+    quat = q[:, :, 3:] + np.array([1.0, 0.0, 0.0, 0.0])
+    norms = np.linalg.norm(quat, axis=2)
+    answer = TrajectoryAnswer(
+        time=times.copy(),
+        p_WB=q[:, :, :3],
+        quat_WB=continuous_in_time(quat / norms[:, :, None]),
+        v_WB_W=np.stack([v for _, v, _ in series], axis=1),
+        w_WB_W=np.stack([w for _, _, w in series], axis=1),
+        counters={"steps": steps, "largest_quaternion_norm_error": float(np.max(np.abs(norms - 1.0)))},
+    )
+    if tuple(held) != full_axes(model.mechanism):
+        _refuse_lost_rank(model, held, answer)
+    return answer
+
+
+def _refuse_lost_rank(model: Maximal, held: Sequence[Axes], answer: TrajectoryAnswer) -> None:
+    """Stop if the equations that were kept became dependent on the way: the motion would no longer be the mechanism's.
+
+    Raises
+    ------
+    RuntimeError
+        Naming the time and the axes that were kept.
+    """
+    terms = Terms(model)
+    equations = sum(sum(axes) for axes in held)
+    for n, time in enumerate(answer.time):
+        state = State(answer.p_WB[n], answer.quat_WB[n], answer.v_WB_W[n], answer.w_WB_W[n])
+        if smallest_singular_value(terms.constraint_jacobian(state), equations) < RANK_TOLERANCE:
+            partial = {
+                joint.name: axes
+                for joint, axes in zip(model.mechanism.joints, held, strict=True)
+                if axes != JOINT_ITEMS[joint.kind].axes
+            }
+            raise RuntimeError(f"at {time} s the kept constraint equations {partial} are dependent")
+
+
+def tree_answer(model: KinematicTree, times: Array, step: float) -> TrajectoryAnswer:
+    """Motion in minimal coordinates by the explicit Runge-Kutta method of order four."""
+    steps = solve(model.system, exu.DynamicSolverType.RK44, times, step)
+    series = [[stored(model.system, sensor, times) for sensor in four] for four in model.sensors]
+    p, R, v, w = (np.stack([body[n] for body in series], axis=1) for n in range(4))
+    R_WB = R.reshape(*R.shape[:2], 3, 3) @ model.R_LB
+    return TrajectoryAnswer(
+        time=times.copy(),
+        p_WB=p,
+        quat_WB=continuous_in_time(quaternion_from_rotation(R_WB)),
+        v_WB_W=v,
+        w_WB_W=w,
+        counters={"steps": steps},
+    )

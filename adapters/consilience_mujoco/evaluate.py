@@ -1,0 +1,115 @@
+"""Accelerations, reactions, energies and mass properties of a compiled model in the state its data holds."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from consilience.harness import solve_constrained
+from consilience.kinematics import RANK_TOLERANCE, reaction_in_F
+from consilience.mechanism import GROUND, State
+from consilience.run import ModelAnswer
+from consilience.spatial import Array
+from consilience_mujoco.translate import Translation, load_name, load_wrench
+
+
+def constraint_jacobian(translation: Translation) -> Array:
+    """Jacobian of the welds in MuJoCo's velocities, shape (rows, nv)."""
+    return np.array(translation.data.efc_J).reshape(-1, translation.model.nv)
+
+
+def solve_by_harness(translation: Translation) -> None:
+    """Replace the accelerations and constraint forces of the data by the harness's solution of MuJoCo's equations."""
+    model, data = translation.model, translation.data
+    M = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, M)
+    J = constraint_jacobian(translation)
+    # without stiffness and damping of the welds the reference acceleration is -J' v
+    acceleration, force = solve_constrained(M, np.array(data.qfrc_smooth), J, np.array(data.efc_aref))
+    data.qacc[:] = acceleration
+    data.efc_force[:] = force
+
+
+def evaluate_bodies(translation: Translation) -> None:
+    """Compute body accelerations and joint wrenches from `qacc` and `efc_force`.
+
+    `mj_rnePostConstraint` counts welds and tendons as outside forces, but not actuators on sites: the loads are shown
+    to it as applied wrenches.
+    """
+    model, data = translation.model, translation.data
+    for load in translation.mechanism.loads:
+        if load.body == GROUND:
+            continue
+        site = data.site(load_name(load))
+        wrench = load_wrench(load).reshape(2, 3)
+        force, torque = wrench @ site.xmat.reshape(3, 3).T if load.frame == "body" else wrench
+        body = model.site(load_name(load)).bodyid[0]
+        data.xfrc_applied[body, :3] += force
+        data.xfrc_applied[body, 3:] += torque + np.cross(site.xpos - data.xipos[body], force)
+    mujoco.mj_rnePostConstraint(model, data)
+    data.xfrc_applied[:] = 0.0
+
+
+def accelerations(translation: Translation) -> tuple[Array, Array]:
+    """a_WB_W and alpha_WB_W, each shape (n_b, 3). MuJoCo's are proper accelerations: gravity is added."""
+    t = translation
+    both = np.zeros((len(t.body_site), 6))
+    for row, site in zip(both, t.body_site, strict=True):
+        mujoco.mj_objectAcceleration(t.model, t.data, mujoco.mjtObj.mjOBJ_SITE, site, row, 0)
+    return both[:, 3:] + t.mechanism.gravity, both[:, :3]
+
+
+def _without_springs(translation: Translation, chain: list[int], force: Array, torque: Array, point: Array) -> None:
+    """Take the efforts of the joint springs of a chain out of a wrench about `point`, in place."""
+    model, data = translation.model, translation.data
+    for joint in chain:
+        dof, axis = model.jnt_dofadr[joint], data.xaxis[joint]
+        deflection = data.qpos[model.jnt_qposadr[joint]] - model.qpos_spring[model.jnt_qposadr[joint]]
+        effort = -(model.jnt_stiffness[joint] * deflection + model.dof_damping[dof] * data.qvel[dof]) * axis
+        if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE:
+            torque -= effort
+        else:
+            force -= effort
+            torque -= np.cross(data.xanchor[joint] - point, effort)
+
+
+def reactions(translation: Translation, state: State) -> tuple[Array, Array]:
+    """force_F and torque_F of all joints, each shape (n_j, 3).
+
+    `cfrc_int` is torque, force, from the parent on the body, in world axes, about the centre of mass of the whole
+    tree that the body stands in; the efforts of joint springs are in it.
+    """
+    t = translation
+    both = np.zeros((len(t.mechanism.joints), 2, 3))
+    for k, joint in enumerate(t.mechanism.joints):
+        end = t.tree.reaction_link(k)
+        body = t.link_body[end]
+        torque, force = t.data.cfrc_int[body].reshape(2, 3).copy()
+        point = t.data.subtree_com[t.model.body_rootid[body]]
+        if any(spring.joint == joint.name for spring in t.mechanism.joint_springs):
+            chain = [t.link_joint[i] for i, link in enumerate(t.tree.links) if link.joint == k]
+            _without_springs(t, chain, force, torque, point)
+        both[k] = reaction_in_F(t.mechanism, state, joint, force, torque, point, t.tree.links[end].reversed)
+    return both[:, 0], both[:, 1]
+
+
+def energies(translation: Translation) -> tuple[float, float]:
+    """Kinetic and potential energy in J."""
+    t = translation
+    mujoco.mj_energyPos(t.model, t.data)
+    mujoco.mj_energyVel(t.model, t.data)
+    potential, kinetic = t.data.energy
+    return float(kinetic), float(potential) + t.energy_offset
+
+
+def model_answer(translation: Translation) -> ModelAnswer:
+    """Mass properties from the compiled model, freedom from the rank of MuJoCo's Jacobian of the welds."""
+    model, data = translation.model, translation.data
+    masses, com = model.body_mass, np.array(data.subtree_com[0])
+    R, c = data.ximat.reshape(-1, 3, 3), data.xipos - data.subtree_com[0]
+    own = np.einsum("bij,bj,bkj->ik", R, model.body_inertia, R)
+    shifted = np.einsum("b,bij->ij", masses, np.eye(3) * np.sum(c * c, 1)[:, None, None] - c[:, :, None] * c[:, None])
+    J = constraint_jacobian(translation)
+    singular = np.linalg.svd(J, compute_uv=False) if len(J) else np.zeros(0)
+    rank = int(np.sum(singular > RANK_TOLERANCE * singular[0])) if len(singular) else 0
+    return ModelAnswer(mass=float(masses.sum()), com=com, inertia=own + shifted, freedom=int(model.nv) - rank)

@@ -1,0 +1,299 @@
+"""A mechanism as a compiled MuJoCo model.
+
+All elementary joints of one joint stand on one MuJoCo body, which composes them in order: no massless link is
+needed, not even for the rod (hinge, hinge, ball). The frame of a MuJoCo body is that of the last link of the chain,
+and a site marks frame B of the mechanism's body on it. A body on a free joint hangs from the world, whatever the
+predecessor: MuJoCo has free joints only there, and a free joint holds nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from consilience.mechanism import GROUND, Frame, Joint, JointSpring, Load, Mechanism, Spring
+from consilience.spatial import Array, quaternion_from_rotation
+from consilience.tree import Link, Tree, lower
+from consilience_mujoco.messages import warnings_raise
+
+INVWEIGHT_SCALE = 1e-10
+"""Factor on `body_invweight0`: with impedance 0.9999 the regularisation of a weld is 1e-4 times this, relative."""
+
+WELD_SETTINGS: dict[str, Any] = {
+    "opt.solver": "CG",
+    "opt.tolerance": 0.0,
+    "opt.iterations": 40,
+    "eq_solref": [-0.0, -0.0],
+    "eq_solimp": [0.9999, 0.9999, 0.001, 0.5, 2.0],
+    "body_invweight0": f"times {INVWEIGHT_SCALE:g}",
+}
+
+_DISABLED = ("CONTACT", "WARMSTART", "EULERDAMP", "AUTORESET", "REFSAFE", "ISLAND")
+
+OPTIONS: dict[str, Any] = {"opt.jacobian": "dense", "opt.disableflags": [name.lower() for name in _DISABLED]}
+
+_JOINT_TYPES = {
+    "R": mujoco.mjtJoint.mjJNT_HINGE,
+    "P": mujoco.mjtJoint.mjJNT_SLIDE,
+    "S": mujoco.mjtJoint.mjJNT_BALL,
+    "F": mujoco.mjtJoint.mjJNT_FREE,
+}
+
+_SPRUNG = {"angle": "R", "distance": "P"}
+
+
+@dataclass(frozen=True, eq=False)
+class Translation:
+    """A compiled model, and where the parts of the mechanism are in it.
+
+    Attributes
+    ----------
+    mechanism : Mechanism
+    tree : Tree
+    model, data : mujoco.MjModel, mujoco.MjData
+    link_body : ndarray of int, shape (n_links,)
+        MuJoCo body that holds each link; the links of one chain share it.
+    link_joint : ndarray of int, shape (n_links,)
+        MuJoCo joint of each link; -1 for a welded one.
+    body_site : ndarray of int, shape (n_b,)
+        Site that marks frame B of each body of the mechanism.
+    energy_offset : float, J
+        What MuJoCo's potential energy lacks: the constant that several springs on one coordinate leave.
+    """
+
+    mechanism: Mechanism
+    tree: Tree
+    model: Any
+    data: Any
+    link_body: NDArray[np.int_]
+    link_joint: NDArray[np.int_]
+    body_site: NDArray[np.int_]
+    energy_offset: float
+
+
+def compose(a: Frame, b: Frame) -> Frame:
+    """Pose of b, given in a, in the frame in which a is given."""
+    return Frame(a.p + a.R @ b.p, a.R @ b.R)
+
+
+def inverse(a: Frame) -> Frame:
+    """Pose of the frame in which `a` is given, as seen from `a`."""
+    return Frame(-a.R.T @ a.p, a.R.T)
+
+
+def principal_inertia(inertia: Array) -> tuple[Array, Array]:
+    """Principal moments, ascending, and the quaternion of their axes.
+
+    MuJoCo's own reduction of a full tensor loses a digit and then refuses a lamina (A + B = C) on the rounding of it.
+    The largest moment is bounded by the sum of the others, which `consilience.mechanism.check_inertia` grants to 1e-12.
+
+    Parameters
+    ----------
+    inertia : ndarray, shape (3, 3), kg m^2
+
+    Returns
+    -------
+    moments : ndarray, shape (3,), kg m^2
+    quat : ndarray, shape (4,)
+        From principal to given axes, scalar first.
+    """
+    moments, axes = np.linalg.eigh(inertia)
+    axes[:, 0] *= np.linalg.det(axes)
+    moments[2] = min(moments[2], moments[0] + moments[1])
+    return moments, quaternion_from_rotation(axes)
+
+
+def _chains(tree: Tree) -> list[list[int]]:
+    """Indices of the links of each joint, in the order of the tree."""
+    chains: list[list[int]] = [[]]
+    for i, link in enumerate(tree.links):
+        chains[-1].append(i)
+        if link.last:
+            chains.append([])
+    return chains[:-1]
+
+
+def _name(tree: Tree, link: int) -> str:
+    return f"{link} {tree.links[link].name}"  # the number keeps clear of MuJoCo's "world"
+
+
+def _add_body(spec: Any, mechanism: Mechanism, tree: Tree, chain: list[int]) -> None:
+    """Add the body at the end of a chain, with its joints and the site of frame B."""
+    links = [tree.links[i] for i in chain]
+    last = links[-1]
+    parent = -1 if last.elementary == "F" else links[0].parent
+    mother = spec.worldbody if parent < 0 else spec.body(_name(tree, parent))
+    poses = [links[0].placement]
+    for link in links[1:]:
+        poses.append(compose(poses[-1], link.placement))
+    at = poses[-1]
+    moments, axes = principal_inertia(last.inertia)
+    body = mother.add_body(
+        name=_name(tree, chain[-1]),
+        pos=at.p,
+        quat=quaternion_from_rotation(at.R),
+        mass=last.mass,
+        ipos=last.com,  # without a position MuJoCo drops the orientation of the principal axes
+        inertia=moments,
+        iquat=axes,
+        explicitinertial=True,
+    )
+    for i, link, pose in zip(chain, links, poses, strict=True):
+        if link.elementary in _JOINT_TYPES:
+            _add_joint(body, _name(tree, i), link, compose(inverse(at), pose), mechanism)
+    _add_site(body, _name(tree, chain[-1]), last.body_frame)
+
+
+def _add_joint(body: Any, name: str, link: Link, frame: Frame, mechanism: Mechanism) -> None:
+    joint = body.add_joint(
+        name=name,
+        type=_JOINT_TYPES[link.elementary],
+        pos=frame.p,
+        axis=frame.R[:, 2],
+        align=mujoco.mjtAlignFree.mjALIGNFREE_FALSE,
+    )
+    springs = springs_on(mechanism, link)
+    if springs:
+        stiffness, damping, rest = _one_spring(springs)
+        joint.stiffness[0], joint.damping[0] = stiffness, damping
+        # a joint passed backwards has the opposite angle, and the same distance
+        joint.springref = -rest if link.reversed and link.elementary == "R" else rest
+
+
+def springs_on(mechanism: Mechanism, link: Link) -> list[JointSpring]:
+    """Joint springs that act on the elementary joint of a link."""
+    name = mechanism.joints[link.joint].name
+    return [s for s in mechanism.joint_springs if s.joint == name and _SPRUNG[s.coordinate] == link.elementary]
+
+
+def _one_spring(springs: list[JointSpring]) -> tuple[float, float, float]:
+    """Stiffness, damping and rest of the one spring-damper with the same effort: MuJoCo has one for each joint."""
+    stiffness = sum(s.stiffness for s in springs)
+    rest = sum(s.stiffness * s.rest for s in springs) / stiffness if stiffness else 0.0
+    return stiffness, sum(s.damping for s in springs), rest
+
+
+def _energy_offset(mechanism: Mechanism, tree: Tree) -> float:
+    offset = 0.0
+    for link in tree.links:
+        springs = springs_on(mechanism, link)
+        if len(springs) > 1:
+            stiffness, _, rest = _one_spring(springs)
+            offset += 0.5 * sum(s.stiffness * s.rest**2 for s in springs) - 0.5 * stiffness * rest**2
+    return offset
+
+
+def _add_site(body: Any, name: str, frame: Frame) -> None:
+    body.add_site(name=name, pos=frame.p, quat=quaternion_from_rotation(frame.R))
+
+
+def _add_point(spec: Any, mechanism: Mechanism, tree: Tree, body: str, point: Array, name: str) -> None:
+    """Mark a point of a body by a site with the axes of the body."""
+    if body == GROUND:
+        _add_site(spec.worldbody, name, Frame(point, np.eye(3)))
+    else:
+        carrier = tree.carrier(mechanism.body_index[body])
+        frame = compose(tree.links[carrier].body_frame, Frame(point, np.eye(3)))
+        _add_site(spec.body(_name(tree, carrier)), name, frame)
+
+
+def _add_spring(spec: Any, mechanism: Mechanism, tree: Tree, spring: Spring) -> None:
+    tendon = spec.add_tendon(name=f"spring {spring.name}", springlength=[spring.free_length] * 2)
+    tendon.stiffness[0], tendon.damping[0] = spring.stiffness, spring.damping
+    ends = ((spring.predecessor, spring.point_predecessor), (spring.successor, spring.point_successor))
+    for side, (body, point) in enumerate(ends):
+        name = f"spring {spring.name} {side}"
+        _add_point(spec, mechanism, tree, body, point, name)
+        tendon.wrap_site(name)
+
+
+def load_name(load: Load) -> str:
+    """Name of the actuator, and of the site, that stand for a load."""
+    return f"load {load.name}"
+
+
+def load_wrench(load: Load) -> Array:
+    """Force, then torque, of a load, shape (6,), in the axes in which it is constant."""
+    return np.concatenate([load.vector, np.zeros(3)] if load.kind == "force" else [np.zeros(3), load.vector])
+
+
+def _add_load(spec: Any, mechanism: Mechanism, tree: Tree, load: Load) -> None:
+    """A load is an actuator of constant force at a site: `gear` is the wrench in the axes of the reference site."""
+    _add_point(spec, mechanism, tree, load.body, load.point, load_name(load))
+    actuator = spec.add_actuator(
+        name=load_name(load),
+        target=load_name(load),
+        trntype=mujoco.mjtTrn.mjTRN_SITE,
+        gear=load_wrench(load),
+        biastype=mujoco.mjtBias.mjBIAS_AFFINE,
+        refsite="world axes" if load.frame == "world" else "",
+    )
+    actuator.biasprm[0] = 1.0
+
+
+def _add_weld(spec: Any, tree: Tree, original: int, copy: int) -> None:
+    """Hold the copies of a split body together at their frames B."""
+    spec.add_equality(
+        type=mujoco.mjtEq.mjEQ_WELD,
+        objtype=mujoco.mjtObj.mjOBJ_SITE,
+        name1=_name(tree, original),
+        name2=_name(tree, copy),
+        solref=WELD_SETTINGS["eq_solref"],
+        solimp=WELD_SETTINGS["eq_solimp"],
+    )
+
+
+def _set_options(spec: Any, gravity: Array, welded: bool) -> None:
+    spec.compiler.degree = False
+    spec.option.gravity = gravity
+    spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    for flag in _DISABLED:
+        spec.option.disableflags |= getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}").value
+    if welded:
+        spec.option.solver = mujoco.mjtSolver.mjSOL_CG
+        spec.option.tolerance = WELD_SETTINGS["opt.tolerance"]
+        spec.option.iterations = WELD_SETTINGS["opt.iterations"]
+
+
+def translate(mechanism: Mechanism) -> Translation:
+    """Compile a mechanism.
+
+    Raises
+    ------
+    ValueError
+        With the words of MuJoCo's compiler, if it refuses the model.
+    """
+    tree, spec = lower(mechanism), mujoco.MjSpec()
+    _set_options(spec, mechanism.gravity, bool(tree.welds))
+    _add_site(spec.worldbody, "world axes", Frame(np.zeros(3), np.eye(3)))
+    chains = _chains(tree)
+    for chain in chains:
+        _add_body(spec, mechanism, tree, chain)
+    for spring in mechanism.springs:
+        _add_spring(spec, mechanism, tree, spring)
+    for load in mechanism.loads:
+        _add_load(spec, mechanism, tree, load)
+    for weld in tree.welds:
+        _add_weld(spec, tree, weld.original, weld.copy)
+    with warnings_raise():
+        model = spec.compile()
+        data = mujoco.MjData(model)
+    if tree.welds:
+        model.body_invweight0[:] *= INVWEIGHT_SCALE
+    ends = {i: chain[-1] for chain in chains for i in chain}
+    return Translation(
+        mechanism=mechanism,
+        tree=tree,
+        model=model,
+        data=data,
+        link_body=np.array([model.body(_name(tree, ends[i])).id for i in range(len(tree.links))]),
+        link_joint=np.array(
+            [-1 if link.elementary == "W" else model.joint(_name(tree, i)).id for i, link in enumerate(tree.links)]
+        ),
+        body_site=np.array([model.site(_name(tree, tree.carrier(b))).id for b in range(len(mechanism.bodies))]),
+        energy_offset=_energy_offset(mechanism, tree),
+    )

@@ -1,0 +1,97 @@
+"""Joint reactions by Pinocchio's inverse dynamics, with the check that they balance."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from consilience.kinematics import reaction_in_F
+from consilience.mechanism import State
+from consilience.spatial import Array
+from consilience_pinocchio.dynamics import Solution
+from consilience_pinocchio.forces import Forces
+from consilience_pinocchio.translate import Translation, link_inertia
+
+BALANCE_TOLERANCE = 1e-8
+"""Inverse dynamics with the constraint forces must leave no joint effort but the springs', relative to the largest
+wrench: round-off stays three digits below this, a wrong constraint force lies far above it."""
+
+
+def reactions(translation: Translation, forces: Forces, solution: Solution, state: State) -> tuple[Array, Array]:
+    """Reactions of all joints by inverse dynamics: on the successor, at the origin of M, in axes of F.
+
+    Returns
+    -------
+    force_F, torque_F : ndarray, shape (n_j, 3), N and N m
+
+    Raises
+    ------
+    ArithmeticError
+        If the efforts of the inverse dynamics are not those of the joint springs: the constraint forces are wrong.
+    """
+    mechanism, tree, data = translation.mechanism, translation.tree, translation.data
+    _inverse_dynamics(translation, solution)
+    force_F, torque_F = np.zeros((2, len(mechanism.joints), 3))
+    for k, joint in enumerate(mechanism.joints):
+        index = tree.reaction_link(k)
+        link, seat = tree.links[index], translation.seats[index]
+        if link.elementary == "W":
+            wrench = _welded_wrench(translation, solution, index)
+        else:
+            wrench = data.f[seat.joint].vector - forces.effort_wrench(k, solution.tau)
+        placement = data.oMi[seat.joint]
+        R = placement.rotation
+        force_F[k], torque_F[k] = reaction_in_F(
+            mechanism, state, joint, R @ wrench[:3], R @ wrench[3:], placement.translation, link.reversed
+        )
+    return force_F, torque_F
+
+
+def _inverse_dynamics(translation: Translation, solution: Solution) -> None:
+    """Leave the joint wrenches in ``data.f``, and check that they balance."""
+    model, data = translation.model, translation.data
+    per_joint = np.zeros((model.njoints, 6))
+    for seat, wrench in zip(translation.seats, solution.wrenches[:-1], strict=True):
+        per_joint[seat.joint] += wrench
+    external = pin.StdVec_Force()
+    for wrench in per_joint:
+        external.append(pin.Force(wrench))
+    pin.forwardKinematics(model, data, solution.q, solution.v, solution.a)
+    tau = pin.rnea(model, data, solution.q, solution.v, solution.a, external)
+    largest = _largest_wrench(translation)
+    defect = float(np.max(np.abs(tau - solution.tau), initial=0.0))
+    if not defect <= BALANCE_TOLERANCE * largest:
+        raise ArithmeticError(f"joint efforts of inverse dynamics off by {defect:.1e}, largest wrench {largest:.1e}")
+
+
+def _largest_wrench(translation: Translation) -> float:
+    """Largest component of joint wrenches, inertial wrenches and weights: free bodies have joint wrenches of zero."""
+    model, data = translation.model, translation.data
+    moving = list(zip(model.inertias, data.v, data.a_gf, strict=True))
+    wrenches = [f.vector for f in data.f]
+    wrenches += [(inertia * a).vector for inertia, _, a in moving] + [inertia.vxiv(v).vector for inertia, v, _ in moving]
+    wrenches += [inertia.mass * model.gravity.linear for inertia, _, _ in moving]
+    return max(float(np.max(np.abs(w))) for w in wrenches)
+
+
+def _welded_wrench(translation: Translation, solution: Solution, index: int) -> Array:
+    """Wrench on a welded link through its weld, shape (6,), in the joint that carries it, by Newton-Euler.
+
+    Pinocchio merges a welded link into its parent and knows no wrench between them. The wrench is what moves the
+    link and everything welded to it, less what acts on them, plus what they pass on through further joints.
+    """
+    data, tree = translation.data, translation.tree
+    joint = translation.seats[index].joint
+    v, a = data.v[joint], data.a_gf[joint]  # a_gf: spatial acceleration less gravity
+    cluster = {index}
+    total = np.zeros(6)
+    for n, (link, seat) in enumerate(zip(tree.links, translation.seats, strict=True)):
+        if n != index and link.parent not in cluster:
+            continue
+        if n != index and link.elementary != "W":
+            total += data.liMi[seat.joint].act(data.f[seat.joint]).vector
+            continue
+        cluster.add(n)
+        inertia = seat.placement.act(link_inertia(link))
+        total += (inertia * a).vector + inertia.vxiv(v).vector - solution.wrenches[n]
+    return total

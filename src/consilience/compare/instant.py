@@ -1,0 +1,172 @@
+"""`model` and `instant`: differences relative to the largest component of the compared vector, against fixed bars.
+
+The bars (docs/verdicts.md):
+
+====================================  ==========================================================
+accelerations                         1e-11 + 4 eps cond, cond of the mass matrix
+accelerations, extrapolated route     1e-8: solvers of constraints at velocity level
+reactions (determined components)     1e-10; extrapolated route 1e-7
+energies, mass, centre of mass        1e-12
+inertia of the whole                  1e-12
+====================================  ==========================================================
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from consilience.compare.result import Comparison, Quantity, Verdict, digits_of
+from consilience.mechanism import Mechanism, State
+from consilience.observe import determinate_reactions, mass_matrix_condition
+from consilience.run import InstantAnswer, Method, ModelAnswer, Question, Route
+from consilience.spatial import Array
+
+EPS = float(np.finfo(float).eps)
+EXACT = 1e-12
+
+
+@dataclass(frozen=True)
+class Bars:
+    """Bars of a route."""
+
+    acceleration: float = 1e-11
+    reaction: float = 1e-10
+
+
+BARS: dict[Route, Bars] = {Route.EXTRAPOLATED: Bars(acceleration=1e-8, reaction=1e-7)}
+"""Routes with bars of their own."""
+
+
+@dataclass(frozen=True, eq=False)
+class Instants:
+    """What the harness knows of the asked states.
+
+    Attributes
+    ----------
+    condition : ndarray, shape (n_s,)
+        Of the mass matrix.
+    determined : ndarray of bool, shape (n_s, n_j, 6)
+        Reaction components that equilibrium determines.
+    """
+
+    condition: Array
+    determined: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, mechanism: Mechanism, states: Sequence[State]) -> Instants:
+        """Examine the states of a case."""
+        return cls(
+            np.array([mass_matrix_condition(mechanism, s) for s in states]),
+            np.array([determinate_reactions(mechanism, s) for s in states]),
+        )
+
+
+def relative_difference(found: ArrayLike, expected: ArrayLike, floor: float = 0.0) -> float:
+    """Largest difference over the largest component of `expected`, or over `floor` if that is larger."""
+    found, expected = np.asarray(found, dtype=float), np.asarray(expected, dtype=float)
+    size = max(float(np.max(np.abs(expected), initial=0.0)), floor)
+    difference = float(np.max(np.abs(found - expected), initial=0.0))
+    if difference == 0.0:
+        return 0.0
+    return difference / size if size > 0 else np.inf
+
+
+def compare_model(
+    case: str, engine: str, method: Method, answer: ModelAnswer, reference: ModelAnswer, length: float
+) -> Comparison:
+    """Compare accounts of the model; `length` is the size of the mechanism in m."""
+    freedom = float(abs(answer.freedom - reference.freedom))
+    quantities = (
+        Quantity("total mass", relative_difference(answer.mass, reference.mass), EXACT, 1),
+        Quantity("centre of mass", relative_difference(answer.com, reference.com, length), EXACT, 3),
+        Quantity("inertia of the whole", relative_difference(answer.inertia, reference.inertia), EXACT, 9),
+        Quantity("degrees of freedom", freedom, 0.0, 1, f"{answer.freedom}, reference {reference.freedom}"),
+    )
+    return _verdict(case, engine, Question.MODEL, method, quantities)
+
+
+def compare_instant(
+    case: str, engine: str, method: Method, answer: InstantAnswer, reference: InstantAnswer, instants: Instants
+) -> Comparison:
+    """Compare accelerations, determined reactions and energies at all states."""
+    bars = BARS.get(method.route, Bars())
+    return _verdict(
+        case,
+        engine,
+        Question.INSTANT,
+        method,
+        (
+            _accelerations(answer, reference, instants, bars.acceleration),
+            _reactions(answer, reference, instants, bars.reaction),
+            *(
+                Quantity(
+                    f"{name} energy",
+                    relative_difference(getattr(answer, name), getattr(reference, name)),
+                    EXACT,
+                    len(reference.kinetic),
+                )
+                for name in ("kinetic", "potential")
+            ),
+        ),
+    )
+
+
+def _worst(differences: Sequence[float], bars: Sequence[float]) -> int:
+    """State that comes nearest to its bar, or passes it furthest; one that is not a number before all."""
+    ratios = np.array(differences) / np.array(bars)
+    return int(np.argmax(np.where(np.isnan(ratios), np.inf, ratios)))
+
+
+def _accelerations(answer: InstantAnswer, reference: InstantAnswer, instants: Instants, bar: float) -> Quantity:
+    differences = [
+        relative_difference(np.hstack(found), np.hstack(expected))
+        for found, expected in zip(
+            zip(answer.a_WB_W, answer.alpha_WB_W, strict=True),
+            zip(reference.a_WB_W, reference.alpha_WB_W, strict=True),
+            strict=True,
+        )
+    ]
+    bars = bar + 4.0 * EPS * instants.condition
+    n = _worst(differences, list(bars))
+    remark = f"state {n}, condition of the mass matrix {instants.condition[n]:.3g}"
+    return Quantity("accelerations", differences[n], float(bars[n]), reference.a_WB_W.size * 2, remark)
+
+
+def _reactions(answer: InstantAnswer, reference: InstantAnswer, instants: Instants, bar: float) -> Quantity:
+    determined = instants.determined
+    open_ones = int(np.sum(~determined[0]))
+    remark = f"{open_ones} components not determined and not compared" if open_ones else ""
+    if answer.force_F is None or answer.torque_F is None:
+        return Quantity("reactions", 0.0, bar, 0, "this method gives none")
+    assert reference.force_F is not None
+    assert reference.torque_F is not None
+    found = np.concatenate([answer.force_F, answer.torque_F], axis=2)
+    expected = np.concatenate([reference.force_F, reference.torque_F], axis=2)
+    differences = [
+        relative_difference(f[known], e[known]) for f, e, known in zip(found, expected, determined, strict=True)
+    ]
+    return Quantity("reactions", float(np.max(differences)), bar, int(np.sum(determined)), remark)
+
+
+def _verdict(
+    case: str, engine: str, question: Question, method: Method, quantities: tuple[Quantity, ...]
+) -> Comparison:
+    missed = [q for q in quantities if not q.met]
+    largest = float(np.max([q.difference for q in quantities]))
+    worst = missed[0] if missed else max(quantities, key=lambda q: q.difference)
+    relation = "above" if missed else "within"
+    return Comparison(
+        case=case,
+        engine=engine,
+        question=question,
+        method=method.name,
+        route=method.route,
+        verdict=Verdict.MODEL if missed else Verdict.AGREES,
+        why=f"{worst.name}: difference {worst.difference:.2g}, {relation} the bar {worst.bar:.2g}",
+        digits=digits_of(largest),
+        quantities=quantities,
+    )

@@ -1,0 +1,40 @@
+"""The one place where a formulation is chosen inside compiled code.
+
+Formulations are bound here by number and not passed as functions: a kernel that takes another compiled function as an
+argument is compiled again in every process, one that names it is cached.
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from consilience.reference.formulations import descriptor, null_space
+from consilience.reference.model import Model
+from consilience.reference.workspace import Workspace
+from consilience.spatial import Array
+
+FORMULATIONS = {"descriptor": 0, "null_space": 1}
+"""Selectable formulations and their numbers."""
+
+
+@njit(cache=True)
+def accelerations(formulation: int, model: Model, y: Array, memory: Array, ws: Workspace, a: Array) -> int:
+    """Accelerations (dv/dt, dw'/dt), shape (6 n_b,), by the formulation of that number; the constraint rank."""
+    if formulation == 0:
+        return descriptor.accelerations(model, y, memory, ws, a)
+    return null_space.accelerations(model, y, memory, ws, a)
+
+
+@njit(cache=True)
+def derivative(formulation: int, model: Model, y: Array, memory: Array, ws: Workspace, a: Array, dy: Array) -> None:
+    """State derivative: ``r' = v``, ``p' = 1/2 G^T w'`` [MASS (38)], and the accelerations, shape (n_b, 13)."""
+    accelerations(formulation, model, y, memory, ws, a)
+    for b in range(y.shape[0]):
+        e0, e1, e2, e3 = y[b, 3], y[b, 4], y[b, 5], y[b, 6]
+        w1, w2, w3 = y[b, 10], y[b, 11], y[b, 12]
+        dy[b, 0:3] = y[b, 7:10]
+        dy[b, 3] = -0.5 * (e1 * w1 + e2 * w2 + e3 * w3)
+        dy[b, 4] = 0.5 * (e0 * w1 + e2 * w3 - e3 * w2)
+        dy[b, 5] = 0.5 * (e0 * w2 + e3 * w1 - e1 * w3)
+        dy[b, 6] = 0.5 * (e0 * w3 + e1 * w2 - e2 * w1)
+        dy[b, 7:13] = a[6 * b : 6 * b + 6]

@@ -1,0 +1,103 @@
+"""Rank-revealing factorisation for constrained accelerations, compiled.
+
+Householder QR with column pivoting, ``B P = H R`` [Golub and Van Loan, Matrix Computations, section 5.5.6]. It
+works on ``B = L^-1 Q^T`` itself, never on ``Q M^-1 Q^T``, whose condition number is the square.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from consilience.kinematics import RANK_TOLERANCE
+from consilience.spatial import Array
+
+
+@njit(cache=True)
+def pivoted_qr(B: Array, tau: Array, pivot: Array, norms: Array) -> int:
+    """Factorise B in place: R above the diagonal and on it, Householder vectors below (first entry 1 implied).
+
+    Parameters
+    ----------
+    B : ndarray, shape (n, q)
+    tau : ndarray, shape (min(n, q),)
+    pivot : ndarray of int, shape (q,)
+    norms : ndarray, shape (q,)
+        Work space: squared norms of the remaining columns.
+
+    Returns
+    -------
+    int
+        Numerical rank: diagonal entries of R above `RANK_TOLERANCE` times the first.
+    """
+    n, q = B.shape
+    for c in range(q):
+        pivot[c] = c
+    for k in range(min(n, q)):
+        best = k
+        for c in range(k, q):
+            total = 0.0
+            for r in range(k, n):
+                total += B[r, c] * B[r, c]
+            norms[c] = total
+            if total > norms[best]:
+                best = c
+        if norms[best] <= (RANK_TOLERANCE * abs(B[0, 0])) ** 2 and k > 0:
+            return k
+        if norms[best] == 0.0:
+            return k
+        if best != k:
+            pivot[k], pivot[best] = pivot[best], pivot[k]
+            for r in range(n):
+                B[r, k], B[r, best] = B[r, best], B[r, k]
+        _reflect(B, tau, k, np.sqrt(norms[best]))
+    return min(n, q)
+
+
+@njit(cache=True)
+def _reflect(B: Array, tau: Array, k: int, norm: float) -> None:
+    """Householder step k: zero column k below the diagonal and update the columns behind it."""
+    n, q = B.shape
+    alpha = -norm if B[k, k] > 0 else norm
+    head = B[k, k] - alpha
+    tau[k] = -head / alpha
+    for r in range(k + 1, n):
+        B[r, k] /= head
+    B[k, k] = alpha
+    for c in range(k + 1, q):
+        s = B[k, c]
+        for r in range(k + 1, n):
+            s += B[r, k] * B[r, c]
+        s *= tau[k]
+        B[k, c] -= s
+        for r in range(k + 1, n):
+            B[r, c] -= s * B[r, k]
+
+
+@njit(cache=True)
+def least_norm(B: Array, tau: Array, pivot: Array, rank: int, c: Array, z: Array) -> None:
+    """Vector z of least norm with ``B^T z = c`` on the independent rows, from `pivoted_qr`.
+
+    ``R11^T y = (P^T c)[:rank]``, then ``z = H [y; 0]``. Dependent rows are satisfied because c is consistent.
+
+    Parameters
+    ----------
+    c : ndarray, shape (q,)
+    z : ndarray, shape (n,)
+        Overwritten.
+    """
+    n = B.shape[0]
+    z[:] = 0.0
+    for k in range(rank):
+        s = c[pivot[k]]
+        for r in range(k):
+            s -= B[r, k] * z[r]
+        z[k] = s / B[k, k]
+    for k in range(rank - 1, -1, -1):
+        s = z[k]
+        for r in range(k + 1, n):
+            s += B[r, k] * z[r]
+        s *= tau[k]
+        z[k] -= s
+        for r in range(k + 1, n):
+            z[r] -= s * B[r, k]

@@ -1,0 +1,1 @@
+"""Formulations of the equations of motion; each gives accelerations of a state, by equations of its own."""

@@ -1,0 +1,140 @@
+"""Full descriptor form with Euler parameters, index 1 [MASS (36)-(39), C4 (4.84)-(4.97)].
+
+Newton-Euler for every body with all constraint rows of all joints,
+
+    [ M  Q^T ] [   a   ]   [   f   ]
+    [ Q   0  ] [ -lam  ] = [ gamma ],        M = diag(m 1, I'),
+
+in the velocities (v, w'), w' in body axes: M is constant, with Cholesky factor L. MASS (38) has this in p'',
+
+    4 G^T I' G p'' + Q_p^T lam = 2 G^T (l' - ~w' I' w'),    p.p'' = -p'.p',    Q_p = 2 Q_w' G,
+
+which is the same system: with ``w' = 2 G p'`` and ``G G^T = 1`` its first line multiplied by G/2 is the rotational
+line above, and ``p'' = 1/2 G^T dw'/dt - 1/4 (w'.w') p`` gives the second. So Euler parameters are the coordinates,
+w' the speeds, and no multiplier for the norm is needed.
+
+The constrained acceleration is the free one plus the correction of least M-norm that meets the constraints:
+
+    z = L^T a,   B = L^-1 Q^T,   z = L^-1 f + argmin |zeta| : B^T zeta = gamma - Q a_free,
+
+found by a rank-revealing QR of B. Dependent rows are left out by it, whatever their number; accelerations stay
+unique. Multipliers are of least norm.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from consilience.kinematics import RANK_TOLERANCE
+from consilience.reference import constraints, forces
+from consilience.reference.factorisation import least_norm, pivoted_qr
+from consilience.reference.model import Model
+from consilience.reference.workspace import Workspace
+from consilience.spatial import Array
+
+
+@njit(cache=True)
+def solve_factor(model: Model, x: Array) -> None:
+    """``x <- L^-1 x`` for a vector of generalised forces, in place."""
+    for b in range(model.mass.shape[0]):
+        s = 1.0 / np.sqrt(model.mass[b])
+        F = model.inertia_factor[b]
+        o = 6 * b
+        x[o] *= s
+        x[o + 1] *= s
+        x[o + 2] *= s
+        x[o + 3] = x[o + 3] / F[0, 0]
+        x[o + 4] = (x[o + 4] - F[1, 0] * x[o + 3]) / F[1, 1]
+        x[o + 5] = (x[o + 5] - F[2, 0] * x[o + 3] - F[2, 1] * x[o + 4]) / F[2, 2]
+
+
+@njit(cache=True)
+def solve_factor_transposed(model: Model, x: Array) -> None:
+    """``x <- L^-T x``, in place."""
+    for b in range(model.mass.shape[0]):
+        s = 1.0 / np.sqrt(model.mass[b])
+        F = model.inertia_factor[b]
+        o = 6 * b
+        x[o] *= s
+        x[o + 1] *= s
+        x[o + 2] *= s
+        x[o + 5] = x[o + 5] / F[2, 2]
+        x[o + 4] = (x[o + 4] - F[2, 1] * x[o + 5]) / F[1, 1]
+        x[o + 3] = (x[o + 3] - F[1, 0] * x[o + 4] - F[2, 0] * x[o + 5]) / F[0, 0]
+
+
+@njit(cache=True)
+def factorise(model: Model, ws: Workspace) -> int:
+    """Factorise ``B = L^-1 Q^T`` of the Jacobian in the workspace; the numerical rank."""
+    q = ws.Q.shape[0]
+    for row in range(q):
+        ws.z[:] = ws.Q[row]
+        solve_factor(model, ws.z)
+        ws.B[:, row] = ws.z
+    return pivoted_qr(ws.B, ws.tau, ws.pivot, ws.norms)
+
+
+@njit(cache=True)
+def accelerations(model: Model, y: Array, memory: Array, ws: Workspace, a: Array) -> int:
+    """Accelerations (dv/dt, dw'/dt) of all bodies at a state.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n_b, 13)
+    memory : ndarray, shape (n_k,)
+        Angles of the joint springs a moment ago.
+    a : ndarray, shape (6 n_b,)
+        Overwritten.
+
+    Returns
+    -------
+    int
+        Rank of the constraints.
+    """
+    constraints.rotations(y, ws.A)
+    forces.evaluate(model, y, ws.A, memory, ws.f)
+    a[:] = ws.f
+    solve_factor(model, a)
+    if ws.Q.shape[0] == 0:
+        solve_factor_transposed(model, a)
+        return 0
+    constraints.evaluate(model, y, ws.A, ws.value, ws.Q, ws.gamma)
+    rank = factorise(model, ws)
+    ws.z[:] = a
+    solve_factor_transposed(model, ws.z)
+    for row in range(ws.Q.shape[0]):
+        s = ws.gamma[row]
+        for c in range(a.shape[0]):
+            s -= ws.Q[row, c] * ws.z[c]
+        ws.value[row] = s
+    least_norm(ws.B, ws.tau, ws.pivot, rank, ws.value, ws.z)
+    a += ws.z
+    solve_factor_transposed(model, a)
+    return rank
+
+
+@njit(cache=True)
+def multipliers(model: Model, y: Array, memory: Array, ws: Workspace, a: Array) -> Array:
+    """Multipliers of least norm from ``Q^T lam = M a - f``, in the metric of the factorisation, shape (q,).
+
+    Fills `a` with the accelerations on the way.
+    """
+    accelerations(model, y, memory, ws, a)
+    if ws.Q.shape[0] == 0:
+        return np.zeros(0)
+    B = np.empty(ws.B.shape)
+    for row in range(ws.Q.shape[0]):
+        ws.z[:] = ws.Q[row]
+        solve_factor(model, ws.z)
+        B[:, row] = ws.z
+    for b in range(model.mass.shape[0]):
+        o = 6 * b
+        ws.z[o : o + 3] = model.mass[b] * a[o : o + 3] - ws.f[o : o + 3]
+        ws.z[o + 3 : o + 6] = model.inertia[b] @ a[o + 3 : o + 6] - ws.f[o + 3 : o + 6]
+    solve_factor(model, ws.z)
+    U, s, Vt = np.linalg.svd(B, False)
+    along = U.T @ ws.z
+    for k in range(s.shape[0]):
+        along[k] = along[k] / s[k] if s[k] > RANK_TOLERANCE * s[0] else 0.0
+    return Vt.T @ along

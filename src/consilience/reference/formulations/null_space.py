@@ -1,0 +1,65 @@
+"""Minimal form by the null space of the constraint Jacobian [C4 (4.99)-(4.110)].
+
+    Q a = gamma,   a = J y'' + abar,   Q J = 0,
+    J^T M J y'' = J^T (f - M abar).
+
+J is an orthonormal basis of the null space and abar the least-norm solution of ``Q abar = gamma``, both from one
+singular value decomposition of Q, chosen anew at every evaluation. Unlike the descriptor form, M is assembled and
+its constraint space is found in the plain (not the mass) metric: the two share rows and forces, not the solution.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from consilience.kinematics import RANK_TOLERANCE
+from consilience.reference import constraints, forces
+from consilience.reference.model import Model
+from consilience.reference.workspace import Workspace
+from consilience.spatial import Array
+
+
+@njit(cache=True)
+def mass_matrix(model: Model) -> Array:
+    """``M = diag(m 1, I')`` of all bodies, shape (6 n_b, 6 n_b)."""
+    n = model.mass.shape[0]
+    M = np.zeros((6 * n, 6 * n))
+    for b in range(n):
+        o = 6 * b
+        for k in range(3):
+            M[o + k, o + k] = model.mass[b]
+        M[o + 3 : o + 6, o + 3 : o + 6] = model.inertia[b]
+    return M
+
+
+@njit(cache=True)
+def basis(Q: Array, gamma: Array) -> tuple[Array, Array]:
+    """Null-space basis J, shape (6 n_b, freedom), and least-norm solution abar of ``Q abar = gamma``."""
+    if Q.shape[0] == 0:
+        return np.eye(Q.shape[1]), np.zeros(Q.shape[1])
+    U, s, Vt = np.linalg.svd(Q)
+    rank = 0
+    for k in range(s.shape[0]):
+        if s[k] > RANK_TOLERANCE * s[0]:
+            rank += 1
+    along = np.ascontiguousarray(U[:, :rank].T) @ gamma
+    abar = np.ascontiguousarray(Vt[:rank].T) @ (along / s[:rank])
+    return np.ascontiguousarray(Vt[rank:].T), abar
+
+
+@njit(cache=True)
+def accelerations(model: Model, y: Array, memory: Array, ws: Workspace, a: Array) -> int:
+    """Accelerations (dv/dt, dw'/dt) of all bodies at a state; arguments and return as in `descriptor`."""
+    constraints.rotations(y, ws.A)
+    forces.evaluate(model, y, ws.A, memory, ws.f)
+    constraints.evaluate(model, y, ws.A, ws.value, ws.Q, ws.gamma)
+    J, abar = basis(ws.Q, ws.gamma)
+    M = mass_matrix(model)
+    freedom = J.shape[1]
+    if freedom == 0:
+        a[:] = abar
+    else:
+        y_dd = np.linalg.solve(J.T @ (M @ J), J.T @ (ws.f - M @ abar))
+        a[:] = J @ y_dd + abar
+    return a.shape[0] - freedom

@@ -1,0 +1,1 @@
+"""Integrators of the reference solver, compiled together with the equations they integrate."""

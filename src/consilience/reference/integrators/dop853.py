@@ -1,0 +1,164 @@
+"""Adaptive explicit Runge-Kutta method of order 8, with projection after every step.
+
+Step control after Hairer, Norsett and Wanner, section II.10: the error is estimated by
+
+    err = |h| |e5|^2 / sqrt(|e5|^2 + 0.01 |e3|^2),   e5 = sum E5_i k_i,  e3 = sum E3_i k_i,
+
+in the root mean square of components scaled by the tolerance times the size of their kind: positions by the length
+of the mechanism, Euler parameters by one, speeds by the fastest body. Steps end exactly on the sample times.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from consilience.reference import constraints, forces
+from consilience.reference.dynamics import derivative
+from consilience.reference.integrators.coefficients import E3, E5, STAGES, A, B
+from consilience.reference.model import Model
+from consilience.reference.projection import project
+from consilience.reference.workspace import Workspace
+from consilience.spatial import Array
+
+SAFETY, SMALLEST, LARGEST = 0.9, 0.2, 6.0
+"""Safety factor and bounds of the change of the step size."""
+
+STATUS = {
+    0: "finished",
+    1: "the step size fell below what the time resolves: the motion runs into a singular pose or grows without bound",
+    2: "the accelerations are not finite",
+}
+"""Meaning of the status that `integrate` returns."""
+
+STEPS, REJECTED, EVALUATIONS = 0, 1, 2
+"""Entries of the counters."""
+
+
+@njit(cache=True)
+def _sizes(model: Model, y: Array, size: Array) -> None:
+    """Size of each column of y, shape (13,): what a relative tolerance refers to."""
+    r = v = w = 0.0
+    for b in range(y.shape[0]):
+        for k in range(3):
+            r = max(r, abs(y[b, k]))
+            v = max(v, abs(y[b, 7 + k]))
+            w = max(w, abs(y[b, 10 + k]))
+    size[0:3] = max(r, model.length)
+    size[3:7] = 1.0
+    size[7:10] = max(v, model.length)
+    size[10:13] = max(w, 1.0)
+
+
+@njit(cache=True)
+def _error(K: Array, h: float, size: Array) -> float:
+    """Scaled error estimate of a step."""
+    e5 = e3 = 0.0
+    for b in range(K.shape[1]):
+        for c in range(13):
+            s5 = s3 = 0.0
+            for i in range(STAGES):
+                s5 += E5[i] * K[i, b, c]
+                s3 += E3[i] * K[i, b, c]
+            e5 += (s5 / size[c]) ** 2
+            e3 += (s3 / size[c]) ** 2
+    if e5 == 0.0 and e3 == 0.0:
+        return 0.0
+    return abs(h) * e5 / np.sqrt((e5 + 0.01 * e3) * 13 * K.shape[1])
+
+
+@njit(cache=True)
+def _stages(
+    formulation: int, model: Model, y: Array, h: float, memory: Array, ws: Workspace, a: Array, trial: Array, K: Array
+) -> None:
+    """Evaluate stages 2 to 12 (stage 1 is given) and leave the end of the step in `trial`."""
+    for i in range(1, STAGES + 1):
+        trial[:, :] = y
+        for j in range(i):
+            weight = h * (A[i, j] if i < STAGES else B[j])
+            if weight != 0.0:
+                for b in range(y.shape[0]):
+                    for c in range(13):
+                        trial[b, c] += weight * K[j, b, c]
+        if i < STAGES:
+            derivative(formulation, model, trial, memory, ws, a, K[i])
+
+
+@njit(cache=True)
+def remember(model: Model, y: Array, ws: Workspace, memory: Array) -> None:
+    """Update the angles of the joint springs, turns counted."""
+    constraints.rotations(y, ws.A)
+    for n in range(memory.shape[0]):
+        q, _, _ = forces.joint_spring_motion(model, y, ws.A, n)
+        memory[n] = forces.full_turns(q, memory[n]) if model.joint_spring[n, 1] == 0 else q
+
+
+@njit(cache=True)
+def integrate(
+    formulation: int,
+    model: Model,
+    y: Array,
+    times: Array,
+    tolerance: float,
+    memory: Array,
+    ws: Workspace,
+    motion: Array,
+    counters: Array,
+) -> int:
+    """Integrate from ``times[0]`` and record the motion at all sample times.
+
+    Parameters
+    ----------
+    formulation : int
+        See `dynamics.FORMULATIONS`.
+    y : ndarray, shape (n_b, 13)
+        Initial state; overwritten by the last.
+    times : ndarray, shape (n_t,)
+    tolerance : float
+        Bound on the scaled local error of a step.
+    memory : ndarray, shape (n_k,)
+        Angles of the joint springs, turns counted; updated.
+    motion : ndarray, shape (n_t, n_b, 13)
+        Overwritten.
+    counters : ndarray of int, shape (3,)
+        Steps, rejected steps and evaluations of the derivative; overwritten.
+
+    Returns
+    -------
+    int
+        Key of `STATUS`.
+    """
+    K = np.empty((STAGES, y.shape[0], 13))
+    trial, a, size = np.empty_like(y), np.empty(6 * y.shape[0]), np.empty(13)
+    counters[:] = 0
+    motion[0] = y
+    t = times[0]
+    h = 1e-2 * (times[-1] - times[0]) / max(1, times.shape[0] - 1)
+    derivative(formulation, model, y, memory, ws, a, K[0])
+    for n in range(1, times.shape[0]):
+        while t < times[n]:
+            remaining = times[n] - t
+            # a remainder a little longer than the step is halved, so that no sliver of a step is left
+            step = remaining if h >= remaining else min(h, 0.5 * remaining) if h > 0.5 * remaining else h
+            if step < 1e-14 * max(1.0, abs(t)):
+                return 1
+            _stages(formulation, model, y, step, memory, ws, a, trial, K)
+            counters[EVALUATIONS] += STAGES
+            _sizes(model, y, size)
+            error = _error(K, step, size) / tolerance
+            if not np.isfinite(error):
+                return 2
+            factor = LARGEST if error == 0.0 else min(LARGEST, max(SMALLEST, SAFETY * error ** (-1.0 / 8.0)))
+            if error > 1.0:
+                counters[REJECTED] += 1
+                h = step * min(1.0, factor)
+                continue
+            counters[STEPS] += 1
+            y[:, :] = trial
+            project(model, y, ws)
+            remember(model, y, ws, memory)
+            derivative(formulation, model, y, memory, ws, a, K[0])
+            t = times[n] if step == remaining else t + step
+            h = step * factor if step == h else max(h, step * factor)
+        motion[n] = y
+    return 0

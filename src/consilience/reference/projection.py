@@ -1,0 +1,84 @@
+"""Projection of a state back to ``g = 0`` and ``Q v = 0`` in the mass metric ("assembling during integration" [MASS]).
+
+The step (dr, rotation vector in body axes) of least M-norm with ``Q step = -g``; then the change of the velocities of
+least M-norm with ``Q (v + dv) = 0``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from consilience.reference import constraints
+from consilience.reference.factorisation import least_norm
+from consilience.reference.formulations.descriptor import factorise, solve_factor_transposed
+from consilience.reference.model import Model
+from consilience.reference.workspace import Workspace
+from consilience.spatial import Array
+
+_POSITION_STEPS = 3
+
+
+@njit(cache=True)
+def normalise(y: Array) -> None:
+    """Divide the Euler parameters of all bodies by their norm."""
+    for b in range(y.shape[0]):
+        n = np.sqrt(y[b, 3] ** 2 + y[b, 4] ** 2 + y[b, 5] ** 2 + y[b, 6] ** 2)
+        y[b, 3:7] /= n
+
+
+@njit(cache=True)
+def _move(y: Array, step: Array) -> None:
+    """Displace all bodies: ``r += dr``, ``p <- p * exp(phi'/2)``."""
+    for b in range(y.shape[0]):
+        y[b, 0:3] += step[6 * b : 6 * b + 3]
+        h1, h2, h3 = 0.5 * step[6 * b + 3], 0.5 * step[6 * b + 4], 0.5 * step[6 * b + 5]
+        e0, e1, e2, e3 = y[b, 3], y[b, 4], y[b, 5], y[b, 6]
+        y[b, 3] = e0 - e1 * h1 - e2 * h2 - e3 * h3
+        y[b, 4] = e1 + e0 * h1 + e2 * h3 - e3 * h2
+        y[b, 5] = e2 + e0 * h2 + e3 * h1 - e1 * h3
+        y[b, 6] = e3 + e0 * h3 + e1 * h2 - e2 * h1
+    normalise(y)
+
+
+@njit(cache=True)
+def _largest(x: Array) -> float:
+    found = 0.0
+    for v in x:
+        found = max(found, abs(v))
+    return found
+
+
+@njit(cache=True)
+def project(model: Model, y: Array, ws: Workspace) -> None:
+    """Project a state in place: positions by Newton's method until rounding is reached, then velocities."""
+    normalise(y)
+    if ws.Q.shape[0] == 0:
+        return
+    rank = 0
+    for _ in range(_POSITION_STEPS):
+        constraints.rotations(y, ws.A)
+        constraints.evaluate(model, y, ws.A, ws.value, ws.Q, ws.gamma)
+        rank = factorise(model, ws)
+        if _largest(ws.value) <= 2e-16 * max(1.0, model.length):
+            break
+        ws.value[:] = -ws.value
+        least_norm(ws.B, ws.tau, ws.pivot, rank, ws.value, ws.z)
+        solve_factor_transposed(model, ws.z)
+        small = _largest(ws.z) < 1e-9  # then Q has changed by less than rounding of the velocities asks for
+        _move(y, ws.z)
+        if small:
+            constraints.rotations(y, ws.A)
+            constraints.evaluate(model, y, ws.A, ws.value, ws.Q, ws.gamma)
+            rank = factorise(model, ws)
+            break
+    for row in range(ws.Q.shape[0]):
+        s = 0.0
+        for b in range(y.shape[0]):
+            for k in range(6):
+                s -= ws.Q[row, 6 * b + k] * y[b, 7 + k]
+        ws.value[row] = s
+    least_norm(ws.B, ws.tau, ws.pivot, rank, ws.value, ws.z)
+    solve_factor_transposed(model, ws.z)
+    for b in range(y.shape[0]):
+        y[b, 7:13] += ws.z[6 * b : 6 * b + 6]

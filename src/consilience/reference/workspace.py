@@ -1,0 +1,42 @@
+"""Arrays that the kernels write into, allocated once per call from Python."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from consilience.reference.model import Model
+from consilience.spatial import Array
+
+
+class Workspace(NamedTuple):
+    """Scratch arrays for n_b bodies and q constraint rows."""
+
+    A: Array  # (n_b, 3, 3) rotation matrices
+    f: Array  # (6 n_b,) generalised forces
+    value: Array  # (q,) violation; scratch after that
+    Q: Array  # (q, 6 n_b)
+    gamma: Array  # (q,)
+    B: Array  # (6 n_b, q) L^-1 Q^T and its factors
+    tau: Array  # (min(6 n_b, q),)
+    pivot: Array  # (q,)
+    norms: Array  # (q,)
+    z: Array  # (6 n_b,)
+
+
+def workspace(model: Model) -> Workspace:
+    """Scratch arrays of the size a model needs."""
+    n, q = 6 * len(model.mass), len(model.row_kind)
+    return Workspace(
+        A=np.zeros((len(model.mass), 3, 3)),
+        f=np.zeros(n),
+        value=np.zeros(q),
+        Q=np.zeros((q, n)),
+        gamma=np.zeros(q),
+        B=np.zeros((n, q)),
+        tau=np.zeros(min(n, q)),
+        pivot=np.zeros(q, dtype=np.int64),
+        norms=np.zeros(q),
+        z=np.zeros(n),
+    )

@@ -1,0 +1,194 @@
+"""The record of a suite as JSON Lines: header, cases, runs, comparisons, footer.
+
+One JSON object a line, each with a ``record`` key. The footer comes last and counts the others: a report without it
+was cut off, and is not taken for a complete one. Trajectories' arrays are not in it (they lie beside it as NPZ);
+answers of the other questions are, in full.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, is_dataclass
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from consilience.case import Case
+from consilience.compare import Verdict
+from consilience.errors import InvalidInput
+from consilience.run import InstantAnswer, ModelAnswer, Run, TrajectoryAnswer
+from consilience.suite import Results
+
+FORMAT = 1
+
+
+@dataclass(frozen=True)
+class Record:
+    """A report read back: plain dictionaries, as in the file."""
+
+    header: dict[str, Any]
+    cases: list[dict[str, Any]]
+    runs: list[dict[str, Any]]
+    comparisons: list[dict[str, Any]]
+    footer: dict[str, Any]
+
+
+def _plain(value: Any) -> Any:
+    """JSON types: arrays to lists, numbers that are not finite to None (JSON has no word for them)."""
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(value.tolist())
+    if is_dataclass(value) and not isinstance(value, type):
+        return _plain({k: v for k, v in vars(value).items() if not k.startswith("_")})
+    if isinstance(value, dict):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value
+
+
+def header(results: Results, elapsed: float) -> dict[str, Any]:
+    """Versions and platform: what one needs to run it again."""
+    packages = {p: version(p) for p in ("consilience", "numpy", "scipy", "numba")}
+    return {
+        "record": "header",
+        "format": FORMAT,
+        "written": datetime.now(UTC).isoformat(timespec="seconds"),
+        "elapsed": round(elapsed, 1),
+        "platform": f"{platform.system()} {platform.machine()}, {os.cpu_count()} processors",
+        "processor": _processor(),
+        "python": platform.python_version(),
+        "packages": packages,
+        "engines": {name: asdict(info) for name, info in results.engines.items()},
+        "missing": results.missing,
+        "questions": [str(q) for q in results.questions],
+    }
+
+
+def _processor() -> str:
+    cpuinfo = Path("/proc/cpuinfo")
+    if cpuinfo.exists():
+        for line in cpuinfo.read_text(encoding="utf-8", errors="replace").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor() or "unknown"
+
+
+def _case(case: Case) -> dict[str, Any]:
+    mechanism = case.mechanism
+    return {
+        "record": "case",
+        "name": case.name,
+        "title": case.title,
+        "bodies": [b.name for b in mechanism.bodies],
+        "joints": [[j.name, j.kind, j.predecessor, j.successor] for j in mechanism.joints],
+        "rows": mechanism.constraint_count(),
+        "duration": case.duration,
+        "sample": case.sample,
+        "digits": case.digits,
+        "instants": case.instants,
+        "sources": case.sources,
+        "remarks": case.remarks,
+        "tags": case.tags,
+    }
+
+
+def _run(run: Run) -> dict[str, Any]:
+    answer = run.answer
+    if isinstance(answer, TrajectoryAnswer):
+        shown: Any = {"counters": answer.counters, "samples": len(answer.time)}
+    else:
+        shown = answer
+    return {**vars(run), "record": "run", "answer": shown}
+
+
+def lines(results: Results, elapsed: float) -> Iterator[dict[str, Any]]:
+    """Records of a report in order."""
+    yield header(results, elapsed)
+    for case in results.cases:
+        yield _case(case)
+    for run in results.runs:
+        yield _run(run)
+    for comparison in results.comparisons:
+        yield {"record": "comparison", **vars(comparison)}
+    yield {
+        "record": "footer",
+        "cases": len(results.cases),
+        "runs": len(results.runs),
+        "comparisons": len(results.comparisons),
+        "exit_code": exit_code(results),
+    }
+
+
+def exit_code(results: Results) -> int:
+    """Whether the engines agree: 0 yes, 1 some differ in the model, 3 incomplete (missing, failed, unresolved).
+
+    A difference that shrinks away with the step size is no disagreement; an unsupported case is no failure.
+    """
+    verdicts = {c.verdict for c in results.comparisons}
+    if Verdict.MODEL in verdicts:
+        return 1
+    return 3 if results.missing or verdicts & {Verdict.FAILED, Verdict.UNRESOLVED} else 0
+
+
+def write_atomically(path: Path, text: str) -> None:
+    """Write a file so that a reader sees the old one or the new one, never a part."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    temporary.write_text(text, encoding="utf-8")
+    temporary.replace(path)
+
+
+def write_record(results: Results, elapsed: float, folder: Path) -> None:
+    """Write ``report.jsonl``, and the trajectories as ``runs/*.npz`` beside it."""
+    folder.mkdir(parents=True, exist_ok=True)
+    text = "".join(json.dumps(_plain(line), allow_nan=False) + "\n" for line in lines(results, elapsed))
+    _write_arrays(results, folder / "runs")
+    write_atomically(folder / "report.jsonl", text)
+
+
+def _write_arrays(results: Results, folder: Path) -> None:
+    folder.mkdir(exist_ok=True)
+    numbers: dict[tuple[str, str], int] = {}
+    for run in results.runs:
+        if isinstance(run.answer, TrajectoryAnswer):
+            key = (run.case, run.engine)
+            numbers[key] = numbers.get(key, 0) + 1
+            a = run.answer
+            arrays = {"p_WB": a.p_WB, "quat_WB": a.quat_WB, "v_WB_W": a.v_WB_W, "w_WB_W": a.w_WB_W}
+            method = run.method.name if run.method else ""
+            target = folder / f"{run.case}.{run.engine}.{numbers[key]}.npz"
+            np.savez_compressed(target, time=a.time, step=run.step or 0.0, method=method, **arrays)  # type: ignore[arg-type]
+
+
+def read_record(folder: Path) -> Record:
+    """Read ``report.jsonl`` of a folder.
+
+    Raises
+    ------
+    InvalidInput
+        If it is not there, not JSON Lines, of another format, or cut off (no footer, or a footer that counts more).
+    """
+    path = folder / "report.jsonl"
+    if not path.is_file():
+        raise InvalidInput(str(path), "there is no such report", "Give a folder that `consilience run` wrote.")
+    found: dict[str, list[dict[str, Any]]] = {k: [] for k in ("header", "case", "run", "comparison", "footer")}
+    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
+        try:
+            record = json.loads(line)
+            found[record["record"]].append(record)
+        except (json.JSONDecodeError, KeyError, TypeError):
+            raise InvalidInput(f"{path}: line {number}", "it is not a record of a report", "Run the suite again.") from None
+    if len(found["header"]) != 1 or found["header"][0].get("format") != FORMAT:
+        raise InvalidInput(str(path), f"its header is not of format {FORMAT}", "Run the suite again.")
+    footer = found["footer"][0] if len(found["footer"]) == 1 else None
+    counted = {"cases": len(found["case"]), "runs": len(found["run"]), "comparisons": len(found["comparison"])}
+    if footer is None or any(footer.get(k) != n for k, n in counted.items()):
+        raise InvalidInput(str(path), "the report is cut off: its footer is missing or counts more", "Run the suite again.")
+    return Record(found["header"][0], found["case"], found["run"], found["comparison"], footer)

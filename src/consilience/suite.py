@@ -1,0 +1,217 @@
+"""Plan and execute many runs: every case, engine, question, method and level; then compare.
+
+Each engine works through its own list in its own worker; `jobs` of them at a time. A job that fails is one failed
+run, and the list goes on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from consilience.case import Case
+from consilience.compare import (
+    Comparison,
+    Verdict,
+    compare_instant,
+    compare_model,
+    compare_trajectory,
+    reference_spread,
+)
+from consilience.compare.instant import Instants
+from consilience.run import (
+    EngineInfo,
+    InstantAnswer,
+    Method,
+    ModelAnswer,
+    Question,
+    Run,
+    Status,
+    TrajectoryAnswer,
+    defects,
+)
+from consilience.worker import Plan, Request, Worker
+
+REFERENCE = "reference"
+
+Progress = Callable[[str, str], None]
+"""Called with the engine and what it has just finished."""
+
+
+@dataclass
+class Results:
+    """Everything a suite found out."""
+
+    cases: list[Case]
+    questions: list[Question]
+    engines: dict[str, EngineInfo] = field(default_factory=dict)
+    missing: dict[str, str] = field(default_factory=dict)
+    runs: list[Run] = field(default_factory=list)
+    comparisons: list[Comparison] = field(default_factory=list)
+
+
+def run_suite(
+    cases: Sequence[Case],
+    engines: Sequence[str],
+    questions: Sequence[Question] = tuple(Question),
+    jobs: int = 2,
+    limit: float = 120.0,
+    progress: Progress | None = None,
+) -> Results:
+    """Ask every engine every question of every case, and compare with the reference.
+
+    Parameters
+    ----------
+    engines : sequence of str
+        The reference is always asked, whether it is named or not.
+    jobs : int
+        Number of engines that work at a time.
+    limit : float, s
+        Time limit of one job.
+    """
+    names = [REFERENCE, *(name for name in engines if name != REFERENCE)]
+    results = Results(list(cases), list(questions))
+    for case in cases:
+        # assembled here, before any worker starts: a case that cannot be assembled is bad input, not a failed run
+        _ = case.states if Question.INSTANT in questions else case.initial_state
+
+    def work(name: str) -> tuple[str, EngineInfo | str, list[Run]]:
+        with Worker(name, limit) as worker:
+            reply = worker.ask(Request())
+            if not isinstance(reply.value, EngineInfo):
+                return name, reply.reason, []
+            found = []
+            for case in cases:
+                found += list(_runs_of_case(worker, case, questions))
+                if progress is not None:
+                    progress(name, case.name)
+            return name, reply.value, found
+
+    with ThreadPoolExecutor(max_workers=max(1, jobs)) as pool:
+        for name, info, found in pool.map(work, names):
+            if isinstance(info, EngineInfo):
+                results.engines[name] = info
+                results.runs += found
+            else:
+                results.missing[name] = info
+    for case in cases:
+        results.comparisons += _compare_case(case, results)
+    return results
+
+
+def _runs_of_case(worker: Worker, case: Case, questions: Sequence[Question]) -> Iterator[Run]:
+    reply = worker.ask(Request(case.mechanism))
+    plan = reply.value
+    for question in questions:
+        if not isinstance(plan, Plan):
+            yield Run(
+                case.name, worker.engine, question, None, 0, None, Status.FAILED, reason=reply.reason, log=reply.log
+            )
+        elif plan.unsupported[question]:
+            reason = "; ".join(f"{u.feature}: {u.reason}" for u in plan.unsupported[question])
+            yield Run(case.name, worker.engine, question, None, 0, None, Status.UNSUPPORTED, reason=reason)
+        else:
+            for method in plan.methods[question]:
+                for level, step in enumerate(_levels(case, question, method)):
+                    yield _one_run(worker, case, plan, question, method, level, step)
+
+
+def _levels(case: Case, question: Question, method: Method) -> list[float | None]:
+    if question is not Question.TRAJECTORY:
+        return [None]
+    return [case.sample / n for n in method.substeps] or list(method.tolerances)
+
+
+def _one_run(
+    worker: Worker, case: Case, plan: Plan, question: Question, method: Method, level: int, step: float | None
+) -> Run:
+    states = case.states if question is Question.INSTANT else [case.initial_state]
+    count = {Question.MODEL: 1, Question.INSTANT: len(states), Question.TRAJECTORY: len(case.times)}[question]
+    reply = worker.ask(Request(case.mechanism, question, method, states, case.times, step or 0.0))
+    reason = reply.reason
+    if reply.value is not None:
+        reason = "; ".join(defects(reply.value, question, case.mechanism, count))
+    answered = isinstance(reply.value, ModelAnswer | InstantAnswer | TrajectoryAnswer) and not reason
+    return Run(
+        case=case.name,
+        engine=worker.engine,
+        question=question,
+        method=method,
+        level=level,
+        step=step,
+        status=Status.ANSWERED if answered else Status.FAILED,
+        answer=reply.value if answered else None,  # type: ignore[arg-type]
+        reason=reason,
+        manifest=plan.manifest,
+        cpu=reply.cpu,
+        log=reply.log,
+    )
+
+
+def _compare_case(case: Case, results: Results) -> Iterator[Comparison]:
+    runs = [run for run in results.runs if run.case == case.name]
+    references = _references(runs)
+    keys: dict[tuple[str, Question, str], list[Run]] = {}
+    for run in runs:
+        keys.setdefault((run.engine, run.question, run.method.name if run.method else ""), []).append(run)
+    length = float(np.max(np.abs(case.initial_state.p_WB))) or 1.0
+    instants = Instants.of(case.mechanism, case.states) if Question.INSTANT in results.questions else None
+    for (engine, question, method), group in keys.items():
+        undecided = _without_answer(group, references.get(question))
+        if undecided is not None:
+            yield undecided
+            continue
+        if engine == REFERENCE and group[0] is references[question][0] and question is not Question.TRAJECTORY:
+            continue  # the reference is not compared with itself
+        answer, reference = group[-1].answer, references[question][0].answer
+        assert group[0].method is not None
+        if isinstance(answer, ModelAnswer) and isinstance(reference, ModelAnswer):
+            yield compare_model(case.name, engine, group[0].method, answer, reference, length)
+        elif isinstance(answer, InstantAnswer) and isinstance(reference, InstantAnswer):
+            assert instants is not None
+            yield compare_instant(case.name, engine, group[0].method, answer, reference, instants)
+        elif isinstance(reference, TrajectoryAnswer):
+            group = [run for run in group if run is not references[question][0]]  # noqa: PLW2901
+            spread = reference_spread([r.answer for r in references[question] if isinstance(r.answer, TrajectoryAnswer)])
+            yield compare_trajectory(case.mechanism, group, reference, spread, case.digits)
+        else:
+            raise AssertionError(f"{case.name}, {engine}, {question}, {method}: answers of different kinds")
+
+
+def _references(runs: Sequence[Run]) -> dict[Question, list[Run]]:
+    """Answered reference runs per question: the best first, then those that bound its uncertainty."""
+    found: dict[Question, list[Run]] = {}
+    for question in Question:
+        answered = [
+            r for r in runs if r.engine == REFERENCE and r.question is question and r.status is Status.ANSWERED
+        ]
+        if not answered:
+            continue
+        headline = [r for r in answered if r.method == answered[0].method]
+        others = [r for r in answered if r.method != answered[0].method]
+        # the coarsest tolerance is there for work-precision; the uncertainty is that of the finer ones
+        found[question] = [headline[-1], *headline[1:-1], *others]
+    return found
+
+
+def _without_answer(group: Sequence[Run], references: list[Run] | None) -> Comparison | None:
+    """Verdict of a group that cannot be compared, or None."""
+    bad = next((run for run in group if run.status is not Status.ANSWERED), None)
+    if bad is None and references is not None:
+        return None
+    run = bad or group[0]
+    verdict = Verdict.UNSUPPORTED if run.status is Status.UNSUPPORTED else Verdict.FAILED
+    if bad is None:
+        verdict = Verdict.UNRESOLVED
+    return Comparison(
+        case=run.case,
+        engine=run.engine,
+        question=run.question,
+        method=run.method.name if run.method else "",
+        route=run.method.route if run.method else None,
+        verdict=verdict,
+        why=run.reason if bad else "the reference did not answer",
+    )
