@@ -32,8 +32,7 @@ class _End:
         """World position of the point."""
         if self.node is None:
             return self.offset
-        matrix = self.node.getWorldTransform().matrix()
-        return np.asarray(matrix[:3, :3] @ self.offset + matrix[:3, 3])
+        return np.asarray(self.node.getWorldTransform().multiply(self.offset))
 
     def velocity(self) -> Array:
         """World velocity of the point."""
@@ -93,6 +92,4 @@ def appliers(model: Model) -> list[Apply]:
 
 def spring_energy(model: Model) -> float:
     """Potential energy in J of the springs between points at the skeleton's present state."""
-    return sum(
-        0.5 * s.stiffness * (_length(_ends(model, s))[0] - s.free_length) ** 2 for s in model.mechanism.springs
-    )
+    return sum(0.5 * s.stiffness * (_length(_ends(model, s))[0] - s.free_length) ** 2 for s in model.mechanism.springs)

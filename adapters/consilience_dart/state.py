@@ -56,19 +56,20 @@ def from_state(model: Model, state: State) -> Coordinates:
     """Coordinates of the skeleton at a state of the mechanism."""
     q, v = np.zeros(model.skeleton.getNumDofs()), np.zeros(model.skeleton.getNumDofs())
     quats = [np.zeros((0, 4))]
-    for link, i, c in zip(
-        model.tree.links, model.start, coordinates(model.mechanism, model.tree, state), strict=True
-    ):
+    elementary = coordinates(model.mechanism, model.tree, state)
+    for link, i, c in zip(model.tree.links, model.start, elementary, strict=True):
+        place = link.placement
         if link.elementary in ("R", "P"):
             q[i], v[i] = c.q, c.rate
         elif link.elementary == "S":
-            quats.append(np.atleast_2d(c.quat))
-            v[i : i + 3] = c.w
+            quats.append(np.atleast_2d(np.asarray(c.quat)))
+            v[i : i + 3] = np.asarray(c.w)
         elif link.elementary == "F":
-            place, R = link.placement, rotation_from_quaternion(c.quat)
-            quats.append(np.atleast_2d(quaternion_product(quaternion_from_rotation(place.R), c.quat)))
-            q[i + 3 : i + 6] = place.p + place.R @ c.p
-            v[i : i + 6] = np.concatenate([place.R @ R @ c.w, place.R @ c.v])
+            quat = quaternion_product(quaternion_from_rotation(place.R), np.asarray(c.quat))
+            quats.append(np.atleast_2d(quat))
+            q[i + 3 : i + 6] = place.p + place.R @ np.asarray(c.p)
+            v[i : i + 3] = rotation_from_quaternion(quat) @ np.asarray(c.w)
+            v[i + 3 : i + 6] = place.R @ np.asarray(c.v)
     return Coordinates(q, v, np.vstack(quats))
 
 

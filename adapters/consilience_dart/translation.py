@@ -1,8 +1,8 @@
 """Translation of a mechanism into one DART skeleton, by way of the tree of elementary joints.
 
 Each link of the tree is one body node whose frame is the link's frame; the joint frame coincides with it, so
-``T_ChildBodyToJoint`` is the identity everywhere. All links hang under one massless node welded to the world: DART
-treats constraints between two trees of one skeleton as if the trees did not meet.
+``T_ChildBodyToJoint`` is the identity everywhere. Massless links are body nodes of zero mass: exact, for DART never
+inverts the inertia of a node, only its projection on the joint, and a link with mass hangs behind each of them.
 """
 
 from __future__ import annotations
@@ -105,9 +105,7 @@ def _add(skeleton: Any, parent: Any, link: Link) -> tuple[Any, Any]:
 
 def sprung_link(tree: Tree, joint: int, coordinate: str) -> int:
     """Index of the link whose elementary joint has the coordinate of a joint spring."""
-    return next(
-        i for i, link in enumerate(tree.links) if link.joint == joint and link.elementary == SPRUNG[coordinate]
-    )
+    return next(i for i, link in enumerate(tree.links) if link.joint == joint and link.elementary == SPRUNG[coordinate])
 
 
 def sprung(mechanism: Mechanism, tree: Tree) -> dict[int, list[JointSpring]]:
@@ -141,13 +139,10 @@ def build(mechanism: Mechanism) -> Model:
     skeleton = dartpy.dynamics.Skeleton(mechanism.name)
     skeleton.setGravity(mechanism.gravity)
     skeleton.setTimeStep(0.0)
-    _, ground = skeleton.createWeldJointAndBodyNodePair(None)
-    ground.setName("ground")
-    set_inertia(ground, 0.0, np.zeros(3), np.zeros((3, 3)))
     nodes: list[Any] = []
     joints: list[Any] = []
     for link in tree.links:
-        joint, node = _add(skeleton, nodes[link.parent] if link.parent >= 0 else ground, link)
+        joint, node = _add(skeleton, nodes[link.parent] if link.parent >= 0 else None, link)
         joints.append(joint)
         nodes.append(node)
     offset = _add_joint_springs(mechanism, tree, joints)

@@ -26,16 +26,20 @@ from consilience_exudyn.redundancy import independent_axes, left_out
 from consilience_exudyn.terms import Terms
 from consilience_exudyn.trajectory import maximal_answer, tree_answer
 
-_IMPLICIT = ("TrapezoidalIndex2", "GeneralizedAlpha")
+_IMPLICIT = {"TrapezoidalIndex2": (25, 50, 100), "GeneralizedAlpha": (15, 30, 60)}
 _TREE = "ExplicitRungeKutta44 on KinematicTree"
-_IMPLICIT_SUBSTEPS = (25, 50, 100)
 _EXPLICIT_SUBSTEPS = (20, 40, 80)
+_POINTWISE: dict[str, Any] = {
+    **SETTINGS,
+    "timeIntegration.generalizedAlpha.computeInitialAccelerations": False,
+}
 
 
 class ExudynEngine:
     """Exudyn with rigid bodies in redundant coordinates, and kinematic trees where a mechanism is one."""
 
     def __init__(self) -> None:
+        # built models of the last mechanism asked, recognised by identity
         self._terms: tuple[Mechanism, Terms] | None = None
         self._held: tuple[Mechanism, tuple[Axes, ...]] | None = None
 
@@ -43,7 +47,7 @@ class ExudynEngine:
         """Name and version."""
         return EngineInfo(
             name="exudyn",
-            version=str(exu.config.Version()) if callable(getattr(exu.config, "Version", None)) else exu.__version__,
+            version=exu.__version__,
             adapter="consilience_exudyn",
             remarks="redundant coordinates with Euler parameters; dependent constraint equations left out",
         )
@@ -60,18 +64,25 @@ class ExudynEngine:
                 Question.INSTANT: ("ComputeMassMatrix, ComputeODE2RHS, ComputeJacobianAE", Route.HARNESS_SOLVE),
             }[question]
             return (Method(name, route, settings=_POINTWISE),)
-        settings = dict(SETTINGS)
+        plain = {**SETTINGS, "solution.sensors.writePeriod": "the sample interval"}
+        settings = dict(plain)
         dropped = left_out(mechanism, self._independent(mechanism))
         if dropped:
             settings["constraint equations left out"] = dropped
-        methods = [Method(n, Route.NATIVE, 2, _IMPLICIT_SUBSTEPS, settings) for n in _IMPLICIT]
+        methods = [
+            Method(name, Route.NATIVE, order=2, substeps=substeps, settings=settings)
+            for name, substeps in _IMPLICIT.items()
+        ]
         if is_one_axis_tree(mechanism):
-            methods.append(Method(_TREE, Route.NATIVE, 4, _EXPLICIT_SUBSTEPS, dict(SETTINGS)))
+            methods.append(Method(_TREE, Route.NATIVE, order=4, substeps=_EXPLICIT_SUBSTEPS, settings=plain))
         return tuple(methods)
 
     def manifest(self, mechanism: Mechanism) -> Manifest:
-        """What the translation keeps; it approximates nothing."""
-        exact = ["bodies: ObjectRigidBody, inertia moved to the body's origin", "joints: constraints without compliance"]
+        """Say what the translation keeps; it approximates nothing."""
+        exact = [
+            "bodies: ObjectRigidBody, inertia moved to the body's origin",
+            "joints: constraints without compliance",
+        ]
         if mechanism.springs or mechanism.joint_springs or mechanism.loads:
             exact.append("force elements: Exudyn's own connectors and loads")
         dropped = left_out(mechanism, self._independent(mechanism))
@@ -105,9 +116,3 @@ class ExudynEngine:
         if self._held is None or self._held[0] is not mechanism:
             self._held = (mechanism, independent_axes(mechanism))
         return self._held[1]
-
-
-_POINTWISE: dict[str, Any] = {
-    **SETTINGS,
-    "timeIntegration.generalizedAlpha.computeInitialAccelerations": False,
-}

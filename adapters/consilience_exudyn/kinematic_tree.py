@@ -66,9 +66,7 @@ def build_tree(mechanism: Mechanism, state: State) -> KinematicTree:
         carrier = tree.carrier(mechanism.body_index[name])
         B = tree.links[carrier].body_frame
         place = transformation(B.p + B.R @ p, B.R @ R)
-        return system.AddMarker(
-            items.MarkerKinematicTreeRigid(objectNumber=index, linkNumber=carrier, localHT=place)
-        )
+        return system.AddMarker(items.MarkerKinematicTreeRigid(objectNumber=index, linkNumber=carrier, localHT=place))
 
     add_springs_and_loads(system, mechanism, mark)
     carriers = [tree.carrier(b) for b in range(len(mechanism.bodies))]

@@ -8,20 +8,19 @@ from typing import Any
 # read at import: a user's ~/.exudyn/config.json may change solver settings behind the script
 os.environ["EXUDYN_NO_USER_SETTINGS"] = "1"
 
-import exudyn as _exudyn  # noqa: E402
-import exudyn.advancedUtilities as _advanced  # noqa: E402
-import exudyn.itemInterface as _items  # noqa: E402
+import exudyn as _exudyn
+from exudyn import advancedUtilities, itemInterface
 
 exu: Any = _exudyn
-items: Any = _items
-SystemEnergy: Any = _advanced.SystemEnergy
-LoadPotentialEnergy: Any = _advanced.LoadPotentialEnergy
+items: Any = itemInterface
+SystemEnergy: Any = advancedUtilities.SystemEnergy
+LoadPotentialEnergy: Any = advancedUtilities.LoadPotentialEnergy
 
 exu.config.printToConsole = False
 
 
 def plain_settings() -> Any:
-    """Simulation settings that write no file, keep the step fixed and solve Newton's equations to rounding.
+    """Build settings that write no file, keep the step fixed and solve Newton's equations nearly to rounding.
 
     Returns
     -------

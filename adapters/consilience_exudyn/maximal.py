@@ -14,11 +14,13 @@ from consilience_exudyn.forces import add_joint_springs, add_springs_and_loads, 
 from consilience_exudyn.library import exu, items
 
 Axes = tuple[int, ...]
-"""Constrained axes of an ObjectJointGeneric: three translations, then three rotations, in the turned frame F; 1 is held."""
+"""Axes an ObjectJointGeneric holds (1) or leaves free (0): three translations, three rotations, in the turned frame F."""
 
 _UNIT_QUATERNION = np.array([1.0, 0.0, 0.0, 0.0])
 _ONE = np.eye(3)
-_Z_TO_X = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])  # columns z, x, y: the new x is the old z, the new y the old x
+_Z_TO_X = np.array(
+    [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]
+)  # columns z, x, y: the new x is the old z, the new y the old x
 
 
 @dataclass(frozen=True)

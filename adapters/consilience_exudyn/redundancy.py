@@ -1,8 +1,9 @@
 """Which constraint equations to leave out, so that Exudyn's integrators see independent ones.
 
 With dependent rows Exudyn's matrices are singular: initial accelerations become zero with a console warning,
-GeneralizedAlpha stops, and TrapezoidalIndex2 can lock a mechanism and report success. The rows of the tree are always
-independent; of each joint that closes a loop as many axes are held as it adds to the rank.
+the integrators stop, and TrapezoidalIndex2 has been seen to lock an over-constrained mechanism and report success.
+The rows of the tree are always independent; of each joint that closes a loop as many axes are held as it adds to the
+rank.
 """
 
 from __future__ import annotations
@@ -65,7 +66,7 @@ def left_out(mechanism: Mechanism, held: Sequence[Axes]) -> dict[str, str]:
 
 
 def smallest_singular_value(J: Array, count: int) -> float:
-    """The `count`-th singular value of J relative to the largest; one if `count` is zero."""
+    """Return the `count`-th singular value of J relative to the largest; one if `count` is zero."""
     if count == 0:
         return 1.0
     singular = np.linalg.svd(J, compute_uv=False)

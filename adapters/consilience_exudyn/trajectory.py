@@ -26,10 +26,8 @@ def solve(system: Any, solver: Any, times: Array, step: float) -> int:
 
     Raises
     ------
-    exudyn.SolverError
-        Where Newton's iteration fails or a matrix is singular.
     RuntimeError
-        If the run stops without reaching the end.
+        If Newton's iteration fails, a matrix is singular, or the run stops without reaching the end.
     """
     interval = float(times[1] - times[0])
     steps = (len(times) - 1) * round(interval / step)
@@ -38,8 +36,12 @@ def solve(system: Any, solver: Any, times: Array, step: float) -> int:
     settings.timeIntegration.startTime = float(times[0])
     settings.timeIntegration.endTime = float(times[-1])
     settings.timeIntegration.numberOfSteps = steps
-    if not system.SolveDynamic(settings, solverType=solver):
-        raise RuntimeError(f"{solver} stopped before {times[-1]} s with a step of {step} s")
+    try:
+        finished = system.SolveDynamic(settings, solverType=solver)
+    except exu.SolverError as error:  # its text may say no more than that it terminated
+        raise RuntimeError(f"{solver} with {steps} steps to {times[-1]} s: {error}") from error
+    if not finished:
+        raise RuntimeError(f"{solver} with {steps} steps stopped before {times[-1]} s")
     return steps
 
 
@@ -77,12 +79,12 @@ def maximal_answer(model: Maximal, held: Sequence[Axes], solver: Any, times: Arr
         counters={"steps": steps, "largest_quaternion_norm_error": float(np.max(np.abs(norms - 1.0)))},
     )
     if tuple(held) != full_axes(model.mechanism):
-        _refuse_lost_rank(model, held, answer)
+        refuse_lost_rank(model, held, answer)
     return answer
 
 
-def _refuse_lost_rank(model: Maximal, held: Sequence[Axes], answer: TrajectoryAnswer) -> None:
-    """Stop if the equations that were kept became dependent on the way: the motion would no longer be the mechanism's.
+def refuse_lost_rank(model: Maximal, held: Sequence[Axes], answer: TrajectoryAnswer) -> None:
+    """Stop if the kept equations became dependent at a sample: the motion would no longer be the mechanism's.
 
     Raises
     ------

@@ -33,7 +33,7 @@ from consilience.spatial import (
     rotation_vector_from_quaternion,
 )
 
-_MAX_ITERATIONS = 60
+_MAX_ITERATIONS = 30
 _CONVERGED = 1e-13
 _SCALARS = {"distance": "Z", "x": "X", "y": "Y"}
 
@@ -268,7 +268,7 @@ def random_states(mechanism: Mechanism, start: State, count: int, seed: int, spe
     while len(states) < count:
         basis = free_directions(mechanism, state)
         step = basis @ rng.normal(size=basis.shape[1])
-        step *= 0.4 / max(_largest(step), 1e-300)
+        step *= 0.25 / max(_largest(step), 1e-300)
         try:
             state = assemble_positions(mechanism, move(state, step))
         except CannotAssemble:

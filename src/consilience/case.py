@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from consilience.assembly import Initial, initial_state, random_states
+from consilience.errors import InvalidInput
 from consilience.mechanism import Mechanism, State
 from consilience.spatial import Array
 
@@ -56,3 +57,19 @@ class Case:
     def times(self) -> Array:
         """Sample times of the trajectory, shape (n_t,), s."""
         return np.arange(round(self.duration / self.sample) + 1) * self.sample
+
+    def with_span(self, duration: float | None, sample: float | None) -> Case:
+        """The same case over another span.
+
+        Raises
+        ------
+        InvalidInput
+            If the sample does not divide the duration.
+        """
+        span = self.duration if duration is None else duration
+        step = self.sample if sample is None else sample
+        if not (span > 0 and step > 0) or abs(span / step - round(span / step)) > 1e-9 * span / step:
+            raise InvalidInput(
+                "duration and sample", f"{span:g} s and {step:g} s", "Give a positive sample that divides the duration."
+            )
+        return replace(self, duration=span, sample=step)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from consilience.mechanism import GROUND, JOINT_KINDS, Frame, Joint, Mechanism, State
-from consilience.spatial import Array, quaternion_from_rotation, rotation_from_quaternion
+from consilience.spatial import Array, cross, quaternion_from_rotation, rotation_from_quaternion
 
 RANK_TOLERANCE = 1e-8
 """Singular values below this fraction of the largest count as zero: constraint rows off the manifold by a drift d
@@ -50,13 +50,13 @@ class JointFrames:
     @property
     def d_dot(self) -> Array:
         """Velocity of the origin of M relative to that of F, in world axes."""
-        return self.v_j + np.cross(self.w_j, self.s_j) - self.v_i - np.cross(self.w_i, self.s_i)
+        return self.v_j + cross(self.w_j, self.s_j) - self.v_i - cross(self.w_i, self.s_i)
 
     @property
     def centripetal(self) -> Array:
         """Part of the relative acceleration of the origins that is quadratic in the angular velocities."""
         w_i, w_j = self.w_i, self.w_j
-        return np.cross(w_j, np.cross(w_j, self.s_j)) - np.cross(w_i, np.cross(w_i, self.s_i))
+        return cross(w_j, cross(w_j, self.s_j)) - cross(w_i, cross(w_i, self.s_i))
 
 
 def _side(mechanism: Mechanism, state: State, body: str, frame: Frame) -> tuple[Array, Array, Array, Array, Array]:
@@ -87,13 +87,13 @@ def row_value(frames: JointFrames, row: str) -> float:
 def row_jacobian(frames: JointFrames, row: str) -> Array:
     """Coefficients of ``(v_i, w_i, v_j, w_j)`` in the rate of a basic constraint, shape (12,)."""
     if row[0] == "D":
-        cross = np.cross(frames.U[:, int(row[1]) - 1], frames.W[:, int(row[2]) - 1])
-        return np.concatenate([np.zeros(3), cross, np.zeros(3), -cross])
+        normal = cross(frames.U[:, int(row[1]) - 1], frames.W[:, int(row[2]) - 1])
+        return np.concatenate([np.zeros(3), normal, np.zeros(3), -normal])
     if row == "L":
         e = frames.d / np.linalg.norm(frames.d)
-        return np.concatenate([-e, -np.cross(frames.s_i, e), e, np.cross(frames.s_j, e)])
+        return np.concatenate([-e, -cross(frames.s_i, e), e, cross(frames.s_j, e)])
     u = frames.U[:, "XYZ".index(row)]
-    return np.concatenate([-u, -np.cross(frames.s_i + frames.d, u), u, np.cross(frames.s_j, u)])
+    return np.concatenate([-u, -cross(frames.s_i + frames.d, u), u, cross(frames.s_j, u)])
 
 
 def row_gamma(frames: JointFrames, row: str) -> float:
@@ -101,15 +101,15 @@ def row_gamma(frames: JointFrames, row: str) -> float:
     w_i, w_j, d_dot = frames.w_i, frames.w_j, frames.d_dot
     if row[0] == "D":
         u, w = frames.U[:, int(row[1]) - 1], frames.W[:, int(row[2]) - 1]
-        u_dot, w_dot = np.cross(w_i, u), np.cross(w_j, w)
-        return -float(np.cross(w_i, u_dot) @ w + 2 * u_dot @ w_dot + u @ np.cross(w_j, w_dot))
+        u_dot, w_dot = cross(w_i, u), cross(w_j, w)
+        return -float(cross(w_i, u_dot) @ w + 2 * u_dot @ w_dot + u @ cross(w_j, w_dot))
     if row == "L":
         L = np.linalg.norm(frames.d)
         e = frames.d / L
         return -float((d_dot @ d_dot - (e @ d_dot) ** 2) / L + e @ frames.centripetal)
     u = frames.U[:, "XYZ".index(row)]
-    u_dot = np.cross(w_i, u)
-    return -float(np.cross(w_i, u_dot) @ frames.d + 2 * u_dot @ d_dot + u @ frames.centripetal)
+    u_dot = cross(w_i, u)
+    return -float(cross(w_i, u_dot) @ frames.d + 2 * u_dot @ d_dot + u @ frames.centripetal)
 
 
 def row_target(joint: Joint, row: str) -> float:
@@ -193,7 +193,7 @@ def relative_motion(mechanism: Mechanism, state: State, joint: Joint) -> Relativ
     return RelativeMotion(
         p=f.U.T @ f.d,
         R=f.U.T @ f.W,
-        v=f.U.T @ (f.d_dot - np.cross(f.w_i, f.d)),
+        v=f.U.T @ (f.d_dot - cross(f.w_i, f.d)),
         w=f.U.T @ (f.w_j - f.w_i),
     )
 
@@ -262,5 +262,5 @@ def reaction_in_F(
     U, _, p_F, _, _ = _side(mechanism, state, joint.predecessor, joint.F)
     p_M = p_F + joint_frames(mechanism, state, joint).d
     sign = -1.0 if on_predecessor else 1.0
-    torque_at_M = torque_W + np.cross(point_W - p_M, force_W)
+    torque_at_M = torque_W + cross(point_W - p_M, force_W)
     return sign * (U.T @ force_W), sign * (U.T @ torque_at_M)

@@ -21,7 +21,7 @@ from consilience.kinematics import (
     row_jacobian,
 )
 from consilience.mechanism import GROUND, Joint, Mechanism, State
-from consilience.spatial import Array, rotation_from_quaternion, skew
+from consilience.spatial import Array, cross, rotation_from_quaternion, skew
 
 _REACH_TOLERANCE = 1e-6
 """A null vector of unit length that moves a component by less than this does not reach it: far above the rounding of
@@ -142,7 +142,7 @@ def reaction_map(mechanism: Mechanism, state: State, joint: Joint) -> Array:
     for row in joint.rows:
         coefficients = row_jacobian(frames, row)[6:]
         force = coefficients[:3]
-        torque = coefficients[3:] - np.cross(frames.s_j, force)
+        torque = coefficients[3:] - cross(frames.s_j, force)
         columns.append(np.concatenate([frames.U.T @ force, frames.U.T @ torque]))
     return np.array(columns).T.reshape(6, len(joint.rows))
 

@@ -22,6 +22,7 @@ from consilience.compare import (
     reference_spread,
 )
 from consilience.compare.instant import Instants
+from consilience.errors import ConsilienceError
 from consilience.run import (
     EngineInfo,
     InstantAnswer,
@@ -39,6 +40,10 @@ REFERENCE = "reference"
 
 Progress = Callable[[str, str], None]
 """Called with the engine and what it has just finished."""
+
+
+class EngineFailure(ConsilienceError):
+    """An engine that was asked for one answer gave none."""
 
 
 @dataclass
@@ -215,3 +220,34 @@ def _without_answer(group: Sequence[Run], references: list[Run] | None) -> Compa
         verdict=verdict,
         why=run.reason if bad else "the reference did not answer",
     )
+
+
+def simulate_case(case: Case, engine: str, limit: float) -> tuple[TrajectoryAnswer, str]:
+    """Trajectory of a case by an engine's first method at its finest level, and how it was made.
+
+    Raises
+    ------
+    EngineFailure
+        If the engine cannot or did not answer, with its reason.
+    """
+    with Worker(engine, limit) as worker:
+        for run in _finest(worker, case):
+            if isinstance(run.answer, TrajectoryAnswer) and run.method is not None:
+                kind = "step" if run.method.substeps else "tolerance"
+                return run.answer, f"{run.method.name}, {kind} {run.step:g}"
+            raise EngineFailure(f"engine '{engine}', case '{case.name}': {run.status}: {run.reason}")
+    raise EngineFailure(f"engine '{engine}', case '{case.name}': it offers no method for trajectories")
+
+
+def _finest(worker: Worker, case: Case) -> Iterator[Run]:
+    reply = worker.ask(Request(case.mechanism))
+    plan, question = reply.value, Question.TRAJECTORY
+    if not isinstance(plan, Plan):
+        yield Run(case.name, worker.engine, question, None, 0, None, Status.FAILED, reason=reply.reason)
+    elif plan.unsupported[question]:
+        reason = "; ".join(f"{u.feature}: {u.reason}" for u in plan.unsupported[question])
+        yield Run(case.name, worker.engine, question, None, 0, None, Status.UNSUPPORTED, reason=reason)
+    else:
+        for method in plan.methods[question][:1]:
+            steps = _levels(case, question, method)
+            yield _one_run(worker, case, plan, question, method, len(steps) - 1, steps[-1])

@@ -65,7 +65,7 @@ class OneFreedom:
             J, h, Q = self.coefficients(y[0])
             return np.array([y[1], (Q - h * y[1] ** 2) / J])
 
-        return integrate(rhs, start, times)
+        return integrate(rhs, start, times, longest=0.004)
 
     def energy(self, y):
         """Kinetic and potential energy, the potential zero at the world's origin."""

@@ -21,6 +21,11 @@ def _about(axis, angle):
     return c * np.eye(3) + s * tilde + (1 - c) * np.outer(axis, axis)
 
 
+def _cross(a, b):
+    """Vector product along the last axis, without the overhead of np.cross on small arrays."""
+    return a[..., [1, 2, 0]] * b[..., [2, 0, 1]] - a[..., [2, 0, 1]] * b[..., [1, 2, 0]]
+
+
 class Chain:
     """Bodies hung one on another by revolute joints, in order from the ground."""
 
@@ -52,7 +57,7 @@ class Chain:
             pins[:, k], axes[:, k] = R @ self.pins[k] + t, R @ self.axes[k]
             com = R @ self.coms[k] + t
             spin = axes[:, : k + 1]  # a joint turns every body beyond it
-            velocity = np.cross(spin, com[:, None] - pins[:, : k + 1])
+            velocity = _cross(spin, com[:, None] - pins[:, : k + 1])
             local = spin @ R
             M[:, : k + 1, : k + 1] += self.bodies[k].mass * velocity @ np.swapaxes(velocity, 1, 2)
             M[:, : k + 1, : k + 1] += local @ self.inertias[k] @ np.swapaxes(local, 1, 2)

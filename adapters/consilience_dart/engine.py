@@ -1,0 +1,153 @@
+"""`DartEngine`: DART behind the protocol of Consilience."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import dartpy
+import numpy as np
+
+from consilience.mechanism import Mechanism, State
+from consilience.run import (
+    EngineInfo,
+    InstantAnswer,
+    Manifest,
+    Method,
+    ModelAnswer,
+    Question,
+    TrajectoryAnswer,
+    Unsupported,
+)
+from consilience.spatial import Array
+from consilience.tree import lower
+from consilience_dart import methods as ways
+from consilience_dart.dynamics import (
+    body_accelerations,
+    constrained_dynamics,
+    constraint_rank,
+    forward_dynamics,
+    impose,
+    reactions,
+)
+from consilience_dart.integration import rk4_trajectory
+from consilience_dart.loads import appliers, spring_energy
+from consilience_dart.state import from_state, send
+from consilience_dart.stepping import extrapolated_accelerations, native_trajectory, stepper
+from consilience_dart.translation import Model, build
+
+TRAJECTORIES = {
+    ways.EULER: ("steps", native_trajectory),
+    ways.RK4_ARTICULATED: ("evaluations", rk4_trajectory),
+    ways.RK4_CONSTRAINED: ("evaluations", rk4_trajectory),
+}
+
+EXACT = {
+    "cylindrical": "cylindrical: prismatic, then revolute joint, with a massless link between",
+    "universal": "universal: two revolute joints, with a massless link between",
+    "planar": "planar: two prismatic joints and a revolute joint, with massless links between",
+    "rod": "rod: massless link of two revolutes and a ball (chart singular when the rod lies along x of F)",
+    "spherical": "spherical: BallJoint",
+    "free": "free: FreeJoint with identity frames",
+}
+
+
+class DartEngine:
+    """DART: generalised coordinates, articulated bodies, loops closed by constraints at velocity level."""
+
+    def __init__(self) -> None:
+        self._model: Model | None = None
+
+    def info(self) -> EngineInfo:
+        """Name and version."""
+        return EngineInfo("dart", dartpy.__version__, "1")
+
+    def unsupported(self, mechanism: Mechanism, question: Question) -> tuple[Unsupported, ...]:
+        """Joint springs and dampers below zero, which DART would set to zero; everything else has a translation."""
+        if question is Question.MODEL:
+            return ()
+        reason = "DART's joint springs and dampers cannot be negative: it sets them to zero"
+        return tuple(
+            Unsupported(f"joint spring '{spring.name}' with a negative coefficient", reason)
+            for spring in mechanism.joint_springs
+            if min(spring.stiffness, spring.damping) < 0.0
+        )
+
+    def methods(self, mechanism: Mechanism, question: Question) -> tuple[Method, ...]:
+        """Ways to answer the question, the headline first."""
+        return ways.methods(mechanism, lower(mechanism), question)
+
+    def manifest(self, mechanism: Mechanism) -> Manifest:
+        """Say what the translation keeps exact and what it approximates."""
+        tree = lower(mechanism)
+        kinds = {joint.kind for joint in mechanism.joints}
+        exact = ["bodies, revolute, prismatic and rigid joints, gravity"]
+        exact += [text for kind, text in EXACT.items() if kind in kinds]
+        if tree.welds:
+            names = ", ".join(sorted({mechanism.bodies[tree.links[w.original].body].name for w in tree.welds}))
+            exact.append(f"loops: split bodies ({names}) held together by welds")
+        if mechanism.springs or mechanism.loads:
+            exact.append("springs between points and loads: external forces by the adapter, at the start of each step")
+        if mechanism.joint_springs:
+            exact.append("joint springs: DART's own, implicit in its time step (which is zero outside World.step)")
+        approximated = []
+        if tree.welds:
+            approximated.append("World.step: welds hold at velocity level, with DART's least force mixing of 1e-9")
+        if kinds & {"spherical", "free", "rod"}:
+            approximated.append("World.step: rotations by a truncated exponential map, error (w h)^3 / 6 a step")
+        return Manifest(tuple(exact), tuple(approximated))
+
+    def _translated(self, mechanism: Mechanism) -> Model:
+        """Skeleton of the mechanism, built anew only when the mechanism changes."""
+        if self._model is None or self._model.mechanism is not mechanism:
+            self._model = build(mechanism)
+        return self._model
+
+    def model(self, mechanism: Mechanism, state: State, method: Method) -> ModelAnswer:
+        """Mass, centre of mass and inertia from the skeleton's nodes; freedom from its Jacobians."""
+        model = self._translated(mechanism)
+        send(model, from_state(model, state))
+        com = np.asarray(model.skeleton.getCOM())
+        inertia = np.zeros((3, 3))
+        for node in model.nodes:
+            R, c = node.getWorldTransform().rotation(), np.asarray(node.getCOM()) - com
+            inertia += R @ node.getInertia().getMoment() @ R.T + node.getMass() * (c @ c * np.eye(3) - np.outer(c, c))
+        freedom = model.skeleton.getNumDofs() - constraint_rank(model)
+        return ModelAnswer(float(model.skeleton.getMass()), com, inertia, freedom)
+
+    def instant(self, mechanism: Mechanism, states: Sequence[State], method: Method) -> InstantAnswer:
+        """Accelerations, joint reactions and energies at consistent states."""
+        native = method.name == ways.EXTRAPOLATED
+        stepping = stepper(mechanism, states[0]) if native else None
+        model = self._translated(mechanism) if stepping is None else stepping.model
+        forces = appliers(model)
+        accelerations, wrenches, energies = [], [], []
+        for state in states:
+            send(model, from_state(model, state))
+            if stepping is not None:
+                extrapolated_accelerations(stepping, state)
+            elif method.name == ways.ARTICULATED:
+                forward_dynamics(model, forces)
+            else:
+                impose(model, *constrained_dynamics(model, forces))
+            accelerations.append(body_accelerations(model))
+            if stepping is None:
+                wrenches.append(reactions(model, state))
+            energies.append(_energies(model))
+        a, alpha = (np.array(column) for column in zip(*accelerations, strict=True))
+        kinetic, potential = np.array(energies).T
+        force, torque = (np.array(c) for c in zip(*wrenches, strict=True)) if wrenches else (None, None)
+        return InstantAnswer(a, alpha, force, torque, kinetic, potential)
+
+    def trajectory(
+        self, mechanism: Mechanism, state: State, times: Array, method: Method, step: float
+    ) -> TrajectoryAnswer:
+        """Motion from `state`, sampled at `times`."""
+        counter, integrate = TRAJECTORIES[method.name]
+        (p, quat, v, w), work = integrate(mechanism, state, times, round((times[1] - times[0]) / step))
+        return TrajectoryAnswer(np.asarray(times), p, quat, v, w, {counter: work})
+
+
+def _energies(model: Model) -> tuple[float, float]:
+    """Kinetic and potential energy by DART's account; DART knows nothing of the springs between points."""
+    potential = model.skeleton.computePotentialEnergy() + model.spring_offset + spring_energy(model)
+    return model.skeleton.computeKineticEnergy(), potential

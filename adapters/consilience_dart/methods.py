@@ -1,0 +1,72 @@
+"""The ways in which DART answers, and what each sets that is not at DART's default."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from consilience.mechanism import Mechanism
+from consilience.run import Method, Question, Route
+from consilience.tree import Tree
+from consilience_dart.stepping import (
+    CONSTRAINT_FORCE_MIXING,
+    ERROR_REDUCTION,
+    LARGEST_ROTATION,
+    LARGEST_STEP,
+    STEP_SIZES,
+)
+
+MODEL = "inertias of the skeleton"
+ARTICULATED = "computeForwardDynamics"
+MASS_MATRIX = "mass matrix and inverse dynamics"
+CONSTRAINED = "mass matrix, inverse dynamics and weld Jacobians"
+EXTRAPOLATED = "World.step with weld constraints, to zero step"
+EULER = "World.step"
+RK4_ARTICULATED = "computeForwardDynamics with Runge-Kutta 4"
+RK4_CONSTRAINED = "constrained accelerations with Runge-Kutta 4"
+
+EULER_SUBSTEPS = (200, 400, 800)
+EULER_SUBSTEPS_WITH_FORCES = (50, 100, 200)  # forces that the adapter applies each step cost ten times the step
+RK4_SUBSTEPS = (4, 8, 16)
+
+AT_THE_STATE: dict[str, Any] = {"Skeleton.timeStep": 0.0}
+STEPPING: dict[str, Any] = {"DeactivationOptions.enabled": False}
+WELDED: dict[str, Any] = {
+    "WeldJointConstraint.errorReductionParameter": ERROR_REDUCTION,
+    "WeldJointConstraint.constraintForceMixing": CONSTRAINT_FORCE_MIXING,
+}
+
+
+def _instant(loops: bool) -> tuple[Method, ...]:
+    if not loops:
+        return (
+            Method(ARTICULATED, Route.NATIVE, settings=AT_THE_STATE),
+            Method(MASS_MATRIX, Route.HARNESS_SOLVE, settings=AT_THE_STATE),
+        )
+    extrapolation = {
+        "constraintForceMixing": f"{CONSTRAINT_FORCE_MIXING:g} and twice that, extrapolated to 0",
+        "step": f"{LARGEST_STEP:g} s or {LARGEST_ROTATION:g} rad, over {STEP_SIZES}, extrapolated to 0",
+    }
+    return (
+        Method(CONSTRAINED, Route.HARNESS_SOLVE, settings=AT_THE_STATE),
+        Method(EXTRAPOLATED, Route.EXTRAPOLATED, settings=STEPPING | WELDED | extrapolation),
+    )
+
+
+def _trajectory(mechanism: Mechanism, loops: bool) -> tuple[Method, ...]:
+    forced = bool(mechanism.springs or mechanism.loads)
+    substeps = EULER_SUBSTEPS_WITH_FORCES if forced else EULER_SUBSTEPS
+    settings = STEPPING | (WELDED if loops else {})
+    route = Route.TUNED if loops else Route.NATIVE
+    native = Method(EULER, route, 1, substeps, settings=settings)
+    if any(joint.kind == "rod" for joint in mechanism.joints):
+        return (native,)  # near the singular pose of a rod's two angles no affordable step shows order four
+    name = RK4_CONSTRAINED if loops else RK4_ARTICULATED
+    return (native, Method(name, Route.HARNESS_INTEGRATOR, 4, RK4_SUBSTEPS, settings=AT_THE_STATE))
+
+
+def methods(mechanism: Mechanism, tree: Tree, question: Question) -> tuple[Method, ...]:
+    """Methods for a question, the headline first."""
+    loops = bool(tree.welds)
+    if question is Question.MODEL:
+        return (Method(MODEL, Route.NATIVE),)
+    return _instant(loops) if question is Question.INSTANT else _trajectory(mechanism, loops)

@@ -1,0 +1,120 @@
+"""DART's own time stepping: `World.step`, semi-implicit Euler with constraints at velocity level."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import dartpy
+import numpy as np
+
+from consilience.mechanism import Mechanism, State
+from consilience.spatial import Array
+from consilience_dart.dynamics import apply_forces
+from consilience_dart.loads import Apply, appliers
+from consilience_dart.state import Coordinates, from_state, read, send
+from consilience_dart.translation import Model, build
+
+ERROR_REDUCTION = 0.0
+"""DART's default of 0.01 feeds the position error back and leaves accelerations wrong by 1e-3, whatever the step."""
+
+CONSTRAINT_FORCE_MIXING = 1e-9
+"""DART's default, and the least it accepts."""
+
+STEP_SIZES = (1, 2, 4, 8)
+LARGEST_STEP = 1e-4
+LARGEST_ROTATION = 5e-4
+"""Rotation per step in rad: below about 1e-3 DART's exponential map is one truncated series, which is smooth in the
+step, so that extrapolation removes its error; across the threshold it is not."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stepper:
+    """A world with one skeleton in it, ready to step."""
+
+    model: Model
+    world: Any
+    appliers: list[Apply]
+
+    def step(self, count: int) -> None:
+        """Take `count` steps; external forces are those of the beginning of each step."""
+        if not self.appliers:
+            for _ in range(count):
+                self.world.step()
+            return
+        for _ in range(count):
+            apply_forces(self.model, self.appliers)
+            self.world.step()
+
+
+def set_softness(mixing: float) -> None:
+    """Set DART's error reduction and force mixing: one pair of numbers for all constraints of the process."""
+    dartpy.constraint.WeldJointConstraint.setErrorReductionParameter(ERROR_REDUCTION)
+    dartpy.constraint.WeldJointConstraint.setConstraintForceMixing(mixing)
+
+
+def stepper(mechanism: Mechanism, start: State) -> Stepper:
+    """Build a world at a consistent state, whose poses give the welds of split bodies their anchors."""
+    model = build(mechanism)
+    world = dartpy.simulation.World()
+    world.addSkeleton(model.skeleton)
+    world.setGravity(mechanism.gravity)  # after addSkeleton, which overwrites the skeleton's with the world's
+    options = world.getDeactivationOptions()  # a copy
+    options.mEnabled = False
+    world.setDeactivationOptions(options)
+    set_softness(CONSTRAINT_FORCE_MIXING)
+    send(model, from_state(model, start))
+    for weld in model.tree.welds:
+        constraint = dartpy.constraint.WeldJointConstraint(model.nodes[weld.original], model.nodes[weld.copy])
+        world.getConstraintSolver().addConstraint(constraint)
+    return Stepper(model, world, appliers(model))
+
+
+def native_trajectory(mechanism: Mechanism, state: State, times: Array, substeps: int) -> tuple[list[Array], int]:
+    """Positions, quaternions, velocities and angular velocities at `times` by `World.step`, and the steps taken."""
+    stepping = stepper(mechanism, state)
+    stepping.world.setTimeStep((times[1] - times[0]) / substeps)
+    samples = [read(stepping.model)]
+    for _ in times[1:]:
+        stepping.step(substeps)
+        samples.append(read(stepping.model))
+    return [np.array(column) for column in zip(*samples, strict=True)], substeps * (len(times) - 1)
+
+
+def _difference_quotient(stepping: Stepper, c: Coordinates, step: float) -> Array:
+    """``(v2 - v1) / h``: the first step only brings the velocities into line and knows nothing of ``Jdot v``."""
+    stepping.world.setTimeStep(step)
+    send(stepping.model, c)
+    stepping.step(1)
+    before = np.array(stepping.model.skeleton.getVelocities())
+    stepping.step(1)
+    return np.asarray((stepping.model.skeleton.getVelocities() - before) / step)
+
+
+def _to_zero_step(stepping: Stepper, c: Coordinates, step: float) -> Array:
+    """Extrapolate the difference quotient polynomially to step zero (Richardson; Neville's scheme)."""
+    column = [_difference_quotient(stepping, c, step / n) for n in STEP_SIZES]
+    for width in range(1, len(column)):
+        column = [
+            column[k + 1] + (column[k + 1] - column[k]) / (STEP_SIZES[k + width] / STEP_SIZES[k] - 1.0)
+            for k in range(len(column) - 1)
+        ]
+    return column[0]
+
+
+def extrapolated_accelerations(stepping: Stepper, state: State) -> Array:
+    """Generalised accelerations from DART's constraint solver, extrapolated to zero step and zero force mixing.
+
+    The skeleton is left at the state, with these accelerations.
+    """
+    c = from_state(stepping.model, state)
+    fastest = float(np.max(np.abs(state.w_WB_W)))
+    step = min(LARGEST_STEP, LARGEST_ROTATION / max(2.0 * fastest, 1e-300))
+    limits = []
+    for mixing in (CONSTRAINT_FORCE_MIXING, 2.0 * CONSTRAINT_FORCE_MIXING):
+        set_softness(mixing)
+        limits.append(_to_zero_step(stepping, c, step))
+    a = 2.0 * limits[0] - limits[1]  # the error of the mixing is linear in it
+    send(stepping.model, c)
+    stepping.model.skeleton.setAccelerations(a)
+    return a

@@ -1,0 +1,219 @@
+"""The command line: argument parsing only. Exit codes: 0 agree, 1 disagree, 2 bad input, 3 incomplete."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from consilience.errors import ConsilienceError, InvalidInput
+
+app = typer.Typer(
+    help="Ask several multibody engines the same question and judge the answers.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    add_completion=False,
+)
+out, err = Console(), Console(stderr=True)
+
+Cases = Annotated[list[str] | None, typer.Argument(metavar="[CASE]...", help="Names or case files; default: all.")]
+Engines = Annotated[list[str] | None, typer.Option("-e", "--engine", help="Engine; repeat it. Default: all.")]
+Questions = Annotated[list[str] | None, typer.Option("-q", "--question", help="Question; repeat it. Default: all.")]
+Jobs = Annotated[int, typer.Option("-j", "--jobs", min=1, help="Engines that work at a time.")]
+Limit = Annotated[float, typer.Option(min=0.1, help="Time limit of one job in s.")]
+
+
+def _questions(names: list[str] | None) -> list[object]:
+    from consilience.run import Question
+
+    known = [str(q) for q in Question]
+    for name in names or []:
+        if name not in known:
+            raise InvalidInput(f"question '{name}'", "it is not one we know", f"Questions: {', '.join(known)}.")
+    return [q for q in Question if not names or str(q) in names]
+
+
+def _engines(names: list[str] | None) -> list[str]:
+    from consilience.engine import installed
+
+    known = list(installed())
+    for name in names or []:
+        if name not in known:
+            raise InvalidInput(f"engine '{name}'", "it is not installed", f"Installed engines: {', '.join(known)}.")
+    return list(dict.fromkeys(names or known))
+
+
+def _folder(path: Path) -> Path:
+    if path.exists() and not path.is_dir():
+        raise InvalidInput(str(path), "it is a file", "Give a folder for the report.")
+    return path
+
+
+@app.command()
+def run(
+    cases: Cases = None,
+    engine: Engines = None,
+    question: Questions = None,
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the report.")] = Path("consilience-report"),
+    jobs: Jobs = os.cpu_count() or 2,
+    limit: Limit = 120.0,
+) -> None:
+    """Ask the questions, compare, and write report.jsonl, report.html and report.md."""
+    from consilience.library import load_cases, shipped_cases
+    from consilience.report.pages import write_pages
+    from consilience.report.record import exit_code, write_record
+    from consilience.suite import run_suite
+
+    folder = _folder(output)
+    chosen = [c for name in cases for c in load_cases(name)] if cases else shipped_cases()
+    engines, questions = _engines(engine), _questions(question)
+    start = time.perf_counter()
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=err) as bar:
+        task = bar.add_task("starting engines", total=len(chosen) * len({"reference", *engines}))
+        results = run_suite(
+            chosen,
+            engines,
+            questions,  # type: ignore[arg-type]
+            jobs=jobs,
+            limit=limit,
+            progress=lambda name, case: bar.update(task, advance=1, description=f"{name}: {case}"),
+        )
+    write_record(results, time.perf_counter() - start, folder)
+    write_pages(folder)
+    _print_matrix(folder)
+    raise typer.Exit(exit_code(results))
+
+
+def _print_matrix(folder: Path) -> None:
+    from consilience.report.record import read_record
+    from consilience.report.summary import matrix
+
+    record = read_record(folder)
+    table = Table(title="worst verdict over questions and methods")
+    table.add_column("case")
+    engines, rows = matrix(record)
+    for name in engines:
+        table.add_column(name)
+    for case, cells in rows:
+        table.add_row(escape(case), *(escape(cell) for cell in cells))
+    out.print(table)
+    for name, reason in record.header["missing"].items():
+        err.print(f"{name}: not available: {escape(reason)}")
+    out.print(f"report: {folder / 'report.html'}", soft_wrap=True, highlight=False)
+
+
+@app.command("list")
+def list_cases() -> None:
+    """List the shipped cases and the installed engines."""
+    from consilience.engine import installed
+    from consilience.library import shipped_cases
+
+    table = Table(title="cases")
+    for column in ("name", "bodies", "joints", "title"):
+        table.add_column(column)
+    for case in shipped_cases():
+        kinds = ", ".join(j.kind for j in case.mechanism.joints)
+        table.add_row(case.name, str(len(case.mechanism.bodies)), kinds, escape(case.title))
+    out.print(table)
+    out.print("engines: " + ", ".join(installed()))
+
+
+@app.command()
+def show(case: Annotated[str, typer.Argument(help="Name or case file.")]) -> None:
+    """Show a case: source, bodies, joints, initial state, and what each part means."""
+    from consilience.library import load_cases
+    from consilience.report.summary import describe_case
+
+    for chosen in load_cases(case):
+        out.print(describe_case(chosen), soft_wrap=True, highlight=False, markup=False)
+
+
+@app.command()
+def doctor(engine: Engines = None, limit: Limit = 120.0) -> None:
+    """Import every engine in a worker and let it answer two questions about one case."""
+    from consilience.compare import Verdict
+    from consilience.library import load_case
+    from consilience.report.record import exit_code
+    from consilience.run import Question
+    from consilience.suite import run_suite
+
+    names = _engines(engine)
+    results = run_suite([load_case("double_pendulum")], names, [Question.MODEL, Question.INSTANT], limit=limit)
+    table = Table(title="engines")
+    for column in ("engine", "version", "self-test (double_pendulum)"):
+        table.add_column(column)
+    for name in names:
+        if name in results.missing:
+            table.add_row(name, "-", f"does not start: {escape(results.missing[name])}")
+            continue
+        bad = [c for c in results.comparisons if c.engine == name and c.verdict is not Verdict.AGREES]
+        text = "; ".join(f"{c.question}, {c.method}: {c.verdict}: {c.why}" for c in bad) or "agrees with the reference"
+        table.add_row(name, results.engines[name].version, escape(text))
+    out.print(table)
+    raise typer.Exit(exit_code(results))
+
+
+@app.command()
+def simulate(
+    case: Annotated[str, typer.Argument(help="Name or case file.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="File: .json, .npz or .csv.")],
+    engine: Annotated[str, typer.Option("-e", "--engine")] = "reference",
+    duration: Annotated[float | None, typer.Option(help="s; default: the case's.")] = None,
+    sample: Annotated[float | None, typer.Option(help="s; default: the case's.")] = None,
+    limit: Limit = 600.0,
+) -> None:
+    """Simulate one case on one engine, by its first method at its finest level, and write the observables."""
+    from consilience.export import check_target, export_trajectory
+    from consilience.library import load_case
+    from consilience.suite import simulate_case
+
+    check_target(output)
+    chosen = load_case(case).with_span(duration, sample)
+    (name,) = _engines([engine])
+    answer, how = simulate_case(chosen, name, limit)
+    export_trajectory(chosen.mechanism, answer, output)
+    out.print(f"{chosen.name} on {name} ({how}): {len(answer.time)} samples in {output}", soft_wrap=True)
+
+
+@app.command()
+def report(folder: Annotated[Path, typer.Argument(help="Folder of a report.")]) -> None:
+    """Render the pages of a report again from its report.jsonl."""
+    from consilience.report.pages import write_pages
+    from consilience.report.record import read_record
+
+    record = read_record(folder)
+    write_pages(folder)
+    _print_matrix(folder)
+    raise typer.Exit(record.footer["exit_code"])
+
+
+@app.command()
+def schema(kind: Annotated[str, typer.Argument(help="What to describe: case.")]) -> None:
+    """Print the JSON Schema of a case file."""
+    from consilience.casefile import case_schema
+
+    if kind != "case":
+        raise InvalidInput(f"schema '{kind}'", "there is none", "Schemas: case.")
+    sys.stdout.write(json.dumps(case_schema(), indent=2) + "\n")
+
+
+def main() -> None:
+    """Entry point: bad input is one clear message and exit code 2, never a traceback."""
+    # one thread per engine: the comparison is about answers, and timings must not depend on idle cores
+    for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(variable, "1")
+    try:
+        app()
+    except ConsilienceError as error:
+        err.print(f"consilience: {escape(str(error))}", style="red", soft_wrap=True, highlight=False)
+        sys.exit(2)

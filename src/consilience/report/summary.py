@@ -1,0 +1,77 @@
+"""Short texts for the terminal: the matrix of verdicts and the description of a case."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from consilience.case import Case
+from consilience.compare import Verdict
+from consilience.kinematics import constraint_residual, free_directions, joint_coordinates, relative_motion
+from consilience.mechanism import Joint, Mechanism, State
+from consilience.report.record import Record
+
+_RANK = {str(v): n for n, v in enumerate(Verdict)}
+
+
+def matrix(record: Record) -> tuple[list[str], list[tuple[str, list[str]]]]:
+    """Engines, and for each case the worst verdict of each engine with its digits."""
+    engines = [name for name in record.header["engines"] if name != "reference"]
+    rows = []
+    for case in record.cases:
+        cells = []
+        for engine in engines:
+            found = [c for c in record.comparisons if c["case"] == case["name"] and c["engine"] == engine]
+            cells.append(_cell([(c["verdict"], c["digits"]) for c in found]))
+        rows.append((case["name"], cells))
+    return engines, rows
+
+
+def _cell(found: list[tuple[str, float | None]]) -> str:
+    if not found:
+        return "not asked"
+    worst = max((verdict for verdict, _ in found), key=lambda v: _RANK[v])
+    digits = [d for verdict, d in found if verdict == worst and d is not None]
+    return f"{worst} ({min(digits):.0f} digits)" if digits else worst
+
+
+def describe_case(case: Case) -> str:
+    """Everything a reader of a case wants to know, as plain text."""
+    mechanism, state = case.mechanism, case.initial_state
+    q, freedom = mechanism.constraint_count(), free_directions(mechanism, state).shape[1]
+    redundant = q - (6 * len(mechanism.bodies) - freedom)
+    lines = [
+        f"{case.name}: {case.title}",
+        "",
+        *(f"source: {source}" for source in case.sources),
+        "",
+        *case.remarks.splitlines(),
+        "",
+        f"gravity {_vector(mechanism.gravity)} m/s^2",
+        f"{freedom} degrees of freedom, {q} constraint rows, {redundant} of them dependent",
+        "",
+        *(
+            f"body {b.name}: {b.mass:g} kg, centre of mass {_vector(b.com)} m, "
+            f"principal moments {_vector(np.linalg.eigvalsh(b.inertia))} kg m^2"
+            for b in mechanism.bodies
+        ),
+        *(_joint(mechanism, state, joint) for joint in mechanism.joints),
+        *(f"spring {s.name}: {s.predecessor} - {s.successor}, {s.stiffness:g} N/m" for s in mechanism.springs),
+        *(f"joint spring {s.name}: about {s.joint}, {s.stiffness:g}" for s in mechanism.joint_springs),
+        *(f"{load.kind} {load.name}: {_vector(load.vector)}, fixed in the {load.frame}" for load in mechanism.loads),
+        "",
+        f"initial state: joints satisfied to {np.max(np.abs(constraint_residual(mechanism, state)), initial=0.0):.1g}",
+        f"trajectory: {case.duration:g} s, sampled every {case.sample:g} s, {case.digits} digits asked",
+        f"instants: the initial state and {case.instants - 1} random consistent ones",
+        "",
+    ]
+    return "\n".join(lines)
+
+
+def _vector(v: np.typing.ArrayLike) -> str:
+    return "(" + ", ".join(f"{x:.6g}" for x in np.asarray(v)) + ")"
+
+
+def _joint(mechanism: Mechanism, state: State, joint: Joint) -> str:
+    values = joint_coordinates(joint.kind, relative_motion(mechanism, state, joint))
+    at = ", ".join(f"{name} {np.array2string(np.asarray(v), precision=6)}" for name, v in values.items())
+    return f"joint {joint.name}: {joint.kind}, {joint.predecessor} -> {joint.successor}" + (f"; {at}" if at else "")

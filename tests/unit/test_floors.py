@@ -1,0 +1,71 @@
+"""The floors of the house: a module imports only from floors below its own, and engines stay out of `src`."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+SOURCE = ROOT / "src" / "consilience"
+
+FLOORS = {
+    **dict.fromkeys(("errors", "spatial"), 0),
+    "mechanism": 1,
+    "kinematics": 2,
+    **dict.fromkeys(("assembly", "observe", "tree", "run"), 3),
+    **dict.fromkeys(("engine", "case", "harness", "export"), 4),
+    **dict.fromkeys(("casefile", "reference", "worker"), 5),
+    **dict.fromkeys(("library", "compare"), 6),
+    "suite": 7,
+    "report": 8,
+    "cli": 9,
+    "__init__": 10,
+}
+"""Files and packages of `src/consilience`; the names the top package offers are imported lazily, from anywhere."""
+
+OUTSIDERS = ("exudyn", "pinocchio", "mujoco", "dartpy", "consilience_")
+
+MODULES = {path.relative_to(SOURCE): path for path in sorted(SOURCE.rglob("*.py"))}
+
+
+def home(relative):
+    return relative.parts[0].removesuffix(".py")
+
+
+def imported(path):
+    """Every module a file imports, at any depth of its syntax tree."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path.name}, line {node.lineno}: a relative import"
+            yield from (
+                [node.module] if node.module != "consilience" else [f"consilience.{a.name}" for a in node.names]
+            )
+
+
+@pytest.mark.parametrize("relative", MODULES, ids=str)
+def test_a_module_imports_only_from_lower_floors(relative):
+    own = home(relative)
+    assert own in FLOORS, "give the new module a floor"
+    ours = {name.split(".")[1] for name in imported(MODULES[relative]) if name.startswith("consilience.")} - {own}
+    too_high = {name for name in ours if FLOORS[name] >= FLOORS[own]}
+    assert not too_high
+    if own in ("compare", "report"):
+        assert "reference" not in ours
+
+
+@pytest.mark.parametrize("relative", MODULES, ids=str)
+def test_the_core_imports_no_engine_and_no_adapter(relative):
+    assert not [name for name in imported(MODULES[relative]) if name.startswith(OUTSIDERS)]
+
+
+def test_every_floor_of_the_table_is_built():
+    assert {home(relative) for relative in MODULES} == set(FLOORS)
+
+
+@pytest.mark.parametrize(
+    "path", sorted([*SOURCE.rglob("*.py"), *(ROOT / "adapters").rglob("*.py")]), ids=lambda p: str(p.relative_to(ROOT))
+)
+def test_no_file_is_so_long_that_nobody_reads_it(path):
+    assert len(path.read_text(encoding="utf-8").splitlines()) <= 400
