@@ -82,7 +82,9 @@ def solve(mechanism: Mechanism, state: State) -> tuple[np.ndarray, np.ndarray, n
         frames = joint_frames(mechanism, state, joint)
         rows = lam[start : start + len(joint.rows)]
         start += len(joint.rows)
-        on_successor = sum((m * row_jacobian(frames, r)[6:] for m, r in zip(rows, joint.rows, strict=True)), np.zeros(6))
+        on_successor = sum(
+            (m * row_jacobian(frames, r)[6:] for m, r in zip(rows, joint.rows, strict=True)), np.zeros(6)
+        )
         force, torque = on_successor[:3], on_successor[3:] - np.cross(frames.s_j, on_successor[:3])
         forces.append(frames.U.T @ force)
         torques.append(frames.U.T @ torque)

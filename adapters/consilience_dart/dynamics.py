@@ -64,7 +64,6 @@ def constrained_dynamics(model: Model, appliers: list[Apply]) -> tuple[Array, Ar
     skeleton.setAccelerations(np.zeros(skeleton.getNumDofs()))
     skeleton.computeInverseDynamics(True, True, True)  # with external, damping and spring forces
     f = -np.asarray(skeleton.getForces())
-    skeleton.resetGeneralizedForces()  # else inverse dynamics leaves them behind as actuation
     J, bias = _weld_terms(model)
     return solve_constrained(np.asarray(skeleton.getMassMatrix()), f, J, -bias)
 
@@ -78,7 +77,6 @@ def impose(model: Model, a: Array, multipliers: Array) -> None:
             model.nodes[i].addExtTorque(sign * torque, False)
     model.skeleton.setAccelerations(a)
     model.skeleton.computeInverseDynamics(True, True, True)
-    model.skeleton.resetGeneralizedForces()
 
 
 def body_accelerations(model: Model) -> tuple[Array, Array]:

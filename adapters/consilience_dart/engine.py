@@ -91,7 +91,9 @@ class DartEngine:
             exact.append("joint springs: DART's own, implicit in its time step (which is zero outside World.step)")
         approximated = []
         if tree.welds:
-            approximated.append("World.step: welds hold at velocity level, with DART's least force mixing of 1e-9")
+            approximated.append(
+                "World.step: welds hold at velocity level with force mixing 1e-9 (DART's default and least)"
+            )
         if kinds & {"spherical", "free", "rod"}:
             approximated.append("World.step: rotations by a truncated exponential map, error (w h)^3 / 6 a step")
         return Manifest(tuple(exact), tuple(approximated))

@@ -87,6 +87,8 @@ def rotation_vector(quat: Array) -> Array:
 
 def send(model: Model, c: Coordinates) -> None:
     """Set the skeleton's positions and velocities."""
+    if not (np.all(np.isfinite(c.q)) and np.all(np.isfinite(c.v)) and np.all(np.isfinite(c.quats))):
+        raise FloatingPointError("the state is not finite; DART would go on with an identity transform in its place")
     q = c.q.copy()
     for (i, _), quat in zip(rotations(model), c.quats, strict=True):
         q[i : i + 3] = rotation_vector(quat)
@@ -96,6 +98,8 @@ def send(model: Model, c: Coordinates) -> None:
 
 def read(model: Model) -> tuple[Array, Array, Array, Array]:
     """``p_WB, quat_WB, v_WB_W, w_WB_W`` of all bodies at the skeleton's state, one row per body."""
+    if not np.all(np.isfinite(model.skeleton.getPositions())):
+        raise FloatingPointError("DART's positions are not finite; its transforms show an identity in their place")
     p, quat, v, w = [], [], [], []
     for carrier in model.carriers:
         node, frame = model.nodes[carrier], model.tree.links[carrier].body_frame

@@ -26,7 +26,7 @@ from consilience_exudyn.redundancy import independent_axes, left_out
 from consilience_exudyn.terms import Terms
 from consilience_exudyn.trajectory import maximal_answer, tree_answer
 
-_IMPLICIT = {"TrapezoidalIndex2": (25, 50, 100), "GeneralizedAlpha": (15, 30, 60)}
+_IMPLICIT = {"TrapezoidalIndex2": (25, 50, 100), "GeneralizedAlpha": (20, 40, 80)}
 _TREE = "ExplicitRungeKutta44 on KinematicTree"
 _EXPLICIT_SUBSTEPS = (20, 40, 80)
 _POINTWISE: dict[str, Any] = {

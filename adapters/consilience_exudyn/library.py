@@ -30,7 +30,6 @@ def plain_settings() -> Any:
     settings = exu.SimulationSettings()
     settings.solution.file.write = False
     integration = settings.timeIntegration
-    integration.verboseMode = 0
     integration.adaptiveStep = False
     integration.newton.relativeTolerance = NEWTON_TOLERANCE
     integration.newton.absoluteTolerance = NEWTON_TOLERANCE
@@ -40,7 +39,6 @@ def plain_settings() -> Any:
 NEWTON_TOLERANCE = 1e-12
 SETTINGS: dict[str, Any] = {
     "solution.file.write": False,
-    "timeIntegration.verboseMode": 0,
     "timeIntegration.adaptiveStep": False,
     "timeIntegration.newton.relativeTolerance": NEWTON_TOLERANCE,
     "timeIntegration.newton.absoluteTolerance": NEWTON_TOLERANCE,

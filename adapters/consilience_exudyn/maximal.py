@@ -14,7 +14,7 @@ from consilience_exudyn.forces import add_joint_springs, add_springs_and_loads, 
 from consilience_exudyn.library import exu, items
 
 Axes = tuple[int, ...]
-"""Axes an ObjectJointGeneric holds (1) or leaves free (0): three translations, three rotations, in the turned frame F."""
+"""Axes an ObjectJointGeneric holds (1) or leaves free (0): three translations, three rotations, in turned frame F."""
 
 _UNIT_QUATERNION = np.array([1.0, 0.0, 0.0, 0.0])
 _ONE = np.eye(3)

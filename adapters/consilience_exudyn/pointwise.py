@@ -62,7 +62,8 @@ def instant_answer(terms: Terms, states: Sequence[State]) -> InstantAnswer:
         accelerations.append(a.reshape(-1, 6))
         reactions.append([_reaction(terms.model, state, k) for k in range(len(terms.model.joints))])
         energies.append(_energies(terms.model, energy))
-    a, wrenches = np.array(accelerations), np.array(reactions).reshape(len(states), -1, 2, 3)
+    a = np.array(accelerations)
+    wrenches: Array = np.array(reactions).reshape(len(states), -1, 2, 3)
     kinetic, potential = np.array(energies).T
     return InstantAnswer(
         a_WB_W=a[:, :, :3],

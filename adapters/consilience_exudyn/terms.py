@@ -1,8 +1,9 @@
 """Mass matrix, forces and constraint equations of an assembled Exudyn system, read from its own solver.
 
 Exudyn's equations are ``M q'' + Cq^T lam = f`` and ``Cq q'' = -c`` in seven coordinates per body. They are brought
-to ``a = (a_WB_W, alpha_WB_W)`` of each body by ``q' = T v`` and ``q'' = T a + S``, where S is what the Euler parameters
-turn without acceleration, ``-1/4 |w|^2 e``; the columns of T span what the unit norms of the parameters allow.
+to ``a = (a_WB_W, alpha_WB_W)`` of each body by ``q' = T v`` and ``q'' = T a + S``; the columns of T span what the unit
+norms of the Euler parameters e allow. S is ``-1/4 |w|^2 e`` and no term sees it: Exudyn writes ``w = 2 G e'``, and
+``G e = 0``.
 """
 
 from __future__ import annotations
@@ -49,12 +50,6 @@ def velocity_map(state: State) -> Array:
     return np.asarray(block_diag(*blocks))
 
 
-def coasting(state: State) -> Array:
-    """S of ``q'' = T a + S``, shape (7 n_b,)."""
-    turning = -0.25 * np.sum(state.w_WB_W**2, axis=1)[:, None] * state.quat_WB
-    return np.hstack([np.zeros_like(state.p_WB), turning]).ravel()
-
-
 class Terms:
     """Exudyn's solver, initialised on one system, as a source of the terms of its equations.
 
@@ -86,10 +81,9 @@ class Terms:
         return lengths
 
     def place(self, q: Array, v: Array) -> None:
-        """Put the current configuration at coordinates `q` and rates `v`, angles counted from zero turns."""
+        """Put the current configuration at coordinates `q` and rates `v`."""
         self._data.SetODE2Coordinates(q, configuration=exu.ConfigurationType.Current)
         self._data.SetODE2Coordinates_t(v, configuration=exu.ConfigurationType.Current)
-        self._data.SetDataCoordinates(np.zeros(self._solver.GetDataSize()), exu.ConfigurationType.Current)
 
     def mass_matrix(self, state: State) -> Array:
         """Mass matrix in ``(v_WB_W, w_WB_W)`` of each body, shape (6 n_b, 6 n_b)."""
@@ -107,11 +101,11 @@ class Terms:
         q, v = coordinates(state), velocities(state)
         c = self._convective(q, v)
         self.place(q, v)
-        T, S = velocity_map(state), coasting(state)
+        T = velocity_map(state)
         M, Cq = self._coordinate_mass(), self._coordinate_jacobian()
         self._solver.ComputeODE2RHS(self.model.system)
         f = self._residual()[: self._size]
-        return Equations(M=T.T @ M @ T, f=T.T @ (f - M @ S), J=Cq @ T, gamma=-c - Cq @ S)
+        return Equations(M=T.T @ M @ T, f=T.T @ f, J=Cq @ T, gamma=-c)
 
     def set_multipliers(self, mu: Array) -> None:
         """Give the current configuration the multipliers that belong to `Equations`."""
@@ -144,7 +138,7 @@ class Terms:
         """``c = d/ds C'(q + s v, v)`` of the joint rows by one central stencil with a big step, without truncation.
 
         C is a polynomial in the Euler parameters, C' along a straight line one of degree at most four. The rod's
-        ``|d| - L`` is not, but ``|d| C'`` is: ``c = (d/ds (|d| C') - C'^2) / |d|``.
+        ``|d| - L`` is not, but ``|d| C'`` is, and where ``C' = 0`` its derivative is ``|d| c``.
         """
         step = 0.25 / max(1.0, float(np.max(np.abs(v), initial=0.0)))
         rod = self._lengths > 0.0
@@ -153,8 +147,4 @@ class Terms:
             self.place(q + point * step * v, v)
             distance = np.where(rod, self._lengths + self._algebraic(False), 1.0)
             total += weight * distance * self._algebraic(True)
-        total /= 12.0 * step
-        self.place(q, v)
-        distance = np.where(rod, self._lengths + self._algebraic(False), 1.0)
-        own = np.where(rod, self._algebraic(True) ** 2, 0.0)
-        return np.asarray(((total - own) / distance)[self.rows])
+        return np.asarray((total / (12.0 * step) / np.where(rod, self._lengths, 1.0))[self.rows])

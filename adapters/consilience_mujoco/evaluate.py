@@ -10,12 +10,20 @@ from consilience.kinematics import RANK_TOLERANCE, reaction_in_F
 from consilience.mechanism import GROUND, State
 from consilience.run import ModelAnswer
 from consilience.spatial import Array
+from consilience_mujoco.messages import EngineWarningError
 from consilience_mujoco.translate import Translation, load_name, load_wrench
+
+_SOLVED = 1e-6
+"""Sound solutions stay below 1e-9, failed ones are of order one; between them reactions lose digits, not motion."""
 
 
 def constraint_jacobian(translation: Translation) -> Array:
-    """Jacobian of the welds in MuJoCo's velocities, shape (rows, nv)."""
-    return np.array(translation.data.efc_J).reshape(-1, translation.model.nv)
+    """Jacobian of the welds in MuJoCo's velocities, shape (rows, nv).
+
+    MuJoCo leaves out welds between bodies that cannot move, and the buffer is longer than what is left.
+    """
+    rows, nv = translation.data.nefc, translation.model.nv
+    return np.array(translation.data.efc_J[: rows * nv]).reshape(rows, nv)
 
 
 def solve_by_harness(translation: Translation) -> None:
@@ -28,6 +36,25 @@ def solve_by_harness(translation: Translation) -> None:
     acceleration, force = solve_constrained(M, np.array(data.qfrc_smooth), J, np.array(data.efc_aref))
     data.qacc[:] = acceleration
     data.efc_force[:] = force
+
+
+def check_solved(translation: Translation) -> None:
+    """Refuse accelerations and constraint forces that do not satisfy ``M a = f + J^T lam``.
+
+    A solver of MuJoCo that runs out of iterations, or out of digits, says nothing.
+
+    Raises
+    ------
+    EngineWarningError
+    """
+    model, data = translation.model, translation.data
+    inertial = np.zeros(model.nv)
+    mujoco.mj_mulM(model, data, inertial, data.qacc)
+    constraint = constraint_jacobian(translation).T @ data.efc_force
+    scale = max(np.max(np.abs(f), initial=0.0) for f in (inertial, constraint, data.qfrc_smooth))
+    residual = np.max(np.abs(inertial - data.qfrc_smooth - constraint), initial=0.0)
+    if residual > _SOLVED * scale:
+        raise EngineWarningError(f"the constraint solver stopped at a relative residual of {residual / scale:.1e}")
 
 
 def evaluate_bodies(translation: Translation) -> None:

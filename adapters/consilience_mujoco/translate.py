@@ -15,18 +15,17 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from consilience.mechanism import GROUND, Frame, Joint, JointSpring, Load, Mechanism, Spring
+from consilience.mechanism import GROUND, Frame, JointSpring, Load, Mechanism, Spring
 from consilience.spatial import Array, quaternion_from_rotation
 from consilience.tree import Link, Tree, lower
 from consilience_mujoco.messages import warnings_raise
 
-INVWEIGHT_SCALE = 1e-10
+INVWEIGHT_SCALE = 2e-11
 """Factor on `body_invweight0`: with impedance 0.9999 the regularisation of a weld is 1e-4 times this, relative."""
 
 WELD_SETTINGS: dict[str, Any] = {
     "opt.solver": "CG",
     "opt.tolerance": 0.0,
-    "opt.iterations": 40,
     "eq_solref": [-0.0, -0.0],
     "eq_solimp": [0.9999, 0.9999, 0.001, 0.5, 2.0],
     "body_invweight0": f"times {INVWEIGHT_SCALE:g}",
@@ -108,7 +107,7 @@ def principal_inertia(inertia: Array) -> tuple[Array, Array]:
 
 
 def _chains(tree: Tree) -> list[list[int]]:
-    """Indices of the links of each joint, in the order of the tree."""
+    """Group the indices of the links by the joint they belong to, in the order of the tree."""
     chains: list[list[int]] = [[]]
     for i, link in enumerate(tree.links):
         chains[-1].append(i)
@@ -160,8 +159,7 @@ def _add_joint(body: Any, name: str, link: Link, frame: Frame, mechanism: Mechan
     if springs:
         stiffness, damping, rest = _one_spring(springs)
         joint.stiffness[0], joint.damping[0] = stiffness, damping
-        # a joint passed backwards has the opposite angle, and the same distance
-        joint.springref = -rest if link.reversed and link.elementary == "R" else rest
+        joint.springref = -rest if link.reversed else rest  # passed backwards, a joint has the opposite coordinate
 
 
 def springs_on(mechanism: Mechanism, link: Link) -> list[JointSpring]:
@@ -175,6 +173,11 @@ def _one_spring(springs: list[JointSpring]) -> tuple[float, float, float]:
     stiffness = sum(s.stiffness for s in springs)
     rest = sum(s.stiffness * s.rest for s in springs) / stiffness if stiffness else 0.0
     return stiffness, sum(s.damping for s in springs), rest
+
+
+def springs_cancel(springs: list[JointSpring]) -> bool:
+    """Whether stiffnesses of opposite sign cancel, so that no one spring has the same effort."""
+    return abs(sum(s.stiffness for s in springs)) < 1e-9 * sum(abs(s.stiffness) for s in springs)
 
 
 def _energy_offset(mechanism: Mechanism, tree: Tree) -> float:
@@ -222,7 +225,7 @@ def load_wrench(load: Load) -> Array:
 
 
 def _add_load(spec: Any, mechanism: Mechanism, tree: Tree, load: Load) -> None:
-    """A load is an actuator of constant force at a site: `gear` is the wrench in the axes of the reference site."""
+    """Add an actuator of constant force at a site: its `gear` is the wrench, in the axes of the reference site."""
     _add_point(spec, mechanism, tree, load.body, load.point, load_name(load))
     actuator = spec.add_actuator(
         name=load_name(load),
@@ -256,7 +259,6 @@ def _set_options(spec: Any, gravity: Array, welded: bool) -> None:
     if welded:
         spec.option.solver = mujoco.mjtSolver.mjSOL_CG
         spec.option.tolerance = WELD_SETTINGS["opt.tolerance"]
-        spec.option.iterations = WELD_SETTINGS["opt.iterations"]
 
 
 def translate(mechanism: Mechanism) -> Translation:

@@ -54,6 +54,7 @@ def articulated_body(translation: Translation, forces: Forces) -> Accelerations:
     external = pin.StdVec_Force()
     for _ in range(model.njoints):
         external.append(pin.Force.Zero())
+    views = [(link, external[joint].vector) for link, joint in forces.loaded]
 
     def without_wrenches(q: Array, v: Array) -> Array:
         tau = forces.efforts(q, v) if forces.sprung else zero
@@ -62,11 +63,11 @@ def articulated_body(translation: Translation, forces: Forces) -> Accelerations:
     def with_wrenches(q: Array, v: Array) -> Array:
         tau = forces.efforts(q, v) if forces.sprung else zero
         pin.forwardKinematics(model, data, q, v)
-        W = forces.wrenches(data)
-        for _, joint in forces.loaded:
-            external[joint] = pin.Force.Zero()
-        for link, joint in forces.loaded:
-            external[joint] = external[joint] + pin.Force(W[link])
+        W = forces.wrenches()
+        for _, view in views:
+            view[:] = 0.0
+        for link, view in views:  # several welded links may share a joint
+            np.add(view, W[link], out=view)
         return np.asarray(pin.aba(model, data, q, v, tau, external))
 
     return with_wrenches if forces.active else without_wrenches
@@ -80,7 +81,7 @@ def _efforts(translation: Translation, forces: Forces) -> Accelerations:
         tau = forces.efforts(q, v) if forces.sprung else np.zeros(model.nv)
         if forces.active:
             pin.forwardKinematics(model, data, q, v)
-            W = forces.wrenches(data)
+            W = forces.wrenches()
             pin.computeJointJacobians(model, data)
             for link, joint in forces.loaded:
                 tau = tau + pin.getJointJacobian(model, data, joint, pin.ReferenceFrame.LOCAL).T @ W[link]
@@ -175,7 +176,7 @@ def solve(translation: Translation, forces: Forces, route: Route, q: Array, v: A
     a, weld_wrenches = _SOLVERS[route](translation, forces, q, v)
     # the solvers leave other accelerations in `data` than those of the moving frames
     pin.forwardKinematics(translation.model, translation.data, q, v, a)
-    W = forces.wrenches(translation.data)
+    W = forces.wrenches()
     for weld, (on_original, on_copy) in zip(translation.tree.welds, weld_wrenches, strict=True):
         W[weld.original] += on_original
         W[weld.copy] += on_copy

@@ -21,6 +21,7 @@ from consilience.run import (
     Unsupported,
 )
 from consilience.spatial import Array
+from consilience_pinocchio.charts import suited
 from consilience_pinocchio.dynamics import PROXIMAL, solve
 from consilience_pinocchio.forces import Forces
 from consilience_pinocchio.motion import integrate
@@ -53,7 +54,7 @@ _LOOP_METHODS = {
 }
 
 _KIND_REMARKS = {
-    "rod": "rod: massless link of two revolutes and a ball (singular when the rod lies along x of F)",
+    "rod": "rod: massless link of two revolutes and a ball, its axes turned away from their singular pose",
     "universal": "universal: massless link between two revolutes",
     "cylindrical": "cylindrical: massless link between a prismatic joint and a revolute",
     "planar": "planar: massless links between two prismatic joints and a revolute",
@@ -77,6 +78,12 @@ class PinocchioEngine:
             translation = translate(mechanism)
             self._built = translation, Forces(translation)
         return self._built
+
+    def _suited(self, mechanism: Mechanism, state: State) -> tuple[Translation, Forces]:
+        """Choose the translation for a state: the common one unless a rod stands badly in it."""
+        common, forces = self._translated(mechanism)
+        translation = suited(common, state)
+        return translation, forces if translation is common else Forces(translation)
 
     def info(self) -> EngineInfo:
         """Name and version."""
@@ -103,31 +110,31 @@ class PinocchioEngine:
 
     def model(self, mechanism: Mechanism, state: State, method: Method) -> ModelAnswer:
         """Mass, centre of mass and inertia from Pinocchio's inertias, freedom from its constraint Jacobian."""
-        translation, _ = self._translated(mechanism)
+        translation, _ = self._suited(mechanism, state)
         q, _ = configuration(translation, state)
         total = composite_inertia(translation, q)
         return ModelAnswer(total.mass, np.array(total.lever), np.array(total.inertia), freedom(translation, q))
 
     def instant(self, mechanism: Mechanism, states: Sequence[State], method: Method) -> InstantAnswer:
         """Accelerations, joint reactions and energies at consistent states."""
-        translation, forces = self._translated(mechanism)
         n_b, n_j, n_s = len(mechanism.bodies), len(mechanism.joints), len(states)
         a, alpha = np.zeros((2, n_s, n_b, 3))
         force, torque = np.zeros((2, n_s, n_j, 3))
         kinetic, potential = np.zeros((2, n_s))
         for n, state in enumerate(states):
+            translation, forces = self._suited(mechanism, state)
             q, v = configuration(translation, state)
             solution = solve(translation, forces, method.route, q, v)
             a[n], alpha[n] = accelerations(translation)
-            force[n], torque[n] = reactions(translation, forces, solution, state)
+            force[n], torque[n] = reactions(mechanism, translation, forces, solution, state)
             kinetic[n], potential[n] = energies(translation, q, v)
-            potential[n] += forces.potential(translation.data, q)
+            potential[n] += forces.potential(q)
         return InstantAnswer(a, alpha, force, torque, kinetic, potential)
 
     def trajectory(
         self, mechanism: Mechanism, state: State, times: Array, method: Method, step: float
     ) -> TrajectoryAnswer:
         """Motion from `state` at ``times[0]`` on the uniform grid `times`, which `step` divides."""
-        translation, forces = self._translated(mechanism)
+        translation, forces = self._suited(mechanism, state)
         q, v = configuration(translation, state)
         return integrate(translation, forces, q, v, times, step)

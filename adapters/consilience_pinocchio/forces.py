@@ -6,12 +6,12 @@ the innermost loop of an integration.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from consilience.mechanism import JointSpring, Load, Spring
+from consilience.mechanism import JointSpring, Load
 from consilience.spatial import Array, skew
 from consilience_pinocchio.translate import Translation
 
@@ -30,19 +30,41 @@ class Point:
         Point from the origin of the joint's moving frame, in its axes.
     force : ndarray, shape (6, 3)
         Wrench (force, torque about the joint's origin) of a force at the point, all in the axes of the joint.
+    R_WJ, p_WJ, twist : ndarray, shape (3, 3), (3,) and (6,)
+        Pose and spatial velocity of the joint: live views into Pinocchio's data, which follow every evaluation.
     """
 
     link: int
     joint: int
     p: Array
     force: Array
+    R_WJ: Array
+    p_WJ: Array
+    twist: Array
+
+    def position(self) -> Array:
+        """World position in m, shape (3,)."""
+        return np.asarray(self.p_WJ + self.R_WJ @ self.p)
+
+    def velocity(self) -> Array:
+        """World velocity in m/s, shape (3,)."""
+        return np.asarray(self.R_WJ @ (self.force.T @ self.twist))
 
 
 def _point(translation: Translation, body: str, point: Array) -> Point:
     index = translation.mechanism.body_index[body]
     seat = translation.body_seat(index)
     p = seat.placement.act(np.array(point))
-    return Point(translation.tree.carrier(index), seat.joint, p, np.vstack([np.eye(3), skew(p)]))
+    placement, twist = translation.data.oMi[seat.joint], translation.data.v[seat.joint]
+    return Point(
+        translation.tree.carrier(index),
+        seat.joint,
+        p,
+        np.vstack([np.eye(3), skew(p)]),
+        placement.rotation,
+        placement.translation,
+        twist.vector,
+    )
 
 
 class Forces:
@@ -53,7 +75,7 @@ class Forces:
     active : bool
         Whether there are springs or loads, so that `wrenches` is worth a call.
     loaded : tuple of (int, int)
-        Links and their joints that can bear a wrench.
+        Links that springs and loads may push, with their joints; without what stands on the ground.
     sprung : bool
         Whether there are joint springs.
     """
@@ -71,12 +93,12 @@ class Forces:
         ]
         # one row more than links: the last takes what acts on the ground (link -1), and is never read
         self._constant = np.zeros((len(translation.tree.links) + 1, 6))
-        self._world: list[tuple[Point, Array, Array]] = []
+        self._world: dict[int, tuple[Array, Array]] = {}
         for load in mechanism.loads:
             self._add_load(load)
         points = [p for _, i, j in self._springs for p in (i, j)]
         points += [_point(translation, load.body, load.point) for load in mechanism.loads]
-        self.loaded = tuple(sorted({(p.link, p.joint) for p in points if p.link >= 0}))
+        self.loaded = tuple(sorted({(p.link, p.joint) for p in points if p.joint > 0}))
         self.active = bool(points)
         self._prepare_joint_springs(mechanism.joint_springs)
         self.sprung = bool(mechanism.joint_springs)
@@ -86,7 +108,9 @@ class Forces:
         point = _point(translation, load.body, load.point)
         to_wrench = point.force if load.kind == "force" else np.vstack([np.zeros((3, 3)), np.eye(3)])
         if load.frame == "world":
-            self._world.append((point, to_wrench, load.vector))
+            # in the joint's axes the vector is R^T f: linear in the nine entries of R^T, of which this is a live view
+            before, rotation = self._world.get(point.link, (np.zeros((6, 9)), point.R_WJ.T.reshape(9)))
+            self._world[point.link] = before + to_wrench @ np.kron(np.eye(3), load.vector), rotation
         else:
             R = translation.body_seat(translation.mechanism.body_index[load.body]).placement.rotation
             self._constant[point.link] += to_wrench @ (R @ load.vector)
@@ -95,7 +119,8 @@ class Forces:
         """Rows that pick the joint coordinate of each spring out of q and v; a joint passed backwards turns round."""
         translation = self._translation
         model, tree = translation.model, translation.tree
-        self._from_q, self._from_v = np.zeros((len(springs), model.nq)), np.zeros((len(springs), model.nv))
+        self._from_q = np.zeros((len(springs), model.nq))
+        from_v = np.zeros((len(springs), model.nv))
         self._joint_slots: list[tuple[int, int, int]] = []
         for n, spring in enumerate(springs):
             k = translation.mechanism.joint_index[spring.joint]
@@ -104,16 +129,19 @@ class Forces:
             joint = translation.seats[link].joint
             sign = -1.0 if tree.links[link].reversed else 1.0
             self._from_q[n, model.joints[joint].idx_q] = sign
-            self._from_v[n, model.joints[joint].idx_v] = sign
+            from_v[n, model.joints[joint].idx_v] = sign
             self._joint_slots.append((k, slot, model.joints[joint].idx_v))
         self._stiffness = np.array([s.stiffness for s in springs])
-        self._damping = np.array([s.damping for s in springs])
         self._rest = np.array([s.rest for s in springs])
+        damping = np.array([s.damping for s in springs])
+        # efforts are linear in q and v: constant, stiffness and damping matrix of all joint springs together
+        self._effort_constant = from_v.T @ (self._stiffness * self._rest)
+        self._effort_q = -from_v.T @ (self._stiffness[:, None] * self._from_q)
+        self._effort_v = -from_v.T @ (damping[:, None] * from_v)
 
     def efforts(self, q: Array, v: Array) -> Array:
         """Generalised forces of the joint springs, shape (nv,)."""
-        moments = self._stiffness * (self._from_q @ q - self._rest) + self._damping * (self._from_v @ v)
-        return np.asarray(-(moments @ self._from_v))
+        return np.asarray(self._effort_constant + self._effort_q @ q + self._effort_v @ v)
 
     def effort_wrench(self, joint: int, tau: Array) -> Array:
         """Part of the wrench through a joint of the mechanism that is its springs', shape (6,): force, torque.
@@ -125,39 +153,33 @@ class Forces:
             wrench[slot] += tau[index]
         return wrench
 
-    def wrenches(self, data: Any) -> Array:
+    def wrenches(self) -> Array:
         """Wrenches of springs and loads on the links, shape (n_links + 1, 6), the last row being the ground's.
 
-        Force, then torque about the origin of the joint that carries the link, in the axes of that joint. `data`
-        must hold placements and velocities (`pinocchio.forwardKinematics`).
+        Force, then torque about the origin of the joint that carries the link, in the axes of that joint. Pinocchio's
+        data must hold placements and velocities (`pinocchio.forwardKinematics`).
         """
         W = self._constant.copy()
-        for point, to_wrench, vector in self._world:
-            W[point.link] += to_wrench @ (data.oMi[point.joint].rotation.T @ vector)
+        for link, (to_wrench, rotation) in self._world.items():
+            W[link] += to_wrench @ rotation
         for spring, i, j in self._springs:
-            R_i, p_i, v_i = _motion(data, i)
-            R_j, p_j, v_j = _motion(data, j)
-            d = p_j - p_i
-            length = float(np.sqrt(d @ d))
+            d = j.position() - i.position()
+            length = math.sqrt(d @ d)
             e = d / length
-            force = (spring.stiffness * (length - spring.free_length) + spring.damping * (e @ (v_j - v_i))) * e
-            W[i.link] += i.force @ (R_i.T @ force)
-            W[j.link] -= j.force @ (R_j.T @ force)
+            tension = spring.stiffness * (length - spring.free_length)
+            if spring.damping:
+                tension += spring.damping * float(e @ (j.velocity() - i.velocity()))
+            force = tension * e
+            if i.link >= 0:
+                W[i.link] += i.force @ (i.R_WJ.T @ force)
+            if j.link >= 0:
+                W[j.link] -= j.force @ (j.R_WJ.T @ force)
         return W
 
-    def potential(self, data: Any, q: Array) -> float:
+    def potential(self, q: Array) -> float:
         """Potential energy of springs and joint springs in J, at Pinocchio's current placements."""
-        energy = sum(_spring_energy(data, *row) for row in self._springs)
-        return energy + 0.5 * float(self._stiffness @ (self._from_q @ q - self._rest) ** 2)
-
-
-def _motion(data: Any, point: Point) -> tuple[Array, Array, Array]:
-    """World rotation of the joint's moving frame, world position and velocity of the point."""
-    placement = data.oMi[point.joint]
-    R = placement.rotation
-    return R, placement.translation + R @ point.p, R @ (point.force.T @ data.v[point.joint].vector)
-
-
-def _spring_energy(data: Any, spring: Spring, i: Point, j: Point) -> float:
-    length = float(np.linalg.norm(_motion(data, j)[1] - _motion(data, i)[1]))
-    return 0.5 * spring.stiffness * (length - spring.free_length) ** 2
+        energy = 0.5 * float(self._stiffness @ (self._from_q @ q - self._rest) ** 2)
+        for spring, i, j in self._springs:
+            length = float(np.linalg.norm(j.position() - i.position()))
+            energy += 0.5 * spring.stiffness * (length - spring.free_length) ** 2
+        return energy

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from consilience.kinematics import reaction_in_F
-from consilience.mechanism import State
+from consilience.mechanism import Mechanism, State
 from consilience.spatial import Array
 from consilience_pinocchio.dynamics import Solution
 from consilience_pinocchio.forces import Forces
@@ -17,8 +17,15 @@ BALANCE_TOLERANCE = 1e-8
 wrench: round-off stays three digits below this, a wrong constraint force lies far above it."""
 
 
-def reactions(translation: Translation, forces: Forces, solution: Solution, state: State) -> tuple[Array, Array]:
+def reactions(
+    mechanism: Mechanism, translation: Translation, forces: Forces, solution: Solution, state: State
+) -> tuple[Array, Array]:
     """Reactions of all joints by inverse dynamics: on the successor, at the origin of M, in axes of F.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        With the frames in which the reactions are asked; those of `translation` may have turned rods.
 
     Returns
     -------
@@ -29,7 +36,7 @@ def reactions(translation: Translation, forces: Forces, solution: Solution, stat
     ArithmeticError
         If the efforts of the inverse dynamics are not those of the joint springs: the constraint forces are wrong.
     """
-    mechanism, tree, data = translation.mechanism, translation.tree, translation.data
+    tree, data = translation.tree, translation.data
     _inverse_dynamics(translation, solution)
     force_F, torque_F = np.zeros((2, len(mechanism.joints), 3))
     for k, joint in enumerate(mechanism.joints):
@@ -69,7 +76,9 @@ def _largest_wrench(translation: Translation) -> float:
     model, data = translation.model, translation.data
     moving = list(zip(model.inertias, data.v, data.a_gf, strict=True))
     wrenches = [f.vector for f in data.f]
-    wrenches += [(inertia * a).vector for inertia, _, a in moving] + [inertia.vxiv(v).vector for inertia, v, _ in moving]
+    wrenches += [(inertia * a).vector for inertia, _, a in moving] + [
+        inertia.vxiv(v).vector for inertia, v, _ in moving
+    ]
     wrenches += [inertia.mass * model.gravity.linear for inertia, _, _ in moving]
     return max(float(np.max(np.abs(w))) for w in wrenches)
 

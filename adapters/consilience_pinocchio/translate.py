@@ -12,14 +12,9 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from consilience.errors import InvalidInput
 from consilience.mechanism import Frame, Mechanism, State
 from consilience.spatial import rotation_from_quaternion
-from consilience.tree import Coordinate, Link, Tree, chart_margin, coordinates, lower
-
-CHART_MARGIN = 1e-3
-"""A rod nearer than this (radians) to x of its frame F is refused: its two massless axes all but coincide there, and
-rounding grows with the inverse square of the margin."""
+from consilience.tree import Coordinate, Link, Tree, coordinates, lower
 
 _JOINT_MODELS: dict[str, Any] = {
     "R": pin.JointModelRZ,
@@ -168,21 +163,8 @@ _COORDINATES = {"R": _scalar, "P": _scalar, "S": _ball, "F": _free, "W": _no_coo
 
 
 def configuration(translation: Translation, state: State) -> tuple[Any, Any]:
-    """Pinocchio's configuration q, shape (nq,), and velocity v, shape (nv,), of a state; angles in (-pi, pi].
-
-    Raises
-    ------
-    InvalidInput
-        If a rod lies so nearly along x of its frame F that its two axes coincide.
-    """
+    """Pinocchio's configuration q, shape (nq,), and velocity v, shape (nv,), of a state; angles in (-pi, pi]."""
     mechanism, tree = translation.mechanism, translation.tree
-    margin = chart_margin(mechanism, tree, state)
-    if margin < CHART_MARGIN:
-        raise InvalidInput(
-            f"mechanism '{mechanism.name}': rod",
-            f"it is {margin:.1e} rad from x of its frame F, where its axes coincide",
-            "Turn frame F of the rod.",
-        )
     q: list[float] = []
     v: list[float] = []
     for link, coordinate in zip(tree.links, coordinates(mechanism, tree, state), strict=True):

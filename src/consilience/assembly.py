@@ -69,8 +69,7 @@ def move(state: State, increments: Array) -> State:
     """Displace every body by ``(dr, rotation vector)`` in world axes; `increments` has shape (6 n_b,)."""
     steps = increments.reshape(-1, 6)
     quats = [
-        quaternion_product(quaternion_from_rotation_vector(d[3:]), q)
-        for d, q in zip(steps, state.quat_WB, strict=True)
+        quaternion_product(quaternion_from_rotation_vector(d[3:]), q) for d, q in zip(steps, state.quat_WB, strict=True)
     ]
     unit = np.array([q / np.linalg.norm(q) for q in quats])
     return State(state.p_WB + steps[:, :3], unit, state.v_WB_W, state.w_WB_W)
@@ -246,7 +245,7 @@ def initial_state(mechanism: Mechanism, initial: Initial | None = None) -> State
             known = ", ".join(b.name for b in mechanism.bodies)
             raise InvalidInput("initial.bodies", f"there is no body '{name}'", f"Bodies are: {known}.")
     coordinates = _held(mechanism, initial.coordinates, "joints")
-    rates = _held(mechanism, initial.rates, "joints")
+    rates = _held(mechanism, initial.rates, "rates")
     placed = assemble_positions(mechanism, drawing_state(mechanism, initial.poses), coordinates)
     v, w = np.zeros_like(placed.v_WB_W), np.zeros_like(placed.w_WB_W)
     for name, (v_body, w_body) in initial.velocities.items():
@@ -263,7 +262,7 @@ def random_states(mechanism: Mechanism, start: State, count: int, seed: int, spe
         Standard deviation of the velocity components along the free directions (m/s and rad/s).
     """
     rng = np.random.default_rng(seed)
-    states = []
+    states: list[State] = []
     state = start
     while len(states) < count:
         basis = free_directions(mechanism, state)

@@ -21,6 +21,8 @@ class Case:
     ----------
     name : str
         File stem, with ``-<variant>`` where the file has variants.
+    file : str
+        Name of the file, for messages.
     duration, sample : float, s
         Span of the trajectory and its uniform sampling interval.
     digits : int
@@ -30,6 +32,7 @@ class Case:
     """
 
     name: str
+    file: str
     title: str
     mechanism: Mechanism
     initial: Initial
@@ -44,8 +47,17 @@ class Case:
 
     @cached_property
     def initial_state(self) -> State:
-        """Assembled, consistent initial state."""
-        return initial_state(self.mechanism, self.initial)
+        """Assembled, consistent initial state.
+
+        Raises
+        ------
+        InvalidInput, CannotAssemble
+            With the case's file in front.
+        """
+        try:
+            return initial_state(self.mechanism, self.initial)
+        except InvalidInput as error:
+            raise type(error)(f"{self.file}: {error.where}", error.what, error.remedy) from None
 
     @cached_property
     def states(self) -> list[State]:

@@ -23,6 +23,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     add_completion=False,
 )
+CORES = os.cpu_count() or 2
 out, err = Console(), Console(stderr=True)
 
 Cases = Annotated[list[str] | None, typer.Argument(metavar="[CASE]...", help="Names or case files; default: all.")]
@@ -64,7 +65,7 @@ def run(
     engine: Engines = None,
     question: Questions = None,
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the report.")] = Path("consilience-report"),
-    jobs: Jobs = os.cpu_count() or 2,
+    jobs: Jobs = CORES,
     limit: Limit = 120.0,
 ) -> None:
     """Ask the questions, compare, and write report.jsonl, report.html and report.md."""
@@ -200,7 +201,7 @@ def report(folder: Annotated[Path, typer.Argument(help="Folder of a report.")]) 
 @app.command()
 def schema(kind: Annotated[str, typer.Argument(help="What to describe: case.")]) -> None:
     """Print the JSON Schema of a case file."""
-    from consilience.casefile import case_schema
+    from consilience.caseschema import case_schema
 
     if kind != "case":
         raise InvalidInput(f"schema '{kind}'", "there is none", "Schemas: case.")

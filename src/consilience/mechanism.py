@@ -301,7 +301,11 @@ class Mechanism:
         groups: dict[str, Iterable[str]] = {
             "body": [GROUND, *(b.name for b in self.bodies)],
             "joint": [j.name for j in self.joints],
-            "force element": [e.name for e in (*self.springs, *self.joint_springs, *self.loads)],
+            "force element": [
+                *(s.name for s in self.springs),
+                *(s.name for s in self.joint_springs),
+                *(load.name for load in self.loads),
+            ],
         }
         for what, names in groups.items():
             seen: set[str] = set()

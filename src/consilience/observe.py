@@ -116,7 +116,7 @@ def load_potential(mechanism: Mechanism, state: State) -> float:
 
 def is_conservative(mechanism: Mechanism) -> bool:
     """Whether kinetic plus potential energy is constant: no dampers, no torques, no body-fixed forces."""
-    damped = any(s.damping != 0 for s in (*mechanism.springs, *mechanism.joint_springs))
+    damped = any(s.damping != 0 for s in mechanism.springs) or any(s.damping != 0 for s in mechanism.joint_springs)
     driven = any(not (load.kind == "force" and load.frame == "world") for load in mechanism.loads)
     return not damped and not driven
 

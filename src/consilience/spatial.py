@@ -7,10 +7,13 @@ Rotation matrices map components: ``v_W = R_WB @ v_B``. Quaternions (Euler param
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]
+"""An array; dtype, shape, frame and unit stand in the docstrings."""
 
 
 def skew(a: ArrayLike) -> Array:

@@ -180,7 +180,9 @@ def _compare_case(case: Case, results: Results) -> Iterator[Comparison]:
             yield compare_instant(case.name, engine, group[0].method, answer, reference, instants)
         elif isinstance(reference, TrajectoryAnswer):
             group = [run for run in group if run is not references[question][0]]  # noqa: PLW2901
-            spread = reference_spread([r.answer for r in references[question] if isinstance(r.answer, TrajectoryAnswer)])
+            spread = reference_spread(
+                [r.answer for r in references[question] if isinstance(r.answer, TrajectoryAnswer)]
+            )
             yield compare_trajectory(case.mechanism, group, reference, spread, case.digits)
         else:
             raise AssertionError(f"{case.name}, {engine}, {question}, {method}: answers of different kinds")
@@ -190,9 +192,7 @@ def _references(runs: Sequence[Run]) -> dict[Question, list[Run]]:
     """Answered reference runs per question: the best first, then those that bound its uncertainty."""
     found: dict[Question, list[Run]] = {}
     for question in Question:
-        answered = [
-            r for r in runs if r.engine == REFERENCE and r.question is question and r.status is Status.ANSWERED
-        ]
+        answered = [r for r in runs if r.engine == REFERENCE and r.question is question and r.status is Status.ANSWERED]
         if not answered:
             continue
         headline = [r for r in answered if r.method == answered[0].method]

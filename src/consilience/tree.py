@@ -338,7 +338,7 @@ def _chain_coordinates(kind: str, motion: RelativeMotion) -> list[Coordinate]:
     R, p, v, w = motion.R, motion.p, motion.v, motion.w
     angle = Coordinate(q=float(np.arctan2(R[1, 0], R[0, 0])), rate=float(w[2]))
     slide = [Coordinate(q=float(p[n]), rate=float(v[n])) for n in range(3)]
-    ball = {"quat": quaternion_from_rotation(R), "w": R.T @ w}
+    quat, w_link = quaternion_from_rotation(R), R.T @ w
     chains = {
         "revolute": lambda: [angle],
         "prismatic": lambda: [slide[2]],
@@ -348,8 +348,8 @@ def _chain_coordinates(kind: str, motion: RelativeMotion) -> list[Coordinate]:
             Coordinate(q=float(np.arctan2(R[2, 1], R[2, 2])), rate=float(R[:, 0] @ w)),
         ],
         "planar": lambda: [slide[0], slide[1], angle],
-        "spherical": lambda: [Coordinate(**ball)],
-        "free": lambda: [Coordinate(p=p, v=v, **ball)],
+        "spherical": lambda: [Coordinate(quat=quat, w=w_link)],
+        "free": lambda: [Coordinate(p=p, v=v, quat=quat, w=w_link)],
         "rigid": lambda: [Coordinate()],
         "rod": lambda: _rod_coordinates(motion),
     }

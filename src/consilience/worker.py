@@ -101,6 +101,7 @@ def _answer(engine: Engine, request: Request) -> Any:
         return engine.model(request.mechanism, request.states[0], request.method)
     if request.question is Question.INSTANT:
         return engine.instant(request.mechanism, request.states, request.method)
+    assert request.times is not None
     return engine.trajectory(request.mechanism, request.states[0], request.times, request.method, request.step)
 
 

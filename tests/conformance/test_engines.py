@@ -8,10 +8,9 @@ import functools
 
 import numpy as np
 import pytest
-import truth
-from mechanisms import LOOPS, TREES, states_of
 from scipy.integrate import solve_ivp
 
+import truth
 from consilience.kinematics import free_directions
 from consilience.mechanism import State
 from consilience.observe import (
@@ -23,6 +22,7 @@ from consilience.observe import (
 )
 from consilience.run import Question, Route, defects
 from consilience.spatial import euler_parameter_matrix, rotation_angle_between, rotation_from_quaternion
+from mechanisms import LOOPS, TREES, states_of
 
 ALL = TREES | LOOPS
 EPS = np.finfo(float).eps

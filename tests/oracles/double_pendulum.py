@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+
 from oracles.integrate import integrate
 from oracles.planar import Plane, dot, held
 

@@ -1,6 +1,7 @@
 """Four-bar linkage: loop closure by intersecting two circles, then one equation for the crank."""
 
 import numpy as np
+
 from oracles.one_freedom import Motion, OneFreedom
 from oracles.planar import Plane, components
 

@@ -8,6 +8,7 @@ mass, ``a`` the angles of the bodies and the index means the derivative with res
 from dataclasses import dataclass
 
 import numpy as np
+
 from oracles.integrate import integrate
 from oracles.planar import dot, held
 

@@ -16,8 +16,9 @@ third kind.
 from dataclasses import dataclass
 
 import numpy as np
-from oracles.planar import drawn_frame, held
 from scipy.special import ellipj, ellipk, elliprf, elliprj
+
+from oracles.planar import drawn_frame, held
 
 
 def incomplete_third(n, amplitude, m):

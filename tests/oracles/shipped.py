@@ -2,9 +2,8 @@
 
 import functools
 
-from oracles import double_pendulum, four_bar, rotating_end_pendulum, simple_pendulum, slider_crank, spatial_pendulum
-
 from consilience.library import load_case
+from oracles import double_pendulum, four_bar, rotating_end_pendulum, simple_pendulum, slider_crank, spatial_pendulum
 
 TRAJECTORIES = {
     "simple_pendulum-small": simple_pendulum.trajectory,

@@ -5,8 +5,9 @@ With ``phi`` from hanging, ``k = sin(amplitude / 2)`` and ``w = sqrt(g / L)``: `
 """
 
 import numpy as np
-from oracles.planar import drawn_frame
 from scipy.special import ellipj, ellipk
+
+from oracles.planar import drawn_frame
 
 
 def swing(amplitude, length, gravity, times):

@@ -1,6 +1,7 @@
 """Slider-crank: loop closure by intersecting a circle with the line of the slide, then one equation for the crank."""
 
 import numpy as np
+
 from oracles.one_freedom import Motion, OneFreedom
 from oracles.planar import Plane, components, drawn_frame
 

@@ -7,6 +7,7 @@ velocities, no Coriolis formula is written down anywhere.
 """
 
 import numpy as np
+
 from oracles.integrate import integrate
 from oracles.planar import drawn_frame, held
 

@@ -8,16 +8,16 @@ import functools
 
 import numpy as np
 import pytest
-import truth
-from oracles.shipped import TRAJECTORIES, answer
 
+import truth
 from consilience.kinematics import constraint_residual
 from consilience.library import case_names, load_case
 from consilience.mechanism import State
 from consilience.observe import kinetic_energy, potential_energy
 from consilience.spatial import quaternion_from_rotation, rotation_angle_between
+from oracles.shipped import TRAJECTORIES, answer
 
-H = 0.003
+H = 0.002
 CENTRES = (0.35, 1.7, 3.05, 4.9)
 FIRST = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0, 4 / 5, -1 / 5, 4 / 105, -1 / 280]) / H
 SECOND = np.array([-1 / 560, 8 / 315, -1 / 5, 8 / 5, -205 / 72, 8 / 5, -1 / 5, 8 / 315, -1 / 560]) / H**2
@@ -73,7 +73,7 @@ def test_joints_stay_closed(name):
     zeros = np.zeros_like(p[0])
     for p_i, R_i in zip(p[::10], R[::10], strict=True):
         state = State(p_i, quaternion_from_rotation(R_i), zeros, zeros)
-        assert np.max(np.abs(constraint_residual(case.mechanism, state))) < 1e-14 * 4
+        assert np.max(np.abs(constraint_residual(case.mechanism, state))) < 4e-14
 
 
 @pytest.mark.parametrize("name", TRAJECTORIES)
@@ -95,5 +95,5 @@ def test_obeys_newton_and_euler(name):
     for state, a, alpha in found:
         a_true, alpha_true, _, _ = truth.solve(case.mechanism, state)
         scale = max(1.0, np.max(np.abs(a_true)), np.max(np.abs(alpha_true)))
-        assert np.max(np.abs(a - a_true)) < 1e-9 * scale
-        assert np.max(np.abs(alpha - alpha_true)) < 1e-9 * scale
+        assert np.max(np.abs(a - a_true)) < 2e-9 * scale
+        assert np.max(np.abs(alpha - alpha_true)) < 2e-9 * scale

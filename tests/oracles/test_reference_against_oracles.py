@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from oracles.shipped import TRAJECTORIES, answer
 
 from consilience.spatial import quaternion_from_rotation, rotation_angle_between
+from oracles.shipped import TRAJECTORIES, answer
 
 
 def simulated(case):

@@ -114,5 +114,5 @@ class Comparison:
 
 
 def digits_of(difference: float) -> float:
-    """Correct digits of a relative difference; 16 for none at all."""
-    return float(min(16.0, -np.log10(max(difference, 1e-16))))
+    """Correct digits of a relative difference: 16 for none at all, 0 where nothing is right."""
+    return float(np.clip(-np.log10(max(difference, 1e-16)), 0.0, 16.0))

@@ -3,8 +3,8 @@
 The difference of two motions at a time is the largest, over the bodies, of the distance of the origins divided by the
 size of the motion and of the angle between the orientations in rad. From levels h, h/2, h/4 (step sizes):
 
-- observed order ``p = log2(rms_2 / rms_3)`` of the differences to the reference on the two finest levels, and
-  ``log2(|x1 - x2| / |x2 - x3|)`` among the levels themselves;
+- observed order ``p = log2(rms_2 / rms_3)`` of the differences to the reference on the two finest levels that rounding
+  does not hide, and ``log2(|x1 - x2| / |x2 - x3|)`` among the levels themselves;
 - limit ``x = x3 + (x3 - x2) / (2^P - 1)`` with the declared order P [Richardson 1911];
 - band ``u = F |x3 - x2| / (2^P - 1)``, F = 1.25 where the order is within 0.5 of the declared one, 3 elsewhere: the
   grid convergence index [Roache 1994], read as in ASME V&V 20.
@@ -25,6 +25,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -124,13 +125,19 @@ def _log2_ratio(coarse: float, fine: float) -> float | None:
     return float(np.log2(coarse / fine)) if coarse > 2 * ROUNDING and fine > ROUNDING else None
 
 
+def _finest_order(errors: Sequence[float]) -> float | None:
+    """Observed order from the finest pair of levels that rounding does not hide."""
+    orders = (_log2_ratio(coarse, fine) for coarse, fine in reversed(list(pairwise(errors))))
+    return next((order for order in orders if order is not None), None)
+
+
 def _convergence(
     answers: Sequence[TrajectoryAnswer], differences: Sequence[Array], reference: TrajectoryAnswer, order: int
 ) -> _Convergence:
     size = size_of_motion(reference)
-    observed = _log2_ratio(_rms(differences[-2]), _rms(differences[-1]))
-    steps = [difference_over_time(a, b, size) for a, b in zip(answers, answers[1:], strict=False)]
-    among = _log2_ratio(_rms(steps[-2]), _rms(steps[-1])) if len(steps) > 1 else None
+    observed = _finest_order([_rms(d) for d in differences])
+    steps = [difference_over_time(a, b, size) for a, b in pairwise(answers)]
+    among = _finest_order([_rms(s) for s in steps])
     sound = observed is not None and abs(observed - order) <= ORDER_WINDOW
     factor = 1.25 if sound else 3.0
     band = factor * float(np.max(steps[-1])) / (2.0**order - 1.0)

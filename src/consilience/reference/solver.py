@@ -75,9 +75,7 @@ def simulate(
     ws, y = workspace(model), pack(mechanism, state)
     motion = np.empty((len(times), *y.shape))
     counters = np.zeros(3, dtype=np.int64)
-    status = dop853.integrate(
-        number, model, y, times, float(tolerance), _memory(model, y, ws), ws, motion, counters
-    )
+    status = dop853.integrate(number, model, y, times, float(tolerance), _memory(model, y, ws), ws, motion, counters)
     if status:
         raise NumericalFailure(f"reference, {formulation}, tolerance {tolerance:g}: {dop853.STATUS[status]}")
     p, quat, v, w = unpack(mechanism, motion)

@@ -22,7 +22,7 @@ import numpy as np
 from consilience.case import Case
 from consilience.compare import Verdict
 from consilience.errors import InvalidInput
-from consilience.run import InstantAnswer, ModelAnswer, Run, TrajectoryAnswer
+from consilience.run import Run, TrajectoryAnswer
 from consilience.suite import Results
 
 FORMAT = 1
@@ -184,11 +184,15 @@ def read_record(folder: Path) -> Record:
             record = json.loads(line)
             found[record["record"]].append(record)
         except (json.JSONDecodeError, KeyError, TypeError):
-            raise InvalidInput(f"{path}: line {number}", "it is not a record of a report", "Run the suite again.") from None
+            raise InvalidInput(
+                f"{path}: line {number}", "it is not a record of a report", "Run the suite again."
+            ) from None
     if len(found["header"]) != 1 or found["header"][0].get("format") != FORMAT:
         raise InvalidInput(str(path), f"its header is not of format {FORMAT}", "Run the suite again.")
     footer = found["footer"][0] if len(found["footer"]) == 1 else None
     counted = {"cases": len(found["case"]), "runs": len(found["run"]), "comparisons": len(found["comparison"])}
     if footer is None or any(footer.get(k) != n for k, n in counted.items()):
-        raise InvalidInput(str(path), "the report is cut off: its footer is missing or counts more", "Run the suite again.")
+        raise InvalidInput(
+            str(path), "the report is cut off: its footer is missing or counts more", "Run the suite again."
+        )
     return Record(found["header"][0], found["case"], found["run"], found["comparison"], footer)

@@ -1,0 +1,236 @@
+"""The tables of a case file, field by field, with the checks one field or table can make on its own.
+
+The JSON Schema of these classes is the published one (``consilience schema case``).
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from consilience.mechanism import JOINT_KINDS
+from consilience.spatial import (
+    Array,
+    rotation_from_bryant_xyz,
+    rotation_from_euler_zxz,
+    rotation_from_quaternion,
+    rotation_from_three_points,
+)
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Vector = Annotated[list[Finite], Field(min_length=3, max_length=3)]
+Quaternion = Annotated[list[Finite], Field(min_length=4, max_length=4)]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=64)]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=False, frozen=True)
+
+
+class Orientation(_Table):
+    """Orientation, in exactly one of four ways."""
+
+    quaternion: Quaternion | None = Field(
+        None, description="Unit quaternion, scalar first; unit to 1e-9, the rounding of its digits is removed."
+    )
+    euler_zxz: Vector | None = Field(
+        None, description="Euler angles (phi, theta, psi) in rad: Rz(phi) Rx(theta) Rz(psi)."
+    )
+    bryant_xyz: Vector | None = Field(None, description="Bryant angles (alpha, beta, gamma) in rad: Rx Ry Rz.")
+    three_points: Annotated[list[Vector], Field(min_length=3, max_length=3)] | None = Field(
+        None, description="Points O, P, Q in the world: origin, a point on x, a point in the xy plane."
+    )
+
+    @model_validator(mode="after")
+    def _exactly_one(self) -> Orientation:
+        given = [n for n in ("quaternion", "euler_zxz", "bryant_xyz", "three_points") if getattr(self, n) is not None]
+        if len(given) != 1:
+            raise ValueError(
+                f"{len(given)} ways given; give exactly one of quaternion, euler_zxz, bryant_xyz, three_points"
+            )
+        if self.quaternion is not None and abs(np.linalg.norm(self.quaternion) - 1.0) > 1e-9:
+            norm = np.linalg.norm(self.quaternion)
+            raise ValueError(f"the quaternion has norm {norm:.9g}; give a unit quaternion, scalar first")
+        return self
+
+    def matrix(self) -> Array:
+        """Rotation matrix; raises ValueError for three points on one line."""
+        if self.quaternion is not None:
+            return rotation_from_quaternion(np.array(self.quaternion) / np.linalg.norm(self.quaternion))
+        if self.euler_zxz is not None:
+            return rotation_from_euler_zxz(self.euler_zxz)
+        if self.bryant_xyz is not None:
+            return rotation_from_bryant_xyz(self.bryant_xyz)
+        assert self.three_points is not None
+        return rotation_from_three_points(*self.three_points)
+
+
+class InertiaTable(_Table):
+    """Inertia tensor about the centre of mass in body axes, kg m^2. Products are tensor entries: xy = -sum m x y."""
+
+    xx: Finite
+    yy: Finite
+    zz: Finite
+    xy: Finite = 0.0
+    xz: Finite = 0.0
+    yz: Finite = 0.0
+
+    def tensor(self) -> Array:
+        """3 x 3 tensor."""
+        return np.array([[self.xx, self.xy, self.xz], [self.xy, self.yy, self.yz], [self.xz, self.yz, self.zz]])
+
+
+class BodyTable(_Table):
+    """A rigid body."""
+
+    name: Name
+    mass: Finite = Field(description="kg, positive.")
+    inertia: InertiaTable
+    at: Vector = Field(description="Origin of the body in the drawing, m.")
+    orientation: Orientation | None = Field(None, description="Axes of the body in the drawing; default: the world's.")
+    com: Vector = Field([0.0, 0.0, 0.0], description="Centre of mass from the origin, in body axes, m.")
+
+
+class JointTable(_Table):
+    """A joint, drawn as a frame in the world."""
+
+    name: Name
+    kind: Literal[tuple(JOINT_KINDS)]  # type: ignore[valid-type]
+    predecessor: str
+    successor: str
+    at: Vector = Field(description="Origin of F (and of M, but for the rod) in the drawing, m.")
+    axis: Vector | None = Field(None, description="z of F and M in the drawing; universal: the axis fixed in F.")
+    second_axis: Vector | None = Field(None, description="x of F and M; universal: the axis fixed in M.")
+    to: Vector | None = Field(None, description="Rod only: its other end, on the successor, in the drawing, m.")
+
+
+class SpringTable(_Table):
+    """Spring-damper between two points."""
+
+    name: Name
+    predecessor: str
+    successor: str
+    at: Vector = Field(description="Point on the predecessor in the drawing, m.")
+    to: Vector = Field(description="Point on the successor in the drawing, m.")
+    stiffness: Finite = Field(description="N/m.")
+    damping: Finite = Field(0.0, description="N s/m.")
+    free_length: Finite = Field(description="m.")
+
+
+class JointSpringTable(_Table):
+    """Spring-damper about or along the axis of a joint."""
+
+    name: Name
+    joint: str
+    coordinate: Literal["angle", "distance"]
+    stiffness: Finite = Field(description="N m/rad or N/m.")
+    damping: Finite = Field(0.0, description="N m s/rad or N s/m.")
+    rest: Finite = Field(0.0, description="Coordinate at which the spring is free, rad or m.")
+
+
+class ForceTable(_Table):
+    """Constant force on a body."""
+
+    name: Name
+    body: str
+    vector: Vector = Field(description="N, in the axes that `frame` names.")
+    frame: Literal["world", "body"]
+    at: Vector = Field(description="Point of application in the drawing, m; it moves with the body.")
+
+
+class TorqueTable(_Table):
+    """Constant torque on a body."""
+
+    name: Name
+    body: str
+    vector: Vector = Field(description="N m, in the axes that `frame` names.")
+    frame: Literal["world", "body"]
+
+
+class HeldTable(_Table):
+    """Held joint coordinates (or, under `rates`, their rates)."""
+
+    angle: Finite | None = None
+    distance: Finite | None = None
+    x: Finite | None = None
+    y: Finite | None = None
+    angle1: Finite | None = None
+    angle2: Finite | None = None
+    position: Vector | None = None
+    orientation: Orientation | None = Field(None, description="Of M in F (coordinates only).")
+    angular_velocity: Vector | None = Field(None, description="Of M relative to F, in axes of F (rates only), rad/s.")
+
+
+class BodyGuess(_Table):
+    """Where a body starts, before assembly, in place of its pose in the drawing."""
+
+    at: Vector | None = None
+    orientation: Orientation | None = None
+    velocity: Vector = Field([0.0, 0.0, 0.0], description="Of the origin, world axes, m/s.")
+    angular_velocity: Vector = Field([0.0, 0.0, 0.0], description="World axes, rad/s.")
+
+
+class InitialTable(_Table):
+    """Initial state: held coordinates and rates, guesses for bodies; the rest is assembled."""
+
+    joints: dict[str, HeldTable] = Field(default_factory=dict)
+    rates: dict[str, HeldTable] = Field(default_factory=dict)
+    bodies: dict[str, BodyGuess] = Field(default_factory=dict)
+
+
+class TrajectoryTable(_Table):
+    """What to ask of a trajectory."""
+
+    duration: Annotated[float, Field(gt=0, allow_inf_nan=False)] = Field(5.0, description="s.")
+    sample: Annotated[float, Field(gt=0, allow_inf_nan=False)] = Field(0.05, description="s; divides the duration.")
+    digits: Annotated[int, Field(ge=1, le=12)] = 8
+
+    @model_validator(mode="after")
+    def _sample_divides(self) -> TrajectoryTable:
+        count = self.duration / self.sample
+        if abs(count - round(count)) > 1e-9 * count or not 1 <= round(count) <= 1_000_000:
+            raise ValueError("the sample must divide the duration into 1 to 1000000 intervals")
+        return self
+
+
+class InstantTable(_Table):
+    """What to ask at single instants."""
+
+    states: Annotated[int, Field(ge=1, le=100_000)] = 20
+    seed: int = 1
+
+
+class VariantTable(_Table):
+    """What a variant changes; a file with variants stands for them alone."""
+
+    title: str
+    initial: InitialTable | None = None
+    trajectory: TrajectoryTable | None = None
+
+
+class CaseTable(_Table):
+    """A case file. SI units, radians, right-handed frames."""
+
+    title: str
+    sources: Annotated[list[str], Field(min_length=1)]
+    remarks: str = ""
+    tags: list[str] = Field(default_factory=list)
+    gravity: Vector = Field(description="m/s^2, in world axes.")
+    body: Annotated[list[BodyTable], Field(min_length=1, max_length=10_000)]
+    joint: Annotated[list[JointTable], Field(min_length=1, max_length=20_000)]
+    spring: list[SpringTable] = Field(default_factory=list)
+    joint_spring: list[JointSpringTable] = Field(default_factory=list)
+    force: list[ForceTable] = Field(default_factory=list)
+    torque: list[TorqueTable] = Field(default_factory=list)
+    initial: InitialTable = Field(default_factory=InitialTable)
+    trajectory: TrajectoryTable = Field(default_factory=TrajectoryTable)
+    instant: InstantTable = Field(default_factory=InstantTable)
+    variants: dict[Name, VariantTable] = Field(default_factory=dict)
+
+
+def case_schema() -> dict[str, Any]:
+    """JSON Schema of a case file."""
+    schema = CaseTable.model_json_schema()
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "title": "Consilience case file"}

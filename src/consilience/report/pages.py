@@ -1,0 +1,22 @@
+"""The pages of a report folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from consilience.report.html import render_html
+from consilience.report.markdown import render_markdown
+from consilience.report.record import read_record, write_atomically
+
+
+def write_pages(folder: Path) -> None:
+    """Render ``report.html`` and ``report.md`` from the ``report.jsonl`` of a folder.
+
+    Raises
+    ------
+    InvalidInput
+        If there is no complete record in the folder.
+    """
+    record = read_record(folder)
+    write_atomically(folder / "report.html", render_html(record))
+    write_atomically(folder / "report.md", render_markdown(record))

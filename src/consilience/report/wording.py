@@ -1,0 +1,163 @@
+"""Words, symbols and numbers of the report: one table each, so that every page says the same."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Any
+
+from consilience.compare import Verdict
+from consilience.run import Question, Route
+
+DASH = "\N{EM DASH}"
+
+
+@dataclass(frozen=True)
+class Look:
+    """How a verdict is shown: never by colour alone.
+
+    Attributes
+    ----------
+    key : str
+        Class of the style sheet.
+    symbol, name : str
+        One character, and the verdict's own words.
+    sentence : str
+        What it means, for the legend.
+    """
+
+    key: str
+    symbol: str
+    name: str
+    sentence: str
+
+
+LOOKS: dict[Verdict, Look] = {
+    Verdict.AGREES: Look(
+        "agrees", "\N{CHECK MARK}", Verdict.AGREES, "The difference to the reference is within the bar that was asked."
+    ),
+    Verdict.DISCRETISATION: Look(
+        "discretisation",
+        "\N{ALMOST EQUAL TO}",
+        Verdict.DISCRETISATION,
+        "The steps are too coarse for the digits asked, but smaller ones lead to the reference: no disagreement.",
+    ),
+    Verdict.UNSUPPORTED: Look(
+        "unsupported",
+        "\N{EMPTY SET}",
+        Verdict.UNSUPPORTED,
+        "The engine cannot represent something in the case, and says what: not a failure, and not counted as one.",
+    ),
+    Verdict.UNRESOLVED: Look(
+        "unresolved",
+        "?",
+        Verdict.UNRESOLVED,
+        "The runs do not suffice to decide: not asymptotic at these steps, or no answer of the reference.",
+    ),
+    Verdict.MODEL: Look(
+        "model",
+        "\N{NOT EQUAL TO}",
+        Verdict.MODEL,
+        "A difference that no smaller step removes: another model, or another reading of the same one.",
+    ),
+    Verdict.FAILED: Look(
+        "failed",
+        "!",
+        Verdict.FAILED,
+        "No usable answer: an exception, a crash, a time limit or values that are not finite; the evidence is kept.",
+    ),
+}
+"""Verdicts, best first."""
+
+PHRASES: dict[Verdict, str] = {
+    Verdict.AGREES: "agree with the reference in every question and by every method",
+    Verdict.DISCRETISATION: "differ by the step size alone, which smaller steps remove",
+    Verdict.UNSUPPORTED: "hold something the engine cannot represent",
+    Verdict.UNRESOLVED: "are unresolved",
+    Verdict.MODEL: "differ in the model",
+    Verdict.FAILED: "failed",
+}
+"""What is said of cells of each verdict after their number."""
+
+NOT_ASKED = Look("empty", DASH, "not asked", "This question was not part of the run.")
+YARDSTICK = Look(
+    "empty", DASH, "the reference itself", "What the others are compared with is not compared with itself."
+)
+
+RANK = {str(verdict): n for n, verdict in enumerate(LOOKS)}
+"""Of two verdicts the one of higher rank is shown."""
+
+ROUTES: dict[str, tuple[str, str]] = {
+    Route.NATIVE: ("native", "the engine's own solver or integrator, at default or plain settings"),
+    Route.TUNED: ("tuned", "the engine's own, with public knobs away from their defaults"),
+    Route.EXTRAPOLATED: ("extrapolated", "Richardson extrapolation over runs of the engine's own"),
+    Route.HARNESS_SOLVE: ("harness solve", "the engine's terms, the constraints solved by the harness"),
+    Route.HARNESS_INTEGRATOR: ("harness integrator", "the engine's accelerations, integrated by the harness"),
+    Route.REFERENCE: ("reference", "the reference solver itself"),
+}
+"""Short name and meaning of each route."""
+
+QUESTIONS: dict[str, str] = {
+    Question.MODEL: "mass, centre of mass, inertia and freedom, read back from the translated model (relative)",
+    Question.INSTANT: "accelerations, joint reactions and energies at given states; relative to the largest component",
+    Question.TRAJECTORY: "the motion over time, at several step sizes",
+}
+
+EXIT_CODES: dict[int, str] = {
+    0: "no engine differs in the model, and every engine answered",
+    1: "at least one engine differs in the model",
+    3: "incomplete: an engine is missing, a run failed, or a verdict is unresolved",
+}
+
+UNITS: dict[str, str] = {"mass": "kg", "com": "m", "inertia": "kg m\N{SUPERSCRIPT TWO}", "freedom": ""}
+
+
+def number(value: float | None, digits: int = 2) -> str:
+    """Significant digits of a number; a dash for none."""
+    return DASH if value is None else f"{value:.{digits}g}"
+
+
+def seconds(value: float | None) -> str:
+    """Time in s."""
+    return DASH if value is None else f"{value:.3g} s"
+
+
+def digits_text(value: float | None) -> str:
+    """Correct digits to one decimal; a dash for none, and 0 where not even the first is right."""
+    return DASH if value is None else f"{max(value, 0.0):.1f}"
+
+
+def plain(value: Any) -> str:
+    """A setting or a value of the record in one line."""
+    if isinstance(value, bool):
+        return "on" if value else "off"
+    if isinstance(value, float):
+        return f"{value:g}"
+    if isinstance(value, list | tuple):
+        return ", ".join(plain(v) for v in value)
+    return str(value)
+
+
+def order_text(value: float | None) -> str:
+    """An observed order to two decimals."""
+    return DASH if value is None else f"{value:.2f}"
+
+
+def nested(value: Any) -> str:
+    """A number, vector or symmetric matrix to four digits; the matrix by its six entries."""
+    if not isinstance(value, list):
+        return number(value, 4)
+    if value and isinstance(value[0], list):
+        entries = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+        return ", ".join(f"{'xyz'[i]}{'xyz'[j]} {number(value[i][j], 4)}" for i, j in entries)
+    return "(" + ", ".join(number(v, 4) for v in value) + ")"
+
+
+def counted(count: int, noun: str) -> str:
+    """A number and its noun: ``1 case``, ``2 cases``."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
+def anchor(*names: str) -> str:
+    """Identifier of an element: fit for a URL as it is, and different for different names."""
+    return ".".join(re.sub(r"[^A-Za-z0-9_-]", lambda m: f"~{ord(m[0]):x}~", name) for name in names)

@@ -1,0 +1,160 @@
+"""The command line: exit codes, clear messages, nothing destroyed. Real processes, as a user starts them."""
+
+import csv
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+GOOD = """
+title = "Pendulum"
+sources = ["closed form"]
+gravity = [0.0, 0.0, -9.81]
+[trajectory]
+duration = 0.2
+[instant]
+states = 3
+[[body]]
+name = "bob"
+mass = 2.0
+inertia = { xx = 0.11, yy = 0.12, zz = 0.02 }
+at = [0.0, 0.0, 0.0]
+com = [0.0, 0.0, -0.4]
+[[joint]]
+name = "pin"
+kind = "revolute"
+predecessor = "ground"
+successor = "bob"
+at = [0.0, 0.0, 0.0]
+axis = [0.0, 1.0, 0.0]
+[initial.joints.pin]
+angle = 0.5
+"""
+
+
+def consilience(*arguments, cwd):
+    command = [sys.executable, "-c", "from consilience.cli import main; main()", *arguments]
+    environment = os.environ | {"COLUMNS": "200", "NO_COLOR": "1"}
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False, timeout=300, env=environment)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder with a good case and the report of the reference and one engine on it."""
+    path = tmp_path_factory.mktemp("cli")
+    (path / "pendulum.toml").write_text(GOOD)
+    done = consilience("run", "pendulum.toml", "-e", "pinocchio", "-o", "report", cwd=path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return path
+
+
+def test_run_writes_the_three_files_and_names_the_report(folder):
+    for name in ("report.jsonl", "report.html", "report.md"):
+        assert (folder / "report" / name).stat().st_size > 1000
+    records = [json.loads(line) for line in (folder / "report" / "report.jsonl").read_text().splitlines()]
+    assert records[0]["record"] == "header"
+    assert set(records[0]["engines"]) == {"reference", "pinocchio"}
+    assert records[-1]["record"] == "footer"
+    assert {r["question"] for r in records if r["record"] == "comparison"} == {"model", "instant", "trajectory"}
+
+
+def test_report_renders_the_same_pages_again_from_the_record(folder):
+    before = (folder / "report" / "report.md").read_text()
+    (folder / "report" / "report.md").unlink()
+    done = consilience("report", "report", cwd=folder)
+    assert done.returncode == 0
+    assert (folder / "report" / "report.md").read_text() == before
+
+
+BAD = {
+    "unknown case": (["run", "no_such_case"], "no_such_case", "double_pendulum"),
+    "unknown engine": (["run", "pendulum.toml", "-e", "adams"], "adams", "mujoco"),
+    "unknown question": (["run", "pendulum.toml", "-q", "why"], "why", "trajectory"),
+    "missing file": (["run", "no.toml"], "no.toml", "cannot be read"),
+    "bad file ending": (["simulate", "pendulum.toml", "-o", "x.xls"], "x.xls", ".npz"),
+    "sample that does not divide": (
+        ["simulate", "pendulum.toml", "-o", "x.csv", "--duration", "1", "--sample", "0.3"],
+        "0.3 s",
+        "divides",
+    ),
+    "no report": (["report", "pendulum"], "report.jsonl", "consilience run"),
+    "unknown schema": (["schema", "universe"], "universe", "case"),
+    "no such option": (["run", "--nonsense"], "nonsense", "No such option"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_input_is_one_message_exit_code_2_and_no_traceback(folder, name):
+    arguments, *expected = BAD[name]
+    done = consilience(*arguments, cwd=folder)
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    for text in expected:
+        assert text in done.stderr
+
+
+SPOILT = {
+    "mass": ("mass = 2.0", "mass = -2.0", ("pendulum.toml", "bob", "mass")),
+    "field": ("mass = 2.0", "mass = 2.0\nweight = 1", ("pendulum.toml", "body 'bob'.weight", "unknown field")),
+    "syntax": ("mass = 2.0", "mass = ", ("pendulum.toml", "TOML")),
+    "inertia": ("xx = 0.11", "xx = 9.0", ("pendulum.toml", "bob", "inertia", "triangle")),
+    "body": ('successor = "bob"', 'successor = "bib"', ("pendulum.toml", "pin", "bib")),
+    "held": ("angle = 0.5", "distance = 0.5", ("pin", "distance", "angle")),
+}
+
+
+@pytest.mark.parametrize("name", SPOILT)
+def test_a_spoilt_case_file_is_refused_and_the_earlier_report_stays(folder, tmp_path, name):
+    good, bad, expected = SPOILT[name]
+    assert good in GOOD
+    (tmp_path / "pendulum.toml").write_text(GOOD.replace(good, bad))
+    before = (folder / "report" / "report.jsonl").read_bytes()
+    done = consilience("run", str(tmp_path / "pendulum.toml"), "-o", "report", cwd=folder)
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    for text in expected:
+        assert text in done.stderr
+    assert (folder / "report" / "report.jsonl").read_bytes() == before
+
+
+def test_a_report_without_its_footer_is_not_taken_for_complete(folder, tmp_path):
+    lines = (folder / "report" / "report.jsonl").read_text().splitlines(keepends=True)
+    (tmp_path / "report.jsonl").write_text("".join(lines[:-1]))
+    done = consilience("report", str(tmp_path), cwd=folder)
+    assert done.returncode == 2
+    assert "cut off" in done.stderr
+    assert not (tmp_path / "report.html").exists()
+
+
+def test_simulate_writes_the_same_motion_in_all_formats(folder):
+    for ending in ("json", "npz", "csv"):
+        done = consilience("simulate", "pendulum.toml", "--duration", "0.1", "-o", f"motion.{ending}", cwd=folder)
+        assert done.returncode == 0, done.stderr
+    document = json.loads((folder / "motion.json").read_text())
+    arrays = np.load(folder / "motion.npz")
+    with (folder / "motion.csv").open() as handle:
+        rows = list(csv.DictReader(handle))
+    assert np.array_equal(np.array(document["quat_WB"]), arrays["quat_WB"])
+    assert [float(r["bob.quat_WB.e2"]) for r in rows] == list(arrays["quat_WB"][:, 0, 2])
+    # energy integral of the pendulum about its pin, at the last sample
+    angle = 2 * np.arctan2(arrays["quat_WB"][-1, 0, 2], arrays["quat_WB"][-1, 0, 0])
+    speed = arrays["w_WB_W"][-1, 0, 1]
+    mgl, inertia = 2.0 * 9.81 * 0.4, 0.12 + 2.0 * 0.4**2
+    assert 0.5 * inertia * speed**2 == pytest.approx(mgl * (np.cos(angle) - np.cos(0.5)), rel=1e-9)
+
+
+def test_schema_accepts_the_shipped_names(folder):
+    done = consilience("schema", "case", cwd=folder)
+    schema = json.loads(done.stdout)
+    assert schema["additionalProperties"] is False
+    assert set(schema["required"]) == {"title", "sources", "gravity", "body", "joint"}
+
+
+def test_list_and_show_work_from_any_folder(tmp_path):
+    assert "four_bar" in consilience("list", cwd=Path(tmp_path)).stdout
+    shown = consilience("show", "four_bar", cwd=Path(tmp_path)).stdout
+    assert "1 degrees of freedom, 20 constraint rows, 3 of them dependent" in shown
