@@ -1,4 +1,4 @@
-"""Mechanisms for tests: lumpy bodies (off-centre mass, full inertia), skew frames, every joint kind, trees and loops."""
+"""Mechanisms for tests: lumpy bodies (off-centre mass, full inertia), skew frames, all joints, trees and loops."""
 
 from __future__ import annotations
 

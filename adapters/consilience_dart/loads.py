@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from consilience.mechanism import Load, Spring
+from consilience.mechanism import GROUND, Load, Spring
 from consilience.spatial import Array
 from consilience_dart.translation import Model
 
@@ -86,7 +86,7 @@ def appliers(model: Model) -> list[Apply]:
     """Functions that add the forces of springs and loads at the skeleton's present state, one for each element."""
     return [
         *(_spring(model, spring) for spring in model.mechanism.springs),
-        *(_load(model, load) for load in model.mechanism.loads if load.body in model.mechanism.body_index),
+        *(_load(model, load) for load in model.mechanism.loads if load.body != GROUND),
     ]
 
 

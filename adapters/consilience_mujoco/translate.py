@@ -31,7 +31,7 @@ WELD_SETTINGS: dict[str, Any] = {
     "body_invweight0": f"times {INVWEIGHT_SCALE:g}",
 }
 
-_DISABLED = ("CONTACT", "WARMSTART", "EULERDAMP", "AUTORESET", "REFSAFE", "ISLAND")
+_DISABLED = ("CONTACT", "WARMSTART", "EULERDAMP", "AUTORESET", "ISLAND")
 
 OPTIONS: dict[str, Any] = {"opt.jacobian": "dense", "opt.disableflags": [name.lower() for name in _DISABLED]}
 

@@ -20,8 +20,8 @@ to: a second copy hangs on the closing joint, the copies share the mass and iner
 together. The dynamics is exactly that of the mechanism, whatever the kind of the closing joint, and the wrench on
 the copy is the reaction of that joint.
 
-The two axes of a rod are x and y of F, so the chain is singular when the rod lies along x of F. `chart_margin`
-says how near a state is.
+The two axes of a rod are x and y of F (of M where the tree passes it backwards), so the chain is singular when the rod
+lies along that x.
 """
 
 from __future__ import annotations
@@ -370,12 +370,3 @@ def _rod_coordinates(motion: RelativeMotion) -> list[Coordinate]:
         Coordinate(q=float(b), rate=float(b_dot)),
         Coordinate(quat=quaternion_from_rotation(R_rod.T @ motion.R), w=motion.R.T @ (motion.w - w_rod)),
     ]
-
-
-def chart_margin(mechanism: Mechanism, tree: Tree, state: State) -> float:
-    """Smallest cosine of the second angle of the two-axis chains of rods: 1 is best, 0 is the singular pose."""
-    margin = 1.0
-    for k in {link.joint for link in tree.links if mechanism.joints[link.joint].kind == "rod"}:
-        p = relative_motion(mechanism, state, mechanism.joints[k]).p
-        margin = min(margin, float(np.hypot(p[1], p[2]) / np.linalg.norm(p)))
-    return margin

@@ -252,7 +252,9 @@ def test_settings_name_every_option_that_is_not_at_its_default(mujoco_engine, na
     option = mujoco_engine._last.model.opt
     changed = {f"opt.{n}" for n in OPTION_NAMES if getattr(option, n) != getattr(default, n)}
     assert changed == {n for n in method.settings if n.startswith("opt.")}
-    bits = (mujoco.mjtDisableBit[f"mjDSBL_{name.upper()}"].value for name in method.settings["opt.disableflags"])
+    bits = (
+        getattr(mujoco.mjtDisableBit, f"mjDSBL_{name.upper()}").value for name in method.settings["opt.disableflags"]
+    )
     assert sum(bits) == option.disableflags & ~default.disableflags
 
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from mechanisms import LOOPS, TREES, states_of
 
 from consilience.kinematics import constraint_jacobian, constraint_residual
 from consilience.spatial import elementary_rotation, rotation_from_quaternion
 from consilience.tree import coordinates, lower
+from mechanisms import LOOPS, TREES, states_of
 
 ALL = TREES | LOOPS
 

@@ -13,6 +13,7 @@ from consilience.report.wording import (
     ROUTES,
     UNITS,
     Look,
+    counted,
     digits_text,
     nested,
     number,
@@ -83,6 +84,11 @@ class AnswerView:
     troubles: tuple[Trouble, ...]
     unsupported: tuple[str, ...]
     log: str
+
+    @property
+    def settings_count(self) -> str:
+        """Number of settings, in words."""
+        return counted(len(self.settings), "setting")
 
 
 def answer_view(

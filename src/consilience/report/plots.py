@@ -78,6 +78,7 @@ def _over_time(compared: Sequence[dict[str, Any]], record: Record, name: str, di
                     **_grid(comparison["times"]),
                     "y": compact(level[name]),
                     "name": f"{step_name(method)} {step_text(level['step'], method)}",
+                    "mode": "lines",
                     "legendgroup": str(n),
                     "legendgrouptitle": {"text": escape(comparison["method"])},
                     "line": {"color": COLOURS[n % len(COLOURS)], "dash": dash, "width": 1.6},
