@@ -70,7 +70,7 @@ class ExudynEngine:
         if dropped:
             settings["constraint equations left out"] = dropped
         methods = [
-            Method(name, Route.NATIVE, order=2, substeps=substeps, settings=settings)
+            Method(name, Route.TUNED, order=2, substeps=substeps, settings=settings)
             for name, substeps in _IMPLICIT.items()
         ]
         if is_one_axis_tree(mechanism):

@@ -43,7 +43,7 @@ def _tree_methods(question: Question) -> tuple[Method, ...]:
     if question is not Question.TRAJECTORY:
         return (Method("mj_forward", Route.NATIVE, settings=OPTIONS),)
     return (
-        Method("RK4", Route.NATIVE, 4, (10, 20, 40), settings=OPTIONS | {"opt.integrator": "RK4"}),
+        Method("RK4", Route.NATIVE, 4, (20, 40, 80), settings=OPTIONS | {"opt.integrator": "RK4"}),
         Method("Euler", Route.NATIVE, 1, (200, 400, 800), settings=OPTIONS),
     )
 

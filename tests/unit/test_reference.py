@@ -155,7 +155,9 @@ def test_packing_a_state_and_unpacking_it_gives_it_back(name):
     r, v = centres_of_mass(mechanism, state)
     np.testing.assert_allclose(y[:, 0:3], r, rtol=0, atol=1e-15 * 10)
     np.testing.assert_allclose(y[:, 7:10], v, rtol=0, atol=1e-15 * 40)
-    for found, wanted in zip(unpack(mechanism, y), (state.p_WB, state.quat_WB, state.v_WB_W, state.w_WB_W), strict=True):
+    for found, wanted in zip(
+        unpack(mechanism, y), (state.p_WB, state.quat_WB, state.v_WB_W, state.w_WB_W), strict=True
+    ):
         np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-14)
 
 
@@ -479,7 +481,9 @@ def test_a_torque_about_a_principal_axis_winds_the_body_up_evenly(frame):
 def test_world_and_body_torques_part_once_the_body_has_turned():
     """A quarter turn about x takes z' to -y: a torque about z' is then one about -y of the world."""
     inertia = np.array([0.05, 0.08, 0.11])
-    quarter = State(np.zeros((1, 3)), np.array([[np.sqrt(0.5), np.sqrt(0.5), 0, 0]]), np.zeros((1, 3)), np.zeros((1, 3)))
+    quarter = State(
+        np.zeros((1, 3)), np.array([[np.sqrt(0.5), np.sqrt(0.5), 0, 0]]), np.zeros((1, 3)), np.zeros((1, 3))
+    )
     torque = np.array([0.0, 0.0, 0.6])
     alphas = [
         accelerations(free_body(Load("t", "torque", "b", torque, frame)), [quarter]).alpha_WB_W[0, 0]
@@ -558,30 +562,30 @@ def test_energy_changes_by_the_work_of_dampers_and_loads(formulation):
 
 @functools.cache
 def swinging(tolerance, samples=2):
-    mechanism = chain("revolute", "spherical", "universal", seed=61)
-    return simulate(mechanism, states_of(mechanism)[0], np.linspace(0.0, 2.0, samples), tolerance)
+    mechanism = chain("revolute", "spherical", "universal", seed=62)
+    return simulate(mechanism, states_of(mechanism)[0], np.linspace(0.0, 1.0, samples), tolerance)
 
 
 def test_error_is_proportional_to_the_tolerance():
     best = swinging(1e-14)
-    tolerances = np.array([1e-5, 1e-7, 1e-9, 1e-11])
+    tolerances = np.array([1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11])
     errors = np.array([np.max(np.abs(swinging(t).p_WB[-1] - best.p_WB[-1])) for t in tolerances])
-    assert np.all(errors < 100 * tolerances)
+    assert np.all(errors < 10 * tolerances)
     slope = np.polyfit(np.log10(tolerances), np.log10(errors), 1)[0]
     assert slope == pytest.approx(1.0, abs=0.2)
 
 
 def test_steps_grow_with_the_eighth_root_of_the_tolerance():
-    """The local error goes with h^8 in the estimate that controls it: eight digits cost ten times the steps."""
-    coarse, fine = (swinging(t).counters["steps"] for t in (1e-5, 1e-13))
-    assert fine / coarse == pytest.approx(10.0, rel=0.25)
+    """The error of a step that is controlled goes with h^8: four digits more cost ten to the half as many steps."""
+    coarse, fine = (swinging(t).counters["steps"] for t in (1e-8, 1e-12))
+    assert fine / coarse == pytest.approx(10.0**0.5, rel=0.1)
 
 
 def test_samples_do_not_disturb_the_motion():
-    few, many = swinging(1e-13), swinging(1e-13, samples=101)
+    few, many = swinging(1e-13), swinging(1e-13, samples=201)
     np.testing.assert_allclose(many.p_WB[-1], few.p_WB[-1], rtol=0, atol=1e-11)
-    np.testing.assert_array_equal(many.time, np.linspace(0.0, 2.0, 101))
-    assert many.counters["steps"] >= 100
+    np.testing.assert_array_equal(many.time, np.linspace(0.0, 1.0, 201))
+    assert many.counters["steps"] >= 200 > few.counters["steps"]
     assert many.counters["evaluations"] == 12 * (many.counters["steps"] + many.counters["rejected"])
 
 
@@ -631,12 +635,13 @@ def test_accelerations_refuse_an_unknown_formulation():
 
 
 def test_a_motion_that_grows_without_bound_is_a_failure_with_a_reason():
-    """A slide with a negative stiffness: x = cosh(1000 t) leaves what doubles can hold at t = 0.71 s."""
-    bare = hinged("prismatic")
-    spring = JointSpring("k", "j", "distance", -1e6 * bare.bodies[0].mass, 0.0, 0.0)
-    mechanism = replace(bare, joint_springs=(spring,))
+    """A pushing spring at the centre of mass, L'' = 10^6 (L - 1): exp(1000 t) squared overflows at t = 0.35 s."""
+    body = Body("b", 1.0, np.zeros(3), 0.1 * np.eye(3), ORIGIN)
+    joint = drawn_joint("j", "free", {"b": body}, GROUND, "b", np.zeros(3), np.eye(3))
+    spring = Spring("k", GROUND, "b", np.zeros(3), np.zeros(3), -1e6, 0.0, 1.0)
+    mechanism = Mechanism("runaway", np.zeros(3), (body,), (joint,), (spring,))
     with pytest.raises(NumericalFailure, match=r"reference, descriptor, tolerance 1e-06: .*(not finite|grows)"):
-        simulate(mechanism, start(mechanism, distance=1.0), np.array([0.0, 1.0]), 1e-6)
+        simulate(mechanism, moving(p=(2.0, 0, 0)), np.array([0.0, 1.0]), 1e-6)
 
 
 def test_a_spring_without_length_has_no_direction_and_says_so():

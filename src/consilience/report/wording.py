@@ -104,7 +104,7 @@ QUESTIONS: dict[str, str] = {
 }
 
 EXIT_CODES: dict[int, str] = {
-    0: "no engine differs in the model, and every engine answered",
+    0: "no engine differs in the model, and none is missing, failed or unresolved",
     1: "at least one engine differs in the model",
     3: "incomplete: an engine is missing, a run failed, or a verdict is unresolved",
 }
