@@ -43,7 +43,7 @@ def _tree_methods(question: Question) -> tuple[Method, ...]:
     if question is not Question.TRAJECTORY:
         return (Method("mj_forward", Route.NATIVE, settings=OPTIONS),)
     return (
-        Method("RK4", Route.NATIVE, 4, (20, 40, 80), settings=OPTIONS | {"opt.integrator": "RK4"}),
+        Method("RK4", Route.NATIVE, 4, (10, 20, 40, 80), settings=OPTIONS | {"opt.integrator": "RK4"}),
         Method("Euler", Route.NATIVE, 1, (200, 400, 800), settings=OPTIONS),
     )
 
@@ -86,7 +86,7 @@ class MujocoEngine:
         settings = OPTIONS | WELD_SETTINGS
         if question is Question.TRAJECTORY:
             settings |= {"opt.iterations": 20 + 12 * welds, "opt.integrator": "RK4"}
-            return (Method("RK4", Route.TUNED, 4, (20, 40, 80), settings=settings),)
+            return (Method("RK4", Route.TUNED, 4, (10, 20, 40, 80), settings=settings),)
         forward = Method("mj_forward", Route.TUNED, settings=settings | {"opt.iterations": 500})
         borrowed = {"eq_solref": WELD_SETTINGS["eq_solref"]}  # nothing else of the welds enters their equations
         harness = Method("mj_fullM, efc_J", Route.HARNESS_SOLVE, settings=OPTIONS | borrowed)

@@ -1,8 +1,8 @@
 """Exudyn: TorqueLocal of ObjectJointRevoluteZ is not the joint torque in the local frame of the joint.
 
-A body of 2 kg is released at rest on a revolute joint about world z; its centre of mass c is 0.3 m along x and 0.5 m along z
-from the joint, gravity is along -y. Newton and Euler about the joint: I alpha = c x m g + t, alpha about z, t without a part
-about z. With I the inertia about the joint that fixes alpha, then t, which lies along x.
+A body of 2 kg is released at rest on a revolute joint about world z; its centre of mass c is 0.3 m along x and
+0.5 m along z from the joint, gravity is along -y. Newton and Euler about the joint: I alpha = c x m g + t, alpha on z,
+t without a part about z. With I the inertia about the joint that fixes alpha, then t, which lies along x.
 """
 
 import os
@@ -11,7 +11,7 @@ import sys
 os.environ["EXUDYN_NO_USER_SETTINGS"] = "1"
 
 import exudyn as exu
-import exudyn.itemInterface as ii
+import exudyn.itemInterface as ii  # noqa: N813 - Exudyn's own usual name
 import numpy as np
 
 exu.config.printToConsole = False

@@ -100,7 +100,7 @@ def _print_matrix(folder: Path) -> None:
     from consilience.report.summary import matrix
 
     record = read_record(folder)
-    table = Table(title="worst verdict over questions and methods")
+    table = Table(title="worst verdict over questions and methods, digits of the least accurate method at it")
     table.add_column("case")
     engines, rows = matrix(record)
     for name in engines:

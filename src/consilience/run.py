@@ -92,8 +92,8 @@ class Method:
     route: Route
     order: int | None = None
     substeps: tuple[int, ...] = ()
-    tolerances: tuple[float, ...] = ()
-    settings: dict[str, Any] = field(default_factory=dict)
+    tolerances: tuple[float, ...] = field(default=(), kw_only=True)
+    settings: dict[str, Any] = field(default_factory=dict, kw_only=True)
 
 
 @dataclass(frozen=True, eq=False)

@@ -144,8 +144,8 @@ def _accelerations(answer: InstantAnswer, reference: InstantAnswer, instants: In
 
 def _reactions(answer: InstantAnswer, reference: InstantAnswer, instants: Instants, bar: float) -> Quantity:
     determined = instants.determined
-    open_ones = int(np.sum(~determined[0]))
-    remark = f"{open_ones} components not determined and not compared" if open_ones else ""
+    open_ones = int(np.sum(~determined))
+    remark = f"{open_ones} values not determined by equilibrium and not compared" if open_ones else ""
     if answer.force_F is None or answer.torque_F is None:
         return Quantity("reactions", 0.0, bar, 0, "this method gives none")
     assert reference.force_F is not None

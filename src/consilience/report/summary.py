@@ -31,7 +31,7 @@ def _cell(found: list[tuple[str, float | None]]) -> str:
         return "not asked"
     worst = max((verdict for verdict, _ in found), key=lambda v: _RANK[v])
     digits = [d for verdict, d in found if verdict == worst and d is not None]
-    return f"{worst} ({min(digits):.0f} digits)" if digits else worst
+    return f"{worst}, {min(digits):.1f} digits" if digits else worst
 
 
 def describe_case(case: Case) -> str:
