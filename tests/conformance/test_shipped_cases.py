@@ -1,0 +1,82 @@
+"""Every engine on every shipped case: the bars of `model` and `instant`, and the observed order of each integrator."""
+
+import functools
+
+import pytest
+
+from consilience.compare import (
+    Verdict,
+    compare_instant,
+    compare_model,
+    compare_trajectory,
+    reference_spread,
+)
+from consilience.compare.instant import Instants
+from consilience.engine import create
+from consilience.library import shipped_cases
+from consilience.reference import accelerations, simulate
+from consilience.run import Question, Run, Status
+
+CASES = {case.name: case for case in shipped_cases()}
+ORDER_WINDOW = 0.15
+
+
+@functools.cache
+def reference_model(name):
+    case, reference = CASES[name], create("reference")
+    (method,) = reference.methods(case.mechanism, Question.MODEL)
+    return reference.model(case.mechanism, case.initial_state, method)
+
+
+@functools.cache
+def reference_instant(name):
+    case = CASES[name]
+    return accelerations(case.mechanism, case.states), Instants.of(case.mechanism, case.states)
+
+
+@functools.cache
+def reference_motion(name):
+    case = CASES[name]
+    runs = [
+        simulate(case.mechanism, case.initial_state, case.times, tolerance, formulation)
+        for tolerance, formulation in ((1e-13, "descriptor"), (1e-12, "descriptor"), (1e-12, "null_space"))
+    ]
+    return runs[0], reference_spread(runs)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_model_agrees(engine, name):
+    case = CASES[name]
+    assert engine.unsupported(case.mechanism, Question.MODEL) == ()
+    for method in engine.methods(case.mechanism, Question.MODEL):
+        answer = engine.model(case.mechanism, case.initial_state, method)
+        comparison = compare_model(name, "engine", method, answer, reference_model(name), 1.0)
+        assert comparison.verdict is Verdict.AGREES, comparison.why
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_instant_agrees_by_every_method(engine, name):
+    case = CASES[name]
+    assert engine.unsupported(case.mechanism, Question.INSTANT) == ()
+    for method in engine.methods(case.mechanism, Question.INSTANT):
+        answer = engine.instant(case.mechanism, case.states, method)
+        comparison = compare_instant(name, "engine", method, answer, *reference_instant(name))
+        assert comparison.verdict is Verdict.AGREES, (method.name, comparison.why)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_trajectory_leads_to_the_reference_with_the_declared_order(engine, name):
+    case = CASES[name]
+    assert engine.unsupported(case.mechanism, Question.TRAJECTORY) == ()
+    reference, spread = reference_motion(name)
+    for method in engine.methods(case.mechanism, Question.TRAJECTORY):
+        steps = [case.sample / n for n in method.substeps] or list(method.tolerances)
+        answers = [engine.trajectory(case.mechanism, case.initial_state, case.times, method, h) for h in steps]
+        runs = [
+            Run(name, "engine", Question.TRAJECTORY, method, level, step, Status.ANSWERED, answer)
+            for level, (step, answer) in enumerate(zip(steps, answers, strict=True))
+        ]
+        comparison = compare_trajectory(case.mechanism, runs, reference, spread, case.digits)
+        assert comparison.verdict in (Verdict.AGREES, Verdict.DISCRETISATION), (method.name, comparison.why)
+        if method.order is not None:
+            assert comparison.order == pytest.approx(method.order, abs=ORDER_WINDOW), method.name

@@ -1,0 +1,18 @@
+"""The miniature engines of `plugins` are installed while these tests run, and only then.
+
+They are found as any third party's are: a folder on the path with a ``.dist-info`` that names entry points.
+"""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+PLUGINS = str(Path(__file__).parent / "plugins")
+
+
+@pytest.fixture(scope="package", autouse=True)
+def _plugins_installed():
+    sys.path.insert(0, PLUGINS)
+    yield
+    sys.path.remove(PLUGINS)

@@ -1,0 +1,164 @@
+"""Engines with one fault each: it shows at the question `instant` or `trajectory` of the mechanism ``first`` only."""
+
+import ctypes
+import os
+import resource
+import signal
+import sys
+import time
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+from honest_engine import HonestEngine
+
+from consilience.run import Question, Unsupported
+
+resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # what crashes here on purpose leaves no core file behind
+
+
+class FaultyEngine(HonestEngine):
+    """`fault` turns the right answer into what the engine does instead."""
+
+    def __init__(self, question, fault):
+        self.question, self.fault = question, fault
+
+    def _spoil(self, question, mechanism, answer):
+        return self.fault(answer) if question is self.question and mechanism.name == "first" else answer
+
+    def instant(self, mechanism, states, method):
+        return self._spoil(Question.INSTANT, mechanism, super().instant(mechanism, states, method))
+
+    def trajectory(self, mechanism, state, times, method, step):
+        return self._spoil(Question.TRAJECTORY, mechanism, super().trajectory(mechanism, state, times, method, step))
+
+
+class TwoPartError(Exception):
+    """Cannot be built again from its message alone, as pickle tries."""
+
+    def __init__(self, code, detail):
+        super().__init__(f"{code}: {detail}")
+
+
+def _raise(error):
+    raise error
+
+
+def _exit(_):
+    os._exit(3)
+
+
+def _abort(_):
+    sys.stderr.write("*** corrupted double-linked list ***\n")
+    sys.stderr.flush()
+    os.abort()
+
+
+def _sleep(_):
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # native code deaf to polite signals
+    time.sleep(10_000)
+
+
+def _chatter(answer):
+    os.write(1, b"\xff\xfe\x00\x80garbage" * 100_000)
+    ctypes.CDLL(None).puts(b"from C")
+    sys.stdout.write("from Python\n")
+    sys.stdout.flush()
+    os.write(2, b"on the error channel, last\n")
+    return answer
+
+
+def _nan(answer):
+    a = answer.a_WB_W.copy()
+    a[1, 0, 2] = np.nan
+    return replace(answer, a_WB_W=a)
+
+
+def _cut(answer):
+    return replace(answer, **{n: getattr(answer, n)[:-1] for n in ("time", "p_WB", "quat_WB", "v_WB_W", "w_WB_W")})
+
+
+def _emptied(answer):
+    return replace(answer, **{name: np.array([]) for name in ("a_WB_W", "alpha_WB_W", "kinetic", "potential")})
+
+
+INSTANT = {
+    "aborts": _abort,
+    "is_killed": lambda _: os.kill(os.getpid(), signal.SIGKILL),
+    "segfaults": lambda _: ctypes.string_at(0),
+    "exits": _exit,
+    "raises": lambda _: _raise(RuntimeError("the Jacobian is singular at body 2")),
+    "raises_two_parts": lambda _: _raise(TwoPartError(7, "no licence")),
+    "chatters": _chatter,
+    "gives_nan": _nan,
+    "gives_none": lambda _: None,
+    "gives_text": lambda _: "42",
+    "gives_lambda": lambda _: lambda: 0,
+    "gives_strings": lambda answer: replace(answer, kinetic=np.array(["1.0"] * len(answer.kinetic))),
+    "gives_wrong_shape": lambda answer: replace(answer, alpha_WB_W=answer.alpha_WB_W[..., :2]),
+    "gives_ragged": lambda answer: replace(answer, force_F=[[1.0], [1.0, 2.0]]),
+    "gives_nothing": _emptied,
+}
+TRAJECTORY = {
+    "stops_early": _cut,
+    "gives_zero_quaternions": lambda answer: replace(answer, quat_WB=0.0 * answer.quat_WB),
+    "gives_long_quaternions": lambda answer: replace(answer, quat_WB=2.0 * answer.quat_WB),
+}
+
+for name, fault in INSTANT.items():
+    globals()[name] = partial(FaultyEngine, Question.INSTANT, fault)
+for name, fault in TRAJECTORY.items():
+    globals()[name] = partial(FaultyEngine, Question.TRAJECTORY, fault)
+
+hangs = partial(FaultyEngine, Question.INSTANT, _sleep)
+
+
+class Selective(HonestEngine):
+    """Declares what it cannot do."""
+
+    def unsupported(self, mechanism, question):
+        if question is Question.INSTANT and mechanism.name == "first":
+            return (Unsupported("joint 'j1'", "this engine knows no spherical joints"),)
+        return ()
+
+
+class Silent(HonestEngine):
+    """Says it can, and offers no way to do it."""
+
+    def methods(self, mechanism, question):
+        if question is Question.INSTANT and mechanism.name == "first":
+            return ()
+        return super().methods(mechanism, question)
+
+
+class Stepless(HonestEngine):
+    """Offers a trajectory on no level at all."""
+
+    def methods(self, mechanism, question):
+        found = super().methods(mechanism, question)
+        if question is Question.TRAJECTORY and mechanism.name == "first":
+            return tuple(replace(m, tolerances=()) for m in found)
+        return found
+
+
+class CannotPlan(HonestEngine):
+    """Trips over a mechanism before it is asked anything about it."""
+
+    def methods(self, mechanism, question):
+        if mechanism.name == "first":
+            raise KeyError("spherical")
+        return super().methods(mechanism, question)
+
+
+class CannotStart(HonestEngine):
+    """Is there, but will not run."""
+
+    def __init__(self):
+        raise OSError("no licence server")
+
+
+class Anonymous(HonestEngine):
+    """Does not say what it is."""
+
+    def info(self):
+        return "version 3"

@@ -1,0 +1,13 @@
+"""An engine that borrows the reference's answers: right in all it says, under a name of its own."""
+
+from consilience.reference.engine import ReferenceEngine
+from consilience.run import EngineInfo, Method, Question, Route
+
+
+class HonestEngine(ReferenceEngine):
+    def info(self):
+        return EngineInfo("honest", "1.0", "1.0")
+
+    def methods(self, mechanism, question):
+        tolerances = (1e-10, 1e-12) if question is Question.TRAJECTORY else ()
+        return (Method("descriptor", Route.NATIVE, tolerances=tolerances),)

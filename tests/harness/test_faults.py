@@ -1,0 +1,173 @@
+"""An engine that fails is one failed run with its evidence; the suite goes on. Nothing it does harms the harness."""
+
+from dataclasses import replace
+
+import pytest
+from mechanisms import chain
+
+from consilience.assembly import Initial
+from consilience.case import Case
+from consilience.compare import Verdict
+from consilience.engine import installed
+from consilience.run import Question, Status
+from consilience.suite import EngineFailure, run_suite, simulate_case
+
+INSTANT, TRAJECTORY = Question.INSTANT, Question.TRAJECTORY
+
+# engine: the question of the case `first` it fails at, and the evidence that must be in the reason
+FAULTS = {
+    "aborts": (INSTANT, "the worker died: signal SIGABRT"),
+    "is_killed": (INSTANT, "the worker died: signal SIGKILL"),
+    "segfaults": (INSTANT, "the worker died: signal SIGSEGV"),
+    "exits": (INSTANT, "the worker died: exit code 3"),
+    "raises": (INSTANT, "RuntimeError: the Jacobian is singular at body 2"),
+    "raises_two_parts": (INSTANT, "7: no licence"),
+    "gives_nan": (INSTANT, "a_WB_W has 1 values that are not finite"),
+    "gives_none": (INSTANT, "the answer is a NoneType, not a InstantAnswer"),
+    "gives_text": (INSTANT, "the answer is a str, not a InstantAnswer"),
+    "gives_lambda": (INSTANT, "ickl"),  # PicklingError, or AttributeError: Can't pickle
+    "gives_strings": (INSTANT, "kinetic holds <U3, not numbers"),
+    "gives_wrong_shape": (INSTANT, "alpha_WB_W has shape (3, 2, 2), not (3, 2, 3)"),
+    "gives_ragged": (INSTANT, "force_F"),
+    "gives_nothing": (INSTANT, "a_WB_W has shape (0,), not (3, 2, 3)"),
+    "stops_early": (TRAJECTORY, "time has shape (4,), not (5,)"),
+    "gives_zero_quaternions": (TRAJECTORY, "quat_WB"),
+    "gives_long_quaternions": (TRAJECTORY, "quat_WB"),
+    "silent": (INSTANT, "no method"),
+    "stepless": (TRAJECTORY, "level"),
+}
+MISSING = {
+    "broken_import": "ImportError: libengine.so.3: cannot open shared object file",
+    "no_such_class": "AttributeError",
+    "cannot_start": "OSError: no licence server",
+    "anonymous": "info",
+}
+
+
+def small_case(name, *kinds, seed):
+    mechanism = replace(chain(*kinds, seed=seed), name=name)
+    start = Initial(rates={"j0": {"angle": 1.5}})
+    spans = {"duration": 0.2, "sample": 0.05, "digits": 8, "instants": 3, "seed": 1}
+    return Case(name=name, file=f"{name}.toml", title=name, mechanism=mechanism, initial=start, **spans)
+
+
+@pytest.fixture(scope="module")
+def cases():
+    return [small_case("first", "revolute", "spherical", seed=71), small_case("second", "revolute", "universal", seed=72)]
+
+
+@pytest.fixture(scope="module")
+def results(cases):
+    """One suite over all engines at once: none may spoil another's runs."""
+    names = ["honest", *FAULTS, *MISSING, "selective", "cannot_plan", "chatters"]
+    return run_suite(cases, names, jobs=3, limit=60.0)
+
+
+def verdict(results, engine, case, question):
+    (found,) = [c for c in results.comparisons if (c.engine, c.case, c.question) == (engine, case, question)]
+    return found
+
+
+def test_the_miniature_engines_are_found_by_their_entry_points():
+    assert {*FAULTS, *MISSING, "honest", "hangs", "reference"} <= set(installed())
+
+
+@pytest.mark.parametrize("question", Question)
+@pytest.mark.parametrize("case", ["first", "second"])
+@pytest.mark.parametrize("engine", ["honest", *FAULTS, "selective", "chatters"])
+def test_everything_but_the_fault_is_answered_and_agrees(results, engine, case, question):
+    at_fault = {**{name: q for name, (q, _) in FAULTS.items()}, "selective": INSTANT}.get(engine)
+    if case == "first" and question is at_fault:
+        assert verdict(results, engine, case, question).verdict in (Verdict.FAILED, Verdict.UNSUPPORTED)
+    else:
+        found = verdict(results, engine, case, question)
+        assert found.verdict is Verdict.AGREES, found.why
+
+
+@pytest.mark.parametrize("engine", FAULTS)
+def test_a_fault_is_a_failed_run_with_the_evidence(results, engine):
+    question, evidence = FAULTS[engine]
+    runs = [r for r in results.runs if (r.engine, r.case, r.question) == (engine, "first", question)]
+    assert runs
+    assert {r.status for r in runs} == {Status.FAILED}
+    assert {r.answer for r in runs} == {None}
+    assert all(evidence in r.reason for r in runs), runs[0].reason
+    assert evidence in verdict(results, engine, "first", question).why
+
+
+@pytest.mark.parametrize("engine", MISSING)
+def test_an_engine_that_does_not_start_is_missing_with_the_reason(results, engine):
+    assert MISSING[engine] in results.missing[engine]
+    assert engine not in results.engines
+    assert not [r for r in results.runs if r.engine == engine]
+
+
+def test_nothing_else_is_missing(results):
+    assert set(results.missing) == set(MISSING)
+
+
+def test_an_engine_that_trips_over_a_mechanism_fails_at_its_questions_only(results):
+    for question in Question:
+        first, second = (verdict(results, "cannot_plan", case, question) for case in ("first", "second"))
+        assert (first.verdict, first.why) == (Verdict.FAILED, "KeyError: 'spherical'")
+        assert second.verdict is Verdict.AGREES
+
+
+def test_what_an_engine_declares_unsupported_is_not_asked(results):
+    found = verdict(results, "selective", "first", INSTANT)
+    assert found.verdict is Verdict.UNSUPPORTED
+    assert found.why == "joint 'j1': this engine knows no spherical joints"
+    (run,) = [r for r in results.runs if (r.engine, r.case, r.question) == ("selective", "first", INSTANT)]
+    assert run.status is Status.UNSUPPORTED
+    assert run.answer is None
+
+
+def test_last_words_of_a_dying_engine_are_kept(results):
+    (run,) = [r for r in results.runs if (r.engine, r.case, r.question) == ("aborts", "first", INSTANT)]
+    assert "corrupted double-linked list" in run.log
+
+
+def test_garbage_on_both_channels_harms_nothing_and_its_end_is_kept(results):
+    (run,) = [r for r in results.runs if (r.engine, r.case, r.question) == ("chatters", "first", INSTANT)]
+    assert run.status is Status.ANSWERED
+    assert run.log.endswith("on the error channel, last\n")
+    assert "from Python\n" in run.log
+    assert len(run.log) <= 4000
+    (after,) = [r for r in results.runs if (r.engine, r.case, r.question) == ("chatters", "second", INSTANT)]
+    assert after.log == ""
+
+
+def test_an_engine_prints_nothing_into_the_terminal_of_the_caller(cases, capfd):
+    run_suite(cases[:1], ["chatters"], [INSTANT])
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_hang_is_stopped_at_the_limit_and_the_next_question_answered(cases):
+    """The engine is deaf to SIGTERM; its limit is long enough for a slow start, short enough to wait for."""
+    results = run_suite(cases[:1], ["hangs"], [Question.INSTANT, Question.TRAJECTORY], limit=8.0)
+    found = verdict(results, "hangs", "first", INSTANT)
+    assert found.verdict is Verdict.FAILED
+    assert found.why == "no answer within 8 s; the worker was stopped"
+    assert verdict(results, "hangs", "first", TRAJECTORY).verdict is Verdict.AGREES
+
+
+def test_a_suite_without_a_reference_answer_is_unresolved(cases, monkeypatch):
+    """`reference` shadowed by an engine that dies: nothing may agree with nothing."""
+    monkeypatch.setattr("consilience.suite.REFERENCE", "aborts")
+    results = run_suite(cases[:1], ["honest"], [INSTANT])
+    assert verdict(results, "aborts", "first", INSTANT).verdict is Verdict.FAILED
+    found = verdict(results, "honest", "first", INSTANT)
+    assert (found.verdict, found.why) == (Verdict.UNRESOLVED, "the reference did not answer")
+
+
+@pytest.mark.parametrize(
+    ("engine", "message"),
+    [
+        ("stops_early", "engine 'stops_early', case 'first': failed: time has shape"),
+        ("broken_import", "engine 'broken_import', case 'first': failed: ImportError"),
+        ("stepless", "engine 'stepless'.*level"),
+    ],
+)
+def test_simulating_with_an_engine_that_fails_names_engine_case_and_reason(cases, engine, message):
+    with pytest.raises(EngineFailure, match=message):
+        simulate_case(cases[0], engine, 60.0)
