@@ -66,7 +66,7 @@ def run(
     question: Questions = None,
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the report.")] = Path("consilience-report"),
     jobs: Jobs = CORES,
-    limit: Limit = 120.0,
+    limit: Limit = 180.0,
 ) -> None:
     """Ask the questions, compare, and write report.jsonl, report.html and report.md."""
     from consilience.library import load_cases, shipped_cases
@@ -97,10 +97,10 @@ def run(
 
 def _print_matrix(folder: Path) -> None:
     from consilience.report.record import read_record
-    from consilience.report.summary import matrix
+    from consilience.report.summary import legend, matrix
 
     record = read_record(folder)
-    table = Table(title="worst verdict over questions and methods, digits of the least accurate method at it")
+    table = Table(title="worst verdict and least digits over all questions and methods")
     table.add_column("case")
     engines, rows = matrix(record)
     for name in engines:
@@ -108,6 +108,8 @@ def _print_matrix(folder: Path) -> None:
     for case, cells in rows:
         table.add_row(escape(case), *(escape(cell) for cell in cells))
     out.print(table)
+    for line in legend(record):
+        out.print(escape(line), soft_wrap=True, highlight=False)
     for name, reason in record.header["missing"].items():
         err.print(f"{name}: not available: {escape(reason)}")
     out.print(f"report: {folder / 'report.html'}", soft_wrap=True, highlight=False)
@@ -140,7 +142,7 @@ def show(case: Annotated[str, typer.Argument(help="Name or case file.")]) -> Non
 
 
 @app.command()
-def doctor(engine: Engines = None, limit: Limit = 120.0) -> None:
+def doctor(engine: Engines = None, limit: Limit = 180.0) -> None:
     """Import every engine in a worker and let it answer two questions about one case."""
     from consilience.compare import Verdict
     from consilience.library import load_case

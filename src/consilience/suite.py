@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 import numpy as np
 
@@ -37,6 +38,7 @@ from consilience.run import (
 from consilience.worker import Plan, Request, Worker
 
 REFERENCE = "reference"
+_T = TypeVar("_T")
 
 Progress = Callable[[str, str], None]
 """Called with the engine and what it has just finished."""
@@ -63,7 +65,7 @@ def run_suite(
     engines: Sequence[str],
     questions: Sequence[Question] = tuple(Question),
     jobs: int = 2,
-    limit: float = 120.0,
+    limit: float = 180.0,
     progress: Progress | None = None,
 ) -> Results:
     """Ask every engine every question of every case, and compare with the reference.
@@ -83,28 +85,46 @@ def run_suite(
         # assembled here, before any worker starts: a case that cannot be assembled is bad input, not a failed run
         _ = case.states if Question.INSTANT in questions else case.initial_state
 
-    def work(name: str) -> tuple[str, EngineInfo | str, list[Run]]:
-        with Worker(name, limit) as worker:
-            reply = worker.ask(Request())
-            if not isinstance(reply.value, EngineInfo):
-                return name, reply.reason, []
-            found = []
-            for case in cases:
-                found += list(_runs_of_case(worker, case, questions))
-                if progress is not None:
-                    progress(name, case.name)
-            return name, reply.value, found
+    def work(worker: Worker) -> tuple[EngineInfo | str, list[Run]]:
+        with worker:
+            return _ask_everything(worker, cases, questions, progress)
 
-    with ThreadPoolExecutor(max_workers=max(1, jobs)) as pool:
-        for name, info, found in pool.map(work, names):
-            if isinstance(info, EngineInfo):
-                results.engines[name] = info
-                results.runs += found
-            else:
-                results.missing[name] = info
+    for name, (info, found) in zip(names, _in_parallel(work, [Worker(n, limit) for n in names], jobs), strict=True):
+        if isinstance(info, EngineInfo):
+            results.engines[name] = info
+            results.runs += found
+        else:
+            results.missing[name] = info
     for case in cases:
         results.comparisons += _compare_case(case, results)
     return results
+
+
+def _in_parallel(work: Callable[[Worker], _T], workers: Sequence[Worker], jobs: int) -> list[_T]:
+    """Let every worker do its work, `jobs` at a time; whatever stops it stops all workers."""
+    with ThreadPoolExecutor(max_workers=max(1, jobs)) as pool:
+        try:
+            return list(pool.map(work, workers))
+        except BaseException:  # Ctrl-C above all: no engine may go on working for nobody
+            pool.shutdown(wait=False, cancel_futures=True)
+            for worker in workers:
+                worker.stop()
+            raise
+
+
+def _ask_everything(
+    worker: Worker, cases: Sequence[Case], questions: Sequence[Question], progress: Progress | None
+) -> tuple[EngineInfo | str, list[Run]]:
+    """All runs of one engine, or why it does not start."""
+    reply = worker.ask(Request())
+    if not isinstance(reply.value, EngineInfo):
+        return reply.reason, []
+    found: list[Run] = []
+    for case in cases:
+        found += _runs_of_case(worker, case, questions)
+        if progress is not None:
+            progress(worker.engine, case.name)
+    return reply.value, found
 
 
 def _runs_of_case(worker: Worker, case: Case, questions: Sequence[Question]) -> Iterator[Run]:

@@ -12,7 +12,7 @@ import signal
 import tempfile
 import time
 from collections.abc import Sequence
-from concurrent.futures import Future, TimeoutError
+from concurrent.futures import CancelledError, Future, TimeoutError
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
@@ -130,6 +130,7 @@ class Worker:
     limit: float = 60.0
     _log: Path = field(init=False)
     _pool: Any = field(init=False)
+    _pending: Future[Any] | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
         handle, path = tempfile.mkstemp(prefix=f"consilience-{self.engine}-", suffix=".log")
@@ -151,7 +152,10 @@ class Worker:
         self.stop()
 
     def stop(self) -> None:
-        """Kill the process and remove its log."""
+        """Kill the process and remove its log. Whoever waits for a job gets a failed reply."""
+        if self._pending is not None:
+            # stopping the pool alone may leave the job in flight without any result, and its waiter waiting
+            self._pending.cancel()
         self._pool.stop()
         self._pool.join()
         self._log.unlink(missing_ok=True)
@@ -159,6 +163,7 @@ class Worker:
     def submit(self, request: Request) -> Future[Any]:
         """Queue a job; give the future to `reply`."""
         future: Future[Any] = self._pool.schedule(_serve, args=(self.engine, request), timeout=self.limit)
+        self._pending = future
         return future
 
     def reply(self, future: Future[Any]) -> Reply:
@@ -167,6 +172,8 @@ class Worker:
             value, cpu = future.result()
         except TimeoutError:
             return Reply(None, f"no answer within {self.limit:g} s; the worker was stopped", log=self._printed())
+        except CancelledError:
+            return Reply(None, "stopped before it answered")
         except ProcessExpired as error:
             return Reply(None, f"the worker died: {_death(error.exitcode)}", log=self._printed())
         except Exception as error:  # noqa: BLE001

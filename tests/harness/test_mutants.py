@@ -26,7 +26,7 @@ CAUGHT = {
     "weightless_body": (Question.INSTANT, "accelerations"),
     "acceleration_point": (Question.INSTANT, "accelerations"),
     "reaction_sign": (Question.INSTANT, "reactions"),
-    "reaction_sign_of_one_torque": (Question.INSTANT, "reactions"),
+    "reaction_sign_of_one": (Question.INSTANT, "reactions"),
     "reaction_axes": (Question.INSTANT, "reactions"),
     "reaction_point": (Question.INSTANT, "reactions"),
 }
@@ -37,7 +37,7 @@ WRONG_EQUATIONS = [name for name, (question, _) in CAUGHT.items() if question is
 @pytest.fixture(scope="module")
 def comparisons():
     cases = [replace(load_case(name), instants=3) for name in CASES]
-    results = run_suite(cases, ["honest", *CAUGHT], [Question.MODEL, Question.INSTANT], jobs=3, limit=60.0)
+    results = run_suite(cases, ["honest", *CAUGHT], [Question.MODEL, Question.INSTANT], jobs=3, limit=120.0)
     assert not results.missing
     return {(c.engine, c.case, c.question): c for c in results.comparisons if c.method == "descriptor"}
 

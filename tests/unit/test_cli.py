@@ -3,8 +3,10 @@
 import csv
 import json
 import os
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -158,3 +160,27 @@ def test_list_and_show_work_from_any_folder(tmp_path):
     assert "four_bar" in consilience("list", cwd=Path(tmp_path)).stdout
     shown = consilience("show", "four_bar", cwd=Path(tmp_path)).stdout
     assert "1 degrees of freedom, 20 constraint rows, 3 of them dependent" in shown
+
+
+def test_interrupt_stops_at_once_and_leaves_no_worker_behind(tmp_path):
+    command = [sys.executable, "-c", "from consilience.cli import main; main()", "run", "-o", "report"]
+    # a session of its own, so that every descendant can be found by it
+    process = subprocess.Popen(command, cwd=tmp_path, start_new_session=True, stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 60
+    while len(descendants(process.pid)) < 3 and time.monotonic() < deadline:
+        time.sleep(0.1)
+    assert len(descendants(process.pid)) >= 3  # the runner and two workers at least
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=20)
+    assert process.returncode == 130
+    deadline = time.monotonic() + 10
+    while descendants(process.pid) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    assert descendants(process.pid) == []
+    assert not (tmp_path / "report").exists()
+
+
+def descendants(session):
+    """Processes of a session that still run."""
+    done = subprocess.run(["ps", "-o", "pid=,stat=", "-s", str(session)], capture_output=True, text=True, check=False)
+    return [line.split()[0] for line in done.stdout.splitlines() if not line.split()[1].startswith("Z")]

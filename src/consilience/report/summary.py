@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from consilience.case import Case
@@ -9,29 +11,31 @@ from consilience.compare import Verdict
 from consilience.kinematics import constraint_residual, free_directions, joint_coordinates, relative_motion
 from consilience.mechanism import Joint, Mechanism, State
 from consilience.report.record import Record
-
-_RANK = {str(v): n for n, v in enumerate(Verdict)}
+from consilience.report.wording import LOOKS
 
 
 def matrix(record: Record) -> tuple[list[str], list[tuple[str, list[str]]]]:
-    """Engines, and for each case the worst verdict of each engine with its digits."""
+    """Engines, and for each case the worst verdict of each engine, with the digits of the least accurate answer."""
     engines = [name for name in record.header["engines"] if name != "reference"]
     rows = []
     for case in record.cases:
-        cells = []
-        for engine in engines:
-            found = [c for c in record.comparisons if c["case"] == case["name"] and c["engine"] == engine]
-            cells.append(_cell([(c["verdict"], c["digits"]) for c in found]))
-        rows.append((case["name"], cells))
+        found = [[c for c in record.comparisons if (c["case"], c["engine"]) == (case["name"], e)] for e in engines]
+        rows.append((case["name"], [_cell(comparisons) for comparisons in found]))
     return engines, rows
 
 
-def _cell(found: list[tuple[str, float | None]]) -> str:
-    if not found:
+def legend(record: Record) -> list[str]:
+    """What the symbols of the matrix mean, those that occur."""
+    occur = {c["verdict"] for c in record.comparisons}
+    return [f"{look.symbol} {look.name}: {look.sentence}" for v, look in LOOKS.items() if str(v) in occur]
+
+
+def _cell(comparisons: list[dict[str, Any]]) -> str:
+    if not comparisons:
         return "not asked"
-    worst = max((verdict for verdict, _ in found), key=lambda v: _RANK[v])
-    digits = [d for verdict, d in found if verdict == worst and d is not None]
-    return f"{worst}, {min(digits):.1f} digits" if digits else worst
+    worst = max((Verdict(c["verdict"]) for c in comparisons), key=list(Verdict).index)
+    digits = [c["digits"] for c in comparisons if c["verdict"] == worst and c["digits"] is not None]
+    return f"{LOOKS[worst].symbol} {min(digits):.1f} digits" if digits else f"{LOOKS[worst].symbol} {worst}"
 
 
 def describe_case(case: Case) -> str:

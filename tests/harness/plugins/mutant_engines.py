@@ -9,7 +9,9 @@ from functools import partial
 import numpy as np
 from honest_engine import HonestEngine
 
-from consilience.mechanism import Body, Frame, State
+from consilience.kinematics import joint_frames
+from consilience.mechanism import GROUND, Body, Frame, Load, State
+from consilience.run import Question
 from consilience.spatial import rotation_from_quaternion, skew
 
 
@@ -69,13 +71,11 @@ def _in_body_axes(state: State) -> State:
 
 def _weightless(mechanism, states, answer):
     """The first body does not feel gravity: an upward force at its centre of mass takes its weight."""
-    from consilience.mechanism import Load
-
     body = mechanism.bodies[0]
     lift = Load("lift", "force", body.name, -body.mass * mechanism.gravity, "world", body.com)
-    return HonestEngine().instant(
-        replace(mechanism, loads=(*mechanism.loads, lift)), states, HonestEngine().methods(mechanism, "instant")[0]
-    )
+    engine = HonestEngine()
+    lifted = replace(mechanism, loads=(*mechanism.loads, lift))
+    return replace(engine.instant(lifted, states, engine.methods(lifted, Question.INSTANT)[0]), potential=answer.potential)
 
 
 def _wrong_sign(mechanism, states, answer):
@@ -83,15 +83,14 @@ def _wrong_sign(mechanism, states, answer):
 
 
 def _other_sign_of_one(mechanism, states, answer):
-    """Only the torque of the last joint is the one on its predecessor."""
-    torque = answer.torque_F.copy()
-    torque[:, -1] *= -1.0
-    return replace(answer, torque_F=torque)
+    """Only the reaction of the second joint is the one on its predecessor."""
+    force, torque = answer.force_F.copy(), answer.torque_F.copy()
+    force[:, 1] *= -1.0
+    torque[:, 1] *= -1.0
+    return replace(answer, force_F=force, torque_F=torque)
 
 
 def _in_world_axes(mechanism, states, answer):
-    from consilience.kinematics import joint_frames
-
     U = np.array([[joint_frames(mechanism, s, j).U for j in mechanism.joints] for s in states])
     turn = partial(np.einsum, "sjab,sjb->sja", U)
     return replace(answer, force_F=turn(answer.force_F), torque_F=turn(answer.torque_F))
@@ -101,7 +100,7 @@ def _about_the_centre_of_mass(mechanism, states, answer):
     """Torque of the reaction about the successor's centre of mass and not about M."""
     arms = np.zeros_like(answer.torque_F)
     for k, joint in enumerate(mechanism.joints):
-        if joint.successor != "ground":
+        if joint.successor != GROUND:
             body = mechanism.bodies[mechanism.body_index[joint.successor]]
             arms[:, k] = joint.M.R.T @ (joint.M.p - body.com)  # axes of M: near enough for a mistake
     return replace(answer, torque_F=answer.torque_F + np.cross(arms, answer.force_F))
@@ -127,7 +126,7 @@ centre_of_mass_lost = partial(MutantEngine, mechanism=_each_body(lambda b: repla
 body_axes_velocity = partial(MutantEngine, state=_in_body_axes)
 weightless_body = partial(MutantEngine, instant=_weightless)
 reaction_sign = partial(MutantEngine, instant=_wrong_sign)
-reaction_sign_of_one_torque = partial(MutantEngine, instant=_other_sign_of_one)
+reaction_sign_of_one = partial(MutantEngine, instant=_other_sign_of_one)
 reaction_axes = partial(MutantEngine, instant=_in_world_axes)
 reaction_point = partial(MutantEngine, instant=_about_the_centre_of_mass)
 acceleration_point = partial(MutantEngine, instant=_at_the_centre_of_mass)
