@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from consilience.assembly import Initial, initial_state, random_states
     from consilience.case import Case
-    from consilience.engine import create as engine
+    from consilience.engine import load_engine
     from consilience.errors import CannotAssemble, ConsilienceError, InvalidInput
     from consilience.library import case_names, load_case
     from consilience.mechanism import (
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 _HOME = {
     "assembly": ("Initial", "initial_state", "random_states"),
     "case": ("Case",),
+    "engine": ("load_engine",),
     "errors": ("CannotAssemble", "ConsilienceError", "InvalidInput"),
     "library": ("case_names", "load_case"),
     "mechanism": ("Body", "Frame", "Joint", "JointSpring", "Load", "Mechanism", "Spring", "State"),
@@ -58,9 +59,9 @@ __all__ = [
     "State",
     "accelerations",
     "case_names",
-    "engine",
     "initial_state",
     "load_case",
+    "load_engine",
     "random_states",
     "run_suite",
     "simulate",
@@ -68,8 +69,6 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    if name == "engine":
-        return import_module("consilience.engine").create
     if name not in _MODULE_OF:
         raise AttributeError(f"module 'consilience' has no attribute '{name}'")
     return getattr(import_module(f"consilience.{_MODULE_OF[name]}"), name)

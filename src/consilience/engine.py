@@ -78,7 +78,7 @@ def installed() -> dict[str, EntryPoint]:
     return {point.name: point for point in sorted(entry_points(group=GROUP), key=lambda p: p.name)}
 
 
-def create(name: str) -> Engine:
+def load_engine(name: str) -> Engine:
     """Import and construct an engine in this process.
 
     Raises

@@ -108,7 +108,7 @@ def _answer(engine: Engine, request: Request) -> Any:
 def _serve(name: str, request: Request) -> tuple[Any, float]:
     """Run one job in the worker."""
     if name not in _engines:
-        _engines[name] = create(name)
+        _engines[name] = load_engine(name)
     start = time.process_time()
     value = _answer(_engines[name], request)
     return value, time.process_time() - start

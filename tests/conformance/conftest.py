@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from consilience.engine import create, installed
+from consilience.engine import installed, load_engine
 
 
 def pytest_generate_tests(metafunc):
@@ -17,7 +17,7 @@ def pytest_generate_tests(metafunc):
 
 @pytest.fixture(scope="session")
 def engine(engine_name):
-    return create(engine_name)
+    return load_engine(engine_name)
 
 
 def known_differences(engine_name):

@@ -12,7 +12,7 @@ from consilience.compare import (
     reference_spread,
 )
 from consilience.compare.instant import Instants
-from consilience.engine import create
+from consilience.engine import load_engine
 from consilience.library import shipped_cases
 from consilience.reference import accelerations, simulate
 from consilience.run import Question, Run, Status
@@ -23,7 +23,7 @@ ORDER_WINDOW = 0.15
 
 @functools.cache
 def reference_model(name):
-    case, reference = CASES[name], create("reference")
+    case, reference = CASES[name], load_engine("reference")
     (method,) = reference.methods(case.mechanism, Question.MODEL)
     return reference.model(case.mechanism, case.initial_state, method)
 

@@ -182,5 +182,7 @@ def test_interrupt_stops_at_once_and_leaves_no_worker_behind(tmp_path):
 
 def descendants(session):
     """Processes of a session that still run."""
-    done = subprocess.run(["ps", "-o", "pid=,stat=", "-s", str(session)], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        ["ps", "-o", "pid=", "-o", "stat=", "-s", str(session)], capture_output=True, text=True, check=False
+    )
     return [line.split()[0] for line in done.stdout.splitlines() if not line.split()[1].startswith("Z")]
