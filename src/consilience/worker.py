@@ -20,7 +20,7 @@ from typing import Any
 
 from pebble import ProcessExpired, ProcessPool
 
-from consilience.engine import Engine, create
+from consilience.engine import Engine, load_engine
 from consilience.mechanism import Mechanism, State
 from consilience.run import Answer, EngineInfo, Manifest, Method, Question, Unsupported
 from consilience.spatial import Array

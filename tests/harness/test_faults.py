@@ -4,7 +4,6 @@ import re
 from dataclasses import replace
 
 import pytest
-from mechanisms import chain
 
 from consilience.assembly import Initial
 from consilience.case import Case
@@ -12,6 +11,7 @@ from consilience.compare import Verdict
 from consilience.engine import installed
 from consilience.run import Question, Status
 from consilience.suite import EngineFailure, run_suite, simulate_case
+from mechanisms import chain
 
 INSTANT, TRAJECTORY = Question.INSTANT, Question.TRAJECTORY
 
@@ -57,7 +57,10 @@ def small_case(name, *kinds, seed):
 
 @pytest.fixture(scope="module")
 def cases():
-    return [small_case("first", "revolute", "spherical", seed=71), small_case("second", "revolute", "universal", seed=72)]
+    return [
+        small_case("first", "revolute", "spherical", seed=71),
+        small_case("second", "revolute", "universal", seed=72),
+    ]
 
 
 @pytest.fixture(scope="module")

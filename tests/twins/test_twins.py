@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from mechanisms import LOOPS, TREES, chain, drawn_joint, four_bar, lumpy_body, rotation, states_of
 
 from consilience.kinematics import joint_frames
 from consilience.mechanism import GROUND, Body, Frame, Joint, Mechanism, State
@@ -23,6 +22,7 @@ from consilience.spatial import (
     rotation_from_quaternion,
     skew,
 )
+from mechanisms import LOOPS, TREES, chain, drawn_joint, four_bar, lumpy_body, rotation, states_of
 
 ALL = TREES | LOOPS
 ORIGIN = Frame(np.zeros(3), np.eye(3))
@@ -34,7 +34,10 @@ class Twin:
     first: Mechanism
     second: Mechanism
     state: Callable[[State], State]
-    acceleration: Callable[[State, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]] = lambda s, a, alpha: (a, alpha)
+    acceleration: Callable[[State, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]] = lambda s, a, alpha: (
+        a,
+        alpha,
+    )
     time: float = 1.0
 
 
@@ -109,9 +112,7 @@ def moved_origins(mechanism: Mechanism) -> Twin:
     for body, new in zip(mechanism.bodies, offsets, strict=True):
         second = reframed(second, body.name, new)
     bodies = tuple(
-        replace(
-            b, com=x.R.T @ (b.com - x.p), inertia=symmetric(x.R.T @ b.inertia @ x.R), drawing=compose(b.drawing, x)
-        )
+        replace(b, com=x.R.T @ (b.com - x.p), inertia=symmetric(x.R.T @ b.inertia @ x.R), drawing=compose(b.drawing, x))
         for b, x in zip(mechanism.bodies, offsets, strict=True)
     )
     second = replace(second, bodies=bodies)
@@ -302,7 +303,9 @@ def test_two_bodies_welded_together_move_as_one():
     assert_same_motion(merged(ALL["rigid_between"]))
 
 
-@pytest.mark.parametrize("name", ["long_chain", "forced_chain", "branched", "slider_crank", "loop_universal", "loop_rod"])
+@pytest.mark.parametrize(
+    "name", ["long_chain", "forced_chain", "branched", "slider_crank", "loop_universal", "loop_rod"]
+)
 def test_the_two_formulations_move_the_same(name):
     mechanism = ALL[name]
     start = states_of(mechanism)[0]

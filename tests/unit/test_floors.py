@@ -13,7 +13,7 @@ FLOORS = {
     "mechanism": 1,
     "kinematics": 2,
     **dict.fromkeys(("assembly", "observe", "tree", "run"), 3),
-    **dict.fromkeys(("engine", "case", "harness", "export"), 4),
+    **dict.fromkeys(("engine", "case", "caseschema", "harness", "export"), 4),
     **dict.fromkeys(("casefile", "reference", "worker"), 5),
     **dict.fromkeys(("library", "compare"), 6),
     "suite": 7,

@@ -6,9 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import truth
-from mechanisms import GRAVITY, LOOPS, TREES, chain, drawn_joint, lumpy_body, rotation, states_of
 
+import truth
 from consilience.assembly import move
 from consilience.kinematics import (
     constraint_gamma,
@@ -34,6 +33,7 @@ from consilience.spatial import (
     rotation_from_quaternion,
     rotation_vector_from_quaternion,
 )
+from mechanisms import GRAVITY, LOOPS, TREES, chain, drawn_joint, lumpy_body, rotation, states_of
 
 ALL = TREES | LOOPS
 SEEDS = range(4)
@@ -202,9 +202,7 @@ def test_inner_forces_add_up_to_nothing(name):
         loads=(),
         springs=tuple(s for s in mechanism.springs if GROUND not in (s.predecessor, s.successor)),
         joint_springs=tuple(
-            s
-            for s in mechanism.joint_springs
-            if GROUND not in _ends(mechanism.joints[mechanism.joint_index[s.joint]])
+            s for s in mechanism.joint_springs if GROUND not in _ends(mechanism.joints[mechanism.joint_index[s.joint]])
         ),
     )
     state = states_of(inner)[0]

@@ -7,9 +7,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 import scipy.linalg
-import truth
-from mechanisms import GRAVITY, LOOPS, TREES, chain, drawn_joint, lumpy_body, rotation, states_of
 
+import truth
 from consilience.errors import InvalidInput
 from consilience.kinematics import constraint_jacobian, constraint_residual, joint_rates, relative_motion
 from consilience.mechanism import GROUND, Body, Frame, JointSpring, Load, Mechanism, Spring, State
@@ -40,6 +39,7 @@ from consilience.spatial import (
     rotation_angle_between,
     rotation_from_quaternion,
 )
+from mechanisms import GRAVITY, LOOPS, TREES, chain, drawn_joint, lumpy_body, rotation, states_of
 
 ALL = TREES | LOOPS
 EPS = np.finfo(float).eps

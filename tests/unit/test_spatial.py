@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from consilience.spatial import (
     continuous_in_time,
+    cross,
     elementary_rotation,
     euler_parameter_matrix,
     orthogonal_triad,
@@ -41,6 +42,7 @@ def test_skew_is_the_cross_product(seed):
     a, b = np.random.default_rng(seed).normal(size=(2, 3))
     np.testing.assert_allclose(skew(a) @ b, np.cross(a, b), rtol=0, atol=1e-15)
     np.testing.assert_array_equal(skew(a).T, -skew(a))
+    np.testing.assert_array_equal(cross(a, b), np.cross(a, b))
 
 
 @pytest.mark.parametrize("seed", SEEDS)

@@ -75,7 +75,9 @@ def _weightless(mechanism, states, answer):
     lift = Load("lift", "force", body.name, -body.mass * mechanism.gravity, "world", body.com)
     engine = HonestEngine()
     lifted = replace(mechanism, loads=(*mechanism.loads, lift))
-    return replace(engine.instant(lifted, states, engine.methods(lifted, Question.INSTANT)[0]), potential=answer.potential)
+    return replace(
+        engine.instant(lifted, states, engine.methods(lifted, Question.INSTANT)[0]), potential=answer.potential
+    )
 
 
 def _wrong_sign(mechanism, states, answer):

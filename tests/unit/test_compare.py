@@ -1,0 +1,379 @@
+"""The rules of the verdicts, each on answers made up for it: errors of known size and order on a known motion."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from consilience.compare import (
+    Quantity,
+    Verdict,
+    compare_instant,
+    compare_model,
+    compare_trajectory,
+    reference_spread,
+)
+from consilience.compare.instant import Instants, relative_difference
+from consilience.compare.result import digits_of
+from consilience.compare.trajectory import difference_over_time, kept_samples, richardson, size_of_motion
+from consilience.run import InstantAnswer, Method, ModelAnswer, Question, Route, Run, Status, TrajectoryAnswer
+from consilience.spatial import quaternion_from_rotation_vector, quaternion_product, rotation_from_quaternion
+from mechanisms import chain
+
+EPS = np.finfo(float).eps
+
+# ---------------------------------------------------------------- trajectory
+
+MECHANISM = chain("free", seed=1)
+TIMES = np.linspace(0.0, 2.0, 41)
+SHAPE = np.sin(3 * TIMES) * TIMES / 2.0
+"""Errors over time: largest 0.73 at t = 1.7, zero at the start."""
+
+
+def motion(displacement=0.0, turn=0.0, sign=1.0):
+    """A body on the unit circle that turns as it goes; displaced along z and turned about x by that times `SHAPE`."""
+    t, zero = TIMES, 0 * TIMES
+    p = np.column_stack([np.cos(t), np.sin(t), displacement * SHAPE])[:, None]
+    steady = [quaternion_from_rotation_vector([0, 0, x]) for x in t]
+    extra = [quaternion_from_rotation_vector([turn * s, 0, 0]) for s in SHAPE]
+    quat = sign * np.array([quaternion_product(a, b) for a, b in zip(extra, steady, strict=True)])[:, None]
+    v = np.column_stack([-np.sin(t), np.cos(t), zero])[:, None]
+    w = np.column_stack([zero, zero, 1 + zero])[:, None]
+    return TrajectoryAnswer(t, p, quat, v, w)
+
+
+REFERENCE = motion()
+STEPS = (0.02, 0.01, 0.005)
+
+
+def judge(errors, order=2, digits=8, spread=0.0, turns=None):
+    """Verdict over levels whose errors along z (in units of the size of the motion) and about x are given."""
+    size = size_of_motion(REFERENCE)
+    method = Method("m", Route.NATIVE, order, (10, 20, 40)[: len(errors)])
+    turns = turns or [0.0] * len(errors)
+    runs = [
+        Run("c", "e", Question.TRAJECTORY, method, n, h, Status.ANSWERED, motion(size * e, turn), cpu=1.0 + n)
+        for n, (h, e, turn) in enumerate(zip(STEPS, errors, turns, strict=False))
+    ]
+    return compare_trajectory(MECHANISM, runs, REFERENCE, spread, digits)
+
+
+def powers(constant, order, plateau=0.0):
+    return [plateau + constant * h**order for h in STEPS]
+
+
+def test_size_of_motion_is_the_widest_travel_along_an_axis():
+    """On the arc from 0 to 2 rad x goes from 1 to cos 2."""
+    assert size_of_motion(REFERENCE) == pytest.approx(1 - np.cos(2.0), rel=1e-15)
+    still = replace(REFERENCE, p_WB=np.ones((41, 1, 3)))
+    assert size_of_motion(still) == pytest.approx(1e-3)  # a body that stays where it is, 1 m away
+
+
+def test_difference_is_distance_over_size_or_angle_whichever_is_larger():
+    size = size_of_motion(REFERENCE)
+    np.testing.assert_allclose(
+        difference_over_time(motion(0.3), REFERENCE, size), 0.3 * np.abs(SHAPE) / size, rtol=0, atol=1e-15
+    )
+    np.testing.assert_allclose(
+        difference_over_time(motion(0.0, 0.2, sign=-1.0), REFERENCE, size), 0.2 * np.abs(SHAPE), rtol=0, atol=1e-15
+    )
+    both = difference_over_time(motion(0.3, 0.9), REFERENCE, size)
+    np.testing.assert_allclose(both, 0.9 * np.abs(SHAPE), rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize("order", [1, 2, 4])
+def test_observed_orders_are_those_of_the_errors(order):
+    found = judge(powers(0.5 / 0.005**order * 1e-4, order), order)
+    assert found.order == pytest.approx(order, abs=1e-6)
+    assert found.self_order == pytest.approx(order, abs=1e-6)
+    assert found.declared_order == order
+
+
+@pytest.mark.parametrize("order", [1, 2, 4])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_richardson_limit_of_pure_powers_is_exact(order, sign):
+    coarse, fine = motion(1e-3 * 2.0**order, 1e-5 * 2.0**order, sign), motion(1e-3, 1e-5)
+    limit = richardson(coarse, fine, order)
+    np.testing.assert_allclose(limit.p_WB, REFERENCE.p_WB, rtol=0, atol=1e-15)
+    assert np.max(difference_over_time(limit, REFERENCE, 1.0)) < 1e-8  # turns do not add up exactly: (2^P 1e-5)^2
+    np.testing.assert_allclose(np.linalg.norm(limit.quat_WB, axis=-1), 1.0, rtol=0, atol=1e-15)
+
+
+def test_agrees_where_the_finest_level_has_the_digits_asked():
+    found = judge(powers(1e-4, 2), digits=8)  # finest 0.73 * 1e-4 * 2.5e-5 = 1.8e-9
+    assert found.verdict is Verdict.AGREES
+    assert found.levels[-1].largest == pytest.approx(np.max(np.abs(SHAPE)) * 1e-4 * 0.005**2, rel=1e-6)
+    assert found.digits == pytest.approx(-np.log10(found.levels[-1].largest))
+
+
+@pytest.mark.parametrize(("spread", "verdict"), [(1e-8, Verdict.AGREES), (0.0, Verdict.DISCRETISATION)])
+def test_the_spread_of_the_reference_is_granted(spread, verdict):
+    largest = 1.5e-8 / np.max(np.abs(SHAPE)) / 0.005**2
+    assert judge(powers(largest, 2), digits=8, spread=spread).verdict is verdict
+
+
+@pytest.mark.parametrize("turning", [False, True])
+@pytest.mark.parametrize("order", [1, 2, 4])
+def test_differs_by_discretisation_where_the_limit_is_the_reference(order, turning):
+    errors = powers(1e-3 / 0.005**order / 10, order)
+    found = judge([0.0] * 3, order, turns=errors) if turning else judge(errors, order)
+    assert found.verdict is Verdict.DISCRETISATION
+    assert found.levels[-1].largest > 1e-5
+    assert found.limit_digits > found.digits + 2
+    # grid convergence index at the declared order: 1.25 |x3 - x2| / (2^P - 1), which is 1.25 times the error itself
+    assert found.band == pytest.approx(1.25 * found.levels[-1].largest, rel=1e-3)
+
+
+def test_unresolved_where_the_order_is_not_the_declared_one():
+    found = judge(powers(0.1, 1), order=2)
+    assert found.verdict is Verdict.UNRESOLVED
+    assert "observed order 1.00, declared 2" in found.why
+    assert found.band == pytest.approx(3.0 * (0.1 * 0.005 * np.max(np.abs(SHAPE))) / 3.0, rel=1e-6)  # factor 3
+
+
+@pytest.mark.parametrize(("off", "verdict"), [(0.45, Verdict.DISCRETISATION), (0.55, Verdict.UNRESOLVED)])
+def test_the_window_of_the_order_is_a_half(off, verdict):
+    """Orders above the declared one: the limit is over-corrected, and lies within the band."""
+    assert judge(powers(1.0, 2 + off), order=2).verdict is verdict
+
+
+def test_unresolved_where_rounding_hides_the_order():
+    found = judge([3e-12, 2e-12, 1.9e-12], digits=13)
+    assert found.verdict is Verdict.UNRESOLVED
+    assert "hidden by rounding" in found.why
+    assert found.order is None
+
+
+def test_the_order_is_read_where_rounding_does_not_hide_it():
+    found = judge([4e-9, 1e-9, 5e-12], digits=13)
+    assert found.order == pytest.approx(2.0, abs=1e-3)
+
+
+def test_differs_in_the_model_where_the_levels_converge_to_something_else():
+    """A plateau: 2 h^2 towards a motion 1e-2 away. Among themselves the levels have their order, the limit is sharp."""
+    found = judge(powers(2.0, 2, plateau=1e-2), order=2)
+    assert found.self_order == pytest.approx(2.0, abs=1e-6)
+    assert found.levels[-1].largest > 5e-3
+    assert found.verdict is Verdict.MODEL
+
+
+@pytest.mark.parametrize("plateau", [1e-6, 1e-4, 1e-2, 1.0])
+def test_a_plateau_is_never_called_discretisation_once_it_stands_out(plateau):
+    found = judge(powers(0.01 * plateau / 0.005**2, 2, plateau), order=2)
+    assert found.verdict in (Verdict.MODEL, Verdict.UNRESOLVED)
+
+
+def test_without_an_order_a_difference_is_one_of_the_model():
+    found = judge([1e-3, 1e-5, 1e-6], order=None)
+    assert found.verdict is Verdict.MODEL
+    assert "no order to read" in found.why
+    assert judge([1e-3, 1e-5, 1e-9], order=None).verdict is Verdict.AGREES
+
+
+def test_a_single_level_has_no_order_and_no_limit():
+    found = judge([1e-3], order=2)
+    assert found.verdict is Verdict.MODEL
+    assert (found.order, found.self_order, found.band, found.limit_digits) == (None, None, None, None)
+
+
+def test_levels_keep_their_step_cost_and_curve():
+    found = judge(powers(1.0, 2))
+    assert [level.step for level in found.levels] == list(STEPS)
+    assert [level.cpu for level in found.levels] == [1.0, 2.0, 3.0]
+    assert len(found.times) == len(found.levels[0].difference) == len(found.levels[0].energy) == 41
+    curve = np.array(found.levels[0].difference)
+    np.testing.assert_allclose(curve, STEPS[0] ** 2 * np.abs(SHAPE), rtol=0, atol=1e-15)
+    assert found.levels[0].rms == pytest.approx(np.sqrt(np.mean(curve**2)))
+
+
+def test_energy_is_recomputed_from_the_motion():
+    """Displaced by d along z the body has ``-m g_z d`` more, over the largest kinetic energy of the exact motion."""
+    size, body, g = size_of_motion(REFERENCE), MECHANISM.bodies[0], MECHANISM.gravity
+    change = np.array(judge([0.05]).levels[0].energy) - np.array(judge([0.0]).levels[0].energy)
+    quats = REFERENCE.quat_WB[:, 0]
+    kinetic = []
+    for q, v in zip(quats, REFERENCE.v_WB_W[:, 0], strict=True):
+        R = rotation_from_quaternion(q)
+        v_com = v + np.cross([0, 0, 1.0], R @ body.com)
+        kinetic.append(0.5 * body.mass * v_com @ v_com + 0.5 * (R @ body.inertia @ R.T)[2, 2])
+    np.testing.assert_allclose(change, -body.mass * g[2] * 0.05 * size * SHAPE / np.max(kinetic), rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(("count", "kept"), [(1, [0]), (5, [0, 1, 2, 3, 4]), (1001, list(range(0, 1001, 10)))])
+def test_kept_samples_are_spread_from_end_to_end(count, kept):
+    assert kept_samples(count) == kept
+
+
+def test_spread_of_the_reference_is_the_largest_difference_to_its_first_answer():
+    size = size_of_motion(REFERENCE)
+    found = reference_spread([REFERENCE, motion(1e-9 * size), motion(0.0, 3e-9)])
+    assert found == pytest.approx(3e-9 * np.max(np.abs(SHAPE)), rel=1e-5)
+    assert reference_spread([REFERENCE]) == 0.0
+
+
+# ---------------------------------------------------------------- instant
+
+PLAIN = Method("m", Route.NATIVE)
+RNG = np.random.default_rng(3)
+ANSWER = InstantAnswer(
+    *(RNG.normal(size=(2, 2, 3)) for _ in range(4)), kinetic=np.array([2.0, 5.0]), potential=np.array([-3.0, 4.0])
+)
+KNOWN = np.ones((2, 2, 6), dtype=bool)
+INSTANTS = Instants(np.array([1.0, 1.0]), KNOWN)
+
+
+def shifted(name, by, index=(1, 0, 2)):
+    """The answer with one value shifted by a multiple of the largest component it is compared with."""
+    value = getattr(ANSWER, name).copy()
+    partner = {"a_WB_W": "alpha_WB_W", "alpha_WB_W": "a_WB_W", "force_F": "torque_F", "torque_F": "force_F"}.get(name)
+    if partner is None:
+        value[index[0]] += by * np.max(np.abs(value))
+    else:
+        value[index] += by * max(np.max(np.abs(x[index[0]])) for x in (value, getattr(ANSWER, partner)))
+    return replace(ANSWER, **{name: value})
+
+
+def instant(answer, instants=INSTANTS, method=PLAIN, reference=ANSWER):
+    return compare_instant("c", "e", method, answer, reference, instants)
+
+
+QUANTITIES = {
+    "a_WB_W": ("accelerations", 1e-11),
+    "alpha_WB_W": ("accelerations", 1e-11),
+    "force_F": ("reactions", 1e-10),
+    "torque_F": ("reactions", 1e-10),
+    "kinetic": ("kinetic energy", 1e-12),
+    "potential": ("potential energy", 1e-12),
+}
+
+
+def test_equal_answers_agree_to_all_digits():
+    found = instant(ANSWER)
+    assert (found.verdict, found.digits) == (Verdict.AGREES, 16.0)
+
+
+@pytest.mark.parametrize("name", QUANTITIES)
+@pytest.mark.parametrize(("factor", "verdict"), [(0.9, Verdict.AGREES), (1.2, Verdict.MODEL), (-1.2, Verdict.MODEL)])
+def test_each_quantity_is_held_to_its_bar(name, factor, verdict):
+    quantity, bar = QUANTITIES[name]
+    found = instant(shifted(name, factor * bar))
+    assert found.verdict is verdict
+    assert found.why.startswith(f"{quantity}: difference ")
+    (one,) = [q for q in found.quantities if q.name == quantity]
+    assert one.difference == pytest.approx(abs(factor) * bar, rel=1e-2)
+    assert found.digits == pytest.approx(-np.log10(abs(factor) * bar), abs=1e-2)
+
+
+@pytest.mark.parametrize("name", QUANTITIES)
+def test_a_value_that_is_no_number_never_meets_a_bar(name):
+    found = instant(shifted(name, np.nan))
+    assert found.verdict is Verdict.MODEL
+    assert found.why.startswith(QUANTITIES[name][0])
+
+
+def test_the_bar_of_accelerations_grows_with_the_condition_of_the_mass_matrix():
+    ill = Instants(np.array([1.0, 1e5]), KNOWN)
+    bar = 1e-11 + 4 * EPS * 1e5
+    assert instant(shifted("a_WB_W", 0.9 * bar), ill).verdict is Verdict.AGREES
+    assert instant(shifted("a_WB_W", 1.2 * bar), ill).verdict is Verdict.MODEL
+    # of the state it belongs to, not of another
+    assert instant(shifted("a_WB_W", 0.9 * bar, index=(0, 0, 2)), ill).verdict is Verdict.MODEL
+
+
+@pytest.mark.parametrize(("name", "bar"), [("a_WB_W", 1e-8), ("force_F", 1e-7), ("kinetic", 1e-12)])
+def test_extrapolated_answers_have_bars_of_their_own(name, bar):
+    method = Method("m", Route.EXTRAPOLATED)
+    assert instant(shifted(name, 0.9 * bar), method=method).verdict is Verdict.AGREES
+    assert instant(shifted(name, 1.2 * bar), method=method).verdict is Verdict.MODEL
+
+
+def test_reactions_that_are_not_determined_are_not_compared():
+    known = KNOWN.copy()
+    known[1, 0, 2] = known[0, 1, 4] = False
+    instants = Instants(np.array([1.0, 1.0]), known)
+    found = instant(shifted("force_F", 100.0), instants)
+    assert found.verdict is Verdict.AGREES
+    (reactions,) = [q for q in found.quantities if q.name == "reactions"]
+    assert reactions.count == 22
+    assert reactions.remark.startswith("2 ")
+    assert instant(shifted("force_F", 100.0, index=(1, 1, 2)), instants).verdict is Verdict.MODEL
+
+
+def test_a_method_without_reactions_is_judged_by_the_rest_and_says_so():
+    found = instant(replace(ANSWER, force_F=None, torque_F=None))
+    assert found.verdict is Verdict.AGREES
+    (reactions,) = [q for q in found.quantities if q.name == "reactions"]
+    assert (reactions.count, reactions.remark) == (0, "this method gives none")
+    worse = replace(shifted("a_WB_W", 1e-3), force_F=None, torque_F=None)
+    assert instant(worse).verdict is Verdict.MODEL
+
+
+def test_a_state_without_load_is_measured_by_the_others():
+    """At a state with reactions of rounding size only, rounding is no difference; at a hundredth of the rest it is."""
+    quiet = ANSWER.force_F.copy(), ANSWER.torque_F.copy()
+    for x in quiet:
+        x[1] = 1e-16
+    reference = replace(ANSWER, force_F=quiet[0], torque_F=quiet[1])
+    noisy = replace(reference, force_F=reference.force_F + 1e-15)
+    assert instant(noisy, reference=reference).verdict is Verdict.AGREES
+    wrong = replace(reference, force_F=reference.force_F + np.array([0.0, 1e-3])[:, None, None])
+    assert instant(wrong, reference=reference).verdict is Verdict.MODEL
+
+
+@pytest.mark.parametrize(
+    ("found", "expected", "floor", "difference"),
+    [
+        ([1.0, 2.0], [1.0, 2.5], 0.0, 0.2),
+        ([0.0, 0.0], [0.0, 0.0], 0.0, 0.0),
+        ([0.0, 1e-300], [0.0, 0.0], 0.0, np.inf),
+        ([0.0, 1e-3], [0.0, 0.0], 10.0, 1e-4),
+        ([], [], 0.0, 0.0),
+    ],
+)
+def test_relative_difference_is_over_the_largest_component(found, expected, floor, difference):
+    assert relative_difference(found, expected, floor) == pytest.approx(difference, rel=1e-12)
+
+
+@pytest.mark.parametrize(("difference", "digits"), [(0.0, 16.0), (1e-20, 16.0), (1e-5, 5.0), (1.0, 0.0), (50.0, 0.0)])
+def test_digits_are_minus_the_logarithm_from_none_to_sixteen(difference, digits):
+    assert digits_of(difference) == pytest.approx(digits, abs=1e-12)
+
+
+@pytest.mark.parametrize(("difference", "met"), [(1.0, True), (1.1, False), (np.nan, False), (np.inf, False)])
+def test_a_bar_is_met_up_to_and_with_its_value_and_never_by_nan(difference, met):
+    assert Quantity("q", difference, 1.0, 1).met is met
+
+
+# ---------------------------------------------------------------- model
+
+MODEL = ModelAnswer(4.0, np.array([0.1, -0.2, 0.3]), np.diag([1.0, 2.0, 2.5]), 3)
+
+
+@pytest.mark.parametrize(
+    ("changes", "quantity"),
+    [
+        ({"mass": 4.0 * (1 + 2e-12)}, "total mass"),
+        ({"com": MODEL.com + np.array([0, 0, 4e-12])}, "centre of mass"),
+        ({"inertia": MODEL.inertia + 4e-12 * np.eye(3)[[1, 0, 2]]}, "inertia of the whole"),
+        ({"freedom": 4}, "degrees of freedom"),
+        ({"freedom": 2}, "degrees of freedom"),
+        ({"mass": np.nan}, "total mass"),
+    ],
+)
+def test_each_part_of_the_model_is_held_to_its_bar(changes, quantity):
+    found = compare_model("c", "e", PLAIN, replace(MODEL, **changes), MODEL, 2.0)
+    assert found.verdict is Verdict.MODEL
+    assert found.why.startswith(quantity)
+
+
+def test_a_centre_of_mass_at_the_origin_is_measured_by_the_mechanism():
+    reference = replace(MODEL, com=np.zeros(3))
+    near = replace(MODEL, com=np.array([0, 1e-12, 0]))
+    assert compare_model("c", "e", PLAIN, near, reference, 2.0).verdict is Verdict.AGREES
+    assert compare_model("c", "e", PLAIN, near, reference, 0.5).verdict is Verdict.MODEL
+    assert compare_model("c", "e", PLAIN, MODEL, MODEL, 2.0).verdict is Verdict.AGREES
+
+
+def test_verdicts_stand_from_best_to_worst():
+    names = ["agrees", "differs: discretisation", "unsupported", "unresolved", "differs: model", "failed"]
+    assert [str(v) for v in Verdict] == names
