@@ -161,6 +161,9 @@ class TrajectoryAnswer:
     counters: dict[str, int | float] = field(default_factory=dict)
 
 
+UNIT = 1e-9
+"""How far the norm of a quaternion in an answer may be from one."""
+
 Answer = ModelAnswer | InstantAnswer | TrajectoryAnswer
 
 
@@ -205,13 +208,19 @@ def defects(answer: object, question: Question, mechanism: Mechanism, count: int
         value = getattr(answer, name)
         if value is None and name in ("force_F", "torque_F"):
             continue
-        array = np.asarray(value)
+        try:
+            array = np.asarray(value)
+        except ValueError as error:
+            found.append(f"{name} is no array: {error}")
+            continue
         if array.dtype.kind not in "fi":
             found.append(f"{name} holds {array.dtype}, not numbers")
         elif array.shape != shape:
             found.append(f"{name} has shape {array.shape}, not {shape}")
         elif not np.all(np.isfinite(array)):
             found.append(f"{name} has {int(np.sum(~np.isfinite(array)))} values that are not finite")
+        elif name == "quat_WB" and np.max(np.abs(np.linalg.norm(array, axis=-1) - 1.0), initial=0.0) > UNIT:
+            found.append(f"{name} holds quaternions that are not unit to {UNIT:g}")
     return found
 
 

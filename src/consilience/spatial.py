@@ -196,7 +196,9 @@ def rotation_with_z_axis(axis: ArrayLike, second: ArrayLike | None = None) -> Ar
         x = np.asarray(second, dtype=float)
         if np.linalg.norm(np.cross(z, x)) <= 1e-9 * max(float(np.linalg.norm(x)), np.finfo(float).tiny):
             raise ValueError("the second axis is parallel to the first, or zero")
-        x = x - z * (z @ x)
+        for _ in range(2):  # once leaves an error that grows as the angle between the axes shrinks
+            x = x - z * (z @ x)
+            x = x / np.linalg.norm(x)
     x = x / np.linalg.norm(x)
     return np.column_stack([x, np.cross(z, x), z])
 

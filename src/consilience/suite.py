@@ -86,7 +86,7 @@ def run_suite(
         _ = case.states if Question.INSTANT in questions else case.initial_state
 
     def work(worker: Worker) -> tuple[EngineInfo | str, list[Run]]:
-        with worker:
+        with worker:  # its process ends with its own list, not with the longest
             return _ask_everything(worker, cases, questions, progress)
 
     for name, (info, found) in zip(names, _in_parallel(work, [Worker(n, limit) for n in names], jobs), strict=True):
@@ -102,14 +102,18 @@ def run_suite(
 
 def _in_parallel(work: Callable[[Worker], _T], workers: Sequence[Worker], jobs: int) -> list[_T]:
     """Let every worker do its work, `jobs` at a time; whatever stops it stops all workers."""
-    with ThreadPoolExecutor(max_workers=max(1, jobs)) as pool:
-        try:
-            return list(pool.map(work, workers))
-        except BaseException:  # Ctrl-C above all: no engine may go on working for nobody
-            pool.shutdown(wait=False, cancel_futures=True)
-            for worker in workers:
-                worker.stop()
-            raise
+    try:
+        with ThreadPoolExecutor(max_workers=max(1, jobs)) as pool:
+            try:
+                return list(pool.map(work, workers))
+            except BaseException:  # Ctrl-C above all: no engine may go on working for nobody
+                pool.shutdown(wait=False, cancel_futures=True)
+                for worker in workers:
+                    worker.cancel()
+                raise
+    finally:
+        for worker in workers:
+            worker.stop()
 
 
 def _ask_everything(
@@ -118,7 +122,7 @@ def _ask_everything(
     """All runs of one engine, or why it does not start."""
     reply = worker.ask(Request())
     if not isinstance(reply.value, EngineInfo):
-        return reply.reason, []
+        return reply.reason or f"info() gave a {type(reply.value).__name__}, not an EngineInfo", []
     found: list[Run] = []
     for case in cases:
         found += _runs_of_case(worker, case, questions)
@@ -127,7 +131,8 @@ def _ask_everything(
     return reply.value, found
 
 
-def _runs_of_case(worker: Worker, case: Case, questions: Sequence[Question]) -> Iterator[Run]:
+def _runs_of_case(worker: Worker, case: Case, questions: Sequence[Question], finest: bool = False) -> Iterator[Run]:
+    """Runs of one case; with `finest` only the headline method at its finest level."""
     reply = worker.ask(Request(case.mechanism))
     plan = reply.value
     for question in questions:
@@ -139,9 +144,24 @@ def _runs_of_case(worker: Worker, case: Case, questions: Sequence[Question]) -> 
             reason = "; ".join(f"{u.feature}: {u.reason}" for u in plan.unsupported[question])
             yield Run(case.name, worker.engine, question, None, 0, None, Status.UNSUPPORTED, reason=reason)
         else:
-            for method in plan.methods[question]:
-                for level, step in enumerate(_levels(case, question, method)):
-                    yield _one_run(worker, case, plan, question, method, level, step)
+            yield from _runs_of_question(worker, case, plan, question, finest)
+
+
+def _runs_of_question(worker: Worker, case: Case, plan: Plan, question: Question, finest: bool) -> Iterator[Run]:
+    """Every method and level; a question without any is a failed run, so that it cannot vanish from the record."""
+
+    def failed(method: Method | None, reason: str) -> Run:
+        return Run(case.name, worker.engine, question, method, 0, None, Status.FAILED, reason=reason)
+
+    methods = plan.methods[question][: 1 if finest else None]
+    if not methods:
+        yield failed(None, "the adapter supports the question and offers no method")
+    for method in methods:
+        levels = _levels(case, question, method)
+        if not levels:
+            yield failed(method, "the method names no substeps and no tolerances: no level to run")
+        for level, step in list(enumerate(levels))[-1 if finest else 0 :]:
+            yield _one_run(worker, case, plan, question, method, level, step)
 
 
 def _levels(case: Case, question: Question, method: Method) -> list[float | None]:
@@ -157,7 +177,7 @@ def _one_run(
     count = {Question.MODEL: 1, Question.INSTANT: len(states), Question.TRAJECTORY: len(case.times)}[question]
     reply = worker.ask(Request(case.mechanism, question, method, states, case.times, step or 0.0))
     reason = reply.reason
-    if reply.value is not None:
+    if reply.returned:
         reason = "; ".join(defects(reply.value, question, case.mechanism, count))
     answered = isinstance(reply.value, ModelAnswer | InstantAnswer | TrajectoryAnswer) and not reason
     return Run(
@@ -251,23 +271,8 @@ def simulate_case(case: Case, engine: str, limit: float) -> tuple[TrajectoryAnsw
         If the engine cannot or did not answer, with its reason.
     """
     with Worker(engine, limit) as worker:
-        for run in _finest(worker, case):
-            if isinstance(run.answer, TrajectoryAnswer) and run.method is not None:
-                kind = "step" if run.method.substeps else "tolerance"
-                return run.answer, f"{run.method.name}, {kind} {run.step:g}"
-            raise EngineFailure(f"engine '{engine}', case '{case.name}': {run.status}: {run.reason}")
-    raise EngineFailure(f"engine '{engine}', case '{case.name}': it offers no method for trajectories")
-
-
-def _finest(worker: Worker, case: Case) -> Iterator[Run]:
-    reply = worker.ask(Request(case.mechanism))
-    plan, question = reply.value, Question.TRAJECTORY
-    if not isinstance(plan, Plan):
-        yield Run(case.name, worker.engine, question, None, 0, None, Status.FAILED, reason=reply.reason)
-    elif plan.unsupported[question]:
-        reason = "; ".join(f"{u.feature}: {u.reason}" for u in plan.unsupported[question])
-        yield Run(case.name, worker.engine, question, None, 0, None, Status.UNSUPPORTED, reason=reason)
-    else:
-        for method in plan.methods[question][:1]:
-            steps = _levels(case, question, method)
-            yield _one_run(worker, case, plan, question, method, len(steps) - 1, steps[-1])
+        (run,) = _runs_of_case(worker, case, [Question.TRAJECTORY], finest=True)
+    if isinstance(run.answer, TrajectoryAnswer) and run.method is not None:
+        kind = "step" if run.method.substeps else "tolerance"
+        return run.answer, f"{run.method.name}, {kind} {run.step:g}"
+    raise EngineFailure(f"engine '{engine}', case '{case.name}': {run.status}: {run.reason}")

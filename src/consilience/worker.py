@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import pickle
 import signal
 import tempfile
 import time
@@ -22,7 +23,7 @@ from pebble import ProcessExpired, ProcessPool
 
 from consilience.engine import Engine, load_engine
 from consilience.mechanism import Mechanism, State
-from consilience.run import Answer, EngineInfo, Manifest, Method, Question, Unsupported
+from consilience.run import Manifest, Method, Question, Unsupported
 from consilience.spatial import Array
 
 _LOG_LIMIT = 4000
@@ -55,8 +56,10 @@ class Reply:
 
     Attributes
     ----------
-    value : EngineInfo, Plan, Answer or None
-        None if the job failed.
+    value : object
+        An EngineInfo, a Plan or an Answer from a sound engine; anything from another.
+    returned : bool
+        Whether the engine returned; if not, `value` is None and `reason` says why.
     reason : str
         Why it failed.
     cpu : float, s
@@ -64,7 +67,8 @@ class Reply:
         End of what the engine printed during the job.
     """
 
-    value: EngineInfo | Plan | Answer | None
+    value: object
+    returned: bool
     reason: str = ""
     cpu: float = 0.0
     log: str = ""
@@ -105,13 +109,21 @@ def _answer(engine: Engine, request: Request) -> Any:
     return engine.trajectory(request.mechanism, request.states[0], request.times, request.method, request.step)
 
 
-def _serve(name: str, request: Request) -> tuple[Any, float]:
-    """Run one job in the worker."""
-    if name not in _engines:
-        _engines[name] = load_engine(name)
+def _serve(name: str, request: Request) -> tuple[bytes | None, str, float]:
+    """Run one job in the worker: the pickled value, or why there is none, and the CPU time.
+
+    Values and exceptions of an adapter may not survive the way to the runner (an exception with two arguments, a
+    lambda): they are turned into bytes or text here, where a failure to do so is still one failed job.
+    """
     start = time.process_time()
-    value = _answer(_engines[name], request)
-    return value, time.process_time() - start
+    try:
+        if name not in _engines:
+            _engines[name] = load_engine(name)
+        start = time.process_time()
+        value = _answer(_engines[name], request)
+        return pickle.dumps(value), "", time.process_time() - start
+    except Exception as error:  # noqa: BLE001 - whatever an engine or its adapter raises is evidence about that engine
+        return None, f"{type(error).__name__}: {error}", time.process_time() - start
 
 
 @dataclass
@@ -131,6 +143,8 @@ class Worker:
     _log: Path = field(init=False)
     _pool: Any = field(init=False)
     _pending: Future[Any] | None = field(init=False, default=None)
+    _cancelled: bool = field(init=False, default=False)
+    _stopped: bool = field(init=False, default=False)
 
     def __post_init__(self) -> None:
         handle, path = tempfile.mkstemp(prefix=f"consilience-{self.engine}-", suffix=".log")
@@ -152,34 +166,42 @@ class Worker:
         self.stop()
 
     def stop(self) -> None:
-        """Kill the process and remove its log. Whoever waits for a job gets a failed reply."""
+        """Kill the process and remove its log; once is enough. Not while another thread waits: `cancel` first."""
+        if not self._stopped:
+            self._stopped = True
+            self._pool.stop()
+            self._pool.join()
+            self._log.unlink(missing_ok=True)
+
+    def cancel(self) -> None:
+        """Give up the job in flight and every later one, from any thread: whoever waits gets a failed reply."""
+        self._cancelled = True
         if self._pending is not None:
-            # stopping the pool alone may leave the job in flight without any result, and its waiter waiting
             self._pending.cancel()
-        self._pool.stop()
-        self._pool.join()
-        self._log.unlink(missing_ok=True)
 
     def submit(self, request: Request) -> Future[Any]:
         """Queue a job; give the future to `reply`."""
         future: Future[Any] = self._pool.schedule(_serve, args=(self.engine, request), timeout=self.limit)
         self._pending = future
+        if self._cancelled:
+            future.cancel()
         return future
 
     def reply(self, future: Future[Any]) -> Reply:
         """Wait for a job; whatever went wrong in the engine is a value, not an exception."""
         try:
-            value, cpu = future.result()
+            value, reason, cpu = future.result()
+            if value is not None:
+                return Reply(pickle.loads(value), True, cpu=cpu, log=self._printed())
         except TimeoutError:
-            return Reply(None, f"no answer within {self.limit:g} s; the worker was stopped", log=self._printed())
+            reason = f"no answer within {self.limit:g} s; the worker was stopped"
         except CancelledError:
-            return Reply(None, "stopped before it answered")
+            reason = "stopped before it answered"
         except ProcessExpired as error:
-            return Reply(None, f"the worker died: {_death(error.exitcode)}", log=self._printed())
-        except Exception as error:  # noqa: BLE001
-            # whatever an engine or its adapter raises is evidence about that engine: one failed run
-            return Reply(None, f"{type(error).__name__}: {error}", log=self._printed())
-        return Reply(value, cpu=cpu, log=self._printed())
+            reason = f"the worker died: {_death(error.exitcode)}"
+        except Exception as error:  # noqa: BLE001 - what an answer does while it is read is evidence about its engine
+            reason = f"the answer cannot be read: {type(error).__name__}: {error}"
+        return Reply(None, False, reason, log=self._printed())
 
     def ask(self, request: Request) -> Reply:
         """Queue a job and wait for it."""

@@ -33,7 +33,7 @@ from consilience.spatial import Array
 _ZERO = (0.0, 0.0, 0.0)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def rotations(y: Array, A: Array) -> None:
     """Rotation matrices of all bodies from their Euler parameters [MASS (2)], shape (n_b, 3, 3).
 
@@ -53,13 +53,13 @@ def rotations(y: Array, A: Array) -> None:
         A[b, 2, 1] = n * 2.0 * (e2 * e3 + e0 * e1)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def arm(A: Array, body: int, s: Vector) -> Vector:
     """World components of a vector fixed to a body (-1: the ground)."""
     return rotate(A[body], s) if body >= 0 else s
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def motion(y: Array, A: Array, body: int) -> tuple[Vector, Vector, Vector]:
     """Position and velocity of the centre of mass, and angular velocity in world axes; zero for the ground."""
     if body < 0:
@@ -67,7 +67,7 @@ def motion(y: Array, A: Array, body: int) -> tuple[Vector, Vector, Vector]:
     return load(y[body, 0:3]), load(y[body, 7:10]), rotate(A[body], load(y[body, 10:13]))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _place(Q: Array, row: int, A: Array, body: int, on_v: Vector, on_w: Vector) -> None:
     """Write the coefficients of one body, turned into body axes for w'."""
     if body >= 0:
@@ -75,7 +75,7 @@ def _place(Q: Array, row: int, A: Array, body: int, on_v: Vector, on_w: Vector) 
         store(Q[row, 6 * body + 3 : 6 * body + 6], rotate_back(A[body], on_w), 1.0)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def evaluate(model: Model, y: Array, A: Array, value: Array, Q: Array, gamma: Array) -> None:
     """Values, Jacobian and gamma of all rows.
 

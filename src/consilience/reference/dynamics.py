@@ -17,7 +17,7 @@ FORMULATIONS = {"descriptor": 0, "null_space": 1}
 """Selectable formulations and their numbers."""
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def accelerations(formulation: int, model: Model, y: Array, memory: Array, ws: Workspace, a: Array) -> int:
     """Accelerations (dv/dt, dw'/dt), shape (6 n_b,), by the formulation of that number; the constraint rank."""
     if formulation == 0:
@@ -25,7 +25,7 @@ def accelerations(formulation: int, model: Model, y: Array, memory: Array, ws: W
     return null_space.accelerations(model, y, memory, ws, a)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def derivative(formulation: int, model: Model, y: Array, memory: Array, ws: Workspace, a: Array, dy: Array) -> None:
     """State derivative: ``r' = v``, ``p' = 1/2 G^T w'`` [MASS (38)], and the accelerations, shape (n_b, 13)."""
     accelerations(formulation, model, y, memory, ws, a)

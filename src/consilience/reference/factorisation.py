@@ -13,7 +13,7 @@ from consilience.kinematics import RANK_TOLERANCE
 from consilience.spatial import Array
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def pivoted_qr(B: Array, tau: Array, pivot: Array, norms: Array) -> int:
     """Factorise B in place: R above the diagonal and on it, Householder vectors below (first entry 1 implied).
 
@@ -54,7 +54,7 @@ def pivoted_qr(B: Array, tau: Array, pivot: Array, norms: Array) -> int:
     return min(n, q)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _reflect(B: Array, tau: Array, k: int, norm: float) -> None:
     """Householder step k: zero column k below the diagonal and update the columns behind it."""
     n, q = B.shape
@@ -74,7 +74,7 @@ def _reflect(B: Array, tau: Array, k: int, norm: float) -> None:
             B[r, c] -= s * B[r, k]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def least_norm(B: Array, tau: Array, pivot: Array, rank: int, c: Array, z: Array) -> None:
     """Vector z of least norm with ``B^T z = c`` on the independent rows, from `pivoted_qr`.
 

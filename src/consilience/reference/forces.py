@@ -27,7 +27,7 @@ from consilience.reference.vectors import (
 from consilience.spatial import Array
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _push(f: Array, A: Array, body: int, force: Vector, s: Vector, torque: Vector) -> None:
     """Add a force at the arm s from the centre of mass, and a torque, all in world axes; the ground takes anything."""
     if body >= 0:
@@ -35,7 +35,7 @@ def _push(f: Array, A: Array, body: int, force: Vector, s: Vector, torque: Vecto
         accumulate(f[6 * body + 3 : 6 * body + 6], rotate_back(A[body], add(torque, cross(s, force))))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def joint_spring_motion(model: Model, y: Array, A: Array, n: int) -> tuple[float, float, Vector]:
     """Coordinate (angle in (-pi, pi]), its rate, and the axis (world) of a sprung joint."""
     k = model.joint_spring[n, 0]
@@ -53,13 +53,13 @@ def joint_spring_motion(model: Model, y: Array, A: Array, n: int) -> tuple[float
     return np.arctan2(dot(u2, x), dot(u1, x)), dot(axis, sub(w_j, w_i)), axis
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def full_turns(angle: float, near: float) -> float:
     """The angle plus the full turns that bring it nearest to `near`."""
     return angle + 2.0 * np.pi * np.round((near - angle) / (2.0 * np.pi))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _joint_springs(model: Model, y: Array, A: Array, memory: Array, f: Array) -> None:
     """Add ``-(k (q - q0) + c q')`` about or along the axis on the successor, the opposite on the predecessor."""
     for n in range(model.joint_spring.shape[0]):
@@ -82,7 +82,7 @@ def _joint_springs(model: Model, y: Array, A: Array, memory: Array, f: Array) ->
             _push(f, A, i, opposite, sub(point, motion(y, A, i)[0]), zero)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _springs(model: Model, y: Array, A: Array, f: Array) -> None:
     """Add ``F = (k (L - L0) + c L') e`` on the predecessor, the opposite on the successor [MASS (31)]."""
     for n in range(model.spring_body.shape[0]):
@@ -101,7 +101,7 @@ def _springs(model: Model, y: Array, A: Array, f: Array) -> None:
         _push(f, A, j, scale(-1.0, force), s_j, zero)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def evaluate(model: Model, y: Array, A: Array, memory: Array, f: Array) -> None:
     """All applied and gyroscopic forces.
 

@@ -19,7 +19,7 @@ from consilience.spatial import Array
 _POSITION_STEPS = 3
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def normalise(y: Array) -> None:
     """Divide the Euler parameters of all bodies by their norm."""
     for b in range(y.shape[0]):
@@ -27,7 +27,7 @@ def normalise(y: Array) -> None:
         y[b, 3:7] /= n
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _move(y: Array, step: Array) -> None:
     """Displace all bodies: ``r += dr``, ``p <- p * exp(phi'/2)``."""
     for b in range(y.shape[0]):
@@ -41,7 +41,7 @@ def _move(y: Array, step: Array) -> None:
     normalise(y)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _largest(x: Array) -> float:
     found = 0.0
     for v in x:
@@ -49,7 +49,7 @@ def _largest(x: Array) -> float:
     return found
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def project(model: Model, y: Array, ws: Workspace) -> None:
     """Project a state in place: positions by Newton's method until rounding is reached, then velocities."""
     normalise(y)

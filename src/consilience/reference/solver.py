@@ -69,8 +69,8 @@ def simulate(
     times = np.asarray(times, dtype=float)
     if not 1e-14 <= tolerance <= 1e-3:
         raise InvalidInput("tolerance", f"{tolerance} is out of range", "Choose 1e-14 to 1e-3.")
-    if times.ndim != 1 or len(times) < 1 or np.any(np.diff(times) <= 0):
-        raise InvalidInput("times", "they do not increase", "Give increasing sample times.")
+    if times.ndim != 1 or len(times) < 1 or not np.all(np.isfinite(times)) or np.any(np.diff(times) <= 0):
+        raise InvalidInput("times", "they do not increase", "Give finite, increasing sample times.")
     model = flatten(mechanism)
     ws, y = workspace(model), pack(mechanism, state)
     motion = np.empty((len(times), *y.shape))
@@ -99,6 +99,11 @@ def accelerations(mechanism: Mechanism, states: Sequence[State], formulation: st
 
     Reactions come with the descriptor form only; they are of least norm where dependent constraints leave them open
     (`consilience.observe.determinate_reactions` says which components are determined).
+
+    Raises
+    ------
+    NumericalFailure
+        If the accelerations are not finite, for example at a spring of no length.
     """
     number = _formulation(formulation)
     model = flatten(mechanism)
@@ -108,13 +113,14 @@ def accelerations(mechanism: Mechanism, states: Sequence[State], formulation: st
     for state in states:
         y = pack(mechanism, state)
         memory = _memory(model, y, ws)
+        dynamics.accelerations(number, model, y, memory, ws, a)
+        if not np.all(np.isfinite(a)):
+            raise NumericalFailure(f"reference, {formulation}: {dop853.STATUS[2]}")
         if formulation == "descriptor":
             lam = descriptor.multipliers(model, y, memory, ws, a)
             wrench = _reactions(mechanism, state, lam)
             forces.append(wrench[:, :3])
             torques.append(wrench[:, 3:])
-        else:
-            dynamics.accelerations(number, model, y, memory, ws, a)
         a_B, alpha = _at_origins(mechanism, y, a)
         linear.append(a_B)
         angular.append(alpha)

@@ -1,4 +1,8 @@
-"""Three-vectors as tuples inside compiled kernels: on the stack, no allocation, formulas that read as on paper."""
+"""Three-vectors as tuples inside compiled kernels: on the stack, no allocation, formulas that read as on paper.
+
+All kernels of the reference divide as NumPy does: a quotient by zero is not finite, and whoever called the kernel turns
+that into a `NumericalFailure`.
+"""
 
 from __future__ import annotations
 
@@ -9,25 +13,25 @@ from consilience.spatial import Array
 Vector = tuple[float, float, float]
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def load(a: Array) -> Vector:
     """First three entries of an array."""
     return a[0], a[1], a[2]
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def column(R: Array, k: int) -> Vector:
     """Column k of a 3 x 3 matrix."""
     return R[0, k], R[1, k], R[2, k]
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def store(a: Array, v: Vector, factor: float) -> None:
     """``a[:3] = factor v``."""
     a[0], a[1], a[2] = factor * v[0], factor * v[1], factor * v[2]
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def accumulate(a: Array, v: Vector) -> None:
     """``a[:3] += v``."""
     a[0] += v[0]
@@ -35,37 +39,37 @@ def accumulate(a: Array, v: Vector) -> None:
     a[2] += v[2]
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def add(a: Vector, b: Vector) -> Vector:
     """``a + b``."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def sub(a: Vector, b: Vector) -> Vector:
     """``a - b``."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def scale(s: float, a: Vector) -> Vector:
     """``s a``."""
     return s * a[0], s * a[1], s * a[2]
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def dot(a: Vector, b: Vector) -> float:
     """Scalar product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def cross(a: Vector, b: Vector) -> Vector:
     """Vector product."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def rotate(R: Array, a: Vector) -> Vector:
     """``R a``."""
     return (
@@ -75,7 +79,7 @@ def rotate(R: Array, a: Vector) -> Vector:
     )
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def rotate_back(R: Array, a: Vector) -> Vector:
     """``R^T a``."""
     return (

@@ -82,33 +82,59 @@ def _emptied(answer):
     return replace(answer, **{name: np.array([]) for name in ("a_WB_W", "alpha_WB_W", "kinetic", "potential")})
 
 
-INSTANT = {
+DEADLY = {
     "aborts": _abort,
     "is_killed": lambda _: os.kill(os.getpid(), signal.SIGKILL),
     "segfaults": lambda _: ctypes.string_at(0),
     "exits": _exit,
-    "raises": lambda _: _raise(RuntimeError("the Jacobian is singular at body 2")),
-    "raises_two_parts": lambda _: _raise(TwoPartError(7, "no licence")),
     "chatters": _chatter,
-    "gives_nan": _nan,
-    "gives_none": lambda _: None,
-    "gives_text": lambda _: "42",
+    "raises_two_parts": lambda _: _raise(TwoPartError(7, "no licence")),
     "gives_lambda": lambda _: lambda: 0,
-    "gives_strings": lambda answer: replace(answer, kinetic=np.array(["1.0"] * len(answer.kinetic))),
-    "gives_wrong_shape": lambda answer: replace(answer, alpha_WB_W=answer.alpha_WB_W[..., :2]),
     "gives_ragged": lambda answer: replace(answer, force_F=[[1.0], [1.0, 2.0]]),
-    "gives_nothing": _emptied,
 }
-TRAJECTORY = {
-    "stops_early": _cut,
-    "gives_zero_quaternions": lambda answer: replace(answer, quat_WB=0.0 * answer.quat_WB),
-    "gives_long_quaternions": lambda answer: replace(answer, quat_WB=2.0 * answer.quat_WB),
+for name, fault in DEADLY.items():
+    globals()[name] = partial(FaultyEngine, Question.INSTANT, fault)
+gives_zero_quaternions = partial(
+    FaultyEngine, Question.TRAJECTORY, lambda answer: replace(answer, quat_WB=0.0 * answer.quat_WB)
+)
+
+LIES = {
+    Question.MODEL: {},
+    Question.INSTANT: {
+        "raises": lambda _: _raise(RuntimeError("the Jacobian is singular at body 2")),
+        "gives_nan": _nan,
+        "gives_none": lambda _: None,
+        "gives_text": lambda _: "42",
+        "gives_strings": lambda answer: replace(answer, kinetic=np.array(["1.0"] * len(answer.kinetic))),
+        "gives_wrong_shape": lambda answer: replace(answer, alpha_WB_W=answer.alpha_WB_W[..., :2]),
+        "gives_nothing": _emptied,
+    },
+    Question.TRAJECTORY: {
+        "stops_early": _cut,
+        "gives_long_quaternions": lambda answer: replace(answer, quat_WB=2.0 * answer.quat_WB),
+    },
 }
 
-for name, fault in INSTANT.items():
-    globals()[name] = partial(FaultyEngine, Question.INSTANT, fault)
-for name, fault in TRAJECTORY.items():
-    globals()[name] = partial(FaultyEngine, Question.TRAJECTORY, fault)
+
+class Liar(HonestEngine):
+    """One method for every fault an answer may have, and an honest one before and after them."""
+
+    def methods(self, mechanism, question):
+        (honest,) = super().methods(mechanism, question)
+        faulty = [replace(honest, name=name) for name in LIES[question]] if mechanism.name == "first" else []
+        return (honest, *faulty, replace(honest, name="honest after all"))
+
+    def model(self, mechanism, state, method):
+        return super().model(mechanism, state, replace(method, name="descriptor"))
+
+    def instant(self, mechanism, states, method):
+        answer = super().instant(mechanism, states, replace(method, name="descriptor"))
+        return LIES[Question.INSTANT].get(method.name, lambda a: a)(answer)
+
+    def trajectory(self, mechanism, state, times, method, step):
+        answer = super().trajectory(mechanism, state, times, replace(method, name="descriptor"), step)
+        return LIES[Question.TRAJECTORY].get(method.name, lambda a: a)(answer)
+
 
 hangs = partial(FaultyEngine, Question.INSTANT, _sleep)
 

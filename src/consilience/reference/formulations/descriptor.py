@@ -34,7 +34,7 @@ from consilience.reference.workspace import Workspace
 from consilience.spatial import Array
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def solve_factor(model: Model, x: Array) -> None:
     """``x <- L^-1 x`` for a vector of generalised forces, in place."""
     for b in range(model.mass.shape[0]):
@@ -49,7 +49,7 @@ def solve_factor(model: Model, x: Array) -> None:
         x[o + 5] = (x[o + 5] - F[2, 0] * x[o + 3] - F[2, 1] * x[o + 4]) / F[2, 2]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def solve_factor_transposed(model: Model, x: Array) -> None:
     """``x <- L^-T x``, in place."""
     for b in range(model.mass.shape[0]):
@@ -64,7 +64,7 @@ def solve_factor_transposed(model: Model, x: Array) -> None:
         x[o + 3] = (x[o + 3] - F[1, 0] * x[o + 4] - F[2, 0] * x[o + 5]) / F[0, 0]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def factorise(model: Model, ws: Workspace) -> int:
     """Factorise ``B = L^-1 Q^T`` of the Jacobian in the workspace; the numerical rank."""
     q = ws.Q.shape[0]
@@ -75,7 +75,7 @@ def factorise(model: Model, ws: Workspace) -> int:
     return pivoted_qr(ws.B, ws.tau, ws.pivot, ws.norms)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def accelerations(model: Model, y: Array, memory: Array, ws: Workspace, a: Array) -> int:
     """Accelerations (dv/dt, dw'/dt) of all bodies at a state.
 
@@ -114,7 +114,7 @@ def accelerations(model: Model, y: Array, memory: Array, ws: Workspace, a: Array
     return rank
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def multipliers(model: Model, y: Array, memory: Array, ws: Workspace, a: Array) -> Array:
     """Multipliers of least norm from ``Q^T lam = M a - f``, in the metric of the factorisation, shape (q,).
 

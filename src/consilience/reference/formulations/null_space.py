@@ -20,7 +20,7 @@ from consilience.reference.workspace import Workspace
 from consilience.spatial import Array
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def mass_matrix(model: Model) -> Array:
     """``M = diag(m 1, I')`` of all bodies, shape (6 n_b, 6 n_b)."""
     n = model.mass.shape[0]
@@ -33,7 +33,7 @@ def mass_matrix(model: Model) -> Array:
     return M
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def basis(Q: Array, gamma: Array) -> tuple[Array, Array]:
     """Null-space basis J, shape (6 n_b, freedom), and least-norm solution abar of ``Q abar = gamma``."""
     if Q.shape[0] == 0:
@@ -48,7 +48,7 @@ def basis(Q: Array, gamma: Array) -> tuple[Array, Array]:
     return np.ascontiguousarray(Vt[rank:].T), abar
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def accelerations(model: Model, y: Array, memory: Array, ws: Workspace, a: Array) -> int:
     """Accelerations (dv/dt, dw'/dt) of all bodies at a state; arguments and return as in `descriptor`."""
     constraints.rotations(y, ws.A)

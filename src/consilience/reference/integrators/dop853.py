@@ -35,7 +35,7 @@ STEPS, REJECTED, EVALUATIONS = 0, 1, 2
 """Entries of the counters."""
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _sizes(model: Model, y: Array, size: Array) -> None:
     """Size of each column of y, shape (13,): what a relative tolerance refers to."""
     r = v = w = 0.0
@@ -50,7 +50,7 @@ def _sizes(model: Model, y: Array, size: Array) -> None:
     size[10:13] = max(w, 1.0)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _error(K: Array, h: float, size: Array) -> float:
     """Scaled error estimate of a step."""
     e5 = e3 = 0.0
@@ -67,7 +67,7 @@ def _error(K: Array, h: float, size: Array) -> float:
     return abs(h) * e5 / np.sqrt((e5 + 0.01 * e3) * 13 * K.shape[1])
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _stages(
     formulation: int, model: Model, y: Array, h: float, memory: Array, ws: Workspace, a: Array, trial: Array, K: Array
 ) -> None:
@@ -84,7 +84,7 @@ def _stages(
             derivative(formulation, model, trial, memory, ws, a, K[i])
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def remember(model: Model, y: Array, ws: Workspace, memory: Array) -> None:
     """Update the angles of the joint springs, turns counted."""
     constraints.rotations(y, ws.A)
@@ -93,7 +93,7 @@ def remember(model: Model, y: Array, ws: Workspace, memory: Array) -> None:
         memory[n] = forces.full_turns(q, memory[n]) if model.joint_spring[n, 1] == 0 else q
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def integrate(
     formulation: int,
     model: Model,
