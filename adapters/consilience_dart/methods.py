@@ -28,8 +28,8 @@ MASS_MATRIX = "mass matrix and inverse dynamics"
 CONSTRAINED = "mass matrix, inverse dynamics and weld Jacobians"
 EXTRAPOLATED = "World.step with weld constraints, to zero step"
 EULER = "World.step"
-RK4_ARTICULATED = "computeForwardDynamics with Runge-Kutta 4"
-RK4_CONSTRAINED = "constrained accelerations with Runge-Kutta 4"
+RK4_ARTICULATED = "computeForwardDynamics + RK4 of the harness"
+RK4_CONSTRAINED = "mass matrix + constraint solve and RK4 of the harness"
 
 EULER_SUBSTEPS = (200, 400, 800)
 EULER_SUBSTEPS_WITH_FORCES = (50, 100, 200)  # forces that the adapter applies each step cost ten times the step
