@@ -1,0 +1,318 @@
+"""Minimal form, recursive along a spanning tree with cut joints [C4 (4.99)-(4.110)].
+
+    a = J u + abar,   J^T M J u = J^T (f - M abar)
+
+with J and abar never written out: they are the product, from the ground to the tips, of one step per tree joint,
+
+    a_k = X_k a_p + S_k u_k + c_k,     X_k = [1 -~r; 0 1],  r from the centre of mass of the parent p to that of k.
+
+S_k holds the free directions of the joint and c_k what is quadratic in velocities. Accelerations and wrenches of a
+body are (linear, angular) in **world** axes at its centre of mass; S is stored with a direction in each row.
+
+Two routes to u. *Articulated bodies*: three loops, cost proportional to the number of bodies [Featherstone, Rigid Body
+Dynamics Algorithms, 2008, table 7.1]. *Composite bodies*: joint-space mass matrix H [table 6.2], bias by recursive
+Newton-Euler [table 5.1], Cholesky. Both factorise ``H = G G^T`` (the first implicitly, with the blocks of
+``D = L L^T``) and have **whitened** joint forces ``e = G^-1 tau`` on the way.
+
+Cut joints keep their rows ``Q a = gamma`` and act with ``Q^T lam``. The response of the tree to a unit of each, found
+by a backward sweep, is a column of ``B = G^-1 J^T Q^T``, so that the loop system is
+
+    A lam = gamma - Q a_tree,     A = Q J (J^T M J)^-1 J^T Q^T = B^T B.
+
+As in the descriptor form A is not formed, its condition being the square: a rank-revealing QR of B gives the
+``zeta = B lam`` of least norm, dependent rows left out, and e + zeta are the whitened forces of the closed mechanism.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numba import njit
+
+from consilience.mechanism import Mechanism, State
+from consilience.reference import constraints, forces
+from consilience.reference.factorisation import least_norm, pivoted_qr
+from consilience.reference.formulations.recursive_model import (
+    Links,
+    TreeModel,
+    flatten_tree,
+    kinematics,
+    world_wrenches,
+    write_accelerations,
+)
+from consilience.reference.model import Model, flatten, pack
+from consilience.reference.workspace import Workspace, workspace
+from consilience.spatial import Array, rotation_from_quaternion
+
+
+class Articulated(NamedTuple):
+    """Articulated inertias in whitened form."""
+
+    L: Array  # (n_b, 6, 6) Cholesky factor of D = S^T I^A S, in the first rows and columns
+    W: Array  # (N, 6) L^-1 S^T I^A
+    inertia: Array  # (n_b, 6, 6) I^a = I^A - W^T W
+
+
+# ---------------------------------------------------------------- triangular systems
+
+
+@njit(cache=True, error_model="numpy")
+def _cholesky(H: Array) -> None:
+    """Replace the lower triangle of H by its Cholesky factor."""
+    for r in range(H.shape[0]):
+        for s in range(r + 1):
+            total = H[r, s]
+            for k in range(s):
+                total -= H[r, k] * H[s, k]
+            H[r, s] = np.sqrt(total) if r == s else total / H[s, s]
+
+
+@njit(cache=True, error_model="numpy")
+def _solve_lower(G: Array, x: Array) -> None:
+    """``x <- G^-1 x``, in place."""
+    for r in range(x.shape[0]):
+        for k in range(r):
+            x[r] -= G[r, k] * x[k]
+        x[r] /= G[r, r]
+
+
+@njit(cache=True, error_model="numpy")
+def _solve_lower_transposed(G: Array, x: Array) -> None:
+    """``x <- G^-T x``, in place."""
+    for r in range(x.shape[0] - 1, -1, -1):
+        for k in range(r + 1, x.shape[0]):
+            x[r] -= G[k, r] * x[k]
+        x[r] /= G[r, r]
+
+
+# ---------------------------------------------------------------- articulated bodies
+
+
+@njit(cache=True, error_model="numpy")
+def articulate(tree: TreeModel, links: Links) -> Articulated:
+    """Articulated inertias, from the tips to the ground: the part of the second loop that no force enters."""
+    n = tree.body.shape[0]
+    art = Articulated(np.zeros((n, 6, 6)), np.zeros(links.S.shape), links.inertia.copy())
+    for k in range(n - 1, -1, -1):
+        first, last, p = tree.first_free[k], tree.first_free[k + 1], tree.parent[k]
+        if first < last:
+            S, L, W = links.S[first:last], art.L[k, : last - first, : last - first], art.W[first:last]
+            W[:, :] = S @ art.inertia[k]  # U^T = S^T I^A
+            L[:, :] = W @ S.T  # D = S^T U
+            _cholesky(L)
+            for m in range(6):
+                _solve_lower(L, W[:, m])
+            art.inertia[k] -= W.T @ W  # I^a = I^A - U D^-1 U^T
+        if p >= 0:
+            art.inertia[p] += links.X[k].T @ art.inertia[k] @ links.X[k]
+    return art
+
+
+@njit(cache=True, error_model="numpy")
+def innovations(tree: TreeModel, links: Links, art: Articulated, wrench: Array, c: Array) -> Array:
+    """Whitened joint forces e of wrenches on the links, shape (N,): the rest of the second loop.
+
+    ``p^A = -wrench``, ``L e = -S^T p^A``, ``p^a = p^A + I^a c + W^T e``, and the parent gets ``X^T p^a``.
+    """
+    bias, e = -wrench, np.empty(links.S.shape[0])
+    for k in range(tree.body.shape[0] - 1, -1, -1):
+        first, last, p = tree.first_free[k], tree.first_free[k + 1], tree.parent[k]
+        width = last - first
+        if width > 0:
+            e[first:last] = -(links.S[first:last] @ bias[k])
+            _solve_lower(art.L[k, :width, :width], e[first:last])
+        if p >= 0:
+            bias[k] += art.inertia[k] @ c[k]
+            if width > 0:
+                bias[k] += art.W[first:last].T @ e[first:last]
+            bias[p] += links.X[k].T @ bias[k]
+    return e
+
+
+@njit(cache=True, error_model="numpy")
+def accelerate(tree: TreeModel, links: Links, art: Articulated, e: Array) -> Array:
+    """Accelerations of the links from the ground to the tips, shape (n_b, 6): the third loop.
+
+    ``a' = X a_p + c``, ``L^T u = e - W a'``, ``a = a' + S u``.
+    """
+    n = tree.body.shape[0]
+    acc = links.c.copy()
+    for k in range(n):
+        first, last, p = tree.first_free[k], tree.first_free[k + 1], tree.parent[k]
+        width = last - first
+        if p >= 0:
+            acc[k] += links.X[k] @ acc[p]
+        if width > 0:
+            u = e[first:last] - art.W[first:last] @ acc[k]
+            _solve_lower_transposed(art.L[k, :width, :width], u)
+            acc[k] += links.S[first:last].T @ u
+    return acc
+
+
+# ---------------------------------------------------------------- composite bodies
+
+
+@njit(cache=True, error_model="numpy")
+def composite_mass_matrix(tree: TreeModel, links: Links) -> Array:
+    """``H = J^T M J`` by composite bodies, shape (N, N), lower triangle and diagonal blocks only.
+
+    ``I^c_p += X^T I^c X``; ``F = I^c S``, carried to the ground, gives ``H_kp = F^T S_p`` with every ancestor p.
+    """
+    inertia, H = links.inertia.copy(), np.zeros((links.S.shape[0], links.S.shape[0]))
+    for k in range(tree.body.shape[0] - 1, -1, -1):
+        first, last, p = tree.first_free[k], tree.first_free[k + 1], tree.parent[k]
+        if p >= 0:
+            inertia[p] += links.X[k].T @ inertia[k] @ links.X[k]
+        if first == last:
+            continue
+        F = links.S[first:last] @ inertia[k]
+        at = k
+        while at >= 0:
+            start, stop = tree.first_free[at], tree.first_free[at + 1]
+            if start < stop:
+                H[first:last, start:stop] = F @ links.S[start:stop].T
+            F = F @ links.X[at]
+            at = tree.parent[at]
+    return H
+
+
+@njit(cache=True, error_model="numpy")
+def joint_forces(tree: TreeModel, links: Links, wrench: Array) -> Array:
+    """``tau = J^T wrench``, shape (N,): wrenches carried from the tips to the ground, projected on the way."""
+    total, tau = wrench.copy(), np.empty(links.S.shape[0])
+    for k in range(tree.body.shape[0] - 1, -1, -1):
+        first, last, p = tree.first_free[k], tree.first_free[k + 1], tree.parent[k]
+        if first < last:
+            tau[first:last] = links.S[first:last] @ total[k]
+        if p >= 0:
+            total[p] += links.X[k].T @ total[k]
+    return tau
+
+
+@njit(cache=True, error_model="numpy")
+def joint_motion(tree: TreeModel, links: Links, u: Array) -> Array:
+    """``J u + abar``, shape (n_b, 6), link by link."""
+    acc = links.c.copy()
+    for k in range(tree.body.shape[0]):
+        first, last, p = tree.first_free[k], tree.first_free[k + 1], tree.parent[k]
+        if p >= 0:
+            acc[k] += links.X[k] @ acc[p]
+        if first < last:
+            acc[k] += links.S[first:last].T @ u[first:last]
+    return acc
+
+
+@njit(cache=True, error_model="numpy")
+def newton_euler(tree: TreeModel, links: Links, wrench: Array) -> Array:
+    """``J^T (f - M abar)``, shape (N,): recursive Newton-Euler at u = 0."""
+    acc = joint_motion(tree, links, np.zeros(links.S.shape[0]))
+    rest = wrench.copy()
+    for k in range(tree.body.shape[0]):
+        rest[k] -= links.inertia[k] @ acc[k]
+    return joint_forces(tree, links, rest)
+
+
+@njit(cache=True, error_model="numpy")
+def _from_whitened(tree: TreeModel, links: Links, G: Array, e: Array) -> Array:
+    """Accelerations of the links, ``u = G^-T e``."""
+    u = e.copy()
+    _solve_lower_transposed(G, u)
+    return joint_motion(tree, links, u)
+
+
+# ---------------------------------------------------------------- loops
+
+
+@njit(cache=True, error_model="numpy")
+def close_loops(B: Array, Q: Array, gamma: Array, a: Array, e: Array) -> int:
+    """Add to e the zeta of least norm with ``B^T zeta = gamma - Q a``; the rank of B, which is overwritten."""
+    q = B.shape[1]
+    tau, norms, zeta = np.zeros(min(B.shape)), np.zeros(q), np.zeros(B.shape[0])
+    pivot = np.zeros(q, dtype=np.int64)
+    rank = pivoted_qr(B, tau, pivot, norms)
+    least_norm(B, tau, pivot, rank, gamma - Q @ a, zeta)
+    e += zeta
+    return rank
+
+
+@njit(cache=True, error_model="numpy")
+def _cut_rows(tree: TreeModel, y: Array, A: Array) -> tuple[Array, Array]:
+    """Q, shape (q_cut, 6 n_b), and gamma of the cut joints."""
+    q = tree.cut.row_kind.shape[0]
+    Q, gamma, value = np.empty((q, 6 * y.shape[0])), np.empty(q), np.empty(q)
+    constraints.evaluate(tree.cut, y, A, value, Q, gamma)
+    return Q, gamma
+
+
+# ---------------------------------------------------------------- the two routes
+
+
+@njit(cache=True, error_model="numpy")
+def accelerations(tree: TreeModel, model: Model, y: Array, memory: Array, ws: Workspace, a: Array) -> int:
+    """Accelerations (dv/dt, dw'/dt) by articulated bodies; other arguments and return as in `descriptor`."""
+    constraints.rotations(y, ws.A)
+    forces.evaluate(model, y, ws.A, memory, ws.f)
+    links = kinematics(tree, model, y, ws.A)
+    art = articulate(tree, links)
+    e = innovations(tree, links, art, world_wrenches(tree, ws.A, ws.f), links.c)
+    write_accelerations(tree, ws.A, accelerate(tree, links, art, e), a)
+    tree_rank = a.shape[0] - e.shape[0]
+    if tree.cut.row_kind.shape[0] == 0:
+        return tree_rank
+    Q, gamma = _cut_rows(tree, y, ws.A)
+    B, rest = np.empty((e.shape[0], Q.shape[0])), np.zeros(links.c.shape)
+    for row in range(Q.shape[0]):
+        B[:, row] = innovations(tree, links, art, world_wrenches(tree, ws.A, Q[row]), rest)
+    rank = close_loops(B, Q, gamma, a, e)
+    write_accelerations(tree, ws.A, accelerate(tree, links, art, e), a)
+    return tree_rank + rank
+
+
+@njit(cache=True, error_model="numpy")
+def composite_accelerations(tree: TreeModel, model: Model, y: Array, memory: Array, ws: Workspace, a: Array) -> int:
+    """Accelerations (dv/dt, dw'/dt) by composite bodies; arguments and return as in `accelerations`."""
+    constraints.rotations(y, ws.A)
+    forces.evaluate(model, y, ws.A, memory, ws.f)
+    links = kinematics(tree, model, y, ws.A)
+    G = composite_mass_matrix(tree, links)
+    _cholesky(G)
+    e = newton_euler(tree, links, world_wrenches(tree, ws.A, ws.f))
+    _solve_lower(G, e)
+    write_accelerations(tree, ws.A, _from_whitened(tree, links, G, e), a)
+    tree_rank = a.shape[0] - e.shape[0]
+    if tree.cut.row_kind.shape[0] == 0:
+        return tree_rank
+    Q, gamma = _cut_rows(tree, y, ws.A)
+    B = np.empty((e.shape[0], Q.shape[0]))
+    for row in range(Q.shape[0]):
+        B[:, row] = joint_forces(tree, links, world_wrenches(tree, ws.A, Q[row]))
+        _solve_lower(G, B[:, row])
+    rank = close_loops(B, Q, gamma, a, e)
+    write_accelerations(tree, ws.A, _from_whitened(tree, links, G, e), a)
+    return tree_rank + rank
+
+
+ROUTES = {"articulated": accelerations, "composite": composite_accelerations}
+
+
+def recursive_accelerations(
+    mechanism: Mechanism, state: State, route: Literal["articulated", "composite"] = "articulated"
+) -> tuple[Array, Array]:
+    """Accelerations a_WB_W of the body origins (m/s^2) and alpha_WB_W (rad/s^2), world axes, each (n_b, 3).
+
+    Raises
+    ------
+    InvalidInput
+        If a joint of the spanning tree is a rod.
+    """
+    tree, model, y = flatten_tree(mechanism), flatten(mechanism), pack(mechanism, state)
+    ws, a = workspace(model), np.empty(6 * len(mechanism.bodies))
+    constraints.rotations(y, ws.A)
+    memory = np.array([forces.joint_spring_motion(model, y, ws.A, n)[0] for n in range(len(model.joint_spring))])
+    ROUTES[route](tree, model, y, memory, ws, a)
+    A = rotation_from_quaternion(state.quat_WB)
+    com = np.einsum("bij,bj->bi", A, np.array([b.com for b in mechanism.bodies]))
+    alpha = np.einsum("bij,bj->bi", A, a.reshape(-1, 6)[:, 3:])
+    w = state.w_WB_W
+    return a.reshape(-1, 6)[:, :3] - np.cross(alpha, com) - np.cross(w, np.cross(w, com)), alpha
