@@ -51,6 +51,7 @@ def rk4_trajectory(mechanism: Mechanism, state: State, times: Array, substeps: i
         return c
 
     def derivative(y: Array) -> Array:
+        """State derivative: rates of the coordinates, accelerations, rates of the quaternions."""
         c = put(y)
         # the quaternion of y itself, not the unit one: its norm is a first integral, and the order stays four
         quats = y[2 * n :].reshape(-1, 4)

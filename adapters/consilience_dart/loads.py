@@ -62,6 +62,7 @@ def _spring(model: Model, spring: Spring) -> Apply:
     ends = _ends(model, spring)
 
     def apply() -> None:
+        """Push both ends along the line between them."""
         length, e = _length(ends)
         rate = float(e @ (ends[1].velocity() - ends[0].velocity()))
         force = (spring.stiffness * (length - spring.free_length) + spring.damping * rate) * e

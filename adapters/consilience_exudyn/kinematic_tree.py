@@ -61,6 +61,7 @@ def build_tree(mechanism: Mechanism, state: State) -> KinematicTree:
     index = system.AddObject(_tree_object(mechanism, tree, node))
 
     def mark(name: str, p: Array, R: Array) -> Any:
+        """Marker at a frame of a body or of the ground."""
         if name == GROUND:
             return system.AddMarker(items.MarkerBodyRigid(bodyNumber=ground, localHT=transformation(p, R)))
         carrier = tree.carrier(mechanism.body_index[name])

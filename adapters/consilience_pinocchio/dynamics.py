@@ -61,6 +61,7 @@ def articulated_body(translation: Translation, forces: Forces) -> Accelerations:
         return np.asarray(pin.aba(model, data, q, v, tau))
 
     def with_wrenches(q: Array, v: Array) -> Array:
+        """Accelerations under joint efforts and wrenches on the links."""
         tau = forces.efforts(q, v) if forces.sprung else zero
         pin.forwardKinematics(model, data, q, v)
         W = forces.wrenches()
@@ -78,6 +79,7 @@ def _efforts(translation: Translation, forces: Forces) -> Accelerations:
     model, data = translation.model, translation.data
 
     def efforts(q: Array, v: Array) -> Array:
+        """Joint efforts, the wrenches on the links among them."""
         tau = forces.efforts(q, v) if forces.sprung else np.zeros(model.nv)
         if forces.active:
             pin.forwardKinematics(model, data, q, v)

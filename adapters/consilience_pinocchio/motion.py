@@ -64,6 +64,7 @@ class _Motion:
         self.samples.append(poses(self.translation))
 
     def change_chart_if_left(self) -> None:
+        """Turn the start frames of rods whose chart is no longer good, and express the state anew."""
         q, v = self.split(self.y)
         if self.watch.left(q):
             translation, q, v = self.watch.change(q, v)

@@ -258,6 +258,7 @@ def lower(mechanism: Mechanism) -> Tree:
     identity = Frame(np.zeros(3), _ONE)
 
     def append(k: int, backward: bool, name: str) -> None:
+        """Hang the chain of joint k on the link of the body it comes from."""
         joint = mechanism.joints[k]
         from_body = joint.successor if backward else joint.predecessor
         parent = carrier.get(from_body, -1)
