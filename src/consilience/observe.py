@@ -114,6 +114,15 @@ def load_potential(mechanism: Mechanism, state: State) -> float:
     )
 
 
+def reach(mechanism: Mechanism) -> float:
+    """Longest rod, or arm from a body's origin to its centre of mass or a joint frame, m; 1 if there is none."""
+    arms = [b.com for b in mechanism.bodies]
+    arms += [j.F.p for j in mechanism.joints if j.predecessor != GROUND]
+    arms += [j.M.p for j in mechanism.joints if j.successor != GROUND]
+    lengths = [float(np.linalg.norm(a)) for a in arms] + [j.length for j in mechanism.joints]
+    return max(lengths) or 1.0
+
+
 def is_conservative(mechanism: Mechanism) -> bool:
     """Whether kinetic plus potential energy is constant: no dampers, no torques, no body-fixed forces."""
     damped = any(s.damping != 0 for s in mechanism.springs) or any(s.damping != 0 for s in mechanism.joint_springs)

@@ -24,6 +24,7 @@ from consilience.compare import (
 )
 from consilience.compare.instant import Instants
 from consilience.errors import ConsilienceError
+from consilience.observe import reach
 from consilience.run import (
     EngineInfo,
     InstantAnswer,
@@ -202,7 +203,7 @@ def _compare_case(case: Case, results: Results) -> Iterator[Comparison]:
     keys: dict[tuple[str, Question, str], list[Run]] = {}
     for run in runs:
         keys.setdefault((run.engine, run.question, run.method.name if run.method else ""), []).append(run)
-    length = float(np.max(np.abs(case.initial_state.p_WB))) or 1.0
+    length = max(float(np.max(np.abs(case.initial_state.p_WB))), reach(case.mechanism))
     instants = Instants.of(case.mechanism, case.states) if Question.INSTANT in results.questions else None
     for (engine, question, method), group in keys.items():
         undecided = _without_answer(group, references.get(question))
@@ -221,7 +222,7 @@ def _compare_case(case: Case, results: Results) -> Iterator[Comparison]:
         elif isinstance(reference, TrajectoryAnswer):
             group = [run for run in group if run is not references[question][0]]  # noqa: PLW2901
             spread = reference_spread(
-                [r.answer for r in references[question] if isinstance(r.answer, TrajectoryAnswer)]
+                case.mechanism, [r.answer for r in references[question] if isinstance(r.answer, TrajectoryAnswer)]
             )
             yield compare_trajectory(case.mechanism, group, reference, spread, case.digits)
         else:

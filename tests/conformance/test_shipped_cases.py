@@ -41,7 +41,7 @@ def reference_motion(name):
         simulate(case.mechanism, case.initial_state, case.times, tolerance, formulation)
         for tolerance, formulation in ((1e-13, "descriptor"), (1e-12, "descriptor"), (1e-12, "null_space"))
     ]
-    return runs[0], reference_spread(runs)
+    return runs[0], reference_spread(case.mechanism, runs)
 
 
 @pytest.mark.parametrize("name", CASES)

@@ -16,6 +16,7 @@ from consilience.compare import (
 from consilience.compare.instant import Instants, relative_difference
 from consilience.compare.result import digits_of
 from consilience.compare.trajectory import difference_over_time, kept_samples, richardson, size_of_motion
+from consilience.mechanism import Frame
 from consilience.run import InstantAnswer, Method, ModelAnswer, Question, Route, Run, Status, TrajectoryAnswer
 from consilience.spatial import quaternion_from_rotation_vector, quaternion_product, rotation_from_quaternion
 from mechanisms import chain
@@ -48,7 +49,7 @@ STEPS = (0.02, 0.01, 0.005)
 
 def judge(errors, order=2, digits=8, spread=0.0, turns=None):
     """Verdict over levels whose errors along z (in units of the size of the motion) and about x are given."""
-    size = size_of_motion(REFERENCE)
+    size = size_of_motion(MECHANISM, REFERENCE)
     method = Method("m", Route.NATIVE, order, (10, 20, 40)[: len(errors)])
     turns = turns or [0.0] * len(errors)
     runs = [
@@ -64,13 +65,32 @@ def powers(constant, order, plateau=0.0):
 
 def test_size_of_motion_is_the_widest_travel_along_an_axis():
     """On the arc from 0 to 2 rad x goes from 1 to cos 2."""
-    assert size_of_motion(REFERENCE) == pytest.approx(1 - np.cos(2.0), rel=1e-15)
-    still = replace(REFERENCE, p_WB=np.ones((41, 1, 3)))
-    assert size_of_motion(still) == pytest.approx(1e-3)  # a body that stays where it is, 1 m away
+    assert size_of_motion(MECHANISM, REFERENCE) == pytest.approx(1 - np.cos(2.0), rel=1e-15)
+
+
+def test_origins_that_stay_where_they_are_are_measured_by_the_reach_of_the_bodies():
+    """Otherwise the rounding of an origin on a fixed axis would be a motion, and differ from itself by all of it."""
+    (body,), (joint,) = MECHANISM.bodies, MECHANISM.joints
+    still = replace(REFERENCE, p_WB=1e-17 * np.random.default_rng(0).normal(size=(41, 1, 3)))
+    size = size_of_motion(MECHANISM, still)
+    assert size == pytest.approx(max(np.linalg.norm(body.com), np.linalg.norm(joint.M.p)), rel=1e-15)
+    assert np.max(difference_over_time(replace(still, p_WB=0 * still.p_WB), still, size)) < 1e-15
+    bare = replace(
+        MECHANISM,
+        bodies=(replace(body, com=np.zeros(3)),),
+        joints=(replace(joint, M=Frame(np.zeros(3), np.eye(3))),),
+    )
+    assert size_of_motion(bare, still) == 1.0
+
+
+def test_a_reference_less_certain_than_the_digits_asked_decides_nothing():
+    assert judge([0.0, 0.0, 0.0], spread=2e-8).verdict is Verdict.UNRESOLVED
+    assert judge([0.0, 0.0, 0.0], spread=np.nan).verdict is Verdict.UNRESOLVED
+    assert judge([0.0, 0.0, 0.0], spread=0.5e-8).verdict is Verdict.AGREES
 
 
 def test_difference_is_distance_over_size_or_angle_whichever_is_larger():
-    size = size_of_motion(REFERENCE)
+    size = size_of_motion(MECHANISM, REFERENCE)
     np.testing.assert_allclose(
         difference_over_time(motion(0.3), REFERENCE, size), 0.3 * np.abs(SHAPE) / size, rtol=0, atol=1e-15
     )
@@ -188,7 +208,7 @@ def test_levels_keep_their_step_cost_and_curve():
 
 def test_energy_is_recomputed_from_the_motion():
     """Displaced by d along z the body has ``-m g_z d`` more, over the largest kinetic energy of the exact motion."""
-    size, body, g = size_of_motion(REFERENCE), MECHANISM.bodies[0], MECHANISM.gravity
+    size, body, g = size_of_motion(MECHANISM, REFERENCE), MECHANISM.bodies[0], MECHANISM.gravity
     change = np.array(judge([0.05]).levels[0].energy) - np.array(judge([0.0]).levels[0].energy)
     quats = REFERENCE.quat_WB[:, 0]
     kinetic = []
@@ -205,10 +225,10 @@ def test_kept_samples_are_spread_from_end_to_end(count, kept):
 
 
 def test_spread_of_the_reference_is_the_largest_difference_to_its_first_answer():
-    size = size_of_motion(REFERENCE)
-    found = reference_spread([REFERENCE, motion(1e-9 * size), motion(0.0, 3e-9)])
+    size = size_of_motion(MECHANISM, REFERENCE)
+    found = reference_spread(MECHANISM, [REFERENCE, motion(1e-9 * size), motion(0.0, 3e-9)])
     assert found == pytest.approx(3e-9 * np.max(np.abs(SHAPE)), rel=1e-5)
-    assert reference_spread([REFERENCE]) == 0.0
+    assert reference_spread(MECHANISM, [REFERENCE]) == 0.0
 
 
 # ---------------------------------------------------------------- instant
@@ -219,7 +239,7 @@ ANSWER = InstantAnswer(
     *(RNG.normal(size=(2, 2, 3)) for _ in range(4)), kinetic=np.array([2.0, 5.0]), potential=np.array([-3.0, 4.0])
 )
 KNOWN = np.ones((2, 2, 6), dtype=bool)
-INSTANTS = Instants(np.array([1.0, 1.0]), KNOWN)
+INSTANTS = Instants(np.array([1.0, 1.0]), KNOWN, mass=2.0, gravity=9.81)
 
 
 def shifted(name, by, index=(1, 0, 2)):
@@ -272,7 +292,7 @@ def test_a_value_that_is_no_number_never_meets_a_bar(name):
 
 
 def test_the_bar_of_accelerations_grows_with_the_condition_of_the_mass_matrix():
-    ill = Instants(np.array([1.0, 1e5]), KNOWN)
+    ill = replace(INSTANTS, condition=np.array([1.0, 1e5]))
     bar = 1e-11 + 4 * EPS * 1e5
     assert instant(shifted("a_WB_W", 0.9 * bar), ill).verdict is Verdict.AGREES
     assert instant(shifted("a_WB_W", 1.2 * bar), ill).verdict is Verdict.MODEL
@@ -290,7 +310,7 @@ def test_extrapolated_answers_have_bars_of_their_own(name, bar):
 def test_reactions_that_are_not_determined_are_not_compared():
     known = KNOWN.copy()
     known[1, 0, 2] = known[0, 1, 4] = False
-    instants = Instants(np.array([1.0, 1.0]), known)
+    instants = replace(INSTANTS, determined=known)
     found = instant(shifted("force_F", 100.0), instants)
     assert found.verdict is Verdict.AGREES
     (reactions,) = [q for q in found.quantities if q.name == "reactions"]
@@ -377,3 +397,34 @@ def test_a_centre_of_mass_at_the_origin_is_measured_by_the_mechanism():
 def test_verdicts_stand_from_best_to_worst():
     names = ["agrees", "differs: discretisation", "unsupported", "unresolved", "differs: model", "failed"]
     assert [str(v) for v in Verdict] == names
+
+
+VANISHING = {  # quantity, and the size against which rounding of it is seen
+    ("a_WB_W", "alpha_WB_W"): lambda: INSTANTS.gravity,
+    ("force_F", "torque_F"): lambda: INSTANTS.mass * np.max(np.abs(ANSWER.a_WB_W)),
+    ("potential",): lambda: np.max(ANSWER.kinetic),
+    ("kinetic",): lambda: np.max(np.abs(ANSWER.potential)),
+}
+
+
+@pytest.mark.parametrize("names", VANISHING, ids=lambda names: names[0])
+def test_rounding_of_a_quantity_that_vanishes_is_no_difference_and_more_is(names):
+    size = VANISHING[names]()
+    nothing = replace(ANSWER, **{name: 0.0 * getattr(ANSWER, name) for name in names})
+    noise = replace(nothing, **{name: getattr(nothing, name) + 1e-17 * size for name in names})
+    wrong = replace(nothing, **{name: getattr(nothing, name) + 1e-8 * size for name in names})
+    assert instant(noise, reference=nothing).verdict is Verdict.AGREES
+    assert instant(wrong, reference=nothing).verdict is Verdict.MODEL
+
+
+def test_at_a_state_without_load_the_other_states_give_the_scale():
+    """A rod at the moment of release carries nothing: rounding there is compared with what it carries later."""
+    released = ANSWER.force_F.copy(), ANSWER.torque_F.copy()
+    for array in released:
+        array[0] = 0.0
+    reference = replace(ANSWER, force_F=released[0], torque_F=released[1])
+    size = max(np.max(np.abs(x[1])) for x in released)
+    for shift, verdict in ((1e-16, Verdict.AGREES), (2e-12, Verdict.MODEL)):
+        force = released[0].copy()
+        force[0, 0, 0] = shift * size
+        assert instant(replace(reference, force_F=force), reference=reference).verdict is verdict

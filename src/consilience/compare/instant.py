@@ -12,7 +12,9 @@ inertia of the whole                  1e-12
 
 Accelerations and reactions are compared state by state. At a state where the whole vector is below `STATE_FLOOR` of
 its largest component over all states (a rod without load at the moment of release), a relative difference would be
-rounding over rounding: it is taken relative to that floor.
+rounding over rounding: it is taken relative to that floor. Where a quantity vanishes at all states (the reactions of a
+body that falls, the potential energy of one without weight), `ZERO_FLOOR` of something to compare with takes its
+place: gravity for accelerations, mass times acceleration for reactions, the other energy for an energy.
 """
 
 from __future__ import annotations
@@ -32,6 +34,7 @@ from consilience.spatial import Array
 EPS = float(np.finfo(float).eps)
 EXACT = 1e-12
 STATE_FLOOR = 1e-2
+ZERO_FLOOR = 1e-4
 
 
 @dataclass(frozen=True)
@@ -56,10 +59,15 @@ class Instants:
         Of the mass matrix.
     determined : ndarray of bool, shape (n_s, n_j, 6)
         Reaction components that equilibrium determines.
+    mass : float, kg
+        Of the whole mechanism.
+    gravity : float, m/s^2
     """
 
     condition: Array
     determined: NDArray[np.bool_]
+    mass: float
+    gravity: float
 
     @classmethod
     def of(cls, mechanism: Mechanism, states: Sequence[State]) -> Instants:
@@ -67,22 +75,28 @@ class Instants:
         return cls(
             np.array([mass_matrix_condition(mechanism, s) for s in states]),
             np.array([determinate_reactions(mechanism, s) for s in states]),
+            sum(b.mass for b in mechanism.bodies),
+            float(np.linalg.norm(mechanism.gravity)),
         )
 
 
 def relative_difference(found: ArrayLike, expected: ArrayLike, floor: float = 0.0) -> float:
     """Largest difference over the largest component of `expected`, or over `floor` if that is larger."""
     found, expected = np.asarray(found, dtype=float), np.asarray(expected, dtype=float)
-    size = max(float(np.max(np.abs(expected), initial=0.0)), floor)
-    difference = float(np.max(np.abs(found - expected), initial=0.0))
+    size = max(_largest(expected), floor)
+    difference = _largest(found - expected)
     if difference == 0.0:
         return 0.0
     return difference / size if size > 0 else np.inf
 
 
-def _by_state(found: Sequence[Array], expected: Sequence[Array]) -> list[float]:
-    """Relative difference at each state, with the floor of the module's text."""
-    floor = STATE_FLOOR * max(float(np.max(np.abs(e), initial=0.0)) for e in expected)
+def _largest(values: ArrayLike) -> float:
+    return float(np.max(np.abs(values), initial=0.0))
+
+
+def _by_state(found: Sequence[Array], expected: Sequence[Array], scale: float) -> list[float]:
+    """Relative difference at each state, with the floors of the module's text; `scale` is for `ZERO_FLOOR`."""
+    floor = max(STATE_FLOOR * max(_largest(e) for e in expected), ZERO_FLOOR * scale)
     return [relative_difference(f, e, floor) for f, e in zip(found, expected, strict=True)]
 
 
@@ -105,6 +119,7 @@ def compare_instant(
 ) -> Comparison:
     """Compare accelerations, determined reactions and energies at all states."""
     bars = BARS.get(method.route, Bars())
+    floor = ZERO_FLOOR * max(_largest(reference.kinetic), _largest(reference.potential))
     return _verdict(
         case,
         engine,
@@ -116,7 +131,7 @@ def compare_instant(
             *(
                 Quantity(
                     f"{name} energy",
-                    relative_difference(getattr(answer, name), getattr(reference, name)),
+                    relative_difference(getattr(answer, name), getattr(reference, name), floor),
                     EXACT,
                     len(reference.kinetic),
                 )
@@ -135,7 +150,7 @@ def _worst(differences: Sequence[float], bars: Sequence[float]) -> int:
 def _accelerations(answer: InstantAnswer, reference: InstantAnswer, instants: Instants, bar: float) -> Quantity:
     found = np.concatenate([answer.a_WB_W, answer.alpha_WB_W], axis=2)
     expected = np.concatenate([reference.a_WB_W, reference.alpha_WB_W], axis=2)
-    differences = _by_state(list(found), list(expected))
+    differences = _by_state(list(found), list(expected), instants.gravity)
     bars = bar + 4.0 * EPS * instants.condition
     n = _worst(differences, list(bars))
     remark = f"state {n}, condition of the mass matrix {instants.condition[n]:.3g}"
@@ -155,6 +170,7 @@ def _reactions(answer: InstantAnswer, reference: InstantAnswer, instants: Instan
     differences = _by_state(
         [f[known] for f, known in zip(found, determined, strict=True)],
         [e[known] for e, known in zip(expected, determined, strict=True)],
+        instants.mass * _largest(reference.a_WB_W),
     )
     return Quantity("reactions", float(np.max(differences)), bar, int(np.sum(determined)), remark)
 
