@@ -10,11 +10,11 @@ energies, mass, centre of mass        1e-12
 inertia of the whole                  1e-12
 ====================================  ==========================================================
 
-Accelerations and reactions are compared state by state. At a state where the whole vector is below `STATE_FLOOR` of
-its largest component over all states (a rod without load at the moment of release), a relative difference would be
-rounding over rounding: it is taken relative to that floor. Where a quantity vanishes at all states (the reactions of a
-body that falls, the potential energy of one without weight), `ZERO_FLOOR` of something to compare with takes its
-place: gravity for accelerations, mass times acceleration for reactions, the other energy for an energy.
+Accelerations and reactions are compared state by state. At a state where the whole vector is below `FLOOR` of its
+largest component over all states (a rod without load at the moment of release), a relative difference would be
+rounding over rounding: it is taken relative to that floor. A quantity that vanishes at all states (the reactions of a
+body that falls, the potential energy of one without weight), below `NOTHING` of something to compare with, is compared
+with `FLOOR` of that: gravity for accelerations, mass times acceleration for reactions, the other energy for an energy.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ from consilience.spatial import Array
 
 EPS = float(np.finfo(float).eps)
 EXACT = 1e-12
-STATE_FLOOR = 1e-2
-ZERO_FLOOR = 1e-4
+FLOOR = 1e-2
+NOTHING = 1e-10
 
 
 @dataclass(frozen=True)
@@ -94,9 +94,14 @@ def _largest(values: ArrayLike) -> float:
     return float(np.max(np.abs(values), initial=0.0))
 
 
+def _floor(largest: float, scale: float) -> float:
+    """Least size a difference is taken relative to, by the module's text."""
+    return FLOOR * (largest if largest > NOTHING * scale else scale)
+
+
 def _by_state(found: Sequence[Array], expected: Sequence[Array], scale: float) -> list[float]:
-    """Relative difference at each state, with the floors of the module's text; `scale` is for `ZERO_FLOOR`."""
-    floor = max(STATE_FLOOR * max(_largest(e) for e in expected), ZERO_FLOOR * scale)
+    """Relative difference at each state; `scale` is what a quantity that vanishes at all states is compared with."""
+    floor = _floor(max(_largest(e) for e in expected), scale)
     return [relative_difference(f, e, floor) for f, e in zip(found, expected, strict=True)]
 
 
@@ -119,7 +124,7 @@ def compare_instant(
 ) -> Comparison:
     """Compare accelerations, determined reactions and energies at all states."""
     bars = BARS.get(method.route, Bars())
-    floor = ZERO_FLOOR * max(_largest(reference.kinetic), _largest(reference.potential))
+    energies = {"kinetic": _largest(reference.kinetic), "potential": _largest(reference.potential)}
     return _verdict(
         case,
         engine,
@@ -131,11 +136,13 @@ def compare_instant(
             *(
                 Quantity(
                     f"{name} energy",
-                    relative_difference(getattr(answer, name), getattr(reference, name), floor),
+                    relative_difference(
+                        getattr(answer, name), getattr(reference, name), _floor(size, max(energies.values()))
+                    ),
                     EXACT,
                     len(reference.kinetic),
                 )
-                for name in ("kinetic", "potential")
+                for name, size in energies.items()
             ),
         ),
     )
