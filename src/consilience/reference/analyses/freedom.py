@@ -1,0 +1,102 @@
+"""Degrees of freedom: the counts of Kutzbach, the rank of the constraints, and what redundancy leaves open [EXU]."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from consilience.kinematics import RANK_TOLERANCE, constraint_jacobian, joint_frames, row_jacobian
+from consilience.mechanism import Joint, Mechanism, State
+from consilience.observe import determinate_reactions
+from consilience.spatial import Array, skew
+
+
+@dataclass(frozen=True)
+class Freedom:
+    """Degrees of freedom of a mechanism of p bodies and q constraint rows in one state.
+
+    Attributes
+    ----------
+    kutzbach : int
+        ``6 p - q``; too small, even negative, where rows are redundant.
+    planar : int or None
+        ``3 p - q_planar``, counted in the plane of the motion; None unless every joint keeps one common plane.
+    rank : int
+        Rank of the constraint Jacobian Q.
+    freedom : int
+        Degrees of freedom in truth, ``6 p - rank Q``.
+    redundant : int
+        Rows that depend on the others, ``q - rank Q``.
+    undetermined : tuple of str
+        Joints of whose reactions at least one component is not determined by equilibrium.
+    """
+
+    kutzbach: int
+    planar: int | None
+    rank: int
+    freedom: int
+    redundant: int
+    undetermined: tuple[str, ...]
+
+
+def count_freedom(mechanism: Mechanism, state: State) -> Freedom:
+    """Count degrees of freedom and redundant constraints [EXU (2), (3)].
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    state : State
+        Consistent state; the rank is that of this configuration, and a singular one (a dead centre) has its own.
+
+    Returns
+    -------
+    Freedom
+
+    Raises
+    ------
+    LinAlgError
+        If the singular value decomposition of the Jacobian fails.
+    """
+    width = 6 * len(mechanism.bodies)
+    rows = mechanism.constraint_count()
+    rank = _rank(constraint_jacobian(mechanism, state))
+    determined = determinate_reactions(mechanism, state)
+    return Freedom(
+        kutzbach=width - rows,
+        planar=_planar_count(mechanism, state),
+        rank=rank,
+        freedom=width - rank,
+        redundant=rows - rank,
+        undetermined=tuple(j.name for j, known in zip(mechanism.joints, determined, strict=True) if not np.all(known)),
+    )
+
+
+def _rank(matrix: Array) -> int:
+    if matrix.size == 0:
+        return 0
+    singular = np.linalg.svd(matrix, compute_uv=False)
+    return int(np.sum(singular > RANK_TOLERANCE * singular[0]))
+
+
+def _relative_freedom(mechanism: Mechanism, state: State, joint: Joint) -> tuple[Array, Array]:
+    """Velocities of the successor's origin and angular ones that the joint leaves, world axes, each (freedom, 3)."""
+    frames = joint_frames(mechanism, state, joint)
+    rows = np.array([row_jacobian(frames, row)[6:] for row in joint.rows]).reshape(-1, 6)
+    basis = np.linalg.svd(rows)[2][len(rows) :]
+    return basis[:, :3], basis[:, 3:]
+
+
+def _planar_count(mechanism: Mechanism, state: State) -> int | None:
+    """``3 p - q_planar`` if there is a normal parallel to every free rotation and square to every free translation.
+
+    Of which point the translation is does not matter: rotation about the normal moves all of them square to it.
+    """
+    conditions = [np.zeros((3, 3))]
+    for joint in mechanism.joints:
+        linear, angular = _relative_freedom(mechanism, state, joint)
+        conditions += [linear, *(skew(w) for w in angular)]
+    smallest = np.linalg.svd(np.vstack(conditions), compute_uv=False)[-1]
+    if smallest > RANK_TOLERANCE:
+        return None
+    return 3 * len(mechanism.bodies) - sum(3 - (6 - len(joint.rows)) for joint in mechanism.joints)

@@ -1,0 +1,227 @@
+"""Static equilibrium: Newton's method along the constraint manifold, in null-space coordinates.
+
+With J a basis of the free directions (``Q J = 0``) and f the applied forces, equilibrium is ``J^T f = 0``: the joints'
+reactions, which lie in the range of ``Q^T``, balance the rest [C4 (4.99)-(4.110) without motion].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from consilience.assembly import assemble_positions, move
+from consilience.errors import CannotAssemble, ConsilienceError
+from consilience.kinematics import free_directions
+from consilience.mechanism import Mechanism, State
+from consilience.observe import body_point, joint_spring_motion
+from consilience.reference import constraints, forces
+from consilience.reference.integrators import dop853
+from consilience.reference.model import flatten, pack
+from consilience.reference.workspace import workspace
+from consilience.spatial import Array, rotation_from_quaternion, skew
+
+_DIFFERENCE = 1e-5
+"""Step of the central differences of ``J^T f``, along unit free directions: it sets the speed, not the result."""
+_FLOOR = 1e-7
+"""Stiffnesses below this fraction of the largest count as none: differences show no smaller ones."""
+_LONGEST = 0.5
+"""Longest step, rad, and in lengths of the mechanism."""
+_HALVINGS = 20
+
+
+class NoEquilibrium(ConsilienceError):
+    """No static equilibrium was found, or a state said to be one is none."""
+
+
+def at_rest(state: State) -> State:
+    """The same poses with all velocities zero."""
+    zeros = np.zeros_like(state.p_WB)
+    return State(state.p_WB, state.quat_WB, zeros, zeros)
+
+
+def solver_velocities(mechanism: Mechanism, state: State) -> Array:
+    """Matrix T from ``(v_WB_W, w_WB_W)`` of all bodies to the solver's velocities, shape (6 n_b, 6 n_b).
+
+    The solver's are those of the centre of mass in world axes, and the angular velocity in body axes. Forces that go
+    with them become forces and torques about the bodies' origins, in world axes, by ``T^T``.
+    """
+    n = len(mechanism.bodies)
+    T = np.zeros((6 * n, 6 * n))
+    for i, (body, R_WB) in enumerate(zip(mechanism.bodies, rotation_from_quaternion(state.quat_WB), strict=True)):
+        block = [[np.eye(3), -skew(R_WB @ body.com)], [np.zeros((3, 3)), R_WB.T]]
+        T[6 * i : 6 * i + 6, 6 * i : 6 * i + 6] = np.block(block)
+    return T
+
+
+def applied_forces(mechanism: Mechanism, state: State) -> Array:
+    """Forces of gravity, springs, loads and gyroscopic terms in the coordinates of the solver, shape (6 n_b,).
+
+    Force in world axes, torque about the centre of mass in body axes (see `solver_velocities`). Angles of joint
+    springs are in (-pi, pi].
+    """
+    model = flatten(mechanism)
+    ws, y = workspace(model), pack(mechanism, state)
+    memory = np.zeros(len(model.joint_spring))
+    dop853.remember(model, y, ws, memory)
+    constraints.rotations(y, ws.A)
+    forces.evaluate(model, y, ws.A, memory, ws.f)
+    return ws.f
+
+
+def force_scale(mechanism: Mechanism, state: State) -> float:
+    """Sum of all forces at work, in N (torques in N m count alike): weights, loads, and what a spring's length makes.
+
+    An equilibrium can balance applied forces that cancel, so their sum is no measure of a small residual.
+    """
+    scale = sum(b.mass for b in mechanism.bodies) * float(np.linalg.norm(mechanism.gravity))
+    scale += sum(float(np.linalg.norm(load.vector)) for load in mechanism.loads)
+    for s in mechanism.springs:
+        ends = [
+            body_point(mechanism, state, body, point)[0]
+            for body, point in ((s.predecessor, s.point_predecessor), (s.successor, s.point_successor))
+        ]
+        scale += abs(s.stiffness) * (float(np.linalg.norm(ends[1] - ends[0])) + abs(s.free_length))
+    for k in mechanism.joint_springs:
+        q, _ = joint_spring_motion(mechanism, state, k.joint, k.coordinate)
+        scale += abs(k.stiffness) * (abs(q) + abs(k.rest))
+    return scale
+
+
+@dataclass(frozen=True, eq=False)
+class _Point:
+    """A consistent state, its free directions N, the applied forces f about the origins, and ``N^T f``."""
+
+    state: State
+    N: Array
+    f: Array
+    r: Array
+
+    @property
+    def size(self) -> float:
+        return float(np.linalg.norm(self.r))
+
+    def along(self, start: _Point) -> Array:
+        """Forces along the free directions of `start`: ``J^T f``, J the directions here with ``N_start^T J = 1``."""
+        return np.linalg.solve((start.N.T @ self.N).T, self.r)
+
+
+def _point(mechanism: Mechanism, state: State) -> _Point:
+    N = free_directions(mechanism, state)
+    f = solver_velocities(mechanism, state).T @ applied_forces(mechanism, state)
+    return _Point(state, N, f, N.T @ f)
+
+
+def _moved(mechanism: Mechanism, start: _Point, step: Array) -> _Point:
+    """The point a step along the free directions leads to, back on the constraints."""
+    return _point(mechanism, assemble_positions(mechanism, move(start.state, start.N @ step)))
+
+
+def _stiffness(mechanism: Mechanism, point: _Point) -> Array:
+    """``K = -d(J^T f)/dy`` along the manifold, by central differences, shape (freedom, freedom)."""
+    columns = []
+    for direction in np.eye(len(point.r)):
+        ahead, behind = (_moved(mechanism, point, s * _DIFFERENCE * direction) for s in (1.0, -1.0))
+        columns.append((behind.along(point) - ahead.along(point)) / (2.0 * _DIFFERENCE))
+    return np.array(columns).T
+
+
+def _search(mechanism: Mechanism, start: _Point, step: Array, accept: Callable[[_Point], bool]) -> _Point | None:
+    """First of the step and its halves that can be assembled and is accepted."""
+    motion = np.abs(start.N @ step).reshape(-1, 6)
+    longest = max(float(np.max(motion[:, :3])) / flatten(mechanism).length, float(np.max(motion[:, 3:])))
+    step = step * min(1.0, _LONGEST / max(longest, 1e-300))
+    for _ in range(_HALVINGS):
+        try:
+            trial = _moved(mechanism, start, step)
+        except CannotAssemble:  # past the end of a link's reach
+            trial = None
+        if trial is not None and accept(trial):
+            return trial
+        step = 0.5 * step
+    return None
+
+
+def _next(mechanism: Mechanism, point: _Point) -> _Point | None:
+    """A better point, or None.
+
+    Where the stiffness has no negative direction, Newton's step with a line search on the residual. Elsewhere Newton
+    would climb to an unstable equilibrium: there, or if Newton fails, the step takes the magnitudes of the stiffnesses
+    and goes no further than the forces do work along it.
+    """
+    K = _stiffness(mechanism, point)
+    stiffness, V = np.linalg.eigh(0.5 * (K + K.T))
+    floor = _FLOOR * float(np.max(np.abs(stiffness)))
+    if stiffness[0] >= -floor:
+        newton = np.linalg.lstsq(K, point.r, rcond=_FLOOR)[0]
+        found = _search(mechanism, point, newton, lambda trial: trial.size < (1.0 - 1e-4) * point.size)
+        if found is not None:
+            return found
+    step = V @ ((V.T @ point.r) / np.maximum(np.abs(stiffness), max(floor, 1e-300)))
+    push = float(step @ point.r)
+    return _search(mechanism, point, step, lambda trial: float(step @ trial.along(point)) >= -0.5 * push)
+
+
+def static_equilibrium(mechanism: Mechanism, guess: State, tolerance: float = 1e-11, iterations: int = 100) -> State:
+    """State of rest in which the applied forces have no component along any free direction.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    guess : State
+        Poses to start from, on the branch that is meant; velocities are ignored. Angles of joint springs are in
+        (-pi, pi].
+    tolerance : float
+        Bound on the norm of ``J^T f`` (J orthonormal, N and N m alike) over `force_scale`. Iterations go on below it
+        while they still halve the residual.
+    iterations : int
+        Most steps, each of at most half a radian and half the length of the mechanism.
+
+    Returns
+    -------
+    State
+        Assembled, all velocities zero. The path follows the forces downhill, so that the equilibrium is stable where
+        they have a potential, unless the guess itself is already an unstable one. Where equilibria are not isolated
+        (a body free to turn about the vertical) it is one near the guess.
+
+    Raises
+    ------
+    NoEquilibrium
+        If none is found, with the residual that is left.
+    CannotAssemble
+        If the guess cannot be assembled.
+
+    Notes
+    -----
+    Newton's method in null-space coordinates [C4 (4.99)-(4.110)], ``K = -d(J^T f)/dy`` by central differences of
+    step 1e-5 along the constraint manifold, every trial state assembled [MASS].
+    """
+    point = _point(mechanism, assemble_positions(mechanism, at_rest(guess)))
+    for _ in range(iterations):
+        if point.size == 0.0:
+            break
+        found = _next(mechanism, point)
+        settled = point.size <= tolerance * force_scale(mechanism, point.state)
+        if found is None or (settled and found.size > 0.5 * point.size):
+            break
+        point = found
+    require_equilibrium(mechanism, point.state, tolerance)
+    return point.state
+
+
+def require_equilibrium(mechanism: Mechanism, state: State, tolerance: float) -> None:
+    """Refuse a state in which forces along the free directions are left.
+
+    Raises
+    ------
+    NoEquilibrium
+        If the norm of ``J^T f`` exceeds `tolerance` times `force_scale`; the message gives it.
+    """
+    residual, scale = _point(mechanism, state).size, force_scale(mechanism, state)
+    if residual > tolerance * scale:
+        raise NoEquilibrium(
+            f"mechanism '{mechanism.name}': no static equilibrium: forces of {residual:.3g} (N, N m) are left along "
+            f"the free directions, {residual / scale:.3g} of all forces at work. Start closer to the equilibrium, or "
+            "check that gravity, springs and loads can balance in every direction the joints leave free."
+        )
