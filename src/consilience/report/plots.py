@@ -17,7 +17,7 @@ from consilience.report.wording import anchor
 
 # Okabe and Ito's colours, told apart with every kind of colour blindness, without yellow and black: both page themes
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8C8C8C")
-DASHES = ("dot", "dashdot", "dash", "solid")
+DASHES = ("dashdot", "dot", "dash", "solid")
 MARKERS = ("circle", "square", "diamond", "triangle-up", "x", "star")
 
 Figure = dict[str, Any]
