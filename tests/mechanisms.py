@@ -2,24 +2,34 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from consilience.assembly import initial_state, random_states
+from consilience.functions import Function, constant, linear, sine, through
 from consilience.mechanism import (
     GROUND,
     JOINT_KINDS,
     Body,
+    Control,
+    Coupling,
+    Drive,
     Frame,
+    Friction,
     Joint,
     JointSpring,
     Load,
     Mechanism,
+    Rolling,
+    Skate,
     Spring,
     State,
 )
 from consilience.spatial import quaternion_from_rotation_vector, rotation_from_quaternion
 
 GRAVITY = np.array([1.3, -2.1, -9.4])
+PITCH = -0.31
 
 
 def rotation(rng: np.random.Generator) -> np.ndarray:
@@ -50,6 +60,7 @@ def drawn_joint(name: str, kind: str, bodies: dict[str, Body], i: str, j: str, a
         Frame(start.R.T @ (at - start.p), start.R.T @ axes),
         Frame(end.R.T @ (to - end.p), end.R.T @ axes),
         float(np.linalg.norm(to - at)) if kind == "rod" else 0.0,
+        PITCH if kind == "screw" else 0.0,
     )
 
 
@@ -156,9 +167,73 @@ def branched(seed: int = 8) -> Mechanism:
     return Mechanism("branched", GRAVITY, tuple(bodies.values()), tuple(joints))
 
 
+def powered(seed: int = 30) -> Mechanism:
+    """A chain with every force element that is not constant: actuators, histories, friction, controls."""
+    base = chain("revolute", "prismatic", "cylindrical", "spherical", seed=seed, forces=True)
+    wave = sine(2.0, 3.0, 0.4)
+    table = through(np.linspace(-1.0, 4.0, 9), [0.3, 1.0, -0.5, 0.2, 0.9, 1.4, 0.1, -0.7, 0.5])
+    return replace(
+        base,
+        name="powered",
+        springs=tuple(replace(s, actuator=wave) for s in base.springs),
+        joint_springs=tuple(replace(s, actuator=table) for s in base.joint_springs),
+        loads=tuple(replace(load, history=Function(np.array([1.0, -0.4, 0.3]))) for load in base.loads),
+        frictions=(Friction("f0", "j0", "angle", 0.3, 1.1, 0.2), Friction("f1", "j1", "distance", 0.5, 2.0, 0.4)),
+        controls=(
+            Control("c0", "j0", "angle", sine(0.5, 2.0), 20.0, 7.0, 1.5),
+            Control("c2", "j2", "distance", constant(0.2), 30.0, 4.0, 2.0),
+        ),
+    )
+
+
+def driven(seed: int = 31) -> Mechanism:
+    """A chain with two driven coordinates: one angle and one distance follow functions of time."""
+    base = chain("revolute", "spherical", "cylindrical", seed=seed)
+    drives = (
+        Drive("turn", "j0", "angle", Function(np.array([0.2, 1.5]), np.array([[0.3, 4.0, 0.1]]))),
+        Drive("push", "j2", "distance", sine(0.2, 5.0)),
+    )
+    return replace(base, name="driven", drives=drives)
+
+
+def coupled(seed: int = 32) -> Mechanism:
+    """Gear pair, rack and pinion, and a cam with its follower, on three branches."""
+    base = chain("revolute", "revolute", "prismatic", "cylindrical", seed=seed)
+    profile = through(np.linspace(0.0, 2 * np.pi, 13), 0.2 * np.sin(np.linspace(0.0, 2 * np.pi, 13)) ** 2, True)
+    couplings = (
+        Coupling("gears", "j0", "angle", "j1", "angle", linear(-2.5, 0.1)),
+        Coupling("rack", "j1", "angle", "j2", "distance", linear(0.2)),
+        Coupling("cam", "j0", "angle", "j3", "distance", profile),
+    )
+    return replace(base, name="coupled", couplings=couplings)
+
+
+def rolling(seed: int = 33, radius: float = 0.4, rounding: float = 0.07) -> Mechanism:
+    """A lumpy torus (disc, ball) with a pendulum on it, rolling on a skew plane."""
+    rng = np.random.default_rng(seed)
+    base = chain("free", "revolute", seed=seed)
+    normal = rotation(rng)[:, 2]
+    contact = Rolling(
+        "contact", "b0", rng.normal(scale=0.1, size=3), rng.normal(size=3), radius, rng.normal(size=3), normal, rounding
+    )
+    return replace(base, name="rolling", rollings=(contact,))
+
+
+def skating(seed: int = 34) -> Mechanism:
+    """A body on a skew plane with a knife edge, and a pendulum on it."""
+    base = chain("planar", "revolute", seed=seed)
+    M = base.joints[0].M
+    lateral = M.R @ np.array([np.cos(0.3), np.sin(0.3), 0.0])
+    return replace(base, name="skating", skates=(Skate("edge", "b0", M.p + M.R @ np.array([0.2, 0.1, 0.0]), lateral),))
+
+
 TREES = {
-    **{f"single_{kind}": chain(kind, seed=n) for n, kind in enumerate(JOINT_KINDS) if kind != "rigid"},
-    **{f"backward_{kind}": chain("revolute", kind, seed=40 + n, backwards=(1,)) for n, kind in enumerate(JOINT_KINDS)},
+    **{f"single_{kind}": chain(kind, seed=n) for n, kind in enumerate(JOINT_KINDS) if kind not in ("rigid", "screw")},
+    **{
+        f"backward_{kind}": chain("revolute", kind, seed=40 + n, backwards=(1,))
+        for n, kind in enumerate(JOINT_KINDS)
+        if kind != "screw"
+    },
     "rigid_between": chain("revolute", "rigid", "spherical", seed=20),
     "long_chain": chain("revolute", "prismatic", "spherical", "revolute", "universal", seed=21),
     "floating_chain": chain("free", "cylindrical", "planar", "revolute", seed=22),
@@ -173,6 +248,19 @@ LOOPS = {
     "four_bar_cylindrical": four_bar(closing="cylindrical"),
     **{f"loop_{kind}": spatial_loop(coupler=kind) for kind in ("spherical", "universal", "rod")},
 }
+
+ELEMENTS = {
+    "single_screw": chain("screw", seed=35),
+    "backward_screw": chain("revolute", "screw", seed=36, backwards=(1,)),
+    "powered": powered(),
+    "driven": driven(),
+    "coupled": coupled(),
+    "rolling_torus": rolling(),
+    "rolling_disc": rolling(seed=37, rounding=0.0),
+    "rolling_ball": rolling(seed=38, radius=0.0, rounding=0.5),
+    "skating": skating(),
+}
+"""Screws and elements beyond constant forces: what the reference represents and an engine may refuse."""
 
 
 def states_of(mechanism: Mechanism, count: int = 5, seed: int = 3) -> list[State]:

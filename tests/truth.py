@@ -18,8 +18,11 @@ from consilience.observe import body_point, joint_spring_motion, world_inertias
 from consilience.spatial import rotation_from_quaternion, skew
 
 
-def applied_wrenches(mechanism: Mechanism, state: State) -> np.ndarray:
-    """Applied force and torque about the origin of each body, world axes, shape (n_b, 6); gravity included."""
+def applied_wrenches(mechanism: Mechanism, state: State, t: float = 0.0) -> np.ndarray:
+    """Applied force and torque about the origin of each body, world axes, shape (n_b, 6); gravity included.
+
+    Integrals of controllers are zero.
+    """
     R = rotation_from_quaternion(state.quat_WB)
     wrench = np.zeros((len(mechanism.bodies), 6))
 
@@ -38,21 +41,21 @@ def applied_wrenches(mechanism: Mechanism, state: State) -> np.ndarray:
         )
         length = np.linalg.norm(p_j - p_i)
         e = (p_j - p_i) / length
-        force = (s.stiffness * (length - s.free_length) + s.damping * e @ (v_j - v_i)) * e
+        actuator = s.actuator.at(t)[0] if s.actuator else 0.0
+        force = (s.stiffness * (length - s.free_length) + s.damping * e @ (v_j - v_i) - actuator) * e
         push(s.predecessor, force, p_i)
         push(s.successor, -force, p_j)
-    for s in mechanism.joint_springs:
-        joint = mechanism.joints[mechanism.joint_index[s.joint]]
-        f = joint_frames(mechanism, state, joint)
-        q, rate = joint_spring_motion(mechanism, state, s.joint, s.coordinate)
-        effort = -(s.stiffness * (q - s.rest) + s.damping * rate) * f.U[:, 2]
+    for name, coordinate, effort in joint_efforts(mechanism, state, t):
+        joint = mechanism.joints[mechanism.joint_index[name]]
+        along = effort * joint_frames(mechanism, state, joint).U[:, 2]
         point, _ = body_point(mechanism, state, joint.successor, joint.M.p)
-        force, torque = (effort, np.zeros(3)) if s.coordinate == "distance" else (np.zeros(3), effort)
+        force, torque = (along, np.zeros(3)) if coordinate == "distance" else (np.zeros(3), along)
         push(joint.successor, force, point, torque)
         push(joint.predecessor, -force, point, -torque)
     for load in mechanism.loads:
         i = mechanism.body_index[load.body]
         vector = load.vector if load.frame == "world" else R[i] @ load.vector
+        vector = vector * (load.history.at(t)[0] if load.history else 1.0)
         point = body_point(mechanism, state, load.body, load.point)[0]
         if load.kind == "force":
             push(load.body, vector, point)
@@ -61,19 +64,34 @@ def applied_wrenches(mechanism: Mechanism, state: State) -> np.ndarray:
     return wrench
 
 
-def solve(mechanism: Mechanism, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def joint_efforts(mechanism: Mechanism, state: State, t: float):
+    """Joint, coordinate and effort on the successor of every spring, friction and control of a joint."""
+    for s in mechanism.joint_springs:
+        q, rate = joint_spring_motion(mechanism, state, s.joint, s.coordinate)
+        actuator = s.actuator.at(t)[0] if s.actuator else 0.0
+        yield s.joint, s.coordinate, actuator - s.stiffness * (q - s.rest) - s.damping * rate
+    for f in mechanism.frictions:
+        _, rate = joint_spring_motion(mechanism, state, f.joint, f.coordinate)
+        yield f.joint, f.coordinate, -f.viscous * rate - f.coulomb * np.tanh(rate / f.speed)
+    for c in mechanism.controls:
+        q, rate = joint_spring_motion(mechanism, state, c.joint, c.coordinate)
+        target, target_rate, _ = c.target.at(t)
+        yield c.joint, c.coordinate, c.proportional * (target - q) + c.derivative * (target_rate - rate)
+
+
+def solve(mechanism: Mechanism, state: State, t: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """a_WB_W, alpha_WB_W, force_F, torque_F of a consistent state (least-norm multipliers where not unique)."""
     n = len(mechanism.bodies)
     R = rotation_from_quaternion(state.quat_WB)
     inertias = world_inertias(mechanism, state)
-    M, f = np.zeros((6 * n, 6 * n)), applied_wrenches(mechanism, state).ravel()
+    M, f = np.zeros((6 * n, 6 * n)), applied_wrenches(mechanism, state, t).ravel()
     for i, body in enumerate(mechanism.bodies):
         c, w, b = R[i] @ body.com, state.w_WB_W[i], slice(6 * i, 6 * i + 6)
         C = skew(c)
         I_origin = inertias[i] - body.mass * C @ C
         M[b, b] = np.block([[body.mass * np.eye(3), -body.mass * C], [body.mass * C, I_origin]])
         f[b] -= np.concatenate([body.mass * np.cross(w, np.cross(w, c)), np.cross(w, I_origin @ w)])
-    Q, gamma = constraint_jacobian(mechanism, state), constraint_gamma(mechanism, state)
+    Q, gamma = constraint_jacobian(mechanism, state, t=t), constraint_gamma(mechanism, state, t=t)
     inverse = np.linalg.inv(M)
     lam = np.linalg.lstsq(Q @ inverse @ Q.T, gamma - Q @ inverse @ f, rcond=1e-9)[0] if len(Q) else np.zeros(0)
     a = (inverse @ (f + Q.T @ lam)).reshape(n, 6)

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import dartpy
 import numpy as np
 
-from consilience.mechanism import Mechanism, State
+from consilience.engine import beyond
+from consilience.mechanism import JOINT_KINDS, Mechanism, State
 from consilience.run import (
     EngineInfo,
     InstantAnswer,
@@ -50,6 +51,9 @@ EXACT = {
     "free": "free: FreeJoint with identity frames",
 }
 
+FEATURES = frozenset(f"{kind} joint" for kind in JOINT_KINDS if kind != "screw") | {"spring", "joint spring", "load"}
+"""What of `Mechanism.features` has a translation."""
+
 
 class DartEngine:
     """DART: generalised coordinates, articulated bodies, loops closed by constraints at velocity level."""
@@ -62,11 +66,12 @@ class DartEngine:
         return EngineInfo("dart", dartpy.__version__, "1")
 
     def unsupported(self, mechanism: Mechanism, question: Question) -> tuple[Unsupported, ...]:
-        """Joint springs and dampers below zero, which DART would set to zero; everything else has a translation."""
+        """Features without a translation; joint springs and dampers below zero, which DART would set to zero."""
+        refused = beyond(mechanism, FEATURES, "DART")
         if question is Question.MODEL:
-            return ()
+            return refused
         reason = "DART's joint springs and dampers cannot be negative: it sets them to zero"
-        return tuple(
+        return refused + tuple(
             Unsupported(f"joint spring '{spring.name}' with a negative coefficient", reason)
             for spring in mechanism.joint_springs
             if min(spring.stiffness, spring.damping) < 0.0

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from consilience.mechanism import Mechanism, State
+from consilience.engine import beyond
+from consilience.mechanism import JOINT_KINDS, Mechanism, State
 from consilience.run import (
     EngineInfo,
     InstantAnswer,
@@ -34,6 +35,9 @@ _POINTWISE: dict[str, Any] = {
     "timeIntegration.generalizedAlpha.computeInitialAccelerations": False,
 }
 
+FEATURES = frozenset(f"{kind} joint" for kind in JOINT_KINDS if kind != "screw") | {"spring", "joint spring", "load"}
+"""What of `Mechanism.features` has a translation."""
+
 
 class ExudynEngine:
     """Exudyn with rigid bodies in redundant coordinates, and kinematic trees where a mechanism is one."""
@@ -53,8 +57,8 @@ class ExudynEngine:
         )
 
     def unsupported(self, mechanism: Mechanism, question: Question) -> tuple[Unsupported, ...]:
-        """Nothing: every joint kind and force element has a counterpart."""
-        return ()
+        """Features without a translation: screws, and elements beyond constant forces."""
+        return beyond(mechanism, FEATURES, "Exudyn")
 
     def methods(self, mechanism: Mechanism, question: Question) -> tuple[Method, ...]:
         """Ways to answer, the headline first."""

@@ -49,6 +49,9 @@ JOINT_ITEMS: dict[str, JointItem] = {
     "universal": JointItem((1, 1, 1, 0, 0, 1), turn=_Z_TO_X),  # the third rotation alone: x of marker 0 across y of 1
     "spherical": JointItem((1, 1, 1, 0, 0, 0), items.ObjectJointSpherical),
     "planar": JointItem((0, 0, 1, 1, 1, 0)),
+    "point_on_line": JointItem((1, 1, 0, 0, 0, 0)),
+    "point_in_plane": JointItem((0, 0, 1, 0, 0, 0)),
+    "parallel_axes": JointItem((0, 0, 0, 1, 1, 0)),
     "rigid": JointItem((1, 1, 1, 1, 1, 1)),
     "rod": JointItem((1,), items.ObjectConnectorDistance),
     "free": JointItem(()),

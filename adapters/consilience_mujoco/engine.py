@@ -8,7 +8,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from consilience.mechanism import Mechanism, State
+from consilience.engine import beyond
+from consilience.mechanism import JOINT_KINDS, Mechanism, State
 from consilience.run import (
     EngineInfo,
     InstantAnswer,
@@ -48,6 +49,10 @@ def _tree_methods(question: Question) -> tuple[Method, ...]:
     )
 
 
+FEATURES = frozenset(f"{kind} joint" for kind in JOINT_KINDS if kind != "screw") | {"spring", "joint spring", "load"}
+"""What of `Mechanism.features` has a translation."""
+
+
 class MujocoEngine:
     """MuJoCo behind the protocol `consilience.engine.Engine`."""
 
@@ -63,6 +68,9 @@ class MujocoEngine:
     def unsupported(self, mechanism: Mechanism, question: Question) -> tuple[Unsupported, ...]:
         """Everything of the mechanism MuJoCo cannot represent."""
         del question  # the same for all of them
+        refused = beyond(mechanism, FEATURES, "MuJoCo")
+        if refused:
+            return refused
         tendons = [
             Unsupported(f"spring '{s.name}': free length {s.free_length} m", "a tendon has no negative rest length")
             for s in mechanism.springs

@@ -8,7 +8,8 @@ from importlib.metadata import version
 import numpy as np
 import pinocchio as pin
 
-from consilience.mechanism import Mechanism, State
+from consilience.engine import beyond
+from consilience.mechanism import JOINT_KINDS, Mechanism, State
 from consilience.run import (
     EngineInfo,
     InstantAnswer,
@@ -66,6 +67,9 @@ _FORCE_REMARKS = {
     "loads": "loads: not native, wrenches by the adapter",
 }
 
+FEATURES = frozenset(f"{kind} joint" for kind in JOINT_KINDS if kind != "screw") | {"spring", "joint spring", "load"}
+"""What of `Mechanism.features` has a translation."""
+
 
 class PinocchioEngine:
     """Pinocchio: minimal coordinates, `aba` for trees, `constraintDynamics` on split bodies for loops."""
@@ -90,8 +94,8 @@ class PinocchioEngine:
         return EngineInfo("pinocchio", pin.__version__, f"consilience_pinocchio {version('consilience')}")
 
     def unsupported(self, mechanism: Mechanism, question: Question) -> tuple[Unsupported, ...]:
-        """Nothing: every joint kind, loop and force element has a translation."""
-        return ()
+        """Features without a translation: screws, and elements beyond constant forces."""
+        return beyond(mechanism, FEATURES, "Pinocchio")
 
     def methods(self, mechanism: Mechanism, question: Question) -> tuple[Method, ...]:
         """Ways to answer the question, the headline first; which ones depends on whether there are loops."""

@@ -16,6 +16,7 @@ from consilience.errors import CannotAssemble, InvalidInput
 from consilience.kinematics import (
     RANK_TOLERANCE,
     constraint_jacobian,
+    constraint_rates,
     constraint_residual,
     free_directions,
     joint_coordinates,
@@ -106,12 +107,12 @@ def _held_rows(mechanism: Mechanism, state: State, joint: Joint, coordinate: str
 def _held_error(mechanism: Mechanism, state: State, joint: Joint, coordinate: str, target: ArrayLike) -> Array:
     """Actual minus asked value of a joint coordinate; angles modulo a turn, orientations as rotation vectors."""
     motion = relative_motion(mechanism, state, joint)
-    value = joint_coordinates(joint.kind, motion)[coordinate]
+    value = joint_coordinates(joint, motion)[coordinate]
     if coordinate == "orientation":
         asked = rotation_from_quaternion(np.asarray(target))
         return rotation_vector_from_quaternion(quaternion_from_rotation(motion.R @ asked.T))
     error = np.atleast_1d(value - np.asarray(target, dtype=float))
-    if coordinate.startswith("angle"):
+    if coordinate.startswith("angle") and joint.kind != "screw":  # a screw tells its turns by its displacement
         error = (error + np.pi) % (2 * np.pi) - np.pi
     return error
 
@@ -138,25 +139,32 @@ def _held(mechanism: Mechanism, values: Mapping[str, Mapping[str, ArrayLike]], f
     return held
 
 
-def _row_names(mechanism: Mechanism, held: Held) -> list[str]:
+def _row_names(mechanism: Mechanism, held: Held, velocities: bool) -> list[str]:
     names = [f"joint '{j.name}', constraint {row}" for j in mechanism.joints for row in j.rows]
+    names += [f"drive '{d.name}'" for d in mechanism.drives] + [f"coupling '{c.name}'" for c in mechanism.couplings]
+    names += [f"rolling '{r.name}', contact" for r in mechanism.rollings]
+    if velocities:
+        names += [f"rolling '{r.name}', slip" for r in mechanism.rollings for _ in range(2)]
+        names += [f"skate '{s.name}'" for s in mechanism.skates]
     for joint, coordinate, _ in held:
         width = 3 if coordinate in ("position", "orientation") else 1
         names += [f"joint '{joint.name}', held {coordinate}"] * width
     return names
 
 
-def _system(mechanism: Mechanism, state: State, held: Held) -> tuple[Array, Array]:
-    residuals = [constraint_residual(mechanism, state)]
-    jacobians = [constraint_jacobian(mechanism, state)]
+def _system(mechanism: Mechanism, state: State, held: Held, t: float) -> tuple[Array, Array]:
+    residuals = [constraint_residual(mechanism, state, t)]
+    jacobians = [constraint_jacobian(mechanism, state, t=t)[: mechanism.holonomic_count]]
     for joint, coordinate, target in held:
         residuals.append(_held_error(mechanism, state, joint, coordinate, target))
         jacobians.append(_scatter(mechanism, joint, _held_rows(mechanism, state, joint, coordinate)))
     return np.concatenate(residuals), np.vstack(jacobians)
 
 
-def assemble_positions(mechanism: Mechanism, guess: State, held: Held | None = None) -> State:
-    """Move the bodies as little as possible until every joint and every held coordinate is satisfied.
+def assemble_positions(mechanism: Mechanism, guess: State, held: Held | None = None, t: float = 0.0) -> State:
+    """Move the bodies as little as possible until every constraint and every held coordinate is satisfied.
+
+    Drives are at the time t, in s.
 
     Raises
     ------
@@ -165,7 +173,7 @@ def assemble_positions(mechanism: Mechanism, guess: State, held: Held | None = N
     """
     held = held or []
     state = guess
-    residual, jacobian = _system(mechanism, state, held)
+    residual, jacobian = _system(mechanism, state, held, t)
     error = _largest(residual)
     for _ in range(_MAX_ITERATIONS):
         if error == 0.0:
@@ -174,14 +182,14 @@ def assemble_positions(mechanism: Mechanism, guess: State, held: Held | None = N
         # a step of more than a radian or so leaves the region in which the linear model means anything
         step *= min(1.0, 1.0 / max(_largest(step), 1e-300))
         trial = move(state, step)
-        trial_residual, trial_jacobian = _system(mechanism, trial, held)
+        trial_residual, trial_jacobian = _system(mechanism, trial, held, t)
         if error < _CONVERGED and _largest(trial_residual) >= error:
             break
         state, residual, jacobian, error = trial, trial_residual, trial_jacobian, _largest(trial_residual)
     if error > _CONVERGED * max(1.0, _largest(state.p_WB)):
         worst = int(np.argmax(np.abs(residual)))
         raise CannotAssemble(
-            f"mechanism '{mechanism.name}': {_row_names(mechanism, held)[worst]}",
+            f"mechanism '{mechanism.name}': {_row_names(mechanism, held, velocities=False)[worst]}",
             f"it stays violated by {abs(residual[worst]):.3g} after {_MAX_ITERATIONS} iterations",
             "Draw the mechanism closer to an assembled pose, or hold fewer or other joint coordinates.",
         )
@@ -207,8 +215,10 @@ def _refuse_flipped(mechanism: Mechanism, state: State) -> None:
             )
 
 
-def assemble_velocities(mechanism: Mechanism, state: State, held: Held | None = None) -> State:
-    """Change the velocities of `state` as little as possible until ``Q v = 0`` and the held rates are met.
+def assemble_velocities(mechanism: Mechanism, state: State, held: Held | None = None, t: float = 0.0) -> State:
+    """Change the velocities of `state` as little as possible until ``Q v = nu`` and the held rates are met.
+
+    nu holds the rates of the drives at the time t.
 
     Raises
     ------
@@ -216,8 +226,8 @@ def assemble_velocities(mechanism: Mechanism, state: State, held: Held | None = 
         If the held rates contradict the joints or each other.
     """
     held = held or []
-    jacobian = [constraint_jacobian(mechanism, state)]
-    target = [np.zeros(len(jacobian[0]))]
+    jacobian = [constraint_jacobian(mechanism, state, t=t)]
+    target = [constraint_rates(mechanism, t)]
     for joint, coordinate, value in held:
         jacobian.append(_scatter(mechanism, joint, _held_rows(mechanism, state, joint, coordinate)))
         target.append(np.atleast_1d(np.asarray(value, dtype=float)))
@@ -229,7 +239,7 @@ def assemble_velocities(mechanism: Mechanism, state: State, held: Held | None = 
     if _largest(error) > 1e-10 * max(1.0, _largest(v)):
         worst = int(np.argmax(np.abs(error)))
         raise CannotAssemble(
-            f"mechanism '{mechanism.name}': {_row_names(mechanism, held)[worst]}",
+            f"mechanism '{mechanism.name}': {_row_names(mechanism, held, velocities=True)[worst]}",
             f"its rate stays wrong by {abs(error[worst]):.3g}: the held rates contradict the joints",
             "Hold no more rates than the mechanism has degrees of freedom.",
         )
@@ -237,8 +247,8 @@ def assemble_velocities(mechanism: Mechanism, state: State, held: Held | None = 
     return State(state.p_WB, state.quat_WB, both[:, :3], both[:, 3:])
 
 
-def initial_state(mechanism: Mechanism, initial: Initial | None = None) -> State:
-    """Consistent state of a mechanism from what the user asked for."""
+def initial_state(mechanism: Mechanism, initial: Initial | None = None, t: float = 0.0) -> State:
+    """Consistent state of a mechanism at the time t from what the user asked for."""
     initial = initial or Initial()
     for name in (*initial.poses, *initial.velocities):
         if name not in mechanism.body_index or name == GROUND:
@@ -246,11 +256,11 @@ def initial_state(mechanism: Mechanism, initial: Initial | None = None) -> State
             raise InvalidInput("initial.bodies", f"there is no body '{name}'", f"Bodies are: {known}.")
     coordinates = _held(mechanism, initial.coordinates, "joints")
     rates = _held(mechanism, initial.rates, "rates")
-    placed = assemble_positions(mechanism, drawing_state(mechanism, initial.poses), coordinates)
+    placed = assemble_positions(mechanism, drawing_state(mechanism, initial.poses), coordinates, t)
     v, w = np.zeros_like(placed.v_WB_W), np.zeros_like(placed.w_WB_W)
     for name, (v_body, w_body) in initial.velocities.items():
         v[mechanism.body_index[name]], w[mechanism.body_index[name]] = v_body, w_body
-    return assemble_velocities(mechanism, State(placed.p_WB, placed.quat_WB, v, w), rates)
+    return assemble_velocities(mechanism, State(placed.p_WB, placed.quat_WB, v, w), rates, t)
 
 
 def random_states(mechanism: Mechanism, start: State, count: int, seed: int, speed: float = 2.0) -> list[State]:
@@ -265,14 +275,15 @@ def random_states(mechanism: Mechanism, start: State, count: int, seed: int, spe
     states: list[State] = []
     state = start
     while len(states) < count:
-        basis = free_directions(mechanism, state)
+        basis = free_directions(mechanism, state, holonomic=True)
         step = basis @ rng.normal(size=basis.shape[1])
         step *= 0.25 / max(_largest(step), 1e-300)
         try:
             state = assemble_positions(mechanism, move(state, step))
         except CannotAssemble:
             continue  # the step ran past the end of a link's reach: draw another one
-        velocity = (free_directions(mechanism, state) @ rng.normal(scale=speed, size=basis.shape[1])).reshape(-1, 6)
+        free = free_directions(mechanism, state)
+        velocity = (free @ rng.normal(scale=speed, size=free.shape[1])).reshape(-1, 6)
         moving = State(state.p_WB, state.quat_WB, velocity[:, :3], velocity[:, 3:])
         states.append(assemble_velocities(mechanism, moving))
     return states

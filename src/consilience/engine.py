@@ -6,7 +6,7 @@ state and a method, never a case: expected values cannot reach it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from importlib.metadata import EntryPoint, entry_points
 from typing import Protocol
 
@@ -94,3 +94,20 @@ def load_engine(name: str) -> Engine:
         raise InvalidInput(f"engine '{name}'", "it is not installed", f"Installed engines: {known}.")
     engine: Engine = points[name].load()()
     return engine
+
+
+def beyond(mechanism: Mechanism, known: Collection[str], name: str) -> tuple[Unsupported, ...]:
+    """Features of a mechanism (`Mechanism.features`) that an adapter has no translation for.
+
+    Parameters
+    ----------
+    known : collection of str
+        What the adapter translates.
+    name : str
+        The engine's name, for the reason.
+    """
+    return tuple(
+        Unsupported(where, f"the adapter of {name} has no translation for: {feature}")
+        for feature, where in mechanism.features.items()
+        if feature not in known
+    )

@@ -1,4 +1,4 @@
-"""The neutral mechanism: ground, bodies, joints, forces and gravity. Immutable; no state, no engine words.
+"""The neutral mechanism: ground, bodies, joints, elements and gravity. Immutable; no state, no engine words.
 
 Conventions (docs/conventions.md): SI units, radians, right-handed frames. W is the world frame, fixed to the body
 called ``ground``. A joint joins frame F on its *predecessor* to frame M on its *successor*; the axis of a one-axis
@@ -7,66 +7,50 @@ joint is +z of F. Inertia is about the centre of mass, in body axes.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
 
+from consilience.elements import (
+    Control,
+    Coupling,
+    Drive,
+    Friction,
+    JointSpring,
+    Load,
+    Rolling,
+    Skate,
+    Spring,
+)
 from consilience.errors import InvalidInput
-from consilience.spatial import Array
+from consilience.joints import AXIS_COORDINATES, BASIC_CONSTRAINTS, JOINT_KINDS, JointKind
+from consilience.spatial import Array, fixed_array
+
+__all__ = [
+    "BASIC_CONSTRAINTS",
+    "GROUND",
+    "JOINT_KINDS",
+    "Body",
+    "Control",
+    "Coupling",
+    "Drive",
+    "Frame",
+    "Friction",
+    "Joint",
+    "JointKind",
+    "JointSpring",
+    "Load",
+    "Mechanism",
+    "Rolling",
+    "Skate",
+    "Spring",
+    "State",
+    "check_inertia",
+]
 
 GROUND = "ground"
-
-BASIC_CONSTRAINTS = ("X", "Y", "Z", "L", "D11", "D12", "D13", "D21", "D22", "D23", "D31", "D32", "D33")
-"""Names of the thirteen basic constraints between two joint coordinate systems [MASS (9)-(12)]."""
-
-
-@dataclass(frozen=True)
-class JointKind:
-    """One row of the joint table: which basic constraints hold, and which coordinates stay free.
-
-    Attributes
-    ----------
-    rows : tuple of str
-        Basic constraints, held at the value they have where F and M coincide (the rod: at its length).
-    coordinates : tuple of str
-        Scalar joint coordinates of M relative to F, in the order in which the motion is composed from F to M.
-    """
-
-    rows: tuple[str, ...]
-    coordinates: tuple[str, ...]
-
-    @property
-    def freedom(self) -> int:
-        """Number of degrees of freedom the joint leaves."""
-        return 6 - len(self.rows)
-
-
-JOINT_KINDS: dict[str, JointKind] = {
-    "revolute": JointKind(("X", "Y", "Z", "D13", "D23"), ("angle",)),
-    "prismatic": JointKind(("X", "Y", "D13", "D23", "D12"), ("distance",)),
-    "cylindrical": JointKind(("X", "Y", "D13", "D23"), ("distance", "angle")),
-    "universal": JointKind(("X", "Y", "Z", "D31"), ("angle1", "angle2")),
-    "spherical": JointKind(("X", "Y", "Z"), ("orientation",)),
-    "planar": JointKind(("Z", "D13", "D23"), ("x", "y", "angle")),
-    "rigid": JointKind(("X", "Y", "Z", "D12", "D13", "D23"), ()),
-    "rod": JointKind(("L",), ()),
-    "free": JointKind((), ("position", "orientation")),
-}
-"""The joint table of formulations section 4. Joint axis: z; universal: z of F, then x of M; planar normal: z."""
-
-
-def _array(value: ArrayLike, shape: tuple[int, ...]) -> Array:
-    a = np.array(value, dtype=float)
-    if a.shape != shape:
-        raise InvalidInput("array", f"shape {a.shape}", f"Give an array of shape {shape}.")
-    if not np.all(np.isfinite(a)):
-        raise InvalidInput("array", "a component is not finite", "Give finite numbers.")
-    a.setflags(write=False)
-    return a
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,8 +69,8 @@ class Frame:
     R: Array
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "p", _array(self.p, (3,)))
-        object.__setattr__(self, "R", _array(self.R, (3, 3)))
+        object.__setattr__(self, "p", fixed_array(self.p, (3,)))
+        object.__setattr__(self, "R", fixed_array(self.R, (3, 3)))
         if np.max(np.abs(self.R.T @ self.R - np.eye(3))) > 1e-9 or np.linalg.det(self.R) < 0:
             raise InvalidInput("frame", "the matrix is not a rotation", "Give an orthogonal matrix of determinant +1.")
 
@@ -116,8 +100,8 @@ class Body:
 
     def __post_init__(self) -> None:
         where = f"body '{self.name}'"
-        object.__setattr__(self, "com", _array(self.com, (3,)))
-        object.__setattr__(self, "inertia", _array(self.inertia, (3, 3)))
+        object.__setattr__(self, "com", fixed_array(self.com, (3,)))
+        object.__setattr__(self, "inertia", fixed_array(self.inertia, (3, 3)))
         if not (np.isfinite(self.mass) and self.mass > 0):
             raise InvalidInput(f"{where}: mass", f"{self.mass} kg is not positive", "Give a mass above zero.")
         check_inertia(self.inertia, f"{where}: inertia")
@@ -164,6 +148,8 @@ class Joint:
         Frames in the axes of the predecessor and of the successor.
     length : float, m
         Distance of the origins of F and M that a rod holds; zero for every other kind.
+    pitch : float, m
+        Advance of a screw in a turn, positive for a right-handed one; zero for every other kind.
     """
 
     name: str
@@ -173,6 +159,7 @@ class Joint:
     F: Frame
     M: Frame
     length: float = 0.0
+    pitch: float = 0.0
 
     def __post_init__(self) -> None:
         where = f"joint '{self.name}'"
@@ -184,6 +171,8 @@ class Joint:
             raise InvalidInput(where, f"both sides are '{self.successor}'", "Join two different bodies.")
         if self.kind == "rod" and not self.length > 0:
             raise InvalidInput(f"{where}: length", f"{self.length} m", "Draw the two ends of the rod apart.")
+        if (self.kind == "screw") != (self.pitch != 0.0) or not np.isfinite(self.pitch):
+            raise InvalidInput(f"{where}: pitch", f"{self.pitch} m", "Give a screw, and no other kind, its pitch.")
 
     @property
     def rows(self) -> tuple[str, ...]:
@@ -191,66 +180,7 @@ class Joint:
         return JOINT_KINDS[self.kind].rows
 
 
-@dataclass(frozen=True, eq=False)
-class Spring:
-    """Spring-damper between two points: ``F = (k (L - L0) + c dL/dt) e`` on the predecessor [MASS (30)-(32)].
-
-    Points are in the axes of their bodies, from the bodies' origins, in m; k in N/m, c in N s/m, L0 in m.
-    """
-
-    name: str
-    predecessor: str
-    successor: str
-    point_predecessor: Array
-    point_successor: Array
-    stiffness: float
-    damping: float
-    free_length: float
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "point_predecessor", _array(self.point_predecessor, (3,)))
-        object.__setattr__(self, "point_successor", _array(self.point_successor, (3,)))
-
-
-@dataclass(frozen=True, eq=False)
-class JointSpring:
-    """Spring-damper about or along the axis of a joint: ``-(k (q - q0) + c dq/dt)`` on the successor [MASS (33)].
-
-    The joint is revolute (k in N m/rad), prismatic (k in N/m) or cylindrical (`coordinate` says which). An angle is
-    counted over full turns, starting within half a turn of zero at the initial state.
-    """
-
-    name: str
-    joint: str
-    coordinate: str
-    stiffness: float
-    damping: float
-    rest: float
-
-
-@dataclass(frozen=True, eq=False)
-class Load:
-    """A constant force at a point of a body, or a constant torque on it, fixed in the world or in the body.
-
-    Attributes
-    ----------
-    vector : ndarray, shape (3,), N or N m
-    point : ndarray, shape (3,), m
-        Point of application of a force in body axes from the body's origin; without meaning for a torque.
-    frame : {"world", "body"}
-        Axes in which `vector` is constant.
-    """
-
-    name: str
-    kind: Literal["force", "torque"]
-    body: str
-    vector: Array
-    frame: Literal["world", "body"]
-    point: Array = field(default_factory=lambda: np.zeros(3))
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "vector", _array(self.vector, (3,)))
-        object.__setattr__(self, "point", _array(self.point, (3,)))
+Element = Spring | JointSpring | Load | Friction | Control | Drive | Coupling | Rolling | Skate
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,8 +192,12 @@ class Mechanism:
     name : str
     gravity : ndarray, shape (3,), m/s^2
         In world axes; there is no default and no "up".
-    bodies, joints, springs, joint_springs, loads : tuple
+    bodies, joints : tuple
         In a fixed order; arrays that an engine returns follow it (ground is not a body of the list).
+    springs, joint_springs, loads, frictions, controls : tuple
+        Forces.
+    drives, couplings, rollings, skates : tuple
+        Constraints beside those of the joints.
 
     Raises
     ------
@@ -278,9 +212,15 @@ class Mechanism:
     springs: tuple[Spring, ...] = ()
     joint_springs: tuple[JointSpring, ...] = ()
     loads: tuple[Load, ...] = ()
+    frictions: tuple[Friction, ...] = ()
+    controls: tuple[Control, ...] = ()
+    drives: tuple[Drive, ...] = ()
+    couplings: tuple[Coupling, ...] = ()
+    rollings: tuple[Rolling, ...] = ()
+    skates: tuple[Skate, ...] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "gravity", _array(self.gravity, (3,)))
+        object.__setattr__(self, "gravity", fixed_array(self.gravity, (3,)))
         if not self.bodies:
             raise InvalidInput(f"mechanism '{self.name}': body", "there is no body", "Give at least one [[body]].")
         self._check_names()
@@ -297,15 +237,45 @@ class Mechanism:
         """Position of each joint in the arrays."""
         return {joint.name: i for i, joint in enumerate(self.joints)}
 
+    @property
+    def _elements(self) -> Iterator[tuple[str, Element]]:
+        """Every element that is neither body nor joint, with what a message calls it."""
+        for what, elements in (
+            ("spring", self.springs),
+            ("joint spring", self.joint_springs),
+            ("load", self.loads),
+            ("friction", self.frictions),
+            ("control", self.controls),
+            ("drive", self.drives),
+            ("coupling", self.couplings),
+            ("rolling", self.rollings),
+            ("skate", self.skates),
+        ):
+            for element in elements:
+                yield what, element
+
+    @cached_property
+    def features(self) -> dict[str, str]:
+        """Everything beyond bodies that an engine must know to represent the mechanism, with the first that has it.
+
+        Joint kinds as ``screw joint``, elements as ``drive`` or ``actuator``.
+        """
+        found: dict[str, str] = {}
+        for joint in self.joints:
+            found.setdefault(f"{joint.kind} joint", f"joint '{joint.name}'")
+        for what, element in self._elements:
+            found.setdefault(what, f"{what} '{element.name}'")
+            if isinstance(element, Spring | JointSpring) and element.actuator is not None:
+                found.setdefault("actuator", f"{what} '{element.name}'")
+            if isinstance(element, Load) and element.history is not None:
+                found.setdefault("load in time", f"{what} '{element.name}'")
+        return found
+
     def _check_names(self) -> None:
-        groups: dict[str, Iterable[str]] = {
+        groups: dict[str, list[str]] = {
             "body": [GROUND, *(b.name for b in self.bodies)],
             "joint": [j.name for j in self.joints],
-            "force element": [
-                *(s.name for s in self.springs),
-                *(s.name for s in self.joint_springs),
-                *(load.name for load in self.loads),
-            ],
+            "element": [element.name for _, element in self._elements],
         }
         for what, names in groups.items():
             seen: set[str] = set()
@@ -315,24 +285,31 @@ class Mechanism:
                 seen.add(name)
 
     def _check_references(self) -> None:
-        pairs = [(f"joint '{j.name}'", n) for j in self.joints for n in (j.predecessor, j.successor)]
-        pairs += [(f"spring '{s.name}'", n) for s in self.springs for n in (s.predecessor, s.successor)]
-        pairs += [(f"load '{load.name}'", load.body) for load in self.loads]
-        for where, name in pairs:
+        bodies = [(f"joint '{j.name}'", n) for j in self.joints for n in (j.predecessor, j.successor)]
+        for what, element in self._elements:
+            where = f"{what} '{element.name}'"
+            if isinstance(element, Spring):
+                bodies += [(where, element.predecessor), (where, element.successor)]
+            elif isinstance(element, Load | Rolling | Skate):
+                bodies.append((where, element.body))
+            else:
+                self._check_coordinate(where, element.joint, element.coordinate)
+            if isinstance(element, Coupling):
+                self._check_coordinate(where, element.driver_joint, element.driver_coordinate)
+        for where, name in bodies:
             if name not in self.body_index:
                 known = ", ".join(self.body_index)
                 raise InvalidInput(where, f"there is no body '{name}'", f"Bodies are: {known}.")
-        for spring in self.joint_springs:
-            where = f"joint spring '{spring.name}'"
-            if spring.joint not in self.joint_index:
-                known = ", ".join(self.joint_index)
-                raise InvalidInput(where, f"there is no joint '{spring.joint}'", f"Joints are: {known}.")
-            kind = self.joints[self.joint_index[spring.joint]].kind
-            if kind not in ("revolute", "prismatic", "cylindrical"):
-                raise InvalidInput(where, f"joint '{spring.joint}' is {kind}", "Use a joint with one axis.")
-            if spring.coordinate not in JOINT_KINDS[kind].coordinates:
-                known = ", ".join(JOINT_KINDS[kind].coordinates)
-                raise InvalidInput(where, f"a {kind} joint has no '{spring.coordinate}'", f"It has: {known}.")
+
+    def _check_coordinate(self, where: str, joint: str, coordinate: str) -> None:
+        if joint not in self.joint_index:
+            raise InvalidInput(where, f"there is no joint '{joint}'", f"Joints are: {', '.join(self.joint_index)}.")
+        kind = self.joints[self.joint_index[joint]].kind
+        known = AXIS_COORDINATES.get(kind, ())
+        if not known:
+            raise InvalidInput(where, f"joint '{joint}' is {kind}", "Use a joint with one axis.")
+        if coordinate not in known:
+            raise InvalidInput(where, f"a {kind} joint has no '{coordinate}'", f"It has: {', '.join(known)}.")
 
     def _check_connected(self) -> None:
         reached = {GROUND}
@@ -350,9 +327,15 @@ class Mechanism:
                 "Add a joint (kind = 'free' for a body that floats).",
             )
 
+    @property
+    def holonomic_count(self) -> int:
+        """Number of constraint rows at position level, redundant ones included."""
+        joints = sum(len(j.rows) for j in self.joints)
+        return joints + len(self.drives) + len(self.couplings) + len(self.rollings)
+
     def constraint_count(self) -> int:
-        """Number of constraint rows of all joints, redundant ones included."""
-        return sum(len(j.rows) for j in self.joints)
+        """Number of all constraint rows, redundant and non-holonomic ones included."""
+        return self.holonomic_count + 2 * len(self.rollings) + len(self.skates)
 
 
 @dataclass(frozen=True, eq=False)
@@ -379,6 +362,6 @@ class State:
     def __post_init__(self) -> None:
         n = len(self.p_WB)
         for name, width in (("p_WB", 3), ("quat_WB", 4), ("v_WB_W", 3), ("w_WB_W", 3)):
-            object.__setattr__(self, name, _array(getattr(self, name), (n, width)))
+            object.__setattr__(self, name, fixed_array(getattr(self, name), (n, width)))
         if n and np.max(np.abs(np.linalg.norm(self.quat_WB, axis=1) - 1.0)) > 1e-12:
             raise InvalidInput("state: quat_WB", "a quaternion is not unit", "Normalise it before building a state.")

@@ -75,8 +75,8 @@ def joint_spring_motion(mechanism: Mechanism, state: State, joint: str, coordina
     target = mechanism.joints[mechanism.joint_index[joint]]
     motion: RelativeMotion = relative_motion(mechanism, state, target)
     return (
-        float(joint_coordinates(target.kind, motion)[coordinate]),
-        float(joint_rates(target.kind, motion)[coordinate]),
+        float(joint_coordinates(target, motion)[coordinate]),
+        float(joint_rates(target, motion)[coordinate]),
     )
 
 
@@ -124,10 +124,12 @@ def reach(mechanism: Mechanism) -> float:
 
 
 def is_conservative(mechanism: Mechanism) -> bool:
-    """Whether kinetic plus potential energy is constant: no dampers, no torques, no body-fixed forces."""
-    damped = any(s.damping != 0 for s in mechanism.springs) or any(s.damping != 0 for s in mechanism.joint_springs)
-    driven = any(not (load.kind == "force" and load.frame == "world") for load in mechanism.loads)
-    return not damped and not driven
+    """Whether kinetic plus potential energy is constant: no dampers, torques, body-fixed forces, drives."""
+    elastic = (*mechanism.springs, *mechanism.joint_springs)
+    damped = bool(mechanism.frictions) or any(s.damping != 0 for s in elastic)
+    driven = any(not (x.kind == "force" and x.frame == "world" and x.history is None) for x in mechanism.loads)
+    powered = bool(mechanism.drives or mechanism.controls) or any(s.actuator is not None for s in elastic)
+    return not damped and not driven and not powered
 
 
 def linear_momentum(mechanism: Mechanism, state: State) -> Array:

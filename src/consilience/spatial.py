@@ -12,8 +12,27 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from consilience.errors import InvalidInput
+
 Array = NDArray[Any]
 """An array; dtype, shape, frame and unit stand in the docstrings."""
+
+
+def fixed_array(value: ArrayLike, shape: tuple[int, ...]) -> Array:
+    """Read-only copy of finite numbers of a given shape.
+
+    Raises
+    ------
+    InvalidInput
+        Another shape, or a component that is not finite.
+    """
+    a = np.array(value, dtype=float)
+    if a.shape != shape:
+        raise InvalidInput("array", f"shape {a.shape}", f"Give an array of shape {shape}.")
+    if not np.all(np.isfinite(a)):
+        raise InvalidInput("array", "a component is not finite", "Give finite numbers.")
+    a.setflags(write=False)
+    return a
 
 
 def skew(a: ArrayLike) -> Array:

@@ -13,7 +13,12 @@ spherical    S
 free         F
 rigid        W
 rod          R R S          (a massless link: two axes across it, then a ball)
+on line      P S            (point on line)
+in plane     P P S          (point in plane: x, y of F)
+parallel     P P P R        (parallel axes: x, y, z of F)
 ===========  =========================================================
+
+A screw couples two elementary joints and has no chain: whoever lowers one must refuse it first.
 
 All links of a chain but the last are massless. A joint that closes a loop is opened by *splitting* the body it leads
 to: a second copy hangs on the closing joint, the copies share the mass and inertia equally, and a `Weld` holds them
@@ -26,15 +31,16 @@ lies along that x.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
+from consilience.errors import InvalidInput
 from consilience.kinematics import RelativeMotion, relative_motion
 from consilience.mechanism import GROUND, Frame, Joint, Mechanism, State
 from consilience.spatial import Array, elementary_rotation, quaternion_from_rotation
+from consilience.topology import spanning_tree
 
 ElementaryJoint = Literal["R", "P", "S", "F", "W"]
 
@@ -54,6 +60,12 @@ _CHAINS: dict[str, tuple[tuple[ElementaryJoint, Array], ...]] = {
     "free": (("F", _ONE),),
     "rigid": (("W", _ONE),),
     "rod": (("R", _Z_TO_X), ("R", _Z_TO_Y), ("S", _ONE)),
+    "point_on_line": (("P", _ONE), ("S", _ONE)),
+    "point_in_plane": (("P", _Z_TO_X), ("P", _Z_TO_Y), ("S", _ONE)),
+    "parallel_axes": (("P", _Z_TO_X), ("P", _Z_TO_Y), ("P", _ONE), ("R", _ONE)),
+    # passed backwards the ball, on M, comes first; the weld turns the axes back to those of the ball
+    "point_on_line~": (("S", _ONE), ("P", _ONE)),
+    "point_in_plane~": (("S", _ONE), ("P", _Z_TO_X), ("P", _Z_TO_Y), ("W", _ONE)),
 }
 
 
@@ -157,55 +169,6 @@ class Coordinate:
     w: Array | None = None
 
 
-def spanning_tree(mechanism: Mechanism) -> tuple[list[tuple[int, bool]], list[int]]:
-    """Choose the tree joints (index, passed from successor to predecessor) depth first, and the closing joints.
-
-    Breadth first from the ground, so that loops are cut opposite to it; rods and free joints only where nothing
-    else leads to a body.
-    """
-    strong = [k for k, joint in enumerate(mechanism.joints) if joint.kind not in ("rod", "free")]
-    weak = [k for k, joint in enumerate(mechanism.joints) if joint.kind in ("rod", "free")]
-    front = [GROUND]
-    reached = {GROUND}
-    branches: dict[str, list[tuple[int, bool]]] = {}
-    used: set[int] = set()
-
-    def extend(body: str, candidates: list[int]) -> bool:
-        """Take the first joint from `body` to a new body."""
-        for k in candidates:
-            joint = mechanism.joints[k]
-            if body not in (joint.predecessor, joint.successor):
-                continue
-            backward = joint.successor == body
-            other = joint.predecessor if backward else joint.successor
-            if other not in reached:
-                reached.add(other)
-                front.append(other)
-                used.add(k)
-                branches.setdefault(body, []).append((k, backward))
-                return True
-        return False
-
-    position = 0
-    while len(reached) <= len(mechanism.bodies):
-        if position < len(front):
-            position += not extend(front[position], strong)
-        else:
-            # the mechanism is connected, so some weak joint must lead on
-            next(body for body in front if extend(body, weak))
-    closing = [k for k in range(len(mechanism.joints)) if k not in used]
-    return list(_depth_first(mechanism, branches, GROUND)), closing
-
-
-def _depth_first(
-    mechanism: Mechanism, branches: dict[str, list[tuple[int, bool]]], body: str
-) -> Iterator[tuple[int, bool]]:
-    for k, backward in branches.get(body, []):
-        yield k, backward
-        joint = mechanism.joints[k]
-        yield from _depth_first(mechanism, branches, joint.predecessor if backward else joint.successor)
-
-
 def _end_frames(joint: Joint, backward: bool) -> tuple[Frame, Frame]:
     """Frames at the start and at the end of the chain of a joint, as the tree passes it."""
     if not backward:
@@ -213,6 +176,11 @@ def _end_frames(joint: Joint, backward: bool) -> tuple[Frame, Frame]:
     if joint.kind == "universal":  # passed backwards its first axis is x of M, its second z of F
         return Frame(joint.M.p, joint.M.R @ _SWAP_X_Z), Frame(joint.F.p, joint.F.R @ _SWAP_X_Z)
     return joint.M, joint.F
+
+
+def _chain_of(joint: Joint, backward: bool) -> str:
+    """Key of `_CHAINS`."""
+    return f"{joint.kind}~" if backward and f"{joint.kind}~" in _CHAINS else joint.kind
 
 
 def _chain(mechanism: Mechanism, k: int, backward: bool, parent_frame: Frame, name: str) -> list[Link]:
@@ -223,10 +191,11 @@ def _chain(mechanism: Mechanism, k: int, backward: bool, parent_frame: Frame, na
     p, R = parent_frame.p + parent_frame.R @ start.p, parent_frame.R @ start.R
     links: list[Link] = []
     axes_before = _ONE
-    for n, (elementary, axes) in enumerate(_CHAINS[joint.kind]):
+    chain = _CHAINS[_chain_of(joint, backward)]
+    for n, (elementary, axes) in enumerate(chain):
         if elementary == "S" and joint.kind == "rod":
             p = axes_before.T @ np.array([0.0, 0.0, joint.length])
-        last = n == len(_CHAINS[joint.kind]) - 1
+        last = n == len(chain) - 1
         # B in the link: axes^T times (M in B)^-1
         R_LB = axes.T @ end.R.T
         links.append(
@@ -251,7 +220,18 @@ def _chain(mechanism: Mechanism, k: int, backward: bool, parent_frame: Frame, na
 
 
 def lower(mechanism: Mechanism) -> Tree:
-    """Describe a mechanism as a tree of elementary joints with welds for its loops."""
+    """Describe a mechanism as a tree of elementary joints with welds for its loops.
+
+    Raises
+    ------
+    InvalidInput
+        If a joint is a screw.
+    """
+    for joint in mechanism.joints:
+        if joint.kind not in _CHAINS:
+            raise InvalidInput(
+                f"joint '{joint.name}'", f"a {joint.kind} is no chain of elementary joints", "Use another description."
+            )
     joints, closing = spanning_tree(mechanism)
     links: list[Link] = []
     carrier: dict[str, int] = {}
@@ -329,17 +309,20 @@ def coordinates(mechanism: Mechanism, tree: Tree, state: State) -> list[Coordina
                 passed = replace(joint, predecessor=joint.successor, successor=joint.predecessor, F=start, M=end)
             else:
                 passed = joint
-            cache[key] = _chain_coordinates(joint.kind, relative_motion(mechanism, state, passed))
+            cache[key] = _chain_coordinates(_chain_of(joint, link.reversed), relative_motion(mechanism, state, passed))
         result.append(cache[key].pop(0))
     return result
 
 
-def _chain_coordinates(kind: str, motion: RelativeMotion) -> list[Coordinate]:
+def _chain_coordinates(chain: str, motion: RelativeMotion) -> list[Coordinate]:
     """Coordinates of the chain of one joint, from the motion of its end frame relative to its start frame."""
     R, p, v, w = motion.R, motion.p, motion.v, motion.w
     angle = Coordinate(q=float(np.arctan2(R[1, 0], R[0, 0])), rate=float(w[2]))
     slide = [Coordinate(q=float(p[n]), rate=float(v[n])) for n in range(3)]
     quat, w_link = quaternion_from_rotation(R), R.T @ w
+    ball = Coordinate(quat=quat, w=w_link)
+    p_seen, v_seen = R.T @ p, R.T @ (v - np.cross(w, p))  # in the axes of the end frame
+    seen = [Coordinate(q=float(p_seen[n]), rate=float(v_seen[n])) for n in range(3)]
     chains = {
         "revolute": lambda: [angle],
         "prismatic": lambda: [slide[2]],
@@ -349,12 +332,17 @@ def _chain_coordinates(kind: str, motion: RelativeMotion) -> list[Coordinate]:
             Coordinate(q=float(np.arctan2(R[2, 1], R[2, 2])), rate=float(R[:, 0] @ w)),
         ],
         "planar": lambda: [slide[0], slide[1], angle],
-        "spherical": lambda: [Coordinate(quat=quat, w=w_link)],
+        "spherical": lambda: [ball],
         "free": lambda: [Coordinate(p=p, v=v, quat=quat, w=w_link)],
         "rigid": lambda: [Coordinate()],
         "rod": lambda: _rod_coordinates(motion),
+        "point_on_line": lambda: [slide[2], ball],
+        "point_in_plane": lambda: [slide[0], slide[1], ball],
+        "parallel_axes": lambda: [*slide, angle],
+        "point_on_line~": lambda: [ball, seen[2]],
+        "point_in_plane~": lambda: [ball, seen[0], seen[1], Coordinate()],
     }
-    return chains[kind]()
+    return chains[chain]()
 
 
 def _rod_coordinates(motion: RelativeMotion) -> list[Coordinate]:

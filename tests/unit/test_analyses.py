@@ -95,7 +95,7 @@ def lowest_crank_angle(oracle):
 
 def angle_of(mechanism, state, joint):
     target = mechanism.joints[mechanism.joint_index[joint]]
-    return float(joint_coordinates(target.kind, relative_motion(mechanism, state, target))["angle"])
+    return float(joint_coordinates(target, relative_motion(mechanism, state, target))["angle"])
 
 
 def axis_and_arm(mechanism, state):
@@ -459,7 +459,7 @@ def rate_differences(mechanism, state, a, h):
             {
                 (j.name, name): float(rate)
                 for j in mechanism.joints
-                for name, rate in joint_rates(j.kind, relative_motion(mechanism, there, j)).items()
+                for name, rate in joint_rates(j, relative_motion(mechanism, there, j)).items()
             }
         )
     return {key: (rates[0][key] - rates[1][key]) / (2 * h) for key in rates[0]}

@@ -39,12 +39,12 @@ ALL = TREES | LOOPS
 
 def coordinate(mechanism, state, joint, name):
     target = mechanism.joints[mechanism.joint_index[joint]]
-    return joint_coordinates(target.kind, relative_motion(mechanism, state, target))[name]
+    return joint_coordinates(target, relative_motion(mechanism, state, target))[name]
 
 
 def rate(mechanism, state, joint, name):
     target = mechanism.joints[mechanism.joint_index[joint]]
-    return joint_rates(target.kind, relative_motion(mechanism, state, target))[name]
+    return joint_rates(target, relative_motion(mechanism, state, target))[name]
 
 
 def velocities(state):

@@ -9,17 +9,22 @@ ROOT = Path(__file__).parents[2]
 SOURCE = ROOT / "src" / "consilience"
 
 FLOORS = {
-    **dict.fromkeys(("errors", "spatial"), 0),
-    "mechanism": 1,
-    "kinematics": 2,
-    **dict.fromkeys(("assembly", "observe", "tree", "run"), 3),
-    **dict.fromkeys(("engine", "case", "caseschema", "harness", "export"), 4),
-    **dict.fromkeys(("casefile", "reference", "worker"), 5),
-    **dict.fromkeys(("library", "compare"), 6),
-    "suite": 7,
-    "report": 8,
-    "cli": 9,
-    "__init__": 10,
+    "errors": 0,
+    "spatial": 1,
+    **dict.fromkeys(("functions", "joints"), 2),
+    "elements": 3,
+    "mechanism": 4,
+    **dict.fromkeys(("rows", "topology"), 5),
+    "element_rows": 6,
+    "kinematics": 7,
+    **dict.fromkeys(("assembly", "observe", "tree", "run"), 8),
+    **dict.fromkeys(("engine", "case", "caseschema", "harness", "export"), 9),
+    **dict.fromkeys(("casefile", "reference", "worker"), 10),
+    **dict.fromkeys(("library", "compare"), 11),
+    "suite": 12,
+    "report": 13,
+    "cli": 14,
+    "__init__": 15,
 }
 """Files and packages of `src/consilience`; the names the top package offers are imported lazily, from anywhere."""
 

@@ -26,6 +26,7 @@ from consilience.kinematics import (
 )
 from consilience.mechanism import BASIC_CONSTRAINTS, GROUND, JOINT_KINDS, Frame, Joint, Mechanism, State
 from consilience.reference import constraints, forces
+from consilience.reference.bodies import rotations
 from consilience.reference.model import flatten, pack
 from consilience.reference.workspace import workspace
 from consilience.spatial import (
@@ -35,9 +36,9 @@ from consilience.spatial import (
     rotation_from_quaternion,
     rotation_vector_from_quaternion,
 )
-from mechanisms import GRAVITY, LOOPS, TREES, chain, drawn_joint, lumpy_body, rotation, states_of
+from mechanisms import ELEMENTS, GRAVITY, LOOPS, TREES, chain, drawn_joint, lumpy_body, rotation, states_of
 
-ALL = TREES | LOOPS
+ALL = TREES | LOOPS | ELEMENTS
 SEEDS = range(4)
 H = 1e-4
 """Step of the differences, s. Truncation goes with H^4, rounding with eps / H (first) and eps / H^2 (second)."""
@@ -114,8 +115,8 @@ def compiled(mechanism, state):
     """Values, rows and gamma of the reference's kernels."""
     model = flatten(mechanism)
     ws, y = workspace(model), pack(mechanism, state)
-    constraints.rotations(y, ws.A)
-    constraints.evaluate(model, y, ws.A, ws.value, ws.Q, ws.gamma)
+    rotations(y, ws.A)
+    constraints.evaluate(model, 0.0, y, np.zeros(len(model.coordinate)), ws)
     return ws
 
 
@@ -183,9 +184,9 @@ def test_compiled_forces_are_the_wrenches_of_numpy(name, n):
     state = states_of(mechanism)[n]
     model = flatten(mechanism)
     ws, y = workspace(model), pack(mechanism, state)
-    constraints.rotations(y, ws.A)
-    memory = np.zeros(len(mechanism.joint_springs))
-    forces.evaluate(model, y, ws.A, memory, ws.f)
+    rotations(y, ws.A)
+    memory = np.zeros(len(model.coordinate))
+    forces.evaluate(model, 0.0, y, memory, ws)
     T, _ = change_of_columns(mechanism, state)
     expected = (T.T @ truth.applied_wrenches(mechanism, state).ravel()).reshape(-1, 6)
     for b, body in enumerate(mechanism.bodies):
@@ -230,9 +231,9 @@ def test_joint_rates_are_the_rates_of_the_coordinates(name):
         # a steady motion leaves the joint at second order; the rates are those of the first
         def coordinates(t, joint=joint):
             motion = relative_motion(mechanism, at(state, still, t), joint)
-            return joint_coordinates(joint.kind, motion)
+            return joint_coordinates(joint, motion)
 
-        rates = joint_rates(joint.kind, relative_motion(mechanism, state, joint))
+        rates = joint_rates(joint, relative_motion(mechanism, state, joint))
         assert list(rates) == list(JOINT_KINDS[joint.kind].coordinates)
         now = coordinates(0.0)
         for coordinate, rate in rates.items():
@@ -263,7 +264,7 @@ def test_joint_coordinates_are_those_the_motion_is_composed_of(kind):
     c = COORDINATES[kind]
     R = elementary_rotation(2, c.get("angle", c.get("angle1", 0.0))) @ elementary_rotation(0, c.get("angle2", 0.0))
     p = np.array([c.get("x", 0.0), c.get("y", 0.0), c.get("distance", 0.0)])
-    found = joint_coordinates(kind, RelativeMotion(p, R, np.zeros(3), np.zeros(3)))
+    found = joint_coordinates(ALL[f"single_{kind}"].joints[0], RelativeMotion(p, R, np.zeros(3), np.zeros(3)))
     assert {k: float(v) for k, v in found.items()} == pytest.approx(c, abs=1e-15)
 
 

@@ -10,21 +10,19 @@ import numpy as np
 import pytest
 
 import truth
-from consilience.errors import InvalidInput
 from consilience.mechanism import GROUND, JOINT_KINDS, Mechanism
 from consilience.observe import mass_matrix_condition
 from consilience.reference import accelerations, constraints
+from consilience.reference.bodies import rotations
 from consilience.reference.formulations import descriptor, recursive
 from consilience.reference.formulations.recursive import ROUTES, recursive_accelerations
-from consilience.reference.formulations.recursive_model import flatten_tree, free_axes, unsupported
+from consilience.reference.formulations.recursive_model import flatten_tree, free_axes, tree_rows
 from consilience.reference.model import flatten, pack
 from consilience.reference.workspace import workspace
-from consilience.tree import spanning_tree
-from mechanisms import GRAVITY, LOOPS, TREES, chain, drawn_joint, four_bar, rotation, states_of
+from consilience.topology import spanning_tree
+from mechanisms import ELEMENTS, GRAVITY, LOOPS, TREES, chain, drawn_joint, four_bar, rotation, states_of
 
-ALL = TREES | LOOPS
-REFUSED = ("single_rod", "backward_rod")
-PASSED = [name for name in ALL if name not in REFUSED]
+ALL = TREES | LOOPS | ELEMENTS
 EPS = np.finfo(float).eps
 
 
@@ -41,7 +39,7 @@ def worst_ratio(mechanism, state, found, wanted):
 
 
 @pytest.mark.parametrize("route", ROUTES)
-@pytest.mark.parametrize("name", PASSED)
+@pytest.mark.parametrize("name", ALL)
 def test_accelerations_are_those_of_dense_numpy(name, route):
     mechanism = ALL[name]
     ratios = [
@@ -52,7 +50,7 @@ def test_accelerations_are_those_of_dense_numpy(name, route):
 
 
 @pytest.mark.parametrize("route", ROUTES)
-@pytest.mark.parametrize("name", PASSED)
+@pytest.mark.parametrize("name", ALL)
 def test_accelerations_are_those_of_the_descriptor_form(name, route):
     mechanism = ALL[name]
     answer = accelerations(mechanism, states(name), "descriptor")
@@ -64,14 +62,14 @@ def test_accelerations_are_those_of_the_descriptor_form(name, route):
 
 
 @pytest.mark.parametrize("route", ROUTES)
-@pytest.mark.parametrize("name", PASSED)
+@pytest.mark.parametrize("name", ALL)
 def test_rank_is_that_of_all_rows(name, route):
     mechanism = ALL[name]
     model, tree = flatten(mechanism), flatten_tree(mechanism)
-    ws, a, memory = workspace(model), np.empty(6 * len(mechanism.bodies)), np.zeros(len(mechanism.joint_springs))
+    ws, a, memory = workspace(model), np.empty(6 * len(mechanism.bodies)), np.zeros(len(model.coordinate))
     y = pack(mechanism, states(name)[0])
-    wanted = descriptor.accelerations(model, y, memory, ws, a)
-    assert ROUTES[route](tree, model, y, memory, ws, a) == wanted
+    wanted = descriptor.accelerations(model, 0.0, y, memory, ws, a)
+    assert ROUTES[route](tree, model, 0.0, y, memory, ws, a) == wanted
 
 
 def test_cut_joint_of_the_planar_four_bar_has_three_dependent_rows():
@@ -81,7 +79,7 @@ def test_cut_joint_of_the_planar_four_bar_has_three_dependent_rows():
     assert (len(tree.direction), len(tree.cut.row_kind)) == (3, 5)
     model = flatten(mechanism)
     rank = recursive.accelerations(
-        tree, model, pack(mechanism, states_of(mechanism)[0]), np.zeros(0), workspace(model), np.empty(18)
+        tree, model, 0.0, pack(mechanism, states_of(mechanism)[0]), np.zeros(0), workspace(model), np.empty(18)
     )
     assert rank == 15 + 2
 
@@ -89,19 +87,24 @@ def test_cut_joint_of_the_planar_four_bar_has_three_dependent_rows():
 # ---------------------------------------------------------------- parts
 
 
-@pytest.mark.parametrize("kind", [kind for kind in JOINT_KINDS if kind != "rod"])
-def test_every_joint_kind_has_as_many_directions_as_freedoms(kind):
-    assert len(set(free_axes(kind))) == len(free_axes(kind)) == JOINT_KINDS[kind].freedom
+@pytest.mark.parametrize("kind", JOINT_KINDS)
+def test_every_joint_kind_has_as_many_directions_as_its_tree_rows_leave(kind):
+    assert len(set(free_axes(kind))) == len(free_axes(kind)) == 6 - len(tree_rows(kind))
+    assert set(JOINT_KINDS[kind].rows) - set(tree_rows(kind)) == {"rod": {"L"}, "screw": {"H"}}.get(kind, set())
 
 
 def links_at(mechanism, state):
     """Links, Jacobian rows of the tree joints, and their gamma."""
     model, tree, y = flatten(mechanism), flatten_tree(mechanism), pack(mechanism, state)
     ws = workspace(model)
-    constraints.rotations(y, ws.A)
-    constraints.evaluate(model, y, ws.A, ws.value, ws.Q, ws.gamma)
-    rows = [np.arange(model.first_row[k], model.first_row[k + 1]) for k, _ in spanning_tree(mechanism)[0]]
-    chosen = np.concatenate(rows)
+    rotations(y, ws.A)
+    constraints.evaluate(model, 0.0, y, np.zeros(len(model.coordinate)), ws)
+    chosen = [
+        model.first_row[k] + n
+        for k, _ in spanning_tree(mechanism)[0]
+        for n, row in enumerate(mechanism.joints[k].rows)
+        if row in tree_rows(mechanism.joints[k].kind)
+    ]
     return tree, recursive.kinematics(tree, model, y, ws.A), ws.A, ws.Q[chosen], ws.gamma[chosen]
 
 
@@ -113,7 +116,7 @@ def as_solver(tree, A, acc):
     return a.ravel()
 
 
-@pytest.mark.parametrize("name", PASSED)
+@pytest.mark.parametrize("name", ALL)
 def test_the_recursion_meets_the_rows_of_the_tree_joints(name):
     """``Q (J u + abar) = gamma`` for any u, though neither S nor c comes from the rows."""
     mechanism = ALL[name]
@@ -126,7 +129,7 @@ def test_the_recursion_meets_the_rows_of_the_tree_joints(name):
         np.testing.assert_allclose(Q @ a, gamma, rtol=0, atol=1e-12 * size)
 
 
-@pytest.mark.parametrize("name", PASSED)
+@pytest.mark.parametrize("name", ALL)
 def test_composite_bodies_give_the_projected_mass_matrix(name):
     """``H = J^T M J`` with J from columns of unit rates."""
     mechanism = ALL[name]
@@ -149,21 +152,11 @@ def test_bodies_that_cannot_move_do_not_accelerate(route):
         np.testing.assert_array_equal(found, np.zeros((2, 3)))
 
 
-# ---------------------------------------------------------------- refusals
-
-
-@pytest.mark.parametrize("name", REFUSED)
-def test_a_rod_as_tree_joint_is_refused_with_the_reason(name):
-    (refusal,) = unsupported(ALL[name])
-    assert "rod as a tree joint" in refusal.feature
-    assert "fixed neither to F nor to M" in refusal.reason
-    with pytest.raises(InvalidInput, match=r"rod as a tree joint.*Choose another formulation"):
-        flatten_tree(ALL[name])
-
-
-@pytest.mark.parametrize("name", PASSED)
-def test_everything_else_is_supported(name):
-    assert unsupported(ALL[name]) == ()
+@pytest.mark.parametrize(("name", "row"), [("single_rod", 3), ("backward_rod", 3), ("single_screw", 13)])
+def test_a_row_that_the_tree_cannot_pass_is_closed_like_a_loop(name, row):
+    tree = flatten_tree(ALL[name])
+    assert list(tree.cut.row_kind) == [row]
+    assert tree.cut_rows == 1
 
 
 def test_a_rod_that_closes_a_loop_is_a_cut_joint():
@@ -214,7 +207,7 @@ def lines_of(route, mechanism):
         return trace
 
     sys.settrace(trace)
-    ROUTES[route](tree, model, y, np.zeros(0), ws, a)
+    ROUTES[route](tree, model, 0.0, y, np.zeros(0), ws, a)
     sys.settrace(None)
     return count
 

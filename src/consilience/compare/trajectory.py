@@ -35,7 +35,7 @@ from itertools import pairwise
 import numpy as np
 
 from consilience.compare.result import Comparison, Level, Verdict, digits_of
-from consilience.kinematics import constraint_residual
+from consilience.kinematics import constraint_residual, count_turns
 from consilience.mechanism import Mechanism, State
 from consilience.observe import kinetic_energy, load_potential, potential_energy, reach
 from consilience.run import Method, Question, Run, TrajectoryAnswer
@@ -93,11 +93,14 @@ def energy_over_time(mechanism: Mechanism, answer: TrajectoryAnswer, samples: Se
 
 
 def _largest_residual(mechanism: Mechanism, answer: TrajectoryAnswer, samples: Sequence[int]) -> float:
-    largest = 0.0
-    for n in samples:
+    largest, angles, kept = 0.0, dict[str, float](), set(samples)
+    for n in range(len(answer.time)) if mechanism.couplings else samples:
         quat = answer.quat_WB[n] / np.linalg.norm(answer.quat_WB[n], axis=-1, keepdims=True)
         state = State(answer.p_WB[n], quat, answer.v_WB_W[n], answer.w_WB_W[n])
-        largest = max(largest, float(np.max(np.abs(constraint_residual(mechanism, state)), initial=0.0)))
+        angles = count_turns(mechanism, state, angles)
+        if n in kept:
+            residual = constraint_residual(mechanism, state, float(answer.time[n]), angles)
+            largest = max(largest, float(np.max(np.abs(residual), initial=0.0)))
     return largest
 
 

@@ -1,12 +1,10 @@
-"""The thirteen basic constraints, compiled: values, Jacobian rows and gamma at the state y [MASS (9)-(29)].
+"""All constraint rows of a mechanism, compiled: values, Jacobian, gamma and rates at the state y.
 
-``(X, Y, Z) = U^T d`` (three), ``L = |d|`` (one), ``D_kl = u_k . w_l`` (nine), from the frames of a joint,
-
-    U = A_i A_Ji,  W = A_j A_Jj,  s = A s',  d = r_j + s_j - r_i - s_i.
+Order: joints, drives, couplings, contacts of rolling bodies; then the non-holonomic rows, which have no value: slip of
+rolling bodies, skates. Equations of the rows that are not joints': `consilience.element_rows`.
 
 Jacobian columns of a body are its velocity v of the centre of mass in world axes and its angular velocity w' in
-**body** axes, so that the mass matrix they go with, ``diag(m 1, I')``, is constant. A coefficient vector c of w
-(world) becomes ``A^T c``.
+**body** axes, so that the mass matrix they go with, ``diag(m 1, I')``, is constant.
 """
 
 from __future__ import annotations
@@ -14,113 +12,114 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from consilience.reference import functions
+from consilience.reference.bodies import add_coefficients, arm, motion
+from consilience.reference.joint_rows import Row, coordinate, joint_motion, joint_row, place
 from consilience.reference.model import Model
-from consilience.reference.vectors import (
-    Vector,
-    add,
-    column,
-    cross,
-    dot,
-    load,
-    rotate,
-    rotate_back,
-    scale,
-    store,
-    sub,
-)
+from consilience.reference.vectors import add, cross, dot, load, scale, sub
+from consilience.reference.workspace import Workspace
 from consilience.spatial import Array
 
-_ZERO = (0.0, 0.0, 0.0)
-
 
 @njit(cache=True, error_model="numpy")
-def rotations(y: Array, A: Array) -> None:
-    """Rotation matrices of all bodies from their Euler parameters [MASS (2)], shape (n_b, 3, 3).
-
-    The parameters are divided by their norm, which the stages of an integrator leave off one by their local error.
-    """
-    for b in range(y.shape[0]):
-        e0, e1, e2, e3 = y[b, 3], y[b, 4], y[b, 5], y[b, 6]
-        n = 1.0 / (e0 * e0 + e1 * e1 + e2 * e2 + e3 * e3)
-        A[b, 0, 0] = n * (e0 * e0 + e1 * e1 - e2 * e2 - e3 * e3)
-        A[b, 1, 1] = n * (e0 * e0 - e1 * e1 + e2 * e2 - e3 * e3)
-        A[b, 2, 2] = n * (e0 * e0 - e1 * e1 - e2 * e2 + e3 * e3)
-        A[b, 0, 1] = n * 2.0 * (e1 * e2 - e0 * e3)
-        A[b, 1, 0] = n * 2.0 * (e1 * e2 + e0 * e3)
-        A[b, 0, 2] = n * 2.0 * (e1 * e3 + e0 * e2)
-        A[b, 2, 0] = n * 2.0 * (e1 * e3 - e0 * e2)
-        A[b, 1, 2] = n * 2.0 * (e2 * e3 - e0 * e1)
-        A[b, 2, 1] = n * 2.0 * (e2 * e3 + e0 * e1)
-
-
-@njit(cache=True, error_model="numpy")
-def arm(A: Array, body: int, s: Vector) -> Vector:
-    """World components of a vector fixed to a body (-1: the ground)."""
-    return rotate(A[body], s) if body >= 0 else s
-
-
-@njit(cache=True, error_model="numpy")
-def motion(y: Array, A: Array, body: int) -> tuple[Vector, Vector, Vector]:
-    """Position and velocity of the centre of mass, and angular velocity in world axes; zero for the ground."""
-    if body < 0:
-        return _ZERO, _ZERO, _ZERO
-    return load(y[body, 0:3]), load(y[body, 7:10]), rotate(A[body], load(y[body, 10:13]))
-
-
-@njit(cache=True, error_model="numpy")
-def _place(Q: Array, row: int, A: Array, body: int, on_v: Vector, on_w: Vector) -> None:
-    """Write the coefficients of one body, turned into body axes for w'."""
-    if body >= 0:
-        store(Q[row, 6 * body : 6 * body + 3], on_v, 1.0)
-        store(Q[row, 6 * body + 3 : 6 * body + 6], rotate_back(A[body], on_w), 1.0)
-
-
-@njit(cache=True, error_model="numpy")
-def evaluate(model: Model, y: Array, A: Array, value: Array, Q: Array, gamma: Array) -> None:
-    """Values, Jacobian and gamma of all rows.
-
-    Parameters
-    ----------
-    A : ndarray, shape (n_b, 3, 3)
-        Rotation matrices of y, from `rotations`.
-    value, gamma : ndarray, shape (q,)
-        Overwritten. `value` is the violation g.
-    Q : ndarray, shape (q, 6 n_b)
-        Overwritten.
-    """
-    Q[:, :] = 0.0
+def _joints(model: Model, y: Array, ws: Workspace) -> int:
+    """Rows of all joints; the number of the next row."""
     for k in range(model.body_i.shape[0]):
         if model.first_row[k] == model.first_row[k + 1]:
             continue
-        i, j = model.body_i[k], model.body_j[k]
-        s_i, s_j = arm(A, i, load(model.arm_i[k])), arm(A, j, load(model.arm_j[k]))
-        r_i, v_i, w_i = motion(y, A, i)
-        r_j, v_j, w_j = motion(y, A, j)
-        d = sub(add(r_j, s_j), add(r_i, s_i))
-        d_dot = sub(add(v_j, cross(w_j, s_j)), add(v_i, cross(w_i, s_i)))
-        centripetal = sub(cross(w_j, cross(w_j, s_j)), cross(w_i, cross(w_i, s_i)))
-        for row in range(model.first_row[k], model.first_row[k + 1]):
-            kind = model.row_kind[row]
-            if kind < 3:
-                u = arm(A, i, column(model.axes_i[k], kind))
-                u_dot = cross(w_i, u)
-                value[row] = dot(u, d)
-                gamma[row] = -(dot(cross(w_i, u_dot), d) + 2.0 * dot(u_dot, d_dot) + dot(u, centripetal))
-                _place(Q, row, A, i, scale(-1.0, u), scale(-1.0, cross(add(s_i, d), u)))
-                _place(Q, row, A, j, u, cross(s_j, u))
-            elif kind == 3:
-                L = np.sqrt(dot(d, d))
-                e = scale(1.0 / L, d)
-                value[row] = L - model.row_target[row]
-                gamma[row] = -((dot(d_dot, d_dot) - dot(e, d_dot) ** 2) / L + dot(e, centripetal))
-                _place(Q, row, A, i, scale(-1.0, e), scale(-1.0, cross(s_i, e)))
-                _place(Q, row, A, j, e, cross(s_j, e))
-            else:
-                u = arm(A, i, column(model.axes_i[k], (kind - 4) // 3))
-                w = arm(A, j, column(model.axes_j[k], (kind - 4) % 3))
-                u_dot, w_dot = cross(w_i, u), cross(w_j, w)
-                normal = cross(u, w)
-                value[row] = dot(u, w)
-                gamma[row] = -(dot(cross(w_i, u_dot), w) + 2.0 * dot(u_dot, w_dot) + dot(u, cross(w_j, w_dot)))
-                _place(Q, row, A, i, _ZERO, normal)
-                _place(Q, row, A, j, _ZERO, scale(-1.0, normal))
+        m = joint_motion(model, y, ws.A, k)
+        for n in range(model.first_row[k], model.first_row[k + 1]):
+            row: Row = joint_row(model, ws.A, k, m, model.row_kind[n])
+            ws.value[n] = row.value - model.row_target[n]
+            ws.gamma[n] = row.gamma
+            place(ws.Q, n, ws.A, m.i, m.j, 1.0, row)
+    return model.row_kind.shape[0]
+
+
+@njit(cache=True, error_model="numpy")
+def _drives(model: Model, t: float, y: Array, ws: Workspace, first: int) -> int:
+    """``q - f(t) = 0``."""
+    for n in range(model.drive.shape[0]):
+        f, f_dot, f_ddot = functions.evaluate(model.functions, model.drive[n, 1], t)
+        q = coordinate(model, y, ws.A, model.drive[n, 0], f)
+        ws.value[first + n] = q.value - f
+        ws.rate[first + n] = f_dot
+        ws.gamma[first + n] = q.row.gamma + f_ddot
+        place(ws.Q, first + n, ws.A, q.i, q.j, 1.0, q.row)
+    return first + model.drive.shape[0]
+
+
+@njit(cache=True, error_model="numpy")
+def _couplings(model: Model, y: Array, memory: Array, ws: Workspace, first: int) -> int:
+    """``q - f(q_driver) = 0``."""
+    for n in range(model.coupling.shape[0]):
+        driver = coordinate(model, y, ws.A, model.coupling[n, 1], memory[model.coupling[n, 1]])
+        f, slope, bend = functions.evaluate(model.functions, model.coupling[n, 2], driver.value)
+        q = coordinate(model, y, ws.A, model.coupling[n, 0], f)
+        ws.value[first + n] = q.value - f
+        ws.gamma[first + n] = q.row.gamma - slope * driver.row.gamma + bend * driver.rate**2
+        place(ws.Q, first + n, ws.A, q.i, q.j, 1.0, q.row)
+        place(ws.Q, first + n, ws.A, driver.i, driver.j, -slope, driver.row)
+    return first + model.coupling.shape[0]
+
+
+@njit(cache=True, error_model="numpy")
+def _rollings(model: Model, y: Array, ws: Workspace, first: int) -> int:
+    """Contacts, then two rows of slip for each rolling body."""
+    count = model.rolling_body.shape[0]
+    for k in range(count):
+        b = model.rolling_body[k]
+        R, r = model.rolling_radii[k]
+        p, _, w = motion(y, ws.A, b)
+        s, a = arm(ws.A, b, load(model.rolling_arm[k])), arm(ws.A, b, load(model.rolling_axis[k]))
+        n = load(model.rolling_plane[k, 0])
+        a_dot = cross(w, a)
+        m = sub(n, scale(dot(n, a), a))
+        m_dot = scale(-1.0, add(scale(dot(n, a_dot), a), scale(dot(n, a), a_dot)))
+        mu = np.sqrt(dot(m, m)) if R > 0.0 else 1.0
+        mu_dot = dot(m, m_dot) / mu
+        rho = sub(scale(-R / mu, m), scale(r, n))
+        rho_dot = scale(-R / mu, sub(m_dot, scale(mu_dot / mu, m)))
+        bias = add(cross(w, cross(w, s)), cross(w, rho_dot))
+        height = dot(n, sub(add(p, s), load(model.rolling_point[k]))) - R * mu - r
+        for axis in range(3):
+            row = first + k if axis == 0 else first + count + 2 * k + axis - 1
+            direction = load(model.rolling_plane[k, axis])
+            ws.value[row] = height if axis == 0 else 0.0
+            ws.gamma[row] = -dot(direction, bias)
+            add_coefficients(ws.Q, row, ws.A, b, 1.0, direction, cross(add(s, rho), direction))
+    return first + 3 * count
+
+
+@njit(cache=True, error_model="numpy")
+def _skates(model: Model, y: Array, ws: Workspace, first: int) -> None:
+    """``l . (v + w x s) = 0``."""
+    for n in range(model.skate_body.shape[0]):
+        b = model.skate_body[n]
+        _, v, w = motion(y, ws.A, b)
+        s, lateral = arm(ws.A, b, load(model.skate_arm[n])), arm(ws.A, b, load(model.skate_lateral[n]))
+        ws.value[first + n] = 0.0
+        sideways = dot(cross(w, lateral), add(v, cross(w, s)))
+        ws.gamma[first + n] = -(sideways + dot(lateral, cross(w, cross(w, s))))
+        add_coefficients(ws.Q, first + n, ws.A, b, 1.0, lateral, cross(s, lateral))
+
+
+@njit(cache=True, error_model="numpy")
+def evaluate(model: Model, t: float, y: Array, memory: Array, ws: Workspace) -> None:
+    """Fill ``ws.value`` (violation g), ``ws.Q``, ``ws.gamma`` and ``ws.rate`` (``Q v = rate``).
+
+    Parameters
+    ----------
+    t : float, s
+    memory : ndarray, shape (n_c,)
+        Joint coordinates that elements read a moment ago: turns are counted from them.
+    ws : Workspace
+        With the rotation matrices of y in ``ws.A``, from `bodies.rotations`.
+    """
+    ws.Q[:, :] = 0.0
+    ws.rate[:] = 0.0
+    row = _joints(model, y, ws)
+    row = _drives(model, t, y, ws, row)
+    row = _couplings(model, y, memory, ws, row)
+    row = _rollings(model, y, ws, row)
+    _skates(model, y, ws, row)

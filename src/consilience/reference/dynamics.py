@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from numba import njit
 
+from consilience.reference.forces import control_errors
 from consilience.reference.formulations import descriptor, null_space
 from consilience.reference.model import Model
 from consilience.reference.workspace import Workspace
@@ -18,18 +19,21 @@ FORMULATIONS = {"descriptor": 0, "null_space": 1}
 
 
 @njit(cache=True, error_model="numpy")
-def accelerations(formulation: int, model: Model, y: Array, memory: Array, ws: Workspace, a: Array) -> int:
+def accelerations(formulation: int, model: Model, t: float, y: Array, memory: Array, ws: Workspace, a: Array) -> int:
     """Accelerations (dv/dt, dw'/dt), shape (6 n_b,), by the formulation of that number; the constraint rank."""
     if formulation == 0:
-        return descriptor.accelerations(model, y, memory, ws, a)
-    return null_space.accelerations(model, y, memory, ws, a)
+        return descriptor.accelerations(model, t, y, memory, ws, a)
+    return null_space.accelerations(model, t, y, memory, ws, a)
 
 
 @njit(cache=True, error_model="numpy")
-def derivative(formulation: int, model: Model, y: Array, memory: Array, ws: Workspace, a: Array, dy: Array) -> None:
-    """State derivative: ``r' = v``, ``p' = 1/2 G^T w'`` [MASS (38)], and the accelerations, shape (n_b, 13)."""
-    accelerations(formulation, model, y, memory, ws, a)
-    for b in range(y.shape[0]):
+def derivative(
+    formulation: int, model: Model, t: float, y: Array, memory: Array, ws: Workspace, a: Array, dy: Array
+) -> None:
+    """State derivative: ``r' = v``, ``p' = 1/2 G^T w'`` [MASS (38)], and the accelerations, shape of y."""
+    accelerations(formulation, model, t, y, memory, ws, a)
+    control_errors(model, t, y, memory, ws, dy)
+    for b in range(model.mass.shape[0]):
         e0, e1, e2, e3 = y[b, 3], y[b, 4], y[b, 5], y[b, 6]
         w1, w2, w3 = y[b, 10], y[b, 11], y[b, 12]
         dy[b, 0:3] = y[b, 7:10]

@@ -1,7 +1,7 @@
-"""Projection of a state back to ``g = 0`` and ``Q v = 0`` in the mass metric ("assembling during integration" [MASS]).
+"""Projection of a state back to ``g = 0`` and ``Q v = nu`` in the mass metric ("assembling during integration" [MASS]).
 
 The step (dr, rotation vector in body axes) of least M-norm with ``Q step = -g``; then the change of the velocities of
-least M-norm with ``Q (v + dv) = 0``.
+least M-norm with ``Q (v + dv) = nu``. Non-holonomic rows hold velocities only.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 
 from consilience.reference import constraints
+from consilience.reference.bodies import rotations
 from consilience.reference.factorisation import least_norm
 from consilience.reference.formulations.descriptor import factorise, solve_factor_transposed
 from consilience.reference.model import Model
@@ -20,9 +21,9 @@ _POSITION_STEPS = 3
 
 
 @njit(cache=True, error_model="numpy")
-def normalise(y: Array) -> None:
-    """Divide the Euler parameters of all bodies by their norm."""
-    for b in range(y.shape[0]):
+def normalise(y: Array, count: int) -> None:
+    """Divide the Euler parameters of the first `count` rows by their norm."""
+    for b in range(count):
         n = np.sqrt(y[b, 3] ** 2 + y[b, 4] ** 2 + y[b, 5] ** 2 + y[b, 6] ** 2)
         y[b, 3:7] /= n
 
@@ -30,7 +31,7 @@ def normalise(y: Array) -> None:
 @njit(cache=True, error_model="numpy")
 def _move(y: Array, step: Array) -> None:
     """Displace all bodies: ``r += dr``, ``p <- p * exp(phi'/2)``."""
-    for b in range(y.shape[0]):
+    for b in range(step.shape[0] // 6):
         y[b, 0:3] += step[6 * b : 6 * b + 3]
         h1, h2, h3 = 0.5 * step[6 * b + 3], 0.5 * step[6 * b + 4], 0.5 * step[6 * b + 5]
         e0, e1, e2, e3 = y[b, 3], y[b, 4], y[b, 5], y[b, 6]
@@ -38,7 +39,7 @@ def _move(y: Array, step: Array) -> None:
         y[b, 4] = e1 + e0 * h1 + e2 * h3 - e3 * h2
         y[b, 5] = e2 + e0 * h2 + e3 * h1 - e1 * h3
         y[b, 6] = e3 + e0 * h3 + e1 * h2 - e2 * h1
-    normalise(y)
+    normalise(y, step.shape[0] // 6)
 
 
 @njit(cache=True, error_model="numpy")
@@ -50,15 +51,18 @@ def _largest(x: Array) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def project(model: Model, y: Array, ws: Workspace) -> None:
+def project(model: Model, t: float, y: Array, memory: Array, ws: Workspace) -> None:
     """Project a state in place: positions by Newton's method until rounding is reached, then velocities."""
-    normalise(y)
+    count = model.mass.shape[0]
+    normalise(y, count)
     if ws.Q.shape[0] == 0:
         return
-    rank = 0
+    rank, rows = 0, ws.Q.shape[0]
+    held = rows - 2 * model.rolling_body.shape[0] - model.skate_body.shape[0]
     for _ in range(_POSITION_STEPS):
-        constraints.rotations(y, ws.A)
-        constraints.evaluate(model, y, ws.A, ws.value, ws.Q, ws.gamma)
+        rotations(y, ws.A)
+        constraints.evaluate(model, t, y, memory, ws)
+        ws.Q[held:, :] = 0.0
         rank = factorise(model, ws)
         if _largest(ws.value) <= 2e-16 * max(1.0, model.length):
             break
@@ -68,17 +72,22 @@ def project(model: Model, y: Array, ws: Workspace) -> None:
         small = _largest(ws.z) < 1e-9  # then Q has changed by less than rounding of the velocities asks for
         _move(y, ws.z)
         if small:
-            constraints.rotations(y, ws.A)
-            constraints.evaluate(model, y, ws.A, ws.value, ws.Q, ws.gamma)
+            rotations(y, ws.A)
+            constraints.evaluate(model, t, y, memory, ws)
+            held = rows
             rank = factorise(model, ws)
             break
-    for row in range(ws.Q.shape[0]):
-        s = 0.0
-        for b in range(y.shape[0]):
+    if held < rows:  # the slip rows were left out so far
+        rotations(y, ws.A)
+        constraints.evaluate(model, t, y, memory, ws)
+        rank = factorise(model, ws)
+    for row in range(rows):
+        s = ws.rate[row]
+        for b in range(count):
             for k in range(6):
                 s -= ws.Q[row, 6 * b + k] * y[b, 7 + k]
         ws.value[row] = s
     least_norm(ws.B, ws.tau, ws.pivot, rank, ws.value, ws.z)
     solve_factor_transposed(model, ws.z)
-    for b in range(y.shape[0]):
+    for b in range(count):
         y[b, 7:13] += ws.z[6 * b : 6 * b + 6]

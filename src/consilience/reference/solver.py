@@ -10,6 +10,7 @@ from consilience.errors import ConsilienceError, InvalidInput
 from consilience.mechanism import Mechanism, State
 from consilience.observe import kinetic_energy, potential_energy, reaction_map
 from consilience.reference import dynamics
+from consilience.reference.forces import remember
 from consilience.reference.formulations import descriptor
 from consilience.reference.integrators import dop853
 from consilience.reference.model import Model, flatten, pack, unpack
@@ -30,9 +31,9 @@ def _formulation(name: str) -> int:
 
 
 def _memory(model: Model, y: Array, ws: Workspace) -> Array:
-    """Angles of the joint springs at a first state, within half a turn of zero."""
-    memory = np.zeros(len(model.joint_spring))
-    dop853.remember(model, y, ws, memory)
+    """Joint coordinates that elements read at a first state, angles within half a turn of zero."""
+    memory = np.zeros(len(model.coordinate))
+    remember(model, y, ws, memory)
     return memory
 
 
@@ -86,6 +87,7 @@ def simulate(
 
 def _at_origins(mechanism: Mechanism, y: Array, a: Array) -> tuple[Array, Array]:
     """Accelerations of the body origins and angular accelerations, world axes, from those of the solver."""
+    y = y[: len(mechanism.bodies)]
     A = rotation_from_quaternion(y[:, 3:7])
     a = a.reshape(-1, 6)
     alpha = np.einsum("bij,bj->bi", A, a[:, 3:])
@@ -94,8 +96,10 @@ def _at_origins(mechanism: Mechanism, y: Array, a: Array) -> tuple[Array, Array]
     return a[:, :3] - np.cross(alpha, c) - np.cross(w, np.cross(w, c)), alpha
 
 
-def accelerations(mechanism: Mechanism, states: Sequence[State], formulation: str = "descriptor") -> InstantAnswer:
-    """Accelerations, reactions and energies at consistent states.
+def accelerations(
+    mechanism: Mechanism, states: Sequence[State], formulation: str = "descriptor", t: float = 0.0
+) -> InstantAnswer:
+    """Accelerations, reactions and energies at consistent states, drives and loads at the time t.
 
     Reactions come with the descriptor form only; they are of least norm where dependent constraints leave them open
     (`consilience.observe.determinate_reactions` says which components are determined).
@@ -113,11 +117,11 @@ def accelerations(mechanism: Mechanism, states: Sequence[State], formulation: st
     for state in states:
         y = pack(mechanism, state)
         memory = _memory(model, y, ws)
-        dynamics.accelerations(number, model, y, memory, ws, a)
+        dynamics.accelerations(number, model, t, y, memory, ws, a)
         if not np.all(np.isfinite(a)):
             raise NumericalFailure(f"reference, {formulation}: {dop853.STATUS[2]}")
         if formulation == "descriptor":
-            lam = descriptor.multipliers(model, y, memory, ws, a)
+            lam = descriptor.multipliers(model, t, y, memory, ws, a)
             wrench = _reactions(mechanism, state, lam)
             forces.append(wrench[:, :3])
             torques.append(wrench[:, 3:])

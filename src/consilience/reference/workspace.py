@@ -6,16 +6,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from consilience.reference.model import Model
+from consilience.reference.model import Model, all_rows
 from consilience.spatial import Array
 
 
 class Workspace(NamedTuple):
-    """Scratch arrays for n_b bodies and q constraint rows."""
+    """Scratch arrays for n_b bodies and q constraint rows; `external` alone is input."""
 
     A: Array  # (n_b, 3, 3) rotation matrices
     f: Array  # (6 n_b,) generalised forces
+    external: Array  # (6 n_b,) forces from outside the model, added to f
     value: Array  # (q,) violation; scratch after that
+    rate: Array  # (q,) nu of Q v = nu
     Q: Array  # (q, 6 n_b)
     gamma: Array  # (q,)
     B: Array  # (6 n_b, q) L^-1 Q^T and its factors
@@ -27,11 +29,13 @@ class Workspace(NamedTuple):
 
 def workspace(model: Model) -> Workspace:
     """Scratch arrays of the size a model needs."""
-    n, q = 6 * len(model.mass), len(model.row_kind)
+    n, q = 6 * len(model.mass), all_rows(model)
     return Workspace(
         A=np.zeros((len(model.mass), 3, 3)),
         f=np.zeros(n),
+        external=np.zeros(n),
         value=np.zeros(q),
+        rate=np.zeros(q),
         Q=np.zeros((q, n)),
         gamma=np.zeros(q),
         B=np.zeros((n, q)),

@@ -76,6 +76,6 @@ def _vector(v: np.typing.ArrayLike) -> str:
 
 
 def _joint(mechanism: Mechanism, state: State, joint: Joint) -> str:
-    values = joint_coordinates(joint.kind, relative_motion(mechanism, state, joint))
+    values = joint_coordinates(joint, relative_motion(mechanism, state, joint))
     at = ", ".join(f"{name} {np.array2string(np.asarray(v), precision=6)}" for name, v in values.items())
     return f"joint {joint.name}: {joint.kind}, {joint.predecessor} -> {joint.successor}" + (f"; {at}" if at else "")

@@ -104,6 +104,12 @@ def _coordinates(mechanism: Mechanism) -> list[tuple[Joint, str]]:
             "the joints form a loop, whose efforts are not determined by the motion",
             "Give a tree: as many joints as bodies.",
         )
+    if mechanism.constraint_count() > sum(len(joint.rows) for joint in mechanism.joints):
+        raise InvalidInput(
+            f"mechanism '{mechanism.name}'",
+            "drives, couplings or rolling contacts prescribe part of the motion already",
+            "Give joints alone, and the accelerations of their coordinates.",
+        )
     free = []
     for joint in mechanism.joints:
         names = JOINT_KINDS[joint.kind].coordinates

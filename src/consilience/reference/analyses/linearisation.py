@@ -15,8 +15,8 @@ from consilience.mechanism import Mechanism, State
 from consilience.observe import body_point
 from consilience.reference import dynamics
 from consilience.reference.analyses.statics import require_equilibrium, solver_velocities
+from consilience.reference.forces import remember
 from consilience.reference.formulations.null_space import mass_matrix
-from consilience.reference.integrators import dop853
 from consilience.reference.model import flatten, pack
 from consilience.reference.workspace import workspace
 from consilience.spatial import Array
@@ -147,11 +147,12 @@ def _accelerations(mechanism: Mechanism, equilibrium: State, states: Sequence[St
     """
     model = flatten(mechanism)
     ws = workspace(model)
-    memory, a = np.zeros(len(model.joint_spring)), np.empty(6 * len(mechanism.bodies))
-    dop853.remember(model, pack(mechanism, equilibrium), ws, memory)
+    memory, a = np.zeros(len(model.coordinate)), np.empty(6 * len(mechanism.bodies))
+    remember(model, pack(mechanism, equilibrium), ws, memory)
     found = []
     for state in states:
-        dynamics.accelerations(dynamics.FORMULATIONS["descriptor"], model, pack(mechanism, state), memory.copy(), ws, a)
+        y = pack(mechanism, state)
+        dynamics.accelerations(dynamics.FORMULATIONS["descriptor"], model, 0.0, y, memory.copy(), ws, a)
         found.append(np.linalg.solve(solver_velocities(mechanism, state), a))
     return np.array(found)
 

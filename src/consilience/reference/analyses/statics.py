@@ -16,8 +16,9 @@ from consilience.errors import CannotAssemble, ConsilienceError
 from consilience.kinematics import free_directions
 from consilience.mechanism import Mechanism, State
 from consilience.observe import body_point, joint_spring_motion
-from consilience.reference import constraints, forces
-from consilience.reference.integrators import dop853
+from consilience.reference import forces
+from consilience.reference.bodies import rotations
+from consilience.reference.forces import remember
 from consilience.reference.model import flatten, pack
 from consilience.reference.workspace import workspace
 from consilience.spatial import Array, rotation_from_quaternion, skew
@@ -55,18 +56,18 @@ def solver_velocities(mechanism: Mechanism, state: State) -> Array:
     return T
 
 
-def applied_forces(mechanism: Mechanism, state: State) -> Array:
-    """Forces of gravity, springs, loads and gyroscopic terms in the coordinates of the solver, shape (6 n_b,).
+def applied_forces(mechanism: Mechanism, state: State, t: float = 0.0) -> Array:
+    """All applied forces at the time t and gyroscopic terms in the coordinates of the solver, shape (6 n_b,).
 
     Force in world axes, torque about the centre of mass in body axes (see `solver_velocities`). Angles of joint
     springs are in (-pi, pi].
     """
     model = flatten(mechanism)
     ws, y = workspace(model), pack(mechanism, state)
-    memory = np.zeros(len(model.joint_spring))
-    dop853.remember(model, y, ws, memory)
-    constraints.rotations(y, ws.A)
-    forces.evaluate(model, y, ws.A, memory, ws.f)
+    memory = np.zeros(len(model.coordinate))
+    remember(model, y, ws, memory)
+    rotations(y, ws.A)
+    forces.evaluate(model, t, y, memory, ws)
     return ws.f
 
 

@@ -28,6 +28,7 @@ from numba import njit
 
 from consilience.kinematics import RANK_TOLERANCE
 from consilience.reference import constraints, forces
+from consilience.reference.bodies import rotations
 from consilience.reference.factorisation import least_norm, pivoted_qr
 from consilience.reference.model import Model
 from consilience.reference.workspace import Workspace
@@ -76,14 +77,15 @@ def factorise(model: Model, ws: Workspace) -> int:
 
 
 @njit(cache=True, error_model="numpy")
-def accelerations(model: Model, y: Array, memory: Array, ws: Workspace, a: Array) -> int:
+def accelerations(model: Model, t: float, y: Array, memory: Array, ws: Workspace, a: Array) -> int:
     """Accelerations (dv/dt, dw'/dt) of all bodies at a state.
 
     Parameters
     ----------
-    y : ndarray, shape (n_b, 13)
-    memory : ndarray, shape (n_k,)
-        Angles of the joint springs a moment ago.
+    t : float, s
+    y : ndarray, shape (n_b + n_e, 13)
+    memory : ndarray, shape (n_c,)
+        Joint coordinates that elements read, a moment ago.
     a : ndarray, shape (6 n_b,)
         Overwritten.
 
@@ -92,14 +94,14 @@ def accelerations(model: Model, y: Array, memory: Array, ws: Workspace, a: Array
     int
         Rank of the constraints.
     """
-    constraints.rotations(y, ws.A)
-    forces.evaluate(model, y, ws.A, memory, ws.f)
+    rotations(y, ws.A)
+    forces.evaluate(model, t, y, memory, ws)
     a[:] = ws.f
     solve_factor(model, a)
     if ws.Q.shape[0] == 0:
         solve_factor_transposed(model, a)
         return 0
-    constraints.evaluate(model, y, ws.A, ws.value, ws.Q, ws.gamma)
+    constraints.evaluate(model, t, y, memory, ws)
     rank = factorise(model, ws)
     ws.z[:] = a
     solve_factor_transposed(model, ws.z)
@@ -115,12 +117,12 @@ def accelerations(model: Model, y: Array, memory: Array, ws: Workspace, a: Array
 
 
 @njit(cache=True, error_model="numpy")
-def multipliers(model: Model, y: Array, memory: Array, ws: Workspace, a: Array) -> Array:
+def multipliers(model: Model, t: float, y: Array, memory: Array, ws: Workspace, a: Array) -> Array:
     """Multipliers of least norm from ``Q^T lam = M a - f``, in the metric of the factorisation, shape (q,).
 
     Fills `a` with the accelerations on the way.
     """
-    accelerations(model, y, memory, ws, a)
+    accelerations(model, t, y, memory, ws, a)
     if ws.Q.shape[0] == 0:
         return np.zeros(0)
     B = np.empty(ws.B.shape)

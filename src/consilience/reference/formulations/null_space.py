@@ -15,6 +15,7 @@ from numba import njit
 
 from consilience.kinematics import RANK_TOLERANCE
 from consilience.reference import constraints, forces
+from consilience.reference.bodies import rotations
 from consilience.reference.model import Model
 from consilience.reference.workspace import Workspace
 from consilience.spatial import Array
@@ -49,11 +50,11 @@ def basis(Q: Array, gamma: Array) -> tuple[Array, Array]:
 
 
 @njit(cache=True, error_model="numpy")
-def accelerations(model: Model, y: Array, memory: Array, ws: Workspace, a: Array) -> int:
+def accelerations(model: Model, t: float, y: Array, memory: Array, ws: Workspace, a: Array) -> int:
     """Accelerations (dv/dt, dw'/dt) of all bodies at a state; arguments and return as in `descriptor`."""
-    constraints.rotations(y, ws.A)
-    forces.evaluate(model, y, ws.A, memory, ws.f)
-    constraints.evaluate(model, y, ws.A, ws.value, ws.Q, ws.gamma)
+    rotations(y, ws.A)
+    forces.evaluate(model, t, y, memory, ws)
+    constraints.evaluate(model, t, y, memory, ws)
     J, abar = basis(ws.Q, ws.gamma)
     M = mass_matrix(model)
     freedom = J.shape[1]

@@ -32,6 +32,7 @@ from numba import njit
 
 from consilience.mechanism import Mechanism, State
 from consilience.reference import constraints, forces
+from consilience.reference.bodies import rotations
 from consilience.reference.factorisation import least_norm, pivoted_qr
 from consilience.reference.formulations.recursive_model import (
     Links,
@@ -237,30 +238,29 @@ def close_loops(B: Array, Q: Array, gamma: Array, a: Array, e: Array) -> int:
 
 
 @njit(cache=True, error_model="numpy")
-def _cut_rows(tree: TreeModel, y: Array, A: Array) -> tuple[Array, Array]:
-    """Q, shape (q_cut, 6 n_b), and gamma of the cut joints."""
-    q = tree.cut.row_kind.shape[0]
-    Q, gamma, value = np.empty((q, 6 * y.shape[0])), np.empty(q), np.empty(q)
-    constraints.evaluate(tree.cut, y, A, value, Q, gamma)
-    return Q, gamma
+def _cut_rows(tree: TreeModel, t: float, y: Array, memory: Array, ws: Workspace) -> tuple[Array, Array]:
+    """Q, shape (q_cut, 6 n_b), and gamma of the rows that the tree leaves open; views of the workspace."""
+    constraints.evaluate(tree.cut, t, y, memory, ws)
+    q = tree.cut_rows
+    return ws.Q[:q], ws.gamma[:q]
 
 
 # ---------------------------------------------------------------- the two routes
 
 
 @njit(cache=True, error_model="numpy")
-def accelerations(tree: TreeModel, model: Model, y: Array, memory: Array, ws: Workspace, a: Array) -> int:
+def accelerations(tree: TreeModel, model: Model, t: float, y: Array, memory: Array, ws: Workspace, a: Array) -> int:
     """Accelerations (dv/dt, dw'/dt) by articulated bodies; other arguments and return as in `descriptor`."""
-    constraints.rotations(y, ws.A)
-    forces.evaluate(model, y, ws.A, memory, ws.f)
+    rotations(y, ws.A)
+    forces.evaluate(model, t, y, memory, ws)
     links = kinematics(tree, model, y, ws.A)
     art = articulate(tree, links)
     e = innovations(tree, links, art, world_wrenches(tree, ws.A, ws.f), links.c)
     write_accelerations(tree, ws.A, accelerate(tree, links, art, e), a)
     tree_rank = a.shape[0] - e.shape[0]
-    if tree.cut.row_kind.shape[0] == 0:
+    if tree.cut_rows == 0:
         return tree_rank
-    Q, gamma = _cut_rows(tree, y, ws.A)
+    Q, gamma = _cut_rows(tree, t, y, memory, ws)
     B, rest = np.empty((e.shape[0], Q.shape[0])), np.zeros(links.c.shape)
     for row in range(Q.shape[0]):
         B[:, row] = innovations(tree, links, art, world_wrenches(tree, ws.A, Q[row]), rest)
@@ -270,10 +270,12 @@ def accelerations(tree: TreeModel, model: Model, y: Array, memory: Array, ws: Wo
 
 
 @njit(cache=True, error_model="numpy")
-def composite_accelerations(tree: TreeModel, model: Model, y: Array, memory: Array, ws: Workspace, a: Array) -> int:
+def composite_accelerations(
+    tree: TreeModel, model: Model, t: float, y: Array, memory: Array, ws: Workspace, a: Array
+) -> int:
     """Accelerations (dv/dt, dw'/dt) by composite bodies; arguments and return as in `accelerations`."""
-    constraints.rotations(y, ws.A)
-    forces.evaluate(model, y, ws.A, memory, ws.f)
+    rotations(y, ws.A)
+    forces.evaluate(model, t, y, memory, ws)
     links = kinematics(tree, model, y, ws.A)
     G = composite_mass_matrix(tree, links)
     _cholesky(G)
@@ -281,9 +283,9 @@ def composite_accelerations(tree: TreeModel, model: Model, y: Array, memory: Arr
     _solve_lower(G, e)
     write_accelerations(tree, ws.A, _from_whitened(tree, links, G, e), a)
     tree_rank = a.shape[0] - e.shape[0]
-    if tree.cut.row_kind.shape[0] == 0:
+    if tree.cut_rows == 0:
         return tree_rank
-    Q, gamma = _cut_rows(tree, y, ws.A)
+    Q, gamma = _cut_rows(tree, t, y, memory, ws)
     B = np.empty((e.shape[0], Q.shape[0]))
     for row in range(Q.shape[0]):
         B[:, row] = joint_forces(tree, links, world_wrenches(tree, ws.A, Q[row]))
@@ -297,20 +299,14 @@ ROUTES = {"articulated": accelerations, "composite": composite_accelerations}
 
 
 def recursive_accelerations(
-    mechanism: Mechanism, state: State, route: Literal["articulated", "composite"] = "articulated"
+    mechanism: Mechanism, state: State, route: Literal["articulated", "composite"] = "articulated", t: float = 0.0
 ) -> tuple[Array, Array]:
-    """Accelerations a_WB_W of the body origins (m/s^2) and alpha_WB_W (rad/s^2), world axes, each (n_b, 3).
-
-    Raises
-    ------
-    InvalidInput
-        If a joint of the spanning tree is a rod.
-    """
+    """Accelerations a_WB_W of the body origins (m/s^2) and alpha_WB_W (rad/s^2), world axes, each (n_b, 3)."""
     tree, model, y = flatten_tree(mechanism), flatten(mechanism), pack(mechanism, state)
     ws, a = workspace(model), np.empty(6 * len(mechanism.bodies))
-    constraints.rotations(y, ws.A)
-    memory = np.array([forces.joint_spring_motion(model, y, ws.A, n)[0] for n in range(len(model.joint_spring))])
-    ROUTES[route](tree, model, y, memory, ws, a)
+    memory = np.zeros(len(model.coordinate))
+    forces.remember(model, y, ws, memory)
+    ROUTES[route](tree, model, t, y, memory, ws, a)
     A = rotation_from_quaternion(state.quat_WB)
     com = np.einsum("bij,bj->bi", A, np.array([b.com for b in mechanism.bodies]))
     alpha = np.einsum("bij,bj->bi", A, a.reshape(-1, 6)[:, 3:])

@@ -2,7 +2,7 @@
 
 Each body is one link of the tree, on the one tree joint that leads to it. The free directions of a tree joint are the
 complement of its rows in the joint table: along the axes of F whose X, Y, Z is not held, and about the axes that the
-D rows leave. Joints that are not in the tree are cut: they keep their rows.
+D rows leave. Joints that are not in the tree are cut: they keep their rows, as do drives, couplings and contacts.
 
 Accelerations and wrenches of a link are (linear, angular) in world axes at its centre of mass.
 """
@@ -14,14 +14,12 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from consilience.errors import InvalidInput
 from consilience.mechanism import JOINT_KINDS, Mechanism
-from consilience.reference.constraints import arm, motion
-from consilience.reference.model import Model, flatten
+from consilience.reference.bodies import arm, motion
+from consilience.reference.model import Model, all_rows, flatten
 from consilience.reference.vectors import Vector, add, column, cross, dot, load, rotate, rotate_back, scale, store, sub
-from consilience.run import Unsupported
 from consilience.spatial import Array
-from consilience.tree import spanning_tree
+from consilience.topology import spanning_tree
 
 _ZERO = (0.0, 0.0, 0.0)
 _F, _M = 0, 1
@@ -45,60 +43,45 @@ class TreeModel(NamedTuple):
     sign: Array  # (n_b,) +1, or -1 where the tree passes the joint from successor to predecessor
     first_free: Array  # (n_b + 1,)
     direction: Array  # (N, 3) axis of F (0) or M (1); number of the axis; along it (0) or about it (1)
-    cut: Model  # the same bodies, only the joints that close loops
+    cut: Model  # the same mechanism, only with the rows that the tree leaves open
+    cut_rows: int  # their number
 
 
-def unsupported(mechanism: Mechanism) -> tuple[Unsupported, ...]:
-    """Tree joints this formulation cannot pass. A rod that closes a loop is fine."""
-    joints = [mechanism.joints[k] for k, _ in spanning_tree(mechanism)[0]]
-    return tuple(
-        Unsupported(
-            f"joint '{joint.name}': rod as a tree joint",
-            "only this rod leads to a body, and its free directions are fixed neither to F nor to M; "
-            "the minimal form along a tree has motion subspaces of axes of F and M only",
-        )
-        for joint in joints
-        if joint.kind == "rod"
-    )
+def tree_rows(kind: str) -> tuple[str, ...]:
+    """Rows of a tree joint that its free directions take care of; the others are closed like loops.
+
+    A rod's free directions are fixed neither to F nor to M, and a screw's couples two of them: the tree passes the
+    one as a free joint and the other as a cylindrical one.
+    """
+    return tuple(row for row in JOINT_KINDS[kind].rows if row not in ("L", "H"))
 
 
 def free_axes(kind: str) -> list[tuple[int, int, int]]:
-    """Free directions of a joint kind (not of the rod): rows of `TreeModel.direction`."""
-    rows = JOINT_KINDS[kind].rows
+    """Free directions of a joint kind in the tree: rows of `TreeModel.direction`."""
+    rows = tree_rows(kind)
     along = [(_F, n, _ALONG) for n in range(3) if "XYZ"[n] not in rows]
     turns = _TURNS[frozenset(row for row in rows if row[0] == "D")]
     return along + [(frame, n, _ABOUT) for frame, n in turns]
 
 
-def _only_joints(model: Model, joints: list[int]) -> Model:
-    """The model with some of its joints, and without force elements."""
-    rows = [np.arange(model.first_row[k], model.first_row[k + 1]) for k in joints]
-    chosen = np.concatenate([np.zeros(0, dtype=np.int64), *rows])
+def _open_rows(mechanism: Mechanism, closing: list[int]) -> Model:
+    """The model with only those joint rows that the tree leaves open; drives, couplings and contacts stay too."""
+    model = flatten(mechanism)
+    chosen: list[int] = []
+    first = [0]
+    for k, joint in enumerate(mechanism.joints):
+        taken = () if k in closing else tree_rows(joint.kind)
+        chosen += [int(model.first_row[k]) + n for n, row in enumerate(joint.rows) if row not in taken]
+        first.append(len(chosen))
     return model._replace(
-        body_i=model.body_i[joints],
-        body_j=model.body_j[joints],
-        arm_i=model.arm_i[joints],
-        arm_j=model.arm_j[joints],
-        axes_i=model.axes_i[joints],
-        axes_j=model.axes_j[joints],
-        first_row=np.cumsum([0, *(len(r) for r in rows)]).astype(np.int64),
+        first_row=np.array(first, dtype=np.int64),
         row_kind=model.row_kind[chosen],
         row_target=model.row_target[chosen],
-        joint_spring=model.joint_spring[:0],  # their joints have other numbers here
-        joint_spring_law=model.joint_spring_law[:0],
     )
 
 
 def flatten_tree(mechanism: Mechanism) -> TreeModel:
-    """Flat arrays of the spanning tree of a mechanism.
-
-    Raises
-    ------
-    InvalidInput
-        If a joint of the tree is a rod (see `unsupported`).
-    """
-    for refusal in unsupported(mechanism):
-        raise InvalidInput(refusal.feature, refusal.reason, "Choose another formulation.")
+    """Flat arrays of the spanning tree of a mechanism."""
     joints, closing = spanning_tree(mechanism)
     index = mechanism.body_index
     link_of = {-1: -1}
@@ -113,6 +96,7 @@ def flatten_tree(mechanism: Mechanism) -> TreeModel:
         link_of[end] = len(body)
         body.append(end)
         directions.append(free_axes(joint.kind))
+    cut = _open_rows(mechanism, closing)
     return TreeModel(
         body=np.array(body, dtype=np.int64),
         parent=np.array(parent, dtype=np.int64),
@@ -120,7 +104,8 @@ def flatten_tree(mechanism: Mechanism) -> TreeModel:
         sign=np.array([-1.0 if backward else 1.0 for _, backward in joints]),
         first_free=np.cumsum([0, *(len(d) for d in directions)]).astype(np.int64),
         direction=np.array([axis for d in directions for axis in d], dtype=np.int64).reshape(-1, 3),
-        cut=_only_joints(flatten(mechanism), closing),
+        cut=cut,
+        cut_rows=all_rows(cut),
     )
 
 

@@ -124,3 +124,6 @@ E5 = _dense(
     ]
 )[0]
 """Weights of the fifth-order error estimate."""
+
+C = A.sum(axis=1)
+"""Nodes: stage i is at ``t + C[i] h``."""

@@ -13,9 +13,9 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from consilience.reference import constraints, forces
 from consilience.reference.dynamics import derivative
-from consilience.reference.integrators.coefficients import E3, E5, STAGES, A, B
+from consilience.reference.forces import remember
+from consilience.reference.integrators.coefficients import E3, E5, STAGES, A, B, C
 from consilience.reference.model import Model
 from consilience.reference.projection import project
 from consilience.reference.workspace import Workspace
@@ -39,7 +39,7 @@ STEPS, REJECTED, EVALUATIONS = 0, 1, 2
 def _sizes(model: Model, y: Array, size: Array) -> None:
     """Size of each column of y, shape (13,): what a relative tolerance refers to."""
     r = v = w = 0.0
-    for b in range(y.shape[0]):
+    for b in range(model.mass.shape[0]):
         for k in range(3):
             r = max(r, abs(y[b, k]))
             v = max(v, abs(y[b, 7 + k]))
@@ -69,7 +69,16 @@ def _error(K: Array, h: float, size: Array) -> float:
 
 @njit(cache=True, error_model="numpy")
 def _stages(
-    formulation: int, model: Model, y: Array, h: float, memory: Array, ws: Workspace, a: Array, trial: Array, K: Array
+    formulation: int,
+    model: Model,
+    t: float,
+    y: Array,
+    h: float,
+    memory: Array,
+    ws: Workspace,
+    a: Array,
+    trial: Array,
+    K: Array,
 ) -> None:
     """Evaluate stages 2 to 12 (stage 1 is given) and leave the end of the step in `trial`."""
     for i in range(1, STAGES + 1):
@@ -81,16 +90,7 @@ def _stages(
                     for c in range(13):
                         trial[b, c] += weight * K[j, b, c]
         if i < STAGES:
-            derivative(formulation, model, trial, memory, ws, a, K[i])
-
-
-@njit(cache=True, error_model="numpy")
-def remember(model: Model, y: Array, ws: Workspace, memory: Array) -> None:
-    """Update the angles of the joint springs, turns counted."""
-    constraints.rotations(y, ws.A)
-    for n in range(memory.shape[0]):
-        q, _, _ = forces.joint_spring_motion(model, y, ws.A, n)
-        memory[n] = forces.full_turns(q, memory[n]) if model.joint_spring[n, 1] == 0 else q
+            derivative(formulation, model, t + C[i] * h, trial, memory, ws, a, K[i])
 
 
 @njit(cache=True, error_model="numpy")
@@ -111,14 +111,14 @@ def integrate(
     ----------
     formulation : int
         See `dynamics.FORMULATIONS`.
-    y : ndarray, shape (n_b, 13)
+    y : ndarray, shape (n_b + n_e, 13)
         Initial state; overwritten by the last.
     times : ndarray, shape (n_t,)
     tolerance : float
         Bound on the scaled local error of a step.
-    memory : ndarray, shape (n_k,)
-        Angles of the joint springs, turns counted; updated.
-    motion : ndarray, shape (n_t, n_b, 13)
+    memory : ndarray, shape (n_c,)
+        Joint coordinates that elements read, turns counted; updated.
+    motion : ndarray, shape (n_t, n_b + n_e, 13)
         Overwritten.
     counters : ndarray of int, shape (3,)
         Steps, rejected steps and evaluations of the derivative; overwritten.
@@ -128,13 +128,13 @@ def integrate(
     int
         Key of `STATUS`.
     """
-    K = np.empty((STAGES, y.shape[0], 13))
+    K = np.zeros((STAGES, y.shape[0], 13))
     trial, a, size = np.empty_like(y), np.empty(6 * y.shape[0]), np.empty(13)
     counters[:] = 0
     motion[0] = y
     t = times[0]
     h = 1e-2 * (times[-1] - times[0]) / max(1, times.shape[0] - 1)
-    derivative(formulation, model, y, memory, ws, a, K[0])
+    derivative(formulation, model, t, y, memory, ws, a, K[0])
     for n in range(1, times.shape[0]):
         while t < times[n]:
             remaining = times[n] - t
@@ -142,7 +142,7 @@ def integrate(
             step = remaining if h >= remaining else min(h, 0.5 * remaining) if h > 0.5 * remaining else h
             if step < 1e-14 * max(1.0, abs(t)):
                 return 1
-            _stages(formulation, model, y, step, memory, ws, a, trial, K)
+            _stages(formulation, model, t, y, step, memory, ws, a, trial, K)
             counters[EVALUATIONS] += STAGES
             _sizes(model, y, size)
             error = _error(K, step, size) / tolerance
@@ -155,10 +155,10 @@ def integrate(
                 continue
             counters[STEPS] += 1
             y[:, :] = trial
-            project(model, y, ws)
-            remember(model, y, ws, memory)
-            derivative(formulation, model, y, memory, ws, a, K[0])
             t = times[n] if step == remaining else t + step
+            project(model, t, y, memory, ws)
+            remember(model, y, ws, memory)
+            derivative(formulation, model, t, y, memory, ws, a, K[0])
             h = step * factor if step == h else max(h, step * factor)
         motion[n] = y
     return 0

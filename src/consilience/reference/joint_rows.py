@@ -1,0 +1,159 @@
+"""Rows and coordinates of single joints, compiled [MASS (9)-(29)].
+
+``(X, Y, Z) = U^T d`` (three), ``L = |d|`` (one), ``D_kl = u_k . w_l`` (nine), from the frames of a joint,
+
+    U = A_i A_Ji,  W = A_j A_Jj,  s = A s',  d = r_j + s_j - r_i - s_i.
+
+A row's rate has coefficients e of the velocity of the centre of mass of j (those of i are -e), c_i and c_j of the
+angular velocities, all in world axes.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from consilience.reference.bodies import ZERO, add_coefficients, arm, motion
+from consilience.reference.model import Model
+from consilience.reference.vectors import Vector, add, column, cross, dot, load, scale, sub
+from consilience.spatial import Array
+
+TURN = 2.0 * np.pi
+_D11, _D21, _Z = 4, 7, 2
+
+
+class JointMotion(NamedTuple):
+    """Relative motion of the two frames of a joint, world axes."""
+
+    i: int
+    j: int
+    s_i: Vector
+    s_j: Vector
+    d: Vector
+    d_dot: Vector
+    centripetal: Vector
+    w_i: Vector
+    w_j: Vector
+
+
+class Row(NamedTuple):
+    """Value, gamma and coefficients of one row."""
+
+    value: float
+    gamma: float
+    e: Vector
+    c_i: Vector
+    c_j: Vector
+
+
+class Coordinate(NamedTuple):
+    """A joint coordinate: value, rate, gamma and coefficients, and the bodies it is between."""
+
+    value: float
+    rate: float
+    row: Row
+    i: int
+    j: int
+
+
+@njit(cache=True, error_model="numpy")
+def joint_motion(model: Model, y: Array, A: Array, k: int) -> JointMotion:
+    """Relative motion of the frames of joint k."""
+    i, j = model.body_i[k], model.body_j[k]
+    s_i, s_j = arm(A, i, load(model.arm_i[k])), arm(A, j, load(model.arm_j[k]))
+    r_i, v_i, w_i = motion(y, A, i)
+    r_j, v_j, w_j = motion(y, A, j)
+    d = sub(add(r_j, s_j), add(r_i, s_i))
+    d_dot = sub(add(v_j, cross(w_j, s_j)), add(v_i, cross(w_i, s_i)))
+    centripetal = sub(cross(w_j, cross(w_j, s_j)), cross(w_i, cross(w_i, s_i)))
+    return JointMotion(i, j, s_i, s_j, d, d_dot, centripetal, w_i, w_j)
+
+
+@njit(cache=True, error_model="numpy")
+def basic_row(model: Model, A: Array, k: int, m: JointMotion, kind: int) -> Row:
+    """One of the thirteen basic constraint functions of joint k."""
+    if kind < 3:
+        u = arm(A, m.i, column(model.axes_i[k], kind))
+        u_dot = cross(m.w_i, u)
+        gamma = -(dot(cross(m.w_i, u_dot), m.d) + 2.0 * dot(u_dot, m.d_dot) + dot(u, m.centripetal))
+        return Row(dot(u, m.d), gamma, u, scale(-1.0, cross(add(m.s_i, m.d), u)), cross(m.s_j, u))
+    if kind == 3:
+        L = np.sqrt(dot(m.d, m.d))
+        e = scale(1.0 / L, m.d)
+        gamma = -((dot(m.d_dot, m.d_dot) - dot(e, m.d_dot) ** 2) / L + dot(e, m.centripetal))
+        return Row(L, gamma, e, scale(-1.0, cross(m.s_i, e)), cross(m.s_j, e))
+    u = arm(A, m.i, column(model.axes_i[k], (kind - 4) // 3))
+    w = arm(A, m.j, column(model.axes_j[k], (kind - 4) % 3))
+    u_dot, w_dot = cross(m.w_i, u), cross(m.w_j, w)
+    normal = cross(u, w)
+    gamma = -(dot(cross(m.w_i, u_dot), w) + 2.0 * dot(u_dot, w_dot) + dot(u, cross(m.w_j, w_dot)))
+    return Row(dot(u, w), gamma, ZERO, normal, scale(-1.0, normal))
+
+
+@njit(cache=True, error_model="numpy")
+def full_turns(angle: float, near: float) -> float:
+    """The angle plus the full turns that bring it nearest to `near`."""
+    return angle + TURN * np.round((near - angle) / TURN)
+
+
+@njit(cache=True, error_model="numpy")
+def angle_row(model: Model, A: Array, k: int, m: JointMotion, near: float) -> Row:
+    """The angle with the tangent ``D21 / D11``, within half a turn of `near`."""
+    cos, sin = basic_row(model, A, k, m, _D11), basic_row(model, A, k, m, _D21)
+    square = cos.value**2 + sin.value**2
+    p, q = cos.value / square, sin.value / square
+    c_i = sub(scale(p, sin.c_i), scale(q, cos.c_i))
+    c_j = sub(scale(p, sin.c_j), scale(q, cos.c_j))
+    rate = dot(c_i, m.w_i) + dot(c_j, m.w_j)
+    cos_dot = dot(cos.c_i, m.w_i) + dot(cos.c_j, m.w_j)
+    sin_dot = dot(sin.c_i, m.w_i) + dot(sin.c_j, m.w_j)
+    gamma = p * sin.gamma - q * cos.gamma + 2.0 * rate * (p * cos_dot + q * sin_dot)
+    return Row(full_turns(np.arctan2(sin.value, cos.value), near), gamma, ZERO, c_i, c_j)
+
+
+@njit(cache=True, error_model="numpy")
+def screw_row(model: Model, A: Array, k: int, m: JointMotion) -> Row:
+    """``Z - pitch angle / 2 pi``; the turns of the angle are those of Z."""
+    z = basic_row(model, A, k, m, _Z)
+    turn = angle_row(model, A, k, m, TURN * z.value / model.pitch[k])
+    h = model.pitch[k] / TURN
+    return Row(
+        z.value - h * turn.value,
+        z.gamma - h * turn.gamma,
+        z.e,
+        sub(z.c_i, scale(h, turn.c_i)),
+        sub(z.c_j, scale(h, turn.c_j)),
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def joint_row(model: Model, A: Array, k: int, m: JointMotion, kind: int) -> Row:
+    """A row of joint k by its number in `model.ROWS`."""
+    if kind == 13:
+        return screw_row(model, A, k, m)
+    return basic_row(model, A, k, m, kind)
+
+
+@njit(cache=True, error_model="numpy")
+def coordinate(model: Model, y: Array, A: Array, n: int, near: float) -> Coordinate:
+    """Joint coordinate n of those that elements read; an angle within half a turn of `near`, a screw's by its Z."""
+    k = model.coordinate[n, 0]
+    m = joint_motion(model, y, A, k)
+    if model.coordinate[n, 1] == 1:
+        row = basic_row(model, A, k, m, _Z)
+        # the velocities of the centres of mass enter only through those of the frames' origins
+        rate = dot(row.e, m.d_dot) + dot(cross(m.w_i, row.e), m.d)
+        return Coordinate(row.value, rate, row, m.i, m.j)
+    if model.pitch[k] != 0.0:
+        near = TURN * basic_row(model, A, k, m, _Z).value / model.pitch[k]
+    row = angle_row(model, A, k, m, near)
+    return Coordinate(row.value, dot(row.c_i, m.w_i) + dot(row.c_j, m.w_j), row, m.i, m.j)
+
+
+@njit(cache=True, error_model="numpy")
+def place(Q: Array, index: int, A: Array, i: int, j: int, factor: float, row: Row) -> None:
+    """Add a row between bodies i and j to row `index` of Q."""
+    add_coefficients(Q, index, A, i, -factor, row.e, scale(-1.0, row.c_i))
+    add_coefficients(Q, index, A, j, factor, row.e, row.c_j)
