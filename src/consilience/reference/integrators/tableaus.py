@@ -1,0 +1,355 @@
+"""Runge-Kutta methods: coefficients as data, and one step with them, with the dense output that belongs to it.
+
+An explicit method of s stages advances ``u' = f(t, u)`` by
+
+    k_i = f(t + c_i h, u + h sum_j A_ij k_j),    u_1 = u + h sum_i b_i k_i.
+
+Dense output of every method has the nested form of Hairer, Norsett and Wanner, section II.6, in x = (time - t) / h,
+
+    u(x) = u + x (F_0 + (1 - x) (F_1 + x (F_2 + (1 - x) (F_3 + x (...))))),
+    F_0 = u_1 - u,    F_1 = h f - F_0,    F_2 = 2 F_0 - h (f + f_1),    F_3.. = h sum_i D_i k_i,
+
+where k continues with f_1 = f(t + h, u_1) and with stages that only the dense output needs. F_0 to F_2 alone are cubic
+Hermite interpolation.
+
+The collocation method solves ``U_i = u + h sum_j A_ij f(t + c_j h, U_j)`` by Newton's method with the Jacobian J of an
+earlier instant, in ``Z_i = U_i - u``. The eigenvectors of the inverse of A split the 3 n_u equations into a real and a
+complex system of n_u. Its dense output is the quartic with the derivatives f, k_1, k_2, k_3 at 0, c_1, c_2, 1: the
+nodes of Radau make its value at 1 come out as u_1.
+
+Sources: Fehlberg, NASA TR R-315, 1969, and Hairer, Norsett, Wanner: Solving Ordinary Differential Equations I, 2nd
+ed., 1993, table II.5.1 (Runge-Kutta-Fehlberg 4(5)) and section II.10 (DOP853, as SciPy holds it); Hairer, Wanner:
+Solving Ordinary Differential Equations II, 2nd ed., 1996, table IV.5.6 and section IV.8 (Radau IIA of order 5).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.integrate import DOP853
+from scipy.linalg import lu_factor, lu_solve
+
+from consilience.reference.integrators.dense import Nested
+from consilience.spatial import Array
+
+Derivative = Callable[[float, Array], Array]
+Jacobian = Callable[[float, Array, Array], Array]
+
+
+@dataclass(frozen=True, eq=False)
+class Explicit:
+    """An explicit Runge-Kutta method with error estimate and dense output.
+
+    Attributes
+    ----------
+    order : int
+        Of the solution that is carried on.
+    dense_order : int
+        Of the error of the dense output within one step.
+    estimate_order : int
+        The scaled error estimate of a step is proportional to ``h ** (estimate_order + 1)``.
+    c, A, b : ndarray, shapes (s,), (s, s), (s,)
+    E : ndarray, shape (1, s) or (2, s)
+        Weights of the error estimate; two rows are those of fifth and third order of DOP853.
+    c_dense, A_dense : ndarray, shapes (d,), (d, s + 1 + d)
+        Stages of the dense output, the end of the step being stage s + 1.
+    D : ndarray, shape (n, s + 1 + d)
+        Weights of F_3 and higher.
+    """
+
+    order: int
+    dense_order: int
+    estimate_order: int
+    c: Array
+    A: Array
+    b: Array
+    E: Array
+    c_dense: Array
+    A_dense: Array
+    D: Array
+
+
+def _quartic(b: Array, x: float) -> tuple[Array, Array]:
+    """Stage at `x` on the cubic through both ends of a step, and the weights of F_3 that its derivative gives.
+
+    The cubic is in error by O(h^4), its stage by O(h^4) too, so the quartic with this derivative is in error by O(h^5).
+    """
+    s = len(b)
+    ends = np.eye(s + 2)
+    step, first, last, at = np.concatenate([b, [0.0, 0.0]]), ends[0], ends[s], ends[s + 1]
+    F0, F1, F2 = step, first - step, 2 * step - first - last
+    stage = x * (F0 + (1 - x) * (F1 + x * F2))
+    slope = F0 + (1 - 2 * x) * F1 + x * (2 - 3 * x) * F2
+    return stage[None], ((at - slope) / (2 * x * (1 - x) * (1 - 2 * x)))[None]
+
+
+def _fehlberg() -> Explicit:
+    A = np.zeros((6, 6))
+    A[1, :1] = [1 / 4]
+    A[2, :2] = [3 / 32, 9 / 32]
+    A[3, :3] = [1932 / 2197, -7200 / 2197, 7296 / 2197]
+    A[4, :4] = [439 / 216, -8, 3680 / 513, -845 / 4104]
+    A[5, :5] = [-8 / 27, 2, -3544 / 2565, 1859 / 4104, -11 / 40]
+    fourth = np.array([25 / 216, 0, 1408 / 2565, 2197 / 4104, -1 / 5, 0])
+    fifth = np.array([16 / 135, 0, 6656 / 12825, 28561 / 56430, -9 / 50, 2 / 55])
+    # where x (1 - x) (1 - 2 x) is largest, so that the derivative there says most about F_3
+    x = 0.5 - np.sqrt(1 / 12)
+    A_dense, D = _quartic(fifth, x)
+    return Explicit(
+        order=5,
+        dense_order=5,
+        estimate_order=4,
+        c=np.array([0, 1 / 4, 3 / 8, 12 / 13, 1, 1 / 2]),
+        A=A,
+        b=fifth,
+        E=(fifth - fourth)[None],
+        c_dense=np.array([x]),
+        A_dense=A_dense,
+        D=D,
+    )
+
+
+RKF45 = _fehlberg()
+"""Runge-Kutta-Fehlberg 4(5) [MASS]; the solution of order 5 is carried on, ``b - E`` is the one of order 4."""
+
+DORMAND_PRINCE = Explicit(
+    order=8,
+    dense_order=8,
+    estimate_order=7,
+    c=DOP853.C,
+    A=DOP853.A,
+    b=DOP853.B,
+    E=np.array([DOP853.E5[:-1], DOP853.E3[:-1]]),
+    c_dense=DOP853.C_EXTRA,
+    A_dense=DOP853.A_EXTRA,
+    D=DOP853.D,
+)
+"""Dormand-Prince 8(5,3) with the dense output by Hairer, Norsett and Wanner, a polynomial of degree seven."""
+
+
+@dataclass(frozen=True, eq=False)
+class Collocation:
+    """A collocation method whose last stage is the end of the step: ``u_1 = U_s``.
+
+    Attributes
+    ----------
+    order, dense_order, estimate_order : int
+        As in `Explicit`.
+    c, A : ndarray, shapes (s,), (s, s)
+    e : ndarray, shape (s,)
+        The error is estimated by ``(gamma / h - J)^-1 (f + sum e_i Z_i / h)`` with ``Z_i = U_i - u`` and gamma the
+        real eigenvalue of the inverse of A.
+    """
+
+    order: int
+    dense_order: int
+    estimate_order: int
+    c: Array
+    A: Array
+    e: Array
+
+
+_r = np.sqrt(6.0)
+
+RADAU = Collocation(
+    order=5,
+    dense_order=5,
+    estimate_order=3,
+    c=np.array([(4 - _r) / 10, (4 + _r) / 10, 1.0]),
+    A=np.array(
+        [
+            [(88 - 7 * _r) / 360, (296 - 169 * _r) / 1800, (-2 + 3 * _r) / 225],
+            [(296 + 169 * _r) / 1800, (88 + 7 * _r) / 360, (-2 - 3 * _r) / 225],
+            [(16 - _r) / 36, (16 + _r) / 36, 1 / 9],
+        ]
+    ),
+    e=np.array([-13 - 7 * _r, -13 + 7 * _r, -1.0]) / 3,
+)
+"""Radau IIA of order 5 [EXU]."""
+
+NEWTON_STEPS = 7
+"""Iterations after which Newton's method counts as not converging (as in RADAU5)."""
+
+
+def root_mean_square(x: Array) -> float:
+    """Root mean square of the components."""
+    return float(np.linalg.norm(x) / np.sqrt(x.size))
+
+
+def difference_quotients(derivative: Derivative, t: float, u: Array, f: Array) -> Array:
+    """Derivative of f by u from forward differences, shape (n_u, n_u); for n_u evaluations."""
+    J = np.empty((len(u), len(u)))
+    for j in range(len(u)):
+        moved = u.copy()
+        moved[j] += np.sqrt(np.finfo(float).eps) * max(1.0, abs(u[j]))
+        J[:, j] = (derivative(t, moved) - f) / (moved[j] - u[j])
+    return J
+
+
+class ExplicitStep:
+    """Steps of an explicit Runge-Kutta method."""
+
+    least_growth = 1.0
+
+    def __init__(self, method: Explicit, derivative: Derivative, tolerance: float, counters: dict[str, int]) -> None:
+        counters.update(rejected=0)
+        self.method = method
+        self._derivative = derivative
+        self._tolerance = tolerance
+        self._k = np.empty(0)
+
+    def restart(self) -> None:
+        """Forget earlier steps."""
+
+    def attempt(self, t: float, u: Array, f: Array, h: float) -> tuple[Array, float]:
+        """End of a step of length h, shape (n_u,), and its scaled error: not finite where the step failed."""
+        method = self.method
+        s, d = len(method.b), len(method.c_dense)
+        k = self._k = np.empty((s + 1 + d, len(u)))
+        k[0] = f
+        for i in range(1, s):
+            k[i] = self._derivative(t + method.c[i] * h, u + h * (method.A[i, :i] @ k[:i]))
+        end = u + h * (method.b @ k[:s])
+        scale = self._tolerance * (1.0 + np.maximum(np.abs(u), np.abs(end)))
+        e = method.E @ k[:s] / scale
+        error = h * root_mean_square(e[0])
+        if len(e) == 2 and error > 0.0:
+            # the fifth-order estimate, corrected by the third-order one [Hairer, Norsett, Wanner, section II.10]
+            error *= np.linalg.norm(e[0]) / np.sqrt(np.sum(e[0] ** 2) + 0.01 * np.sum(e[1] ** 2))
+        return end, error
+
+    def piece(self, t: float, u: Array, h: float, end: Array, f_end: Array) -> Nested:
+        """Dense output of the step attempted last, to a settled end and its derivative."""
+        method, k = self.method, self._k
+        s = len(method.b)
+        k[s] = f_end
+        for i, (c, a) in enumerate(zip(method.c_dense, method.A_dense, strict=True), start=s + 1):
+            k[i] = self._derivative(t + c * h, u + h * (a[:i] @ k[:i]))
+        return Nested(t, h, u, np.vstack([_hermite(u, end, h * k[0], h * f_end), h * (method.D @ k)]))
+
+
+def _hermite(u: Array, end: Array, hf: Array, hf_end: Array) -> Array:
+    """F_0 to F_2, shape (3, n_u)."""
+    change = end - u
+    return np.array([change, hf - change, 2 * change - hf - hf_end])
+
+
+class CollocationStep:
+    """Steps of a collocation method of three stages."""
+
+    least_growth = 1.2
+    """A step that could grow by less keeps its length, and with it the factors."""
+
+    def __init__(
+        self,
+        method: Collocation,
+        derivative: Derivative,
+        jacobian: Jacobian,
+        tolerance: float,
+        counters: dict[str, int],
+    ) -> None:
+        self.method = method
+        self._derivative = derivative
+        self._tolerance = tolerance
+        self._jacobian = jacobian
+        self._counters = counters
+        counters.update(rejected=0, jacobians=0, factorisations=0)
+        self._inverse = np.linalg.inv(method.A)
+        values, vectors = np.linalg.eig(self._inverse)
+        real, pair = int(np.argmin(np.abs(values.imag))), int(np.argmax(values.imag))
+        self._gamma, self._alpha = float(values[real].real), complex(values[pair])
+        self._T = vectors[:, real].real, vectors[:, pair]
+        rows = np.linalg.inv(np.column_stack([self._T[0], self._T[1], self._T[1].conj()]))
+        self._T_inverse = rows[0].real, rows[1]
+        # Newton's error is kept well below that of the step, but not below rounding
+        self._newton = max(10 * np.finfo(float).eps / tolerance, min(0.03, np.sqrt(tolerance)))
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget the Jacobian and the last step."""
+        self._J = np.empty((0, 0))
+        self._fresh = False
+        self._factors: tuple[float, Any, Any] | None = None
+        self._last: Nested | None = None
+        self._slow = False
+
+    def _linearise(self, t: float, u: Array, f: Array) -> None:
+        self._J = self._jacobian(t, u, f)
+        self._fresh, self._slow, self._factors = True, False, None
+        self._counters["jacobians"] += 1
+
+    def _factorise(self, h: float) -> tuple[Any, Any]:
+        # a length that differs by rounding asks for no new factors: they only steer Newton's method
+        if self._factors is None or abs(self._factors[0] - h) > 1e-10 * h:
+            one = np.eye(len(self._J))
+            self._factors = h, lu_factor(self._gamma / h * one - self._J), lu_factor(self._alpha / h * one - self._J)
+            self._counters["factorisations"] += 2
+        return self._factors[1:]
+
+    def attempt(self, t: float, u: Array, f: Array, h: float) -> tuple[Array, float]:
+        """End of a step of length h, shape (n_u,), and its scaled error: not finite where the step failed."""
+        if not self._J.size or self._slow:
+            self._linearise(t, u, f)
+        Z = self._solve(t, u, h)
+        if Z is None and not self._fresh:
+            self._linearise(t, u, f)
+            Z = self._solve(t, u, h)
+        if Z is None:
+            return u, np.inf
+        end = u + Z[-1]
+        scale = self._tolerance * (1.0 + np.maximum(np.abs(u), np.abs(end)))
+        real = self._factorise(h)[0]
+        self._f, self._Z = f, Z
+        return end, root_mean_square(lu_solve(real, f + self.method.e @ Z / h) / scale)
+
+    def _solve(self, t: float, u: Array, h: float) -> Array | None:
+        """Z of a step by simplified Newton iteration, shape (3, n_u); None where it does not converge."""
+        method, scale = self.method, self._tolerance * (1.0 + np.abs(u))
+        real, pair = self._factorise(h)
+        Z: Array = np.zeros((3, len(u))) if self._last is None else self._last(t + method.c * h) - u
+        before = 0.0
+        for n in range(NEWTON_STEPS):
+            F = np.array([self._derivative(t + c * h, u + z) for c, z in zip(method.c, Z, strict=True)])
+            residual = F - self._inverse @ Z / h
+            if not np.all(np.isfinite(residual)):
+                return None
+            w = lu_solve(real, self._T_inverse[0] @ residual), lu_solve(pair, self._T_inverse[1] @ residual)
+            change = np.outer(self._T[0], w[0]) + 2 * np.outer(self._T[1], w[1]).real
+            size = root_mean_square(change / scale)
+            rate = size / before if before else 0.0
+            if n and (rate >= 1.0 or rate ** (NEWTON_STEPS - 1 - n) * size > self._newton * (1.0 - rate)):
+                return None
+            Z = Z + change
+            if size == 0.0 or (n and rate * size < self._newton * (1.0 - rate)):
+                self._slow = n > 1 and rate > 1e-3
+                return Z
+            before = size
+        return None
+
+    def piece(self, t: float, u: Array, h: float, end: Array, f_end: Array) -> Nested:
+        """Dense output of the step attempted last, to a settled end and its derivative."""
+        x = self.method.c[0]
+        F = _hermite(u, end, h * self._f, h * f_end)
+        slope = F[0] + (1 - 2 * x) * F[1] + x * (2 - 3 * x) * F[2]
+        quartic = (self._inverse[0] @ self._Z - slope) / (2 * x * (1 - x) * (1 - 2 * x))
+        self._fresh, self._last = False, Nested(t, h, u, np.vstack([F, quartic]))
+        return self._last
+
+
+OneStep = ExplicitStep | CollocationStep
+
+
+def begin(
+    method: Explicit | Collocation,
+    derivative: Derivative,
+    jacobian: Jacobian,
+    tolerance: float,
+    counters: dict[str, int],
+) -> OneStep:
+    """Steps of the method of these coefficients; the counters gain those that it has."""
+    if isinstance(method, Explicit):
+        return ExplicitStep(method, derivative, tolerance, counters)
+    return CollocationStep(method, derivative, jacobian, tolerance, counters)
