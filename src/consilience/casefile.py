@@ -16,18 +16,17 @@ from pydantic import ValidationError
 
 from consilience.assembly import Initial
 from consilience.case import Case
+from consilience.case_elements import drawn, elements
 from consilience.caseschema import (
     CaseTable,
-    ForceTable,
     HeldTable,
     InitialTable,
     JointTable,
     Orientation,
-    SpringTable,
     TrajectoryTable,
 )
 from consilience.errors import InvalidInput
-from consilience.mechanism import GROUND, Body, Frame, Joint, JointSpring, Load, Mechanism, Spring
+from consilience.mechanism import GROUND, Body, Frame, Joint, Mechanism
 from consilience.spatial import Array, quaternion_from_rotation, rotation_with_z_axis
 
 
@@ -159,48 +158,12 @@ def _mechanism(name: str, table: CaseTable) -> Mechanism:
         for b in table.body
     )
     drawing = {GROUND: Frame(np.zeros(3), np.eye(3))} | {b.name: b.drawing for b in bodies}
-    loads = [_force(f, drawing) for f in table.force]
-    loads += [Load(t.name, "torque", t.body, np.array(t.vector), t.frame) for t in table.torque]
     return Mechanism(
         name=name,
         gravity=np.array(table.gravity),
         bodies=bodies,
         joints=tuple(_joint(j, drawing) for j in table.joint),
-        springs=tuple(_spring(s, drawing) for s in table.spring),
-        joint_springs=tuple(
-            JointSpring(s.name, s.joint, s.coordinate, s.stiffness, s.damping, s.rest) for s in table.joint_spring
-        ),
-        loads=tuple(loads),
-    )
-
-
-def _drawn(drawing: Mapping[str, Frame], body: str, where: str) -> Frame:
-    if body not in drawing:
-        raise InvalidInput(where, f"there is no body '{body}'", f"Bodies are: {', '.join(drawing)}.")
-    return drawing[body]
-
-
-def _point_in(drawing: Mapping[str, Frame], body: str, point: list[float], where: str) -> Array:
-    frame = _drawn(drawing, body, where)
-    return frame.R.T @ (np.array(point) - frame.p)
-
-
-def _force(f: ForceTable, drawing: Mapping[str, Frame]) -> Load:
-    point = _point_in(drawing, f.body, f.at, f"force '{f.name}': body")
-    return Load(f.name, "force", f.body, np.array(f.vector), f.frame, point)
-
-
-def _spring(s: SpringTable, drawing: Mapping[str, Frame]) -> Spring:
-    where = f"spring '{s.name}'"
-    return Spring(
-        s.name,
-        s.predecessor,
-        s.successor,
-        _point_in(drawing, s.predecessor, s.at, f"{where}: predecessor"),
-        _point_in(drawing, s.successor, s.to, f"{where}: successor"),
-        s.stiffness,
-        s.damping,
-        s.free_length,
+        **elements(table, drawing),
     )
 
 
@@ -234,8 +197,12 @@ def _joint_axes(j: JointTable) -> Array:
 
 def _joint(j: JointTable, drawing: Mapping[str, Frame]) -> Joint:
     where = f"joint '{j.name}'"
+    if j.kind == "screw" and j.pitch is None:
+        raise InvalidInput(f"{where}: pitch", "the field is missing", "Give the advance of the screw in a turn.")
+    if j.kind != "screw" and j.pitch is not None:
+        raise InvalidInput(f"{where}: pitch", f"a {j.kind} joint has none", "Remove it: only a screw has a pitch.")
     axes = _joint_axes(j)
-    start, end = _drawn(drawing, j.predecessor, where), _drawn(drawing, j.successor, where)
+    start, end = drawn(drawing, j.predecessor, where), drawn(drawing, j.successor, where)
     at, to = np.array(j.at), np.array(j.at if j.to is None else j.to)
     return Joint(
         name=j.name,
@@ -245,6 +212,7 @@ def _joint(j: JointTable, drawing: Mapping[str, Frame]) -> Joint:
         F=Frame(start.R.T @ (at - start.p), start.R.T @ axes),
         M=Frame(end.R.T @ (to - end.p), end.R.T @ axes),
         length=float(np.linalg.norm(to - at)),
+        pitch=j.pitch or 0.0,
     )
 
 

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from consilience.functions import Function, Table
 from consilience.mechanism import JOINT_KINDS
 from consilience.spatial import (
     Array,
@@ -23,6 +24,9 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 Vector = Annotated[list[Finite], Field(min_length=3, max_length=3)]
 Quaternion = Annotated[list[Finite], Field(min_length=4, max_length=4)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=64)]
+
+
+_MANY = Field(max_length=20_000)
 
 
 class _Table(BaseModel):
@@ -67,6 +71,47 @@ class Orientation(_Table):
         return rotation_from_three_points(*self.three_points)
 
 
+class CurveTable(_Table):
+    """A smooth curve through points, a spline of degree five; it ends with them or is periodic."""
+
+    x: Annotated[list[Finite], Field(min_length=6, max_length=10_000)] = Field(description="Increasing.")
+    y: Annotated[list[Finite], Field(min_length=6, max_length=10_000)] = Field(description="As many as x.")
+    periodic: bool = Field(False, description="It repeats with the period x[-1] - x[0]; then y[-1] = y[0].")
+
+    @model_validator(mode="after")
+    def _pairs(self) -> CurveTable:
+        if len(self.x) != len(self.y):
+            raise ValueError(f"there are {len(self.x)} values of x and {len(self.y)} of y; give as many")
+        return self
+
+
+class FunctionTable(_Table):
+    """Sum of ``c_k x^k``, ``a sin(w x + phi)`` and a curve; x is the time in s, or a joint coordinate."""
+
+    polynomial: Annotated[list[Finite], Field(min_length=1, max_length=32)] | None = Field(
+        None, description="Coefficients of 1, x, x^2, ..."
+    )
+    harmonics: Annotated[list[Vector], Field(min_length=1, max_length=1_000)] | None = Field(
+        None, description="Amplitude, angular frequency and phase (rad) of each sine."
+    )
+    table: CurveTable | None = None
+
+    @model_validator(mode="after")
+    def _something(self) -> FunctionTable:
+        if self.polynomial is None and self.harmonics is None and self.table is None:
+            raise ValueError("the function is empty; give polynomial, harmonics, table, or several of them")
+        return self
+
+    def function(self) -> Function:
+        """Function of the core; raises InvalidInput for points no curve goes through."""
+        t = self.table
+        return Function(
+            np.array(self.polynomial or []),
+            np.array(self.harmonics or []),
+            None if t is None else Table(np.array(t.x), np.array(t.y), t.periodic),
+        )
+
+
 class InertiaTable(_Table):
     """Inertia tensor about the centre of mass in body axes, kg m^2. Products are tensor entries: xy = -sum m x y."""
 
@@ -104,10 +149,16 @@ class JointTable(_Table):
     axis: Vector | None = Field(None, description="z of F and M in the drawing; universal: the axis fixed in F.")
     second_axis: Vector | None = Field(None, description="x of F and M; universal: the axis fixed in M.")
     to: Vector | None = Field(None, description="Rod only: its other end, on the successor, in the drawing, m.")
+    pitch: Finite | None = Field(
+        None, description="Screw only: advance along the axis in a turn, m; positive for a right-handed one."
+    )
+
+
+AxisCoordinate = Literal["angle", "distance"]
 
 
 class SpringTable(_Table):
-    """Spring-damper between two points."""
+    """Spring-damper-actuator between two points."""
 
     name: Name
     predecessor: str
@@ -117,36 +168,116 @@ class SpringTable(_Table):
     stiffness: Finite = Field(description="N/m.")
     damping: Finite = Field(0.0, description="N s/m.")
     free_length: Finite = Field(description="m.")
+    actuator: FunctionTable | None = Field(None, description="Force over time that pushes the points apart, N.")
 
 
 class JointSpringTable(_Table):
-    """Spring-damper about or along the axis of a joint."""
+    """Spring-damper-actuator about or along the axis of a joint."""
 
     name: Name
     joint: str
-    coordinate: Literal["angle", "distance"]
+    coordinate: AxisCoordinate
     stiffness: Finite = Field(description="N m/rad or N/m.")
     damping: Finite = Field(0.0, description="N m s/rad or N s/m.")
     rest: Finite = Field(0.0, description="Coordinate at which the spring is free, rad or m.")
+    actuator: FunctionTable | None = Field(None, description="Effort on the successor over time, N m or N.")
+
+
+class FrictionTable(_Table):
+    """Viscous and regularised Coulomb friction in a joint, ``-(viscous q' + coulomb tanh(q' / speed))``."""
+
+    name: Name
+    joint: str
+    coordinate: AxisCoordinate
+    viscous: Finite = Field(0.0, description="N m s/rad or N s/m.")
+    coulomb: Finite = Field(0.0, description="Friction of sliding, N m or N.")
+    speed: Finite | None = Field(None, description="Speed that regularises the Coulomb part, rad/s or m/s.")
+
+
+class ControlTable(_Table):
+    """PID control of a joint coordinate, ``P e + I int e dt + D e'`` with ``e = target(t) - q``."""
+
+    name: Name
+    joint: str
+    coordinate: AxisCoordinate
+    target: FunctionTable = Field(description="Over time, rad or m.")
+    proportional: Finite = Field(description="N m/rad or N/m.")
+    integral: Finite = 0.0
+    derivative: Finite = 0.0
+
+
+class DriveTable(_Table):
+    """A joint coordinate as a function of time."""
+
+    name: Name
+    joint: str
+    coordinate: AxisCoordinate
+    motion: FunctionTable = Field(description="Over time, rad or m.")
+
+
+class CouplingTable(_Table):
+    """A joint coordinate as a function of another one: gear, rack and pinion, cam."""
+
+    name: Name
+    driver_joint: str
+    driver_coordinate: AxisCoordinate
+    joint: str
+    coordinate: AxisCoordinate
+    ratio: Finite | None = Field(None, description="Coordinate per driving coordinate.")
+    offset: Finite | None = Field(None, description="With ratio only: coordinate where the driving one is zero.")
+    law: FunctionTable | None = Field(None, description="Of the driving coordinate, in place of ratio.")
+
+    @model_validator(mode="after")
+    def _exactly_one(self) -> CouplingTable:
+        if (self.ratio is None) == (self.law is None):
+            count = 0 if self.law is None else 2
+            raise ValueError(f"{count} of ratio and law given; give exactly one of them")
+        if self.law is not None and self.offset is not None:
+            raise ValueError("an offset goes with a ratio; put it into the polynomial of the law")
+        return self
+
+
+class RollingTable(_Table):
+    """A disc, torus or ball that rolls without slipping on a plane of the world."""
+
+    name: Name
+    body: str
+    at: Vector = Field(description="Centre of the circle, or of the ball, in the drawing, m.")
+    axis: Vector | None = Field(None, description="Normal of the circle in the drawing; a ball needs none.")
+    radius: Finite = Field(0.0, description="Of the circle, m; zero for a ball.")
+    rounding: Finite = Field(0.0, description="Radius of the tube about the circle, m: zero for a sharp edge.")
+    point: Vector = Field(description="A point of the plane, in the world, m.")
+    normal: Vector = Field(description="Normal of the plane towards the body, in the world.")
+
+
+class SkateTable(_Table):
+    """A knife edge: a point of a body does not move along a direction of the body."""
+
+    name: Name
+    body: str
+    at: Vector = Field(description="The point in the drawing, m.")
+    lateral: Vector = Field(description="Direction in the drawing in which it does not move; it turns with the body.")
 
 
 class ForceTable(_Table):
-    """Constant force on a body."""
+    """Force on a body."""
 
     name: Name
     body: str
     vector: Vector = Field(description="N, in the axes that `frame` names.")
     frame: Literal["world", "body"]
     at: Vector = Field(description="Point of application in the drawing, m; it moves with the body.")
+    history: FunctionTable | None = Field(None, description="Factor of `vector` over time; default: one.")
 
 
 class TorqueTable(_Table):
-    """Constant torque on a body."""
+    """Torque on a body."""
 
     name: Name
     body: str
     vector: Vector = Field(description="N m, in the axes that `frame` names.")
     frame: Literal["world", "body"]
+    history: FunctionTable | None = Field(None, description="Factor of `vector` over time; default: one.")
 
 
 class HeldTable(_Table):
@@ -220,10 +351,16 @@ class CaseTable(_Table):
     gravity: Vector = Field(description="m/s^2, in world axes.")
     body: Annotated[list[BodyTable], Field(min_length=1, max_length=10_000)]
     joint: Annotated[list[JointTable], Field(min_length=1, max_length=20_000)]
-    spring: list[SpringTable] = Field(default_factory=list)
-    joint_spring: list[JointSpringTable] = Field(default_factory=list)
-    force: list[ForceTable] = Field(default_factory=list)
-    torque: list[TorqueTable] = Field(default_factory=list)
+    spring: Annotated[list[SpringTable], _MANY] = Field(default_factory=list)
+    joint_spring: Annotated[list[JointSpringTable], _MANY] = Field(default_factory=list)
+    force: Annotated[list[ForceTable], _MANY] = Field(default_factory=list)
+    torque: Annotated[list[TorqueTable], _MANY] = Field(default_factory=list)
+    friction: Annotated[list[FrictionTable], _MANY] = Field(default_factory=list)
+    control: Annotated[list[ControlTable], _MANY] = Field(default_factory=list)
+    drive: Annotated[list[DriveTable], _MANY] = Field(default_factory=list)
+    coupling: Annotated[list[CouplingTable], _MANY] = Field(default_factory=list)
+    rolling: Annotated[list[RollingTable], _MANY] = Field(default_factory=list)
+    skate: Annotated[list[SkateTable], _MANY] = Field(default_factory=list)
     initial: InitialTable = Field(default_factory=InitialTable)
     trajectory: TrajectoryTable = Field(default_factory=TrajectoryTable)
     instant: InstantTable = Field(default_factory=InstantTable)

@@ -44,13 +44,11 @@ def _questions(names: list[str] | None) -> list[object]:
 
 
 def _engines(names: list[str] | None) -> list[str]:
-    from consilience.engine import installed
+    from consilience.engine import installed, require_installed
 
-    known = list(installed())
     for name in names or []:
-        if name not in known:
-            raise InvalidInput(f"engine '{name}'", "it is not installed", f"Installed engines: {', '.join(known)}.")
-    return list(dict.fromkeys(names or known))
+        require_installed(name)
+    return list(dict.fromkeys(names or installed()))
 
 
 def _folder(path: Path) -> Path:

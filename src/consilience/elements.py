@@ -167,6 +167,11 @@ class Coupling:
     coordinate: str
     law: Function
 
+    def __post_init__(self) -> None:
+        if (self.driver_joint, self.driver_coordinate) == (self.joint, self.coordinate):
+            what = f"it couples the {self.coordinate} of joint '{self.joint}' with itself"
+            raise InvalidInput(f"coupling '{self.name}'", what, "Couple two coordinates.")
+
 
 @dataclass(frozen=True, eq=False)
 class Rolling:

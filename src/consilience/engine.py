@@ -30,6 +30,9 @@ GROUP = "consilience.engines"
 class Engine(Protocol):
     """What the harness asks of an engine. Constructed without arguments, in the worker that owns it.
 
+    A class with variants has a static method ``variants()`` that names them, and takes one as its only argument; an
+    engine is then asked for as ``name:variant``, or by its name alone for the usual one.
+
     Rules for an implementer:
 
     1. Return canonical observables only (`consilience.run`); no generalised coordinate crosses the boundary.
@@ -81,19 +84,42 @@ def installed() -> dict[str, EntryPoint]:
 def load_engine(name: str) -> Engine:
     """Import and construct an engine in this process.
 
+    Parameters
+    ----------
+    name : str
+        ``name`` or ``name:variant``.
+
     Raises
     ------
     InvalidInput
-        If no engine of that name is installed.
+        If no engine of that name is installed, or it has no such variant.
     ImportError
         If its package does not import.
     """
-    points = installed()
-    if name not in points:
-        known = ", ".join(points)
-        raise InvalidInput(f"engine '{name}'", "it is not installed", f"Installed engines: {known}.")
-    engine: Engine = points[name].load()()
+    require_installed(name)
+    base, _, variant = name.partition(":")
+    make = installed()[base].load()
+    if not variant:
+        plain: Engine = make()
+        return plain
+    known: Collection[str] = make.variants() if hasattr(make, "variants") else ()
+    if variant not in known:
+        names = ", ".join(known) or "none"
+        raise InvalidInput(f"engine '{name}'", f"{base} has no variant '{variant}'", f"It has: {names}.")
+    engine: Engine = make(variant)
     return engine
+
+
+def require_installed(name: str) -> None:
+    """Refuse an engine that is not installed; nothing is imported, a variant is not looked at.
+
+    Raises
+    ------
+    InvalidInput
+    """
+    known = installed()
+    if name.partition(":")[0] not in known:
+        raise InvalidInput(f"engine '{name}'", "it is not installed", f"Installed engines: {', '.join(known)}.")
 
 
 def beyond(mechanism: Mechanism, known: Collection[str], name: str) -> tuple[Unsupported, ...]:

@@ -33,3 +33,7 @@ class InvalidInput(ConsilienceError):
 
 class CannotAssemble(InvalidInput):
     """The mechanism has no configuration that satisfies its joints, or none was found from the drawing."""
+
+
+class NumericalFailure(ConsilienceError):
+    """A computation cannot go on; the message says when and why."""

@@ -74,7 +74,7 @@ class Table:
             x = float(self.x[0] + (x - self.x[0]) % self.period)
         if not self.x[0] <= x <= self.x[-1]:
             return np.full(3, np.nan)
-        row = self.pieces[min(np.searchsorted(self.pieces[:, 1], x), len(self.pieces) - 1)]
+        row = self.pieces[min(int(np.searchsorted(self.pieces[:, 1], x)), len(self.pieces) - 1)]
         polynomial = np.polynomial.Polynomial(row[2:])
         s = x - row[0]
         return np.array([polynomial(s), polynomial.deriv()(s), polynomial.deriv(2)(s)])

@@ -20,7 +20,7 @@ from consilience.kinematics import (
     relative_motion,
     row_jacobian,
 )
-from consilience.mechanism import GROUND, Joint, Mechanism, State
+from consilience.mechanism import GROUND, Joint, JointSpring, Mechanism, Spring, State
 from consilience.spatial import Array, cross, rotation_from_quaternion, skew
 
 _REACH_TOLERANCE = 1e-6
@@ -125,7 +125,7 @@ def reach(mechanism: Mechanism) -> float:
 
 def is_conservative(mechanism: Mechanism) -> bool:
     """Whether kinetic plus potential energy is constant: no dampers, torques, body-fixed forces, drives."""
-    elastic = (*mechanism.springs, *mechanism.joint_springs)
+    elastic: list[Spring | JointSpring] = [*mechanism.springs, *mechanism.joint_springs]
     damped = bool(mechanism.frictions) or any(s.damping != 0 for s in elastic)
     driven = any(not (x.kind == "force" and x.frame == "world" and x.history is None) for x in mechanism.loads)
     powered = bool(mechanism.drives or mechanism.controls) or any(s.actuator is not None for s in elastic)

@@ -6,6 +6,7 @@ import pytest
 from consilience.casefile import load_file
 from consilience.caseschema import case_schema
 from consilience.errors import CannotAssemble, InvalidInput
+from consilience.joints import JOINT_KINDS
 from consilience.library import load_case, load_cases, shipped_cases
 
 GOOD = """
@@ -138,6 +139,152 @@ INVALID = {
 }
 
 
+def _nut(kind, pitch="", axis=True):
+    """A second body on a joint of the kind asked, beside the door's hinge."""
+    body = GOOD[GOOD.index("[[body]]") : GOOD.index("[[joint]]")].replace("door", "nut")
+    drawn = "axis = [0.0, 0.0, 1.0]\n" if axis else ""
+    joint = (
+        f'[[joint]]\nname = "thread"\nkind = "{kind}"\npredecessor = "ground"\nsuccessor = "nut"\n'
+        f"at = [0.1, 0.2, 0.3]\n{drawn}{pitch}\n"
+    )
+    return changed("\n[initial]", "\n" + body + joint + "\n[initial]")
+
+
+DRIVE = '[[drive]]\nname = "turn"\njoint = "hinge"\ncoordinate = "angle"\nmotion = { polynomial = [0.0, 1.0] }\n'
+COUPLING = (
+    '[[coupling]]\nname = "gear"\ndriver_joint = "hinge"\ndriver_coordinate = "angle"\n'
+    'joint = "thread"\ncoordinate = "angle"\nratio = -2.0\n'
+)
+ROLLING = (
+    '[[rolling]]\nname = "wheel"\nbody = "door"\nat = [1.1, 2.2, 3.3]\naxis = [0.0, 2.0, 0.0]\nradius = 0.4\n'
+    "rounding = 0.1\npoint = [0.0, 0.0, -1.0]\nnormal = [0.0, 0.0, 3.0]\n"
+)
+SKATE = '[[skate]]\nname = "edge"\nbody = "door"\nat = [1.1, 2.2, 3.3]\nlateral = [0.0, 2.0, 0.0]\n'
+FRICTION = '[[friction]]\nname = "rub"\njoint = "hinge"\ncoordinate = "angle"\ncoulomb = 0.3\nspeed = 0.1\n'
+CONTROL = (
+    '[[control]]\nname = "hold"\njoint = "hinge"\ncoordinate = "angle"\nproportional = 3.0\nintegral = 2.0\n'
+    "derivative = 1.0\ntarget = { harmonics = [[0.5, 2.0, 0.1]] }\n"
+)
+POINTS = "table = { x = [0, 1, 2, 3, 4, 5], y = [0, 1, 0, 1, 0, 1] }"
+LINEAR = "polynomial = [0.0, 1.0]"
+
+
+def _with(text, old="", new="", base=GOOD):
+    """A case with more tables, a piece of them replaced."""
+    assert not old or text.count(old) == 1
+    return base + "\n" + (text.replace(old, new) if old else text)
+
+
+def _driven_by(function):
+    return _with(DRIVE, LINEAR, function)
+
+
+INVALID |= {
+    "pitch on a revolute": (
+        changed("axis = [0.0, 0.0, 2.0]", "axis = [0, 0, 2]\npitch = 0.01"),
+        ["joint 'hinge': pitch", "a revolute joint has none", "only a screw"],
+    ),
+    "screw without a pitch": (_nut("screw"), ["joint 'thread': pitch", "missing", "in a turn"]),
+    "screw of no pitch": (_nut("screw", "pitch = 0.0"), ["joint 'thread': pitch", "0.0 m"]),
+    **{
+        f"{kind} without an axis": (_nut(kind, axis=False), ["joint 'thread': axis", "missing", kind])
+        for kind in ("point_on_line", "point_in_plane", "parallel_axes")
+    },
+    "empty function": (
+        _driven_by(""),
+        ["drive 'turn'.motion", "the function is empty", "polynomial, harmonics, table"],
+    ),
+    "polynomial without coefficients": (
+        _driven_by("polynomial = []"),
+        ["drive 'turn'.motion.polynomial", "at least 1 item"],
+    ),
+    "harmonic of two numbers": (
+        _driven_by("harmonics = [[1.0, 2.0]]"),
+        ["drive 'turn'.motion.harmonics[0]", "at least 3 items"],
+    ),
+    "unknown part of a function": (_driven_by("sine = [1, 2, 3]"), ["drive 'turn'.motion.sine", "unknown field"]),
+    "endless harmonic": (_driven_by("harmonics = [[1.0, inf, 0.0]]"), ["harmonics[0][1]", "finite"]),
+    "table of five points": (
+        _driven_by("table = { x = [0, 1, 2, 3, 4], y = [0, 1, 0, 1, 0] }"),
+        ["drive 'turn'.motion.table.x", "at least 6 items"],
+    ),
+    "table that goes back": (
+        _driven_by(POINTS.replace("2, 3", "3, 2")),
+        ["drive 'turn': motion.table: x", "do not increase", "increasing"],
+    ),
+    "table with a step": (_driven_by(POINTS.replace("2, 3", "2, 2")), ["drive 'turn': motion.table: x", "do not inc"]),
+    "unequal columns": (
+        _driven_by(POINTS.replace("5]", "5, 6]")),
+        ["drive 'turn'.motion.table", "7 values of x and 6 of y"],
+    ),
+    "period that does not close": (
+        _driven_by(POINTS.replace("1] }", "1], periodic = true }")),
+        ["drive 'turn': motion.table: y", "starts at 0 and ends at 1", "where it starts"],
+    ),
+    "table as long as memory": (
+        _driven_by(f"table = {{ x = {list(range(10_001))}, y = {[0] * 10_001} }}"),
+        ["drive 'turn'.motion.table.x", "at most 10000 items"],
+    ),
+    "drive of a ball": (
+        _nut("spherical") + DRIVE.replace("hinge", "thread"),
+        ["drive 'turn'", "joint 'thread' is spherical", "one axis"],
+    ),
+    "drive along a hinge": (
+        _with(DRIVE, '"angle"', '"distance"'),
+        ["drive 'turn'", "a revolute joint has no 'distance'", "angle"],
+    ),
+    "drive of no joint": (_with(DRIVE, '"hinge"', '"latch"'), ["drive 'turn'", "no joint 'latch'", "hinge"]),
+    "drive of an unknown coordinate": (
+        _with(DRIVE, '"angle"', '"turn"'),
+        ["drive 'turn'.coordinate", "'angle' or 'distance'"],
+    ),
+    "drive without a motion": (
+        _with(DRIVE, "motion = { polynomial = [0.0, 1.0] }", ""),
+        ["drive 'turn'.motion", "missing"],
+    ),
+    "two drives of a name": (GOOD + "\n" + DRIVE + DRIVE, ["element 'turn'", "used twice"]),
+    "gear on itself": (
+        _with(COUPLING, '"thread"', '"hinge"'),
+        ["coupling 'gear'", "angle of joint 'hinge' with itself", "Couple two"],
+    ),
+    "ratio and law": (
+        _with(COUPLING, "ratio = -2.0", "ratio = -2.0\nlaw = { polynomial = [1.0] }"),
+        ["coupling 'gear'", "2 of ratio and law given", "exactly one"],
+    ),
+    "neither ratio nor law": (_with(COUPLING, "ratio = -2.0", ""), ["coupling 'gear'", "0 of ratio and law", "one"]),
+    "offset of a law": (
+        _with(COUPLING, "ratio = -2.0", "offset = 1.0\nlaw = { polynomial = [1.0] }"),
+        ["coupling 'gear'", "an offset goes with a ratio"],
+    ),
+    "gear with an unknown joint": (GOOD + "\n" + COUPLING, ["coupling 'gear'", "no joint 'thread'", "hinge"]),
+    "rolling without a radius": (
+        _with(ROLLING, "radius = 0.4\nrounding = 0.1\n", ""),
+        ["rolling 'wheel': radius", "nothing to roll on", "positive radius"],
+    ),
+    "rolling of a negative radius": (_with(ROLLING, "= 0.4", "= -0.4"), ["rolling 'wheel': radius", "positive radius"]),
+    "disc without an axis": (_with(ROLLING, "axis = [0.0, 2.0, 0.0]\n", ""), ["rolling 'wheel': axis", "missing"]),
+    "disc with an axis of no length": (
+        _with(ROLLING, "[0.0, 2.0, 0.0]", "[0, 0, 0]"),
+        ["rolling 'wheel': axis", "no le"],
+    ),
+    "plane without a normal": (
+        _with(ROLLING, "[0.0, 0.0, 3.0]", "[0, 0, 0]"),
+        ["rolling 'wheel': normal", "no length"],
+    ),
+    "rolling ground": (_with(ROLLING, '"door"', '"ground"'), ["rolling 'wheel': body", "does not move", "a body"]),
+    "rolling of no body": (_with(ROLLING, '"door"', '"gate"'), ["rolling 'wheel': body", "no body 'gate'", "door"]),
+    "skate of the ground": (_with(SKATE, '"door"', '"ground"'), ["skate 'edge': body", "does not move"]),
+    "skate without a direction": (_with(SKATE, "[0.0, 2.0, 0.0]", "[0, 0, 0]"), ["skate 'edge': lateral", "no length"]),
+    "friction of no speed": (_with(FRICTION, "speed = 0.1\n", ""), ["friction 'rub': speed", "missing", "regularises"]),
+    "friction of zero speed": (_with(FRICTION, "= 0.1", "= 0.0"), ["friction 'rub': speed", "not positive"]),
+    "friction that pushes": (_with(FRICTION, "= 0.3", "= -0.3"), ["friction 'rub'", "negative", "positive"]),
+    "control without a target": (
+        _with(CONTROL, "target = { harmonics = [[0.5, 2.0, 0.1]] }\n", ""),
+        ["control 'hold'.target", "missing"],
+    ),
+}
+
+
 @pytest.mark.parametrize("name", INVALID)
 def test_bad_input_names_file_and_field(write, name):
     text, parts = INVALID[name]
@@ -148,6 +295,84 @@ def test_bad_input_names_file_and_field(write, name):
     for part in parts:
         assert part in message
     assert caught.value.remedy
+
+
+def test_joints_beyond_the_basic_ones(write):
+    (screw,) = load_file(write(_nut("screw", "pitch = -0.02")))
+    assert screw.mechanism.joints[1].pitch == -0.02
+    assert screw.mechanism.joints[0].pitch == 0.0
+    for kind in ("point_on_line", "point_in_plane", "parallel_axes"):
+        (case,) = load_file(write(_nut(kind)))
+        nut, thread = case.mechanism.bodies[1], case.mechanism.joints[1]
+        assert thread.kind == kind
+        assert np.array_equal(thread.F.R[:, 2], [0, 0, 1])
+        assert np.allclose(nut.drawing.R @ thread.M.R, thread.F.R, rtol=0, atol=1e-15)
+        assert np.allclose(nut.drawing.p + nut.drawing.R @ thread.M.p, [0.1, 0.2, 0.3], rtol=0, atol=1e-15)
+
+
+def test_a_screw_held_at_several_turns_advances_by_as_many_pitches(write):
+    text = _nut("screw", "pitch = -0.02").replace("{ angle = 0.3 } }", "{ angle = 0.3 }, thread = { angle = 14.0 } }")
+    (case,) = load_file(write(text))
+    nut = case.mechanism.bodies[1]
+    assert case.initial_state.p_WB[1, 2] - nut.drawing.p[2] == pytest.approx(-0.02 * 14.0 / (2 * np.pi), abs=1e-14)
+
+
+def test_elements_that_are_drawn_end_up_in_the_axes_of_their_bodies(write):
+    (case,) = load_file(write(GOOD + "\n" + ROLLING + SKATE))
+    (wheel,), (edge,) = case.mechanism.rollings, case.mechanism.skates
+    # the body's axes x, y, z are y, z, x of the world; it is drawn at (1, 2, 3)
+    for point in (wheel.center, edge.point):
+        assert np.allclose(point, [0.2, 0.3, 0.1], rtol=0, atol=1e-15)
+    for direction in (wheel.axis, edge.lateral):
+        assert np.allclose(direction, [1, 0, 0], rtol=0, atol=1e-15)
+    assert (wheel.radius, wheel.rounding) == (0.4, 0.1)
+    assert np.array_equal(wheel.point, [0, 0, -1])
+    assert np.array_equal(wheel.normal, [0, 0, 1])
+
+
+def test_a_ball_needs_no_axis(write):
+    text = _with(ROLLING, "axis = [0.0, 2.0, 0.0]\nradius = 0.4\n", "")
+    (ball,) = load_file(write(text))[0].mechanism.rollings
+    assert (ball.radius, ball.rounding) == (0.0, 0.1)
+
+
+def test_functions_reach_what_follows_them(write):
+    """Each element gets a function that no other has, so that none can be swapped."""
+    text = _nut("screw", "pitch = 0.02") + DRIVE + COUPLING.replace("ratio = -2.0", "ratio = -2.0\noffset = 0.5")
+    text += FRICTION + CONTROL + COUPLING.replace("gear", "cam").replace("ratio = -2.0", "law = { polynomial = [7.0] }")
+    places = 'body = "door"\nvector = [0.0, 0.0, 1.0]\nframe = "world"\n'
+    ends = 'predecessor = "ground"\nsuccessor = "door"\nat = [0, 0, 0]\nto = [1, 2, 3]\n'
+    text += f'[[force]]\nname = "f"\n{places}at = [0, 0, 0]\nhistory = {{ polynomial = [2.0] }}\n'
+    text += f'[[torque]]\nname = "t"\n{places}history = {{ polynomial = [3.0] }}\n'
+    text += f'[[spring]]\nname = "s"\n{ends}stiffness = 1.0\nfree_length = 1.0\nactuator = {{ polynomial = [4.0] }}\n'
+    spring = 'joint = "hinge"\ncoordinate = "angle"\nstiffness = 1.0\nactuator = { polynomial = [5.0] }\n'
+    m = load_file(write(text + f'[[joint_spring]]\nname = "k"\n{spring}'))[0].mechanism
+    assert [load.history.at(9.0)[0] for load in m.loads] == [2.0, 3.0]
+    assert m.springs[0].actuator.at(9.0)[0] == 4.0
+    assert m.joint_springs[0].actuator.at(9.0)[0] == 5.0
+    assert m.drives[0].motion.at(9.0).tolist() == [9.0, 1.0, 0.0]
+    assert [c.law.at(9.0)[0] for c in m.couplings] == [0.5 - 2.0 * 9.0, 7.0]
+    assert (m.couplings[0].driver_joint, m.couplings[0].joint) == ("hinge", "thread")
+    assert m.controls[0].target.at(1.0)[0] == pytest.approx(0.5 * np.sin(2.1), rel=1e-15)
+    assert (m.controls[0].proportional, m.controls[0].integral, m.controls[0].derivative) == (3.0, 2.0, 1.0)
+    assert (m.frictions[0].viscous, m.frictions[0].coulomb, m.frictions[0].speed) == (0.0, 0.3, 0.1)
+
+
+def test_loads_and_springs_without_functions_are_constant(write):
+    text = '[[torque]]\nname = "t"\nbody = "door"\nvector = [0.0, 0.0, 1.0]\nframe = "world"\n'
+    (case,) = load_file(write(GOOD + "\n" + text))
+    assert case.mechanism.loads[0].history is None
+    assert set(case.mechanism.features) == {"revolute joint", "load"}
+
+
+def test_viscous_friction_needs_no_speed(write):
+    (case,) = load_file(write(_with(FRICTION, "coulomb = 0.3\nspeed = 0.1", "viscous = 0.2")))
+    assert (case.mechanism.frictions[0].viscous, case.mechanism.frictions[0].coulomb) == (0.2, 0.0)
+
+
+def test_a_table_in_a_case_file_is_the_curve_through_its_points(write):
+    (case,) = load_file(write(_driven_by(POINTS)))
+    assert [case.mechanism.drives[0].motion.at(x)[0] for x in range(6)] == pytest.approx([0, 1, 0, 1, 0, 1], abs=1e-13)
 
 
 def test_several_problems_are_counted(write):
@@ -267,4 +492,6 @@ def test_shipped_cases_assemble_and_say_what_they_are(case):
 def test_schema_names_every_table():
     schema = case_schema()
     assert set(schema["properties"]) >= {"title", "body", "joint", "spring", "initial", "trajectory", "variants"}
+    assert set(schema["properties"]) >= {"friction", "control", "drive", "coupling", "rolling", "skate"}
+    assert set(schema["$defs"]["JointTable"]["properties"]["kind"]["enum"]) == set(JOINT_KINDS)
     assert schema["additionalProperties"] is False

@@ -13,6 +13,7 @@ from consilience.kinematics import (
     RelativeMotion,
     constraint_gamma,
     constraint_jacobian,
+    constraint_rates,
     constraint_residual,
     free_directions,
     joint_coordinates,
@@ -162,8 +163,12 @@ def test_compiled_rows_are_those_of_numpy_in_a_mechanism(name):
     ws = compiled(mechanism, state)
     T, rest = change_of_columns(mechanism, state)
     Q = constraint_jacobian(mechanism, state)
-    np.testing.assert_allclose(ws.value, constraint_residual(mechanism, state), rtol=0, atol=1e-13)
+    held = mechanism.holonomic_count
+    np.testing.assert_allclose(ws.value[:held], constraint_residual(mechanism, state), rtol=0, atol=1e-13)
+    np.testing.assert_array_equal(ws.value[held:], 0)  # non-holonomic rows have no value
     np.testing.assert_allclose(ws.Q, Q @ T, rtol=0, atol=1e-13)
+    np.testing.assert_array_equal(ws.rate, constraint_rates(mechanism))
+    assert np.any(ws.rate) == bool(mechanism.drives)
     bar = 1e-13 * max(1.0, np.max(np.abs(rest), initial=0.0), np.max(np.abs(ws.gamma), initial=0.0))
     np.testing.assert_allclose(ws.gamma, constraint_gamma(mechanism, state) - Q @ rest, rtol=0, atol=10 * bar)
 
@@ -173,6 +178,7 @@ FORCED = {
     "forced_slide": chain("prismatic", "cylindrical", seed=81, forces=True),
     "forced_backwards": chain("revolute", "prismatic", "revolute", seed=82, backwards=(1, 2), forces=True),
     "weight_only": LOOPS["four_bar"],
+    "powered": ELEMENTS["powered"],
 }
 
 
@@ -180,15 +186,15 @@ FORCED = {
 @pytest.mark.parametrize("n", range(3))
 def test_compiled_forces_are_the_wrenches_of_numpy(name, n):
     """In the columns (v_cm, w'): force, torque about the centre of mass in body axes, less the gyroscopic torque."""
-    mechanism = FORCED[name]
+    mechanism, t = FORCED[name], 0.3 * n
     state = states_of(mechanism)[n]
     model = flatten(mechanism)
     ws, y = workspace(model), pack(mechanism, state)
     rotations(y, ws.A)
     memory = np.zeros(len(model.coordinate))
-    forces.evaluate(model, 0.0, y, memory, ws)
+    forces.evaluate(model, t, y, memory, ws)
     T, _ = change_of_columns(mechanism, state)
-    expected = (T.T @ truth.applied_wrenches(mechanism, state).ravel()).reshape(-1, 6)
+    expected = (T.T @ truth.applied_wrenches(mechanism, state, t).ravel()).reshape(-1, 6)
     for b, body in enumerate(mechanism.bodies):
         w_body = rotation_from_quaternion(state.quat_WB[b]).T @ state.w_WB_W[b]
         expected[b, 3:] -= np.cross(w_body, body.inertia @ w_body)
@@ -197,23 +203,27 @@ def test_compiled_forces_are_the_wrenches_of_numpy(name, n):
 
 @pytest.mark.parametrize("name", ALL)
 def test_inner_forces_add_up_to_nothing(name):
-    """Springs between bodies, and joint springs, leave the balance of the whole alone: action and reaction."""
+    """What acts between bodies, in joints or not, leaves the balance of the whole alone: action and reaction."""
     mechanism = ALL[name]
+
+    def between_bodies(elements):
+        return tuple(e for e in elements if GROUND not in _ends(mechanism.joints[mechanism.joint_index[e.joint]]))
+
     inner = replace(
         mechanism,
         gravity=np.zeros(3),
         loads=(),
         springs=tuple(s for s in mechanism.springs if GROUND not in (s.predecessor, s.successor)),
-        joint_springs=tuple(
-            s for s in mechanism.joint_springs if GROUND not in _ends(mechanism.joints[mechanism.joint_index[s.joint]])
-        ),
+        joint_springs=between_bodies(mechanism.joint_springs),
+        frictions=between_bodies(mechanism.frictions),
+        controls=between_bodies(mechanism.controls),
     )
     state = states_of(inner)[0]
     wrench = truth.applied_wrenches(inner, state)
     total = wrench[:, 3:] + np.cross(state.p_WB, wrench[:, :3])
     np.testing.assert_allclose(wrench[:, :3].sum(axis=0), 0, atol=1e-12)
     np.testing.assert_allclose(total.sum(axis=0), 0, atol=1e-12)
-    if name == "forced_chain":
+    if inner.joint_springs or inner.frictions or inner.controls:
         assert np.max(np.abs(wrench)) > 0.1
 
 
@@ -284,16 +294,20 @@ def test_free_directions_are_annihilated_by_the_rows_and_as_many_as_the_joints_l
         "loop_universal": 1,
         "loop_rod": 18 - (5 + 3 + 1 + 5),
     }
-    expected = by_theory.get(name, sum(JOINT_KINDS[j.kind].freedom for j in mechanism.joints))
-    assert N.shape[1] == expected
+    joints = sum(JOINT_KINDS[j.kind].freedom for j in mechanism.joints)
+    # every drive and coupling takes one, a skate one sideways, a rolling body three: up and down, and two of slip
+    elements = len(mechanism.drives) + len(mechanism.couplings) + len(mechanism.skates) + 3 * len(mechanism.rollings)
+    assert N.shape[1] == by_theory.get(name, joints - elements)
 
 
 @pytest.mark.parametrize("name", ALL)
 def test_small_steps_along_free_directions_leave_the_joints_closed(name):
-    """The residual grows with the square of the step: the directions are tangents."""
+    """The residual grows with the square of the step: the directions are tangents, those of slipping too."""
     mechanism = ALL[name]
     state = states_of(mechanism)[0]
-    N = free_directions(mechanism, state)
+    N = free_directions(mechanism, state, holonomic=True)
+    slip = 2 * len(mechanism.rollings) + len(mechanism.skates)
+    assert N.shape[1] == free_directions(mechanism, state).shape[1] + slip
     residuals = [np.max(np.abs(constraint_residual(mechanism, move(state, N @ (h * np.ones(N.shape[1]))))), initial=0)
                  for h in (1e-4, 1e-5)]  # fmt: skip
     assert residuals[0] < 1e-6

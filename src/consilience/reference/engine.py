@@ -10,7 +10,7 @@ import numpy as np
 from consilience.kinematics import free_directions
 from consilience.mechanism import Mechanism, State
 from consilience.observe import mass_properties
-from consilience.reference.dynamics import FORMULATIONS
+from consilience.reference import registry
 from consilience.reference.solver import accelerations, simulate
 from consilience.run import (
     EngineInfo,
@@ -25,20 +25,41 @@ from consilience.run import (
 )
 from consilience.spatial import Array
 
-_TOLERANCES = {"descriptor": (1e-10, 1e-12, 1e-13), "null_space": (1e-12,)}
+_USUAL = {"descriptor": (1e-10, 1e-12, 1e-13), "null_space": (1e-12,)}
+"""Formulations of the reference as the harness asks it, with the tolerances of their trajectories."""
+
+_LADDER = (1e-9, 1e-10, 1e-11)
+"""Tolerances of a formulation asked by its name."""
 
 
 class ReferenceEngine:
-    """In-house reference: descriptor form with Euler parameters, and its check, the null-space form."""
+    """In-house reference: descriptor form with Euler parameters, and its check, the null-space form.
+
+    Parameters
+    ----------
+    formulation : str, optional
+        Answer in this formulation instead (``reference:NAME``), to be judged like any other engine.
+    """
+
+    def __init__(self, formulation: str | None = None) -> None:
+        self._formulations = _USUAL if formulation is None else {formulation: _LADDER}
+
+    @staticmethod
+    def variants() -> tuple[str, ...]:
+        """All formulations."""
+        return tuple(registry.FORMULATIONS)
 
     def info(self) -> EngineInfo:
         """Name and version."""
         own = version("consilience")
-        return EngineInfo("reference", own, own, "Euler-parameter descriptor form and null-space form, DOP853")
+        titles = "; ".join(registry.FORMULATIONS[name].title for name in self._formulations)
+        return EngineInfo("reference", own, own, f"{titles}; DOP853")
 
     def unsupported(self, mechanism: Mechanism, question: Question) -> tuple[Unsupported, ...]:
-        """Nothing: the neutral model is what the reference solves."""
-        return ()
+        """What a formulation cannot represent; nothing for the usual ones."""
+        if question is Question.MODEL:
+            return ()
+        return tuple(reason for name in self._formulations for reason in registry.unsupported(name, mechanism))
 
     def methods(self, mechanism: Mechanism, question: Question) -> tuple[Method, ...]:
         """Every formulation, the descriptor form first."""
@@ -49,10 +70,10 @@ class ReferenceEngine:
             Method(
                 name,
                 Route.REFERENCE,
-                tolerances=_TOLERANCES[name] if question is Question.TRAJECTORY else (),
+                tolerances=tolerances if question is Question.TRAJECTORY else (),
                 settings=settings if question is Question.TRAJECTORY else {},
             )
-            for name in FORMULATIONS
+            for name, tolerances in self._formulations.items()
         )
 
     def manifest(self, mechanism: Mechanism) -> Manifest:
@@ -66,7 +87,7 @@ class ReferenceEngine:
         return ModelAnswer(mass, com, inertia, freedom)
 
     def instant(self, mechanism: Mechanism, states: Sequence[State], method: Method) -> InstantAnswer:
-        """Accelerations, reactions (descriptor form) and energies."""
+        """Accelerations, reactions (where the formulation has them) and energies."""
         return accelerations(mechanism, states, method.name)
 
     def trajectory(

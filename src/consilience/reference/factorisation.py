@@ -14,7 +14,7 @@ from consilience.spatial import Array
 
 
 @njit(cache=True, error_model="numpy")
-def pivoted_qr(B: Array, tau: Array, pivot: Array, norms: Array) -> int:
+def pivoted_qr(B: Array, tau: Array, pivot: Array, norms: Array, size: float, limit: int) -> int:
     """Factorise B in place: R above the diagonal and on it, Householder vectors below (first entry 1 implied).
 
     Parameters
@@ -24,16 +24,23 @@ def pivoted_qr(B: Array, tau: Array, pivot: Array, norms: Array) -> int:
     pivot : ndarray of int, shape (q,)
     norms : ndarray, shape (q,)
         Work space: squared norms of the remaining columns.
+    size : float
+        Size below which the rank is not measured against the first diagonal entry: that of columns which do count.
+    limit : int
+        Most columns to take: the rank where it is known. Columns that depend on others at a pose where the
+        constraints hold seem independent a little off it.
 
     Returns
     -------
     int
-        Numerical rank: diagonal entries of R above `RANK_TOLERANCE` times the first.
+        Numerical rank: diagonal entries of R above `RANK_TOLERANCE` times the first, or times `size`.
     """
     n, q = B.shape
+    smallest = (RANK_TOLERANCE * size) ** 2
     for c in range(q):
         pivot[c] = c
-    for k in range(min(n, q)):
+    most = min(n, q, limit)
+    for k in range(most):
         best = k
         for c in range(k, q):
             total = 0.0
@@ -42,16 +49,16 @@ def pivoted_qr(B: Array, tau: Array, pivot: Array, norms: Array) -> int:
             norms[c] = total
             if total > norms[best]:
                 best = c
-        if norms[best] <= (RANK_TOLERANCE * abs(B[0, 0])) ** 2 and k > 0:
-            return k
-        if norms[best] == 0.0:
+        if k == 0:
+            smallest = max(smallest, RANK_TOLERANCE**2 * norms[best])
+        if not norms[best] > smallest:
             return k
         if best != k:
             pivot[k], pivot[best] = pivot[best], pivot[k]
             for r in range(n):
                 B[r, k], B[r, best] = B[r, best], B[r, k]
         _reflect(B, tau, k, np.sqrt(norms[best]))
-    return min(n, q)
+    return most
 
 
 @njit(cache=True, error_model="numpy")

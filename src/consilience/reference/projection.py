@@ -2,6 +2,9 @@
 
 The step (dr, rotation vector in body axes) of least M-norm with ``Q step = -g``; then the change of the velocities of
 least M-norm with ``Q (v + dv) = nu``. Non-holonomic rows hold velocities only.
+
+The rank of the constraints is found where they hold, that is here, and kept in ``ws.limit`` for the stages of the next
+step, which are off the manifold by their error: rows that depend on others show it only to that error there.
 """
 
 from __future__ import annotations
@@ -18,6 +21,10 @@ from consilience.reference.workspace import Workspace
 from consilience.spatial import Array
 
 _POSITION_STEPS = 3
+_PASSING = 1e-4
+"""Part of its largest value at which the least independent pivot counts as passing through zero."""
+_PASSING_VIOLATION = 1e-11
+"""Violation (over the length of the mechanism) that rows left out on the way through a singular pose may have."""
 
 
 @njit(cache=True, error_model="numpy")
@@ -51,43 +58,59 @@ def _largest(x: Array) -> float:
 
 
 @njit(cache=True, error_model="numpy")
+def _rank(ws: Workspace, rank: int, violation: float) -> int:
+    """Rank to work with until the next projection, from the numerical one of the factors in the workspace.
+
+    A linkage may pass through a pose in which its rows lose rank (a flat parallelogram). Close to it they have the
+    full rank still, but what they say of the accelerations drowns in rounding. There the rows that are about to become
+    dependent are left out, as in the pose itself: the motion so far has satisfied them, and does so on the way
+    through. Where it does not, in a linkage that comes near such a pose and turns, they are taken back.
+    """
+    if rank == 0:
+        return rank
+    least = abs(ws.B[rank - 1, rank - 1])
+    if rank > ws.best[0]:
+        ws.best[0], ws.best[1] = rank, least
+    elif rank == ws.best[0]:
+        ws.best[1] = max(ws.best[1], least)
+    if violation > _PASSING_VIOLATION:
+        return rank
+    while rank > 1 and abs(ws.B[rank - 1, rank - 1]) < _PASSING * ws.best[1]:
+        rank -= 1
+    return rank
+
+
+@njit(cache=True, error_model="numpy")
 def project(model: Model, t: float, y: Array, memory: Array, ws: Workspace) -> None:
     """Project a state in place: positions by Newton's method until rounding is reached, then velocities."""
     count = model.mass.shape[0]
     normalise(y, count)
     if ws.Q.shape[0] == 0:
         return
-    rank, rows = 0, ws.Q.shape[0]
+    rows = ws.Q.shape[0]
     held = rows - 2 * model.rolling_body.shape[0] - model.skate_body.shape[0]
-    for _ in range(_POSITION_STEPS):
+    last = False
+    for step in range(_POSITION_STEPS + 1):
         rotations(y, ws.A)
         constraints.evaluate(model, t, y, memory, ws)
+        if last or step == _POSITION_STEPS or _largest(ws.value) <= 2e-16 * max(1.0, model.length):
+            break
         ws.Q[held:, :] = 0.0
         rank = factorise(model, ws)
-        if _largest(ws.value) <= 2e-16 * max(1.0, model.length):
-            break
         ws.value[:] = -ws.value
         least_norm(ws.B, ws.tau, ws.pivot, rank, ws.value, ws.z)
         solve_factor_transposed(model, ws.z)
-        small = _largest(ws.z) < 1e-9  # then Q has changed by less than rounding of the velocities asks for
+        last = _largest(ws.z) < 1e-9  # then Q changes by less than rounding of the velocities asks for
         _move(y, ws.z)
-        if small:
-            rotations(y, ws.A)
-            constraints.evaluate(model, t, y, memory, ws)
-            held = rows
-            rank = factorise(model, ws)
-            break
-    if held < rows:  # the slip rows were left out so far
-        rotations(y, ws.A)
-        constraints.evaluate(model, t, y, memory, ws)
-        rank = factorise(model, ws)
+    ws.limit[0] = rows
+    ws.limit[0] = _rank(ws, factorise(model, ws), _largest(ws.value[:held]) / max(1.0, model.length))
     for row in range(rows):
         s = ws.rate[row]
         for b in range(count):
             for k in range(6):
                 s -= ws.Q[row, 6 * b + k] * y[b, 7 + k]
         ws.value[row] = s
-    least_norm(ws.B, ws.tau, ws.pivot, rank, ws.value, ws.z)
+    least_norm(ws.B, ws.tau, ws.pivot, ws.limit[0], ws.value, ws.z)
     solve_factor_transposed(model, ws.z)
     for b in range(count):
         y[b, 7:13] += ws.z[6 * b : 6 * b + 6]

@@ -23,6 +23,8 @@ class Workspace(NamedTuple):
     B: Array  # (6 n_b, q) L^-1 Q^T and its factors
     tau: Array  # (min(6 n_b, q),)
     pivot: Array  # (q,)
+    limit: Array  # (1,) most rows to take as independent: the rank where a projection has found it, else q
+    best: Array  # (2,) largest rank that a projection has found, and the largest least pivot of that rank
     norms: Array  # (q,)
     z: Array  # (6 n_b,)
 
@@ -41,6 +43,8 @@ def workspace(model: Model) -> Workspace:
         B=np.zeros((n, q)),
         tau=np.zeros(min(n, q)),
         pivot=np.zeros(q, dtype=np.int64),
+        limit=np.array([q], dtype=np.int64),
+        best=np.zeros(2),
         norms=np.zeros(q),
         z=np.zeros(n),
     )

@@ -73,7 +73,7 @@ def factorise(model: Model, ws: Workspace) -> int:
         ws.z[:] = ws.Q[row]
         solve_factor(model, ws.z)
         ws.B[:, row] = ws.z
-    return pivoted_qr(ws.B, ws.tau, ws.pivot, ws.norms)
+    return pivoted_qr(ws.B, ws.tau, ws.pivot, ws.norms, 0.0, ws.limit[0])
 
 
 @njit(cache=True, error_model="numpy")

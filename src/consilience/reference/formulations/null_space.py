@@ -35,13 +35,16 @@ def mass_matrix(model: Model) -> Array:
 
 
 @njit(cache=True, error_model="numpy")
-def basis(Q: Array, gamma: Array) -> tuple[Array, Array]:
-    """Null-space basis J, shape (6 n_b, freedom), and least-norm solution abar of ``Q abar = gamma``."""
+def basis(Q: Array, gamma: Array, limit: int) -> tuple[Array, Array]:
+    """Null-space basis J, shape (6 n_b, freedom), and least-norm solution abar of ``Q abar = gamma``.
+
+    The rank is at most `limit` (see `factorisation.pivoted_qr`).
+    """
     if Q.shape[0] == 0:
         return np.eye(Q.shape[1]), np.zeros(Q.shape[1])
     U, s, Vt = np.linalg.svd(Q)
     rank = 0
-    for k in range(s.shape[0]):
+    for k in range(min(limit, s.shape[0])):
         if s[k] > RANK_TOLERANCE * s[0]:
             rank += 1
     along = np.ascontiguousarray(U[:, :rank].T) @ gamma
@@ -55,7 +58,10 @@ def accelerations(model: Model, t: float, y: Array, memory: Array, ws: Workspace
     rotations(y, ws.A)
     forces.evaluate(model, t, y, memory, ws)
     constraints.evaluate(model, t, y, memory, ws)
-    J, abar = basis(ws.Q, ws.gamma)
+    if not np.all(np.isfinite(ws.Q)):
+        a[:] = np.nan  # a decomposition would raise; the integrator reports it
+        return 0
+    J, abar = basis(ws.Q, ws.gamma, ws.limit[0])
     M = mass_matrix(model)
     freedom = J.shape[1]
     if freedom == 0:

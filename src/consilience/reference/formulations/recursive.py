@@ -34,6 +34,7 @@ from consilience.mechanism import Mechanism, State
 from consilience.reference import constraints, forces
 from consilience.reference.bodies import rotations
 from consilience.reference.factorisation import least_norm, pivoted_qr
+from consilience.reference.formulations.descriptor import solve_factor
 from consilience.reference.formulations.recursive_model import (
     Links,
     TreeModel,
@@ -226,12 +227,15 @@ def _from_whitened(tree: TreeModel, links: Links, G: Array, e: Array) -> Array:
 
 
 @njit(cache=True, error_model="numpy")
-def close_loops(B: Array, Q: Array, gamma: Array, a: Array, e: Array) -> int:
-    """Add to e the zeta of least norm with ``B^T zeta = gamma - Q a``; the rank of B, which is overwritten."""
+def close_loops(B: Array, Q: Array, gamma: Array, a: Array, e: Array, size: float, limit: int) -> int:
+    """Add to e the zeta of least norm with ``B^T zeta = gamma - Q a``; the rank of B, which is overwritten.
+
+    `size` and `limit` as in `factorisation.pivoted_qr`.
+    """
     q = B.shape[1]
     tau, norms, zeta = np.zeros(min(B.shape)), np.zeros(q), np.zeros(B.shape[0])
     pivot = np.zeros(q, dtype=np.int64)
-    rank = pivoted_qr(B, tau, pivot, norms)
+    rank = pivoted_qr(B, tau, pivot, norms, size, limit)
     least_norm(B, tau, pivot, rank, gamma - Q @ a, zeta)
     e += zeta
     return rank
@@ -243,6 +247,20 @@ def _cut_rows(tree: TreeModel, t: float, y: Array, memory: Array, ws: Workspace)
     constraints.evaluate(tree.cut, t, y, memory, ws)
     q = tree.cut_rows
     return ws.Q[:q], ws.gamma[:q]
+
+
+@njit(cache=True, error_model="numpy")
+def largest_row(model: Model, Q: Array) -> float:
+    """Largest size ``|L^-1 q|`` of a row for bodies without joints: what its response in the tree comes to at most.
+
+    A cut joint whose rows all follow from the tree has responses of nothing but rounding.
+    """
+    largest = 0.0
+    for row in range(Q.shape[0]):
+        z = Q[row].copy()
+        solve_factor(model, z)
+        largest = max(largest, np.sqrt(np.dot(z, z)))
+    return largest
 
 
 # ---------------------------------------------------------------- the two routes
@@ -264,7 +282,7 @@ def accelerations(tree: TreeModel, model: Model, t: float, y: Array, memory: Arr
     B, rest = np.empty((e.shape[0], Q.shape[0])), np.zeros(links.c.shape)
     for row in range(Q.shape[0]):
         B[:, row] = innovations(tree, links, art, world_wrenches(tree, ws.A, Q[row]), rest)
-    rank = close_loops(B, Q, gamma, a, e)
+    rank = close_loops(B, Q, gamma, a, e, largest_row(model, Q), ws.limit[0] - tree_rank)
     write_accelerations(tree, ws.A, accelerate(tree, links, art, e), a)
     return tree_rank + rank
 
@@ -290,7 +308,7 @@ def composite_accelerations(
     for row in range(Q.shape[0]):
         B[:, row] = joint_forces(tree, links, world_wrenches(tree, ws.A, Q[row]))
         _solve_lower(G, B[:, row])
-    rank = close_loops(B, Q, gamma, a, e)
+    rank = close_loops(B, Q, gamma, a, e, largest_row(model, Q), ws.limit[0] - tree_rank)
     write_accelerations(tree, ws.A, _from_whitened(tree, links, G, e), a)
     return tree_rank + rank
 

@@ -39,7 +39,7 @@ from typing import Any, Protocol, cast
 import numpy as np
 from scipy.integrate import BDF
 
-from consilience.errors import InvalidInput
+from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import State
 from consilience.reference.integrators.dense import Dense, Piece
 from consilience.reference.integrators.tableaus import (
@@ -53,7 +53,6 @@ from consilience.reference.integrators.tableaus import (
     difference_quotients,
     root_mean_square,
 )
-from consilience.reference.solver import NumericalFailure
 from consilience.spatial import Array
 
 SAFETY, SMALLEST, LARGEST = 0.9, 0.2, 6.0

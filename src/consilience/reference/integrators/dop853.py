@@ -129,7 +129,7 @@ def integrate(
         Key of `STATUS`.
     """
     K = np.zeros((STAGES, y.shape[0], 13))
-    trial, a, size = np.empty_like(y), np.empty(6 * y.shape[0]), np.empty(13)
+    trial, a, size = np.empty_like(y), np.empty(6 * model.mass.shape[0]), np.empty(13)
     counters[:] = 0
     motion[0] = y
     t = times[0]

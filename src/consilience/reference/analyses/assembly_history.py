@@ -1,0 +1,140 @@
+"""Assembly with emphasised coordinates, and how Newton's method went: residual, step and worst row of each iteration.
+
+    x <- x + s (Q; R)^+ -(g; q - q_d)
+
+with the rows R of the emphasised coordinates, held at q_d [MASS, "kinematical assembling"]: the same iteration as
+`consilience.assembly.assemble_positions`, traced. Near the solution residuals square from one iteration to the next.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from consilience.assembly import (
+    _CONVERGED,
+    _MAX_ITERATIONS,
+    _held,
+    _largest,
+    _refuse_flipped,
+    _row_names,
+    _system,
+    move,
+)
+from consilience.errors import CannotAssemble
+from consilience.kinematics import RANK_TOLERANCE
+from consilience.mechanism import Mechanism, State
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """One iterate of the assembly.
+
+    Attributes
+    ----------
+    number : int
+        0 for the guess.
+    residual : float
+        Euclidean norm of all rows (m, rad or dimensionless).
+    largest : float
+        Largest row, by magnitude.
+    worst : str
+        Name of that row.
+    step : float
+        Largest component of the Newton step that led here (m and rad), before it was shortened; 0 for the guess.
+    scale : float
+        Fraction of the step that was taken: below 1 where it would have exceeded a metre or a radian.
+    """
+
+    number: int
+    residual: float
+    largest: float
+    worst: str
+    step: float
+    scale: float
+
+
+@dataclass(frozen=True, eq=False)
+class Assembly:
+    """An assembled state and the way to it.
+
+    Attributes
+    ----------
+    state : State
+        The last iterate; consistent unless there is a failure. Velocities are those of the guess.
+    history : tuple of Iteration
+    failure : CannotAssemble or None
+        Why the mechanism could not be assembled.
+    """
+
+    state: State
+    history: tuple[Iteration, ...]
+    failure: CannotAssemble | None
+
+
+def assemble_with_history(
+    mechanism: Mechanism, guess: State, emphasised: Mapping[str, Mapping[str, ArrayLike]] | None = None
+) -> Assembly:
+    """Assemble as `consilience.assembly.assemble_positions` does, and keep the history.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    guess : State
+        For example `consilience.assembly.drawing_state`.
+    emphasised : mapping of joint name to mapping of coordinate name to value
+        Joint coordinates that are held (m, rad, quaternions); everything else moves as little as possible.
+
+    Returns
+    -------
+    Assembly
+        Whether or not the iteration converged: the history is what explains a failure.
+
+    Raises
+    ------
+    InvalidInput
+        Unknown joints or coordinates.
+    """
+    held = _held(mechanism, emphasised or {}, "emphasised")
+    names = _row_names(mechanism, held, velocities=False)
+    state = guess
+    history: list[Iteration] = []
+    residual, jacobian = _system(mechanism, state, held, 0.0)
+
+    def note(step: float, scale: float) -> None:
+        worst = names[int(np.argmax(np.abs(residual)))] if len(residual) else "none"
+        norm = float(np.linalg.norm(residual))
+        history.append(Iteration(len(history), norm, _largest(residual), worst, step, scale))
+
+    note(0.0, 1.0)
+    for _ in range(_MAX_ITERATIONS):
+        error = _largest(residual)
+        if error == 0.0:
+            break
+        step = np.linalg.lstsq(jacobian, -residual, rcond=RANK_TOLERANCE)[0]
+        longest = _largest(step)
+        scale = min(1.0, 1.0 / max(longest, 1e-300))
+        trial = move(state, scale * step)
+        trial_residual, trial_jacobian = _system(mechanism, trial, held, 0.0)
+        if error < _CONVERGED and _largest(trial_residual) >= error:
+            break
+        state, residual, jacobian = trial, trial_residual, trial_jacobian
+        note(longest, scale)
+    return Assembly(state, tuple(history), _failure(mechanism, state, history[-1]))
+
+
+def _failure(mechanism: Mechanism, state: State, last: Iteration) -> CannotAssemble | None:
+    if last.largest > _CONVERGED * max(1.0, _largest(state.p_WB)):
+        return CannotAssemble(
+            f"mechanism '{mechanism.name}': {last.worst}",
+            f"it stays violated by {last.largest:.3g} after {last.number} iterations",
+            "Draw the mechanism closer to an assembled pose, or hold fewer or other joint coordinates.",
+        )
+    try:
+        _refuse_flipped(mechanism, state)
+    except CannotAssemble as failure:
+        return failure
+    return None

@@ -1,0 +1,242 @@
+"""Inverse kinematics: the pose of a mechanism that brings a point, or a frame, of one body to a target.
+
+Along the free directions N of the joints (``Q N = 0``) the task velocity is ``(p', w) = J y'``. With e the error of
+the task and d the displacement from here back to the guess, a step is
+
+    y = J^T (J J^T + mu^2 1)^-1 e,                    until e = 0 (Levenberg, Marquardt),
+    y = J^+ e + s (1 - J^+ J) N^T d,                   until (1 - J^+ J) N^T d = 0,
+
+each followed by assembly. Translations are divided by the length of the mechanism, so that they count like radians.
+Of all poses that meet the task, the second line leads to the one closest to the guess: the least sum over all bodies of
+squared translations of the origins (over the length) and rotation angles, where ``(1 - J^+ J) N^T d`` is its gradient.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from consilience.assembly import assemble_positions, move
+from consilience.errors import CannotAssemble, ConsilienceError, InvalidInput
+from consilience.kinematics import RANK_TOLERANCE, constraint_jacobian
+from consilience.mechanism import GROUND, Mechanism, State
+from consilience.observe import body_point, reach
+from consilience.spatial import Array, quaternion_product, rotation_vector_from_quaternion, skew
+
+_ACCURATE = 1e-12
+"""Task error, rad and lengths of the mechanism, at which Newton's method has nothing left to gain."""
+_STEPS = 100
+_STARTS = 3
+"""Attempts, all but the first from a guess that is shaken: at a singular pose the target may lie where J does not
+point, though it is in reach."""
+_SHAKES, _SHAKE = 4, 0.3
+_LONGEST = 0.5
+_DAMPING = 1e-3
+_STATIONARY = 1e-7
+"""Gradient of the task error, over the error, at which no small motion brings the target closer."""
+_CLOSEST = 1e-9
+"""Gradient of the distance to the guess at which the redundancy counts as resolved."""
+
+
+class Unreachable(ConsilienceError):
+    """No pose was found that meets the target; the message gives the distance that remains."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    """What is asked: a point of a body at p, its orientation at quat (or None); lengths divided by `length`."""
+
+    mechanism: Mechanism
+    body: str
+    point: Array
+    p: Array
+    quat: Array | None
+    length: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Pose:
+    """A pose, scaled free directions N, task Jacobian J and error e."""
+
+    state: State
+    N: Array
+    J: Array
+    e: Array
+
+    @property
+    def error(self) -> float:
+        return float(np.linalg.norm(self.e))
+
+
+def inverse_kinematics(
+    mechanism: Mechanism,
+    body: str,
+    point: ArrayLike,
+    target: ArrayLike,
+    guess: State,
+    orientation: ArrayLike | None = None,
+    tolerance: float = 1e-10,
+) -> State:
+    """Pose in which a point of a body is at a target.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Tree or loops.
+    body : str
+    point : array_like, shape (3,), m
+        In body axes, from the body's origin.
+    target : array_like, shape (3,), m
+        Where the point shall be, world axes.
+    guess : State
+        Pose to start from; it chooses the branch (elbow up or down). Velocities are ignored.
+    orientation : array_like, shape (4,), optional
+        Unit quaternion ``quat_WB`` that the body shall have; any without it.
+    tolerance : float
+        Error up to which the target is met, rad and lengths of the mechanism.
+
+    Returns
+    -------
+    State
+        Assembled, at rest. What the target leaves open changes least from the guess (see the module).
+
+    Raises
+    ------
+    InvalidInput
+        Unknown body, arrays of wrong shape.
+    Unreachable
+        With the distance, and the angle, left in the closest pose found.
+    CannotAssemble
+        If the guess cannot be assembled.
+    """
+    if body not in mechanism.body_index or body == GROUND:
+        known = ", ".join(b.name for b in mechanism.bodies)
+        raise InvalidInput("inverse kinematics", f"there is no body '{body}'", f"Bodies are: {known}.")
+    quat = None if orientation is None else _vector(orientation, 4, "orientation")
+    if quat is not None and abs(float(np.linalg.norm(quat)) - 1.0) > 1e-9:
+        raise InvalidInput("inverse kinematics: orientation", "the quaternion is not unit", "Normalise it.")
+    task = _Task(mechanism, body, _vector(point, 3, "point"), _vector(target, 3, "target"), quat, reach(mechanism))
+    start = assemble_positions(mechanism, guess)
+    rng = np.random.default_rng(0)
+    best = _pose(task, start)
+    for attempt in range(_STARTS):
+        first = _pose(task, start) if attempt == 0 else _shaken(task, start, rng)
+        found = _towards(task, first)
+        best = found if found.error < best.error or attempt == 0 else best
+        if best.error <= tolerance:
+            return _at_rest(_closest(task, best, start, tolerance))
+    raise Unreachable(_remaining(task, best))
+
+
+def _vector(value: ArrayLike, n: int, name: str) -> Array:
+    a = np.asarray(value, dtype=float)
+    if a.shape != (n,) or not np.all(np.isfinite(a)):
+        raise InvalidInput(f"inverse kinematics: {name}", f"shape {a.shape}", f"Give {n} finite numbers.")
+    return a
+
+
+def _at_rest(state: State) -> State:
+    zeros = np.zeros_like(state.p_WB)
+    return State(state.p_WB, state.quat_WB, zeros, zeros)
+
+
+def _scales(task: _Task) -> Array:
+    """Displacement (m, rad) per scaled one, shape (6 n_b,)."""
+    return np.tile([task.length] * 3 + [1.0] * 3, len(task.mechanism.bodies))
+
+
+def _pose(task: _Task, state: State) -> _Pose:
+    mechanism, i = task.mechanism, task.mechanism.body_index[task.body]
+    scales = _scales(task)
+    Q = constraint_jacobian(mechanism, state) * scales
+    _, singular, Vt = np.linalg.svd(Q) if len(Q) else (None, np.zeros(0), np.eye(len(scales)))
+    N = Vt[int(np.sum(singular > RANK_TOLERANCE * np.max(singular, initial=0.0))) :].T
+    p, _ = body_point(mechanism, state, task.body, task.point)
+    of_body = (scales[:, None] * N)[6 * i : 6 * i + 6]
+    rows = [(of_body[:3] - skew(p - state.p_WB[i]) @ of_body[3:]) / task.length]
+    errors = [(task.p - p) / task.length]
+    if task.quat is not None:
+        rows.append(of_body[3:])
+        errors.append(_turn(state.quat_WB[i], task.quat))
+    return _Pose(state, N, np.vstack(rows), np.concatenate(errors))
+
+
+def _turn(start: Array, end: Array) -> Array:
+    """Rotation vector, world axes, that takes one orientation to another."""
+    conjugate = start * np.array([1.0, -1.0, -1.0, -1.0])
+    return rotation_vector_from_quaternion(quaternion_product(end, conjugate))
+
+
+def _stepped(task: _Task, pose: _Pose, y: Array) -> _Pose | None:
+    """The pose after a step, of at most half a radian, along the free directions; None if it cannot be assembled."""
+    step = pose.N @ y
+    step *= min(1.0, _LONGEST / max(float(np.max(np.abs(step), initial=0.0)), 1e-300))
+    try:
+        return _pose(task, assemble_positions(task.mechanism, move(pose.state, _scales(task) * step)))
+    except CannotAssemble:  # past the end of a link's reach
+        return None
+
+
+def _shaken(task: _Task, start: State, rng: np.random.Generator) -> _Pose:
+    pose = _pose(task, start)
+    for _ in range(_SHAKES):
+        trial = _stepped(task, pose, np.asarray(rng.normal(scale=_SHAKE, size=pose.N.shape[1])))
+        pose = trial or pose
+    return pose
+
+
+def _towards(task: _Task, pose: _Pose) -> _Pose:
+    """Levenberg-Marquardt until the task is met or no step makes it better."""
+    mu = _DAMPING
+    for _ in range(_STEPS):
+        if pose.error < _ACCURATE or mu > 1e8 or np.linalg.norm(pose.J.T @ pose.e) < _STATIONARY * pose.error:
+            break
+        U, s, Vt = np.linalg.svd(pose.J, full_matrices=False)
+        damping = mu * min(1.0, pose.error)  # vanishes with the error: the last steps are Newton's
+        factors = s / (s * s + damping * damping) if damping else np.zeros_like(s)
+        trial = _stepped(task, pose, Vt.T @ (factors * (U.T @ pose.e)))
+        if trial is not None and trial.error < pose.error:
+            gained = 1.0 - trial.error / pose.error
+            pose, mu = trial, mu * (0.2 if gained > 0.1 else 1.0)
+            if gained < 1e-7:
+                break
+        else:
+            mu *= 8.0
+    return pose
+
+
+def _displacement(task: _Task, state: State, start: State) -> Array:
+    """Scaled displacement of all bodies from a pose back to the guess, (6 n_b,)."""
+    turns = np.array([_turn(a, b) for a, b in zip(state.quat_WB, start.quat_WB, strict=True)])
+    return np.hstack([(start.p_WB - state.p_WB) / task.length, turns]).ravel()
+
+
+def _closest(task: _Task, pose: _Pose, start: State, tolerance: float) -> State:
+    """Along the poses that meet the task to the one closest to the guess."""
+    d, size = _displacement(task, pose.state, start), 1.0
+    for _ in range(_STEPS):
+        inverse = np.linalg.pinv(pose.J, rcond=1e-6)
+        pull = pose.N.T @ d
+        pull = pull - inverse @ (pose.J @ pull)
+        if float(np.linalg.norm(pull)) < _CLOSEST or size < 1e-6:
+            break
+        trial = _stepped(task, pose, size * pull)
+        met = None if trial is None else _towards(task, trial)
+        if met is not None and met.error <= tolerance:
+            back = _displacement(task, met.state, start)
+            if float(back @ back) < float(d @ d):
+                pose, d, size = met, back, min(1.0, 2.0 * size)
+                continue
+        size *= 0.5
+    return pose.state
+
+
+def _remaining(task: _Task, pose: _Pose) -> str:
+    distance = task.length * float(np.linalg.norm(pose.e[:3]))
+    angle = f" and {float(np.linalg.norm(pose.e[3:])):.6g} rad" if task.quat is not None else ""
+    return (
+        f"mechanism '{task.mechanism.name}': body '{task.body}' does not reach the target: {distance:.6g} m{angle} "
+        "are left in the closest pose found. Move the target, or start closer to a pose that reaches it."
+    )

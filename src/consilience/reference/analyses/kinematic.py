@@ -1,0 +1,370 @@
+"""Kinematic (driven) analysis: as many joint coordinates prescribed in time as there are degrees of freedom.
+
+With Q the joint rows and R those of the driven coordinates (`joint_rows`), in every instant
+
+    g(x) = 0,  q(x) = q_d(t),        Q v = 0,  R v = q_d',        Q a = gamma,  R a = q_d'' - drift,
+
+positions by Newton's method with an SVD step, velocities and accelerations by one linear solve each [INTRO; MASS,
+"inverse dynamics problems, algebraic equations"; C4 section 4.1.1]. Then the forces, with ``S = (Q; R)``,
+
+    S^T (lam, tau) = M a - f,
+
+reactions lam and drive efforts tau. In a mechanism with redundant rows lam is of least norm; tau is determined.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from consilience.assembly import assemble_positions, move
+from consilience.errors import CannotAssemble, ConsilienceError, InvalidInput
+from consilience.kinematics import RANK_TOLERANCE, constraint_gamma, constraint_jacobian, free_directions
+from consilience.mechanism import Mechanism, State
+from consilience.observe import joint_spring_motion, reach, reaction_map
+from consilience.reference.analyses.inverse import _missing_forces
+from consilience.reference.analyses.joint_rows import (
+    Coordinate,
+    all_coordinates,
+    coordinate_rows,
+    coordinate_values,
+    named_coordinate,
+    width,
+)
+from consilience.spatial import Array, rotation_angle_between
+
+DriveFunction = Callable[[float], tuple[ArrayLike, ArrayLike, ArrayLike]]
+"""Value, rate and acceleration of a joint coordinate at a time: floats (m, rad), three numbers for a position (axes of
+F), for an orientation a unit quaternion, angular velocity and angular acceleration of M relative to F in axes of F."""
+
+Drives = Mapping[tuple[str, str], DriveFunction]
+"""Drives by the names of joint and coordinate."""
+
+_TRUST = 0.1
+"""Largest correction, rad and lengths of the mechanism, of the predicted pose up to which it counts as the same
+branch; beyond it the step in time is halved."""
+_SINGULAR = 1e-6
+"""Margin below which drives do not determine the motion: poses are found to the root of rounding at a dead centre."""
+_SMALLEST_STEP = 2.0**-20
+"""Fraction of a sampling interval at which halving stops."""
+
+
+class SingularDrive(ConsilienceError):
+    """A pose in which the drives do not determine the motion (a dead centre), or past which they cannot go."""
+
+
+@dataclass(frozen=True, eq=False)
+class KinematicMotion:
+    """Motion that drives prescribe, at n_t times.
+
+    Attributes
+    ----------
+    times : ndarray, shape (n_t,), s
+    drives : tuple of (joint, coordinate)
+        Names of the driven coordinates.
+    states : tuple of State
+    a_WB_W, alpha_WB_W : ndarray, shape (n_t, n_b, 3)
+        Accelerations of the bodies' origins (m/s^2) and angular accelerations (rad/s^2), world axes.
+    coordinates : dict of joint name to dict of coordinate name to ndarray, shape (n_t,) or (n_t, 3 or 4)
+        All joint coordinates, driven or not. Angles are counted over full turns, from the value of the drive, others
+        from within half a turn of zero; quaternions keep their sign.
+    margin : ndarray, shape (n_t,)
+        Smallest over largest singular value of ``(Q; R)`` without the redundant rows: zero at a dead centre.
+    """
+
+    times: Array
+    drives: tuple[tuple[str, str], ...]
+    states: tuple[State, ...]
+    a_WB_W: Array
+    alpha_WB_W: Array
+    coordinates: dict[str, dict[str, Array]]
+    margin: Array
+
+
+@dataclass(frozen=True, eq=False)
+class DrivenDynamics:
+    """Drive efforts and reactions along a driven motion.
+
+    Attributes
+    ----------
+    efforts : dict of joint name to dict of coordinate name to ndarray, shape (n_t,) or (n_t, 3)
+        Force along (N) or torque about (N m) each driven coordinate, on the successor, its opposite on the
+        predecessor, in addition to springs, dampers and loads; of a position or orientation in axes of F.
+    force_F, torque_F : ndarray, shape (n_t, n_j, 3), N and N m
+        Reactions on the successors at the origins of M, axes of F, without the efforts; of least norm where redundant
+        rows leave them open (`consilience.observe.determinate_reactions`).
+    """
+
+    efforts: dict[str, dict[str, Array]]
+    force_F: Array
+    torque_F: Array
+
+
+@dataclass(frozen=True, eq=False)
+class _Sample:
+    """State, accelerations (6 n_b,), coordinates and margin at one time."""
+
+    t: float
+    state: State
+    a: Array
+    values: dict[Coordinate, Array]
+    margin: float
+
+
+def kinematic_motion(mechanism: Mechanism, drives: Drives, times: ArrayLike, guess: State) -> KinematicMotion:
+    """Positions, velocities and accelerations of all bodies under prescribed joint coordinates.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Tree or loops, redundant rows included.
+    drives : mapping of (joint, coordinate) to function of time
+        As many as there are degrees of freedom (see `DriveFunction`). Rates and accelerations must be the derivatives
+        of the values.
+    times : array_like, shape (n_t,), s
+        Increasing.
+    guess : State
+        Pose to assemble from at ``times[0]``: it chooses the branch. Velocities are ignored.
+
+    Returns
+    -------
+    KinematicMotion
+
+    Raises
+    ------
+    InvalidInput
+        Unknown coordinates, drives that are more or fewer than the degrees of freedom, values of a wrong shape.
+    CannotAssemble
+        If the first pose cannot be assembled.
+    SingularDrive
+        At a dead centre, or where the drives ask for a pose out of reach; with the time and the drive.
+
+    Notes
+    -----
+    Each pose is predicted from the last by its velocities and accelerations and corrected by Newton's method. Where
+    the correction exceeds 0.1 rad or lengths of the mechanism, intermediate times are inserted, so that the motion
+    stays on its branch however far apart the samples are. A change point of a flat linkage is passed on the smooth
+    branch if no sample lies on it.
+    """
+    t = np.asarray(times, dtype=float)
+    if t.ndim != 1 or len(t) < 1 or not np.all(np.isfinite(t)) or np.any(np.diff(t) <= 0):
+        raise InvalidInput("times", "they do not increase", "Give finite, increasing sample times.")
+    driven = {named_coordinate(mechanism, *name, "drives"): function for name, function in drives.items()}
+    sample = _first(mechanism, driven, float(t[0]), guess)
+    samples = [sample]
+    for end in t[1:]:
+        step = end - sample.t
+        shortest = _SMALLEST_STEP * step
+        while sample.t < end:
+            step = min(step, end - sample.t)
+            ahead = _next(mechanism, driven, sample, end if step == end - sample.t else sample.t + step)
+            if ahead is not None:
+                sample, step = ahead, 2.0 * step
+                continue
+            step *= 0.5
+            if step < shortest:
+                raise _stuck(mechanism, driven, sample)
+        samples.append(sample)
+    return _gathered(samples, tuple(drives))
+
+
+def _gathered(samples: Sequence[_Sample], names: tuple[tuple[str, str], ...]) -> KinematicMotion:
+    coordinates: dict[str, dict[str, Array]] = {}
+    for joint, name in samples[0].values:
+        coordinates.setdefault(joint.name, {})[name] = np.array([s.values[joint, name] for s in samples])
+    a = np.array([s.a.reshape(-1, 6) for s in samples])
+    return KinematicMotion(
+        np.array([s.t for s in samples]),
+        names,
+        tuple(s.state for s in samples),
+        a[..., :3],
+        a[..., 3:],
+        coordinates,
+        np.array([s.margin for s in samples]),
+    )
+
+
+def _asked(driven: Mapping[Coordinate, DriveFunction], t: float) -> tuple[dict[Coordinate, Array], Array, Array]:
+    """Values by coordinate, and rates and accelerations in the order of the rows."""
+    values, rates, accelerations = {}, [np.zeros(0)], [np.zeros(0)]
+    for (joint, name), function in driven.items():
+        given = [np.asarray(part, dtype=float) for part in function(t)]
+        n = width(name)
+        shapes = [(4,) if name == "orientation" else (3,), (3,), (3,)] if n == 3 else [()] * 3
+        if [part.shape for part in given] != shapes or not all(np.all(np.isfinite(part)) for part in given):
+            raise InvalidInput(
+                f"drive of joint '{joint.name}', {name}, at {t:.6g} s",
+                "it is not a value, a rate and an acceleration",
+                f"Return three finite arrays of shapes {shapes}.",
+            )
+        values[joint, name] = given[0]
+        rates.append(np.atleast_1d(given[1]))
+        accelerations.append(np.atleast_1d(given[2]))
+    return values, np.concatenate(rates), np.concatenate(accelerations)
+
+
+def _first(mechanism: Mechanism, driven: Mapping[Coordinate, DriveFunction], t: float, guess: State) -> _Sample:
+    values, rates, accelerations = _asked(driven, t)
+    try:
+        state = assemble_positions(mechanism, guess, [(j, c, v) for (j, c), v in values.items()])
+    except CannotAssemble:
+        _check_count(mechanism, assemble_positions(mechanism, guess), len(rates))
+        raise
+    _check_count(mechanism, state, len(rates))
+    unturned = {"orientation": np.array([1.0, 0.0, 0.0, 0.0])}
+    near = {(j, c): values.get((j, c), unturned.get(c, np.zeros(()))) for j, c in all_coordinates(mechanism)}
+    return _solved(mechanism, driven, t, state, near, rates, accelerations)
+
+
+def _check_count(mechanism: Mechanism, state: State, rows: int) -> None:
+    freedom = free_directions(mechanism, state).shape[1]
+    if rows != freedom:
+        raise InvalidInput(
+            f"mechanism '{mechanism.name}': drives",
+            f"{rows} rows are driven, degrees of freedom are {freedom}",
+            "Drive as many independent joint coordinates as there are degrees of freedom (a position or an "
+            "orientation counts three).",
+        )
+
+
+def _next(
+    mechanism: Mechanism, driven: Mapping[Coordinate, DriveFunction], sample: _Sample, t: float
+) -> _Sample | None:
+    """The sample at a later time on the same branch, or None if it is too far away to be sure of that."""
+    values, rates, accelerations = _asked(driven, t)
+    state, h = sample.state, t - sample.t
+    v = np.hstack([state.v_WB_W, state.w_WB_W]).ravel()
+    step = h * v + 0.5 * h * h * sample.a
+    if _size(mechanism, step) > 1.0:  # angles would no longer be counted with certainty
+        return None
+    predicted = move(state, step)
+    try:
+        placed = assemble_positions(mechanism, predicted, [(j, c, value) for (j, c), value in values.items()])
+    except CannotAssemble:
+        return None
+    if _distance(mechanism, predicted, placed) > _TRUST:
+        return None
+    return _solved(mechanism, driven, t, placed, sample.values, rates, accelerations)
+
+
+def _solved(
+    mechanism: Mechanism,
+    driven: Mapping[Coordinate, DriveFunction],
+    t: float,
+    placed: State,
+    near: Mapping[Coordinate, Array],
+    rates: Array,
+    accelerations: Array,
+) -> _Sample:
+    """Velocities and accelerations at an assembled pose."""
+    Q = constraint_jacobian(mechanism, placed)
+    rows, _ = coordinate_rows(mechanism, placed, list(driven))
+    S = np.vstack([Q, rows])
+    singular = np.linalg.svd(S, compute_uv=False)
+    margin = float(singular[-1] / singular[0]) if len(S) >= S.shape[1] else 0.0
+    if margin < _SINGULAR:
+        raise SingularDrive(
+            f"{_weakest(mechanism, driven, t, Q, rows)}: a dead centre, or drives that depend on others"
+        )
+    v = _least_squares(S, np.concatenate([np.zeros(len(Q)), rates])).reshape(-1, 6)
+    state = State(placed.p_WB, placed.quat_WB, v[:, :3], v[:, 3:])
+    _, drift = coordinate_rows(mechanism, state, list(driven))
+    a = _least_squares(S, np.concatenate([constraint_gamma(mechanism, state), accelerations - drift]))
+    return _Sample(t, state, a, coordinate_values(mechanism, state, near), margin)
+
+
+def _least_squares(S: Array, b: Array) -> Array:
+    x = np.linalg.lstsq(S, b, rcond=RANK_TOLERANCE)[0]
+    return x + np.linalg.lstsq(S, b - S @ x, rcond=RANK_TOLERANCE)[0]  # removes the rounding of the first pass
+
+
+def _size(mechanism: Mechanism, step: Array) -> float:
+    """Largest rotation (rad) or translation (lengths of the mechanism) of a step, shape (6 n_b,)."""
+    motion = np.abs(step).reshape(-1, 6)
+    return max(float(np.max(motion[:, :3])) / reach(mechanism), float(np.max(motion[:, 3:])))
+
+
+def _distance(mechanism: Mechanism, one: State, other: State) -> float:
+    translation = float(np.max(np.abs(other.p_WB - one.p_WB))) / reach(mechanism)
+    return max(translation, float(np.max(rotation_angle_between(one.quat_WB, other.quat_WB))))
+
+
+def _weakest(mechanism: Mechanism, driven: Mapping[Coordinate, DriveFunction], t: float, Q: Array, rows: Array) -> str:
+    """The drive that determines least, and the body that it leaves free, for messages."""
+    _, singular, Vt = np.linalg.svd(Q) if len(Q) else (None, np.zeros(0), np.eye(Q.shape[1]))
+    N = Vt[int(np.sum(singular > _SINGULAR * np.max(singular, initial=0.0))) :].T
+    U, _, Vt = np.linalg.svd(rows @ N)
+    owners = [coordinate for coordinate in driven for _ in range(width(coordinate[1]))]
+    joint, name = owners[int(np.argmax(np.abs(U[:, -1])))]
+    body = mechanism.bodies[int(np.argmax(np.abs(N @ Vt[-1]))) // 6].name
+    return (
+        f"mechanism '{mechanism.name}', {t:.6g} s: the drive of joint '{joint.name}', {name}, does not determine the "
+        f"motion of body '{body}'"
+    )
+
+
+def _stuck(mechanism: Mechanism, driven: Mapping[Coordinate, DriveFunction], sample: _Sample) -> SingularDrive:
+    Q = constraint_jacobian(mechanism, sample.state)
+    rows, _ = coordinate_rows(mechanism, sample.state, list(driven))
+    where = _weakest(mechanism, driven, sample.t, Q, rows)
+    return SingularDrive(
+        f"{where} beyond this pose: a dead centre lies ahead (margin {sample.margin:.3g}), or a pose out of reach"
+    )
+
+
+def driven_dynamics(mechanism: Mechanism, motion: KinematicMotion) -> DrivenDynamics:
+    """Efforts of the drives and reactions of the joints along a driven motion: inverse dynamics of trees and loops.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    motion : KinematicMotion
+        Of the same mechanism (see `kinematic_motion`).
+
+    Returns
+    -------
+    DrivenDynamics
+
+    Notes
+    -----
+    ``S^T (lam, tau) = M a - f`` [EXU; C4 section 4.1.1]. Angles of joint springs are counted over full turns as in
+    `motion`. Unlike `inverse_dynamics` it takes loops and passive joints: forces where nothing drives are those of
+    springs and loads alone.
+    """
+    driven = [named_coordinate(mechanism, *name, "drives") for name in motion.drives]
+    efforts, wrenches = [], np.zeros((len(motion.times), len(mechanism.joints), 6))
+    for k, state in enumerate(motion.states):
+        Q = constraint_jacobian(mechanism, state)
+        rows, _ = coordinate_rows(mechanism, state, driven)
+        a = np.hstack([motion.a_WB_W[k], motion.alpha_WB_W[k]]).ravel()
+        unknowns = _least_squares(np.vstack([Q, rows]).T, _forces(mechanism, motion, k, a))
+        efforts.append(unknowns[len(Q) :])
+        start = 0
+        for n, joint in enumerate(mechanism.joints):
+            lam = unknowns[start : start + len(joint.rows)]
+            wrenches[k, n] = reaction_map(mechanism, state, joint) @ lam
+            start += len(joint.rows)
+    by_joint: dict[str, dict[str, Array]] = {}
+    start, tau = 0, np.array(efforts)
+    for joint, name in driven:
+        part = tau[:, start : start + width(name)]
+        by_joint.setdefault(joint.name, {})[name] = part if width(name) == 3 else part[:, 0]
+        start += width(name)
+    return DrivenDynamics(by_joint, wrenches[..., :3], wrenches[..., 3:])
+
+
+def _forces(mechanism: Mechanism, motion: KinematicMotion, k: int, a: Array) -> Array:
+    """``M a - f`` about the origins at sample k, (6 n_b,), the angles of joint springs counted over full turns."""
+    state = motion.states[k]
+    missing = _missing_forces(mechanism, state, a)
+    for spring in mechanism.joint_springs:
+        turned = joint_spring_motion(mechanism, state, spring.joint, spring.coordinate)[0]
+        counted = float(motion.coordinates[spring.joint][spring.coordinate][k])
+        if spring.coordinate == "angle" and abs(counted - turned) > np.pi:
+            joint = mechanism.joints[mechanism.joint_index[spring.joint]]
+            row, _ = coordinate_rows(mechanism, state, [(joint, "angle")])
+            missing = missing + row[0] * spring.stiffness * (counted - turned)
+    return missing

@@ -1,0 +1,201 @@
+"""Every number of a mechanism or case by name: read it, change it, list what there is.
+
+A path is the kind and name of an element, then its field, then an index where the field is an array:
+
+    body.rod.mass    body.rod.com[0]    body.rod.inertia[0,1]    joint.pin.F.p[2]    joint.pin.F.turn[0]
+    spring.s.stiffness    joint_spring.k.rest    load.push.vector[1]    gravity[2]
+    initial.coordinates.shoulder.angle    initial.rates.elbow.angle          (of a case)
+
+``turn[k]`` of a frame, or of a quaternion, is the angle of a further rotation about its own axis k, in rad: zero now.
+Products of inertia are one parameter each, set on both sides of the diagonal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import fields, is_dataclass, replace
+from typing import Any, TypeVar
+
+import numpy as np
+
+from consilience.case import Case
+from consilience.errors import InvalidInput
+from consilience.mechanism import Frame, Mechanism
+from consilience.spatial import Array, elementary_rotation, quaternion_from_rotation_vector, quaternion_product
+
+Subject = TypeVar("Subject", bound=Mechanism | Case)
+
+_SINGULAR = {"bodies": "body"}
+Step = tuple[str, Any]
+"""One step from an object to a part of it: ("field", name), ("key", key), ("item", index), ("entry", indices) of an
+array, or ("turn", axis)."""
+
+
+def parameter_paths(subject: Mechanism | Case) -> tuple[str, ...]:
+    """Paths of all parameters, in the order of the elements."""
+    return tuple(_parameters(subject))
+
+
+def parameter(subject: Mechanism | Case, path: str) -> float:
+    """Value of a parameter, in SI units.
+
+    Raises
+    ------
+    InvalidInput
+        Unknown path; the message lists what exists.
+    """
+    return float(_part(subject, _steps(subject, path)))
+
+
+def with_parameter(subject: Subject, path: str, value: float) -> Subject:
+    """The same mechanism or case with another value of one parameter.
+
+    Parameters
+    ----------
+    subject : Mechanism or Case
+        Unchanged.
+    path : str
+        See the module.
+    value : float
+        In SI units.
+
+    Raises
+    ------
+    InvalidInput
+        Unknown path, with a list of what exists; a value that no mechanism can have.
+    """
+    changed: Subject = _changed(subject, _steps(subject, path), float(value))
+    return changed
+
+
+def array_around(subject: Mechanism | Case, path: str) -> Array:
+    """The array that a parameter is an entry of, or itself in an array of one."""
+    steps = _steps(subject, path)
+    whole = steps[:-1] if steps[-1][0] == "entry" else steps
+    return np.atleast_1d(np.asarray(_part(subject, whole), dtype=float))
+
+
+def _parameters(subject: Mechanism | Case) -> dict[str, tuple[Step, ...]]:
+    if isinstance(subject, Mechanism):
+        return dict(_of_mechanism(subject, ()))
+    found = dict(_of_mechanism(subject.mechanism, (("field", "mechanism"),)))
+    return found | dict(_inside(subject.initial, "initial", (("field", "initial"),)))
+
+
+def _of_mechanism(mechanism: Mechanism, steps: tuple[Step, ...]) -> Iterator[tuple[str, tuple[Step, ...]]]:
+    for field in fields(mechanism):
+        value = getattr(mechanism, field.name)
+        here = (*steps, ("field", field.name))
+        if isinstance(value, tuple):
+            kind = _SINGULAR.get(field.name, field.name.removesuffix("s"))
+            for n, element in enumerate(value):
+                yield from _inside(element, f"{kind}.{element.name}", (*here, ("item", n)))
+        else:
+            yield from _inside(value, field.name, here)
+
+
+def _inside(value: Any, path: str, steps: tuple[Step, ...]) -> Iterator[tuple[str, tuple[Step, ...]]]:
+    """Paths of all numbers in a value: a number, an array, or what is made of them."""
+    if isinstance(value, Frame):
+        yield from _inside(value.p, f"{path}.p", (*steps, ("field", "p")))
+        yield from _turns(path, (*steps, ("field", "R")))
+    elif path.endswith(".orientation") and np.shape(value) == (4,):
+        yield from _turns(path, steps)
+    elif _is_numeric(value):
+        for index in np.ndindex(np.shape(value)):
+            label = f"[{','.join(map(str, index))}]" if index else ""
+            if len(index) < 2 or index[0] <= index[1]:  # matrices are inertia tensors: symmetric
+                yield path + label, (*steps, ("entry", index)) if index else steps
+    else:
+        for label, step, part in _children(value):
+            yield from _inside(part, path + label, (*steps, step))
+
+
+def _children(value: Any) -> list[tuple[str, Step, Any]]:
+    """Parts of a value that is no number: label in the path, step, part."""
+    if is_dataclass(value):
+        # only a rod has a length
+        names = [f.name for f in fields(value) if not (f.name == "length" and getattr(value, "kind", "rod") != "rod")]
+        return [(f".{name}", ("field", name), getattr(value, name)) for name in names]
+    if isinstance(value, Mapping):
+        return [(f".{key}", ("key", key), value[key]) for key in value]
+    if isinstance(value, (tuple, list)):
+        return [(f"[{n}]", ("item", n), item) for n, item in enumerate(value)]
+    return []
+
+
+def _turns(path: str, steps: tuple[Step, ...]) -> Iterator[tuple[str, tuple[Step, ...]]]:
+    for axis in range(3):
+        yield f"{path}.turn[{axis}]", (*steps, ("turn", axis))
+
+
+def _is_numeric(value: Any) -> bool:
+    if isinstance(value, (bool, str)) or value is None:
+        return False
+    if isinstance(value, (tuple, list)):
+        return len(value) > 0 and all(isinstance(v, (int, float)) and not isinstance(v, bool) for v in value)
+    return isinstance(value, (int, float, np.number)) or (isinstance(value, np.ndarray) and value.dtype.kind in "fi")
+
+
+def _steps(subject: Mechanism | Case, path: str) -> tuple[Step, ...]:
+    known = _parameters(subject)
+    wanted = path.replace(" ", "").replace("][", ",")
+    head, bracket, tail = wanted.rpartition("[")
+    swapped = f"{head}[{','.join(reversed(tail[:-1].split(',')))}]" if bracket else wanted
+    for candidate in (path, wanted, swapped):
+        if candidate in known:
+            return known[candidate]
+    start = path
+    while start and not any(p.startswith(start) for p in known):
+        start = start[:-1]
+    start = start[: start.rfind(".") + 1]
+    if start:
+        near = [p for p in known if p.startswith(start)]
+    else:
+        near = sorted({p.split(".")[0].split("[")[0] for p in known})
+    listed = ", ".join(near[:24]) + (", ..." if len(near) > 24 else "")
+    raise InvalidInput(f"parameter '{path}'", "there is none of that name", f"There are: {listed}.")
+
+
+def _part(value: Any, steps: tuple[Step, ...]) -> Any:
+    for kind, which in steps:
+        value = _READ[kind](value, which)
+    return value
+
+
+_READ: dict[str, Callable[[Any, Any], Any]] = {
+    "field": getattr,
+    "key": lambda value, key: value[key],
+    "item": lambda value, n: value[n],
+    "entry": lambda value, index: np.asarray(value)[index],
+    "turn": lambda value, axis: 0.0,
+}
+
+
+def _changed(value: Any, steps: tuple[Step, ...], new: float) -> Any:
+    if not steps:
+        return new
+    (kind, which), rest = steps[0], steps[1:]
+    inner = new if kind in ("entry", "turn") else _changed(_READ[kind](value, which), rest, new)
+    return _WRITE[kind](value, which, inner)
+
+
+def _with_entry(value: Any, index: tuple[int, ...], new: float) -> Array:
+    changed = np.array(value, dtype=float)
+    changed[index] = changed[index[::-1]] = new
+    return changed
+
+
+def _turned(value: Any, axis: int, angle: float) -> Array:
+    if np.shape(value) == (4,):
+        return quaternion_product(value, quaternion_from_rotation_vector(angle * np.eye(3)[axis]))
+    return np.asarray(value) @ elementary_rotation(axis, angle)
+
+
+_WRITE: dict[str, Callable[[Any, Any, Any], Any]] = {
+    "field": lambda value, name, new: replace(value, **{name: new}),
+    "key": lambda value, key, new: {**value, key: new},
+    "item": lambda value, n, new: (*value[:n], new, *value[n + 1 :]),
+    "entry": _with_entry,
+    "turn": _turned,
+}

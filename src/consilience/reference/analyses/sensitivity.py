@@ -1,0 +1,163 @@
+"""Sensitivity: the derivative of any result to any parameter of a mechanism or case, with its uncertainty.
+
+Central differences at steps h, h/2, h/4, ..., extrapolated to h = 0 in a Neville tableau (Richardson, 1911; Ridders,
+1982):
+
+    A(i, 0) = (f(p + h_i) - f(p - h_i)) / (2 h_i),    A(i, j) = A(i, j-1) + (A(i, j-1) - A(i-1, j-1)) / (4^j - 1).
+
+Each entry is as uncertain as it differs from the two it is made of; the least uncertain one is taken, for every
+component of the result by itself. A result is a function of the mechanism or case, so that whatever depends on the
+parameter (the assembled pose, an equilibrium) is found anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from consilience.case import Case
+from consilience.errors import ConsilienceError, InvalidInput
+from consilience.mechanism import Mechanism
+from consilience.observe import reach
+from consilience.reference.analyses.parameters import Subject, array_around, parameter, with_parameter
+from consilience.spatial import Array
+
+_FIRST_STEP = 0.05
+"""First step, in scales of the parameter."""
+_LEVELS = 9
+_PATIENCE = 2
+"""Levels without a smaller error after which rounding has taken over."""
+_SHORTENINGS = 12
+
+
+@dataclass(frozen=True, eq=False)
+class Sensitivity:
+    """Derivatives of a result.
+
+    Attributes
+    ----------
+    paths : tuple of str
+    value : ndarray, any shape
+        The result itself.
+    derivatives : ndarray, shape (n_paths, *value.shape)
+        To each parameter: unit of the result over that of the parameter.
+    errors : ndarray, shape (n_paths, *value.shape)
+        Estimates of the errors of the derivatives, truncation and rounding.
+    """
+
+    paths: tuple[str, ...]
+    value: Array
+    derivatives: Array
+    errors: Array
+
+
+def parameter_scale(subject: Mechanism | Case, path: str) -> float:
+    """Change that counts as large: the largest entry of the array a parameter is in.
+
+    Where that is zero: the length of the mechanism for a point, 1 (rad or SI unit) for anything else.
+    """
+    largest = float(np.max(np.abs(array_around(subject, path))))
+    if largest > 0.0 and ".turn[" not in path and not path.endswith(("angle", "angle1", "angle2")):
+        return largest
+    mechanism = subject if isinstance(subject, Mechanism) else subject.mechanism
+    is_point = path.partition("[")[0].endswith((".p", ".com", ".point", ".point_predecessor", ".point_successor"))
+    return reach(mechanism) if is_point else 1.0
+
+
+def sensitivity(
+    subject: Subject,
+    result: Callable[[Subject], ArrayLike],
+    paths: Sequence[str],
+    steps: Mapping[str, float] | None = None,
+) -> Sensitivity:
+    """Derivatives of a result to parameters.
+
+    Parameters
+    ----------
+    subject : Mechanism or Case
+    result : function of the subject, to a number or an array
+        Any result in finite numbers, smooth in the parameters; it assembles for itself.
+    paths : sequence of str
+        See `consilience.reference.analyses.parameters`.
+    steps : mapping of path to float, optional
+        First steps of the differences, in the unit of the parameter, in place of 0.05 of `parameter_scale`.
+
+    Returns
+    -------
+    Sensitivity
+
+    Raises
+    ------
+    InvalidInput
+        Unknown path; a parameter that no small change of which leaves a result, with the reason: in a loop with
+        redundant constraints pins cannot be moved one by one.
+    """
+    value = np.asarray(result(subject), dtype=float)
+    derivatives, errors = [np.zeros((0, *value.shape))], [np.zeros((0, *value.shape))]
+    for path in paths:
+        at = parameter(subject, path)
+        first = (steps or {}).get(path, _FIRST_STEP * parameter_scale(subject, path))
+
+        def of_step(h: float, path: str = path, at: float = at) -> Array:
+            return np.asarray(result(with_parameter(subject, path, at + h)), dtype=float)
+
+        derivative, error = ridders(of_step, first, f"parameter '{path}'")
+        derivatives.append(derivative[None])
+        errors.append(error[None])
+    return Sensitivity(tuple(paths), value, np.concatenate(derivatives), np.concatenate(errors))
+
+
+def ridders(function: Callable[[float], Array], step: float, where: str) -> tuple[Array, Array]:
+    """Derivative at zero of a function of one number, and its estimated error, by components.
+
+    Parameters
+    ----------
+    function : function of a float to an ndarray
+    step : float
+        First step; halved while the function cannot be evaluated so far out.
+    where : str
+        For the message.
+
+    Raises
+    ------
+    InvalidInput
+        If the function cannot be evaluated at any step.
+    """
+    step, pair = _usable(function, step, where)
+    rows: list[list[Array]] = []
+    best = error = np.zeros(0)
+    without_gain = 0
+    for level in range(_LEVELS):
+        h = step / 2**level
+        ahead, behind = pair if level == 0 else (function(h), function(-h))
+        row = [(ahead - behind) / (2.0 * h)]
+        rounding = np.finfo(float).eps * (np.abs(ahead) + np.abs(behind)) / h
+        if level == 0:
+            best, error = row[0], np.full(np.shape(ahead), np.inf)
+        gained = False
+        for j, before in enumerate(rows[-1] if rows else []):
+            row.append(row[j] + (row[j] - before) / (4.0 ** (j + 1) - 1.0))
+            uncertainty = np.maximum(np.abs(row[j + 1] - row[j]), np.abs(row[j + 1] - before)) + rounding
+            better = uncertainty < error
+            best, error = np.where(better, row[j + 1], best), np.where(better, uncertainty, error)
+            gained = gained or bool(np.any(better))
+        rows.append(row)
+        without_gain = 0 if gained or level == 0 else without_gain + 1
+        if without_gain == _PATIENCE:
+            break
+    return best, error
+
+
+def _usable(function: Callable[[float], Array], step: float, where: str) -> tuple[float, tuple[Array, Array]]:
+    """The first of the step and its halves at which the function can be evaluated on both sides, and its values."""
+    reason: Any = None
+    for _ in range(_SHORTENINGS):
+        try:
+            return step, (function(step), function(-step))
+        except ConsilienceError as error:
+            reason, step = error, 0.5 * step
+    raise InvalidInput(where, f"no small change of it leaves a result: {reason}", "Leave it out, or change the result.")

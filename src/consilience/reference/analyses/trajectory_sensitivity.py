@@ -1,0 +1,219 @@
+"""Direct sensitivity of a motion: the variational equations, integrated together with the motion.
+
+    y' = f(y, p),    s' = f_y s + f_p,    s(0) = dy(0)/dp,
+
+one s for every parameter p, y the state of the reference solver. ``f_y s`` and ``f_p`` are directional derivatives of
+the compiled f, by central differences of the fourth order. In contrast to differences of whole trajectories, the
+error is that of an integration: it is bounded by the tolerance and does not depend on a step in p.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.integrate import DOP853
+
+from consilience.assembly import move
+from consilience.case import Case
+from consilience.errors import InvalidInput, NumericalFailure
+from consilience.kinematics import constraint_residual
+from consilience.mechanism import Mechanism, State
+from consilience.reference import dynamics
+from consilience.reference.analyses.parameters import Subject, parameter, with_parameter
+from consilience.reference.analyses.sensitivity import parameter_scale, ridders
+from consilience.reference.forces import remember
+from consilience.reference.model import Model, P, flatten, pack, unpack
+from consilience.reference.projection import project
+from consilience.reference.workspace import workspace
+from consilience.spatial import Array, quaternion_product
+
+_STEP = 1e-3
+"""Step of the differences, in scales: its fourth power is the truncation, its inverse multiplies the rounding."""
+_OFFSETS = (1.0, -1.0, 2.0, -2.0)
+_WEIGHTS = (8.0 / 12.0, -8.0 / 12.0, -1.0 / 12.0, 1.0 / 12.0)
+
+
+@dataclass(frozen=True, eq=False)
+class TrajectorySensitivity:
+    """Derivatives of a motion to parameters, k of them, at n_t times.
+
+    Attributes
+    ----------
+    paths : tuple of str
+    times : ndarray, shape (n_t,), s
+    p_WB, turn_W, v_WB_W, w_WB_W : ndarray, shape (k, n_t, n_b, 3)
+        Derivatives of the origins (m), the orientations (as rotation vectors, world axes, rad) and the velocities
+        (m/s, rad/s), each over the unit of the parameter.
+    drift : ndarray, shape (k, n_t)
+        Largest violation of the differentiated constraints ``Q s + g_p = 0``: the error that can be seen from outside.
+    """
+
+    paths: tuple[str, ...]
+    times: Array
+    p_WB: Array
+    turn_W: Array
+    v_WB_W: Array
+    w_WB_W: Array
+    drift: Array
+
+
+@dataclass(frozen=True, eq=False)
+class _Parameter:
+    """Step h in a parameter, and mechanisms and models at the four offsets."""
+
+    h: float
+    mechanisms: tuple[Mechanism, ...]
+    models: tuple[Model, ...]
+
+
+def _mechanism(subject: Mechanism | Case) -> Mechanism:
+    return subject if isinstance(subject, Mechanism) else subject.mechanism
+
+
+def trajectory_sensitivity(
+    subject: Subject,
+    start: Callable[[Subject], State],
+    times: ArrayLike,
+    paths: Sequence[str],
+    tolerance: float = 1e-11,
+) -> TrajectorySensitivity:
+    """Derivatives of the motion of a mechanism to parameters.
+
+    Parameters
+    ----------
+    subject : Mechanism or Case
+    start : function of the subject to State
+        Consistent state at ``times[0]``; for example `consilience.assembly.initial_state`.
+    times : array_like, shape (n_t,), s
+        Increasing.
+    paths : sequence of str
+        See `consilience.reference.analyses.parameters`.
+    tolerance : float
+        Bound on the scaled local error of a step, of motion and derivatives alike.
+
+    Returns
+    -------
+    TrajectorySensitivity
+
+    Raises
+    ------
+    InvalidInput
+        Unknown paths, times that do not increase.
+    NumericalFailure
+        If the integration cannot go on.
+    """
+    t = np.asarray(times, dtype=float)
+    if t.ndim != 1 or len(t) < 1 or not np.all(np.isfinite(t)) or np.any(np.diff(t) <= 0):
+        raise InvalidInput("times", "they do not increase", "Give finite, increasing sample times.")
+    mechanism = _mechanism(subject)
+    parameters = [_prepared(subject, path) for path in paths]
+    y0 = pack(mechanism, start(subject))
+    first = [y0, *(_initial(subject, start, path, y0) for path in paths)]
+    flow = _Flow(flatten(mechanism), parameters)
+    flow.remember(y0)
+    u, found = np.array(first), []
+    scales = np.array([1.0, *(_STEP / p.h for p in parameters)])
+    for n, end in enumerate(t):
+        if n:
+            u = flow.advance(t[n - 1], u, end, tolerance, scales)
+        found.append([_canonical(mechanism, p, u[0], s) for p, s in zip(parameters, u[1:], strict=True)])
+    shape = (len(t), len(paths), 4, len(mechanism.bodies), 3)
+    parts = np.array([[part[0] for part in row] for row in found]).reshape(shape)
+    drift = np.array([[part[1] for part in row] for row in found]).reshape(shape[:2])
+    p_WB, turn, v, w = parts.transpose(2, 1, 0, 3, 4)
+    return TrajectorySensitivity(tuple(paths), t, p_WB, turn, v, w, drift.T)
+
+
+def _prepared(subject: Subject, path: str) -> _Parameter:
+    h, at = _STEP * parameter_scale(subject, path), parameter(subject, path)
+    mechanisms = tuple(_mechanism(with_parameter(subject, path, at + c * h)) for c in _OFFSETS)
+    return _Parameter(h, mechanisms, tuple(flatten(m) for m in mechanisms))
+
+
+def _initial(subject: Subject, start: Callable[[Subject], State], path: str, y0: Array) -> Array:
+    """dy(0)/dp: the start assembles anew."""
+    at = parameter(subject, path)
+
+    def packed(h: float) -> Array:
+        changed = with_parameter(subject, path, at + h)
+        y = pack(_mechanism(changed), start(changed))
+        y[:, P] *= np.sign(np.sum(y[:, P] * y0[:, P], axis=1))[:, None]
+        return y
+
+    return ridders(packed, 10.0 * _STEP * parameter_scale(subject, path), f"parameter '{path}'")[0]
+
+
+class _Flow:
+    """The motion and its derivatives as one differential equation, u of shape (1 + k, n_b, 13)."""
+
+    def __init__(self, model: Model, parameters: Sequence[_Parameter]) -> None:
+        self.model, self.parameters = model, parameters
+        self.ws, self.memory = workspace(model), np.zeros(len(model.coordinate))
+        self.a = np.empty(6 * len(model.mass))
+
+    def remember(self, y: Array) -> None:
+        remember(self.model, y, self.ws, self.memory)
+
+    def rate(self, model: Model, t: float, y: Array) -> Array:
+        """``f(y, p)``: the one place that calls the solver."""
+        dy = np.empty_like(y)
+        dynamics.derivative(dynamics.FORMULATIONS["descriptor"], model, t, y, self.memory, self.ws, self.a, dy)
+        return dy
+
+    def derivative(self, t: float, u: Array) -> Array:
+        y, rates = u[0], [self.rate(self.model, t, u[0])]
+        for parameter_, s in zip(self.parameters, u[1:], strict=True):
+            size = float(np.max(np.abs(s)))
+            rate = np.zeros_like(y)
+            if size > 0.0:
+                eps = _STEP / size
+                for c, weight in zip(_OFFSETS, _WEIGHTS, strict=True):
+                    rate += weight / eps * self.rate(self.model, t, y + c * eps * s)
+            for model, weight in zip(parameter_.models, _WEIGHTS, strict=True):
+                rate += weight / parameter_.h * self.rate(model, t, y)
+            rates.append(rate)
+        return np.array(rates)
+
+    def advance(self, t: float, u: Array, end: float, tolerance: float, scales: Array) -> Array:
+        """From one sample time to the next, projected there."""
+        atol = np.broadcast_to(tolerance * scales[:, None, None], u.shape).ravel()
+        solver = DOP853(
+            lambda t, x: self.derivative(t, x.reshape(u.shape)).ravel(), t, u.ravel(), end, rtol=tolerance, atol=atol
+        )
+        while solver.status == "running":
+            solver.step()
+            if solver.status == "failed" or not np.all(np.isfinite(solver.y)):
+                raise NumericalFailure(f"sensitivity, tolerance {tolerance:g}: the integration stops at {solver.t:g} s")
+            self.remember(solver.y.reshape(u.shape)[0])
+        ended: Array = solver.y.reshape(u.shape).copy()
+        y = np.ascontiguousarray(ended[0])
+        project(self.model, end, y, self.memory, self.ws)
+        ended[0] = y
+        return ended
+
+
+def _canonical(mechanism: Mechanism, parameter_: _Parameter, y: Array, s: Array) -> tuple[Array, float]:
+    """Derivatives of origins, orientations and velocities, (4, n_b, 3), and how far they violate the constraints."""
+    p = np.zeros((len(y), 3))
+    v, w, quat = np.zeros_like(p), np.zeros_like(p), np.zeros((len(y), 4))
+    h = parameter_.h * min(1.0, _STEP / max(parameter_.h * float(np.max(np.abs(s))), 1e-300))
+    # mechanisms are prepared at offsets of the parameter's own step; the state's share is added apart from it
+    for c, weight, other in zip(_OFFSETS, _WEIGHTS, parameter_.mechanisms, strict=True):
+        for part, step in ((unpack(mechanism, y + c * h * s), h), (unpack(other, y), parameter_.h)):
+            p, quat, v, w = (total + weight / step * value for total, value in zip((p, quat, v, w), part, strict=True))
+    conjugate = y[:, P] * np.array([1.0, -1.0, -1.0, -1.0])
+    turn = 2.0 * quaternion_product(quat, conjugate)[:, 1:]
+    return np.array([p, turn, v, w]), _violation(mechanism, parameter_, y, np.hstack([p, turn]))
+
+
+def _violation(mechanism: Mechanism, parameter_: _Parameter, y: Array, step: Array) -> float:
+    """``|Q s + g_p|``, largest row: the poses displaced by each offset, in the mechanism changed by it."""
+    p, quat, v, w = unpack(mechanism, y)
+    state = State(p, quat / np.linalg.norm(quat, axis=1)[:, None], v, w)
+    g = np.zeros(mechanism.constraint_count())
+    for c, weight, other in zip(_OFFSETS, _WEIGHTS, parameter_.mechanisms, strict=True):
+        g += weight / parameter_.h * constraint_residual(other, move(state, c * parameter_.h * step.ravel()))
+    return float(np.max(np.abs(g), initial=0.0))

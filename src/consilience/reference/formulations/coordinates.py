@@ -1,0 +1,357 @@
+"""Full descriptor form, index 1, in positions and orientation coordinates x = (r, x_R) of the bodies [C4 (4.84)-(4.97)].
+
+With ``w = H_R x_R'``, ``dw/dt = H_R x_R'' + h`` [C4 (4.55)-(4.56)], ``H = diag(1, H_R)`` over all bodies and rows in
+these coordinates ``Q_x = Q H``, ``Q_x x'' = gamma_x = gamma - Q (0, h)``:
+
+    plain         M H x''     + q_v     = q_a       + Q^T lam       [C4 (4.59), (4.96)]
+    symmetrised   H^T M H x'' + H^T q_v = H^T q_a   + Q_x^T lam     [C4 (4.68), (4.97)],    q_v = M (0, h) + (0, ~w I w)
+
+Each is solved as one saddle-point system in (x'', lam), unsymmetric for the plain form and symmetric for the other.
+The rotational lines are those of the source premultiplied by A^T, that is, in body axes: ``A^T H_R`` stands for H_R
+and ``A^T h`` for h, and M = diag(m 1, I') is constant.
+
+Euler parameters bring a row ``p.p'' = -p'.p'`` a body [MASS (38)]. In the plain form it closes the system as it stands;
+in the symmetrised form, where H^T M H has p in its null space, it comes with a multiplier, which turns out zero.
+
+Dependent rows: only the independent ones, found by a rank-revealing QR, enter the system. Accelerations do not depend
+on the choice; multipliers are then made those of least norm.
+
+Coordinates u: x of all bodies, x' of all bodies, integrals of the controllers, the joint coordinates that elements
+read, which count full turns, and the rank of the constraints where they hold, the upper limit of that found between.
+
+Singular orientations: Euler and Bryant angles have no chart beside their own and raise `SingularOrientation`.
+A rotation vector is exchanged for its complement beyond half a turn, Rodrigues parameters are counted from a new
+orientation beyond a quarter turn (``R_WB = R(g) R_reference``, so that w = H g' still); `chart` changes with either.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from consilience.mechanism import Mechanism, State
+from consilience.reference.canonical import at_origins, joint_wrenches
+from consilience.reference.formulations.body_terms import BodyTerms, Terms, least_norm_multipliers
+from consilience.reference.formulations.stabilisation import Stabilisation, right_hand_side
+from consilience.reference.model import P, R, V, W, pack, unpack
+from consilience.reference.orientations import NEAR_SINGULAR, ORIENTATIONS, switch_chart
+from consilience.run import Unsupported
+from consilience.spatial import (
+    Array,
+    quaternion_from_rotation,
+    quaternion_product,
+    rotation_from_quaternion,
+    rotation_vector_from_quaternion,
+)
+
+MassMatrix = Literal["plain", "symmetrised"]
+
+Chart = tuple[int, tuple[tuple[float, ...], ...]]
+"""Number of exchanges so far, and the Euler parameters of the orientations that Rodrigues parameters count from."""
+
+_CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])
+
+
+class Variant(NamedTuple):
+    """One descriptor form in coordinates."""
+
+    orientation: str
+    mass: MassMatrix
+    stabilisation: Stabilisation
+
+
+VARIANTS: dict[str, Variant] = {
+    **{f"descriptor_{kind}": Variant(kind, "symmetrised", "projection") for kind in ORIENTATIONS},
+    **{f"descriptor_{kind}_plain": Variant(kind, "plain", "projection") for kind in ORIENTATIONS},
+    "descriptor_baumgarte": Variant("euler_parameters", "symmetrised", "baumgarte"),
+    "descriptor_unprojected": Variant("euler_parameters", "symmetrised", "none"),
+}
+"""Forms by name."""
+
+
+def unsupported(_mechanism: Mechanism) -> tuple[Unsupported, ...]:
+    """What the forms cannot represent: nothing."""
+    return ()
+
+
+class _Motion(NamedTuple):
+    """Motion of all bodies at coordinates u."""
+
+    A: Array  # (n_b, 3, 3)
+    H: Array  # (n_b, 3, n) in w' = H x_R'
+    h: Array  # (n_b, 3) in dw'/dt = H x_R'' + h
+    y: Array  # (n_b + n_e, 13) packed, without Euler parameters
+    angles: Array  # (n_c,)
+    limit: int  # rank where the constraints hold
+
+
+class DescriptorForm:
+    """Full descriptor form of one mechanism in orientation coordinates.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    orientation : str
+        Key of `consilience.reference.orientations.ORIENTATIONS`.
+    mass : str
+        ``plain`` or ``symmetrised``.
+    stabilisation : str
+        See `consilience.reference.formulations.stabilisation`.
+    name : str
+        Key of `VARIANTS`, if it is one of them.
+
+    Attributes
+    ----------
+    chart : Chart
+        What orientation coordinates in u mean; only `settle` changes it.
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        orientation: str,
+        mass: MassMatrix,
+        stabilisation: Stabilisation,
+        name: str = "descriptor in coordinates",
+    ) -> None:
+        self.name = name
+        self.chart: Chart = (0, ((1.0, 0.0, 0.0, 0.0),) * len(mechanism.bodies))
+        self._mechanism = mechanism
+        self._kind = orientation
+        self._orientation = ORIENTATIONS[orientation]
+        self._normed = self._orientation.size == 4
+        self._plain = mass == "plain"
+        self._stabilisation: Stabilisation = stabilisation
+        self._terms = BodyTerms(mechanism)
+        self._names = [b.name for b in mechanism.bodies]
+        self._n_b, self._k = len(mechanism.bodies), 3 + self._orientation.size
+        self._n = self._n_b * self._k
+        # H of all bodies but for the blocks H_R
+        self._identity = np.zeros((self._n_b, 6, self._n_b, self._k))
+        for b in range(self._n_b):
+            self._identity[b, :3, b, :3] = np.eye(3)
+
+    # ------------------------------------------------------------ coordinates
+
+    def coordinates(self, state: State) -> Array:
+        """Coordinates u of a state, shape (n_u,), angles that elements read within half a turn of zero.
+
+        Raises
+        ------
+        SingularOrientation
+            If a body is at an orientation that its coordinates cannot describe.
+        """
+        y = pack(self._mechanism, state)
+        x_R = [self._orientation.from_quaternion(self._relative(b, y[b, P]), n) for b, n in enumerate(self._names)]
+        angles = self._terms.count_turns(y, np.zeros(self._terms.angles))
+        self._terms.evaluate(0.0, y, angles)
+        return self._from_packed(y, np.array(x_R), angles, len(self._terms.independent_rows()))
+
+    def _relative(self, b: int, quat: Array) -> Array:
+        """Euler parameters of body b as its orientation coordinates count them."""
+        reference = self.chart[1][b]
+        if reference[0] == 1.0:
+            return quat
+        return quaternion_product(quat, _CONJUGATE * reference)
+
+    def _from_packed(self, y: Array, x_R: Array, angles: Array, rank: int) -> Array:
+        n_b = self._n_b
+        x, x_dot = np.empty((n_b, self._k)), np.empty((n_b, self._k))
+        A = rotation_from_quaternion(y[:n_b, P])
+        w = np.einsum("bij,bj->bi", A, y[:n_b, W])
+        x[:, :3], x[:, 3:], x_dot[:, :3] = y[:n_b, R], x_R, y[:n_b, V]
+        for b, name in enumerate(self._names):
+            x_dot[b, 3:] = self._orientation.rates(x_R[b], w[b], name)
+        integrals = y[n_b:].reshape(-1)[: self._terms.integrals]
+        return np.concatenate([x.ravel(), x_dot.ravel(), integrals, angles, [float(rank)]])
+
+    def _positions(self, u: Array) -> Array:
+        return u[: self._n].reshape(self._n_b, self._k)
+
+    def _speeds(self, u: Array) -> Array:
+        return u[self._n : 2 * self._n].reshape(self._n_b, self._k)
+
+    def _rotations(self, x: Array) -> Array:
+        """Rotation matrices R_WB of all bodies, shape (n_b, 3, 3)."""
+        x_R = x[:, 3:]
+        if self._normed:  # whose norm is off by the local error of a step
+            return rotation_from_quaternion(x_R / np.linalg.norm(x_R, axis=1)[:, None])
+        A = np.array([self._orientation.rotation(part) for part in x_R])
+        return A if self.chart[0] == 0 else A @ rotation_from_quaternion(self.chart[1])
+
+    def _motion(self, u: Array) -> _Motion:
+        n_b, kind = self._n_b, self._orientation
+        x, x_dot = self._positions(u), self._speeds(u)
+        H, h = np.empty((n_b, 3, kind.size)), np.empty((n_b, 3))
+        for b in range(n_b):
+            x_R = x[b, 3:]
+            H[b], h[b] = kind.H(x_R), kind.h(x_R, x_dot[b, 3:])
+        A = self._rotations(x)
+        H, h = np.swapaxes(A, 1, 2) @ H, np.einsum("bji,bj->bi", A, h)
+        integrals = u[2 * self._n : 2 * self._n + self._terms.integrals]
+        y = np.zeros((n_b + -(-len(integrals) // 13), 13))
+        y[:n_b, R], y[:n_b, V] = x[:, :3], x_dot[:, :3]
+        y[:n_b, W] = np.einsum("bij,bj->bi", H, x_dot[:, 3:])
+        y[n_b:].reshape(-1)[: len(integrals)] = integrals
+        return _Motion(A, H, h, y, u[2 * self._n + len(integrals) : -1], round(u[-1]))
+
+    def _packed(self, u: Array) -> tuple[Array, Array]:
+        """Packed state with unit Euler parameters, and the angles."""
+        motion, x_R = self._motion(u), self._positions(u)[:, 3:]
+        y = motion.y
+        y[: self._n_b, P] = (
+            x_R / np.linalg.norm(x_R, axis=1)[:, None] if self._normed else quaternion_from_rotation(motion.A)
+        )
+        return y, motion.angles
+
+    def state(self, u: Array) -> State:
+        """Canonical state of coordinates u."""
+        return State(*unpack(self._mechanism, self._packed(u)[0]))
+
+    # ------------------------------------------------------------ equations
+
+    def derivative(self, t: float, u: Array) -> Array:
+        """``du/dt`` at the time t, shape (n_u,).
+
+        Not a number at an orientation that the coordinates cannot describe: a stage of a step too long may get there.
+        """
+        distances = [self._orientation.distance_to_singularity(x_R) for x_R in self._positions(u)[:, 3:]]
+        if not min(distances) >= NEAR_SINGULAR:
+            return np.full(len(u), np.nan)
+        motion = self._motion(u)
+        terms = self._terms.evaluate(t, motion.y, motion.angles, motion.A)
+        second = self._solve(u, motion, terms)[0]
+        return np.concatenate([u[self._n : 2 * self._n], second, terms.integral_rates, terms.angle_rates, [0.0]])
+
+    def _solve(self, u: Array, motion: _Motion, terms: Terms) -> tuple[Array, Array]:
+        """x'', shape (n,), and ``M (H x'' + h) - f``, which is the constraint force ``Q^T lam``, shape (6 n_b,)."""
+        n_b, n = self._n_b, self._n
+        H, h = self._identity.copy(), np.zeros((n_b, 6))
+        for b in range(n_b):
+            H[b, 3:, b, 3:] = motion.H[b]
+        h[:, 3:] = motion.h
+        H, h = H.reshape(6 * n_b, n), h.reshape(-1)
+        rows = self._terms.independent_rows(motion.limit)
+        Q = terms.Q[rows]
+        velocity = motion.y[:n_b, 7:].reshape(-1)
+        gamma = right_hand_side(
+            self._stabilisation, terms.gamma[rows] - Q @ h, Q @ velocity - terms.rate[rows], terms.value[rows]
+        )
+        Q_x, MH, f = Q @ H, self._terms.mass @ H, terms.f - self._terms.mass @ h
+        norm, norm_right = self._norm_rows(u)
+        if self._plain:
+            top, force, right = (
+                np.vstack([MH, norm]),
+                np.vstack([Q.T, np.zeros((len(norm), len(rows)))]),
+                [f, norm_right],
+            )
+            second = _saddle_point(top, force, np.concatenate(right), Q_x, gamma)
+        else:
+            Q_x, gamma = np.vstack([Q_x, norm]), np.concatenate([gamma, norm_right])
+            second = _saddle_point(H.T @ MH, Q_x.T, H.T @ f, Q_x, gamma)
+        return second, MH @ second - f
+
+    def _norm_rows(self, u: Array) -> tuple[Array, Array]:
+        """Rows ``p.p'' = -p'.p'`` of Euler parameters, stabilised as all others are; none for other coordinates."""
+        if not self._normed:
+            return np.zeros((0, self._n)), np.zeros(0)
+        p, p_dot = self._positions(u)[:, 3:], self._speeds(u)[:, 3:]
+        rows = np.zeros((self._n_b, self._n_b, self._k))
+        for b in range(self._n_b):
+            rows[b, b, 3:] = p[b]
+        rate, value = np.sum(p * p_dot, axis=1), 0.5 * (np.sum(p * p, axis=1) - 1.0)
+        right = right_hand_side(self._stabilisation, -np.sum(p_dot * p_dot, axis=1), rate, value)
+        return rows.reshape(self._n_b, self._n), right
+
+    def accelerations(self, state: State, t: float = 0.0) -> tuple[Array, Array]:
+        """a_WB_W of the body origins (m/s^2) and alpha_WB_W (rad/s^2), world axes, each shape (n_b, 3)."""
+        motion, second, _, _ = self._at(state, t)
+        x_ddot = second.reshape(self._n_b, self._k)
+        a = np.hstack([x_ddot[:, :3], np.einsum("bij,bj->bi", motion.H, x_ddot[:, 3:]) + motion.h])
+        return at_origins(self._mechanism, pack(self._mechanism, state), a)
+
+    def reactions(self, state: State, t: float = 0.0) -> tuple[Array, Array]:
+        """Joint reactions, on the successor, at the origin of M, axes of F, each shape (n_j, 3), of least norm."""
+        _, _, force, terms = self._at(state, t)
+        wrenches = joint_wrenches(self._mechanism, state, least_norm_multipliers(terms.Q, force))
+        return wrenches[:, :3], wrenches[:, 3:]
+
+    def _at(self, state: State, t: float) -> tuple[_Motion, Array, Array, Terms]:
+        """Motion, x'', constraint force and terms at a state."""
+        u = self.coordinates(state)
+        motion = self._motion(u)
+        terms = self._terms.evaluate(t, motion.y, motion.angles, motion.A)
+        return motion, *self._solve(u, motion, terms), terms
+
+    # ------------------------------------------------------------ settling
+
+    def settle(self, t: float, u: Array) -> Array:
+        """New array: u after an accepted step, projected if the form does so, turns counted, charts exchanged.
+
+        Raises
+        ------
+        SingularOrientation
+            If a body has come to an orientation that its coordinates cannot describe.
+        """
+        for b, name in enumerate(self._names):
+            self._orientation.rates(self._positions(u)[b, 3:], np.zeros(3), name)
+        y, angles = self._packed(u)
+        if self._stabilisation == "projection":
+            rank = self._terms.project(t, y, angles)
+            u = self._from_packed(y, self._follow(u, y), angles, rank)
+        else:
+            u = u.copy()
+        u[len(u) - len(angles) - 1 : -1] = self._terms.count_turns(y, angles)
+        return self._exchange(u, y)
+
+    def _follow(self, u: Array, y: Array) -> Array:
+        """Orientation coordinates of y next to those of u, so that they go on over full turns, shape (n_b, size).
+
+        Newton's method from those of u: the rotation that is left over is the angular velocity of unit time.
+        """
+        if self._normed:
+            return y[: self._n_b, P]
+        x, wanted = self._positions(u).copy(), rotation_from_quaternion(y[: self._n_b, P])
+        for _ in range(_FOLLOW_STEPS):
+            left = wanted @ np.swapaxes(self._rotations(x), 1, 2)
+            turns = [rotation_vector_from_quaternion(quaternion_from_rotation(part)) for part in left]
+            for b, name in enumerate(self._names):
+                x[b, 3:] += self._orientation.rates(x[b, 3:], turns[b], name)
+            if np.max(np.abs(turns)) < 1e-8:  # the next step would be its square
+                break
+        return x[:, 3:]
+
+    def _exchange(self, u: Array, y: Array) -> Array:
+        """Write orientation coordinates on the way to their singularity in another chart."""
+        x, x_dot = self._positions(u), self._speeds(u)
+        references, count = list(self.chart[1]), 0
+        for b in range(self._n_b):
+            if self._kind == "rotation_vector":
+                new, x_dot[b, 3:] = switch_chart(x[b, 3:], x_dot[b, 3:])
+                count += int(not np.array_equal(new, x[b, 3:]))
+                x[b, 3:] = new
+            elif self._kind == "rodrigues_parameters" and x[b, 3:] @ x[b, 3:] > 1.0:
+                w = self._orientation.H(x[b, 3:]) @ x_dot[b, 3:]
+                references[b] = tuple(y[b, P].tolist())
+                x[b, 3:], x_dot[b, 3:] = 0.0, 0.5 * w
+                count += 1
+        if count:
+            self.chart = (self.chart[0] + count, tuple(references))
+        return u
+
+
+_FOLLOW_STEPS = 4
+
+
+def _saddle_point(top: Array, force: Array, right: Array, rows: Array, gamma: Array) -> Array:
+    """X'' of ``[top  -force; rows  0] [x''; lam] = [right; gamma]``, rows independent."""
+    n, q = len(right), len(gamma)
+    K = np.zeros((n + q, n + q))
+    K[:n, :n], K[:n, n:], K[n:, :n] = top, -force, rows
+    return np.linalg.solve(K, np.concatenate([right, gamma]))[:n]
+
+
+def form(mechanism: Mechanism, name: str) -> DescriptorForm:
+    """The form of that name in `VARIANTS` of a mechanism."""
+    return DescriptorForm(mechanism, **VARIANTS[name]._asdict(), name=name)

@@ -1,0 +1,130 @@
+"""Minimal form by coordinate partitioning [Wehage and Haug, ASME J. Mech. Des. 104, 1982, 247-255].
+
+The velocities are parted into dependent and independent ones, d and i, such that ``Q_d`` is regular:
+
+    Q_d a_d + Q_i a_i = gamma,    a_d = Q_d^-1 gamma - Q_d^-1 Q_i a_i,
+
+so that with ``a = J a_i + abar``, ``J = [-Q_d^-1 Q_i; 1]`` and ``abar = [Q_d^-1 gamma; 0]`` the masses are reduced to
+the independent accelerations [C4 (4.99)-(4.110)],
+
+    J^T M J a_i = J^T (f - M abar),
+    J^T M J = M_ii - Q_i^T Q_d^-T M_dd Q_d^-1 Q_i    (+ terms of M_id where both are of one body).
+
+**Choice.** Gaussian elimination of Q with full pivoting: the pivot is the largest entry left in all remaining rows and
+columns, and its column is a dependent velocity. It ends where no entry is above `RANK_TOLERANCE` times the first pivot;
+the rows that are left depend on those before and say nothing new. Velocities are compared as they are, in m/s and
+rad/s.
+
+**When.** The parts are chosen anew at every evaluation: elimination is needed there anyhow, and the choice costs
+comparisons only. Wehage and Haug integrate the independent coordinates alone, and so must keep their choice until it
+is badly conditioned. Here all velocities are carried along and projected after every step: accelerations are the same
+for every choice, and nothing but the
+rank found by the projection is carried from one evaluation to the next.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from consilience.kinematics import RANK_TOLERANCE
+from consilience.reference import constraints, forces
+from consilience.reference.bodies import rotations
+from consilience.reference.formulations.null_space_qr import solve_reduced
+from consilience.reference.model import Model
+from consilience.reference.workspace import Workspace
+from consilience.spatial import Array
+
+
+@njit(cache=True, error_model="numpy")
+def _largest(C: Array, first: int, columns: int) -> tuple[int, int]:
+    """Row and column of the largest entry of ``C[first:, first:columns]``."""
+    row, column = first, first
+    for r in range(first, C.shape[0]):
+        for c in range(first, columns):
+            if abs(C[r, c]) > abs(C[row, column]):
+                row, column = r, c
+    return row, column
+
+
+@njit(cache=True, error_model="numpy")
+def _exchange(C: Array, k: int, row: int, column: int, order: Array) -> None:
+    """Bring a pivot to (k, k)."""
+    for c in range(C.shape[1]):
+        C[k, c], C[row, c] = C[row, c], C[k, c]
+    for r in range(C.shape[0]):
+        C[r, k], C[r, column] = C[r, column], C[r, k]
+    order[k], order[column] = order[column], order[k]
+
+
+@njit(cache=True, error_model="numpy")
+def partition(C: Array, order: Array, limit: int) -> int:
+    """Part the columns of ``C = [Q gamma]`` and solve for the dependent ones, in place.
+
+    Parameters
+    ----------
+    C : ndarray, shape (q, n + 1)
+        The first `rank` rows become ``[U, Q_d^-1 Q_i, Q_d^-1 gamma]``, columns of Q in the new order.
+    order : ndarray of int, shape (n,)
+        Overwritten by the new order of the columns: dependent ones first.
+    limit : int
+        Most rows to take as independent (see `factorisation.pivoted_qr`).
+
+    Returns
+    -------
+    int
+        Rank, the number of dependent velocities.
+    """
+    q, n = C.shape[0], C.shape[1] - 1
+    for c in range(n):
+        order[c] = c
+    rank = 0
+    while rank < min(q, n, limit):
+        k = rank
+        row, column = _largest(C, k, n)
+        if abs(C[row, column]) <= RANK_TOLERANCE * abs(C[0, 0] if k > 0 else 0.0):
+            break
+        _exchange(C, k, row, column, order)
+        for r in range(k + 1, q):
+            factor = C[r, k] / C[k, k]
+            if factor != 0.0:
+                for c in range(k, n + 1):
+                    C[r, c] -= factor * C[k, c]
+        rank += 1
+    for k in range(rank - 1, -1, -1):
+        for c in range(rank, n + 1):
+            s = C[k, c]
+            for r in range(k + 1, rank):
+                s -= C[k, r] * C[r, c]
+            C[k, c] = s / C[k, k]
+    return rank
+
+
+@njit(cache=True, error_model="numpy")
+def basis(Q: Array, gamma: Array, limit: int) -> tuple[Array, Array]:
+    """``J = [-Q_d^-1 Q_i; 1]``, shape (6 n_b, freedom), and ``abar = [Q_d^-1 gamma; 0]``, in the order of the bodies.
+
+    The rows of the independent velocities in J are those of a unit matrix. The rank is at most `limit`.
+    """
+    q, n = Q.shape
+    C, order = np.empty((q, n + 1)), np.empty(n, dtype=np.int64)
+    C[:, :n] = Q
+    C[:, n] = gamma
+    rank = partition(C, order, limit)
+    J, abar = np.zeros((n, n - rank)), np.zeros(n)
+    for k in range(rank):
+        J[order[k]] = -C[k, rank:n]
+        abar[order[k]] = C[k, n]
+    for k in range(rank, n):
+        J[order[k], k - rank] = 1.0
+    return J, abar
+
+
+@njit(cache=True, error_model="numpy")
+def accelerations(model: Model, t: float, y: Array, memory: Array, ws: Workspace, a: Array) -> int:
+    """Accelerations (dv/dt, dw'/dt) of all bodies at a state; arguments and return as in `descriptor`."""
+    rotations(y, ws.A)
+    forces.evaluate(model, t, y, memory, ws)
+    constraints.evaluate(model, t, y, memory, ws)
+    J, abar = basis(ws.Q, ws.gamma, ws.limit[0])
+    return solve_reduced(model, ws.f, J, abar, a)

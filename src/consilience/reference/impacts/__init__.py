@@ -1,0 +1,30 @@
+"""Impacts between rigid bodies: contact geometry, the simultaneous-impact equation, motion with impacts [MASS].
+
+`simulate_with_impacts` integrates a mechanism with contacts that restitution and friction govern; `solve_impact` solves
+one instant. See `consilience.reference.impacts.impact` for the law and what it decides where the source is silent.
+"""
+
+from __future__ import annotations
+
+from consilience.reference.impacts.geometry import (
+    Contact,
+    ContactMotion,
+    PointPlane,
+    SpherePlane,
+    SphereSphere,
+    contact_motion,
+)
+from consilience.reference.impacts.impact import Impact, solve_impact
+from consilience.reference.impacts.simulation import simulate_with_impacts
+
+__all__ = [
+    "Contact",
+    "ContactMotion",
+    "Impact",
+    "PointPlane",
+    "SpherePlane",
+    "SphereSphere",
+    "contact_motion",
+    "simulate_with_impacts",
+    "solve_impact",
+]

@@ -1,0 +1,240 @@
+"""Contact geometry: which points of two bodies touch, how far apart they are and how fast they approach.
+
+A contact is a pair of shapes fixed to two bodies, one of which may be the ground: a sphere or a corner on a plane, or
+two spheres. The normal points from `partner` to `body`, so the gap opens along it. Contact points are the nearest
+points of the two shapes; for rigid shapes the rate of the gap is the normal component of their relative velocity,
+
+    gap' = n . (v_body + w_body x r_body - v_partner - w_partner x r_partner).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from consilience.errors import InvalidInput
+from consilience.mechanism import GROUND, Mechanism, State
+from consilience.observe import body_point
+from consilience.spatial import Array, cross, rotation_from_quaternion
+
+
+def _vector(where: str, value: Array) -> Array:
+    a = np.array(value, dtype=float)
+    if a.shape != (3,) or not np.all(np.isfinite(a)):
+        raise InvalidInput(where, "it is not three finite numbers", "Give a vector of shape (3,).")
+    a.setflags(write=False)
+    return a
+
+
+def _unit(where: str, value: Array) -> Array:
+    a = _vector(where, value)
+    length = float(np.linalg.norm(a))
+    if length == 0.0:
+        raise InvalidInput(where, "it is the zero vector", "Give the direction out of the solid half-space.")
+    return _vector(where, a / length)
+
+
+def _check(name: str, body: str, partner: str, restitution: float, friction: float, *radii: float) -> None:
+    where = f"contact '{name}'"
+    if body == partner:
+        raise InvalidInput(where, f"both sides are '{body}'", "Let two different bodies touch.")
+    if not 0.0 <= restitution <= 1.0:
+        raise InvalidInput(f"{where}: restitution", f"{restitution} is out of range", "Choose 0 to 1.")
+    if not 0.0 <= friction < np.inf:
+        raise InvalidInput(f"{where}: friction", f"{friction} is out of range", "Give a coefficient of at least 0.")
+    if not all(0.0 < radius < np.inf for radius in radii):
+        raise InvalidInput(f"{where}: radius", "it is not positive", "Give a radius above zero.")
+
+
+@dataclass(frozen=True, eq=False)
+class SpherePlane:
+    """A sphere on the boundary of a solid half-space.
+
+    Attributes
+    ----------
+    name : str
+    body, partner : str
+        Bodies that carry the sphere and the plane; either may be ``ground``.
+    center : ndarray, shape (3,), m
+        From the origin of `body`, in its axes.
+    radius : float, m
+    point : ndarray, shape (3,), m
+        A point of the plane, from the origin of `partner`, in its axes.
+    normal : ndarray, shape (3,)
+        Out of the half-space, in axes of `partner`; made a unit vector.
+    restitution : float
+        s of ``vn+ = -s vn-``, 0 to 1.
+    friction : float
+        Coefficient mu.
+    """
+
+    name: str
+    body: str
+    center: Array
+    radius: float
+    partner: str
+    point: Array
+    normal: Array
+    restitution: float
+    friction: float = 0.0
+
+    def __post_init__(self) -> None:
+        _check(self.name, self.body, self.partner, self.restitution, self.friction, self.radius)
+        where = f"contact '{self.name}'"
+        object.__setattr__(self, "center", _vector(f"{where}: center", self.center))
+        object.__setattr__(self, "point", _vector(f"{where}: point", self.point))
+        object.__setattr__(self, "normal", _unit(f"{where}: normal", self.normal))
+
+
+@dataclass(frozen=True, eq=False)
+class PointPlane:
+    """A corner, tip or other point of a body on the boundary of a solid half-space; attributes as `SpherePlane`.
+
+    Attributes
+    ----------
+    corner : ndarray, shape (3,), m
+        From the origin of `body`, in its axes.
+    """
+
+    name: str
+    body: str
+    corner: Array
+    partner: str
+    point: Array
+    normal: Array
+    restitution: float
+    friction: float = 0.0
+
+    def __post_init__(self) -> None:
+        _check(self.name, self.body, self.partner, self.restitution, self.friction)
+        where = f"contact '{self.name}'"
+        object.__setattr__(self, "corner", _vector(f"{where}: corner", self.corner))
+        object.__setattr__(self, "point", _vector(f"{where}: point", self.point))
+        object.__setattr__(self, "normal", _unit(f"{where}: normal", self.normal))
+
+    @property
+    def center(self) -> Array:
+        """Centre of the sphere of radius zero that the corner is."""
+        return self.corner
+
+    @property
+    def radius(self) -> float:
+        """Zero."""
+        return 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class SphereSphere:
+    """Two spheres, each outside the other; attributes as `SpherePlane`."""
+
+    name: str
+    body: str
+    center: Array
+    radius: float
+    partner: str
+    partner_center: Array
+    partner_radius: float
+    restitution: float
+    friction: float = 0.0
+
+    def __post_init__(self) -> None:
+        _check(self.name, self.body, self.partner, self.restitution, self.friction, self.radius, self.partner_radius)
+        where = f"contact '{self.name}'"
+        object.__setattr__(self, "center", _vector(f"{where}: center", self.center))
+        object.__setattr__(self, "partner_center", _vector(f"{where}: partner_center", self.partner_center))
+
+
+Contact = SpherePlane | PointPlane | SphereSphere
+
+
+@dataclass(frozen=True, eq=False)
+class ContactMotion:
+    """A contact at one state, world axes.
+
+    Attributes
+    ----------
+    gap : float, m
+        Distance of the shapes; negative where they overlap.
+    normal : ndarray, shape (3,)
+        Unit vector from `partner` to `body`.
+    on_body, on_partner : ndarray, shape (3,), m
+        The contact points; they coincide where the gap is zero.
+    velocity : ndarray, shape (3,), m/s
+        Of the contact point on `body` relative to the one on `partner`.
+    """
+
+    gap: float
+    normal: Array
+    on_body: Array
+    on_partner: Array
+    velocity: Array
+
+    @property
+    def rate(self) -> float:
+        """Rate of the gap, the relative normal velocity, m/s: negative while the bodies approach."""
+        return float(self.normal @ self.velocity)
+
+
+def _sphere_on_plane(
+    mechanism: Mechanism, state: State, contact: SpherePlane | PointPlane
+) -> tuple[float, Array, Array, Array]:
+    centre, _ = body_point(mechanism, state, contact.body, contact.center)
+    point, _ = body_point(mechanism, state, contact.partner, contact.point)
+    i = mechanism.body_index[contact.partner]
+    n = contact.normal if i < 0 else rotation_from_quaternion(state.quat_WB[i]) @ contact.normal
+    height = float(n @ (centre - point))
+    return height - contact.radius, n, centre - contact.radius * n, centre - height * n
+
+
+def _sphere_on_sphere(mechanism: Mechanism, state: State, contact: SphereSphere) -> tuple[float, Array, Array, Array]:
+    one, _ = body_point(mechanism, state, contact.body, contact.center)
+    two, _ = body_point(mechanism, state, contact.partner, contact.partner_center)
+    distance = float(np.linalg.norm(one - two))
+    if distance == 0.0:
+        raise InvalidInput(f"contact '{contact.name}'", "the centres of the spheres coincide", "Place them apart.")
+    n = (one - two) / distance
+    gap = distance - contact.radius - contact.partner_radius
+    return gap, n, one - contact.radius * n, two + contact.partner_radius * n
+
+
+_NEAREST: dict[type, Callable[..., tuple[float, Array, Array, Array]]] = {
+    SpherePlane: _sphere_on_plane,
+    PointPlane: _sphere_on_plane,
+    SphereSphere: _sphere_on_sphere,
+}
+
+
+def _velocity(mechanism: Mechanism, state: State, body: str, point_W: Array) -> Array:
+    if body == GROUND:
+        return np.zeros(3)
+    i = mechanism.body_index[body]
+    return state.v_WB_W[i] + cross(state.w_WB_W[i], point_W - state.p_WB[i])
+
+
+def contact_motion(mechanism: Mechanism, state: State, contact: Contact) -> ContactMotion:
+    """Gap, normal, contact points and their relative velocity at a state."""
+    gap, n, on_body, on_partner = _NEAREST[type(contact)](mechanism, state, contact)
+    velocity = _velocity(mechanism, state, contact.body, on_body)
+    velocity = velocity - _velocity(mechanism, state, contact.partner, on_partner)
+    return ContactMotion(gap, n, on_body, on_partner, velocity)
+
+
+def check_contacts(mechanism: Mechanism, contacts: tuple[Contact, ...]) -> None:
+    """Refuse names used twice and bodies that the mechanism does not have.
+
+    Raises
+    ------
+    InvalidInput
+    """
+    seen: set[str] = set()
+    for contact in contacts:
+        where = f"contact '{contact.name}'"
+        if contact.name in seen:
+            raise InvalidInput(where, "the name is used twice", "Give each its own name.")
+        seen.add(contact.name)
+        for name in (contact.body, contact.partner):
+            if name not in mechanism.body_index:
+                known = ", ".join(mechanism.body_index)
+                raise InvalidInput(where, f"there is no body '{name}'", f"Bodies are: {known}.")

@@ -1,0 +1,316 @@
+"""Which contact does what in an impact: modes, their equations, and the search for an admissible combination.
+
+The modes and what makes them admissible stand in the table of `consilience.reference.impacts.impact`. Given the modes,
+the impact is one linear system in the unknown impulses x, with ``p = S x`` and velocities asked for ``E u+ = c``:
+
+    E G S x = c - E u-,     G = K K^T.
+
+Modes are exchanged one at a time where they are violated; if that runs in a circle, all combinations are tried.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from scipy.optimize import root
+
+from consilience.errors import NumericalFailure
+from consilience.spatial import Array, cross, orthogonal_triad
+
+_RANK = 1e-10
+"""Singular values below this fraction of the compliance without joints count as zero: contacts that depend on one
+another, or that the joints do not let move."""
+
+_SLACK = 1e-9
+"""Violation of a condition of a mode that rounding may cause, relative to the velocities or impulses at hand."""
+
+_MOST = 5
+"""Contacts of which all combinations of modes are tried (at most 5 modes each)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Contacts:
+    """Closed contacts and how they answer to impulses.
+
+    Attributes
+    ----------
+    names : tuple of str, length n_c
+    normal : ndarray, shape (n_c, 3)
+    friction : ndarray, shape (n_c,)
+    target : ndarray, shape (n_c,), m/s
+        Normal velocity b that the contact must at least have afterwards.
+    before : ndarray, shape (n_c, 3), m/s
+        Relative velocities of the contact points.
+    compliance : ndarray, shape (3 n_c, 3 n_c), 1/kg
+        G: change of the relative velocities per impulse.
+    free_compliance : float, 1/kg
+        Largest entry of the same without the joints.
+    at_rest : float, m/s
+        Speeds below it are zero.
+    """
+
+    names: tuple[str, ...]
+    normal: Array
+    friction: Array
+    target: Array
+    before: Array
+    compliance: Array
+    free_compliance: float
+    at_rest: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Solved:
+    """Impulses and velocities after, each (n_c, 3), and whether they meet the equations of their modes."""
+
+    p: Array
+    after: Array
+    consistent: bool
+
+
+@dataclass(frozen=True)
+class _View:
+    """One contact of a trial: scalars and tangential vectors that the conditions of its mode speak of."""
+
+    normal: float  # N
+    pt: Array
+    vt: Array  # after
+    vt_before: Array
+    excess: float  # vn+ - b
+    along: float  # d . vt+
+    beta: float  # -d . pt
+    cone: float  # mu N
+    p_slack: float
+    v_slack: float
+
+
+def _violations(view: _View) -> dict[str, tuple[tuple[bool, str], ...]]:
+    """Conditions of each mode, whether violated, and the mode to try next.
+
+    ``first`` stands for the preferred mode of the contact, ``beyond`` for what it does where it cannot stick.
+    """
+    v, p = view.v_slack, view.p_slack
+    pulls = (view.normal < -p, "released")
+    outside = float(np.linalg.norm(view.pt)) > view.cone + p
+    pushes = float(view.pt @ view.vt_before) > p * v / _SLACK
+    return {
+        "released": ((view.excess < -v, "first"),),
+        "frictionless": (pulls,),
+        "sliding": (pulls, (view.along < -v, "sticking")),
+        "sticking": (pulls, (outside or pushes, "beyond")),
+        "halted": (pulls, (view.beta > view.cone + p, "sliding"), (view.beta < -p, "unopposed")),
+        "unopposed": (pulls, (view.along > v, "sliding")),
+        "starting": (pulls, (float(view.pt @ view.vt) > p * v / _SLACK, "sticking")),
+    }
+
+
+Solution = tuple[tuple[str, ...], Array, Array]
+"""Modes, impulses and velocities after."""
+
+
+class _Trial:
+    """Contacts with their tangential frames, for solving with given modes."""
+
+    def __init__(self, law: Contacts) -> None:
+        self.law = law
+        n = law.normal
+        self.vt_before = law.before - np.sum(law.before * n, axis=1)[:, None] * n
+        speed = np.linalg.norm(self.vt_before, axis=1)
+        self.slides = speed > law.at_rest
+        # t1 opposes the sliding, or is any tangent where there is none
+        self.t1 = np.array(
+            [
+                -vt / s if slides else _unit(orthogonal_triad(m)[0])
+                for vt, s, slides, m in zip(self.vt_before, speed, self.slides, n, strict=True)
+            ]
+        ).reshape(-1, 3)
+        self.t2 = np.array([cross(a, b) for a, b in zip(n, self.t1, strict=True)]).reshape(-1, 3)
+
+    def choices(self, k: int) -> tuple[str, ...]:
+        """Modes that contact k may be in, in the order of preference."""
+        if self.law.friction[k] == 0.0:
+            return ("frictionless", "released")
+        if self.slides[k]:
+            return ("sliding", "sticking", "halted", "unopposed", "released")
+        return ("sticking", "starting", "released")
+
+    def solve(self, modes: tuple[str, ...]) -> _Solved:
+        """Solve the equations of given modes."""
+        starting = [k for k, mode in enumerate(modes) if mode == "starting"]
+        if not starting:
+            return self._linear(modes, self.t1)
+        return self._with_new_sliding(modes, starting)
+
+    def _linear(self, modes: tuple[str, ...], t: Array) -> _Solved:
+        """Solve with the directions t of friction on the contacts that slide."""
+        law, columns, rows, asked = self.law, [], [], []
+        for k, mode in enumerate(modes):
+            n, b, zero = law.normal[k], law.target[k], 0.0
+            along_t1, along_t2 = (self.t1[k], self.t1[k], zero), (self.t2[k], self.t2[k], zero)
+            equations = {
+                "released": (),
+                "frictionless": ((n, n, b),),
+                "unopposed": ((n, n, b),),
+                "sliding": ((n + law.friction[k] * t[k], n, b),),
+                "starting": ((n + law.friction[k] * t[k], n, b),),
+                "halted": ((n, n, b), along_t1),
+                "sticking": ((n, n, b), along_t1, along_t2),
+            }[mode]
+            for impulse, velocity, value in equations:
+                columns.append(_at(impulse, k, len(modes)))
+                rows.append(_at(velocity, k, len(modes)))
+                asked.append(value)
+        if not rows:
+            return _Solved(np.zeros_like(law.before), law.before, True)
+        S, E = np.array(columns).T, np.array(rows)
+        rest = np.array(asked) - E @ law.before.ravel()
+        system = E @ law.compliance @ S
+        U, singular, Vt = np.linalg.svd(system)
+        rank = int(np.sum(singular > _RANK * law.free_compliance))
+        inverse = Vt[:rank].T / singular[:rank] @ U[:, :rank].T
+        x = inverse @ rest
+        x += inverse @ (rest - system @ x)
+        missed = float(np.max(np.abs(system @ x - rest)))
+        p = S @ x
+        after = law.before.ravel() + law.compliance @ p
+        consistent = missed <= max(_SLACK * float(np.max(np.abs(rest))), law.at_rest)
+        return _Solved(p.reshape(-1, 3), after.reshape(-1, 3), consistent)
+
+    def _with_new_sliding(self, modes: tuple[str, ...], starting: list[int]) -> _Solved:
+        """Turn the friction of contacts that start to slide until it is parallel to their sliding."""
+        stuck = self._linear(tuple("sticking" if m == "starting" else m for m in modes), self.t1)
+
+        def directions(angles: Array) -> Array:
+            t = self.t1.copy()
+            for k, angle in zip(starting, angles, strict=True):
+                t[k] = np.cos(angle) * self.t1[k] + np.sin(angle) * self.t2[k]
+            return t
+
+        def across(angles: Array) -> Array:
+            t = directions(angles)
+            after = self._linear(modes, t).after
+            return np.array([cross(self.law.normal[k], t[k]) @ after[k] for k in starting])
+
+        guess = np.array([np.arctan2(self.t2[k] @ stuck.p[k], self.t1[k] @ stuck.p[k]) for k in starting])
+        scale = max(float(np.max(np.abs(self.law.before))), self.law.at_rest)
+        if np.max(np.abs(across(guess))) > 1e-15 * scale:
+            guess = root(lambda angles: across(angles) / scale, guess, tol=1e-14).x
+        solved = self._linear(modes, directions(guess))
+        parallel = float(np.max(np.abs(across(guess)))) <= _SLACK * scale
+        return _Solved(solved.p, solved.after, solved.consistent and parallel)
+
+    def views(self, solved: _Solved) -> list[_View]:
+        """What the conditions need of every contact."""
+        law, p, after = self.law, solved.p, solved.after
+        p_slack = _SLACK * float(np.max(np.abs(p)))
+        v_slack = _SLACK * max(float(np.max(np.abs(law.before))), float(np.max(np.abs(after))))
+        found = []
+        for k, n in enumerate(law.normal):
+            N, vn = float(n @ p[k]), float(n @ after[k])
+            pt, vt = p[k] - N * n, after[k] - vn * n
+            found.append(
+                _View(
+                    normal=N,
+                    pt=pt,
+                    vt=vt,
+                    vt_before=self.vt_before[k],
+                    excess=vn - law.target[k],
+                    along=-float(self.t1[k] @ vt),
+                    beta=float(self.t1[k] @ pt),
+                    cone=float(law.friction[k]) * N,
+                    p_slack=p_slack,
+                    v_slack=v_slack,
+                )
+            )
+        return found
+
+
+def _unit(a: Array) -> Array:
+    return a / np.linalg.norm(a)
+
+
+def _at(vector: Array, k: int, count: int) -> Array:
+    row = np.zeros(3 * count)
+    row[3 * k : 3 * k + 3] = vector
+    return row
+
+
+def _exchanges(trial: _Trial, modes: tuple[str, ...], solved: _Solved) -> Iterator[tuple[int, str]]:
+    """Contacts whose mode is violated, with the mode to try next; normal conditions before tangential ones."""
+    views = trial.views(solved)
+    if not solved.consistent:
+        yield _loosened(trial, modes, views)
+    for wanted in (("released",), ("released", "first"), None):
+        for k, view in enumerate(views):
+            for violated, following in _violations(view)[modes[k]]:
+                if violated and (wanted is None or following in wanted):
+                    first, *_ = trial.choices(k)
+                    beyond = "halted" if trial.slides[k] else "starting"
+                    yield k, {"first": first, "beyond": beyond}.get(following, following)
+
+
+def solve_modes(law: Contacts, time: float) -> Solution:
+    """Find admissible modes.
+
+    Returns
+    -------
+    modes : tuple of str, length n_c
+    p : ndarray, shape (n_c, 3), N s
+        Impulses on the bodies, world axes.
+    after : ndarray, shape (n_c, 3), m/s
+        Relative velocities of the contact points.
+
+    Raises
+    ------
+    NumericalFailure
+        If there are none.
+    """
+    if not law.names:
+        return (), np.zeros((0, 3)), np.zeros((0, 3))
+    trial = _Trial(law)
+    for search in (_by_exchange, _by_enumeration):
+        found = search(trial)
+        if found is not None:
+            return found
+    raise NumericalFailure(
+        f"impact at t = {time:.12g} s: no combination of sliding, sticking and released contacts is admissible "
+        f"for {', '.join(law.names)}: the bodies are wedged, or restitution asks for what the joints forbid"
+    )
+
+
+def _loosened(trial: _Trial, modes: tuple[str, ...], views: list[_View]) -> tuple[int, str]:
+    """Which contact gives way where the equations contradict each other: friction first, then the most open one."""
+    for k, mode in enumerate(modes):
+        if mode == "sticking":
+            return k, "halted" if trial.slides[k] else "starting"
+        if mode == "halted":
+            return k, "unopposed"
+    held = [k for k, mode in enumerate(modes) if mode != "released"]
+    return max(held, key=lambda k: views[k].excess), "released"
+
+
+def _by_exchange(trial: _Trial) -> Solution | None:
+    modes = tuple(trial.choices(k)[0] for k in range(len(trial.law.names)))
+    seen: set[tuple[str, ...]] = set()
+    while modes not in seen:
+        seen.add(modes)
+        solved = trial.solve(modes)
+        exchange = next(_exchanges(trial, modes, solved), None)
+        if exchange is None:
+            return modes, solved.p, solved.after
+        k, mode = exchange
+        modes = (*modes[:k], mode, *modes[k + 1 :])
+    return None
+
+
+def _by_enumeration(trial: _Trial) -> Solution | None:
+    if len(trial.law.names) > _MOST:
+        return None
+    for modes in product(*(trial.choices(k) for k in range(len(trial.law.names)))):
+        solved = trial.solve(modes)
+        if next(_exchanges(trial, modes, solved), None) is None:
+            return modes, solved.p, solved.after
+    return None

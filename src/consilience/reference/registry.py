@@ -1,0 +1,113 @@
+"""All formulations of the reference solver by name. A module is imported when its formulation is asked for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+from consilience.errors import InvalidInput
+from consilience.mechanism import Mechanism
+from consilience.reference.formulation import Formulation
+from consilience.run import Unsupported
+
+_HOME = "consilience.reference.formulations"
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One formulation.
+
+    Attributes
+    ----------
+    title : str
+    source : str
+        Equations it follows, by the keys of docs/formulations.md.
+    module : str
+        Module of `consilience.reference.formulations`.
+    maker : str
+        Class or function of that module that makes it of a mechanism.
+    arguments : dict
+        Further arguments of `maker`.
+    """
+
+    title: str
+    source: str
+    module: str
+    maker: str
+    arguments: dict[str, Any]
+
+
+def _kernel(name: str, title: str, source: str) -> Entry:
+    return Entry(title, source, "kernels", "KernelFormulation", {"name": name})
+
+
+_ORIENTATIONS = {
+    "euler_parameters": "Euler parameters",
+    "euler_angles": "Euler angles z-x-z",
+    "bryant_angles": "Bryant angles x-y-z",
+    "rodrigues_parameters": "Rodrigues parameters",
+    "rotation_vector": "the rotation vector",
+}
+_MASSES = {"": "symmetrised", "_plain": "plain"}
+
+
+def _form(name: str, title: str) -> Entry:
+    return Entry(title, "C4 (4.55)-(4.97)", "coordinates", "form", {"name": name})
+
+
+FORMULATIONS: dict[str, Entry] = {
+    "descriptor": _kernel("descriptor", "descriptor form, Euler parameters", "MASS (36)-(39), C4 (4.84)-(4.97)"),
+    "null_space": _kernel("null_space", "minimal form, null space by SVD", "C4 (4.99)-(4.110)"),
+    "null_space_qr": _kernel("null_space_qr", "minimal form, null space by QR", "C4 (4.99)-(4.110)"),
+    "coordinate_partitioning": _kernel(
+        "coordinate_partitioning", "minimal form, independent velocities", "C4 (4.99)-(4.110), Wehage and Haug 1982"
+    ),
+    "articulated_body": _kernel("articulated_body", "recursive, articulated bodies", "C4 (4.99)-(4.110), Featherstone"),
+    "composite_body": _kernel("composite_body", "recursive, composite bodies", "C4 (4.99)-(4.110), Featherstone"),
+    "lagrange": Entry("Lagrange, second kind", "C4 (4.111)-(4.116)", "lagrange", "Lagrange", {}),
+    "point_coordinates": Entry("point coordinates", "ATTIA (1)-(25)", "point_coordinates", "PointCoordinates", {}),
+    **{
+        f"descriptor_{kind}{suffix}": _form(f"descriptor_{kind}{suffix}", f"descriptor form in {title}, {mass}")
+        for kind, title in _ORIENTATIONS.items()
+        for suffix, mass in _MASSES.items()
+    },
+    "descriptor_baumgarte": _form("descriptor_baumgarte", "descriptor form, stabilised by Baumgarte's method"),
+    "descriptor_unprojected": _form("descriptor_unprojected", "descriptor form without stabilisation"),
+}
+"""Selectable formulations."""
+
+
+def entry(name: str) -> Entry:
+    """Entry of a formulation.
+
+    Raises
+    ------
+    InvalidInput
+        If there is none of that name.
+    """
+    if name not in FORMULATIONS:
+        raise InvalidInput(
+            f"formulation '{name}'", "there is none of that name", f"Formulations: {', '.join(FORMULATIONS)}."
+        )
+    return FORMULATIONS[name]
+
+
+def unsupported(name: str, mechanism: Mechanism) -> tuple[Unsupported, ...]:
+    """What of a mechanism a formulation cannot represent, and why; empty if it can."""
+    found: tuple[Unsupported, ...] = import_module(f"{_HOME}.{entry(name).module}").unsupported(mechanism)
+    return found
+
+
+def formulation(name: str, mechanism: Mechanism) -> Formulation:
+    """Equations of motion of a mechanism in a formulation.
+
+    Raises
+    ------
+    InvalidInput
+        Unknown name, or a mechanism the formulation cannot represent.
+    """
+    chosen = entry(name)
+    make = getattr(import_module(f"{_HOME}.{chosen.module}"), chosen.maker)
+    made: Formulation = make(mechanism, **chosen.arguments)
+    return made

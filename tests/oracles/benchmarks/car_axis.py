@@ -1,0 +1,78 @@
+"""Car axis: the rheonomic problem of the test set for initial value problems [Mazzia & Iavernaro 2003].
+
+The right wheel follows a wavy road, ``yb = r sin(w t)``, at the distance L from the left one in the origin. Two point
+masses hang on unit springs to the wheels; a rod of length L joins them, and the left one stays on the line through the
+origin across the wheels' axle:
+
+    k l'' = f(l) + lam1 b + 2 lam2 (l - r) - k g y,     k r'' = f(r - b) - 2 lam2 (l - r) - k g y,
+    l . b = 0,     |l - r| = L,     f(d) = (l0 - |d|) d / |d|.
+"""
+
+import numpy as np
+
+from consilience.functions import Function, sine
+from consilience.mechanism import GROUND, Drive, Spring
+from oracles.benchmarks.build import X, Y, Z, body, mechanism, started
+
+LENGTH, FREE, AMPLITUDE, FREQUENCY, GRAVITY = 1.0, 0.5, 0.1, 10.0, 1.0
+MASS = 10 * 0.01**2 / 2
+
+# at t = 3: left mass, right mass, their velocities, multipliers
+PUBLISHED_POINTS = (
+    (0.493455784275402809122e-1, 0.496989460230171153861),
+    (0.104174252488542151681e1, 0.373911027265361256927),
+)
+PUBLISHED_VELOCITIES = (
+    (-0.770583684040972357970e-1, 0.744686658723778553466e-2),
+    (0.175568157537232222276e-1, 0.770341043779251976443),
+)
+PUBLISHED_LAMBDA = (-0.473688659084893324729e-2, -0.110468033125734368808e-2)
+
+ACROSS = np.column_stack([Y, Z, X])
+"""Axes of a frame with its z along x."""
+UPRIGHT = np.column_stack([Z, X, Y])
+
+
+def _axle_by_carriage():
+    """A carriage driven up and down carries the far end of the axle, which slides on it: yb is exact."""
+    carriage = body("carriage", 0.7, (1.3, -0.2, 0.1), (0.2, 0.3, 0.25))
+    joints = [
+        ("lift", "prismatic", GROUND, "carriage", X, UPRIGHT),
+        ("wheel", "point_in_plane", "carriage", "axle", LENGTH * X, UPRIGHT),
+    ]
+    return [carriage], joints, Drive("road", "lift", "distance", sine(AMPLITUDE, FREQUENCY))
+
+
+def _axle_by_angle(order=15):
+    """The axle's angle, arcsin(a sin(w t)) with a = r / L, driven by its Fourier series: odd multiples of w, b_n a^n."""
+    x = 2 * np.pi * (np.arange(64) + 0.5) / 64
+    angle = np.arcsin(AMPLITUDE / LENGTH * np.sin(x))
+    odd = np.arange(1, order + 1, 2)
+    waves = [(2 * np.mean(angle * np.sin(n * x)), n * FREQUENCY, 0.0) for n in odd]
+    return [], [], Drive("road", "axle", "angle", Function(harmonics=np.array(waves)))
+
+
+MAKES = {"carriage": _axle_by_carriage, "angle": _axle_by_angle}
+
+
+def car_axis(how):
+    """The mechanism with its axle driven one of two ways, and its state at the start.
+
+    The axle's motion is prescribed, so that its mass does not matter, nor does the inertia of the points.
+    """
+    axle = body("axle", 0.4, (0.3, 0.1, -0.2), (0.05, 0.04, 0.06), at=0 * X)
+    points = [body(name, MASS, at, 3 * (1e-5,)) for name, at in (("left", FREE * Y), ("right", LENGTH * X + FREE * Y))]
+    more, joints, drive = MAKES[how]()
+    joints = [
+        ("axle", "revolute", GROUND, "axle", 0 * X, Z),
+        *joints,
+        ("upright", "point_in_plane", "axle", "left", 0 * X, ACROSS, FREE * Y),
+        ("bar", "rod", "right", "left", LENGTH * X + FREE * Y, ACROSS, FREE * Y),
+        ("flat_left", "point_in_plane", GROUND, "left", FREE * Y, Z),
+        ("flat_right", "point_in_plane", GROUND, "right", LENGTH * X + FREE * Y, Z),
+    ]
+    ends = (("left", GROUND, 0 * X), ("right", "axle", LENGTH * X))
+    springs = tuple(Spring(f"k_{name}", on, name, end, 0 * X, 1.0, 0.0, FREE) for name, on, end in ends)
+    plain = mechanism("car_axis", -GRAVITY * Y, [axle, *more, *points], joints, springs=springs, drives=(drive,))
+    speed = -AMPLITUDE * FREQUENCY * FREE / LENGTH
+    return plain, started(plain, velocities={name: (speed * X, 0 * X) for name in ("left", "right")})

@@ -1,0 +1,124 @@
+"""The tutorials run top to bottom, and every number printed in them is the one written beside it."""
+
+import ast
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+TUTORIALS = Path(__file__).parents[2] / "docs" / "tutorials"
+NAMES = ("intro", "exu", "c4", "attia", "mass")
+
+NUMBER = r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?"
+EXACT = 1e-9
+"""How near a float must be to a number written without a decimal point."""
+
+
+def text_of(name):
+    return (TUTORIALS / f"{name}.md").read_text(encoding="utf-8")
+
+
+def script(text):
+    """The code blocks of a page as one script, on the lines they have in the page, so that errors point there."""
+    lines, inside = [], False
+    for line in text.splitlines():
+        fence = line.startswith("```")
+        lines.append(line if inside and not fence else "")
+        inside = not inside and line == "```python" if fence else inside
+    return "\n".join(lines) + "\n"
+
+
+def uncertainty(number):
+    """Half a unit in the last digit written."""
+    mantissa, _, power = number.partition("e")
+    if "." not in mantissa:
+        return EXACT
+    return 0.5000001 * 10.0 ** (int(power or 0) - len(mantissa.partition(".")[2]))
+
+
+def mismatch(values, written):
+    """What is wrong with a result written in a page, or None."""
+    if bound := re.fullmatch(rf"< ({NUMBER})", written):
+        worst = max(float(np.max(np.abs(np.asarray(value, dtype=float)))) for value in values)
+        return None if worst < float(bound[1]) else f"{worst} is not below {bound[1]}"
+    if any(isinstance(item, str | bool | np.bool_) for value in values for item in np.ravel(np.asarray(value))):
+        shown = " ".join(str(value) for value in values)
+        return None if shown == written else f"'{shown}' is written as '{written}'"
+    numbers = re.findall(NUMBER, written)
+    computed = np.concatenate([np.ravel(np.asarray(value, dtype=float)) for value in values])
+    if re.sub(NUMBER, "", written).strip(" ,[]()"):
+        return f"'{written}' holds more than numbers"
+    if len(numbers) != len(computed):
+        return f"{len(numbers)} numbers are written, {len(computed)} computed"
+    for number, value in zip(numbers, computed, strict=True):
+        if not abs(value - float(number)) <= uncertainty(number):
+            return f"{value} is written as {number}"
+    return None
+
+
+def run(text, name):
+    """Execute the code of a page statement by statement and compare what it prints; the number of results compared."""
+    source = script(text)
+    lines = source.splitlines()
+    printed: list[tuple[object, ...]] = []
+    namespace = {"__name__": name, "print": lambda *values: printed.append(values)}
+    compared = 0
+    for statement in ast.parse(source).body:
+        printed.clear()
+        exec(compile(ast.Module([statement], []), f"{name}.md", "exec"), namespace)
+        _, arrow, written = lines[statement.end_lineno - 1].partition("# -> ")
+        where = f"{name}.md, line {statement.end_lineno}"
+        assert bool(arrow) == bool(printed), f"{where}: a result is printed or written, but not both"
+        if arrow:
+            assert len(printed) == 1, f"{where}: print once"
+            problem = mismatch(printed[0], written.strip())
+            assert problem is None, f"{where}: {problem}"
+            compared += 1
+    return compared
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_tutorial_prints_what_it_says(name):
+    text = text_of(name)
+    assert run(text, name) >= 8
+    assert text.count("assert ") >= 5
+    assert len(text.splitlines()) < 200
+
+
+def test_all_tutorials_are_run():
+    assert {path.stem for path in TUTORIALS.glob("*.md")} == set(NAMES)
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "print(1.2346)  # -> 1.2345",
+        "print(2.0000001)  # -> 2",
+        "print([1.0, 2.0])  # -> 1.0",
+        "print(0.03)  # -> < 0.02",
+        "print(1.0)  # -> 1.0 m",
+        "print('two')  # -> three",
+        "print(True)  # -> False",
+        "print(float('nan'))  # -> 0.0",
+        "print(1.0)",
+        "x = 1.0  # -> 1.0",
+    ],
+)
+def test_a_wrong_number_is_found(statement):
+    with pytest.raises(AssertionError):
+        run(f"Text.\n\n```python\n{statement}\n```\n", "page")
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "print(1.23456)  # -> 1.235",
+        "print([1.0, -2.5e-7])  # -> 1, -2.5e-7",
+        "print(1e-13)  # -> < 1e-12",
+        "print(-2)  # -> -2",
+        "print('two', 'bodies')  # -> two bodies",
+    ],
+)
+def test_a_right_number_passes(statement):
+    assert run(f"Text.\n\n```python\n{statement}\n```\n\n```toml\nnot = 'python'\n```\n", "page") == 1
