@@ -22,7 +22,7 @@ from consilience.observe import (
 )
 from consilience.run import Question, Route, defects
 from consilience.spatial import euler_parameter_matrix, rotation_angle_between, rotation_from_quaternion
-from mechanisms import LOOPS, TREES, states_of
+from mechanisms import ELEMENTS, LOOPS, TREES, states_of
 
 ALL = TREES | LOOPS
 EPS = np.finfo(float).eps
@@ -43,6 +43,39 @@ def supported_methods(engine, mechanism, question):
     methods = engine.methods(mechanism, question)
     assert methods
     return methods
+
+
+@pytest.mark.parametrize("name", ELEMENTS)
+def test_elements_are_answered_or_refused(engine, name):
+    """An element without a translation is refused by name, never left out in silence."""
+    mechanism = ELEMENTS[name]
+    (state,) = states_of(mechanism, 1)
+    reasons = engine.unsupported(mechanism, Question.INSTANT)
+    if reasons:
+        named = {
+            x.name
+            for group in (
+                "springs",
+                "joint_springs",
+                "loads",
+                "frictions",
+                "controls",
+                "drives",
+                "couplings",
+                "rollings",
+                "skates",
+                "joints",
+            )
+            for x in getattr(mechanism, group)
+        }
+        for reason in reasons:
+            assert any(f"'{x}'" in reason.feature for x in named)
+            assert reason.reason
+        return
+    expected = np.hstack(truth.solve(mechanism, state)[:2])
+    for method in engine.methods(mechanism, Question.INSTANT):
+        answer = engine.instant(mechanism, [state], method)
+        assert relative(np.hstack([answer.a_WB_W[0], answer.alpha_WB_W[0]]), expected) < 1e-11
 
 
 @pytest.mark.parametrize("name", ALL)
