@@ -3,18 +3,22 @@
 import numpy as np
 import pytest
 
-from consilience.mechanism import GROUND, JointSpring, Spring
+from consilience.functions import linear
+from consilience.kinematics import joint_frames
+from consilience.mechanism import GROUND, Drive, JointSpring, Spring
+from consilience.reference import accelerations
 from consilience.reference.analyses import linearise
 from consilience.spatial import rotation_from_euler_zxz, rotation_from_quaternion
 from mechanisms import rotation
-from oracles.benchmarks.build import Disguise, X, Z, body, mechanism, placed, run, run_disguised, started
+from oracles.benchmarks.build import Disguise, X, Y, Z, body, mechanism, placed, run, run_disguised, started
+from oracles.benchmarks.compare import BAR, far
+from oracles.closed_forms.driven_crank import DrivenCrank
 from oracles.closed_forms.free_body import Asymmetric, symmetric
 from oracles.closed_forms.heavy_top import HeavyTop, steady_spin
 from oracles.closed_forms.oscillator import oscillator
 from oracles.closed_forms.pendulum import Pendulum
 
 TIMES = np.linspace(0.0, 10.0, 81)
-BAR = 1e-10
 SEEDS = (None, 3, 4)
 """As built, and twice in disguise: turned world, origins off the centre of mass, skew joint frames."""
 
@@ -27,11 +31,6 @@ def difference(function, times, h=4e-3):
     """First derivative, eighth order."""
     weights = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 4 / 5, -1 / 5, 4 / 105, -1 / 280]) / h
     return np.tensordot(weights, np.array([function(times + k * h) for k in (-4, -3, -2, -1, 1, 2, 3, 4)]), 1)
-
-
-def far(found, expected):
-    """Largest difference, of the largest expected magnitude or of one."""
-    return np.max(np.abs(found - expected)) / max(1.0, np.max(np.abs(expected)))
 
 
 # --- pendulum -------------------------------------------------------------------------------------------------------
@@ -167,6 +166,71 @@ def test_damped_torsion_over_full_turns(c, seed):
     expected = np.cos(x - 0.5)[:, None] * across + np.sin(x - 0.5)[:, None] * np.cross(axis, across)
     assert far(motion.turn("disc") @ across, expected) < BAR
     assert far(motion.spin("disc"), v[:, None] * axis) < BAR
+
+
+# --- driven crank ---------------------------------------------------------------------------------------------------
+
+CRANKS = {"engine": DrivenCrank(0.4, 1.3, 0.0, 0.5, 6.0), "offset": DrivenCrank(0.4, 0.9, -0.3, -1.1, -5.0)}
+
+
+@pytest.mark.parametrize("crank", CRANKS.values(), ids=CRANKS)
+def test_driven_crank_closes_and_differentiates(crank):
+    s, rate, acceleration = crank.piston(TIMES)
+    beta, turning, turning_faster = crank.rod_motion(TIMES)
+    theta = crank.angle(TIMES)
+    assert far(crank.crank * np.cos(theta) + crank.rod * np.cos(beta), s) < 1e-15
+    assert far(crank.crank * np.sin(theta) + crank.rod * np.sin(beta), np.full_like(s, crank.offset)) < 1e-15
+    for series, row, expected in (
+        (crank.piston, 0, rate),
+        (crank.piston, 1, acceleration),
+        (crank.rod_motion, 0, turning),
+        (crank.rod_motion, 1, turning_faster),
+    ):
+        assert far(difference(lambda t, f=series, k=row: f(t)[k], TIMES), expected) < 1e-9
+
+
+def driven(crank):
+    """The mechanism of lumpy bodies in its drawing, the crank driven."""
+    wrist = crank.piston([0.0])[0][0] * X + crank.offset * Y
+    pin = crank.crank * (np.cos(crank.start) * X + np.sin(crank.start) * Y)
+    inertia = np.array([[0.2, 0.02, -0.01], [0.02, 0.3, 0.03], [-0.01, 0.03, 0.25]])
+    bodies = [
+        body("crank", 1.2, (0.1, -0.05, 0.2), inertia, at=0.1 * Z),
+        body("rod", 0.8, (pin + wrist) / 2 + 0.1 * Y, inertia, at=pin),
+        body("piston", 1.7, wrist + 0.1 * X + 0.05 * Y - 0.1 * Z, inertia, at=wrist),
+    ]
+    joints = [
+        ("main", "revolute", GROUND, "crank", 0 * X, Z),
+        ("pin", "revolute", "crank", "rod", pin, Z),
+        ("wrist", "revolute", "rod", "piston", wrist, Z),
+        ("slide", "prismatic", GROUND, "piston", wrist, X),
+    ]
+    drives = (Drive("motor", "main", "angle", linear(crank.speed)),)
+    return mechanism("driven_crank", (2.0, -9.0, 1.0), bodies, joints, drives=drives)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("crank", CRANKS.values(), ids=CRANKS)
+def test_driven_crank(crank, seed):
+    times = np.linspace(0, 5, 41)
+    plain = driven(crank)
+    motion = moved(plain, started(plain), seed, times)
+    s, rate, acceleration = crank.piston(times)
+    beta, turning, turning_faster = crank.rod_motion(times)
+    piston, turn = plain.body_index["piston"], motion.turn("rod")[:, :2, 0]
+    assert far(motion.p[:, piston], s[:, None] * X + crank.offset * Y) < BAR
+    assert far(motion.v[:, piston], rate[:, None] * X) < BAR
+    assert far(turn, np.column_stack([np.cos(beta - beta[0]), np.sin(beta - beta[0])])) < BAR
+    assert far(motion.spin("rod"), turning[:, None] * Z) < BAR
+    wrist = plain.joints[plain.joint_index["wrist"]]
+    for n in (7, 40):
+        state = motion.state(n)
+        found = accelerations(plain, [state], t=times[n])
+        assert far(found.a_WB_W[0, piston], acceleration[n] * X) < BAR
+        assert far(found.alpha_WB_W[0, plain.body_index["rod"]], turning_faster[n] * Z) < BAR
+        # along the slide the wrist pin alone accelerates the piston
+        force = joint_frames(plain, state, wrist).U @ found.force_F[0, plain.joint_index["wrist"]]
+        assert force[0] == pytest.approx(1.7 * (acceleration[n] - 2.0), abs=1e-8)
 
 
 # --- free bodies ----------------------------------------------------------------------------------------------------

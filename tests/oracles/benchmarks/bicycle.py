@@ -11,9 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from consilience.functions import constant
 from consilience.kinematics import free_directions
 from consilience.mechanism import GROUND, JointSpring, Load, Rolling, State
-from consilience.functions import constant
 from consilience.reference import accelerations
 from consilience.spatial import quaternion_from_rotation, rotation_from_quaternion, skew
 from oracles.benchmarks.build import X, Y, Z, body, mechanism

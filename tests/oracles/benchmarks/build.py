@@ -157,6 +157,16 @@ class Disguise:
                 )
                 for load in mechanism.loads
             ),
+            rollings=tuple(
+                replace(
+                    r,
+                    center=self._point(r.body, r.center),
+                    axis=self.frames[r.body].R.T @ r.axis,
+                    point=self._point(GROUND, r.point),
+                    normal=self.world.R @ r.normal,
+                )
+                for r in mechanism.rollings
+            ),
         )
 
     @staticmethod
@@ -214,7 +224,7 @@ def _even(tensor):
     return (tensor + tensor.T) / 2
 
 
-def run_disguised(mechanism, state, times, seed, tolerance=1e-13):
+def run_disguised(mechanism, state, times, seed, tolerance=1e-13, formulation="descriptor"):
     """As `run`, by way of the disguised mechanism."""
     disguise = Disguise(mechanism, seed)
-    return disguise.undo(run(disguise.mechanism, disguise.state(state), times, tolerance))
+    return disguise.undo(run(disguise.mechanism, disguise.state(state), times, tolerance, formulation))

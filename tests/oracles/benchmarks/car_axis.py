@@ -17,20 +17,10 @@ from oracles.benchmarks.build import X, Y, Z, body, mechanism, started
 LENGTH, FREE, AMPLITUDE, FREQUENCY, GRAVITY = 1.0, 0.5, 0.1, 10.0, 1.0
 MASS = 10 * 0.01**2 / 2
 
-# at t = 3: left mass, right mass, their velocities, multipliers
-PUBLISHED_POINTS = (
-    (0.493455784275402809122e-1, 0.496989460230171153861),
-    (0.104174252488542151681e1, 0.373911027265361256927),
-)
-PUBLISHED_VELOCITIES = (
-    (-0.770583684040972357970e-1, 0.744686658723778553466e-2),
-    (0.175568157537232222276e-1, 0.770341043779251976443),
-)
-PUBLISHED_LAMBDA = (-0.473688659084893324729e-2, -0.110468033125734368808e-2)
-
 ACROSS = np.column_stack([Y, Z, X])
 """Axes of a frame with its z along x."""
 UPRIGHT = np.column_stack([Z, X, Y])
+"""With its z along y."""
 
 
 def _axle_by_carriage():
@@ -44,7 +34,7 @@ def _axle_by_carriage():
 
 
 def _axle_by_angle(order=15):
-    """The axle's angle, arcsin(a sin(w t)) with a = r / L, driven by its Fourier series: odd multiples of w, b_n a^n."""
+    """The axle's angle, arcsin(r / L sin(w t)), driven by its Fourier series, whose terms fall like (r / 2 L)^n."""
     x = 2 * np.pi * (np.arange(64) + 0.5) / 64
     angle = np.arcsin(AMPLITUDE / LENGTH * np.sin(x))
     odd = np.arange(1, order + 1, 2)

@@ -17,7 +17,7 @@ from consilience.kinematics import (
 )
 from consilience.mechanism import GROUND, JOINT_KINDS, Joint, Mechanism, State
 from consilience.observe import reaction_map
-from consilience.reference.analyses.statics import applied_forces, solver_velocities
+from consilience.reference.analyses.statics import Values, applied_forces, solver_velocities
 from consilience.reference.formulations.null_space import mass_matrix
 from consilience.reference.model import flatten
 from consilience.spatial import Array, cross, rotation_from_quaternion
@@ -47,7 +47,9 @@ class InverseDynamics:
     torque_F: Array
 
 
-def inverse_dynamics(mechanism: Mechanism, state: State, accelerations: JointAccelerations | Array) -> InverseDynamics:
+def inverse_dynamics(
+    mechanism: Mechanism, state: State, accelerations: JointAccelerations | Array, t: float = 0.0
+) -> InverseDynamics:
     """Efforts about and along the free joint axes that give a tree the accelerations asked for.
 
     Parameters
@@ -59,6 +61,8 @@ def inverse_dynamics(mechanism: Mechanism, state: State, accelerations: JointAcc
     accelerations : mapping of joint name to mapping of coordinate name to float, or ndarray, shape (n_b, 6)
         Second time derivatives of all joint coordinates (m/s^2, rad/s^2); or those of all bodies, ``a_WB_W`` of the
         origin and ``alpha_WB_W``, in world axes, which must be possible under the joints.
+    t : float, s
+        Time of actuators, histories of loads and targets of controllers, whose integrals are zero.
 
     Returns
     -------
@@ -83,7 +87,7 @@ def inverse_dynamics(mechanism: Mechanism, state: State, accelerations: JointAcc
         a = np.linalg.solve(S, np.concatenate([gamma, asked - drift]))
     else:
         a = _possible(mechanism, Q, gamma, accelerations)
-    unknowns = np.linalg.solve(S.T, _missing_forces(mechanism, state, a))
+    unknowns = np.linalg.solve(S.T, missing_forces(mechanism, state, a, t))
     lam, tau = unknowns[: len(Q)], unknowns[len(Q) :]
     efforts: dict[str, dict[str, float]] = {}
     for (joint, coordinate), effort in zip(free, tau, strict=True):
@@ -161,8 +165,13 @@ def _possible(mechanism: Mechanism, Q: Array, gamma: Array, accelerations: Array
     return a.ravel()
 
 
-def _missing_forces(mechanism: Mechanism, state: State, a: Array) -> Array:
-    """``M a - f`` about the bodies' origins, world axes, shape (6 n_b,): what reactions and efforts must give."""
+def missing_forces(
+    mechanism: Mechanism, state: State, a: Array, t: float = 0.0, near: Values | None = None
+) -> Array:
+    """``M a - f`` about the bodies' origins, world axes, shape (6 n_b,): what reactions and efforts must give.
+
+    Forces are those of `statics.applied_forces`, at the time t and with angles counted from `near`.
+    """
     T = solver_velocities(mechanism, state)
     R_WB = rotation_from_quaternion(state.quat_WB)
     centripetal = np.zeros((len(mechanism.bodies), 6))
@@ -170,4 +179,4 @@ def _missing_forces(mechanism: Mechanism, state: State, a: Array) -> Array:
         w = state.w_WB_W[i]
         centripetal[i, :3] = cross(w, cross(w, R_WB[i] @ body.com))
     of_solver = T @ a + centripetal.ravel()
-    return T.T @ (mass_matrix(flatten(mechanism)) @ of_solver - applied_forces(mechanism, state))
+    return T.T @ (mass_matrix(flatten(mechanism)) @ of_solver - applied_forces(mechanism, state, t, near))

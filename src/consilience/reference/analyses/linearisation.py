@@ -14,7 +14,7 @@ from consilience.kinematics import free_directions
 from consilience.mechanism import Mechanism, State
 from consilience.observe import body_point
 from consilience.reference import dynamics
-from consilience.reference.analyses.statics import require_equilibrium, solver_velocities
+from consilience.reference.analyses.statics import require_equilibrium, require_static, solver_velocities
 from consilience.reference.forces import remember
 from consilience.reference.formulations.null_space import mass_matrix
 from consilience.reference.model import flatten, pack
@@ -90,7 +90,7 @@ def linearise(mechanism: Mechanism, equilibrium: State) -> Linearisation:
     Raises
     ------
     InvalidInput
-        If the state moves.
+        If the state or a drive moves; a controller with an integral.
     NoEquilibrium
         If forces along the free directions are left.
 
@@ -106,6 +106,7 @@ def linearise(mechanism: Mechanism, equilibrium: State) -> Linearisation:
     """
     if np.any(equilibrium.v_WB_W) or np.any(equilibrium.w_WB_W):
         raise InvalidInput("equilibrium", "the state moves", "Give a state of rest, for example of static_equilibrium.")
+    require_static(mechanism)
     require_equilibrium(mechanism, equilibrium, _EQUILIBRIUM)
     N = free_directions(mechanism, equilibrium)
     T = solver_velocities(mechanism, equilibrium) @ N

@@ -3,11 +3,13 @@
 A path is the kind and name of an element, then its field, then an index where the field is an array:
 
     body.rod.mass    body.rod.com[0]    body.rod.inertia[0,1]    joint.pin.F.p[2]    joint.pin.F.turn[0]
-    spring.s.stiffness    joint_spring.k.rest    load.push.vector[1]    gravity[2]
+    spring.s.stiffness    joint_spring.k.rest    load.push.vector[1]    gravity[2]    rolling.wheel.radius
+    drive.crank.motion.polynomial[1]    coupling.cam.law.table.y[3]    control.c.target.harmonics[0,1]
     initial.coordinates.shoulder.angle    initial.rates.elbow.angle          (of a case)
 
 ``turn[k]`` of a frame, or of a quaternion, is the angle of a further rotation about its own axis k, in rad: zero now.
-Products of inertia are one parameter each, set on both sides of the diagonal.
+That of a direction (axis and normal of a rolling body, a skate's lateral) is about axis k of the frame it is given in.
+Products of inertia are one parameter each, set on both sides of the diagonal; so are the ends of a periodic table.
 """
 
 from __future__ import annotations
@@ -20,15 +22,20 @@ import numpy as np
 
 from consilience.case import Case
 from consilience.errors import InvalidInput
+from consilience.functions import Table
 from consilience.mechanism import Frame, Mechanism
 from consilience.spatial import Array, elementary_rotation, quaternion_from_rotation_vector, quaternion_product
 
 Subject = TypeVar("Subject", bound=Mechanism | Case)
 
 _SINGULAR = {"bodies": "body"}
+_DIRECTIONS = (".axis", ".normal", ".lateral")
+_ONLY_OF = {"length": "rod", "pitch": "screw"}
+"""Numbers that one kind of joint has and every other has not."""
+
 Step = tuple[str, Any]
 """One step from an object to a part of it: ("field", name), ("key", key), ("item", index), ("entry", indices) of an
-array, or ("turn", axis)."""
+array, ("mirrored", indices) of a symmetric one, ("ends", None) of an array that ends where it starts, ("turn", axis)."""
 
 
 def parameter_paths(subject: Mechanism | Case) -> tuple[str, ...]:
@@ -71,7 +78,7 @@ def with_parameter(subject: Subject, path: str, value: float) -> Subject:
 def array_around(subject: Mechanism | Case, path: str) -> Array:
     """The array that a parameter is an entry of, or itself in an array of one."""
     steps = _steps(subject, path)
-    whole = steps[:-1] if steps[-1][0] == "entry" else steps
+    whole = steps[:-1] if steps[-1][0] in ("entry", "mirrored", "ends") else steps
     return np.atleast_1d(np.asarray(_part(subject, whole), dtype=float))
 
 
@@ -99,13 +106,19 @@ def _inside(value: Any, path: str, steps: tuple[Step, ...]) -> Iterator[tuple[st
     if isinstance(value, Frame):
         yield from _inside(value.p, f"{path}.p", (*steps, ("field", "p")))
         yield from _turns(path, (*steps, ("field", "R")))
-    elif path.endswith(".orientation") and np.shape(value) == (4,):
+    elif (path.endswith(".orientation") and np.shape(value) == (4,)) or path.endswith(_DIRECTIONS):
         yield from _turns(path, steps)
+    elif isinstance(value, Table) and value.periodic:
+        yield from _inside(value.x, f"{path}.x", (*steps, ("field", "x")))
+        inner = _inside(value.y[:-1], f"{path}.y", (*steps, ("field", "y")))
+        yield f"{path}.y[0]", (*next(inner)[1][:-1], ("ends", None))
+        yield from inner
     elif _is_numeric(value):
+        symmetric = path.endswith(".inertia")
         for index in np.ndindex(np.shape(value)):
             label = f"[{','.join(map(str, index))}]" if index else ""
-            if len(index) < 2 or index[0] <= index[1]:  # matrices are inertia tensors: symmetric
-                yield path + label, (*steps, ("entry", index)) if index else steps
+            if not symmetric or index[0] <= index[1]:
+                yield path + label, (*steps, ("mirrored" if symmetric else "entry", index)) if index else steps
     else:
         for label, step, part in _children(value):
             yield from _inside(part, path + label, (*steps, step))
@@ -114,8 +127,8 @@ def _inside(value: Any, path: str, steps: tuple[Step, ...]) -> Iterator[tuple[st
 def _children(value: Any) -> list[tuple[str, Step, Any]]:
     """Parts of a value that is no number: label in the path, step, part."""
     if is_dataclass(value):
-        # only a rod has a length
-        names = [f.name for f in fields(value) if not (f.name == "length" and getattr(value, "kind", "rod") != "rod")]
+        kind = getattr(value, "kind", None)
+        names = [f.name for f in fields(value) if _ONLY_OF.get(f.name, kind) == kind]
         return [(f".{name}", ("field", name), getattr(value, name)) for name in names]
     if isinstance(value, Mapping):
         return [(f".{key}", ("key", key), value[key]) for key in value]
@@ -168,6 +181,8 @@ _READ: dict[str, Callable[[Any, Any], Any]] = {
     "key": lambda value, key: value[key],
     "item": lambda value, n: value[n],
     "entry": lambda value, index: np.asarray(value)[index],
+    "mirrored": lambda value, index: np.asarray(value)[index],
+    "ends": lambda value, _: value[0],
     "turn": lambda value, axis: 0.0,
 }
 
@@ -176,19 +191,22 @@ def _changed(value: Any, steps: tuple[Step, ...], new: float) -> Any:
     if not steps:
         return new
     (kind, which), rest = steps[0], steps[1:]
-    inner = new if kind in ("entry", "turn") else _changed(_READ[kind](value, which), rest, new)
+    inner = new if kind in ("entry", "mirrored", "ends", "turn") else _changed(_READ[kind](value, which), rest, new)
     return _WRITE[kind](value, which, inner)
 
 
-def _with_entry(value: Any, index: tuple[int, ...], new: float) -> Array:
+def _with_entries(value: Any, indices: tuple[Any, ...], new: float) -> Array:
     changed = np.array(value, dtype=float)
-    changed[index] = changed[index[::-1]] = new
+    for index in indices:
+        changed[index] = new
     return changed
 
 
 def _turned(value: Any, axis: int, angle: float) -> Array:
     if np.shape(value) == (4,):
         return quaternion_product(value, quaternion_from_rotation_vector(angle * np.eye(3)[axis]))
+    if np.shape(value) == (3,):
+        return elementary_rotation(axis, angle) @ value
     return np.asarray(value) @ elementary_rotation(axis, angle)
 
 
@@ -196,6 +214,8 @@ _WRITE: dict[str, Callable[[Any, Any, Any], Any]] = {
     "field": lambda value, name, new: replace(value, **{name: new}),
     "key": lambda value, key, new: {**value, key: new},
     "item": lambda value, n, new: (*value[:n], new, *value[n + 1 :]),
-    "entry": _with_entry,
+    "entry": lambda value, index, new: _with_entries(value, (index,), new),
+    "mirrored": lambda value, index, new: _with_entries(value, (index, index[::-1]), new),
+    "ends": lambda value, _, new: _with_entries(value, (0, -1), new),
     "turn": _turned,
 }

@@ -32,6 +32,7 @@ _LEVELS = 9
 _PATIENCE = 2
 """Levels without a smaller error after which rounding has taken over."""
 _SHORTENINGS = 12
+_POINTS = (".p", ".com", ".point", ".point_predecessor", ".point_successor", ".center")
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +65,7 @@ def parameter_scale(subject: Mechanism | Case, path: str) -> float:
     if largest > 0.0 and ".turn[" not in path and not path.endswith(("angle", "angle1", "angle2")):
         return largest
     mechanism = subject if isinstance(subject, Mechanism) else subject.mechanism
-    is_point = path.partition("[")[0].endswith((".p", ".com", ".point", ".point_predecessor", ".point_successor"))
+    is_point = path.partition("[")[0].endswith(_POINTS)
     return reach(mechanism) if is_point else 1.0
 
 

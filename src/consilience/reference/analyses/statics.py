@@ -6,20 +6,21 @@ reactions, which lie in the range of ``Q^T``, balance the rest [C4 (4.99)-(4.110
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from consilience.assembly import assemble_positions, move
-from consilience.errors import CannotAssemble, ConsilienceError
+from consilience.errors import CannotAssemble, ConsilienceError, InvalidInput
 from consilience.kinematics import free_directions
 from consilience.mechanism import Mechanism, State
 from consilience.observe import body_point, joint_spring_motion
 from consilience.reference import forces
 from consilience.reference.bodies import rotations
 from consilience.reference.forces import remember
-from consilience.reference.model import flatten, pack
+from consilience.reference.model import DISTANCE, flatten, pack
 from consilience.reference.workspace import workspace
 from consilience.spatial import Array, rotation_from_quaternion, skew
 
@@ -56,15 +57,22 @@ def solver_velocities(mechanism: Mechanism, state: State) -> Array:
     return T
 
 
-def applied_forces(mechanism: Mechanism, state: State, t: float = 0.0) -> Array:
+Values = Mapping[str, Mapping[str, Any]]
+"""Values of joint coordinates by the names of joint and coordinate."""
+
+
+def applied_forces(mechanism: Mechanism, state: State, t: float = 0.0, near: Values | None = None) -> Array:
     """All applied forces at the time t and gyroscopic terms in the coordinates of the solver, shape (6 n_b,).
 
-    Force in world axes, torque about the centre of mass in body axes (see `solver_velocities`). Angles of joint
-    springs are in (-pi, pi].
+    Force in world axes, torque about the centre of mass in body axes (see `solver_velocities`). Angles that elements
+    read are those within half a turn of `near`, or of zero. Integrals of controllers are zero.
     """
     model = flatten(mechanism)
     ws, y = workspace(model), pack(mechanism, state)
     memory = np.zeros(len(model.coordinate))
+    if near is not None:
+        names = [(mechanism.joints[j].name, "distance" if kind == DISTANCE else "angle") for j, kind in model.coordinate]
+        memory[:] = [float(near[joint][name]) for joint, name in names]
     remember(model, y, ws, memory)
     rotations(y, ws.A)
     forces.evaluate(model, t, y, memory, ws)
@@ -72,12 +80,18 @@ def applied_forces(mechanism: Mechanism, state: State, t: float = 0.0) -> Array:
 
 
 def force_scale(mechanism: Mechanism, state: State) -> float:
-    """Sum of all forces at work, in N (torques in N m count alike): weights, loads, and what a spring's length makes.
+    """Sum of all forces at work, in N (torques in N m count alike): weights, loads, actuators, springs, controls.
 
     An equilibrium can balance applied forces that cancel, so their sum is no measure of a small residual.
     """
     scale = sum(b.mass for b in mechanism.bodies) * float(np.linalg.norm(mechanism.gravity))
-    scale += sum(float(np.linalg.norm(load.vector)) for load in mechanism.loads)
+    for load in mechanism.loads:
+        scale += float(np.linalg.norm(load.vector)) * (abs(load.history.at(0.0)[0]) if load.history else 1.0)
+    actuators = [s.actuator for s in (*mechanism.springs, *mechanism.joint_springs) if s.actuator is not None]
+    scale += sum(abs(float(actuator.at(0.0)[0])) for actuator in actuators)
+    for c in mechanism.controls:
+        q, _ = joint_spring_motion(mechanism, state, c.joint, c.coordinate)
+        scale += abs(c.proportional) * (abs(q) + abs(float(c.target.at(0.0)[0])))
     for s in mechanism.springs:
         ends = [
             body_point(mechanism, state, body, point)[0]
@@ -190,14 +204,18 @@ def static_equilibrium(mechanism: Mechanism, guess: State, tolerance: float = 1e
     ------
     NoEquilibrium
         If none is found, with the residual that is left.
+    InvalidInput
+        A drive that moves at time zero, a controller with an integral (see `require_static`).
     CannotAssemble
         If the guess cannot be assembled.
 
     Notes
     -----
     Newton's method in null-space coordinates [C4 (4.99)-(4.110)], ``K = -d(J^T f)/dy`` by central differences of
-    step 1e-5 along the constraint manifold, every trial state assembled [MASS].
+    step 1e-5 along the constraint manifold, every trial state assembled [MASS]. Drives, loads and actuators that depend
+    on time are at time zero.
     """
+    require_static(mechanism)
     point = _point(mechanism, assemble_positions(mechanism, at_rest(guess)))
     for _ in range(iterations):
         if point.size == 0.0:
@@ -209,6 +227,23 @@ def static_equilibrium(mechanism: Mechanism, guess: State, tolerance: float = 1e
         point = found
     require_equilibrium(mechanism, point.state, tolerance)
     return point.state
+
+
+def require_static(mechanism: Mechanism) -> None:
+    """Refuse what leaves nothing at rest, or is no function of position and speed.
+
+    Raises
+    ------
+    InvalidInput
+        A drive that moves at time zero; a controller with an integral.
+    """
+    for drive in mechanism.drives:
+        if np.any(drive.motion.at(0.0)[1:]):
+            raise InvalidInput(f"drive '{drive.name}'", "it moves at time zero", "Hold it, or use kinematic_motion.")
+    for control in mechanism.controls:
+        if control.integral:
+            what = "its integral goes on while anything rests"
+            raise InvalidInput(f"control '{control.name}'", what, "Leave the integral out.")
 
 
 def require_equilibrium(mechanism: Mechanism, state: State, tolerance: float) -> None:

@@ -1,4 +1,4 @@
-"""Full descriptor form, index 1, in positions and orientation coordinates x = (r, x_R) of the bodies [C4 (4.84)-(4.97)].
+"""Full descriptor form, index 1, in positions and orientation coordinates x = (r, x_R) of bodies [C4 (4.84)-(4.97)].
 
 With ``w = H_R x_R'``, ``dw/dt = H_R x_R'' + h`` [C4 (4.55)-(4.56)], ``H = diag(1, H_R)`` over all bodies and rows in
 these coordinates ``Q_x = Q H``, ``Q_x x'' = gamma_x = gamma - Q (0, h)``:
@@ -227,11 +227,10 @@ class DescriptorForm:
     def _solve(self, u: Array, motion: _Motion, terms: Terms) -> tuple[Array, Array]:
         """x'', shape (n,), and ``M (H x'' + h) - f``, which is the constraint force ``Q^T lam``, shape (6 n_b,)."""
         n_b, n = self._n_b, self._n
-        H, h = self._identity.copy(), np.zeros((n_b, 6))
+        blocks = self._identity.copy()
         for b in range(n_b):
-            H[b, 3:, b, 3:] = motion.H[b]
-        h[:, 3:] = motion.h
-        H, h = H.reshape(6 * n_b, n), h.reshape(-1)
+            blocks[b, 3:, b, 3:] = motion.H[b]
+        H, h = blocks.reshape(6 * n_b, n), np.hstack([np.zeros((n_b, 3)), motion.h]).reshape(-1)
         rows = self._terms.independent_rows(motion.limit)
         Q = terms.Q[rows]
         velocity = motion.y[:n_b, 7:].reshape(-1)

@@ -16,10 +16,10 @@ trapezoidal rule. Order two in positions, velocities and multipliers. At velocit
 ``Q v - nu`` stays of order h^2 and does not grow. Of the oscillations that the step does not resolve a part rho is
 left after each step; for rho < 1 energy is lost, at smooth motions as slowly as h^2 goes to zero.
 
-**Start** [Arnold, Brüls & Cardona, Numer. Math. 129, 2015, 149-179]. a_n belongs to ``t_n + D h``, D = alpha_m - alpha_f:
-it starts with ``a_0 = dv_0 + D h dv_0'``. From exact speeds xi would miss the true increment by
-``h^3 (C dv' + (0, w' x dw'/dt) / 12)``, C = 1/6 - D/2 - beta. But the constraints hold at both ends, so that normal to
-them nothing may be missed: v has an offset of h^2 there. v_0 is given it, for else the first steps find it, with
+**Start** [Arnold, Brüls & Cardona, Numer. Math. 129, 2015, 149-179]. a_n belongs to ``t_n + D h`` where
+D = alpha_m - alpha_f: it starts with ``a_0 = dv_0 + D h dv_0'``. From exact speeds xi would miss the true increment by
+``h^3 (C dv' + (0, w' x dw'/dt) / 12)``, C = 1/6 - D/2 - beta. But the constraints hold at both ends, so that normal
+to them nothing may be missed: v has an offset of h^2 there. v_0 is given it, for else the first steps find it, with
 multipliers off by order h.
 
 **Newton's method** solves for ``beta h^2 a`` and ``beta h^2 lam`` with the dynamic rows times ``beta h^2 M^-1``: then
