@@ -20,7 +20,7 @@ from consilience.caseschema import (
 from consilience.elements import Control, Coupling, Drive, Friction, JointSpring, Load, Rolling, Skate, Spring
 from consilience.errors import InvalidInput
 from consilience.functions import Function, linear
-from consilience.mechanism import GROUND, Frame
+from consilience.mechanism import Frame
 from consilience.spatial import Array
 
 Drawing = Mapping[str, Frame]
@@ -155,16 +155,9 @@ def _coupling(c: CouplingTable) -> Coupling:
     return Coupling(c.name, c.driver_joint, c.driver_coordinate, c.joint, c.coordinate, law)
 
 
-def _moving(drawing: Drawing, body: str, where: str) -> Frame:
-    frame = drawn(drawing, body, where)
-    if body == GROUND:
-        raise InvalidInput(where, "the ground does not move", "Name a body.")
-    return frame
-
-
 def _rolling(r: RollingTable, drawing: Drawing) -> Rolling:
     where = f"rolling '{r.name}'"
-    frame = _moving(drawing, r.body, f"{where}: body")
+    frame = drawn(drawing, r.body, f"{where}: body")
     if r.axis is None and r.radius != 0.0:
         raise InvalidInput(f"{where}: axis", "the field is missing", "Give the normal of the circle in the drawing.")
     axis = np.array(r.axis or [0.0, 0.0, 1.0])  # a ball has no axis: any does
@@ -182,5 +175,5 @@ def _rolling(r: RollingTable, drawing: Drawing) -> Rolling:
 
 def _skate(s: SkateTable, drawing: Drawing) -> Skate:
     where = f"skate '{s.name}'"
-    frame = _moving(drawing, s.body, f"{where}: body")
+    frame = drawn(drawing, s.body, f"{where}: body")
     return Skate(s.name, s.body, _point(drawing, s.body, s.at, where), frame.R.T @ np.array(s.lateral))

@@ -300,6 +300,11 @@ class Mechanism:
             if name not in self.body_index:
                 known = ", ".join(self.body_index)
                 raise InvalidInput(where, f"there is no body '{name}'", f"Bodies are: {known}.")
+        for rolls in (*self.rollings, *self.skates):
+            if rolls.body == GROUND:
+                raise InvalidInput(
+                    f"{type(rolls).__name__.lower()} '{rolls.name}': body", "the ground does not move", "Name a body."
+                )
 
     def _check_coordinate(self, where: str, joint: str, coordinate: str) -> None:
         if joint not in self.joint_index:

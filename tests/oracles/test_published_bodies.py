@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 
 from consilience.mechanism import GROUND
-from consilience.spatial import (
-    rotation_from_quaternion,
-)
+from consilience.spatial import rotation_from_quaternion
 from oracles.benchmarks.build import X, Y, Z, body, mechanism, placed, run, run_disguised, started
 from oracles.benchmarks.compare import BAR, apart, far, table
 from oracles.closed_forms.free_body import Asymmetric, symmetric
@@ -19,7 +17,7 @@ from oracles.closed_forms.heavy_top import HeavyTop
 from oracles.integrate import integrate
 from oracles.test_published_values import A01
 
-# --- A01: simple pendulum --------------------------------------------------------------------------------------------
+# --- A01: simple pendulum -------------------------------------------------------------------------------------------
 
 
 def point_mass():
@@ -49,7 +47,7 @@ def test_a01_simple_pendulum(make):
         assert far(np.linalg.norm(found[:, 2:], axis=1), np.abs(expected[:, 2])) < BAR
 
 
-# --- heavy top -------------------------------------------------------------------------------------------------------
+# --- heavy top ------------------------------------------------------------------------------------------------------
 
 # centre of mass, angular velocity in world axes; integrated elsewhere in long double [Bruels, Cardona & Arnold 2012]
 HEAVY_TOP = [
@@ -96,9 +94,9 @@ def heavy_top_equations(times):
                 0.5 * (p * u + b * w - c * v),
                 0.5 * (p * v + c * u - a * w),
                 0.5 * (p * w + a * v - b * u),
-                (z + spin * w) / side,
+                (z - spin * w) / side,
                 0.0,
-                (-x - spin * u) / side,
+                (-x + spin * u) / side,
             ]
         )
 
@@ -133,7 +131,7 @@ def test_heavy_top_against_printed_values(topped):
     assert topped.spin("top")[0, 1] == pytest.approx(149.8473939540758, rel=1e-7)
 
 
-# --- free bodies -----------------------------------------------------------------------------------------------------
+# --- free bodies ----------------------------------------------------------------------------------------------------
 
 # quaternion, angular velocity in body axes: evaluated elsewhere; of Drake's symmetric body, of OSRF's box and of the
 # intermediate axis

@@ -12,15 +12,13 @@ import pytest
 
 from consilience.observe import kinetic_energy, potential_energy
 from consilience.reference.analyses import count_freedom, static_equilibrium
-from consilience.spatial import (
-    rotation_from_quaternion,
-)
+from consilience.spatial import rotation_from_quaternion
 from oracles import double_pendulum, four_bar
 from oracles.benchmarks import planar, windows
 from oracles.benchmarks.build import X, Y, run, started
 from oracles.benchmarks.compare import BAR, far, table, turned
 
-# --- A02: N four-bars ------------------------------------------------------------------------------------------------
+# --- A02: N four-bars -----------------------------------------------------------------------------------------------
 
 # theta, theta', and the end B0 of the first rod
 A02 = {
@@ -98,7 +96,7 @@ def test_a02_windows_to_the_end():
     assert far(velocity[-1], np.array(A02_EXUDYN[1])) < 2e-6
 
 
-# --- pendulums and four-bars of other projects -----------------------------------------------------------------------
+# --- pendulums and four-bars of other projects ----------------------------------------------------------------------
 
 # two angles from x and their rates; slider, angle and their rates: Project Chrono's equations, integrated elsewhere to
 # 18 digits

@@ -9,16 +9,14 @@ import numpy as np
 import pytest
 
 from consilience.reference.analyses import inverse_dynamics
-from consilience.spatial import (
-    rotation_from_quaternion,
-)
+from consilience.spatial import rotation_from_quaternion
 from oracles import double_pendulum
 from oracles.benchmarks import chrono_joints, iiwa
 from oracles.benchmarks.build import Y, Z, run, started
 from oracles.benchmarks.compare import BAR, far, table
 from oracles.integrate import integrate
 
-# --- Project Chrono's joints -----------------------------------------------------------------------------------------
+# --- Project Chrono's joints ----------------------------------------------------------------------------------------
 
 CHRONO_TIMES = np.array([0.5, 1.0, 2.0, 3.5, 5.0])
 # centre of mass at 5 s, and where printed the angular velocity; evaluated elsewhere, and within 5e-6 of files that
@@ -143,7 +141,7 @@ def test_chrono_distance_at_the_end():
     assert far(motion.spin("rod")[:, 0], rate) < BAR
 
 
-# --- KUKA iiwa -------------------------------------------------------------------------------------------------------
+# --- KUKA iiwa ------------------------------------------------------------------------------------------------------
 
 IIWA_Q = np.radians([60, 30, 60, 30, 60, 30, 60])
 

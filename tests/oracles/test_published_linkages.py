@@ -16,7 +16,7 @@ from oracles.benchmarks import andrews, bricard, governor, spatial_slider_crank
 from oracles.benchmarks.build import X, Y, Z, run, started
 from oracles.benchmarks.compare import BAR, far, table, turned
 
-# --- A03: Andrews' squeezer ------------------------------------------------------------------------------------------
+# --- A03: Andrews' squeezer -----------------------------------------------------------------------------------------
 
 # at t = 0.03: the test set for initial value problems prints 16 digits, of which about 10 are right (its own solver
 # and ours of long double differ by 1.4e-9 rad in beta, and by 6e-8 of the smallest rate)
@@ -112,7 +112,7 @@ def test_a03_energy(squeezed):
     assert energy[1] - energy[0] == pytest.approx(0.033 * (PUBLISHED_Q[0] - andrews.START[0]), abs=1e-10)
 
 
-# --- A04: Bricard's mechanism ----------------------------------------------------------------------------------------
+# --- A04: Bricard's mechanism ---------------------------------------------------------------------------------------
 
 # P3 (the end of the second rod), x and z of the end of the first, rate of the crank; integrated elsewhere
 BRICARD = [
@@ -154,7 +154,7 @@ def test_a04_bricard():
     assert far(motion.spin("rod1")[:, 1], rate) < BAR
 
 
-# --- A05: flyball governor -------------------------------------------------------------------------------------------
+# --- A05: flyball governor ------------------------------------------------------------------------------------------
 
 # s, s', beta, beta', omega, integrated elsewhere in long double
 GOVERNOR = [
@@ -193,7 +193,7 @@ def test_a05_governor():
     assert far(found, expected) < BAR
 
 
-# --- spatial slider-crank --------------------------------------------------------------------------------------------
+# --- spatial slider-crank -------------------------------------------------------------------------------------------
 
 # slider position and velocity, crank angle and rate, integrated elsewhere
 SLIDER_CRANK = [

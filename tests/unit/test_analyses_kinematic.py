@@ -10,6 +10,7 @@ import scipy.optimize
 import truth
 from consilience.assembly import assemble_positions, drawing_state, initial_state, move
 from consilience.errors import CannotAssemble, InvalidInput
+from consilience.functions import Function, constant, sine
 from consilience.kinematics import (
     constraint_residual,
     free_directions,
@@ -17,7 +18,19 @@ from consilience.kinematics import (
     joint_frames,
     relative_motion,
 )
-from consilience.mechanism import GROUND, JOINT_KINDS, Body, Frame, Joint, JointSpring, Load, Mechanism
+from consilience.mechanism import (
+    GROUND,
+    JOINT_KINDS,
+    Body,
+    Control,
+    Drive,
+    Frame,
+    Friction,
+    Joint,
+    JointSpring,
+    Load,
+    Mechanism,
+)
 from consilience.observe import body_point, determinate_reactions
 from consilience.reference.analyses import inverse_dynamics
 from consilience.reference.analyses.assembly_history import assemble_with_history
@@ -31,7 +44,7 @@ from consilience.spatial import (
     rotation_from_quaternion,
     rotation_with_z_axis,
 )
-from mechanisms import LOOPS, TREES, chain, four_bar, slider_crank
+from mechanisms import ELEMENTS, LOOPS, TREES, chain, four_bar, slider_crank
 from oracles import four_bar as four_bar_oracle
 from oracles import slider_crank as slider_crank_oracle
 
@@ -261,6 +274,127 @@ def test_angles_and_their_springs_are_counted_over_full_turns():
         driven_dynamics(m, x).efforts["crank_pivot"]["angle"] for m, x in ((sprung, motion), (mechanism, plain))
     )
     assert with_spring - without == pytest.approx(2.0 * (angle - 0.3), rel=1e-9)
+
+
+def two_speeds(t):
+    return sine(0.3, 4.0, 0.1).at(t) + Function(np.array([0.2, 1.5])).at(t)
+
+
+def power_mechanism():
+    """Driven by itself in two coordinates and by Python in the third; every force that depends on time acts on it."""
+    base, loaded = ELEMENTS["driven"], ELEMENTS["powered"]
+    wave = sine(2.0, 3.0, 0.4)
+    return replace(
+        base,
+        springs=tuple(replace(s, successor="b2", actuator=wave) for s in loaded.springs),
+        loads=tuple(replace(load, body="b1") for load in loaded.loads),
+        joint_springs=(JointSpring("k", "j0", "angle", 3.0, 0.2, 0.1, wave),),
+        frictions=(Friction("f", "j0", "angle", 0.3, 1.1, 0.2),),
+        controls=(Control("c", "j0", "angle", wave, 5.0, 0.0, 0.7),),
+    )
+
+
+def spin(t):
+    axis = np.array([0.6, 0.0, 0.8])
+    return quaternion_from_rotation_vector(2.0 * t * axis), 2.0 * axis, np.zeros(3)
+
+
+def counted(by_joint, k):
+    return {joint: {name: series[k] for name, series in by.items()} for joint, by in by_joint.items()}
+
+
+def test_a_mechanism_that_drives_itself_moves_by_its_own_drives_under_forces_that_depend_on_time():
+    """Accelerations and reactions of an independent solver, which takes the drives as rows of its own."""
+    mechanism = power_mechanism()
+    mine = {("j1", "orientation"): spin, ("j2", "angle"): turning(0.7)}
+    motion = kinematic_motion(mechanism, mine, [0.0, 0.2, 0.45], initial_state(mechanism))
+    assert motion.drives == (("j0", "angle"), ("j2", "distance"), *mine)
+    angle = np.array([two_speeds(t)[0] for t in motion.times])
+    assert np.max(np.abs(motion.coordinates["j0"]["angle"] - angle)) < 1e-12
+    found = driven_dynamics(mechanism, motion)
+    for k, (t, state) in enumerate(zip(motion.times, motion.states, strict=True)):
+        efforts = counted(found.efforts, k)
+        orientation = as_torque(mechanism, state, "j1", efforts.pop("j1")["orientation"])
+        free = replace(mechanism, drives=())  # the efforts take the place of all drives
+        a, alpha, force, torque = truth.solve(as_loads(orientation(free), state, efforts), state, float(t))
+        scale = max(np.max(np.abs(a)), np.max(np.abs(alpha)))
+        assert np.max(np.abs(a - motion.a_WB_W[k])) < 1e-9 * scale
+        assert np.max(np.abs(alpha - motion.alpha_WB_W[k])) < 1e-9 * scale
+        assert np.max(np.abs(np.hstack([found.force_F[k] - force, found.torque_F[k] - torque]))) < 1e-9 * np.max(
+            np.abs(torque)
+        )
+
+
+def as_torque(mechanism, state, name, torque_F):
+    """Adds the torque of a driven orientation."""
+    joint = mechanism.joints[mechanism.joint_index[name]]
+    torque = joint_frames(mechanism, state, joint).U @ torque_F
+    loads = tuple(
+        Load(f"{name}_{body}", "torque", body, sign * torque, "world", np.zeros(3))
+        for body, sign in ((joint.successor, 1.0), (joint.predecessor, -1.0))
+    )
+    return lambda m: replace(m, loads=(*m.loads, *loads))
+
+
+def test_own_drives_and_the_same_functions_in_python_are_one_motion():
+    mechanism = power_mechanism()
+    rest = {("j1", "orientation"): spin, ("j2", "angle"): turning(0.7)}
+    same = {("j0", "angle"): two_speeds, ("j2", "distance"): sine(0.2, 5.0).at}
+    one = kinematic_motion(mechanism, rest, [0.0, 3.0], initial_state(mechanism))
+    other = kinematic_motion(replace(mechanism, drives=()), same | rest, [0.0, 3.0], initial_state(mechanism))
+    assert np.max(np.abs(one.states[1].p_WB - other.states[1].p_WB)) < 1e-12
+    assert np.max(np.abs(one.alpha_WB_W - other.alpha_WB_W)) < 1e-9
+    with pytest.raises(InvalidInput, match=r"joint 'j0', angle.*driven twice"):
+        kinematic_motion(mechanism, same, [0.0], initial_state(mechanism))
+
+
+def test_gears_racks_and_cams_follow_a_drive_over_full_turns():
+    """Couplings ``q = f(q_driver)`` and their first two derivatives; power in at the drive is power needed."""
+    mechanism = replace(
+        ELEMENTS["coupled"], drives=(Drive("motor", "j0", "angle", Function(np.array([0.0, 9.0, 1.0]))),)
+    )
+    start = initial_state(mechanism)
+    times = np.array([0.0, 0.4, 1.0])  # 1.6 turns, of the second gear four backwards
+    motion = kinematic_motion(mechanism, {("j3", "angle"): turning(0.5)}, times, start)
+    q0 = 9.0 * times + times**2
+    cam = ELEMENTS["coupled"].couplings[2].law
+    q = motion.coordinates
+    assert q["j1"]["angle"] == pytest.approx(0.1 - 2.5 * q0, abs=1e-11)
+    assert q["j2"]["distance"] == pytest.approx(0.2 * (0.1 - 2.5 * q0), abs=1e-11)
+    assert q["j3"]["distance"] == pytest.approx([cam.at(x)[0] for x in q0], abs=1e-11)
+    rates = [relative_motion(mechanism, s, mechanism.joints[3]).v[2] for s in motion.states]
+    assert rates == pytest.approx([cam.at(x)[1] * (9.0 + 2.0 * t) for x, t in zip(q0, times, strict=True)], abs=1e-10)
+    found = driven_dynamics(mechanism, motion)
+    assert set(found.couplings) == {"gears", "rack", "cam"}
+    for k, state in enumerate(motion.states):
+        a = np.hstack([motion.a_WB_W[k], motion.alpha_WB_W[k]])
+        power = found.efforts["j0"]["angle"][k] * (9.0 + 2.0 * times[k]) + found.efforts["j3"]["angle"][k] * 0.5
+        assert power == pytest.approx(power_needed(mechanism, state, a), rel=1e-9)
+        efforts = counted(found.efforts, k)  # couplings replaced by what they exert on the four joints
+        gears, rack, cam_force = (found.couplings[n][k] for n in ("gears", "rack", "cam"))
+        efforts["j0"]["angle"] += 2.5 * gears - cam.at(q0[k])[1] * cam_force
+        efforts["j1"] = {"angle": gears - 0.2 * rack}
+        efforts["j2"] = {"distance": rack}
+        efforts["j3"]["distance"] = cam_force
+        free = replace(mechanism, drives=(), couplings=())
+        a_free, alpha, *_ = truth.solve(as_loads(free, state, efforts), state)
+        assert np.max(np.abs(np.hstack([a_free, alpha]) - a)) < 1e-9 * np.max(np.abs(a))
+
+
+def test_what_has_no_driven_motion_or_no_efforts_says_so():
+    for name, message in (("rolling_ball", r"rolling 'contact'.*holds velocities"), ("skating", "skate 'edge'")):
+        with pytest.raises(InvalidInput, match=message):
+            kinematic_motion(ELEMENTS[name], {}, [0.0], initial_state(ELEMENTS[name]))
+    with pytest.raises(InvalidInput, match="2 rows are driven, degrees of freedom are 6"):
+        kinematic_motion(ELEMENTS["driven"], {}, [0.0], initial_state(ELEMENTS["driven"]))
+    base = four_bar()
+    held = replace(
+        base,
+        drives=(Drive("d", "j0", "angle", constant(0.1)),),
+        controls=(Control("c", "j0", "angle", constant(0.0), 1.0, 2.0),),
+    )
+    with pytest.raises(InvalidInput, match="control 'c': its integral"):
+        driven_dynamics(held, kinematic_motion(held, {}, [0.0], initial_state(base)))
 
 
 def parallelogram():

@@ -1,6 +1,5 @@
 """Parameters by path, and sensitivities against closed forms, complex steps and other routes to the same derivative."""
 
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -16,7 +15,7 @@ from consilience.reference.analyses.parameters import parameter, parameter_paths
 from consilience.reference.analyses.sensitivity import sensitivity
 from consilience.reference.analyses.trajectory_sensitivity import trajectory_sensitivity
 from consilience.spatial import rotation_vector_from_quaternion, rotation_with_z_axis
-from mechanisms import LOOPS, TREES, four_bar
+from mechanisms import ELEMENTS, LOOPS, TREES, four_bar
 
 ORIGIN = Frame(np.zeros(3), np.eye(3))
 DOWN = np.array([0.0, 0.0, -9.81])
@@ -56,31 +55,60 @@ def sound(found, expected, accuracy=1e-9):
 # ---------------------------------------------------------------- parameters
 
 
-@pytest.mark.parametrize("name", ["forced_chain", "loop_rod", "branched"])
+@pytest.mark.parametrize(
+    "name", ["forced_chain", "loop_rod", "powered", "driven", "coupled", "rolling_torus", "skating"]
+)
 def test_every_parameter_can_be_read_and_changed_and_nothing_else_changes(name):
-    mechanism = (TREES | LOOPS)[name]
+    mechanism = (TREES | LOOPS | ELEMENTS)[name]
     paths = parameter_paths(mechanism)
     assert len(set(paths)) == len(paths)
     values = {path: parameter(mechanism, path) for path in paths}
-    for path in paths[:: 3 if name == "loop_rod" else 11]:
-        step = 1e-6
-        changed = with_parameter(mechanism, path, values[path] + step)
-        if ".turn" in path:  # zero again in the frame that has turned; what turned shows in the rows it belongs to
+    chosen = [p for p in paths if not p.startswith(("body.", "joint."))][::2] + list(paths[::17])
+    for path in chosen:
+        changed = with_parameter(mechanism, path, values[path] + 1e-6)
+        if ".turn[" in path:  # zero again in the frame that has turned; what turned shows in the rows it belongs to
             assert parameter(changed, path) == 0.0
             continue
-        now = {p: parameter(changed, p) for p in paths}
-        assert [p for p in paths if now[p] != values[p]] == [path]
-        assert now[path] == values[path] + step
-    assert parameter(mechanism, paths[0]) == values[paths[0]]
+        others = [p for p in paths[:: len(paths) // 25] if p != path]
+        assert [p for p in others if parameter(changed, p) != values[p]] == []
+        assert parameter(changed, path) == values[path] + 1e-6
+    assert all(parameter(mechanism, path) == values[path] for path in chosen)
 
 
 def test_counts_of_parameters():
     """3 of gravity; a body 1 + 3 + 6 + 6, a joint 12, a rod one more, a spring 9, a joint spring 3, a load 6."""
     assert len(parameter_paths(pendulum())) == 3 + 16 + 12
     assert len(parameter_paths(LOOPS["loop_rod"])) == 3 + 3 * 16 + 4 * 12 + 1
+    assert len(parameter_paths(ELEMENTS["single_screw"])) == 3 + 16 + 12 + 1
     forced = TREES["forced_chain"]
-    extra = 9 * len(forced.springs) + 3 * len(forced.joint_springs) + 6 * len(forced.loads)
-    assert len(parameter_paths(forced)) == 3 + 4 * 16 + 4 * 12 + extra
+    constant = 9 * len(forced.springs) + 3 * len(forced.joint_springs) + 6 * len(forced.loads)
+    assert len(parameter_paths(forced)) == 3 + 4 * 16 + 4 * 12 + constant
+
+
+@pytest.mark.parametrize(
+    ("name", "bodies", "expected"),
+    [
+        # actuators: a sine 3, tables 9 + 9; histories of loads 3; frictions 3; controls 3, their targets 3 and 1
+        ("powered", 4, (9 + 3) + 3 * (3 + 18) + 4 * (6 + 3) + 2 * 3 + (3 + 3) + (3 + 1)),
+        ("driven", 3, (2 + 3) + 3),
+        ("coupled", 4, 2 + 2 + (13 + 12)),  # a periodic table has one ordinate less
+        ("rolling_torus", 2, 3 + 3 + 3 + 3 + 2),
+        ("skating", 2, 3 + 3),
+    ],
+)
+def test_numbers_of_elements_are_parameters(name, bodies, expected):
+    mechanism = ELEMENTS[name]
+    assert len(parameter_paths(mechanism)) == 3 + 28 * bodies + expected
+
+
+def test_a_periodic_table_keeps_its_period_and_a_direction_its_length():
+    law = with_parameter(ELEMENTS["coupled"], "coupling.cam.law.table.y[0]", 0.01).couplings[2].law
+    assert law.table.y[0] == law.table.y[-1] == 0.01
+    before = ELEMENTS["skating"].skates[0].lateral
+    after = with_parameter(ELEMENTS["skating"], "skate.edge.lateral.turn[2]", 0.3).skates[0].lateral
+    assert np.linalg.norm(after) == pytest.approx(1.0, rel=1e-14)
+    assert after[2] == pytest.approx(before[2], rel=1e-13)
+    assert np.arctan2(after[1], after[0]) - np.arctan2(before[1], before[0]) == pytest.approx(0.3, rel=1e-12)
 
 
 def test_spellings():

@@ -24,15 +24,18 @@ from consilience.spatial import Array
 @njit(cache=True, error_model="numpy")
 def _joints(model: Model, y: Array, ws: Workspace) -> int:
     """Rows of all joints; the number of the next row."""
+    body_i, body_j, arm_i, arm_j = model.body_i, model.body_j, model.arm_i, model.arm_j
+    A, Q = ws.A, ws.Q
     for k in range(model.body_i.shape[0]):
         if model.first_row[k] == model.first_row[k + 1]:
             continue
-        m = joint_motion(model, y, ws.A, k)
+        m = joint_motion(body_i, body_j, arm_i, arm_j, y, A, k)
+        axes_i, axes_j, pitch = model.axes_i[k], model.axes_j[k], model.pitch[k]
         for n in range(model.first_row[k], model.first_row[k + 1]):
-            row: Row = joint_row(model, ws.A, k, m, model.row_kind[n])
+            row: Row = joint_row(axes_i, axes_j, pitch, A, m, model.row_kind[n])
             ws.value[n] = row.value - model.row_target[n]
             ws.gamma[n] = row.gamma
-            place(ws.Q, n, ws.A, m.i, m.j, 1.0, row)
+            place(Q, n, A, m.i, m.j, 1.0, row)
     return model.row_kind.shape[0]
 
 
@@ -119,7 +122,8 @@ def evaluate(model: Model, t: float, y: Array, memory: Array, ws: Workspace) -> 
     ws.Q[:, :] = 0.0
     ws.rate[:] = 0.0
     row = _joints(model, y, ws)
-    row = _drives(model, t, y, ws, row)
-    row = _couplings(model, y, memory, ws, row)
-    row = _rollings(model, y, ws, row)
-    _skates(model, y, ws, row)
+    if row < ws.rate.shape[0]:
+        row = _drives(model, t, y, ws, row)
+        row = _couplings(model, y, memory, ws, row)
+        row = _rollings(model, y, ws, row)
+        _skates(model, y, ws, row)

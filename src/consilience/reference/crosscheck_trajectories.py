@@ -118,9 +118,7 @@ def _neighbours(mechanism: Mechanism, state: State) -> Iterator[State]:
 
 def violation(mechanism: Mechanism, motion: TrajectoryAnswer) -> float:
     """Largest violation of a holonomic constraint at any sample."""
-    states = (
-        State(*sample) for sample in zip(motion.p_WB, motion.quat_WB, motion.v_WB_W, motion.w_WB_W, strict=True)
-    )
+    states = (State(*sample) for sample in zip(motion.p_WB, motion.quat_WB, motion.v_WB_W, motion.w_WB_W, strict=True))
     return max(
         float(np.max(np.abs(constraint_residual(mechanism, s, t)), initial=0.0))
         for t, s in zip(motion.time, states, strict=True)
@@ -207,7 +205,11 @@ def drift_table(cases: Sequence[CasePaths]) -> str:
     for title, members in [*((f"`{name}`", {name}) for name in names), ("all others", None)]:
         largest = [
             max(
-                (p.violation for p in case.paths if (p.formulation in members if members else p.formulation not in DRIFTING)),
+                (
+                    p.violation
+                    for p in case.paths
+                    if (p.formulation in members if members else p.formulation not in DRIFTING)
+                ),
                 default=0.0,
             )
             for case in cases

@@ -32,7 +32,8 @@ def derivative(
 ) -> None:
     """State derivative: ``r' = v``, ``p' = 1/2 G^T w'`` [MASS (38)], and the accelerations, shape of y."""
     accelerations(formulation, model, t, y, memory, ws, a)
-    control_errors(model, t, y, memory, ws, dy)
+    if model.control.shape[0]:
+        control_errors(model, t, y, memory, ws, dy)
     for b in range(model.mass.shape[0]):
         e0, e1, e2, e3 = y[b, 3], y[b, 4], y[b, 5], y[b, 6]
         w1, w2, w3 = y[b, 10], y[b, 11], y[b, 12]

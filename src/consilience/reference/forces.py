@@ -126,6 +126,9 @@ def evaluate(model: Model, t: float, y: Array, memory: Array, ws: Workspace) -> 
         w = load(y[b, 10:13])
         accumulate(ws.f[6 * b : 6 * b + 3], scale(model.mass[b], gravity))
         accumulate(ws.f[6 * b + 3 : 6 * b + 6], scale(-1.0, cross(w, rotate(model.inertia[b], w))))
-    _springs(model, t, y, ws.A, ws.f)
-    _joint_elements(model, t, y, memory, ws)
-    _loads(model, t, ws.A, ws.f)
+    if model.spring_body.shape[0]:
+        _springs(model, t, y, ws.A, ws.f)
+    if memory.shape[0]:
+        _joint_elements(model, t, y, memory, ws)
+    if model.load_body.shape[0]:
+        _loads(model, t, ws.A, ws.f)

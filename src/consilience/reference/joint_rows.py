@@ -5,7 +5,8 @@
     U = A_i A_Ji,  W = A_j A_Jj,  s = A s',  d = r_j + s_j - r_i - s_i.
 
 A row's rate has coefficients e of the velocity of the centre of mass of j (those of i are -e), c_i and c_j of the
-angular velocities, all in world axes.
+angular velocities, all in world axes. Functions that run for every row take the arrays they read and not the whole
+model: passing a model counts a reference for each of its arrays.
 """
 
 from __future__ import annotations
@@ -59,10 +60,10 @@ class Coordinate(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy")
-def joint_motion(model: Model, y: Array, A: Array, k: int) -> JointMotion:
+def joint_motion(body_i: Array, body_j: Array, arm_i: Array, arm_j: Array, y: Array, A: Array, k: int) -> JointMotion:
     """Relative motion of the frames of joint k."""
-    i, j = model.body_i[k], model.body_j[k]
-    s_i, s_j = arm(A, i, load(model.arm_i[k])), arm(A, j, load(model.arm_j[k]))
+    i, j = body_i[k], body_j[k]
+    s_i, s_j = arm(A, i, load(arm_i[k])), arm(A, j, load(arm_j[k]))
     r_i, v_i, w_i = motion(y, A, i)
     r_j, v_j, w_j = motion(y, A, j)
     d = sub(add(r_j, s_j), add(r_i, s_i))
@@ -72,10 +73,10 @@ def joint_motion(model: Model, y: Array, A: Array, k: int) -> JointMotion:
 
 
 @njit(cache=True, error_model="numpy")
-def basic_row(model: Model, A: Array, k: int, m: JointMotion, kind: int) -> Row:
-    """One of the thirteen basic constraint functions of joint k."""
+def basic_row(axes_i: Array, axes_j: Array, A: Array, m: JointMotion, kind: int) -> Row:
+    """One of the thirteen basic constraint functions of a joint with the axes A_Ji, A_Jj."""
     if kind < 3:
-        u = arm(A, m.i, column(model.axes_i[k], kind))
+        u = arm(A, m.i, column(axes_i, kind))
         u_dot = cross(m.w_i, u)
         gamma = -(dot(cross(m.w_i, u_dot), m.d) + 2.0 * dot(u_dot, m.d_dot) + dot(u, m.centripetal))
         return Row(dot(u, m.d), gamma, u, scale(-1.0, cross(add(m.s_i, m.d), u)), cross(m.s_j, u))
@@ -84,8 +85,8 @@ def basic_row(model: Model, A: Array, k: int, m: JointMotion, kind: int) -> Row:
         e = scale(1.0 / L, m.d)
         gamma = -((dot(m.d_dot, m.d_dot) - dot(e, m.d_dot) ** 2) / L + dot(e, m.centripetal))
         return Row(L, gamma, e, scale(-1.0, cross(m.s_i, e)), cross(m.s_j, e))
-    u = arm(A, m.i, column(model.axes_i[k], (kind - 4) // 3))
-    w = arm(A, m.j, column(model.axes_j[k], (kind - 4) % 3))
+    u = arm(A, m.i, column(axes_i, (kind - 4) // 3))
+    w = arm(A, m.j, column(axes_j, (kind - 4) % 3))
     u_dot, w_dot = cross(m.w_i, u), cross(m.w_j, w)
     normal = cross(u, w)
     gamma = -(dot(cross(m.w_i, u_dot), w) + 2.0 * dot(u_dot, w_dot) + dot(u, cross(m.w_j, w_dot)))
@@ -99,9 +100,9 @@ def full_turns(angle: float, near: float) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def angle_row(model: Model, A: Array, k: int, m: JointMotion, near: float) -> Row:
+def angle_row(axes_i: Array, axes_j: Array, A: Array, m: JointMotion, near: float) -> Row:
     """The angle with the tangent ``D21 / D11``, within half a turn of `near`."""
-    cos, sin = basic_row(model, A, k, m, _D11), basic_row(model, A, k, m, _D21)
+    cos, sin = basic_row(axes_i, axes_j, A, m, _D11), basic_row(axes_i, axes_j, A, m, _D21)
     square = cos.value**2 + sin.value**2
     p, q = cos.value / square, sin.value / square
     c_i = sub(scale(p, sin.c_i), scale(q, cos.c_i))
@@ -114,11 +115,11 @@ def angle_row(model: Model, A: Array, k: int, m: JointMotion, near: float) -> Ro
 
 
 @njit(cache=True, error_model="numpy")
-def screw_row(model: Model, A: Array, k: int, m: JointMotion) -> Row:
+def screw_row(axes_i: Array, axes_j: Array, pitch: float, A: Array, m: JointMotion) -> Row:
     """``Z - pitch angle / 2 pi``; the turns of the angle are those of Z."""
-    z = basic_row(model, A, k, m, _Z)
-    turn = angle_row(model, A, k, m, TURN * z.value / model.pitch[k])
-    h = model.pitch[k] / TURN
+    z = basic_row(axes_i, axes_j, A, m, _Z)
+    turn = angle_row(axes_i, axes_j, A, m, TURN * z.value / pitch)
+    h = pitch / TURN
     return Row(
         z.value - h * turn.value,
         z.gamma - h * turn.gamma,
@@ -129,26 +130,27 @@ def screw_row(model: Model, A: Array, k: int, m: JointMotion) -> Row:
 
 
 @njit(cache=True, error_model="numpy")
-def joint_row(model: Model, A: Array, k: int, m: JointMotion, kind: int) -> Row:
-    """A row of joint k by its number in `model.ROWS`."""
+def joint_row(axes_i: Array, axes_j: Array, pitch: float, A: Array, m: JointMotion, kind: int) -> Row:
+    """A row of a joint by its number in `model.ROWS`."""
     if kind == 13:
-        return screw_row(model, A, k, m)
-    return basic_row(model, A, k, m, kind)
+        return screw_row(axes_i, axes_j, pitch, A, m)
+    return basic_row(axes_i, axes_j, A, m, kind)
 
 
 @njit(cache=True, error_model="numpy")
 def coordinate(model: Model, y: Array, A: Array, n: int, near: float) -> Coordinate:
     """Joint coordinate n of those that elements read; an angle within half a turn of `near`, a screw's by its Z."""
     k = model.coordinate[n, 0]
-    m = joint_motion(model, y, A, k)
+    axes_i, axes_j = model.axes_i[k], model.axes_j[k]
+    m = joint_motion(model.body_i, model.body_j, model.arm_i, model.arm_j, y, A, k)
     if model.coordinate[n, 1] == 1:
-        row = basic_row(model, A, k, m, _Z)
+        row = basic_row(axes_i, axes_j, A, m, _Z)
         # the velocities of the centres of mass enter only through those of the frames' origins
         rate = dot(row.e, m.d_dot) + dot(cross(m.w_i, row.e), m.d)
         return Coordinate(row.value, rate, row, m.i, m.j)
     if model.pitch[k] != 0.0:
-        near = TURN * basic_row(model, A, k, m, _Z).value / model.pitch[k]
-    row = angle_row(model, A, k, m, near)
+        near = TURN * basic_row(axes_i, axes_j, A, m, _Z).value / model.pitch[k]
+    row = angle_row(axes_i, axes_j, A, m, near)
     return Coordinate(row.value, dot(row.c_i, m.w_i) + dot(row.c_j, m.w_j), row, m.i, m.j)
 
 

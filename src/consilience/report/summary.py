@@ -9,7 +9,7 @@ import numpy as np
 from consilience.case import Case
 from consilience.compare import Verdict
 from consilience.kinematics import constraint_residual, free_directions, joint_coordinates, relative_motion
-from consilience.mechanism import Joint, Mechanism, State
+from consilience.mechanism import Joint, JointSpring, Load, Mechanism, Spring, State
 from consilience.report.record import Record
 from consilience.report.wording import LOOKS
 
@@ -59,9 +59,13 @@ def describe_case(case: Case) -> str:
             for b in mechanism.bodies
         ),
         *(_joint(mechanism, state, joint) for joint in mechanism.joints),
-        *(f"spring {s.name}: {s.predecessor} - {s.successor}, {s.stiffness:g} N/m" for s in mechanism.springs),
-        *(f"joint spring {s.name}: about {s.joint}, {s.stiffness:g}" for s in mechanism.joint_springs),
-        *(f"{load.kind} {load.name}: {_vector(load.vector)}, fixed in the {load.frame}" for load in mechanism.loads),
+        *(
+            f"spring {s.name}: {s.predecessor} - {s.successor}, {s.stiffness:g} N/m" + _powered(s)
+            for s in mechanism.springs
+        ),
+        *(f"joint spring {s.name}: about {s.joint}, {s.stiffness:g}" + _powered(s) for s in mechanism.joint_springs),
+        *(_load(load) for load in mechanism.loads),
+        *_elements(mechanism),
         "",
         f"initial state: joints satisfied to {np.max(np.abs(constraint_residual(mechanism, state)), initial=0.0):.1g}",
         f"trajectory: {case.duration:g} s, sampled every {case.sample:g} s, {case.digits} digits asked",
@@ -71,6 +75,37 @@ def describe_case(case: Case) -> str:
     return "\n".join(lines)
 
 
+def _powered(spring: Spring | JointSpring) -> str:
+    return ", with an actuator" if spring.actuator is not None else ""
+
+
+def _load(load: Load) -> str:
+    varies = ", a function of time" if load.history is not None else ""
+    return f"{load.kind} {load.name}: {_vector(load.vector)}, fixed in the {load.frame}{varies}"
+
+
+def _elements(mechanism: Mechanism) -> list[str]:
+    """A line for each friction, control, drive, coupling and contact."""
+    m = mechanism
+    return [
+        *(
+            f"friction {f.name}: {f.joint}, viscous {f.viscous:g}, Coulomb {f.coulomb:g} regularised"
+            for f in m.frictions
+        ),
+        *(
+            f"control {c.name}: {c.coordinate} of {c.joint}, P {c.proportional:g}, I {c.integral:g}, D {c.derivative:g}"
+            for c in m.controls
+        ),
+        *(f"drive {d.name}: {d.coordinate} of {d.joint} is a function of time" for d in m.drives),
+        *(
+            f"coupling {c.name}: {c.coordinate} of {c.joint} follows {c.driver_coordinate} of {c.driver_joint}"
+            for c in m.couplings
+        ),
+        *(f"rolling {r.name}: {r.body}, radius {r.radius:g} m, rounding {r.rounding:g} m" for r in m.rollings),
+        *(f"skate {s.name}: {s.body}, no motion along {_vector(s.lateral)}" for s in m.skates),
+    ]
+
+
 def _vector(v: np.typing.ArrayLike) -> str:
     return "(" + ", ".join(f"{x:.6g}" for x in np.asarray(v)) + ")"
 
@@ -78,4 +113,5 @@ def _vector(v: np.typing.ArrayLike) -> str:
 def _joint(mechanism: Mechanism, state: State, joint: Joint) -> str:
     values = joint_coordinates(joint, relative_motion(mechanism, state, joint))
     at = ", ".join(f"{name} {np.array2string(np.asarray(v), precision=6)}" for name, v in values.items())
-    return f"joint {joint.name}: {joint.kind}, {joint.predecessor} -> {joint.successor}" + (f"; {at}" if at else "")
+    kind = f"{joint.kind} of {joint.pitch:g} m a turn" if joint.pitch else joint.kind
+    return f"joint {joint.name}: {kind}, {joint.predecessor} -> {joint.successor}" + (f"; {at}" if at else "")

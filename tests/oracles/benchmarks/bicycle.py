@@ -10,12 +10,13 @@ straight ahead at the speed v
 from dataclasses import replace
 
 import numpy as np
+from scipy.optimize import brentq
 
 from consilience.functions import constant
 from consilience.kinematics import free_directions
 from consilience.mechanism import GROUND, JointSpring, Load, Rolling, State
 from consilience.reference import accelerations
-from consilience.spatial import quaternion_from_rotation, rotation_from_quaternion, skew
+from consilience.spatial import quaternion_from_rotation, quaternion_from_rotation_vector, rotation_from_quaternion
 from oracles.benchmarks.build import X, Y, Z, body, mechanism
 
 G, WHEELBASE, TRAIL, TILT = 9.81, 1.02, 0.08, np.pi / 10
@@ -51,7 +52,7 @@ def bicycle(lean_torque=0.0, steer_torque=0.0):
 
 
 def _about(axis, angle):
-    return np.eye(3) + np.sin(angle) * skew(axis) + (1 - np.cos(angle)) * skew(axis) @ skew(axis)
+    return rotation_from_quaternion(quaternion_from_rotation_vector(angle * axis))
 
 
 def _pose(lean, steer, pitch):
@@ -68,20 +69,13 @@ def _above(axis, radius):
 
 
 def _pitch(lean, steer):
-    """Pitch at which both wheels stand on the ground, by the secant method."""
+    """Pitch at which both wheels stand on the ground."""
 
     def gap(pitch):
         B, H, reach = _pose(lean, steer, pitch)
         return reach[2] + _above(H @ Y, FRONT) - _above(B @ Y, REAR)
 
-    a, b = 0.0, 1e-3
-    f_a, f_b = gap(a), gap(b)
-    for _ in range(20):
-        if abs(f_b) < 1e-17 or f_a == f_b:
-            break
-        a, b, f_a = b, b - f_b * (b - a) / (f_b - f_a), f_b
-        f_b = gap(b)
-    return b
+    return brentq(gap, -0.3, 0.3, xtol=1e-17, rtol=1e-15)
 
 
 def state(plain, speed, lean=0.0, steer=0.0, lean_rate=0.0, steer_rate=0.0):
@@ -132,26 +126,18 @@ def lean_and_steer_accelerations(plain, states):
     return np.array(found)
 
 
-def response(speed, torque=1.0):
+def response(speed):
     """Linear parts of phi'' and delta'', upright and straight: in torques (2, 2), angles (2, 2), their rates (2, 2).
 
     In torques they are linear. In the others they are odd by symmetry; differences at four steps leave the ninth order.
     """
-    upright = state(bicycle(), speed)
-    pulled = [(torque, 0.0), (0.0, torque)]
-    in_torques = [
-        (
-            lean_and_steer_accelerations(bicycle(*f), [upright])[0]
-            - lean_and_steer_accelerations(bicycle(*(-k for k in f)), [upright])[0]
-        )
-        / (2 * torque)
-        for f in pulled
-    ]
     plain, columns = bicycle(), []
-    for k in range(4):
-        step = (0.04, 0.01, 0.04 * max(speed, 1.0), 0.04 * max(speed, 1.0))[k]
-        states = [state(plain, speed, *(n * step * np.eye(4)[k])) for n in (1, 2, 3, 4, -1, -2, -3, -4)]
+    upright = state(plain, speed)
+    in_torques = [lean_and_steer_accelerations(bicycle(*torques), [upright])[0] / 100 for torques in 100 * np.eye(2)]
+    weights = np.array([4 / 5, -1 / 5, 4 / 105, -1 / 280])
+    rate = 0.04 * max(speed, 1.0)
+    for unit, step in zip(np.eye(4), (0.04, 0.01, rate, rate), strict=True):
+        states = [state(plain, speed, *(n * step * unit)) for n in (1, 2, 3, 4, -1, -2, -3, -4)]
         a = lean_and_steer_accelerations(plain, states)
-        weights = np.array([4 / 5, -1 / 5, 4 / 105, -1 / 280])
         columns.append(weights @ (a[:4] - a[4:]) / step)
     return np.array(in_torques).T, np.array(columns[:2]).T, np.array(columns[2:]).T

@@ -165,9 +165,7 @@ def _possible(mechanism: Mechanism, Q: Array, gamma: Array, accelerations: Array
     return a.ravel()
 
 
-def missing_forces(
-    mechanism: Mechanism, state: State, a: Array, t: float = 0.0, near: Values | None = None
-) -> Array:
+def missing_forces(mechanism: Mechanism, state: State, a: Array, t: float = 0.0, near: Values | None = None) -> Array:
     """``M a - f`` about the bodies' origins, world axes, shape (6 n_b,): what reactions and efforts must give.
 
     Forces are those of `statics.applied_forces`, at the time t and with angles counted from `near`.
@@ -179,4 +177,5 @@ def missing_forces(
         w = state.w_WB_W[i]
         centripetal[i, :3] = cross(w, cross(w, R_WB[i] @ body.com))
     of_solver = T @ a + centripetal.ravel()
-    return T.T @ (mass_matrix(flatten(mechanism)) @ of_solver - applied_forces(mechanism, state, t, near))
+    missing: Array = T.T @ (mass_matrix(flatten(mechanism)) @ of_solver - applied_forces(mechanism, state, t, near))
+    return missing

@@ -1,6 +1,7 @@
 """Kinematic (driven) analysis: as many joint coordinates prescribed in time as there are degrees of freedom.
 
-With Q the joint rows and R those of the driven coordinates (`joint_rows`), in every instant
+By the drives of the mechanism itself, by Python functions, or both. With Q the rows of joints and couplings and R those
+of the driven coordinates (`joint_rows`), in every instant
 
     g(x) = 0,  q(x) = q_d(t),        Q v = 0,  R v = q_d',        Q a = gamma,  R a = q_d'' - drift,
 
@@ -15,17 +16,17 @@ reactions lam and drive efforts tau. In a mechanism with redundant rows lam is o
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from consilience.assembly import assemble_positions, move
+from consilience.assembly import move
 from consilience.errors import CannotAssemble, ConsilienceError, InvalidInput
-from consilience.kinematics import RANK_TOLERANCE, constraint_gamma, constraint_jacobian, free_directions
+from consilience.kinematics import RANK_TOLERANCE, free_directions
 from consilience.mechanism import Mechanism, State
-from consilience.observe import joint_spring_motion, reach, reaction_map
-from consilience.reference.analyses.inverse import _missing_forces
+from consilience.observe import reach
+from consilience.reference.analyses.inverse import missing_forces
 from consilience.reference.analyses.joint_rows import (
     Coordinate,
     all_coordinates,
@@ -34,9 +35,11 @@ from consilience.reference.analyses.joint_rows import (
     named_coordinate,
     width,
 )
+from consilience.reference.analyses.placing import acceleration_rows, place
+from consilience.reference.canonical import joint_wrenches
 from consilience.spatial import Array, rotation_angle_between
 
-DriveFunction = Callable[[float], tuple[ArrayLike, ArrayLike, ArrayLike]]
+DriveFunction = Callable[[float], tuple[ArrayLike, ArrayLike, ArrayLike] | Array]
 """Value, rate and acceleration of a joint coordinate at a time: floats (m, rad), three numbers for a position (axes of
 F), for an orientation a unit quaternion, angular velocity and angular acceleration of M relative to F in axes of F."""
 
@@ -64,7 +67,7 @@ class KinematicMotion:
     ----------
     times : ndarray, shape (n_t,), s
     drives : tuple of (joint, coordinate)
-        Names of the driven coordinates.
+        Names of the driven coordinates, those of the mechanism's own drives first.
     states : tuple of State
     a_WB_W, alpha_WB_W : ndarray, shape (n_t, n_b, 3)
         Accelerations of the bodies' origins (m/s^2) and angular accelerations (rad/s^2), world axes.
@@ -93,12 +96,15 @@ class DrivenDynamics:
     efforts : dict of joint name to dict of coordinate name to ndarray, shape (n_t,) or (n_t, 3)
         Force along (N) or torque about (N m) each driven coordinate, on the successor, its opposite on the
         predecessor, in addition to springs, dampers and loads; of a position or orientation in axes of F.
+    couplings : dict of coupling name to ndarray, shape (n_t,)
+        Efforts of the couplings in the coupled coordinates, on the successors.
     force_F, torque_F : ndarray, shape (n_t, n_j, 3), N and N m
         Reactions on the successors at the origins of M, axes of F, without the efforts; of least norm where redundant
         rows leave them open (`consilience.observe.determinate_reactions`).
     """
 
     efforts: dict[str, dict[str, Array]]
+    couplings: dict[str, Array]
     force_F: Array
     torque_F: Array
 
@@ -120,10 +126,10 @@ def kinematic_motion(mechanism: Mechanism, drives: Drives, times: ArrayLike, gue
     Parameters
     ----------
     mechanism : Mechanism
-        Tree or loops, redundant rows included.
+        Tree or loops, redundant rows included, drives and couplings of its own.
     drives : mapping of (joint, coordinate) to function of time
-        As many as there are degrees of freedom (see `DriveFunction`). Rates and accelerations must be the derivatives
-        of the values.
+        Beside the drives of the mechanism; empty if those are all. Together as many as there are degrees of freedom
+        (see `DriveFunction`). Rates and accelerations must be the derivatives of the values.
     times : array_like, shape (n_t,), s
         Increasing.
     guess : State
@@ -136,7 +142,8 @@ def kinematic_motion(mechanism: Mechanism, drives: Drives, times: ArrayLike, gue
     Raises
     ------
     InvalidInput
-        Unknown coordinates, drives that are more or fewer than the degrees of freedom, values of a wrong shape.
+        Unknown coordinates, drives that are more or fewer than the degrees of freedom, values of a wrong shape, rolling
+        bodies and skates, whose positions do not follow from drives.
     CannotAssemble
         If the first pose cannot be assembled.
     SingularDrive
@@ -152,7 +159,9 @@ def kinematic_motion(mechanism: Mechanism, drives: Drives, times: ArrayLike, gue
     t = np.asarray(times, dtype=float)
     if t.ndim != 1 or len(t) < 1 or not np.all(np.isfinite(t)) or np.any(np.diff(t) <= 0):
         raise InvalidInput("times", "they do not increase", "Give finite, increasing sample times.")
-    driven = {named_coordinate(mechanism, *name, "drives"): function for name, function in drives.items()}
+    functions = _functions(mechanism, drives)
+    driven = {named_coordinate(mechanism, *name, "drives"): function for name, function in functions.items()}
+    mechanism = replace(mechanism, drives=())
     sample = _first(mechanism, driven, float(t[0]), guess)
     samples = [sample]
     for end in t[1:]:
@@ -168,7 +177,22 @@ def kinematic_motion(mechanism: Mechanism, drives: Drives, times: ArrayLike, gue
             if step < shortest:
                 raise _stuck(mechanism, driven, sample)
         samples.append(sample)
-    return _gathered(samples, tuple(drives))
+    return _gathered(samples, tuple(functions))
+
+
+def _functions(mechanism: Mechanism, drives: Drives) -> dict[tuple[str, str], DriveFunction]:
+    """All drives, those of the mechanism first."""
+    for what, elements in (("rolling", mechanism.rollings), ("skate", mechanism.skates)):
+        if elements:
+            why = "it holds velocities: positions depend on the way, and not on the drives alone"
+            raise InvalidInput(f"{what} '{elements[0].name}'", why, "Integrate the motion: drives hold there, too.")
+    functions: dict[tuple[str, str], DriveFunction] = {}
+    own = [((drive.joint, drive.coordinate), drive.motion.at) for drive in mechanism.drives]
+    for name, function in (*own, *drives.items()):
+        if name in functions:
+            raise InvalidInput(f"drives: joint '{name[0]}', {name[1]}", "it is driven twice", "Drive it once.")
+        functions[name] = function
+    return functions
 
 
 def _gathered(samples: Sequence[_Sample], names: tuple[tuple[str, str], ...]) -> KinematicMotion:
@@ -208,14 +232,14 @@ def _asked(driven: Mapping[Coordinate, DriveFunction], t: float) -> tuple[dict[C
 
 def _first(mechanism: Mechanism, driven: Mapping[Coordinate, DriveFunction], t: float, guess: State) -> _Sample:
     values, rates, accelerations = _asked(driven, t)
-    try:
-        state = assemble_positions(mechanism, guess, [(j, c, v) for (j, c), v in values.items()])
-    except CannotAssemble:
-        _check_count(mechanism, assemble_positions(mechanism, guess), len(rates))
-        raise
-    _check_count(mechanism, state, len(rates))
     unturned = {"orientation": np.array([1.0, 0.0, 0.0, 0.0])}
     near = {(j, c): values.get((j, c), unturned.get(c, np.zeros(()))) for j, c in all_coordinates(mechanism)}
+    try:
+        state = place(mechanism, guess, values, near)
+    except CannotAssemble:
+        _check_count(mechanism, place(mechanism, guess, {}, near), len(rates))
+        raise
+    _check_count(mechanism, state, len(rates))
     return _solved(mechanism, driven, t, state, near, rates, accelerations)
 
 
@@ -242,7 +266,7 @@ def _next(
         return None
     predicted = move(state, step)
     try:
-        placed = assemble_positions(mechanism, predicted, [(j, c, value) for (j, c), value in values.items()])
+        placed = place(mechanism, predicted, values, coordinate_values(mechanism, predicted, sample.values))
     except CannotAssemble:
         return None
     if _distance(mechanism, predicted, placed) > _TRUST:
@@ -260,7 +284,8 @@ def _solved(
     accelerations: Array,
 ) -> _Sample:
     """Velocities and accelerations at an assembled pose."""
-    Q = constraint_jacobian(mechanism, placed)
+    counted = coordinate_values(mechanism, placed, near)
+    Q, _ = acceleration_rows(mechanism, placed, counted)
     rows, _ = coordinate_rows(mechanism, placed, list(driven))
     S = np.vstack([Q, rows])
     singular = np.linalg.svd(S, compute_uv=False)
@@ -272,8 +297,9 @@ def _solved(
     v = _least_squares(S, np.concatenate([np.zeros(len(Q)), rates])).reshape(-1, 6)
     state = State(placed.p_WB, placed.quat_WB, v[:, :3], v[:, 3:])
     _, drift = coordinate_rows(mechanism, state, list(driven))
-    a = _least_squares(S, np.concatenate([constraint_gamma(mechanism, state), accelerations - drift]))
-    return _Sample(t, state, a, coordinate_values(mechanism, state, near), margin)
+    _, gamma = acceleration_rows(mechanism, state, counted)
+    a = _least_squares(S, np.concatenate([gamma, accelerations - drift]))
+    return _Sample(t, state, a, counted, margin)
 
 
 def _least_squares(S: Array, b: Array) -> Array:
@@ -307,7 +333,7 @@ def _weakest(mechanism: Mechanism, driven: Mapping[Coordinate, DriveFunction], t
 
 
 def _stuck(mechanism: Mechanism, driven: Mapping[Coordinate, DriveFunction], sample: _Sample) -> SingularDrive:
-    Q = constraint_jacobian(mechanism, sample.state)
+    Q, _ = acceleration_rows(mechanism, sample.state, sample.values)
     rows, _ = coordinate_rows(mechanism, sample.state, list(driven))
     where = _weakest(mechanism, driven, sample.t, Q, rows)
     return SingularDrive(
@@ -328,43 +354,45 @@ def driven_dynamics(mechanism: Mechanism, motion: KinematicMotion) -> DrivenDyna
     -------
     DrivenDynamics
 
+    Raises
+    ------
+    InvalidInput
+        A controller with an integral, which a motion at some instants does not tell.
+
     Notes
     -----
-    ``S^T (lam, tau) = M a - f`` [EXU; C4 section 4.1.1]. Angles of joint springs are counted over full turns as in
-    `motion`. Unlike `inverse_dynamics` it takes loops and passive joints: forces where nothing drives are those of
-    springs and loads alone.
+    ``S^T (lam, tau) = M a - f`` [EXU; C4 section 4.1.1], f at the times of `motion`. Angles that elements read are
+    counted over full turns as in `motion`. Unlike `inverse_dynamics` it takes loops and passive joints: forces where
+    nothing drives are those of springs and loads alone.
     """
+    for control in mechanism.controls:
+        if control.integral:
+            what = "its integral is not known from the motion at some instants"
+            raise InvalidInput(f"control '{control.name}'", what, "Leave the integral out, or simulate.")
+    mechanism = replace(mechanism, drives=())
     driven = [named_coordinate(mechanism, *name, "drives") for name in motion.drives]
-    efforts, wrenches = [], np.zeros((len(motion.times), len(mechanism.joints), 6))
-    for k, state in enumerate(motion.states):
-        Q = constraint_jacobian(mechanism, state)
+    joint_rows = sum(len(joint.rows) for joint in mechanism.joints)
+    efforts, couplings, wrenches = [], [], []
+    for k, (t, state) in enumerate(zip(motion.times, motion.states, strict=True)):
+        values = {name: {c: series[k] for c, series in by.items()} for name, by in motion.coordinates.items()}
+        Q, _ = acceleration_rows(mechanism, state, {(j, c): values[j.name][c] for j, c in all_coordinates(mechanism)})
         rows, _ = coordinate_rows(mechanism, state, driven)
         a = np.hstack([motion.a_WB_W[k], motion.alpha_WB_W[k]]).ravel()
-        unknowns = _least_squares(np.vstack([Q, rows]).T, _forces(mechanism, motion, k, a))
+        missing = missing_forces(mechanism, state, a, float(t), values)
+        unknowns = _least_squares(np.vstack([Q, rows]).T, missing)
         efforts.append(unknowns[len(Q) :])
-        start = 0
-        for n, joint in enumerate(mechanism.joints):
-            lam = unknowns[start : start + len(joint.rows)]
-            wrenches[k, n] = reaction_map(mechanism, state, joint) @ lam
-            start += len(joint.rows)
+        couplings.append(unknowns[joint_rows : len(Q)])
+        wrenches.append(joint_wrenches(mechanism, state, unknowns))
+    of_couplings = dict(zip([c.name for c in mechanism.couplings], np.array(couplings).T, strict=True))
+    wrench = np.array(wrenches)
+    return DrivenDynamics(_by_joint(driven, np.array(efforts)), of_couplings, wrench[..., :3], wrench[..., 3:])
+
+
+def _by_joint(driven: Sequence[Coordinate], tau: Array) -> dict[str, dict[str, Array]]:
     by_joint: dict[str, dict[str, Array]] = {}
-    start, tau = 0, np.array(efforts)
+    start = 0
     for joint, name in driven:
         part = tau[:, start : start + width(name)]
         by_joint.setdefault(joint.name, {})[name] = part if width(name) == 3 else part[:, 0]
         start += width(name)
-    return DrivenDynamics(by_joint, wrenches[..., :3], wrenches[..., 3:])
-
-
-def _forces(mechanism: Mechanism, motion: KinematicMotion, k: int, a: Array) -> Array:
-    """``M a - f`` about the origins at sample k, (6 n_b,), the angles of joint springs counted over full turns."""
-    state = motion.states[k]
-    missing = _missing_forces(mechanism, state, a)
-    for spring in mechanism.joint_springs:
-        turned = joint_spring_motion(mechanism, state, spring.joint, spring.coordinate)[0]
-        counted = float(motion.coordinates[spring.joint][spring.coordinate][k])
-        if spring.coordinate == "angle" and abs(counted - turned) > np.pi:
-            joint = mechanism.joints[mechanism.joint_index[spring.joint]]
-            row, _ = coordinate_rows(mechanism, state, [(joint, "angle")])
-            missing = missing + row[0] * spring.stiffness * (counted - turned)
-    return missing
+    return by_joint

@@ -35,7 +35,7 @@ _ONLY_OF = {"length": "rod", "pitch": "screw"}
 
 Step = tuple[str, Any]
 """One step from an object to a part of it: ("field", name), ("key", key), ("item", index), ("entry", indices) of an
-array, ("mirrored", indices) of a symmetric one, ("ends", None) of an array that ends where it starts, ("turn", axis)."""
+array, ("mirrored", indices) of a symmetric one, ("ends", None) of one that ends where it starts, ("turn", axis)."""
 
 
 def parameter_paths(subject: Mechanism | Case) -> tuple[str, ...]:
@@ -205,9 +205,9 @@ def _with_entries(value: Any, indices: tuple[Any, ...], new: float) -> Array:
 def _turned(value: Any, axis: int, angle: float) -> Array:
     if np.shape(value) == (4,):
         return quaternion_product(value, quaternion_from_rotation_vector(angle * np.eye(3)[axis]))
-    if np.shape(value) == (3,):
-        return elementary_rotation(axis, angle) @ value
-    return np.asarray(value) @ elementary_rotation(axis, angle)
+    turn = elementary_rotation(axis, angle)
+    turned: Array = turn @ value if np.shape(value) == (3,) else np.asarray(value) @ turn
+    return turned
 
 
 _WRITE: dict[str, Callable[[Any, Any, Any], Any]] = {

@@ -71,7 +71,9 @@ def applied_forces(mechanism: Mechanism, state: State, t: float = 0.0, near: Val
     ws, y = workspace(model), pack(mechanism, state)
     memory = np.zeros(len(model.coordinate))
     if near is not None:
-        names = [(mechanism.joints[j].name, "distance" if kind == DISTANCE else "angle") for j, kind in model.coordinate]
+        names = [
+            (mechanism.joints[j].name, "distance" if kind == DISTANCE else "angle") for j, kind in model.coordinate
+        ]
         memory[:] = [float(near[joint][name]) for joint, name in names]
     remember(model, y, ws, memory)
     rotations(y, ws.A)
@@ -87,8 +89,8 @@ def force_scale(mechanism: Mechanism, state: State) -> float:
     scale = sum(b.mass for b in mechanism.bodies) * float(np.linalg.norm(mechanism.gravity))
     for load in mechanism.loads:
         scale += float(np.linalg.norm(load.vector)) * (abs(load.history.at(0.0)[0]) if load.history else 1.0)
-    actuators = [s.actuator for s in (*mechanism.springs, *mechanism.joint_springs) if s.actuator is not None]
-    scale += sum(abs(float(actuator.at(0.0)[0])) for actuator in actuators)
+    actuators = [s.actuator for s in mechanism.springs] + [s.actuator for s in mechanism.joint_springs]
+    scale += sum(abs(float(actuator.at(0.0)[0])) for actuator in actuators if actuator is not None)
     for c in mechanism.controls:
         q, _ = joint_spring_motion(mechanism, state, c.joint, c.coordinate)
         scale += abs(c.proportional) * (abs(q) + abs(float(c.target.at(0.0)[0])))

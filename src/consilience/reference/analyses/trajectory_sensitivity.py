@@ -19,13 +19,13 @@ from scipy.integrate import DOP853
 from consilience.assembly import move
 from consilience.case import Case
 from consilience.errors import InvalidInput, NumericalFailure
-from consilience.kinematics import constraint_residual
+from consilience.kinematics import Angles, constraint_residual
 from consilience.mechanism import Mechanism, State
 from consilience.reference import dynamics
 from consilience.reference.analyses.parameters import Subject, parameter, with_parameter
 from consilience.reference.analyses.sensitivity import parameter_scale, ridders
 from consilience.reference.forces import remember
-from consilience.reference.model import Model, P, flatten, pack, unpack
+from consilience.reference.model import ANGLE, Model, P, flatten, pack, unpack
 from consilience.reference.projection import project
 from consilience.reference.workspace import workspace
 from consilience.spatial import Array, quaternion_product
@@ -119,7 +119,8 @@ def trajectory_sensitivity(
     for n, end in enumerate(t):
         if n:
             u = flow.advance(t[n - 1], u, end, tolerance, scales)
-        found.append([_canonical(mechanism, p, u[0], s) for p, s in zip(parameters, u[1:], strict=True)])
+        turns = flow.turns(mechanism)
+        found.append([_canonical(mechanism, p, end, turns, u[0], s) for p, s in zip(parameters, u[1:], strict=True)])
     shape = (len(t), len(paths), 4, len(mechanism.bodies), 3)
     parts = np.array([[part[0] for part in row] for row in found]).reshape(shape)
     drift = np.array([[part[1] for part in row] for row in found]).reshape(shape[:2])
@@ -156,6 +157,11 @@ class _Flow:
 
     def remember(self, y: Array) -> None:
         remember(self.model, y, self.ws, self.memory)
+
+    def turns(self, mechanism: Mechanism) -> Angles:
+        """Angles that elements read, counted over full turns, by joint."""
+        angles = zip(self.model.coordinate, self.memory, strict=True)
+        return {mechanism.joints[joint].name: float(value) for (joint, kind), value in angles if kind == ANGLE}
 
     def rate(self, model: Model, t: float, y: Array) -> Array:
         """``f(y, p)``: the one place that calls the solver."""
@@ -195,7 +201,9 @@ class _Flow:
         return ended
 
 
-def _canonical(mechanism: Mechanism, parameter_: _Parameter, y: Array, s: Array) -> tuple[Array, float]:
+def _canonical(
+    mechanism: Mechanism, parameter_: _Parameter, t: float, turns: Angles, y: Array, s: Array
+) -> tuple[Array, float]:
     """Derivatives of origins, orientations and velocities, (4, n_b, 3), and how far they violate the constraints."""
     p = np.zeros((len(y), 3))
     v, w, quat = np.zeros_like(p), np.zeros_like(p), np.zeros((len(y), 4))
@@ -206,14 +214,15 @@ def _canonical(mechanism: Mechanism, parameter_: _Parameter, y: Array, s: Array)
             p, quat, v, w = (total + weight / step * value for total, value in zip((p, quat, v, w), part, strict=True))
     conjugate = y[:, P] * np.array([1.0, -1.0, -1.0, -1.0])
     turn = 2.0 * quaternion_product(quat, conjugate)[:, 1:]
-    return np.array([p, turn, v, w]), _violation(mechanism, parameter_, y, np.hstack([p, turn]))
+    return np.array([p, turn, v, w]), _violation(mechanism, parameter_, t, turns, y, np.hstack([p, turn]))
 
 
-def _violation(mechanism: Mechanism, parameter_: _Parameter, y: Array, step: Array) -> float:
+def _violation(mechanism: Mechanism, parameter_: _Parameter, t: float, turns: Angles, y: Array, step: Array) -> float:
     """``|Q s + g_p|``, largest row: the poses displaced by each offset, in the mechanism changed by it."""
     p, quat, v, w = unpack(mechanism, y)
     state = State(p, quat / np.linalg.norm(quat, axis=1)[:, None], v, w)
-    g = np.zeros(mechanism.constraint_count())
+    g = np.zeros(mechanism.holonomic_count)
     for c, weight, other in zip(_OFFSETS, _WEIGHTS, parameter_.mechanisms, strict=True):
-        g += weight / parameter_.h * constraint_residual(other, move(state, c * parameter_.h * step.ravel()))
+        moved = move(state, c * parameter_.h * step.ravel())
+        g += weight / parameter_.h * constraint_residual(other, moved, t, turns)
     return float(np.max(np.abs(g), initial=0.0))

@@ -58,7 +58,7 @@ def accelerations(model: Model, t: float, y: Array, memory: Array, ws: Workspace
     rotations(y, ws.A)
     forces.evaluate(model, t, y, memory, ws)
     constraints.evaluate(model, t, y, memory, ws)
-    if not np.all(np.isfinite(ws.Q)):
+    if not (np.all(np.isfinite(ws.Q)) and np.all(np.isfinite(ws.f))):
         a[:] = np.nan  # a decomposition would raise; the integrator reports it
         return 0
     J, abar = basis(ws.Q, ws.gamma, ws.limit[0])

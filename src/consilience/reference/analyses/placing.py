@@ -1,0 +1,81 @@
+"""Constraint rows and assembly with couplings over full turns, for analyses that follow a motion.
+
+A pose tells an angle only up to full turns, and a coupling ``q = f(q_driver)`` depends on them. Here the turns are told
+by values of the joint coordinates from which angles are counted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from consilience.assembly import (
+    _CONVERGED,
+    _MAX_ITERATIONS,
+    Held,
+    _held_error,
+    _held_rows,
+    _largest,
+    _refuse_flipped,
+    _row_names,
+    _scatter,
+    assemble_positions,
+    move,
+)
+from consilience.element_rows import holonomic_rows
+from consilience.errors import CannotAssemble
+from consilience.kinematics import RANK_TOLERANCE, constraint_gamma, constraint_jacobian, constraint_residual
+from consilience.mechanism import Mechanism, State
+from consilience.reference.analyses.joint_rows import Coordinate
+from consilience.spatial import Array
+
+Values = Mapping[Coordinate, Array]
+
+
+def _angles(values: Values) -> dict[str, float]:
+    return {joint.name: float(value) for (joint, name), value in values.items() if name == "angle"}
+
+
+def acceleration_rows(mechanism: Mechanism, state: State, near: Values) -> tuple[Array, Array]:
+    """Q, shape (q, 6 n_b), and gamma, shape (q,), of all holonomic rows of a mechanism without drives.
+
+    Angles that couplings read are those within half a turn of `near`.
+    """
+    elements = holonomic_rows(mechanism, state, 0.0, _angles(near))
+    Q = [constraint_jacobian(mechanism, state, mechanism.joints), *(row.Q[None] for row in elements)]
+    gamma = np.append(constraint_gamma(mechanism, state, mechanism.joints), [row.gamma for row in elements])
+    return np.vstack(Q), gamma
+
+
+def place(mechanism: Mechanism, guess: State, held: Values, near: Values) -> State:
+    """`consilience.assembly.assemble_positions` of a mechanism without drives, couplings counted from `near`.
+
+    Raises
+    ------
+    CannotAssemble
+        Naming the constraint that stays violated.
+    """
+    wanted: Held = [(joint, coordinate, value) for (joint, coordinate), value in held.items()]
+    if not mechanism.couplings:
+        return assemble_positions(mechanism, guess, wanted)
+    angles, state, error = _angles(near), guess, np.inf
+    for _ in range(_MAX_ITERATIONS):
+        parts = [_held_error(mechanism, state, *one) for one in wanted]
+        residual = np.concatenate([constraint_residual(mechanism, state, 0.0, angles), *parts])
+        if _largest(residual) == 0.0 or (error < _CONVERGED and _largest(residual) >= error):
+            break
+        error = _largest(residual)
+        rows = [_scatter(mechanism, j, _held_rows(mechanism, state, j, c)) for j, c, _ in wanted]
+        jacobian = np.vstack([acceleration_rows(mechanism, state, near)[0], *rows])
+        step = np.linalg.lstsq(jacobian, -residual, rcond=RANK_TOLERANCE)[0]
+        state = move(state, step * min(1.0, 1.0 / max(_largest(step), 1e-300)))
+    if _largest(residual) > 10.0 * _CONVERGED * max(1.0, _largest(state.p_WB)):
+        worst = int(np.argmax(np.abs(residual)))
+        raise CannotAssemble(
+            f"mechanism '{mechanism.name}': {_row_names(mechanism, wanted, velocities=False)[worst]}",
+            f"it stays violated by {abs(residual[worst]):.3g} after {_MAX_ITERATIONS} iterations",
+            "Draw the mechanism closer to an assembled pose, or drive fewer or other joint coordinates.",
+        )
+    _refuse_flipped(mechanism, state)
+    return state
