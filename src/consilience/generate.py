@@ -229,6 +229,10 @@ class _Draft:
             return through(np.linspace(-1.0, 11.0, 13), rng.normal(size=13))
         return Function(rng.normal(scale=0.5, size=2), np.array([[1.0, rng.uniform(1.0, 5.0), rng.uniform(0.0, 6.0)]]))
 
+    def _history(self, plain: bool) -> Function | None:
+        """A function every other time, none if plain."""
+        return self._function() if not plain and self.rng.random() < 0.5 else None
+
     def _motion(self) -> Function:
         """A smooth function that is zero at zero, with a slope and a curvature there."""
         a, w, phi = self.rng.uniform(0.1, 0.4), self.rng.uniform(1.0, 4.0), self.rng.uniform(0.2, 6.0)
@@ -237,12 +241,11 @@ class _Draft:
     def add_forces(self, plain: bool) -> None:
         """Springs, joint springs and loads; if not plain, also in time, friction and control."""
         rng, known = self.rng, [GROUND, *self.bodies]
-        history = (lambda: None) if plain else (lambda: self._function() if rng.random() < 0.5 else None)
         for n in range(rng.integers(0, 3)):
             i, j = rng.permutation(known)[:2]
             points = (rng.normal(scale=0.4, size=3), rng.normal(scale=0.4, size=3))
             k, c, rest = rng.uniform(5.0, 40.0), rng.uniform(0.0, 2.0), rng.uniform(0.2, 0.8)
-            self._add("springs", Spring(f"spring{n}", str(i), str(j), *points, k, c, rest, history()))
+            self._add("springs", Spring(f"spring{n}", str(i), str(j), *points, k, c, rest, self._history(plain)))
         for n in range(rng.integers(0, 3)):
             kind, frame = str(rng.choice(["force", "torque"])), str(rng.choice(["world", "body"]))
             body, vector, point = (
@@ -250,12 +253,13 @@ class _Draft:
                 rng.normal(scale=3.0, size=3),
                 rng.normal(scale=0.3, size=3),
             )
-            self._add("loads", Load(f"load{n}", kind, body, vector, frame, point, history()))  # type: ignore[arg-type]
+            self._add("loads", Load(f"load{n}", kind, body, vector, frame, point, self._history(plain)))  # type: ignore[arg-type]
         for joint, coordinate in self._axes():
             if rng.random() < 0.3:
                 k, c, rest = rng.uniform(1.0, 10.0), rng.uniform(0.0, 1.0), rng.normal(scale=0.3)
                 self._add(
-                    "joint_springs", JointSpring(f"k_{joint}_{coordinate}", joint, coordinate, k, c, rest, history())
+                    "joint_springs",
+                    JointSpring(f"k_{joint}_{coordinate}", joint, coordinate, k, c, rest, self._history(plain)),
                 )
             if not plain and rng.random() < 0.2:
                 d, coulomb, v = rng.uniform(0.0, 0.5), rng.uniform(0.0, 2.0), rng.uniform(0.2, 0.5)

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from consilience.mechanism import Mechanism
+from consilience.mechanism import Mechanism, State
 from consilience.spatial import Array
 
 
@@ -159,6 +159,10 @@ class TrajectoryAnswer:
     v_WB_W: Array
     w_WB_W: Array
     counters: dict[str, int | float] = field(default_factory=dict)
+
+    def state(self, sample: int) -> State:
+        """State of a sample."""
+        return State(self.p_WB[sample], self.quat_WB[sample], self.v_WB_W[sample], self.w_WB_W[sample])
 
 
 UNIT = 1e-9

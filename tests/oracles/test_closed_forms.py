@@ -159,8 +159,9 @@ def test_damped_torsion_over_full_turns(c, seed):
         [("pin", "revolute", GROUND, "disc", (0, 0, 0), axis)],
         joint_springs=(JointSpring("k", "pin", "angle", 0.9, c, -0.5),),
     )
-    x, v = oscillator(moment, c, 0.9, 1.0 + 0.5, 30.0, TIMES)
-    motion = moved(plain, started(plain, {"pin": 30.0}, {"pin": 1.0}), seed)
+    times = TIMES[:41]
+    x, v = oscillator(moment, c, 0.9, 1.0 + 0.5, 30.0, times)
+    motion = moved(plain, started(plain, {"pin": 30.0}, {"pin": 1.0}), seed, times)
     assert c == 3.0 or np.max(np.abs(x)) > 4 * np.pi
     across = np.cross(axis, X)
     expected = np.cos(x - 0.5)[:, None] * across + np.sin(x - 0.5)[:, None] * np.cross(axis, across)

@@ -127,10 +127,16 @@ BRICARD = [
 ]
 
 
-def test_a04_reduced_to_its_crank():
-    times, expected = table(BRICARD)
+@pytest.fixture(scope="module")
+def one_crank():
+    times, _ = table(BRICARD)
     one = bricard.reduced()
-    q, rate = one.solve(np.zeros(2), times).T
+    return one, *one.solve(np.zeros(2), times).T
+
+
+def test_a04_reduced_to_its_crank(one_crank):
+    _, expected = table(BRICARD)
+    one, q, rate = one_crank
     assert far(one.energy(q, rate), np.full_like(q, one.V(0.0))) < 1e-11
     centres = one.centre(q)
     first = 2 * centres[:, 0]  # the first rod starts at the origin
@@ -138,7 +144,7 @@ def test_a04_reduced_to_its_crank():
     assert far(found, expected) < 2e-11
 
 
-def test_a04_bricard():
+def test_a04_bricard(one_crank):
     plain = bricard.bricard()
     state = started(plain)
     freedom = count_freedom(plain, state)
@@ -148,8 +154,7 @@ def test_a04_bricard():
     found = [motion.point("rod2", X - Y), motion.point("rod1", X)[:, [0, 2]], motion.spin("rod1")[:, 1:2]]
     # the table carries 12 decimals
     assert far(np.hstack(found), expected) < BAR
-    one = bricard.reduced()
-    q, rate = one.solve(np.zeros(2), times).T
+    one, q, rate = one_crank
     assert far(motion.point("rod3", X - Y + 0.5 * Z), one.centre(q)[:, 2]) < BAR
     assert far(motion.spin("rod1")[:, 1], rate) < BAR
 

@@ -8,8 +8,9 @@ from scipy.linalg import expm
 from consilience.kinematics import constraint_jacobian, constraint_residual
 from consilience.observe import kinetic_energy, potential_energy
 from consilience.reference import accelerations
+from consilience.spatial import rotation_from_quaternion
 from oracles.benchmarks import bicycle, car_axis
-from oracles.benchmarks.build import run, run_disguised
+from oracles.benchmarks.build import X, Y, run, run_disguised
 from oracles.benchmarks.compare import BAR, far
 
 # --- car axis -------------------------------------------------------------------------------------------------------
@@ -24,19 +25,23 @@ CAR_VELOCITIES = (
 CAR_LAMBDA = (-0.473688659084893324729e-2, -0.110468033125734368808e-2)
 
 
-@pytest.mark.parametrize("how", car_axis.MAKES)
-def test_car_axis(how):
-    plain, state = car_axis.car_axis(how)
+@pytest.fixture(scope="module", params=car_axis.MAKES)
+def driven(request):
+    plain, start = car_axis.car_axis(request.param)
+    return plain, start, run(plain, start, [3.0])
+
+
+def test_car_axis(driven):
+    plain, start, motion = driven
     points = [plain.body_index[name] for name in ("left", "right")]
-    for motion in (run(plain, state, [3.0]), run_disguised(plain, state, [3.0], seed=3)):
-        assert far(motion.p[0, points, :2], np.array(CAR_POINTS)) < 2e-12
-        assert far(motion.v[0, points, :2], np.array(CAR_VELOCITIES)) < BAR
+    for found in (motion, run_disguised(plain, start, [3.0], seed=3)):
+        assert far(found.p[0, points, :2], np.array(CAR_POINTS)) < 2e-12
+        assert far(found.v[0, points, :2], np.array(CAR_VELOCITIES)) < BAR
 
 
-@pytest.mark.parametrize("how", car_axis.MAKES)
-def test_car_axis_multipliers(how):
-    plain, state = car_axis.car_axis(how)
-    end = run(plain, state, [3.0]).state(0)
+def test_car_axis_multipliers(driven):
+    plain, _, motion = driven
+    end = motion.state(0)
     left, right = (end.p_WB[plain.body_index[name]] for name in ("left", "right"))
     forces = accelerations(plain, [end], t=3.0).force_F[0]
     # forces on the left mass: lam1 times the vector to the right wheel, of length one; 2 lam2 (l - r)
@@ -115,6 +120,31 @@ def test_bicycle_follows_its_linear_equations():
     motion = run(plain, bicycle.state(plain, speed, lean_rate=push), times)
     expected = np.array([(expm(A * t) @ (0, 0, push, 0))[:2] for t in times])
     assert np.max(np.abs(np.column_stack(bicycle.lean_and_steer(motion.R)) - expected)) < 2e-9 * push
+
+
+# Basu-Mandal, Chatterjee & Papadopoulos 2007: one state far from upright, of the same bicycle, and its accelerations
+LEAN, STEER, PITCH = 0.6206670416476966, -0.2311385135743, 0.3300446174593725
+RATES = {"lean": -0.6068425835418, "steer": -0.4859824687093, "yaw": -0.7830033527065, "pitch": 0.0119185528069}
+SPINS = (-8.912989661489, -8.0133620584155)
+LEAN_AND_STEER_ACCELERATIONS = (7.855528112824374, 4.6198904039391895)
+SPIN_ACCELERATIONS = (-1.8472554144218631, -2.4548072904552343)
+
+
+def test_bicycle_far_from_upright():
+    plain = bicycle.bicycle()
+    speed = -SPINS[0] * bicycle.REAR
+    state = bicycle.state(plain, speed, LEAN, STEER, RATES["lean"], RATES["steer"])
+    R, w = rotation_from_quaternion(state.quat_WB), state.w_WB_W
+    # their pitch is that of the steer axis
+    assert np.arctan2(*(R[0].T @ np.cross(X, R[0] @ Y))[[0, 2]]) == pytest.approx(bicycle.TILT - PITCH, abs=1e-12)
+    assert w[0, 1] / np.cos(LEAN) == pytest.approx(RATES["pitch"], abs=1e-12)
+    assert w[0, 2] - np.tan(LEAN) * w[0, 1] == pytest.approx(RATES["yaw"], abs=1e-12)
+    axles = R[:2] @ Y
+    assert np.sum((w[2:] - w[:2]) * axles, axis=1) == pytest.approx(SPINS, abs=1e-11)
+    found = bicycle.lean_and_steer_accelerations(plain, [state])[0]
+    assert found == pytest.approx(LEAN_AND_STEER_ACCELERATIONS, abs=1e-11)
+    alpha = accelerations(plain, [state]).alpha_WB_W[0]
+    assert np.sum((alpha[2:] - alpha[:2]) * axles, axis=1) == pytest.approx(SPIN_ACCELERATIONS, abs=1e-11)
 
 
 # speed and lean rate at the start: the manoeuvres of the IFToMM library

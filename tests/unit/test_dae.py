@@ -10,11 +10,13 @@ from consilience.kinematics import constraint_jacobian, constraint_rates, constr
 from consilience.mechanism import GROUND, Body, Frame, Joint, Mechanism, State
 from consilience.observe import kinetic_energy, potential_energy
 from consilience.reference.formulations.body_terms import BodyTerms, least_norm_multipliers
+from consilience.reference.formulations.coordinates import form
+from consilience.reference.integrators.adaptive import integrate
 from consilience.reference.integrators.dae import DescriptorDae, integrate_dae
 from consilience.reference.integrators.generalised_alpha import GeneralisedAlpha, generalised_alpha
 from consilience.reference.integrators.lie_group import displaced, exponential, increment_rates
 from consilience.reference.model import pack, unpack
-from consilience.reference.solver import simulate
+from consilience.run import TrajectoryAnswer
 from consilience.spatial import (
     quaternion_from_rotation,
     quaternion_from_rotation_vector,
@@ -37,11 +39,19 @@ def at(answer, k):
     return State(answer.p_WB[k], answer.quat_WB[k], answer.v_WB_W[k], answer.w_WB_W[k])
 
 
+def explicit(mechanism, state, times):
+    """Motion by an explicit method of order eight on the form of index 1, which has a test of its own."""
+    one = form(mechanism, "descriptor_euler_parameters")
+    motion = integrate(one, one.coordinates(state), times, 1e-13, "dop853")
+    parts = (np.array([getattr(s, part) for s in motion.states]) for part in ("p_WB", "quat_WB", "v_WB_W", "w_WB_W"))
+    return TrajectoryAnswer(times, *parts)
+
+
 @functools.cache
 def reference(name, t):
-    """State and least-norm multipliers at t from the compiled solver, which is explicit and of index 1."""
+    """State and least-norm multipliers at t."""
     mechanism = ALL[name]
-    state = at(simulate(mechanism, start(name), np.array([0.0, t]), 1e-14), 1)
+    state = at(explicit(mechanism, start(name), np.array([0.0, t])), 1)
     terms, y = BodyTerms(mechanism), pack(mechanism, state)
     angles = terms.count_turns(pack(mechanism, start(name)), np.zeros(terms.angles))
     found = terms.evaluate(t, y, terms.count_turns(y, angles))
@@ -131,7 +141,7 @@ def test_radau_converges_with_the_orders_of_its_index(name, index):
 def test_ggl_keeps_to_the_motion_and_to_both_levels_of_constraints(name):
     mechanism, times = ALL[name], np.linspace(0.0, 0.3, 4)
     answer = integrate_dae(mechanism, start(name), times, 1e-10, 2)
-    assert max(differences(answer, simulate(mechanism, start(name), times, 1e-13))) < 1e-8
+    assert max(differences(answer, explicit(mechanism, start(name), times))) < 1e-8
     for k in range(1, 4):
         assert max(violations(mechanism, answer, k)) < 1e-12
 
@@ -140,7 +150,7 @@ def test_ggl_keeps_to_the_motion_and_to_both_levels_of_constraints(name):
 def test_index_3_keeps_positions_and_speeds_to_third_order(name):
     mechanism, times = ALL[name], np.linspace(0.0, 0.3, 4)
     answer = integrate_dae(mechanism, start(name), times, 1e-10, 3)
-    poses, speeds = differences(answer, simulate(mechanism, start(name), times, 1e-13))
+    poses, speeds = differences(answer, explicit(mechanism, start(name), times))
     assert poses < 1e-8
     assert speeds < 1e-6
     g, rate = violations(mechanism, answer)
@@ -151,12 +161,12 @@ def test_index_3_keeps_positions_and_speeds_to_third_order(name):
 def test_integrals_of_controllers_are_unknowns_of_radau():
     mechanism, times = ALL["powered"], np.array([0.0, 0.1])
     answer = integrate_dae(mechanism, start("powered"), times, 1e-8, 2)
-    assert max(differences(answer, simulate(mechanism, start("powered"), times, 1e-13))) < 1e-7
+    assert max(differences(answer, explicit(mechanism, start("powered"), times))) < 1e-7
 
 
 def test_tolerances_steer_radau():
     mechanism, times = ALL["single_universal"], np.array([0.0, 0.5])
-    wanted = simulate(mechanism, start("single_universal"), times, 1e-13)
+    wanted = explicit(mechanism, start("single_universal"), times)
     loose, tight = (integrate_dae(mechanism, start("single_universal"), times, tol, 2) for tol in (1e-5, 1e-8))
     assert max(differences(loose, wanted)) < 1e-4
     assert max(differences(tight, wanted)) < 1e-7
@@ -191,7 +201,7 @@ def test_generalised_alpha_is_of_order_two_from_the_first_step_on(name, rho):
         end.append(errors(name, motion))
     measured = [orders(steps, part) for part in np.array(end).T]
     np.testing.assert_allclose(measured, 2.0, atol=0.15)
-    assert orders(steps, np.array(second)[:, 2]) == pytest.approx(2.0, abs=0.15)
+    assert orders(steps, np.array(second)[:, 2]) > 1.85  # more where the next order still has a part
 
 
 def heavy_top():
@@ -207,7 +217,7 @@ def heavy_top():
     )
     angles, rates = (0.2, 1.3, -0.4), (-4.6, 0.3, 150.0)
     R = rotation_from_euler_zxz(angles)
-    phi, theta, _ = angles
+    phi = angles[0]
     nodes = np.array([np.cos(phi), np.sin(phi), 0.0])
     w = rates[0] * np.array([0.0, 0.0, 1.0]) + rates[1] * nodes + rates[2] * R[:, 2]
     state = State(np.zeros((1, 3)), quaternion_from_rotation(R)[None], np.zeros((1, 3)), w[None])
@@ -242,7 +252,7 @@ def test_radau_follows_the_heavy_top(index):
 
 def test_samples_between_steps_keep_the_order():
     mechanism, times = ALL["single_universal"], np.array([0.0, 0.0637, 0.1411, 0.2])
-    wanted = simulate(mechanism, start("single_universal"), times, 1e-13)
+    wanted = explicit(mechanism, start("single_universal"), times)
     steps = np.array([32, 48, 64])
     found = [
         differences(generalised_alpha(mechanism, start("single_universal"), times, SPAN / n, 0.8), wanted)

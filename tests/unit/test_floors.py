@@ -18,7 +18,7 @@ FLOORS = {
     "element_rows": 6,
     "kinematics": 7,
     **dict.fromkeys(("assembly", "observe", "tree", "run", "caseschema"), 8),
-    **dict.fromkeys(("engine", "case", "case_elements", "harness", "export"), 9),
+    **dict.fromkeys(("engine", "case", "case_elements", "harness", "export", "generate"), 9),
     **dict.fromkeys(("casefile", "reference", "worker"), 10),
     **dict.fromkeys(("library", "compare"), 11),
     "suite": 12,

@@ -5,13 +5,17 @@ each: the largest difference of two answers in any component is that of the larg
 
     max - min  <=  (1e-10 + 10 eps cond) * largest component
 
-with cond of the mass matrix in free directions (`observe.mass_matrix_condition`). Accelerations are (a_WB_W, alpha_WB_W)
-of all bodies, reactions the components that equilibrium determines. What a single formulation is worth is its
-distance from the median of all, component by component: one that is wrong is found out, not those that agree.
+with cond of the mass matrix in free directions (`observe.mass_matrix_condition`). Accelerations are a_WB_W and
+alpha_WB_W of all bodies, reactions the components that equilibrium determines. What a single formulation is worth is
+its distance from the median of all, component by component: one that is wrong is found out, not those that agree.
 
-Not compared, and listed with its reason: a state at which a formulation's coordinates are singular, and a state near a
-singular pose of the mechanism (a singular value of its constraints between `ROUNDING` and `SINGULAR` of the largest),
-where accelerations or reactions are not defined to that accuracy.
+Not compared, and listed with its reason:
+
+- a state at which a formulation's coordinates are singular;
+- a formulation above the bar at a distance d (a pure number) from a singularity of its orientation coordinates, as long
+  as its error is no more than the rounding of two factors 1/d, one for rates and one for their derivatives;
+- a state near a singular pose of the mechanism (a singular value of its constraints between `ROUNDING` and `SINGULAR`
+  of the largest), where accelerations or reactions are not defined to that accuracy.
 
 Run as a module for the whole campaign: ``python -m consilience.reference.crosscheck --mechanisms 200 --states 20``.
 A single mechanism N is examined again with ``--mechanisms 1 --seed N``.
@@ -39,12 +43,19 @@ from consilience.mechanism import Mechanism, State
 from consilience.observe import determinate_reactions, mass_matrix_condition
 from consilience.reference import registry
 from consilience.reference.formulation import Formulation
-from consilience.reference.orientations import SingularOrientation
+from consilience.reference.formulations.coordinates import VARIANTS
+from consilience.reference.orientations import ORIENTATIONS, SingularOrientation
 from consilience.spatial import Array
 
 BAR = 1e-10
 CONDITION = 10 * float(np.finfo(float).eps)
 ROUNDING, SINGULAR = 1e-11, 1e-6
+LOST = 1e3 * float(np.finfo(float).eps)
+"""Rounding that grows with two factors 1/d at a distance d from a singularity of coordinates."""
+
+NEAR = 1e-2
+"""Distance from a singularity of coordinates below which that is a reason."""
+
 QUANTITIES = ("accelerations", "reactions")
 
 
@@ -85,7 +96,7 @@ class Difference:
 
 @dataclass(frozen=True)
 class Exempt:
-    """A state that is not compared, for a formulation or (empty) for all, and why; a failure if it has no good reason."""
+    """A state that is not compared, for a formulation or (empty) for all, and why; a failure if for no good reason."""
 
     seed: int
     state: int
@@ -146,7 +157,9 @@ def compare(mechanism: Mechanism, states: Sequence[State], names: Sequence[str],
         determined = determinate_reactions(mechanism, state) & _carried(mechanism)
         for quantity, values in zip(QUANTITIES, _compared(answers, determined), strict=True):
             if len(values) > 1 and next(iter(values.values())).size:
-                differences.append(_difference(seed, n, quantity, values, bar))
+                difference, near = _without_near_singular(_difference(seed, n, quantity, values, bar), values, state)
+                differences.append(difference)
+                exempt += near
     loops = len(mechanism.joints) - len(mechanism.bodies)
     features = tuple(mechanism.features)
     return Examination(
@@ -201,12 +214,40 @@ def _compared(answers: dict[str, _Answer], determined: NDArray[np.bool_]) -> tup
 
 def _difference(seed: int, n: int, quantity: str, values: dict[str, Array], bar: float) -> Difference:
     stacked = np.array(list(values.values()))
-    median = np.median(stacked, axis=0)
-    scale = float(np.max(np.abs(median)))
+    finite = stacked[np.all(np.isfinite(stacked), axis=1)]
+    if len(finite) == 0:
+        return Difference(seed, n, quantity, np.inf, bar, dict.fromkeys(values, np.inf))
+    median = np.median(finite, axis=0)
+    scale = float(np.max(np.abs(median))) or 1.0
     # what is not finite is as far away as can be
-    distances = np.nan_to_num(np.max(np.abs(stacked - median), axis=1) / scale, nan=np.inf)
-    spread = float(np.nan_to_num(np.max(np.ptp(stacked, axis=0)) / scale, nan=np.inf))
+    distances = np.nan_to_num(np.max(np.abs(stacked - median), axis=1) / scale, nan=np.inf, posinf=np.inf)
+    spread = np.inf if len(finite) < len(stacked) else float(np.max(np.ptp(stacked, axis=0)) / scale)
     return Difference(seed, n, quantity, spread, bar, dict(zip(values, distances.tolist(), strict=True)))
+
+
+def _without_near_singular(
+    difference: Difference, values: dict[str, Array], state: State
+) -> tuple[Difference, list[Exempt]]:
+    """A difference above its bar again, without the formulations near a singularity of their coordinates."""
+    exempt = []
+    while not difference.agrees and len(difference.distances) > 2:
+        name, error = difference.farthest, difference.distances[difference.farthest]
+        d = _distance_to_singular(name, state)
+        if not error <= LOST / d**2 or d > NEAR:
+            break
+        reason = f"{difference.quantity} {error:.1e} off: a body is {d:.1e} from a singularity of the coordinates"
+        exempt.append(Exempt(difference.seed, difference.state, name, reason))
+        others = {other: values[other] for other in difference.distances if other != name}
+        difference = _difference(difference.seed, difference.state, difference.quantity, others, difference.bar)
+    return difference, exempt
+
+
+def _distance_to_singular(name: str, state: State) -> float:
+    """Least distance of any body from a singularity of a formulation's orientation coordinates; one if it has none."""
+    if name not in VARIANTS:
+        return 1.0
+    kind = ORIENTATIONS[VARIANTS[name].orientation]
+    return min(kind.distance_to_singularity(kind.coordinates(quat)) for quat in state.quat_WB)
 
 
 def campaign(

@@ -5,6 +5,8 @@ whose momentum ``Iz(beta) omega`` is constant. With l the length of the springs 
 ``ms s'' = -ms g - 2 f l_s``, ``2 Ih beta'' = Iz_beta omega^2 / 2 + 2 g cos(beta) (mr / 2 + mt) - 2 f l_beta``.
 """
 
+from math import cos, hypot, sin
+
 import numpy as np
 
 from consilience.mechanism import GROUND, Spring
@@ -52,24 +54,25 @@ def solve(times):
     """s, s', beta, beta', omega at `times`, shape (n_t, 5)."""
     Ih = ACROSS + ROD * 0.25 + TIP
 
-    def Iz(beta):
-        c, s = np.cos(beta), np.sin(beta)
+    def Iz(c, s):
+        """With the cosine and sine of beta; and its slope in beta."""
         each = ROD * (0.05 + 0.5 * c) ** 2 + ACROSS * c * c + ALONG * s * s + TIP * (0.05 + c) ** 2
         value = ALONG + CUBE + 2 * each
         slope = -2 * s * (ROD * (0.05 + 0.5 * c) + 2 * (ACROSS - ALONG) * c + 2 * TIP * (0.05 + c))
         return value, slope
 
-    momentum = Iz(START[2])[0] * START[4]
+    momentum = Iz(cos(START[2]), sin(START[2]))[0] * START[4]
 
     def rhs(y):
-        s, v, beta, rate = y
-        x, z = 0.5 * np.cos(beta), 1 - 0.5 * np.sin(beta) - s
-        l = np.hypot(x, z)
-        l_s, l_beta = -z / l, (-x * np.sin(beta) / 2 - z * np.cos(beta) / 2) / l
+        s, v, beta, rate = y.tolist()
+        C_b, S_b = cos(beta), sin(beta)
+        x, z = 0.5 * C_b, 1 - 0.5 * S_b - s
+        l = hypot(x, z)
+        l_s, l_beta = -z / l, (-x * S_b - z * C_b) / (2 * l)
         f = K * (l - FREE) + C * (l_s * v + l_beta * rate)
-        value, slope = Iz(beta)
-        moment = slope * (momentum / value) ** 2 / 2 + 2 * G * np.cos(beta) * (ROD / 2 + TIP) - 2 * f * l_beta
+        value, slope = Iz(C_b, S_b)
+        moment = slope * (momentum / value) ** 2 / 2 + 2 * G * C_b * (ROD / 2 + TIP) - 2 * f * l_beta
         return np.array([v, -G - 2 * f * l_s / SLIDER, rate, moment / (2 * Ih)])
 
     y = integrate(rhs, START[:4], times)
-    return np.column_stack([y, momentum / Iz(y[:, 2])[0]])
+    return np.column_stack([y, momentum / Iz(np.cos(y[:, 2]), np.sin(y[:, 2]))[0]])

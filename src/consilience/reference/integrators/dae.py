@@ -208,6 +208,8 @@ class DescriptorDae:
         scale, rows = matrix.scale
         weights, c = self._weights(z), self._parts[2]
         Z, before = self._guess(h, len(z)), 0.0
+        # speeds of index 3 are difference quotients of positions
+        floor = _ROUNDING if self._index == 2 else max(_ROUNDING, 0.1 * _ROUNDING / h)
         for n in range(_ITERATIONS):
             F = np.array([self._right(self.t + x * h, z + part) for x, part in zip(RADAU.c, Z, strict=True)])
             residual = F - _A_INVERSE @ (Z * self._differential) / h
@@ -218,7 +220,7 @@ class DescriptorDae:
             change = np.outer(_T_REAL, real) + 2.0 * np.outer(_T_PAIR, pair).real
             Z = Z + change
             size = root_mean_square(change[:, :c] / weights)
-            rounding = n > 0 and size > 0.3 * before and size * self._tolerance < _ROUNDING
+            rounding = n > 0 and size > 0.3 * before and size * self._tolerance < floor
             if size <= _GOAL or rounding:
                 self._last = h, Z
                 return Z, n > _FAST

@@ -1,0 +1,303 @@
+"""The cross-check of all formulations: that they agree, and that it finds one that does not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import typer
+from typer.testing import CliRunner
+
+import truth
+from consilience.assembly import initial_state
+from consilience.errors import NumericalFailure
+from consilience.library import load_case
+from consilience.mechanism import GROUND, Mechanism
+from consilience.observe import determinate_reactions
+from consilience.reference import FORMULATIONS, crosscheck, crosscheck_trajectories, formulation, registry, simulate
+from consilience.reference.crosscheck_trajectories import (
+    AMPLIFYING,
+    BAR,
+    DRIFTING,
+    LONG_BAR,
+    amplification,
+    differences,
+    drift_table,
+    exceptions,
+    follow,
+    table,
+)
+from mechanisms import ELEMENTS, LOOPS, TREES, chain, drawn_joint, lumpy_body, rotation, states_of
+
+SEEDS = (1, 8, 12, 14, 18)
+"""A tree, planar and spherical linkages, loops, and elements of many kinds."""
+
+
+@pytest.fixture(scope="module")
+def examinations():
+    return list(crosscheck.campaign(SEEDS, 1))
+
+
+# ---------------------------------------------------------------- single states
+
+
+def test_all_formulations_agree_on_random_mechanisms(examinations):
+    assert not crosscheck.disagreements(examinations)
+    assert not crosscheck.failures(examinations)
+    assert crosscheck.agrees(examinations)
+    compared = [set(d.distances) for e in examinations for d in e.differences]
+    assert set.union(*compared) == set(FORMULATIONS)
+    assert all(set(e.refusals) == set(FORMULATIONS) for e in examinations)
+
+
+@pytest.mark.parametrize("mechanism", [*TREES.values(), *LOOPS.values(), *ELEMENTS.values()], ids=lambda m: m.name)
+def test_the_median_is_the_truth_of_plain_numpy(mechanism):
+    """The tests' own dense solution stands in for one formulation: it keeps the bar against all others."""
+    state = states_of(mechanism, 1)
+    names = ("descriptor", "articulated_body", "descriptor_euler_parameters")
+    found = crosscheck.compare(mechanism, state, names, 0)
+    a, alpha, force, torque = truth.solve(mechanism, state[0])
+    answers = crosscheck._answers({n: formulation(n, mechanism) for n in names}, state[0], 0.0, 0, 0)[0]
+    answers["truth"] = np.hstack([a, alpha]).ravel(), np.hstack([force, torque])
+    determined = determinate_reactions(mechanism, state[0]) & crosscheck._carried(mechanism)
+    for quantity, values in zip(crosscheck.QUANTITIES, crosscheck._compared(answers, determined), strict=True):
+        if values["truth"].size:
+            bar = next(d.bar for d in found.differences if d.quantity == quantity)
+            assert crosscheck._difference(0, 0, quantity, values, bar).agrees
+
+
+class Wrong:
+    """A formulation with a part of its accelerations and reactions wrong."""
+
+    def __init__(self, equations, accelerations=0.0, reactions=0.0):
+        self.equations, self.error, self.reaction_error = equations, accelerations, reactions
+
+    def accelerations(self, state, t=0.0):
+        a, alpha = self.equations.accelerations(state, t)
+        return a, alpha * (1 + self.error)
+
+    def reactions(self, state, t=0.0):
+        force, torque = self.equations.reactions(state, t)
+        return force * (1 + self.reaction_error), torque
+
+
+@pytest.mark.parametrize(("part", "quantity"), [("accelerations", "accelerations"), ("reactions", "reactions")])
+def test_one_that_is_wrong_is_found_and_not_those_that_agree(monkeypatch, part, quantity):
+    make = registry.formulation
+    wrong = "null_space_qr"
+
+    def broken(name, mechanism):
+        return Wrong(make(name, mechanism), **{part: 1e-8}) if name == wrong else make(name, mechanism)
+
+    monkeypatch.setattr(registry, "formulation", broken)
+    names = ("descriptor", "null_space", "null_space_qr", "lagrange")
+    mechanism = LOOPS["slider_crank"]
+    found = crosscheck.compare(mechanism, states_of(mechanism, 2), names, 7)
+    bad = crosscheck.disagreements([found])
+    assert {(d.quantity, d.farthest) for d in bad} == {(quantity, wrong)}
+    assert {(d.seed, d.state) for d in bad} == {(7, 0), (7, 1)}
+    assert all(d.distances[name] < d.bar for d in bad for name in names if name != wrong)
+    assert not crosscheck.agrees([found])
+    assert f"| 7/0 | {quantity} |" in crosscheck.exceptions([found])
+
+
+def test_an_answer_that_is_not_finite_is_no_agreement():
+    values = {"one": np.array([1.0, 2.0]), "two": np.array([1.0, 2.0]), "three": np.array([1.0, np.nan])}
+    difference = crosscheck._difference(0, 0, "accelerations", values, 1e-10)
+    assert not difference.agrees
+    assert difference.farthest == "three"
+    assert difference.distances["one"] == 0.0
+
+
+def test_a_singular_orientation_is_an_exception_with_its_reason():
+    """Body axes along the world's: theta = 0, where Euler angles z-x-z fail."""
+    mechanism = chain("free", seed=3)
+    (state,) = states_of(mechanism, 1)
+    upright = replace(state, quat_WB=np.array([[1.0, 0.0, 0.0, 0.0]]))
+    names = ("descriptor", "descriptor_euler_angles", "descriptor_bryant_angles")
+    found = crosscheck.compare(mechanism, [upright], names, 5)
+    (missing,) = found.exempt
+    assert (missing.seed, missing.state, missing.formulation) == (5, 0, "descriptor_euler_angles")
+    assert missing.reason == "Euler angles z-x-z singular at theta"
+    assert not missing.failure
+    assert set(found.differences[0].distances) == {"descriptor", "descriptor_bryant_angles"}
+
+
+class Broken:
+    """A formulation that cannot answer."""
+
+    def accelerations(self, state, t=0.0):
+        raise np.linalg.LinAlgError("Singular matrix")
+
+
+def test_a_computation_that_breaks_down_is_a_failure(monkeypatch):
+    make = registry.formulation
+    monkeypatch.setattr(registry, "formulation", lambda n, m: Broken() if n == "null_space" else make(n, m))
+    mechanism = LOOPS["slider_crank"]
+    found = crosscheck.compare(mechanism, states_of(mechanism, 1), ("descriptor", "null_space", "composite_body"), 0)
+    (failed,) = crosscheck.failures([found])
+    assert (failed.formulation, failed.reason) == ("null_space", "Singular matrix")
+    assert not crosscheck.disagreements([found])
+    assert not crosscheck.agrees([found])
+    assert "**failed**: Singular matrix" in crosscheck.exceptions([found])
+
+
+@pytest.mark.parametrize(("error", "exempt"), [(1e-9, True), (1e-3, False)])
+def test_near_singular_coordinates_are_a_reason_for_rounding_but_not_for_errors(monkeypatch, error, exempt):
+    """Rodrigues parameters a few thousandths of a radian from a half turn; the tangent of half the angle is 500."""
+    mechanism = chain("free", seed=3)
+    (state,) = states_of(mechanism, 1)
+    angle = np.pi - 4e-3
+    turned = replace(state, quat_WB=np.array([[np.cos(angle / 2), np.sin(angle / 2), 0.0, 0.0]]))
+    wrong, make = "descriptor_rodrigues_parameters", registry.formulation
+
+    def broken(name, mechanism):
+        return Wrong(make(name, mechanism), accelerations=error) if name == wrong else make(name, mechanism)
+
+    monkeypatch.setattr(registry, "formulation", broken)
+    names = ("descriptor", "null_space", "descriptor_euler_parameters", wrong)
+    found = crosscheck.compare(mechanism, [turned], names, 0)
+    assert bool(crosscheck.disagreements([found])) == (not exempt)
+    assert [x.formulation for x in found.exempt] == [wrong] * exempt
+    assert all("2.0e-03 from a singularity" in x.reason for x in found.exempt)
+
+
+def parallelogram(angle):
+    """Planar parallelogram, its crank at that angle to the base: at zero it could turn into an antiparallelogram."""
+    rng = np.random.default_rng(9)
+    R, crank = rotation(rng), np.array([np.cos(angle), np.sin(angle), 0.0])
+    base = np.array([2.0, 0.0, 0.0])
+    corners = [R @ p for p in (np.zeros(3), crank, crank + base, base)]
+    bodies = {n: lumpy_body(n, rng) for n in ("crank", "coupler", "rocker")}
+    names = [GROUND, *bodies, GROUND]
+    joints = tuple(drawn_joint(f"j{n}", "revolute", bodies, names[n], names[n + 1], corners[n], R) for n in range(4))
+    return Mechanism("parallelogram", np.array([1.0, 2.0, 3.0]), tuple(bodies.values()), joints)
+
+
+@pytest.mark.parametrize(("angle", "exempt"), [(1e-7, True), (0.5, False)])
+def test_a_state_near_a_singular_pose_is_an_exception_for_all(angle, exempt):
+    mechanism = parallelogram(angle)
+    found = crosscheck.compare(mechanism, [initial_state(mechanism)], ("descriptor", "null_space"), 0)
+    assert [(x.formulation, x.failure) for x in found.exempt] == [("", False)] * exempt
+    assert all(x.reason.startswith("near a singular pose") for x in found.exempt)
+    assert len(found.differences) == (0 if exempt else 2)
+
+
+def test_the_tables_tell_what_was_compared(examinations):
+    text = crosscheck.report(examinations)
+    states = sum(e.states for e in examinations)
+    assert f"| all | {len(SEEDS)} | " in text
+    assert f"| {states} |" in crosscheck.summary(examinations)
+    refused = sum(bool(e.refusals["lagrange"]) for e in examinations)
+    assert f"| `lagrange` | {len(SEEDS) - refused} | {refused} | 0 |" in crosscheck.formulation_table(examinations)
+    assert "element 'c_" not in text
+    assert "| `lagrange` | joint: screw | " in crosscheck.exceptions(examinations)
+
+
+def test_processes_change_nothing():
+    one, two = (list(crosscheck.campaign((11, 20), 1, ("descriptor", "null_space"), jobs)) for jobs in (1, 2))
+    assert one == two
+
+
+def test_the_command_writes_the_tables_and_says_by_its_exit_code_whether_all_agree(tmp_path, monkeypatch):
+    app = typer.Typer()
+    app.command()(crosscheck.main)
+    file = tmp_path / "tables.md"
+    arguments = ["--mechanisms", "1", "--states", "1", "--seed", "11", "-f", "descriptor", "-f", "null_space"]
+    result = CliRunner().invoke(app, [*arguments, "-o", str(file)])
+    assert result.exit_code == 0
+    assert "| `null_space` | 1 | 0 | 0 |" in file.read_text()
+    monkeypatch.setattr(crosscheck, "BAR", 0.0)
+    monkeypatch.setattr(crosscheck, "CONDITION", 0.0)
+    assert CliRunner().invoke(app, arguments).exit_code == 1
+
+
+# ---------------------------------------------------------------- motions
+
+
+def test_formulations_follow_the_same_motion():
+    case = load_case("double_pendulum")
+    names = ("null_space", "composite_body", "lagrange", "descriptor_rotation_vector", "descriptor_unprojected")
+    found = follow(case.name, case.mechanism, case.initial_state, names, duration=1.0, samples=5)
+    assert [path.formulation for path in found.paths] == list(names)
+    assert all(path.agrees and path.steps > 1 for path in found.paths)
+    assert all(path.error <= BAR and path.violation < 1e-12 for path in found.paths)
+    assert {path.formulation for path in found.paths if path.bar == np.inf} == DRIFTING & set(names)
+    assert "| `descriptor_unprojected` |" in drift_table([found])
+    assert "| *amplification* |" in table([found])
+
+
+def test_coordinates_that_fail_on_the_way_are_an_exception_with_its_reason(monkeypatch):
+    """The axes of the four-bar turn Bryant angles through beta = pi / 2; a rotation vector is singular nowhere there."""
+
+    def stopped(mechanism, state, times, tolerance, formulation="descriptor"):
+        if formulation != "descriptor":
+            raise NumericalFailure("the step size fell")
+        return simulate(mechanism, state, times, tolerance, formulation)
+
+    monkeypatch.setattr(crosscheck_trajectories, "simulate", stopped)
+    case = load_case("four_bar")
+    names = ("descriptor_bryant_angles", "descriptor_rotation_vector", "null_space")
+    found = follow(case.name, case.mechanism, case.initial_state, names, 0.2, 3)
+    assert [path.exempt for path in found.paths] == [True, False, False]
+    assert [path.agrees for path in found.paths] == [True, False, False]
+    assert "passes its singular orientations" in found.paths[0].refusal
+    assert exceptions([found]).count("**failed**") == 2
+    assert "singular" in table([found])
+
+
+def test_coordinates_that_fail_at_once_are_an_exception_with_its_reason():
+    """The arm starts with theta = 0."""
+    case = load_case("rotating_end_pendulum")
+    found = follow(case.name, case.mechanism, case.initial_state, ("descriptor_euler_angles",), 0.2, 3)
+    assert found.paths[0].exempt
+    assert "theta = 0.0" in found.paths[0].refusal
+    assert "theta" in exceptions([found])
+
+
+def test_a_mechanism_that_is_refused_has_the_reason():
+    mechanism = ELEMENTS["driven"]
+    (state,) = states_of(mechanism, 1)
+    found = follow("driven", mechanism, state, ("lagrange",), 0.1, 2)
+    assert found.paths[0].exempt
+    assert "turn" in found.paths[0].refusal
+
+
+@pytest.mark.parametrize(("error", "agrees"), [(1e-10, True), (1e-8, False)])
+def test_a_motion_that_is_wrong_is_found(monkeypatch, error, agrees):
+    def bent(mechanism, state, times, tolerance, formulation="descriptor"):
+        motion = simulate(mechanism, state, times, tolerance, formulation)
+        return replace(motion, v_WB_W=motion.v_WB_W + error) if formulation == "null_space" else motion
+
+    monkeypatch.setattr(crosscheck_trajectories, "simulate", bent)
+    case = load_case("spatial_pendulum")
+    found = follow(case.name, case.mechanism, case.initial_state, ("null_space",), 0.2, 3)
+    assert found.paths[0].bar == BAR
+    assert found.paths[0].agrees == agrees
+    assert ("**" in table([found])) != agrees
+
+
+def test_amplification_of_a_body_at_rest_in_space_is_the_time():
+    """A change of velocity d moves it by d t; nothing else grows as much."""
+    mechanism = replace(chain("free", seed=3), gravity=np.zeros(3))
+    state = initial_state(mechanism)
+    state = replace(state, p_WB=0.1 * state.p_WB)
+    times = np.linspace(0.0, 5.0, 3)
+    assert amplification(mechanism, state, times, simulate(mechanism, state, times)) == pytest.approx(5.0, rel=1e-6)
+
+
+def test_the_bar_is_the_longer_one_where_the_motion_amplifies_more():
+    mechanism = replace(chain("free", seed=3), gravity=np.zeros(3))
+    state = replace(initial_state(mechanism), p_WB=np.zeros((1, 3)))
+    bars = [
+        follow("x", mechanism, state, ("null_space",), T, 3).paths[0].bar for T in (0.9 * AMPLIFYING, 1.1 * AMPLIFYING)
+    ]
+    assert bars == [BAR, LONG_BAR]
+
+
+def test_differences_are_relative_to_the_largest_value_or_to_one():
+    case = load_case("simple_pendulum-small")
+    motion = simulate(case.mechanism, case.initial_state, np.array([0.0, 0.1]))
+    far = replace(motion, p_WB=motion.p_WB * 0 + 100.0)
+    assert differences(replace(far, p_WB=far.p_WB + 1.0), far)["p_WB"] == pytest.approx(0.01)
+    resting = replace(motion, w_WB_W=0 * motion.w_WB_W)
+    assert differences(replace(resting, w_WB_W=resting.w_WB_W + 0.5), resting)["w_WB_W"] == pytest.approx(0.5)
