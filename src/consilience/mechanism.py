@@ -300,7 +300,8 @@ class Mechanism:
             if name not in self.body_index:
                 known = ", ".join(self.body_index)
                 raise InvalidInput(where, f"there is no body '{name}'", f"Bodies are: {known}.")
-        for rolls in (*self.rollings, *self.skates):
+        guided: tuple[Rolling | Skate, ...] = (*self.rollings, *self.skates)
+        for rolls in guided:
             if rolls.body == GROUND:
                 raise InvalidInput(
                     f"{type(rolls).__name__.lower()} '{rolls.name}': body", "the ground does not move", "Name a body."

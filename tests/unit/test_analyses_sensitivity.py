@@ -63,7 +63,7 @@ def test_every_parameter_can_be_read_and_changed_and_nothing_else_changes(name):
     paths = parameter_paths(mechanism)
     assert len(set(paths)) == len(paths)
     values = {path: parameter(mechanism, path) for path in paths}
-    chosen = [p for p in paths if not p.startswith(("body.", "joint."))][::2] + list(paths[::17])
+    chosen = [p for p in paths if not p.startswith(("body.", "joint."))][::4] + list(paths[::23])
     for path in chosen:
         changed = with_parameter(mechanism, path, values[path] + 1e-6)
         if ".turn[" in path:  # zero again in the frame that has turned; what turned shows in the rows it belongs to
@@ -271,7 +271,7 @@ def swing_of(parameters, times, rate):
 
 
 def test_a_swinging_pendulum_against_complex_steps_in_its_one_equation():
-    times = np.linspace(0.0, 3.0, 7)
+    times = np.linspace(0.0, 1.2, 4)
     paths = ["body.bob.mass", "body.bob.com[2]", "gravity[2]", "body.bob.inertia[1,1]"]
     signs = np.array([1.0, -1.0, -1.0, 1.0])  # the arm and the weight point down
 
@@ -309,7 +309,7 @@ MOTIONS = {
 
 @pytest.mark.parametrize("name", MOTIONS)
 def test_the_direct_route_agrees_with_differences_of_whole_motions(name):
-    mechanism, times = (TREES | LOOPS)[name], np.array([0.0, 0.3, 0.6])
+    mechanism, times = (TREES | LOOPS)[name], np.array([0.0, 0.1, 0.25])
     found = trajectory_sensitivity(mechanism, initial_state, times, MOTIONS[name])
     other = sensitivity(mechanism, lambda m: poses_and_velocities(m, initial_state, times), MOTIONS[name])
     direct = np.stack([found.p_WB, found.v_WB_W, found.w_WB_W], axis=1)

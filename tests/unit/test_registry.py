@@ -104,6 +104,7 @@ def test_other_integrators_give_the_same_motion(integrator, tolerance, bar):
     np.testing.assert_allclose(found.p_WB, wanted.p_WB, rtol=0, atol=bar)
     np.testing.assert_allclose(found.w_WB_W, wanted.w_WB_W, rtol=0, atol=10 * bar)
     assert found.counters["steps"] > 1
+    np.testing.assert_array_equal(found.state(-1).w_WB_W, found.w_WB_W[-1])
 
 
 def test_an_unknown_integrator_is_refused():

@@ -50,11 +50,8 @@ from consilience.spatial import Array
 BAR = 1e-10
 CONDITION = 10 * float(np.finfo(float).eps)
 ROUNDING, SINGULAR = 1e-11, 1e-6
-LOST = 1e3 * float(np.finfo(float).eps)
-"""Rounding that grows with two factors 1/d at a distance d from a singularity of coordinates."""
-
-NEAR = 1e-2
-"""Distance from a singularity of coordinates below which that is a reason."""
+NEAR, LOST = 1e-2, 1e3 * float(np.finfo(float).eps)
+"""Distance d from a singularity of coordinates below which that is a reason, and rounding that grows with 1/d^2."""
 
 QUANTITIES = ("accelerations", "reactions")
 

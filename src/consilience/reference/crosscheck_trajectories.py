@@ -35,7 +35,7 @@ FINEST = 1e-13
 DRIFTING = frozenset({"descriptor_baumgarte", "descriptor_unprojected"})
 """Formulations that do not return to the constraints after a step."""
 
-PASSING, PASSING_SAMPLES = 0.02, 5001
+PASSING, PASSING_SAMPLES = 0.02, 1001
 """Distance from a singular orientation, as a pure number, below which a motion passes it; samples to measure it."""
 
 KINDS = ("p_WB", "quat_WB", "v_WB_W", "w_WB_W")

@@ -21,6 +21,7 @@ class FaultyEngine(HonestEngine):
     """`fault` turns the right answer into what the engine does instead."""
 
     def __init__(self, question, fault):
+        super().__init__()
         self.question, self.fault = question, fault
 
     def _spoil(self, question, mechanism, answer):

@@ -19,6 +19,7 @@ class MutantEngine(HonestEngine):
     """`mechanism`, `state` and `instant` are what the engine makes of a mechanism, a state and an answer."""
 
     def __init__(self, mechanism=lambda m: m, state=lambda s: s, instant=lambda m, s, a: a):
+        super().__init__()
         self._mechanism, self._state, self._instant = mechanism, state, instant
 
     def model(self, mechanism, state, method):

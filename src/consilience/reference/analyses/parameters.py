@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields, is_dataclass, replace
+from functools import lru_cache
 from typing import Any, TypeVar
 
 import numpy as np
@@ -84,15 +85,21 @@ def array_around(subject: Mechanism | Case, path: str) -> Array:
 
 def _parameters(subject: Mechanism | Case) -> dict[str, tuple[Step, ...]]:
     if isinstance(subject, Mechanism):
-        return dict(_of_mechanism(subject, ()))
-    found = dict(_of_mechanism(subject.mechanism, (("field", "mechanism"),)))
+        return _inventory(subject)
+    found = {path: (("field", "mechanism"), *steps) for path, steps in _inventory(subject.mechanism).items()}
     return found | dict(_inside(subject.initial, "initial", (("field", "initial"),)))
 
 
-def _of_mechanism(mechanism: Mechanism, steps: tuple[Step, ...]) -> Iterator[tuple[str, tuple[Step, ...]]]:
+@lru_cache(maxsize=4)
+def _inventory(mechanism: Mechanism) -> dict[str, tuple[Step, ...]]:
+    """All parameters of a mechanism, which is immutable and known by its identity."""
+    return dict(_of_mechanism(mechanism))
+
+
+def _of_mechanism(mechanism: Mechanism) -> Iterator[tuple[str, tuple[Step, ...]]]:
     for field in fields(mechanism):
         value = getattr(mechanism, field.name)
-        here = (*steps, ("field", field.name))
+        here = (("field", field.name),)
         if isinstance(value, tuple):
             kind = _SINGULAR.get(field.name, field.name.removesuffix("s"))
             for n, element in enumerate(value):

@@ -25,7 +25,14 @@ from consilience.assembly import (
 )
 from consilience.element_rows import holonomic_rows
 from consilience.errors import CannotAssemble
-from consilience.kinematics import RANK_TOLERANCE, constraint_gamma, constraint_jacobian, constraint_residual
+from consilience.kinematics import (
+    RANK_TOLERANCE,
+    constraint_gamma,
+    constraint_jacobian,
+    joint_frames,
+    row_target,
+    row_value,
+)
 from consilience.mechanism import Mechanism, State
 from consilience.reference.analyses.joint_rows import Coordinate
 from consilience.spatial import Array
@@ -48,6 +55,12 @@ def acceleration_rows(mechanism: Mechanism, state: State, near: Values) -> tuple
     return np.vstack(Q), gamma
 
 
+def _joint_residual(mechanism: Mechanism, state: State) -> Array:
+    """Violation of the rows of all joints."""
+    frames = ((joint, joint_frames(mechanism, state, joint)) for joint in mechanism.joints)
+    return np.array([row_value(f, row) - row_target(joint, row) for joint, f in frames for row in joint.rows])
+
+
 def place(mechanism: Mechanism, guess: State, held: Values, near: Values) -> State:
     """`consilience.assembly.assemble_positions` of a mechanism without drives, couplings counted from `near`.
 
@@ -59,15 +72,18 @@ def place(mechanism: Mechanism, guess: State, held: Values, near: Values) -> Sta
     wanted: Held = [(joint, coordinate, value) for (joint, coordinate), value in held.items()]
     if not mechanism.couplings:
         return assemble_positions(mechanism, guess, wanted)
-    angles, state, error = _angles(near), guess, np.inf
+    state, error = guess, np.inf
     for _ in range(_MAX_ITERATIONS):
+        elements = holonomic_rows(mechanism, state, 0.0, _angles(near))
+        joints = _joint_residual(mechanism, state)
         parts = [_held_error(mechanism, state, *one) for one in wanted]
-        residual = np.concatenate([constraint_residual(mechanism, state, 0.0, angles), *parts])
+        residual = np.concatenate([joints, [row.value for row in elements], *parts])
         if _largest(residual) == 0.0 or (error < _CONVERGED and _largest(residual) >= error):
             break
         error = _largest(residual)
         rows = [_scatter(mechanism, j, _held_rows(mechanism, state, j, c)) for j, c, _ in wanted]
-        jacobian = np.vstack([acceleration_rows(mechanism, state, near)[0], *rows])
+        Q = [constraint_jacobian(mechanism, state, mechanism.joints), *(row.Q[None] for row in elements)]
+        jacobian = np.vstack([*Q, *rows])
         step = np.linalg.lstsq(jacobian, -residual, rcond=RANK_TOLERANCE)[0]
         state = move(state, step * min(1.0, 1.0 / max(_largest(step), 1e-300)))
     if _largest(residual) > 10.0 * _CONVERGED * max(1.0, _largest(state.p_WB)):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -61,13 +62,17 @@ Values = Mapping[str, Mapping[str, Any]]
 """Values of joint coordinates by the names of joint and coordinate."""
 
 
+_model = lru_cache(maxsize=4)(flatten)
+"""Flat arrays of a mechanism, which is immutable and known by its identity: trials differ in the state alone."""
+
+
 def applied_forces(mechanism: Mechanism, state: State, t: float = 0.0, near: Values | None = None) -> Array:
     """All applied forces at the time t and gyroscopic terms in the coordinates of the solver, shape (6 n_b,).
 
     Force in world axes, torque about the centre of mass in body axes (see `solver_velocities`). Angles that elements
     read are those within half a turn of `near`, or of zero. Integrals of controllers are zero.
     """
-    model = flatten(mechanism)
+    model = _model(mechanism)
     ws, y = workspace(model), pack(mechanism, state)
     memory = np.zeros(len(model.coordinate))
     if near is not None:
@@ -147,7 +152,7 @@ def _stiffness(mechanism: Mechanism, point: _Point) -> Array:
 def _search(mechanism: Mechanism, start: _Point, step: Array, accept: Callable[[_Point], bool]) -> _Point | None:
     """First of the step and its halves that can be assembled and is accepted."""
     motion = np.abs(start.N @ step).reshape(-1, 6)
-    longest = max(float(np.max(motion[:, :3])) / flatten(mechanism).length, float(np.max(motion[:, 3:])))
+    longest = max(float(np.max(motion[:, :3])) / _model(mechanism).length, float(np.max(motion[:, 3:])))
     step = step * min(1.0, _LONGEST / max(longest, 1e-300))
     for _ in range(_HALVINGS):
         try:
