@@ -118,7 +118,7 @@ def list_cases() -> None:
     """List the shipped cases and the installed engines."""
     from consilience.engine import installed
     from consilience.library import shipped_cases
-    from consilience.reference.registry import FORMULATIONS
+    from consilience.reference.registry import FORMULATIONS, SYSTEMS
 
     table = Table(title="cases")
     for column in ("name", "bodies", "joints", "title"):
@@ -128,7 +128,10 @@ def list_cases() -> None:
         table.add_row(case.name, str(len(case.mechanism.bodies)), kinds, escape(case.title))
     out.print(table)
     out.print("engines: " + ", ".join(installed()))
-    out.print("formulations of the reference, as engines reference:NAME: " + ", ".join(FORMULATIONS), highlight=False)
+    out.print(
+        "formulations of the reference, as engines reference:NAME: " + ", ".join((*FORMULATIONS, *SYSTEMS)),
+        highlight=False,
+    )
 
 
 @app.command()

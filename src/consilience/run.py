@@ -35,6 +35,16 @@ class Route(StrEnum):
     REFERENCE = "reference"
 
 
+class Profile(StrEnum):
+    """Whose settings an engine runs with."""
+
+    MATCHED = "matched"
+    """Translated so that the engine means the same as the case."""
+
+    DEFAULT = "default"
+    """As the engine comes out of the box: what a user gets who sets nothing."""
+
+
 class Status(StrEnum):
     """How a run ended."""
 
@@ -86,6 +96,12 @@ class Method:
         Trajectory at adaptive steps: tolerance on each level, coarse to fine.
     settings : dict
         Every knob that is not at the engine's default.
+    profile : Profile
+        A method of the profile ``default`` has its first level at the engine's own step, or near it.
+    softness : float or None
+        Scale of the engine's own regularisation of constraints: 1 for these settings, 2 for twice as soft, by the
+        knob the engine has; None where its constraints are hard. The harness asks again with another scale to see
+        whether a difference moves with it.
     """
 
     name: str
@@ -94,6 +110,8 @@ class Method:
     substeps: tuple[int, ...] = ()
     tolerances: tuple[float, ...] = field(default=(), kw_only=True)
     settings: dict[str, Any] = field(default_factory=dict, kw_only=True)
+    profile: Profile = field(default=Profile.MATCHED, kw_only=True)
+    softness: float | None = field(default=None, kw_only=True)
 
 
 @dataclass(frozen=True, eq=False)

@@ -89,6 +89,43 @@ def test_a_variant_that_is_not_there_is_refused(name, message):
         load_engine(name)
 
 
+@pytest.mark.parametrize(
+    ("name", "tolerance", "bar"), [("descriptor_index_2", 1e-10, 1e-8), ("descriptor_index_3", 1e-8, 1e-5)]
+)
+def test_a_system_of_higher_index_is_integrated_by_its_name(name, tolerance, bar):
+    mechanism = LOOPS["four_bar"]
+    (state,) = states_of(mechanism, 1)
+    times = np.linspace(0.0, 0.2, 3)
+    wanted = simulate(mechanism, state, times)
+    found = simulate(mechanism, state, times, tolerance, name)
+    np.testing.assert_allclose(found.p_WB, wanted.p_WB, rtol=0, atol=bar)
+    assert found.counters["factorisations"] > 0
+    with pytest.raises(InvalidInput, match=f"integrator: {name} takes none"):
+        simulate(mechanism, state, times, tolerance, name, "rkf45")
+    (method,) = load_engine(f"reference:{name}").methods(mechanism, Question.TRAJECTORY)
+    assert method.order is None
+    assert len(method.tolerances) >= 3
+
+
+def test_the_generalised_alpha_method_is_an_engine_of_order_two():
+    mechanism = LOOPS["four_bar"]
+    (state,) = states_of(mechanism, 1)
+    engine = load_engine("reference:generalised_alpha")
+    (method,) = engine.methods(mechanism, Question.TRAJECTORY)
+    assert (method.name, method.order) == ("generalised_alpha", 2)
+    times = np.linspace(0.0, 0.2, 3)
+    wanted = simulate(mechanism, state, times)
+    errors = [
+        np.max(np.abs(engine.trajectory(mechanism, state, times, method, 0.1 / n).p_WB - wanted.p_WB)) for n in (40, 80)
+    ]
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.15)
+    (at_once,) = engine.methods(mechanism, Question.INSTANT)
+    a, alpha, _, _ = truth.solve(mechanism, state)
+    found = engine.instant(mechanism, [state], at_once)
+    np.testing.assert_allclose(found.a_WB_W[0], a, rtol=0, atol=1e-10 * np.max(np.abs(a)))
+    np.testing.assert_allclose(found.alpha_WB_W[0], alpha, rtol=0, atol=1e-10 * np.max(np.abs(alpha)))
+
+
 # ---------------------------------------------------------------- integrators and callback
 
 

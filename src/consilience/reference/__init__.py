@@ -1,14 +1,14 @@
 """The neutral reference solver, importable for itself.
 
-`simulate` integrates a mechanism, `accelerations` answers at single states, in any of `FORMULATIONS`; `formulation`
-gives the equations of motion themselves. The packages `analyses` and `impacts` have the rest. The first call in a fresh
-installation compiles the kernels (a minute or two); later processes load them from the cache.
+`simulate` integrates a mechanism, `accelerations` answers at single states, in any of `FORMULATIONS` and `SYSTEMS`;
+`formulation` gives the equations of motion themselves. The packages `analyses` and `impacts` have the rest. The first
+call in a fresh installation compiles the kernels (a minute or two); later processes load them from the cache.
 """
 
 from __future__ import annotations
 
 from consilience.errors import NumericalFailure
-from consilience.reference.registry import FORMULATIONS, formulation, unsupported
+from consilience.reference.registry import FORMULATIONS, SYSTEMS, formulation, unsupported
 from consilience.reference.solver import accelerations, simulate
 
-__all__ = ["FORMULATIONS", "NumericalFailure", "accelerations", "formulation", "simulate", "unsupported"]
+__all__ = ["FORMULATIONS", "SYSTEMS", "NumericalFailure", "accelerations", "formulation", "simulate", "unsupported"]

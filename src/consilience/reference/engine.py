@@ -31,6 +31,9 @@ _USUAL = {"descriptor": (1e-10, 1e-12, 1e-13), "null_space": (1e-12,)}
 _LADDER = (1e-9, 1e-10, 1e-11)
 """Tolerances of a formulation asked by its name."""
 
+_SUBSTEPS = (4, 8, 16)
+"""Steps in a sample interval, where a formulation has constant ones."""
+
 
 class ReferenceEngine:
     """In-house reference: descriptor form with Euler parameters, and its check, the null-space form.
@@ -47,13 +50,16 @@ class ReferenceEngine:
     @staticmethod
     def variants() -> tuple[str, ...]:
         """All formulations."""
-        return tuple(registry.FORMULATIONS)
+        return (*registry.FORMULATIONS, *registry.SYSTEMS)
 
     def info(self) -> EngineInfo:
         """Name and version."""
         own = version("consilience")
-        titles = "; ".join(registry.FORMULATIONS[name].title for name in self._formulations)
-        return EngineInfo("reference", own, own, f"{titles}; DOP853")
+        titles = (
+            registry.SYSTEMS[name].title if name in registry.SYSTEMS else f"{registry.FORMULATIONS[name].title}; DOP853"
+            for name in self._formulations
+        )
+        return EngineInfo("reference", own, own, "; ".join(titles))
 
     def unsupported(self, mechanism: Mechanism, question: Question) -> tuple[Unsupported, ...]:
         """What a formulation cannot represent; nothing for the usual ones."""
@@ -65,16 +71,9 @@ class ReferenceEngine:
         """Every formulation, the descriptor form first."""
         if question is Question.MODEL:
             return (Method("mass properties and constraint rank", Route.REFERENCE),)
-        settings = {"projection": "positions and velocities, after every step"}
-        return tuple(
-            Method(
-                name,
-                Route.REFERENCE,
-                tolerances=tolerances if question is Question.TRAJECTORY else (),
-                settings=settings if question is Question.TRAJECTORY else {},
-            )
-            for name, tolerances in self._formulations.items()
-        )
+        if question is Question.INSTANT:
+            return tuple(Method(name, Route.REFERENCE) for name in self._formulations)
+        return tuple(_motion(name, tolerances) for name, tolerances in self._formulations.items())
 
     def manifest(self, mechanism: Mechanism) -> Manifest:
         """Everything is exact."""
@@ -95,3 +94,14 @@ class ReferenceEngine:
     ) -> TrajectoryAnswer:
         """Motion to the tolerance `step`."""
         return simulate(mechanism, state, np.asarray(times), step, method.name)
+
+
+def _motion(name: str, tolerances: tuple[float, ...]) -> Method:
+    """Method of a trajectory."""
+    if name not in registry.SYSTEMS:
+        settings = {"projection": "positions and velocities, after every step"}
+        return Method(name, Route.REFERENCE, tolerances=tolerances, settings=settings)
+    order = registry.SYSTEMS[name].order
+    if order is None:
+        return Method(name, Route.REFERENCE, tolerances=tolerances)
+    return Method(name, Route.REFERENCE, order, _SUBSTEPS)

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from importlib import import_module
 from typing import Any
 
 from consilience.errors import InvalidInput
 from consilience.mechanism import Mechanism
 from consilience.reference.formulation import Formulation
-from consilience.run import Unsupported
+from consilience.run import TrajectoryAnswer, Unsupported
 
 _HOME = "consilience.reference.formulations"
+_INTEGRATORS = "consilience.reference.integrators"
 
 
 @dataclass(frozen=True)
@@ -78,19 +81,71 @@ FORMULATIONS: dict[str, Entry] = {
 """Selectable formulations."""
 
 
+@dataclass(frozen=True)
+class System:
+    """A formulation whose constraints are equations of each step, integrated by a method of its own.
+
+    Its accelerations at an instant are those of index 1: the hidden constraints ``Q a = gamma``.
+
+    Attributes
+    ----------
+    title, source : str
+    integrator : str
+        Function of `consilience.reference.integrators`, as ``module.function``.
+    arguments : dict
+        Further arguments of that function.
+    order : int or None
+        Of a method with constant steps; None where a tolerance controls them.
+    """
+
+    title: str
+    source: str
+    integrator: str
+    arguments: dict[str, Any]
+    order: int | None = None
+
+
+SYSTEMS: dict[str, System] = {
+    "descriptor_index_2": System(
+        "descriptor form of index 2 after Gear, Leimkuhler and Gupta; Radau IIA",
+        "EXU",
+        "dae.integrate_dae",
+        {"index": 2},
+    ),
+    "descriptor_index_3": System("descriptor form of index 3; Radau IIA", "EXU", "dae.integrate_dae", {"index": 3}),
+    "generalised_alpha": System(
+        "descriptor form of index 3 on the group of poses; generalised-alpha",
+        "EXU",
+        "generalised_alpha.generalised_alpha",
+        {},
+        order=2,
+    ),
+}
+"""Selectable formulations of index 2 and 3."""
+
+
 def entry(name: str) -> Entry:
-    """Entry of a formulation.
+    """Entry of a formulation, of index 1 where its own is higher.
 
     Raises
     ------
     InvalidInput
         If there is none of that name.
     """
+    if name in SYSTEMS:
+        return FORMULATIONS["descriptor"]
     if name not in FORMULATIONS:
-        raise InvalidInput(
-            f"formulation '{name}'", "there is none of that name", f"Formulations: {', '.join(FORMULATIONS)}."
-        )
+        known = ", ".join((*FORMULATIONS, *SYSTEMS))
+        raise InvalidInput(f"formulation '{name}'", "there is none of that name", f"Formulations: {known}.")
     return FORMULATIONS[name]
+
+
+def system(name: str) -> Callable[..., TrajectoryAnswer]:
+    """Integrate a formulation of `SYSTEMS`: a function of mechanism, state, times, and tolerance or step."""
+    chosen = SYSTEMS[name]
+    module, function = chosen.integrator.split(".")
+    found: Callable[..., TrajectoryAnswer] = getattr(import_module(f"{_INTEGRATORS}.{module}"), function)
+    return partial(found, **chosen.arguments)
 
 
 def unsupported(name: str, mechanism: Mechanism) -> tuple[Unsupported, ...]:

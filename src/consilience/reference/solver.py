@@ -33,7 +33,7 @@ def simulate(
     times: Array,
     tolerance: float = 1e-12,
     formulation: str = "descriptor",
-    integrator: str = "dop853",
+    integrator: str | None = None,
     forces: Forces | None = None,
 ) -> TrajectoryAnswer:
     """Motion of a mechanism by the reference solver.
@@ -46,12 +46,12 @@ def simulate(
     times : ndarray, shape (n_t,), s
         Increasing sample times.
     tolerance : float
-        Bound on the scaled local error of a step, 1e-14 to 1e-3.
+        Bound on the scaled local error of a step, 1e-14 to 1e-3; of `generalised_alpha` its constant step in s.
     formulation : str
-        Key of `registry.FORMULATIONS`. With dop853 the first two, `descriptor` and `null_space`, run compiled as a
-        whole; everything else integrates in coordinates of its own with one call from Python for each evaluation.
-    integrator : str
-        Key of `integrators.adaptive.METHODS`.
+        Key of `registry.FORMULATIONS` or `registry.SYSTEMS`. With dop853 the first two, `descriptor` and `null_space`,
+        run compiled as a whole; everything else integrates with one call from Python for each evaluation.
+    integrator : str, optional
+        Key of `integrators.adaptive.METHODS`, ``dop853`` if not given; `registry.SYSTEMS` have their own.
     forces : callable, optional
         ``forces(t, state)``: force (N) and torque (N m) on each body at its origin, world axes, shape (n_b, 6), to act
         beside those of the mechanism. The slow path, for formulations in body velocities.
@@ -69,7 +69,13 @@ def simulate(
     NumericalFailure
         With the status of the integrator.
     """
+    if formulation in registry.SYSTEMS:
+        for what, given in (("integrator", integrator), ("forces", forces)):
+            if given is not None:
+                raise InvalidInput(what, f"{formulation} takes none", "Leave it out.")
+        return registry.system(formulation)(mechanism, state, times, tolerance)
     times = _checked(times, tolerance)
+    integrator = integrator or "dop853"
     if forces is None and integrator == "dop853" and formulation in dynamics.FORMULATIONS:
         return _compiled(mechanism, state, times, tolerance, formulation)
     equations = registry.formulation(formulation, mechanism)
