@@ -37,7 +37,9 @@ WRONG_EQUATIONS = [name for name, (question, _) in CAUGHT.items() if question is
 @pytest.fixture(scope="module")
 def comparisons():
     cases = [replace(load_case(name), instants=3) for name in CASES]
-    results = run_suite(cases, ["honest", *CAUGHT], [Question.MODEL, Question.INSTANT], jobs=3, limit=120.0)
+    results = run_suite(
+        cases, ["honest", *CAUGHT], [Question.MODEL, Question.INSTANT], jobs=3, limit=400.0
+    )  # the first job compiles
     assert not results.missing
     return {(c.engine, c.case, c.question): c for c in results.comparisons if c.method == "descriptor"}
 

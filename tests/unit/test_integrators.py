@@ -8,15 +8,10 @@ from scipy.integrate import BDF, solve_ivp
 from scipy.special import ellipj
 
 from consilience.errors import InvalidInput
-from consilience.mechanism import State
-from consilience.reference import dynamics
-from consilience.reference.integrators import dop853
+from consilience.reference import formulation
 from consilience.reference.integrators.adaptive import METHODS, integrate, state_at
 from consilience.reference.integrators.tableaus import DORMAND_PRINCE, RADAU, RKF45
-from consilience.reference.model import flatten, pack, unpack
-from consilience.reference.projection import project
 from consilience.reference.solver import NumericalFailure, simulate
-from consilience.reference.workspace import workspace
 from consilience.spatial import rotation_angle_between
 from mechanisms import LOOPS, TREES, states_of
 from oracles.simple_pendulum import swing
@@ -390,37 +385,6 @@ def test_a_formulation_may_change_its_chart(method):
 # --- a mechanism
 
 
-class Compiled:
-    """The compiled descriptor form in its own coordinates y, as a formulation."""
-
-    def __init__(self, mechanism, state):
-        self.mechanism = mechanism
-        self.model = flatten(mechanism)
-        self.work, self.memory = workspace(self.model), np.zeros(len(mechanism.joint_springs))
-        self.a = np.empty(6 * len(mechanism.bodies))
-        dop853.remember(self.model, pack(mechanism, state), self.work, self.memory)
-
-    def coordinates(self, state):
-        return pack(self.mechanism, state).ravel()
-
-    def derivative(self, t, u):
-        y = u.reshape(-1, 13).copy()
-        dy = np.empty_like(y)
-        dynamics.derivative(0, self.model, y, self.memory, self.work, self.a, dy)
-        return dy.ravel()
-
-    def settle(self, t, u):
-        y = u.reshape(-1, 13).copy()
-        project(self.model, y, self.work)
-        dop853.remember(self.model, y, self.work, self.memory)
-        return y.ravel()
-
-    def state(self, u):
-        y = u.reshape(-1, 13).copy()
-        y[:, 3:7] /= np.linalg.norm(y[:, 3:7], axis=1, keepdims=True)
-        return State(*unpack(self.mechanism, y))
-
-
 def differences(states, answer):
     """Largest differences of positions, angles, velocities and angular velocities."""
     p, quat, v, w = (np.array([getattr(s, n) for s in states]) for n in ("p_WB", "quat_WB", "v_WB_W", "w_WB_W"))
@@ -442,8 +406,8 @@ def test_mechanisms_move_as_by_the_compiled_solver(name, method, tolerance, boun
     state = states_of(mechanism, count=1)[0]
     times = np.linspace(0.0, 0.5, 6)
     answer = simulate(mechanism, state, times, 1e-12)
-    formulation = Compiled(mechanism, state)
-    motion = integrate(formulation, formulation.coordinates(state), times, tolerance, method)
+    equations = formulation("descriptor", mechanism)
+    motion = integrate(equations, equations.coordinates(state), times, tolerance, method)
     assert max(differences(motion.states, answer)) < bound
 
 
