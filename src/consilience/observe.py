@@ -179,11 +179,8 @@ def determinate_reactions(mechanism: Mechanism, state: State) -> NDArray[np.bool
     return np.array(determined)
 
 
-def mass_matrix_condition(mechanism: Mechanism, state: State) -> float:
-    """Condition number of the mass matrix in orthonormal free directions; 1 where nothing can move.
-
-    Rounding errors of any method that inverts the mass matrix grow with it.
-    """
+def mass_matrix(mechanism: Mechanism, state: State) -> Array:
+    """Mass matrix of all bodies about their origins, block diagonal, world axes, shape (6 n_b, 6 n_b)."""
     n = len(mechanism.bodies)
     M = np.zeros((6 * n, 6 * n))
     arms = centres_of_mass(mechanism, state)[0] - state.p_WB
@@ -191,5 +188,27 @@ def mass_matrix_condition(mechanism: Mechanism, state: State) -> float:
         S = body.mass * skew(arms[i])
         block = [[body.mass * np.eye(3), -S], [S, inertia - S @ skew(arms[i])]]
         M[6 * i : 6 * i + 6, 6 * i : 6 * i + 6] = np.block(block)
+    return M
+
+
+def mass_matrix_condition(mechanism: Mechanism, state: State) -> float:
+    """Condition number of the mass matrix in orthonormal free directions; 1 where nothing can move.
+
+    Rounding errors of any method that inverts the mass matrix grow with it.
+    """
     N = free_directions(mechanism, state)
-    return float(np.linalg.cond(N.T @ M @ N)) if N.shape[1] else 1.0
+    return float(np.linalg.cond(N.T @ mass_matrix(mechanism, state) @ N)) if N.shape[1] else 1.0
+
+
+def reaction_condition(mechanism: Mechanism, state: State) -> float:
+    """Condition number of ``Q M^-1 Q^T``, which maps multipliers to accelerations, on its rank; 1 without constraints.
+
+    Rounding errors of reactions grow with it: the multipliers solve ``Q M^-1 Q^T lam = gamma - Q M^-1 f``.
+    """
+    Q = constraint_jacobian(mechanism, state)
+    if len(Q) == 0:
+        return 1.0
+    L = np.linalg.cholesky(mass_matrix(mechanism, state))
+    singular = np.linalg.svd(np.linalg.solve(L, Q.T), compute_uv=False)
+    regular = singular[singular > RANK_TOLERANCE * singular[0]]
+    return float((regular[0] / regular[-1]) ** 2)

@@ -5,9 +5,10 @@ each: the largest difference of two answers in any component is that of the larg
 
     max - min  <=  (1e-10 + 10 eps cond) * largest component
 
-with cond of the mass matrix in free directions (`observe.mass_matrix_condition`). Accelerations are a_WB_W and
-alpha_WB_W of all bodies, reactions the components that equilibrium determines. What a single formulation is worth is
-its distance from the median of all, component by component: one that is wrong is found out, not those that agree.
+with cond of the matrix that is solved: for accelerations the mass matrix in free directions
+(`observe.mass_matrix_condition`), for reactions ``Q M^-1 Q^T`` (`observe.reaction_condition`). Accelerations are a_WB_W
+and alpha_WB_W of all bodies, reactions the components that equilibrium determines. What a single formulation is worth
+is its distance from the median of all, component by component: one that is wrong is found out, not those that agree.
 
 Not compared, and listed with its reason:
 
@@ -40,7 +41,7 @@ from consilience.errors import ConsilienceError
 from consilience.generate import random_mechanism
 from consilience.kinematics import constraint_jacobian
 from consilience.mechanism import Mechanism, State
-from consilience.observe import determinate_reactions, mass_matrix_condition
+from consilience.observe import determinate_reactions, mass_matrix_condition, reaction_condition
 from consilience.reference import registry
 from consilience.reference.formulation import Formulation
 from consilience.reference.formulations.coordinates import VARIANTS
@@ -150,9 +151,10 @@ def compare(mechanism: Mechanism, states: Sequence[State], names: Sequence[str],
             continue
         answers, missing = _answers(able, state, t, seed, n)
         exempt += missing
-        bar = BAR + CONDITION * mass_matrix_condition(mechanism, state)
+        conditions = mass_matrix_condition(mechanism, state), reaction_condition(mechanism, state)
         determined = determinate_reactions(mechanism, state) & _carried(mechanism)
-        for quantity, values in zip(QUANTITIES, _compared(answers, determined), strict=True):
+        for quantity, cond, values in zip(QUANTITIES, conditions, _compared(answers, determined), strict=True):
+            bar = BAR + CONDITION * cond
             if len(values) > 1 and next(iter(values.values())).size:
                 difference, near = _without_near_singular(_difference(seed, n, quantity, values, bar), values, state)
                 differences.append(difference)
