@@ -287,3 +287,25 @@ def random_states(mechanism: Mechanism, start: State, count: int, seed: int, spe
         moving = State(state.p_WB, state.quat_WB, velocity[:, :3], velocity[:, 3:])
         states.append(assemble_velocities(mechanism, moving))
     return states
+
+
+def displaced_states(mechanism: Mechanism, start: State, size: float, count: int, seed: int = 0) -> list[State]:
+    """Consistent states near `start`: positions and velocities displaced by `size` in random free directions.
+
+    Parameters
+    ----------
+    size : float
+        Length of a displacement, m and rad, and of a change of velocity, m/s and rad/s.
+    """
+    rng = np.random.default_rng(seed)
+    states = []
+    for _ in range(count):
+        basis = free_directions(mechanism, start, holonomic=True)
+        step = basis @ rng.normal(size=basis.shape[1])
+        placed = assemble_positions(mechanism, move(start, size * step / max(float(np.linalg.norm(step)), 1e-300)))
+        free = free_directions(mechanism, placed)
+        push = free @ rng.normal(size=free.shape[1])
+        change = (size * push / max(float(np.linalg.norm(push)), 1e-300)).reshape(-1, 6)
+        moving = State(placed.p_WB, placed.quat_WB, placed.v_WB_W + change[:, :3], placed.w_WB_W + change[:, 3:])
+        states.append(assemble_velocities(mechanism, moving))
+    return states

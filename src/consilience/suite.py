@@ -8,23 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
-import numpy as np
-
+from consilience.assembly import displaced_states
 from consilience.case import Case
-from consilience.compare import (
-    Comparison,
-    Verdict,
-    compare_instant,
-    compare_model,
-    compare_trajectory,
-    reference_spread,
-)
-from consilience.compare.instant import Instants
+from consilience.compare import Comparison
+from consilience.compare.horizon import PERTURBATION
+from consilience.compare.softness import SCALES
+from consilience.compare.uncertainty import needs_another_level
 from consilience.errors import ConsilienceError
-from consilience.observe import reach
+from consilience.judge import DISPLACED_START, REFERENCE, judge_case
+from consilience.mechanism import State
 from consilience.run import (
     EngineInfo,
     InstantAnswer,
@@ -38,7 +33,13 @@ from consilience.run import (
 )
 from consilience.worker import Plan, Request, Worker
 
-REFERENCE = "reference"
+MOST_LEVELS = 6
+LEVEL_BUDGET = 5.0
+"""Levels of a ladder at most, and CPU time in s that one more of them may take."""
+
+DISPLACED = 3
+"""Displaced motions of the reference: one would miss growth in directions it does not have."""
+
 _T = TypeVar("_T")
 
 Progress = Callable[[str, str], None]
@@ -97,7 +98,7 @@ def run_suite(
         else:
             results.missing[name] = info
     for case in cases:
-        results.comparisons += _compare_case(case, results)
+        results.comparisons += judge_case(case, [run for run in results.runs if run.case == case.name])
     return results
 
 
@@ -161,8 +162,43 @@ def _runs_of_question(worker: Worker, case: Case, plan: Plan, question: Question
         levels = _levels(case, question, method)
         if not levels:
             yield failed(method, "the method names no substeps and no tolerances: no level to run")
-        for level, step in list(enumerate(levels))[-1 if finest else 0 :]:
-            yield _one_run(worker, case, plan, question, method, level, step)
+        if finest:
+            yield _one_run(worker, case, plan, question, method, len(levels) - 1, levels[-1])
+        else:
+            yield from _ladder(worker, case, plan, question, method, levels)
+    if worker.engine == REFERENCE and question is Question.TRAJECTORY and not finest:
+        yield from _displaced_runs(worker, case, plan, methods[0])
+
+
+def _ladder(
+    worker: Worker, case: Case, plan: Plan, question: Question, method: Method, levels: list[float | None]
+) -> Iterator[Run]:
+    """Every level of a method, finer ones until the observed order settles, and the finest at other softness."""
+    runs: list[Run] = []
+    for level, step in enumerate(levels):
+        runs.append(_one_run(worker, case, plan, question, method, level, step))
+        yield runs[-1]
+    while method.substeps and len(runs) < MOST_LEVELS and 2.0 * runs[-1].cpu < LEVEL_BUDGET:
+        answers = [run.answer for run in runs if isinstance(run.answer, TrajectoryAnswer)]
+        step = runs[-1].step
+        if step is None or len(answers) < len(runs) or not needs_another_level(answers, method, [r.step for r in runs]):
+            break
+        runs.append(_one_run(worker, case, plan, question, method, len(runs), step / 2.0))
+        yield runs[-1]
+    if method.softness is not None and runs[-1].status is Status.ANSWERED:
+        for scale in SCALES[method.profile]:
+            softer = replace(method, softness=scale * method.softness)
+            yield _one_run(worker, case, plan, question, softer, runs[-1].level, runs[-1].step)
+
+
+def _displaced_runs(worker: Worker, case: Case, plan: Plan, method: Method) -> Iterator[Run]:
+    """The reference from displaced initial states, for the horizon."""
+    states = displaced_states(case.mechanism, case.initial_state, PERTURBATION, DISPLACED, case.seed)
+    for n, state in enumerate(states):
+        name = replace(method, name=f"{method.name}, {DISPLACED_START} {n + 1}", settings={"displaced": PERTURBATION})
+        yield replace(
+            _one_run(worker, case, plan, Question.TRAJECTORY, method, 0, method.tolerances[-2], state), method=name
+        )
 
 
 def _levels(case: Case, question: Question, method: Method) -> list[float | None]:
@@ -172,9 +208,16 @@ def _levels(case: Case, question: Question, method: Method) -> list[float | None
 
 
 def _one_run(
-    worker: Worker, case: Case, plan: Plan, question: Question, method: Method, level: int, step: float | None
+    worker: Worker,
+    case: Case,
+    plan: Plan,
+    question: Question,
+    method: Method,
+    level: int,
+    step: float | None,
+    start: State | None = None,
 ) -> Run:
-    states = case.states if question is Question.INSTANT else [case.initial_state]
+    states = case.states if question is Question.INSTANT else [start or case.initial_state]
     count = {Question.MODEL: 1, Question.INSTANT: len(states), Question.TRAJECTORY: len(case.times)}[question]
     reply = worker.ask(Request(case.mechanism, question, method, states, case.times, step or 0.0))
     reason = reply.reason
@@ -194,72 +237,6 @@ def _one_run(
         manifest=plan.manifest,
         cpu=reply.cpu,
         log=reply.log,
-    )
-
-
-def _compare_case(case: Case, results: Results) -> Iterator[Comparison]:
-    runs = [run for run in results.runs if run.case == case.name]
-    references = _references(runs)
-    keys: dict[tuple[str, Question, str], list[Run]] = {}
-    for run in runs:
-        keys.setdefault((run.engine, run.question, run.method.name if run.method else ""), []).append(run)
-    length = max(float(np.max(np.abs(case.initial_state.p_WB))), reach(case.mechanism))
-    instants = Instants.of(case.mechanism, case.states) if Question.INSTANT in results.questions else None
-    for (engine, question, method), group in keys.items():
-        undecided = _without_answer(group, references.get(question))
-        if undecided is not None:
-            yield undecided
-            continue
-        if engine == REFERENCE and group[0] is references[question][0] and question is not Question.TRAJECTORY:
-            continue  # the reference is not compared with itself
-        answer, reference = group[-1].answer, references[question][0].answer
-        assert group[0].method is not None
-        if isinstance(answer, ModelAnswer) and isinstance(reference, ModelAnswer):
-            yield compare_model(case.name, engine, group[0].method, answer, reference, length)
-        elif isinstance(answer, InstantAnswer) and isinstance(reference, InstantAnswer):
-            assert instants is not None
-            yield compare_instant(case.name, engine, group[0].method, answer, reference, instants)
-        elif isinstance(reference, TrajectoryAnswer):
-            group = [run for run in group if run is not references[question][0]]  # noqa: PLW2901
-            spread = reference_spread(
-                case.mechanism, [r.answer for r in references[question] if isinstance(r.answer, TrajectoryAnswer)]
-            )
-            yield compare_trajectory(case.mechanism, group, reference, spread, case.digits)
-        else:
-            raise AssertionError(f"{case.name}, {engine}, {question}, {method}: answers of different kinds")
-
-
-def _references(runs: Sequence[Run]) -> dict[Question, list[Run]]:
-    """Answered reference runs per question: the best first, then those that bound its uncertainty."""
-    found: dict[Question, list[Run]] = {}
-    for question in Question:
-        answered = [r for r in runs if r.engine == REFERENCE and r.question is question and r.status is Status.ANSWERED]
-        if not answered:
-            continue
-        headline = [r for r in answered if r.method == answered[0].method]
-        others = [r for r in answered if r.method != answered[0].method]
-        # the coarsest tolerance is there for work-precision; the uncertainty is that of the finer ones
-        found[question] = [headline[-1], *headline[1:-1], *others]
-    return found
-
-
-def _without_answer(group: Sequence[Run], references: list[Run] | None) -> Comparison | None:
-    """Verdict of a group that cannot be compared, or None."""
-    bad = next((run for run in group if run.status is not Status.ANSWERED), None)
-    if bad is None and references is not None:
-        return None
-    run = bad or group[0]
-    verdict = Verdict.UNSUPPORTED if run.status is Status.UNSUPPORTED else Verdict.FAILED
-    if bad is None:
-        verdict = Verdict.UNRESOLVED
-    return Comparison(
-        case=run.case,
-        engine=run.engine,
-        question=run.question,
-        method=run.method.name if run.method else "",
-        route=run.method.route if run.method else None,
-        verdict=verdict,
-        why=run.reason if bad else "the reference did not answer",
     )
 
 

@@ -18,13 +18,15 @@ FLOORS = {
     "element_rows": 6,
     "kinematics": 7,
     **dict.fromkeys(("assembly", "observe", "tree", "run", "caseschema"), 8),
-    **dict.fromkeys(("engine", "case", "case_elements", "harness", "export", "generate"), 9),
-    **dict.fromkeys(("casefile", "reference", "worker"), 10),
+    **dict.fromkeys(("engine", "case", "case_elements", "harness", "export", "generate", "conditioning"), 9),
+    **dict.fromkeys(("casefile", "casewriter", "reference", "worker"), 10),
     **dict.fromkeys(("library", "compare"), 11),
-    "suite": 12,
-    "report": 13,
-    "cli": 14,
-    "__init__": 15,
+    **dict.fromkeys(("judge", "identities"), 12),
+    "suite": 13,
+    **dict.fromkeys(("fuzz", "mutate"), 14),
+    "report": 15,
+    "cli": 16,
+    "__init__": 17,
 }
 """Files and packages of `src/consilience`; the names the top package offers are imported lazily, from anywhere."""
 

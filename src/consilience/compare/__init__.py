@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from consilience.compare.instant import compare_instant, compare_model
 from consilience.compare.result import Comparison, Level, Quantity, Verdict
-from consilience.compare.trajectory import compare_trajectory, reference_spread
+from consilience.compare.trajectory import Yardstick, compare_trajectory, reference_spread, spread_over_time
 
 __all__ = [
     "Comparison",
     "Level",
     "Quantity",
     "Verdict",
+    "Yardstick",
     "compare_instant",
     "compare_model",
     "compare_trajectory",
     "reference_spread",
+    "spread_over_time",
 ]

@@ -20,12 +20,13 @@ with `FLOOR` of that: gravity for accelerations, mass times acceleration for rea
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from consilience.compare.result import Comparison, Quantity, Verdict, digits_of
+from consilience.compare.softness import SCALES, Softness, hardest_first, of_accelerations
 from consilience.mechanism import Mechanism, State
 from consilience.observe import determinate_reactions, mass_matrix_condition
 from consilience.run import InstantAnswer, Method, ModelAnswer, Question, Route
@@ -33,6 +34,9 @@ from consilience.spatial import Array
 
 EPS = float(np.finfo(float).eps)
 EXACT = 1e-12
+SOFTENED = frozenset({"accelerations", "reactions"})
+"""Quantities that the softness of constraints changes at an instant."""
+
 FLOOR = 1e-2
 NOTHING = 1e-10
 
@@ -120,12 +124,22 @@ def compare_model(
 
 
 def compare_instant(
-    case: str, engine: str, method: Method, answer: InstantAnswer, reference: InstantAnswer, instants: Instants
+    case: str,
+    engine: str,
+    method: Method,
+    answer: InstantAnswer,
+    reference: InstantAnswer,
+    instants: Instants,
+    softer: Sequence[InstantAnswer] = (),
 ) -> Comparison:
-    """Compare accelerations, determined reactions and energies at all states."""
+    """Compare accelerations, determined reactions and energies at all states.
+
+    Where a bar of accelerations or reactions is missed, and the accelerations go to the reference with the engine's
+    softness, it differs by regularisation. `softer` are the answers at the scales of `softness.SCALES`.
+    """
     bars = BARS.get(method.route, Bars())
     energies = {"kinetic": _largest(reference.kinetic), "potential": _largest(reference.potential)}
-    return _verdict(
+    compared = _verdict(
         case,
         engine,
         Question.INSTANT,
@@ -146,6 +160,24 @@ def compare_instant(
             ),
         ),
     )
+    if not softer:
+        return compared
+    answers = [answer, *softer]
+    ladder = [answers[n] for n in hardest_first(SCALES[method.profile])]
+    return _with_softness(compared, of_accelerations(ladder, reference))
+
+
+def _with_softness(compared: Comparison, soft: Softness) -> Comparison:
+    """The same comparison, put down to regularisation where that explains all that differs."""
+    missed = {q.name for q in compared.quantities if not q.met}
+    accelerations = next(q for q in compared.quantities if q.name == "accelerations")
+    if not missed or not missed <= SOFTENED or not soft.explains(accelerations.difference, accelerations.bar):
+        return replace(compared, softness=soft)
+    why = (
+        f"accelerations: difference {accelerations.difference:.2g}, {soft.limit:.2g} without softness "
+        f"(order {soft.order:.2f} in it): the engine's constraints are soft"
+    )
+    return replace(compared, verdict=Verdict.REGULARISATION, rule="softness", why=why, softness=soft)
 
 
 def _worst(differences: Sequence[float], bars: Sequence[float]) -> int:
@@ -195,6 +227,7 @@ def _verdict(
         question=question,
         method=method.name,
         route=method.route,
+        profile=method.profile,
         verdict=Verdict.MODEL if missed else Verdict.AGREES,
         why=f"{worst.name}: difference {worst.difference:.2g}, {relation} the bar {worst.bar:.2g}",
         digits=digits_of(largest),

@@ -7,7 +7,9 @@ from enum import StrEnum
 
 import numpy as np
 
-from consilience.run import Question, Route
+from consilience.compare.softness import Softness
+from consilience.compare.uncertainty import Estimate
+from consilience.run import Profile, Question, Route
 
 
 class Verdict(StrEnum):
@@ -15,6 +17,7 @@ class Verdict(StrEnum):
 
     AGREES = "agrees"
     DISCRETISATION = "differs: discretisation"
+    REGULARISATION = "differs: regularisation"
     UNSUPPORTED = "unsupported"
     UNRESOLVED = "unresolved"
     MODEL = "differs: model"
@@ -92,6 +95,18 @@ class Comparison:
         Uncertainty of the finest level by the grid convergence index.
     why : str
         The rule that decided, in numbers.
+    rule : str
+        Its name in `rules.RULES`; empty for questions with bars.
+    profile : Profile
+        Whose settings the engine ran with.
+    horizon : float or None, s
+        Time up to which a trajectory is judged; None where that is its end.
+    softness : Softness or None
+        How the difference moves with the engine's own softness.
+    observables : tuple of Estimate
+        Order and band of each observable of a trajectory.
+    growth : tuple of float
+        Growth of a perturbation of the reference, on `times`.
     """
 
     case: str
@@ -108,6 +123,12 @@ class Comparison:
     self_order: float | None = None
     band: float | None = None
     reference_spread: float | None = None
+    rule: str = ""
+    profile: Profile = Profile.MATCHED
+    horizon: float | None = None
+    softness: Softness | None = None
+    observables: tuple[Estimate, ...] = ()
+    growth: tuple[float, ...] = ()
     quantities: tuple[Quantity, ...] = ()
     times: tuple[float, ...] = ()
     levels: tuple[Level, ...] = ()

@@ -1,169 +1,123 @@
-"""`trajectory`: differences to the reference over time, observed order, Richardson limit and verdict.
+"""`trajectory`: differences to the reference over time, uncertainty of the levels, and a verdict with its cause.
 
-The difference of two motions at a time is the largest, over the bodies, of the distance of the origins divided by the
-size of the motion and of the angle between the orientations in rad. From levels h, h/2, h/4 (step sizes):
+What is measured is in `motion`, the uncertainty of a ladder in `uncertainty`, how far a motion can be judged in
+`horizon`, and the rules in `rules`.
 
-- observed order ``p = log2(rms_2 / rms_3)`` of the differences to the reference on the two finest levels that rounding
-  does not hide, and ``log2(|x1 - x2| / |x2 - x3|)`` among the levels themselves;
-- limit ``x = x3 + (x3 - x2) / (2^P - 1)`` with the declared order P [Richardson 1911];
-- band ``u = F |x3 - x2| / (2^P - 1)``, F = 1.25 where the order is within 0.5 of the declared one, 3 elsewhere: the
-  grid convergence index [Roache 1994], read as in ASME V&V 20.
-
-Whether the levels are asymptotic is judged by the order among themselves (by the other one only where there are two
-levels or rounding hides it): a plateau, levels that converge cleanly to something else, spoils the order against the
-reference and must not pass for steps that are too coarse.
-
-Rules, in this order:
-
-=========================================================================  =======================
-the spread of the reference is above 10^-digits                             unresolved
-the finest level differs by no more than 10^-digits plus the spread         agrees
-the limit differs by no more than the band plus the spread, order as said   differs: discretisation
-the order is more than 0.5 off: not yet asymptotic                          unresolved
-anything else                                                               differs: model
-=========================================================================  =======================
-
-The spread is that of the reference over its formulations and tolerances.
+Whether the levels are asymptotic is judged by the order among themselves (by that against the reference only where
+there are two levels or rounding hides it): a plateau, levels that converge cleanly to something else, spoils the order
+against the reference and must not pass for steps that are too coarse.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
 
-from consilience.compare.result import Comparison, Level, Verdict, digits_of
-from consilience.kinematics import constraint_residual, count_turns
-from consilience.mechanism import Mechanism, State
-from consilience.observe import kinetic_energy, load_potential, potential_energy, reach
-from consilience.run import Method, Question, Run, TrajectoryAnswer
-from consilience.spatial import Array, rotation_angle_between
+from consilience.compare import softness, uncertainty
+from consilience.compare.horizon import judged_samples
+from consilience.compare.motion import (
+    Scales,
+    difference_over_time,
+    energy_over_time,
+    kept_samples,
+    largest_residual,
+    size_of_motion,
+)
+from consilience.compare.result import Comparison, Level, digits_of
+from consilience.compare.rules import Evidence, decide
+from consilience.mechanism import Mechanism
+from consilience.run import Question, Run, TrajectoryAnswer
+from consilience.spatial import Array
 
-ORDER_WINDOW = 0.5
-ROUNDING = 1e-11
-"""Differences below this are made of rounding, not of steps: no order can be read from them."""
-KEPT_SAMPLES = 101
 RESIDUAL_SAMPLES = 21
 
 
-def size_of_motion(mechanism: Mechanism, answer: TrajectoryAnswer) -> float:
-    """Largest distance between two positions of any one body along any axis, m; at least the reach of a body.
-
-    The reach matters where origins hardly move, as on a fixed axis: their rounding is no motion to compare with.
-    """
-    return max(float(np.max(np.ptp(answer.p_WB, axis=0))), reach(mechanism))
-
-
-def difference_over_time(a: TrajectoryAnswer, b: TrajectoryAnswer, size: float) -> Array:
-    """Difference of two motions at every sample, shape (n_t,), dimensionless or rad."""
-    distance = np.max(np.linalg.norm(a.p_WB - b.p_WB, axis=2), axis=1) / size
-    angle = np.max(rotation_angle_between(a.quat_WB, b.quat_WB), axis=1)
-    return np.maximum(distance, angle)
-
-
-def _align(quat: Array, like: Array) -> Array:
-    """Quaternions with the signs of `like`, so that they can be combined linearly."""
-    return quat * np.where(np.sum(quat * like, axis=-1, keepdims=True) < 0, -1.0, 1.0)
-
-
-def richardson(coarse: TrajectoryAnswer, fine: TrajectoryAnswer, order: int) -> TrajectoryAnswer:
-    """Limit of two levels whose steps have the ratio two; quaternions are brought back to unit length."""
-    weight = 1.0 / (2.0**order - 1.0)
-    quat = fine.quat_WB + weight * (fine.quat_WB - _align(coarse.quat_WB, fine.quat_WB))
-    return TrajectoryAnswer(
-        fine.time,
-        fine.p_WB + weight * (fine.p_WB - coarse.p_WB),
-        quat / np.linalg.norm(quat, axis=-1, keepdims=True),
-        fine.v_WB_W + weight * (fine.v_WB_W - coarse.v_WB_W),
-        fine.w_WB_W + weight * (fine.w_WB_W - coarse.w_WB_W),
-    )
-
-
-def energy_over_time(mechanism: Mechanism, answer: TrajectoryAnswer, samples: Sequence[int]) -> Array:
-    """Change of the total energy since the start over the largest kinetic energy, recomputed from the motion."""
-    kinetic, total = [], []
-    for n in samples:
-        quat = answer.quat_WB[n] / np.linalg.norm(answer.quat_WB[n], axis=-1, keepdims=True)
-        state = State(answer.p_WB[n], quat, answer.v_WB_W[n], answer.w_WB_W[n])
-        kinetic.append(kinetic_energy(mechanism, state))
-        total.append(kinetic[-1] + potential_energy(mechanism, state) + load_potential(mechanism, state))
-    return (np.array(total) - total[0]) / max(*kinetic, np.finfo(float).tiny)
-
-
-def _largest_residual(mechanism: Mechanism, answer: TrajectoryAnswer, samples: Sequence[int]) -> float:
-    largest, angles, kept = 0.0, dict[str, float](), set(samples)
-    for n in range(len(answer.time)) if mechanism.couplings else samples:
-        quat = answer.quat_WB[n] / np.linalg.norm(answer.quat_WB[n], axis=-1, keepdims=True)
-        state = State(answer.p_WB[n], quat, answer.v_WB_W[n], answer.w_WB_W[n])
-        angles = count_turns(mechanism, state, angles)
-        if n in kept:
-            residual = constraint_residual(mechanism, state, float(answer.time[n]), angles)
-            largest = max(largest, float(np.max(np.abs(residual), initial=0.0)))
-    return largest
-
-
-def kept_samples(count: int, most: int = KEPT_SAMPLES) -> list[int]:
-    """Evenly spread sample indices for plots and for the costlier observers, first and last included."""
-    return sorted({int(n) for n in np.linspace(0, count - 1, min(count, most))})
+def spread_over_time(mechanism: Mechanism, answers: Sequence[TrajectoryAnswer]) -> Array:
+    """Largest difference, up to each sample, of the reference's other answers to its first one, shape (n_t,)."""
+    size = size_of_motion(mechanism, answers[0])
+    differences = [difference_over_time(a, answers[0], size) for a in answers[1:]]
+    return np.maximum.accumulate(np.max([np.zeros(len(answers[0].time)), *differences], axis=0))
 
 
 def reference_spread(mechanism: Mechanism, answers: Sequence[TrajectoryAnswer]) -> float:
     """Largest difference of the reference's other answers to its first one."""
-    size = size_of_motion(mechanism, answers[0])
-    return max((float(np.max(difference_over_time(a, answers[0], size))) for a in answers[1:]), default=0.0)
+    return float(spread_over_time(mechanism, answers)[-1])
+
+
+@dataclass(frozen=True, eq=False)
+class Yardstick:
+    """The reference motion of a case and what is known about it.
+
+    Attributes
+    ----------
+    answer : TrajectoryAnswer
+    spread : ndarray, shape (n_t,)
+        Uncertainty up to each sample: spread over formulations, integrators and tolerances.
+    digits : int
+        Digits the case asks.
+    growth : ndarray, shape (n_t,), or None
+        Growth of perturbations (`horizon.growth`); None where it was not measured: then nothing is past the horizon.
+    dispute : str
+        What contradicts the reference beyond both uncertainties.
+    """
+
+    answer: TrajectoryAnswer
+    spread: Array
+    digits: int
+    growth: Array | None = field(default=None)
+    dispute: str = ""
+
+    @property
+    def judged(self) -> int:
+        """Number of samples before the horizon."""
+        if self.growth is None:
+            return len(self.answer.time)
+        return judged_samples(self.growth, self.digits)
 
 
 @dataclass(frozen=True)
-class _Convergence:
-    order: float | None
-    self_order: float | None
-    band: float
-    limit: float
+class _Ladder:
+    order: float | None = None
+    self_order: float | None = None
+    band: float | None = None
+    limit: float | None = None
+    declared: int | None = None
 
     @property
     def settled(self) -> float | None:
         """Order that says whether the levels are asymptotic: among themselves, so that a plateau does not hide it."""
         return self.order if self.self_order is None else self.self_order
 
-    def asymptotic(self, declared: int) -> bool:
-        return self.settled is not None and abs(self.settled - declared) <= ORDER_WINDOW
+    @property
+    def asymptotic(self) -> bool:
+        return self.declared is not None and uncertainty.settled(self.settled, self.declared)
 
 
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))
-
-
-def _log2_ratio(coarse: float, fine: float) -> float | None:
-    """Observed order, or None where rounding hides it."""
-    return float(np.log2(coarse / fine)) if coarse > 2 * ROUNDING and fine > ROUNDING else None
-
-
-def _finest_order(errors: Sequence[float]) -> float | None:
-    """Observed order from the finest pair of levels that rounding does not hide."""
-    orders = (_log2_ratio(coarse, fine) for coarse, fine in reversed(list(pairwise(errors))))
-    return next((order for order in orders if order is not None), None)
-
-
-def _convergence(
-    answers: Sequence[TrajectoryAnswer],
-    differences: Sequence[Array],
-    reference: TrajectoryAnswer,
-    size: float,
-    order: int,
-) -> _Convergence:
-    observed = _finest_order([_rms(d) for d in differences])
-    steps = [difference_over_time(a, b, size) for a, b in pairwise(answers)]
-    among = _finest_order([_rms(s) for s in steps])
-    limit = richardson(answers[-2], answers[-1], order)
-    found = _Convergence(observed, among, 0.0, float(np.max(difference_over_time(limit, reference, size))))
-    factor = 1.25 if found.asymptotic(order) else 3.0
-    return replace(found, band=factor * float(np.max(steps[-1])) / (2.0**order - 1.0))
+def _ladder(runs: Sequence[Run], answers: Sequence[TrajectoryAnswer], size: float, yard: Yardstick) -> _Ladder:
+    method = runs[0].method
+    assert method is not None
+    declared, judged = uncertainty.declared_order(method), slice(yard.judged)
+    if declared is None or len(answers) < 2 or yard.judged < 1:
+        return _Ladder()
+    ratio = uncertainty.ratio_of([run.step for run in runs])
+    errors = [difference_over_time(a, yard.answer, size)[judged] for a in answers]
+    changes = [difference_over_time(a, b, size)[judged] for a, b in pairwise(answers)]
+    limit = uncertainty.richardson(answers[-2], answers[-1], declared, ratio)
+    found = _Ladder(
+        order=uncertainty.finest_order([uncertainty.rms(e) for e in errors], ratio),
+        self_order=uncertainty.finest_order([uncertainty.rms(c) for c in changes], ratio),
+        limit=float(np.max(difference_over_time(limit, yard.answer, size)[judged])),
+        declared=declared,
+    )
+    wide = uncertainty.band(float(np.max(changes[-1])), found.settled, declared, ratio, 0.0)
+    return _Ladder(found.order, found.self_order, wide, found.limit, declared)
 
 
 def compare_trajectory(
-    mechanism: Mechanism, runs: Sequence[Run], reference: TrajectoryAnswer, spread: float, digits: int
+    mechanism: Mechanism, runs: Sequence[Run], yard: Yardstick, softer: Sequence[Run] = (), earlier: str = ""
 ) -> Comparison:
     """Judge the levels of one method, coarse to fine.
 
@@ -171,71 +125,96 @@ def compare_trajectory(
     ----------
     runs : sequence of Run
         All answered, of one case, engine and method.
-    spread : float
-        Uncertainty of the reference, see `reference_spread`.
-    digits : int
-        Digits the case asks.
+    yard : Yardstick
+    softer : sequence of Run
+        The finest level again at the scales of `softness.SCALES`, where the engine has a softness.
+    earlier : str
+        What the engine already differs in at `model` or `instant`.
     """
     answers = [run.answer for run in runs if isinstance(run.answer, TrajectoryAnswer)]
-    method = runs[0].method
+    method, reference = runs[0].method, yard.answer
     assert method is not None
     assert len(answers) == len(runs)
-    size = size_of_motion(mechanism, reference)
-    differences = [difference_over_time(a, reference, size) for a in answers]
-    samples = kept_samples(len(reference.time))
-    few = kept_samples(len(reference.time), RESIDUAL_SAMPLES)
-    levels = tuple(
-        Level(
-            step=run.step or 0.0,
-            cpu=run.cpu,
-            largest=float(np.max(d)),
-            rms=_rms(d),
-            difference=tuple(float(x) for x in d[samples]),
-            energy=tuple(float(x) for x in energy_over_time(mechanism, answer, samples)),
-            residual=_largest_residual(mechanism, answer, few),
-            counters=answer.counters,
-        )
-        for run, answer, d in zip(runs, answers, differences, strict=True)
+    scales = Scales.of(mechanism, reference)
+    ladder = _ladder(runs, answers, scales.size, yard)
+    levels = _levels(mechanism, runs, answers, reference, scales.size)
+    finest = float(np.max(difference_over_time(answers[-1], reference, scales.size)[: yard.judged], initial=0.0))
+    soft = _softness(answers[-1], softer, yard, scales)
+    spread = float(yard.spread[max(yard.judged - 1, 0)])
+    evidence = Evidence(
+        asked=10.0**-yard.digits,
+        judged=float(reference.time[max(yard.judged - 1, 0)] - reference.time[0]),
+        duration=float(np.ptp(reference.time)),
+        reference=spread,
+        dispute=yard.dispute,
+        finest=finest,
+        limit=ladder.limit,
+        band=ladder.band,
+        order=ladder.settled,
+        declared=ladder.declared,
+        asymptotic=ladder.asymptotic,
+        softness=soft,
+        earlier=earlier,
     )
-    finest = levels[-1].largest
-    convergence = None
-    if method.order is not None and len(levels) > 1:
-        convergence = _convergence(answers, differences, reference, size, method.order)
-    verdict, why = _judge(method, finest, convergence, 10.0**-digits, spread)
+    rule, why = decide(evidence)
+    samples = kept_samples(len(reference.time))
     return Comparison(
         case=runs[0].case,
         engine=runs[0].engine,
         question=Question.TRAJECTORY,
         method=method.name,
         route=method.route,
-        verdict=verdict,
+        profile=method.profile,
+        verdict=rule.verdict,
+        rule=rule.name,
         why=why,
-        digits=digits_of(finest),
-        limit_digits=digits_of(convergence.limit) if convergence else None,
-        declared_order=method.order,
-        order=convergence.order if convergence else None,
-        self_order=convergence.self_order if convergence else None,
-        band=convergence.band if convergence else None,
+        digits=digits_of(finest) if yard.judged > 1 else None,
+        limit_digits=None if ladder.limit is None else digits_of(ladder.limit),
+        declared_order=ladder.declared,
+        order=ladder.order,
+        self_order=ladder.self_order,
+        band=ladder.band,
         reference_spread=spread,
+        horizon=evidence.judged if yard.judged < len(reference.time) else None,
+        softness=soft,
+        observables=uncertainty.estimates(answers, method, [run.step for run in runs], scales),
         times=tuple(float(t) for t in reference.time[samples]),
+        growth=() if yard.growth is None else tuple(float(g) for g in yard.growth[samples]),
         levels=levels,
     )
 
 
-def _judge(
-    method: Method, finest: float, convergence: _Convergence | None, asked: float, spread: float
-) -> tuple[Verdict, str]:
-    """Apply the rules of the module's table."""
-    if not spread <= asked:
-        return Verdict.UNRESOLVED, f"the reference itself is only certain to {spread:.2g}, asked {asked:.0e}"
-    if finest <= asked + spread:
-        return Verdict.AGREES, f"the finest level differs by {finest:.2g}, asked {asked:.0e}"
-    if convergence is None or method.order is None:
-        return Verdict.MODEL, f"the finest level differs by {finest:.2g}, asked {asked:.0e}; no order to read"
-    order = "hidden by rounding" if convergence.settled is None else f"{convergence.settled:.2f}"
-    if not convergence.asymptotic(method.order):
-        return Verdict.UNRESOLVED, f"observed order {order}, declared {method.order}: not asymptotic at these steps"
-    text = f"the limit differs by {convergence.limit:.2g}, band {convergence.band:.2g}, order {order}"
-    if convergence.limit <= convergence.band + spread:
-        return Verdict.DISCRETISATION, f"{text}: smaller steps lead to the reference"
-    return Verdict.MODEL, f"{text}: smaller steps lead elsewhere"
+def _softness(
+    finest: TrajectoryAnswer, softer: Sequence[Run], yard: Yardstick, scales: Scales
+) -> softness.Softness | None:
+    answers = [finest, *(run.answer for run in softer if isinstance(run.answer, TrajectoryAnswer))]
+    if len(answers) < 3 or yard.judged < 2:
+        return None
+    found = [run.method.softness or 1.0 for run in softer if run.method is not None]
+    ladder = [answers[n] for n in softness.hardest_first(found)]
+    return softness.of_motions(ladder, yard.answer, scales, slice(yard.judged))
+
+
+def _levels(
+    mechanism: Mechanism,
+    runs: Sequence[Run],
+    answers: Sequence[TrajectoryAnswer],
+    reference: TrajectoryAnswer,
+    size: float,
+) -> tuple[Level, ...]:
+    samples = kept_samples(len(reference.time))
+    few = kept_samples(len(reference.time), RESIDUAL_SAMPLES)
+    differences = [difference_over_time(a, reference, size) for a in answers]
+    return tuple(
+        Level(
+            step=run.step or 0.0,
+            cpu=run.cpu,
+            largest=float(np.max(d)),
+            rms=uncertainty.rms(d),
+            difference=tuple(float(x) for x in d[samples]),
+            energy=tuple(float(x) for x in energy_over_time(mechanism, answer, samples)),
+            residual=largest_residual(mechanism, answer, few),
+            counters=answer.counters,
+        )
+        for run, answer, d in zip(runs, answers, differences, strict=True)
+    )

@@ -1,0 +1,131 @@
+"""Two motions against one another: what is measured, in which units, over time.
+
+The difference of two motions at a time is the largest, over the bodies, of the distance of the origins divided by the
+size of the motion and of the angle between the orientations in rad. Every observable of `OBSERVABLES` has a difference
+of its own; velocities are relative to the largest of the motion, energies to the largest kinetic energy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from consilience.kinematics import constraint_residual, count_turns
+from consilience.mechanism import Mechanism, State
+from consilience.observe import kinetic_energy, load_potential, potential_energy, reach
+from consilience.run import TrajectoryAnswer
+from consilience.spatial import Array, rotation_angle_between
+
+KEPT_SAMPLES = 101
+"""Samples of a plot, and of the observers that are costly."""
+
+TINY = float(np.finfo(float).tiny)
+
+
+def size_of_motion(mechanism: Mechanism, answer: TrajectoryAnswer) -> float:
+    """Largest distance between two positions of any one body along any axis, m; at least the reach of a body.
+
+    The reach matters where origins hardly move, as on a fixed axis: their rounding is no motion to compare with.
+    """
+    return max(float(np.max(np.ptp(answer.p_WB, axis=0))), reach(mechanism))
+
+
+def difference_over_time(a: TrajectoryAnswer, b: TrajectoryAnswer, size: float) -> Array:
+    """Difference of two motions at every sample, shape (n_t,), dimensionless or rad."""
+    distance = np.max(np.linalg.norm(a.p_WB - b.p_WB, axis=2), axis=1) / size
+    angle = np.max(rotation_angle_between(a.quat_WB, b.quat_WB), axis=1)
+    return np.maximum(distance, angle)
+
+
+@dataclass(frozen=True)
+class Scales:
+    """What differences of observables are relative to, from the reference motion.
+
+    Attributes
+    ----------
+    size : float, m
+    speed : float, m/s
+    spin : float, rad/s
+    """
+
+    size: float
+    speed: float
+    spin: float
+
+    @classmethod
+    def of(cls, mechanism: Mechanism, reference: TrajectoryAnswer) -> Scales:
+        """Scales of a motion; a speed is at least what moves the size of the motion in its whole time."""
+        size = size_of_motion(mechanism, reference)
+        time = max(float(np.ptp(reference.time)), TINY)
+        return cls(
+            size,
+            max(float(np.max(np.linalg.norm(reference.v_WB_W, axis=2))), size / time),
+            max(float(np.max(np.linalg.norm(reference.w_WB_W, axis=2))), 1.0 / time),
+        )
+
+
+Observable = Callable[[TrajectoryAnswer, TrajectoryAnswer, Scales], Array]
+
+
+def _largest_norm(difference: Array, scale: float) -> Array:
+    return np.max(np.linalg.norm(difference, axis=2), axis=1) / scale
+
+
+OBSERVABLES: dict[str, Observable] = {
+    "position": lambda a, b, s: _largest_norm(a.p_WB - b.p_WB, s.size),
+    "orientation": lambda a, b, _: np.max(rotation_angle_between(a.quat_WB, b.quat_WB), axis=1),
+    "velocity": lambda a, b, s: _largest_norm(a.v_WB_W - b.v_WB_W, s.speed),
+    "angular velocity": lambda a, b, s: _largest_norm(a.w_WB_W - b.w_WB_W, s.spin),
+}
+"""Difference of two motions at every sample, shape (n_t,), in each observable."""
+
+
+def _align(quat: Array, like: Array) -> Array:
+    """Quaternions with the signs of `like`, so that they can be combined linearly."""
+    return quat * np.where(np.sum(quat * like, axis=-1, keepdims=True) < 0, -1.0, 1.0)
+
+
+def extrapolated(coarse: TrajectoryAnswer, fine: TrajectoryAnswer, weight: float) -> TrajectoryAnswer:
+    """``fine + weight (fine - coarse)``; quaternions are brought back to unit length."""
+    quat = fine.quat_WB + weight * (fine.quat_WB - _align(coarse.quat_WB, fine.quat_WB))
+    return TrajectoryAnswer(
+        fine.time,
+        fine.p_WB + weight * (fine.p_WB - coarse.p_WB),
+        quat / np.linalg.norm(quat, axis=-1, keepdims=True),
+        fine.v_WB_W + weight * (fine.v_WB_W - coarse.v_WB_W),
+        fine.w_WB_W + weight * (fine.w_WB_W - coarse.w_WB_W),
+    )
+
+
+def energy_over_time(mechanism: Mechanism, answer: TrajectoryAnswer, samples: Sequence[int]) -> Array:
+    """Change of the total energy since the start over the largest kinetic energy, recomputed from the motion."""
+    kinetic, total = [], []
+    for n in samples:
+        state = _state(answer, n)
+        kinetic.append(kinetic_energy(mechanism, state))
+        total.append(kinetic[-1] + potential_energy(mechanism, state) + load_potential(mechanism, state))
+    return (np.array(total) - total[0]) / max(*kinetic, TINY)
+
+
+def _state(answer: TrajectoryAnswer, n: int) -> State:
+    quat = answer.quat_WB[n] / np.linalg.norm(answer.quat_WB[n], axis=-1, keepdims=True)
+    return State(answer.p_WB[n], quat, answer.v_WB_W[n], answer.w_WB_W[n])
+
+
+def largest_residual(mechanism: Mechanism, answer: TrajectoryAnswer, samples: Sequence[int]) -> float:
+    """Largest violation of a joint at the samples, m or dimensionless."""
+    largest, angles, kept = 0.0, dict[str, float](), set(samples)
+    for n in range(len(answer.time)) if mechanism.couplings else samples:
+        state = _state(answer, n)
+        angles = count_turns(mechanism, state, angles)
+        if n in kept:
+            residual = constraint_residual(mechanism, state, float(answer.time[n]), angles)
+            largest = max(largest, float(np.max(np.abs(residual), initial=0.0)))
+    return largest
+
+
+def kept_samples(count: int, most: int = KEPT_SAMPLES) -> list[int]:
+    """Evenly spread sample indices for plots and for the costlier observers, first and last included."""
+    return sorted({int(n) for n in np.linspace(0, count - 1, min(count, most))})

@@ -1,0 +1,90 @@
+"""How a difference moves with an engine's own regularisation of constraints.
+
+The same question at three softnesses s, each half the one before, is a ladder as steps are (`uncertainty`): answers
+that converge with some order in s have a limit without softness. The order is not declared, it depends on what the
+engine softens; it has to be seen, between `LEAST` and `MOST`. A difference is put down to regularisation if the limit is
+nearer to the reference by the factor `EXPLAINED`, or as near as is asked.
+
+Settings that are matched stand at the hard end of the engine's knob, and the ladder leads from softer ones to them;
+defaults are soft, and the ladder leads from them to harder ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from consilience.compare.motion import Scales, difference_over_time, extrapolated
+from consilience.run import InstantAnswer, Profile, TrajectoryAnswer
+from consilience.spatial import Array
+
+SCALES: dict[Profile, tuple[float, float]] = {Profile.MATCHED: (2.0, 4.0), Profile.DEFAULT: (0.5, 0.25)}
+"""Softness asked besides that of the method, which is one."""
+
+LEAST, MOST = 0.5, 3.5
+"""Orders in s that are believed: below, answers do not settle as s shrinks; above, they hardly depend on it."""
+
+EXPLAINED = 0.1
+"""Part of a difference that may remain without softness, if softness is to be its cause."""
+
+
+@dataclass(frozen=True)
+class Softness:
+    """What a ladder of softness says.
+
+    Attributes
+    ----------
+    order : float or None
+        Observed in s; None where answers do not change with it.
+    shift : float
+        Largest difference of the answers of the two hardest.
+    limit : float
+        Difference of the limit without softness to the reference.
+    """
+
+    order: float | None
+    shift: float
+    limit: float
+
+    def explains(self, difference: float, allowed: float) -> bool:
+        """Whether a difference to the reference goes away with the softness, up to what is allowed."""
+        settled = self.order is not None and LEAST <= self.order <= MOST
+        return settled and self.limit <= max(EXPLAINED * difference, allowed)
+
+
+def _order(hard: float, soft: float) -> float | None:
+    """Order in s from the changes between the two hardest and the two softest answers."""
+    return float(np.log2(soft / hard)) if hard > 0.0 and soft > 0.0 else None
+
+
+def hardest_first(scales: Sequence[float]) -> list[int]:
+    """Positions of the answers at 1 and at these scales, from hard to soft."""
+    return [int(n) for n in np.argsort([1.0, *scales])]
+
+
+def of_motions(
+    answers: Sequence[TrajectoryAnswer], reference: TrajectoryAnswer, scales: Scales, judged: slice
+) -> Softness:
+    """Softness from three motions, hard to soft."""
+    one, two, four = answers
+    hard, soft = (float(np.max(difference_over_time(a, b, scales.size)[judged])) for a, b in ((one, two), (two, four)))
+    order = _order(hard, soft)
+    limit = one if order is None or order <= 0 else extrapolated(two, one, 1.0 / (2.0**order - 1.0))
+    return Softness(order, hard, float(np.max(difference_over_time(limit, reference, scales.size)[judged])))
+
+
+def of_accelerations(answers: Sequence[InstantAnswer], reference: InstantAnswer) -> Softness:
+    """Softness from accelerations at three softnesses, hard to soft."""
+    one, two, four = (_accelerations(a) for a in answers)
+    expected = _accelerations(reference)
+    size = float(np.max(np.abs(expected))) or 1.0
+    hard, soft = (float(np.max(np.abs(d))) for d in (two - one, four - two))
+    order = _order(hard, soft)
+    limit = one if order is None or order <= 0 else one + (one - two) / (2.0**order - 1.0)
+    return Softness(order, hard / size, float(np.max(np.abs(limit - expected))) / size)
+
+
+def _accelerations(answer: InstantAnswer) -> Array:
+    return np.concatenate([answer.a_WB_W, answer.alpha_WB_W], axis=2)
