@@ -2,8 +2,8 @@
 
 The same question at three softnesses s, each half the one before, is a ladder as steps are (`uncertainty`): answers
 that converge with some order in s have a limit without softness. The order is not declared, it depends on what the
-engine softens; it has to be seen, between `LEAST` and `MOST`. A difference is put down to regularisation if the limit is
-nearer to the reference by the factor `EXPLAINED`, or as near as is asked.
+engine softens; it has to be seen, between `LEAST` and `MOST`. A difference is put down to regularisation if the limit
+is nearer to the reference by the factor `EXPLAINED`, or as near as is asked.
 
 Settings that are matched stand at the hard end of the engine's knob, and the ladder leads from softer ones to them;
 defaults are soft, and the ladder leads from them to harder ones.
