@@ -150,7 +150,7 @@ def doctor(engine: Engines = None, limit: Limit = 180.0) -> None:
     from consilience.compare import Verdict
     from consilience.library import load_case
     from consilience.report.record import exit_code
-    from consilience.run import Question
+    from consilience.run import Profile, Question
     from consilience.suite import run_suite
 
     names = _engines(engine)
@@ -162,7 +162,8 @@ def doctor(engine: Engines = None, limit: Limit = 180.0) -> None:
         if name in results.missing:
             table.add_row(name, "-", f"does not start: {escape(results.missing[name])}")
             continue
-        bad = [c for c in results.comparisons if c.engine == name and c.verdict is not Verdict.AGREES]
+        own = [c for c in results.comparisons if c.engine == name and c.profile is Profile.MATCHED]
+        bad = [c for c in own if c.verdict is not Verdict.AGREES]
         text = "; ".join(f"{c.question}, {c.method}: {c.verdict}: {c.why}" for c in bad) or "agrees with the reference"
         table.add_row(name, results.engines[name].version, escape(text))
     out.print(table)
@@ -189,6 +190,39 @@ def simulate(
     answer, how = simulate_case(chosen, name, limit)
     export_trajectory(chosen.mechanism, answer, output)
     out.print(f"{chosen.name} on {name} ({how}): {len(answer.time)} samples in {output}", soft_wrap=True)
+
+
+@app.command()
+def coverage(
+    cases: Cases = None,
+    engine: Engines = None,
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Markdown file for the tables.")] = None,
+) -> None:
+    """Check that the uncertainty bands of all motions hold, against far finer runs of the same engines."""
+    from consilience import coverage as campaign
+    from consilience.library import load_cases, shipped_cases
+
+    chosen = [c for name in cases for c in load_cases(name)] if cases else shipped_cases()
+    found = [t for name in _engines(engine) for t in campaign.trials(chosen, name)]
+    text = campaign.table(found)
+    if output is not None:
+        output.write_text(text, encoding="utf-8")
+    out.print(text, soft_wrap=True, highlight=False, markup=False)
+    raise typer.Exit(campaign.exit_code(found))
+
+
+@app.command()
+def crosscheck(
+    mechanisms: Annotated[int, typer.Option(help="Number of random mechanisms.")] = 200,
+    states: Annotated[int, typer.Option(help="States of each.")] = 20,
+    seed: Annotated[int, typer.Option(help="Seed of the first mechanism; the others follow.")] = 1,
+    jobs: Jobs = CORES,
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Markdown file for the tables.")] = None,
+) -> None:
+    """Compare all formulations of the reference with one another on random mechanisms."""
+    from consilience.reference.crosscheck import main as compare_formulations
+
+    compare_formulations(mechanisms, states, seed, None, jobs, output)
 
 
 @app.command()

@@ -170,6 +170,23 @@ def _runs_of_question(worker: Worker, case: Case, plan: Plan, question: Question
         yield from _displaced_runs(worker, case, plan, methods[0])
 
 
+def open_plan(worker: Worker, case: Case) -> Plan | str:
+    """What an engine says about a case before it is asked, or why it says nothing."""
+    reply = worker.ask(Request(case.mechanism))
+    return reply.value if isinstance(reply.value, Plan) else reply.reason
+
+
+def ask_ladder(
+    worker: Worker, case: Case, plan: Plan, method: Method, steps: Sequence[float] | None = None
+) -> Iterator[Run]:
+    """Runs of a trajectory method at every level and at other softness; at the given steps alone, if any are given."""
+    if steps is None:
+        yield from _ladder(worker, case, plan, Question.TRAJECTORY, method, _levels(case, Question.TRAJECTORY, method))
+        return
+    for level, step in enumerate(steps):
+        yield _one_run(worker, case, plan, Question.TRAJECTORY, method, level, step)
+
+
 def _ladder(
     worker: Worker, case: Case, plan: Plan, question: Question, method: Method, levels: list[float | None]
 ) -> Iterator[Run]:

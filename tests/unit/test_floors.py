@@ -23,7 +23,7 @@ FLOORS = {
     **dict.fromkeys(("library", "compare"), 11),
     **dict.fromkeys(("judge", "identities"), 12),
     "suite": 13,
-    **dict.fromkeys(("fuzz", "mutate"), 14),
+    **dict.fromkeys(("coverage", "fuzz", "mutate"), 14),
     "report": 15,
     "cli": 16,
     "__init__": 17,

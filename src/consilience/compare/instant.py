@@ -170,14 +170,18 @@ def compare_instant(
 def _with_softness(compared: Comparison, soft: Softness) -> Comparison:
     """The same comparison, put down to regularisation where that explains all that differs."""
     missed = {q.name for q in compared.quantities if not q.met}
-    accelerations = next(q for q in compared.quantities if q.name == "accelerations")
-    if not missed or not missed <= SOFTENED or not soft.explains(accelerations.difference, accelerations.bar):
-        return replace(compared, softness=soft)
-    why = (
-        f"accelerations: difference {accelerations.difference:.2g}, {soft.limit:.2g} without softness "
-        f"(order {soft.order:.2f} in it): the engine's constraints are soft"
-    )
-    return replace(compared, verdict=Verdict.REGULARISATION, rule="softness", why=why, softness=soft)
+    found = next(q for q in compared.quantities if q.name == "accelerations")
+    compared = replace(compared, softness=soft)
+    if not missed or not missed <= SOFTENED:
+        return compared
+    what = f"accelerations: difference {found.difference:.2g}"
+    if soft.explains(found.difference, found.bar):
+        why = f"{what}, {soft.limit:.2g} without softness (order {soft.order:.2f} in it): the constraints are soft"
+        return replace(compared, verdict=Verdict.REGULARISATION, rule="softness", why=why)
+    if soft.matters(found.difference):
+        why = f"{what}, and softness moves it without settling: harder constraints are needed"
+        return replace(compared, verdict=Verdict.UNRESOLVED, rule="softness unclear", why=why)
+    return compared
 
 
 def _worst(differences: Sequence[float], bars: Sequence[float]) -> int:

@@ -172,6 +172,13 @@ RULES: tuple[Rule, ...] = (
         _softness_text,
     ),
     Rule(
+        "softness unclear",
+        Verdict.UNRESOLVED,
+        "softness moves the answer by as much, but not to a limit at the reference",
+        lambda e: e.softness is not None and e.softness.matters(e.finest),
+        lambda e: f"differs by {e.finest:.2g}, and softness moves it without settling: harder constraints are needed",
+    ),
+    Rule(
         "no ladder",
         Verdict.MODEL,
         "there is no ladder of steps or tolerances that could explain the difference",

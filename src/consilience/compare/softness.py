@@ -3,7 +3,8 @@
 The same question at three softnesses s, each half the one before, is a ladder as steps are (`uncertainty`): answers
 that converge with some order in s have a limit without softness. The order is not declared, it depends on what the
 engine softens; it has to be seen, between `LEAST` and `MOST`. A difference is put down to regularisation if the limit
-is nearer to the reference by the factor `EXPLAINED`, or as near as is asked.
+is nearer to the reference by the factor `EXPLAINED`, or as near as is asked. If softness moves an answer by as much,
+but not there, nothing can be said.
 
 Settings that are matched stand at the hard end of the engine's knob, and the ladder leads from softer ones to them;
 defaults are soft, and the ladder leads from them to harder ones.
@@ -26,8 +27,9 @@ SCALES: dict[Profile, tuple[float, float]] = {Profile.MATCHED: (2.0, 4.0), Profi
 LEAST, MOST = 0.5, 3.5
 """Orders in s that are believed: below, answers do not settle as s shrinks; above, they hardly depend on it."""
 
-EXPLAINED = 0.1
-"""Part of a difference that may remain without softness, if softness is to be its cause."""
+EXPLAINED = 0.25
+"""Part of a difference that may remain without softness, if softness is to be its cause: what a safety factor of 1.25
+grants a Richardson limit. Softness that moves an answer by less than this part has no say in it."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +54,10 @@ class Softness:
         """Whether a difference to the reference goes away with the softness, up to what is allowed."""
         settled = self.order is not None and LEAST <= self.order <= MOST
         return settled and self.limit <= max(EXPLAINED * difference, allowed)
+
+    def matters(self, difference: float) -> bool:
+        """Whether softness moves the answer by a good part of a difference, wherever to."""
+        return self.shift >= EXPLAINED * difference
 
 
 def _order(hard: float, soft: float) -> float | None:

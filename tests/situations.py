@@ -1,0 +1,223 @@
+"""Situations whose cause is known: errors of known size, order and softness on a known motion, and the right verdict.
+
+A body runs on the unit circle and turns as it goes. What is wrong with an engine's motion is displaced along z by a
+function of the step h, the softness s and the time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from consilience.compare import Comparison, Verdict, Yardstick, compare_trajectory
+from consilience.compare.motion import size_of_motion
+from consilience.compare.softness import SCALES
+from consilience.run import Method, Profile, Question, Route, Run, Status, TrajectoryAnswer
+from consilience.spatial import quaternion_from_rotation_vector
+from mechanisms import chain
+
+MECHANISM = chain("free", seed=1)
+TIMES = np.linspace(0.0, 2.0, 41)
+SHAPE = np.sin(3 * TIMES) * TIMES / 1.46
+"""Errors over time: largest 1.0 at 1.7 s, zero at the start."""
+
+STEPS = (0.02, 0.01, 0.005)
+
+
+def motion(displacement: object = 0.0) -> TrajectoryAnswer:
+    """The motion, displaced along z, in units of its size."""
+    t = TIMES
+    p = np.column_stack([np.cos(t), np.sin(t), displacement * np.ones_like(t)])[:, None]
+    quat = np.array([quaternion_from_rotation_vector([0, 0, x]) for x in t])[:, None]
+    v = np.column_stack([-np.sin(t), np.cos(t), np.gradient(p[:, 0, 2], t)])[:, None]
+    w = np.column_stack([0 * t, 0 * t, 1 + 0 * t])[:, None]
+    return TrajectoryAnswer(t, p, quat, v, w, {"steps": 400})
+
+
+TRUE = motion()
+SIZE = size_of_motion(MECHANISM, TRUE)
+Error = Callable[[float, float], object]
+"""Displacement of a step h and a softness s: a number, over `SHAPE`, or an array over time."""
+
+
+@dataclass(frozen=True)
+class Situation:
+    """One labelled situation."""
+
+    name: str
+    error: Error
+    verdict: Verdict
+    rule: str
+    order: int | None = 2
+    soft: bool = False
+    profile: Profile = Profile.MATCHED
+    steps: tuple[float, ...] = STEPS
+    tolerances: bool = False
+    digits: int = 8
+    spread: float = 0.0
+    growth: np.ndarray | None = field(default=None)
+    dispute: str = ""
+    earlier: str = ""
+
+    def judge(self) -> Comparison:
+        """The verdict of the rules."""
+        levels = {"tolerances": self.steps} if self.tolerances else {"substeps": (10, 20, 40)[: len(self.steps)]}
+        method = Method(
+            "m", Route.NATIVE, self.order, profile=self.profile, softness=1.0 if self.soft else None, **levels
+        )
+        runs = [self._run(method, n, h, 1.0) for n, h in enumerate(self.steps)]
+        softer = [
+            self._run(replace(method, softness=s), len(runs) - 1, self.steps[-1], s)
+            for s in (SCALES[self.profile] if self.soft else ())
+        ]
+        yard = Yardstick(TRUE, np.full(len(TIMES), self.spread), self.digits, self.growth, self.dispute)
+        return compare_trajectory(MECHANISM, runs, yard, softer, self.earlier)
+
+    def _run(self, method: Method, level: int, h: float, s: float) -> Run:
+        error = self.error(h, s)
+        displacement = SIZE * (SHAPE * error if np.ndim(error) == 0 else error)
+        return Run("c", "e", Question.TRAJECTORY, method, level, h, Status.ANSWERED, motion(displacement))
+
+
+def late(onset: float, order: int) -> Error:
+    """An error that appears late and grows like a power of the step."""
+    return lambda h, _: np.where(onset < TIMES, 1e-2 * (h / 0.005) ** order, 1e-12) * SHAPE
+
+
+def noise(size: float) -> Error:
+    """Rounding: another one at every step size."""
+    return lambda h, s: size * np.random.default_rng(int(1e6 * h + s)).normal(size=len(TIMES))
+
+
+EXPONENTIAL = np.exp(10.0 * TIMES)
+"""Growth of a chaotic motion: 4.9e8 at the end."""
+
+A, D, R = Verdict.AGREES, Verdict.DISCRETISATION, Verdict.REGULARISATION
+U, M = Verdict.UNRESOLVED, Verdict.MODEL
+DEFAULT = Profile.DEFAULT
+
+SITUATIONS = (
+    # ---------------------------------------------------------------- agreement
+    Situation("exact", lambda h, s: 0.0, A, "agreement"),
+    Situation("order 1, fine enough", lambda h, s: 1e-6 * h, A, "agreement", order=1),
+    Situation("order 2, fine enough", lambda h, s: 1e-4 * h**2, A, "agreement"),
+    Situation("order 4, fine enough", lambda h, s: 2.0 * h**4, A, "agreement", order=4),
+    Situation("rounding alone", noise(1e-13), A, "agreement", order=4),
+    Situation("soft, below the digits asked", lambda h, s: 1e-9 * s, A, "agreement", soft=True),
+    Situation("a plateau below the digits asked", lambda h, s: 4e-9 + 1e-6 * h**2, A, "agreement"),
+    Situation("no ladder, right", lambda h, s: 1e-9, A, "agreement", order=None),
+    Situation(
+        "tolerances, fine enough",
+        lambda h, s: 0.3 * h,
+        A,
+        "agreement",
+        order=None,
+        tolerances=True,
+        steps=(1e-9, 1e-10, 1e-11),
+    ),
+    Situation("within the uncertainty of the reference", lambda h, s: 1.5e-8, A, "agreement", spread=0.9e-8),
+    Situation(
+        "wrong only past the horizon",
+        lambda h, s: 1e-17 * EXPONENTIAL * np.linspace(0, 20, 41),
+        A,
+        "agreement",
+        growth=EXPONENTIAL,
+        digits=8,
+    ),
+    # ---------------------------------------------------------------- discretisation
+    Situation("semi-implicit, order 1", lambda h, s: 3.0 * h, D, "steps", order=1),
+    Situation("order 1 with a second term", lambda h, s: 1.0 * h + 10.0 * h**2, D, "steps", order=1),
+    Situation("order 2", lambda h, s: 5.0 * h**2, D, "steps"),
+    Situation("order 2 with a third power", lambda h, s: 5.0 * h**2 + 50.0 * h**3, D, "steps"),
+    Situation("order 2 with a fourth power", lambda h, s: -2.0 * h**2 + 300.0 * h**4, D, "steps"),
+    Situation("order 4", lambda h, s: 1e3 * h**4, D, "steps", order=4),
+    Situation("order 4 with a fifth power", lambda h, s: 1e3 * h**4 - 2e4 * h**5, D, "steps", order=4),
+    Situation("order 2, soft far below", lambda h, s: 5.0 * h**2 + 1e-9 * s, D, "steps", soft=True),
+    Situation("order 2, an error that appears late", late(1.2, 2), D, "steps"),
+    Situation(
+        "order 2, over tolerances",
+        lambda h, s: 2e3 * h,
+        D,
+        "steps",
+        order=None,
+        tolerances=True,
+        steps=(1e-6, 1e-7, 1e-8),
+    ),
+    Situation("two levels, order against the reference", lambda h, s: 5.0 * h**2, D, "steps", steps=(0.02, 0.01)),
+    Situation("order 1 at the defaults", lambda h, s: 3.0 * h, D, "steps", order=1, profile=DEFAULT),
+    # ---------------------------------------------------------------- regularisation
+    Situation("soft in proportion", lambda h, s: 1e-4 * s, R, "softness", soft=True),
+    Situation("soft in proportion, with steps", lambda h, s: 1e-4 * s + 0.1 * h**2, R, "softness", soft=True),
+    Situation("soft with the square", lambda h, s: 1e-5 * s**2, R, "softness", soft=True),
+    Situation("soft with the root", lambda h, s: 1e-4 * s**0.6, R, "softness", soft=True),
+    Situation("soft, saturating", lambda h, s: 1e-3 * s / (1 + 0.05 * s), R, "softness", soft=True),
+    Situation("soft over time", lambda h, s: 1e-4 * s * np.cumsum(SHAPE), R, "softness", soft=True),
+    Situation("soft defaults", lambda h, s: 2e-2 * s, R, "softness", soft=True, profile=DEFAULT),
+    Situation(
+        "soft defaults, order 1", lambda h, s: 5e-2 * s + 0.05 * h, R, "softness", order=1, soft=True, profile=DEFAULT
+    ),
+    Situation(
+        "soft, not asymptotic in the step", lambda h, s: 1e-3 * s + 1e-3 * np.sin(1 / h) * h, R, "softness", soft=True
+    ),
+    # ---------------------------------------------------------------- model
+    Situation("a plateau of 1e-6", lambda h, s: 1e-6 + 1e-3 * h**2, M, "elsewhere"),
+    Situation("a plateau of 1e-3", lambda h, s: 1e-3 + 2.0 * h**2, M, "elsewhere"),
+    Situation("a plateau of 1", lambda h, s: 1.0 + 2.0 * h**2, M, "elsewhere"),
+    Situation("a plateau, order 4", lambda h, s: 1e-5 + 1e3 * h**4, M, "elsewhere", order=4),
+    Situation("a plateau, order 1", lambda h, s: -1e-2 + 1.0 * h, M, "elsewhere", order=1),
+    Situation("gravity off: grows with t^2", lambda h, s: 1e-5 * TIMES**2 + h**2 * SHAPE, M, "elsewhere"),
+    Situation("another branch", lambda h, s: 0.5 + 0.0 * TIMES + h**2 * SHAPE, M, "elsewhere"),
+    Situation("a plateau that softness does not move", lambda h, s: 1e-3 + 1e-9 * s + h**2, M, "elsewhere", soft=True),
+    Situation("a plateau that softness moves a little", lambda h, s: 1e-3 + 1e-4 * s + h**2, M, "elsewhere", soft=True),
+    Situation(
+        "wrong at an instant already",
+        lambda h, s: 1e-4 * s,
+        M,
+        "earlier layer",
+        soft=True,
+        earlier="instant: accelerations",
+    ),
+    Situation(
+        "wrong in its masses, steps too coarse",
+        lambda h, s: 1e-3 + 1e-3 * h,
+        M,
+        "earlier layer",
+        order=2,
+        earlier="model: total mass",
+    ),
+    Situation("no ladder, wrong", lambda h, s: 1e-6, M, "no ladder", order=None),
+    Situation(
+        "tolerances to another motion",
+        lambda h, s: 1e-4 + 1e3 * h,
+        M,
+        "elsewhere",
+        order=None,
+        tolerances=True,
+        steps=(1e-6, 1e-7, 1e-8),
+    ),
+    Situation(
+        "order one, declared four, to another motion",
+        lambda h, s: 0.1 + h,
+        M,
+        "earlier layer",
+        order=4,
+        earlier="instant: accelerations",
+    ),
+    # ---------------------------------------------------------------- unresolved
+    Situation("order one where four is declared", lambda h, s: 0.1 * h, U, "not asymptotic", order=4),
+    Situation("order two where one is declared", lambda h, s: 5.0 * h**2, U, "not asymptotic", order=1),
+    Situation("erratic steps", lambda h, s: 1e-2 * np.sin(1 / h), U, "not asymptotic"),
+    Situation("steps far too coarse", lambda h, s: np.tanh(3e3 * h**2) * 0.5, U, "not asymptotic"),
+    Situation("an uncertain reference", lambda h, s: 0.0, U, "uncertain reference", spread=1e-7),
+    Situation("a disputed reference", lambda h, s: 1e-4, U, "disputed reference", dispute="published value"),
+    Situation("chaotic from the start", lambda h, s: 1e-3, U, "horizon", growth=np.full(41, 1e9)),
+    Situation(
+        "soft without order",
+        lambda h, s: 1e-3 * np.sin(9 * s) + h**2,
+        U,
+        "softness unclear",
+        soft=True,
+    ),
+)
