@@ -28,6 +28,9 @@ from consilience.spatial import Array
 _USUAL = {"descriptor": (1e-10, 1e-12, 1e-13), "null_space": (1e-12,)}
 """Formulations of the reference as the harness asks it, with the tolerances of their trajectories."""
 
+_OTHER = {"null_space, Radau IIA": ("null_space", "radau", (1e-10,))}
+"""Trajectories by another integrator, which bound the uncertainty of the usual one: formulation, method, tolerances."""
+
 _LADDER = (1e-9, 1e-10, 1e-11)
 """Tolerances of a formulation asked by its name."""
 
@@ -73,7 +76,11 @@ class ReferenceEngine:
             return (Method("mass properties and constraint rank", Route.REFERENCE),)
         if question is Question.INSTANT:
             return tuple(Method(name, Route.REFERENCE) for name in self._formulations)
-        return tuple(_motion(name, tolerances) for name, tolerances in self._formulations.items())
+        others = _OTHER if self._formulations is _USUAL else {}
+        return (
+            *(_motion(name, tolerances) for name, tolerances in self._formulations.items()),
+            *(_motion(name, tolerances) for name, (_, _, tolerances) in others.items()),
+        )
 
     def manifest(self, mechanism: Mechanism) -> Manifest:
         """Everything is exact."""
@@ -93,7 +100,8 @@ class ReferenceEngine:
         self, mechanism: Mechanism, state: State, times: Array, method: Method, step: float
     ) -> TrajectoryAnswer:
         """Motion to the tolerance `step`."""
-        return simulate(mechanism, state, np.asarray(times), step, method.name)
+        formulation, integrator, _ = _OTHER.get(method.name, (method.name, None, ()))
+        return simulate(mechanism, state, np.asarray(times), step, formulation, integrator)
 
 
 def _motion(name: str, tolerances: tuple[float, ...]) -> Method:
