@@ -220,7 +220,7 @@ def crosscheck(
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Markdown file for the tables.")] = None,
 ) -> None:
     """Compare all formulations of the reference with one another on random mechanisms."""
-    from consilience.reference.crosscheck import main as compare_formulations
+    from consilience.reference.crosscheck_tables import main as compare_formulations
 
     compare_formulations(mechanisms, states, seed, None, jobs, output)
 

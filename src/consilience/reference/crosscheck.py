@@ -15,25 +15,22 @@ Not compared, and listed with its reason:
 - a state at which a formulation's coordinates are singular;
 - a formulation above the bar at a distance d (a pure number) from a singularity of its orientation coordinates, as long
   as its error is no more than the rounding of two factors 1/d, one for rates and one for their derivatives;
+- the same forms near a singular pose, where the accelerations of their saddle-point system carry the condition of the
+  reactions, above `STEEP`; others keep accelerations apart from reactions by orthogonal factors and are compared;
 - a state near a singular pose of the mechanism (a singular value of its constraints between `ROUNDING` and `SINGULAR`
   of the largest), where accelerations or reactions are not defined to that accuracy.
 
-Run as a module for the whole campaign: ``python -m consilience.reference.crosscheck --mechanisms 200 --states 20``.
-A single mechanism N is examined again with ``--mechanisms 1 --seed N``.
+``consilience crosscheck`` runs the whole campaign, and examines mechanism N again with ``--mechanisms 1 --seed N``.
 """
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
-from typing import Annotated
 
 import numpy as np
-import typer
 from numpy.typing import NDArray
 
 from consilience.assembly import initial_state, random_states
@@ -53,6 +50,10 @@ CONDITION = 10 * float(np.finfo(float).eps)
 ROUNDING, SINGULAR = 1e-11, 1e-6
 NEAR, LOST = 1e-2, 1e3 * float(np.finfo(float).eps)
 """Distance d from a singularity of coordinates below which that is a reason, and rounding that grows with 1/d^2."""
+
+STEEP = 1e8
+"""Condition of reactions above which accelerations of a saddle-point system are not expected to be good to ten digits:
+`CONDITION` times it is a thousand times the bar."""
 
 QUANTITIES = ("accelerations", "reactions")
 
@@ -156,7 +157,8 @@ def compare(mechanism: Mechanism, states: Sequence[State], names: Sequence[str],
         for quantity, cond, values in zip(QUANTITIES, conditions, _compared(answers, determined), strict=True):
             bar = BAR + CONDITION * cond
             if len(values) > 1 and next(iter(values.values())).size:
-                difference, near = _without_near_singular(_difference(seed, n, quantity, values, bar), values, state)
+                found = _difference(seed, n, quantity, values, bar)
+                difference, near = _without_excused(found, values, state, conditions[1])
                 differences.append(difference)
                 exempt += near
     loops = len(mechanism.joints) - len(mechanism.bodies)
@@ -224,27 +226,37 @@ def _difference(seed: int, n: int, quantity: str, values: dict[str, Array], bar:
     return Difference(seed, n, quantity, spread, bar, dict(zip(values, distances.tolist(), strict=True)))
 
 
-def _without_near_singular(
-    difference: Difference, values: dict[str, Array], state: State
+def _without_excused(
+    difference: Difference, values: dict[str, Array], state: State, reaction_cond: float
 ) -> tuple[Difference, list[Exempt]]:
-    """A difference above its bar again, without the formulations near a singularity of their coordinates."""
+    """A difference above its bar again, without the formulations that have a reason to be off."""
     exempt = []
     while not difference.agrees and len(difference.distances) > 2:
         name, error = difference.farthest, difference.distances[difference.farthest]
-        d = _distance_to_singular(name, state)
-        if not error <= LOST / d**2 or d > NEAR:
+        reason = _excuse(name, error, state, reaction_cond)
+        if not reason:
             break
-        reason = f"{difference.quantity} {error:.1e} off: a body is {d:.1e} from a singularity of the coordinates"
-        exempt.append(Exempt(difference.seed, difference.state, name, reason))
+        off = f"{difference.quantity} {error:.1e} off: {reason}"
+        exempt.append(Exempt(difference.seed, difference.state, name, off))
         others = {other: values[other] for other in difference.distances if other != name}
         difference = _difference(difference.seed, difference.state, difference.quantity, others, difference.bar)
     return difference, exempt
 
 
-def _distance_to_singular(name: str, state: State) -> float:
-    """Least distance of any body from a singularity of a formulation's orientation coordinates; one if it has none."""
+def _excuse(name: str, error: float, state: State, reaction_cond: float) -> str:
+    """Reason of a descriptor form in orientation coordinates to be off by an error, empty if there is none."""
     if name not in VARIANTS:
-        return 1.0
+        return ""
+    d = _distance_to_singular(name, state)
+    if error <= LOST / d**2 and d <= NEAR:
+        return f"a body is {d:.1e} from a singularity of the coordinates"
+    if error <= CONDITION * reaction_cond and reaction_cond >= STEEP:
+        return f"near a singular pose: its saddle-point system solves Q M^-1 Q^T of condition {reaction_cond:.1e}"
+    return ""
+
+
+def _distance_to_singular(name: str, state: State) -> float:
+    """Least distance of any body from a singularity of the orientation coordinates of a descriptor form."""
     kind = ORIENTATIONS[VARIANTS[name].orientation]
     return min(kind.distance_to_singularity(kind.coordinates(quat)) for quat in state.quat_WB)
 
@@ -277,124 +289,3 @@ def failures(examinations: Sequence[Examination]) -> list[Exempt]:
 def agrees(examinations: Sequence[Examination]) -> bool:
     """Whether each agrees with each at all states compared."""
     return not disagreements(examinations) and not failures(examinations)
-
-
-def formulation_table(examinations: Sequence[Examination]) -> str:
-    """Markdown: for each formulation mechanisms and states, and the worst distance from the median, with its place."""
-    names = list(dict.fromkeys(name for e in examinations for name in e.refusals))
-    lines = [
-        "| formulation | mechanisms | refused | states without answer | worst accelerations | worst reactions |",
-        "|---|---:|---:|---:|---:|---:|",
-    ]
-    for name in names:
-        able = sum(not e.refusals[name] for e in examinations)
-        missing = sum(x.formulation == name for e in examinations for x in e.exempt)
-        worst = [_worst(examinations, name, quantity) for quantity in QUANTITIES]
-        cells = [f"`{name}`", str(able), str(len(examinations) - able), str(missing), *worst]
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines)
-
-
-def _worst(examinations: Sequence[Examination], name: str, quantity: str) -> str:
-    """Worst distance from the median relative to the bar: value, ratio, and where."""
-    found = [d for e in examinations for d in e.differences if d.quantity == quantity and name in d.distances]
-    if not found:
-        return "none"
-    worst = max(found, key=lambda d: d.distances[name] / d.bar)
-    distance = worst.distances[name]
-    return f"{distance:.1e} ({distance / worst.bar:.1g} of the bar; {worst.seed}/{worst.state})"
-
-
-def summary(examinations: Sequence[Examination]) -> str:
-    """Markdown: what was examined, each with each, by kind of mechanism."""
-    groups: dict[str, Callable[[Examination], bool]] = {
-        "trees": lambda e: e.loops == 0,
-        "loops": lambda e: e.loops > 0,
-        "all": lambda _: True,
-    }
-    lines = [
-        "| mechanisms | number | bodies | states | compared | worst accelerations | worst reactions | above the bar |",
-        "|---|---:|---:|---:|---:|---:|---:|---:|",
-    ]
-    for title, member in groups.items():
-        chosen = [e for e in examinations if member(e)]
-        if not chosen:
-            continue
-        bodies = [e.bodies for e in chosen]
-        found = [d for e in chosen for d in e.differences]
-        cells = [title, str(len(chosen)), f"{min(bodies)} to {max(bodies)}", str(sum(e.states for e in chosen))]
-        cells.append(str(sum(d.quantity == QUANTITIES[0] for d in found)))
-        cells += [_widest([d for d in found if d.quantity == q]) for q in QUANTITIES]
-        cells.append(str(len(disagreements(chosen))))
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines)
-
-
-def _widest(found: Sequence[Difference]) -> str:
-    if not found:
-        return "none"
-    worst = max(found, key=lambda d: d.spread / d.bar)
-    return f"{worst.spread:.1e} ({worst.spread / worst.bar:.1g} of the bar; {worst.seed}/{worst.state})"
-
-
-def exceptions(examinations: Sequence[Examination]) -> str:
-    """Markdown: refusals and states not compared, counted with their reasons, then every disagreement and failure."""
-    refused = Counter(
-        (name, _feature_kind(feature))
-        for e in examinations
-        for name, features in e.refusals.items()
-        for feature in {_feature_kind(f) for f in features}
-    )
-    lines = ["| formulation | cannot represent | mechanisms |", "|---|---|---:|"]
-    lines += [f"| `{name}` | {feature} | {count} |" for (name, feature), count in sorted(refused.items())]
-    lines += ["", "| formulation | state (mechanism/state) | not compared because |", "|---|---|---|"]
-    for x in (x for e in examinations for x in e.exempt):
-        what = f"`{x.formulation}`" if x.formulation else "all"
-        lines.append(f"| {what} | {x.seed}/{x.state} | {'**failed**: ' if x.failure else ''}{x.reason} |")
-    lines += [
-        "",
-        "| above the bar (mechanism/state) | quantity | difference | bar | farthest |",
-        "|---|---|---:|---:|---|",
-    ]
-    for d in disagreements(examinations):
-        lines.append(f"| {d.seed}/{d.state} | {d.quantity} | {d.spread:.1e} | {d.bar:.1e} | `{d.farthest}` |")
-    return "\n".join(lines)
-
-
-def _feature_kind(feature: str) -> str:
-    """A feature without the name of the one that has it: ``joint 'j1': screw`` to ``joint: screw``."""
-    parts = feature.split("'")
-    return feature if len(parts) < 3 else (parts[0].strip() + parts[2]).strip()
-
-
-def report(examinations: Sequence[Examination]) -> str:
-    """Markdown: all tables of a campaign."""
-    return "\n\n".join([summary(examinations), formulation_table(examinations), exceptions(examinations)]) + "\n"
-
-
-def main(
-    mechanisms: Annotated[int, typer.Option(help="Number of random mechanisms.")] = 200,
-    states: Annotated[int, typer.Option(help="States of each.")] = 20,
-    seed: Annotated[int, typer.Option(help="Seed of the first mechanism; the others follow.")] = 1,
-    formulations: Annotated[list[str] | None, typer.Option("-f", "--formulation", help="Only these.")] = None,
-    jobs: Annotated[int, typer.Option(help="Processes.")] = 1,
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="Markdown file for the tables.")] = None,
-) -> None:
-    """Compare all formulations with one another on random mechanisms; exit code 1 if any two disagree."""
-    names = formulations or list(registry.FORMULATIONS)
-    for name in names:
-        registry.entry(name)
-    found = []
-    for examination in campaign(range(seed, seed + mechanisms), states, names, jobs):
-        found.append(examination)
-        typer.echo(f"\r{len(found)} of {mechanisms} mechanisms", nl=False, err=True)
-    typer.echo(err=True)
-    text = report(found)
-    if output is not None:
-        output.write_text(text, encoding="utf-8")
-    typer.echo(summary(found) if output is not None else text)
-    raise typer.Exit(0 if agrees(found) else 1)
-
-
-if __name__ == "__main__":
-    typer.run(main)
