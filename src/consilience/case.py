@@ -14,6 +14,33 @@ from consilience.spatial import Array
 
 
 @dataclass(frozen=True)
+class Published:
+    """A value of the motion that is known from elsewhere, with its own uncertainty.
+
+    Attributes
+    ----------
+    observable : str
+        ``p_WB``, ``v_WB_W`` or ``w_WB_W``.
+    body : str
+    component : int
+        0, 1 or 2: x, y or z of the world.
+    time : float, s
+        On the sample grid.
+    value, uncertainty : float, m, m/s or rad/s
+    source : str
+        A closed form, a publication, an independent computation.
+    """
+
+    observable: str
+    body: str
+    component: int
+    time: float
+    value: float
+    uncertainty: float
+    source: str
+
+
+@dataclass(frozen=True)
 class Case:
     """A mechanism with an initial state and the questions to ask about it.
 
@@ -44,6 +71,7 @@ class Case:
     sources: tuple[str, ...] = ()
     remarks: str = ""
     tags: tuple[str, ...] = field(default=())
+    published: tuple[Published, ...] = ()
 
     @cached_property
     def initial_state(self) -> State:

@@ -7,7 +7,7 @@ coincide there, so joint coordinates are zero in the drawing.
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from consilience.assembly import Initial
-from consilience.case import Case
+from consilience.case import Case, Published
 from consilience.case_elements import drawn, elements
 from consilience.caseschema import (
     CaseTable,
@@ -23,7 +23,9 @@ from consilience.caseschema import (
     InitialTable,
     JointTable,
     Orientation,
+    PublishedTable,
     TrajectoryTable,
+    VariantTable,
 )
 from consilience.errors import InvalidInput
 from consilience.mechanism import GROUND, Body, Frame, Joint, Mechanism
@@ -98,19 +100,8 @@ def _cases(path: Path, table: CaseTable) -> list[Case]:
     stem = path.stem
     mechanism = _mechanism(stem, table)
     if not table.variants:
-        return [_case(stem, path.name, table.title, table, mechanism, table.initial, table.trajectory)]
-    return [
-        _case(
-            f"{stem}-{name}",
-            path.name,
-            v.title,
-            table,
-            mechanism,
-            v.initial or table.initial,
-            v.trajectory or table.trajectory,
-        )
-        for name, v in table.variants.items()
-    ]
+        return [_case(stem, path.name, table.title, table, mechanism, table)]
+    return [_case(f"{stem}-{name}", path.name, v.title, table, mechanism, v) for name, v in table.variants.items()]
 
 
 def _case(
@@ -119,15 +110,15 @@ def _case(
     title: str,
     table: CaseTable,
     mechanism: Mechanism,
-    initial: InitialTable,
-    span: TrajectoryTable,
+    own: CaseTable | VariantTable,
 ) -> Case:
+    span = own.trajectory or table.trajectory
     return Case(
         name=name,
         file=file,
         title=title,
         mechanism=mechanism,
-        initial=_initial(mechanism, initial),
+        initial=_initial(mechanism, own.initial or table.initial),
         duration=span.duration,
         sample=span.sample,
         digits=span.digits,
@@ -136,7 +127,22 @@ def _case(
         sources=tuple(table.sources),
         remarks=table.remarks.strip(),
         tags=tuple(table.tags),
+        published=tuple(_published(mechanism, own.published, span)),
     )
+
+
+def _published(mechanism: Mechanism, tables: list[PublishedTable], span: TrajectoryTable) -> Iterator[Published]:
+    for n, table in enumerate(tables):
+        where = f"published[{n}]"
+        if table.body not in mechanism.body_index or table.body == GROUND:
+            raise InvalidInput(f"{where}.body", f"there is no body '{table.body}'", "Name a body of the case.")
+        samples = table.time / span.sample
+        if table.time > span.duration or abs(samples - round(samples)) > 1e-9 * max(samples, 1.0):
+            raise InvalidInput(
+                f"{where}.time", f"{table.time:g} s is no sample of the trajectory", "Choose a time of its grid."
+            )
+        for k, value in enumerate(table.value):
+            yield Published(table.observable, table.body, k, table.time, value, table.uncertainty, table.source)
 
 
 def _matrix(orientation: Orientation | None, where: str) -> Array:

@@ -333,12 +333,24 @@ class InstantTable(_Table):
     seed: int = 1
 
 
+class PublishedTable(_Table):
+    """Values of the motion known from elsewhere, at one time, with their own uncertainty."""
+
+    body: Name
+    observable: Literal["p_WB", "v_WB_W", "w_WB_W"]
+    time: Annotated[float, Field(ge=0, allow_inf_nan=False)] = Field(description="s; on the sample grid.")
+    value: Vector = Field(description="World axes; m, m/s or rad/s.")
+    uncertainty: Annotated[float, Field(gt=0, allow_inf_nan=False)] = Field(description="Of each component.")
+    source: str
+
+
 class VariantTable(_Table):
     """What a variant changes; a file with variants stands for them alone."""
 
     title: str
     initial: InitialTable | None = None
     trajectory: TrajectoryTable | None = None
+    published: list[PublishedTable] = Field(default_factory=list)
 
 
 class CaseTable(_Table):
@@ -364,6 +376,7 @@ class CaseTable(_Table):
     initial: InitialTable = Field(default_factory=InitialTable)
     trajectory: TrajectoryTable = Field(default_factory=TrajectoryTable)
     instant: InstantTable = Field(default_factory=InstantTable)
+    published: list[PublishedTable] = Field(default_factory=list)
     variants: dict[Name, VariantTable] = Field(default_factory=dict)
 
 

@@ -8,12 +8,14 @@ knows what its engine already differs in before anything is integrated.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from consilience.case import Case
 from consilience.compare import (
     Comparison,
+    Quantity,
     Verdict,
     Yardstick,
     compare_instant,
@@ -23,6 +25,7 @@ from consilience.compare import (
 )
 from consilience.compare.horizon import growth
 from consilience.compare.instant import Instants
+from consilience.compare.published import against_published, dispute
 from consilience.observe import reach
 from consilience.run import InstantAnswer, ModelAnswer, Profile, Question, Run, Status, TrajectoryAnswer
 
@@ -62,15 +65,17 @@ class _Judge:
         start = case.initial_state
         self.length = max(float(np.max(np.abs(start.p_WB))), reach(case.mechanism))
         self.instants = Instants.of(case.mechanism, case.states) if question is Question.INSTANT else None
+        self.known: tuple[Quantity, ...] = ()
         self.yard = self._yardstick() if question is Question.TRAJECTORY and references else None
 
     def _yardstick(self) -> Yardstick:
         mechanism = self.case.mechanism
         motions = [r.answer for r in self.references if isinstance(r.answer, TrajectoryAnswer) and not _displaced(r)]
         displaced = [r.answer for r in self.references if isinstance(r.answer, TrajectoryAnswer) and _displaced(r)]
-        return Yardstick(
-            motions[0], spread_over_time(mechanism, motions), self.case.digits, growth(mechanism, motions[0], displaced)
-        )
+        spread = spread_over_time(mechanism, motions)
+        self.known = against_published(mechanism, self.case.published, motions[0], spread)
+        growing = growth(mechanism, motions[0], displaced)
+        return Yardstick(motions[0], spread, self.case.digits, growing, dispute(self.known))
 
     def judge(self, groups: dict[tuple[str, str], list[Run]]) -> Iterator[Comparison]:
         """Every engine and method against the reference, which is not compared with itself."""
@@ -97,7 +102,8 @@ class _Judge:
             return compare_instant(case.name, first.engine, first.method, answer, reference, self.instants, soft)
         assert self.yard is not None
         own = [run for run in own if run is not self.references[0]]
-        return compare_trajectory(case.mechanism, own, self.yard, softer, self._earlier(first))
+        compared = compare_trajectory(case.mechanism, own, self.yard, softer, self._earlier(first))
+        return replace(compared, quantities=self.known) if self.references[0] in group else compared
 
     def _earlier(self, run: Run) -> str:
         """What the engine differs in at `model`, or by all its methods of that profile at `instant`."""

@@ -79,3 +79,18 @@ def test_double_pendulum_equations():
     pendulum = double_pendulum.DoublePendulum(1.0, 1.0, 1.0, 1.0, 0.5 + 0j, 0.5 + 0j, 1.0 + 0j, -10j)
     y = pendulum.solve(np.zeros(4), list(DOUBLE_PENDULUM))
     assert np.max(np.abs(y - list(DOUBLE_PENDULUM.values()))) < 1e-11
+
+
+@pytest.mark.parametrize("name", TRAJECTORIES)
+def test_values_in_the_case_files_are_those_of_their_oracles(name):
+    """What a case claims to be known is the oracle's, to the uncertainty that the case states."""
+    case = load_case(name)
+    for known in case.published:
+        assert known.observable == "p_WB"
+        p, _ = TRAJECTORIES[name](case, np.array([known.time]))
+        found = p[0, case.mechanism.body_index[known.body], known.component]
+        assert abs(found - known.value) <= known.uncertainty
+
+
+def test_both_amplitudes_have_values():
+    assert [len(load_case(f"simple_pendulum-{v}").published) for v in ("small", "large")] == [6, 6]
