@@ -8,12 +8,12 @@ From levels with steps ``h_1 > h_2 > ... > h_n`` and the ratio r of the last two
 
 F and q follow what has been observed [Roache 1998; Oberkampf and Roy 2010, section 8.6.3]:
 
-=====================================  ====  ========================
+=====================================  ====  =============================
 observed order                         F     q
-=====================================  ====  ========================
-within `WINDOW` of the declared one    1.25  P
-not, or hidden by rounding, or absent  3     p within [1/2, P], or P
-=====================================  ====  ========================
+=====================================  ====  =============================
+within `WINDOW` of the declared one    1.25  p, but no more than P
+not, or hidden by rounding, or absent  3     p within [1/2, P]; P if unseen
+=====================================  ====  =============================
 
 A method of controlled error takes a ladder of tolerances: its error is asked to be proportional to the tolerance,
 which is order one with the tolerance for h. Where a quantity does not converge at all the band is as wide as the last
@@ -105,11 +105,8 @@ def settled(order: float | None, declared: int) -> bool:
 
 def band(change: float, order: float | None, declared: int, ratio: float, steps: float) -> float:
     """Uncertainty of the finest level from its change to the one before, by the module's table."""
-    if settled(order, declared):
-        factor, exponent = SAFE, float(declared)
-    else:
-        factor = CAUTIOUS
-        exponent = float(declared) if order is None else min(max(order, LEAST_ORDER), float(declared))
+    factor = SAFE if settled(order, declared) else CAUTIOUS
+    exponent = float(declared) if order is None else min(max(order, LEAST_ORDER), float(declared))
     return factor * change / (ratio**exponent - 1.0) + EPS * steps
 
 

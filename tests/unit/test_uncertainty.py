@@ -1,0 +1,196 @@
+"""Ladders, bands, horizon: on errors that are known, on motions that are known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from consilience.assembly import displaced_states, initial_state
+from consilience.compare.horizon import PERTURBATION, growth, judged_samples
+from consilience.compare.motion import OBSERVABLES, Scales, difference_over_time
+from consilience.compare.uncertainty import band, estimates, finest_order, needs_another_level, settled
+from consilience.coverage import Skipped, Trial, coverage, exit_code, table
+from consilience.kinematics import constraint_jacobian, constraint_rates, constraint_residual
+from consilience.reference import simulate
+from consilience.run import Method, Route
+from mechanisms import LOOPS, TREES, states_of
+from situations import MECHANISM, SHAPE, SIZE, TIMES, TRUE, motion
+
+EPS = np.finfo(float).eps
+
+
+def ladder(error, steps):
+    return [motion(SIZE * SHAPE * error(h)) for h in steps]
+
+
+def how(order, **levels):
+    return Method("m", Route.NATIVE, order, **levels)
+
+
+# ---------------------------------------------------------------- bands
+
+ERRORS = {
+    "order 1": (1, lambda h: 0.3 * h),
+    "order 1 and 2": (1, lambda h: 0.3 * h - 5.0 * h**2),
+    "order 2": (2, lambda h: 5.0 * h**2),
+    "order 2 and 3": (2, lambda h: 5.0 * h**2 + 100.0 * h**3),
+    "order 4": (4, lambda h: 1e3 * h**4),
+    "order 4 and 6": (4, lambda h: 1e3 * h**4 + 1e6 * h**6),
+    "order 1 for 2": (2, lambda h: 0.1 * h),
+    "order 1.5 for 2": (2, lambda h: 0.1 * h**1.5),
+    "order 3 for 2": (2, lambda h: 50.0 * h**3),
+}
+
+
+@pytest.mark.parametrize("name", ERRORS)
+def test_the_band_holds_the_true_error_and_is_not_wide(name):
+    order, error = ERRORS[name]
+    steps = (0.02, 0.01, 0.005)
+    answers = ladder(error, steps)
+    scales = Scales.of(MECHANISM, TRUE)
+    found = estimates(answers, how(order, substeps=(1, 2, 4)), steps, scales)
+    assert [e.name for e in found] == list(OBSERVABLES)
+    by_name = {e.name: e for e in found}
+    true = np.max(OBSERVABLES["position"](answers[-1], TRUE, scales))
+    assert true <= by_name["position"].band <= 20.0 * true
+    assert by_name["orientation"].change < 1e-7  # nothing turns but the motion itself
+    assert by_name["orientation"].order is None
+
+
+@pytest.mark.parametrize(
+    ("order", "declared", "expected"),
+    [
+        (2.0, 2, 1.25 / 3.0),  # Roache: factor 1.25
+        (2.3, 2, 1.25 / 3.0),  # no more than the declared order
+        (1.6, 2, 1.25 / (2.0**1.6 - 1.0)),
+        (1.4, 2, 3.0 / (2.0**1.4 - 1.0)),  # factor 3, the observed order
+        (0.1, 2, 3.0 / (2.0**0.5 - 1.0)),  # no less than a half
+        (5.0, 2, 3.0 / 3.0),  # no more than the declared one
+        (None, 2, 3.0 / 3.0),
+    ],
+)
+def test_factor_and_order_of_a_band(order, declared, expected):
+    assert band(1.0, order, declared, 2.0, 0.0) == pytest.approx(expected, rel=1e-14)
+    assert band(0.0, order, declared, 2.0, 1000.0) == pytest.approx(1000.0 * EPS, rel=1e-14)
+
+
+def test_a_ladder_of_tolerances_has_order_one_in_them():
+    steps = (1e-5, 1e-6, 1e-7)
+    answers = ladder(lambda tolerance: 30.0 * tolerance, steps)
+    (position, *_) = estimates(answers, how(None, tolerances=steps), steps, Scales.of(MECHANISM, TRUE))
+    assert position.order == pytest.approx(1.0, abs=1e-3)
+    assert position.band == pytest.approx(1.25 * position.change / 9.0, rel=1e-6)
+
+
+def test_without_a_ladder_there_is_no_estimate():
+    scales = Scales.of(MECHANISM, TRUE)
+    assert estimates([TRUE], how(2, substeps=(1,)), (0.1,), scales) == ()
+    assert estimates([TRUE, TRUE], how(None, substeps=(1, 2)), (0.1, 0.05), scales) == ()
+
+
+@pytest.mark.parametrize(
+    ("order", "error", "more"),
+    [
+        (2, lambda h: 5.0 * h**2, False),
+        (4, lambda h: 0.1 * h, True),
+        (2, lambda h: 0.5 * np.tanh(3e3 * h**2), True),
+        (2, lambda h: 1e-14 * h, False),  # rounding: no finer level would show an order
+    ],
+)
+def test_levels_are_added_until_the_order_settles(order, error, more):
+    steps = (0.02, 0.01, 0.005)
+    assert needs_another_level(ladder(error, steps), how(order, substeps=(1, 2, 4)), steps) is more
+
+
+def test_orders_are_read_from_the_finest_pair_that_rounding_does_not_hide():
+    assert finest_order([4e-6, 1e-6, 1e-13], 2.0) == pytest.approx(2.0)
+    assert finest_order([1e-13, 1e-14], 2.0) is None
+    assert finest_order([1e-3, 1e-6], 10.0) == pytest.approx(3.0)
+    assert settled(1.5, 2)
+    assert not settled(1.4, 2)
+    assert not settled(None, 2)
+
+
+# ---------------------------------------------------------------- horizon
+
+
+@pytest.mark.parametrize(
+    "mechanism", [TREES["branched"], LOOPS["four_bar"], LOOPS["loop_universal"]], ids=lambda m: m.name
+)
+def test_displaced_states_are_near_and_consistent(mechanism):
+    start = states_of(mechanism, 1)[0]
+    for state in displaced_states(mechanism, start, PERTURBATION, 3, seed=1):
+        distance = max(np.max(np.abs(state.p_WB - start.p_WB)), np.max(np.abs(state.quat_WB - start.quat_WB)))
+        assert 1e-3 * PERTURBATION < distance < 3.0 * PERTURBATION
+        assert np.max(np.abs(constraint_residual(mechanism, state, 0.0))) < 1e-13
+        velocity = np.hstack([state.v_WB_W, state.w_WB_W]).ravel()
+        slip = constraint_jacobian(mechanism, state) @ velocity - constraint_rates(mechanism, 0.0)
+        assert np.max(np.abs(slip), initial=0.0) < 1e-12 * max(1.0, np.max(np.abs(velocity)))
+
+
+def test_growth_is_that_of_an_inverted_pendulum():
+    """A physical pendulum near its upper rest departs as cosh(k t), k^2 = m g l / J."""
+    mechanism = TREES["single_revolute"]
+    (body,), (joint,) = mechanism.bodies, mechanism.joints
+    arm = body.com - joint.M.p
+    axis = joint.M.R[:, 2]
+    across = arm - (arm @ axis) * axis
+    inertia = axis @ body.inertia @ axis + body.mass * across @ across
+    start = initial_state(mechanism)
+    # gravity straight against the arm of the drawing, so that the drawing is the upper rest
+    up = across / np.linalg.norm(across)
+    R = body.drawing.R
+    upright = replace(mechanism, gravity=-9.81 * (R @ up), joint_springs=(), springs=(), loads=())
+    rate = np.sqrt(body.mass * 9.81 * np.linalg.norm(across) / inertia)
+    times = np.linspace(0.0, 2.0 / rate, 21)
+    (displaced,) = displaced_states(upright, start, PERTURBATION, 1, seed=2)
+    still = replace(displaced, v_WB_W=0 * displaced.v_WB_W, w_WB_W=0 * displaced.w_WB_W)
+    growing = growth(upright, simulate(upright, start, times), [simulate(upright, still, times)])
+    np.testing.assert_allclose(growing, np.cosh(rate * times), rtol=1e-5)
+
+
+def test_growth_keeps_its_largest_value_and_is_one_where_nothing_can_be_displaced():
+    wave = motion(PERTURBATION * SIZE * np.cos(3 * TIMES))
+    found = growth(MECHANISM, TRUE, [wave])
+    assert np.all(np.diff(found) >= 0.0)
+    assert found[-1] == pytest.approx(1.0, rel=1e-6)
+    np.testing.assert_array_equal(growth(MECHANISM, TRUE, [TRUE]), 1.0)
+    np.testing.assert_array_equal(growth(MECHANISM, TRUE, []), 1.0)
+
+
+@pytest.mark.parametrize("digits", [4, 8, 12])
+def test_samples_are_judged_up_to_the_digits_asked(digits):
+    growing = np.exp(20.0 * TIMES)
+    first = np.flatnonzero(EPS * growing >= 10.0**-digits)
+    assert judged_samples(growing, digits) == (first[0] if len(first) else len(TIMES))
+    assert judged_samples(np.ones(5), digits) == 5
+    assert judged_samples(np.full(5, np.nan), digits) == 0
+
+
+def test_the_difference_of_motions_does_not_see_the_sign_of_quaternions():
+    flipped = replace(TRUE, quat_WB=-TRUE.quat_WB)
+    assert np.max(difference_over_time(flipped, TRUE, SIZE)) < 1e-7
+
+
+# ---------------------------------------------------------------- coverage
+
+
+def trial(error, wide, engine="e"):
+    return Trial("c", engine, "m", "position", error, wide, 2.0)
+
+
+def test_coverage_is_the_part_that_holds_and_the_median_width():
+    found = [trial(1.0, 2.0), trial(1.0, 4.0), trial(1.0, 0.5), trial(1.0, 8.0)]
+    assert coverage(found) == (0.75, 3.0)
+    assert exit_code(found) == 1
+    assert exit_code([trial(1.0, 2.0)] * 19 + [trial(1.0, 0.5)]) == 0
+    assert exit_code([trial(1.0, 50.0)] * 3) == 1  # holds, and says nothing
+    assert exit_code([Skipped("c", "e", "m", "no ladder of steps")]) == 3
+
+
+def test_the_table_lists_what_does_not_hold_and_what_was_skipped():
+    text = table([trial(1.0, 2.0), trial(3.0, 1.0, "f"), Skipped("c", "g", "", "cannot")])
+    assert "| e | m | 1 | 100.0 % | 2 |" in text
+    assert "| all |  | 2 | 50.0 % | 1.2 |" in text
+    assert "| c | f | m | position | 2.00 | 3.00e+00 | 1.00e+00 |" in text
+    assert "- c, g, all methods: cannot" in text
