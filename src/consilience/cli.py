@@ -203,7 +203,11 @@ def coverage(
     from consilience.library import load_cases, shipped_cases
 
     chosen = [c for name in cases for c in load_cases(name)] if cases else shipped_cases()
-    found = [t for name in _engines(engine) for t in campaign.trials(chosen, name)]
+    found = []
+    for name in _engines(engine):
+        for one in campaign.trials(chosen, name):
+            found.append(one)
+            err.print(f"{one.engine}, {one.case}, {one.method}", highlight=False, soft_wrap=True)
     text = campaign.table(found)
     if output is not None:
         output.write_text(text, encoding="utf-8")

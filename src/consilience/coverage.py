@@ -22,10 +22,10 @@ from consilience.worker import Plan, Worker
 ASKED_COVERAGE, WIDEST = 0.95, 20.0
 """Part of the bands that must hold, and ratio of band to error that their median may have at most."""
 
-FINER = (64, 32, 16, 8)
+FINER = (32, 16, 8, 4)
 """How many times smaller the steps of the finer run are: the most that `BUDGET` affords."""
 
-BUDGET = 60.0
+BUDGET = 10.0
 """CPU time in s for a finer run."""
 
 
