@@ -15,7 +15,9 @@ from consilience.run import (
     Manifest,
     Method,
     ModelAnswer,
+    Profile,
     Question,
+    Route,
     TrajectoryAnswer,
     Unsupported,
 )
@@ -33,14 +35,14 @@ from consilience_dart.dynamics import (
 from consilience_dart.integration import rk4_trajectory
 from consilience_dart.loads import appliers, spring_energy
 from consilience_dart.state import from_state, send
-from consilience_dart.stepping import extrapolated_accelerations, native_trajectory, stepper
+from consilience_dart.stepping import (
+    Stepper,
+    extrapolated_accelerations,
+    native_trajectory,
+    stepper,
+    zero_step_accelerations,
+)
 from consilience_dart.translation import Model, build
-
-TRAJECTORIES = {
-    ways.EULER: ("steps", native_trajectory),
-    ways.RK4_ARTICULATED: ("evaluations", rk4_trajectory),
-    ways.RK4_CONSTRAINED: ("evaluations", rk4_trajectory),
-}
 
 EXACT = {
     "cylindrical": "cylindrical: prismatic, then revolute joint, with a massless link between",
@@ -123,15 +125,19 @@ class DartEngine:
 
     def instant(self, mechanism: Mechanism, states: Sequence[State], method: Method) -> InstantAnswer:
         """Accelerations, joint reactions and energies at consistent states."""
-        native = method.name == ways.EXTRAPOLATED
-        stepping = stepper(mechanism, states[0]) if native else None
+        native = method.route is Route.EXTRAPOLATED
+        stepping = _stepper(mechanism, states[0], method) if native else None
         model = self._translated(mechanism) if stepping is None else stepping.model
         forces = appliers(model)
         accelerations, wrenches, energies = [], [], []
         for state in states:
-            send(model, from_state(model, state))
-            if stepping is not None:
-                extrapolated_accelerations(stepping, state)
+            c = from_state(model, state)
+            send(model, c)
+            if method.name == ways.EXTRAPOLATED_DEFAULT and stepping is not None:
+                ways.soften(method)
+                zero_step_accelerations(stepping, c, state)
+            elif stepping is not None:
+                extrapolated_accelerations(stepping, c, state)
             elif method.name == ways.ARTICULATED:
                 forward_dynamics(model, forces)
             else:
@@ -149,9 +155,17 @@ class DartEngine:
         self, mechanism: Mechanism, state: State, times: Array, method: Method, step: float
     ) -> TrajectoryAnswer:
         """Motion from `state`, sampled at `times`."""
-        counter, integrate = TRAJECTORIES[method.name]
-        (p, quat, v, w), work = integrate(mechanism, state, times, round((times[1] - times[0]) / step))
-        return TrajectoryAnswer(np.asarray(times), p, quat, v, w, {counter: work})
+        substeps = round((times[1] - times[0]) / step)
+        if method.route is Route.HARNESS_INTEGRATOR:
+            (p, quat, v, w), work = rk4_trajectory(mechanism, state, times, substeps)
+            return TrajectoryAnswer(np.asarray(times), p, quat, v, w, {"evaluations": work})
+        ways.soften(method)
+        (p, quat, v, w), work = native_trajectory(_stepper(mechanism, state, method), times, substeps)
+        return TrajectoryAnswer(np.asarray(times), p, quat, v, w, {"steps": work})
+
+
+def _stepper(mechanism: Mechanism, start: State, method: Method) -> Stepper:
+    return stepper(mechanism, start, sleeping=method.profile is Profile.DEFAULT)
 
 
 def _energies(model: Model) -> tuple[float, float]:

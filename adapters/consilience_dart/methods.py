@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from consilience.assembly import initial_state
 from consilience.mechanism import Mechanism
-from consilience.run import Method, Question, Route
+from consilience.run import Method, Profile, Question, Route
 from consilience.tree import Tree
 from consilience_dart.dynamics import constraint_rank
 from consilience_dart.state import from_state, send
 from consilience_dart.stepping import (
     CONSTRAINT_FORCE_MIXING,
+    ERROR_REDUCTION_DEFAULT,
     ERROR_REDUCTION_INSTANT,
     ERROR_REDUCTION_TRAJECTORY,
     LARGEST_ROTATION,
     LARGEST_STEP,
     STEP_SIZES,
+    set_softness,
 )
 from consilience_dart.translation import build
 
@@ -27,18 +30,59 @@ ARTICULATED = "computeForwardDynamics"
 MASS_MATRIX = "mass matrix and inverse dynamics"
 CONSTRAINED = "mass matrix, inverse dynamics and weld Jacobians"
 EXTRAPOLATED = "World.step with weld constraints, to zero step"
+EXTRAPOLATED_DEFAULT = "World.step with weld constraints, defaults, to zero step"
 EULER = "World.step"
+EULER_DEFAULT = "World.step, defaults"
 RK4_ARTICULATED = "computeForwardDynamics + RK4 of the harness"
 RK4_CONSTRAINED = "mass matrix + constraint solve and RK4 of the harness"
 
 EULER_SUBSTEPS = (200, 400, 800)
 EULER_SUBSTEPS_WITH_FORCES = (50, 100, 200)  # forces that the adapter applies each step cost ten times the step
+EULER_SUBSTEPS_DEFAULT = (50, 100, 200)  # DART's step of 0.001 s at samples every 0.05 s, then its halves
 RK4_SUBSTEPS = (4, 8, 16)
 
 OFF_THE_MANIFOLD = 1e-3  # rad and m: far above the tolerance of the rank, far below the size of a mechanism
 
 AT_THE_STATE: dict[str, Any] = {"Skeleton.timeStep": 0.0}
 STEPPING: dict[str, Any] = {"DeactivationOptions.enabled": False}
+TO_ZERO_STEP = f"{LARGEST_STEP:g} s or {LARGEST_ROTATION:g} rad, over {STEP_SIZES}, extrapolated to 0"
+
+
+def _in_proportion(reduction: float, softness: float) -> float:
+    return reduction * softness
+
+
+def _compounded(reduction: float, softness: float) -> float:
+    """Reduction that does in as many steps as the softness what the given one does in one: about 1 / softness of it."""
+    return float(1.0 - (1.0 - reduction) ** (1.0 / softness))
+
+
+REDUCTIONS: dict[str, tuple[float, Callable[[float, float], float]]] = {
+    EULER: (ERROR_REDUCTION_TRAJECTORY, _compounded),
+    EULER_DEFAULT: (ERROR_REDUCTION_DEFAULT, _compounded),
+    EXTRAPOLATED_DEFAULT: (ERROR_REDUCTION_DEFAULT, _in_proportion),
+}
+"""Error reduction of the welds by method, and what softness makes of it: `stepping` says what it leaves behind."""
+
+
+def soften(method: Method) -> None:
+    """Set the error reduction and the force mixing of all constraints to those of a method of its softness.
+
+    DART takes no force mixing below its default: harder than that, the error reduction moves alone.
+
+    Raises
+    ------
+    ValueError
+        If the softness is not positive, or an instant's asks for more than to remove the whole error in a step.
+    """
+    softness = 1.0 if method.softness is None else method.softness
+    if not softness > 0.0:
+        raise ValueError(f"the softness of a constraint is positive, not {softness:g}")
+    given, scaled = REDUCTIONS[method.name]
+    reduction = scaled(given, softness)
+    if reduction > 1.0:
+        raise ValueError(f"softness {softness:g} asks for an error reduction of {reduction:g}, above 1")
+    set_softness(reduction, max(1.0, softness) * CONSTRAINT_FORCE_MIXING)
 
 
 def dependence_is_fragile(mechanism: Mechanism) -> bool:
@@ -61,12 +105,19 @@ def _instant(loops: bool) -> tuple[Method, ...]:
         )
     extrapolation = {
         "errorReductionParameter": ERROR_REDUCTION_INSTANT,
-        "constraintForceMixing": f"{CONSTRAINT_FORCE_MIXING:g} and twice that, extrapolated to 0",
-        "step": f"{LARGEST_STEP:g} s or {LARGEST_ROTATION:g} rad, over {STEP_SIZES}, extrapolated to 0",
+        "constraintForceMixing": f"{CONSTRAINT_FORCE_MIXING:g}, twice and four times that, extrapolated to 0",
+        "step": TO_ZERO_STEP,
     }
     return (
         Method(CONSTRAINED, Route.HARNESS_SOLVE, settings=AT_THE_STATE),
         Method(EXTRAPOLATED, Route.EXTRAPOLATED, settings=STEPPING | extrapolation),
+        Method(
+            EXTRAPOLATED_DEFAULT,
+            Route.EXTRAPOLATED,
+            settings={"step": TO_ZERO_STEP},
+            profile=Profile.DEFAULT,
+            softness=1.0,
+        ),
     )
 
 
@@ -75,14 +126,16 @@ def _trajectory(mechanism: Mechanism, loops: bool) -> tuple[Method, ...]:
     substeps = EULER_SUBSTEPS_WITH_FORCES if forced else EULER_SUBSTEPS
     settings = STEPPING | ({"errorReductionParameter": ERROR_REDUCTION_TRAJECTORY} if loops else {})
     route = Route.TUNED if loops else Route.NATIVE
-    native = Method(EULER, route, 1, substeps, settings=settings)
+    softness = 1.0 if loops else None
+    native = Method(EULER, route, 1, substeps, settings=settings, softness=softness)
+    default = Method(EULER_DEFAULT, Route.NATIVE, 1, EULER_SUBSTEPS_DEFAULT, profile=Profile.DEFAULT, softness=softness)
     rods = any(joint.kind == "rod" for joint in mechanism.joints)
     # near the singular pose of a rod's two angles no affordable step shows order four; and where drift makes dependent
     # rows independent, the harness's solve takes them for constraints
     if rods or (loops and dependence_is_fragile(mechanism)):
-        return (native,)
+        return native, default
     name = RK4_CONSTRAINED if loops else RK4_ARTICULATED
-    return (native, Method(name, Route.HARNESS_INTEGRATOR, 4, RK4_SUBSTEPS, settings=AT_THE_STATE))
+    return native, Method(name, Route.HARNESS_INTEGRATOR, 4, RK4_SUBSTEPS, settings=AT_THE_STATE), default
 
 
 def methods(mechanism: Mechanism, tree: Tree, question: Question) -> tuple[Method, ...]:

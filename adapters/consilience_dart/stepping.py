@@ -1,4 +1,13 @@
-"""DART's own time stepping: `World.step`, semi-implicit Euler with constraints at velocity level."""
+"""DART's own time stepping: `World.step`, semi-implicit Euler with constraints at velocity level.
+
+A constraint of position error phi holds ``J v = -reduction phi / h``, with force mixing, a part of the diagonal of
+``J M^-1 J^T``, that lets it yield. What the two leave behind depends on the question:
+
+- at an instant, the first step from a consistent state holds ``J v = 0`` and drifts to ``phi = h^2 (dJ/dt v) / 2``;
+  in the limit of small steps the second one then has ``J a = -(1 + reduction / 2) dJ/dt v``;
+- along a trajectory the drift of h^2 a step settles at a phi in proportion to ``1 / reduction``;
+- the mixing adds an error in the accelerations that no step removes, linear in it.
+"""
 
 from __future__ import annotations
 
@@ -22,8 +31,13 @@ ERROR_REDUCTION_TRAJECTORY = 0.5
 """Fraction of the position error removed in a step. The default of 0.01 lets welds drift over a hundred steps, which
 spoils the order (1.0 becomes 1.1 to 1.8) and locks overconstrained loops; 0.1 to 1 give one and the same motion."""
 
+ERROR_REDUCTION_DEFAULT = 0.01
+
 CONSTRAINT_FORCE_MIXING = 1e-9
 """DART's default, and the least it accepts."""
+
+MIXINGS = ((1, 8.0 / 3.0), (2, -2.0), (4, 1.0 / 3.0))
+"""Factors on the force mixing, and weights that extrapolate to none: near singular poses its error is quadratic."""
 
 STEP_SIZES = (1, 2, 4, 8)
 LARGEST_STEP = 1e-4
@@ -57,14 +71,20 @@ def set_softness(reduction: float, mixing: float) -> None:
     dartpy.constraint.WeldJointConstraint.setConstraintForceMixing(mixing)
 
 
-def stepper(mechanism: Mechanism, start: State) -> Stepper:
-    """Build a world at a consistent state, whose poses give the welds of split bodies their anchors."""
+def stepper(mechanism: Mechanism, start: State, sleeping: bool = False) -> Stepper:
+    """Build a world at a consistent state, whose poses give the welds of split bodies their anchors.
+
+    Parameters
+    ----------
+    sleeping : bool
+        Whether slow bodies may be put to sleep, as is DART's default.
+    """
     model = build(mechanism)
     world = dartpy.simulation.World()
     world.addSkeleton(model.skeleton)
     world.setGravity(mechanism.gravity)  # after addSkeleton, which overwrites the skeleton's with the world's
     options = world.getDeactivationOptions()  # a copy
-    options.mEnabled = False
+    options.mEnabled = sleeping
     world.setDeactivationOptions(options)
     send(model, from_state(model, start))
     for weld in model.tree.welds:
@@ -73,10 +93,8 @@ def stepper(mechanism: Mechanism, start: State) -> Stepper:
     return Stepper(model, world, appliers(model))
 
 
-def native_trajectory(mechanism: Mechanism, state: State, times: Array, substeps: int) -> tuple[list[Array], int]:
+def native_trajectory(stepping: Stepper, times: Array, substeps: int) -> tuple[list[Array], int]:
     """Positions, quaternions, velocities and angular velocities at `times` by `World.step`, and the steps taken."""
-    stepping = stepper(mechanism, state)
-    set_softness(ERROR_REDUCTION_TRAJECTORY, CONSTRAINT_FORCE_MIXING)
     stepping.world.setTimeStep((times[1] - times[0]) / substeps)
     samples = [read(stepping.model)]
     for _ in times[1:]:
@@ -106,19 +124,26 @@ def _to_zero_step(stepping: Stepper, c: Coordinates, step: float) -> Array:
     return column[0]
 
 
-def extrapolated_accelerations(stepping: Stepper, state: State) -> Array:
+def zero_step_accelerations(stepping: Stepper, c: Coordinates, state: State) -> Array:
+    """Generalised accelerations by the difference quotient, extrapolated to zero step.
+
+    The skeleton is left at the state, with these accelerations.
+    """
+    fastest = float(np.max(np.abs(state.w_WB_W)))
+    a = _to_zero_step(stepping, c, min(LARGEST_STEP, LARGEST_ROTATION / max(2.0 * fastest, 1e-300)))
+    send(stepping.model, c)
+    stepping.model.skeleton.setAccelerations(a)
+    return a
+
+
+def extrapolated_accelerations(stepping: Stepper, c: Coordinates, state: State) -> Array:
     """Generalised accelerations from DART's constraint solver, extrapolated to zero step and zero force mixing.
 
     The skeleton is left at the state, with these accelerations.
     """
-    c = from_state(stepping.model, state)
-    fastest = float(np.max(np.abs(state.w_WB_W)))
-    step = min(LARGEST_STEP, LARGEST_ROTATION / max(2.0 * fastest, 1e-300))
-    limits = []
-    for mixing in (CONSTRAINT_FORCE_MIXING, 2.0 * CONSTRAINT_FORCE_MIXING):
-        set_softness(ERROR_REDUCTION_INSTANT, mixing)
-        limits.append(_to_zero_step(stepping, c, step))
-    a = 2.0 * limits[0] - limits[1]  # the error of the mixing is linear in it
-    send(stepping.model, c)
+    a = np.zeros(stepping.model.skeleton.getNumDofs())
+    for factor, weight in MIXINGS:
+        set_softness(ERROR_REDUCTION_INSTANT, factor * CONSTRAINT_FORCE_MIXING)
+        a += weight * zero_step_accelerations(stepping, c, state)
     stepping.model.skeleton.setAccelerations(a)
     return a

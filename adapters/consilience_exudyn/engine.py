@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 from consilience.engine import beyond
 from consilience.mechanism import JOINT_KINDS, Mechanism, State
@@ -13,6 +12,7 @@ from consilience.run import (
     Manifest,
     Method,
     ModelAnswer,
+    Profile,
     Question,
     Route,
     TrajectoryAnswer,
@@ -20,20 +20,25 @@ from consilience.run import (
 )
 from consilience.spatial import Array
 from consilience_exudyn.kinematic_tree import build_tree, is_one_axis_tree
-from consilience_exudyn.library import SETTINGS, exu
+from consilience_exudyn.library import POINTWISE, QUIET, SETTINGS, exu
 from consilience_exudyn.maximal import Axes, build
-from consilience_exudyn.pointwise import instant_answer, model_answer
+from consilience_exudyn.pointwise import instant_answer, model_answer, tree_instant_answer
 from consilience_exudyn.redundancy import independent_axes, left_out
 from consilience_exudyn.terms import Terms
-from consilience_exudyn.trajectory import maximal_answer, tree_answer
+from consilience_exudyn.trajectory import Integration, maximal_answer, tree_answer
 
-_IMPLICIT = {"TrapezoidalIndex2": (25, 50, 100), "GeneralizedAlpha": (20, 40, 80)}
-_TREE = "ExplicitRungeKutta44 on KinematicTree"
-_EXPLICIT_SUBSTEPS = (20, 40, 80)
-_POINTWISE: dict[str, Any] = {
-    **SETTINGS,
-    "timeIntegration.generalizedAlpha.computeInitialAccelerations": False,
+_TRAJECTORIES = {
+    "TrapezoidalIndex2": (Integration("TrapezoidalIndex2", SETTINGS), Profile.MATCHED, (25, 50, 100)),
+    "GeneralizedAlpha": (Integration("GeneralizedAlpha", SETTINGS), Profile.MATCHED, (20, 40, 80)),
+    "GeneralizedAlpha, defaults": (Integration("GeneralizedAlpha", QUIET), Profile.DEFAULT, (5, 10, 20)),
 }
+"""Of rigid bodies with constraints; Exudyn's step is 0.01 s: five at samples every 0.05 s."""
+
+_ROUTES = {Profile.MATCHED: Route.TUNED, Profile.DEFAULT: Route.NATIVE}
+_TREE = "ExplicitRungeKutta44 on KinematicTree"
+_TREE_INSTANT = "initial accelerations on KinematicTree"
+_EXPLICIT_SUBSTEPS = (20, 40, 80)
+_TERMS = "ComputeMassMatrix, ComputeODE2RHS, ComputeJacobianAE"
 
 FEATURES = frozenset(f"{kind} joint" for kind in JOINT_KINDS if kind != "screw") | {"spring", "joint spring", "load"}
 """What of `Mechanism.features` has a translation."""
@@ -62,23 +67,29 @@ class ExudynEngine:
 
     def methods(self, mechanism: Mechanism, question: Question) -> tuple[Method, ...]:
         """Ways to answer, the headline first."""
-        if question is not Question.TRAJECTORY:
-            name, route = {
-                Question.MODEL: ("ComputeMassMatrix, ComputeJacobianAE", Route.NATIVE),
-                Question.INSTANT: ("ComputeMassMatrix, ComputeODE2RHS, ComputeJacobianAE", Route.HARNESS_SOLVE),
-            }[question]
-            return (Method(name, route, settings=_POINTWISE),)
-        plain = {**SETTINGS, "solution.sensors.writePeriod": "the sample interval"}
-        settings = dict(plain)
+        tree = is_one_axis_tree(mechanism)
+        if question is Question.MODEL:
+            return (Method("ComputeMassMatrix, ComputeJacobianAE", Route.NATIVE, settings=POINTWISE),)
+        if question is Question.INSTANT:
+            terms = Method(_TERMS, Route.HARNESS_SOLVE, settings=POINTWISE)
+            return (terms, Method(_TREE_INSTANT, Route.NATIVE, settings=QUIET)) if tree else (terms,)
+        sampled = {"solution.sensors.writePeriod": "the sample interval"}
         dropped = left_out(mechanism, self._independent(mechanism))
-        if dropped:
-            settings["constraint equations left out"] = dropped
+        rows = {"constraint equations left out": dropped} if dropped else {}
         methods = [
-            Method(name, Route.TUNED, order=2, substeps=substeps, settings=settings)
-            for name, substeps in _IMPLICIT.items()
+            Method(
+                name,
+                _ROUTES[profile],
+                order=2,
+                substeps=substeps,
+                settings={**integration.settings, **sampled, **rows},
+                profile=profile,
+            )
+            for name, (integration, profile, substeps) in _TRAJECTORIES.items()
         ]
-        if is_one_axis_tree(mechanism):
-            methods.append(Method(_TREE, Route.NATIVE, order=4, substeps=_EXPLICIT_SUBSTEPS, settings=plain))
+        if tree:
+            settings = {**SETTINGS, **sampled}
+            methods.insert(2, Method(_TREE, Route.NATIVE, order=4, substeps=_EXPLICIT_SUBSTEPS, settings=settings))
         return tuple(methods)
 
     def manifest(self, mechanism: Mechanism) -> Manifest:
@@ -99,6 +110,8 @@ class ExudynEngine:
 
     def instant(self, mechanism: Mechanism, states: Sequence[State], method: Method) -> InstantAnswer:
         """Accelerations, reactions and energies at consistent states."""
+        if method.name == _TREE_INSTANT:
+            return tree_instant_answer(mechanism, states)
         return instant_answer(self._terms_of(mechanism, states[0]), states)
 
     def trajectory(
@@ -108,8 +121,8 @@ class ExudynEngine:
         if method.name == _TREE:
             return tree_answer(build_tree(mechanism, state), times, step)
         held = self._independent(mechanism)
-        solver: Any = getattr(exu.DynamicSolverType, method.name)
-        return maximal_answer(build(mechanism, state, held), held, solver, times, step)
+        integration, _, _ = _TRAJECTORIES[method.name]
+        return maximal_answer(build(mechanism, state, held), held, integration, times, step)
 
     def _terms_of(self, mechanism: Mechanism, state: State) -> Terms:
         if self._terms is None or self._terms[0] is not mechanism:

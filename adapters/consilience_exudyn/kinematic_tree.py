@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,7 +16,8 @@ from consilience_exudyn.library import exu, items
 
 _JOINT_TYPES = {"R": exu.JointType.RevoluteZ, "P": exu.JointType.PrismaticZ}
 _SPRUNG = {"angle": "R", "distance": "P"}
-_OUTPUTS = ("Position", "RotationMatrix", "Velocity", "AngularVelocity")
+MOTION = ("Position", "RotationMatrix", "Velocity", "AngularVelocity")
+ACCELERATIONS = ("Acceleration", "AngularAcceleration")
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,13 +26,17 @@ class KinematicTree:
 
     Attributes
     ----------
+    mechanism : Mechanism
+    tree : Tree
     container, system : exudyn.SystemContainer, exudyn.MainSystem
     sensors : tuple of tuple of exudyn.SensorIndex
-        Position, rotation matrix of the link, velocity and angular velocity of each body.
+        What was asked of each body; rotation matrices are those of the link.
     R_LB : ndarray, shape (n_b, 3, 3)
         Axes of each body in its link.
     """
 
+    mechanism: Mechanism
+    tree: Tree
     container: Any
     system: Any
     sensors: tuple[tuple[Any, ...], ...]
@@ -43,19 +49,32 @@ def is_one_axis_tree(mechanism: Mechanism) -> bool:
     return not tree.welds and all(link.elementary in _JOINT_TYPES for link in tree.links)
 
 
-def build_tree(mechanism: Mechanism, state: State) -> KinematicTree:
-    """Translate a tree of one-axis joints, with the joint coordinates of a state as initial values."""
+def set_initial(model: KinematicTree, state: State) -> None:
+    """Make the joint coordinates of a state the initial values from which Exudyn's solvers start."""
+    at, data = coordinates(model.mechanism, model.tree, state), model.system.systemData
+    data.SetODE2Coordinates([c.q for c in at], configuration=exu.ConfigurationType.Initial)
+    data.SetODE2Coordinates_t([c.rate for c in at], configuration=exu.ConfigurationType.Initial)
+
+
+def build_tree(mechanism: Mechanism, state: State, outputs: Sequence[str] = MOTION) -> KinematicTree:
+    """Translate a tree of one-axis joints, with the joint coordinates of a state as initial values.
+
+    Parameters
+    ----------
+    outputs : sequence of str
+        Exudyn's output variables that sensors read at the origin of each body.
+    """
     tree = lower(mechanism)
     container = exu.SystemContainer()
     system = container.AddSystem()
     ground = system.AddObject(items.ObjectGround())
-    at = coordinates(mechanism, tree, state)
+    zero = [0.0] * len(tree.links)
     node = system.AddNode(
         items.NodeGenericODE2(
-            referenceCoordinates=[0.0] * len(at),
-            initialCoordinates=[c.q for c in at],
-            initialCoordinates_t=[c.rate for c in at],
-            numberOfODE2Coordinates=len(at),
+            referenceCoordinates=zero,
+            initialCoordinates=zero,
+            initialCoordinates_t=zero,
+            numberOfODE2Coordinates=len(zero),
         )
     )
     index = system.AddObject(_tree_object(mechanism, tree, node))
@@ -71,9 +90,12 @@ def build_tree(mechanism: Mechanism, state: State) -> KinematicTree:
 
     add_springs_and_loads(system, mechanism, mark)
     carriers = [tree.carrier(b) for b in range(len(mechanism.bodies))]
-    sensors = tuple(_add_sensors(system, index, n, tree.links[n].body_frame.p) for n in carriers)
+    sensors = tuple(_add_sensors(system, index, n, tree.links[n].body_frame.p, outputs) for n in carriers)
     system.Assemble()
-    return KinematicTree(container, system, sensors, np.array([tree.links[n].body_frame.R for n in carriers]))
+    axes = np.array([tree.links[n].body_frame.R for n in carriers])
+    model = KinematicTree(mechanism, tree, container, system, sensors, axes)
+    set_initial(model, state)
+    return model
 
 
 def _tree_object(mechanism: Mechanism, tree: Tree, node: Any) -> Any:
@@ -113,7 +135,7 @@ def _joint_controls(mechanism: Mechanism, tree: Tree) -> tuple[Array, Array, Arr
     return force, stiffness, damping
 
 
-def _add_sensors(system: Any, tree: Any, link: int, p_LB: Array) -> tuple[Any, ...]:
+def _add_sensors(system: Any, tree: Any, link: int, p_LB: Array, outputs: Sequence[str]) -> tuple[Any, ...]:
     return tuple(
         system.AddSensor(
             items.SensorKinematicTree(
@@ -125,5 +147,5 @@ def _add_sensors(system: Any, tree: Any, link: int, p_LB: Array) -> tuple[Any, .
                 writeToFile=False,
             )
         )
-        for name in _OUTPUTS
+        for name in outputs
     )

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
+from functools import reduce
 from typing import Any
 
 # read at import: a user's ~/.exudyn/config.json may change solver settings behind the script
@@ -19,28 +21,27 @@ LoadPotentialEnergy: Any = advancedUtilities.LoadPotentialEnergy
 exu.config.printToConsole = False
 
 
-def plain_settings() -> Any:
-    """Build settings that write no file, keep the step fixed and solve Newton's equations nearly to rounding.
-
-    Returns
-    -------
-    exudyn.SimulationSettings
-        With the knobs of `SETTINGS` and everything else at its default.
-    """
-    settings = exu.SimulationSettings()
-    settings.solution.file.write = False
-    integration = settings.timeIntegration
-    integration.adaptiveStep = False
-    integration.newton.relativeTolerance = NEWTON_TOLERANCE
-    integration.newton.absoluteTolerance = NEWTON_TOLERANCE
-    return settings
-
-
 NEWTON_TOLERANCE = 1e-12
+
+QUIET: dict[str, Any] = {"solution.file.write": False}
+"""What has to be set for a run at Exudyn's defaults: it would write into the working directory."""
+
 SETTINGS: dict[str, Any] = {
-    "solution.file.write": False,
+    **QUIET,
     "timeIntegration.adaptiveStep": False,
     "timeIntegration.newton.relativeTolerance": NEWTON_TOLERANCE,
     "timeIntegration.newton.absoluteTolerance": NEWTON_TOLERANCE,
 }
-"""What `plain_settings` changes, by Exudyn's own names."""
+"""A fixed step, and Newton's equations solved nearly to rounding."""
+
+POINTWISE: dict[str, Any] = {**SETTINGS, "timeIntegration.generalizedAlpha.computeInitialAccelerations": False}
+"""For terms at a state: with dependent rows initial accelerations are singular, and else right to 1e-8 at best."""
+
+
+def simulation_settings(changed: Mapping[str, Any]) -> Any:
+    """Build an exudyn.SimulationSettings with these knobs, by their own names, and all else at its default."""
+    settings = exu.SimulationSettings()
+    for name, value in changed.items():
+        *groups, knob = name.split(".")
+        setattr(reduce(getattr, groups, settings), knob, value)
+    return settings

@@ -1,4 +1,8 @@
-"""Answers at given states: mass properties, accelerations, reactions and energies."""
+"""Answers at given states: mass properties, accelerations, reactions and energies.
+
+Rigid bodies: Exudyn's terms, solved by the harness. Kinematic trees, which have no constraints: the initial
+accelerations of Exudyn's own solver; these have no reactions.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +13,11 @@ import numpy as np
 
 from consilience.harness import solve_constrained
 from consilience.kinematics import RANK_TOLERANCE, reaction_in_F
-from consilience.mechanism import GROUND, Joint, State
+from consilience.mechanism import GROUND, Frame, Joint, Mechanism, State
 from consilience.run import InstantAnswer, ModelAnswer
 from consilience.spatial import Array, euler_parameter_matrix, rotation_from_quaternion
-from consilience_exudyn.library import LoadPotentialEnergy, SystemEnergy, exu
+from consilience_exudyn.kinematic_tree import ACCELERATIONS, KinematicTree, build_tree, set_initial
+from consilience_exudyn.library import QUIET, LoadPotentialEnergy, SystemEnergy, exu, simulation_settings
 from consilience_exudyn.maximal import Maximal
 from consilience_exudyn.terms import Terms
 
@@ -107,3 +112,34 @@ def _energies(model: Maximal, energy: Any) -> tuple[float, float]:
     weight = sum(LoadPotentialEnergy(model.system, load) for load in model.gravity)
     reference = -sum(body.mass * float(mechanism.gravity @ body.com) for body in mechanism.bodies)
     return kinetic, springs + weight + reference
+
+
+def tree_instant_answer(mechanism: Mechanism, states: Sequence[State]) -> InstantAnswer:
+    """Accelerations and energies of a kinematic tree by Exudyn's solver, which starts from those it finds itself."""
+    model = build_tree(mechanism, states[0], ACCELERATIONS)
+    solver, settings = exu.MainSolverImplicitSecondOrder(), simulation_settings(QUIET)
+    energy, offset = SystemEnergy(model.system), _potential_where_it_is_zero(model)
+    accelerations, energies = [], []
+    for state in states:
+        set_initial(model, state)
+        solver.InitializeSolver(model.system, settings)
+        accelerations.append([[model.system.GetSensorValues(s) for s in pair] for pair in model.sensors])
+        kinetic, potential, _, _ = energy.ComputeSystemEnergies()
+        energies.append((kinetic, potential + offset))
+    a = np.array(accelerations)
+    kinetic, potential = np.array(energies).T
+    return InstantAnswer(a[:, :, 0], a[:, :, 1], None, None, kinetic, potential)
+
+
+def _potential_where_it_is_zero(model: KinematicTree) -> float:
+    """Potential energy by the harness's account where Exudyn's is zero: all joint coordinates zero.
+
+    Of a joint spring Exudyn counts ``k q^2 / 2 - k q0 q``, the harness ``k (q - q0)^2 / 2``.
+    """
+    poses: list[Frame] = []
+    for link in model.tree.links:
+        p, R = (poses[link.parent].p, poses[link.parent].R) if link.parent >= 0 else (np.zeros(3), np.eye(3))
+        poses.append(Frame(p + R @ link.placement.p, R @ link.placement.R))
+    pairs = zip(model.tree.links, poses, strict=True)
+    weight = -sum(link.mass * float(model.mechanism.gravity @ (at.p + at.R @ link.com)) for link, at in pairs)
+    return weight + sum(0.5 * s.stiffness * s.rest**2 for s in model.mechanism.joint_springs)

@@ -16,7 +16,7 @@ from scipy.linalg import block_diag
 
 from consilience.mechanism import State
 from consilience.spatial import Array, euler_parameter_matrix, rotation_from_quaternion
-from consilience_exudyn.library import exu, plain_settings
+from consilience_exudyn.library import POINTWISE, exu, simulation_settings
 from consilience_exudyn.maximal import Maximal, coordinates, velocities
 
 _STENCIL = ((-2.0, 1.0), (-1.0, -8.0), (1.0, 8.0), (2.0, -1.0))
@@ -60,13 +60,10 @@ class Terms:
     """
 
     def __init__(self, model: Maximal) -> None:
-        settings = plain_settings()
-        # singular with dependent rows, and otherwise correct to no more than 1e-8: not what is asked of it here
-        settings.timeIntegration.generalizedAlpha.computeInitialAccelerations = False
         self.model = model
         self._data = model.system.systemData
         self._solver = exu.MainSolverImplicitSecondOrder()
-        self._solver.InitializeSolver(model.system, settings)
+        self._solver.InitializeSolver(model.system, simulation_settings(POINTWISE))
         self._size = 7 * len(model.bodies)
         rows = [self._data.GetObjectLTGAE(joint) for joint in model.joints if joint is not None]
         self.rows = np.array([row for block in rows for row in block], dtype=int)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from consilience.mechanism import State
 from consilience.run import TrajectoryAnswer
 from consilience.spatial import Array, continuous_in_time, quaternion_from_rotation
 from consilience_exudyn.kinematic_tree import KinematicTree
-from consilience_exudyn.library import exu, plain_settings
+from consilience_exudyn.library import SETTINGS, exu, simulation_settings
 from consilience_exudyn.maximal import JOINT_ITEMS, Axes, Maximal, full_axes
 from consilience_exudyn.redundancy import smallest_singular_value
 from consilience_exudyn.terms import Terms
@@ -21,8 +22,19 @@ _ON_GRID = 1e-9
 """A sample may miss its time by this fraction of the sample interval: sums of steps, rounded."""
 
 
-def solve(system: Any, solver: Any, times: Array, step: float) -> int:
-    """Run SolveDynamic from the initial values over the grid `times` with a fixed step; returns the steps.
+@dataclass(frozen=True)
+class Integration:
+    """One of Exudyn's integrators, and the knobs it runs with, by Exudyn's own names."""
+
+    solver: str
+    settings: Mapping[str, Any]
+
+
+RUNGE_KUTTA = Integration("RK44", SETTINGS)
+
+
+def solve(system: Any, integration: Integration, times: Array, step: float) -> int:
+    """Run SolveDynamic from the initial values over the grid `times` in steps; returns how many.
 
     Raises
     ------
@@ -31,17 +43,17 @@ def solve(system: Any, solver: Any, times: Array, step: float) -> int:
     """
     interval = float(times[1] - times[0])
     steps = (len(times) - 1) * round(interval / step)
-    settings = plain_settings()
+    settings = simulation_settings(integration.settings)
     settings.solution.sensors.writePeriod = interval
     settings.timeIntegration.startTime = float(times[0])
     settings.timeIntegration.endTime = float(times[-1])
     settings.timeIntegration.numberOfSteps = steps
     try:
-        finished = system.SolveDynamic(settings, solverType=solver)
+        finished = system.SolveDynamic(settings, solverType=getattr(exu.DynamicSolverType, integration.solver))
     except exu.SolverError as error:  # its text may say no more than that it terminated
-        raise RuntimeError(f"{solver} with {steps} steps to {times[-1]} s: {error}") from error
+        raise RuntimeError(f"{integration.solver} with {steps} steps to {times[-1]} s: {error}") from error
     if not finished:
-        raise RuntimeError(f"{solver} with {steps} steps stopped before {times[-1]} s")
+        raise RuntimeError(f"{integration.solver} with {steps} steps stopped before {times[-1]} s")
     return steps
 
 
@@ -60,12 +72,14 @@ def stored(system: Any, sensor: Any, times: Array) -> Array:
     return np.asarray(data[:, 1:])
 
 
-def maximal_answer(model: Maximal, held: Sequence[Axes], solver: Any, times: Array, step: float) -> TrajectoryAnswer:
+def maximal_answer(
+    model: Maximal, held: Sequence[Axes], integration: Integration, times: Array, step: float
+) -> TrajectoryAnswer:
     """Motion in redundant coordinates.
 
     Quaternions are divided by their norm, which index-2 solvers hold to their own error only.
     """
-    steps = solve(model.system, solver, times, step)
+    steps = solve(model.system, integration, times, step)
     series = [[stored(model.system, sensor, times) for sensor in three] for three in model.sensors]
     q = np.stack([coordinates for coordinates, _, _ in series], axis=1)
     quat = q[:, :, 3:] + np.array([1.0, 0.0, 0.0, 0.0])
@@ -106,7 +120,7 @@ def refuse_lost_rank(model: Maximal, held: Sequence[Axes], answer: TrajectoryAns
 
 def tree_answer(model: KinematicTree, times: Array, step: float) -> TrajectoryAnswer:
     """Motion in minimal coordinates by the explicit Runge-Kutta method of order four."""
-    steps = solve(model.system, exu.DynamicSolverType.RK44, times, step)
+    steps = solve(model.system, RUNGE_KUTTA, times, step)
     series = [[stored(model.system, sensor, times) for sensor in four] for four in model.sensors]
     p, R, v, w = (np.stack([body[n] for body in series], axis=1) for n in range(4))
     R_WB = R.reshape(*R.shape[:2], 3, 3) @ model.R_LB

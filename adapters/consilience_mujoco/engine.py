@@ -16,13 +16,14 @@ from consilience.run import (
     Manifest,
     Method,
     ModelAnswer,
+    Profile,
     Question,
     Route,
     TrajectoryAnswer,
     Unsupported,
 )
 from consilience.spatial import Array, continuous_in_time
-from consilience.tree import lower
+from consilience.tree import Tree, lower
 from consilience_mujoco.evaluate import (
     accelerations,
     check_solved,
@@ -33,21 +34,9 @@ from consilience_mujoco.evaluate import (
     solve_by_harness,
 )
 from consilience_mujoco.messages import warnings_raise
+from consilience_mujoco.methods import configured, evaluations, methods
 from consilience_mujoco.states import poses_and_velocities, set_state
-from consilience_mujoco.translate import OPTIONS, WELD_SETTINGS, Translation, springs_cancel, springs_on, translate
-
-_INTEGRATORS = {"RK4": mujoco.mjtIntegrator.mjINT_RK4, "Euler": mujoco.mjtIntegrator.mjINT_EULER}
-_EVALUATIONS = {"RK4": 4, "Euler": 1}
-
-
-def _tree_methods(question: Question) -> tuple[Method, ...]:
-    if question is not Question.TRAJECTORY:
-        return (Method("mj_forward", Route.NATIVE, settings=OPTIONS),)
-    return (
-        Method("RK4", Route.NATIVE, 4, (10, 20, 40, 80), settings=OPTIONS | {"opt.integrator": "RK4"}),
-        Method("Euler", Route.NATIVE, 1, (200, 400, 800), settings=OPTIONS),
-    )
-
+from consilience_mujoco.translate import Translation, slides_behind_balls, springs_cancel, springs_on, translate
 
 FEATURES = frozenset(f"{kind} joint" for kind in JOINT_KINDS if kind != "screw") | {"spring", "joint spring", "load"}
 """What of `Mechanism.features` has a translation."""
@@ -57,7 +46,9 @@ class MujocoEngine:
     """MuJoCo behind the protocol `consilience.engine.Engine`."""
 
     def __init__(self) -> None:
-        self._last: Translation | None = None
+        self._lowered: tuple[Mechanism, Tree] | None = None
+        self._compiled: Translation | None = None
+        self._last: tuple[Method, Translation] | None = None
 
     def info(self) -> EngineInfo:
         """Name and version."""
@@ -67,7 +58,6 @@ class MujocoEngine:
 
     def unsupported(self, mechanism: Mechanism, question: Question) -> tuple[Unsupported, ...]:
         """Everything of the mechanism MuJoCo cannot represent."""
-        del question  # the same for all of them
         refused = beyond(mechanism, FEATURES, "MuJoCo")
         if refused:
             return refused
@@ -81,29 +71,28 @@ class MujocoEngine:
                 f"springs on joint '{mechanism.joints[link.joint].name}' whose stiffnesses cancel",
                 "a MuJoCo joint has one stiffness and one rest: nothing is left of the constant effort",
             )
-            for link in lower(mechanism).links
+            for link in self._tree(mechanism).links
             if springs_cancel(springs_on(mechanism, link))
         ]
-        return (*tendons, *joints)
+        if question is Question.MODEL:
+            return (*tendons, *joints)
+        derivatives = [
+            Unsupported(
+                f"loop over the {mechanism.joints[k].kind} joint '{mechanism.joints[k].name}', from its point on",
+                "MuJoCo's mj_jacDot is wrong where a slide follows a ball on a body, and so is the weld's acceleration",
+            )
+            for k in slides_behind_balls(self._tree(mechanism))
+        ]
+        return (*tendons, *joints, *derivatives)
 
     def methods(self, mechanism: Mechanism, question: Question) -> tuple[Method, ...]:
         """Ways to answer, the headline first."""
-        welds = len(lower(mechanism).welds)
-        if not welds:
-            return _tree_methods(question)
-        settings = OPTIONS | WELD_SETTINGS
-        if question is Question.TRAJECTORY:
-            settings |= {"opt.iterations": 20 + 12 * welds, "opt.integrator": "RK4"}
-            return (Method("RK4", Route.TUNED, 4, (10, 20, 40, 80), settings=settings),)
-        forward = Method("mj_forward", Route.TUNED, settings=settings | {"opt.iterations": 500})
-        borrowed = {"eq_solref": WELD_SETTINGS["eq_solref"]}  # nothing else of the welds enters their equations
-        harness = Method("mj_fullM, efc_J", Route.HARNESS_SOLVE, settings=OPTIONS | borrowed)
-        return (forward, harness) if question is Question.INSTANT else (forward,)
+        return methods(question, len(self._tree(mechanism).welds))
 
     def manifest(self, mechanism: Mechanism) -> Manifest:
         """Say what the translation keeps exact and what it approximates."""
         kinds = {joint.kind for joint in mechanism.joints}
-        loops = bool(lower(mechanism).welds)
+        loops = bool(self._tree(mechanism).welds)
         exact = {
             "masses, centres of mass, inertia tensors (given by principal axes)": True,
             "cylindrical, universal, planar joints: several joints of one body": kinds
@@ -116,8 +105,9 @@ class MujocoEngine:
             "loads: actuators of constant force at sites": mechanism.loads,
         }
         approximated = (
-            "loops: split bodies held by soft welds, regularisation about 2e-15 of the inverse inertia they see",
-            "loops: no feedback on the drift of a trajectory",
+            "loops, matched: split bodies held by soft welds, regularisation 2e-15 of the inverse inertia they see",
+            "loops, matched: no feedback on the drift of a trajectory",
+            "loops, defaults: the same welds with MuJoCo's softness, regularisation about a tenth",
         )
         return Manifest(tuple(text for text, present in exact.items() if present), approximated if loops else ())
 
@@ -139,7 +129,8 @@ class MujocoEngine:
                 mujoco.mj_forward(translation.model, translation.data)
                 if method.route is Route.HARNESS_SOLVE:
                     solve_by_harness(translation)
-                check_solved(translation)
+                if method.profile is Profile.MATCHED:
+                    check_solved(translation)
                 evaluate_bodies(translation)
                 rows.append((*accelerations(translation), *reactions(translation, state), *energies(translation)))
         return InstantAnswer(*(np.array(column) for column in zip(*rows, strict=True)))
@@ -152,26 +143,33 @@ class MujocoEngine:
         model, data = translation.model, translation.data
         interval = float(times[1] - times[0])
         steps = round(interval / step)
-        model.opt.integrator, model.opt.timestep = _INTEGRATORS[method.name], interval / steps
+        model.opt.timestep = interval / steps
+        checked = bool(translation.tree.welds) and method.profile is Profile.MATCHED
         samples = []
         set_state(translation, state)
         for n in range(len(times)):
             with warnings_raise():
                 if n > 0:
                     mujoco.mj_step(model, data, steps)
-                if translation.tree.welds:
+                if checked:
                     mujoco.mj_forward(model, data)
                     check_solved(translation)
             samples.append(poses_and_velocities(translation))
         p, quat, v, w = (np.array(column) for column in zip(*samples, strict=True))
         total = steps * (len(times) - 1)
-        counters: dict[str, int | float] = {"steps": total, "evaluations": total * _EVALUATIONS[method.name]}
+        counters: dict[str, int | float] = {"steps": total, "evaluations": total * evaluations(method)}
         return TrajectoryAnswer(np.array(times), p, continuous_in_time(quat), v, w, counters)
 
+    def _tree(self, mechanism: Mechanism) -> Tree:
+        """Lower, unless it is the mechanism of last time."""
+        if self._lowered is None or self._lowered[0] is not mechanism:
+            self._lowered = mechanism, lower(mechanism)
+        return self._lowered[1]
+
     def _prepare(self, mechanism: Mechanism, method: Method) -> Translation:
-        """Translate, unless it is the mechanism of last time, and set what the method sets on the model."""
-        if self._last is None or self._last.mechanism is not mechanism:
-            self._last = translate(mechanism)
-        if "opt.iterations" in method.settings:
-            self._last.model.opt.iterations = method.settings["opt.iterations"]
-        return self._last
+        """Compile, unless it is the mechanism of last time, and set what the method sets on a copy."""
+        if self._compiled is None or self._compiled.mechanism is not mechanism:
+            self._compiled, self._last = translate(mechanism), None
+        if self._last is None or self._last[0] != method:
+            self._last = method, configured(self._compiled, method)
+        return self._last[1]

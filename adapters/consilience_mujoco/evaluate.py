@@ -20,10 +20,16 @@ _SOLVED = 1e-6
 def constraint_jacobian(translation: Translation) -> Array:
     """Jacobian of the welds in MuJoCo's velocities, shape (rows, nv).
 
-    MuJoCo leaves out welds between bodies that cannot move, and the buffer is longer than what is left.
+    MuJoCo leaves out welds between bodies that cannot move, and the buffers are longer than what is left.
     """
-    rows, nv = translation.data.nefc, translation.model.nv
-    return np.array(translation.data.efc_J[: rows * nv]).reshape(rows, nv)
+    model, data = translation.model, translation.data
+    rows, nv = data.nefc, model.nv
+    if not mujoco.mj_isSparse(model):
+        return np.array(data.efc_J[: rows * nv]).reshape(rows, nv)
+    J = np.zeros((rows, nv))
+    for row, start, count in zip(J, data.efc_J_rowadr[:rows], data.efc_J_rownnz[:rows], strict=True):
+        row[data.efc_J_colind[start : start + count]] = data.efc_J[start : start + count]
+    return J
 
 
 def solve_by_harness(translation: Translation) -> None:

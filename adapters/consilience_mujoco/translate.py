@@ -20,21 +20,6 @@ from consilience.spatial import Array, quaternion_from_rotation
 from consilience.tree import Link, Tree, lower
 from consilience_mujoco.messages import warnings_raise
 
-INVWEIGHT_SCALE = 2e-11
-"""Factor on `body_invweight0`: with impedance 0.9999 the regularisation of a weld is 1e-4 times this, relative."""
-
-WELD_SETTINGS: dict[str, Any] = {
-    "opt.solver": "CG",
-    "opt.tolerance": 0.0,
-    "eq_solref": [-0.0, -0.0],
-    "eq_solimp": [0.9999, 0.9999, 0.001, 0.5, 2.0],
-    "body_invweight0": f"times {INVWEIGHT_SCALE:g}",
-}
-
-_DISABLED = ("CONTACT", "WARMSTART", "EULERDAMP", "AUTORESET", "ISLAND")
-
-OPTIONS: dict[str, Any] = {"opt.jacobian": "dense", "opt.disableflags": [name.lower() for name in _DISABLED]}
-
 _JOINT_TYPES = {
     "R": mujoco.mjtJoint.mjJNT_HINGE,
     "P": mujoco.mjtJoint.mjJNT_SLIDE,
@@ -114,6 +99,30 @@ def _chains(tree: Tree) -> list[list[int]]:
         if link.last:
             chains.append([])
     return chains[:-1]
+
+
+def slides_behind_balls(tree: Tree) -> list[int]:
+    """Joints in a loop that become a ball and then a slide on one body: MuJoCo's `mj_jacDot` is wrong for these.
+
+    It takes the velocity of the slide for a motion of the ball's axes. Where both ends of a weld hang behind the joint,
+    the errors cancel.
+    """
+    found = []
+    for chain in _chains(tree):
+        if "SP" in "".join(tree.links[i].elementary for i in chain):
+            behind = _behind(tree, chain[-1])
+            if any((weld.original in behind) != (weld.copy in behind) for weld in tree.welds):
+                found.append(tree.links[chain[-1]].joint)
+    return found
+
+
+def _behind(tree: Tree, root: int) -> set[int]:
+    """Indices of a link and of all that hang on it, by way of others too."""
+    found = {root}
+    for i, link in enumerate(tree.links):  # parents stand before their children
+        if link.parent in found:
+            found.add(i)
+    return found
 
 
 def _name(tree: Tree, link: int) -> str:
@@ -245,24 +254,11 @@ def _add_weld(spec: Any, tree: Tree, original: int, copy: int) -> None:
         objtype=mujoco.mjtObj.mjOBJ_SITE,
         name1=_name(tree, original),
         name2=_name(tree, copy),
-        solref=WELD_SETTINGS["eq_solref"],
-        solimp=WELD_SETTINGS["eq_solimp"],
     )
 
 
-def _set_options(spec: Any, gravity: Array, welded: bool) -> None:
-    spec.compiler.degree = False
-    spec.option.gravity = gravity
-    spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-    for flag in _DISABLED:
-        spec.option.disableflags |= getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}").value
-    if welded:
-        spec.option.solver = mujoco.mjtSolver.mjSOL_CG
-        spec.option.tolerance = WELD_SETTINGS["opt.tolerance"]
-
-
 def translate(mechanism: Mechanism) -> Translation:
-    """Compile a mechanism.
+    """Compile a mechanism, with every option of MuJoCo at its default; `methods.configured` sets those of a method.
 
     Raises
     ------
@@ -270,7 +266,8 @@ def translate(mechanism: Mechanism) -> Translation:
         With the words of MuJoCo's compiler, if it refuses the model.
     """
     tree, spec = lower(mechanism), mujoco.MjSpec()
-    _set_options(spec, mechanism.gravity, bool(tree.welds))
+    spec.compiler.degree = False
+    spec.option.gravity = mechanism.gravity
     _add_site(spec.worldbody, "world axes", Frame(np.zeros(3), np.eye(3)))
     chains = _chains(tree)
     for chain in chains:
@@ -284,8 +281,6 @@ def translate(mechanism: Mechanism) -> Translation:
     with warnings_raise():
         model = spec.compile()
         data = mujoco.MjData(model)
-    if tree.welds:
-        model.body_invweight0[:] *= INVWEIGHT_SCALE
     ends = {i: chain[-1] for chain in chains for i in chain}
     return Translation(
         mechanism=mechanism,

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from consilience.harness import solve_constrained
-from consilience.run import Route
+from consilience.run import Method, Route
 from consilience.spatial import Array
 from consilience_pinocchio.forces import Forces
 from consilience_pinocchio.translate import Translation
 
 WORLD_AXES = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 
-PROXIMAL = {"absolute_accuracy": 1e-14, "mu": 1e-6, "max_iter": 20}
+PROXIMAL: dict[str, Any] = {"absolute_accuracy": 1e-14, "mu": 1e-8, "max_iter": 20}
 """With the default mu = 0 and a single iteration, dependent constraint rows give NaN; with these values the
-iteration converges to round-off, whatever the rank."""
+iteration converges to round-off, whatever the rank: nothing is left of mu, so the constraints have no softness."""
 
 Accelerations = Callable[[Array, Array], Array]
 WeldWrenches = list[tuple[Array, Array]]
@@ -92,12 +92,14 @@ def _efforts(translation: Translation, forces: Forces) -> Accelerations:
     return efforts
 
 
-def constraint_dynamics(translation: Translation, forces: Forces) -> Accelerations:
-    """Forward dynamics of loops by `pinocchio.constraintDynamics`."""
+def constraint_dynamics(translation: Translation, forces: Forces, proximal: Mapping[str, Any]) -> Accelerations:
+    """Forward dynamics of loops by `pinocchio.constraintDynamics`, with these proximal settings away from default."""
     model, data = translation.model, translation.data
     constraints, constraint_data = translation.constraints, translation.constraint_data
     efforts = _efforts(translation, forces)
-    settings = pin.ProximalSettings(PROXIMAL["absolute_accuracy"], PROXIMAL["mu"], PROXIMAL["max_iter"])
+    settings = pin.ProximalSettings()
+    if proximal:
+        settings = pin.ProximalSettings(proximal["absolute_accuracy"], proximal["mu"], proximal["max_iter"])
 
     def accelerations(q: Array, v: Array) -> Array:
         tau = efforts(q, v)
@@ -155,27 +157,35 @@ def _multiplier_wrenches(translation: Translation, lam: Array) -> WeldWrenches:
     return result
 
 
-def _tree(translation: Translation, forces: Forces, q: Array, v: Array) -> tuple[Array, WeldWrenches]:
+Way = Callable[[Translation, Forces, Method, Array, Array], tuple[Array, WeldWrenches]]
+
+
+def _tree(translation: Translation, forces: Forces, _: Method, q: Array, v: Array) -> tuple[Array, WeldWrenches]:
     return articulated_body(translation, forces)(q, v), []
 
 
-def _proximal(translation: Translation, forces: Forces, q: Array, v: Array) -> tuple[Array, WeldWrenches]:
-    a = constraint_dynamics(translation, forces)(q, v)
+def _proximal(
+    translation: Translation, forces: Forces, method: Method, q: Array, v: Array
+) -> tuple[Array, WeldWrenches]:
+    a = constraint_dynamics(translation, forces, method.settings)(q, v)
     pin.forwardKinematics(translation.model, translation.data, q)
     return a, _contact_wrenches(translation)
 
 
-def _harness(translation: Translation, forces: Forces, q: Array, v: Array) -> tuple[Array, WeldWrenches]:
+def _harness(translation: Translation, forces: Forces, _: Method, q: Array, v: Array) -> tuple[Array, WeldWrenches]:
     a, lam = own_rows(translation, q, v, _efforts(translation, forces)(q, v))
     return a, _multiplier_wrenches(translation, lam)
 
 
-_SOLVERS = {Route.NATIVE: _tree, Route.TUNED: _proximal, Route.HARNESS_SOLVE: _harness}
+def _way(translation: Translation, method: Method) -> Way:
+    if method.route is Route.HARNESS_SOLVE:
+        return _harness
+    return _proximal if translation.welds else _tree
 
 
-def solve(translation: Translation, forces: Forces, route: Route, q: Array, v: Array) -> Solution:
-    """Solve for accelerations on one of the routes, and collect the wrenches that act on the links with them."""
-    a, weld_wrenches = _SOLVERS[route](translation, forces, q, v)
+def solve(translation: Translation, forces: Forces, method: Method, q: Array, v: Array) -> Solution:
+    """Solve for accelerations by one of the methods, and collect the wrenches that act on the links with them."""
+    a, weld_wrenches = _way(translation, method)(translation, forces, method, q, v)
     # the solvers leave other accelerations in `data` than those of the moving frames
     pin.forwardKinematics(translation.model, translation.data, q, v, a)
     W = forces.wrenches()

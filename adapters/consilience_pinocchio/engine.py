@@ -16,6 +16,7 @@ from consilience.run import (
     Manifest,
     Method,
     ModelAnswer,
+    Profile,
     Question,
     Route,
     TrajectoryAnswer,
@@ -42,6 +43,7 @@ _LOOP_METHODS = {
     Question.INSTANT: (
         Method("constraintDynamics", Route.TUNED, settings=dict(PROXIMAL)),
         Method("crba, nle and own weld rows", Route.HARNESS_SOLVE),
+        Method("constraintDynamics, defaults", Route.NATIVE, profile=Profile.DEFAULT),
     ),
     Question.TRAJECTORY: (
         Method(
@@ -128,9 +130,9 @@ class PinocchioEngine:
         for n, state in enumerate(states):
             translation, forces = self._suited(mechanism, state)
             q, v = configuration(translation, state)
-            solution = solve(translation, forces, method.route, q, v)
+            solution = solve(translation, forces, method, q, v)
             a[n], alpha[n] = accelerations(translation)
-            force[n], torque[n] = reactions(mechanism, translation, forces, solution, state)
+            force[n], torque[n] = reactions(mechanism, translation, forces, solution, state, method.profile)
             kinetic[n], potential[n] = energies(translation, q, v)
             potential[n] += forces.potential(q)
         return InstantAnswer(a, alpha, force, torque, kinetic, potential)

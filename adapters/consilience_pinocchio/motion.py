@@ -11,7 +11,7 @@ from consilience.harness import runge_kutta_4
 from consilience.run import TrajectoryAnswer
 from consilience.spatial import Array, continuous_in_time
 from consilience_pinocchio.charts import ChartWatch
-from consilience_pinocchio.dynamics import articulated_body, constraint_dynamics
+from consilience_pinocchio.dynamics import PROXIMAL, articulated_body, constraint_dynamics
 from consilience_pinocchio.forces import Forces
 from consilience_pinocchio.observe import poses
 from consilience_pinocchio.translate import Translation
@@ -25,8 +25,10 @@ def _derivative(translation: Translation, forces: Forces) -> Callable[[Array], A
     normalised for the evaluation, and not in y.
     """
     model = translation.model
-    solver = constraint_dynamics if translation.welds else articulated_body
-    accelerations = solver(translation, forces)
+    loops = bool(translation.welds)
+    accelerations = (
+        constraint_dynamics(translation, forces, PROXIMAL) if loops else articulated_body(translation, forces)
+    )
     nq = model.nq
 
     def one_axis_joints_only(y: Array) -> Array:

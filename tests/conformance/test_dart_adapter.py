@@ -10,7 +10,7 @@ import truth
 from consilience.assembly import initial_state
 from consilience.mechanism import GROUND, Body, Frame, Joint, JointSpring, Load, Mechanism, State
 from consilience.observe import potential_energy
-from consilience.run import Question, Route
+from consilience.run import Profile, Question, Route
 from consilience.spatial import (
     quaternion_from_rotation_vector,
     rotation_from_quaternion,
@@ -36,6 +36,10 @@ def engine():
 
 def by_route(engine, mechanism, question, route):
     return next(m for m in engine.methods(mechanism, question) if m.route is route)
+
+
+def matched(engine, mechanism, question):
+    return [m for m in engine.methods(mechanism, question) if m.profile is Profile.MATCHED]
 
 
 def placed(mechanism):
@@ -236,7 +240,7 @@ def test_a_slow_body_is_not_put_to_sleep(engine):
     rest = initial_state(mechanism)
     state = State(rest.p_WB, rest.quat_WB, rest.v_WB_W, np.array([[0.0, 0.0, 1e-3]]))
     times = np.linspace(0.0, 2.0, 3)
-    for method in engine.methods(mechanism, Question.TRAJECTORY):
+    for method in matched(engine, mechanism, Question.TRAJECTORY):
         answer = engine.trajectory(mechanism, state, times, method, 0.01)
         angle = rotation_vector_from_quaternion(answer.quat_WB[-1, 0])[2]
         assert angle == pytest.approx(2e-3, rel=1e-9)
@@ -251,7 +255,7 @@ def test_the_angle_of_a_spring_is_counted_over_full_turns(engine):
     rest = initial_state(mechanism)
     state = State(rest.p_WB, rest.quat_WB, rest.v_WB_W, np.array([[0.0, 0.0, 9.0]]))
     times = np.linspace(0.0, 3.0, 61)
-    for method, bar in zip(engine.methods(mechanism, Question.TRAJECTORY), (1e-2, 1e-6), strict=True):
+    for method, bar in zip(matched(engine, mechanism, Question.TRAJECTORY), (1e-2, 1e-6), strict=True):
         answer = engine.trajectory(mechanism, state, times, method, 0.05 / method.substeps[-1])
         np.testing.assert_allclose(answer.w_WB_W[:, 0, 2], 9.0 * np.cos(times), atol=bar)
 
@@ -298,14 +302,14 @@ def test_an_overconstrained_spatial_loop(engine):
     mechanism = bricard()
     states = states_of(mechanism)[:3]
     assert engine.model(mechanism, states[0], engine.methods(mechanism, Question.MODEL)[0]).freedom == 1
-    for method, bar in zip(engine.methods(mechanism, Question.INSTANT), (1e-10, 1e-8), strict=True):
+    for method, bar in zip(matched(engine, mechanism, Question.INSTANT), (1e-10, 1e-8), strict=True):
         answer = engine.instant(mechanism, states, method)
         for n, state in enumerate(states):
             a, _, _, _ = truth.solve(mechanism, state)
             assert np.max(np.abs(answer.a_WB_W[n] - a)) < bar * np.max(np.abs(a)), method.name
     assert dependence_is_fragile(mechanism)
     assert not dependence_is_fragile(four_bar())
-    (native,) = engine.methods(mechanism, Question.TRAJECTORY)
+    (native,) = matched(engine, mechanism, Question.TRAJECTORY)
     times = np.linspace(0.0, 0.4, 9)
     p = [engine.trajectory(mechanism, states[0], times, native, 0.05 / n).p_WB for n in native.substeps]
     # without error reduction drift locks this loop, and the differences do not halve
@@ -337,7 +341,7 @@ def test_a_load_on_the_ground_moves_nothing(engine):
 def test_only_methods_that_dart_carries_alone_are_called_native(engine):
     tree, loop = TREES["long_chain"], LOOPS["four_bar"]
     routes = {
-        question: [[m.route for m in engine.methods(mechanism, question)] for mechanism in (tree, loop)]
+        question: [[m.route for m in matched(engine, mechanism, question)] for mechanism in (tree, loop)]
         for question in (Question.INSTANT, Question.TRAJECTORY)
     }
     assert routes[Question.INSTANT] == [
@@ -352,7 +356,7 @@ def test_only_methods_that_dart_carries_alone_are_called_native(engine):
 
 def test_the_harness_is_told_of_no_trajectory_by_runge_kutta_with_rods(engine):
     for name in ("single_rod", "loop_rod"):
-        assert [m.name for m in engine.methods((TREES | LOOPS)[name], Question.TRAJECTORY)] == ["World.step"]
+        assert [m.name for m in matched(engine, (TREES | LOOPS)[name], Question.TRAJECTORY)] == ["World.step"]
 
 
 def test_the_copies_of_a_split_body_stay_together():

@@ -17,11 +17,11 @@ pytest.importorskip("exudyn")
 
 from consilience_exudyn import ExudynEngine
 from consilience_exudyn.kinematic_tree import is_one_axis_tree
-from consilience_exudyn.library import SETTINGS, exu, plain_settings
+from consilience_exudyn.library import POINTWISE, QUIET, SETTINGS, exu, simulation_settings
 from consilience_exudyn.maximal import build, full_axes, inertia_about_origin, inertia_vector
 from consilience_exudyn.redundancy import independent_axes, left_out
 from consilience_exudyn.terms import Terms, velocity_map
-from consilience_exudyn.trajectory import maximal_answer, refuse_lost_rank
+from consilience_exudyn.trajectory import Integration, maximal_answer, refuse_lost_rank
 
 OUTPUT = exu.OutputVariableType
 ALL = TREES | LOOPS
@@ -188,7 +188,7 @@ def test_kinematic_tree_moves_as_the_rigid_bodies(exudyn_engine, kinds):
     mechanism = chain(*kinds, seed=31, backwards=(1,), forces=True)
     state = states_of(mechanism)[0]
     times = np.linspace(0.0, 0.4, 9)
-    implicit, _, tree = exudyn_engine.methods(mechanism, Question.TRAJECTORY)
+    implicit, _, tree, _ = exudyn_engine.methods(mechanism, Question.TRAJECTORY)
     expected, _, last = limit(exudyn_engine, mechanism, state, times, implicit)
     found, order, answer = limit(exudyn_engine, mechanism, state, times, tree)
     assert tree.route is Route.NATIVE
@@ -255,7 +255,7 @@ def test_exudyn_stops_at_dependent_rows_and_the_failure_says_where():
     times = np.linspace(0.0, 0.2, 5)
     with pytest.raises(RuntimeError, match="TrapezoidalIndex2"):
         maximal_answer(
-            build(mechanism, state), full_axes(mechanism), exu.DynamicSolverType.TrapezoidalIndex2, times, 0.01
+            build(mechanism, state), full_axes(mechanism), Integration("TrapezoidalIndex2", SETTINGS), times, 0.01
         )
 
 
@@ -280,11 +280,12 @@ def flat(settings, prefix=""):
     return found
 
 
-def test_settings_name_every_knob():
-    default, ours = flat(exu.SimulationSettings().GetDictionary()), flat(plain_settings().GetDictionary())
+@pytest.mark.parametrize("settings", [QUIET, SETTINGS, POINTWISE])
+def test_settings_name_every_knob(settings):
+    default = flat(exu.SimulationSettings().GetDictionary())
+    ours = flat(simulation_settings(settings).GetDictionary())
     changed = {key: value for key, value in ours.items() if default[key] != value}
-    assert changed == {key: str(value) for key, value in SETTINGS.items()}
-    assert ours["timeIntegration.generalizedAlpha.computeInitialAccelerations"] == "True"
+    assert changed == {key: str(value) for key, value in settings.items()}
 
 
 def test_nothing_is_written_or_printed(exudyn_engine, tmp_path, monkeypatch, capfd):

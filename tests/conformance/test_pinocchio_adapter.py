@@ -206,11 +206,12 @@ def test_dependent_rows_need_the_proximal_settings():
     default, ours = [], []
     for name in ("four_bar", "slider_crank", "four_bar_cylindrical"):
         t = translate(LOOPS[name])
+        method = PinocchioEngine().methods(LOOPS[name], Question.INSTANT)[0]
         loops = (t.constraints, t.constraint_data)
         for state in states_of(LOOPS[name]):
             q, v = configuration(t, state)
             J, gamma = weld_rows(t, q, v)
-            ours.append(np.max(np.abs(J @ solve(t, Forces(t), Route.TUNED, q, v).a - gamma)) / np.max(np.abs(gamma)))
+            ours.append(np.max(np.abs(J @ solve(t, Forces(t), method, q, v).a - gamma)) / np.max(np.abs(gamma)))
             tau = np.zeros(t.model.nv)
             a = pin.constraintDynamics(t.model, t.data, q, v, tau, *loops, pin.ProximalSettings())
             default.append(np.max(np.abs(J @ a - gamma)))
@@ -227,7 +228,7 @@ def test_nothing_is_stabilised_and_every_knob_is_named():
         assert engine.methods(LOOPS["slider_crank"], question)[0].settings == PROXIMAL
         assert all(not method.settings for method in engine.methods(TREES["branched"], question))
     routes = {q: [m.route for m in engine.methods(LOOPS["four_bar"], q)] for q in Question}
-    assert routes[Question.INSTANT] == [Route.TUNED, Route.HARNESS_SOLVE]
+    assert routes[Question.INSTANT] == [Route.TUNED, Route.HARNESS_SOLVE, Route.NATIVE]
     assert routes[Question.TRAJECTORY] == [Route.HARNESS_INTEGRATOR]
 
 
@@ -236,7 +237,8 @@ def test_wrong_constraint_forces_are_refused(name):
     mechanism = (TREES | LOOPS)[name]
     t, state = translate(mechanism), states_of(mechanism)[0]
     forces = Forces(t)
-    right = solve(t, forces, Route.TUNED if t.welds else Route.NATIVE, *configuration(t, state))
+    method = PinocchioEngine().methods(mechanism, Question.INSTANT)[0]
+    right = solve(t, forces, method, *configuration(t, state))
     reactions(mechanism, t, forces, right, state)
     wrong = Solution(right.q, right.v, right.a * (1 + 1e-6), right.tau, right.wrenches)
     with pytest.raises(ArithmeticError, match="inverse dynamics"):
