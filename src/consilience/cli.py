@@ -98,7 +98,7 @@ def _print_matrix(folder: Path) -> None:
     from consilience.report.summary import legend, matrix
 
     record = read_record(folder)
-    table = Table(title="worst verdict and least digits over all questions and methods")
+    table = Table(title="worst verdict and least digits over all questions and matched methods")
     table.add_column("case")
     engines, rows = matrix(record)
     for name in engines:

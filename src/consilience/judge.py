@@ -80,8 +80,9 @@ class _Judge:
     def judge(self, groups: dict[tuple[str, str], list[Run]]) -> Iterator[Comparison]:
         """Every engine and method against the reference, which is not compared with itself."""
         for (engine, _), group in groups.items():
-            if not self.references or any(run.status is not Status.ANSWERED for run in group):
-                yield _without_answer(group)
+            levels = [run for run in group if not _softened(run)]
+            if not self.references or any(run.status is not Status.ANSWERED for run in levels):
+                yield _without_answer(levels)
                 continue
             best = self.references[0]
             if engine == REFERENCE and group[0] is best and self.question is not Question.TRAJECTORY:
@@ -92,6 +93,8 @@ class _Judge:
         case, first, reference = self.case, group[0], self.references[0].answer
         own = [run for run in group if not _softened(run)]
         softer = [run for run in group if _softened(run)]
+        if any(run.status is not Status.ANSWERED for run in softer):
+            softer = []  # the levels stand on their own; the record keeps the probe that failed
         assert first.method is not None
         answer = own[-1].answer
         if isinstance(answer, ModelAnswer) and isinstance(reference, ModelAnswer):

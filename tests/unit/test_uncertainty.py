@@ -161,10 +161,24 @@ def test_growth_keeps_its_largest_value_and_is_one_where_nothing_can_be_displace
 @pytest.mark.parametrize("digits", [4, 8, 12])
 def test_samples_are_judged_up_to_the_digits_asked(digits):
     growing = np.exp(20.0 * TIMES)
-    first = np.flatnonzero(EPS * growing >= 10.0**-digits)
-    assert judged_samples(growing, digits) == (first[0] if len(first) else len(TIMES))
-    assert judged_samples(np.ones(5), digits) == 5
-    assert judged_samples(np.full(5, np.nan), digits) == 0
+    first, sure = np.flatnonzero(EPS * growing >= 10.0**-digits), np.zeros(len(TIMES))
+    assert judged_samples(growing, sure, digits) == (first[0] if len(first) else len(TIMES))
+    assert judged_samples(np.ones(5), sure[:5], digits) == 5
+    assert judged_samples(np.full(5, np.nan), sure[:5], digits) == 0
+
+
+def test_the_uncertainty_of_the_reference_ends_judgement_only_where_the_motion_amplifies_it():
+    spread = np.array([0.0, 1e-9, 1e-7, 1e-6])
+    assert judged_samples(np.array([1.0, 10.0, 1e4, 1e5]), spread, 8) == 2
+    assert judged_samples(np.array([1.0, 2.0, 3.0, 4.0]), spread, 8) == 4  # this reference is just uncertain
+
+
+def test_growth_goes_on_at_its_rate_where_differences_are_not_small_any_more():
+    """exp(8 t) until the difference is of the size of the motion, where it cannot grow any further."""
+    true_growth = np.exp(8.0 * TIMES)
+    wave = motion(np.minimum(1e-8 * true_growth, 0.3) * SIZE)
+    found = growth(MECHANISM, TRUE, [wave])
+    np.testing.assert_allclose(found, true_growth, rtol=1e-2)
 
 
 def test_the_difference_of_motions_does_not_see_the_sign_of_quaternions():

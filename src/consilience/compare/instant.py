@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from consilience.compare.result import Comparison, Quantity, Verdict, digits_of
-from consilience.compare.softness import SCALES, Softness, hardest_first, of_accelerations
+from consilience.compare.softness import SCALES, Softness, of_accelerations
 from consilience.mechanism import Mechanism, State
 from consilience.observe import determinate_reactions, mass_matrix_condition
 from consilience.run import InstantAnswer, Method, ModelAnswer, Question, Route
@@ -162,9 +162,7 @@ def compare_instant(
     )
     if not softer:
         return compared
-    answers = [answer, *softer]
-    ladder = [answers[n] for n in hardest_first(SCALES[method.profile])]
-    return _with_softness(compared, of_accelerations(ladder, reference))
+    return _with_softness(compared, of_accelerations([answer, *softer], SCALES[method.profile], reference))
 
 
 def _with_softness(compared: Comparison, soft: Softness) -> Comparison:
@@ -175,7 +173,7 @@ def _with_softness(compared: Comparison, soft: Softness) -> Comparison:
     if not missed or not missed <= SOFTENED:
         return compared
     what = f"accelerations: difference {found.difference:.2g}"
-    if soft.explains(found.difference, found.bar):
+    if soft.matters(found.difference) and soft.explains(found.difference, found.bar):
         why = f"{what}, {soft.limit:.2g} without softness (order {soft.order:.2f} in it): the constraints are soft"
         return replace(compared, verdict=Verdict.REGULARISATION, rule="softness", why=why)
     if soft.matters(found.difference):

@@ -60,7 +60,7 @@ class Level:
     difference : tuple of float
         To the reference over time, on `Comparison.times`.
     largest, rms : float
-        Of `difference` over all samples, not only the kept ones.
+        Of `difference` over all samples up to the horizon, not only the kept ones.
     energy : tuple of float
         Change of the total energy since the start, over the largest kinetic energy, on `Comparison.times`.
     residual : float

@@ -110,7 +110,7 @@ class Rule:
 
 
 def _moves_with_softness(e: Evidence) -> bool:
-    return e.softness is not None and e.softness.explains(e.finest, e.allowed + (e.band or 0.0))
+    return e.softness is not None and e.softness.matters(e.finest) and e.softness.explains(e.finest, e.allowed)
 
 
 def _softness_text(e: Evidence) -> str:

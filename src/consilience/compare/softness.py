@@ -6,8 +6,8 @@ engine softens; it has to be seen, between `LEAST` and `MOST`. A difference is p
 is nearer to the reference by the factor `EXPLAINED`, or as near as is asked. If softness moves an answer by as much,
 but not there, nothing can be said.
 
-Settings that are matched stand at the hard end of the engine's knob, and the ladder leads from softer ones to them;
-defaults are soft, and the ladder leads from them to harder ones.
+Settings that are matched stand at the hard end of the engine's knob, and the ladder leads from softer ones to them.
+Defaults are so soft that answers are not in proportion to s any more: the ladder stands at far harder ones.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from consilience.compare.motion import Scales, difference_over_time, extrapolate
 from consilience.run import InstantAnswer, Profile, TrajectoryAnswer
 from consilience.spatial import Array
 
-SCALES: dict[Profile, tuple[float, float]] = {Profile.MATCHED: (2.0, 4.0), Profile.DEFAULT: (0.5, 0.25)}
-"""Softness asked besides that of the method, which is one."""
+SCALES: dict[Profile, tuple[float, ...]] = {Profile.MATCHED: (2.0, 4.0), Profile.DEFAULT: (0.01, 0.005, 0.0025)}
+"""Softness asked besides that of the method, which is one. Three make a ladder: the hardest of all answers."""
 
 LEAST, MOST = 0.5, 3.5
 """Orders in s that are believed: below, answers do not settle as s shrinks; above, they hardly depend on it."""
@@ -41,7 +41,7 @@ class Softness:
     order : float or None
         Observed in s; None where answers do not change with it.
     shift : float
-        Largest difference of the answers of the two hardest.
+        Difference of the answer in question to the limit.
     limit : float
         Difference of the limit without softness to the reference.
     """
@@ -65,31 +65,39 @@ def _order(hard: float, soft: float) -> float | None:
     return float(np.log2(soft / hard)) if hard > 0.0 and soft > 0.0 else None
 
 
-def hardest_first(scales: Sequence[float]) -> list[int]:
-    """Positions of the answers at 1 and at these scales, from hard to soft."""
-    return [int(n) for n in np.argsort([1.0, *scales])]
+def _ladder(scales: Sequence[float]) -> list[int]:
+    """Positions of the three hardest answers among those at one and at these scales, hard to soft."""
+    return [int(n) for n in np.argsort([1.0, *scales])[:3]]
 
 
 def of_motions(
-    answers: Sequence[TrajectoryAnswer], reference: TrajectoryAnswer, scales: Scales, judged: slice
+    answers: Sequence[TrajectoryAnswer],
+    softness: Sequence[float],
+    reference: TrajectoryAnswer,
+    scales: Scales,
+    judged: slice,
 ) -> Softness:
-    """Softness from three motions, hard to soft."""
-    one, two, four = answers
-    hard, soft = (float(np.max(difference_over_time(a, b, scales.size)[judged])) for a, b in ((one, two), (two, four)))
-    order = _order(hard, soft)
+    """Softness from the motion in question, the first, and those at these scales."""
+
+    def largest(a: TrajectoryAnswer, b: TrajectoryAnswer) -> float:
+        return float(np.max(difference_over_time(a, b, scales.size)[judged]))
+
+    one, two, four = (answers[n] for n in _ladder(softness))
+    order = _order(largest(one, two), largest(two, four))
     limit = one if order is None or order <= 0 else extrapolated(two, one, 1.0 / (2.0**order - 1.0))
-    return Softness(order, hard, float(np.max(difference_over_time(limit, reference, scales.size)[judged])))
+    moved = largest(answers[0], limit) if one is not answers[0] or limit is not one else largest(one, two)
+    return Softness(order, moved, largest(limit, reference))
 
 
-def of_accelerations(answers: Sequence[InstantAnswer], reference: InstantAnswer) -> Softness:
-    """Softness from accelerations at three softnesses, hard to soft."""
-    one, two, four = (_accelerations(a) for a in answers)
-    expected = _accelerations(reference)
+def of_accelerations(answers: Sequence[InstantAnswer], softness: Sequence[float], reference: InstantAnswer) -> Softness:
+    """Softness from the accelerations in question, the first, and those at these scales."""
+    found, expected = [_accelerations(a) for a in answers], _accelerations(reference)
     size = float(np.max(np.abs(expected))) or 1.0
-    hard, soft = (float(np.max(np.abs(d))) for d in (two - one, four - two))
-    order = _order(hard, soft)
+    one, two, four = (found[n] for n in _ladder(softness))
+    order = _order(float(np.max(np.abs(two - one))), float(np.max(np.abs(four - two))))
     limit = one if order is None or order <= 0 else one + (one - two) / (2.0**order - 1.0)
-    return Softness(order, hard / size, float(np.max(np.abs(limit - expected))) / size)
+    moved = found[0] - limit if one is not found[0] or limit is not one else two - one
+    return Softness(order, float(np.max(np.abs(moved))) / size, float(np.max(np.abs(limit - expected))) / size)
 
 
 def _accelerations(answer: InstantAnswer) -> Array:

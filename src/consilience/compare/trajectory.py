@@ -75,7 +75,7 @@ class Yardstick:
         """Number of samples before the horizon."""
         if self.growth is None:
             return len(self.answer.time)
-        return judged_samples(self.growth, self.digits)
+        return judged_samples(self.growth, self.spread, self.digits)
 
 
 @dataclass(frozen=True)
@@ -137,7 +137,7 @@ def compare_trajectory(
     assert len(answers) == len(runs)
     scales = Scales.of(mechanism, reference)
     ladder = _ladder(runs, answers, scales.size, yard)
-    levels = _levels(mechanism, runs, answers, reference, scales.size)
+    levels = _levels(mechanism, runs, answers, yard, scales.size)
     finest = float(np.max(difference_over_time(answers[-1], reference, scales.size)[: yard.judged], initial=0.0))
     soft = _softness(answers[-1], softer, yard, scales)
     spread = float(yard.spread[max(yard.judged - 1, 0)])
@@ -191,17 +191,17 @@ def _softness(
     if len(answers) < 3 or yard.judged < 2:
         return None
     found = [run.method.softness or 1.0 for run in softer if run.method is not None]
-    ladder = [answers[n] for n in softness.hardest_first(found)]
-    return softness.of_motions(ladder, yard.answer, scales, slice(yard.judged))
+    return softness.of_motions(answers, found, yard.answer, scales, slice(yard.judged))
 
 
 def _levels(
     mechanism: Mechanism,
     runs: Sequence[Run],
     answers: Sequence[TrajectoryAnswer],
-    reference: TrajectoryAnswer,
+    yard: Yardstick,
     size: float,
 ) -> tuple[Level, ...]:
+    reference, judged = yard.answer, slice(max(yard.judged, 1))
     samples = kept_samples(len(reference.time))
     few = kept_samples(len(reference.time), RESIDUAL_SAMPLES)
     differences = [difference_over_time(a, reference, size) for a in answers]
@@ -209,8 +209,8 @@ def _levels(
         Level(
             step=run.step or 0.0,
             cpu=run.cpu,
-            largest=float(np.max(d)),
-            rms=uncertainty.rms(d),
+            largest=float(np.max(d[judged])),
+            rms=uncertainty.rms(d[judged]),
             difference=tuple(float(x) for x in d[samples]),
             energy=tuple(float(x) for x in energy_over_time(mechanism, answer, samples)),
             residual=largest_residual(mechanism, answer, few),
