@@ -7,22 +7,30 @@ from html.parser import HTMLParser
 import plotly.graph_objects as go
 import pytest
 
-from consilience.compare import Verdict
+from consilience.compare import Comparison, Verdict
+from consilience.compare.rules import RULES
 from consilience.errors import InvalidInput
+from consilience.library import load_case
 from consilience.report import wording
+from consilience.report.cases import unwrapped
 from consilience.report.html import embedded_json, render_html
 from consilience.report.markdown import render_markdown
 from consilience.report.pages import write_pages
 from consilience.report.plots import compact, figures
-from consilience.report.record import Record
-from consilience.report.view import page, unwrapped
-from consilience.run import Question, Route
+from consilience.report.record import Record, exit_code, lines
+from consilience.report.selection import levels_of, method_of, probes_of
+from consilience.report.summary import legend, matrix
+from consilience.report.view import page
+from consilience.run import Profile, Question, Route
+from consilience.suite import Results
 
 HOSTILE = '<script>alert(1)</script> | `x` & "y" [a](b)'
 VOID = {"meta", "br", "link", "img", "hr", "input"}
 
 
-def method(name, route=Route.NATIVE, order=None, substeps=(), tolerances=(), **settings):
+def method(
+    name, route=Route.NATIVE, order=None, substeps=(), tolerances=(), profile=Profile.MATCHED, softness=None, **settings
+):
     return {
         "name": name,
         "route": str(route),
@@ -30,6 +38,8 @@ def method(name, route=Route.NATIVE, order=None, substeps=(), tolerances=(), **s
         "substeps": list(substeps),
         "tolerances": list(tolerances),
         "settings": settings,
+        "profile": str(profile),
+        "softness": softness,
     }
 
 
@@ -52,7 +62,7 @@ def run(case, engine, question, how, status="answered", step=None, answer=None, 
 
 
 def comparison(case, engine, question, how, verdict, why, digits=None, **more):
-    blank = {k: None for k in ("limit_digits", "declared_order", "order", "self_order", "band", "reference_spread")}
+    none = ("limit_digits", "declared_order", "order", "self_order", "band", "reference_spread", "horizon", "softness")
     return {
         "record": "comparison",
         "case": case,
@@ -63,7 +73,11 @@ def comparison(case, engine, question, how, verdict, why, digits=None, **more):
         "verdict": str(verdict),
         "why": why,
         "digits": digits,
-        **blank,
+        **dict.fromkeys(none),
+        "rule": "",
+        "profile": how["profile"] if how else "matched",
+        "observables": [],
+        "growth": [],
         "quantities": [],
         "times": [],
         "levels": [],
@@ -88,18 +102,19 @@ def level(step, largest, cpu):
     }
 
 
-def case(name, title="A title", remarks="Line one\nline two."):
+def case(name, title="A title", remarks="Line one\nline two.", undetermined=None):
     return {
         "record": "case",
         "name": name,
         "title": title,
         "bodies": ["b1"],
-        "joints": [["j1", "revolute", "ground", "b1"]],
+        "joints": [["j1", "revolute", "ground", "b1"], ["j2", "revolute", "ground", "b1"]],
         "rows": 5,
         "duration": 5.0,
         "sample": 0.05,
         "digits": 8,
         "instants": 20,
+        "undetermined": undetermined or {},
         "sources": ["A source"],
         "remarks": remarks,
         "tags": ["t"],
@@ -148,6 +163,7 @@ def answered(name="swing", engine="good"):
             "smaller steps lead to the reference",
             6.6,
             levels=[level(s, 1e-6 * s, 0.1 / s) for s in steps],
+            rule="steps",
             **convergence,
             **over_time,
         ),
@@ -160,6 +176,8 @@ def answered(name="swing", engine="good"):
             "fine",
             9.5,
             levels=[level(s, s, 1.0) for s in (1e-8, 1e-10)],
+            rule="agreement",
+            declared_order=1,
             **over_time,
         ),
     ]
@@ -191,13 +209,77 @@ def troubled(name="swing"):
     return runs, comparisons
 
 
+SOFT = method("weld", Route.TUNED, order=4, substeps=(10, 20), softness=1.0)
+SOFT_DEFAULT = method("weld as it comes", order=1, substeps=(25, 50), profile=Profile.DEFAULT, softness=1.0)
+FORWARD = method("forward as it comes", profile=Profile.DEFAULT)
+OPEN = {"j1": [0, 0, 20, 20, 3, 0], "j2": [0, 0, 20, 20, 3, 0]}
+OBSERVABLES = [
+    {"name": "position", "order": 3.98, "band": 2.5e-9, "change": 3e-8},
+    {"name": "velocity", "order": None, "band": 6.3e-9, "change": 7.6e-8},
+]
+
+
+def probe(how, scale, **more):
+    """A run of a method at another softness, at the finest level, after all levels."""
+    return run("swing", "soft", "trajectory", {**how, "softness": scale}, step=0.0025, **more)
+
+
+def softened():
+    """An engine with soft constraints: matched, it is right; as it comes, it is not. The horizon lies at 3 s."""
+    soft = {"softness": {"order": 1.03, "shift": 8.7e-4, "limit": 2.4e-9}}
+    over_time = {"times": [0.0, 2.5, 5.0], "growth": [1.0, 1e6, 1e9], "horizon": 3.0, "reference_spread": 1e-13, **soft}
+    missed = [quantity("accelerations", 2.2), quantity("reactions", 0.28, count=77, remark="86 values not determined")]
+    runs = [
+        run("swing", "soft", "instant", FORWARD),
+        *(run("swing", "soft", "trajectory", SOFT, step=s) for s in (0.005, 0.0025)),
+        probe(SOFT, 4.0, log="softer still"),
+        probe(SOFT, 2.0),
+        *(run("swing", "soft", "trajectory", SOFT_DEFAULT, step=s) for s in (0.002, 0.001)),
+        probe(SOFT_DEFAULT, 0.5),
+        probe(SOFT_DEFAULT, 0.25),
+    ]
+    comparisons = [
+        comparison("swing", "soft", "instant", FORWARD, Verdict.MODEL, "above the bar", 0.0, quantities=missed),
+        comparison(
+            "swing",
+            "soft",
+            "trajectory",
+            SOFT_DEFAULT,
+            Verdict.REGULARISATION,
+            "differs by 0.2, by 1e-9 without softness",
+            0.7,
+            rule="softness",
+            declared_order=1,
+            levels=[level(0.002, 3e-2, 0.1), level(0.001, 2e-2, 0.2)],
+            **over_time,
+        ),
+        comparison(
+            "swing",
+            "soft",
+            "trajectory",
+            SOFT,
+            Verdict.AGREES,
+            "fine up to the horizon",
+            8.3,
+            rule="agreement",
+            declared_order=4,
+            order=3.99,
+            band=6.1e-9,
+            levels=[level(0.005, 6e-5, 0.1), level(0.0025, 3e-6, 0.2)],
+            observables=OBSERVABLES,
+            **over_time,
+        ),
+    ]
+    return runs, comparisons
+
+
 def record(parts, cases, missing=None, code=1):
     runs = [r for part in parts for r in part[0]]
     comparisons = [c for part in parts for c in part[1]]
     names = dict.fromkeys(["reference", *(r["engine"] for r in runs)])
     header = {
         "record": "header",
-        "format": 1,
+        "format": 2,
         "written": "2026-01-02T03:04:05+00:00",
         "elapsed": 12.34,
         "platform": "Linux x86_64, 2 processors",
@@ -224,12 +306,22 @@ def everything():
 
 
 @pytest.fixture(scope="module")
+def soft():
+    return record([softened()], [case("swing", undetermined=OPEN)], code=0)
+
+
+@pytest.fixture(scope="module")
 def hostile():
     runs, comparisons = answered(HOSTILE, HOSTILE)
     for r, c in zip(runs[1:3], comparisons[1:3], strict=True):
         r["method"] = {**r["method"], "name": HOSTILE, "settings": {HOSTILE: HOSTILE}}
         c.update(method=HOSTILE, why=HOSTILE)
-    return record([(runs, comparisons)], [case(HOSTILE, HOSTILE, HOSTILE)], {HOSTILE: HOSTILE})
+    steps, adaptive = comparisons[2:]
+    steps.update(profile="default", rule=HOSTILE, observables=[{**OBSERVABLES[0], "name": HOSTILE}])
+    adaptive.update(horizon=3.0, growth=[1.0, 1e6, 1e9])
+    own = case(HOSTILE, HOSTILE, HOSTILE, {HOSTILE: OPEN["j1"]})
+    own["joints"] = [[HOSTILE, "revolute", "ground", "b1"]]
+    return record([(runs, comparisons)], [own], {HOSTILE: HOSTILE})
 
 
 class Structure(HTMLParser):
@@ -267,6 +359,9 @@ def test_every_verdict_route_question_and_exit_code_has_its_words():
     assert list(wording.PHRASES) == list(Verdict)
     assert set(wording.ROUTES) == set(Route)
     assert set(wording.QUESTIONS) == set(Question)
+    assert set(wording.PROFILES) == set(Profile)
+    assert set(wording.CAUSES) == {rule.name for rule in RULES}
+    assert list(wording.CAUSES_BY_VERDICT) == list(Verdict)
     looks = list(wording.LOOKS.values())
     assert len({look.symbol for look in looks}) == len({look.key for look in looks}) == len(looks)
 
@@ -274,7 +369,7 @@ def test_every_verdict_route_question_and_exit_code_has_its_words():
 def test_the_head_counts_cells_and_leaves_the_reference_out(everything):
     view = page(everything)
     assert view.headline == (
-        "0 of 6 cells agree with the reference in every question and by every method; "
+        "0 of 6 cells agree with the reference in every question and by every matched method; "
         "1 differ by the step size alone, which smaller steps remove; 1 hold something the engine cannot represent; "
         "2 differ in the model; 2 failed; 1 engine not available (gone)."
     )
@@ -299,7 +394,7 @@ def test_what_was_not_compared_is_a_dash_and_never_zero(everything):
     answer = next(a for a in cell_of(page(everything), "good").answers if a.question == "instant")
     reactions = answer.quantities[1]
     assert (reactions.difference, reactions.count, reactions.state) == (wording.DASH, wording.DASH, "absent")
-    assert reactions.remark == "not given by this method"
+    assert reactions.remark == "this method gives none"
     assert answer.quantities[0].difference == "2.3e-13"
 
 
@@ -328,14 +423,14 @@ def test_unsupported_lists_every_reason(everything):
 
 def test_levels_have_units_and_adaptive_ones_tolerances(everything):
     rk4, adaptive = (a for a in cell_of(page(everything), "good").answers if a.question == "trajectory")
-    assert rk4.levels.heads[0] == "step"
-    assert rk4.levels.rows[0] == ("0.005 s", "5e-09", "2.5e-09", "20 s", "1.2e-15", "1000", "2.35")
-    assert (adaptive.levels.heads[0], adaptive.levels.rows[1][0]) == ("tolerance", "1e-10")
+    assert rk4.tables[0].heads[0] == "step"
+    assert rk4.tables[0].rows[0] == ("0.005 s", "5e-09", "2.5e-09", "20 s", "1.2e-15", "1000", "2.35")
+    assert (adaptive.tables[0].heads[0], adaptive.tables[0].rows[1][0]) == ("tolerance", "1e-10")
     facts = {f.name: (f.value, f.note) for f in rk4.facts}
     assert facts["observed order"][0] == "3.99"
     assert facts["self order"] == (wording.DASH, "hidden by rounding")
     assert facts["digits"] == ("6.6", "at the finest level; asked 8")
-    assert "declared order" not in {f.name for f in adaptive.facts}
+    assert [f.value for f in adaptive.facts if f.name == "declared order"] == ["1 in the tolerance"]
 
 
 def test_settings_routes_and_manifest_are_told(everything):
@@ -366,7 +461,9 @@ def test_indented_lines_keep_their_breaks():
 
 
 def test_orders_are_read_from_methods_that_declare_one(everything):
-    (row,) = page(everything).orders
+    orders = next(table for table in page(everything).tables if table.anchor == "orders")
+    row, adaptive = orders.rows
+    assert (adaptive.answer.method, adaptive.values[0]) == ("dopri", "1 in the tolerance")
     assert (row.cell.engine, row.answer.method) == ("good", "RK4")
     assert row.values == ("4", "3.99", wording.DASH, "6.6", "11.2", "1.2e-09")
 
@@ -377,7 +474,7 @@ def test_all_answers_that_do_not_agree_are_listed_worst_first(everything):
     assert listed == ["failed", "failed", "differs: model", "differs: model", "unsupported", "differs: discretisation"]
 
 
-@pytest.mark.parametrize("name", ["everything", "hostile"])
+@pytest.mark.parametrize("name", ["everything", "hostile", "soft"])
 def test_the_page_is_sound_html_that_links_within_itself(name, request):
     structure = Structure(render_html(request.getfixturevalue(name)))
     assert structure.open == []
@@ -396,7 +493,7 @@ def test_the_page_fetches_nothing_and_holds_plotly_once(everything):
     assert not re.search(r"https?://|@import|url\(", outside)
 
 
-@pytest.mark.parametrize("name", ["everything", "hostile"])
+@pytest.mark.parametrize("name", ["everything", "hostile", "soft"])
 def test_every_place_of_a_plot_has_its_figure_and_plotly_takes_it(name, request):
     given = request.getfixturevalue(name)
     text = render_html(given)
@@ -410,8 +507,8 @@ def test_every_place_of_a_plot_has_its_figure_and_plotly_takes_it(name, request)
 
 def test_figures_have_a_colour_a_method_a_dash_a_level_and_gaps_for_zeros(everything):
     figure = figures(everything)["difference.swing.good"]
-    assert [t["line"]["dash"] for t in figure["data"]] == ["dot", "dash", "solid", "dash", "solid"]
-    assert len({t["line"]["color"] for t in figure["data"]}) == 2
+    assert [t["line"]["dash"] for t in figure["data"][:5]] == ["dot", "dash", "solid", "dash", "solid"]
+    assert len({t["line"]["color"] for t in figure["data"][:5]}) == 2
     assert figure["data"][0]["y"][0] is None
     assert (figure["data"][0]["x0"], figure["data"][0]["dx"]) == (0.0, 2.5)
     assert figure["layout"]["yaxis"]["type"] == "log"
@@ -452,7 +549,7 @@ def test_names_are_text_in_markdown(hostile):
 def test_markdown_has_the_matrix_the_reasons_and_the_orders(everything):
     text = render_markdown(everything)
     assert "| swing | ≈ **differs: discretisation**<br>model ✓15.3<br>instant ✓12.6<br>trajectory ≈6.6 ✓9.5 |" in text
-    assert "| ! failed | swing | crashes | trajectory | RK4 | the worker died: signal SIGSEGV |" in text
+    assert "| ! failed | swing | crashes | trajectory | RK4 | the worker died: signal SIGSEGV |  |" in text
     assert "| swing | good | RK4 | tuned | 4 | 3.99 | — | 6.6 | 11.2 | 1.2e-09 |" in text
     assert "- **gone** not available: ImportError: no module" in text
     assert not re.search(r"\n{3,}", text)
@@ -474,6 +571,260 @@ def test_texts_stand_out_from_their_ground(everything, theme):
     for text, ground in pairs:
         dark, light = sorted((luminance(colours[text]), luminance(colours[ground])))
         assert (light + 0.05) / (dark + 0.05) >= 4.5, (text, ground)
+
+
+def test_every_look_has_its_colours_and_no_two_share_a_symbol(everything):
+    style = re.search(r"<style>(.*?)</style>", render_html(everything), re.DOTALL).group(1)
+    for look in wording.LOOKS.values():
+        assert f".{look.key}:is(.badge, .cell, .entry) {{ background: var(--{look.key});" in style
+        assert f".badge.{look.key}, .cell.{look.key} a {{ border-left-color: var(--{look.key}-edge); }}" in style
+    assert len({look.symbol for look in wording.LOOKS.values()}) == len(Verdict)
+    names = list(wording.LOOKS)
+    place = names.index(Verdict.REGULARISATION)
+    assert names[place - 1 : place + 2 : 2] == [Verdict.DISCRETISATION, Verdict.UNSUPPORTED]
+
+
+def results(*judged, missing=False):
+    """Results with comparisons of these verdicts and profiles."""
+    found = [Comparison("c", "e", Question.INSTANT, "m", Route.NATIVE, v, "", profile=p) for v, p in judged]
+    return Results([], [], missing={"gone": "why"} if missing else {}, comparisons=found)
+
+
+@pytest.mark.parametrize("bad", [Verdict.MODEL, Verdict.FAILED, Verdict.UNRESOLVED])
+def test_only_matched_methods_decide_the_exit_code(bad):
+    good = (Verdict.AGREES, Profile.MATCHED)
+    assert exit_code(results(good, (bad, Profile.DEFAULT))) == 0
+    assert exit_code(results(good, (bad, Profile.MATCHED))) == (1 if bad is Verdict.MODEL else 3)
+    assert exit_code(results(good, (bad, Profile.DEFAULT), missing=True)) == 3
+
+
+@pytest.mark.parametrize("harmless", [Verdict.DISCRETISATION, Verdict.REGULARISATION, Verdict.UNSUPPORTED])
+def test_steps_softness_and_what_cannot_be_represented_are_no_disagreement(harmless):
+    assert exit_code(results((harmless, Profile.MATCHED))) == 0
+
+
+def test_a_cell_and_the_terminal_show_matched_methods_alone(soft):
+    view = page(soft)
+    cell = cell_of(view, "soft")
+    assert cell.look is wording.LOOKS[Verdict.AGREES]
+    assert [mark.entries for mark in cell.marks] == [
+        ((wording.NOT_ASKED, ""),),
+        ((wording.NOT_ASKED, ""),),
+        ((wording.LOOKS[Verdict.AGREES], "8.3"),),
+    ]
+    assert view.headline.startswith("1 of 1 cell agree")
+    assert view.remarkable == []
+    assert matrix(soft) == (["soft"], [("swing", ["✓ 8.3 digits"])])
+    assert [line.partition(":")[0] for line in legend(soft)] == ["✓ agrees"]
+
+
+def test_default_methods_stand_after_the_matched_ones_and_are_labelled(soft):
+    cell = cell_of(page(soft), "soft")
+    assert [(a.method, a.matched) for a in cell.answers] == [
+        ("weld", True),
+        ("forward as it comes", False),
+        ("weld as it comes", False),
+    ]
+    heads = re.findall(r"<article(.*?)>\s*<h4>(.*?)</h4>", render_html(soft))
+    assert [("default" in attributes, "engine&#39;s defaults" in head) for attributes, head in heads] == [
+        (True, True),
+        (False, False),
+        (True, True),
+    ]
+
+
+def test_what_a_user_of_the_defaults_gets_is_told_in_numbers(soft):
+    view = page(soft).defaults
+    instant, motion = view.rows
+    assert (instant.first, motion.first, instant.count) == (True, False, 2)
+    assert (instant.digits, instant.step, instant.finest) == ("0.0", wording.DASH, wording.DASH)
+    assert instant.answer.cause == wording.CAUSES_BY_VERDICT[Verdict.MODEL]
+    # at the engine's own step: a third of the largest difference, as the largest comes past the horizon
+    assert (motion.step, motion.digits) == ("0.002 s", "2.0")
+    assert (motion.finest_step, motion.finest) == ("0.001 s", "0.7")
+    assert motion.answer.cause == wording.CAUSES["softness"]
+    within, enough = view.sentences
+    assert within == "Answers within the bars at given states: 0 of 1."
+    assert enough.startswith("Motions with the digits asked at the engine's own step: 0 of 1; ")
+    assert enough.endswith("; the least accurate has 2.0 digits (swing on soft).")
+    assert view.without == ()
+    row = "| swing | soft | trajectory | weld as it comes | 0.002 s | 2.0 | 0.001 s | 0.7 | ∝ differs: regularisation |"
+    assert row in render_markdown(soft)
+    html = " ".join("".join(Structure(render_html(soft)).text).split())
+    assert "What a user of the defaults gets" in html
+    assert wording.CAUSES["softness"] in html
+
+
+def test_engines_without_default_methods_are_named(everything):
+    view = page(everything).defaults
+    assert view.rows == view.sentences == ()
+    assert view.without[0] == "good (all cases)"
+    assert "No engine was asked at its own defaults." in render_markdown(everything)
+
+
+def test_a_default_motion_without_an_answer_is_counted_as_one():
+    how = method("as it comes", order=1, substeps=(25,), profile=Profile.DEFAULT)
+    runs = [run("swing", "e", "trajectory", how, "failed", 0.002, reason="no")]
+    failed = comparison("swing", "e", "trajectory", how, Verdict.FAILED, "no")
+    view = page(record([(runs, [failed])], [case("swing")])).defaults
+    assert view.sentences == ("Motions with the digits asked at the engine's own step: 0 of 1; 1 without an answer.",)
+    assert view.rows[0].digits == wording.DASH
+
+
+def test_probes_of_other_softness_are_no_levels(soft):
+    matched, default = (a for a in cell_of(page(soft), "soft").answers if a.question == "trajectory")
+    facts = {f.name: (f.value, f.note) for f in matched.softness}
+    assert facts["softness asked"] == ("1, 2, 4", "times that of this method; CPU time 0.0247 s")
+    assert facts["order in softness"][0] == "1.03"
+    assert facts["shift"][0] == "0.00087"
+    assert facts["without softness"][0] == "2.4e-09"
+    assert next(f.value for f in default.softness) == "0.25, 0.5, 1"
+    assert matched.log == ""
+    runs = soft.runs_of(soft.comparisons[2])
+    assert [r["step"] for r in levels_of(runs)] == [0.005, 0.0025]
+    assert [r["method"]["softness"] for r in probes_of(runs)] == [2.0, 4.0]
+    assert method_of(runs)["softness"] == 1.0
+    rows = next(t for t in page(soft).tables if t.anchor == "softness").rows
+    assert [r.values for r in rows] == [("trajectory", "1.03", "0.00087", "2.4e-09")] * 2
+
+
+def test_a_probe_that_fails_says_which_one_it_was():
+    runs = [
+        run("swing", "soft", "trajectory", SOFT, step=0.005),
+        probe(SOFT, 2.0, status="failed", reason="ValueError: too soft"),
+    ]
+    failed = comparison("swing", "soft", "trajectory", SOFT, Verdict.FAILED, "ValueError: too soft")
+    (answer,) = cell_of(page(record([(runs, [failed])], [case("swing")])), "soft").answers
+    assert [(t.run, t.reason) for t in answer.troubles] == [
+        ("step 0.0025 s, softness 2", "ValueError: too soft"),
+    ]
+
+
+def test_a_motion_tells_its_rule_its_horizon_and_its_observables(soft):
+    matched, default = (a for a in cell_of(page(soft), "soft").answers if a.question == "trajectory")
+    assert (matched.rule, default.rule) == ("agreement", "softness")
+    assert default.condition == "the difference goes away with the engine's own softness"
+    assert matched.judged == ("Judged up to 3 s of 5 s: beyond, one rounding error has grown to the 8 digits asked.")
+    levels, observables = matched.tables
+    assert levels.heads[:3] == ("step", "largest up to the horizon", "largest difference")
+    assert levels.rows[0][:3] == ("0.005 s", "2e-05", "6e-05")
+    assert observables.heads == ("observable", "change from the level before", "observed order", "band")
+    assert observables.rows == (
+        ("position", "3e-08", "3.98", "2.5e-09"),
+        ("velocity", "7.6e-08", wording.DASH, "6.3e-09"),
+    )
+    html = " ".join("".join(Structure(render_html(soft)).text).split())
+    for text in (matched.judged, default.condition, levels.caption, observables.caption):
+        assert text in html
+    (row,) = next(t for t in page(soft).tables if t.anchor == "observables").rows
+    assert row.values == ("2.5e-09 (3.98)", f"6.3e-09 ({wording.DASH})")
+    assert "| swing | soft | weld | tuned | 2.5e-09 (3.98) | 6.3e-09 (—) |" in render_markdown(soft)
+
+
+def test_where_nothing_is_judged_there_are_no_digits():
+    runs, (_, default, _) = softened()
+    default = {**default, "horizon": 0.0, "digits": None}
+    (row,) = page(record([(runs, [default])], [case("swing")])).defaults.rows
+    assert (row.digits, row.finest) == (wording.DASH, wording.DASH)
+    assert row.answer.tables[0].rows[0][1] == wording.DASH
+
+
+def test_a_motion_judged_to_its_end_says_nothing_of_a_horizon(everything):
+    rk4 = next(a for a in cell_of(page(everything), "good").answers if a.method == "RK4")
+    assert rk4.judged == ""
+    assert rk4.tables[0].heads[1] == "largest difference"
+
+
+def test_reactions_that_equilibrium_leaves_open_are_shown_as_such(soft):
+    forward = next(a for a in cell_of(page(soft), "soft").answers if a.question == "instant")
+    accelerations, reactions = forward.quantities
+    assert (reactions.count, reactions.undetermined) == ("77", "86 undetermined")
+    assert reactions.remark == "86 values not determined: j1, j2"
+    assert accelerations.undetermined == ""
+    (swing,) = page(soft).cases
+    (row,) = swing.undetermined
+    assert row.joints == "j1, j2"
+    assert row.components == "force z, torque x at all states; torque y at 3 of 20 states"
+    assert swing.undetermined_count == "86 of 240 values"
+    html = render_html(soft)
+    assert '<span class="open">86 undetermined</span>' in html
+    assert row.components in html
+    assert f"86 of 240 values<br>j1, j2: {row.components}" in render_markdown(soft)
+
+
+@pytest.mark.parametrize(
+    ("counts", "chip", "remark"),
+    [([20] * 5 + [19], "", "this method gives none"), ([20] * 6, "120 undetermined", "this method gives none: j1")],
+)
+def test_a_method_without_reactions_has_no_open_ones_unless_all_are(counts, chip, remark):
+    none = [quantity("reactions", 0.0, count=0, remark="this method gives none")]
+    compared = comparison("swing", "e", "instant", ABA, Verdict.AGREES, "fine", 15.0, quantities=none)
+    own = case("swing", undetermined={"j1": counts})
+    own["joints"] = own["joints"][:1]
+    (answer,) = cell_of(page(record([([run("swing", "e", "instant", ABA)], [compared])], [own])), "e").answers
+    assert (answer.quantities[0].undetermined, answer.quantities[0].remark) == (chip, remark)
+
+
+def test_the_record_counts_open_reactions_of_each_joint():
+    """A planar four-bar: out of its plane three rows depend on others, so no hinge knows its share of that load."""
+    four_bar = load_case("four_bar")
+    asked = Results([four_bar], [Question.INSTANT])
+    (found,) = [line for line in lines(asked, 0.0) if line["record"] == "case"]
+    n = four_bar.instants
+    assert found["undetermined"] == {j.name: [0, 0, n, n, n, 0] for j in four_bar.mechanism.joints}
+    (unasked,) = [line for line in lines(Results([four_bar], [Question.MODEL]), 0.0) if line["record"] == "case"]
+    assert unasked["undetermined"] == {}
+
+
+def test_the_horizon_is_plotted_where_rounding_reaches_the_digits_asked(soft):
+    found = figures(soft)["horizon.swing"]
+    grown = found["data"][0]
+    eps = 2.0**-52
+    assert grown["y"] == pytest.approx([eps, 1e6 * eps, 1e9 * eps], rel=1e-3)
+    asked, shade, edge = found["layout"]["shapes"]
+    assert asked["y0"] == asked["y1"] == 1e-8
+    assert (edge["x0"], edge["x1"], shade["x0"], shade["x1"]) == (3.0, 3.0, 3.0, 5.0)
+    assert "horizon 3 s" in [a["text"] for a in found["layout"]["annotations"]]
+    (swing,) = page(soft).cases
+    facts = {f.name: (f.value, f.note) for f in swing.facts}
+    assert facts["horizon"] == ("3 s of 5 s", "one rounding error grows to 2.2e-07 at the end")
+
+
+def test_differences_over_time_show_horizon_and_bands(soft):
+    found = figures(soft)["difference.swing.soft"]
+    lines_ = {t["name"]: t for t in found["data"]}
+    band, spread = lines_["band of the finest"], lines_["uncertainty of the reference"]
+    solid = [t for t in found["data"] if t["line"]["dash"] == "solid"]
+    assert (band["x"], band["y"]) == ([0.0, 3.0], [6.1e-9, 6.1e-9])
+    assert band["line"]["color"] == solid[0]["line"]["color"]
+    assert spread["y"] == [1e-13, 1e-13]
+    assert [shape["x0"] for shape in found["layout"]["shapes"]] == [0, 3.0, 3.0]
+    assert [t["legendgrouptitle"]["text"] for t in solid] == ["weld", "weld as it comes (engine's defaults)"]
+    assert wording.method_title("Euler, Defaults", matched=False) == "Euler, Defaults"
+
+
+def test_without_a_horizon_nothing_is_shaded(everything):
+    found = figures(everything)
+    assert [s["type"] for s in found["difference.swing.good"]["layout"]["shapes"]] == ["line"]
+    assert found["energy.swing.good"]["layout"]["shapes"] == []
+    assert "horizon.swing" not in found
+
+
+def test_work_and_steps_are_of_the_same_runs_and_defaults_are_hollow(soft):
+    work, steps = (figures(soft)[f"{kind}.swing"]["data"] for kind in ("work", "steps"))
+    assert [t["x"] for t in work] == [[0.1, 0.2], [0.1, 0.2]]
+    assert [t["x"] for t in steps] == [[0.005, 0.0025], [0.002, 0.001]]
+    # a third of the largest: the largest comes past the horizon
+    assert [t["y"] for t in work] == [t["y"] for t in steps] == [[2e-5, 1e-6], [0.01, 0.006667]]
+    assert [t["marker"]["symbol"] for t in work] == ["circle", "square-open"]
+    assert steps[0]["name"] == "weld, order 3.99"
+
+
+def test_an_adaptive_method_stands_at_its_mean_step(everything):
+    steps = figures(everything)["steps.swing"]["data"]
+    adaptive = next(t for t in steps if t["name"] == "dopri")
+    assert adaptive["x"] == [0.005, 0.005]  # 5 s in 1000 steps
+    assert adaptive["text"] == ["tolerance 1e-08", "tolerance 1e-10"]
 
 
 def test_anchors_are_fit_for_urls_and_differ_where_names_do():

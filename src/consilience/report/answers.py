@@ -2,39 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from consilience.compare import Verdict
+from consilience.compare.rules import RULES
+from consilience.report.facts import Entry, facts_of, horizon_text, softness_facts
+from consilience.report.selection import judged_largest, levels_of, method_of, probes_of, softness_of
 from consilience.report.wording import (
+    CAUSES,
+    CAUSES_BY_VERDICT,
     DASH,
     LOOKS,
+    PROFILES,
     ROUTES,
-    UNITS,
     Look,
     counted,
     digits_text,
-    nested,
+    method_title,
     number,
     order_text,
     plain,
     seconds,
+    step_name,
+    step_text,
 )
+from consilience.run import Profile
 
-
-@dataclass(frozen=True)
-class Entry:
-    """A named value with a note."""
-
-    name: str
-    value: str
-    note: str = ""
+CONDITIONS = {rule.name: rule.when.replace("`", "") for rule in RULES}
 
 
 @dataclass(frozen=True)
 class QuantityRow:
-    """A compared quantity. `state` is ``met``, ``missed`` or ``absent``."""
+    """A compared quantity. `state` is ``met``, ``missed`` or ``absent``; `undetermined` counts values left out."""
 
     name: str
     difference: str
@@ -42,6 +43,7 @@ class QuantityRow:
     count: str
     state: str
     remark: str
+    undetermined: str = ""
 
     @property
     def verdict(self) -> str:
@@ -50,9 +52,10 @@ class QuantityRow:
 
 
 @dataclass(frozen=True)
-class LevelTable:
-    """Levels of a trajectory, coarse to fine."""
+class NumberTable:
+    """Numbers under heads, with a caption."""
 
+    caption: str
     heads: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
 
@@ -68,22 +71,46 @@ class Trouble:
 
 @dataclass(frozen=True)
 class AnswerView:
-    """One question by one method."""
+    """One question by one method.
+
+    Attributes
+    ----------
+    matched : bool
+        Whether the engine ran with matched settings; else it ran at its own defaults.
+    rule, condition : str
+        The rule that decided and when it holds; empty where bars decided alone.
+    cause : str
+        Why the verdict is what it is, in a sentence without numbers; `why` has them.
+    judged : str
+        Up to when a motion is judged, where that is not its end.
+    """
 
     question: str
     method: str
     route: str
     route_sentence: str
+    matched: bool
+    profile: str
     look: Look
+    rule: str
+    condition: str
+    cause: str
     why: str
+    judged: str
     digits: str
     quantities: tuple[QuantityRow, ...]
-    levels: LevelTable
+    tables: tuple[NumberTable, ...]
     facts: tuple[Entry, ...]
+    softness: tuple[Entry, ...]
     settings: tuple[tuple[str, str], ...]
     troubles: tuple[Trouble, ...]
     unsupported: tuple[str, ...]
     log: str
+
+    @property
+    def title(self) -> str:
+        """The method, labelled where it is the engine's default."""
+        return method_title(self.method, self.matched)
 
     @property
     def settings_count(self) -> str:
@@ -102,57 +129,62 @@ def answer_view(
     Parameters
     ----------
     runs : sequence of dict
-        The runs it judges, coarse to fine.
+        All runs of its method.
     reference : dict or None
         The reference's answer to the question `model`.
     """
-    method = next((r["method"] for r in runs if r["method"]), None) or {}
+    method, levels, probes = method_of(runs), levels_of(runs), probes_of(runs)
+    verdict, rule = Verdict(comparison["verdict"]), comparison["rule"]
     short, sentence = ROUTES.get(comparison["route"], ("no method", "the engine offered none"))
-    by_question = {"model": _model_facts, "instant": _instant_facts, "trajectory": _trajectory_facts}
-    failed = comparison["verdict"] == Verdict.FAILED
     return AnswerView(
         question=comparison["question"],
         method=comparison["method"],
         route=short,
         route_sentence=sentence,
-        look=LOOKS[Verdict(comparison["verdict"])],
+        matched=comparison["profile"] == Profile.MATCHED,
+        profile=PROFILES[comparison["profile"]],
+        look=LOOKS[verdict],
+        rule=rule,
+        condition=CONDITIONS.get(rule, ""),
+        cause=CAUSES[rule] if rule in CAUSES else CAUSES_BY_VERDICT[verdict],
         why=comparison["why"],
+        judged=horizon_text(comparison, case),
         digits=digits_text(comparison["digits"]),
-        quantities=tuple(_quantity(q) for q in comparison["quantities"]),
-        levels=_levels(comparison["levels"], method),
-        facts=tuple(by_question[comparison["question"]](comparison, runs, case, reference)),
+        quantities=tuple(_quantity(q, case) for q in comparison["quantities"]),
+        tables=tuple(t for t in (_levels(comparison, method), _observables(comparison)) if t.rows),
+        facts=tuple(facts_of(comparison, levels, case, reference)),
+        softness=tuple(softness_facts(comparison, probes)),
         settings=tuple((str(k), plain(v)) for k, v in method.get("settings", {}).items()),
-        troubles=tuple(_trouble(r, method) for r in runs if r["status"] == "failed"),
-        unsupported=tuple(comparison["why"].split("; ")) if comparison["verdict"] == Verdict.UNSUPPORTED else (),
-        log="" if failed else "\n".join(r["log"].strip() for r in runs if r["log"].strip()),
+        troubles=tuple(_trouble(r, method) for r in (*levels, *probes) if r["status"] == "failed"),
+        unsupported=tuple(comparison["why"].split("; ")) if verdict is Verdict.UNSUPPORTED else (),
+        log="" if verdict is Verdict.FAILED else "\n".join(r["log"].strip() for r in levels if r["log"].strip()),
     )
 
 
-def _quantity(q: dict[str, Any]) -> QuantityRow:
+def _quantity(q: dict[str, Any], case: dict[str, Any]) -> QuantityRow:
     """A row; `difference` is None where the record could not write it, as it was not finite."""
+    joints = case["undetermined"] if q["name"] == "reactions" else {}
+    count = sum(sum(counts) for counts in joints.values())
+    if q["count"] == 0 and count < 6 * len(case["joints"]) * case["instants"]:
+        joints = {}  # nothing was compared, and not because everything is open: the method gives no reactions
+    remark = f"{q['remark']}: {', '.join(joints)}" if joints else q["remark"]
+    undetermined = f"{count} undetermined" if joints else ""
     if q["count"] == 0:
-        return QuantityRow(q["name"], DASH, number(q["bar"]), DASH, "absent", "not given by this method")
+        return QuantityRow(q["name"], DASH, number(q["bar"]), DASH, "absent", remark, undetermined)
     difference, bar = q["difference"], q["bar"]
     state = "met" if difference is not None and bar is not None and difference <= bar else "missed"
     text = "not finite" if difference is None else number(difference)
-    return QuantityRow(q["name"], text, number(bar), str(q["count"]), state, q["remark"])
+    return QuantityRow(q["name"], text, number(bar), str(q["count"]), state, remark, undetermined)
 
 
-def step_name(method: dict[str, Any]) -> str:
-    """What distinguishes the levels: steps of a fixed-step method, tolerances of an adaptive one."""
-    return "step" if method.get("substeps") else "tolerance"
-
-
-def step_text(step: float | None, method: dict[str, Any]) -> str:
-    """A level in words, with its unit."""
-    unit = " s" if step_name(method) == "step" else ""
-    return DASH if step is None else f"{step:.3g}{unit}"
-
-
-def _levels(levels: Sequence[dict[str, Any]], method: dict[str, Any]) -> LevelTable:
+def _levels(comparison: dict[str, Any], method: dict[str, Any]) -> NumberTable:
+    """Levels of a motion, coarse to fine."""
+    levels = comparison["levels"]
     counters = list(dict.fromkeys(name for level in levels for name in level["counters"]))
+    horizon = comparison["horizon"] is not None
     heads = (
         step_name(method),
+        *(("largest up to the horizon",) if horizon else ()),
         "largest difference",
         "rms difference",
         "CPU time",
@@ -162,6 +194,7 @@ def _levels(levels: Sequence[dict[str, Any]], method: dict[str, Any]) -> LevelTa
     rows = tuple(
         (
             step_text(level["step"], method),
+            *((number(judged_largest(comparison, level), 3),) if horizon else ()),
             number(level["largest"], 3),
             number(level["rms"], 3),
             seconds(level["cpu"]),
@@ -170,7 +203,19 @@ def _levels(levels: Sequence[dict[str, Any]], method: dict[str, Any]) -> LevelTa
         )
         for level in levels
     )
-    return LevelTable(heads, rows)
+    return NumberTable("Levels, coarse to fine", heads, rows)
+
+
+def _observables(comparison: dict[str, Any]) -> NumberTable:
+    """Order and band of each observable, from the levels among themselves."""
+    return NumberTable(
+        "Observables at the finest level, without the reference",
+        ("observable", "change from the level before", "observed order", "band"),
+        tuple(
+            (o["name"], number(o["change"]), order_text(o["order"]), number(o["band"]))
+            for o in comparison["observables"]
+        ),
+    )
 
 
 def _counter(value: float | None) -> str:
@@ -180,57 +225,7 @@ def _counter(value: float | None) -> str:
 
 def _trouble(run: dict[str, Any], method: dict[str, Any]) -> Trouble:
     name = run["question"] if run["step"] is None else f"{step_name(method)} {step_text(run['step'], method)}"
+    softness = softness_of(run)
+    if softness not in (None, 1.0):
+        name += f", softness {softness:g}"
     return Trouble(name, run["reason"], run["log"].strip())
-
-
-def _cpu(runs: Sequence[dict[str, Any]]) -> Iterator[Entry]:
-    if any(r["status"] == "answered" for r in runs):
-        yield Entry("CPU time", seconds(sum(r["cpu"] for r in runs)))
-
-
-def _model_facts(
-    _comparison: dict[str, Any],
-    runs: Sequence[dict[str, Any]],
-    _case: dict[str, Any],
-    reference: dict[str, Any] | None,
-) -> Iterator[Entry]:
-    """The engine's own account beside the reference's."""
-    names = {"mass": "total mass", "com": "centre of mass", "inertia": "inertia", "freedom": "degrees of freedom"}
-    answer = next((r["answer"] for r in runs if r["answer"]), None)
-    if answer is None:
-        return
-    for key, name in names.items():
-        value, expected = nested(answer[key]), nested(reference[key]) if reference else ""
-        note = "as the reference" if value == expected else f"reference {expected}".strip()
-        yield Entry(name, f"{value} {UNITS[key]}".strip(), note if expected else "")
-    yield from _cpu(runs)
-
-
-def _instant_facts(
-    _comparison: dict[str, Any],
-    runs: Sequence[dict[str, Any]],
-    case: dict[str, Any],
-    _reference: dict[str, Any] | None,
-) -> Iterator[Entry]:
-    yield Entry("states", str(case["instants"]), "the initial state, then random consistent ones")
-    yield from _cpu(runs)
-
-
-def _trajectory_facts(
-    comparison: dict[str, Any],
-    _runs: Sequence[dict[str, Any]],
-    case: dict[str, Any],
-    _reference: dict[str, Any] | None,
-) -> Iterator[Entry]:
-    if not comparison["levels"]:
-        return
-    yield Entry("digits", digits_text(comparison["digits"]), f"at the finest level; asked {case['digits']}")
-    if comparison["declared_order"] is not None:
-        hidden = "hidden by rounding" if comparison["order"] is None else "the two finest levels against the reference"
-        among = "hidden by rounding" if comparison["self_order"] is None else "three levels, without the reference"
-        yield Entry("declared order", str(comparison["declared_order"]))
-        yield Entry("observed order", order_text(comparison["order"]), hidden)
-        yield Entry("self order", order_text(comparison["self_order"]), among)
-        yield Entry("limit digits", digits_text(comparison["limit_digits"]), "of the Richardson limit")
-        yield Entry("band", number(comparison["band"]), "uncertainty of the finest level (grid convergence index)")
-    yield Entry("reference spread", number(comparison["reference_spread"]), "over formulations and tolerances")

@@ -10,9 +10,10 @@ from __future__ import annotations
 import json
 import os
 import platform
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, is_dataclass
 from datetime import UTC, datetime
+from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -22,10 +23,11 @@ import numpy as np
 from consilience.case import Case
 from consilience.compare import Verdict
 from consilience.errors import InvalidInput
-from consilience.run import Run, TrajectoryAnswer
+from consilience.observe import determinate_reactions
+from consilience.run import Profile, Question, Run, TrajectoryAnswer
 from consilience.suite import Results
 
-FORMAT = 1
+FORMAT = 2
 
 
 @dataclass(frozen=True)
@@ -37,6 +39,19 @@ class Record:
     runs: list[dict[str, Any]]
     comparisons: list[dict[str, Any]]
     footer: dict[str, Any]
+
+    @cached_property
+    def _by_method(self) -> dict[tuple[str, ...], list[dict[str, Any]]]:
+        found: dict[tuple[str, ...], list[dict[str, Any]]] = {}
+        for run in self.runs:
+            method = run["method"]["name"] if run["method"] else ""
+            found.setdefault((run["case"], run["engine"], run["question"], method), []).append(run)
+        return found
+
+    def runs_of(self, comparison: dict[str, Any]) -> list[dict[str, Any]]:
+        """Runs of the method of a comparison, in order: levels and probes of other softness alike."""
+        c = comparison
+        return self._by_method.get((c["case"], c["engine"], c["question"], c["method"]), [])
 
 
 def _plain(value: Any) -> Any:
@@ -81,7 +96,7 @@ def _processor() -> str:
     return platform.processor() or "unknown"
 
 
-def _case(case: Case) -> dict[str, Any]:
+def _case(case: Case, questions: Sequence[Question]) -> dict[str, Any]:
     mechanism = case.mechanism
     return {
         "record": "case",
@@ -94,10 +109,18 @@ def _case(case: Case) -> dict[str, Any]:
         "sample": case.sample,
         "digits": case.digits,
         "instants": case.instants,
+        "undetermined": _undetermined(case) if Question.INSTANT in questions else {},
         "sources": case.sources,
         "remarks": case.remarks,
         "tags": case.tags,
     }
+
+
+def _undetermined(case: Case) -> dict[str, list[int]]:
+    """Joints with reactions that equilibrium leaves open: at how many of the states each component of force, torque."""
+    determined = [determinate_reactions(case.mechanism, state) for state in case.states]
+    counts = np.sum(~np.array(determined), axis=0)
+    return {j.name: [int(n) for n in c] for j, c in zip(case.mechanism.joints, counts, strict=True) if np.any(c)}
 
 
 def _run(run: Run) -> dict[str, Any]:
@@ -113,7 +136,7 @@ def lines(results: Results, elapsed: float) -> Iterator[dict[str, Any]]:
     """Records of a report in order."""
     yield header(results, elapsed)
     for case in results.cases:
-        yield _case(case)
+        yield _case(case, results.questions)
     for run in results.runs:
         yield _run(run)
     for comparison in results.comparisons:
@@ -130,9 +153,10 @@ def lines(results: Results, elapsed: float) -> Iterator[dict[str, Any]]:
 def exit_code(results: Results) -> int:
     """Whether the engines agree: 0 yes, 1 some differ in the model, 3 incomplete (missing, failed, unresolved).
 
-    A difference that shrinks away with the step size is no disagreement; an unsupported case is no failure.
+    A difference that shrinks away with the step size or with the softness of constraints is no disagreement; an
+    unsupported case is no failure. Answers at the engines' own defaults are told, and decide nothing.
     """
-    verdicts = {c.verdict for c in results.comparisons}
+    verdicts = {c.verdict for c in results.comparisons if c.profile is Profile.MATCHED}
     if Verdict.MODEL in verdicts:
         return 1
     return 3 if results.missing or verdicts & {Verdict.FAILED, Verdict.UNRESOLVED} else 0
@@ -163,8 +187,11 @@ def _write_arrays(results: Results, folder: Path) -> None:
             a = run.answer
             arrays = {"p_WB": a.p_WB, "quat_WB": a.quat_WB, "v_WB_W": a.v_WB_W, "w_WB_W": a.w_WB_W}
             method = run.method.name if run.method else ""
+            # hard constraints have softness 0: there is no None in an NPZ
+            softness = (run.method.softness if run.method else None) or 0.0
+            about = {"step": run.step or 0.0, "method": method, "softness": softness}
             target = folder / f"{run.case}.{run.engine}.{numbers[key]}.npz"
-            np.savez_compressed(target, time=a.time, step=run.step or 0.0, method=method, **arrays)  # type: ignore[arg-type]
+            np.savez_compressed(target, time=a.time, **about, **arrays)  # type: ignore[arg-type]
 
 
 def read_record(folder: Path) -> Record:

@@ -11,22 +11,26 @@ from consilience.compare import Verdict
 from consilience.kinematics import constraint_residual, free_directions, joint_coordinates, relative_motion
 from consilience.mechanism import Joint, JointSpring, Load, Mechanism, Spring, State
 from consilience.report.record import Record
+from consilience.report.selection import is_matched
 from consilience.report.wording import LOOKS
 
 
 def matrix(record: Record) -> tuple[list[str], list[tuple[str, list[str]]]]:
-    """Engines, and for each case the worst verdict of each engine, with the digits of the least accurate answer."""
+    """Engines, and for each case the worst verdict of each engine, with the digits of the least accurate answer.
+
+    Matched methods alone count.
+    """
     engines = [name for name in record.header["engines"] if name != "reference"]
-    rows = []
+    rows, matched = [], [c for c in record.comparisons if is_matched(c)]
     for case in record.cases:
-        found = [[c for c in record.comparisons if (c["case"], c["engine"]) == (case["name"], e)] for e in engines]
+        found = [[c for c in matched if (c["case"], c["engine"]) == (case["name"], e)] for e in engines]
         rows.append((case["name"], [_cell(comparisons) for comparisons in found]))
     return engines, rows
 
 
 def legend(record: Record) -> list[str]:
     """What the symbols of the matrix mean, those that occur."""
-    occur = {c["verdict"] for c in record.comparisons}
+    occur = {c["verdict"] for c in record.comparisons if is_matched(c)}
     return [f"{look.symbol} {look.name}: {look.sentence}" for v, look in LOOKS.items() if str(v) in occur]
 
 

@@ -6,92 +6,30 @@ are dashes: a quantity of which no value was compared is never shown as a differ
 
 from __future__ import annotations
 
-import shlex
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 from consilience.compare import Verdict
-from consilience.report.answers import AnswerView, Entry, answer_view
+from consilience.report.answers import AnswerView
+from consilience.report.cases import CaseView, case_view
+from consilience.report.cells import REFERENCE, Cell
+from consilience.report.defaults import Defaults, defaults_view
+from consilience.report.facts import Entry
 from consilience.report.record import Record
+from consilience.report.tables import MethodTable, method_tables
 from consilience.report.wording import (
-    DASH,
+    CAPTIONS,
     EXIT_CODES,
     LOOKS,
     NOT_ASKED,
     PHRASES,
-    QUESTIONS,
     RANK,
     ROUTES,
     YARDSTICK,
     Look,
-    anchor,
     counted,
-    digits_text,
-    number,
-    order_text,
 )
-
-REFERENCE = "reference"
-
-
-@dataclass(frozen=True)
-class Mark:
-    """One question within a cell: verdict and digits of each method, the headline first."""
-
-    question: str
-    entries: tuple[tuple[Look, str], ...]
-
-
-@dataclass(frozen=True)
-class Cell:
-    """One engine on one case: what the matrix shows, and what opens from it."""
-
-    anchor: str
-    case: str
-    title: str
-    engine: str
-    command: str
-    look: Look
-    marks: tuple[Mark, ...]
-    answers: tuple[AnswerView, ...]
-    exact: tuple[str, ...]
-    approximated: tuple[str, ...]
-
-    @property
-    def questions(self) -> list[tuple[str, str, list[AnswerView]]]:
-        """Each question asked, what it compares, and the answers to it."""
-        return [
-            (q, text, found) for q, text in QUESTIONS.items() if (found := [a for a in self.answers if a.question == q])
-        ]
-
-    @property
-    def figures(self) -> bool:
-        """Whether there are levels to plot."""
-        return any(a.levels.rows for a in self.answers)
-
-    @property
-    def label(self) -> str:
-        """The cell in words, for a screen reader."""
-        return f"{self.case}, {self.engine}: {self.look.name}"
-
-
-@dataclass(frozen=True)
-class CaseView:
-    """A case: one row of the matrix, one section of the page."""
-
-    anchor: str
-    name: str
-    title: str
-    facts: tuple[Entry, ...]
-    bodies: tuple[str, ...]
-    joints: tuple[tuple[str, str, str, str], ...]
-    sources: tuple[str, ...]
-    remarks: tuple[str, ...]
-    tags: tuple[str, ...]
-    command: str
-    figures: bool
-    cells: tuple[Cell, ...]
 
 
 @dataclass(frozen=True)
@@ -113,15 +51,6 @@ class Tally:
 
 
 @dataclass(frozen=True)
-class OrderRow:
-    """Observed orders of one method of one engine on one case."""
-
-    cell: Cell
-    answer: AnswerView
-    values: tuple[str, ...]
-
-
-@dataclass(frozen=True)
 class Page:
     """Everything a page says."""
 
@@ -133,17 +62,11 @@ class Page:
     columns: tuple[Column, ...]
     missing: tuple[tuple[str, str], ...]
     cases: tuple[CaseView, ...]
-    orders: tuple[OrderRow, ...]
+    defaults: Defaults
+    tables: tuple[MethodTable, ...]
     legend: tuple[Look, ...] = (*LOOKS.values(), NOT_ASKED, YARDSTICK)
     routes: tuple[tuple[str, str], ...] = tuple(ROUTES.values())
-    order_heads: tuple[str, ...] = (
-        "declared",
-        "to the reference",
-        "among the levels",
-        "finest, digits",
-        "limit, digits",
-        "band",
-    )
+    captions: Mapping[str, str] = field(default_factory=lambda: CAPTIONS)
 
     @property
     def cells(self) -> list[Cell]:
@@ -152,16 +75,17 @@ class Page:
 
     @property
     def remarkable(self) -> list[tuple[Cell, AnswerView]]:
-        """Every answer that does not plainly agree, worst first."""
-        found = [(c, a) for c in self.cells for a in c.answers if a.look is not LOOKS[Verdict.AGREES]]
+        """Every answer with matched settings that does not plainly agree, worst first."""
+        found = [(c, a) for c in self.cells for a in c.matched if a.look is not LOOKS[Verdict.AGREES]]
         return sorted(found, key=lambda pair: -RANK[pair[1].look.name])
 
 
 def page(record: Record) -> Page:
     """View of a record."""
     columns = _columns(record.header)
-    cases = tuple(_case(record, case, columns) for case in record.cases)
-    cells = [cell for case in cases for cell in case.cells if cell.engine != REFERENCE]
+    cases = tuple(case_view(record, case, [column.name for column in columns]) for case in record.cases)
+    every = [cell for case in cases for cell in case.cells]
+    cells = [cell for cell in every if cell.engine != REFERENCE]
     code = record.footer["exit_code"]
     tallies = _tallies(cells)
     return Page(
@@ -173,7 +97,8 @@ def page(record: Record) -> Page:
         columns=columns,
         missing=tuple(record.header["missing"].items()),
         cases=cases,
-        orders=tuple(_orders(record, cases)),
+        defaults=defaults_view(record, every),
+        tables=method_tables(record, every),
     )
 
 
@@ -209,105 +134,3 @@ def _facts(header: dict[str, Any]) -> Iterator[Entry]:
         yield Entry(f"engine {engine['name']}", f"{engine['version']}, adapter {engine['adapter']}", engine["remarks"])
     for name, reason in header["missing"].items():
         yield Entry(f"engine {name}", "not available", reason)
-
-
-def _case(record: Record, case: dict[str, Any], columns: Sequence[Column]) -> CaseView:
-    name = case["name"]
-    reference = _reference_model(record, name)
-    return CaseView(
-        anchor=anchor("case", name),
-        name=name,
-        title=case["title"],
-        facts=tuple(_case_facts(case, reference)),
-        bodies=tuple(case["bodies"]),
-        joints=tuple((j[0], j[1], j[2], j[3]) for j in case["joints"]),
-        sources=tuple(case["sources"]),
-        remarks=tuple(unwrapped(p) for p in case["remarks"].split("\n\n") if p.strip()),
-        tags=tuple(case["tags"]),
-        command=f"consilience run {shlex.quote(name)}",
-        figures=any(c["case"] == name and c["levels"] for c in record.comparisons),
-        cells=tuple(_cell(record, case, column.name, reference) for column in columns),
-    )
-
-
-def unwrapped(paragraph: str) -> str:
-    """A paragraph without the line breaks of its file; indented lines keep theirs."""
-    text = ""
-    for line, before in zip((lines := paragraph.strip("\n").split("\n")), ["", *lines], strict=False):
-        text += ("\n" if line.startswith(" ") or before.startswith(" ") else " ") + line.strip()
-    return text.strip()
-
-
-def _reference_model(record: Record, case: str) -> dict[str, Any] | None:
-    """The reference's own account of the model, if it was asked for."""
-    found = (r["answer"] for r in record.runs if (r["case"], r["engine"], r["question"]) == (case, REFERENCE, "model"))
-    return next((answer for answer in found if answer), None)
-
-
-def _case_facts(case: dict[str, Any], reference: dict[str, Any] | None) -> Iterator[Entry]:
-    rows = case["rows"]
-    if reference is not None:
-        dependent = rows - (6 * len(case["bodies"]) - reference["freedom"])
-        yield Entry("degrees of freedom", str(reference["freedom"]))
-        yield Entry("constraint rows", str(rows), f"{dependent} of them dependent")
-        yield Entry("total mass", f"{number(reference['mass'], 3)} kg")
-    else:
-        yield Entry("constraint rows", str(rows))
-    yield Entry("trajectory", f"{case['duration']:g} s", f"sampled every {case['sample']:g} s")
-    yield Entry("digits asked of a trajectory", str(case["digits"]))
-    yield Entry("states of the question instant", str(case["instants"]))
-
-
-def _cell(record: Record, case: dict[str, Any], engine: str, reference: dict[str, Any] | None) -> Cell:
-    name = case["name"]
-    runs = [r for r in record.runs if (r["case"], r["engine"]) == (name, engine)]
-    found = [c for c in record.comparisons if (c["case"], c["engine"]) == (name, engine)]
-    answers = tuple(answer_view(c, _runs_of(c, runs), case, reference) for c in found)
-    manifests = [r["manifest"] for r in runs if r["manifest"]]
-    return Cell(
-        anchor=anchor(name, engine),
-        case=name,
-        title=case["title"],
-        engine=engine,
-        command=f"consilience run {shlex.quote(name)} -e {shlex.quote(engine)}",
-        look=worst([a.look for a in answers], YARDSTICK if engine == REFERENCE else NOT_ASKED),
-        marks=tuple(_marks(record.header["questions"], answers, YARDSTICK if engine == REFERENCE else NOT_ASKED)),
-        answers=answers,
-        exact=tuple(manifests[0]["exact"]) if manifests else (),
-        approximated=tuple(manifests[0]["approximated"]) if manifests else (),
-    )
-
-
-def worst(looks: Sequence[Look], otherwise: Look) -> Look:
-    """The verdict that a cell shows; `otherwise` where nothing was compared."""
-    return max(looks, key=lambda look: RANK[look.name], default=otherwise)
-
-
-def _runs_of(comparison: dict[str, Any], runs: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Runs that a comparison judges, coarse to fine."""
-    key = (comparison["question"], comparison["method"])
-    return [r for r in runs if (r["question"], r["method"]["name"] if r["method"] else "") == key]
-
-
-def _marks(questions: Sequence[str], answers: Sequence[AnswerView], otherwise: Look) -> Iterator[Mark]:
-    for question in questions:
-        entries = [(a.look, a.digits if a.digits != DASH else "") for a in answers if a.question == question]
-        yield Mark(question, tuple(entries) or ((otherwise, ""),))
-
-
-def _orders(record: Record, cases: Sequence[CaseView]) -> Iterator[OrderRow]:
-    """One row for every trajectory by a method of declared order that was compared."""
-    found = {(c["case"], c["engine"], c["method"]): c for c in record.comparisons if c["levels"]}
-    for cell in (cell for case in cases for cell in case.cells):
-        for answer in cell.answers:
-            c = found.get((cell.case, cell.engine, answer.method))
-            if answer.question == "trajectory" and c is not None and c["declared_order"] is not None:
-                values = (
-                    str(c["declared_order"]),
-                    order_text(c["order"]),
-                    order_text(c["self_order"]),
-                    digits_text(c["digits"]),
-                    digits_text(c["limit_digits"]),
-                    number(c["band"]),
-                )
-                yield OrderRow(cell, answer, values)

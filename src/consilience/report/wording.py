@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from consilience.compare import Verdict
-from consilience.run import Question, Route
+from consilience.run import Profile, Question, Route
 
 DASH = "\N{EM DASH}"
 
@@ -42,6 +42,12 @@ LOOKS: dict[Verdict, Look] = {
         Verdict.DISCRETISATION,
         "The steps are too coarse for the digits asked, but smaller ones lead to the reference: no disagreement.",
     ),
+    Verdict.REGULARISATION: Look(
+        "regularisation",
+        "\N{PROPORTIONAL TO}",
+        Verdict.REGULARISATION,
+        "The engine's constraints are soft, and the difference goes away with that softness: the model is the same.",
+    ),
     Verdict.UNSUPPORTED: Look(
         "unsupported",
         "\N{EMPTY SET}",
@@ -52,13 +58,13 @@ LOOKS: dict[Verdict, Look] = {
         "unresolved",
         "?",
         Verdict.UNRESOLVED,
-        "The runs do not suffice to decide: not asymptotic at these steps, or no answer of the reference.",
+        "The runs do not suffice to decide: not asymptotic at these steps, past the horizon, or no sure reference.",
     ),
     Verdict.MODEL: Look(
         "model",
         "\N{NOT EQUAL TO}",
         Verdict.MODEL,
-        "A difference that no smaller step removes: another model, or another reading of the same one.",
+        "A difference that neither smaller steps nor harder constraints remove: another model, or another reading.",
     ),
     Verdict.FAILED: Look(
         "failed",
@@ -70,8 +76,9 @@ LOOKS: dict[Verdict, Look] = {
 """Verdicts, best first."""
 
 PHRASES: dict[Verdict, str] = {
-    Verdict.AGREES: "agree with the reference in every question and by every method",
+    Verdict.AGREES: "agree with the reference in every question and by every matched method",
     Verdict.DISCRETISATION: "differ by the step size alone, which smaller steps remove",
+    Verdict.REGULARISATION: "differ by the softness of the engine's constraints",
     Verdict.UNSUPPORTED: "hold something the engine cannot represent",
     Verdict.UNRESOLVED: "are unresolved",
     Verdict.MODEL: "differ in the model",
@@ -104,10 +111,52 @@ QUESTIONS: dict[str, str] = {
 }
 
 EXIT_CODES: dict[int, str] = {
-    0: "no engine differs in the model, and none is missing, failed or unresolved",
-    1: "at least one engine differs in the model",
-    3: "incomplete: an engine is missing, a run failed, or a verdict is unresolved",
+    0: "with matched settings no engine differs in the model, and none is missing, failed or unresolved",
+    1: "with matched settings at least one engine differs in the model",
+    3: "incomplete: an engine is missing, or with matched settings a run failed or a verdict is unresolved",
 }
+"""What decides the exit code; answers at the engines' own defaults do not."""
+
+CAUSES: dict[str, str] = {
+    "horizon": "The motion is too sensitive: rounding reaches the digits asked before the first sample.",
+    "uncertain reference": "The reference is not certain enough to judge.",
+    "disputed reference": "A published value contradicts the reference.",
+    "agreement": "As accurate as asked.",
+    "steps": "The steps are too large for the digits asked; smaller ones lead to the reference.",
+    "earlier layer": "The accelerations are already others, before anything is integrated.",
+    "softness": "The engine's constraints are soft; harder ones lead to the reference.",
+    "softness unclear": "The engine's constraints are soft; harder ones move the answer, but not to the reference yet.",
+    "no ladder": "Not as accurate as asked, and there is only one step to judge by.",
+    "not asymptotic": "The steps are too large to tell a cause.",
+    "elsewhere": "Smaller steps lead to another motion.",
+}
+"""Cause of a verdict in a sentence, by the rule that decided."""
+
+CAUSES_BY_VERDICT: dict[str, str] = {
+    Verdict.AGREES: "Within the bars.",
+    Verdict.DISCRETISATION: CAUSES["steps"],
+    Verdict.REGULARISATION: "The engine's constraints are soft.",
+    Verdict.UNSUPPORTED: "The engine cannot represent something in the case.",
+    Verdict.UNRESOLVED: "There is nothing to judge by.",
+    Verdict.MODEL: "Other accelerations, reactions or energies than the case's.",
+    Verdict.FAILED: "No usable answer.",
+}
+"""The same where no rule decided: answers with bars, and runs without an answer."""
+
+PROFILES: dict[str, str] = {Profile.MATCHED: "matched", Profile.DEFAULT: "engine's defaults"}
+"""Whose settings a method runs with."""
+
+CAPTIONS: dict[str, str] = {
+    "horizon": "How far the motion can be judged: one rounding error, committed at the start, grows along the "
+    "reference as shown, the largest over a few directions. Where it reaches the digits asked lies the horizon; what "
+    "lies shaded beyond is not judged. Dotted: the uncertainty of the reference.",
+    "work": "Work and precision: largest difference to the reference, up to the horizon, against CPU time of the "
+    "worker; one marker a level, one colour an engine, hollow at the engine's defaults. Lower left is better. Each "
+    "time is that of a single run.",
+    "steps": "The same runs against the step, of an adaptive method the mean step. A line falls one decade a decade "
+    "for each order; where it is level, smaller steps no longer help.",
+}
+"""What the figures of a case show."""
 
 UNITS: dict[str, str] = {"mass": "kg", "com": "m", "inertia": "kg m\N{SUPERSCRIPT TWO}", "freedom": ""}
 
@@ -127,6 +176,11 @@ def digits_text(value: float | None) -> str:
     return DASH if value is None else f"{max(value, 0.0):.1f}"
 
 
+def method_title(name: str, matched: bool) -> str:
+    """A method where no chip can label it: one of the engine's defaults says so, unless its name does."""
+    return name if matched or "default" in name.lower() else f"{name} ({PROFILES[Profile.DEFAULT]})"
+
+
 def plain(value: Any) -> str:
     """A setting or a value of the record in one line."""
     if isinstance(value, bool):
@@ -136,6 +190,17 @@ def plain(value: Any) -> str:
     if isinstance(value, list | tuple):
         return ", ".join(plain(v) for v in value)
     return str(value)
+
+
+def step_name(method: dict[str, Any]) -> str:
+    """What distinguishes the levels: steps of a fixed-step method, tolerances of an adaptive one."""
+    return "step" if method.get("substeps") else "tolerance"
+
+
+def step_text(step: float | None, method: dict[str, Any]) -> str:
+    """A level in words, with its unit."""
+    unit = " s" if step_name(method) == "step" else ""
+    return DASH if step is None else f"{step:.3g}{unit}"
 
 
 def order_text(value: float | None) -> str:

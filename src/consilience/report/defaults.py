@@ -1,0 +1,126 @@
+"""What a user of the defaults gets: every engine as it comes out of the box, at its own step, in numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from consilience.compare import Verdict
+from consilience.compare.result import digits_of
+from consilience.report.answers import AnswerView
+from consilience.report.cells import REFERENCE, Cell
+from consilience.report.record import Record
+from consilience.report.selection import judged_largest, method_of
+from consilience.report.wording import DASH, LOOKS, digits_text, step_text
+
+
+@dataclass(frozen=True)
+class DefaultRow:
+    """One default method of one engine on one case.
+
+    Attributes
+    ----------
+    first : bool
+        Whether it is the first of its cell.
+    count : int
+        Rows of the cell.
+    digits, step : str
+        What a user gets: at an instant, or of a motion at the engine's own step.
+    finest, finest_step : str
+        The same at the finest step asked.
+    """
+
+    cell: Cell
+    answer: AnswerView
+    first: bool
+    count: int
+    digits: str
+    step: str
+    finest: str
+    finest_step: str
+
+
+@dataclass(frozen=True)
+class Defaults:
+    """The section: sentences, rows, and the engines that have no default methods."""
+
+    sentences: tuple[str, ...]
+    rows: tuple[DefaultRow, ...]
+    without: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _Motion:
+    """Digits of a motion at the engine's own step against those asked."""
+
+    cell: Cell
+    digits: float | None
+    asked: int
+
+
+def defaults_view(record: Record, cells: Sequence[Cell]) -> Defaults:
+    """View of all default methods of the cells."""
+    found = {(c["case"], c["engine"], c["question"], c["method"]): c for c in record.comparisons}
+    rows: list[DefaultRow] = []
+    motions: list[_Motion] = []
+    asked = {case["name"]: case["digits"] for case in record.cases}
+    for cell in cells:
+        for n, answer in enumerate(cell.defaults):
+            comparison = found[cell.case, cell.engine, answer.question, answer.method]
+            own = _own_digits(comparison)
+            rows.append(_row(cell, answer, n, comparison, method_of(record.runs_of(comparison))))
+            if answer.question == "trajectory":
+                motions.append(_Motion(cell, own, asked[cell.case]))
+    return Defaults(tuple(_sentences(rows, motions)), tuple(rows), tuple(_without(cells)))
+
+
+def _own_digits(comparison: dict[str, Any]) -> float | None:
+    """Digits at an instant, or at the first level of a motion, which is at the engine's own step."""
+    levels = comparison["levels"]
+    if not levels:
+        digits: float | None = comparison["digits"]
+        return digits
+    largest = judged_largest(comparison, levels[0])
+    return None if largest is None else digits_of(largest)
+
+
+def _row(cell: Cell, answer: AnswerView, n: int, comparison: dict[str, Any], method: dict[str, Any]) -> DefaultRow:
+    levels = comparison["levels"]
+    return DefaultRow(
+        cell=cell,
+        answer=answer,
+        first=n == 0,
+        count=len(cell.defaults),
+        digits=digits_text(_own_digits(comparison)),
+        step=step_text(levels[0]["step"], method) if levels else DASH,
+        finest=digits_text(comparison["digits"]) if levels else DASH,
+        finest_step=step_text(levels[-1]["step"], method) if levels else DASH,
+    )
+
+
+def _sentences(rows: Sequence[DefaultRow], motions: Sequence[_Motion]) -> Iterator[str]:
+    """The section in one or two sentences."""
+    instants = [row for row in rows if row.answer.question == "instant"]
+    if instants:
+        within = sum(row.answer.look is LOOKS[Verdict.AGREES] for row in instants)
+        yield f"Answers within the bars at given states: {within} of {len(instants)}."
+    if motions:
+        answered = [(m.digits, m) for m in motions if m.digits is not None]
+        enough = sum(digits >= m.asked for digits, m in answered)
+        text = f"Motions with the digits asked at the engine's own step: {enough} of {len(motions)}"
+        if answered:
+            digits, least = min(answered, key=lambda pair: pair[0])
+            text += f"; the least accurate has {digits_text(digits)} digits ({least.cell.case} on {least.cell.engine})"
+        if len(answered) < len(motions):
+            text += f"; {len(motions) - len(answered)} without an answer"
+        yield f"{text}."
+
+
+def _without(cells: Sequence[Cell]) -> Iterator[str]:
+    """Engines without a default method, and on which cases."""
+    for engine in dict.fromkeys(cell.engine for cell in cells if cell.engine != REFERENCE):
+        own = [cell for cell in cells if cell.engine == engine]
+        bare = [cell.case for cell in own if cell.matched and not cell.defaults]
+        if bare:
+            yield f"{engine} ({'all cases' if len(bare) == len(own) else ', '.join(bare)})"

@@ -1,0 +1,88 @@
+"""What all figures share: colours, dashes, markers, compact numbers, axes, and the lines of what was asked.
+
+Plain dictionaries in Plotly's format; the script of the page adds the theme and draws a figure when it is opened.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+from typing import Any
+
+import numpy as np
+
+from consilience.report.selection import is_matched
+from consilience.report.wording import method_title
+
+# Okabe and Ito's colours, told apart with every kind of colour blindness, without yellow and black: both page themes
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8C8C8C")
+GREY = "#8C8C8C"
+SHADE = "rgba(140,140,140,0.22)"
+DASHES = ("2px,5px", "longdashdot", "dashdot", "dot", "dash", "solid")
+"""Coarse to fine: six levels at most."""
+
+MARKERS = ("circle", "square", "diamond", "triangle-up", "x", "star")
+
+Figure = dict[str, Any]
+
+
+def compact(values: Sequence[float | None]) -> list[float | None]:
+    """Four significant digits; a gap for what a logarithmic axis cannot show."""
+    return [float(f"{abs(v):.4g}") if v else None for v in values]
+
+
+def grid(times: Sequence[float]) -> Figure:
+    """Sample times; start and interval suffice where they are evenly spread."""
+    steps = np.diff(times)
+    if len(times) > 1 and np.allclose(steps, steps[0], rtol=1e-9):
+        return {"x0": times[0], "dx": float(f"{steps[0]:.10g}")}
+    return {"x": [float(f"{t:.6g}") for t in times]}
+
+
+def title_of(comparison: dict[str, Any]) -> str:
+    """A method in a legend: escaped, and labelled where it is the engine's default."""
+    return escape(method_title(comparison["method"], is_matched(comparison)), quote=False)
+
+
+def figure(traces: Sequence[Figure], xaxis: Figure, title: str) -> Figure:
+    """A figure with a logarithmic axis upwards."""
+    yaxis = {"title": {"text": title}, "type": "log", "exponentformat": "power", "showexponent": "all"}
+    layout: Figure = {"xaxis": xaxis, "yaxis": yaxis, "shapes": [], "annotations": []}
+    return {"data": [{"type": "scatter", **trace} for trace in traces], "layout": layout}
+
+
+def add_asked(given: Figure, digits: int) -> None:
+    """A horizontal line at the digits asked."""
+    level = 10.0**-digits
+    line = {"color": GREY, "dash": "longdash", "width": 1}
+    given["layout"]["shapes"].append(
+        {"type": "line", "xref": "paper", "x0": 0, "x1": 1, "y0": level, "y1": level, "line": line}
+    )
+    _note(given, "asked", xref="paper", x=0, xanchor="left", y=-digits, yanchor="bottom")
+
+
+def add_horizon(given: Figure, comparison: dict[str, Any]) -> None:
+    """The horizon as a vertical line, and what lies beyond it shaded; nothing where it is not within the motion."""
+    times, horizon = comparison["times"], comparison["horizon"]
+    if horizon is None:
+        return
+    at = float(f"{times[0] + horizon:.6g}")
+    line = {"color": GREY, "width": 2}
+    across = {"yref": "paper", "y0": 0, "y1": 1}
+    given["layout"]["shapes"] += [
+        {
+            "type": "rect",
+            "x0": at,
+            "x1": times[-1],
+            **across,
+            "fillcolor": SHADE,
+            "line": {"width": 0},
+            "layer": "below",
+        },
+        {"type": "line", "x0": at, "x1": at, **across, "line": line},
+    ]
+    _note(given, f"horizon {at:.3g} s", x=at, xanchor="right", yref="paper", y=1, yanchor="top")
+
+
+def _note(given: Figure, text: str, **place: Any) -> None:
+    given["layout"]["annotations"].append({"showarrow": False, "text": text, **place})

@@ -1,0 +1,76 @@
+"""Work against precision: the error of every engine and of the reference over CPU time, and over the step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from html import escape
+from typing import Any
+
+from consilience.report.figure import COLOURS, MARKERS, Figure, add_asked, compact, figure, title_of
+from consilience.report.record import Record
+from consilience.report.selection import is_matched, judged_largest, mean_step, method_of
+from consilience.report.wording import order_text, step_name, step_text
+
+_Abscissa = Callable[[dict[str, Any], dict[str, Any]], float | None]
+"""Where a level with its method stands; None where it does not."""
+
+
+def work_precision(compared: Sequence[dict[str, Any]], record: Record, case: dict[str, Any]) -> Figure:
+    """Largest difference against CPU time."""
+    return _precision(compared, record, case, "CPU time in s", lambda level, _: level["cpu"])
+
+
+def step_precision(compared: Sequence[dict[str, Any]], record: Record, case: dict[str, Any]) -> Figure:
+    """Largest difference against the step, the mean step of an adaptive method."""
+    duration = case["duration"]
+    return _precision(
+        compared, record, case, "step in s", lambda level, method: mean_step(level, method, duration), orders=True
+    )
+
+
+def _precision(
+    compared: Sequence[dict[str, Any]],
+    record: Record,
+    case: dict[str, Any],
+    axis: str,
+    abscissa: _Abscissa,
+    orders: bool = False,
+) -> Figure:
+    """One colour an engine, one shape a method, hollow where it is the engine's default, one marker a level."""
+    engines = list(record.header["engines"])
+    traces, seen = [], dict.fromkeys(engines, 0)
+    for comparison in sorted(compared, key=lambda c: engines.index(c["engine"])):
+        engine, method = comparison["engine"], method_of(record.runs_of(comparison))
+        marker = MARKERS[seen[engine] % len(MARKERS)]
+        seen[engine] += 1
+        placed = [(x, level) for level in comparison["levels"] if (x := abscissa(level, method))]
+        if not placed:
+            continue
+        colour = COLOURS[engines.index(engine) % len(COLOURS)]
+        stated = orders and method.get("substeps") and comparison["order"] is not None
+        own = f", order {order_text(comparison['order'])}" if stated else ""
+        traces.append(
+            {
+                "x": compact([x for x, _ in placed]),
+                "y": compact([judged_largest(comparison, level) for _, level in placed]),
+                "text": [f"{step_name(method)} {step_text(level['step'], method)}" for _, level in placed],
+                "name": title_of(comparison) + own,
+                "legendgroup": escape(engine),
+                "legendgrouptitle": {"text": escape(engine)},
+                "mode": "lines+markers",
+                "line": {"color": colour, "width": 1.2},
+                "marker": {
+                    "symbol": marker if is_matched(comparison) else f"{marker}-open",
+                    "size": 9,
+                    "color": colour,
+                },
+                "hovertemplate": "%{text}<br>%{x:.2g} s, %{y:.2e}",
+            }
+        )
+    found = figure(
+        traces,
+        {"title": {"text": axis}, "type": "log", "exponentformat": "power"},
+        "largest difference to the reference",
+    )
+    add_asked(found, case["digits"])
+    return found

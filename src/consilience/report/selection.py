@@ -1,0 +1,68 @@
+"""Which records belong together: runs and the comparison that judges them, levels and probes, matched and default."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from consilience.run import Profile
+
+
+def is_matched(comparison: dict[str, Any]) -> bool:
+    """Whether the engine ran with matched settings, which alone decide the verdict of a cell and the exit code."""
+    return bool(comparison["profile"] == Profile.MATCHED)
+
+
+def softness_of(run: dict[str, Any]) -> float | None:
+    """Scale of the engine's own softness; None where its constraints are hard."""
+    softness: float | None = run["method"]["softness"] if run["method"] else None
+    return softness
+
+
+def levels_of(runs: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Runs of a method at its own softness, coarse to fine."""
+    return [run for run in runs if softness_of(run) in (None, 1.0)]
+
+
+def probes_of(runs: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Runs of a method at other softness, hard to soft: facts about the method, no levels of it."""
+    found = {s: run for run in runs if (s := softness_of(run)) is not None and s != 1.0}
+    return [found[s] for s in sorted(found)]
+
+
+def method_of(runs: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """The method of its runs; empty where the engine offered none."""
+    return next((run["method"] for run in levels_of(runs) if run["method"]), None) or {}
+
+
+def judged_largest(comparison: dict[str, Any], level: dict[str, Any]) -> float | None:
+    """Largest difference of a level, up to the horizon if that is within the motion; None where nothing is judged."""
+    times, horizon = comparison["times"], comparison["horizon"]
+    if horizon is None:
+        largest: float | None = level["largest"]
+        return largest
+    if horizon <= 0.0:
+        return None
+    end = times[0] + horizon * (1.0 + 1e-9)
+    judged = [d for t, d in zip(times, level["difference"], strict=True) if t <= end]
+    return None if any(d is None for d in judged) else max(judged, default=0.0)
+
+
+def mean_step(level: dict[str, Any], method: dict[str, Any], duration: float) -> float | None:
+    """Step of a level in s; of an adaptive method its mean, None where the engine does not count its steps."""
+    if method.get("substeps"):
+        step: float | None = level["step"]
+        return step
+    steps = level["counters"].get("steps")
+    return duration / steps if steps else None
+
+
+def motions_of(case: str, comparisons: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Judged motions of a case, those of matched methods first."""
+    found = [c for c in comparisons if c["case"] == case and c["levels"]]
+    return sorted(found, key=lambda c: not is_matched(c))
+
+
+def growing_motion(case: str, comparisons: Sequence[dict[str, Any]]) -> dict[str, Any] | None:
+    """Any motion of a case that tells the growth of perturbations: it is the case's, the same for all."""
+    return next((c for c in motions_of(case, comparisons) if c["growth"]), None)
