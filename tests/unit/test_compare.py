@@ -17,9 +17,10 @@ from consilience.compare import (
 from consilience.compare.instant import Instants, relative_difference
 from consilience.compare.motion import difference_over_time, kept_samples, size_of_motion
 from consilience.compare.result import digits_of
+from consilience.compare.softness import SCALES
 from consilience.compare.uncertainty import richardson
 from consilience.mechanism import Frame
-from consilience.run import InstantAnswer, Method, ModelAnswer, Question, Route, Run, Status, TrajectoryAnswer
+from consilience.run import InstantAnswer, Method, ModelAnswer, Profile, Question, Route, Run, Status, TrajectoryAnswer
 from consilience.spatial import quaternion_from_rotation_vector, quaternion_product, rotation_from_quaternion
 from mechanisms import chain
 
@@ -438,3 +439,38 @@ def test_at_a_state_without_load_the_other_states_give_the_scale():
         force = released[0].copy()
         force[0, 0, 0] = shift * size
         assert instant(replace(reference, force_F=force), reference=reference).verdict is verdict
+
+
+# ---------------------------------------------------------------- softness at an instant
+
+
+def softened(by, scales, reference=ANSWER):
+    """The answer with accelerations off in proportion to the softness, one and then these."""
+    off = [replace(reference, a_WB_W=reference.a_WB_W + by(s) * INSTANTS.gravity) for s in (1.0, *scales)]
+    return off[0], off[1:]
+
+
+@pytest.mark.parametrize("profile", Profile)
+@pytest.mark.parametrize(
+    ("by", "verdict"),
+    [
+        (lambda s: 1e-14 * s, Verdict.AGREES),
+        (lambda s: 1e-3 * s, Verdict.REGULARISATION),
+        (lambda s: 1e-3 * s**2, Verdict.REGULARISATION),
+        (lambda s: 1e-3 + 1e-6 * s, Verdict.MODEL),
+        (lambda s: 1e-3 + 1e-3 * s, Verdict.UNRESOLVED),
+    ],
+)
+def test_softness_at_an_instant(by, verdict, profile):
+    answer, others = softened(by, SCALES[profile])
+    found = compare_instant("c", "e", replace(PLAIN, profile=profile), answer, ANSWER, INSTANTS, others)
+    assert found.verdict is verdict, found.why
+    assert found.softness is not None
+
+
+def test_softness_explains_accelerations_and_reactions_and_nothing_else():
+    answer, others = softened(lambda s: 1e-3 * s, SCALES[Profile.MATCHED])
+    wrong = replace(answer, kinetic=answer.kinetic * 1.1)
+    assert compare_instant("c", "e", PLAIN, wrong, ANSWER, INSTANTS, others).verdict is Verdict.MODEL
+    pulled = replace(answer, force_F=answer.force_F * 1.001)
+    assert compare_instant("c", "e", PLAIN, pulled, ANSWER, INSTANTS, others).verdict is Verdict.REGULARISATION

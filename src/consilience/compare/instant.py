@@ -103,6 +103,17 @@ def _floor(largest: float, scale: float) -> float:
     return FLOOR * (largest if largest > NOTHING * scale else scale)
 
 
+def _stacked(answer: InstantAnswer) -> Array:
+    """Linear and angular accelerations, shape (n_s, n_b, 6)."""
+    return np.concatenate([answer.a_WB_W, answer.alpha_WB_W], axis=2)
+
+
+def _sizes(expected: Sequence[Array] | Array, scale: float) -> Array:
+    """What a difference is relative to at each state, shape (n_s,)."""
+    floor = _floor(max(_largest(e) for e in expected), scale)
+    return np.array([max(_largest(e), floor) for e in expected])
+
+
 def _by_state(found: Sequence[Array], expected: Sequence[Array], scale: float) -> list[float]:
     """Relative difference at each state; `scale` is what a quantity that vanishes at all states is compared with."""
     floor = _floor(max(_largest(e) for e in expected), scale)
@@ -162,7 +173,8 @@ def compare_instant(
     )
     if not softer:
         return compared
-    return _with_softness(compared, of_accelerations([answer, *softer], SCALES[method.profile], reference))
+    sizes = _sizes(_stacked(reference), instants.gravity)
+    return _with_softness(compared, of_accelerations([answer, *softer], SCALES[method.profile], reference, sizes))
 
 
 def _with_softness(compared: Comparison, soft: Softness) -> Comparison:
@@ -189,9 +201,7 @@ def _worst(differences: Sequence[float], bars: Sequence[float]) -> int:
 
 
 def _accelerations(answer: InstantAnswer, reference: InstantAnswer, instants: Instants, bar: float) -> Quantity:
-    found = np.concatenate([answer.a_WB_W, answer.alpha_WB_W], axis=2)
-    expected = np.concatenate([reference.a_WB_W, reference.alpha_WB_W], axis=2)
-    differences = _by_state(list(found), list(expected), instants.gravity)
+    differences = _by_state(list(_stacked(answer)), list(_stacked(reference)), instants.gravity)
     bars = bar + 4.0 * EPS * instants.condition
     n = _worst(differences, list(bars))
     remark = f"state {n}, condition of the mass matrix {instants.condition[n]:.3g}"

@@ -89,15 +89,26 @@ def of_motions(
     return Softness(order, moved, largest(limit, reference))
 
 
-def of_accelerations(answers: Sequence[InstantAnswer], softness: Sequence[float], reference: InstantAnswer) -> Softness:
-    """Softness from the accelerations in question, the first, and those at these scales."""
+def of_accelerations(
+    answers: Sequence[InstantAnswer], softness: Sequence[float], reference: InstantAnswer, sizes: Array
+) -> Softness:
+    """Softness from the accelerations in question, the first, and those at these scales.
+
+    Parameters
+    ----------
+    sizes : ndarray, shape (n_s,)
+        What differences at each state are relative to.
+    """
     found, expected = [_accelerations(a) for a in answers], _accelerations(reference)
-    size = float(np.max(np.abs(expected))) or 1.0
+
+    def largest(difference: Array) -> float:
+        return float(np.max(np.max(np.abs(difference), axis=(1, 2)) / sizes))
+
     one, two, four = (found[n] for n in _ladder(softness))
-    order = _order(float(np.max(np.abs(two - one))), float(np.max(np.abs(four - two))))
+    order = _order(largest(two - one), largest(four - two))
     limit = one if order is None or order <= 0 else one + (one - two) / (2.0**order - 1.0)
     moved = found[0] - limit if one is not found[0] or limit is not one else two - one
-    return Softness(order, float(np.max(np.abs(moved))) / size, float(np.max(np.abs(limit - expected))) / size)
+    return Softness(order, largest(moved), largest(limit - expected))
 
 
 def _accelerations(answer: InstantAnswer) -> Array:
