@@ -16,7 +16,7 @@ from consilience.spatial import (
     elementary_rotation,
     rotation_with_z_axis,
 )
-from mechanisms import LOOPS, chain, drawn_joint, lumpy_body, rotation
+from mechanisms import ELEMENTS, LOOPS, chain, drawn_joint, lumpy_body, rotation, states_of
 
 ORIGIN = Frame(np.zeros(3), np.eye(3))
 G = 9.81
@@ -363,3 +363,12 @@ def test_motions_that_joint_coordinates_do_not_describe_are_refused():
     mechanism = chain("revolute", seed=3)
     with pytest.raises(InvalidInput, match="no 'distance'"):
         linearise_steady_motion(mechanism, rest, [("j0", "distance")])
+
+
+@pytest.mark.parametrize(("name", "what"), [("rolling_disc", "rolling"), ("skating", "skate")])
+def test_rows_that_hold_velocities_are_refused(name, what):
+    mechanism = ELEMENTS[name]
+    (state,) = states_of(mechanism, 1)
+    joint = mechanism.joints[0].name
+    with pytest.raises(InvalidInput, match=f"{what} .*it holds velocities"):
+        linearise_steady_motion(mechanism, state, [(joint, "rotation")])

@@ -35,7 +35,7 @@ from consilience.reference.analyses.joint_rows import (
     named_coordinate,
     width,
 )
-from consilience.reference.analyses.placing import acceleration_rows, place
+from consilience.reference.analyses.placing import acceleration_rows, place, require_holonomic
 from consilience.reference.canonical import joint_wrenches
 from consilience.spatial import Array, rotation_angle_between
 
@@ -182,10 +182,8 @@ def kinematic_motion(mechanism: Mechanism, drives: Drives, times: ArrayLike, gue
 
 def _functions(mechanism: Mechanism, drives: Drives) -> dict[tuple[str, str], DriveFunction]:
     """All drives, those of the mechanism first."""
-    for what, elements in (("rolling", mechanism.rollings), ("skate", mechanism.skates)):
-        if elements:
-            why = "it holds velocities: positions depend on the way, and not on the drives alone"
-            raise InvalidInput(f"{what} '{elements[0].name}'", why, "Integrate the motion: drives hold there, too.")
+    why = "it holds velocities: positions depend on the way, and not on the drives alone"
+    require_holonomic(mechanism, why, "Integrate the motion: drives hold there, too.")
     functions: dict[tuple[str, str], DriveFunction] = {}
     own = [((drive.joint, drive.coordinate), drive.motion.at) for drive in mechanism.drives]
     for name, function in (*own, *drives.items()):

@@ -24,7 +24,7 @@ from consilience.assembly import (
     move,
 )
 from consilience.element_rows import holonomic_rows
-from consilience.errors import CannotAssemble
+from consilience.errors import CannotAssemble, InvalidInput
 from consilience.kinematics import (
     RANK_TOLERANCE,
     constraint_gamma,
@@ -42,6 +42,13 @@ Values = Mapping[Coordinate, Array]
 
 def _angles(values: Values) -> dict[str, float]:
     return {joint.name: float(value) for (joint, name), value in values.items() if name == "angle"}
+
+
+def require_holonomic(mechanism: Mechanism, why: str, remedy: str) -> None:
+    """Refuse rolling bodies and skates, whose rows hold velocities."""
+    for what, elements in (("rolling", mechanism.rollings), ("skate", mechanism.skates)):
+        if elements:
+            raise InvalidInput(f"{what} '{elements[0].name}'", why, remedy)
 
 
 def acceleration_rows(mechanism: Mechanism, state: State, near: Values) -> tuple[Array, Array]:

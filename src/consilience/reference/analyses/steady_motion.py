@@ -36,6 +36,7 @@ from consilience.reference.analyses.joint_rows import (
     width,
 )
 from consilience.reference.analyses.linearisation import _DIFFERENCE, _NEUTRAL, Complex, _length
+from consilience.reference.analyses.placing import require_holonomic
 from consilience.reference.analyses.statics import force_scale
 from consilience.reference.canonical import at_origins
 from consilience.reference.forces import remember
@@ -139,7 +140,8 @@ def linearise_steady_motion(mechanism: Mechanism, state: State, cyclic: Sequence
     Raises
     ------
     InvalidInput
-        Unknown coordinates; a motion that joint coordinates do not describe (the idle spin of a link between balls).
+        Unknown coordinates; rolling bodies and skates; a motion that joint coordinates do not describe (the idle spin
+        of a link between balls).
     NotSteady
         If other coordinates move, if speeds change, or if they do after a while: the coordinates are not cyclic.
 
@@ -150,6 +152,8 @@ def linearise_steady_motion(mechanism: Mechanism, state: State, cyclic: Sequence
     checked by the reference solver, over one radian of its fastest coordinate. Angles of joint springs are in
     (-pi, pi] at the state.
     """
+    why = "it holds velocities: perturbations of positions and of speeds differ in number"
+    require_holonomic(mechanism, why, "Differentiate accelerations along the motion.")
     frame = _frame(mechanism, state, [named_coordinate(mechanism, *name, "cyclic") for name in cyclic])
     _require_steady(frame)
     N = free_directions(mechanism, state)
