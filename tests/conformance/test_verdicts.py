@@ -1,0 +1,56 @@
+"""What the suite says about real engines, where their documentation and order tell what it must say."""
+
+from dataclasses import replace
+
+import pytest
+
+from consilience.compare import Verdict
+from consilience.library import load_case
+from consilience.run import Profile, Question
+from consilience.suite import run_suite
+
+AGREES, STEPS, SOFT = Verdict.AGREES, Verdict.DISCRETISATION, Verdict.REGULARISATION
+
+# engine, question, method: verdict, and the order it rests on. Loops are welds in MuJoCo, soft by its documentation
+# ("Solver parameters"), and held by error reduction in DART; DART steps by the semi-implicit Euler method
+EXPECTED = {
+    ("mujoco", Question.INSTANT, "mj_forward"): (AGREES, None),
+    ("mujoco", Question.INSTANT, "mj_forward, defaults"): (SOFT, None),
+    ("mujoco", Question.TRAJECTORY, "RK4"): (AGREES, 4),
+    ("mujoco", Question.TRAJECTORY, "Euler, defaults"): (SOFT, None),
+    ("dart", Question.INSTANT, "World.step with weld constraints, defaults, to zero step"): (SOFT, None),
+    ("dart", Question.TRAJECTORY, "World.step"): (STEPS, 1),
+    ("exudyn", Question.TRAJECTORY, "TrapezoidalIndex2"): (STEPS, 2),
+    ("exudyn", Question.TRAJECTORY, "GeneralizedAlpha"): (STEPS, 2),
+    ("exudyn", Question.TRAJECTORY, "GeneralizedAlpha, defaults"): (STEPS, 2),
+}
+
+
+@pytest.fixture(scope="module")
+def comparisons():
+    case = replace(load_case("four_bar"), duration=1.0, instants=3)
+    results = run_suite([case], ["mujoco", "dart", "exudyn"], limit=400.0)
+    assert not results.missing
+    return {(c.engine, c.question, c.method): c for c in results.comparisons}
+
+
+@pytest.mark.parametrize("key", EXPECTED, ids=lambda key: " ".join(key))
+def test_the_verdict_is_the_one_foretold(comparisons, key):
+    verdict, order = EXPECTED[key]
+    found = comparisons[key]
+    assert found.verdict is verdict, found.why
+    if order is not None:
+        assert found.declared_order == order
+        assert found.self_order == pytest.approx(order, abs=0.15)
+    if verdict is SOFT:
+        assert found.rule == "softness"
+        assert found.profile is Profile.DEFAULT
+
+
+def test_stock_loops_come_apart_and_tuned_ones_do_not(comparisons):
+    """Welds of impedance 0.9 give way under the loads of the linkage; joints here are in m."""
+    stock = comparisons["mujoco", Question.TRAJECTORY, "Euler, defaults"].levels[-1]
+    tuned = comparisons["mujoco", Question.TRAJECTORY, "RK4"].levels[-1]
+    assert stock.residual > 1e-4
+    assert tuned.residual < 1e-9
+    assert tuned.largest < 1e-8 < 1e-4 < stock.largest
