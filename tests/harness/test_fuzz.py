@@ -1,0 +1,482 @@
+"""Fuzzing: what is drawn, how it is judged, that a crash costs one mechanism, and that what is found is shrunk.
+
+The planted disagreements are the mutants and faults of `plugins`; every one of them says what it does there.
+"""
+
+import json
+import tomllib
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from consilience.assembly import Initial, drawing_state
+from consilience.case import Case
+from consilience.casefile import load_file
+from consilience.casewriter import case_table, table_text
+from consilience.compare import Verdict
+from consilience.errors import ConsilienceError
+from consilience.fuzz.campaign import Campaign, Judged, Panel, run_campaign
+from consilience.fuzz.command import fuzz
+from consilience.fuzz.findings import exit_code, find
+from consilience.fuzz.judging import alarms, judge
+from consilience.fuzz.population import COMMON, SORTS, STATES, read_text, specimen
+from consilience.fuzz.reductions import AS_IS, Part, knobs, parts, simplified, without
+from consilience.fuzz.shrink import Shrinker
+from consilience.fuzz.summary import markdown, outcome
+from consilience.fuzz.workers import Panelist, Said, Sheet, Task
+from consilience.kinematics import constraint_jacobian, constraint_residual
+from consilience.reference.engine import ReferenceEngine
+from consilience.run import Method, Profile, Question, Route, Unsupported
+from consilience.suite import run_suite
+from mechanisms import chain
+
+SEEDS = range(1, 61)
+INSTANT, MODEL = Question.INSTANT, Question.MODEL
+
+
+@pytest.fixture(scope="module")
+def specimens():
+    return [specimen(seed) for seed in SEEDS]
+
+
+# ------------------------------------------------------------------ what is drawn
+
+
+def test_every_sort_occurs_as_often_as_it_should(specimens):
+    found = Counter(s.sort for s in specimens)
+    assert set(found) == set(SORTS)
+    assert sum(sort.share for sort in SORTS.values()) == pytest.approx(1.0)
+    for name, sort in SORTS.items():
+        assert found[name] == pytest.approx(sort.share * len(specimens), abs=10)
+
+
+def test_a_seed_is_a_case_and_the_case_is_its_file():
+    one, again, other = specimen(7), specimen(7), specimen(8)
+    assert one.text == again.text != other.text
+    read = read_text(one.text, one.case.name)
+    for name in ("p_WB", "quat_WB", "v_WB_W", "w_WB_W"):
+        states, found = ([getattr(s, name) for s in case.states] for case in (one.case, read))
+        np.testing.assert_array_equal(found, states)
+    assert len(one.case.states) == STATES
+
+
+def test_they_are_assembled_and_move(specimens):
+    for s in specimens:
+        for state in s.case.states:
+            assert np.max(np.abs(constraint_residual(s.case.mechanism, state)), initial=0.0) < 1e-11
+        assert np.max(np.abs([state.v_WB_W for state in s.case.states])) > 0.01, s.seed
+
+
+def test_the_extremes_are_extreme(specimens):
+    by_sort = {sort: [s.case.mechanism for s in specimens if s.sort == sort] for sort in SORTS}
+    lengths = [len(m.bodies) for m in by_sort["long chain"]]
+    assert min(lengths) > 12
+    masses = [[b.mass for b in m.bodies] for m in by_sort["unequal masses"]]
+    assert max(max(m) / min(m) for m in masses) > 1e4
+    least = []
+    for m in by_sort["near singular"]:
+        singular = np.linalg.svd(constraint_jacobian(m, drawing_state(m)), compute_uv=False)
+        kept = singular[singular > 1e-8 * singular[0]]
+        least.append(kept[-1] / kept[0])
+    assert 1e-7 < min(least) < 1e-3
+    known = {f"{kind} joint" for kind in COMMON} | {"spring", "joint spring", "load"}
+    for sort in set(SORTS) - {"all elements"}:
+        assert all(set(m.features) <= known for m in by_sort[sort])
+    assert not set.union(*(set(m.features) for m in by_sort["all elements"])) <= known
+
+
+# ------------------------------------------------------------------ how it is judged
+
+
+@pytest.fixture(scope="module")
+def case():
+    return specimen(8).case
+
+
+@pytest.fixture(scope="module")
+def honest(case):
+    engine = ReferenceEngine()
+    return {
+        question: Said(question, method, answer)
+        for question, method, answer in (
+            (MODEL, Method("m", Route.NATIVE), engine.model(case.mechanism, case.states[0], None)),
+            (
+                INSTANT,
+                Method("i", Route.NATIVE),
+                engine.instant(case.mechanism, case.states, Method("descriptor", Route.REFERENCE)),
+            ),
+        )
+    }
+
+
+def off(said, name="off", by=1e-6, field="a_WB_W", **method):
+    """The same answer but for one field, of another method."""
+    changed = replace(said.answer, **{field: getattr(said.answer, field) * (1.0 + by)})
+    return replace(said, method=replace(said.method, name=name, **method), answer=changed)
+
+
+def entries_of(case, honest, *said, unsupported=(), reference=()):
+    sheets = {"reference": Sheet((*honest.values(), *reference)), "x": Sheet(said, unsupported)}
+    return [e for e in judge(case, sheets) if e.engine == "x"]
+
+
+def test_what_is_right_agrees(case, honest):
+    found = entries_of(case, honest, *honest.values())
+    assert [e.verdict for e in found] == [Verdict.AGREES] * 2
+    assert [e.digits for e in found] == [16.0] * 2
+    assert not alarms(found)
+
+
+@pytest.mark.parametrize(
+    ("question", "field", "quantity"),
+    [
+        (INSTANT, "a_WB_W", "accelerations"),
+        (INSTANT, "alpha_WB_W", "accelerations"),
+        (INSTANT, "torque_F", "reactions"),
+        (INSTANT, "kinetic", "kinetic energy"),
+        (MODEL, "mass", "total mass"),
+        (MODEL, "inertia", "inertia of the whole"),
+    ],
+)
+def test_what_differs_from_the_reference_is_an_alarm(case, honest, question, field, quantity):
+    (found,) = alarms(entries_of(case, honest, off(honest[question], field=field)))
+    assert (found.verdict, found.quantity, found.against) == (Verdict.MODEL, quantity, "reference")
+    assert found.excess > 1e3
+    assert found.why.startswith(quantity)
+
+
+def test_a_way_that_differs_from_another_is_told_once(case, honest):
+    """Against the reference; the pair is compared, too, and says nothing more."""
+    found = entries_of(case, honest, honest[INSTANT], off(honest[INSTANT]))
+    assert [(e.method, e.against) for e in found if e.verdict is Verdict.MODEL] == [("off", "reference"), ("i", "off")]
+    assert [e.against for e in alarms(found)] == ["reference"]
+
+
+def test_ways_that_differ_are_an_alarm_where_there_is_no_reference(case, honest):
+    """Without an answer of the reference the engine's own difference is what remains."""
+    sheets = {
+        "reference": Sheet((Said(INSTANT, None, None, "lost"),)),
+        "x": Sheet((honest[INSTANT], off(honest[INSTANT]))),
+    }
+    found = judge(case, sheets)
+    assert [(e.engine, e.verdict) for e in found if e.against == "reference"] == [
+        ("reference", Verdict.FAILED),
+        ("x", Verdict.UNRESOLVED),
+        ("x", Verdict.UNRESOLVED),
+    ]
+    assert [(e.engine, e.against) for e in alarms(found)] == [("reference", "reference"), ("x", "off")]
+
+
+def test_a_reference_that_differs_from_itself_judges_nobody(case, honest):
+    sheets = {"reference": Sheet((*honest.values(), off(honest[INSTANT]))), "x": Sheet((off(honest[INSTANT]),))}
+    found = judge(case, sheets)
+    assert [(e.engine, e.verdict) for e in found] == [("reference", Verdict.MODEL), ("x", Verdict.UNRESOLVED)]
+
+
+def test_the_profile_of_the_defaults_is_compared_and_not_judged(case, honest):
+    soft = off(honest[INSTANT], "soft", 0.1, profile=Profile.DEFAULT)
+    softer = off(honest[INSTANT], "softer", 0.2, profile=Profile.DEFAULT)
+    found = entries_of(case, honest, honest[INSTANT], soft, softer)
+    pairs = [(e.method, e.against) for e in found]
+    assert ("soft", "softer") in pairs
+    assert ("i", "soft") not in pairs
+    assert not alarms(found)
+
+
+def test_a_pair_has_the_bars_of_the_more_lenient_way(case, honest):
+    rough = off(honest[INSTANT], "rough", 1e-9, route=Route.EXTRAPOLATED)
+    assert not alarms(entries_of(case, honest, honest[INSTANT], rough))
+    (found,) = alarms(entries_of(case, honest, off(honest[INSTANT], "rough", 1e-9)))
+    assert found.method == "rough"
+
+
+def test_a_way_without_reactions_is_compared_in_the_rest(case, honest):
+    bare = honest[INSTANT].answer
+    bare = replace(bare, force_F=None, torque_F=None)
+    without_them = replace(honest[INSTANT], answer=bare, method=Method("bare", Route.NATIVE))
+    for ways in ((honest[INSTANT], without_them), (without_them, honest[INSTANT])):
+        found = entries_of(case, honest, *ways)
+        assert {e.verdict for e in found} == {Verdict.AGREES}
+
+
+def test_bars_grow_with_the_condition_and_no_further(case, honest, monkeypatch):
+    """A difference of 1e-9 is too much at a condition of one and rounding at 1e7: 4 eps cond = 9e-9."""
+    said = off(honest[INSTANT], by=1e-9)
+    verdicts = []
+    for kappa in (1.0, 1e7):
+        monkeypatch.setattr("consilience.fuzz.judging.magnification", lambda *_, k=kappa: k)
+        verdicts.append(entries_of(case, honest, said)[0].verdict)
+        reactions = off(honest[INSTANT], by=1e-8, field="force_F")
+        verdicts.append(entries_of(case, honest, reactions)[0].verdict)
+    assert verdicts == [Verdict.MODEL, Verdict.MODEL, Verdict.AGREES, Verdict.AGREES]
+
+
+@pytest.mark.parametrize(
+    ("said", "kind"),
+    [
+        (Said(INSTANT, Method("i", Route.NATIVE), None, "KeyError: 'b7'"), "KeyError"),
+        (Said(INSTANT, None, None, "the worker died: signal SIGSEGV"), "the worker died"),
+        (Said(INSTANT, Method("i", Route.NATIVE), "42"), "the answer is a str, not a InstantAnswer"),
+    ],
+)
+def test_no_sound_answer_is_a_failure(case, honest, said, kind):
+    (found,) = alarms(entries_of(case, honest, said))
+    assert (found.verdict, found.quantity) == (Verdict.FAILED, kind)
+
+
+def test_what_is_unsupported_is_no_alarm(case, honest):
+    (found,) = entries_of(case, honest, unsupported=(Unsupported("joint 'j'", "no screws"),))
+    assert (found.verdict, found.why) == (Verdict.UNSUPPORTED, "no screws")
+    assert not alarms([found])
+
+
+# ------------------------------------------------------------------ workers
+
+
+def task(name, seed):
+    mechanism = replace(chain("revolute", "spherical", seed=seed), name=name)
+    case = Case(name, f"{name}.toml", name, mechanism, Initial(rates={"j0": {"angle": 1.0}}), 0.2, 0.05, 8, 3, 1)
+    return Task(mechanism, case.states)
+
+
+@pytest.mark.parametrize(
+    ("engine", "evidence"),
+    [
+        ("aborts", "the worker died: signal SIGABRT"),
+        ("hangs", "no answer within 8 s; the worker was stopped"),
+        ("raises_two_parts", "TwoPartError: 7: no licence"),
+        ("gives_lambda", "ickl"),
+        ("cannot_plan", "KeyError: 'spherical'"),
+        ("silent", "no method"),
+    ],
+)
+def test_a_fault_costs_its_mechanism_and_no_other(engine, evidence):
+    """The faults show at the mechanism called ``first``, which is in the middle of the message."""
+    tasks = [task("a", 1), task("first", 2), task("b", 3)]
+    with Panelist(engine, 8.0) as member:
+        sheets = member.sheets(tasks, member.submit_many(tasks))
+        again = member.sheets(tasks[:1], member.submit_many(tasks[:1]))
+    bad = [[said.reason for said in sheet.said if said.reason] for sheet in (*sheets, *again)]
+    assert [len(reasons) > 0 for reasons in bad] == [False, True, False, False]
+    assert evidence in bad[1][0]
+    for sheet in (sheets[0], sheets[2], again[0]):
+        assert {said.question for said in sheet.said if said.answer is not None} == {MODEL, INSTANT}
+
+
+def test_what_is_declared_unsupported_is_said_and_not_asked():
+    with Panelist("selective", 60.0) as member:
+        tasks = [task("first", 1), task("second", 2)]
+        refused, asked = member.sheets(tasks, member.submit_many(tasks))
+    assert [u.reason for u in refused.unsupported] == ["this engine knows no spherical joints"]
+    assert not [said for said in refused.said if said.question is INSTANT]
+    assert not asked.unsupported
+
+
+# ------------------------------------------------------------------ smaller and simpler
+
+
+@pytest.fixture(scope="module")
+def drawn(specimens):
+    """Tables and mechanisms of short ones of every sort."""
+    short = [s for s in specimens if len(s.case.mechanism.bodies) <= 8][:20]
+    return [(tomllib.loads(s.text), s.case.mechanism) for s in short]
+
+
+def names(table, group):
+    return [entry["name"] for entry in table.get(group, [])]
+
+
+def test_any_part_can_go_and_what_is_left_is_assembled(drawn):
+    rng = np.random.default_rng(1)
+    left = Counter()
+    for table, mechanism in drawn:
+        found = parts(table, mechanism)
+        assert {p.name for p in found if p.group == "body"} == {b.name for b in mechanism.bodies}
+        for _ in range(4):
+            gone = [part for part in found if rng.random() < 0.4]
+            new = without(table, mechanism, gone)
+            if not new["body"]:
+                continue
+            smaller = read_text(table_text(new), "smaller").mechanism
+            assert names(new, "body") == [n for n in names(table, "body") if Part("body", n) not in gone]
+            residual = constraint_residual(replace(smaller, drives=(), couplings=()), drawing_state(smaller))
+            # a rolling body may have been lifted from its plane by going over to the body it hung on
+            assert np.max(np.abs(residual[: len(residual) - len(smaller.rollings)]), initial=0.0) < 1e-9
+            left[len(smaller.bodies)] += 1
+    assert sum(left.values()) > 40
+
+
+def test_the_joints_of_a_body_that_goes_hang_on_the_one_before_it():
+    mechanism = chain("revolute", "spherical", "prismatic", seed=3)
+    case = Case("c", "c.toml", "c", mechanism, Initial(), 1.0, 0.1, 6, 1, 1)
+    first, second, third = mechanism.joints
+    new = without(case_table(case), mechanism, [Part("body", second.predecessor)])
+    assert [(j["name"], j["predecessor"], j["successor"]) for j in new["joint"]] == [
+        (second.name, "ground", second.successor),
+        (third.name, third.predecessor, third.successor),
+    ]
+    assert first.name not in names(new, "joint")
+
+
+def test_choices_as_it_is_change_nothing_and_all_others_give_a_case_or_bad_input(drawn):
+    rng = np.random.default_rng(2)
+    read = 0
+    for table, _ in drawn:
+        count = len(knobs(table))
+        assert simplified(table, [AS_IS] * count) == table
+        for _ in range(5):
+            try:
+                read_text(table_text(simplified(table, rng.integers(0, AS_IS + 1, size=count).tolist())), "simpler")
+                read += 1
+            except ConsilienceError:
+                continue
+    assert read > 50
+
+
+def test_the_simplest_choices_are_simple():
+    mechanism = chain("cylindrical", "spherical", seed=3)
+    table = case_table(Case("c", "c.toml", "c", mechanism, Initial(), 1.0, 0.1, 6, 2, 1))
+    simple = simplified(table, [0] * len(knobs(table)))
+    assert simple["gravity"] == [0.0, 0.0, 0.0]
+    assert {j["kind"] for j in simple["joint"]} == {"revolute"}
+    assert all(b["mass"] == 1.0 and b["com"] == [0.0] * 3 and "orientation" not in b for b in simple["body"])
+    assert simple["instant"]["states"] == 1
+
+
+@pytest.mark.parametrize("seed", [3, 5])
+def test_shrinking_finds_the_one_part_it_is_about(seed):
+    """Synthetic disagreement: the mechanism has a joint of a certain kind, and one body heavier than a kilogram."""
+    s = specimen(seed)
+    kind = s.case.mechanism.joints[-1].kind
+
+    def shows(text):
+        mechanism = read_text(text, "x").mechanism
+        return any(j.kind == kind for j in mechanism.joints) and max(b.mass for b in mechanism.bodies) > 1.0
+
+    shrinker = Shrinker(s.text, shows)
+    found = read_text(shrinker.shrink(), "found").mechanism
+    assert shows(shrinker.text)
+    assert len(found.bodies) == 1
+    assert len(found.joints) <= 2
+    assert found.bodies[0].mass == 2.0  # what is above one with one digit
+
+
+def test_what_does_not_show_again_is_kept_as_it_was():
+    text = specimen(3).text
+    assert Shrinker(text, lambda _: False).shrink() == text
+
+
+def test_shrinking_stops_when_its_time_is_over():
+    shrinker = Shrinker(specimen(3).text, lambda _: True, limit=0.0)
+    assert shrinker.shrink() == specimen(3).text
+    assert shrinker.tried == 0
+
+
+# ------------------------------------------------------------------ campaigns
+
+PLANTED = ("dropped_product", "reaction_axes", "body_axes_velocity", "centre_of_mass_lost")
+
+
+@pytest.fixture(scope="module")
+def campaign(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("fuzz")
+    with Panel(["honest", *PLANTED], 180.0) as panel:
+        found = run_campaign(panel, range(1, 9))
+        return found, find(found, panel, folder, 60.0), folder
+
+
+def test_the_correct_engine_raises_no_alarm(campaign):
+    found, findings, _ = campaign
+    assert len(found.judged) == 8
+    assert "honest" not in {f.entry.engine for f in findings}
+    assert {e.verdict for j in found.judged for e in j.entries if e.engine == "honest"} == {Verdict.AGREES}
+
+
+@pytest.mark.parametrize("engine", PLANTED)
+def test_a_planted_disagreement_is_found_and_shrunk_to_three_bodies_at_most(campaign, engine):
+    _, findings, folder = campaign
+    own = [f for f in findings if f.entry.engine == engine]
+    assert own
+    for f in own:
+        assert f.bodies <= 3
+        assert len(load_file(folder / f.file)[0].mechanism.bodies) == f.bodies
+        assert f.shown.signature == f.entry.signature
+
+
+def test_the_smallest_cases_show_it_again(campaign):
+    """As the commands in their first lines would: by the suite, from the files alone."""
+    _, findings, folder = campaign
+    chosen = [next(f for f in findings if (f.entry.engine, f.entry.verdict) == (e, Verdict.MODEL)) for e in PLANTED]
+    for f in chosen:
+        text = (folder / f.file).read_text(encoding="utf-8")
+        assert f"#     consilience run {f.file} -e {f.entry.engine} -q {f.entry.question}\n" in text
+        assert f"#     consilience fuzz --seed {f.seed} --mechanisms 1 -e {f.entry.engine}\n" in text
+    cases = [case for f in chosen for case in load_file(folder / f.file)]
+    results = run_suite(cases, PLANTED, [MODEL, INSTANT])
+    for f, case in zip(chosen, cases, strict=True):
+        asked = (case.name, f.entry.engine, f.entry.question)
+        verdicts = {c.verdict for c in results.comparisons if (c.case, c.engine, c.question) == asked}
+        assert Verdict.MODEL in verdicts, f.file
+
+
+def test_the_seed_of_a_finding_meets_it_again(campaign):
+    found, findings, _ = campaign
+    f = findings[0]
+    (before,) = [j for j in found.judged if j.specimen.seed == f.seed]
+    assert specimen(f.seed).text == before.specimen.text
+    assert f.entry.signature in [e.signature for e in before.entries]
+
+
+def test_the_outcome_has_everything_in_it(campaign):
+    found, findings, _ = campaign
+    data = json.loads(json.dumps(outcome(found, findings), allow_nan=False))
+    assert data["exit_code"] == 1
+    assert set(data["engines"]) == {"reference", "honest", *PLANTED}
+    assert data["engines"]["honest"]["judged"] == 8
+    assert data["engines"]["honest"]["worst_digits"] > 11
+    assert data["engines"]["dropped_product"]["differs"] >= 7
+    assert len(data["findings"]) == len(findings)
+    page = markdown(data)
+    assert page.startswith("# Differential fuzzing\n\n8 mechanisms (")
+    for f in findings:
+        assert f"`consilience run {f.file} -e {f.entry.engine} -q {f.entry.question}`" in page
+
+
+def synthetic(case, *entries):
+    campaign = Campaign()
+    campaign.judged = [Judged(replace(specimen(8), case=case), list(entries))]
+    return campaign
+
+
+def test_exit_codes_are_those_of_the_house(case, honest):
+    agrees, differs = (entries_of(case, honest, said)[0] for said in (honest[INSTANT], off(honest[INSTANT])))
+    failed = replace(agrees, verdict=Verdict.FAILED)
+    soft = replace(differs, profile=Profile.DEFAULT)
+    unresolved = replace(agrees, verdict=Verdict.UNRESOLVED)
+    refused = replace(agrees, verdict=Verdict.UNSUPPORTED)
+    assert exit_code(synthetic(case, agrees, refused, soft)) == 0
+    assert exit_code(synthetic(case, agrees, failed)) == 3
+    assert exit_code(synthetic(case, unresolved)) == 3
+    assert exit_code(synthetic(case, failed, differs)) == 1
+    for field in ("missing", "undrawn"):
+        campaign = synthetic(case, agrees)
+        getattr(campaign, field)["x"] = "why"
+        assert exit_code(campaign) == 3
+
+
+def test_the_command_writes_its_outcome_and_ends_with_the_code(tmp_path):
+    app = typer.Typer()
+    app.command()(fuzz)
+    app.command("other")(lambda: None)
+    options = ["--mechanisms", "3", "--seed", "1", "-e", "honest", "-e", "broken_import", "-o", str(tmp_path / "out")]
+    result = CliRunner().invoke(app, ["fuzz", *options])
+    assert result.exit_code == 3, result.output
+    data = json.loads((tmp_path / "out" / "fuzz.json").read_text(encoding="utf-8"))
+    assert data["seeds"] == [1, 2, 3]
+    assert "libengine.so.3" in data["missing"]["broken_import"]
+    assert (tmp_path / "out" / "fuzz.md").read_text(encoding="utf-8").startswith("# Differential fuzzing")
+    assert "3 mechanisms" in result.output

@@ -1,0 +1,287 @@
+"""`consilience mutate`: what is planted acts as it says, goes again, is caught; correct adapters are left alone.
+
+The expected numbers are closed forms: an armature of a part e of the inertia divides the acceleration of a hinge by
+1 + e, gravity too large by e makes everything that falls from rest faster by e.
+"""
+
+import json
+import os
+import sys
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from consilience.compare import Verdict
+from consilience.errors import InvalidInput
+from consilience.mechanism import State
+from consilience.mutate import campaign, plan, report, seams, summary
+from consilience.mutate.campaign import Alarm, Campaign, Outcome, Task, perform, run_campaign
+from consilience.mutate.command import mutate
+from consilience.mutate.judge import GREEN, verdicts
+from consilience.mutate.mutated import Mutated
+from consilience.mutate.subjects import Subject, random_subject, random_subjects
+from consilience.mutate.summary import Row, Standing
+from consilience.mutate.synthetic import NAME, SyntheticEngine, host
+from consilience.mutate.table import MUTANTS
+from consilience.mutate.table_model import EVERY
+from consilience.mutate.traps import TRAPS, UNPLANTED
+from consilience.run import Question
+from mechanisms import chain, states_of
+
+PLANTED = [(mutant, name) for mutant in MUTANTS.values() for name in mutant.hosts]
+
+
+def subject(*kinds, seed=1, rest=False):
+    mechanism = chain(*kinds, seed=seed)
+    states = states_of(mechanism, 2)
+    if rest:
+        zero = np.zeros_like(states[0].v_WB_W)
+        states = [State(s.p_WB, s.quat_WB, zero, zero) for s in states]
+    return Subject("chain", mechanism, states)
+
+
+def differences(name, magnitude, engine, about):
+    """Differences by quantity of a mutant at `instant`, headline method."""
+    with MUTANTS[name].plant(host(engine), magnitude) as mutant:
+        found = verdicts(mutant, about, Question.INSTANT)[0]
+    return {q.name: q.difference for q in found.quantities}
+
+
+# ---------------------------------------------------------------- the table
+
+
+def test_every_trap_is_planted_or_has_a_reason():
+    planted = {mutant.trap for mutant in MUTANTS.values() if not mutant.harmless and not mutant.unseen}
+    assert planted | set(UNPLANTED) == set(TRAPS)
+    assert not planted & set(UNPLANTED)
+    assert list(TRAPS) == list(range(1, 28))
+
+
+def test_the_table_is_in_order():
+    for mutant in MUTANTS.values():
+        assert set(mutant.hosts) <= set(EVERY)
+        assert list(mutant.magnitudes) == sorted(mutant.magnitudes, reverse=True), mutant.name
+        assert len(mutant.magnitudes) == 1 or mutant.unit or mutant.magnitudes[0] <= 1.0, mutant.name
+        assert not mutant.unseen or mutant.remark
+
+
+@pytest.mark.parametrize(("mutant", "name"), PLANTED, ids=lambda x: getattr(x, "name", x))
+def test_a_mutant_finds_its_seam_and_leaves_nothing_behind(mutant, name):
+    engine = host(name)
+    package = type(engine).__module__.partition(".")[0]
+    homes = [m for n, m in sys_modules() if n.startswith(f"{package}.")]
+    before = {(m.__name__, key): value for m in homes for key, value in vars(m).items()}
+    tables = {key: dict(value) for key, value in before.items() if isinstance(value, dict)}
+    own = set(vars(engine))
+    with mutant.plant(engine, mutant.magnitudes[0]):
+        pass
+    after = {(m.__name__, key): value for m in homes for key, value in vars(m).items()}
+    assert all(after[key] is value for key, value in before.items())
+    assert all(after[key] == value for key, value in tables.items() if key[1] not in ("__builtins__",))
+    assert set(vars(engine)) == own
+
+
+def sys_modules():
+    return [(n, m) for n, m in sys.modules.items() if m is not None]
+
+
+def test_a_seam_is_put_back_after_an_error():
+    table, engine = {"a": 1}, SyntheticEngine()
+    with pytest.raises(KeyError, match="2"), seams.replaced(table, "a", lambda n: n + 1):
+        raise KeyError(table["a"])
+    assert table == {"a": 1}
+    with seams.replaced(engine, "info", lambda _: None):
+        assert engine.info is None
+    assert engine.info().name == NAME
+    with pytest.raises(AttributeError), seams.replaced(engine, "no_such_name", lambda n: n):
+        pass
+
+
+# ---------------------------------------------------------------- what is planted acts as it says
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "pinocchio"])
+@pytest.mark.parametrize("e", [0.1, 1e-3])
+def test_an_armature_divides_the_acceleration_of_a_hinge(engine, e):
+    name = {"mujoco": "armature, MuJoCo", "pinocchio": "armature, Pinocchio"}[engine]
+    about = subject("revolute", rest=True)
+    # at rest, both accelerations are along one vector: the relative difference is 1 - 1/(1 + e)
+    assert differences(name, e, engine, about)["accelerations"] == pytest.approx(e / (1.0 + e), rel=1e-9)
+
+
+@pytest.mark.parametrize("engine", EVERY)
+def test_gravity_too_large_shows_as_it_is(engine):
+    about = subject("revolute", "revolute", rest=True)
+    found = differences("gravity too large", 1e-3, engine, about)
+    assert found["accelerations"] == pytest.approx(1e-3, rel=1e-8)
+    assert found["reactions"] == pytest.approx(1e-3, rel=1e-8)
+
+
+@pytest.mark.parametrize("engine", EVERY)
+def test_a_reaction_turned_round_is_off_by_twice_itself(engine):
+    about = subject("revolute")
+    found = differences("sign of one reaction", 1.0, engine, about)
+    assert found["reactions"] == pytest.approx(2.0, rel=1e-9)
+    assert found["accelerations"] < 1e-11
+
+
+@pytest.mark.parametrize("engine", EVERY)
+def test_without_an_error_a_mutated_engine_is_its_host(engine):
+    about = subject("universal", "revolute")
+    for question in (Question.MODEL, Question.INSTANT):
+        found = verdicts(Mutated(host(engine), 1.0), about, question)
+        assert found
+        assert {c.verdict for c in found} == {Verdict.AGREES}
+
+
+# ---------------------------------------------------------------- the judge and the campaign
+
+
+def test_what_an_adapter_raises_is_a_failed_comparison():
+    with MUTANTS["name gone"].plant(host(NAME), 1.0) as mutant:
+        (found,) = verdicts(mutant, subject("revolute"), Question.INSTANT)
+    assert found.verdict is Verdict.FAILED
+    assert "accelerations_of_old" in found.why
+    with MUTANTS["array transposed"].plant(host(NAME), 1.0) as mutant:
+        (found,) = verdicts(mutant, subject("revolute"), Question.INSTANT)
+    assert found.verdict is Verdict.FAILED
+    assert "a_WB_W has shape" in found.why
+
+
+def test_green_is_what_a_run_passes_over():
+    assert {v for v in Verdict if v not in GREEN} >= {Verdict.MODEL, Verdict.FAILED, Verdict.UNRESOLVED}
+
+
+def test_a_mutant_is_not_judged_where_its_host_differs_already(monkeypatch):
+    seed = next(iter(random_subjects(1)))
+    task = Task("gravity too large", NAME, 1e-2, (seed,))
+    assert perform(task).judged == 1
+    wrong = random_subject(seed).instant_answer
+    monkeypatch.setitem(vars(random_subject(seed)), "instant_answer", wrong_by_a_tenth(wrong))
+    campaign._baseline.cache_clear()
+    try:
+        assert perform(task).judged == 0
+    finally:
+        campaign._baseline.cache_clear()
+
+
+def wrong_by_a_tenth(answer):
+    return replace(answer, a_WB_W=1.1 * answer.a_WB_W)
+
+
+def test_a_smaller_error_is_caught_on_no_more_mechanisms():
+    keys = ("double_pendulum", *random_subjects(3))
+    counts = [perform(Task("inertia rotated", NAME, e, keys)) for e in (1e-2, 1e-8, 1e-15)]
+    assert [o.caught for o in counts] == [4, 4, 0]
+    assert 0.0 < counts[2].largest_missed < 1.0 or counts[2].unchanged == 4
+
+
+def test_what_takes_too_long_is_noticed_and_named():
+    task = Task("gravity too large", NAME, 1e-2, ("double_pendulum",))
+    found = run_campaign([task], [], limit=0.05)
+    assert found.outcomes[0].broken == "no answer within the time limit"
+    assert found.outcomes[0].noticed
+
+
+@pytest.fixture(scope="module")
+def short():
+    chosen = plan.mutants_named([])
+    tasks, alarms = plan.short(chosen, list(EVERY))
+    return run_campaign(tasks, list(EVERY[1:]), alarms, jobs=os.cpu_count() or 2, limit=120.0)
+
+
+def test_the_short_campaign_catches_every_mutant_and_nothing_else(short):
+    rows = summary.rows_of(short)
+    assert {row.mutant.name for row in rows} == set(MUTANTS)
+    bad = {(row.mutant.name, row.host): row.standing for row in rows}
+    good = (Standing.CAUGHT, Standing.SILENT, Standing.UNSEEN)
+    assert {key: s for key, s in bad.items() if s not in good} == {}
+    assert short.alarms == []
+    assert set(short.judged) == set(EVERY[1:])
+    assert summary.traps_caught(rows) == (27 - len(UNPLANTED),) * 2
+    assert summary.exit_code(short) == 0
+
+
+def test_small_errors_are_caught_too(short):
+    caught = Counter(o.mutant for o in short.outcomes if o.noticed and o.magnitude <= 1e-4)
+    assert len(caught) > 30
+
+
+# ---------------------------------------------------------------- summary, report, command
+
+
+def outcome(mutant, magnitude, judged, caught, **more):
+    by = Counter({"instant: accelerations": caught} if caught else {})
+    return Outcome(mutant, NAME, magnitude, judged=judged, caught=caught, by=by, **more)
+
+
+def test_standings():
+    def standing(name, *outcomes):
+        return Row(MUTANTS[name], NAME, outcomes).standing
+
+    g, h, u = "gravity too large", "other sign", "velocities in body axes, motion"
+    assert standing(g, outcome(g, 1e-2, 4, 4), outcome(g, 1e-8, 4, 0)) is Standing.CAUGHT
+    assert standing(g, outcome(g, 1e-2, 4, 0)) is Standing.MISSED
+    assert standing(g, outcome(g, 1e-2, 0, 0)) is Standing.NOT_JUDGED
+    assert standing(g, outcome(g, 1e-2, 0, 0, broken="the worker died")) is Standing.CAUGHT
+    assert standing(h, outcome(h, 1.0, 4, 0)) is Standing.SILENT
+    assert standing(h, outcome(h, 1.0, 4, 1)) is Standing.FALSE_ALARM
+    assert standing(u, outcome(u, 1.0, 4, 0)) is Standing.UNSEEN
+
+
+def test_the_smallest_magnitude_and_why_the_next_was_missed():
+    g = "gravity too large"
+    found = [outcome(g, 1e-2, 4, 4), outcome(g, 1e-8, 4, 4), outcome(g, 1e-10, 4, 3, largest_missed=0.5)]
+    row = Row(MUTANTS[g], NAME, (*found, outcome(g, 1e-12, 4, 0, largest_missed=0.25)))
+    assert row.smallest.magnitude == 1e-10
+    assert row.smallest_everywhere.magnitude == 1e-8
+    assert row.why_missed == "1e-12: 0.25 of the bar at most"
+    silent = Row(MUTANTS[g], NAME, (outcome(g, 1e-12, 4, 0, unchanged=4),))
+    assert silent.why_missed == "1e-12: changes no number of any answer"
+
+
+@pytest.mark.parametrize(
+    ("outcomes", "alarms", "missing", "code"),
+    [
+        ([("gravity too large", 4)], [], {}, 0),
+        ([("gravity too large", 0)], [], {}, 1),
+        ([("other sign", 1)], [], {}, 1),
+        ([("gravity too large", 4)], [Alarm("dart", "seed 1", "instant", "", "differs: model", "")], {}, 1),
+        ([("gravity too large", 4)], [], {"dart": "ImportError"}, 3),
+    ],
+)
+def test_exit_codes(outcomes, alarms, missing, code):
+    found = Campaign([outcome(name, 1.0, 4, caught) for name, caught in outcomes], alarms, missing=missing)
+    assert summary.exit_code(found) == code
+
+
+def test_the_report_tells_what_was_found(tmp_path):
+    g = "gravity too large"
+    alarm = Alarm("dart", "seed 7", "instant", "World.step", "differs: model", "accelerations: difference 1")
+    found = Campaign([outcome(g, 1e-2, 4, 4), outcome(g, 1e-12, 4, 0, unchanged=4)], [alarm], Counter(dart=300), 300)
+    report.write_report(found, tmp_path)
+    text = (tmp_path / "detection.md").read_text(encoding="utf-8")
+    assert "| gravity too large | synthetic | caught | 0.01 of gravity (4 of 4) |" in text
+    assert "| dart | seed 7 | instant | World.step | differs: model | accelerations: difference 1 |" in text
+    data = json.loads((tmp_path / "detection.json").read_text(encoding="utf-8"))
+    assert data["exit_code"] == 1
+    assert data["mutants"][0]["smallest_caught"] == 1e-2
+    assert data["mutants"][0]["magnitudes"][1]["unchanged"] == 4
+    assert data["correct_adapters_judged"] == {"dart": 300}
+
+
+def test_the_command_writes_a_report_and_refuses_unknown_names(tmp_path):
+    app = typer.Typer()
+    app.command()(mutate)
+    runner = CliRunner()
+    out = tmp_path / "found"
+    result = runner.invoke(app, ["25", "-e", NAME, "--short", "-o", str(out), "-j", "1"])
+    assert result.exit_code == 0, result.output
+    assert json.loads((out / "detection.json").read_text(encoding="utf-8"))["exit_code"] == 0
+    for arguments in (["no such mutant"], ["25", "-e", "no such engine"], ["25", "-o", __file__]):
+        refused = runner.invoke(app, arguments)
+        assert isinstance(refused.exception, InvalidInput)

@@ -1,0 +1,100 @@
+"""Case files written and read again: the same mechanism, the same initial state, the same questions."""
+
+from dataclasses import fields, is_dataclass, replace
+
+import numpy as np
+import pytest
+
+from consilience.assembly import Initial
+from consilience.case import Case
+from consilience.casefile import load_file
+from consilience.casewriter import case_text
+from consilience.errors import InvalidInput
+from consilience.generate import random_mechanism
+from consilience.library import shipped_cases
+from consilience.mechanism import Frame
+
+ROUNDING = 1e-14
+"""Points and axes go to the drawing and back: products with a rotation matrix, of coordinates of some 10 m at most."""
+
+
+def written_and_read(case, folder):
+    path = folder / f"{case.name}.toml"
+    path.write_text(case_text(case, "What it shows.\nAnd how to see it."), encoding="utf-8")
+    (found,) = load_file(path)
+    return found
+
+
+def a_case(mechanism, initial=None):
+    spans = {"duration": 1.5, "sample": 0.25, "digits": 7, "instants": 3, "seed": 12}
+    return Case(mechanism.name, "x.toml", 'With "quotes" \\ and ü', mechanism, initial or Initial(), **spans)
+
+
+def assert_same(found, expected, where):
+    """Everything of dataclasses, tuples and mappings, numbers up to rounding; the frames of a rod are its own."""
+    if isinstance(expected, dict):
+        assert set(found) == set(expected), where
+        for name in expected:
+            assert_same(found[name], expected[name], f"{where}.{name}")
+    elif is_dataclass(expected):
+        assert type(found) is type(expected), where
+        for name in (f.name for f in fields(expected)):
+            assert_same(getattr(found, name), getattr(expected, name), f"{where}.{name}")
+    elif isinstance(expected, tuple) and expected and not isinstance(expected[0], float):
+        assert len(found) == len(expected), where
+        for n, (one, other) in enumerate(zip(found, expected, strict=True)):
+            assert_same(one, other, f"{where}[{n}]")
+    elif isinstance(expected, str | bool | int | None):
+        assert found == expected, where
+    else:
+        scale = max(1.0, float(np.max(np.abs(expected), initial=0.0)))
+        np.testing.assert_allclose(found, expected, rtol=0, atol=10 * scale * ROUNDING, err_msg=where)
+
+
+def as_a_file_has_it(mechanism):
+    """A file has rods with z along them, no point of application for a torque, and forces first."""
+    joints = (
+        replace(j, F=Frame(j.F.p, np.eye(3)), M=Frame(j.M.p, np.eye(3))) if j.kind == "rod" else j
+        for j in mechanism.joints
+    )
+    loads = [load if load.kind == "force" else replace(load, point=np.zeros(3)) for load in mechanism.loads]
+    return replace(mechanism, joints=tuple(joints), loads=tuple(sorted(loads, key=lambda load: load.kind)))
+
+
+@pytest.mark.parametrize("seed", range(1, 60))
+def test_a_random_mechanism_comes_back(seed, tmp_path):
+    case = a_case(random_mechanism(seed))
+    found = written_and_read(case, tmp_path)
+    assert_same(as_a_file_has_it(found.mechanism), as_a_file_has_it(case.mechanism), "mechanism")
+
+
+@pytest.mark.parametrize("case", shipped_cases(), ids=lambda c: c.name)
+def test_a_shipped_case_comes_back_whole(case, tmp_path):
+    """But for the random states: they hang on the last bit of a null space's basis."""
+    found = written_and_read(case, tmp_path)
+    assert_same(replace(found, file=case.file, mechanism=replace(found.mechanism, name=case.mechanism.name)), case, "")
+    for name in ("p_WB", "quat_WB", "v_WB_W", "w_WB_W"):
+        one, other = (getattr(c.initial_state, name) for c in (found, case))
+        np.testing.assert_allclose(one, other, rtol=0, atol=1e-12, err_msg=name)
+
+
+def test_held_coordinates_and_guesses_come_back(tmp_path):
+    mechanism = random_mechanism(2, bodies=2)
+    poses = {b.name: Frame(b.drawing.p + 0.1, b.drawing.R.T) for b in mechanism.bodies}
+    velocities = {b.name: (np.arange(3.0), np.arange(3.0) - 0.1) for b in mechanism.bodies}
+    held = {mechanism.joints[0].name: {"orientation": np.array([0.6, 0.8, 0.0, 0.0]), "position": np.arange(3.0)}}
+    case = a_case(
+        mechanism, Initial(held, {mechanism.joints[0].name: {"orientation": np.arange(3.0)}}, poses, velocities)
+    )
+    assert_same(written_and_read(case, tmp_path).initial, case.initial, "initial")
+
+
+def test_what_the_file_says_first_is_the_heading():
+    assert case_text(a_case(random_mechanism(1)), "one\ntwo").startswith("# one\n# two\ntitle = ")
+
+
+def test_joints_that_are_not_assembled_in_the_drawing_are_refused():
+    mechanism = random_mechanism(2, bodies=1)
+    apart = replace(mechanism.joints[0], M=Frame(mechanism.joints[0].M.p + 0.1, mechanism.joints[0].M.R))
+    with pytest.raises(InvalidInput, match=f"joint '{apart.name}': its frames are .* apart in the drawing"):
+        case_text(a_case(replace(mechanism, joints=(apart,))))
