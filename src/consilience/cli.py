@@ -6,6 +6,7 @@ import json
 import os
 import sys
 import time
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated
 
@@ -249,6 +250,32 @@ def schema(kind: Annotated[str, typer.Argument(help="What to describe: case.")])
     if kind != "case":
         raise InvalidInput(f"schema '{kind}'", "there is none", "Schemas: case.")
     sys.stdout.write(json.dumps(case_schema(), indent=2) + "\n")
+
+
+CAMPAIGNS = {
+    "check": ("consilience.identities.command", "Check each engine alone, without a reference, against identities."),
+    "fuzz": ("consilience.fuzz.command", "Judge random mechanisms on all engines, and shrink what disagrees."),
+    "mutate": ("consilience.mutate.command", "Plant known errors in adapters, and tell which are caught."),
+}
+"""Commands that parse their own arguments: module with a function of the same name, and what they do."""
+
+
+def _delegate(name: str) -> None:
+    """Make a command that imports its module when it is called, so that the help of all appears at once."""
+    module, does = CAMPAIGNS[name]
+
+    def command(context: typer.Context) -> None:
+        own = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+        own.command()(getattr(import_module(module), name))
+        code = typer.main.get_command(own).main(context.args, f"consilience {name}", standalone_mode=False)
+        raise typer.Exit(code or 0)
+
+    settings = {"ignore_unknown_options": True, "allow_extra_args": True, "help_option_names": []}
+    app.command(name, help=does, context_settings=settings)(command)
+
+
+for _name in CAMPAIGNS:
+    _delegate(_name)
 
 
 def main() -> None:

@@ -8,20 +8,20 @@ meet in a point.
 
 What is added to a tree must leave a degree of freedom, and the constraints clearly of one rank or another: the
 singular values of their Jacobian in the drawn pose are zero or above `GAP` of the largest. Half of the mechanisms have
-no elements but springs, joint springs and constant loads, which every formulation knows.
+no elements but springs, joint springs and constant loads, which every formulation knows. A `Recipe` decides some of it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from consilience.assembly import drawing_state
 from consilience.functions import Function, through
-from consilience.joints import AXIS_COORDINATES
+from consilience.joints import AXIS_COORDINATES, JOINT_KINDS
 from consilience.kinematics import RANK_TOLERANCE, constraint_jacobian
 from consilience.mechanism import (
     GROUND,
@@ -78,7 +78,46 @@ _LOCKING = 0.15
 _WORLD = Frame(np.zeros(3), np.eye(3))
 
 
-def random_mechanism(seed: int, bodies: int | None = None) -> Mechanism:
+@dataclass(frozen=True)
+class Recipe:
+    """What of a random mechanism is not left to chance.
+
+    Attributes
+    ----------
+    kinds : collection of str
+        Joint kinds it may have.
+    plain : bool or None
+        No elements but springs, joint springs and constant loads; None: so every other time.
+    chain : bool
+        Every body hangs on the one before it.
+    linkages : float
+        Part of the occasions at which a linkage is hung on the tree rather than a body.
+    flat : float
+        Height of the linkages, in proportion to the usual one. Near zero they are near the singular pose in which all
+        their joints lie on a line, or all their axes in a plane, and one constraint gets lost.
+    """
+
+    kinds: Collection[str] = tuple(JOINT_KINDS)
+    plain: bool | None = None
+    chain: bool = False
+    linkages: float = 0.2
+    flat: float = 1.0
+
+    @property
+    def gap(self) -> float:
+        """Least singular value of the constraints, over the largest, that does not count as zero."""
+        return GAP * min(1.0, self.flat)
+
+    def kind(self, weights: Mapping[str, float], rng: np.random.Generator) -> str:
+        """One of its joint kinds at random, by their weights."""
+        known = {kind: weight for kind, weight in weights.items() if kind in self.kinds}
+        return str(rng.choice(list(known), p=np.array(list(known.values())) / sum(known.values())))
+
+
+USUAL = Recipe()
+
+
+def random_mechanism(seed: int, bodies: int | None = None, recipe: Recipe = USUAL) -> Mechanism:
     """Random mechanism of a seed, assembled in its drawing at the time zero, with a degree of freedom at least.
 
     Parameters
@@ -86,13 +125,14 @@ def random_mechanism(seed: int, bodies: int | None = None) -> Mechanism:
     seed : int
     bodies : int, optional
         Number of bodies; 1 to `MOST_BODIES` at random if not given.
+    recipe : Recipe, optional
     """
     rng = np.random.default_rng(seed)
     count = int(rng.integers(1, MOST_BODIES + 1)) if bodies is None else bodies
-    draft = _Draft(f"random_{seed}", rng)
-    plain = rng.random() < 0.5
+    draft = _Draft(f"random_{seed}", rng, recipe)
+    plain = rng.random() < 0.5 if recipe.plain is None else recipe.plain
     while len(draft.bodies) < count:
-        if count - len(draft.bodies) >= 3 and rng.random() < 0.2:
+        if count - len(draft.bodies) >= 3 and rng.random() < recipe.linkages:
             draft.add_linkage()
         else:
             draft.add_body()
@@ -108,8 +148,8 @@ def random_mechanism(seed: int, bodies: int | None = None) -> Mechanism:
 class _Draft:
     """A mechanism that grows."""
 
-    def __init__(self, name: str, rng: np.random.Generator) -> None:
-        self.name, self.rng = name, rng
+    def __init__(self, name: str, rng: np.random.Generator, recipe: Recipe) -> None:
+        self.name, self.rng, self.recipe = name, rng, recipe
         self.gravity = 9.8 * _direction(rng)
         self.bodies: dict[str, Body] = {}
         self.joints: list[Joint] = []
@@ -142,7 +182,7 @@ class _Draft:
     def _base(self) -> str:
         """What the next body hangs on: the last one most often, so that chains are long, or any other."""
         known = [GROUND, *self.bodies]
-        return known[-1] if self.rng.random() < 0.5 else str(self.rng.choice(known))
+        return known[-1] if self.recipe.chain or self.rng.random() < 0.5 else str(self.rng.choice(known))
 
     def _joint(self, kind: str, i: str, j: str, at: Array, axes: Array, to: Array | None = None) -> Joint:
         """Joint drawn in the world, F at `at` and M at `to` or there, too; either end may be the predecessor."""
@@ -166,11 +206,11 @@ class _Draft:
         """Hang a body on the tree."""
         base = self._base()
         name = self._new_body(self._place(base).p + 0.7 * _direction(self.rng))
-        self.joints.append(self._between(_choice(self.rng, TREE_KINDS), base, name))
+        self.joints.append(self._between(self.recipe.kind(TREE_KINDS, self.rng), base, name))
 
     def free_something(self) -> None:
         """Where all joints are rigid or locked, exchange one of the tree for a ball."""
-        if not _sound(self.mechanism(self.joints, {}))[0]:
+        if not rank_of(self.mechanism(self.joints, {}))[0]:
             last = self.joints[-1]
             self.joints[-1] = replace(last, kind="spherical", length=0.0, pitch=0.0)
 
@@ -179,6 +219,7 @@ class _Draft:
         shape, base = str(self.rng.choice(list(LINKAGES))), self._base()
         kinds, R = LINKAGES[shape], _rotation(self.rng)
         corners = np.array([[0.0, 0.0], [0.2, 0.6], [1.1, 0.8], [1.0, 0.0]]) + self.rng.uniform(-0.1, 0.1, (4, 2))
+        corners[:, 1] *= self.recipe.flat
         center = self._place(base).p + self.rng.normal(scale=0.4, size=3)
         points, frames = [], []
         for corner, kind in zip(corners, kinds, strict=True):
@@ -191,6 +232,8 @@ class _Draft:
                 points.append(center + R @ np.array([*corner, self.rng.normal(scale=0.3)]))
             if kind == "prismatic":  # along a direction of the plane
                 angle = self.rng.uniform(-0.4, 0.4)
+                if self.recipe.flat != 1.0:  # across the line of the others: so they lose a constraint
+                    angle = 0.5 * np.pi + self.recipe.flat * angle
                 axes = _with_z(R @ np.array([np.cos(angle), np.sin(angle), 0.0]), self.rng)
             frames.append(axes)
         ends = [base, *(self._new_body(point) for point in points[:3]), base]
@@ -205,9 +248,9 @@ class _Draft:
         if not pairs:
             return
         i, j = pairs[int(self.rng.integers(len(pairs)))]
-        joint = self._between(_choice(self.rng, CLOSING_KINDS), i, j)
-        before, _ = _sound(self.mechanism(self.joints, {}))
-        after, clear = _sound(self.mechanism([*self.joints, joint], {}))
+        joint = self._between(self.recipe.kind(CLOSING_KINDS, self.rng), i, j)
+        before, _ = rank_of(self.mechanism(self.joints, {}))
+        after, clear = rank_of(self.mechanism([*self.joints, joint], {}), self.recipe.gap)
         moves = before - after == len(joint.rows)
         if after and clear and (moves or self.rng.random() < _LOCKING):
             self.joints.append(joint)
@@ -284,9 +327,9 @@ class _Draft:
 
     def _try(self, group: str, element: Any, rows: int) -> None:
         """Add a constraint if its rows are independent of all others and leave a degree of freedom."""
-        before, _ = _sound(self.mechanism(self.joints, self.elements))
+        before, _ = rank_of(self.mechanism(self.joints, self.elements))
         more = self.elements | {group: [*self.elements.get(group, []), element]}
-        after, clear = _sound(self.mechanism(self.joints, more))
+        after, clear = rank_of(self.mechanism(self.joints, more), self.recipe.gap)
         if after and clear and before - after == rows:
             self.elements = more
 
@@ -325,20 +368,18 @@ def lumpy_body(name: str, drawing: Frame, rng: np.random.Generator) -> Body:
     return Body(name, float(masses.sum()), com, inertia, drawing)
 
 
-def _sound(mechanism: Mechanism) -> tuple[int, bool]:
-    """Degrees of freedom in the drawing, and whether no singular value is small without being zero."""
+def rank_of(mechanism: Mechanism, gap: float = GAP) -> tuple[int, bool]:
+    """Degrees of freedom in the drawing, and whether its constraints are clearly of one rank or another.
+
+    They are if no singular value is below `gap` of the largest without being zero.
+    """
     Q = constraint_jacobian(mechanism, drawing_state(mechanism))
     if len(Q) == 0:
         return Q.shape[1], True
     singular = np.linalg.svd(Q, compute_uv=False)
     singular /= singular[0]
     freedom = Q.shape[1] - int(np.sum(singular > RANK_TOLERANCE))
-    return freedom, not np.any((singular > 1e-12) & (singular < GAP))
-
-
-def _choice(rng: np.random.Generator, weights: Mapping[str, float]) -> str:
-    total = np.array(list(weights.values()), dtype=float)
-    return str(rng.choice(list(weights), p=total / total.sum()))
+    return freedom, not np.any((singular > 1e-12) & (singular < gap))
 
 
 def _direction(rng: np.random.Generator) -> Array:

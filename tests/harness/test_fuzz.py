@@ -177,14 +177,18 @@ def test_a_reference_that_differs_from_itself_judges_nobody(case, honest):
     assert [(e.engine, e.verdict) for e in found] == [("reference", Verdict.MODEL), ("x", Verdict.UNRESOLVED)]
 
 
-def test_the_profile_of_the_defaults_is_compared_and_not_judged(case, honest):
+def test_the_defaults_are_judged_among_themselves_alone(case, honest):
     soft = off(honest[INSTANT], "soft", 0.1, profile=Profile.DEFAULT)
-    softer = off(honest[INSTANT], "softer", 0.2, profile=Profile.DEFAULT)
-    found = entries_of(case, honest, honest[INSTANT], soft, softer)
-    pairs = [(e.method, e.against) for e in found]
-    assert ("soft", "softer") in pairs
-    assert ("i", "soft") not in pairs
+    found = entries_of(case, honest, honest[INSTANT], soft, replace(soft, method=replace(soft.method, name="as soft")))
+    assert [(e.method, e.against, e.verdict) for e in found if e.profile is Profile.DEFAULT] == [
+        ("soft", "reference", Verdict.MODEL),
+        ("as soft", "reference", Verdict.MODEL),
+        ("soft", "as soft", Verdict.AGREES),
+    ]
     assert not alarms(found)
+    softer = off(honest[INSTANT], "softer", 0.2, profile=Profile.DEFAULT)
+    (found,) = alarms(entries_of(case, honest, honest[INSTANT], soft, softer))
+    assert (found.method, found.against) == ("soft", "softer")
 
 
 def test_a_pair_has_the_bars_of_the_more_lenient_way(case, honest):

@@ -9,6 +9,7 @@ import os
 import sys
 from collections import Counter
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,11 +19,11 @@ from typer.testing import CliRunner
 from consilience.compare import Verdict
 from consilience.errors import InvalidInput
 from consilience.mechanism import State
-from consilience.mutate import campaign, plan, report, seams, summary
+from consilience.mutate import campaign, plan, report, seams, seams_minimal, summary
 from consilience.mutate.campaign import Alarm, Campaign, Outcome, Task, perform, run_campaign
 from consilience.mutate.command import mutate
 from consilience.mutate.judge import GREEN, verdicts
-from consilience.mutate.mutated import Mutated
+from consilience.mutate.mutated import Mutated, SeamError
 from consilience.mutate.subjects import Subject, random_subject, random_subjects
 from consilience.mutate.summary import Row, Standing
 from consilience.mutate.synthetic import NAME, SyntheticEngine, host
@@ -69,6 +70,12 @@ def test_the_table_is_in_order():
         assert not mutant.unseen or mutant.remark
 
 
+def test_the_document_names_every_trap_and_mutant():
+    text = (Path(__file__).parents[2] / "docs" / "detection.md").read_text(encoding="utf-8")
+    assert [title for n, title in TRAPS.items() if f"**{n}. {title}.**" not in text] == []
+    assert [m.name for m in MUTANTS.values() if f"| {m.trap} | {m.name} |" not in text] == []
+
+
 @pytest.mark.parametrize(("mutant", "name"), PLANTED, ids=lambda x: getattr(x, "name", x))
 def test_a_mutant_finds_its_seam_and_leaves_nothing_behind(mutant, name):
     engine = host(name)
@@ -97,8 +104,9 @@ def test_a_seam_is_put_back_after_an_error():
     with seams.replaced(engine, "info", lambda _: None):
         assert engine.info is None
     assert engine.info().name == NAME
-    with pytest.raises(AttributeError), seams.replaced(engine, "no_such_name", lambda n: n):
-        pass
+    for owner in (engine, table):
+        with pytest.raises(SeamError, match="no_such_name"), seams.replaced(owner, "no_such_name", lambda n: n):
+            pass
 
 
 # ---------------------------------------------------------------- what is planted acts as it says
@@ -204,6 +212,26 @@ def test_the_short_campaign_catches_every_mutant_and_nothing_else(short):
     assert set(short.judged) == set(EVERY[1:])
     assert summary.traps_caught(rows) == (27 - len(UNPLANTED),) * 2
     assert summary.exit_code(short) == 0
+
+
+def test_no_mutant_is_caught_by_a_fault_of_its_own(short):
+    faults = ("AttributeError", "KeyError", "TypeError", "NameError", "IndexError")
+    own = {o.mutant: o.example for o in short.outcomes if any(f in o.example for f in faults)}
+    assert set(own) == {"name gone"}
+
+
+def test_a_mutant_that_does_not_fit_is_not_judged(monkeypatch):
+    lost = replace(MUTANTS["armature, MuJoCo"], plant=seams.inside(("translate", "no_such_name", lambda f, e: f)))
+    other = seams.on_result(seams_minimal._damping_mujoco)  # of a translation, which principal_inertia does not give
+    late = replace(lost, plant=seams.inside(("translate", "principal_inertia", other)))
+    for mutant, words in ((lost, "no_such_name"), (late, "has no attribute 'model'")):
+        monkeypatch.setitem(MUTANTS, mutant.name, mutant)
+        found = perform(Task(mutant.name, "mujoco", 1e-1, ("double_pendulum",)))
+        assert words in found.unusable
+        assert not found.noticed
+        row = Row(mutant, "mujoco", (found,))
+        assert row.standing is Standing.NOT_JUDGED
+        assert words in row.why_missed
 
 
 def test_small_errors_are_caught_too(short):

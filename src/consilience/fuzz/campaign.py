@@ -1,0 +1,169 @@
+"""Many mechanisms on all engines: drawn and judged here, while the engines work on the next ones in their processes."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from typing import Any
+
+from consilience.errors import ConsilienceError
+from consilience.fuzz.judging import Entry, judge
+from consilience.fuzz.population import Specimen, specimen
+from consilience.fuzz.workers import Panelist, Sheet, Task
+from consilience.judge import REFERENCE
+from consilience.run import EngineInfo
+from consilience.worker import Request
+
+MESSAGE = 8
+"""Mechanisms in a message: so many that its way takes less time than the answers, so few that a hang costs little."""
+
+AHEAD = 3
+"""Messages under way: engines differ in speed, and none should wait for the slowest."""
+
+Progress = Callable[[int], None]
+"""Called with the number of mechanisms judged so far."""
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """A mechanism and all entries about it."""
+
+    specimen: Specimen
+    entries: list[Entry]
+
+
+@dataclass
+class Spent:
+    """Where the time went, s: CPU time in this process and of each engine, and the clock."""
+
+    drawing: float = 0.0
+    judging: float = 0.0
+    engines: dict[str, float] = field(default_factory=dict)
+    elapsed: float = 0.0
+
+
+@dataclass
+class Campaign:
+    """All a fuzz found out."""
+
+    engines: dict[str, EngineInfo] = field(default_factory=dict)
+    missing: dict[str, str] = field(default_factory=dict)
+    judged: list[Judged] = field(default_factory=list)
+    undrawn: dict[int, str] = field(default_factory=dict)
+    """Seeds whose mechanism could not be drawn, and why."""
+
+    spent: Spent = field(default_factory=Spent)
+
+
+class Panel:
+    """The reference and the engines, alive until the end of a ``with``.
+
+    Parameters
+    ----------
+    engines : sequence of str
+        The reference is always there.
+    limit : float, s
+        Time limit of a message.
+    """
+
+    def __init__(self, engines: Sequence[str], limit: float) -> None:
+        self.names = [REFERENCE, *(name for name in engines if name != REFERENCE)]
+        self.limit = limit
+        self.members: dict[str, Panelist] = {}
+        self.infos: dict[str, EngineInfo] = {}
+        self.missing: dict[str, str] = {}
+        self._stack = ExitStack()
+
+    def __enter__(self) -> Panel:
+        try:
+            self._start()
+        except BaseException:  # Ctrl-C above all: no engine may go on living for nobody
+            self._stack.close()
+            raise
+        return self
+
+    def _start(self) -> None:
+        members = {name: Panelist(name, self.limit) for name in self.names}
+        for member in members.values():
+            self._stack.callback(member.stop)
+        waiting = {name: member.submit(Request()) for name, member in members.items()}
+        for name, future in waiting.items():
+            reply = members[name].reply(future)
+            if isinstance(reply.value, EngineInfo):
+                self.infos[name], self.members[name] = reply.value, members[name]
+            else:
+                self.missing[name] = reply.reason or f"info() gave a {type(reply.value).__name__}, not an EngineInfo"
+
+    def __exit__(self, *_: object) -> None:
+        self._stack.close()
+
+    def submit(self, tasks: Sequence[Task], engines: Sequence[str] | None = None) -> dict[str, Future[Any]]:
+        """Send a message to the engines, or to some of them."""
+        return {name: self.members[name].submit_many(tasks) for name in engines or self.members}
+
+    def collect(self, tasks: Sequence[Task], futures: dict[str, Future[Any]]) -> list[dict[str, Sheet]]:
+        """Wait for the answers to a message: sheets by engine, a mechanism after the other."""
+        sheets = {name: self.members[name].sheets(tasks, future) for name, future in futures.items()}
+        return [{name: found[n] for name, found in sheets.items()} for n in range(len(tasks))]
+
+
+def run_campaign(panel: Panel, seeds: Sequence[int], progress: Progress | None = None) -> Campaign:
+    """Ask the panel about the mechanisms of the seeds, and judge.
+
+    Raises
+    ------
+    ConsilienceError
+        If the reference does not start.
+    """
+    if REFERENCE in panel.missing:
+        raise ConsilienceError(f"engine '{REFERENCE}' does not start: {panel.missing[REFERENCE]}")
+    campaign = Campaign(panel.infos, panel.missing)
+    campaign.spent.engines = dict.fromkeys(panel.members, 0.0)
+    start = time.perf_counter()
+    under_way: deque[tuple[list[Specimen], list[Task], dict[str, Future[Any]]]] = deque()
+    for specimens in _messages(seeds, campaign):
+        tasks = [Task(s.case.mechanism, s.case.states) for s in specimens]
+        under_way.append((specimens, tasks, panel.submit(tasks)))
+        if len(under_way) > AHEAD:
+            _judge_message(panel, campaign, *under_way.popleft(), progress)
+    while under_way:
+        _judge_message(panel, campaign, *under_way.popleft(), progress)
+    campaign.spent.elapsed = time.perf_counter() - start
+    return campaign
+
+
+def _messages(seeds: Sequence[int], campaign: Campaign) -> Iterator[list[Specimen]]:
+    """Specimens with their states, some at a time."""
+    for first in range(0, len(seeds), MESSAGE):
+        start, drawn = time.process_time(), []
+        for seed in seeds[first : first + MESSAGE]:
+            try:
+                drawn.append(specimen(seed))
+                _ = drawn[-1].case.states
+            except ConsilienceError as error:
+                campaign.undrawn[seed] = str(error)
+        campaign.spent.drawing += time.process_time() - start
+        yield [s for s in drawn if s.seed not in campaign.undrawn]
+
+
+def _judge_message(
+    panel: Panel,
+    campaign: Campaign,
+    specimens: list[Specimen],
+    tasks: list[Task],
+    futures: dict[str, Future[Any]],
+    progress: Progress | None,
+) -> None:
+    answers = panel.collect(tasks, futures)
+    start = time.process_time()
+    for drawn, sheets in zip(specimens, answers, strict=True):
+        campaign.judged.append(Judged(drawn, judge(drawn.case, sheets)))
+        for name, sheet in sheets.items():
+            campaign.spent.engines[name] += sheet.cpu
+    campaign.spent.judging += time.process_time() - start
+    if progress is not None:
+        progress(len(campaign.judged))
