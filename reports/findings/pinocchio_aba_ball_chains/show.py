@@ -1,7 +1,7 @@
 """Pinocchio: `aba` loses digits exponentially along chains of ball joints; along chains of hinges it does not.
 
-Accelerations of a chain of equal bodies, skew frames, no torque: by `aba`, and by the mass matrix of `crba` and the bias
-of `nle`. Rounding may grow with the condition of the mass matrix, eps cond(M); `aba` is a million times beyond.
+Accelerations of a chain of equal bodies, skew frames, no torque, by `aba`, and by the mass matrix of `crba` and the
+bias of `nle`. Rounding may grow with the condition of the mass matrix, eps cond(M); `aba` is a million times beyond.
 
 Second route: `rnea` of both answers. It gives the torque back (zero) for those of the mass matrix and not for `aba`'s.
 """
