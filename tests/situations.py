@@ -60,6 +60,7 @@ class Situation:
     growth: np.ndarray | None = field(default=None)
     dispute: str = ""
     earlier: str = ""
+    velocity: float = 1.0
 
     def judge(self) -> Comparison:
         """The verdict of the rules."""
@@ -78,7 +79,9 @@ class Situation:
     def _run(self, method: Method, level: int, h: float, s: float) -> Run:
         error = self.error(h, s)
         displacement = SIZE * (SHAPE * error if np.ndim(error) == 0 else error)
-        return Run("c", "e", Question.TRAJECTORY, method, level, h, Status.ANSWERED, motion(displacement))
+        answer = motion(displacement)
+        answer = replace(answer, v_WB_W=self.velocity * answer.v_WB_W)
+        return Run("c", "e", Question.TRAJECTORY, method, level, h, Status.ANSWERED, answer)
 
 
 def late(onset: float, order: int) -> Error:
@@ -205,6 +208,11 @@ SITUATIONS = (
         order=4,
         earlier="instant: accelerations",
     ),
+    Situation("velocities of another sign", lambda h, s: 1e-5 * h**2, M, "velocities", velocity=-1.0),
+    Situation("velocities a little off", lambda h, s: 1e-5 * h**2, M, "velocities", velocity=1.0 + 1e-4),
+    Situation("velocities off by no more than they may", lambda h, s: 1e-5 * h**2, A, "agreement", velocity=1.0 + 1e-6),
+    Situation("levels met elsewhere", lambda h, s: 1e-3 + noise(1e-13)(h, s), M, "converged elsewhere", order=4),
+    Situation("levels met elsewhere, a little", lambda h, s: 1e-6 + 1e-5 * h**3, M, "converged elsewhere", order=1),
     # ---------------------------------------------------------------- unresolved
     Situation("order one where four is declared", lambda h, s: 0.1 * h, U, "not asymptotic", order=4),
     Situation("order two where one is declared", lambda h, s: 5.0 * h**2, U, "not asymptotic", order=1),

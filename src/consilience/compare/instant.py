@@ -3,12 +3,16 @@
 The bars (docs/verdicts.md):
 
 ====================================  ==========================================================
-accelerations                         1e-11 + 4 eps cond, cond of the mass matrix
+accelerations                         1e-11
 accelerations, extrapolated route     1e-8: solvers of constraints at velocity level
 reactions (determined components)     1e-10; extrapolated route 1e-7
 energies, mass, centre of mass        1e-12
 inertia of the whole                  1e-12
 ====================================  ==========================================================
+
+Those of accelerations and reactions are for well-conditioned equations. At each state they grow by the factor
+``1 + 4 eps kappa / 1e-11``, kappa the largest condition number of the equations at hand, in whichever way they are
+solved (`consilience.conditioning`).
 
 Accelerations and reactions are compared state by state. At a state where the whole vector is below `FLOOR` of its
 largest component over all states (a rod without load at the moment of release), a relative difference would be
@@ -27,8 +31,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from consilience.compare.result import Comparison, Quantity, Verdict, digits_of
 from consilience.compare.softness import SCALES, Softness, of_accelerations
+from consilience.conditioning import magnification
 from consilience.mechanism import Mechanism, State
-from consilience.observe import determinate_reactions, mass_matrix_condition
+from consilience.observe import determinate_reactions
 from consilience.run import InstantAnswer, Method, ModelAnswer, Question, Route
 from consilience.spatial import Array
 
@@ -60,7 +65,7 @@ class Instants:
     Attributes
     ----------
     condition : ndarray, shape (n_s,)
-        Of the mass matrix.
+        Of the equations of motion, see `conditioning.magnification`.
     determined : ndarray of bool, shape (n_s, n_j, 6)
         Reaction components that equilibrium determines.
     mass : float, kg
@@ -73,11 +78,16 @@ class Instants:
     mass: float
     gravity: float
 
+    @property
+    def rounding(self) -> Array:
+        """Factor that bars grow by at each state, shape (n_s,)."""
+        return 1.0 + 4.0 * EPS * self.condition / Bars().acceleration
+
     @classmethod
     def of(cls, mechanism: Mechanism, states: Sequence[State]) -> Instants:
         """Examine the states of a case."""
         return cls(
-            np.array([mass_matrix_condition(mechanism, s) for s in states]),
+            np.array([magnification(mechanism, s) for s in states]),
             np.array([determinate_reactions(mechanism, s) for s in states]),
             sum(b.mass for b in mechanism.bodies),
             float(np.linalg.norm(mechanism.gravity)),
@@ -202,9 +212,9 @@ def _worst(differences: Sequence[float], bars: Sequence[float]) -> int:
 
 def _accelerations(answer: InstantAnswer, reference: InstantAnswer, instants: Instants, bar: float) -> Quantity:
     differences = _by_state(list(_stacked(answer)), list(_stacked(reference)), instants.gravity)
-    bars = bar + 4.0 * EPS * instants.condition
+    bars = bar * instants.rounding
     n = _worst(differences, list(bars))
-    remark = f"state {n}, condition of the mass matrix {instants.condition[n]:.3g}"
+    remark = f"state {n}, condition of the equations {instants.condition[n]:.3g}"
     return Quantity("accelerations", differences[n], float(bars[n]), reference.a_WB_W.size * 2, remark)
 
 
@@ -223,7 +233,9 @@ def _reactions(answer: InstantAnswer, reference: InstantAnswer, instants: Instan
         [e[known] for e, known in zip(expected, determined, strict=True)],
         instants.mass * _largest(reference.a_WB_W),
     )
-    return Quantity("reactions", float(np.max(differences)), bar, int(np.sum(determined)), remark)
+    bars = bar * instants.rounding
+    n = _worst(differences, list(bars))
+    return Quantity("reactions", differences[n], float(bars[n]), int(np.sum(determined)), remark)
 
 
 def _verdict(

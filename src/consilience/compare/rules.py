@@ -12,6 +12,11 @@ from dataclasses import dataclass
 
 from consilience.compare.result import Verdict
 from consilience.compare.softness import Softness
+from consilience.compare.uncertainty import ROUNDING
+
+FASTER = 1e3
+"""How much larger the relative difference of velocities may be than that of poses: an error that swings a thousand
+times faster than the motion would show so."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +46,8 @@ class Evidence:
         None where the engine's constraints are hard.
     earlier : str
         What the same engine already differs in at `model` or `instant`, empty if nothing.
+    velocities : float
+        Difference of the velocities of the finest level, relative to the largest.
     """
 
     asked: float
@@ -56,6 +63,7 @@ class Evidence:
     asymptotic: bool = False
     softness: Softness | None = None
     earlier: str = ""
+    velocities: float = 0.0
 
     @property
     def allowed(self) -> float:
@@ -144,6 +152,13 @@ RULES: tuple[Rule, ...] = (
         lambda e: f"the reference is disputed: {e.dispute}",
     ),
     Rule(
+        "velocities",
+        Verdict.MODEL,
+        "poses agree, and velocities differ by more than a thousand times what is allowed",
+        lambda e: e.finest <= e.allowed and not e.velocities <= FASTER * e.allowed,
+        lambda e: f"poses differ by {e.finest:.2g} and velocities by {e.velocities:.2g}: they are not of one motion",
+    ),
+    Rule(
         "agreement",
         Verdict.AGREES,
         "the finest level differs by no more than 10^-digits and the uncertainty of the reference",
@@ -184,6 +199,13 @@ RULES: tuple[Rule, ...] = (
         "there is no ladder of steps or tolerances that could explain the difference",
         lambda e: e.limit is None,
         lambda e: f"the finest level differs by {e.finest:.2g}, asked {e.asked:.0e}; no order to read",
+    ),
+    Rule(
+        "converged elsewhere",
+        Verdict.MODEL,
+        "levels without a clear order have come closer to one another than to the reference, threefold band and all",
+        lambda e: not e.asymptotic and e.band is not None and e.finest > max(e.band + e.allowed, ROUNDING),
+        lambda e: f"differs by {e.finest:.2g}, band {e.band:.2g}, order {e.observed}: the levels have met elsewhere",
     ),
     Rule(
         "not asymptotic",

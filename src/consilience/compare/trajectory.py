@@ -19,6 +19,7 @@ import numpy as np
 from consilience.compare import softness, uncertainty
 from consilience.compare.horizon import judged_samples
 from consilience.compare.motion import (
+    OBSERVABLES,
     Scales,
     difference_over_time,
     energy_over_time,
@@ -155,6 +156,7 @@ def compare_trajectory(
         asymptotic=ladder.asymptotic,
         softness=soft,
         earlier=earlier,
+        velocities=_velocities(answers[-1], yard, scales),
     )
     rule, why = decide(evidence)
     samples = kept_samples(len(reference.time))
@@ -182,6 +184,11 @@ def compare_trajectory(
         growth=() if yard.growth is None else tuple(float(g) for g in yard.growth[samples]),
         levels=levels,
     )
+
+
+def _velocities(finest: TrajectoryAnswer, yard: Yardstick, scales: Scales) -> float:
+    found = [OBSERVABLES[name](finest, yard.answer, scales)[: yard.judged] for name in ("velocity", "angular velocity")]
+    return float(np.max(found, initial=0.0))
 
 
 def _softness(

@@ -1,13 +1,8 @@
 """What all engines said about one mechanism, compared: with the reference, and one way of an engine with another.
 
-The bars of `compare.instant` are what well-conditioned equations allow; here they are set for the equations at hand:
-
-    bar = base (1 + 4 eps kappa / 1e-11)
-
-base the bar of the quantity and route, kappa the `conditioning.magnification` at the state (the largest of all states
-for reactions), so that an acceleration of route "native" has 1e-11 + 4 eps kappa, and what is allowed more from the
-start is allowed as much more of the rounding. Where the formulations of the reference differ by more, it is no
-yardstick: its own difference is the disagreement, and the engines are unresolved.
+Bars are those of `compare.instant`, which grow with the condition of the equations at each state. Where the
+formulations of the reference differ by more, it is no yardstick: its own difference is the disagreement, and the
+engines are unresolved.
 
 Ways of one engine are compared where they have the same profile, ``default`` with ``default``, too: they solve the same
 problem, soft as it may be. With the reference those of the profile ``default`` are compared and not judged.
@@ -23,12 +18,11 @@ from itertools import combinations
 import numpy as np
 
 from consilience.case import Case
-from consilience.compare import Comparison, Verdict, compare_instant, compare_model
-from consilience.compare.instant import BARS, EPS, Bars, Instants
-from consilience.conditioning import magnification
+from consilience.compare import Verdict, compare_instant, compare_model
+from consilience.compare.instant import BARS, Bars, Instants
 from consilience.fuzz.workers import Said, Sheet
 from consilience.judge import REFERENCE
-from consilience.observe import determinate_reactions, reach
+from consilience.observe import reach
 from consilience.run import InstantAnswer, Method, ModelAnswer, Profile, Question, defects
 
 _LAST_WORDS = 300
@@ -93,13 +87,7 @@ class _Judge:
     def __init__(self, case: Case, reference: Sheet) -> None:
         self.case = case
         mechanism, states = case.mechanism, case.states
-        self.kappa = np.array([magnification(mechanism, state) for state in states])
-        self.instants = Instants(
-            self.kappa,
-            np.array([determinate_reactions(mechanism, state) for state in states]),
-            sum(body.mass for body in mechanism.bodies),
-            float(np.linalg.norm(mechanism.gravity)),
-        )
+        self.instants = Instants.of(mechanism, states)
         self.length = max(float(np.max(np.abs(case.initial_state.p_WB))), reach(mechanism))
         self.yard: dict[Question, Said] = {}
         for said in reference.said:
@@ -167,33 +155,13 @@ class _Judge:
             assert isinstance(expected, InstantAnswer)
             if expected.force_F is None:  # of two ways that are compared, this one has no reactions
                 found = replace(found, force_F=None, torque_F=None)
-            comparison = self._instant(engine, said.method, found, expected)
+            comparison = compare_instant(self.case.name, engine, said.method, found, expected, self.instants)
         missed = next((q.name for q in comparison.quantities if not q.met), "")
         excess = max((q.difference / q.bar if q.bar else q.difference) for q in comparison.quantities)
         return replace(
             self._entry(engine, said, against, comparison.verdict, missed, comparison.why),
             digits=comparison.digits,
             excess=float(excess),
-        )
-
-    def _instant(self, engine: str, method: Method, found: InstantAnswer, expected: InstantAnswer) -> Comparison:
-        """Compare with the bars of the module's text."""
-        bars, usual = _bars(method), Bars()
-        more = bars.acceleration / usual.acceleration
-        instants = replace(self.instants, condition=more * self.kappa)
-        compared = compare_instant(self.case.name, engine, method, found, expected, instants)
-        rounding = 1.0 + 4.0 * EPS * float(np.max(self.kappa)) / usual.acceleration
-        quantities = tuple(
-            replace(q, bar=rounding * q.bar) if q.name == "reactions" else q for q in compared.quantities
-        )
-        missed = [q for q in quantities if not q.met]
-        worst = missed[0] if missed else max(quantities, key=lambda q: q.difference / q.bar)
-        relation = "above" if missed else "within"
-        return replace(
-            compared,
-            quantities=quantities,
-            verdict=Verdict.MODEL if missed else Verdict.AGREES,
-            why=f"{worst.name}: difference {worst.difference:.2g}, {relation} the bar {worst.bar:.2g}",
         )
 
     def _entry(self, engine: str, said: Said, against: str, verdict: Verdict, quantity: str, why: str) -> Entry:

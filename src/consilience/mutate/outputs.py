@@ -158,7 +158,8 @@ def loads_cleared(asked: Asked, answer: InstantAnswer, magnitude: float) -> Inst
 def name_gone(asked: Asked, answer: InstantAnswer, magnitude: float) -> InstantAnswer:
     """A name of the engine's interface that its next version no longer has."""
     del answer, magnitude
-    return asked.engine.accelerations_of_old  # type: ignore[attr-defined]
+    gone: InstantAnswer = asked.engine.accelerations_of_old  # type: ignore[attr-defined]
+    return gone
 
 
 def array_transposed(asked: Asked, answer: InstantAnswer, magnitude: float) -> InstantAnswer:

@@ -134,7 +134,7 @@ _CONSTRAINTS = (
            remark="as above"),
     Mutant(20, "one proximal iteration", "constraintDynamics regularised by this and stopped after one iteration",
            ("pinocchio",), (*decades(-2, -14, 2), 0.0), "mu", I, seams_minimal.proximal, needs.loop,
-           methods="constraintDynamics"),
+           methods="constraintDynamics", remark="at 0, the default, dependent rows give values that are not numbers"),
     Mutant(20, "undetermined reactions", "other values where equilibrium leaves the reactions open", EVERY, (1e3,), "N",
            I, changed(instant=outputs.undetermined_reactions), needs.redundant, harmless=True),
     Mutant(20, "freedom by count", "dependent rows counted twice", EVERY, WHOLE, "",
