@@ -251,7 +251,7 @@ def test_standings():
     def standing(name, *outcomes):
         return Row(MUTANTS[name], NAME, outcomes).standing
 
-    g, h, u = "gravity too large", "other sign", "velocities in body axes, motion"
+    g, h, u = "gravity too large", "other sign", "fields as a step leaves them"
     assert standing(g, outcome(g, 1e-2, 4, 4), outcome(g, 1e-8, 4, 0)) is Standing.CAUGHT
     assert standing(g, outcome(g, 1e-2, 4, 0)) is Standing.MISSED
     assert standing(g, outcome(g, 1e-2, 0, 0)) is Standing.NOT_JUDGED
