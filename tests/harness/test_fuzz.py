@@ -380,6 +380,20 @@ def test_shrinking_stops_when_its_time_is_over():
     assert shrinker.tried == 0
 
 
+def test_a_disagreement_that_shows_only_sometimes_is_kept_as_it_was():
+    """After the first look nothing shows any more: Hypothesis has no example to start from, and that is no error."""
+    asked = []
+
+    def shows(text):
+        asked.append(text)
+        return len(asked) == 1
+
+    text = specimen(3).text
+    shrinker = Shrinker(text, shows)
+    assert shrinker.shrink() == text
+    assert len(asked) > 1
+
+
 # ------------------------------------------------------------------ campaigns
 
 PLANTED = ("dropped_product", "reaction_axes", "body_axes_velocity", "centre_of_mass_lost")
