@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from situations import SITUATIONS
 
 from consilience.compare import Verdict
 from consilience.compare.rules import RULES
+from situations import SITUATIONS
 
 DOCS = Path(__file__).parents[2] / "docs" / "verdicts.md"
 
