@@ -162,7 +162,7 @@ def _runs_of_question(worker: Worker, case: Case, plan: Plan, question: Question
         levels = _levels(case, question, method)
         if not levels:
             yield failed(method, "the method names no substeps and no tolerances: no level to run")
-        if finest:
+        elif finest:
             yield _one_run(worker, case, plan, question, method, len(levels) - 1, levels[-1])
         else:
             yield from _ladder(worker, case, plan, question, method, levels)
