@@ -127,6 +127,8 @@ def _ask_everything(
         return reply.reason or f"info() gave a {type(reply.value).__name__}, not an EngineInfo", []
     found: list[Run] = []
     for case in cases:
+        if worker.cancelled:
+            break
         found += _runs_of_case(worker, case, questions)
         if progress is not None:
             progress(worker.engine, case.name)

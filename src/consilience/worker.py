@@ -179,6 +179,11 @@ class Worker:
         if self._pending is not None:
             self._pending.cancel()
 
+    @property
+    def cancelled(self) -> bool:
+        """Whether nothing will be answered any more."""
+        return self._cancelled
+
     def submit(self, request: Request) -> Future[Any]:
         """Queue a job; give the future to `reply`."""
         future: Future[Any] = self._pool.schedule(_serve, args=(self.engine, request), timeout=self.limit)
