@@ -164,7 +164,9 @@ def test_list_and_show_work_from_any_folder(tmp_path):
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for the workers in /proc")
 def test_interrupt_stops_at_once_and_leaves_no_worker_behind(tmp_path):
-    command = [sys.executable, "-c", "from consilience.cli import main; main()", "run", "-o", "report"]
+    # a run started in the background of a shell ignores Ctrl-C, and so would its children: here it is listened to
+    listening = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
+    command = [sys.executable, "-c", f"{listening}; from consilience.cli import main; main()", "run", "-o", "report"]
     # a session of its own, so that every descendant can be found by it
     process = subprocess.Popen(command, cwd=tmp_path, start_new_session=True, stderr=subprocess.DEVNULL)
     deadline = time.monotonic() + 60
