@@ -96,6 +96,7 @@ class _Judge:
         self.uncertain: set[Question] = set()
 
     def entries(self, sheets: Mapping[str, Sheet]) -> Iterator[Entry]:
+        """All comparisons, those of the reference with itself first: where it is uncertain, engines are unresolved."""
         for engine in (REFERENCE, *(name for name in sheets if name != REFERENCE)):
             found = list(self._of_engine(engine, sheets[engine]))
             if engine == REFERENCE:

@@ -202,6 +202,7 @@ class _Record:
     def finding(
         self, identity: str, method: Method | None, found: Residual | NotApplicableError | NoAnswerError
     ) -> Finding:
+        """What one identity gave by one method."""
         outcome, residual, bar, remark = _judged(found)
         return Finding(
             self.case,

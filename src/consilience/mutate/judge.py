@@ -6,8 +6,10 @@ Nothing is judged here: answers go to `compare_model`, `compare_instant` and `co
 from __future__ import annotations
 
 import traceback
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from consilience.compare import Comparison, Verdict, compare_instant, compare_model, compare_trajectory
 from consilience.compare.softness import SCALES
@@ -55,10 +57,13 @@ def verdicts(engine: Engine, subject: Subject, question: Question, methods: str 
         return [_failed(subject, question, None, error)]
     found = []
     for method in chosen:
+        ask, compare = _QUESTIONS[question]
         try:
-            found.append(_ASK[question](engine, subject, method))
+            answer = ask(engine, subject, method)
         except Exception as error:  # noqa: BLE001 - as above
             found.append(_failed(subject, question, method, error))
+        else:
+            found.append(compare(subject, method, answer))  # an error of ours is no evidence about an engine
     return found
 
 
@@ -72,15 +77,23 @@ def _checked(answer: object, question: Question, subject: Subject, count: int) -
         raise DefectiveAnswerError("; ".join(wrong))
 
 
-def _model(engine: Engine, subject: Subject, method: Method) -> Comparison:
+def _model(engine: Engine, subject: Subject, method: Method) -> ModelAnswer:
     answer: ModelAnswer = engine.model(subject.mechanism, subject.states[0], method)
     _checked(answer, Question.MODEL, subject, 1)
+    return answer
+
+
+def _compare_model(subject: Subject, method: Method, answer: ModelAnswer) -> Comparison:
     return compare_model(subject.name, "", method, answer, subject.model_answer, subject.size)
 
 
-def _instant(engine: Engine, subject: Subject, method: Method) -> Comparison:
+def _instant(engine: Engine, subject: Subject, method: Method) -> InstantAnswer:
     answer: InstantAnswer = engine.instant(subject.mechanism, subject.states, method)
     _checked(answer, Question.INSTANT, subject, len(subject.states))
+    return answer
+
+
+def _compare_instant(subject: Subject, method: Method, answer: InstantAnswer) -> Comparison:
     return compare_instant(subject.name, "", method, answer, subject.instant_answer, subject.instants)
 
 
@@ -90,17 +103,27 @@ def _run(engine: Engine, subject: Subject, method: Method, level: int, step: flo
     return Run(subject.name, "", Question.TRAJECTORY, method, level, step, Status.ANSWERED, answer)
 
 
-def _trajectory(engine: Engine, subject: Subject, method: Method) -> Comparison:
+def _trajectory(engine: Engine, subject: Subject, method: Method) -> tuple[list[Run], list[Run]]:
     """All levels, and the finest again at other softnesses where the engine has one."""
     assert subject.case is not None
     steps = [subject.case.sample / n for n in method.substeps] or list(method.tolerances)
     runs = [_run(engine, subject, method, level, step) for level, step in enumerate(steps)]
     scales = SCALES[method.profile] if method.softness is not None else ()
     softer = [_run(engine, subject, replace(method, softness=s), len(steps) - 1, steps[-1]) for s in scales]
+    return runs, softer
+
+
+def _compare_trajectory(subject: Subject, _: Method, answer: tuple[list[Run], list[Run]]) -> Comparison:
+    runs, softer = answer
     return compare_trajectory(subject.mechanism, runs, subject.yardstick, softer)
 
 
-_ASK = {Question.MODEL: _model, Question.INSTANT: _instant, Question.TRAJECTORY: _trajectory}
+_QUESTIONS: dict[Question, tuple[Callable[..., Any], Callable[..., Comparison]]] = {
+    Question.MODEL: (_model, _compare_model),
+    Question.INSTANT: (_instant, _compare_instant),
+    Question.TRAJECTORY: (_trajectory, _compare_trajectory),
+}
+"""How an engine is asked, and how its answer is compared."""
 
 
 def _failed(subject: Subject, question: Question, method: Method | None, error: Exception) -> Comparison:
