@@ -10,34 +10,8 @@ import numpy as np
 from consilience.assembly import Initial, initial_state, random_states
 from consilience.errors import InvalidInput
 from consilience.mechanism import Mechanism, State
+from consilience.published import Published
 from consilience.spatial import Array
-
-
-@dataclass(frozen=True)
-class Published:
-    """A value of the motion that is known from elsewhere, with its own uncertainty.
-
-    Attributes
-    ----------
-    observable : str
-        ``p_WB``, ``v_WB_W`` or ``w_WB_W``.
-    body : str
-    component : int
-        0, 1 or 2: x, y or z of the world.
-    time : float, s
-        On the sample grid.
-    value, uncertainty : float, m, m/s or rad/s
-    source : str
-        A closed form, a publication, an independent computation.
-    """
-
-    observable: str
-    body: str
-    component: int
-    time: float
-    value: float
-    uncertainty: float
-    source: str
 
 
 @dataclass(frozen=True)
@@ -50,6 +24,8 @@ class Case:
         File stem, with ``-<variant>`` where the file has variants.
     file : str
         Name of the file, for messages.
+    group : str
+        Folder of the library; empty for a file from elsewhere.
     duration, sample : float, s
         Span of the trajectory and its uniform sampling interval.
     digits : int
@@ -72,6 +48,7 @@ class Case:
     remarks: str = ""
     tags: tuple[str, ...] = field(default=())
     published: tuple[Published, ...] = ()
+    group: str = ""
 
     @cached_property
     def initial_state(self) -> State:

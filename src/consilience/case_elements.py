@@ -9,14 +9,16 @@ import numpy as np
 
 from consilience.caseschema import (
     CaseTable,
+    ContactTable,
     CouplingTable,
     ForceTable,
     FrictionTable,
-    FunctionTable,
     RollingTable,
     SkateTable,
     SpringTable,
 )
+from consilience.casevalues import FunctionTable
+from consilience.contacts import Contact, PointPlane, SpherePlane, SphereSphere
 from consilience.elements import Control, Coupling, Drive, Friction, JointSpring, Load, Rolling, Skate, Spring
 from consilience.errors import InvalidInput
 from consilience.functions import Function, linear
@@ -94,6 +96,7 @@ def elements(table: CaseTable, drawing: Drawing) -> dict[str, Any]:
         "couplings": tuple(_coupling(c) for c in table.coupling),
         "rollings": tuple(_rolling(r, drawing) for r in table.rolling),
         "skates": tuple(_skate(s, drawing) for s in table.skate),
+        "contacts": tuple(_contact(c, drawing) for c in table.contact),
     }
 
 
@@ -177,3 +180,17 @@ def _skate(s: SkateTable, drawing: Drawing) -> Skate:
     where = f"skate '{s.name}'"
     frame = drawn(drawing, s.body, f"{where}: body")
     return Skate(s.name, s.body, _point(drawing, s.body, s.at, where), frame.R.T @ np.array(s.lateral))
+
+
+def _contact(c: ContactTable, drawing: Drawing) -> Contact:
+    where = f"contact '{c.name}'"
+    center, law = _point(drawing, c.body, c.at, f"{where}: body"), (c.restitution, c.friction)
+    partner = drawn(drawing, c.partner, f"{where}: partner")
+    if c.partner_at is not None and c.partner_radius is not None:
+        other = _point(drawing, c.partner, c.partner_at, where)
+        return SphereSphere(c.name, c.body, center, c.radius, c.partner, other, c.partner_radius, *law)
+    assert c.point is not None
+    plane = (c.partner, _point(drawing, c.partner, c.point, where), partner.R.T @ np.array(c.normal))
+    if c.radius == 0.0:
+        return PointPlane(c.name, c.body, center, *plane, *law)
+    return SpherePlane(c.name, c.body, center, c.radius, *plane, *law)

@@ -7,7 +7,7 @@ coincide there, so joint coordinates are zero in the drawing.
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,20 +15,21 @@ import numpy as np
 from pydantic import ValidationError
 
 from consilience.assembly import Initial
-from consilience.case import Case, Published
+from consilience.case import Case
 from consilience.case_elements import drawn, elements
 from consilience.caseschema import (
     CaseTable,
     HeldTable,
     InitialTable,
     JointTable,
-    Orientation,
     PublishedTable,
     TrajectoryTable,
     VariantTable,
 )
+from consilience.casevalues import Orientation
 from consilience.errors import InvalidInput
 from consilience.mechanism import GROUND, Body, Frame, Joint, Mechanism
+from consilience.published import OF_A_JOINT, Published, has_coordinate
 from consilience.spatial import Array, quaternion_from_rotation, rotation_with_z_axis
 
 
@@ -50,11 +51,32 @@ def load_file(path: Path) -> list[Case]:
         raise InvalidInput(str(path), "it is not UTF-8 text", "Give a TOML file.") from None
     except tomllib.TOMLDecodeError as error:
         raise InvalidInput(str(path), f"it is not valid TOML: {error}", "Mend the syntax there.") from None
+    return cases_from_tables(path.stem, path.name, raw)
+
+
+def cases_from_tables(name: str, file: str, raw: Mapping[str, Any]) -> list[Case]:
+    """Cases of the tables of a case file: one, or one per variant.
+
+    Parameters
+    ----------
+    name : str
+        Of the case; variants add theirs.
+    file : str
+        What messages call the place the tables come from.
+
+    Raises
+    ------
+    InvalidInput
+        With file, field, what is wrong and what would be right.
+    """
     try:
         table = CaseTable.model_validate(raw)
     except ValidationError as error:
-        raise _first_problem(path.name, raw, error) from None
-    return _in_file(path.name, lambda: _cases(path, table))
+        raise _first_problem(file, raw, error) from None
+    try:
+        return _cases(name, file, table)
+    except InvalidInput as error:
+        raise type(error)(f"{file}: {error.where}", error.what, error.remedy) from None
 
 
 def _first_problem(file: str, raw: Mapping[str, Any], error: ValidationError) -> InvalidInput:
@@ -89,19 +111,11 @@ def _location(raw: Any, loc: tuple[int | str, ...]) -> str:
     return text
 
 
-def _in_file(file: str, build: Callable[[], list[Case]]) -> list[Case]:
-    try:
-        return build()
-    except InvalidInput as error:
-        raise type(error)(f"{file}: {error.where}", error.what, error.remedy) from None
-
-
-def _cases(path: Path, table: CaseTable) -> list[Case]:
-    stem = path.stem
+def _cases(stem: str, file: str, table: CaseTable) -> list[Case]:
     mechanism = _mechanism(stem, table)
     if not table.variants:
-        return [_case(stem, path.name, table.title, table, mechanism, table)]
-    return [_case(f"{stem}-{name}", path.name, v.title, table, mechanism, v) for name, v in table.variants.items()]
+        return [_case(stem, file, table.title, table, mechanism, table)]
+    return [_case(f"{stem}-{name}", file, v.title, table, mechanism, v) for name, v in table.variants.items()]
 
 
 def _case(
@@ -134,15 +148,32 @@ def _case(
 def _published(mechanism: Mechanism, tables: list[PublishedTable], span: TrajectoryTable) -> Iterator[Published]:
     for n, table in enumerate(tables):
         where = f"published[{n}]"
-        if table.body not in mechanism.body_index or table.body == GROUND:
-            raise InvalidInput(f"{where}.body", f"there is no body '{table.body}'", "Name a body of the case.")
+        of, known = (table.body, mechanism.body_index) if table.body else (table.joint, mechanism.joint_index)
+        what = "body" if table.body else "joint"
+        if of not in known or of == GROUND:
+            raise InvalidInput(f"{where}.{what}", f"there is no {what} '{of}'", f"Name a {what} of the case.")
+        if table.observable in OF_A_JOINT and not has_coordinate(mechanism, of, table.observable):
+            kind = mechanism.joints[mechanism.joint_index[of]].kind
+            raise InvalidInput(
+                f"{where}.observable", f"a {kind} joint has no {table.observable}", "Name one of its coordinates."
+            )
         samples = table.time / span.sample
         if table.time > span.duration or abs(samples - round(samples)) > 1e-9 * max(samples, 1.0):
             raise InvalidInput(
                 f"{where}.time", f"{table.time:g} s is no sample of the trajectory", "Choose a time of its grid."
             )
-        for k, value in enumerate(table.value):
-            yield Published(table.observable, table.body, k, table.time, value, table.uncertainty, table.source)
+        for k, value in table.components().items():
+            yield Published(
+                table.observable,
+                of,
+                k,
+                table.time,
+                value,
+                table.uncertainty,
+                table.source,
+                table.origin,
+                table.second,
+            )
 
 
 def _matrix(orientation: Orientation | None, where: str) -> Array:

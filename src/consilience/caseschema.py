@@ -8,111 +8,17 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
-from consilience.functions import Function, Table
+from consilience.casevalues import Finite, FunctionTable, Name, Orientation, TableModel, Vector
 from consilience.mechanism import JOINT_KINDS
-from consilience.spatial import (
-    Array,
-    rotation_from_bryant_xyz,
-    rotation_from_euler_zxz,
-    rotation_from_quaternion,
-    rotation_from_three_points,
-)
-
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Vector = Annotated[list[Finite], Field(min_length=3, max_length=3)]
-Quaternion = Annotated[list[Finite], Field(min_length=4, max_length=4)]
-Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=64)]
-
+from consilience.published import BODY_AT_START, JOINT_AT_START, OF_A_BODY, OF_A_JOINT, Origin
+from consilience.spatial import Array
 
 _MANY = Field(max_length=20_000)
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=False, frozen=True)
-
-
-class Orientation(_Table):
-    """Orientation, in exactly one of four ways."""
-
-    quaternion: Quaternion | None = Field(
-        None, description="Unit quaternion, scalar first; unit to 1e-9, the rounding of its digits is removed."
-    )
-    euler_zxz: Vector | None = Field(
-        None, description="Euler angles (phi, theta, psi) in rad: Rz(phi) Rx(theta) Rz(psi)."
-    )
-    bryant_xyz: Vector | None = Field(None, description="Bryant angles (alpha, beta, gamma) in rad: Rx Ry Rz.")
-    three_points: Annotated[list[Vector], Field(min_length=3, max_length=3)] | None = Field(
-        None, description="Points O, P, Q in the world: origin, a point on x, a point in the xy plane."
-    )
-
-    @model_validator(mode="after")
-    def _exactly_one(self) -> Orientation:
-        given = [n for n in ("quaternion", "euler_zxz", "bryant_xyz", "three_points") if getattr(self, n) is not None]
-        if len(given) != 1:
-            raise ValueError(
-                f"{len(given)} ways given; give exactly one of quaternion, euler_zxz, bryant_xyz, three_points"
-            )
-        if self.quaternion is not None and abs(np.linalg.norm(self.quaternion) - 1.0) > 1e-9:
-            norm = np.linalg.norm(self.quaternion)
-            raise ValueError(f"the quaternion has norm {norm:.9g}; give a unit quaternion, scalar first")
-        return self
-
-    def matrix(self) -> Array:
-        """Rotation matrix; raises ValueError for three points on one line."""
-        if self.quaternion is not None:
-            return rotation_from_quaternion(np.array(self.quaternion) / np.linalg.norm(self.quaternion))
-        if self.euler_zxz is not None:
-            return rotation_from_euler_zxz(self.euler_zxz)
-        if self.bryant_xyz is not None:
-            return rotation_from_bryant_xyz(self.bryant_xyz)
-        assert self.three_points is not None
-        return rotation_from_three_points(*self.three_points)
-
-
-class CurveTable(_Table):
-    """A smooth curve through points, a spline of degree five; it ends with them or is periodic."""
-
-    x: Annotated[list[Finite], Field(min_length=6, max_length=10_000)] = Field(description="Increasing.")
-    y: Annotated[list[Finite], Field(min_length=6, max_length=10_000)] = Field(description="As many as x.")
-    periodic: bool = Field(False, description="It repeats with the period x[-1] - x[0]; then y[-1] = y[0].")
-
-    @model_validator(mode="after")
-    def _pairs(self) -> CurveTable:
-        if len(self.x) != len(self.y):
-            raise ValueError(f"there are {len(self.x)} values of x and {len(self.y)} of y; give as many")
-        return self
-
-
-class FunctionTable(_Table):
-    """Sum of ``c_k x^k``, ``a sin(w x + phi)`` and a curve; x is the time in s, or a joint coordinate."""
-
-    polynomial: Annotated[list[Finite], Field(min_length=1, max_length=32)] | None = Field(
-        None, description="Coefficients of 1, x, x^2, ..."
-    )
-    harmonics: Annotated[list[Vector], Field(min_length=1, max_length=1_000)] | None = Field(
-        None, description="Amplitude, angular frequency and phase (rad) of each sine."
-    )
-    table: CurveTable | None = None
-
-    @model_validator(mode="after")
-    def _something(self) -> FunctionTable:
-        if self.polynomial is None and self.harmonics is None and self.table is None:
-            raise ValueError("the function is empty; give polynomial, harmonics, table, or several of them")
-        return self
-
-    def function(self) -> Function:
-        """Function of the core; raises InvalidInput for points no curve goes through."""
-        t = self.table
-        return Function(
-            np.array(self.polynomial or []),
-            np.array(self.harmonics or []),
-            None if t is None else Table(np.array(t.x), np.array(t.y), t.periodic),
-        )
-
-
-class InertiaTable(_Table):
+class InertiaTable(TableModel):
     """Inertia tensor about the centre of mass in body axes, kg m^2. Products are tensor entries: xy = -sum m x y."""
 
     xx: Finite
@@ -127,7 +33,7 @@ class InertiaTable(_Table):
         return np.array([[self.xx, self.xy, self.xz], [self.xy, self.yy, self.yz], [self.xz, self.yz, self.zz]])
 
 
-class BodyTable(_Table):
+class BodyTable(TableModel):
     """A rigid body."""
 
     name: Name
@@ -138,7 +44,7 @@ class BodyTable(_Table):
     com: Vector = Field([0.0, 0.0, 0.0], description="Centre of mass from the origin, in body axes, m.")
 
 
-class JointTable(_Table):
+class JointTable(TableModel):
     """A joint, drawn as a frame in the world."""
 
     name: Name
@@ -157,7 +63,7 @@ class JointTable(_Table):
 AxisCoordinate = Literal["angle", "distance"]
 
 
-class SpringTable(_Table):
+class SpringTable(TableModel):
     """Spring-damper-actuator between two points."""
 
     name: Name
@@ -171,7 +77,7 @@ class SpringTable(_Table):
     actuator: FunctionTable | None = Field(None, description="Force over time that pushes the points apart, N.")
 
 
-class JointSpringTable(_Table):
+class JointSpringTable(TableModel):
     """Spring-damper-actuator about or along the axis of a joint."""
 
     name: Name
@@ -183,7 +89,7 @@ class JointSpringTable(_Table):
     actuator: FunctionTable | None = Field(None, description="Effort on the successor over time, N m or N.")
 
 
-class FrictionTable(_Table):
+class FrictionTable(TableModel):
     """Viscous and regularised Coulomb friction in a joint, ``-(viscous q' + coulomb tanh(q' / speed))``."""
 
     name: Name
@@ -194,7 +100,7 @@ class FrictionTable(_Table):
     speed: Finite | None = Field(None, description="Speed that regularises the Coulomb part, rad/s or m/s.")
 
 
-class ControlTable(_Table):
+class ControlTable(TableModel):
     """PID control of a joint coordinate, ``P e + I int e dt + D e'`` with ``e = target(t) - q``."""
 
     name: Name
@@ -206,7 +112,7 @@ class ControlTable(_Table):
     derivative: Finite = 0.0
 
 
-class DriveTable(_Table):
+class DriveTable(TableModel):
     """A joint coordinate as a function of time."""
 
     name: Name
@@ -215,7 +121,7 @@ class DriveTable(_Table):
     motion: FunctionTable = Field(description="Over time, rad or m.")
 
 
-class CouplingTable(_Table):
+class CouplingTable(TableModel):
     """A joint coordinate as a function of another one: gear, rack and pinion, cam."""
 
     name: Name
@@ -237,7 +143,7 @@ class CouplingTable(_Table):
         return self
 
 
-class RollingTable(_Table):
+class RollingTable(TableModel):
     """A disc, torus or ball that rolls without slipping on a plane of the world."""
 
     name: Name
@@ -250,7 +156,7 @@ class RollingTable(_Table):
     normal: Vector = Field(description="Normal of the plane towards the body, in the world.")
 
 
-class SkateTable(_Table):
+class SkateTable(TableModel):
     """A knife edge: a point of a body does not move along a direction of the body."""
 
     name: Name
@@ -259,7 +165,33 @@ class SkateTable(_Table):
     lateral: Vector = Field(description="Direction in the drawing in which it does not move; it turns with the body.")
 
 
-class ForceTable(_Table):
+class ContactTable(TableModel):
+    """A sphere or corner of a body that may hit a plane or a sphere of another one; between impacts nothing acts."""
+
+    name: Name
+    body: str
+    partner: str = Field("ground", description="Body that carries the plane or the other sphere.")
+    at: Vector = Field(description="Centre of the sphere, or the corner, in the drawing, m.")
+    radius: Finite = Field(0.0, description="Of the sphere, m; zero for a corner.")
+    point: Vector | None = Field(None, description="A point of the plane in the drawing, m.")
+    normal: Vector | None = Field(None, description="Normal of the plane towards the body, in the drawing.")
+    partner_at: Vector | None = Field(None, description="Centre of the other sphere in the drawing, m.")
+    partner_radius: Finite | None = Field(None, description="Of the other sphere, m.")
+    restitution: Finite = Field(description="Speed of separation over speed of approach, 0 to 1.")
+    friction: Finite = Field(0.0, description="Coefficient of Coulomb's friction during the impact.")
+
+    @model_validator(mode="after")
+    def _plane_or_sphere(self) -> ContactTable:
+        plane = [self.point is not None, self.normal is not None]
+        sphere = [self.partner_at is not None, self.partner_radius is not None]
+        if not (all(plane) and not any(sphere)) and not (all(sphere) and not any(plane)):
+            raise ValueError("give point and normal of a plane, or partner_at and partner_radius of a sphere")
+        if all(sphere) and self.radius == 0.0:
+            raise ValueError("a corner hits a plane; give the radius of this sphere, too")
+        return self
+
+
+class ForceTable(TableModel):
     """Force on a body."""
 
     name: Name
@@ -270,7 +202,7 @@ class ForceTable(_Table):
     history: FunctionTable | None = Field(None, description="Factor of `vector` over time; default: one.")
 
 
-class TorqueTable(_Table):
+class TorqueTable(TableModel):
     """Torque on a body."""
 
     name: Name
@@ -280,7 +212,7 @@ class TorqueTable(_Table):
     history: FunctionTable | None = Field(None, description="Factor of `vector` over time; default: one.")
 
 
-class HeldTable(_Table):
+class HeldTable(TableModel):
     """Held joint coordinates (or, under `rates`, their rates)."""
 
     angle: Finite | None = None
@@ -294,7 +226,7 @@ class HeldTable(_Table):
     angular_velocity: Vector | None = Field(None, description="Of M relative to F, in axes of F (rates only), rad/s.")
 
 
-class BodyGuess(_Table):
+class BodyGuess(TableModel):
     """Where a body starts, before assembly, in place of its pose in the drawing."""
 
     at: Vector | None = None
@@ -303,7 +235,7 @@ class BodyGuess(_Table):
     angular_velocity: Vector = Field([0.0, 0.0, 0.0], description="World axes, rad/s.")
 
 
-class InitialTable(_Table):
+class InitialTable(TableModel):
     """Initial state: held coordinates and rates, guesses for bodies; the rest is assembled."""
 
     joints: dict[str, HeldTable] = Field(default_factory=dict)
@@ -311,7 +243,7 @@ class InitialTable(_Table):
     bodies: dict[str, BodyGuess] = Field(default_factory=dict)
 
 
-class TrajectoryTable(_Table):
+class TrajectoryTable(TableModel):
     """What to ask of a trajectory."""
 
     duration: Annotated[float, Field(gt=0, allow_inf_nan=False)] = Field(5.0, description="s.")
@@ -326,25 +258,62 @@ class TrajectoryTable(_Table):
         return self
 
 
-class InstantTable(_Table):
+class InstantTable(TableModel):
     """What to ask at single instants."""
 
     states: Annotated[int, Field(ge=1, le=100_000)] = 20
     seed: int = 1
 
 
-class PublishedTable(_Table):
-    """Values of the motion known from elsewhere, at one time, with their own uncertainty."""
+class Components(TableModel):
+    """The components of a vector that are known."""
 
-    body: Name
-    observable: Literal["p_WB", "v_WB_W", "w_WB_W"]
+    x: Finite | None = None
+    y: Finite | None = None
+    z: Finite | None = None
+
+
+class PublishedTable(TableModel):
+    """Expected values at one time, with their own uncertainty: of a body a vector, of a joint a coordinate or rate.
+
+    Accelerations and reactions are those of the initial state: time 0.
+    """
+
+    body: Name | None = None
+    joint: Name | None = None
+    observable: Literal[(*OF_A_BODY, *BODY_AT_START, *OF_A_JOINT, *JOINT_AT_START)]  # type: ignore[valid-type]
     time: Annotated[float, Field(ge=0, allow_inf_nan=False)] = Field(description="s; on the sample grid.")
-    value: Vector = Field(description="World axes; m, m/s or rad/s.")
+    value: Finite | Vector | Components = Field(description="SI units; vectors in world axes, reactions in those of F.")
     uncertainty: Annotated[float, Field(gt=0, allow_inf_nan=False)] = Field(description="Of each component.")
-    source: str
+    origin: Origin = Field(description="Who knows it: a source that prints it, a formula, two computations.")
+    source: str = Field(description="Publication and place, formula, or first computation.")
+    second: str = Field("", description="Second, independent computation of a value that no source prints.")
+
+    @model_validator(mode="after")
+    def _fits(self) -> PublishedTable:
+        owner = "joint" if self.observable in OF_A_JOINT or self.observable in JOINT_AT_START else "body"
+        other = {"joint": "body", "body": "joint"}[owner]
+        if getattr(self, owner) is None or getattr(self, other) is not None:
+            raise ValueError(f"{self.observable} is an observable of a {owner}; name the {owner} and no {other}")
+        if (self.observable in OF_A_JOINT) != isinstance(self.value, float | int):
+            right = "one number" if self.observable in OF_A_JOINT else "three numbers, or those of x, y and z known"
+            raise ValueError(f"{self.observable} has another shape; give {right}")
+        if not self.components():
+            raise ValueError("the value has no component; give x, y or z")
+        if self.observable in (*BODY_AT_START, *JOINT_AT_START) and self.time != 0.0:
+            raise ValueError(f"{self.observable} is compared at the initial state; give the time 0")
+        if (self.origin == "computed") != bool(self.second):
+            raise ValueError("a computed value has a second, independent computation, and no other has one")
+        return self
+
+    def components(self) -> dict[int, float]:
+        """Known components by number; a scalar is number 0."""
+        if isinstance(self.value, Components):
+            return {k: v for k, v in enumerate((self.value.x, self.value.y, self.value.z)) if v is not None}
+        return dict(enumerate(self.value if isinstance(self.value, list) else [self.value]))
 
 
-class VariantTable(_Table):
+class VariantTable(TableModel):
     """What a variant changes; a file with variants stands for them alone."""
 
     title: str
@@ -353,7 +322,7 @@ class VariantTable(_Table):
     published: list[PublishedTable] = Field(default_factory=list)
 
 
-class CaseTable(_Table):
+class CaseTable(TableModel):
     """A case file. SI units, radians, right-handed frames."""
 
     title: str
@@ -373,6 +342,7 @@ class CaseTable(_Table):
     coupling: Annotated[list[CouplingTable], _MANY] = Field(default_factory=list)
     rolling: Annotated[list[RollingTable], _MANY] = Field(default_factory=list)
     skate: Annotated[list[SkateTable], _MANY] = Field(default_factory=list)
+    contact: Annotated[list[ContactTable], _MANY] = Field(default_factory=list)
     initial: InitialTable = Field(default_factory=InitialTable)
     trajectory: TrajectoryTable = Field(default_factory=TrajectoryTable)
     instant: InstantTable = Field(default_factory=InstantTable)

@@ -16,9 +16,11 @@ import numpy as np
 
 from consilience.assembly import Initial
 from consilience.case import Case
+from consilience.contacts import Contact, PointPlane, SphereSphere
 from consilience.errors import InvalidInput
 from consilience.functions import Function
 from consilience.mechanism import GROUND, Body, Frame, Joint, Load, Mechanism
+from consilience.published import JOINT_AT_START, OF_A_JOINT
 from consilience.spatial import Array, quaternion_from_rotation
 
 Table = dict[str, Any]
@@ -213,7 +215,19 @@ def _elements(m: Mechanism) -> dict[str, list[Table]]:
             }
             for s in m.skates
         ],
+        "contact": [_contact(c, m) for c in m.contacts],
     }
+
+
+def _contact(c: Contact, m: Mechanism) -> Table:
+    table: Table = {"name": c.name, "body": c.body, "partner": c.partner, "at": _point(m, c.body, c.center)}
+    if not isinstance(c, PointPlane):
+        table["radius"] = c.radius
+    if isinstance(c, SphereSphere):
+        table |= {"partner_at": _point(m, c.partner, c.partner_center), "partner_radius": c.partner_radius}
+    else:
+        table |= {"point": _point(m, c.partner, c.point), "normal": _direction(m, c.partner, c.normal)}
+    return table | {"restitution": c.restitution, "friction": c.friction}
 
 
 # ---------------------------------------------------------------- initial state
@@ -245,12 +259,18 @@ def _initial(initial: Initial) -> Table:
 
 
 def _published(case: Case) -> list[Table]:
-    """Values of one vector together, as the file has them."""
+    """Components of one vector together, as the file has them."""
     vectors: dict[tuple[object, ...], Table] = {}
     for known in case.published:
-        fields = {name: getattr(known, name) for name in ("body", "observable", "time", "uncertainty", "source")}
-        vector = vectors.setdefault(tuple(fields.values()), {**fields, "value": [0.0, 0.0, 0.0]})
-        vector["value"][known.component] = known.value
+        joint = known.observable in OF_A_JOINT or known.observable in JOINT_AT_START
+        fields: Table = {"joint" if joint else "body": known.of}
+        fields |= {name: getattr(known, name) for name in ("observable", "time", "uncertainty", "origin", "source")}
+        fields |= {"second": known.second} if known.second else {}
+        vector = vectors.setdefault(tuple(fields.values()), {**fields, "value": {}})
+        if known.observable in OF_A_JOINT:
+            vector["value"] = known.value
+        else:
+            vector["value"]["xyz"[known.component]] = known.value
     return list(vectors.values())
 
 

@@ -25,7 +25,7 @@ from consilience.compare import (
 )
 from consilience.compare.horizon import growth
 from consilience.compare.instant import Instants
-from consilience.compare.published import against_published, dispute
+from consilience.compare.published import against_published, dispute, start_against_published
 from consilience.observe import reach
 from consilience.run import InstantAnswer, ModelAnswer, Profile, Question, Run, Status, TrajectoryAnswer
 
@@ -67,6 +67,8 @@ class _Judge:
         self.instants = Instants.of(case.mechanism, case.states) if question is Question.INSTANT else None
         self.known: tuple[Quantity, ...] = ()
         self.yard = self._yardstick() if question is Question.TRAJECTORY and references else None
+        if self.instants is not None and references and isinstance(references[0].answer, InstantAnswer):
+            self.known = start_against_published(case.mechanism, case.published, references[0].answer, self.instants)
 
     def _yardstick(self) -> Yardstick:
         mechanism = self.case.mechanism
@@ -102,11 +104,22 @@ class _Judge:
         if isinstance(answer, InstantAnswer) and isinstance(reference, InstantAnswer):
             assert self.instants is not None
             soft = [run.answer for run in softer if isinstance(run.answer, InstantAnswer)]
-            return compare_instant(case.name, first.engine, first.method, answer, reference, self.instants, soft)
+            compared = compare_instant(case.name, first.engine, first.method, answer, reference, self.instants, soft)
+            return self._beside_known(compared)
         assert self.yard is not None
         own = [run for run in own if run is not self.references[0]]
         compared = compare_trajectory(case.mechanism, own, self.yard, softer, self._earlier(first))
         return replace(compared, quantities=self.known) if self.references[0] in group else compared
+
+    def _beside_known(self, compared: Comparison) -> Comparison:
+        """An instant beside what is known of it: the reference shows it, and no engine fails where it is disputed."""
+        if compared.engine == REFERENCE:
+            compared = replace(compared, quantities=(*compared.quantities, *self.known))
+        disputed = dispute(self.known)
+        if not disputed:
+            return compared
+        why = f"the reference is disputed: {disputed}"
+        return replace(compared, verdict=Verdict.UNRESOLVED, rule="disputed reference", why=why)
 
     def _earlier(self, run: Run) -> str:
         """What the engine differs in at `model`, or by all its methods of that profile at `instant`."""

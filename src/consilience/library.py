@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from consilience.case import Case
@@ -20,9 +21,18 @@ def case_names() -> list[str]:
     return [case.name for case in shipped_cases()]
 
 
+def case_files() -> list[Path]:
+    """Files of the shipped cases, one folder a group, sorted by group and name."""
+    return sorted(case_folder().glob("*/*.toml"))
+
+
 def shipped_cases() -> list[Case]:
-    """All shipped cases, sorted by file."""
-    return [case for path in sorted(case_folder().glob("*.toml")) for case in load_file(path)]
+    """All shipped cases, sorted by group and file."""
+    return [case for path in case_files() for case in _shipped(path)]
+
+
+def _shipped(path: Path) -> list[Case]:
+    return [replace(case, group=path.parent.name) for case in load_file(path)]
 
 
 def load_cases(name: str) -> list[Case]:
@@ -35,9 +45,9 @@ def load_cases(name: str) -> list[Case]:
     """
     if name.endswith(".toml") or "/" in name:
         return load_file(Path(name))
-    for path in sorted(case_folder().glob("*.toml")):
+    for path in case_files():
         if name == path.stem or name.startswith(f"{path.stem}-"):
-            cases = load_file(path)
+            cases = _shipped(path)
             chosen = cases if name == path.stem else [case for case in cases if case.name == name]
             if chosen:
                 return chosen

@@ -13,6 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
+from consilience.contacts import Contact
 from consilience.elements import (
     Control,
     Coupling,
@@ -180,7 +181,7 @@ class Joint:
         return JOINT_KINDS[self.kind].rows
 
 
-Element = Spring | JointSpring | Load | Friction | Control | Drive | Coupling | Rolling | Skate
+Element = Spring | JointSpring | Load | Friction | Control | Drive | Coupling | Rolling | Skate | Contact
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,6 +199,8 @@ class Mechanism:
         Forces.
     drives, couplings, rollings, skates : tuple
         Constraints beside those of the joints.
+    contacts : tuple
+        Shapes that may hit one another.
 
     Raises
     ------
@@ -218,6 +221,7 @@ class Mechanism:
     couplings: tuple[Coupling, ...] = ()
     rollings: tuple[Rolling, ...] = ()
     skates: tuple[Skate, ...] = ()
+    contacts: tuple[Contact, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "gravity", fixed_array(self.gravity, (3,)))
@@ -250,6 +254,7 @@ class Mechanism:
             ("coupling", self.couplings),
             ("rolling", self.rollings),
             ("skate", self.skates),
+            ("contact", self.contacts),
         ):
             for element in elements:
                 yield what, element
@@ -292,6 +297,8 @@ class Mechanism:
                 bodies += [(where, element.predecessor), (where, element.successor)]
             elif isinstance(element, Load | Rolling | Skate):
                 bodies.append((where, element.body))
+            elif isinstance(element, Contact):
+                bodies += [(where, element.body), (where, element.partner)]
             else:
                 self._check_coordinate(where, element.joint, element.coordinate)
             if isinstance(element, Coupling):

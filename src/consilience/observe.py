@@ -124,11 +124,13 @@ def reach(mechanism: Mechanism) -> float:
 
 
 def is_conservative(mechanism: Mechanism) -> bool:
-    """Whether kinetic plus potential energy is constant: no dampers, torques, body-fixed forces, drives."""
+    """Whether kinetic plus potential energy is constant: no dampers, torques, body-fixed forces, drives, impacts."""
     elastic: list[Spring | JointSpring] = [*mechanism.springs, *mechanism.joint_springs]
     damped = bool(mechanism.frictions) or any(s.damping != 0 for s in elastic)
     driven = any(not (x.kind == "force" and x.frame == "world" and x.history is None) for x in mechanism.loads)
-    powered = bool(mechanism.drives or mechanism.controls) or any(s.actuator is not None for s in elastic)
+    powered = bool(mechanism.drives or mechanism.controls or mechanism.contacts) or any(
+        s.actuator is not None for s in elastic
+    )
     return not damped and not driven and not powered
 
 

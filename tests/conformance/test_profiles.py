@@ -14,13 +14,14 @@ from consilience.assembly import drawing_state
 from consilience.engine import load_engine
 from consilience.harness import solve_constrained
 from consilience.kinematics import constraint_residual
-from consilience.library import shipped_cases
+from consilience.library import load_case
 from consilience.mechanism import GROUND, Body, Frame, Joint, Mechanism
 from consilience.reference import simulate
 from consilience.run import Profile, Question, Route, defects
 from mechanisms import LOOPS, TREES, chain, drawn_joint, states_of
+from oracles.shipped import TRAJECTORIES
 
-CASES = {case.name: case for case in shipped_cases()}
+CASES = {name: load_case(name) for name in TRAJECTORIES}
 HINGED = ("four_bar", "slider_crank")
 HARD = {"exudyn", "pinocchio", "reference"}
 HERE = Frame(np.zeros(3), np.eye(3))

@@ -1,4 +1,4 @@
-"""Every engine on every shipped case: the bars of `model` and `instant`, and the observed order of each integrator."""
+"""Every engine on the shipped cases with a full oracle: the bars of `model` and `instant`, and the observed order of each integrator."""
 
 import functools
 
@@ -14,11 +14,12 @@ from consilience.compare import (
 )
 from consilience.compare.instant import Instants
 from consilience.engine import load_engine
-from consilience.library import shipped_cases
+from consilience.library import load_case
 from consilience.reference import accelerations, simulate
 from consilience.run import Profile, Question, Run, Status
+from oracles.shipped import TRAJECTORIES
 
-CASES = {case.name: case for case in shipped_cases()}
+CASES = {name: load_case(name) for name in TRAJECTORIES}
 ORDER_WINDOW = 0.15
 
 

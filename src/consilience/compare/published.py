@@ -8,32 +8,51 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from consilience.case import Published
+import numpy as np
+
+from consilience.compare.instant import Bars, Instants
 from consilience.compare.motion import Scales
 from consilience.compare.result import Quantity
 from consilience.mechanism import Mechanism
-from consilience.run import TrajectoryAnswer
+from consilience.published import Published, read_motion, read_start, scale_of
+from consilience.run import InstantAnswer, TrajectoryAnswer
 from consilience.spatial import Array
-
-_UNITS = {"p_WB": "size", "v_WB_W": "speed", "w_WB_W": "spin"}
-"""Scale that the spread of the reference, a pure number, has in each observable."""
 
 
 def against_published(
     mechanism: Mechanism, published: Sequence[Published], motion: TrajectoryAnswer, spread: Array
 ) -> tuple[Quantity, ...]:
-    """Difference of a motion to every known value; the bar is the sum of both uncertainties, in its unit."""
+    """Difference of a motion to every value known of it; the bar is the sum of both uncertainties, in its unit."""
     scales = Scales.of(mechanism, motion)
     found = []
     for known in published:
+        if known.at_start:
+            continue
         n = int(abs(motion.time - motion.time[0] - known.time).argmin())
-        value = float(getattr(motion, known.observable)[n, mechanism.body_index[known.body], known.component])
-        unit = getattr(scales, _UNITS[known.observable])
-        name = f"{known.observable} of {known.body}, {'xyz'[known.component]} at {known.time:g} s"
-        remark = f"{known.value:.15g}, uncertain by {known.uncertainty:.2g}: {known.source}"
-        bar = known.uncertainty + float(spread[n]) * unit
-        found.append(Quantity(name, abs(value - known.value), bar, 1, remark))
+        scale = scale_of(known.observable)
+        bar = known.uncertainty + float(spread[n]) * (getattr(scales, scale) if scale else 1.0)
+        found.append(_quantity(known, read_motion(mechanism, known, motion), bar))
     return tuple(found)
+
+
+def start_against_published(
+    mechanism: Mechanism, published: Sequence[Published], answer: InstantAnswer, instants: Instants
+) -> tuple[Quantity, ...]:
+    """Difference of the answer at the initial state to every value known of it; bars of `instant` beside its own."""
+    found = []
+    for known in published:
+        if not known.at_start:
+            continue
+        vector = read_start(mechanism, known, answer)
+        bars = Bars().acceleration if known.observable.startswith("a") else Bars().reaction
+        bar = known.uncertainty + bars * float(instants.rounding[0]) * float(np.max(np.abs(vector)))
+        found.append(_quantity(known, float(vector[known.component]), bar))
+    return tuple(found)
+
+
+def _quantity(known: Published, value: float, bar: float) -> Quantity:
+    remark = f"{known.value:.15g}, uncertain by {known.uncertainty:.2g}, {known.origin}: {known.source}"
+    return Quantity(known.name, known.off(value), bar, 1, f"{value:.15g}, expected {remark}")
 
 
 def dispute(quantities: Sequence[Quantity]) -> str:

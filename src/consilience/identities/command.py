@@ -42,6 +42,10 @@ def check(
     for name in engine or []:
         require_installed(name)
     chosen = [c for name in cases for c in load_cases(name)] if cases else shipped_cases()
+    for case in chosen:
+        if case.mechanism.contacts:
+            err.print(f"{case.name}: left out, the identities are those of motions without impacts", highlight=False)
+    chosen = [case for case in chosen if not case.mechanism.contacts]
     engines = list(dict.fromkeys(engine or installed()))
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=err) as bar:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from importlib.metadata import version
 
 import numpy as np
 
+from consilience.errors import NumericalFailure
 from consilience.kinematics import free_directions
 from consilience.mechanism import Mechanism, State
 from consilience.observe import mass_properties
 from consilience.reference import registry
+from consilience.reference.impacts import contact_motion, simulate_with_impacts
 from consilience.reference.solver import accelerations, simulate
 from consilience.run import (
     EngineInfo,
@@ -30,6 +33,9 @@ _USUAL = {"descriptor": (1e-10, 1e-12, 1e-13), "null_space": (1e-12,)}
 
 _OTHER = {"null_space, Radau IIA": ("null_space", "radau", (1e-10,))}
 """Trajectories by another integrator, which bound the uncertainty of the usual one: formulation, method, tolerances."""
+
+_IMPACTS = "descriptor, impacts"
+"""Trajectory of a mechanism with contacts: the one way there is, with the tolerances of the first of `_USUAL`."""
 
 _LADDER = (1e-9, 1e-10, 1e-11)
 """Tolerances of a formulation asked by its name."""
@@ -68,6 +74,8 @@ class ReferenceEngine:
         """What a formulation cannot represent; nothing for the usual ones."""
         if question is Question.MODEL:
             return ()
+        if self._formulations is _USUAL:
+            mechanism = replace(mechanism, contacts=())
         return tuple(reason for name in self._formulations for reason in registry.unsupported(name, mechanism))
 
     def methods(self, mechanism: Mechanism, question: Question) -> tuple[Method, ...]:
@@ -76,6 +84,8 @@ class ReferenceEngine:
             return (Method("mass properties and constraint rank", Route.REFERENCE),)
         if question is Question.INSTANT:
             return tuple(Method(name, Route.REFERENCE) for name in self._formulations)
+        if mechanism.contacts:
+            return (Method(_IMPACTS, Route.REFERENCE, tolerances=_USUAL["descriptor"]),)
         others = _OTHER if self._formulations is _USUAL else {}
         return (
             *(_motion(name, tolerances) for name, tolerances in self._formulations.items()),
@@ -93,13 +103,18 @@ class ReferenceEngine:
         return ModelAnswer(mass, com, inertia, freedom)
 
     def instant(self, mechanism: Mechanism, states: Sequence[State], method: Method) -> InstantAnswer:
-        """Accelerations, reactions (where the formulation has them) and energies."""
-        return accelerations(mechanism, states, method.name)
+        """Accelerations, reactions (where the formulation has them) and energies, between impacts."""
+        for contact in mechanism.contacts:
+            if any(contact_motion(mechanism, state, contact).gap <= 0.0 for state in states):
+                raise NumericalFailure(f"contact '{contact.name}' is closed: an impact has no accelerations")
+        return accelerations(replace(mechanism, contacts=()), states, method.name)
 
     def trajectory(
         self, mechanism: Mechanism, state: State, times: Array, method: Method, step: float
     ) -> TrajectoryAnswer:
         """Motion to the tolerance `step`."""
+        if mechanism.contacts:
+            return simulate_with_impacts(mechanism, state, np.asarray(times), mechanism.contacts, step)[0]
         formulation, integrator, _ = _OTHER.get(method.name, (method.name, None, ()))
         return simulate(mechanism, state, np.asarray(times), step, formulation, integrator)
 

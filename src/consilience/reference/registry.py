@@ -124,6 +124,9 @@ SYSTEMS: dict[str, System] = {
 """Selectable formulations of index 2 and 3."""
 
 
+_SMOOTH = "a formulation has smooth equations of motion, without impacts"
+
+
 def entry(name: str) -> Entry:
     """Entry of a formulation, of index 1 where its own is higher.
 
@@ -151,7 +154,22 @@ def system(name: str) -> Callable[..., TrajectoryAnswer]:
 def unsupported(name: str, mechanism: Mechanism) -> tuple[Unsupported, ...]:
     """What of a mechanism a formulation cannot represent, and why; empty if it can."""
     found: tuple[Unsupported, ...] = import_module(f"{_HOME}.{entry(name).module}").unsupported(mechanism)
-    return found
+    return found + _impacts(mechanism)
+
+
+def _impacts(mechanism: Mechanism) -> tuple[Unsupported, ...]:
+    return tuple(Unsupported(f"contact '{c.name}'", _SMOOTH) for c in mechanism.contacts[:1])
+
+
+def refuse_contacts(mechanism: Mechanism) -> None:
+    """Refuse a mechanism with contacts, which smooth equations would leave out.
+
+    Raises
+    ------
+    InvalidInput
+    """
+    for refusal in _impacts(mechanism):
+        raise InvalidInput(refusal.feature, refusal.reason, "Use consilience.reference.impacts.simulate_with_impacts.")
 
 
 def formulation(name: str, mechanism: Mechanism) -> Formulation:
@@ -163,6 +181,7 @@ def formulation(name: str, mechanism: Mechanism) -> Formulation:
         Unknown name, or a mechanism the formulation cannot represent.
     """
     chosen = entry(name)
+    refuse_contacts(mechanism)
     make = getattr(import_module(f"{_HOME}.{chosen.module}"), chosen.maker)
     made: Formulation = make(mechanism, **chosen.arguments)
     return made

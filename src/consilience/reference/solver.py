@@ -69,6 +69,7 @@ def simulate(
     NumericalFailure
         With the status of the integrator.
     """
+    registry.refuse_contacts(mechanism)
     if formulation in registry.SYSTEMS:
         for what, given in (("integrator", integrator), ("forces", forces)):
             if given is not None:

@@ -47,11 +47,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from consilience.contacts import Contact
 from consilience.errors import NumericalFailure
 from consilience.kinematics import RANK_TOLERANCE
 from consilience.mechanism import Mechanism, State
 from consilience.observe import kinetic_energy, reach
-from consilience.reference.impacts.geometry import Contact, ContactMotion, check_contacts, contact_motion
+from consilience.reference.impacts.geometry import ContactMotion, check_contacts, contact_motion
 from consilience.reference.impacts.modes import Contacts, solve_modes
 from consilience.reference.impacts.stepper import constraint_rows, joint_wrenches
 from consilience.reference.model import Model, unpack

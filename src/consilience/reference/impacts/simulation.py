@@ -22,10 +22,11 @@ from itertools import pairwise
 import numpy as np
 from scipy.optimize import brentq
 
+from consilience.contacts import Contact
 from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import Mechanism, State
 from consilience.observe import reach
-from consilience.reference.impacts.geometry import Contact, check_contacts, contact_motion
+from consilience.reference.impacts.geometry import check_contacts, contact_motion
 from consilience.reference.impacts.impact import AT_REST, Impact, fastest, solve_impact
 from consilience.reference.impacts.stepper import Stepper
 from consilience.run import TrajectoryAnswer

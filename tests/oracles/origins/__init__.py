@@ -1,0 +1,23 @@
+"""Where the expected values of the case library come from: equations that share nothing with the reference solver."""
+
+import importlib
+import pkgutil
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from consilience.case import Case
+from consilience.published import Published
+
+Origin = Callable[[Case, Sequence[Published]], np.ndarray]
+"""Values of a case in the order asked."""
+
+
+def all_origins() -> dict[str, tuple[Origin, ...]]:
+    """Origins of every case, by its name: one of a closed form, two of what no source prints."""
+    found: dict[str, tuple[Origin, ...]] = {}
+    for module in pkgutil.iter_modules(__path__):
+        own = getattr(importlib.import_module(f"{__name__}.{module.name}"), "ORIGINS", {})
+        assert not set(own) & set(found), "two files have origins of one case"
+        found |= own
+    return found
