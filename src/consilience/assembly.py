@@ -69,10 +69,8 @@ def drawing_state(mechanism: Mechanism, poses: Mapping[str, Frame] | None = None
 def move(state: State, increments: Array) -> State:
     """Displace every body by ``(dr, rotation vector)`` in world axes; `increments` has shape (6 n_b,)."""
     steps = increments.reshape(-1, 6)
-    quats = [
-        quaternion_product(quaternion_from_rotation_vector(d[3:]), q) for d, q in zip(steps, state.quat_WB, strict=True)
-    ]
-    unit = np.array([q / np.linalg.norm(q) for q in quats])
+    quats = quaternion_product(quaternion_from_rotation_vector(steps[:, 3:]), state.quat_WB)
+    unit = quats / np.linalg.norm(quats, axis=1, keepdims=True)
     return State(state.p_WB + steps[:, :3], unit, state.v_WB_W, state.w_WB_W)
 
 

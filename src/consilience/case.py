@@ -76,7 +76,7 @@ class Case:
         return np.arange(round(self.duration / self.sample) + 1) * self.sample
 
     def with_span(self, duration: float | None, sample: float | None) -> Case:
-        """The same case over another span.
+        """The same case over another span, with the expected values that lie on its grid.
 
         Raises
         ------
@@ -85,8 +85,13 @@ class Case:
         """
         span = self.duration if duration is None else duration
         step = self.sample if sample is None else sample
-        if not (span > 0 and step > 0) or abs(span / step - round(span / step)) > 1e-9 * span / step:
+        if not (span > 0 and step > 0) or not _is_multiple(span, step):
             raise InvalidInput(
                 "duration and sample", f"{span:g} s and {step:g} s", "Give a positive sample that divides the duration."
             )
-        return replace(self, duration=span, sample=step)
+        known = tuple(k for k in self.published if k.time <= span and _is_multiple(k.time, step))
+        return replace(self, duration=span, sample=step, published=known)
+
+
+def _is_multiple(value: float, step: float) -> bool:
+    return abs(value / step - round(value / step)) <= 1e-9 * max(value / step, 1.0)

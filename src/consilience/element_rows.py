@@ -16,7 +16,7 @@ import numpy as np
 
 from consilience.mechanism import GROUND, Joint, Mechanism, Rolling, Skate, State
 from consilience.rows import coordinate_gamma, coordinate_jacobian, coordinate_value, joint_frames
-from consilience.spatial import Array, cross, orthogonal_triad, rotation_from_quaternion
+from consilience.spatial import Array, cross, orthogonal_triad
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +94,7 @@ def plane_axes(rolling: Rolling) -> Array:
 def rolling_rows(mechanism: Mechanism, state: State, rolling: Rolling) -> Iterator[ElementRow]:
     """Contact, and the two of slip."""
     i = mechanism.body_index[rolling.body]
-    R_WB, w = rotation_from_quaternion(state.quat_WB[i]), state.w_WB_W[i]
+    R_WB, w = state.R_WB[i], state.w_WB_W[i]
     s, a, n = R_WB @ rolling.center, R_WB @ rolling.axis, rolling.normal
     a_dot = cross(w, a)
     m, m_dot = n - (n @ a) * a, -(n @ a_dot) * a - (n @ a) * a_dot
@@ -112,7 +112,7 @@ def rolling_rows(mechanism: Mechanism, state: State, rolling: Rolling) -> Iterat
 
 def _skate_row(mechanism: Mechanism, state: State, skate: Skate) -> ElementRow:
     i = mechanism.body_index[skate.body]
-    R_WB, v, w = rotation_from_quaternion(state.quat_WB[i]), state.v_WB_W[i], state.w_WB_W[i]
+    R_WB, v, w = state.R_WB[i], state.v_WB_W[i], state.w_WB_W[i]
     s, lateral = R_WB @ skate.point, R_WB @ skate.lateral
     Q = np.zeros(6 * len(mechanism.bodies))
     Q[6 * i : 6 * i + 6] = np.concatenate([lateral, cross(s, lateral)])

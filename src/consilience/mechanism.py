@@ -27,7 +27,7 @@ from consilience.elements import (
 )
 from consilience.errors import InvalidInput
 from consilience.joints import AXIS_COORDINATES, BASIC_CONSTRAINTS, JOINT_KINDS, JointKind
-from consilience.spatial import Array, fixed_array
+from consilience.spatial import Array, cross, fixed_array, rotation_from_quaternion
 
 __all__ = [
     "BASIC_CONSTRAINTS",
@@ -52,6 +52,7 @@ __all__ = [
 ]
 
 GROUND = "ground"
+_ONE = np.eye(3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +73,8 @@ class Frame:
     def __post_init__(self) -> None:
         object.__setattr__(self, "p", fixed_array(self.p, (3,)))
         object.__setattr__(self, "R", fixed_array(self.R, (3, 3)))
-        if np.max(np.abs(self.R.T @ self.R - np.eye(3))) > 1e-9 or np.linalg.det(self.R) < 0:
+        x, y, z = self.R.T
+        if np.max(np.abs(self.R.T @ self.R - _ONE)) > 1e-9 or cross(x, y) @ z < 0:
             raise InvalidInput("frame", "the matrix is not a rotation", "Give an orthogonal matrix of determinant +1.")
 
 
@@ -378,3 +380,8 @@ class State:
             object.__setattr__(self, name, fixed_array(getattr(self, name), (n, width)))
         if n and np.max(np.abs(np.linalg.norm(self.quat_WB, axis=1) - 1.0)) > 1e-12:
             raise InvalidInput("state: quat_WB", "a quaternion is not unit", "Normalise it before building a state.")
+
+    @cached_property
+    def R_WB(self) -> Array:
+        """Rotation matrices of the bodies, shape (n_b, 3, 3)."""
+        return rotation_from_quaternion(self.quat_WB)

@@ -21,7 +21,7 @@ from consilience.kinematics import (
     row_jacobian,
 )
 from consilience.mechanism import GROUND, Joint, JointSpring, Mechanism, Spring, State
-from consilience.spatial import Array, cross, rotation_from_quaternion, skew
+from consilience.spatial import Array, cross, skew
 
 _REACH_TOLERANCE = 1e-6
 """A null vector of unit length that moves a component by less than this does not reach it: far above the rounding of
@@ -30,14 +30,14 @@ the null space (1e-14 over the rank gap), far below the order one of a component
 
 def centres_of_mass(mechanism: Mechanism, state: State) -> tuple[Array, Array]:
     """Positions and velocities of the bodies' centres of mass, each shape (n_b, 3), world axes."""
-    R = rotation_from_quaternion(state.quat_WB)
+    R = state.R_WB
     arms = np.einsum("bij,bj->bi", R, np.array([b.com for b in mechanism.bodies]))
     return state.p_WB + arms, state.v_WB_W + np.cross(state.w_WB_W, arms)
 
 
 def world_inertias(mechanism: Mechanism, state: State) -> Array:
     """Inertia tensors about the bodies' centres of mass in world axes, ``A I' A^T``, shape (n_b, 3, 3)."""
-    R = rotation_from_quaternion(state.quat_WB)
+    R = state.R_WB
     return R @ np.array([b.inertia for b in mechanism.bodies]) @ np.swapaxes(R, 1, 2)
 
 
@@ -66,7 +66,7 @@ def body_point(mechanism: Mechanism, state: State, body: str, point: Array) -> t
     if body == GROUND:
         return point, np.zeros(3)
     i = mechanism.body_index[body]
-    arm = rotation_from_quaternion(state.quat_WB[i]) @ point
+    arm = state.R_WB[i] @ point
     return state.p_WB[i] + arm, state.v_WB_W[i] + np.cross(state.w_WB_W[i], arm)
 
 

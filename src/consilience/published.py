@@ -16,7 +16,7 @@ from consilience.kinematics import joint_coordinates, joint_rates, relative_moti
 from consilience.mechanism import Mechanism, State
 from consilience.observe import body_point
 from consilience.run import InstantAnswer, TrajectoryAnswer
-from consilience.spatial import Array, rotation_from_quaternion
+from consilience.spatial import Array
 
 Origin = Literal["printed", "closed form", "computed"]
 """A source prints the value; a formula gives it; or two independent computations agree on it."""
@@ -86,7 +86,7 @@ def _velocity_of_center(mechanism: Mechanism, state: State, i: int) -> Array:
 
 
 def _axis(k: int) -> Callable[[Mechanism, State, int], Array]:
-    return lambda mechanism, state, i: rotation_from_quaternion(state.quat_WB[i])[:, k]
+    return lambda mechanism, state, i: state.R_WB[i][:, k]
 
 
 OF_A_BODY: dict[str, tuple[Callable[[Mechanism, State, int], Array], Scale]] = {

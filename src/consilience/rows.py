@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from consilience.mechanism import GROUND, Frame, Joint, Mechanism, State
-from consilience.spatial import Array, cross, rotation_from_quaternion
+from consilience.spatial import Array, cross
 
 TURN = 2 * np.pi
 
@@ -70,7 +70,7 @@ def side(mechanism: Mechanism, state: State, body: str, frame: Frame) -> tuple[A
     if body == GROUND:
         return frame.R, frame.p, frame.p, np.zeros(3), np.zeros(3)
     i = mechanism.body_index[body]
-    R_WB = rotation_from_quaternion(state.quat_WB[i])
+    R_WB = state.R_WB[i]
     s = R_WB @ frame.p
     return R_WB @ frame.R, s, state.p_WB[i] + s, state.v_WB_W[i], state.w_WB_W[i]
 

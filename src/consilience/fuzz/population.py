@@ -6,17 +6,15 @@ what a fuzz meets is in the file, to the last bit, and not in the memory of the 
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 
 from consilience.assembly import Initial, drawing_state
 from consilience.case import Case
-from consilience.casefile import load_file
+from consilience.casefile import cases_from_tables
 from consilience.casewriter import case_text
 from consilience.generate import MOST_BODIES, Recipe, random_mechanism
 from consilience.joints import JOINT_KINDS
@@ -156,14 +154,5 @@ def read_text(text: str, name: str) -> Case:
     InvalidInput
         As of any case file.
     """
-    path = Path(_folder().name) / f"{name}.toml"
-    path.write_text(text, encoding="utf-8")
-    (case,) = load_file(path)
-    path.unlink()
+    (case,) = cases_from_tables(name, f"{name}.toml", tomllib.loads(text))
     return case
-
-
-@cache
-def _folder() -> TemporaryDirectory[str]:
-    """A folder for as long as the process lives: to make one for each case takes longer than to read it."""
-    return TemporaryDirectory(prefix="consilience-fuzz-")

@@ -57,7 +57,7 @@ class Wrenches:
 def applied_wrenches(mechanism: Mechanism, state: State, t: float = 0.0) -> Wrenches:
     """Gravity, springs, loads, friction and controls at a time; integrals of controllers are zero."""
     sums = Wrenches(mechanism, state)
-    R = rotation_from_quaternion(state.quat_WB)
+    R = state.R_WB
     for i, body in enumerate(mechanism.bodies):
         sums.push(body.name, body.mass * mechanism.gravity, state.p_WB[i] + R[i] @ body.com)
     _add_springs(sums, t)
@@ -93,7 +93,7 @@ def _add_loads(sums: Wrenches, t: float) -> None:
     for load in mechanism.loads:
         if load.body == GROUND:
             continue
-        R = rotation_from_quaternion(state.quat_WB[mechanism.body_index[load.body]])
+        R = state.R_WB[mechanism.body_index[load.body]]
         vector = load.vector if load.frame == "world" else R @ load.vector
         vector = vector * (float(load.history.at(t)[0]) if load.history else 1.0)
         point, _ = body_point(mechanism, state, load.body, load.point)

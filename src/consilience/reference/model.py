@@ -227,7 +227,7 @@ def flatten(mechanism: Mechanism) -> Model:
 
 def pack(mechanism: Mechanism, state: State) -> Array:
     """Solver state y of a canonical state, shape (n_b + n_e, 13); integrals of controllers are zero."""
-    A = rotation_from_quaternion(state.quat_WB)
+    A = state.R_WB
     c = np.einsum("bij,bj->bi", A, np.array([b.com for b in mechanism.bodies]))
     w = state.w_WB_W
     w_body = np.einsum("bji,bj->bi", A, w)

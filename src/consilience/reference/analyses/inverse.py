@@ -20,7 +20,7 @@ from consilience.observe import reaction_map
 from consilience.reference.analyses.statics import Values, applied_forces, solver_velocities
 from consilience.reference.formulations.null_space import mass_matrix
 from consilience.reference.model import flatten
-from consilience.spatial import Array, cross, rotation_from_quaternion
+from consilience.spatial import Array, cross
 
 _TRANSLATIONS = {"distance": "Z", "x": "X", "y": "Y"}
 _CONSISTENT = 1e-9
@@ -171,7 +171,7 @@ def missing_forces(mechanism: Mechanism, state: State, a: Array, t: float = 0.0,
     Forces are those of `statics.applied_forces`, at the time t and with angles counted from `near`.
     """
     T = solver_velocities(mechanism, state)
-    R_WB = rotation_from_quaternion(state.quat_WB)
+    R_WB = state.R_WB
     centripetal = np.zeros((len(mechanism.bodies), 6))
     for i, body in enumerate(mechanism.bodies):
         w = state.w_WB_W[i]

@@ -48,7 +48,7 @@ from consilience.reference.model import Model, P, all_rows, flatten, pack, unpac
 from consilience.reference.projection import project
 from consilience.reference.workspace import Workspace, workspace
 from consilience.run import Unsupported
-from consilience.spatial import Array, rotation_from_quaternion
+from consilience.spatial import Array
 
 Forces = Callable[[float, State], Array]
 
@@ -207,7 +207,7 @@ class KernelFormulation:
         wrench = np.asarray(forces(t, state), dtype=float)
         if wrench.shape != (len(self.mechanism.bodies), 6):
             raise InvalidInput("forces", f"shape {wrench.shape}", "Return force and torque of every body, (n_b, 6).")
-        A = rotation_from_quaternion(state.quat_WB)
+        A = state.R_WB
         c = np.einsum("bij,bj->bi", A, np.array([b.com for b in self.mechanism.bodies]))
         torque = wrench[:, 3:] - np.cross(c, wrench[:, :3])
         return np.hstack([wrench[:, :3], np.einsum("bji,bj->bi", A, torque)]).ravel()

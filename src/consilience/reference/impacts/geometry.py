@@ -18,7 +18,7 @@ from consilience.contacts import Contact, PointPlane, SpherePlane, SphereSphere
 from consilience.errors import InvalidInput
 from consilience.mechanism import GROUND, Mechanism, State
 from consilience.observe import body_point
-from consilience.spatial import Array, cross, rotation_from_quaternion
+from consilience.spatial import Array, cross
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +55,7 @@ def _sphere_on_plane(
     centre, _ = body_point(mechanism, state, contact.body, contact.center)
     point, _ = body_point(mechanism, state, contact.partner, contact.point)
     i = mechanism.body_index[contact.partner]
-    n = contact.normal if i < 0 else rotation_from_quaternion(state.quat_WB[i]) @ contact.normal
+    n = contact.normal if i < 0 else state.R_WB[i] @ contact.normal
     height = float(n @ (centre - point))
     return height - contact.radius, n, centre - contact.radius * n, centre - height * n
 
