@@ -64,6 +64,9 @@ def run(
     engine: Engines = None,
     question: Questions = None,
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the report.")] = Path("consilience-report"),
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Few states, short motions, the headline of each engine alone.")
+    ] = False,
     jobs: Jobs = CORES,
     limit: Limit = 180.0,
 ) -> None:
@@ -71,7 +74,7 @@ def run(
     from consilience.library import load_cases, shipped_cases
     from consilience.report.pages import write_pages
     from consilience.report.record import exit_code, write_record
-    from consilience.suite import run_suite
+    from consilience.suite import FULL, QUICK, run_suite
 
     folder = _folder(output)
     chosen = [c for name in cases for c in load_cases(name)] if cases else shipped_cases()
@@ -87,6 +90,7 @@ def run(
             jobs=jobs,
             limit=limit,
             progress=lambda name, case: bar.update(task, advance=1, description=f"{name}: {case}"),
+            effort=QUICK if quick else FULL,
         )
     write_record(results, time.perf_counter() - start, folder)
     write_pages(folder)
@@ -255,6 +259,7 @@ def schema(kind: Annotated[str, typer.Argument(help="What to describe: case.")])
 CAMPAIGNS = {
     "check": ("consilience.identities.command", "Check each engine alone, without a reference, against identities."),
     "fuzz": ("consilience.fuzz.command", "Judge random mechanisms on all engines, and shrink what disagrees."),
+    "values": ("consilience.values", "Compare the reference with every expected value of the cases."),
     "mutate": ("consilience.mutate.command", "Plant known errors in adapters, and tell which are caught."),
 }
 """Commands that parse their own arguments: module with a function of the same name, and what they do."""

@@ -40,6 +40,47 @@ LEVEL_BUDGET = 5.0
 DISPLACED = 3
 """Displaced motions of the reference: one would miss growth in directions it does not have."""
 
+
+@dataclass(frozen=True)
+class Effort:
+    """How thoroughly a suite asks.
+
+    Attributes
+    ----------
+    methods, reference_methods : int or None
+        Ways of an engine to answer a question, and of the reference, the headline first; None: all.
+    states : int or None
+        States of the question `instant` at most.
+    samples : int or None
+        Sample intervals of a motion at most.
+    closer : bool
+        Whether to go on where three levels leave doubt: more levels, other softness, displaced initial states.
+    """
+
+    methods: int | None = None
+    reference_methods: int | None = None
+    states: int | None = None
+    samples: int | None = None
+    closer: bool = True
+
+    def case(self, case: Case) -> Case:
+        """What is asked of a case."""
+        if self.states is not None:
+            case = replace(case, instants=min(case.instants, self.states))
+        if self.samples is not None and len(case.times) > self.samples + 1:
+            case = case.with_span(self.samples * case.sample, None)
+        return case
+
+    def some(self, methods: Sequence[Method], engine: str) -> Sequence[Method]:
+        """Methods that are asked."""
+        return methods[: self.reference_methods if engine == REFERENCE else self.methods]
+
+
+FULL = Effort()
+
+QUICK = Effort(methods=1, reference_methods=2, states=3, samples=20, closer=False)
+"""The first second or so of a motion by each engine's headline alone: enough to see that something is wrong."""
+
 _T = TypeVar("_T")
 
 Progress = Callable[[str, str], None]
@@ -69,6 +110,7 @@ def run_suite(
     jobs: int = 2,
     limit: float = 180.0,
     progress: Progress | None = None,
+    effort: Effort = FULL,
 ) -> Results:
     """Ask every engine every question of every case, and compare with the reference.
 
@@ -80,16 +122,18 @@ def run_suite(
         Number of engines that work at a time.
     limit : float, s
         Time limit of one job.
+    effort : Effort
     """
+    cases = [effort.case(case) for case in cases]
     names = [REFERENCE, *(name for name in engines if name != REFERENCE)]
-    results = Results(list(cases), list(questions))
+    results = Results(cases, list(questions))
     for case in cases:
         # assembled here, before any worker starts: a case that cannot be assembled is bad input, not a failed run
         _ = case.states if Question.INSTANT in questions else case.initial_state
 
     def work(worker: Worker) -> tuple[EngineInfo | str, list[Run]]:
         with worker:  # its process ends with its own list, not with the longest
-            return _ask_everything(worker, cases, questions, progress)
+            return _ask_everything(worker, cases, questions, effort, progress)
 
     for name, (info, found) in zip(names, _in_parallel(work, [Worker(n, limit) for n in names], jobs), strict=True):
         if isinstance(info, EngineInfo):
@@ -119,7 +163,7 @@ def _in_parallel(work: Callable[[Worker], _T], workers: Sequence[Worker], jobs: 
 
 
 def _ask_everything(
-    worker: Worker, cases: Sequence[Case], questions: Sequence[Question], progress: Progress | None
+    worker: Worker, cases: Sequence[Case], questions: Sequence[Question], effort: Effort, progress: Progress | None
 ) -> tuple[EngineInfo | str, list[Run]]:
     """All runs of one engine, or why it does not start."""
     reply = worker.ask(Request())
@@ -129,13 +173,15 @@ def _ask_everything(
     for case in cases:
         if worker.cancelled:
             break
-        found += _runs_of_case(worker, case, questions)
+        found += _runs_of_case(worker, case, questions, effort)
         if progress is not None:
             progress(worker.engine, case.name)
     return reply.value, found
 
 
-def _runs_of_case(worker: Worker, case: Case, questions: Sequence[Question], finest: bool = False) -> Iterator[Run]:
+def _runs_of_case(
+    worker: Worker, case: Case, questions: Sequence[Question], effort: Effort = FULL, finest: bool = False
+) -> Iterator[Run]:
     """Runs of one case; with `finest` only the headline method at its finest level."""
     reply = worker.ask(Request(case.mechanism))
     plan = reply.value
@@ -148,16 +194,18 @@ def _runs_of_case(worker: Worker, case: Case, questions: Sequence[Question], fin
             reason = "; ".join(f"{u.feature}: {u.reason}" for u in plan.unsupported[question])
             yield Run(case.name, worker.engine, question, None, 0, None, Status.UNSUPPORTED, reason=reason)
         else:
-            yield from _runs_of_question(worker, case, plan, question, finest)
+            yield from _runs_of_question(worker, case, plan, question, effort, finest)
 
 
-def _runs_of_question(worker: Worker, case: Case, plan: Plan, question: Question, finest: bool) -> Iterator[Run]:
+def _runs_of_question(
+    worker: Worker, case: Case, plan: Plan, question: Question, effort: Effort, finest: bool
+) -> Iterator[Run]:
     """Every method and level; a question without any is a failed run, so that it cannot vanish from the record."""
 
     def failed(method: Method | None, reason: str) -> Run:
         return Run(case.name, worker.engine, question, method, 0, None, Status.FAILED, reason=reason)
 
-    methods = plan.methods[question][: 1 if finest else None]
+    methods = plan.methods[question][:1] if finest else effort.some(plan.methods[question], worker.engine)
     if not methods:
         yield failed(None, "the adapter supports the question and offers no method")
     for method in methods:
@@ -167,8 +215,8 @@ def _runs_of_question(worker: Worker, case: Case, plan: Plan, question: Question
         elif finest:
             yield _one_run(worker, case, plan, question, method, len(levels) - 1, levels[-1])
         else:
-            yield from _ladder(worker, case, plan, question, method, levels)
-    if worker.engine == REFERENCE and question is Question.TRAJECTORY and not finest:
+            yield from _ladder(worker, case, plan, question, method, levels, effort.closer)
+    if worker.engine == REFERENCE and question is Question.TRAJECTORY and effort.closer and not finest:
         yield from _displaced_runs(worker, case, plan, methods[0])
 
 
@@ -183,20 +231,29 @@ def ask_ladder(
 ) -> Iterator[Run]:
     """Runs of a trajectory method at every level and at other softness; at the given steps alone, if any are given."""
     if steps is None:
-        yield from _ladder(worker, case, plan, Question.TRAJECTORY, method, _levels(case, Question.TRAJECTORY, method))
+        levels = _levels(case, Question.TRAJECTORY, method)
+        yield from _ladder(worker, case, plan, Question.TRAJECTORY, method, levels, closer=True)
         return
     for level, step in enumerate(steps):
         yield _one_run(worker, case, plan, Question.TRAJECTORY, method, level, step)
 
 
 def _ladder(
-    worker: Worker, case: Case, plan: Plan, question: Question, method: Method, levels: list[float | None]
+    worker: Worker,
+    case: Case,
+    plan: Plan,
+    question: Question,
+    method: Method,
+    levels: list[float | None],
+    closer: bool,
 ) -> Iterator[Run]:
-    """Every level of a method, finer ones until the observed order settles, and the finest at other softness."""
+    """Every level of a method; closer: finer ones until the observed order settles, the finest at other softness."""
     runs: list[Run] = []
     for level, step in enumerate(levels):
         runs.append(_one_run(worker, case, plan, question, method, level, step))
         yield runs[-1]
+    if not closer:
+        return
     while method.substeps and len(runs) < MOST_LEVELS and 2.0 * runs[-1].cpu < LEVEL_BUDGET:
         answers = [run.answer for run in runs if isinstance(run.answer, TrajectoryAnswer)]
         step = runs[-1].step

@@ -25,7 +25,7 @@ FLOORS = {
     **dict.fromkeys(("library", "compare"), 13),
     **dict.fromkeys(("judge", "identities"), 14),
     "suite": 15,
-    **dict.fromkeys(("coverage", "fuzz", "mutate"), 16),
+    **dict.fromkeys(("coverage", "fuzz", "mutate", "values"), 16),
     "report": 17,
     "cli": 18,
     "__init__": 19,

@@ -1,5 +1,7 @@
 """The pages say what the record says: verdicts, reasons, absent values as absent, and names as text."""
 
+import base64
+import gzip
 import json
 import re
 from html.parser import HTMLParser
@@ -13,7 +15,7 @@ from consilience.errors import InvalidInput
 from consilience.library import load_case
 from consilience.report import wording
 from consilience.report.cases import unwrapped
-from consilience.report.html import embedded_json, render_html
+from consilience.report.html import packed, render_html
 from consilience.report.markdown import render_markdown
 from consilience.report.pages import write_pages
 from consilience.report.plots import compact, figures
@@ -488,7 +490,7 @@ def test_the_page_is_sound_html_that_links_within_itself(name, request):
 def test_the_page_fetches_nothing_and_holds_plotly_once(everything):
     text = render_html(everything)
     assert "default-src 'none'" in text
-    assert text.count("plotly.js v") == 1
+    assert unpacked(text, "plotly").count("plotly.js v") == 1
     outside = re.sub(r"<script>.*?</script>", "", text, flags=re.DOTALL)
     assert not re.search(r"https?://|@import|url\(", outside)
 
@@ -497,8 +499,7 @@ def test_the_page_fetches_nothing_and_holds_plotly_once(everything):
 def test_every_place_of_a_plot_has_its_figure_and_plotly_takes_it(name, request):
     given = request.getfixturevalue(name)
     text = render_html(given)
-    embedded = re.search(r'<script type="application/json" id="figures">(.*?)</script>', text, re.DOTALL).group(1)
-    found = json.loads(embedded)
+    found = json.loads(unpacked(text, "figures"))
     assert found == figures(given)
     assert sorted(Structure(text).figures) == sorted(found)
     for figure in found.values():
@@ -526,10 +527,16 @@ def test_names_are_text_in_html(hostile):
     assert all("<" not in trace["name"] for trace in plotted)
 
 
-def test_no_character_of_embedded_json_can_end_its_element():
-    text = str(embedded_json({HOSTILE: "<!-- </script>"}))
+def unpacked(page, name):
+    """What lies packed in an element of the page, as its script unpacks it."""
+    found = re.search(rf'<script type="application/gzip" id="{name}">([A-Za-z0-9+/=]*)</script>', page).group(1)
+    return gzip.decompress(base64.b64decode(found)).decode()
+
+
+def test_no_character_of_what_is_packed_can_end_its_element():
+    text = str(packed(HOSTILE + "<!-- </script>"))
     assert not set("<>&") & set(text)
-    assert json.loads(text) == {HOSTILE: "<!-- </script>"}
+    assert gzip.decompress(base64.b64decode(text)).decode() == HOSTILE + "<!-- </script>"
 
 
 def test_digits_are_none_where_not_even_the_first_is_right():

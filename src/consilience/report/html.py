@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gzip
 import json
+from base64 import b64encode
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
@@ -14,10 +16,9 @@ from consilience.report.view import page
 from consilience.report.wording import anchor
 
 
-def embedded_json(value: object) -> Markup:
-    """JSON for a script element: no character of it can end the element."""
-    text = json.dumps(value, separators=(",", ":"), allow_nan=False)
-    return Markup(text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e"))
+def packed(text: str) -> Markup:
+    """Text for a script element that the page unpacks itself: a fifth of the size, and no character can end it."""
+    return Markup(b64encode(gzip.compress(text.encode(), mtime=0)).decode())
 
 
 def render_html(record: Record) -> str:
@@ -32,6 +33,6 @@ def render_html(record: Record) -> str:
     return environment.get_template("report.html.j2").render(
         page=page(record),
         anchor=anchor,
-        figures=embedded_json(figures(record)),
-        plotly=Markup(get_plotlyjs()),
+        figures=packed(json.dumps(figures(record), separators=(",", ":"), allow_nan=False)),
+        plotly=packed(get_plotlyjs()),
     )

@@ -1,0 +1,108 @@
+"""The command ``consilience values``: every expected value of the case library beside what the reference finds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.console import Console
+
+from consilience.case import Case
+from consilience.engine import load_engine
+from consilience.library import load_cases, shipped_cases
+from consilience.published import Published, read_motion, read_start
+from consilience.run import Question
+
+TOLERANCE = 1e-13
+"""Of the reference's motion."""
+
+out, err = Console(), Console(stderr=True)
+
+
+@dataclass(frozen=True)
+class Found:
+    """An expected value and ours.
+
+    Attributes
+    ----------
+    value : float
+        Of the reference.
+    off : float
+        Difference; of angles modulo full turns.
+    """
+
+    case: str
+    known: Published
+    value: float
+    off: float
+
+    @property
+    def met(self) -> bool:
+        """Whether the reference is within the uncertainty of the value, and 1e-9 of its own."""
+        return self.off <= self.known.uncertainty + 1e-9 * max(1.0, abs(self.known.value))
+
+
+def found_values(case: Case) -> Iterator[Found]:
+    """Every expected value of a case, by the reference at its finest."""
+    engine, mechanism = load_engine("reference"), case.mechanism
+    start = [known for known in case.published if known.at_start]
+    moving = [known for known in case.published if not known.at_start]
+    if start:
+        method = engine.methods(mechanism, Question.INSTANT)[0]
+        answer = engine.instant(mechanism, [case.initial_state], method)
+        for known in start:
+            value = float(read_start(mechanism, known, answer)[known.component])
+            yield Found(case.name, known, value, known.off(value))
+    if moving:
+        method = engine.methods(mechanism, Question.TRAJECTORY)[0]
+        last = round(max(known.time for known in moving) / case.sample)
+        motion = engine.trajectory(mechanism, case.initial_state, case.times[: last + 1], method, TOLERANCE)
+        for known in moving:
+            value = read_motion(mechanism, known, motion)
+            yield Found(case.name, known, value, known.off(value))
+
+
+def table(found: Sequence[Found]) -> str:
+    """Table in Markdown: one row a value."""
+    lines = [
+        "| case | value | expected | uncertainty | ours | off | origin |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for one in found:
+        known = one.known
+        digits = max(3, min(15, 1 + round(np.log10(max(abs(known.value), known.uncertainty) / known.uncertainty))))
+        origin = f"{known.origin}: {known.source}" + (f"; {known.second}" if known.second else "")
+        cells = (
+            one.case,
+            known.name,
+            f"{known.value:.{digits}g}",
+            f"{known.uncertainty:.1g}",
+            f"{one.value:.{min(15, digits + 1)}g}",
+            f"{one.off:.1e}" + ("" if one.met else " **missed**"),
+            origin.replace("|", "\\|"),
+        )
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def values(
+    cases: Annotated[
+        list[str] | None, typer.Argument(metavar="[CASE]...", help="Names or case files; default: all.")
+    ] = None,
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Markdown file for the table.")] = None,
+) -> None:
+    """Compare the reference with every expected value: closed forms, publications, independent computations."""
+    chosen = [c for name in cases for c in load_cases(name)] if cases else shipped_cases()
+    found = [one for case in chosen for one in found_values(case)]
+    missed = [one for one in found if not one.met]
+    text = table(found)
+    if output is not None:
+        output.write_text(text, encoding="utf-8")
+        out.print(f"{len(found)} values of {len(chosen)} cases in {output}, {len(missed)} missed", soft_wrap=True)
+    else:
+        out.print(text, soft_wrap=True, highlight=False, markup=False)
+    raise typer.Exit(1 if missed else 0)
