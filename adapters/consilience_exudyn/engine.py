@@ -40,8 +40,32 @@ _TREE_INSTANT = "initial accelerations on KinematicTree"
 _EXPLICIT_SUBSTEPS = (20, 40, 80)
 _TERMS = "ComputeMassMatrix, ComputeODE2RHS, ComputeJacobianAE"
 
-FEATURES = frozenset(f"{kind} joint" for kind in JOINT_KINDS if kind != "screw") | {"spring", "joint spring", "load"}
+FEATURES = frozenset(f"{kind} joint" for kind in JOINT_KINDS) | {
+    *("spring", "joint spring", "actuator", "load", "load in time", "friction", "control"),
+    *("drive", "coupling", "rolling", "skate"),
+}
 """What of `Mechanism.features` has a translation."""
+
+_USER_FUNCTIONS = "Exudyn integrates and solves, the law is a user function of the adapter"
+_USER_ROW = "equation and Jacobian are a user function of ObjectConnectorCoordinateVector, by the adapter"
+
+_ELEMENTS = {
+    "spring": "springs: ObjectConnectorSpringDamper",
+    "joint spring": "joint springs: ObjectConnectorTorsionalSpringDamper, ObjectConnectorLinearSpringDamper",
+    "load": "loads: LoadForceVector, LoadTorqueVector",
+    "load in time": f"loads in time: {_USER_FUNCTIONS}",
+    "actuator": f"actuators: connectors; {_USER_FUNCTIONS}",
+    "friction": f"friction: connectors; {_USER_FUNCTIONS}",
+    "control": f"control: connectors; {_USER_FUNCTIONS}; integrals are rates of coordinates of an ObjectGenericODE2",
+    "screw joint": f"screws: cylindrical ObjectJointGeneric, and the thread: {_USER_ROW}",
+    "drive": f"drives: {_USER_ROW}",
+    "coupling": f"couplings: {_USER_ROW}",
+    "skate": f"skates: {_USER_ROW}",
+}
+_ROLLING = {
+    False: "sharp-edged discs: ObjectJointRollingDisc, which holds the contact at velocity level",
+    True: f"rounded discs and balls: contact and slip: {_USER_ROW}",
+}
 
 
 class ExudynEngine:
@@ -62,7 +86,7 @@ class ExudynEngine:
         )
 
     def unsupported(self, mechanism: Mechanism, question: Question) -> tuple[Unsupported, ...]:
-        """Features without a translation: screws, and elements beyond constant forces."""
+        """Features without a translation: those the adapter does not know."""
         return beyond(mechanism, FEATURES, "Exudyn")
 
     def methods(self, mechanism: Mechanism, question: Question) -> tuple[Method, ...]:
@@ -98,10 +122,11 @@ class ExudynEngine:
             "bodies: ObjectRigidBody, inertia moved to the body's origin",
             "joints: constraints without compliance",
         ]
-        if mechanism.springs or mechanism.joint_springs or mechanism.loads:
-            exact.append("force elements: Exudyn's own connectors and loads")
+        exact += [words for feature, words in _ELEMENTS.items() if feature in mechanism.features]
+        rounded = {bool(rolling.rounding) for rolling in mechanism.rollings}
+        exact += [words for kind, words in _ROLLING.items() if kind in rounded]
         dropped = left_out(mechanism, self._independent(mechanism))
-        exact += [f"joint '{name}': dependent {axes} left out in trajectories" for name, axes in dropped.items()]
+        exact += [f"'{name}': dependent {axes} left out in trajectories" for name, axes in dropped.items()]
         return Manifest(exact=tuple(exact))
 
     def model(self, mechanism: Mechanism, state: State, method: Method) -> ModelAnswer:

@@ -1,25 +1,27 @@
-"""Springs, joint springs and loads as Exudyn's own connectors and loads, for either model."""
+"""Springs, joint springs and loads as Exudyn's own connectors and loads, for either model.
+
+What depends on time, and laws that are not linear, are user functions of these.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from consilience.mechanism import JointSpring, Load, Mechanism, Spring
+from consilience.mechanism import Load, Mechanism, Spring
 from consilience.spatial import Array
+from consilience_exudyn.constraints import Mark
+from consilience_exudyn.efforts import Coordinate, Integrals, efforts_of, opposed
+from consilience_exudyn.histories import scalar
 from consilience_exudyn.library import exu, items
-
-Mark = Callable[[str, Array, Array], Any]
-"""Adds a rigid marker: name of the body, origin and axes of the marker in the body's frame; returns its index."""
 
 _LOADS = {"force": items.LoadForceVector, "torque": items.LoadTorqueVector}
 _ONE = np.eye(3)
 
 
 def add_springs_and_loads(system: Any, mechanism: Mechanism, mark: Mark) -> None:
-    """Add the springs between points and the constant loads of a mechanism.
+    """Add the springs between points and the loads of a mechanism.
 
     Parameters
     ----------
@@ -28,16 +30,18 @@ def add_springs_and_loads(system: Any, mechanism: Mechanism, mark: Mark) -> None
     mark : callable
     """
     for spring in mechanism.springs:
-        system.AddObject(_spring_damper(spring, mark))
+        markers = [
+            mark(spring.predecessor, spring.point_predecessor, _ONE),
+            mark(spring.successor, spring.point_successor, _ONE),
+        ]
+        system.AddObject(_spring_damper(spring, markers))
+        if spring.actuator is not None:
+            system.AddObject(_actuator(spring, markers))
     for load in mechanism.loads:
         system.AddLoad(_load(load, mark))
 
 
-def _spring_damper(spring: Spring, mark: Mark) -> Any:
-    markers = [
-        mark(spring.predecessor, spring.point_predecessor, _ONE),
-        mark(spring.successor, spring.point_successor, _ONE),
-    ]
+def _spring_damper(spring: Spring, markers: list[Any]) -> Any:
     return items.ObjectConnectorSpringDamper(
         markerNumbers=markers,
         referenceLength=spring.free_length,
@@ -46,47 +50,78 @@ def _spring_damper(spring: Spring, mark: Mark) -> Any:
     )
 
 
+def _actuator(spring: Spring, markers: list[Any]) -> Any:
+    """Actuator of a spring, apart from it so that the spring keeps its potential energy; Exudyn's force pulls."""
+    assert spring.actuator is not None
+    push = scalar(spring.actuator)
+
+    def pull(_system: Any, t: float, _item: int, *_: float) -> float:
+        return -push(t)[0]
+
+    return items.ObjectConnectorSpringDamper(
+        markerNumbers=markers, referenceLength=spring.free_length, springForceUserFunction=pull
+    )
+
+
 def _load(load: Load, mark: Mark) -> Any:
-    return _LOADS[load.kind](
-        markerNumber=mark(load.body, load.point, _ONE),
-        loadVector=list(load.vector),
-        bodyFixed=load.frame == "body",
-    )
+    common = {
+        "markerNumber": mark(load.body, load.point, _ONE),
+        "loadVector": list(load.vector),
+        "bodyFixed": load.frame == "body",
+    }
+    if load.history is None:
+        return _LOADS[load.kind](**common)
+    factor, vector = scalar(load.history), load.vector
+
+    def at(_system: Any, t: float, _vector: Array) -> Array:
+        return np.asarray(factor(t)[0] * vector)
+
+    return _LOADS[load.kind](**common, loadVectorUserFunction=at)
 
 
-def add_joint_springs(system: Any, mechanism: Mechanism, mark: Mark) -> None:
-    """Add the springs about and along joint axes as connectors between the frames F and M.
+def add_joint_forces(system: Any, mechanism: Mechanism, mark: Mark) -> tuple[tuple[str, ...], int]:
+    """Add what acts about and along joint axes, as connectors between the frames F and M.
 
-    A torsional spring gets a data node: Exudyn counts full turns only with one, else the angle jumps at half a turn.
+    A torsional connector gets a data node: Exudyn counts full turns only with one, else the angle jumps at half a turn.
+
+    Returns
+    -------
+    turning : tuple of str
+        Joint of each data node.
+    integrals : int
+        Coordinates of integrals of controllers, behind those of the bodies.
     """
-    for spring in mechanism.joint_springs:
-        joint = mechanism.joints[mechanism.joint_index[spring.joint]]
+    turning: list[str] = []
+    meters: dict[Coordinate, Any] = {}
+    integrals = Integrals(system, mechanism, lambda where: _measured(system, meters[where], where[1]))
+
+    def connect(joint_name: str, coordinate: str, **law: Any) -> Any:
+        joint = mechanism.joints[mechanism.joint_index[joint_name]]
         markers = [mark(joint.predecessor, joint.F.p, joint.F.R), mark(joint.successor, joint.M.p, joint.M.R)]
-        system.AddObject(_JOINT_SPRINGS[spring.coordinate](system, spring, markers))
+        if coordinate == "distance":
+            axis = [0.0, 0.0, 1.0]
+            return system.AddObject(
+                items.ObjectConnectorLinearSpringDamper(markerNumbers=markers, axisMarker0=axis, **law)
+            )
+        turning.append(joint_name)
+        node = system.AddNode(items.NodeGenericData(initialCoordinates=[0.0], numberOfDataCoordinates=1))
+        return system.AddObject(
+            items.ObjectConnectorTorsionalSpringDamper(markerNumbers=markers, nodeNumber=node, **law)
+        )
+
+    for s in mechanism.joint_springs:
+        connect(s.joint, s.coordinate, stiffness=s.stiffness, damping=s.damping, offset=s.rest)
+    for (joint, coordinate), effort in efforts_of(mechanism).items():
+        meters[joint, coordinate] = connect(joint, coordinate, **{_USER[coordinate]: opposed(effort, integrals)})
+    return tuple(turning), integrals.count
 
 
-def _torsional(system: Any, spring: JointSpring, markers: list[Any]) -> Any:
-    turns = system.AddNode(items.NodeGenericData(initialCoordinates=[0.0], numberOfDataCoordinates=1))
-    return items.ObjectConnectorTorsionalSpringDamper(
-        markerNumbers=markers,
-        nodeNumber=turns,
-        stiffness=spring.stiffness,
-        damping=spring.damping,
-        offset=spring.rest,
-    )
+def _measured(system: Any, connector: Any, coordinate: str) -> float:
+    return float(system.GetObjectOutput(connector, _MEASURED[coordinate]))
 
 
-def _linear(system: Any, spring: JointSpring, markers: list[Any]) -> Any:
-    return items.ObjectConnectorLinearSpringDamper(
-        markerNumbers=markers,
-        stiffness=spring.stiffness,
-        damping=spring.damping,
-        axisMarker0=[0.0, 0.0, 1.0],
-        offset=spring.rest,
-    )
-
-
-_JOINT_SPRINGS = {"angle": _torsional, "distance": _linear}
+_USER = {"angle": "springTorqueUserFunction", "distance": "springForceUserFunction"}
+_MEASURED = {"angle": exu.OutputVariableType.Rotation, "distance": exu.OutputVariableType.DisplacementLocal}
 
 
 def transformation(p: Array, R: Array) -> Any:

@@ -11,10 +11,14 @@ import numpy as np
 from consilience.mechanism import GROUND, Mechanism, State
 from consilience.spatial import Array
 from consilience.tree import Tree, coordinates, lower
+from consilience_exudyn.efforts import Coordinate, Integrals, efforts_of, opposed
 from consilience_exudyn.forces import add_springs_and_loads, transformation
 from consilience_exudyn.library import exu, items
 
 _JOINT_TYPES = {"R": exu.JointType.RevoluteZ, "P": exu.JointType.PrismaticZ}
+_BEYOND = {"screw joint", "drive", "coupling", "rolling", "skate"}
+"""What would be a constraint: Exudyn's explicit integrators take none."""
+
 _SPRUNG = {"angle": "R", "distance": "P"}
 MOTION = ("Position", "RotationMatrix", "Velocity", "AngularVelocity")
 ACCELERATIONS = ("Acceleration", "AngularAcceleration")
@@ -33,6 +37,8 @@ class KinematicTree:
         What was asked of each body; rotation matrices are those of the link.
     R_LB : ndarray, shape (n_b, 3, 3)
         Axes of each body in its link.
+    integrals : int
+        Coordinates behind those of the tree: integrals of controllers.
     """
 
     mechanism: Mechanism
@@ -41,10 +47,13 @@ class KinematicTree:
     system: Any
     sensors: tuple[tuple[Any, ...], ...]
     R_LB: Array
+    integrals: int
 
 
 def is_one_axis_tree(mechanism: Mechanism) -> bool:
     """Whether the mechanism has no loop and only joints made of revolute and prismatic axes."""
+    if _BEYOND & mechanism.features.keys():
+        return False
     tree = lower(mechanism)
     return not tree.welds and all(link.elementary in _JOINT_TYPES for link in tree.links)
 
@@ -52,8 +61,9 @@ def is_one_axis_tree(mechanism: Mechanism) -> bool:
 def set_initial(model: KinematicTree, state: State) -> None:
     """Make the joint coordinates of a state the initial values from which Exudyn's solvers start."""
     at, data = coordinates(model.mechanism, model.tree, state), model.system.systemData
-    data.SetODE2Coordinates([c.q for c in at], configuration=exu.ConfigurationType.Initial)
-    data.SetODE2Coordinates_t([c.rate for c in at], configuration=exu.ConfigurationType.Initial)
+    zero = [0.0] * model.integrals
+    data.SetODE2Coordinates([*(c.q for c in at), *zero], configuration=exu.ConfigurationType.Initial)
+    data.SetODE2Coordinates_t([*(c.rate for c in at), *zero], configuration=exu.ConfigurationType.Initial)
 
 
 def build_tree(mechanism: Mechanism, state: State, outputs: Sequence[str] = MOTION) -> KinematicTree:
@@ -78,6 +88,7 @@ def build_tree(mechanism: Mechanism, state: State, outputs: Sequence[str] = MOTI
         )
     )
     index = system.AddObject(_tree_object(mechanism, tree, node))
+    integrals = _add_efforts(system, mechanism, tree, node)
 
     def mark(name: str, p: Array, R: Array) -> Any:
         """Marker at a frame of a body or of the ground."""
@@ -93,7 +104,7 @@ def build_tree(mechanism: Mechanism, state: State, outputs: Sequence[str] = MOTI
     sensors = tuple(_add_sensors(system, index, n, tree.links[n].body_frame.p, outputs) for n in carriers)
     system.Assemble()
     axes = np.array([tree.links[n].body_frame.R for n in carriers])
-    model = KinematicTree(mechanism, tree, container, system, sensors, axes)
+    model = KinematicTree(mechanism, tree, container, system, sensors, axes, integrals)
     set_initial(model, state)
     return model
 
@@ -126,13 +137,42 @@ def _joint_controls(mechanism: Mechanism, tree: Tree) -> tuple[Array, Array, Arr
     """
     force, stiffness, damping = np.zeros((3, len(tree.links)))
     for spring in mechanism.joint_springs:
-        joint = mechanism.joint_index[spring.joint]
-        elementary = _SPRUNG[spring.coordinate]
-        n = next(i for i, link in enumerate(tree.links) if link.joint == joint and link.elementary == elementary)
-        force[n] += (-1.0 if tree.links[n].reversed else 1.0) * spring.stiffness * spring.rest
+        n, sign = _place(mechanism, tree, (spring.joint, spring.coordinate))
+        force[n] += sign * spring.stiffness * spring.rest
         stiffness[n] += spring.stiffness
         damping[n] += spring.damping
     return force, stiffness, damping
+
+
+def _place(mechanism: Mechanism, tree: Tree, where: Coordinate) -> tuple[int, float]:
+    """Index of the link that has a joint coordinate, and -1 where the tree passes the joint backwards."""
+    joint, elementary = mechanism.joint_index[where[0]], _SPRUNG[where[1]]
+    n = next(i for i, link in enumerate(tree.links) if link.joint == joint and link.elementary == elementary)
+    return n, -1.0 if tree.links[n].reversed else 1.0
+
+
+def _add_efforts(system: Any, mechanism: Mechanism, tree: Tree, node: Any) -> int:
+    """Add the efforts that are no linear springs; returns how many integrals of controllers they need.
+
+    They are connectors on the coordinates: with a user function of its own the tree has no potential energy.
+    """
+    at_rest = items.MarkerNodeCoordinate(nodeNumber=system.AddNode(items.NodePointGround()), coordinate=0)
+    ground = system.AddMarker(at_rest)
+
+    def measure(where: Coordinate) -> float:
+        n, sign = _place(mechanism, tree, where)
+        return sign * float(np.atleast_1d(system.GetNodeOutput(node, exu.OutputVariableType.Coordinates))[n])
+
+    integrals = Integrals(system, mechanism, measure)
+    for where, effort in efforts_of(mechanism).items():
+        n, sign = _place(mechanism, tree, where)
+        moved = system.AddMarker(items.MarkerNodeCoordinate(nodeNumber=node, coordinate=n))
+        force = opposed(effort, integrals, sign)
+        connector = items.ObjectConnectorCoordinateSpringDamper(
+            markerNumbers=[ground, moved], springForceUserFunction=force
+        )
+        system.AddObject(connector)
+    return integrals.count
 
 
 def _add_sensors(system: Any, tree: Any, link: int, p_LB: Array, outputs: Sequence[str]) -> tuple[Any, ...]:

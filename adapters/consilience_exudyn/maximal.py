@@ -10,11 +10,16 @@ import numpy as np
 
 from consilience.mechanism import GROUND, Body, Joint, Mechanism, State
 from consilience.spatial import Array, euler_parameter_matrix, rotation_from_quaternion
-from consilience_exudyn.forces import add_joint_springs, add_springs_and_loads, transformation
+from consilience_exudyn.constraints import Added, Mark, add_rows
+from consilience_exudyn.forces import add_joint_forces, add_springs_and_loads, transformation
 from consilience_exudyn.library import exu, items
+from consilience_exudyn.rows import displacement_turns, rows_of
 
 Axes = tuple[int, ...]
-"""Axes an ObjectJointGeneric holds (1) or leaves free (0): three translations, three rotations, in turned frame F."""
+"""Axes an ObjectJointGeneric holds (1) or leaves free (0): three translations, three rotations, in turned frame F.
+
+Of a rod its distance, of rows without an object of Exudyn's each of them.
+"""
 
 _UNIT_QUATERNION = np.array([1.0, 0.0, 0.0, 0.0])
 _ONE = np.eye(3)
@@ -55,6 +60,7 @@ JOINT_ITEMS: dict[str, JointItem] = {
     "rigid": JointItem((1, 1, 1, 1, 1, 1)),
     "rod": JointItem((1,), items.ObjectConnectorDistance),
     "free": JointItem(()),
+    "screw": JointItem((1, 1, 0, 1, 1, 0)),  # and a row of its own
 }
 
 
@@ -67,8 +73,14 @@ class Maximal:
     container, system : exudyn.SystemContainer, exudyn.MainSystem
     bodies : tuple of exudyn.ObjectIndex
         In the mechanism's order; seven coordinates each.
-    joints : tuple of exudyn.ObjectIndex or None
-        In the mechanism's order; None for a joint without constraints.
+    joints : tuple of tuple of exudyn.ObjectIndex
+        In the mechanism's order: the objects whose constraints are those of the joint.
+    rows : tuple of Added
+        Constraints beside those of Exudyn's joints, those of screws among them.
+    turning : tuple of str
+        Joints whose angles the data coordinates hold, so that turns are counted.
+    integrals : int
+        Coordinates behind those of the bodies: integrals of controllers.
     gravity : tuple of exudyn.LoadIndex
     sensors : tuple of tuple of exudyn.SensorIndex
         Coordinates, velocity and angular velocity of each body.
@@ -78,14 +90,18 @@ class Maximal:
     container: Any
     system: Any
     bodies: tuple[Any, ...]
-    joints: tuple[Any, ...]
+    joints: tuple[tuple[Any, ...], ...]
+    rows: tuple[Added, ...]
+    turning: tuple[str, ...]
+    integrals: int
     gravity: tuple[Any, ...]
     sensors: tuple[tuple[Any, Any, Any], ...]
 
 
 def full_axes(mechanism: Mechanism) -> tuple[Axes, ...]:
-    """Constrained axes of every joint with nothing left out."""
-    return tuple(JOINT_ITEMS[joint.kind].axes for joint in mechanism.joints)
+    """Constrained axes of every joint, then of every row of `rows_of`, with nothing left out."""
+    joints = (JOINT_ITEMS[joint.kind].axes for joint in mechanism.joints)
+    return (*joints, *((1,) * len(row.axes) for row in rows_of(mechanism)))
 
 
 def inertia_about_origin(body: Body) -> Array:
@@ -113,9 +129,24 @@ def velocities(state: State) -> Array:
 
 def set_initial(model: Maximal, state: State) -> None:
     """Make a state the initial values from which Exudyn's solvers start."""
-    data = model.system.systemData
-    data.SetODE2Coordinates(coordinates(state), configuration=exu.ConfigurationType.Initial)
-    data.SetODE2Coordinates_t(velocities(state), configuration=exu.ConfigurationType.Initial)
+    place(model, coordinates(state), velocities(state), exu.ConfigurationType.Initial)
+    count_turns(model, state, exu.ConfigurationType.Initial)
+
+
+def place(model: Maximal, q: Array, v: Array, configuration: Any) -> None:
+    """Put a configuration at coordinates of the bodies and their rates, integrals of controllers at zero."""
+    data, zero = model.system.systemData, np.zeros(model.integrals)
+    data.SetODE2Coordinates(np.append(q, zero), configuration=configuration)
+    data.SetODE2Coordinates_t(np.append(v, zero), configuration=configuration)
+
+
+def count_turns(model: Maximal, state: State, configuration: Any) -> None:
+    """Let a configuration count the turns of angles from a state."""
+    for added in model.rows:
+        added.row.forget()
+    if model.turning:
+        angles = [displacement_turns(model.mechanism, state, joint) for joint in model.turning]
+        model.system.systemData.SetDataCoordinates(angles, configuration=configuration)
 
 
 def build(mechanism: Mechanism, state: State, held: tuple[Axes, ...] | None = None) -> Maximal:
@@ -126,15 +157,16 @@ def build(mechanism: Mechanism, state: State, held: tuple[Axes, ...] | None = No
     state : State
         Initial values. The reference configuration of every body is the pose at the world's origin.
     held : tuple of Axes, optional
-        Constrained axes of each joint, where dependent ones are left out. A joint with all of its axes becomes
+        Constrained axes as of `full_axes`, where dependent ones are left out. A joint with all of its axes becomes
         Exudyn's own object of that kind.
     """
     container = exu.SystemContainer()
     system = container.AddSystem()
     ground = system.AddObject(items.ObjectGround())
-    bodies, gravity, sensors = [], [], []
+    nodes, bodies, gravity, sensors = [], [], [], []
     for body in mechanism.bodies:
         node, index = _add_body(system, body)
+        nodes.append(node)
         bodies.append(index)
         marker = system.AddMarker(items.MarkerBodyMass(bodyNumber=index))
         load = items.LoadMassProportional(markerNumber=marker, loadVector=list(mechanism.gravity))
@@ -145,14 +177,28 @@ def build(mechanism: Mechanism, state: State, held: tuple[Axes, ...] | None = No
         index = ground if name == GROUND else bodies[mechanism.body_index[name]]
         return system.AddMarker(items.MarkerBodyRigid(bodyNumber=index, localHT=transformation(p, R)))
 
-    joints = [
-        _add_joint(system, joint, axes, mark)
-        for joint, axes in zip(mechanism.joints, held or full_axes(mechanism), strict=True)
-    ]
+    held = held or full_axes(mechanism)
+    own = [_add_joint(system, joint, axes, mark) for joint, axes in zip(mechanism.joints, held, strict=False)]
+    rows = add_rows(system, rows_of(mechanism), held[len(own) :], lambda name: nodes[mechanism.body_index[name]], mark)
+    joints = tuple(
+        (*objects, *(added.index for added in rows if added.row.joint == joint.name))
+        for joint, objects in zip(mechanism.joints, own, strict=True)
+    )
     add_springs_and_loads(system, mechanism, mark)
-    add_joint_springs(system, mechanism, mark)
+    turning, integrals = add_joint_forces(system, mechanism, mark)
     system.Assemble()
-    model = Maximal(mechanism, container, system, tuple(bodies), tuple(joints), tuple(gravity), tuple(sensors))
+    model = Maximal(
+        mechanism,
+        container,
+        system,
+        tuple(bodies),
+        joints,
+        rows,
+        turning,
+        integrals,
+        tuple(gravity),
+        tuple(sensors),
+    )
     set_initial(model, state)
     return model
 
@@ -178,10 +224,10 @@ def _add_sensors(system: Any, node: Any, body: Any) -> tuple[Any, Any, Any]:
     )
 
 
-def _add_joint(system: Any, joint: Joint, axes: Axes, mark: Callable[[str, Array, Array], Any]) -> Any:
+def _add_joint(system: Any, joint: Joint, axes: Axes, mark: Mark) -> tuple[Any, ...]:
     """Add the native object if every axis is held, else the generic joint; nothing if no axis is."""
     if not any(axes):
-        return None
+        return ()
     item = JOINT_ITEMS[joint.kind]
     native = item.native if axes == item.axes else None
     markers = [
@@ -189,7 +235,7 @@ def _add_joint(system: Any, joint: Joint, axes: Axes, mark: Callable[[str, Array
         mark(joint.successor, joint.M.p, joint.M.R @ item.turn),
     ]
     if joint.kind == "rod":
-        return system.AddObject(items.ObjectConnectorDistance(markerNumbers=markers, distance=joint.length))
+        return (system.AddObject(items.ObjectConnectorDistance(markerNumbers=markers, distance=joint.length)),)
     if native:
-        return system.AddObject(native(markerNumbers=markers))
-    return system.AddObject(items.ObjectJointGeneric(markerNumbers=markers, constrainedAxes=list(axes)))
+        return (system.AddObject(native(markerNumbers=markers)),)
+    return (system.AddObject(items.ObjectJointGeneric(markerNumbers=markers, constrainedAxes=list(axes))),)

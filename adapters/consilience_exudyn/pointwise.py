@@ -87,14 +87,15 @@ def _reaction(model: Maximal, state: State, k: int) -> tuple[Array, Array]:
     exerts their negative. What acts along the Euler parameters of a body is ``2 G^T tau_B``, so ``tau_B = 1/2 G Q``.
     """
     joint: Joint = model.mechanism.joints[k]
-    if model.joints[k] is None:
+    if not model.joints[k]:
         return np.zeros(3), np.zeros(3)
     on_predecessor = joint.successor == GROUND
     i = model.mechanism.body_index[joint.predecessor if on_predecessor else joint.successor]
     data = model.system.systemData
     generalised = np.zeros(7 * len(model.bodies))
-    forces = model.system.ComputeItem(model.joints[k], exu.ComputeItemType.ReactionForces)
-    np.add.at(generalised, data.GetObjectLTGODE2(model.joints[k]), -np.array(forces))
+    for index in model.joints[k]:
+        forces = model.system.ComputeItem(index, exu.ComputeItemType.ReactionForces)
+        np.add.at(generalised, data.GetObjectLTGODE2(index), -np.array(forces))
     own = generalised[data.GetObjectLTGODE2(model.bodies[i])]
     quat = state.quat_WB[i]
     torque = rotation_from_quaternion(quat) @ (0.5 * euler_parameter_matrix(quat) @ own[3:])

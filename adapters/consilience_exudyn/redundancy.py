@@ -2,8 +2,8 @@
 
 With dependent rows Exudyn's matrices are singular: initial accelerations become zero with a console warning,
 the integrators stop, and TrapezoidalIndex2 has been seen to lock an over-constrained mechanism and report success.
-The rows of the tree are always independent; of each joint that closes a loop as many axes are held as it adds to the
-rank.
+The rows of the joints of the tree are always independent; of each joint that closes a loop, then of each element, as
+many axes are held as it adds to the rank.
 """
 
 from __future__ import annotations
@@ -16,9 +16,10 @@ import numpy as np
 from consilience.assembly import initial_state, random_states
 from consilience.mechanism import Mechanism, State
 from consilience.spatial import Array
-from consilience.tree import lower
-from consilience_exudyn.maximal import JOINT_ITEMS, Axes, build, full_axes
+from consilience.topology import spanning_tree
+from consilience_exudyn.maximal import Axes, build, full_axes
 from consilience_exudyn.pointwise import rank
+from consilience_exudyn.rows import rows_of
 from consilience_exudyn.terms import Terms
 
 _STATES = 4
@@ -27,41 +28,47 @@ _NAMES = ("translation x", "translation y", "translation z", "rotation x", "rota
 
 
 def independent_axes(mechanism: Mechanism) -> tuple[Axes, ...]:
-    """Constrained axes of every joint such that no equation depends on the others.
+    """Constrained axes of every joint and row such that no equation depends on the others.
 
     The choice is made by Exudyn's own Jacobian in the drawing and at a few states along its branch, for the set whose
     smallest singular value is largest in the worst of them. It depends on the mechanism only.
     """
-    held = list(full_axes(mechanism))
-    closing = [weld.joint for weld in lower(mechanism).welds]
-    if not closing:
-        return tuple(held)
+    full = full_axes(mechanism)
+    _, closing = spanning_tree(mechanism)
+    optional = [*closing, *range(len(mechanism.joints), len(full))]
+    if not optional:
+        return full
     drawing = initial_state(mechanism)
     states = [drawing, *random_states(mechanism, drawing, _STATES, _SEED)]
-    for k in closing:
-        held[k] = tuple(0 for _ in held[k])
-    for k in closing:
+    if min(_ranks(mechanism, states, full)) == equations(full):
+        return full
+    held = [tuple(0 for _ in axes) if k in optional else axes for k, axes in enumerate(full)]
+    for k in optional:
         before = _ranks(mechanism, states, held)
-        full = JOINT_ITEMS[mechanism.joints[k].kind].axes
-        after = _ranks(mechanism, states, _with(held, k, full))
+        after = _ranks(mechanism, states, _with(held, k, full[k]))
         added = max(after) - max(before)
-        if added == sum(full):
-            held[k] = full
+        if added == sum(full[k]):
+            held[k] = full[k]
         else:
             regular = [s for s, r in zip(states, after, strict=True) if r == max(after)]
             held[k] = _best(mechanism, regular, held, k, added)
     return tuple(held)
 
 
+def equations(held: Sequence[Axes]) -> int:
+    """Count the equations that are held."""
+    return sum(map(sum, held))
+
+
 def left_out(mechanism: Mechanism, held: Sequence[Axes]) -> dict[str, str]:
-    """Axes each joint no longer constrains, in words, by the name of the joint."""
-    words = {}
-    for joint, axes in zip(mechanism.joints, held, strict=True):
-        full = JOINT_ITEMS[joint.kind].axes
-        names = ("distance",) if joint.kind == "rod" else _NAMES
-        dropped = [name for name, mine, all_ in zip(names, axes, full, strict=False) if all_ > mine]
+    """Axes no longer constrained, in words, by the name of the joint or element."""
+    joints = [(joint.name, ("distance",) if joint.kind == "rod" else _NAMES) for joint in mechanism.joints]
+    named = [*joints, *((row.name, row.axes) for row in rows_of(mechanism))]
+    words: dict[str, str] = {}
+    for (name, names), axes, full in zip(named, held, full_axes(mechanism), strict=True):
+        dropped = [word for word, mine, all_ in zip(names, axes, full, strict=False) if all_ > mine]
         if dropped:
-            words[joint.name] = ", ".join(dropped)
+            words[name] = ", ".join([words[name], *dropped] if name in words else dropped)
     return words
 
 
@@ -87,14 +94,13 @@ def _ranks(mechanism: Mechanism, states: Sequence[State], held: Sequence[Axes]) 
 
 
 def _best(mechanism: Mechanism, states: Sequence[State], held: Sequence[Axes], k: int, count: int) -> Axes:
-    """Of all ways to hold `count` axes of joint k, the one that stays furthest from losing rank."""
-    full = held_axes = JOINT_ITEMS[mechanism.joints[k].kind].axes
+    """Of all ways to hold `count` axes of joint or row k, the one that stays furthest from losing rank."""
+    full = held_axes = full_axes(mechanism)[k]
     best = -1.0
     for chosen in combinations([n for n, axis in enumerate(full) if axis], count):
         axes = tuple(int(n in chosen) for n in range(len(full)))
         trial = _with(held, k, axes)
-        equations = sum(sum(a) for a in trial)
-        worst = min(smallest_singular_value(J, equations) for J in _jacobians(mechanism, states, trial))
+        worst = min(smallest_singular_value(J, equations(trial)) for J in _jacobians(mechanism, states, trial))
         if worst > best:
             best, held_axes = worst, axes
     return held_axes

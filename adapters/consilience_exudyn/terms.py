@@ -17,7 +17,8 @@ from scipy.linalg import block_diag
 from consilience.mechanism import State
 from consilience.spatial import Array, euler_parameter_matrix, rotation_from_quaternion
 from consilience_exudyn.library import POINTWISE, exu, simulation_settings
-from consilience_exudyn.maximal import Maximal, coordinates, velocities
+from consilience_exudyn.maximal import Maximal, coordinates, count_turns, place, velocities
+from consilience_exudyn.rows import DiscRow, gammas
 
 _STENCIL = ((-2.0, 1.0), (-1.0, -8.0), (1.0, 8.0), (2.0, -1.0))
 """Points and twelvefold weights of the central first derivative; exact for polynomials of degree four."""
@@ -32,7 +33,7 @@ class Equations:
     M : ndarray, shape (6 n_b, 6 n_b)
     f : ndarray, shape (6 n_b,)
     J : ndarray, shape (r, 6 n_b)
-        Rows of the joints, in Exudyn's order; Exudyn's multipliers are the negative of `mu`.
+        Rows of the joints, then the other constraints; Exudyn's multipliers are the negative of `mu`.
     gamma : ndarray, shape (r,)
     """
 
@@ -56,7 +57,8 @@ class Terms:
     Attributes
     ----------
     rows : ndarray of int, shape (r,)
-        Algebraic equations that belong to joints; the others are the unit norms of Euler parameters.
+        Algebraic equations of joints, then of all rows without an object of Exudyn's; the others are the unit norms
+        of Euler parameters.
     """
 
     def __init__(self, model: Maximal) -> None:
@@ -65,22 +67,24 @@ class Terms:
         self._solver = exu.MainSolverImplicitSecondOrder()
         self._solver.InitializeSolver(model.system, simulation_settings(POINTWISE))
         self._size = 7 * len(model.bodies)
-        rows = [self._data.GetObjectLTGAE(joint) for joint in model.joints if joint is not None]
-        self.rows = np.array([row for block in rows for row in block], dtype=int)
+        self._above = self._size + model.integrals
+        added = [row.index for row in model.rows]
+        native = [index for objects in model.joints for index in objects if index not in added]
+        self._native = sum(len(self._data.GetObjectLTGAE(index)) for index in native)
+        self.rows = np.array([row for index in native + added for row in self._data.GetObjectLTGAE(index)], dtype=int)
         self._lengths = self._rod_lengths()
 
     def _rod_lengths(self) -> Array:
         """Length per algebraic row: of a rod its distance, zero for rows that are polynomials as they are."""
         lengths = np.zeros(self._solver.GetAEsize())
-        for joint, index in zip(self.model.mechanism.joints, self.model.joints, strict=True):
-            if joint.kind == "rod" and index is not None:
-                lengths[self._data.GetObjectLTGAE(index)] = joint.length
+        for joint, objects in zip(self.model.mechanism.joints, self.model.joints, strict=True):
+            if joint.kind == "rod" and objects:
+                lengths[self._data.GetObjectLTGAE(objects[0])] = joint.length
         return lengths
 
     def place(self, q: Array, v: Array) -> None:
         """Put the current configuration at coordinates `q` and rates `v`."""
-        self._data.SetODE2Coordinates(q, configuration=exu.ConfigurationType.Current)
-        self._data.SetODE2Coordinates_t(v, configuration=exu.ConfigurationType.Current)
+        place(self.model, q, v, exu.ConfigurationType.Current)
 
     def mass_matrix(self, state: State) -> Array:
         """Mass matrix in ``(v_WB_W, w_WB_W)`` of each body, shape (6 n_b, 6 n_b)."""
@@ -96,13 +100,33 @@ class Terms:
     def equations(self, state: State) -> Equations:
         """All terms at a consistent state; leaves the current configuration there."""
         q, v = coordinates(state), velocities(state)
-        c = self._convective(q, v)
+        count_turns(self.model, state, exu.ConfigurationType.Current)
+        c = self._convective(q, v)[: self._native]
         self.place(q, v)
         T = velocity_map(state)
-        M, Cq = self._coordinate_mass(), self._coordinate_jacobian()
+        M, J = self._coordinate_mass(), self._coordinate_jacobian() @ T
         self._solver.ComputeODE2RHS(self.model.system)
         f = self._residual()[: self._size]
-        return Equations(M=T.T @ M @ T, f=T.T @ f, J=Cq @ T, gamma=-c)
+        gamma = np.append(-c, self._added_gamma(state, J[self._native :]))
+        return Equations(M=T.T @ M @ T, f=T.T @ f, J=J, gamma=gamma)
+
+    def _added_gamma(self, state: State, J: Array) -> Array:
+        """Gamma of the rows behind the native ones, whose Jacobian is J.
+
+        Those of a disc are directions in which the point of contact does not move; the columns of the body's
+        velocity hold them.
+        """
+        known, found, start = gammas(self.model.mechanism, state), [np.zeros(0)], 0
+        for added in self.model.rows:
+            values = known[added.number]
+            if isinstance(added.row, DiscRow):
+                body = self.model.mechanism.body_index[added.row.rolling.body]
+                values = J[start : start + 3, 6 * body : 6 * body + 3] @ values
+            else:
+                values = values[list(added.kept)]
+            found.append(values)
+            start += len(values)
+        return np.concatenate(found)
 
     def set_multipliers(self, mu: Array) -> None:
         """Give the current configuration the multipliers that belong to `Equations`."""
@@ -122,14 +146,14 @@ class Terms:
         # the first call sets the whole matrix to zero, the second adds to it
         solver.ComputeJacobianODE2RHS(system, scalarFactor_ODE2=0.0, scalarFactor_ODE2_t=0.0, scalarFactor_ODE1=0.0)
         solver.ComputeJacobianAE(
-            system, scalarFactor_ODE2=1.0, scalarFactor_ODE2_t=0.0, scalarFactor_ODE1=1.0, velocityLevel=False
+            system, scalarFactor_ODE2=1.0, scalarFactor_ODE2_t=1.0, scalarFactor_ODE1=1.0, velocityLevel=False
         )
         jacobian: Any = np.array(solver.GetSystemJacobian())
-        return np.asarray(jacobian[self._size :, : self._size][self.rows])
+        return np.asarray(jacobian[self._above :, : self._size][self.rows])
 
     def _algebraic(self, velocity_level: bool) -> Array:
         self._solver.ComputeAlgebraicEquations(self.model.system, velocityLevel=velocity_level)
-        return self._residual()[self._size :]
+        return self._residual()[self._above :]
 
     def _convective(self, q: Array, v: Array) -> Array:
         """``c = d/ds C'(q + s v, v)`` of the joint rows by one central stencil with a big step, without truncation.

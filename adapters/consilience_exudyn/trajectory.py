@@ -14,8 +14,8 @@ from consilience.run import TrajectoryAnswer
 from consilience.spatial import Array, continuous_in_time, quaternion_from_rotation
 from consilience_exudyn.kinematic_tree import KinematicTree
 from consilience_exudyn.library import SETTINGS, exu, simulation_settings
-from consilience_exudyn.maximal import JOINT_ITEMS, Axes, Maximal, full_axes
-from consilience_exudyn.redundancy import smallest_singular_value
+from consilience_exudyn.maximal import Axes, Maximal, full_axes
+from consilience_exudyn.redundancy import equations, left_out, smallest_singular_value
 from consilience_exudyn.terms import Terms
 
 _ON_GRID = 1e-9
@@ -103,19 +103,14 @@ def refuse_lost_rank(model: Maximal, held: Sequence[Axes], answer: TrajectoryAns
     Raises
     ------
     RuntimeError
-        Naming the time and the axes that were kept.
+        Naming the time and the axes that were left out.
     """
     terms = Terms(model)
-    equations = sum(sum(axes) for axes in held)
     for n, time in enumerate(answer.time):
         state = State(answer.p_WB[n], answer.quat_WB[n], answer.v_WB_W[n], answer.w_WB_W[n])
-        if smallest_singular_value(terms.constraint_jacobian(state), equations) < RANK_TOLERANCE:
-            partial = {
-                joint.name: axes
-                for joint, axes in zip(model.mechanism.joints, held, strict=True)
-                if axes != JOINT_ITEMS[joint.kind].axes
-            }
-            raise RuntimeError(f"at {time} s the kept constraint equations {partial} are dependent")
+        if smallest_singular_value(terms.constraint_jacobian(state), equations(held)) < RANK_TOLERANCE:
+            rest = left_out(model.mechanism, held)
+            raise RuntimeError(f"at {time} s the constraint equations kept without {rest} are dependent")
 
 
 def tree_answer(model: KinematicTree, times: Array, step: float) -> TrajectoryAnswer:

@@ -11,16 +11,21 @@ import pinocchio as pin
 from consilience.harness import solve_constrained
 from consilience.run import Method, Route
 from consilience.spatial import Array
-from consilience_pinocchio.forces import Forces
-from consilience_pinocchio.translate import Translation
-
-WORLD_AXES = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+from consilience_pinocchio.contacts import Contacts
+from consilience_pinocchio.elements import Elements
+from consilience_pinocchio.mimic import MIMIC, mimic_accelerations
+from consilience_pinocchio.translate import WORLD_AXES, Translation
 
 PROXIMAL: dict[str, Any] = {"absolute_accuracy": 1e-14, "mu": 1e-8, "max_iter": 20}
 """With the default mu = 0 and a single iteration, dependent constraint rows give NaN; with these values the
 iteration converges to round-off, whatever the rank: nothing is left of mu, so the constraints have no softness."""
 
-Accelerations = Callable[[Array, Array], Array]
+STOCK: dict[str, Any] = {"absolute_accuracy": 1e-12, "mu": 0.0, "max_iter": 1}
+"""Pinocchio's own."""
+
+Accelerations = Callable[[Array, Array, float, Array], Array]
+"""Of q, v, the time and the integrals of the controllers."""
+
 WeldWrenches = list[tuple[Array, Array]]
 """For each weld the wrenches on original and copy, force then torque, in the axes and about the origins of their
 joints."""
@@ -34,9 +39,9 @@ class Solution:
     q, v, a : ndarray
         Configuration (nq,), velocity and acceleration (nv,).
     tau : ndarray, shape (nv,)
-        Efforts of the joint springs.
+        Efforts in joint coordinates: springs, friction and control, and those of drives and couplings.
     wrenches : ndarray, shape (n_links + 1, 6)
-        Springs, loads and the constraint forces of the welds on the links, as in `Forces.wrenches`.
+        Springs, loads and the constraint forces of the welds and contacts on the links, as in `Forces.wrenches`.
     """
 
     def __init__(self, q: Array, v: Array, a: Array, tau: Array, wrenches: Array) -> None:
@@ -47,24 +52,25 @@ def _zero(model: Any) -> Array:
     return np.zeros(model.nv)
 
 
-def articulated_body(translation: Translation, forces: Forces) -> Accelerations:
+def articulated_body(translation: Translation, elements: Elements) -> Accelerations:
     """Forward dynamics of a tree by `pinocchio.aba`; springs and loads enter as external forces on the joints."""
     model, data = translation.model, translation.data
+    forces, efforts = elements.forces, elements.efforts
     zero = _zero(model)
     external = pin.StdVec_Force()
     for _ in range(model.njoints):
         external.append(pin.Force.Zero())
     views = [(link, external[joint].vector) for link, joint in forces.loaded]
 
-    def without_wrenches(q: Array, v: Array) -> Array:
-        tau = forces.efforts(q, v) if forces.sprung else zero
+    def without_wrenches(q: Array, v: Array, t: float, integrals: Array) -> Array:
+        tau = efforts.at(q, v, t, integrals) if efforts.active else zero
         return np.asarray(pin.aba(model, data, q, v, tau))
 
-    def with_wrenches(q: Array, v: Array) -> Array:
+    def with_wrenches(q: Array, v: Array, t: float, integrals: Array) -> Array:
         """Accelerations under joint efforts and wrenches on the links."""
-        tau = forces.efforts(q, v) if forces.sprung else zero
+        tau = efforts.at(q, v, t, integrals) if efforts.active else zero
         pin.forwardKinematics(model, data, q, v)
-        W = forces.wrenches()
+        W = forces.wrenches(t)
         for _, view in views:
             view[:] = 0.0
         for link, view in views:  # several welded links may share a joint
@@ -74,36 +80,66 @@ def articulated_body(translation: Translation, forces: Forces) -> Accelerations:
     return with_wrenches if forces.active else without_wrenches
 
 
-def _efforts(translation: Translation, forces: Forces) -> Accelerations:
+def _applied(translation: Translation, elements: Elements) -> Accelerations:
     """All applied generalised forces: the loop solvers take no external wrenches, so the Jacobians carry them over."""
     model, data = translation.model, translation.data
+    forces, efforts = elements.forces, elements.efforts
 
-    def efforts(q: Array, v: Array) -> Array:
+    def applied(q: Array, v: Array, t: float, integrals: Array) -> Array:
         """Joint efforts, the wrenches on the links among them."""
-        tau = forces.efforts(q, v) if forces.sprung else np.zeros(model.nv)
+        tau = efforts.at(q, v, t, integrals) if efforts.active else np.zeros(model.nv)
         if forces.active:
             pin.forwardKinematics(model, data, q, v)
-            W = forces.wrenches()
+            W = forces.wrenches(t)
             pin.computeJointJacobians(model, data)
             for link, joint in forces.loaded:
                 tau = tau + pin.getJointJacobian(model, data, joint, pin.ReferenceFrame.LOCAL).T @ W[link]
         return tau
 
-    return efforts
+    return applied
 
 
-def constraint_dynamics(translation: Translation, forces: Forces, proximal: Mapping[str, Any]) -> Accelerations:
+def constraint_dynamics(contacts: Contacts, elements: Elements, proximal: Mapping[str, Any]) -> Accelerations:
     """Forward dynamics of loops by `pinocchio.constraintDynamics`, with these proximal settings away from default."""
+    translation = contacts.translation
     model, data = translation.model, translation.data
     constraints, constraint_data = translation.constraints, translation.constraint_data
-    efforts = _efforts(translation, forces)
+    applied = _applied(translation, elements)
     settings = pin.ProximalSettings()
     if proximal:
         settings = pin.ProximalSettings(proximal["absolute_accuracy"], proximal["mu"], proximal["max_iter"])
 
-    def accelerations(q: Array, v: Array) -> Array:
-        tau = efforts(q, v)
+    def accelerations(q: Array, v: Array, t: float, integrals: Array) -> Array:
+        tau = applied(q, v, t, integrals)
+        contacts.update(q, v, t)
         return np.array(pin.constraintDynamics(model, data, q, v, tau, constraints, constraint_data, settings))
+
+    return accelerations
+
+
+def forward_dynamics(translation: Translation, elements: Elements, proximal: Mapping[str, Any]) -> Accelerations:
+    """Forward dynamics under rows of the adapter by `pinocchio.forwardDynamics`; multipliers stay in ``lambda_c``.
+
+    It regularises once, ``(J M^-1 J^T + mu) lam = ...``; repeated with the last multipliers on the right it is the
+    proximal iteration of `constraintDynamics`, which removes the error of mu.
+    """
+    model, data = translation.model, translation.data
+    applied = _applied(translation, elements)
+    settings = STOCK | dict(proximal)
+    mu, accuracy = settings["mu"], settings["absolute_accuracy"]
+
+    def accelerations(q: Array, v: Array, t: float, integrals: Array) -> Array:
+        tau = applied(q, v, t, integrals)
+        pin.computeAllTerms(model, data, q, v)
+        J, gamma = all_rows(translation, elements, q, v, t)
+        lam = np.zeros(len(gamma))
+        for _ in range(settings["max_iter"]):
+            a = pin.forwardDynamics(model, data, tau, J, -gamma - mu * lam, mu)
+            change = mu * np.max(np.abs(data.lambda_c - lam))
+            lam = np.array(data.lambda_c)
+            if change < accuracy:
+                break
+        return np.array(a)
 
     return accelerations
 
@@ -125,9 +161,17 @@ def weld_rows(translation: Translation, q: Array, v: Array) -> tuple[Array, Arra
     return np.vstack(rows), np.concatenate(bias)
 
 
-def own_rows(translation: Translation, q: Array, v: Array, tau: Array) -> tuple[Array, Array]:
-    """Accelerations (nv,) and multipliers (6 n_welds,) of `weld_rows`, solved by the harness."""
-    J, gamma = weld_rows(translation, q, v)
+def all_rows(translation: Translation, elements: Elements, q: Array, v: Array, t: float) -> tuple[Array, Array]:
+    """Rows of the welds, then of the elements: J (n, nv) and gamma (n,)."""
+    welds, rows = weld_rows(translation, q, v), elements.rows.at(q, v, t)
+    return np.vstack([welds[0], rows[0]]), np.concatenate([welds[1], rows[1]])
+
+
+def own_rows(
+    translation: Translation, elements: Elements, q: Array, v: Array, t: float, tau: Array
+) -> tuple[Array, Array]:
+    """Accelerations (nv,) and multipliers of `all_rows`, solved by the harness."""
+    J, gamma = all_rows(translation, elements, q, v, t)
     M = np.array(pin.crba(translation.model, translation.data, q))
     bias = np.array(pin.nle(translation.model, translation.data, q, v))
     return solve_constrained(M, tau - bias, J, gamma)
@@ -136,7 +180,7 @@ def own_rows(translation: Translation, q: Array, v: Array, tau: Array) -> tuple[
 def _contact_wrenches(translation: Translation) -> WeldWrenches:
     """Pinocchio gives the wrench on joint 1, at and in constraint frame 1; the copy has its opposite."""
     data, result = translation.data, []
-    for (original, copy), contact in zip(translation.welds, translation.constraint_data, strict=True):
+    for (original, copy), contact in zip(translation.welds, translation.constraint_data, strict=False):
         frame_1 = data.oMi[original.joint] * original.placement
         frame_2 = data.oMi[copy.joint] * copy.placement
         on_copy = -frame_2.actInv(frame_1.act(contact.contact_force))
@@ -157,39 +201,79 @@ def _multiplier_wrenches(translation: Translation, lam: Array) -> WeldWrenches:
     return result
 
 
-Way = Callable[[Translation, Forces, Method, Array, Array], tuple[Array, WeldWrenches]]
+Way = Callable[[Translation, Elements, Method, Array, Array], tuple[Array, WeldWrenches, Array]]
+"""Accelerations, wrenches of the welds, and multipliers of the elements' rows, at the start of all motion."""
 
 
-def _tree(translation: Translation, forces: Forces, _: Method, q: Array, v: Array) -> tuple[Array, WeldWrenches]:
-    return articulated_body(translation, forces)(q, v), []
+def _integrals(elements: Elements) -> Array:
+    return np.zeros(elements.efforts.control_count)
+
+
+def _tree(
+    translation: Translation, elements: Elements, _: Method, q: Array, v: Array
+) -> tuple[Array, WeldWrenches, Array]:
+    return articulated_body(translation, elements)(q, v, 0.0, _integrals(elements)), [], np.zeros(0)
 
 
 def _proximal(
-    translation: Translation, forces: Forces, method: Method, q: Array, v: Array
-) -> tuple[Array, WeldWrenches]:
-    a = constraint_dynamics(translation, forces, method.settings)(q, v)
+    translation: Translation, elements: Elements, method: Method, q: Array, v: Array
+) -> tuple[Array, WeldWrenches, Array]:
+    contacts = Contacts(translation, elements)
+    a = constraint_dynamics(contacts, elements, method.settings)(q, v, 0.0, _integrals(elements))
     pin.forwardKinematics(translation.model, translation.data, q)
-    return a, _contact_wrenches(translation)
+    return a, _contact_wrenches(contacts.translation), contacts.multipliers()
 
 
-def _harness(translation: Translation, forces: Forces, _: Method, q: Array, v: Array) -> tuple[Array, WeldWrenches]:
-    a, lam = own_rows(translation, q, v, _efforts(translation, forces)(q, v))
-    return a, _multiplier_wrenches(translation, lam)
+def _forward(
+    translation: Translation, elements: Elements, method: Method, q: Array, v: Array
+) -> tuple[Array, WeldWrenches, Array]:
+    a = forward_dynamics(translation, elements, method.settings)(q, v, 0.0, _integrals(elements))
+    return a, *_split(translation, np.array(translation.data.lambda_c))
 
 
-def _way(translation: Translation, method: Method) -> Way:
+def _harness(
+    translation: Translation, elements: Elements, _: Method, q: Array, v: Array
+) -> tuple[Array, WeldWrenches, Array]:
+    tau = _applied(translation, elements)(q, v, 0.0, _integrals(elements))
+    a, lam = own_rows(translation, elements, q, v, 0.0, tau)
+    return a, *_split(translation, lam)
+
+
+def _split(translation: Translation, lam: Array) -> tuple[WeldWrenches, Array]:
+    """Multipliers of `all_rows`: wrenches of the welds, and what belongs to the elements."""
+    return _multiplier_wrenches(translation, lam), lam[6 * len(translation.welds) :]
+
+
+def _mimic(
+    translation: Translation, elements: Elements, _: Method, q: Array, v: Array
+) -> tuple[Array, WeldWrenches, Array]:
+    tau = _applied(translation, elements)(q, v, 0.0, _integrals(elements))
+    a, lam = mimic_accelerations(translation, elements, q, v, tau)
+    return a, [], lam
+
+
+def _way(translation: Translation, elements: Elements, method: Method) -> Way:
+    if method.settings == MIMIC:
+        return _mimic
     if method.route is Route.HARNESS_SOLVE:
         return _harness
-    return _proximal if translation.welds else _tree
+    if method.name.startswith("forwardDynamics"):
+        return _forward
+    return _proximal if translation.welds or elements.rows.count else _tree
 
 
-def solve(translation: Translation, forces: Forces, method: Method, q: Array, v: Array) -> Solution:
-    """Solve for accelerations by one of the methods, and collect the wrenches that act on the links with them."""
-    a, weld_wrenches = _way(translation, method)(translation, forces, method, q, v)
+def solve(translation: Translation, elements: Elements, method: Method, q: Array, v: Array) -> Solution:
+    """Solve for accelerations at the start of all motion, and collect the forces that act on the links with them."""
+    a, weld_wrenches, lam = _way(translation, elements, method)(translation, elements, method, q, v)
     # the solvers leave other accelerations in `data` than those of the moving frames
     pin.forwardKinematics(translation.model, translation.data, q, v, a)
-    W = forces.wrenches()
+    W = elements.forces.wrenches()
     for weld, (on_original, on_copy) in zip(translation.tree.welds, weld_wrenches, strict=True):
         W[weld.original] += on_original
         W[weld.copy] += on_copy
-    return Solution(q, v, a, forces.efforts(q, v), W)
+    tau = elements.efforts.at(q, v, 0.0, _integrals(elements))
+    if elements.rows.count:
+        tau = tau + elements.rows.efforts(q, lam)
+        for link, wrench in elements.rows.wrenches(lam):
+            W[link] += wrench
+    return Solution(q, v, a, tau, W)

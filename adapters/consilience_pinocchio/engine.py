@@ -24,8 +24,10 @@ from consilience.run import (
 )
 from consilience.spatial import Array
 from consilience_pinocchio.charts import suited
+from consilience_pinocchio.contacts import hold_all
 from consilience_pinocchio.dynamics import PROXIMAL, solve
-from consilience_pinocchio.forces import Forces
+from consilience_pinocchio.elements import Elements
+from consilience_pinocchio.mimic import MIMIC, has_mimic
 from consilience_pinocchio.motion import integrate
 from consilience_pinocchio.observe import accelerations, composite_inertia, energies, freedom
 from consilience_pinocchio.reactions import reactions
@@ -56,52 +58,91 @@ _LOOP_METHODS = {
     ),
 }
 
+_ROW_METHODS = {
+    Question.MODEL: (Method("model inertias, rank of own rows", Route.HARNESS_SOLVE),),
+    Question.INSTANT: (
+        Method("forwardDynamics on own rows", Route.TUNED, settings=dict(PROXIMAL)),
+        Method("crba, nle and own rows", Route.HARNESS_SOLVE),
+        Method("forwardDynamics on own rows, defaults", Route.NATIVE, profile=Profile.DEFAULT),
+    ),
+    Question.TRAJECTORY: (
+        Method(
+            "forwardDynamics on own rows + RK4 of the harness",
+            Route.HARNESS_INTEGRATOR,
+            order=4,
+            substeps=_SUBSTEPS,
+            settings=dict(PROXIMAL),
+        ),
+    ),
+}
+_CONTACT_METHODS = {
+    Question.MODEL: _ROW_METHODS[Question.MODEL],
+    Question.INSTANT: (_LOOP_METHODS[Question.INSTANT][0], *_ROW_METHODS[Question.INSTANT]),
+    Question.TRAJECTORY: _LOOP_METHODS[Question.TRAJECTORY],
+}
+_MIMIC_METHOD = Method("crba and nle with JointModelMimic", Route.HARNESS_SOLVE, settings=dict(MIMIC))
+
 _KIND_REMARKS = {
     "rod": "rod: massless link of two revolutes and a ball, its axes turned away from their singular pose",
     "universal": "universal: massless link between two revolutes",
     "cylindrical": "cylindrical: massless link between a prismatic joint and a revolute",
     "planar": "planar: massless links between two prismatic joints and a revolute",
+    "screw": "screw: native, a helical joint",
     "rigid": "rigid: merged into the body before it; its reaction by Newton-Euler on Pinocchio's motion",
 }
-_FORCE_REMARKS = {
+_ELEMENT_REMARKS = {
     "springs": "springs: not native, wrenches by the adapter from Pinocchio's placements and velocities",
-    "joint_springs": "joint springs: not native, joint efforts by the adapter, taken out of the reactions",
     "loads": "loads: not native, wrenches by the adapter",
+    "joint_springs": "joint springs: not native, joint efforts by the adapter, taken out of the reactions",
+    "frictions": "friction: not native, joint efforts by the adapter, taken out of the reactions",
+    "controls": "control: not native, joint efforts by the adapter; the integrals are states of the integration",
+    "drives": "drives: a 6D contact across the joint, its acceleration by the adapter; or rows of the adapter",
+    "couplings": "couplings: not native, rows of the adapter in joint accelerations",
+    "rollings": "rolling: a 3D contact at the material point, its acceleration by the adapter; or rows of the adapter",
+    "skates": "skates: not native, rows of the adapter by Pinocchio's Jacobians",
 }
 
-FEATURES = frozenset(f"{kind} joint" for kind in JOINT_KINDS if kind != "screw") | {"spring", "joint spring", "load"}
-"""What of `Mechanism.features` has a translation."""
+FEATURES = frozenset(
+    {f"{kind} joint" for kind in JOINT_KINDS}
+    | {"spring", "joint spring", "actuator", "load", "load in time", "friction", "control"}
+    | {"drive", "coupling", "rolling", "skate"}
+)
+"""What of `Mechanism.features` has a translation: all there is."""
 
 
 class PinocchioEngine:
     """Pinocchio: minimal coordinates, `aba` for trees, `constraintDynamics` on split bodies for loops."""
 
     def __init__(self) -> None:
-        self._built: tuple[Translation, Forces] | None = None
+        self._built: tuple[Translation, Elements] | None = None
 
-    def _translated(self, mechanism: Mechanism) -> tuple[Translation, Forces]:
+    def _translated(self, mechanism: Mechanism) -> tuple[Translation, Elements]:
         if self._built is None or self._built[0].mechanism is not mechanism:
             translation = translate(mechanism)
-            self._built = translation, Forces(translation)
+            self._built = translation, Elements(translation)
         return self._built
 
-    def _suited(self, mechanism: Mechanism, state: State) -> tuple[Translation, Forces]:
+    def _suited(self, mechanism: Mechanism, state: State) -> tuple[Translation, Elements]:
         """Choose the translation for a state: the common one unless a rod stands badly in it."""
-        common, forces = self._translated(mechanism)
+        common, elements = self._translated(mechanism)
         translation = suited(common, state)
-        return translation, forces if translation is common else Forces(translation)
+        return translation, elements if translation is common else Elements(translation)
 
     def info(self) -> EngineInfo:
         """Name and version."""
         return EngineInfo("pinocchio", pin.__version__, f"consilience_pinocchio {version('consilience')}")
 
     def unsupported(self, mechanism: Mechanism, question: Question) -> tuple[Unsupported, ...]:
-        """Features without a translation: screws, and elements beyond constant forces."""
+        """Features without a translation."""
         return beyond(mechanism, FEATURES, "Pinocchio")
 
     def methods(self, mechanism: Mechanism, question: Question) -> tuple[Method, ...]:
-        """Ways to answer the question, the headline first; which ones depends on whether there are loops."""
-        translation, _ = self._translated(mechanism)
+        """Ways to answer the question, the headline first; which ones depends on what is to be held."""
+        translation, elements = self._translated(mechanism)
+        if elements.rows.count:
+            more = question is Question.INSTANT and has_mimic(translation)
+            methods = _CONTACT_METHODS if hold_all(translation) else _ROW_METHODS
+            return (*methods[question], *([_MIMIC_METHOD] if more else []))
         return (_LOOP_METHODS if translation.welds else _TREE_METHODS)[question]
 
     def manifest(self, mechanism: Mechanism) -> Manifest:
@@ -111,15 +152,17 @@ class PinocchioEngine:
         exact = [text for kind, text in _KIND_REMARKS.items() if kind in kinds]
         if translation.welds:
             exact.append("loops: a body split in equal halves, held together by CONTACT_6D, no Baumgarte correction")
-        exact += [text for name, text in _FORCE_REMARKS.items() if getattr(mechanism, name)]
+        exact += [text for name, text in _ELEMENT_REMARKS.items() if getattr(mechanism, name)]
         return Manifest(exact=tuple(exact))
 
     def model(self, mechanism: Mechanism, state: State, method: Method) -> ModelAnswer:
         """Mass, centre of mass and inertia from Pinocchio's inertias, freedom from its constraint Jacobian."""
-        translation, _ = self._suited(mechanism, state)
-        q, _ = configuration(translation, state)
+        translation, elements = self._suited(mechanism, state)
+        q, v = configuration(translation, state)
         total = composite_inertia(translation, q)
-        return ModelAnswer(total.mass, np.array(total.lever), np.array(total.inertia), freedom(translation, q))
+        return ModelAnswer(
+            total.mass, np.array(total.lever), np.array(total.inertia), freedom(translation, elements, q, v)
+        )
 
     def instant(self, mechanism: Mechanism, states: Sequence[State], method: Method) -> InstantAnswer:
         """Accelerations, joint reactions and energies at consistent states."""
@@ -128,19 +171,19 @@ class PinocchioEngine:
         force, torque = np.zeros((2, n_s, n_j, 3))
         kinetic, potential = np.zeros((2, n_s))
         for n, state in enumerate(states):
-            translation, forces = self._suited(mechanism, state)
+            translation, elements = self._suited(mechanism, state)
             q, v = configuration(translation, state)
-            solution = solve(translation, forces, method, q, v)
+            solution = solve(translation, elements, method, q, v)
             a[n], alpha[n] = accelerations(translation)
-            force[n], torque[n] = reactions(mechanism, translation, forces, solution, state, method.profile)
+            force[n], torque[n] = reactions(mechanism, translation, elements, solution, state, method.profile)
             kinetic[n], potential[n] = energies(translation, q, v)
-            potential[n] += forces.potential(q)
+            potential[n] += elements.forces.potential() + elements.efforts.potential(q)
         return InstantAnswer(a, alpha, force, torque, kinetic, potential)
 
     def trajectory(
         self, mechanism: Mechanism, state: State, times: Array, method: Method, step: float
     ) -> TrajectoryAnswer:
         """Motion from `state` at ``times[0]`` on the uniform grid `times`, which `step` divides."""
-        translation, forces = self._suited(mechanism, state)
+        translation, elements = self._suited(mechanism, state)
         q, v = configuration(translation, state)
-        return integrate(translation, forces, q, v, times, step)
+        return integrate(translation, elements, q, v, times, step)

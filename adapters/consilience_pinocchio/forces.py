@@ -1,4 +1,4 @@
-"""Springs, joint springs and loads, which Pinocchio does not have: wrenches and joint efforts from its kinematics.
+"""Springs and loads, which Pinocchio does not have: wrenches on the links from its placements and velocities.
 
 Everything that does not change is prepared once, and the evaluations use small matrix products only: they stand in
 the innermost loop of an integration.
@@ -11,8 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from consilience.mechanism import JointSpring, Load
+from consilience.mechanism import Load
 from consilience.spatial import Array, skew
+from consilience_pinocchio.laws import Law
 from consilience_pinocchio.translate import Translation
 
 
@@ -67,17 +68,29 @@ def _point(translation: Translation, body: str, point: Array) -> Point:
     )
 
 
+@dataclass(frozen=True, eq=False)
+class _Push:
+    """Load as a wrench in the axes of the joint: ``matrix @ view``, times a function of time.
+
+    A vector fixed in the world is R^T f in the joint's axes, linear in the nine entries of R^T, which `view` follows;
+    of one fixed in the body `matrix` is the wrench itself, and `view` is 1.
+    """
+
+    link: int
+    matrix: Array
+    view: Array
+    history: Law | None
+
+
 class Forces:
-    """Force elements of a mechanism, evaluated at Pinocchio's current kinematics.
+    """Springs and loads of a mechanism, evaluated at Pinocchio's current kinematics.
 
     Attributes
     ----------
     active : bool
-        Whether there are springs or loads, so that `wrenches` is worth a call.
+        Whether there are any, so that `wrenches` is worth a call.
     loaded : tuple of (int, int)
-        Links that springs and loads may push, with their joints; without what stands on the ground.
-    sprung : bool
-        Whether there are joint springs.
+        Links that they may push, with their joints; without what stands on the ground.
     """
 
     def __init__(self, translation: Translation) -> None:
@@ -88,87 +101,59 @@ class Forces:
                 s,
                 _point(translation, s.predecessor, s.point_predecessor),
                 _point(translation, s.successor, s.point_successor),
+                None if s.actuator is None else Law(s.actuator),
             )
             for s in mechanism.springs
         ]
         # one row more than links: the last takes what acts on the ground (link -1), and is never read
         self._constant = np.zeros((len(translation.tree.links) + 1, 6))
-        self._world: dict[int, tuple[Array, Array]] = {}
+        self._pushes: list[_Push] = []
         for load in mechanism.loads:
             self._add_load(load)
-        points = [p for _, i, j in self._springs for p in (i, j)]
+        points = [p for _, i, j, _ in self._springs for p in (i, j)]
         points += [_point(translation, load.body, load.point) for load in mechanism.loads]
         self.loaded = tuple(sorted({(p.link, p.joint) for p in points if p.joint > 0}))
         self.active = bool(points)
-        self._prepare_joint_springs(mechanism.joint_springs)
-        self.sprung = bool(mechanism.joint_springs)
 
     def _add_load(self, load: Load) -> None:
         translation = self._translation
         point = _point(translation, load.body, load.point)
         to_wrench = point.force if load.kind == "force" else np.vstack([np.zeros((3, 3)), np.eye(3)])
+        history = None if load.history is None else Law(load.history)
         if load.frame == "world":
-            # in the joint's axes the vector is R^T f: linear in the nine entries of R^T, of which this is a live view
-            before, rotation = self._world.get(point.link, (np.zeros((6, 9)), point.R_WJ.T.reshape(9)))
-            self._world[point.link] = before + to_wrench @ np.kron(np.eye(3), load.vector), rotation
+            matrix, view = to_wrench @ np.kron(np.eye(3), load.vector), point.R_WJ.T.reshape(9)
         else:
             R = translation.body_seat(translation.mechanism.body_index[load.body]).placement.rotation
-            self._constant[point.link] += to_wrench @ (R @ load.vector)
+            wrench = to_wrench @ (R @ load.vector)
+            if history is None:
+                self._constant[point.link] += wrench
+                return
+            matrix, view = wrench[:, None], np.ones(1)
+        if history is None:  # those of a link are one
+            for push in [push for push in self._pushes if push.history is None and push.link == point.link]:
+                self._pushes.remove(push)
+                matrix = matrix + push.matrix
+        self._pushes.append(_Push(point.link, matrix, view, history))
 
-    def _prepare_joint_springs(self, springs: tuple[JointSpring, ...]) -> None:
-        """Rows that pick the joint coordinate of each spring out of q and v; a joint passed backwards turns round."""
-        translation = self._translation
-        model, tree = translation.model, translation.tree
-        self._from_q = np.zeros((len(springs), model.nq))
-        from_v = np.zeros((len(springs), model.nv))
-        self._joint_slots: list[tuple[int, int, int]] = []
-        for n, spring in enumerate(springs):
-            k = translation.mechanism.joint_index[spring.joint]
-            elementary, slot = ("R", 5) if spring.coordinate == "angle" else ("P", 2)
-            link = next(i for i, li in enumerate(tree.links) if li.joint == k and li.elementary == elementary)
-            joint = translation.seats[link].joint
-            sign = -1.0 if tree.links[link].reversed else 1.0
-            self._from_q[n, model.joints[joint].idx_q] = sign
-            from_v[n, model.joints[joint].idx_v] = sign
-            self._joint_slots.append((k, slot, model.joints[joint].idx_v))
-        self._stiffness = np.array([s.stiffness for s in springs])
-        self._rest = np.array([s.rest for s in springs])
-        damping = np.array([s.damping for s in springs])
-        # efforts are linear in q and v: constant, stiffness and damping matrix of all joint springs together
-        self._effort_constant = from_v.T @ (self._stiffness * self._rest)
-        self._effort_q = -from_v.T @ (self._stiffness[:, None] * self._from_q)
-        self._effort_v = -from_v.T @ (damping[:, None] * from_v)
-
-    def efforts(self, q: Array, v: Array) -> Array:
-        """Generalised forces of the joint springs, shape (nv,)."""
-        return np.asarray(self._effort_constant + self._effort_q @ q + self._effort_v @ v)
-
-    def effort_wrench(self, joint: int, tau: Array) -> Array:
-        """Part of the wrench through a joint of the mechanism that is its springs', shape (6,): force, torque.
-
-        It acts on the link behind the joint, in that link's axes: all elementary joints of a sprung joint share z.
-        """
-        wrench = np.zeros(6)
-        for slot, index in {(slot, index) for k, slot, index in self._joint_slots if k == joint}:
-            wrench[slot] += tau[index]
-        return wrench
-
-    def wrenches(self) -> Array:
+    def wrenches(self, t: float = 0.0) -> Array:
         """Wrenches of springs and loads on the links, shape (n_links + 1, 6), the last row being the ground's.
 
         Force, then torque about the origin of the joint that carries the link, in the axes of that joint. Pinocchio's
         data must hold placements and velocities (`pinocchio.forwardKinematics`).
         """
         W = self._constant.copy()
-        for link, (to_wrench, rotation) in self._world.items():
-            W[link] += to_wrench @ rotation
-        for spring, i, j in self._springs:
+        for push in self._pushes:
+            wrench = push.matrix @ push.view
+            W[push.link] += wrench if push.history is None else push.history.at(t)[0] * wrench
+        for spring, i, j, actuator in self._springs:
             d = j.position() - i.position()
             length = math.sqrt(d @ d)
             e = d / length
             tension = spring.stiffness * (length - spring.free_length)
             if spring.damping:
                 tension += spring.damping * float(e @ (j.velocity() - i.velocity()))
+            if actuator is not None:
+                tension -= actuator.at(t)[0]
             force = tension * e
             if i.link >= 0:
                 W[i.link] += i.force @ (i.R_WJ.T @ force)
@@ -176,10 +161,10 @@ class Forces:
                 W[j.link] -= j.force @ (j.R_WJ.T @ force)
         return W
 
-    def potential(self, q: Array) -> float:
-        """Potential energy of springs and joint springs in J, at Pinocchio's current placements."""
-        energy = 0.5 * float(self._stiffness @ (self._from_q @ q - self._rest) ** 2)
-        for spring, i, j in self._springs:
+    def potential(self) -> float:
+        """Potential energy of the springs in J, at Pinocchio's current placements."""
+        energy = 0.0
+        for spring, i, j, _ in self._springs:
             length = float(np.linalg.norm(j.position() - i.position()))
             energy += 0.5 * spring.stiffness * (length - spring.free_length) ** 2
         return energy

@@ -11,33 +11,51 @@ from consilience.harness import runge_kutta_4
 from consilience.run import TrajectoryAnswer
 from consilience.spatial import Array, continuous_in_time
 from consilience_pinocchio.charts import ChartWatch
-from consilience_pinocchio.dynamics import PROXIMAL, articulated_body, constraint_dynamics
-from consilience_pinocchio.forces import Forces
+from consilience_pinocchio.contacts import Contacts, hold_all
+from consilience_pinocchio.dynamics import (
+    PROXIMAL,
+    Accelerations,
+    articulated_body,
+    constraint_dynamics,
+    forward_dynamics,
+)
+from consilience_pinocchio.elements import Elements
 from consilience_pinocchio.observe import poses
 from consilience_pinocchio.translate import Translation
 
 
-def _derivative(translation: Translation, forces: Forces) -> Callable[[Array], Array]:
-    """Rate of ``y = (q, v)``.
+def _accelerations(translation: Translation, elements: Elements) -> Accelerations:
+    if not hold_all(translation):
+        return forward_dynamics(translation, elements, PROXIMAL)
+    if translation.welds or elements.rows.count:
+        return constraint_dynamics(Contacts(translation, elements), elements, PROXIMAL)
+    return articulated_body(translation, elements)
+
+
+def _derivative(translation: Translation, elements: Elements, end: float) -> Callable[[Array], Array]:
+    """Rate of ``y = (q, v, t, integrals of the controllers)``.
 
     The rate of q is ``tangentMap(q) v``, a smooth function of the vector q, so that a Runge-Kutta method keeps its
     order; applying it to `pinocchio.integrate` stage by stage falls to order 2 on quaternions. Quaternions are
-    normalised for the evaluation, and not in y.
+    normalised for the evaluation, and not in y. The time is a component of y, so that each stage has its own; its
+    rounding must not carry it beyond the `end`, where a table may have no value.
     """
-    model = translation.model
-    loops = bool(translation.welds)
-    accelerations = (
-        constraint_dynamics(translation, forces, PROXIMAL) if loops else articulated_body(translation, forces)
-    )
-    nq = model.nq
+    model, efforts = translation.model, elements.efforts
+    accelerations = _accelerations(translation, elements)
+    nq, nt = model.nq, model.nq + model.nv
+    only_time = np.ones(1)
+
+    def rest(q: Array, t: float) -> Array:
+        """Rates of the time and of the integrals."""
+        return np.concatenate([only_time, efforts.control_errors(q, t)]) if efforts.control_count else only_time
 
     def one_axis_joints_only(y: Array) -> Array:
-        v = y[nq:]
-        return np.concatenate([v, accelerations(y[:nq], v)])
+        q, v, t = y[:nq], y[nq:nt], min(float(y[nt]), end)
+        return np.concatenate([v, accelerations(q, v, t, y[nt + 1 :]), rest(q, t)])
 
     def derivative(y: Array) -> Array:
-        q, v = pin.normalize(model, y[:nq]), y[nq:]
-        return np.concatenate([pin.tangentMap(model, q) @ v, accelerations(q, v)])
+        q, v, t = pin.normalize(model, y[:nq]), y[nq:nt], min(float(y[nt]), end)
+        return np.concatenate([pin.tangentMap(model, q) @ v, accelerations(q, v, t, y[nt + 1 :]), rest(q, t)])
 
     return one_axis_joints_only if nq == model.nv else derivative
 
@@ -45,33 +63,35 @@ def _derivative(translation: Translation, forces: Forces) -> Callable[[Array], A
 class _Motion:
     """An integration under way: the translation in use, y in its coordinates, and the samples so far."""
 
-    def __init__(self, translation: Translation, forces: Forces, q: Array, v: Array) -> None:
+    def __init__(self, translation: Translation, elements: Elements, q: Array, v: Array, times: Array) -> None:
         self.samples: list[tuple[Array, Array, Array, Array]] = []
-        self.y = np.concatenate([q, v])
+        self.y = np.concatenate([q, v, times[:1], np.zeros(elements.efforts.control_count)])
+        self.end = float(times[-1])
         self.changes = 0
-        self._adopt(translation, forces)
+        self._adopt(translation, elements)
 
-    def _adopt(self, translation: Translation, forces: Forces) -> None:
+    def _adopt(self, translation: Translation, elements: Elements) -> None:
         self.translation, self.watch = translation, ChartWatch(translation)
-        self.derivative = _derivative(translation, forces)
+        self.derivative = _derivative(translation, elements, self.end)
 
-    def split(self, y: Array) -> tuple[Array, Array]:
-        nq = self.translation.model.nq
-        return y[:nq], y[nq:]
+    def split(self, y: Array) -> tuple[Array, Array, Array]:
+        """q, v and the rest."""
+        nq, nt = self.translation.model.nq, self.translation.model.nq + self.translation.model.nv
+        return y[:nq], y[nq:nt], y[nt:]
 
     def record(self, y: Array) -> None:
         model, data = self.translation.model, self.translation.data
-        q, v = self.split(y)
+        q, v, _ = self.split(y)
         pin.forwardKinematics(model, data, pin.normalize(model, q), v)
         self.samples.append(poses(self.translation))
 
     def change_chart_if_left(self) -> None:
         """Turn the start frames of rods whose chart is no longer good, and express the state anew."""
-        q, v = self.split(self.y)
+        q, v, rest = self.split(self.y)
         if self.watch.left(q):
             translation, q, v = self.watch.change(q, v)
-            self._adopt(translation, Forces(translation))
-            self.y = np.concatenate([q, v])
+            self._adopt(translation, Elements(translation))
+            self.y = np.concatenate([q, v, rest])
             self.changes += 1
 
 
@@ -80,10 +100,10 @@ def _ignore(y: Array) -> None:
 
 
 def integrate(
-    translation: Translation, forces: Forces, q: Array, v: Array, times: Array, step: float
+    translation: Translation, elements: Elements, q: Array, v: Array, times: Array, step: float
 ) -> TrajectoryAnswer:
     """Integrate from ``times[0]`` and sample on the uniform grid `times`, whose interval `step` divides."""
-    motion = _Motion(translation, forces, q, v)
+    motion = _Motion(translation, elements, q, v, np.asarray(times))
     interval = times[1] - times[0]
     every = round(interval / step)
     intervals, h = len(times) - 1, interval / every

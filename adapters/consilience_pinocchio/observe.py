@@ -9,8 +9,9 @@ import pinocchio as pin
 
 from consilience.kinematics import RANK_TOLERANCE
 from consilience.spatial import Array
-from consilience_pinocchio.dynamics import WORLD_AXES
-from consilience_pinocchio.translate import Translation
+from consilience_pinocchio.dynamics import all_rows
+from consilience_pinocchio.elements import Elements
+from consilience_pinocchio.translate import WORLD_AXES, Translation
 
 
 def poses(translation: Translation) -> tuple[Array, Array, Array, Array]:
@@ -66,12 +67,15 @@ def energies(translation: Translation, q: Array, v: Array) -> tuple[float, float
     return float(kinetic), float(pin.computePotentialEnergy(model, data, q)) + constant
 
 
-def freedom(translation: Translation, q: Array) -> int:
-    """Velocities less the rank of Pinocchio's constraint Jacobian."""
+def freedom(translation: Translation, elements: Elements, q: Array, v: Array) -> int:
+    """Velocities less the rank of Pinocchio's constraint Jacobian, or of all rows where elements have some."""
     model, data = translation.model, translation.data
-    if not translation.welds or model.nv == 0:
+    if model.nv == 0 or not (translation.welds or elements.rows.count):
         return int(model.nv)
-    pin.computeJointJacobians(model, data, q)
-    J = pin.getConstraintsJacobian(model, data, translation.constraints, translation.constraint_data)
+    if elements.rows.count:
+        J, _ = all_rows(translation, elements, q, v, 0.0)
+    else:
+        pin.computeJointJacobians(model, data, q)
+        J = pin.getConstraintsJacobian(model, data, translation.constraints, translation.constraint_data)
     singular = np.linalg.svd(J, compute_uv=False)
     return int(model.nv - np.sum(singular > RANK_TOLERANCE * singular[0]))

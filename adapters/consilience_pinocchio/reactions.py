@@ -10,18 +10,18 @@ from consilience.mechanism import Mechanism, State
 from consilience.run import Profile
 from consilience.spatial import Array
 from consilience_pinocchio.dynamics import Solution
-from consilience_pinocchio.forces import Forces
+from consilience_pinocchio.elements import Elements
 from consilience_pinocchio.translate import Translation, link_inertia
 
 BALANCE_TOLERANCE = 1e-8
-"""Inverse dynamics with the constraint forces must leave no joint effort but the springs', relative to the largest
+"""Inverse dynamics with the constraint forces must leave no joint effort but the elements', relative to the largest
 wrench: round-off stays three digits below this, a wrong constraint force lies far above it."""
 
 
 def reactions(
     mechanism: Mechanism,
     translation: Translation,
-    forces: Forces,
+    elements: Elements,
     solution: Solution,
     state: State,
     profile: Profile = Profile.MATCHED,
@@ -42,7 +42,7 @@ def reactions(
     Raises
     ------
     ArithmeticError
-        If the efforts of the inverse dynamics are not those of the joint springs: the constraint forces are wrong.
+        If the efforts of the inverse dynamics are not those of the elements: the constraint forces are wrong.
     """
     tree, data = translation.tree, translation.data
     defect, largest = _inverse_dynamics(translation, solution), _largest_wrench(translation)
@@ -55,7 +55,7 @@ def reactions(
         if link.elementary == "W":
             wrench = _welded_wrench(translation, solution, index)
         else:
-            wrench = data.f[seat.joint].vector - forces.effort_wrench(k, solution.tau)
+            wrench = data.f[seat.joint].vector - elements.efforts.wrench(k, solution.tau)
         placement = data.oMi[seat.joint]
         R = placement.rotation
         force_F[k], torque_F[k] = reaction_in_F(

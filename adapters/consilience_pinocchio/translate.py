@@ -6,15 +6,21 @@ joint in the axes of the joint's moving frame and about its origin, inertia abou
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from consilience.mechanism import Frame, Mechanism, State
+from consilience.kinematics import full_turns, relative_motion
+from consilience.mechanism import Frame, Joint, Mechanism, State
 from consilience.spatial import rotation_from_quaternion
 from consilience.tree import Coordinate, Link, Tree, coordinates, lower
+
+WORLD_AXES = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+
+_TURN = 2.0 * math.pi
 
 _JOINT_MODELS: dict[str, Any] = {
     "R": pin.JointModelRZ,
@@ -46,8 +52,10 @@ class Translation:
 
     Attributes
     ----------
-    mechanism : Mechanism
+    mechanism, plain : Mechanism
+        As given, and with a revolute in the place of each screw.
     tree : Tree
+        Of `plain`: a screw is one elementary joint, too, which Pinocchio has (``JointModelHZ``).
     model, data : pinocchio.Model, pinocchio.Data
     seats : tuple of Seat
         One for each link of `tree`.
@@ -58,6 +66,7 @@ class Translation:
     """
 
     mechanism: Mechanism
+    plain: Mechanism
     tree: Tree
     model: Any
     data: Any
@@ -85,6 +94,18 @@ def link_inertia(link: Link) -> Any:
     return pin.Inertia(link.mass, np.array(link.com), np.array(link.inertia))
 
 
+def _without_screws(mechanism: Mechanism) -> Mechanism:
+    if not any(joint.pitch for joint in mechanism.joints):
+        return mechanism
+    joints = [replace(joint, kind="revolute", pitch=0.0) if joint.pitch else joint for joint in mechanism.joints]
+    return replace(mechanism, joints=tuple(joints))
+
+
+def _joint_model(joint: Joint, link: Link) -> Any:
+    """Elementary joint; of a screw, passed in either sense, the pitch in m/rad."""
+    return pin.JointModelHZ(joint.pitch / _TURN) if joint.pitch else _JOINT_MODELS[link.elementary]()
+
+
 def translate(mechanism: Mechanism) -> Translation:
     """Build the Pinocchio model of a mechanism.
 
@@ -93,7 +114,8 @@ def translate(mechanism: Mechanism) -> Translation:
     RuntimeError
         If Pinocchio's own check of the model fails; with joints out of depth-first order `crba` is silently wrong.
     """
-    tree = lower(mechanism)
+    plain = _without_screws(mechanism)
+    tree = lower(plain)
     model = pin.Model()
     model.gravity = pin.Motion(np.array(mechanism.gravity), np.zeros(3))
     seats: list[Seat] = []
@@ -103,7 +125,8 @@ def translate(mechanism: Mechanism) -> Translation:
         if link.elementary == "W":
             seat = Seat(parent.joint, placement)
         else:
-            joint = model.addJoint(parent.joint, _JOINT_MODELS[link.elementary](), placement, link.name)
+            joint_model = _joint_model(mechanism.joints[link.joint], link)
+            joint = model.addJoint(parent.joint, joint_model, placement, link.name)
             seat = Seat(joint, pin.SE3.Identity())
         model.appendBodyToJoint(seat.joint, link_inertia(link), seat.placement)
         seats.append(seat)
@@ -115,7 +138,7 @@ def translate(mechanism: Mechanism) -> Translation:
         for w in tree.welds
     )
     constraints, constraint_data = _rigid_constraints(model, data, welds)
-    return Translation(mechanism, tree, model, data, tuple(seats), welds, constraints, constraint_data)
+    return Translation(mechanism, plain, tree, model, data, tuple(seats), welds, constraints, constraint_data)
 
 
 def _rigid_constraints(model: Any, data: Any, welds: tuple[tuple[Seat, Seat], ...]) -> tuple[Any, Any]:
@@ -163,12 +186,19 @@ _COORDINATES = {"R": _scalar, "P": _scalar, "S": _ball, "F": _free, "W": _no_coo
 
 
 def configuration(translation: Translation, state: State) -> tuple[Any, Any]:
-    """Pinocchio's configuration q, shape (nq,), and velocity v, shape (nv,), of a state; angles in (-pi, pi]."""
+    """Pinocchio's configuration q, shape (nq,), and velocity v, shape (nv,), of a state.
+
+    Angles are in (-pi, pi], but for those of screws, whose turns are those of their displacements.
+    """
     mechanism, tree = translation.mechanism, translation.tree
     q: list[float] = []
     v: list[float] = []
-    for link, coordinate in zip(tree.links, coordinates(mechanism, tree, state), strict=True):
+    for link, coordinate in zip(tree.links, coordinates(translation.plain, tree, state), strict=True):
         q_link, v_link = _COORDINATES[link.elementary](coordinate)
+        joint = mechanism.joints[link.joint]
+        if joint.pitch:
+            displacement = float(relative_motion(mechanism, state, joint).p[2])
+            q_link = [full_turns(q_link[0], (-1.0 if link.reversed else 1.0) * _TURN * displacement / joint.pitch)]
         q += q_link
         v += v_link
     return np.array(q), np.array(v)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from math import cos, sin
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -74,10 +75,11 @@ class Table:
             x = float(self.x[0] + (x - self.x[0]) % self.period)
         if not self.x[0] <= x <= self.x[-1]:
             return np.full(3, np.nan)
-        row = self.pieces[min(int(np.searchsorted(self.pieces[:, 1], x)), len(self.pieces) - 1)]
-        polynomial = np.polynomial.Polynomial(row[2:])
-        s = x - row[0]
-        return np.array([polynomial(s), polynomial.deriv()(s), polynomial.deriv(2)(s)])
+        row = self.pieces[min(int(np.searchsorted(self.pieces[:, 1], x)), len(self.pieces) - 1)].tolist()
+        s, value, rate, bend = x - row[0], 0.0, 0.0, 0.0
+        for coefficient in row[:1:-1]:
+            bend, rate, value = bend * s + 2.0 * rate, rate * s + value, value * s + coefficient
+        return np.array([value, rate, bend])
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,18 +105,24 @@ class Function:
         object.__setattr__(self, "polynomial", fixed_array(c, c.shape))
         object.__setattr__(self, "harmonics", fixed_array(h, h.shape))
 
+    @cached_property
+    def _terms(self) -> tuple[list[float], list[list[float]]]:
+        return self.polynomial.tolist()[::-1], self.harmonics.tolist()
+
     def at(self, x: float) -> Array:
         """Value, first and second derivative, shape (3,)."""
-        result = np.zeros(3)
-        if len(self.polynomial):
-            p = np.polynomial.Polynomial(self.polynomial)
-            result += [p(x), p.deriv()(x), p.deriv(2)(x)]
-        for a, w, phi in self.harmonics:
-            s, c = np.sin(w * x + phi), np.cos(w * x + phi)
-            result += [a * s, a * w * c, -a * w * w * s]
-        if self.table is not None:
-            result += self.table.at(x)
-        return result
+        # in plain numbers: adapters ask at every step, and arrays of one element are slow
+        polynomial, harmonics = self._terms
+        value = rate = bend = 0.0
+        for coefficient in polynomial:  # Horner's scheme, also of the derivatives
+            bend = bend * x + 2.0 * rate
+            rate = rate * x + value
+            value = value * x + coefficient
+        for a, w, phi in harmonics:
+            s, c = a * sin(w * x + phi), a * w * cos(w * x + phi)
+            value, rate, bend = value + s, rate + c, bend - w * w * s
+        result = np.array([value, rate, bend])
+        return result if self.table is None else result + self.table.at(x)
 
 
 def constant(value: float) -> Function:

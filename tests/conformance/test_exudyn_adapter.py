@@ -125,9 +125,9 @@ def test_native_torque_output_is_not_the_documented_torque(exudyn_engine):
     state = states_of(mechanism)[0]
     answer = exudyn_engine.instant(mechanism, [state], exudyn_engine.methods(mechanism, Question.INSTANT)[0])
     model = exudyn_engine._terms[1].model
-    native = np.array(model.system.GetObjectOutput(model.joints[0], OUTPUT.TorqueLocal))
+    native = np.array(model.system.GetObjectOutput(model.joints[0][0], OUTPUT.TorqueLocal))
     assert np.max(np.abs(np.abs(native) - np.abs(answer.torque_F[0, 0]))) > 1e-3 * np.max(np.abs(native))
-    force = np.array(model.system.GetObjectOutput(model.joints[0], OUTPUT.ForceLocal))
+    force = np.array(model.system.GetObjectOutput(model.joints[0][0], OUTPUT.ForceLocal))
     np.testing.assert_allclose(-force, answer.force_F[0, 0], rtol=1e-10, atol=1e-12)
 
 

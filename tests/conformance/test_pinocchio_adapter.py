@@ -14,6 +14,7 @@ from consilience.run import Question, Route
 from consilience.spatial import quaternion_from_rotation_vector, rotation_from_quaternion
 from consilience_pinocchio import PinocchioEngine, charts
 from consilience_pinocchio.dynamics import PROXIMAL, Solution, solve, weld_rows
+from consilience_pinocchio.elements import Elements
 from consilience_pinocchio.forces import Forces
 from consilience_pinocchio.observe import poses
 from consilience_pinocchio.reactions import reactions
@@ -211,7 +212,7 @@ def test_dependent_rows_need_the_proximal_settings():
         for state in states_of(LOOPS[name]):
             q, v = configuration(t, state)
             J, gamma = weld_rows(t, q, v)
-            ours.append(np.max(np.abs(J @ solve(t, Forces(t), method, q, v).a - gamma)) / np.max(np.abs(gamma)))
+            ours.append(np.max(np.abs(J @ solve(t, Elements(t), method, q, v).a - gamma)) / np.max(np.abs(gamma)))
             tau = np.zeros(t.model.nv)
             a = pin.constraintDynamics(t.model, t.data, q, v, tau, *loops, pin.ProximalSettings())
             default.append(np.max(np.abs(J @ a - gamma)))
@@ -236,13 +237,13 @@ def test_nothing_is_stabilised_and_every_knob_is_named():
 def test_wrong_constraint_forces_are_refused(name):
     mechanism = (TREES | LOOPS)[name]
     t, state = translate(mechanism), states_of(mechanism)[0]
-    forces = Forces(t)
+    elements = Elements(t)
     method = PinocchioEngine().methods(mechanism, Question.INSTANT)[0]
-    right = solve(t, forces, method, *configuration(t, state))
-    reactions(mechanism, t, forces, right, state)
+    right = solve(t, elements, method, *configuration(t, state))
+    reactions(mechanism, t, elements, right, state)
     wrong = Solution(right.q, right.v, right.a * (1 + 1e-6), right.tau, right.wrenches)
     with pytest.raises(ArithmeticError, match="inverse dynamics"):
-        reactions(mechanism, t, forces, wrong, state)
+        reactions(mechanism, t, elements, wrong, state)
 
 
 def trajectory(mechanism, state, duration, substeps):

@@ -1,0 +1,330 @@
+"""Constraint rows that Exudyn has no object for, as functions of the positions and Euler parameters of bodies.
+
+Every row is ``J v = rate`` for the velocities (v_W, w_W) of its bodies' origins, and ``value = 0`` where it is
+holonomic. Angular velocities are ``w_W = 2 E(e) e'``, as in Exudyn's own joints: a change of the norm of e is no
+motion, so that rows do not see it. What is written here is what an integrator needs; the second derivatives that
+accelerations at a state need are those of `consilience.element_rows` (`gamma`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from consilience.element_rows import holonomic_rows, non_holonomic_rows, plane_axes
+from consilience.kinematics import full_turns, joint_frames, row_gamma
+from consilience.mechanism import GROUND, Coupling, Drive, Joint, Mechanism, Rolling, Skate, State
+from consilience.spatial import Array, cross
+from consilience_exudyn.histories import scalar
+
+TURN = 2.0 * math.pi
+
+
+class Pose(NamedTuple):
+    """Position and rotation matrix of a body."""
+
+    p: Array
+    R: Array
+
+
+_FIXED = Pose(np.zeros(3), np.eye(3))
+
+
+class JointCoordinate:
+    """Angle or distance of a joint with one axis, and its coefficients.
+
+    Parameters
+    ----------
+    bodies : sequence of str
+        Bodies of the row, of whose poses and velocities it is a function.
+    """
+
+    def __init__(self, mechanism: Mechanism, joint: str, coordinate: str, bodies: Sequence[str]) -> None:
+        self._joint = mechanism.joints[mechanism.joint_index[joint]]
+        self._angular = coordinate == "angle"
+        self._i, self._j = (_place(bodies, name) for name in (self._joint.predecessor, self._joint.successor))
+        self._F, self._M = self._joint.F, self._joint.M
+
+    def value(self, poses: Sequence[Pose], near: float = 0.0) -> float:
+        """Value, an angle within half a turn of `near`; the turns of a screw are those of its displacement."""
+        if not self._angular:
+            return self._distance(poses)
+        if self._joint.pitch:
+            near = TURN * self._distance(poses) / self._joint.pitch
+        x_M = self._F.R.T @ (_at(poses, self._i).R.T @ (_at(poses, self._j).R @ self._M.R[:, 0]))
+        if math.isnan(near):  # a function beyond its table: Newton's iteration must fail, and says so
+            return near
+        return full_turns(math.atan2(x_M[1], x_M[0]), near)
+
+    def _distance(self, poses: Sequence[Pose]) -> float:
+        u, _, _, d = self._along(poses)
+        return float(u @ d)
+
+    def _along(self, poses: Sequence[Pose]) -> tuple[Array, Array, Array, Array]:
+        """Axis, arms of the origins of F and M, and what leads from F to M."""
+        here, there = _at(poses, self._i), _at(poses, self._j)
+        s_i, s_j = here.R @ self._F.p, there.R @ self._M.p
+        return here.R @ self._F.R[:, 2], s_i, s_j, there.p + s_j - here.p - s_i
+
+    def coefficients(self, poses: Sequence[Pose]) -> Array:
+        """Coefficients of the velocities of all bodies of the row, shape (6 n,)."""
+        J = np.zeros(6 * len(poses))
+        i, j = 6 * self._i, 6 * self._j
+        if self._angular:
+            u = _at(poses, self._i).R @ self._F.R[:, 2]
+            if i >= 0:
+                J[i + 3 : i + 6] -= u
+            if j >= 0:
+                J[j + 3 : j + 6] += u
+            return J
+        u, s_i, s_j, d = self._along(poses)
+        if i >= 0:
+            J[i : i + 3] -= u
+            J[i + 3 : i + 6] -= cross(s_i + d, u)
+        if j >= 0:
+            J[j : j + 3] += u
+            J[j + 3 : j + 6] += cross(s_j, u)
+        return J
+
+
+def _at(poses: Sequence[Pose], body: int) -> Pose:
+    return poses[body] if body >= 0 else _FIXED
+
+
+def _place(bodies: Sequence[str], name: str) -> int:
+    return -1 if name == GROUND else list(bodies).index(name)
+
+
+def _bodies_of(mechanism: Mechanism, *joints: str) -> tuple[str, ...]:
+    """Bodies that the joints join, each once, without the ground."""
+    found = [mechanism.joints[mechanism.joint_index[name]] for name in joints]
+    ends = [end for joint in found for end in (joint.predecessor, joint.successor)]
+    return tuple(name for name in dict.fromkeys(ends) if name != GROUND)
+
+
+class Row:
+    """One or two constraint rows on some bodies.
+
+    Attributes
+    ----------
+    name : str
+    bodies : tuple of str
+    axes : tuple of str
+        What each row holds, in words.
+    holonomic : bool
+        Without it the row holds velocities only.
+    joint : str or None
+        Joint whose constraint it is; None for an element beside the joints.
+    """
+
+    axes: tuple[str, ...] = ("motion",)
+    holonomic = True
+    joint: str | None = None
+
+    def __init__(self, name: str, bodies: tuple[str, ...]) -> None:
+        self.name, self.bodies = name, bodies
+
+    def values(self, t: float, poses: Sequence[Pose]) -> list[float]:
+        """Values, which a holonomic row holds at zero."""
+        raise NotImplementedError
+
+    def coefficients(self, poses: Sequence[Pose]) -> Array:
+        """Coefficients of ``(v_W, w_W)`` of the bodies, shape (rows, 6 n)."""
+        raise NotImplementedError
+
+    def rates(self, t: float) -> list[float]:
+        """Rates that the rows hold."""
+        return [0.0] * len(self.axes)
+
+    def forget(self) -> None:
+        """Count turns from zero again."""
+
+
+class DriveRow(Row):
+    """``q = f(t)``."""
+
+    def __init__(self, mechanism: Mechanism, drive: Drive) -> None:
+        super().__init__(drive.name, _bodies_of(mechanism, drive.joint))
+        self._q = JointCoordinate(mechanism, drive.joint, drive.coordinate, self.bodies)
+        self._motion = scalar(drive.motion)
+
+    def values(self, t: float, poses: Sequence[Pose]) -> list[float]:
+        """Distance of the coordinate from where it is driven."""
+        wanted = self._motion(t)[0]
+        return [self._q.value(poses, wanted) - wanted]
+
+    def coefficients(self, poses: Sequence[Pose]) -> Array:
+        """Those of the coordinate."""
+        return self._q.coefficients(poses)[None]
+
+    def rates(self, t: float) -> list[float]:
+        """Rate of the motion."""
+        return [self._motion(t)[1]]
+
+
+class CouplingRow(Row):
+    """``q = f(x)``, turns of x counted from one evaluation to the next."""
+
+    def __init__(self, mechanism: Mechanism, coupling: Coupling) -> None:
+        super().__init__(coupling.name, _bodies_of(mechanism, coupling.driver_joint, coupling.joint))
+        self._x = JointCoordinate(mechanism, coupling.driver_joint, coupling.driver_coordinate, self.bodies)
+        self._q = JointCoordinate(mechanism, coupling.joint, coupling.coordinate, self.bodies)
+        self._law = scalar(coupling.law)
+        self._last = 0.0
+
+    def _driver(self, poses: Sequence[Pose]) -> float:
+        self._last = self._x.value(poses, self._last)
+        return self._last
+
+    def values(self, t: float, poses: Sequence[Pose]) -> list[float]:
+        """Distance of the coordinate from where the driving one puts it."""
+        wanted = self._law(self._driver(poses))[0]
+        return [self._q.value(poses, wanted) - wanted]
+
+    def coefficients(self, poses: Sequence[Pose]) -> Array:
+        """``q' - f'(x) x'``."""
+        slope = self._law(self._driver(poses))[1]
+        return np.asarray(self._q.coefficients(poses) - slope * self._x.coefficients(poses))[None]
+
+    def forget(self) -> None:
+        """Back to the angle within half a turn of zero."""
+        self._last = 0.0
+
+
+class ScrewRow(Row):
+    """``Z - pitch angle / 2 pi = 0``; the other rows of the screw are those of a cylindrical joint."""
+
+    axes = ("thread",)
+
+    def __init__(self, mechanism: Mechanism, joint: Joint) -> None:
+        super().__init__(joint.name, _bodies_of(mechanism, joint.name))
+        self.joint = joint.name
+        self._lead = joint.pitch / TURN
+        self._z = JointCoordinate(mechanism, joint.name, "distance", self.bodies)
+        self._angle = JointCoordinate(mechanism, joint.name, "angle", self.bodies)
+
+    def values(self, t: float, poses: Sequence[Pose]) -> list[float]:
+        """Distance from the thread."""
+        return [self._z.value(poses) - self._lead * self._angle.value(poses)]
+
+    def coefficients(self, poses: Sequence[Pose]) -> Array:
+        """``Z' - pitch angle' / 2 pi``."""
+        return np.asarray(self._z.coefficients(poses) - self._lead * self._angle.coefficients(poses))[None]
+
+
+class ContactRow(Row):
+    """The rolling body touches the plane: centre c, axis a, ``n . (c - point) = R |n - (n.a) a| + r``."""
+
+    axes = ("contact",)
+
+    def __init__(self, rolling: Rolling) -> None:
+        super().__init__(rolling.name, (rolling.body,))
+        self._rolling, self._directions = rolling, plane_axes(rolling)[:1]
+
+    def values(self, t: float, poses: Sequence[Pose]) -> list[float]:
+        """Height over the plane."""
+        s, rho = lever(self._rolling, poses[0])
+        return [float(self._rolling.normal @ (poses[0].p + s + rho - self._rolling.point))]
+
+    def coefficients(self, poses: Sequence[Pose]) -> Array:
+        """Velocity of the point of contact along the normal."""
+        return _point_velocity(self._directions, np.add(*lever(self._rolling, poses[0])))
+
+
+class SlipRow(Row):
+    """The point of contact does not move along the plane."""
+
+    axes = ("slip", "slip across it")
+    holonomic = False
+
+    def __init__(self, rolling: Rolling) -> None:
+        super().__init__(rolling.name, (rolling.body,))
+        self._rolling, self._directions = rolling, plane_axes(rolling)[1:]
+
+    def coefficients(self, poses: Sequence[Pose]) -> Array:
+        """Velocity of the point of contact along two directions of the plane."""
+        return _point_velocity(self._directions, np.add(*lever(self._rolling, poses[0])))
+
+
+class DiscRow(Row):
+    """A sharp-edged disc: Exudyn has a joint for it, which holds the velocity of the point of contact."""
+
+    axes = ("lateral slip", "longitudinal slip", "contact")
+    holonomic = False
+
+    def __init__(self, rolling: Rolling) -> None:
+        super().__init__(rolling.name, (rolling.body,))
+        self.rolling = rolling
+
+
+class SkateRow(Row):
+    """A point of the body does not move along a direction of the body."""
+
+    axes = ("lateral motion",)
+    holonomic = False
+
+    def __init__(self, skate: Skate) -> None:
+        super().__init__(skate.name, (skate.body,))
+        self._skate = skate
+
+    def coefficients(self, poses: Sequence[Pose]) -> Array:
+        """Velocity of the point along the direction."""
+        R = poses[0].R
+        return _point_velocity((R @ self._skate.lateral)[None], R @ self._skate.point)
+
+
+def lever(rolling: Rolling, pose: Pose) -> tuple[Array, Array]:
+    """From the body's origin to the centre, and from there to the point of contact, world axes."""
+    a, n = pose.R @ rolling.axis, rolling.normal
+    m = n - (n @ a) * a
+    mu = math.sqrt(m @ m) if rolling.radius else 1.0  # a ball has no axis that could stand upright
+    return pose.R @ rolling.center, -(rolling.radius / mu) * m - rolling.rounding * n
+
+
+def _point_velocity(directions: Array, arm: Array) -> Array:
+    return np.array([np.concatenate([u, cross(arm, u)]) for u in directions])
+
+
+def rows_of(mechanism: Mechanism) -> tuple[Row, ...]:
+    """Rows of screws, drives, couplings, rolling bodies and skates, in this order."""
+    return (
+        *(ScrewRow(mechanism, joint) for joint in mechanism.joints if joint.kind == "screw"),
+        *(DriveRow(mechanism, drive) for drive in mechanism.drives),
+        *(CouplingRow(mechanism, coupling) for coupling in mechanism.couplings),
+        *(row for rolling in mechanism.rollings for row in _rolling(rolling)),
+        *(SkateRow(skate) for skate in mechanism.skates),
+    )
+
+
+def _rolling(rolling: Rolling) -> tuple[Row, ...]:
+    return (ContactRow(rolling), SlipRow(rolling)) if rolling.rounding else (DiscRow(rolling),)
+
+
+def gammas(mechanism: Mechanism, state: State) -> list[Array]:
+    """Right-hand side of ``J a = gamma`` of each row of `rows_of`, at time zero and angles within half a turn.
+
+    Of a disc the acceleration of its point of contact in world axes, shape (3,): the rows are Exudyn's, along axes of
+    its own.
+    """
+    screws = [joint for joint in mechanism.joints if joint.kind == "screw"]
+    found = [np.array([row_gamma(joint_frames(mechanism, state, joint), "H")]) for joint in screws]
+    holonomic = [np.array([row.gamma]) for row in holonomic_rows(mechanism, state, 0.0, {})]
+    free = [row.gamma for row in non_holonomic_rows(mechanism, state)]
+    first = len(mechanism.drives) + len(mechanism.couplings)
+    found += holonomic[:first]
+    for n, rolling in enumerate(mechanism.rollings):
+        contact, slip = holonomic[first + n], np.array(free[2 * n : 2 * n + 2])
+        found += [contact, slip] if rolling.rounding else [plane_axes(rolling).T @ np.append(contact, slip)]
+    return found + [np.array([value]) for value in free[2 * len(mechanism.rollings) :]]
+
+
+def displacement_turns(mechanism: Mechanism, state: State, name: str) -> float:
+    """Angle near which the turns of a joint are counted at a state: a screw's displacement tells it, else zero."""
+    joint = mechanism.joints[mechanism.joint_index[name]]
+    if not joint.pitch:
+        return 0.0
+    frames = joint_frames(mechanism, state, joint)
+    return TURN * float(frames.U[:, 2] @ frames.d) / joint.pitch

@@ -1,0 +1,99 @@
+"""Linear couplings by Pinocchio's own means, `JointModelMimic`, on trees: the coupled coordinate is no coordinate.
+
+`aba`, `forwardDynamics` and `constraintDynamics` refuse such a model, so the accelerations are of `crba` and `nle`,
+solved by the harness. `crba` adds to the mass matrix that its data holds where another joint hangs on the one that
+mimics: the second call on the same data is wrong. So each call has fresh data. And it is wrong at once where a joint of
+more than one degree of freedom stands between the two: a tree that has any is not offered.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from consilience.functions import Function
+from consilience.harness import solve_constrained
+from consilience.mechanism import Coupling
+from consilience.spatial import Array
+from consilience_pinocchio.efforts import axis
+from consilience_pinocchio.elements import Elements
+from consilience_pinocchio.translate import Translation
+
+MIMIC = {"couplings": "JointModelMimic"}
+"""Settings of the method."""
+
+
+@dataclass(frozen=True)
+class _Gear:
+    """``q_slave = ratio q_master + offset`` between two of Pinocchio's joints, the slave behind the master."""
+
+    master: int
+    slave: int
+    ratio: float
+    offset: float
+
+
+def _is_linear(law: Function) -> bool:
+    return law.table is None and not len(law.harmonics) and len(law.polynomial) == 2 and law.polynomial[1] != 0.0
+
+
+def _gear(translation: Translation, coupling: Coupling) -> _Gear:
+    driven = axis(translation, coupling.joint, coupling.coordinate)
+    driver = axis(translation, coupling.driver_joint, coupling.driver_coordinate)
+    offset, ratio = (float(c) for c in coupling.law.polynomial)
+    ratio, offset = driven.sign * driver.sign * ratio, driven.sign * offset
+    if driver.joint < driven.joint:
+        return _Gear(driver.joint, driven.joint, ratio, offset)
+    return _Gear(driven.joint, driver.joint, 1.0 / ratio, -offset / ratio)
+
+
+def _gears(translation: Translation) -> list[_Gear]:
+    """Couplings as Pinocchio can have them; none if it cannot have all rows of the mechanism so."""
+    mechanism, model = translation.mechanism, translation.model
+    if model.nv != model.njoints - 1:
+        return []
+    if translation.welds or mechanism.drives or mechanism.rollings or mechanism.skates:
+        return []
+    if not all(_is_linear(coupling.law) for coupling in mechanism.couplings):
+        return []
+    gears = [_gear(translation, coupling) for coupling in mechanism.couplings]
+    slaves = {gear.slave for gear in gears}
+    if len(slaves) < len(gears) or slaves & {gear.master for gear in gears}:
+        return []
+    return gears
+
+
+def has_mimic(translation: Translation) -> bool:
+    """Whether `mimic_accelerations` answers: linear couplings, nothing else held, no slave of a slave, no balls."""
+    return bool(_gears(translation))
+
+
+def mimic_accelerations(
+    translation: Translation, elements: Elements, q: Array, v: Array, tau: Array
+) -> tuple[Array, Array]:
+    """Accelerations of all joints (nv,), and multipliers of the couplings' rows from the inverse dynamics.
+
+    Parameters
+    ----------
+    tau : ndarray, shape (nv,)
+        All applied generalised forces.
+    """
+    model = translation.model
+    G, geared = np.eye(model.nv), model
+    gears = _gears(translation)
+    for gear in gears:
+        geared = pin.transformJointIntoMimic(geared, gear.master, gear.slave, gear.ratio, gear.offset)
+        G[model.joints[gear.slave].idx_v] = gear.ratio * G[model.joints[gear.master].idx_v]
+    slave_v = [model.joints[gear.slave].idx_v for gear in gears]
+    slave_q = [model.joints[gear.slave].idx_q for gear in gears]
+    G, own_q, own_v = np.delete(G, slave_v, axis=1), np.delete(q, slave_q), np.delete(v, slave_v)
+    data: Any = geared.createData()
+    M, bias = np.array(pin.crba(geared, data, own_q)), np.array(pin.nle(geared, data, own_q, own_v))
+    own_a, _ = solve_constrained(M, G.T @ tau - bias, np.zeros((0, len(M))), np.zeros(0))
+    a = G @ own_a
+    unbalanced = pin.rnea(model, translation.data, q, v, a) - tau
+    J, _ = elements.rows.at(q, v, 0.0)
+    return a, np.linalg.lstsq(J.T, unbalanced, rcond=None)[0]

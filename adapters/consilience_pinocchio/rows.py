@@ -1,0 +1,188 @@
+"""Drives, couplings, rolling bodies and skates, which Pinocchio does not have: rows ``J a = gamma`` in its velocities.
+
+- Drive ``q = f(t)``: ``a_q = f''``. Coupling ``q = f(p)``: ``a_q - f' a_p = f'' p'^2``. Both are rows of single joint
+  coordinates: minimal coordinates have them as they are.
+- Rolling: the point of contact is at rho from the centre, ``rho = -R m / |m| - r n``, ``m = n - (n.a) a``, all in body
+  axes, where the normal n of the plane turns by ``n' = -w x n``. The material point P that touches has no velocity,
+  whichever it is; so the one that touches now has the acceleration ``a_P = -w x rho'``, rho' being how fast the contact
+  wanders over the body.
+- Skate, at a point P of the body: ``l . a_P = -(w x l) . v_P``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from consilience.mechanism import Rolling, Skate
+from consilience.spatial import Array, cross, orthogonal_triad
+from consilience_pinocchio.efforts import Axis, axis
+from consilience_pinocchio.laws import Law
+from consilience_pinocchio.translate import WORLD_AXES, Translation
+
+
+@dataclass(frozen=True, eq=False)
+class _Contact:
+    """Rows at a point of a body, ``directions @ a_P = gamma``, at one moment.
+
+    Attributes
+    ----------
+    placement : pinocchio.SE3
+        Frame at the point P, with the axes of the body, in the moving frame of the joint.
+    directions : ndarray, shape (n, 3)
+        World axes.
+    gamma : ndarray, shape (n,)
+    """
+
+    placement: Any
+    directions: Array
+    gamma: Array
+
+
+class _Guided:
+    """A body that rolls or skates, at Pinocchio's current placements and velocities."""
+
+    def __init__(self, translation: Translation, body: str) -> None:
+        index = translation.mechanism.body_index[body]
+        self.link, self.seat = translation.tree.carrier(index), translation.body_seat(index)
+        self._data = translation.data
+
+    def motion(self) -> tuple[Array, Array, Array]:
+        """R_WB, and the velocity of the body's origin and its angular velocity, both in body axes."""
+        twist = self.seat.placement.actInv(self._data.v[self.seat.joint])
+        return self._data.oMi[self.seat.joint].rotation @ self.seat.placement.rotation, twist.linear, twist.angular
+
+    def placement_at(self, point: Array) -> Any:
+        """Frame at a point given in body axes from the body's origin."""
+        return self.seat.placement * pin.SE3(np.eye(3), np.array(point))
+
+
+class Rolls(_Guided):
+    """The point of contact of a rolling body: along the normal and two directions of the plane."""
+
+    def __init__(self, translation: Translation, rolling: Rolling) -> None:
+        super().__init__(translation, rolling.body)
+        self._rolling = rolling
+        triad = np.array([rolling.normal, *orthogonal_triad(rolling.normal)])
+        self._directions = triad / np.linalg.norm(triad, axis=1)[:, None]
+        self.count = 3
+
+    def touch(self) -> tuple[Array, Array]:
+        """Point P of contact, from the body's origin, and acceleration of the material there, both in body axes."""
+        r = self._rolling
+        R_WB, _, w = self.motion()
+        n = R_WB.T @ r.normal
+        n_dot = cross(n, w)
+        rho, rho_dot = -r.rounding * n, -r.rounding * n_dot
+        if r.radius:
+            m, m_dot = n - (n @ r.axis) * r.axis, n_dot - (n_dot @ r.axis) * r.axis
+            size = np.sqrt(m @ m)
+            e = m / size
+            rho = rho - r.radius * e
+            rho_dot = rho_dot - r.radius * (m_dot - (e @ m_dot) * e) / size
+        return r.center + rho, cross(rho_dot, w)
+
+    def contact(self) -> _Contact:
+        """Rows at the point of contact."""
+        point, acceleration = self.touch()
+        return _Contact(self.placement_at(point), self._directions, self.along(acceleration))
+
+    def along(self, vector: Array) -> Array:
+        """Components along the normal and the two directions of a vector in body axes."""
+        return np.asarray(self._directions @ (self.motion()[0] @ vector))
+
+
+class _Skates(_Guided):
+    """The point of a skate: along its lateral direction, which turns with the body."""
+
+    def __init__(self, translation: Translation, skate: Skate) -> None:
+        super().__init__(translation, skate.body)
+        self._skate = skate
+        self._placement = self.placement_at(skate.point)
+        self.count = 1
+
+    def contact(self) -> _Contact:
+        point, lateral = self._skate.point, self._skate.lateral
+        R_WB, v, w = self.motion()
+        gamma = -cross(w, lateral) @ (v + cross(w, point))
+        return _Contact(self._placement, (R_WB @ lateral)[None], np.array([gamma]))
+
+
+class Rows:
+    """Rows of all drives, couplings, rolling bodies and skates of a mechanism, in this order.
+
+    Attributes
+    ----------
+    count : int
+    drives : list of (Axis, Law)
+    rolls : list of Rolls
+    """
+
+    def __init__(self, translation: Translation) -> None:
+        mechanism = translation.mechanism
+        self._model, self._data = translation.model, translation.data
+        self.drives = [(axis(translation, d.joint, d.coordinate), Law(d.motion)) for d in mechanism.drives]
+        self._couplings: list[tuple[Axis, Axis, Law]] = [
+            (
+                axis(translation, c.joint, c.coordinate),
+                axis(translation, c.driver_joint, c.driver_coordinate),
+                Law(c.law),
+            )
+            for c in mechanism.couplings
+        ]
+        self.rolls = [Rolls(translation, rolling) for rolling in mechanism.rollings]
+        self._guided: list[Rolls | _Skates] = [
+            *self.rolls,
+            *(_Skates(translation, skate) for skate in mechanism.skates),
+        ]
+        self._first_contact = len(self.drives) + len(self._couplings)
+        self.count = self._first_contact + sum(guided.count for guided in self._guided)
+
+    def at(self, q: Array, v: Array, t: float) -> tuple[Array, Array]:
+        """Jacobian J (count, nv) and gamma (count,).
+
+        Pinocchio's data must hold placements, velocities, the accelerations of the frames at ``a = 0``
+        (`pinocchio.forwardKinematics`) and the joint Jacobians.
+        """
+        J, gamma = np.zeros((self.count, self._model.nv)), np.zeros(self.count)
+        for row, (place, law) in enumerate(self.drives):
+            J[row, place.idx_v], gamma[row] = place.sign, law.at(t)[2]
+        for row, (driven, driver, law) in enumerate(self._couplings, len(self.drives)):
+            _, slope, bend = law.at(driver.sign * float(q[driver.idx_q]))
+            J[row, driven.idx_v] += driven.sign
+            J[row, driver.idx_v] -= slope * driver.sign
+            gamma[row] = bend * v[driver.idx_v] ** 2
+        row = self._first_contact
+        for guided in self._guided:
+            contact, rows = guided.contact(), slice(row, row + guided.count)
+            where = self._model, self._data, guided.seat.joint, contact.placement, WORLD_AXES
+            J[rows] = contact.directions @ pin.getFrameJacobian(*where)[:3]
+            gamma[rows] = contact.gamma - contact.directions @ pin.getFrameClassicalAcceleration(*where).linear
+            row += guided.count
+        return J, gamma
+
+    def efforts(self, q: Array, lam: Array) -> Array:
+        """Generalised forces of drives and couplings, shape (nv,), of multipliers (count,)."""
+        tau = np.zeros(self._model.nv)
+        for row, (place, _) in enumerate(self.drives):
+            tau[place.idx_v] += place.sign * lam[row]
+        for row, (driven, driver, law) in enumerate(self._couplings, len(self.drives)):
+            tau[driven.idx_v] += driven.sign * lam[row]
+            tau[driver.idx_v] -= law.at(driver.sign * float(q[driver.idx_q]))[1] * driver.sign * lam[row]
+        return tau
+
+    def wrenches(self, lam: Array) -> list[tuple[int, Array]]:
+        """Links and wrenches on them of the contacts, of multipliers (count,), at Pinocchio's current placements.
+
+        A wrench, shape (6,), is in the axes and about the origin of the joint that carries the link.
+        """
+        result, row = [], self._first_contact
+        for guided in self._guided:
+            contact = guided.contact()
+            force = guided.motion()[0].T @ (lam[row : row + guided.count] @ contact.directions)
+            result.append((guided.link, contact.placement.act(pin.Force(force, np.zeros(3))).vector))
+            row += guided.count
+        return result
