@@ -1,7 +1,7 @@
 """Accelerations and reactions at a state that was sent to the skeleton.
 
-Trees by DART's articulated-body algorithm; loops by DART's mass matrix, inverse dynamics and Jacobians with the
-harness's solution of the saddle-point system.
+Trees by DART's articulated-body algorithm, drives as its acceleration actuators; loops and other constraints by DART's
+mass matrix, inverse dynamics and Jacobians with the harness's solution of the saddle-point system.
 """
 
 from __future__ import annotations
@@ -10,71 +10,54 @@ import numpy as np
 
 from consilience.harness import solve_constrained
 from consilience.kinematics import RANK_TOLERANCE, reaction_in_F
-from consilience.mechanism import State
+from consilience.mechanism import Joint, State
 from consilience.spatial import Array
-from consilience_dart.loads import Apply
-from consilience_dart.translation import Model, sprung
+from consilience_dart.constraints import push, rows, weld_terms
+from consilience_dart.drives import command_accelerations
+from consilience_dart.loads import Forces
+from consilience_dart.translation import Model
+
+_weld_terms = weld_terms  # by which tests of profiles scale the velocity term
 
 
-def apply_forces(model: Model, appliers: list[Apply]) -> None:
-    """Replace the external forces by those of the springs and loads at the present state."""
-    model.skeleton.clearExternalForces()
-    for apply in appliers:
-        apply()
+def apply_forces(model: Model, forces: Forces, t: float = 0.0) -> Array:
+    """Replace the forces on the skeleton by those of the elements at its state and the time t; those of the joints."""
+    return forces.apply(t)
 
 
-def forward_dynamics(model: Model, appliers: list[Apply]) -> Array:
+def forward_dynamics(model: Model, forces: Forces, t: float = 0.0) -> Array:
     """Generalised accelerations by DART's articulated-body algorithm; the skeleton keeps them and its body forces."""
-    apply_forces(model, appliers)
+    apply_forces(model, forces, t)
+    command_accelerations(model, t)
     model.skeleton.computeForwardDynamics()
     return np.asarray(model.skeleton.getAccelerations())
 
 
-def _weld_terms(model: Model) -> tuple[Array, Array]:
-    """Jacobian (6 per weld, n) of the copy's motion relative to the original, and its bias at zero accelerations.
-
-    Rows: angular velocity, then velocity of the body's origin, world axes. The skeleton's accelerations must be zero.
-    """
-    links, nodes, skeleton = model.tree.links, model.nodes, model.skeleton
-    jacobian = np.zeros((6 * len(model.tree.welds), skeleton.getNumDofs()))
-    bias = np.zeros(len(jacobian))
-    for n, weld in enumerate(model.tree.welds):
-        rows = slice(6 * n, 6 * n + 6)
-        for i, sign in ((weld.copy, 1.0), (weld.original, -1.0)):
-            node, origin = nodes[i], links[i].body_frame.p
-            # explicit halves: DART's six-row Jacobian stacks angular over linear, in axes of its own choice
-            jacobian[rows] += sign * np.vstack(
-                [skeleton.getAngularJacobian(node), skeleton.getLinearJacobian(node, origin)]
-            )
-            bias[rows] += sign * np.concatenate([node.getAngularAcceleration(), node.getLinearAcceleration(origin)])
-    return jacobian, bias
-
-
 def constraint_rank(model: Model) -> int:
-    """Rank of the weld rows at the present state, by DART's own Jacobians."""
+    """Rank of all constraint rows at the present state, by DART's own Jacobians."""
     model.skeleton.setAccelerations(np.zeros(model.skeleton.getNumDofs()))
-    singular = np.linalg.svd(_weld_terms(model)[0], compute_uv=False)
+    singular = np.linalg.svd(rows(model, 0.0)[0], compute_uv=False)
     return int(np.sum(singular > RANK_TOLERANCE * singular[0])) if len(singular) else 0
 
 
-def constrained_dynamics(model: Model, appliers: list[Apply]) -> tuple[Array, Array]:
-    """Generalised accelerations and weld multipliers from DART's terms and the harness's solve."""
+def constrained_terms(model: Model, forces: Forces, t: float) -> tuple[Array, Array, Array, Array]:
+    """M, f, J and gamma of ``M a = f + J^T lam``, ``J a = gamma``, all of DART but for coefficients of contacts."""
     skeleton = model.skeleton
-    apply_forces(model, appliers)
+    f = apply_forces(model, forces, t)
     skeleton.setAccelerations(np.zeros(skeleton.getNumDofs()))
     skeleton.computeInverseDynamics(True, True, True)  # with external, damping and spring forces
-    f = -np.asarray(skeleton.getForces())
-    J, bias = _weld_terms(model)
-    return solve_constrained(np.asarray(skeleton.getMassMatrix()), f, J, -bias)
+    f = f - np.asarray(skeleton.getForces())
+    return (np.asarray(skeleton.getMassMatrix()), f, *rows(model, t))
+
+
+def constrained_dynamics(model: Model, forces: Forces, t: float = 0.0) -> tuple[Array, Array]:
+    """Generalised accelerations and multipliers from DART's terms and the harness's solve."""
+    return solve_constrained(*constrained_terms(model, forces, t))
 
 
 def impose(model: Model, a: Array, multipliers: Array) -> None:
-    """Give the skeleton accelerations and weld wrenches, and let DART's inverse dynamics find the body forces."""
-    for n, weld in enumerate(model.tree.welds):
-        torque, force = multipliers[6 * n : 6 * n + 3], multipliers[6 * n + 3 : 6 * n + 6]
-        for i, sign in ((weld.copy, 1.0), (weld.original, -1.0)):
-            model.nodes[i].addExtForce(sign * force, model.tree.links[i].body_frame.p, False, True)
-            model.nodes[i].addExtTorque(sign * torque, False)
+    """Give the skeleton accelerations and constraint wrenches, and let DART's inverse dynamics find the body forces."""
+    push(model, multipliers)
     model.skeleton.setAccelerations(a)
     model.skeleton.computeInverseDynamics(True, True, True)
 
@@ -88,38 +71,41 @@ def body_accelerations(model: Model) -> tuple[Array, Array]:
     )
 
 
-def _spring_efforts(model: Model) -> dict[int, tuple[Array, Array]]:
-    """Force and torque of the joint springs along z of the last link of each sprung joint, by joint."""
-    efforts: dict[int, tuple[Array, Array]] = {}
-    for i in sprung(model.mechanism, model.tree):
-        joint, link = model.joints[i], model.tree.links[i]
-        stretch = joint.getPosition(0) - joint.getRestPosition(0)
-        effort = -joint.getSpringStiffness(0) * stretch - joint.getDampingCoefficient(0) * joint.getVelocity(0)
-        force, torque = efforts.setdefault(link.joint, (np.zeros(3), np.zeros(3)))
-        (force if link.elementary == "P" else torque)[2] += effort
-    return efforts
+def _without_efforts(joint: Joint, force: Array, torque: Array) -> tuple[Array, Array]:
+    """Constraint part of a wrench through a joint, in axes with z along its axis, on which the origin lies.
+
+    Efforts act along or about the axis, and constraint forces do no work in the joint's coordinates: the part that
+    would is that of springs, actuators, friction, control, drives and couplings; in a free joint it is rounding.
+    """
+    if joint.kind == "free":
+        return np.zeros(3), np.zeros(3)
+    force, torque = force.copy(), torque.copy()
+    if joint.kind in ("prismatic", "cylindrical"):
+        force[2] = 0.0
+    if joint.kind in ("revolute", "cylindrical", "screw"):
+        torque[2] = -joint.pitch / (2.0 * np.pi) * force[2]  # the pitch is zero but for a screw
+    return force, torque
 
 
 def reactions(model: Model, state: State) -> tuple[Array, Array]:
     """``force_F, torque_F`` of all joints from DART's body forces, each shape (n_j, 3).
 
     A body force is torque then force on the node through its parent joint, about the node's origin in its axes, the
-    efforts of joint springs included; these are taken out again.
+    efforts in the joint included.
     """
     forces, torques = [], []
-    efforts = _spring_efforts(model)
     for k, joint in enumerate(model.mechanism.joints):
         i = model.tree.reaction_link(k)
         wrench = np.asarray(model.nodes[i].getBodyForce())
-        spring_force, spring_torque = efforts.get(k, (0.0, 0.0))
+        force, torque = _without_efforts(joint, wrench[3:], wrench[:3])
         T = model.nodes[i].getWorldTransform()
         R = T.rotation()
         force, torque = reaction_in_F(
             model.mechanism,
             state,
             joint,
-            R @ (wrench[3:] - spring_force),
-            R @ (wrench[:3] - spring_torque),
+            R @ force,
+            R @ torque,
             T.translation(),
             on_predecessor=model.tree.links[i].reversed,
         )

@@ -42,18 +42,46 @@ from consilience_dart.stepping import (
     stepper,
     zero_step_accelerations,
 )
-from consilience_dart.translation import Model, build
+from consilience_dart.translation import Model, build, without_screws
 
 EXACT = {
-    "cylindrical": "cylindrical: prismatic, then revolute joint, with a massless link between",
-    "universal": "universal: two revolute joints, with a massless link between",
-    "planar": "planar: two prismatic joints and a revolute joint, with massless links between",
-    "rod": "rod: massless link of two revolutes and a ball (chart singular when the rod lies along x of F)",
-    "spherical": "spherical: BallJoint",
-    "free": "free: FreeJoint with identity frames",
+    "cylindrical joint": "cylindrical: prismatic, then revolute joint, with a massless link between",
+    "universal joint": "universal: two revolute joints, with a massless link between",
+    "planar joint": "planar: two prismatic joints and a revolute joint, with massless links between",
+    "rod joint": "rod: massless link of two revolutes and a ball (chart singular when the rod lies along x of F)",
+    "spherical joint": "spherical: BallJoint",
+    "free joint": "free: FreeJoint with identity frames",
+    "screw joint": "screw: ScrewJoint, its turns those of its displacement",
+    "spring": "springs between points and their actuators: external forces by the adapter, at the start of each step",
+    "joint spring": "joint springs: DART's own, implicit in its time step (which is zero outside World.step)",
+    "load": "loads: external forces by the adapter, at the start of each step",
+    "actuator": "actuators of joint springs: forces of DART's joints, at the start of each step",
+    "friction": "friction: force of DART's joint, its slope with the rate as DART's damper, implicit in the time step",
+    "control": "control: force of DART's joint, D as its damper; the integral by the adapter, with the motion's method",
+    "drive": "drives: acceleration actuators (trees, World.step), rows of the harness's solve (loops)",
+    "coupling": "couplings, rolling, skates: rows of the harness's solve beside DART's terms; not in World.step",
+}
+"""What becomes of a feature of the mechanism (`Mechanism.features`)."""
+EXACT |= dict.fromkeys(("rolling", "skate"), EXACT["coupling"])
+
+EXPONENTIAL = "World.step: rotations by a truncated exponential map, error (w h)^3 / 6 a step"
+APPROXIMATED = dict.fromkeys(("spherical joint", "free joint", "rod joint"), EXPONENTIAL) | {
+    "drive": "World.step: drives at velocity level, half of the position error removed in a step",
 }
 
-FEATURES = frozenset(f"{kind} joint" for kind in JOINT_KINDS if kind != "screw") | {"spring", "joint spring", "load"}
+FEATURES = frozenset(f"{kind} joint" for kind in JOINT_KINDS) | {
+    "spring",
+    "joint spring",
+    "actuator",
+    "load",
+    "load in time",
+    "friction",
+    "control",
+    "drive",
+    "coupling",
+    "rolling",
+    "skate",
+}
 """What of `Mechanism.features` has a translation."""
 
 
@@ -68,10 +96,15 @@ class DartEngine:
         return EngineInfo("dart", dartpy.__version__, "1")
 
     def unsupported(self, mechanism: Mechanism, question: Question) -> tuple[Unsupported, ...]:
-        """Features without a translation; joint springs and dampers below zero, which DART would set to zero."""
+        """Features without a translation; joint springs and dampers below zero, which DART would set to zero.
+
+        For a trajectory also constraints that only the harness's integrator can keep, where it cannot.
+        """
         refused = beyond(mechanism, FEATURES, "DART")
         if question is Question.MODEL:
             return refused
+        if question is Question.TRAJECTORY and not refused:
+            refused = ways.unmovable(mechanism)
         reason = "DART's joint springs and dampers cannot be negative: it sets them to zero"
         return refused + tuple(
             Unsupported(f"joint spring '{spring.name}' with a negative coefficient", reason)
@@ -81,28 +114,20 @@ class DartEngine:
 
     def methods(self, mechanism: Mechanism, question: Question) -> tuple[Method, ...]:
         """Ways to answer the question, the headline first."""
-        return ways.methods(mechanism, lower(mechanism), question)
+        return ways.methods(mechanism, question)
 
     def manifest(self, mechanism: Mechanism) -> Manifest:
         """Say what the translation keeps exact and what it approximates."""
-        tree = lower(mechanism)
-        kinds = {joint.kind for joint in mechanism.joints}
+        tree = lower(without_screws(mechanism))
         exact = ["bodies, revolute, prismatic and rigid joints, gravity"]
-        exact += [text for kind, text in EXACT.items() if kind in kinds]
+        exact += dict.fromkeys(EXACT[feature] for feature in mechanism.features if feature in EXACT)
+        approximated = list(dict.fromkeys(APPROXIMATED[f] for f in mechanism.features if f in APPROXIMATED))
         if tree.welds:
             names = ", ".join(sorted({mechanism.bodies[tree.links[w.original].body].name for w in tree.welds}))
             exact.append(f"loops: split bodies ({names}) held together by welds")
-        if mechanism.springs or mechanism.loads:
-            exact.append("springs between points and loads: external forces by the adapter, at the start of each step")
-        if mechanism.joint_springs:
-            exact.append("joint springs: DART's own, implicit in its time step (which is zero outside World.step)")
-        approximated = []
-        if tree.welds:
             approximated.append(
                 "World.step: welds hold at velocity level with force mixing 1e-9 (DART's default and least)"
             )
-        if kinds & {"spherical", "free", "rod"}:
-            approximated.append("World.step: rotations by a truncated exponential map, error (w h)^3 / 6 a step")
         return Manifest(tuple(exact), tuple(approximated))
 
     def _translated(self, mechanism: Mechanism) -> Model:

@@ -8,20 +8,30 @@ from __future__ import annotations
 
 import numpy as np
 
-from consilience.harness import runge_kutta_4
+from consilience.harness import runge_kutta_4, solve_constrained
 from consilience.mechanism import Mechanism, State
 from consilience.spatial import Array, euler_parameter_matrix
-from consilience_dart.dynamics import constrained_dynamics, forward_dynamics
-from consilience_dart.loads import Apply, appliers
+from consilience_dart.dynamics import constrained_terms, forward_dynamics
+from consilience_dart.loads import Forces, appliers
+from consilience_dart.redundancy import rank_limit, strongest
 from consilience_dart.state import Coordinates, from_state, read, rotations, send
-from consilience_dart.translation import Model, build
+from consilience_dart.translation import Model, build, constrained
 
 
-def accelerations(model: Model, forces: list[Apply]) -> Array:
-    """Generalised accelerations: articulated bodies for a tree, the saddle-point system for loops."""
-    if model.tree.welds:
-        return constrained_dynamics(model, forces)[0]
-    return forward_dynamics(model, forces)
+def accelerations(model: Model, forces: Forces, t: float, rank: int | None) -> Array:
+    """Generalised accelerations: articulated bodies for a tree, the saddle-point system for constraints.
+
+    Parameters
+    ----------
+    rank : int or None
+        See `redundancy.rank_limit`.
+    """
+    if not constrained(model.mechanism, model.tree):
+        return forward_dynamics(model, forces, t)
+    M, f, J, gamma = constrained_terms(model, forces, t)
+    if rank is not None:
+        J, gamma = strongest(J, gamma, rank)
+    return solve_constrained(M, f, J, gamma)[0]
 
 
 def _quaternion_rate(quat: Array, w: Array, in_parent: bool) -> Array:
@@ -37,26 +47,30 @@ def rk4_trajectory(mechanism: Mechanism, state: State, times: Array, substeps: i
     """Positions, quaternions, velocities and angular velocities at `times`, and the evaluations spent."""
     model = build(mechanism)
     forces = appliers(model)
+    rank = rank_limit(model, state)
     turning = rotations(model)
     n = model.skeleton.getNumDofs()
+    parts = np.cumsum([1, n, n, 4 * len(turning)])  # time, coordinates, velocities, quaternions, integrals of control
     scalar = np.ones(n)
     for i, _ in turning:
         scalar[i : i + 3] = 0.0  # the quaternions tell these
     samples = []
 
-    def put(y: Array) -> Coordinates:
-        quats = y[2 * n :].reshape(-1, 4)
-        c = Coordinates(y[:n], y[n : 2 * n], quats / np.linalg.norm(quats, axis=1)[:, None])
+    def put(y: Array) -> tuple[Coordinates, Array]:
+        _, q, v, flat, integrals = np.split(y, parts)
+        quats = flat.reshape(-1, 4)
+        c = Coordinates(q, v, quats / np.linalg.norm(quats, axis=1)[:, None])
         send(model, c)
-        return c
+        forces.integrals[:] = integrals
+        return c, quats
 
     def derivative(y: Array) -> Array:
-        """State derivative: rates of the coordinates, accelerations, rates of the quaternions."""
-        c = put(y)
+        """State derivative: rates of the coordinates, accelerations, rates of the quaternions, errors of control."""
         # the quaternion of y itself, not the unit one: its norm is a first integral, and the order stays four
-        quats = y[2 * n :].reshape(-1, 4)
+        c, quats = put(y)
+        t = float(y[0])
         rates = [_quaternion_rate(q, c.v[i : i + 3], outer) for q, (i, outer) in zip(quats, turning, strict=True)]
-        return np.concatenate([c.v * scalar, accelerations(model, forces), *rates])
+        return np.concatenate([[1.0], c.v * scalar, accelerations(model, forces, t, rank), *rates, forces.errors(t)])
 
     def record(y: Array) -> None:
         put(y)
@@ -64,6 +78,6 @@ def rk4_trajectory(mechanism: Mechanism, state: State, times: Array, substeps: i
 
     start = from_state(model, state)
     count = substeps * (len(times) - 1)
-    y0 = np.concatenate([start.q, start.v, start.quats.ravel()])
+    y0 = np.concatenate([times[:1], start.q, start.v, start.quats.ravel(), forces.integrals])
     runge_kutta_4(derivative, y0, (times[1] - times[0]) / substeps, count, record, substeps)
     return [np.array(column) for column in zip(*samples, strict=True)], 4 * count

@@ -1,4 +1,7 @@
-"""Springs between points and constant loads: DART has none of its own, so they are external forces on body nodes."""
+"""Springs between points and loads: DART has none of its own, so they are external forces on body nodes.
+
+`Forces` holds them together with the efforts in joint coordinates.
+"""
 
 from __future__ import annotations
 
@@ -7,11 +10,15 @@ from typing import Any
 
 import numpy as np
 
+from consilience.functions import Function
 from consilience.mechanism import GROUND, Load, Spring
 from consilience.spatial import Array
+from consilience_dart.efforts import controllers, dampers, efforts, exert
 from consilience_dart.translation import Model
 
-Apply = Callable[[], None]
+Apply = Callable[[float], None]
+"""Adds a force at a time to the skeleton's body nodes."""
+
 ZERO = np.zeros(3)
 
 
@@ -44,6 +51,11 @@ class _End:
             self.node.addExtForce(force, self.offset, False, True)
 
 
+def _factor(history: Function | None, t: float, otherwise: float) -> float:
+    """Function of time, or a constant where there is none."""
+    return otherwise if history is None else float(history.at(t)[0])
+
+
 def _length(ends: tuple[_End, _End]) -> tuple[float, Array]:
     """Length and direction (predecessor to successor) of a spring."""
     d = ends[1].position() - ends[0].position()
@@ -61,11 +73,12 @@ def _ends(model: Model, spring: Spring) -> tuple[_End, _End]:
 def _spring(model: Model, spring: Spring) -> Apply:
     ends = _ends(model, spring)
 
-    def apply() -> None:
+    def apply(t: float) -> None:
         """Push both ends along the line between them."""
         length, e = _length(ends)
         rate = float(e @ (ends[1].velocity() - ends[0].velocity()))
-        force = (spring.stiffness * (length - spring.free_length) + spring.damping * rate) * e
+        pull = spring.stiffness * (length - spring.free_length) + spring.damping * rate
+        force = (pull - _factor(spring.actuator, t, 0.0)) * e
         ends[0].push(force)
         ends[1].push(-force)
 
@@ -79,16 +92,57 @@ def _load(model: Model, load: Load) -> Apply:
     vector = frame.R @ load.vector if local else load.vector
     offset = frame.p + frame.R @ load.point
     if load.kind == "torque":
-        return lambda: node.addExtTorque(vector, local)
-    return lambda: node.addExtForce(vector, offset, local, True)
+        return lambda t: node.addExtTorque(_factor(load.history, t, 1.0) * vector, local)
+    return lambda t: node.addExtForce(_factor(load.history, t, 1.0) * vector, offset, local, True)
 
 
-def appliers(model: Model) -> list[Apply]:
-    """Functions that add the forces of springs and loads at the skeleton's present state, one for each element."""
-    return [
-        *(_spring(model, spring) for spring in model.mechanism.springs),
-        *(_load(model, load) for load in model.mechanism.loads if load.body != GROUND),
-    ]
+class Forces:
+    """Everything that pushes on a skeleton beside gravity and DART's own joint springs.
+
+    Attributes
+    ----------
+    integrals : ndarray, shape (n_controls,)
+        Integrals of the controllers; whoever integrates a motion keeps them.
+    """
+
+    def __init__(self, model: Model) -> None:
+        self.integrals = np.zeros(len(model.mechanism.controls))
+        self._model = model
+        self._controllers = controllers(model)
+        self._efforts = efforts(model, self.integrals)
+        self._dampers = dampers(model, self._efforts)
+        self._pushes: list[Apply] = [
+            *(_spring(model, spring) for spring in model.mechanism.springs),
+            *(_load(model, load) for load in model.mechanism.loads if load.body != GROUND),
+        ]
+
+    def apply(self, t: float) -> Array:
+        """Replace the forces on the skeleton by those of its present state and the time t, in s.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Forces of the joints: DART overwrites its own account of them.
+        """
+        self._model.skeleton.clearExternalForces()
+        for push in self._pushes:
+            push(t)
+        if not self._efforts:
+            return np.zeros(self._model.skeleton.getNumDofs())
+        return exert(self._model, self._efforts, self._dampers, t)
+
+    def errors(self, t: float) -> Array:
+        """Rates of the integrals at the skeleton's present state."""
+        return np.array([controller.error(t) for controller in self._controllers])
+
+    def __bool__(self) -> bool:
+        """Whether there is anything to apply."""
+        return bool(self._pushes or self._efforts)
+
+
+def appliers(model: Model) -> Forces:
+    """Forces on a skeleton by all elements that are not DART's own."""
+    return Forces(model)
 
 
 def spring_energy(model: Model) -> float:

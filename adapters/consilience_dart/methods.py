@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-
 from consilience.assembly import initial_state
 from consilience.mechanism import Mechanism
-from consilience.run import Method, Profile, Question, Route
-from consilience.tree import Tree
+from consilience.run import Method, Profile, Question, Route, Unsupported
+from consilience.tree import Tree, lower
 from consilience_dart.dynamics import constraint_rank
 from consilience_dart.state import from_state, send
 from consilience_dart.stepping import (
@@ -23,12 +21,12 @@ from consilience_dart.stepping import (
     STEP_SIZES,
     set_softness,
 )
-from consilience_dart.translation import build
+from consilience_dart.translation import build, constrained, unstepped, without_screws
 
 MODEL = "inertias of the skeleton"
 ARTICULATED = "computeForwardDynamics"
 MASS_MATRIX = "mass matrix and inverse dynamics"
-CONSTRAINED = "mass matrix, inverse dynamics and weld Jacobians"
+CONSTRAINED = "mass matrix, inverse dynamics and constraint Jacobians"
 EXTRAPOLATED = "World.step with weld constraints, to zero step"
 EXTRAPOLATED_DEFAULT = "World.step with weld constraints, defaults, to zero step"
 EULER = "World.step"
@@ -40,8 +38,6 @@ EULER_SUBSTEPS = (200, 400, 800)
 EULER_SUBSTEPS_WITH_FORCES = (50, 100, 200)  # forces that the adapter applies each step cost ten times the step
 EULER_SUBSTEPS_DEFAULT = (50, 100, 200)  # DART's step of 0.001 s at samples every 0.05 s, then its halves
 RK4_SUBSTEPS = (4, 8, 16)
-
-OFF_THE_MANIFOLD = 1e-3  # rad and m: far above the tolerance of the rank, far below the size of a mechanism
 
 AT_THE_STATE: dict[str, Any] = {"Skeleton.timeStep": 0.0}
 STEPPING: dict[str, Any] = {"DeactivationOptions.enabled": False}
@@ -85,20 +81,8 @@ def soften(method: Method) -> None:
     set_softness(reduction, max(1.0, softness) * CONSTRAINT_FORCE_MIXING)
 
 
-def dependence_is_fragile(mechanism: Mechanism) -> bool:
-    """Tell whether the weld rows lose rank on the constraint manifold only, as in an overconstrained spatial loop."""
-    model = build(mechanism)
-    start = from_state(model, initial_state(mechanism))
-    send(model, start)
-    assembled = constraint_rank(model)
-    # no symmetry of a mechanism survives displacements in proportion to sines of whole numbers
-    off = OFF_THE_MANIFOLD * np.sin(np.arange(1.0, len(start.q) + 1.0))
-    model.skeleton.setPositions(np.asarray(model.skeleton.getPositions()) + off)
-    return constraint_rank(model) > assembled
-
-
-def _instant(loops: bool) -> tuple[Method, ...]:
-    if not loops:
+def _instant(mechanism: Mechanism, tree: Tree) -> tuple[Method, ...]:
+    if not constrained(mechanism, tree):
         return (
             Method(ARTICULATED, Route.NATIVE, settings=AT_THE_STATE),
             Method(MASS_MATRIX, Route.HARNESS_SOLVE, settings=AT_THE_STATE),
@@ -108,8 +92,11 @@ def _instant(loops: bool) -> tuple[Method, ...]:
         "constraintForceMixing": f"{CONSTRAINT_FORCE_MIXING:g}, twice and four times that, extrapolated to 0",
         "step": TO_ZERO_STEP,
     }
+    solved = Method(CONSTRAINED, Route.HARNESS_SOLVE, settings=AT_THE_STATE)
+    if unstepped(mechanism):
+        return (solved,)
     return (
-        Method(CONSTRAINED, Route.HARNESS_SOLVE, settings=AT_THE_STATE),
+        solved,
         Method(EXTRAPOLATED, Route.EXTRAPOLATED, settings=STEPPING | extrapolation),
         Method(
             EXTRAPOLATED_DEFAULT,
@@ -121,26 +108,58 @@ def _instant(loops: bool) -> tuple[Method, ...]:
     )
 
 
-def _trajectory(mechanism: Mechanism, loops: bool) -> tuple[Method, ...]:
-    forced = bool(mechanism.springs or mechanism.loads)
-    substeps = EULER_SUBSTEPS_WITH_FORCES if forced else EULER_SUBSTEPS
+def _has_elements(mechanism: Mechanism) -> bool:
+    """Whether the adapter has something to do at every step."""
+    m = mechanism
+    actuated = any(spring.actuator is not None for spring in m.joint_springs)
+    return bool(m.springs or m.loads or m.frictions or m.controls or m.drives or actuated)
+
+
+def _moves_as_told(mechanism: Mechanism) -> bool:
+    """Whether drives leave no freedom: positions are then those of the drives and of the welds, of order two."""
+    if not mechanism.drives:
+        return False
+    model = build(mechanism)
+    send(model, from_state(model, initial_state(mechanism)))
+    return constraint_rank(model) == int(model.skeleton.getNumDofs())
+
+
+def _stepped(mechanism: Mechanism, loops: bool) -> tuple[Method, Method]:
+    """`World.step` with the settings of the adapter, and as it comes."""
+    substeps = EULER_SUBSTEPS_WITH_FORCES if _has_elements(mechanism) else EULER_SUBSTEPS
     settings = STEPPING | ({"errorReductionParameter": ERROR_REDUCTION_TRAJECTORY} if loops else {})
     route = Route.TUNED if loops else Route.NATIVE
     softness = 1.0 if loops else None
-    native = Method(EULER, route, 1, substeps, settings=settings, softness=softness)
-    default = Method(EULER_DEFAULT, Route.NATIVE, 1, EULER_SUBSTEPS_DEFAULT, profile=Profile.DEFAULT, softness=softness)
-    rods = any(joint.kind == "rod" for joint in mechanism.joints)
-    # near the singular pose of a rod's two angles no affordable step shows order four; and where drift makes dependent
-    # rows independent, the harness's solve takes them for constraints
-    if rods or (loops and dependence_is_fragile(mechanism)):
-        return native, default
-    name = RK4_CONSTRAINED if loops else RK4_ARTICULATED
-    return native, Method(name, Route.HARNESS_INTEGRATOR, 4, RK4_SUBSTEPS, settings=AT_THE_STATE), default
+    order = 2 if _moves_as_told(mechanism) else 1
+    return (
+        Method(EULER, route, order, substeps, settings=settings, softness=softness),
+        Method(EULER_DEFAULT, Route.NATIVE, order, EULER_SUBSTEPS_DEFAULT, profile=Profile.DEFAULT, softness=softness),
+    )
 
 
-def methods(mechanism: Mechanism, tree: Tree, question: Question) -> tuple[Method, ...]:
+def _trajectory(mechanism: Mechanism, tree: Tree) -> tuple[Method, ...]:
+    name = RK4_CONSTRAINED if constrained(mechanism, tree) else RK4_ARTICULATED
+    runge_kutta = Method(name, Route.HARNESS_INTEGRATOR, 4, RK4_SUBSTEPS, settings=AT_THE_STATE)
+    own = () if unstepped(mechanism) else _stepped(mechanism, bool(tree.welds))
+    # near the singular pose of a rod's two angles no affordable step shows order four
+    return (*own[:1], *(() if _has_rods(mechanism) else (runge_kutta,)), *own[1:])
+
+
+def _has_rods(mechanism: Mechanism) -> bool:
+    return any(joint.kind == "rod" for joint in mechanism.joints)
+
+
+def unmovable(mechanism: Mechanism) -> tuple[Unsupported, ...]:
+    """What neither `World.step` nor the harness's Runge-Kutta method can move."""
+    if not _has_rods(mechanism):
+        return ()
+    reason = "World.step has no such constraint, and Runge-Kutta on DART's accelerations needs mechanisms without rods"
+    return tuple(Unsupported(f"{what} '{name}'", reason) for what, name in unstepped(mechanism).items())
+
+
+def methods(mechanism: Mechanism, question: Question) -> tuple[Method, ...]:
     """Methods for a question, the headline first."""
-    loops = bool(tree.welds)
     if question is Question.MODEL:
         return (Method(MODEL, Route.NATIVE),)
-    return _instant(loops) if question is Question.INSTANT else _trajectory(mechanism, loops)
+    tree = lower(without_screws(mechanism))
+    return _instant(mechanism, tree) if question is Question.INSTANT else _trajectory(mechanism, tree)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from consilience.kinematics import joint_coordinates, relative_motion
 from consilience.mechanism import State
 from consilience.spatial import (
     Array,
@@ -19,7 +20,7 @@ from consilience.spatial import (
     rotation_from_quaternion,
     rotation_vector_from_quaternion,
 )
-from consilience.tree import coordinates
+from consilience.tree import Link, coordinates
 from consilience_dart.translation import Model
 
 SMALL_ANGLE = 2e-3
@@ -56,11 +57,13 @@ def from_state(model: Model, state: State) -> Coordinates:
     """Coordinates of the skeleton at a state of the mechanism."""
     q, v = np.zeros(model.skeleton.getNumDofs()), np.zeros(model.skeleton.getNumDofs())
     quats = [np.zeros((0, 4))]
-    elementary = coordinates(model.mechanism, model.tree, state)
+    elementary = coordinates(model.lowered, model.tree, state)
     for link, i, c in zip(model.tree.links, model.start, elementary, strict=True):
         place = link.placement
         if link.elementary in ("R", "P"):
             q[i], v[i] = c.q, c.rate
+            if model.mechanism.joints[link.joint].pitch:
+                q[i] = _screw_angle(model, link, state)
         elif link.elementary == "S":
             quats.append(np.atleast_2d(np.asarray(c.quat)))
             v[i : i + 3] = np.asarray(c.w)
@@ -71,6 +74,13 @@ def from_state(model: Model, state: State) -> Coordinates:
             v[i : i + 3] = rotation_from_quaternion(quat) @ np.asarray(c.w)
             v[i + 3 : i + 6] = place.R @ np.asarray(c.v)
     return Coordinates(q, v, np.vstack(quats))
+
+
+def _screw_angle(model: Model, link: Link, state: State) -> float:
+    """Coordinate of a screw, whose turns are those of its displacement."""
+    joint = model.mechanism.joints[link.joint]
+    angle = float(joint_coordinates(joint, relative_motion(model.mechanism, state, joint))["angle"])
+    return -angle if link.reversed else angle
 
 
 def rotation_vector(quat: Array) -> Array:

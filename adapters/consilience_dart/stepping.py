@@ -19,8 +19,9 @@ import numpy as np
 
 from consilience.mechanism import Mechanism, State
 from consilience.spatial import Array
+from consilience_dart.drives import command_steps
 from consilience_dart.dynamics import apply_forces
-from consilience_dart.loads import Apply, appliers
+from consilience_dart.loads import Forces, appliers
 from consilience_dart.state import Coordinates, from_state, read, send
 from consilience_dart.translation import Model, build
 
@@ -46,23 +47,44 @@ LARGEST_ROTATION = 5e-4
 step, so that extrapolation removes its error; across the threshold it is not."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Stepper:
-    """A world with one skeleton in it, ready to step."""
+    """A world with one skeleton in it, ready to step.
+
+    Attributes
+    ----------
+    time : float, s
+    reduction : float
+        Part of the position error of a drive that is removed in a step.
+    """
 
     model: Model
     world: Any
-    appliers: list[Apply]
+    appliers: Forces
+    time: float = 0.0
+    reduction: float = 0.0
+
+    def restart(self, c: Coordinates, time: float, step: float) -> None:
+        """Set state, time and step; the controllers forget."""
+        send(self.model, c)
+        self.world.setTimeStep(step)
+        self.time = time
+        self.appliers.integrals[:] = 0.0
 
     def step(self, count: int) -> None:
-        """Take `count` steps; external forces are those of the beginning of each step."""
-        if not self.appliers:
+        """Take `count` steps; external forces and integrands are those of the beginning of each step."""
+        if not self.appliers and not self.model.mechanism.drives:
             for _ in range(count):
                 self.world.step()
             return
-        for _ in range(count):
-            apply_forces(self.model, self.appliers)
+        h, start = self.world.getTimeStep(), self.time
+        for n in range(count):
+            apply_forces(self.model, self.appliers, self.time)
+            command_steps(self.model, self.time, h, self.reduction)
+            errors = self.appliers.errors(self.time)
             self.world.step()
+            self.appliers.integrals += h * errors
+            self.time = start + (n + 1) * h
 
 
 def set_softness(reduction: float, mixing: float) -> None:
@@ -96,17 +118,18 @@ def stepper(mechanism: Mechanism, start: State, sleeping: bool = False) -> Stepp
 def native_trajectory(stepping: Stepper, times: Array, substeps: int) -> tuple[list[Array], int]:
     """Positions, quaternions, velocities and angular velocities at `times` by `World.step`, and the steps taken."""
     stepping.world.setTimeStep((times[1] - times[0]) / substeps)
+    stepping.time, stepping.reduction = float(times[0]), ERROR_REDUCTION_TRAJECTORY
     samples = [read(stepping.model)]
-    for _ in times[1:]:
+    for time in times[1:]:
         stepping.step(substeps)
+        stepping.time = float(time)
         samples.append(read(stepping.model))
     return [np.array(column) for column in zip(*samples, strict=True)], substeps * (len(times) - 1)
 
 
 def _difference_quotient(stepping: Stepper, c: Coordinates, step: float) -> Array:
     """``(v2 - v1) / h``: the first step only brings the velocities into line and knows nothing of ``Jdot v``."""
-    stepping.world.setTimeStep(step)
-    send(stepping.model, c)
+    stepping.restart(c, 0.0, step)
     stepping.step(1)
     before = np.array(stepping.model.skeleton.getVelocities())
     stepping.step(1)

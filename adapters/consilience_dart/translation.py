@@ -3,6 +3,8 @@
 Each link of the tree is one body node whose frame is the link's frame; the joint frame coincides with it, so
 ``T_ChildBodyToJoint`` is the identity everywhere. Massless links are body nodes of zero mass: exact, for DART never
 inverts the inertia of a node, only its projection on the joint, and a link with mass hangs behind each of them.
+The tree knows no screws: it is that of the mechanism with revolute joints in their place, and these become DART's
+`ScrewJoint`, whose coordinate is the angle and whose pitch is the advance in a turn, as ours is.
 """
 
 from __future__ import annotations
@@ -10,13 +12,14 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import dartpy
 import numpy as np
 
-from consilience.mechanism import JointSpring, Mechanism
+from consilience.joints import AXIS_COORDINATES
+from consilience.mechanism import Coupling, JointSpring, Mechanism, Rolling, Skate
 from consilience.spatial import Array
 from consilience.tree import Link, Tree, lower
 
@@ -30,7 +33,39 @@ CREATORS = {
     "W": "createWeldJointAndBodyNodePair",
 }
 FREEDOM = {"R": 1, "P": 1, "S": 3, "F": 6, "W": 0}
-SPRUNG = {"angle": "R", "distance": "P"}  # joint coordinate of a spring -> elementary joint that has it
+ELEMENTARY = {"angle": "R", "distance": "P"}  # joint coordinate -> elementary joint that has it
+SCREW = "createScrewJointAndBodyNodePair"
+
+
+@dataclass(frozen=True, eq=False)
+class Axis:
+    """A coordinate of a joint of the mechanism as a coordinate of the skeleton, or its negative.
+
+    Attributes
+    ----------
+    joint : dartpy Joint
+    index : int
+        Of the coordinate in the skeleton.
+    sign : float
+        -1 where the tree passes the joint backwards.
+    turns : bool
+        Whether it is an angle.
+    """
+
+    joint: Any
+    index: int
+    sign: float
+    turns: bool
+
+    @property
+    def value(self) -> float:
+        """Coordinate in rad or m; the angle over full turns, for DART never wraps it."""
+        return self.sign * float(self.joint.getPosition(0))
+
+    @property
+    def rate(self) -> float:
+        """Its rate."""
+        return self.sign * float(self.joint.getVelocity(0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +74,8 @@ class Model:
 
     Attributes
     ----------
+    lowered : Mechanism
+        The mechanism with revolute joints in place of screws, as `tree` describes it.
     skeleton : dartpy Skeleton
     nodes, joints : list
         Body node and its parent joint of each link of `tree`.
@@ -46,17 +83,21 @@ class Model:
         Index of each link's first coordinate in the skeleton.
     carriers : list of int
         Link that carries the original of each body of the mechanism.
+    axes : dict
+        Coordinates of all joints with one axis, by joint and name.
     spring_offset : float, J
         What DART's spring energy lacks where several springs on one joint were merged.
     """
 
     mechanism: Mechanism
+    lowered: Mechanism
     tree: Tree
     skeleton: Any
     nodes: list[Any]
     joints: list[Any]
     start: list[int]
     carriers: list[int]
+    axes: dict[tuple[str, str], Axis]
     spring_offset: float
 
 
@@ -72,6 +113,21 @@ def quiet() -> Iterator[None]:
         os.dup2(saved, 2)
         os.close(saved)
         os.close(sink)
+
+
+def unstepped(mechanism: Mechanism) -> dict[str, str]:
+    """Constraints that `World.step` has no means for: what they are called, and the first of each kind."""
+    groups: dict[str, tuple[Coupling | Rolling | Skate, ...]] = {
+        "coupling": mechanism.couplings,
+        "rolling": mechanism.rollings,
+        "skate": mechanism.skates,
+    }
+    return {what: elements[0].name for what, elements in groups.items() if elements}
+
+
+def constrained(mechanism: Mechanism, tree: Tree) -> bool:
+    """Whether a skeleton alone does not know all constraints: drives are its own, loops and others are not."""
+    return bool(tree.welds or unstepped(mechanism))
 
 
 def isometry(p: Array, R: Array) -> Any:
@@ -91,28 +147,39 @@ def set_inertia(node: Any, mass: float, com: Array, moment: Array) -> None:
         node.setInertia(dartpy.dynamics.Inertia(0.0, np.zeros(3), np.zeros((3, 3))))
 
 
-def _add(skeleton: Any, parent: Any, link: Link) -> tuple[Any, Any]:
-    joint, node = getattr(skeleton, CREATORS[link.elementary])(parent)
+def without_screws(mechanism: Mechanism) -> Mechanism:
+    """The mechanism with a revolute joint in place of each screw."""
+    if all(joint.kind != "screw" for joint in mechanism.joints):
+        return mechanism
+    joints = (replace(j, kind="revolute", pitch=0.0) if j.kind == "screw" else j for j in mechanism.joints)
+    return replace(mechanism, joints=tuple(joints))
+
+
+def _add(skeleton: Any, parent: Any, link: Link, pitch: float) -> tuple[Any, Any]:
+    joint, node = getattr(skeleton, SCREW if pitch else CREATORS[link.elementary])(parent)
     node.setName(link.name)
     joint.setName(f"to {link.name}")
     set_inertia(node, link.mass, link.com, link.inertia)
     if link.elementary in ("R", "P"):
         joint.setAxis(Z)
+    if pitch:
+        joint.setPitch(pitch)
     if link.elementary != "F":  # a free joint keeps the identity: elsewhere its velocity has an odd basis
         joint.setTransformFromParentBodyNode(isometry(link.placement.p, link.placement.R))
     return joint, node
 
 
-def sprung_link(tree: Tree, joint: int, coordinate: str) -> int:
-    """Index of the link whose elementary joint has the coordinate of a joint spring."""
-    return next(i for i, link in enumerate(tree.links) if link.joint == joint and link.elementary == SPRUNG[coordinate])
+def axis_link(tree: Tree, joint: int, coordinate: str) -> int:
+    """Index of the link whose elementary joint has a coordinate of a joint with one axis."""
+    elementary = ELEMENTARY[coordinate]
+    return next(i for i, link in enumerate(tree.links) if link.joint == joint and link.elementary == elementary)
 
 
 def sprung(mechanism: Mechanism, tree: Tree) -> dict[int, list[JointSpring]]:
     """Joint springs by the link whose coordinate they act on."""
     found: dict[int, list[JointSpring]] = {}
     for spring in mechanism.joint_springs:
-        link = sprung_link(tree, mechanism.joint_index[spring.joint], spring.coordinate)
+        link = axis_link(tree, mechanism.joint_index[spring.joint], spring.coordinate)
         found.setdefault(link, []).append(spring)
     return found
 
@@ -133,16 +200,28 @@ def _add_joint_springs(mechanism: Mechanism, tree: Tree, joints: list[Any]) -> f
     return offset
 
 
+def _axes(mechanism: Mechanism, tree: Tree, joints: list[Any], start: list[int]) -> dict[tuple[str, str], Axis]:
+    axes = {}
+    for k, joint in enumerate(mechanism.joints):
+        for coordinate in AXIS_COORDINATES.get(joint.kind, ()):
+            i = axis_link(tree, k, coordinate)
+            sign = -1.0 if tree.links[i].reversed else 1.0
+            axes[joint.name, coordinate] = Axis(joints[i], start[i], sign, coordinate == "angle")
+    return axes
+
+
 def build(mechanism: Mechanism) -> Model:
     """Translate a mechanism. The skeleton has time step zero, so that its joint springs act at the state as it is."""
-    tree = lower(mechanism)
+    lowered = without_screws(mechanism)
+    tree = lower(lowered)
     skeleton = dartpy.dynamics.Skeleton(mechanism.name)
     skeleton.setGravity(mechanism.gravity)
     skeleton.setTimeStep(0.0)
     nodes: list[Any] = []
     joints: list[Any] = []
     for link in tree.links:
-        joint, node = _add(skeleton, nodes[link.parent] if link.parent >= 0 else None, link)
+        parent = nodes[link.parent] if link.parent >= 0 else None
+        joint, node = _add(skeleton, parent, link, mechanism.joints[link.joint].pitch)
         joints.append(joint)
         nodes.append(node)
     offset = _add_joint_springs(mechanism, tree, joints)
@@ -151,4 +230,7 @@ def build(mechanism: Mechanism) -> Model:
         for joint, link in zip(joints, tree.links, strict=True)
     ]
     carriers = [tree.carrier(b) for b in range(len(mechanism.bodies))]
-    return Model(mechanism, tree, skeleton, nodes, joints, start, carriers, offset)
+    axes = _axes(mechanism, tree, joints, start)
+    for drive in mechanism.drives:
+        axes[drive.joint, drive.coordinate].joint.setActuatorType(dartpy.dynamics.ActuatorType.ACCELERATION)
+    return Model(mechanism, lowered, tree, skeleton, nodes, joints, start, carriers, axes, offset)

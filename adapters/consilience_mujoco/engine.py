@@ -24,21 +24,37 @@ from consilience.run import (
 )
 from consilience.spatial import Array, continuous_in_time
 from consilience.tree import Tree, lower
+from consilience_mujoco.callback import answering
 from consilience_mujoco.evaluate import (
     accelerations,
     check_solved,
+    constraint_rank,
     energies,
     evaluate_bodies,
     model_answer,
     reactions,
     solve_by_harness,
 )
+from consilience_mujoco.manifest import manifest
 from consilience_mujoco.messages import warnings_raise
 from consilience_mujoco.methods import configured, evaluations, methods
+from consilience_mujoco.rows import Equalities, count_rows, without_screws
 from consilience_mujoco.states import poses_and_velocities, set_state
 from consilience_mujoco.translate import Translation, slides_behind_balls, springs_cancel, springs_on, translate
 
-FEATURES = frozenset(f"{kind} joint" for kind in JOINT_KINDS if kind != "screw") | {"spring", "joint spring", "load"}
+FEATURES = frozenset(f"{kind} joint" for kind in JOINT_KINDS) | {
+    "spring",
+    "joint spring",
+    "actuator",
+    "load",
+    "load in time",
+    "friction",
+    "control",
+    "drive",
+    "coupling",
+    "rolling",
+    "skate",
+}
 """What of `Mechanism.features` has a translation."""
 
 
@@ -53,7 +69,10 @@ class MujocoEngine:
     def info(self) -> EngineInfo:
         """Name and version."""
         return EngineInfo(
-            "MuJoCo", mujoco.__version__, "consilience_mujoco", "minimal coordinates; loops by soft welds"
+            "MuJoCo",
+            mujoco.__version__,
+            "consilience_mujoco",
+            "minimal coordinates; loops and drives by soft equalities",
         )
 
     def unsupported(self, mechanism: Mechanism, question: Question) -> tuple[Unsupported, ...]:
@@ -87,34 +106,16 @@ class MujocoEngine:
 
     def methods(self, mechanism: Mechanism, question: Question) -> tuple[Method, ...]:
         """Ways to answer, the headline first."""
-        return methods(question, len(self._tree(mechanism).welds))
+        return methods(question, self._equalities(mechanism))
 
     def manifest(self, mechanism: Mechanism) -> Manifest:
         """Say what the translation keeps exact and what it approximates."""
-        kinds = {joint.kind for joint in mechanism.joints}
-        loops = bool(self._tree(mechanism).welds)
-        exact = {
-            "masses, centres of mass, inertia tensors (given by principal axes)": True,
-            "cylindrical, universal, planar joints: several joints of one body": kinds
-            & {"cylindrical", "universal", "planar"},
-            "rod: massless link of two hinges and a ball (chart singular when the rod lies along x of F)": "rod"
-            in kinds,
-            "free joint: the body hangs from the world": "free" in kinds,
-            "springs: spatial tendons": mechanism.springs,
-            "joint springs: those of the MuJoCo joint": mechanism.joint_springs,
-            "loads: actuators of constant force at sites": mechanism.loads,
-        }
-        approximated = (
-            "loops, matched: split bodies held by soft welds, regularisation 2e-15 of the inverse inertia they see",
-            "loops, matched: no feedback on the drift of a trajectory",
-            "loops, defaults: the same welds with MuJoCo's softness, regularisation about a tenth",
-        )
-        return Manifest(tuple(text for text, present in exact.items() if present), approximated if loops else ())
+        return manifest(mechanism, bool(self._tree(mechanism).welds))
 
     def model(self, mechanism: Mechanism, state: State, method: Method) -> ModelAnswer:
         """Mass properties and freedom of the compiled model at a state."""
         translation = self._prepare(mechanism, method)
-        with warnings_raise():
+        with warnings_raise(), answering(translation):
             set_state(translation, state)
             mujoco.mj_forward(translation.model, translation.data)
         return model_answer(translation)
@@ -123,7 +124,7 @@ class MujocoEngine:
         """Accelerations, joint reactions and energies at consistent states."""
         translation = self._prepare(mechanism, method)
         rows: list[tuple[Any, ...]] = []
-        with warnings_raise():
+        with warnings_raise(), answering(translation):
             for state in states:
                 set_state(translation, state)
                 mujoco.mj_forward(translation.model, translation.data)
@@ -144,12 +145,14 @@ class MujocoEngine:
         interval = float(times[1] - times[0])
         steps = round(interval / step)
         model.opt.timestep = interval / steps
-        checked = bool(translation.tree.welds) and method.profile is Profile.MATCHED
+        checked = bool(model.neq) and method.profile is Profile.MATCHED
+        rank = self._cut(translation, state) if checked else None
         samples = []
         set_state(translation, state)
         for n in range(len(times)):
-            with warnings_raise():
+            with warnings_raise(), answering(translation, rank):
                 if n > 0:
+                    data.time = times[n - 1]  # its own clock sums up steps
                     mujoco.mj_step(model, data, steps)
                 if checked:
                     mujoco.mj_forward(model, data)
@@ -160,11 +163,22 @@ class MujocoEngine:
         counters: dict[str, int | float] = {"steps": total, "evaluations": total * evaluations(method)}
         return TrajectoryAnswer(np.array(times), p, continuous_in_time(quat), v, w, counters)
 
+    def _cut(self, translation: Translation, state: State) -> int | None:
+        """Rank of the constraints at a state, if some depend on others."""
+        with warnings_raise(), answering(translation):
+            set_state(translation, state)
+            mujoco.mj_forward(translation.model, translation.data)
+        rank, rows = constraint_rank(translation)
+        return rank if rank < rows else None
+
     def _tree(self, mechanism: Mechanism) -> Tree:
         """Lower, unless it is the mechanism of last time."""
         if self._lowered is None or self._lowered[0] is not mechanism:
-            self._lowered = mechanism, lower(mechanism)
+            self._lowered = mechanism, lower(without_screws(mechanism))
         return self._lowered[1]
+
+    def _equalities(self, mechanism: Mechanism) -> Equalities:
+        return count_rows(mechanism, self._tree(mechanism))
 
     def _prepare(self, mechanism: Mechanism, method: Method) -> Translation:
         """Compile, unless it is the mechanism of last time, and set what the method sets on a copy."""

@@ -10,15 +10,19 @@ from consilience.kinematics import RANK_TOLERANCE, reaction_in_F
 from consilience.mechanism import GROUND, State
 from consilience.run import ModelAnswer
 from consilience.spatial import Array
+from consilience_mujoco.actuators import load_name, load_wrench
+from consilience_mujoco.callback import first_rows
 from consilience_mujoco.messages import EngineWarningError
-from consilience_mujoco.translate import Translation, load_name, load_wrench
+from consilience_mujoco.translate import Translation
 
 _SOLVED = 1e-6
 """Sound solutions stay below 1e-9, failed ones are of order one; between them reactions lose digits, not motion."""
 
+_SCALAR = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+
 
 def constraint_jacobian(translation: Translation) -> Array:
-    """Jacobian of the welds in MuJoCo's velocities, shape (rows, nv).
+    """Jacobian of the equalities in MuJoCo's velocities, shape (rows, nv).
 
     MuJoCo leaves out welds between bodies that cannot move, and the buffers are longer than what is left.
     """
@@ -30,6 +34,13 @@ def constraint_jacobian(translation: Translation) -> Array:
     for row, start, count in zip(J, data.efc_J_rowadr[:rows], data.efc_J_rownnz[:rows], strict=True):
         row[data.efc_J_colind[start : start + count]] = data.efc_J[start : start + count]
     return J
+
+
+def constraint_rank(translation: Translation) -> tuple[int, int]:
+    """Rank of the Jacobian of the constraints, and how many rows it has."""
+    J = constraint_jacobian(translation)
+    singular = np.linalg.svd(J, compute_uv=False) if len(J) else np.zeros(0)
+    return (int(np.sum(singular > RANK_TOLERANCE * singular[0])) if len(singular) else 0), len(J)
 
 
 def solve_by_harness(translation: Translation) -> None:
@@ -67,20 +78,32 @@ def evaluate_bodies(translation: Translation) -> None:
     """Compute body accelerations and joint wrenches from `qacc` and `efc_force`.
 
     `mj_rnePostConstraint` counts welds and tendons as outside forces, but not actuators on sites: the loads are shown
-    to it as applied wrenches.
+    to it as applied wrenches. So are the forces on guided bodies: it would take them for forces along the tendons whose
+    rows they have.
     """
     model, data = translation.model, translation.data
+    multipliers = np.array(data.efc_force)
     for load in translation.mechanism.loads:
-        if load.body == GROUND:
-            continue
-        site = data.site(load_name(load))
-        wrench = load_wrench(load).reshape(2, 3)
-        force, torque = wrench @ site.xmat.reshape(3, 3).T if load.frame == "body" else wrench
-        body = model.site(load_name(load)).bodyid[0]
-        data.xfrc_applied[body, :3] += force
-        data.xfrc_applied[body, 3:] += torque + np.cross(site.xpos - data.xipos[body], force)
+        if load.body != GROUND:
+            site, factor = data.site(load_name(load)), float(data.actuator(load_name(load)).force[0])
+            wrench = factor * load_wrench(load).reshape(2, 3)
+            force, torque = wrench @ site.xmat.reshape(3, 3).T if load.frame == "body" else wrench
+            _show(translation, model.site(load_name(load)).bodyid[0], force, torque, site.xpos)
+    for guide in translation.rows.guides:
+        rows = first_rows(data, np.array(guide.equalities))
+        point, directions, _, _ = guide.place(model, data)
+        _show(translation, guide.body, multipliers[rows] @ directions, np.zeros(3), point)
+        data.efc_force[rows] = 0.0
     mujoco.mj_rnePostConstraint(model, data)
     data.xfrc_applied[:] = 0.0
+    data.efc_force[:] = multipliers
+
+
+def _show(translation: Translation, body: int, force: Array, torque: Array, point: Array) -> None:
+    """Add a wrench about a point to those applied to a body, which are about its centre of mass."""
+    data = translation.data
+    data.xfrc_applied[body, :3] += force
+    data.xfrc_applied[body, 3:] += torque + np.cross(point - data.xipos[body], force)
 
 
 def accelerations(translation: Translation) -> tuple[Array, Array]:
@@ -92,36 +115,56 @@ def accelerations(translation: Translation) -> tuple[Array, Array]:
     return both[:, 3:] + t.mechanism.gravity, both[:, :3]
 
 
-def _without_springs(translation: Translation, chain: list[int], force: Array, torque: Array, point: Array) -> None:
-    """Take the efforts of the joint springs of a chain out of a wrench about `point`, in place."""
+def element_efforts(translation: Translation) -> Array:
+    """Efforts of springs, friction, controls, drives and couplings in MuJoCo's velocities, shape (nv,)."""
+    model, data, rows = translation.model, translation.data, translation.rows.joints
+    efforts = np.zeros(model.nv)
+    for joint in range(model.njnt):
+        if model.jnt_type[joint] in _SCALAR:
+            dof, at = model.jnt_dofadr[joint], model.jnt_qposadr[joint]
+            deflection = data.qpos[at] - model.qpos_spring[at]
+            efforts[dof] = -(model.jnt_stiffness[joint] * deflection + model.dof_damping[dof] * data.qvel[dof])
+    for actuator in np.flatnonzero(model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT):
+        dof = model.jnt_dofadr[model.actuator_trnid[actuator, 0]]
+        efforts[dof] += model.actuator_gear[actuator, 0] * data.actuator_force[actuator]
+    if rows:
+        held = first_rows(data, np.array([row.equality for row in rows]))
+        efforts += data.efc_force[held] @ constraint_jacobian(translation)[held]
+    return efforts
+
+
+def _without(
+    translation: Translation, chain: list[int], efforts: Array, force: Array, torque: Array, point: Array
+) -> None:
+    """Take the efforts in the joints of a chain out of a wrench about `point`, in place."""
     model, data = translation.model, translation.data
     for joint in chain:
-        dof, axis = model.jnt_dofadr[joint], data.xaxis[joint]
-        deflection = data.qpos[model.jnt_qposadr[joint]] - model.qpos_spring[model.jnt_qposadr[joint]]
-        effort = -(model.jnt_stiffness[joint] * deflection + model.dof_damping[dof] * data.qvel[dof]) * axis
-        if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE:
-            torque -= effort
-        else:
-            force -= effort
-            torque -= np.cross(data.xanchor[joint] - point, effort)
+        if model.jnt_type[joint] in _SCALAR:
+            effort = efforts[model.jnt_dofadr[joint]] * data.xaxis[joint]
+            if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE:
+                torque -= effort
+            else:
+                force -= effort
+                torque -= np.cross(data.xanchor[joint] - point, effort)
 
 
 def reactions(translation: Translation, state: State) -> tuple[Array, Array]:
     """force_F and torque_F of all joints, each shape (n_j, 3).
 
     `cfrc_int` is torque, force, from the parent on the body, in world axes, about the centre of mass of the whole
-    tree that the body stands in; the efforts of joint springs are in it.
+    tree that the body stands in; the efforts of elements in the joint's coordinates are in it. What couples the two
+    coordinates of a screw stays: it is a reaction.
     """
     t = translation
     both = np.zeros((len(t.mechanism.joints), 2, 3))
+    efforts = element_efforts(t)
     for k, joint in enumerate(t.mechanism.joints):
         end = t.tree.reaction_link(k)
         body = t.link_body[end]
         torque, force = t.data.cfrc_int[body].reshape(2, 3).copy()
         point = t.data.subtree_com[t.model.body_rootid[body]]
-        if any(spring.joint == joint.name for spring in t.mechanism.joint_springs):
-            chain = [t.link_joint[i] for i, link in enumerate(t.tree.links) if link.joint == k]
-            _without_springs(t, chain, force, torque, point)
+        chain = [t.link_joint[i] for i, link in enumerate(t.tree.links) if link.joint == k and t.link_joint[i] >= 0]
+        _without(t, chain, efforts, force, torque, point)
         both[k] = reaction_in_F(t.mechanism, state, joint, force, torque, point, t.tree.links[end].reversed)
     return both[:, 0], both[:, 1]
 
@@ -136,13 +179,11 @@ def energies(translation: Translation) -> tuple[float, float]:
 
 
 def model_answer(translation: Translation) -> ModelAnswer:
-    """Mass properties from the compiled model, freedom from the rank of MuJoCo's Jacobian of the welds."""
+    """Mass properties from the compiled model, freedom from the rank of MuJoCo's Jacobian of the constraints."""
     model, data = translation.model, translation.data
     masses, com = model.body_mass, np.array(data.subtree_com[0])
     R, c = data.ximat.reshape(-1, 3, 3), data.xipos - data.subtree_com[0]
     own = np.einsum("bij,bj,bkj->ik", R, model.body_inertia, R)
     shifted = np.einsum("b,bij->ij", masses, np.eye(3) * np.sum(c * c, 1)[:, None, None] - c[:, :, None] * c[:, None])
-    J = constraint_jacobian(translation)
-    singular = np.linalg.svd(J, compute_uv=False) if len(J) else np.zeros(0)
-    rank = int(np.sum(singular > RANK_TOLERANCE * singular[0])) if len(singular) else 0
+    rank, _ = constraint_rank(translation)
     return ModelAnswer(mass=float(masses.sum()), com=com, inertia=own + shifted, freedom=int(model.nv) - rank)

@@ -17,6 +17,7 @@ from typing import Any
 import mujoco
 
 from consilience.run import Method, Profile, Question, Route
+from consilience_mujoco.rows import Equalities
 from consilience_mujoco.translate import Translation
 
 INVWEIGHT_SCALE = 2e-11
@@ -27,17 +28,25 @@ OPTIONS: dict[str, Any] = {
     "opt.disableflags": ["CONTACT", "WARMSTART", "EULERDAMP", "AUTORESET", "ISLAND"],
 }
 
-WELD_SETTINGS: dict[str, Any] = {
+HARD: dict[str, Any] = {
     "opt.solver": "CG",
     "opt.tolerance": 0.0,
     "eq_solref": [-0.0, -0.0],
     "eq_solimp": [0.9999, 0.9999, 0.001, 0.5, 2.0],
-    "body_invweight0, factor": INVWEIGHT_SCALE,
 }
+
+_WEIGHTS = ("body_invweight0", "dof_invweight0", "tendon_invweight0")
+"""What the regularisation of welds, of rows on joints, and of rows on guided bodies is in proportion to."""
 
 _MATCHED_STEPS = {"RK4": (4, (10, 20, 40, 80)), "Euler": (1, (200, 400, 800))}
 _DEFAULT_STEPS = (25, 50, 100)
 """MuJoCo's time step of 0.002 s at samples every 0.05 s, then its halves."""
+
+_CUT = "cut to its rank at the start"
+"""Setting of a motion with hard constraints: nothing where they are independent."""
+
+_SPARSE = 60
+"""Coordinates from which MuJoCo's Jacobian is sparse, unless told."""
 
 _SELF_DIFFERENCES: dict[str, dict[str, Any]] = {
     "mj_forward, defaults but sparse": {"opt.jacobian": "SPARSE"},
@@ -68,29 +77,44 @@ def _tree(question: Question) -> tuple[Method, ...]:
     )
 
 
-def _loops(question: Question, welds: int) -> tuple[Method, ...]:
-    settings = OPTIONS | WELD_SETTINGS
+def _hard(equalities: Equalities) -> dict[str, Any]:
+    """What makes the constraints hard, and what the callback does to them."""
+    counts = zip(_WEIGHTS, (equalities.welds, equalities.joints, equalities.guides), strict=True)
+    factors = {f"{name}, factor": INVWEIGHT_SCALE for name, count in counts if count}
+    callback = {"mjcb_control": "efc_aref, efc_J" if equalities.written else "efc_aref"}
+    return HARD | factors | (callback if equalities.completed or equalities.written else {})
+
+
+def _iterations(equalities: Equalities) -> int:
+    """Iterations of the solver at every stage of a step."""
+    return 20 + 12 * equalities.welds + 4 * (equalities.joints + equalities.guides)
+
+
+def _held(question: Question, equalities: Equalities) -> tuple[Method, ...]:
+    settings = OPTIONS | _hard(equalities)
+    softly = not equalities.written or equalities.freedom < _SPARSE
     if question is Question.TRAJECTORY:
-        settings |= {"opt.iterations": 20 + 12 * welds, "opt.integrator": "RK4"}
-        return (
-            Method("RK4", Route.TUNED, *_MATCHED_STEPS["RK4"], settings=settings, softness=1.0),
-            _default("Euler, defaults", 1.0, order=1, substeps=_DEFAULT_STEPS),
-        )
+        settings |= {"opt.iterations": _iterations(equalities), "opt.integrator": "RK4", "efc_J": _CUT}
+        rk4 = Method("RK4", Route.TUNED, *_MATCHED_STEPS["RK4"], settings=settings, softness=1.0)
+        return (rk4, _default("Euler, defaults", 1.0, order=1, substeps=_DEFAULT_STEPS)) if softly else (rk4,)
     forward = Method("mj_forward", Route.TUNED, settings=settings | {"opt.iterations": 500}, softness=1.0)
     if question is Question.MODEL:
         return (replace(forward, softness=None),)
-    borrowed = {"eq_solref": WELD_SETTINGS["eq_solref"]}  # nothing else of the welds enters their equations
-    return (
-        forward,
-        Method("mj_fullM, efc_J", Route.HARNESS_SOLVE, settings=OPTIONS | borrowed),
-        _default("mj_forward, defaults", 1.0),
-        *(_default(name, 1.0, settings=settings) for name, settings in _SELF_DIFFERENCES.items()),
+    # nothing else of the constraints enters their equations
+    borrowed = {name: settings[name] for name in ("eq_solref", "mjcb_control") if name in settings}
+    harness = Method("mj_fullM, efc_J", Route.HARNESS_SOLVE, settings=OPTIONS | borrowed)
+    differences = tuple(
+        _default(name, 1.0, settings=settings)
+        for name, settings in _SELF_DIFFERENCES.items()
+        if not (equalities.written and "opt.jacobian" in settings)
     )
+    return (forward, harness, *((_default("mj_forward, defaults", 1.0), *differences) if softly else ()))
 
 
-def methods(question: Question, welds: int) -> tuple[Method, ...]:
-    """Methods for a question about a mechanism with so many welds, the headline first."""
-    return _loops(question, welds) if welds else _tree(question)
+def methods(question: Question, equalities: Equalities) -> tuple[Method, ...]:
+    """Methods for a question about a mechanism with such constraints, the headline first."""
+    held = equalities.welds + equalities.joints + equalities.guides
+    return _held(question, equalities) if held else _tree(question)
 
 
 def _disable(names: list[str]) -> int:
@@ -125,6 +149,7 @@ def configured(translation: Translation, method: Method) -> Translation:
             getattr(model, name)[:] = settings[name]
     softness = 1.0 if method.softness is None else method.softness
     if not softness > 0.0:
-        raise ValueError(f"the softness of a weld is positive, not {softness:g}")
-    model.body_invweight0[:] *= softness * settings.get("body_invweight0, factor", 1.0)
+        raise ValueError(f"the softness of a constraint is positive, not {softness:g}")
+    for name in _WEIGHTS:
+        getattr(model, name)[:] *= softness * settings.get(f"{name}, factor", 1.0)
     return replace(translation, model=model, data=mujoco.MjData(model))

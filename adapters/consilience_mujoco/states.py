@@ -8,6 +8,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from consilience.kinematics import full_turns
 from consilience.mechanism import State
 from consilience.spatial import Array, quaternion_from_rotation, rotation_from_quaternion
 from consilience.tree import Coordinate, Link, coordinates
@@ -42,13 +43,15 @@ def set_state(translation: Translation, state: State) -> None:
     """Reset the data, and write `qpos` and `qvel` of a state; nothing is evaluated."""
     t = translation
     mujoco.mj_resetData(t.model, t.data)
-    coords = coordinates(t.mechanism, t.tree, state)
+    coords = coordinates(t.plain, t.tree, state)
     for link, coordinate, joint in zip(t.tree.links, coords, t.link_joint, strict=True):
         if joint >= 0:
             q, v = _WRITE[link.elementary](link, coordinate, state)
             start_q, start_v = t.model.jnt_qposadr[joint], t.model.jnt_dofadr[joint]
             t.data.qpos[start_q : start_q + len(q)] = q
             t.data.qvel[start_v : start_v + len(v)] = v
+    for slide, turn, pitch in t.rows.screws:  # the turns of a screw are those of its displacement
+        t.data.qpos[turn] = full_turns(float(t.data.qpos[turn]), 2.0 * np.pi * float(t.data.qpos[slide]) / pitch)
 
 
 def poses_and_velocities(translation: Translation) -> tuple[Array, Array, Array, Array]:

@@ -15,10 +15,13 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from consilience.mechanism import GROUND, Frame, JointSpring, Load, Mechanism, Spring
+from consilience.mechanism import Frame, JointSpring, Mechanism
 from consilience.spatial import Array, quaternion_from_rotation
 from consilience.tree import Link, Tree, lower
+from consilience_mujoco.actuators import Signal, add_forces
 from consilience_mujoco.messages import warnings_raise
+from consilience_mujoco.places import ELEMENTARY, add_site, compose, inverse, link_name
+from consilience_mujoco.rows import Rows, add_rows, rows_of, without_screws
 
 _JOINT_TYPES = {
     "R": mujoco.mjtJoint.mjJNT_HINGE,
@@ -26,8 +29,6 @@ _JOINT_TYPES = {
     "S": mujoco.mjtJoint.mjJNT_BALL,
     "F": mujoco.mjtJoint.mjJNT_FREE,
 }
-
-_SPRUNG = {"angle": "R", "distance": "P"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +38,8 @@ class Translation:
     Attributes
     ----------
     mechanism : Mechanism
+    plain : Mechanism
+        With cylindrical joints for screws, whose rows couple their coordinates: what the tree is made of.
     tree : Tree
     model, data : mujoco.MjModel, mujoco.MjData
     link_body : ndarray of int, shape (n_links,)
@@ -47,9 +50,14 @@ class Translation:
         Site that marks frame B of each body of the mechanism.
     energy_offset : float, J
         What MuJoCo's potential energy lacks: the constant that several springs on one coordinate leave.
+    signals : tuple of Signal
+        Controls of actuators.
+    rows : Rows
+        Constraints that MuJoCo's own rows do not state fully.
     """
 
     mechanism: Mechanism
+    plain: Mechanism
     tree: Tree
     model: Any
     data: Any
@@ -57,16 +65,8 @@ class Translation:
     link_joint: NDArray[np.int_]
     body_site: NDArray[np.int_]
     energy_offset: float
-
-
-def compose(a: Frame, b: Frame) -> Frame:
-    """Pose of b, given in a, in the frame in which a is given."""
-    return Frame(a.p + a.R @ b.p, a.R @ b.R)
-
-
-def inverse(a: Frame) -> Frame:
-    """Pose of the frame in which `a` is given, as seen from `a`."""
-    return Frame(-a.R.T @ a.p, a.R.T)
+    signals: tuple[Signal, ...]
+    rows: Rows
 
 
 def principal_inertia(inertia: Array) -> tuple[Array, Array]:
@@ -125,23 +125,19 @@ def _behind(tree: Tree, root: int) -> set[int]:
     return found
 
 
-def _name(tree: Tree, link: int) -> str:
-    return f"{link} {tree.links[link].name}"  # the number keeps clear of MuJoCo's "world"
-
-
 def _add_body(spec: Any, mechanism: Mechanism, tree: Tree, chain: list[int]) -> None:
     """Add the body at the end of a chain, with its joints and the site of frame B."""
     links = [tree.links[i] for i in chain]
     last = links[-1]
     parent = -1 if last.elementary == "F" else links[0].parent
-    mother = spec.worldbody if parent < 0 else spec.body(_name(tree, parent))
+    mother = spec.worldbody if parent < 0 else spec.body(link_name(tree, parent))
     poses = [links[0].placement]
     for link in links[1:]:
         poses.append(compose(poses[-1], link.placement))
     at = poses[-1]
     moments, axes = principal_inertia(last.inertia)
     body = mother.add_body(
-        name=_name(tree, chain[-1]),
+        name=link_name(tree, chain[-1]),
         pos=at.p,
         quat=quaternion_from_rotation(at.R),
         mass=last.mass,
@@ -152,8 +148,8 @@ def _add_body(spec: Any, mechanism: Mechanism, tree: Tree, chain: list[int]) -> 
     )
     for i, link, pose in zip(chain, links, poses, strict=True):
         if link.elementary in _JOINT_TYPES:
-            _add_joint(body, _name(tree, i), link, compose(inverse(at), pose), mechanism)
-    _add_site(body, _name(tree, chain[-1]), last.body_frame)
+            _add_joint(body, link_name(tree, i), link, compose(inverse(at), pose), mechanism)
+    add_site(body, link_name(tree, chain[-1]), last.body_frame)
 
 
 def _add_joint(body: Any, name: str, link: Link, frame: Frame, mechanism: Mechanism) -> None:
@@ -172,9 +168,14 @@ def _add_joint(body: Any, name: str, link: Link, frame: Frame, mechanism: Mechan
 
 
 def springs_on(mechanism: Mechanism, link: Link) -> list[JointSpring]:
-    """Joint springs that act on the elementary joint of a link."""
+    """Joint springs that act on the elementary joint of a link, viscous friction among them."""
+    viscous = [JointSpring(f.name, f.joint, f.coordinate, 0.0, f.viscous, 0.0) for f in mechanism.frictions]
     name = mechanism.joints[link.joint].name
-    return [s for s in mechanism.joint_springs if s.joint == name and _SPRUNG[s.coordinate] == link.elementary]
+    return [
+        s
+        for s in (*mechanism.joint_springs, *viscous)
+        if s.joint == name and ELEMENTARY[s.coordinate] == link.elementary
+    ]
 
 
 def _one_spring(springs: list[JointSpring]) -> tuple[float, float, float]:
@@ -199,61 +200,13 @@ def _energy_offset(mechanism: Mechanism, tree: Tree) -> float:
     return offset
 
 
-def _add_site(body: Any, name: str, frame: Frame) -> None:
-    body.add_site(name=name, pos=frame.p, quat=quaternion_from_rotation(frame.R))
-
-
-def _add_point(spec: Any, mechanism: Mechanism, tree: Tree, body: str, point: Array, name: str) -> None:
-    """Mark a point of a body by a site with the axes of the body."""
-    if body == GROUND:
-        _add_site(spec.worldbody, name, Frame(point, np.eye(3)))
-    else:
-        carrier = tree.carrier(mechanism.body_index[body])
-        frame = compose(tree.links[carrier].body_frame, Frame(point, np.eye(3)))
-        _add_site(spec.body(_name(tree, carrier)), name, frame)
-
-
-def _add_spring(spec: Any, mechanism: Mechanism, tree: Tree, spring: Spring) -> None:
-    tendon = spec.add_tendon(name=f"spring {spring.name}", springlength=[spring.free_length] * 2)
-    tendon.stiffness[0], tendon.damping[0] = spring.stiffness, spring.damping
-    ends = ((spring.predecessor, spring.point_predecessor), (spring.successor, spring.point_successor))
-    for side, (body, point) in enumerate(ends):
-        name = f"spring {spring.name} {side}"
-        _add_point(spec, mechanism, tree, body, point, name)
-        tendon.wrap_site(name)
-
-
-def load_name(load: Load) -> str:
-    """Name of the actuator, and of the site, that stand for a load."""
-    return f"load {load.name}"
-
-
-def load_wrench(load: Load) -> Array:
-    """Force, then torque, of a load, shape (6,), in the axes in which it is constant."""
-    return np.concatenate([load.vector, np.zeros(3)] if load.kind == "force" else [np.zeros(3), load.vector])
-
-
-def _add_load(spec: Any, mechanism: Mechanism, tree: Tree, load: Load) -> None:
-    """Add an actuator of constant force at a site: its `gear` is the wrench, in the axes of the reference site."""
-    _add_point(spec, mechanism, tree, load.body, load.point, load_name(load))
-    actuator = spec.add_actuator(
-        name=load_name(load),
-        target=load_name(load),
-        trntype=mujoco.mjtTrn.mjTRN_SITE,
-        gear=load_wrench(load),
-        biastype=mujoco.mjtBias.mjBIAS_AFFINE,
-        refsite="world axes" if load.frame == "world" else "",
-    )
-    actuator.biasprm[0] = 1.0
-
-
 def _add_weld(spec: Any, tree: Tree, original: int, copy: int) -> None:
     """Hold the copies of a split body together at their frames B."""
     spec.add_equality(
         type=mujoco.mjtEq.mjEQ_WELD,
         objtype=mujoco.mjtObj.mjOBJ_SITE,
-        name1=_name(tree, original),
-        name2=_name(tree, copy),
+        name1=link_name(tree, original),
+        name2=link_name(tree, copy),
     )
 
 
@@ -265,32 +218,34 @@ def translate(mechanism: Mechanism) -> Translation:
     ValueError
         With the words of MuJoCo's compiler, if it refuses the model.
     """
-    tree, spec = lower(mechanism), mujoco.MjSpec()
+    plain = without_screws(mechanism)
+    tree, spec = lower(plain), mujoco.MjSpec()
     spec.compiler.degree = False
     spec.option.gravity = mechanism.gravity
-    _add_site(spec.worldbody, "world axes", Frame(np.zeros(3), np.eye(3)))
+    add_site(spec.worldbody, "world axes", Frame(np.zeros(3), np.eye(3)))
     chains = _chains(tree)
     for chain in chains:
         _add_body(spec, mechanism, tree, chain)
-    for spring in mechanism.springs:
-        _add_spring(spec, mechanism, tree, spring)
-    for load in mechanism.loads:
-        _add_load(spec, mechanism, tree, load)
+    signals = add_forces(spec, mechanism, tree)
     for weld in tree.welds:
         _add_weld(spec, tree, weld.original, weld.copy)
+    add_rows(spec, mechanism, tree)
     with warnings_raise():
         model = spec.compile()
         data = mujoco.MjData(model)
     ends = {i: chain[-1] for chain in chains for i in chain}
     return Translation(
         mechanism=mechanism,
+        plain=plain,
         tree=tree,
         model=model,
         data=data,
-        link_body=np.array([model.body(_name(tree, ends[i])).id for i in range(len(tree.links))]),
+        link_body=np.array([model.body(link_name(tree, ends[i])).id for i in range(len(tree.links))]),
         link_joint=np.array(
-            [-1 if link.elementary == "W" else model.joint(_name(tree, i)).id for i, link in enumerate(tree.links)]
+            [-1 if link.elementary == "W" else model.joint(link_name(tree, i)).id for i, link in enumerate(tree.links)]
         ),
-        body_site=np.array([model.site(_name(tree, tree.carrier(b))).id for b in range(len(mechanism.bodies))]),
+        body_site=np.array([model.site(link_name(tree, tree.carrier(b))).id for b in range(len(mechanism.bodies))]),
         energy_offset=_energy_offset(mechanism, tree),
+        signals=signals,
+        rows=rows_of(model, mechanism, tree),
     )

@@ -10,6 +10,7 @@ import truth
 from consilience.assembly import initial_state
 from consilience.mechanism import GROUND, Body, Frame, Joint, JointSpring, Load, Mechanism, State
 from consilience.observe import potential_energy
+from consilience.reference import simulate
 from consilience.run import Profile, Question, Route
 from consilience.spatial import (
     quaternion_from_rotation_vector,
@@ -19,7 +20,7 @@ from consilience.spatial import (
 from consilience_dart import DartEngine
 from consilience_dart.dynamics import body_accelerations, forward_dynamics
 from consilience_dart.loads import appliers
-from consilience_dart.methods import dependence_is_fragile
+from consilience_dart.redundancy import rank_limit
 from consilience_dart.state import from_state, read, send
 from consilience_dart.stepping import CONSTRAINT_FORCE_MIXING, ERROR_REDUCTION_TRAJECTORY, set_softness, stepper
 from consilience_dart.translation import build
@@ -307,14 +308,21 @@ def test_an_overconstrained_spatial_loop(engine):
         for n, state in enumerate(states):
             a, _, _, _ = truth.solve(mechanism, state)
             assert np.max(np.abs(answer.a_WB_W[n] - a)) < bar * np.max(np.abs(a)), method.name
-    assert dependence_is_fragile(mechanism)
-    assert not dependence_is_fragile(four_bar())
-    (native,) = matched(engine, mechanism, Question.TRAJECTORY)
+    assert rank_limit(build(mechanism), states[0]) == 5
+    assert rank_limit(build(four_bar()), states_of(four_bar())[0]) is None
+    native, runge_kutta = matched(engine, mechanism, Question.TRAJECTORY)
     times = np.linspace(0.0, 0.4, 9)
     p = [engine.trajectory(mechanism, states[0], times, native, 0.05 / n).p_WB for n in native.substeps]
     # without error reduction drift locks this loop, and the differences do not halve
     assert np.max(np.abs(p[1] - p[0])) < 1e-3
     assert np.max(np.abs(p[1] - p[0])) / np.max(np.abs(p[2] - p[1])) == pytest.approx(2.0, abs=0.1)
+    reference = simulate(mechanism, states[0], times, 1e-12).p_WB
+    errors = [
+        np.max(np.abs(engine.trajectory(mechanism, states[0], times, runge_kutta, 0.05 / n).p_WB - reference))
+        for n in runge_kutta.substeps[:2]
+    ]
+    assert errors[1] < 1e-6
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.15)
 
 
 def test_loads_keep_the_axes_they_are_fixed_in(engine):

@@ -16,7 +16,7 @@ from consilience.spatial import (
     rotation_angle_between,
     rotation_from_quaternion,
 )
-from mechanisms import GRAVITY, LOOPS, TREES, chain, four_bar, lumpy_body, rotation, states_of
+from mechanisms import ELEMENTS, GRAVITY, LOOPS, TREES, chain, four_bar, lumpy_body, rotation, states_of
 
 pytest.importorskip("mujoco")
 
@@ -29,7 +29,7 @@ from consilience_mujoco.methods import configured
 from consilience_mujoco.states import poses_and_velocities, set_state
 from consilience_mujoco.translate import principal_inertia, translate
 
-ALL = TREES | LOOPS
+ALL = TREES | LOOPS | ELEMENTS
 
 
 @pytest.fixture
@@ -243,7 +243,7 @@ def test_springs_between_points_are_tendons(mujoco_engine):
 OPTION_NAMES = ("solver", "tolerance", "iterations", "jacobian", "integrator", "disableflags", "enableflags")
 
 
-@pytest.mark.parametrize("name", ["long_chain", "four_bar"])
+@pytest.mark.parametrize("name", ["long_chain", "four_bar", "driven", "rolling_torus"])
 @pytest.mark.parametrize("question", list(Question)[:3])
 def test_settings_name_every_option_that_is_not_at_its_default(mujoco_engine, name, question):
     mechanism = ALL[name]

@@ -1,0 +1,150 @@
+"""What MuJoCo asks for at every stage of a step: controls of actuators, and what its constraints lack.
+
+`mjcb_control` is called after positions, velocities and constraint rows, before the actuators and the solver, with the
+time of the stage. It is global to the process: it is set around calls of MuJoCo, and only where something needs it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from consilience.spatial import Array
+from consilience_mujoco.messages import EngineWarningError
+from consilience_mujoco.translate import Translation
+
+_CLEAR = 1e-3
+"""Singular values above this fraction of the largest are no drift: the rows have become independent."""
+
+
+def first_rows(data: Any, equalities: Array) -> Array:
+    """Find the rows of equalities that have one row each.
+
+    Raises
+    ------
+    EngineWarningError
+        If MuJoCo has left one out: nothing it holds can move.
+    """
+    ids = data.efc_id[: data.nefc]
+    rows: Array = np.searchsorted(ids, equalities)
+    if np.any(rows >= len(ids)) or np.any(ids[np.minimum(rows, len(ids) - 1)] != equalities):
+        raise EngineWarningError("MuJoCo made no row of a constraint: what it holds cannot move")
+    return rows
+
+
+def _controls(translation: Translation) -> Callable[[Any], None]:
+    model = translation.model
+    signals = [(model.actuator(s.name).id, s.value) for s in translation.signals]
+
+    def write(data: Any) -> None:
+        t, length, velocity = float(data.time), data.actuator_length.tolist(), data.actuator_velocity.tolist()
+        for actuator, value in signals:
+            data.ctrl[actuator] = value(t, length[actuator], velocity[actuator])
+
+    return write
+
+
+class _Places:
+    """Rows of equalities, looked for again only when their number changes."""
+
+    def __init__(self, equalities: Sequence[int]) -> None:
+        self._equalities = np.array(equalities)
+        self._count = -1
+        self._rows: Array = np.zeros(0, dtype=int)
+
+    def __call__(self, data: Any) -> Array:
+        if data.nefc != self._count:
+            self._rows, self._count = first_rows(data, self._equalities), data.nefc
+        return self._rows
+
+
+def _joint_rows(translation: Translation) -> Callable[[Any], None]:
+    nv, held = translation.model.nv, translation.rows.joints
+    places = _Places([row.equality for row in held])
+    written = [(n, row.driver[1]) for n, row in enumerate(held) if row.driver is not None and row.written]
+
+    def write(data: Any) -> None:
+        rows, found = places(data), [row.evaluate(data) for row in held]
+        gains = data.efc_KBIP[rows].tolist()
+        data.efc_aref[rows] = [
+            gamma - B * rate - K * d * residual
+            for (residual, rate, gamma, _), (K, B, d, _) in zip(found, gains, strict=True)
+        ]
+        if written:
+            J = data.efc_J
+            for n, dof in written:
+                J[rows[n] * nv + dof] = found[n][3]
+
+    return write
+
+
+def _guide_rows(translation: Translation) -> Callable[[Any], None]:
+    model, nv = translation.model, translation.model.nv
+    guides = [(guide, _Places(guide.equalities)) for guide in translation.rows.guides]
+
+    def write(data: Any) -> None:
+        for guide, places in guides:
+            J, residual, rate, gamma = guide.rows(model, data)
+            rows = places(data)
+            K, B, d, _ = data.efc_KBIP[rows].T
+            data.efc_J[: data.nefc * nv].reshape(-1, nv)[rows] = J
+            data.efc_aref[rows] = gamma - B * rate - K * d * residual
+
+    return write
+
+
+def _limited(rank: int, nv: int) -> Callable[[Any], None]:
+    """Take the part of the rows beyond a rank out of them, by their singular value decomposition.
+
+    A loop in space may hold more rows than it needs. On the manifold they agree; off it, where the stages of a step
+    lie, they contradict one another, and hard rows answer with forces without bound. Cut to their rank they are a
+    smooth function of the state again, and on the manifold nothing changes.
+    """
+
+    def write(data: Any) -> None:
+        J, aref = data.efc_J[: data.nefc * nv].reshape(-1, nv), data.efc_aref
+        U, s, Vt = np.linalg.svd(J, full_matrices=False)
+        kept = max(rank, int(np.sum(s > _CLEAR * s[0])))
+        U = U[:, :kept]
+        J[:] = (U * s[:kept]) @ Vt[:kept]
+        aref[: data.nefc] = U @ (U.T @ aref[: data.nefc])
+
+    return write
+
+
+@contextmanager
+def answering(translation: Translation, rank: int | None = None) -> Iterator[None]:
+    """Answer what MuJoCo asks about a model within the block.
+
+    Parameters
+    ----------
+    rank : int, optional
+        Rank to which dependent rows of constraints are cut.
+    """
+    parts = [
+        make(translation)
+        for make, needed in (
+            (_controls, translation.signals),
+            (_joint_rows, translation.rows.joints),
+            (_guide_rows, translation.rows.guides),
+        )
+        if needed
+    ]
+    if rank is not None:
+        parts.append(_limited(rank, translation.model.nv))
+
+    def control(_: Any, data: Any) -> None:
+        for write in parts:
+            write(data)
+
+    try:
+        if parts:
+            mujoco.set_mjcb_control(control)
+        yield
+    finally:
+        if parts:
+            mujoco.set_mjcb_control(None)

@@ -1,0 +1,54 @@
+"""What the translation keeps exact, and what it approximates."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from consilience.mechanism import Mechanism
+from consilience.run import Manifest
+
+_EXACT = {
+    "joint springs, viscous friction: those of the MuJoCo joint": ("joint spring", "friction"),
+    "springs: spatial tendons": ("spring",),
+    "loads: actuators at sites": ("load",),
+    "actuators, histories, Coulomb friction: controls of actuators, from a callback at every stage of a step": (
+        "actuator",
+        "load in time",
+        "friction",
+    ),
+    "control: affine bias of an actuator, and one with an integrator": ("control",),
+    "cylindrical, universal, planar joints: several joints of one body": (
+        "cylindrical joint",
+        "universal joint",
+        "planar joint",
+    ),
+    "rod: massless link of two hinges and a ball (chart singular when the rod lies along x of F)": ("rod joint",),
+    "free joint: the body hangs from the world": ("free joint",),
+}
+"""By the features it is about."""
+
+_SOFT = (
+    ("screws", ("screw joint",), "joint equalities"),
+    ("drives", ("drive",), "joint equalities, their right-hand side from a callback"),
+    ("couplings", ("coupling",), "joint equalities, velocity term (and Jacobian, unless polynomial) from a callback"),
+    ("rolling, skates", ("rolling", "skate"), "rows that a callback writes from MuJoCo's Jacobians"),
+)
+
+
+def manifest(mechanism: Mechanism, loops: bool) -> Manifest:
+    """Manifest of a mechanism."""
+    features: Any = mechanism.features.keys()
+    exact = ["masses, centres of mass, inertia tensors (given by principal axes)"]
+    exact += [text for text, about in _EXACT.items() if features & set(about)]
+    soft = [("loops", "split bodies held by welds")] if loops else []
+    soft += [(what, how) for what, about, how in _SOFT if features & set(about)]
+    approximated = [
+        text
+        for what, how in soft
+        for text in (
+            f"{what}, matched: soft {how}; regularisation 2e-15 of the inverse inertia they see",
+            f"{what}, matched: no feedback on the drift of a trajectory",
+            f"{what}, defaults: the same with MuJoCo's softness, regularisation about a tenth",
+        )
+    ]
+    return Manifest(tuple(exact), tuple(approximated))

@@ -1,0 +1,339 @@
+"""Drives, couplings, screws, rolling bodies and skates as equality constraints of MuJoCo.
+
+MuJoCo holds ``J a + R f = aref`` [MuJoCo, Computation]. Its joint equality ``q1 = poly(q2)``, degree four at most, has
+no velocity term ``poly'' q2'^2`` in aref, and its offset does not move with time. So
+
+========================  =============================  ==========================================================
+element                   equality                       what the callback puts in its row
+========================  =============================  ==========================================================
+screw                     joint, ``P = pitch R / 2 pi``  nothing
+drive                     joint, ``q = 0``               aref
+coupling by a polynomial  joint                          aref
+any other coupling        joint                          aref and J, ``1`` and ``-f'``
+rolling body, skate       tendon, only for its row       aref and J, from `mj_jac` and `cdof_dot`, at the point held
+========================  =============================  ==========================================================
+
+With residual g, rate g' and the gamma of ``J a = gamma``: ``aref = gamma - B g' - K d g``, K, B and the impedance d as
+MuJoCo has them from `solref` and `solimp` (d for the residual of its own row). A row may only have coefficients where
+the equality it is written over has some: islands are found before.
+
+The point of contact of a rolling body is at ``rho = -R m / |m| - r n`` from its centre, ``m = n - (n.a) a``. It moves
+in the body, so the velocity ``v + w x rho = 0`` of the body *there* has the rate
+``a_P + w x (rho' - w x rho) = 0``, a_P the acceleration of the point of the body.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from consilience.elements import Rolling, Skate
+from consilience.functions import Function
+from consilience.mechanism import Frame, Mechanism
+from consilience.spatial import Array, cross, orthogonal_triad
+from consilience.tree import Tree
+from consilience_mujoco.functions import Jet, jet_of
+from consilience_mujoco.places import add_point, add_site, axis_link, link_name
+
+_TURN = 2.0 * np.pi
+_POWERS = 5
+"""Coefficients of the polynomial of a joint equality."""
+
+_FREEDOM = {"R": 1, "P": 1, "S": 3, "F": 6, "W": 0}
+
+_ASIDE = np.array([0.37, -0.23, 0.41])
+"""Ends of the tendons whose rows are lent: points that move whenever their body does."""
+
+
+@dataclass(frozen=True, eq=False)
+class JointRow:
+    """``q = sign f(x)``, x the time, or the coordinate of a driving joint; q as MuJoCo counts it.
+
+    Attributes
+    ----------
+    equality : int
+    qpos, dof, sign
+        Of the held joint.
+    driver : (qpos, dof, sign) or None
+        Of the driving joint; None for a drive.
+    jet : callable
+        Of f.
+    angle : bool
+        Full turns of the residual do not count.
+    written : bool
+        MuJoCo's own row is not this one's.
+    """
+
+    equality: int
+    qpos: int
+    dof: int
+    sign: float
+    driver: tuple[int, int, float] | None
+    jet: Callable[[float], Jet]
+    angle: bool
+    written: bool
+
+    def evaluate(self, data: Any) -> tuple[float, float, float, float]:
+        """Residual, its rate, gamma, and the coefficient of the driving joint."""
+        if self.driver is None:
+            x, x_dot, turn = data.time, 1.0, 0.0
+        else:
+            qpos, dof, turn = self.driver
+            x, x_dot = turn * float(data.qpos[qpos]), turn * float(data.qvel[dof])
+        f, slope, bend = self.jet(x)
+        residual = float(data.qpos[self.qpos]) - self.sign * f
+        if self.angle and np.isfinite(residual):
+            residual -= _TURN * round(residual / _TURN)
+        rate = float(data.qvel[self.dof]) - self.sign * slope * x_dot
+        return residual, rate, self.sign * bend * x_dot**2, -self.sign * turn * slope
+
+
+def moving_dofs(model: Any, body: int) -> Array:
+    """Velocities that move a body, from its own to those of the body at the root."""
+    while body > 0 and model.body_dofnum[body] == 0:
+        body = int(model.body_parentid[body])
+    dof, found = int(model.body_dofadr[body] + model.body_dofnum[body]) - 1 if body > 0 else -1, []
+    while dof >= 0:
+        found.append(dof)
+        dof = int(model.dof_parentid[dof])
+    return np.array(found, dtype=int)
+
+
+def velocity_term(model: Any, data: Any, body: int, dofs: Array, point: Array) -> Array:
+    """Acceleration ``J' v`` of a point of a body, shape (3,), in the world.
+
+    From `cdof_dot`, as MuJoCo's own accelerations: its `mj_jacDot` is wrong where a slide follows a ball on one body.
+    """
+    angular, linear = (data.cdof_dot[dofs].T @ data.qvel[dofs]).reshape(2, 3)
+    w, v = data.cvel[body].reshape(2, 3)  # about the centre of mass of the tree, as the line above
+    arm = point - data.subtree_com[model.body_rootid[body]]
+    term: Array = linear + cross(angular, arm) + cross(w, v + cross(w, arm))
+    return term
+
+
+Held = tuple[Array, Array, Array, Array]
+"""Point or arm, directions, violations, accelerations: see `Guide`."""
+
+Hold = Callable[[Array, Array, Array, Array], Held]
+
+
+@dataclass(frozen=True, eq=False)
+class Guide:
+    """Directions in which a point of a body, which may move in it, has no velocity.
+
+    Attributes
+    ----------
+    equalities : tuple of int
+        One for each direction.
+    body, site : int
+        MuJoCo body, and the site of frame B.
+    dofs : ndarray of int
+        Velocities that move the body.
+    hold : callable
+        From position, axes, velocity and angular velocity of B: the arm of the point from B, the directions (k, 3),
+        and the violation and the acceleration of the point of the body along each (k,), in the world.
+    """
+
+    equalities: tuple[int, ...]
+    body: int
+    site: int
+    dofs: Array
+    hold: Hold
+
+    def place(self, model: Any, data: Any) -> Held:
+        """Point in the world, directions, and violations and accelerations along them."""
+        p, R = data.site_xpos[self.site], data.site_xmat[self.site].reshape(3, 3)
+        twist = np.zeros(6)
+        mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_SITE, self.site, twist, 0)
+        arm, directions, residuals, accelerations = self.hold(p, R, twist[3:], twist[:3])
+        return p + arm, directions, residuals, accelerations
+
+    def rows(self, model: Any, data: Any) -> tuple[Array, Array, Array, Array]:
+        """Jacobian in MuJoCo's velocities, residuals, their rates, and gamma."""
+        point, directions, residuals, accelerations = self.place(model, data)
+        J = np.zeros((3, model.nv))
+        mujoco.mj_jac(model, data, J, None, point, self.body)
+        rows = directions @ J
+        bias = velocity_term(model, data, self.body, self.dofs, point)
+        return rows, residuals, rows @ data.qvel, accelerations - directions @ bias
+
+
+@dataclass(frozen=True)
+class Equalities:
+    """How many equality constraints a model has.
+
+    Attributes
+    ----------
+    welds, joints, guides : int
+        Welds of six rows; single rows on joints and on guided bodies.
+    completed : bool
+        The callback completes right-hand sides of rows on joints.
+    written : bool
+        The callback writes rows of the Jacobian too.
+    freedom : int
+        Coordinates of the model; from 60 on MuJoCo's default is a sparse Jacobian, which has no room for other rows.
+    """
+
+    welds: int
+    joints: int = 0
+    guides: int = 0
+    completed: bool = False
+    written: bool = False
+    freedom: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Constraints of a model beside those of its joints.
+
+    Attributes
+    ----------
+    joints, guides : tuple
+        What the callback completes.
+    screws : tuple of (int, int, float)
+        Places of the two coordinates in `qpos`, slide and hinge, and the pitch in m.
+    """
+
+    joints: tuple[JointRow, ...]
+    guides: tuple[Guide, ...]
+    screws: tuple[tuple[int, int, float], ...]
+
+
+def _rolling(rolling: Rolling) -> Hold:
+    n, R, r = rolling.normal, rolling.radius, rolling.rounding
+    plane = np.array([n, *(x / np.linalg.norm(x) for x in orthogonal_triad(n))])
+
+    def hold(p: Array, R_WB: Array, _: Array, w: Array) -> Held:
+        rho, rho_dot = -r * n, np.zeros(3)
+        if R > 0.0:
+            a = R_WB @ rolling.axis
+            a_dot = cross(w, a)
+            m, m_dot = n - (n @ a) * a, -(n @ a_dot) * a - (n @ a) * a_dot
+            size = np.sqrt(m @ m)
+            e = m / size
+            rho = rho - R * e
+            rho_dot = -R * (m_dot - (e @ m_dot) * e) / size
+        arm = R_WB @ rolling.center + rho
+        height = n @ (p + arm - rolling.point)
+        return arm, plane, np.array([height, 0.0, 0.0]), plane @ cross(w, cross(w, rho) - rho_dot)
+
+    return hold
+
+
+def _skate(skate: Skate) -> Hold:
+    def hold(_: Array, R_WB: Array, v: Array, w: Array) -> Held:
+        arm, lateral = R_WB @ skate.point, R_WB @ skate.lateral
+        return arm, lateral[None], np.zeros(1), np.array([-cross(w, lateral) @ (v + cross(w, arm))])
+
+    return hold
+
+
+_GUIDES: dict[str, tuple[int, Callable[[Any], Any]]] = {"rollings": (3, _rolling), "skates": (1, _skate)}
+
+
+def _guided(mechanism: Mechanism) -> list[tuple[Any, int, Callable[[Any], Any]]]:
+    """Elements that guide a body, how many rows each has, and what makes them."""
+    return [(x, count, make) for group, (count, make) in _GUIDES.items() for x in getattr(mechanism, group)]
+
+
+def is_own(law: Function) -> bool:
+    """Whether MuJoCo's joint equality has the law of a coupling."""
+    return law.table is None and not len(law.harmonics) and len(law.polynomial) <= _POWERS
+
+
+def count_rows(mechanism: Mechanism, tree: Tree) -> Equalities:
+    """Equality constraints of the model of a mechanism."""
+    screws = sum(joint.kind == "screw" for joint in mechanism.joints)
+    guides = sum(count for _, count, _ in _guided(mechanism))
+    completed = len(mechanism.drives) + len(mechanism.couplings)
+    written = guides > 0 or not all(is_own(c.law) for c in mechanism.couplings)
+    freedom = sum(_FREEDOM[link.elementary] for link in tree.links)
+    return Equalities(len(tree.welds), screws + completed, guides, completed > 0, written, freedom)
+
+
+def without_screws(mechanism: Mechanism) -> Mechanism:
+    """Let cylindrical joints stand for the screws; a row couples their two coordinates."""
+    if not any(joint.kind == "screw" for joint in mechanism.joints):
+        return mechanism
+    joints = (replace(x, kind="cylindrical", pitch=0.0) if x.kind == "screw" else x for x in mechanism.joints)
+    return replace(mechanism, joints=tuple(joints))
+
+
+def _add_joint_equality(spec: Any, name: str, held: str, driver: str, coefficients: Sequence[float]) -> None:
+    data = np.zeros(mujoco.mjNEQDATA)
+    data[: len(coefficients)] = coefficients
+    spec.add_equality(
+        name=name,
+        type=mujoco.mjtEq.mjEQ_JOINT,
+        objtype=mujoco.mjtObj.mjOBJ_JOINT,
+        name1=held,
+        name2=driver,
+        data=data,
+    )
+
+
+def _add_tendon_equality(spec: Any, mechanism: Mechanism, tree: Tree, body: str, name: str) -> None:
+    frame = mechanism.bodies[mechanism.body_index[body]].drawing
+    add_site(spec.worldbody, name, Frame(frame.p - 2.0 * _ASIDE, np.eye(3)))
+    add_point(spec, mechanism, tree, body, _ASIDE, f"end of {name}")
+    tendon = spec.add_tendon(name=name)
+    tendon.wrap_site(name)
+    tendon.wrap_site(f"end of {name}")
+    spec.add_equality(name=name, type=mujoco.mjtEq.mjEQ_TENDON, objtype=mujoco.mjtObj.mjOBJ_TENDON, name1=name)
+
+
+def add_rows(spec: Any, mechanism: Mechanism, tree: Tree) -> None:
+    """Add an equality for every screw, drive, coupling, rolling body and skate of a mechanism."""
+
+    def axis(joint: str, coordinate: str) -> tuple[str, float]:
+        link, direction = axis_link(mechanism, tree, joint, coordinate)
+        return link_name(tree, link), direction
+
+    for joint in mechanism.joints:
+        if joint.kind == "screw":  # both coordinates change their sign where it is passed backwards
+            slide, turn = axis(joint.name, "distance")[0], axis(joint.name, "angle")[0]
+            _add_joint_equality(spec, f"screw {joint.name}", slide, turn, [0.0, joint.pitch / _TURN])
+    for drive in mechanism.drives:
+        _add_joint_equality(spec, f"drive {drive.name}", axis(drive.joint, drive.coordinate)[0], "", [0.0])
+    for c in mechanism.couplings:
+        (held, sign), (driver, mirror) = axis(c.joint, c.coordinate), axis(c.driver_joint, c.driver_coordinate)
+        powers = c.law.polynomial.tolist() if is_own(c.law) else [0.0, 1.0]
+        coefficients = [sign * p * mirror**k for k, p in enumerate(powers)]
+        _add_joint_equality(spec, f"coupling {c.name}", held, driver, coefficients)
+    for element, count, _ in _guided(mechanism):
+        for k in range(count):
+            _add_tendon_equality(spec, mechanism, tree, element.body, f"row {k} of {element.name}")
+
+
+def rows_of(model: Any, mechanism: Mechanism, tree: Tree) -> Rows:
+    """Find the equalities of a compiled model that need the callback."""
+
+    def axis(joint: str, coordinate: str) -> tuple[int, int, float]:
+        link, sign = axis_link(mechanism, tree, joint, coordinate)
+        number = model.joint(link_name(tree, link)).id
+        return int(model.jnt_qposadr[number]), int(model.jnt_dofadr[number]), sign
+
+    def held(name: str, x: Any, driver: tuple[int, int, float] | None, law: Function, written: bool) -> JointRow:
+        number, angle = model.equality(name).id, x.coordinate == "angle"
+        return JointRow(number, *axis(x.joint, x.coordinate), driver, jet_of(law), angle, written)
+
+    joints = [held(f"drive {d.name}", d, None, d.motion, False) for d in mechanism.drives]
+    for c in mechanism.couplings:
+        driver = axis(c.driver_joint, c.driver_coordinate)
+        joints.append(held(f"coupling {c.name}", c, driver, c.law, not is_own(c.law)))
+    guides = []
+    for element, count, make in _guided(mechanism):
+        equalities = tuple(model.equality(f"row {k} of {element.name}").id for k in range(count))
+        site = model.site(link_name(tree, tree.carrier(mechanism.body_index[element.body]))).id
+        body = int(model.site_bodyid[site])
+        guides.append(Guide(equalities, body, site, moving_dofs(model, body), make(element)))
+    screws = [
+        (axis(joint.name, "distance")[0], axis(joint.name, "angle")[0], joint.pitch)
+        for joint in mechanism.joints
+        if joint.kind == "screw"
+    ]
+    return Rows(tuple(joints), tuple(guides), tuple(screws))
