@@ -120,33 +120,33 @@ def _print_matrix(folder: Path) -> None:
 
 @app.command("list")
 def list_cases() -> None:
-    """List the shipped cases and the installed engines."""
+    """List the shipped cases, the families and the installed engines."""
+    from collections import Counter
+
     from consilience.engine import installed
+    from consilience.families import FAMILIES, shown_parameters
     from consilience.library import shipped_cases
     from consilience.reference.registry import FORMULATIONS, SYSTEMS
 
     table = Table(title="cases")
-    for column in ("name", "bodies", "joints", "title"):
-        table.add_column(column)
+    for column in ("group", "name", "bodies", "joints", "title"):
+        table.add_column(column, no_wrap=column == "name")
     for case in shipped_cases():
-        kinds = ", ".join(j.kind for j in case.mechanism.joints)
-        table.add_row(case.name, str(len(case.mechanism.bodies)), kinds, escape(case.title))
+        kinds = Counter(joint.kind for joint in case.mechanism.joints)
+        joints = ", ".join(f"{n} {kind}" if n > 1 else kind for kind, n in kinds.items())
+        table.add_row(case.group, case.name, str(len(case.mechanism.bodies)), joints, escape(case.title))
     out.print(table)
+    members = Table(title="families: FAMILY:PARAMETER=VALUE,...")
+    for column in ("name", "parameters and their defaults"):
+        members.add_column(column, no_wrap=column == "name")
+    for name, family in FAMILIES.items():
+        members.add_row(name, escape(shown_parameters(family)))
+    out.print(members)
     out.print("engines: " + ", ".join(installed()))
     out.print(
         "formulations of the reference, as engines reference:NAME: " + ", ".join((*FORMULATIONS, *SYSTEMS)),
         highlight=False,
     )
-
-
-@app.command()
-def show(case: Annotated[str, typer.Argument(help="Name or case file.")]) -> None:
-    """Show a case: source, bodies, joints, initial state, and what each part means."""
-    from consilience.library import load_cases
-    from consilience.report.summary import describe_case
-
-    for chosen in load_cases(case):
-        out.print(describe_case(chosen), soft_wrap=True, highlight=False, markup=False)
 
 
 @app.command()
@@ -257,6 +257,9 @@ def schema(kind: Annotated[str, typer.Argument(help="What to describe: case.")])
 
 
 CAMPAIGNS = {
+    "show": ("consilience.report.show", "Show a case, and draw it."),
+    "new": ("consilience.newcase", "Write a commented case file to start from."),
+    "validate": ("consilience.validate", "Check cases, and say what every engine will make of them."),
     "check": ("consilience.identities.command", "Check each engine alone, without a reference, against identities."),
     "fuzz": ("consilience.fuzz.command", "Judge random mechanisms on all engines, and shrink what disagrees."),
     "values": ("consilience.values", "Compare the reference with every expected value of the cases."),

@@ -8,6 +8,7 @@ from pathlib import Path
 from consilience.case import Case
 from consilience.casefile import load_file
 from consilience.errors import InvalidInput
+from consilience.families import FAMILIES, family_cases
 
 
 def case_folder() -> Path:
@@ -36,7 +37,7 @@ def _shipped(path: Path) -> list[Case]:
 
 
 def load_cases(name: str) -> list[Case]:
-    """Cases that a user means by a name: a shipped case or file, all its variants, or the path of a case file.
+    """Cases that a user means by a name: a shipped case or all its variants, a member of a family, or a case file.
 
     Raises
     ------
@@ -45,16 +46,21 @@ def load_cases(name: str) -> list[Case]:
     """
     if name.endswith(".toml") or "/" in name:
         return load_file(Path(name))
+    if ":" in name:
+        return family_cases(name)
     for path in case_files():
         if name == path.stem or name.startswith(f"{path.stem}-"):
             cases = _shipped(path)
             chosen = cases if name == path.stem else [case for case in cases if case.name == name]
             if chosen:
                 return chosen
+    if name in FAMILIES:
+        return family_cases(name)
     raise InvalidInput(
         f"case '{name}'",
         "there is no shipped case of that name",
-        f"Shipped cases: {', '.join(case_names())}. The path of a case file works, too.",
+        f"Shipped cases: {', '.join(case_names())}. Families: {', '.join(FAMILIES)}, as FAMILY:PARAMETER=VALUE,... "
+        "The path of a case file works, too.",
     )
 
 

@@ -1,15 +1,23 @@
 """The page of a case names everything that acts on its mechanism."""
 
 import dataclasses
+import re
+import xml.etree.ElementTree as ET
 
+import numpy as np
 import pytest
 
 from consilience.assembly import Initial
 from consilience.case import Case
 from consilience.errors import InvalidInput
+from consilience.families import family_cases
+from consilience.library import load_cases
 from consilience.mechanism import Rolling, Skate
+from consilience.report.figure3d import figure_of, upright, widest_view
+from consilience.report.picture import picture, views
 from consilience.report.summary import describe_case
-from mechanisms import ELEMENTS
+from consilience.report.textdrawing import COLUMNS, ROWS, draw
+from mechanisms import ELEMENTS, LOOPS, TREES, states_of
 
 GROUPS = (
     "joints",
@@ -36,6 +44,17 @@ def test_every_joint_and_element_has_a_line(name):
             assert any(f" {element.name}: " in line for line in text.splitlines()), element.name
 
 
+def test_contacts_have_a_line_and_their_spheres_are_drawn():
+    (case,) = load_cases("bouncing_sphere")
+    (contact,) = case.mechanism.contacts
+    assert f"contact {contact.name}: {contact.body} on {contact.partner}, restitution " in describe_case(case)
+    circles = [line.points for line in figure_of(case.mechanism, case.initial_state).lines if line.kind == "circle"]
+    assert len(circles) == 3
+    for points in circles:
+        away = np.linalg.norm(points - case.initial_state.p_WB[0], axis=1)
+        assert away == pytest.approx(np.full(len(points), contact.radius), abs=np.linalg.norm(contact.center) + 1e-12)
+
+
 @pytest.mark.parametrize("element", [Rolling("r", "ground", [0, 0, 0], [1, 0, 0], 1.0, [0, 0, 0], [0, 0, 1])])
 def test_the_ground_does_not_roll(element):
     with pytest.raises(InvalidInput, match=r"rolling 'r': body: the ground does not move"):
@@ -45,3 +64,101 @@ def test_the_ground_does_not_roll(element):
 def test_the_ground_does_not_skate():
     with pytest.raises(InvalidInput, match=r"skate 's': body: the ground does not move"):
         dataclasses.replace(ELEMENTS["skating"], skates=(Skate("s", "ground", [0, 0, 0], [1, 0, 0]),))
+
+
+def test_the_page_of_a_case_says_what_is_redundant_and_open_and_known():
+    (case,) = family_cases("four_bar")
+    text = describe_case(case)
+    assert "1 degrees of freedom, 20 constraint rows, 3 of them dependent" in text
+    assert "rows that depend on one another: crank_pivot, crank_pin, rocker_pin, rocker_pivot: Z D13 D23" in text
+    assert "equilibrium does not determine: crank_pivot, crank_pin, rocker_pin, rocker_pivot: force z, torque x" in text
+    assert "an engine needs: revolute joint" in text
+    assert re.search(r"expected: w_WB_W \(x, y, z\) of coupler at 0 s: .* uncertain by .*; closed form: ", text)
+    assert draw(case.mechanism, case.initial_state) in text
+
+
+# ---------------------------------------------------------------- drawings
+
+EVERYTHING = {**TREES, **LOOPS, **ELEMENTS}
+
+
+@pytest.mark.parametrize("name", EVERYTHING)
+def test_every_mechanism_is_drawn_within_its_frame_with_every_joint_and_body_named(name):
+    mechanism = EVERYTHING[name]
+    (state,) = states_of(mechanism, 1)
+    drawing, _, legend = draw(mechanism, state).partition(" of the world; ")
+    rows = drawing.splitlines()[:-2]
+    assert 1 <= len(rows) <= ROWS
+    assert max(map(len, rows)) <= COLUMNS
+    for joint, letter in zip(mechanism.joints, "ABCDEFGHIJ", strict=False):
+        assert f"  {letter}  {joint.name}: {joint.kind}, {joint.predecessor} - {joint.successor}" in legend
+        assert letter in "".join(rows) or f"{joint.predecessor} - {joint.successor}, behind " in legend
+    for body in mechanism.bodies:
+        assert body.name in legend
+
+
+def test_a_drawing_keeps_angles_and_puts_up_against_gravity():
+    (case,) = family_cases("windows:count=2")
+    rows = draw(case.mechanism, case.initial_state).splitlines()
+    at = {letter: (r, row.index(letter)) for letter in "ABCDF" for r, row in enumerate(rows[:20]) if letter in row}
+    assert at["B"][0] < at["A"][0]
+    assert at["B"][1] == at["A"][1]
+    # a square: twice as many columns as rows, to a cell
+    assert at["D"][1] - at["B"][1] == pytest.approx(2 * (at["A"][0] - at["B"][0]), abs=2)
+    assert rows[at["A"][0] + 1][at["A"][1]] == "▔"
+
+
+def test_a_long_chain_lies_on_its_side():
+    (case,) = family_cases("chain:bodies=20")
+    (line,) = [row for row in draw(case.mechanism, case.initial_state).splitlines() if "of the world" in row]
+    right = [float(x) for x in re.search(r"right \(([^)]*)\)", line).group(1).split(",")]
+    assert right[2] < -0.9
+
+
+@pytest.mark.parametrize("name", ["four_bar", "slider_crank", "branched"])
+def test_the_view_is_the_widest_and_upright(name):
+    mechanism = EVERYTHING[name]
+    (state,) = states_of(mechanism, 1)
+    figure = figure_of(mechanism, state)
+    view = widest_view(figure)
+    assert np.abs(view @ view.T - np.eye(2)).max() < 1e-12
+    centered = figure.points - figure.points.mean(axis=0)
+    kept = np.sum((centered @ view.T) ** 2)
+    rng = np.random.default_rng(1)
+    for _ in range(50):
+        other = np.linalg.qr(rng.normal(size=(3, 2)))[0].T
+        assert np.sum((centered @ other.T) ** 2) <= kept * (1 + 1e-12)
+    assert view[1] @ upright(mechanism.gravity)[1] >= -1e-12
+
+
+@pytest.mark.parametrize("name", EVERYTHING)
+def test_a_picture_is_svg_in_four_views_with_every_name(name):
+    mechanism = EVERYTHING[name]
+    (state,) = states_of(mechanism, 1)
+    root = ET.fromstring(picture(mechanism, state, "a < b & c"))
+    assert root.find("{*}title").text == "a < b & c"
+    words = "".join(root.itertext())
+    for title in ("from above", "from the front", "from the right", "axonometric"):
+        assert title in words
+    for named in (*mechanism.joints, *mechanism.bodies):
+        assert named.name in words
+    numbers = [float(x) for line in root.iter("{*}polyline") for x in re.split(r"[ ,]", line.get("points"))]
+    assert np.all(np.isfinite(numbers))
+    assert min(numbers, default=0) >= 0
+    assert max(numbers, default=0) <= 460
+
+
+def test_views_are_those_of_third_angle_projection():
+    """A point to the right, up and towards the front: low in the view from above, to the left from the right."""
+    (case,) = family_cases("single_joint:kind=prismatic")
+    figure = figure_of(case.mechanism, case.initial_state)
+    right, up, toward = upright(figure.gravity)
+    assert np.array_equal(np.cross(right, up), toward)
+    above, front, side, tilted = (view.axes for view in views(figure))
+    point = right + 2 * up + 3 * toward
+    assert np.allclose(above @ point, [1, -3])
+    assert np.allclose(front @ point, [1, 2])
+    assert np.allclose(side @ point, [-3, 2])
+    assert tilted[1] @ up > 0.8
+    for axes in (above, front, side, tilted):
+        assert np.abs(axes @ axes.T - np.eye(2)).max() < 1e-12

@@ -22,13 +22,15 @@ FLOORS = {
     "caseschema": 10,
     **dict.fromkeys(("case", "case_elements"), 11),
     **dict.fromkeys(("casefile", "casewriter", "reference", "worker"), 12),
-    **dict.fromkeys(("library", "compare"), 13),
-    **dict.fromkeys(("judge", "identities"), 14),
-    "suite": 15,
-    **dict.fromkeys(("coverage", "fuzz", "mutate", "values"), 16),
-    "report": 17,
-    "cli": 18,
-    "__init__": 19,
+    "families": 13,
+    **dict.fromkeys(("library", "compare"), 14),
+    **dict.fromkeys(("judge", "identities"), 15),
+    "suite": 16,
+    **dict.fromkeys(("coverage", "fuzz", "mutate", "values"), 17),
+    "report": 18,
+    **dict.fromkeys(("newcase", "validate"), 19),
+    "cli": 20,
+    "__init__": 21,
 }
 """Files and packages of `src/consilience`; the names the top package offers are imported lazily, from anywhere."""
 

@@ -18,7 +18,9 @@ Accelerations and reactions are compared state by state. At a state where the wh
 largest component over all states (a rod without load at the moment of release), a relative difference would be
 rounding over rounding: it is taken relative to that floor. A quantity that vanishes at all states (the reactions of a
 body that falls, the potential energy of one without weight), below `NOTHING` of something to compare with, is compared
-with `FLOOR` of that: gravity for accelerations, mass times acceleration for reactions, the other energy for an energy.
+with `FLOOR` of that: gravity for accelerations, for reactions mass times gravity and accelerations (those of the origin,
+and of turning at the reach of a body), the other energy for an energy. The potential energy of gravity is a sum whose
+terms may cancel, and is relative to the sum of their sizes.
 """
 
 from __future__ import annotations
@@ -33,7 +35,7 @@ from consilience.compare.result import Comparison, Quantity, Verdict, digits_of
 from consilience.compare.softness import SCALES, Softness, of_accelerations
 from consilience.conditioning import magnification
 from consilience.mechanism import Mechanism, State
-from consilience.observe import determinate_reactions
+from consilience.observe import centres_of_mass, determinate_reactions, reach
 from consilience.run import InstantAnswer, Method, ModelAnswer, Question, Route
 from consilience.spatial import Array
 
@@ -71,12 +73,21 @@ class Instants:
     mass : float, kg
         Of the whole mechanism.
     gravity : float, m/s^2
+    reach : float, m
+        Of a body.
+    spin : float, rad/s
+        Largest angular velocity at the states.
+    weights : float, J
+        Largest sum of the sizes of all potential energies of gravity, about the world origin.
     """
 
     condition: Array
     determined: NDArray[np.bool_]
     mass: float
     gravity: float
+    reach: float
+    spin: float
+    weights: float
 
     @property
     def rounding(self) -> Array:
@@ -86,12 +97,21 @@ class Instants:
     @classmethod
     def of(cls, mechanism: Mechanism, states: Sequence[State]) -> Instants:
         """Examine the states of a case."""
+        masses = np.array([b.mass for b in mechanism.bodies])
         return cls(
             np.array([magnification(mechanism, s) for s in states]),
             np.array([determinate_reactions(mechanism, s) for s in states]),
             sum(b.mass for b in mechanism.bodies),
             float(np.linalg.norm(mechanism.gravity)),
+            reach(mechanism),
+            max(_largest(s.w_WB_W) for s in states),
+            max(float(np.sum(np.abs(masses * (centres_of_mass(mechanism, s)[0] @ mechanism.gravity)))) for s in states),
         )
+
+    def inertial(self, reference: InstantAnswer) -> float:
+        """Size of the inertial forces and weights that reactions might have had to bear, N."""
+        turning = _largest(reference.alpha_WB_W) + self.spin**2
+        return self.mass * (self.gravity + _largest(reference.a_WB_W) + turning * self.reach)
 
 
 def relative_difference(found: ArrayLike, expected: ArrayLike, floor: float = 0.0) -> float:
@@ -160,6 +180,7 @@ def compare_instant(
     """
     bars = BARS.get(method.route, Bars())
     energies = {"kinetic": _largest(reference.kinetic), "potential": _largest(reference.potential)}
+    most, terms = max(energies.values()), {"kinetic": 0.0, "potential": instants.weights}
     compared = _verdict(
         case,
         engine,
@@ -172,7 +193,7 @@ def compare_instant(
                 Quantity(
                     f"{name} energy",
                     relative_difference(
-                        getattr(answer, name), getattr(reference, name), _floor(size, max(energies.values()))
+                        getattr(answer, name), getattr(reference, name), max(_floor(size, most), terms[name])
                     ),
                     EXACT,
                     len(reference.kinetic),
@@ -231,7 +252,7 @@ def _reactions(answer: InstantAnswer, reference: InstantAnswer, instants: Instan
     differences = _by_state(
         [f[known] for f, known in zip(found, determined, strict=True)],
         [e[known] for e, known in zip(expected, determined, strict=True)],
-        instants.mass * _largest(reference.a_WB_W),
+        instants.inertial(reference),
     )
     bars = bar * instants.rounding
     n = _worst(differences, list(bars))

@@ -8,10 +8,12 @@ import numpy as np
 
 from consilience.case import Case
 from consilience.compare import Verdict
-from consilience.kinematics import constraint_residual, free_directions, joint_coordinates, relative_motion
+from consilience.kinematics import constraint_residual, joint_coordinates, relative_motion
 from consilience.mechanism import Joint, JointSpring, Load, Mechanism, Spring, State
+from consilience.report.anatomy import anatomy, expected_lines, listed
 from consilience.report.record import Record
 from consilience.report.selection import is_matched
+from consilience.report.textdrawing import draw
 from consilience.report.wording import LOOKS
 
 
@@ -45,8 +47,6 @@ def _cell(comparisons: list[dict[str, Any]]) -> str:
 def describe_case(case: Case) -> str:
     """Everything a reader of a case wants to know, as plain text."""
     mechanism, state = case.mechanism, case.initial_state
-    q, freedom = mechanism.constraint_count(), free_directions(mechanism, state).shape[1]
-    redundant = q - (6 * len(mechanism.bodies) - freedom)
     lines = [
         f"{case.name}: {case.title}",
         "",
@@ -54,8 +54,10 @@ def describe_case(case: Case) -> str:
         "",
         *case.remarks.splitlines(),
         "",
+        draw(mechanism, state),
+        "",
         f"gravity {_vector(mechanism.gravity)} m/s^2",
-        f"{freedom} degrees of freedom, {q} constraint rows, {redundant} of them dependent",
+        *_freedom(mechanism, state),
         "",
         *(
             f"body {b.name}: {b.mass:g} kg, centre of mass {_vector(b.com)} m, "
@@ -74,9 +76,24 @@ def describe_case(case: Case) -> str:
         f"initial state: joints satisfied to {np.max(np.abs(constraint_residual(mechanism, state)), initial=0.0):.1g}",
         f"trajectory: {case.duration:g} s, sampled every {case.sample:g} s, {case.digits} digits asked",
         f"instants: the initial state and {case.instants - 1} random consistent ones",
+        *(f"expected: {line}" for line in expected_lines(case)),
         "",
     ]
     return "\n".join(lines)
+
+
+def _freedom(mechanism: Mechanism, state: State) -> list[str]:
+    """Degrees of freedom, what is redundant, what equilibrium leaves open, what an engine must know."""
+    facts = anatomy(mechanism, state)
+    lines = [
+        f"{facts.freedom} degrees of freedom, {facts.rows} constraint rows, {facts.redundant} of them dependent",
+        f"an engine needs: {', '.join(facts.features)}",
+    ]
+    if facts.dependent:
+        lines.append(f"rows that depend on one another: {listed(facts.dependent, ' ')}")
+    if facts.undetermined:
+        lines.append(f"reactions that equilibrium does not determine: {listed(facts.undetermined, ', ')}")
+    return lines
 
 
 def _powered(spring: Spring | JointSpring) -> str:
@@ -106,6 +123,10 @@ def _elements(mechanism: Mechanism) -> list[str]:
             for c in m.couplings
         ),
         *(f"rolling {r.name}: {r.body}, radius {r.radius:g} m, rounding {r.rounding:g} m" for r in m.rollings),
+        *(
+            f"contact {c.name}: {c.body} on {c.partner}, restitution {c.restitution:g}, friction {c.friction:g}"
+            for c in m.contacts
+        ),
         *(f"skate {s.name}: {s.body}, no motion along {_vector(s.lateral)}" for s in m.skates),
     ]
 

@@ -49,6 +49,16 @@ def _inverse(displacement):
     return R.T, -R.T @ d
 
 
+def _scalars(name, value):
+    """Coordinates that a held coordinate of a case stands for: an orientation as drawn, or an angular velocity."""
+    if name not in _VECTORS:
+        return [(name, value)]
+    if len(value) == 4:  # a quaternion
+        assert np.array_equal(value, [1, 0, 0, 0])
+        value = np.zeros(3)
+    return zip(_VECTORS[name], value, strict=True)
+
+
 def _value(function, x):
     """A function of a case file in CasADi."""
     assert function.table is None
@@ -75,6 +85,7 @@ class Relative:
         assert all(j.kind == "rod" for j in left), [j.name for j in left]
         for body in mechanism.bodies:
             if body.name not in self.moved:
+                assert any(body.name in (j.predecessor, j.successor) for j in left), body.name
                 point = body.drawing.p + body.drawing.R @ body.com
                 self.moved[body.name] = self._displacement(body.name, "free", point, np.eye(3))
         self.q = ca.vertcat(*self.symbols)
@@ -86,7 +97,9 @@ class Relative:
 
     def _grow(self, joints):
         while True:
-            grown = [j for j in joints if j.kind != "rod" and (j.predecessor in self.moved) != (j.successor in self.moved)]
+            grown = [
+                j for j in joints if j.kind != "rod" and (j.predecessor in self.moved) != (j.successor in self.moved)
+            ]
             if not grown:
                 return joints
             j = grown[0]
@@ -123,7 +136,11 @@ class Relative:
                 rows.append(ca.dot(apart, apart) - j.length**2)
                 continue
             apart = self.point(j.successor, at) - self.point(j.predecessor, at)
-            square = {(a, b): ca.dot(R_i @ ca.DM(u), R_j @ ca.DM(w)) for a, u in zip("xyz", axes.T) for b, w in zip("xyz", axes.T)}
+            square = {
+                (a, b): ca.dot(R_i @ ca.DM(u), R_j @ ca.DM(w))
+                for a, u in zip("xyz", axes.T, strict=True)
+                for b, w in zip("xyz", axes.T, strict=True)
+            }
             across = [ca.dot(R_i @ ca.DM(u), apart) for u in (x, y)]
             parallel = [square["x", "z"], square["y", "z"]]
             rows += {
@@ -146,17 +163,9 @@ class Relative:
         rate = ca.reshape(ca.jtimes(ca.vec(R), self.q, self.v), 3, 3)
         return ca.inv_skew(R.T @ rate)
 
-    def _equations(self):
-        m, q, v, t = self.mechanism, self.q, self.v, self.t
-        T, V, Q, outputs = 0, 0, ca.SX.zeros(q.numel()), []
-        for body in m.bodies:
-            p, R0 = body.drawing.p, body.drawing.R
-            c = self.point(body.name, p + R0 @ body.com)
-            cdot, w = ca.jtimes(c, q, v), self._spin(body.name)
-            T += body.mass * ca.dot(cdot, cdot) / 2 + ca.dot(w, ca.DM(R0 @ body.inertia @ R0.T) @ w) / 2
-            V -= body.mass * ca.dot(ca.DM(m.gravity), c)
-            R, origin = self.moved[body.name][0], self.point(body.name, p)
-            outputs += [origin, ca.vec(R @ ca.DM(R0)), ca.jtimes(origin, q, v), R @ w, c, cdot]
+    def _efforts(self):
+        """Generalised forces of everything but gravity, and the errors that controllers integrate."""
+        m, q, v, t, Q = self.mechanism, self.q, self.v, self.t, ca.SX.zeros(self.q.numel())
         for s in m.springs:
             ends = []
             for name, own in ((s.predecessor, s.point_predecessor), (s.successor, s.point_successor)):
@@ -187,6 +196,20 @@ class Relative:
                 Q += ca.jtimes(self.point(load.body, drawing.p + drawing.R @ load.point), q, vector, True)
             else:
                 Q += ca.jacobian(R @ self._spin(load.body), v).T @ vector
+        return Q, integrands
+
+    def _equations(self):
+        m, q, v, t = self.mechanism, self.q, self.v, self.t
+        T, V, outputs = 0, 0, []
+        for body in m.bodies:
+            p, R0 = body.drawing.p, body.drawing.R
+            c = self.point(body.name, p + R0 @ body.com)
+            cdot, w = ca.jtimes(c, q, v), self._spin(body.name)
+            T += body.mass * ca.dot(cdot, cdot) / 2 + ca.dot(w, ca.DM(R0 @ body.inertia @ R0.T) @ w) / 2
+            V -= body.mass * ca.dot(ca.DM(m.gravity), c)
+            R, origin = self.moved[body.name][0], self.point(body.name, p)
+            outputs += [origin, ca.vec(R @ ca.DM(R0)), ca.jtimes(origin, q, v), R @ w, c, cdot]
+        Q, integrands = self._efforts()
         momentum = ca.gradient(T, v)
         M = ca.jacobian(momentum, v)
         f = Q - ca.gradient(V, q) - ca.jtimes(momentum, q, v) + ca.gradient(T, q)
@@ -194,15 +217,18 @@ class Relative:
         rate = C @ v + ca.jacobian(self.closure, t)
         gamma = -ca.jtimes(rate, q, v) - ca.jacobian(rate, t)
         s = self.integrals
-        self.terms = ca.Function("terms", [t, q, v, s], [M, f, C, gamma, ca.vertcat(*integrands) if integrands else s])
+        self.terms = ca.Function(
+            "terms", [t, q, v, s], [M, f, C, gamma, ca.vertcat(*integrands) if integrands else s], {"cse": True}
+        )
         self.loop = ca.Function("loop", [t, q, v], [self.closure, C, ca.jacobian(self.closure, t)])
-        self.read = ca.Function("read", [q, v], [ca.horzcat(*[ca.vertcat(*outputs[6 * i : 6 * i + 6]) for i in range(len(m.bodies))])])
+        self.read = ca.Function(
+            "read", [q, v], [ca.horzcat(*[ca.vertcat(*outputs[6 * i : 6 * i + 6]) for i in range(len(m.bodies))])]
+        )
         a = ca.SX.sym("a", q.numel())
         origins = ca.horzcat(*[outputs[6 * i + 2] for i in range(len(m.bodies))])
         spins = ca.horzcat(*[outputs[6 * i + 3] for i in range(len(m.bodies))])
         rates = [ca.jtimes(x, q, v) + ca.jtimes(x, v, a) for x in (origins, spins)]
         self.accelerate = ca.Function("accelerate", [q, v, a], rates)
-        self.energy = ca.Function("energy", [q, v], [T, V])
 
     def _acceleration(self, t, q, v, s):
         M, f, C, gamma, integrands = (np.array(x) for x in self.terms(t, q, v, s))
@@ -211,7 +237,7 @@ class Relative:
             return np.linalg.solve(M, f)[:, 0], integrands[:, 0]
         # freedom of the loops first, then Lagrange's equations along it: dependent equations do no harm
         U, S, Vt = np.linalg.svd(C)
-        rank = int(np.sum(S > 1e-9 * S[0]))
+        rank = int(np.sum(1e-9 * S[0] < S))
         particular = Vt[:rank].T @ ((U[:, :rank].T @ gamma) / S[:rank, None])
         N = Vt[rank:].T
         a = particular
@@ -226,8 +252,7 @@ class Relative:
         for values, found in ((initial.coordinates, held), (initial.rates, rated)):
             for joint, by_name in values.items():
                 for name, value in by_name.items():
-                    several = zip(_VECTORS[name], value, strict=True) if name in _VECTORS else [(name, value)]
-                    found |= {self.index[joint, n]: float(x) for n, x in several}
+                    found |= {self.index[joint, n]: float(x) for n, x in _scalars(name, value)}
         for n, x in held.items():
             q[n] = x
         loose = [n for n in range(len(q)) if n not in held]
@@ -241,10 +266,12 @@ class Relative:
         loose = [n for n in range(len(q)) if n not in rated]
         _, C, c_t = (np.array(x) for x in self.loop(0.0, q, v))
         if len(C):
+            # counted here, where the loops close: in between, dependent equations look independent
+            self.rank = int(np.linalg.matrix_rank(C, tol=1e-9 * np.linalg.norm(C)))
             v[loose] = np.linalg.lstsq(C[:, loose], -c_t[:, 0] - C @ v, rcond=1e-10)[0]
         return q, v
 
-    def motion(self, initial, times, tolerance=1e-13):
+    def motion(self, initial, times, tolerance=1e-12):
         """Coordinates, rates and controllers' integrals at the times, shape (n_t, 2 n_q + n_c)."""
         n, k = len(self.names), len(self.mechanism.controls)
         y0 = np.concatenate([*self.start(initial), np.zeros(k)])
@@ -256,7 +283,17 @@ class Relative:
         samples, now, y = [], 0.0, y0
         for time in times:
             if time > now:
-                solution = solve_ivp(rhs, (now, time), y, method="DOP853", rtol=tolerance, atol=tolerance, t_eval=[time])
+                solution = solve_ivp(
+                    rhs,
+                    (now, time),
+                    y,
+                    method="DOP853",
+                    rtol=tolerance,
+                    atol=tolerance,
+                    t_eval=[time],
+                    first_step=min(1e-3, time - now),  # its own guess may leave every pose of the loops
+                    max_step=0.02,
+                )
                 assert solution.success, solution.message
                 y, now = solution.y[:, -1], time
             samples.append(y)
@@ -280,7 +317,16 @@ class Relative:
             found = np.array(self.accelerate(q, v, a)[("a_WB_W", "alpha_WB_W").index(known.observable)])
             return found[known.component, i]
         column = np.array(self.read(q, v))[:, i]
-        first = {"p_WB": 0, "x_axis": 3, "y_axis": 6, "z_axis": 9, "v_WB_W": 12, "w_WB_W": 15, "p_WBcm": 18, "v_WBcm_W": 21}
+        first = {
+            "p_WB": 0,
+            "x_axis": 3,
+            "y_axis": 6,
+            "z_axis": 9,
+            "v_WB_W": 12,
+            "w_WB_W": 15,
+            "p_WBcm": 18,
+            "v_WBcm_W": 21,
+        }
         return column[first[known.observable] + known.component]
 
 

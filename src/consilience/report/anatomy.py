@@ -1,0 +1,190 @@
+"""What can be said of a case before anybody is asked: freedom, redundant rows, open reactions, features, doubts.
+
+Rows are those of `consilience.kinematics`. A row is redundant where it takes part in a dependency among rows: which of
+them is one too many is a matter of choice, so all that take part are named, with the number of dependencies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from consilience.case import Case
+from consilience.kinematics import RANK_TOLERANCE, constraint_jacobian, constraint_residual, joint_frames
+from consilience.mechanism import GROUND, Mechanism, State
+from consilience.observe import (
+    body_point,
+    centres_of_mass,
+    determinate_reactions,
+    reach,
+    world_inertias,
+)
+from consilience.published import OF_A_JOINT, Published
+from consilience.spatial import Array
+
+COMPONENTS = ("force x", "force y", "force z", "torque x", "torque y", "torque z")
+
+FAST = 1.0
+"""Largest phase of the fastest motion in one sample, rad: beyond, engines at a few steps a sample cannot follow."""
+
+
+@dataclass(frozen=True)
+class Anatomy:
+    """Facts of a case at its initial state.
+
+    Attributes
+    ----------
+    residual : float
+        Largest violation of a constraint, in m, rad or a pure number.
+    freedom, rows, redundant : int
+        Degrees of freedom, constraint rows, dependencies among them.
+    dependent : dict
+        Joints (or elements) and those of their rows that take part in a dependency.
+    undetermined : dict
+        Joints and the components of their reaction that equilibrium does not determine, axes of F.
+    features : tuple of str
+        What an engine must know to represent the mechanism.
+    """
+
+    residual: float
+    freedom: int
+    rows: int
+    redundant: int
+    dependent: dict[str, tuple[str, ...]]
+    undetermined: dict[str, tuple[str, ...]]
+    features: tuple[str, ...]
+
+
+def anatomy(mechanism: Mechanism, state: State) -> Anatomy:
+    """Facts of a mechanism at a consistent state."""
+    Q = constraint_jacobian(mechanism, state)
+    width, q = 6 * len(mechanism.bodies), len(Q)
+    U, singular, _ = np.linalg.svd(Q) if q else (np.zeros((0, 0)), np.zeros(0), None)
+    rank = int(np.sum(singular > RANK_TOLERANCE * singular[0])) if q else 0
+    taking_part = np.linalg.norm(U[:, rank:], axis=1) > 1e-6
+    dependent: dict[str, tuple[str, ...]] = {}
+    for (owner, row), does in zip(row_names(mechanism), taking_part, strict=True):
+        if does:
+            dependent[owner] = (*dependent.get(owner, ()), row)
+    determined = determinate_reactions(mechanism, state)
+    undetermined = {
+        joint.name: tuple(c for c, sure in zip(COMPONENTS, known, strict=True) if not sure)
+        for joint, known in zip(mechanism.joints, determined, strict=True)
+        if not np.all(known)
+    }
+    residual = float(np.max(np.abs(constraint_residual(mechanism, state)), initial=0.0))
+    return Anatomy(residual, width - rank, q, q - rank, dependent, undetermined, tuple(mechanism.features))
+
+
+def row_names(mechanism: Mechanism) -> Iterator[tuple[str, str]]:
+    """Owner and name of every constraint row, in the order of the rows."""
+    for joint in mechanism.joints:
+        for row in joint.rows:
+            yield joint.name, row
+    yield from ((drive.name, "drive") for drive in mechanism.drives)
+    yield from ((coupling.name, "coupling") for coupling in mechanism.couplings)
+    yield from ((rolling.name, "contact") for rolling in mechanism.rollings)
+    for rolling in mechanism.rollings:
+        yield from ((rolling.name, "slip") for _ in range(2))
+    yield from ((skate.name, "skate") for skate in mechanism.skates)
+
+
+def fastest(mechanism: Mechanism, state: State) -> tuple[float, str]:
+    """Estimate of the largest angular frequency of the motion, rad/s, and what makes it: spin, springs or gravity.
+
+    A spring between two bodies is taken for itself, ``w^2 = k (1 / m_1 + 1 / m_2)`` with the masses, or the moments
+    about the axis, of its bodies alone.
+    """
+    found = [(float(np.max(np.linalg.norm(state.w_WB_W, axis=1), initial=0.0)), "the spin at the start")]
+    found.append((float(np.sqrt(np.linalg.norm(mechanism.gravity) / reach(mechanism))), "gravity"))
+    for spring in mechanism.springs:
+        ends = ((spring.predecessor, spring.point_predecessor), (spring.successor, spring.point_successor))
+        line = np.subtract(*(body_point(mechanism, state, name, point)[0] for name, point in ends))
+        length = float(np.linalg.norm(line))
+        if length > 0.0:
+            soft = sum(
+                _along(mechanism, state, n, body_point(mechanism, state, n, p)[0], line / length) for n, p in ends
+            )
+            found.append((float(np.sqrt(abs(spring.stiffness) * soft)), f"spring '{spring.name}'"))
+    for sprung in mechanism.joint_springs:
+        joint = mechanism.joints[mechanism.joint_index[sprung.joint]]
+        frames = joint_frames(mechanism, state, joint)
+        axis, p = frames.U[:, 2], body_point(mechanism, state, joint.successor, joint.M.p)[0]
+        answer = _along if sprung.coordinate == "distance" else _about
+        soft = sum(answer(mechanism, state, n, p, axis) for n in (joint.predecessor, joint.successor))
+        found.append((float(np.sqrt(abs(sprung.stiffness) * soft)), f"joint spring '{sprung.name}'"))
+    return max(found)
+
+
+def _along(mechanism: Mechanism, state: State, body: str, point: Array, e: Array) -> float:
+    """Acceleration of a point of a body along e for a unit force there, 1/kg; none of the ground."""
+    if body == GROUND:
+        return 0.0
+    i = mechanism.body_index[body]
+    arm = np.cross(point - centres_of_mass(mechanism, state)[0][i], e)
+    return float(1.0 / mechanism.bodies[i].mass + arm @ np.linalg.solve(world_inertias(mechanism, state)[i], arm))
+
+
+def _about(mechanism: Mechanism, state: State, body: str, point: Array, e: Array) -> float:
+    """Angular acceleration of a body about an axis for a unit torque, 1/(kg m^2), the axis held; none of the ground."""
+    if body == GROUND:
+        return 0.0
+    i = mechanism.body_index[body]
+    arm = np.cross(e, centres_of_mass(mechanism, state)[0][i] - point)
+    return float(1.0 / (e @ world_inertias(mechanism, state)[i] @ e + mechanism.bodies[i].mass * arm @ arm))
+
+
+def expected_lines(case: Case) -> list[str]:
+    """Expected values with uncertainty, origin and source, the components of a vector in one line."""
+    together: dict[tuple[object, ...], list[Published]] = {}
+    for known in case.published:
+        fields = ("observable", "of", "time", "uncertainty", "origin", "source", "second")
+        together.setdefault(tuple(getattr(known, name) for name in fields), []).append(known)
+    lines = []
+    for components in together.values():
+        k = components[0]
+        values = ", ".join(f"{c.value:.12g}" if c.uncertainty > 1e-12 else f"{c.value:.15g}" for c in components)
+        axes = "" if k.observable in OF_A_JOINT else f" ({', '.join('xyz'[c.component] for c in components)})"
+        second = f"; and {k.second}" if k.second else ""
+        lines.append(
+            f"{k.observable}{axes} of {k.of} at {k.time:g} s: {values}, uncertain by {k.uncertainty:.2g}; "
+            f"{k.origin}: {k.source.removeprefix('closed form: ')}{second}"
+        )
+    return lines
+
+
+def listed(groups: Mapping[str, Sequence[str]], joint: str) -> str:
+    """Names with what belongs to each; names with the same together."""
+    together: dict[tuple[str, ...], list[str]] = {}
+    for name, entries in groups.items():
+        together.setdefault(tuple(entries), []).append(name)
+    return "; ".join(f"{', '.join(names)}: {joint.join(entries)}" for entries, names in together.items())
+
+
+def warnings(case: Case) -> list[str]:
+    """What makes the case a weaker test than it might be, in sentences; none of it makes it invalid."""
+    mechanism, found = case.mechanism, []
+    if not case.published:
+        found.append("no expected value: only the engines and the reference are compared with each other")
+    if not any(np.any(_products(body.inertia)) for body in mechanism.bodies):
+        found.append("no body has a product of inertia: its wrong sign, or a transposed rotation, would not show")
+    if not any(np.any(body.com) for body in mechanism.bodies):
+        found.append("every centre of mass is the origin of its body: one lost in translation would not show")
+    if all(np.allclose(body.drawing.R, np.eye(3)) for body in mechanism.bodies):
+        found.append("all bodies are drawn along the axes of the world: body and world axes mixed up would hardly show")
+    frequency, why = fastest(mechanism, case.initial_state)
+    if frequency * case.sample > FAST:
+        found.append(
+            f"the sample of {case.sample:g} s is long against the fastest motion, {frequency:.3g} rad/s from {why}: "
+            f"engines step a fraction of the sample; choose {FAST / frequency:.1g} s or less"
+        )
+    if case.duration * max(frequency, 1e-12) < FAST:
+        found.append(f"in {case.duration:g} s the fastest motion, {frequency:.3g} rad/s from {why}, has hardly begun")
+    return found
+
+
+def _products(inertia: Array) -> Array:
+    off = inertia[np.triu_indices(3, 1)]
+    return np.abs(off) > 1e-9 * np.max(np.abs(inertia))

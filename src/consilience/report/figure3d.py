@@ -1,0 +1,172 @@
+"""A mechanism as points, lines and marks in space: what the text drawing and the SVG picture of a case both draw."""
+
+from __future__ import annotations
+
+import string
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from consilience.kinematics import joint_frames
+from consilience.mechanism import GROUND, Joint, Mechanism, State
+from consilience.observe import body_point, centres_of_mass
+from consilience.spatial import Array, rotation_from_quaternion, rotation_with_z_axis
+
+BODY_MARKS = string.digits[1:] + string.ascii_lowercase
+JOINT_MARKS = string.ascii_uppercase
+
+WITHOUT_AXIS = ("spherical", "free", "rigid", "rod")
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """A line through points (n, 3): of a body (its index), or -1; kind: body, rod, spring, circle, way (of a joint)."""
+
+    body: int
+    kind: str
+    points: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Mark:
+    """A place with a name.
+
+    Attributes
+    ----------
+    letter : str
+        Empty beyond as many as there are letters.
+    kind : str
+        Of the joint; ``body`` for a centre of mass.
+    axis : ndarray, shape (3,), or None
+        Of the joint, a unit vector.
+    ground : bool
+        Whether the joint is on the ground.
+    """
+
+    letter: str
+    name: str
+    kind: str
+    point: Array
+    axis: Array | None = None
+    ground: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Figure3D:
+    """Lines, joints and centres of mass of a mechanism, in the world."""
+
+    lines: tuple[Line, ...]
+    joints: tuple[Mark, ...]
+    bodies: tuple[Mark, ...]
+    gravity: Array
+
+    @property
+    def points(self) -> Array:
+        """All points, shape (n, 3)."""
+        return np.vstack([*(line.points for line in self.lines), *(m.point for m in (*self.joints, *self.bodies))])
+
+
+def figure_of(mechanism: Mechanism, state: State) -> Figure3D:
+    """What there is to draw of a mechanism in a state."""
+    joints, ends = [], {body.name: list[Array]() for body in mechanism.bodies}
+    for n, joint in enumerate(mechanism.joints):
+        first, second = _ends(mechanism, state, joint)
+        for name, point in ((joint.predecessor, first), (joint.successor, second)):
+            if name != GROUND and joint.kind != "free":
+                ends[name].append(point)
+        axis = None if joint.kind in WITHOUT_AXIS else joint_frames(mechanism, state, joint).U[:, 2]
+        letter = JOINT_MARKS[n] if n < len(JOINT_MARKS) else ""
+        ground = GROUND in (joint.predecessor, joint.successor)
+        place = second if joint.kind == "free" else first
+        joints.append(Mark(letter, joint.name, joint.kind, place, axis, ground))
+    centers = centres_of_mass(mechanism, state)[0]
+    bodies = [
+        Mark(BODY_MARKS[i] if i < len(BODY_MARKS) else "", body.name, "body", centers[i])
+        for i, body in enumerate(mechanism.bodies)
+    ]
+    lines = [
+        Line(i, "body", line)
+        for i, body in enumerate(mechanism.bodies)
+        for line in _skeleton(ends[body.name], centers[i], state.p_WB[i])
+    ]
+    return Figure3D((*lines, *_other_lines(mechanism, state)), tuple(joints), tuple(bodies), mechanism.gravity)
+
+
+def _ends(mechanism: Mechanism, state: State, joint: Joint) -> tuple[Array, Array]:
+    return (
+        body_point(mechanism, state, joint.predecessor, joint.F.p)[0],
+        body_point(mechanism, state, joint.successor, joint.M.p)[0],
+    )
+
+
+def _skeleton(ends: list[Array], center: Array, origin: Array) -> Iterator[Array]:
+    """Lines of a body: from joint to joint, a star from three joints on; from its only joint to its centre of mass."""
+    if len(ends) == 2 and np.linalg.norm(ends[0] - ends[1]) > 1e-9:
+        yield np.array(ends)
+        return
+    hub = np.mean(ends, axis=0) if len(ends) > 2 else center
+    for end in ends or [origin]:
+        if np.linalg.norm(end - hub) > 1e-9:
+            yield np.array([end, hub])
+
+
+def _other_lines(mechanism: Mechanism, state: State) -> Iterator[Line]:
+    """Rods, how far joints have gone, springs, circles of rolling bodies, spheres that may hit something."""
+    for joint in mechanism.joints:
+        ends = np.array(_ends(mechanism, state, joint))
+        if np.linalg.norm(ends[0] - ends[1]) > 1e-9 and joint.kind != "free":
+            yield Line(-1, "rod" if joint.kind == "rod" else "way", ends)
+    for s in mechanism.springs:
+        held = ((s.predecessor, s.point_predecessor), (s.successor, s.point_successor))
+        yield Line(-1, "spring", np.array([body_point(mechanism, state, name, point)[0] for name, point in held]))
+    for r in mechanism.rollings:
+        i = mechanism.body_index[r.body]
+        R = rotation_from_quaternion(state.quat_WB[i])
+        across = R @ rotation_with_z_axis(r.axis)
+        center = body_point(mechanism, state, r.body, r.center)[0]
+        yield Line(i, "circle", _circle(center, across, r.radius + r.rounding))
+    for c in mechanism.contacts:
+        if c.radius and c.body != GROUND:
+            center = body_point(mechanism, state, c.body, c.center)[0]
+            for k in range(3):  # a sphere by its great circles
+                axes = np.roll(np.eye(3), k, axis=1)
+                yield Line(mechanism.body_index[c.body], "circle", _circle(center, axes, c.radius))
+
+
+def _circle(center: Array, axes: Array, radius: float) -> Array:
+    """Points of a circle across the third of the axes (columns), shape (49, 3)."""
+    turns = np.linspace(0.0, 2 * np.pi, 49)
+    arms = np.outer(np.cos(turns), axes[:, 0]) + np.outer(np.sin(turns), axes[:, 1])
+    return np.asarray(center + radius * arms)
+
+
+def upright(gravity: Array) -> tuple[Array, Array, Array]:
+    """Axes of the world that are best drawn to the right, upward and towards the viewer: up is against gravity."""
+    k = int(np.argmax(np.abs(gravity))) if np.any(gravity) else 2
+    up = np.zeros(3)
+    up[k] = -np.sign(gravity[k]) if np.any(gravity) else 1.0
+    right = np.eye(3)[0 if k != 0 else 1]
+    return right, up, np.cross(right, up)
+
+
+def widest_view(figure: Figure3D) -> Array:
+    """Rows: directions to the right and upward of the plane in which the mechanism is widest, shape (2, 3).
+
+    Upward is against gravity as nearly as the plane allows.
+    """
+    points = figure.points - figure.points.mean(axis=0)
+    _, sizes, axes = np.linalg.svd(points, full_matrices=True)
+    right, up, toward = upright(figure.gravity)
+    flat = len(sizes) > 1 and sizes[1] > 1e-6 * max(sizes[0], 1e-300)
+    if flat:
+        normal = axes[2] if axes[2] @ (toward + 0.3 * right + 0.2 * up) >= 0 else -axes[2]
+    else:  # all on one line: look square to it
+        normal = np.cross(axes[0], up) if np.linalg.norm(np.cross(axes[0], up)) > 1e-3 else toward
+        normal = normal / np.linalg.norm(normal) * (1.0 if normal @ toward >= 0 else -1.0)
+    for candidate in (up, -toward, right):
+        upward = candidate - (candidate @ normal) * normal
+        if np.linalg.norm(upward) > 0.2:
+            break
+    upward /= np.linalg.norm(upward)
+    return np.array([np.cross(upward, normal), upward])

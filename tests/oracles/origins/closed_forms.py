@@ -1,0 +1,369 @@
+"""Origins of the cases in closed form: bodies whose centre of mass and turn are known functions of time.
+
+Every formula is checked against its own differential equation in `oracles.test_closed_forms` or stated where it is
+used. Only what a formula needs is read from the case: masses, drawing, initial values.
+"""
+
+import numpy as np
+from scipy.linalg import eigh
+
+from consilience.spatial import rotation_from_quaternion
+from oracles.closed_forms.free_body import Asymmetric, symmetric
+from oracles.closed_forms.oscillator import oscillator
+from oracles.closed_forms.pendulum import Pendulum
+from oracles.origins import tops
+from oracles.origins.moving import about, about_hinge, drawn_com, drawn_inertia, hinged, joint_of, origin, sliding
+from oracles.planar import drawn_frame, held
+
+# --- pendulums ------------------------------------------------------------------------------------------------------
+
+
+def physical_pendulum(case):
+    """Only the parts of gravity and of the arm across the hinge count."""
+    (body,) = case.mechanism.bodies
+    u, J, arm = about_hinge(case, "hinge")
+    pull = case.mechanism.gravity - (case.mechanism.gravity @ u) * u
+    drawn = np.arctan2(u @ np.cross(pull, arm), pull @ arm)  # from hanging
+    angle, rate = held(case, "hinge")
+    frequency = np.sqrt(body.mass * np.linalg.norm(pull) * np.linalg.norm(arm) / J)
+    pendulum = Pendulum(frequency, drawn + angle, rate)
+
+    def at(t):
+        phi, phi_dot = (x[0] for x in pendulum.solve([t]))
+        return phi - drawn, phi_dot
+
+    return [hinged(case, "hinge", at)]
+
+
+def spherical_pendulum(case):
+    """A symmetric top without axial momentum carries the centre of mass; the body tumbles as if it were free."""
+    (body,) = case.mechanism.bodies
+    rod = case.mechanism.joints[0]
+    assert not np.any(body.com)
+    assert not np.any(rod.M.p)
+    pivot = drawn_frame(case.mechanism, rod)[0]
+    v, w = (np.asarray(x) for x in case.initial.velocities[body.name])
+    swing = tops.spherical(body.drawing.p - pivot, v, np.linalg.norm(case.mechanism.gravity))
+    tumble = _tumbling(body, w)
+
+    def at(t):
+        arm, arm_dot = swing(t)
+        return (pivot + arm, arm_dot, *tumble(t))
+
+    return [at]
+
+
+def conical_pendulum(case):
+    """Steady turning about the vertical; the moment of the weight about the ball is ``w x I w``."""
+    (body,) = case.mechanism.bodies
+    g = -case.mechanism.gravity[2]
+    pivot = drawn_frame(case.mechanism, joint_of(case, "ball"))[0]
+    w = np.asarray(case.initial.rates["ball"]["orientation"])
+    c, I = drawn_com(body) - pivot, drawn_inertia(body)
+    about_ball = I + body.mass * (c @ c * np.eye(3) - np.outer(c, c))
+    moment = np.cross(c, np.array([0.0, 0.0, -body.mass * g]))
+    assert np.max(np.abs(np.cross(w, about_ball @ w) - moment)) < 1e-13
+
+    def at(t):
+        turn = about([0.0, 0.0, 1.0], w[2] * t)
+        return pivot + turn @ c, np.cross(w, turn @ c), turn, w
+
+    return [at]
+
+
+# --- free bodies and tops -------------------------------------------------------------------------------------------
+
+
+def _tumbling(body, w):
+    """Turn out of the drawing and angular velocity of a torque-free body from its angular velocity in the drawing."""
+    moments, V = np.linalg.eigh(body.inertia)
+    V = V * np.array([1.0, 1.0, np.linalg.det(V)])
+    A = body.drawing.R @ V  # principal axes in the drawing
+    start = A.T @ w
+    if moments[1] - moments[0] > 1e-9 * moments[2] and moments[2] - moments[1] > 1e-9 * moments[2]:
+        free = Asymmetric(moments, start)
+
+        def turned(t):
+            R = A @ free.orientations([t])[0]
+            return R @ A.T, R @ free.rates([t])[0]
+
+        return turned
+    # axis of symmetry last
+    order = [0, 1, 2] if moments[1] - moments[0] <= 1e-9 * moments[2] else [1, 2, 0]
+    A, moments, start = A[:, order], moments[order], start[order]
+
+    def spun(t):
+        quats, rates = symmetric(moments[0], moments[2], start, [t])
+        R = A @ rotation_from_quaternion(quats)[0]
+        return R @ A.T, R @ rates[0]
+
+    return spun
+
+
+def thrown(case):
+    """A free body: a parabola of the centre of mass, and the rotation without torque."""
+    (body,) = case.mechanism.bodies
+    v, w = (np.asarray(x, dtype=float) for x in case.initial.velocities[body.name])
+    c, g = drawn_com(body), case.mechanism.gravity
+    c_dot = v + np.cross(w, body.drawing.R @ body.com)
+    tumble = _tumbling(body, w)
+    return [lambda t: (c + c_dot * t + g * t * t / 2, c_dot + g * t, *tumble(t))]
+
+
+def steady_precession(case):
+    """A symmetric top at a constant tilt; its spin fits its precession."""
+    (body,) = case.mechanism.bodies
+    g, pivot = -case.mechanism.gravity[2], drawn_frame(case.mechanism, joint_of(case, "tip"))[0]
+    w = np.asarray(case.initial.rates["tip"]["orientation"])
+    c = drawn_com(body) - pivot
+    l = np.linalg.norm(c)
+    e, up = c / l, np.array([0.0, 0.0, 1.0])
+    I = drawn_inertia(body)
+    axial = e @ I @ e
+    transverse = (np.trace(I) - axial) / 2 + body.mass * l**2
+    # w = precession up + spin e
+    spin, precession = np.linalg.lstsq(np.column_stack([e, up]), w, rcond=None)[0]
+    tilt = np.arccos(e @ up)
+    expected = body.mass * g * l / (axial * precession) + (transverse - axial) / axial * precession * np.cos(tilt)
+    assert abs(spin - expected) < 1e-12 * abs(spin)
+
+    def at(t):
+        carried = about(up, precession * t)
+        turn = carried @ about(e, spin * t)
+        now = carried @ w
+        return pivot + turn @ c, np.cross(now, turn @ c), turn, now
+
+    return [at]
+
+
+def heavy_top(case):
+    """Released in the plane of the horizon."""
+    (body,) = case.mechanism.bodies
+    pivot = drawn_frame(case.mechanism, joint_of(case, "ball"))[0]
+    w = np.asarray(case.initial.rates["ball"]["orientation"])
+    c = drawn_com(body) - pivot
+    turn_of = tops.heavy(body.mass, drawn_inertia(body), c, w, -case.mechanism.gravity[2])
+
+    def at(t):
+        turn, now = turn_of(t)
+        return pivot + turn @ c, np.cross(now, turn @ c), turn, now
+
+    return [at]
+
+
+# --- slides, springs, gears -----------------------------------------------------------------------------------------
+
+
+def spring_chain(case):
+    """Masses on one line, springs and dampers between neighbours, damping in proportion to stiffness: its modes."""
+    m = case.mechanism
+    u = drawn_frame(m, m.joints[0])[1][:, 2]
+    n = len(m.bodies)
+    stretch = np.eye(n) - np.eye(n, k=-1)  # of each spring, from the displacements
+    k = np.array([s.stiffness for s in m.springs])
+    beta = m.springs[0].damping / k[0]
+    assert np.allclose([s.damping for s in m.springs], beta * k, rtol=1e-15)
+    drawn = np.diff(
+        [0.0, *(u @ (b.drawing.p + b.drawing.R @ s.point_successor) for b, s in zip(m.bodies, m.springs, strict=True))]
+    )
+    slack = drawn - [s.free_length for s in m.springs]
+    mass = np.array([b.mass for b in m.bodies])
+    K = stretch.T @ np.diag(k) @ stretch
+    rest = np.linalg.solve(K, mass * (m.gravity @ u) - stretch.T @ (k * slack))
+    squares, modes = eigh(K, np.diag(mass))
+    x0, v0 = (
+        np.array([float(values[j.name]["distance"]) for j in m.joints])
+        for values in (case.initial.coordinates, case.initial.rates)
+    )
+    a0, b0 = modes.T @ (mass * (x0 - rest)), modes.T @ (mass * v0)
+
+    def displacement(t):
+        pairs = [oscillator(1.0, beta * s, s, a, b, t) for s, a, b in zip(squares, a0, b0, strict=True)]
+        x, v = (np.array(y) for y in zip(*pairs, strict=True))
+        return rest + modes @ x, modes @ v
+
+    def slider(i):
+        return sliding(case, m.joints[i].name, lambda t: tuple(y[i] for y in displacement(t)))
+
+    return [slider(i) for i in range(n)]
+
+
+def _polynomial_turn(coefficients, angle, rate):
+    """Angle and rate from the coefficients of the angular acceleration."""
+    speed = np.polynomial.Polynomial(coefficients).integ(1, k=[rate])
+    return lambda t: (speed.integ(1, k=[angle])(t), speed(t))
+
+
+def gears(case):
+    """Two shafts, a ratio r, and a torque on the first: ``(J1 + r^2 J2) q'' = tau(t)``."""
+    m = case.mechanism
+    (coupling,), (load,) = m.couplings, m.loads
+    ratio = coupling.law.at(1.0)[0] - coupling.law.at(0.0)[0]
+    (u, J1, arm), (_, J2, other) = (about_hinge(case, name) for name in (coupling.driver_joint, coupling.joint))
+    weightless = not np.any(m.gravity) or max(np.max(np.abs(arm)), np.max(np.abs(other))) < 1e-12
+    assert weightless
+    torque = u @ m.bodies[m.body_index[load.body]].drawing.R @ load.vector
+    history = load.history.polynomial if load.history else np.ones(1)
+    turn = _polynomial_turn(torque * history / (J1 + ratio**2 * J2), *held(case, coupling.driver_joint))
+    return [
+        hinged(case, coupling.driver_joint, turn),
+        hinged(case, coupling.joint, lambda t: tuple(ratio * x for x in turn(t))),
+    ]
+
+
+def rack_and_pinion(case):
+    """Constant torque and weight against viscous friction: the rate decays to that at which they balance."""
+    m = case.mechanism
+    (coupling,), (load,), (friction,) = m.couplings, m.loads, m.frictions
+    radius = coupling.law.at(1.0)[0] - coupling.law.at(0.0)[0]
+    u, J, arm = about_hinge(case, "shaft")
+    assert np.max(np.abs(arm)) < 1e-12
+    rack = m.bodies[m.body_index["rack"]]
+    along = drawn_frame(m, joint_of(case, "slide"))[1][:, 2]
+    torque = u @ m.bodies[m.body_index[load.body]].drawing.R @ load.vector
+    final = (torque + radius * rack.mass * m.gravity @ along) / friction.viscous
+    decay = friction.viscous / (J + radius**2 * rack.mass)
+    start, rate = held(case, "shaft")
+
+    def turn(t):
+        gone = -np.expm1(-decay * t)
+        return start + final * t + (rate - final) * gone / decay, final + (rate - final) * (1 - gone)
+
+    return [hinged(case, "shaft", turn), sliding(case, "slide", lambda t: tuple(radius * x for x in turn(t)))]
+
+
+def cam(case):
+    """The angle is a linear function of time, the lift a sum of sines of the angle."""
+    m = case.mechanism
+    (drive,), (coupling,) = m.drives, m.couplings
+    start, speed = drive.motion.polynomial
+    a, w, phase = coupling.law.harmonics.T
+
+    def lift(t):
+        x = w * (start + speed * t) + phase
+        return a @ np.sin(x), speed * (a * w) @ np.cos(x)
+
+    return [hinged(case, "shaft", lambda t: (start + speed * t, speed)), sliding(case, "guide", lift)]
+
+
+def cam_reactions(case):
+    """Reactions of both joints at the start, about and in axes of F; the efforts about and along z are not theirs."""
+    m = case.mechanism
+    (drive,), (coupling,) = m.drives, m.couplings
+    start, speed = drive.motion.polynomial
+    a, w, phase = coupling.law.harmonics.T
+    jerked = {"shaft": 0.0, "guide": -(speed**2) * (a * w**2) @ np.sin(w * start + phase)}
+    found = {}
+    for (name, push), at in zip(jerked.items(), cam(case), strict=True):
+        body = m.bodies[m.body_index[joint_of(case, name).successor]]
+        pin, U = drawn_frame(m, joint_of(case, name))
+        c, _, turn, spin = at(0.0)
+        if name == "guide":
+            pin = pin + coupling.law.at(start)[0] * U[:, 2]
+        I = turn @ drawn_inertia(body) @ turn.T
+        force = body.mass * (push * U[:, 2] + np.cross(spin, np.cross(spin, c - pin)) - m.gravity)
+        found[name, "force_F"] = U.T @ force
+        found[name, "torque_F"] = U.T @ (np.cross(spin, I @ spin) + np.cross(c - pin, force))
+    return found
+
+
+# --- planes ---------------------------------------------------------------------------------------------------------
+
+
+def incline(case):
+    """A parabola of the centre of mass in the plane, and a constant rate about its normal."""
+    (body,) = case.mechanism.bodies
+    at, U = drawn_frame(case.mechanism, joint_of(case, "contact"))
+    n = U[:, 2]
+    q, rates = (x["contact"] for x in (case.initial.coordinates, case.initial.rates))
+    spin = float(rates["angle"])
+    g = case.mechanism.gravity - (case.mechanism.gravity @ n) * n
+    arm = about(n, float(q["angle"])) @ (drawn_com(body) - at)
+    c = at + U @ [q["x"], q["y"], 0.0] + arm
+    v = U @ [rates["x"], rates["y"], 0.0] + spin * np.cross(n, arm)
+    start = float(q["angle"])
+    return [lambda t: (c + v * t + g * t * t / 2, v + g * t, about(n, start + spin * t), spin * n)]
+
+
+def incline_reactions(case):
+    """Normal force, and the moment about the origin of M that makes the block turn about the normal alone."""
+    (body,) = case.mechanism.bodies
+    at, U = drawn_frame(case.mechanism, joint_of(case, "contact"))
+    c, _, turn, spin = incline(case)[0](0.0)
+    q = case.initial.coordinates["contact"]
+    normal = -body.mass * (case.mechanism.gravity @ U[:, 2]) * U[:, 2]
+    I = turn @ drawn_inertia(body) @ turn.T
+    moment = np.cross(spin, I @ spin) + np.cross(c - at - U @ [q["x"], q["y"], 0.0], normal)
+    return {("contact", "force_F"): U.T @ normal, ("contact", "torque_F"): U.T @ moment}
+
+
+def rolling_disc(case):
+    """Steady rolling in a circle: with the tilt theta of the axis e, the precession W and the axial rate w3,
+    ``(C + m a^2) w3 W sin(theta) = A W^2 sin(theta) cos(theta) - m g a cos(theta)``.
+
+    From the moment of the contact force ``m (a w3 W h + g z)`` about the centre, h the level part of e.
+    """
+    (body,), (disc,) = case.mechanism.bodies, case.mechanism.rollings
+    g, a, up = -case.mechanism.gravity[2], disc.radius, np.array([0.0, 0.0, 1.0])
+    _, w = (np.asarray(x, dtype=float) for x in case.initial.velocities[body.name])
+    e = body.drawing.R @ disc.axis
+    c, I = drawn_com(body), drawn_inertia(body)
+    axial = e @ I @ e
+    transverse = (np.trace(I) - axial) / 2
+    cos, sin = e @ up, np.linalg.norm(np.cross(up, e))
+    across = np.cross(up, e) / sin
+    down = np.cross(across, e)
+    precession, w3 = -(w @ down) / sin, w @ e
+    balance = (axial + body.mass * a**2) * w3 * precession * sin
+    weight = transverse * precession**2 * sin * cos - body.mass * g * a * cos
+    assert abs(balance - weight) < 1e-12
+    assert abs(w @ across) < 1e-12
+    middle = c + a * w3 / precession * (e - cos * up) / sin
+
+    def at(t):
+        carried = about(up, precession * t)
+        turn = carried @ about(e, (w3 - precession * cos) * t)
+        now = carried @ (c - middle)
+        return middle + now, precession * np.cross(up, now), turn, carried @ w
+
+    return [at]
+
+
+def with_reactions(moving, reactions):
+    """Origin of a motion, and of reactions at its start by joint and observable."""
+
+    def values(case, published):
+        motion, first = origin(moving), reactions(case)
+        return np.array(
+            [
+                first[known.of, known.observable][known.component] if known.at_start else motion(case, [known])[0]
+                for known in published
+            ]
+        )
+
+    return values
+
+
+_MOVING = {
+    "physical_pendulum-small": physical_pendulum,
+    "physical_pendulum-large": physical_pendulum,
+    "physical_pendulum-rotating": physical_pendulum,
+    "spherical_pendulum": spherical_pendulum,
+    "conical_pendulum": conical_pendulum,
+    "torque_free_symmetric": thrown,
+    "dzhanibekov": thrown,
+    "osrf_box": thrown,
+    "ballistic_flight": thrown,
+    "heavy_top": heavy_top,
+    "steady_precession": steady_precession,
+    "sliding_masses": spring_chain,
+    "gear_pair": gears,
+    "bevel_gears": gears,
+    "rack_and_pinion": rack_and_pinion,
+    "rolling_disc": rolling_disc,
+}
+
+ORIGINS = {name: (origin(moving),) for name, moving in _MOVING.items()} | {
+    "cam_follower": (with_reactions(cam, cam_reactions),),
+    "incline": (with_reactions(incline, incline_reactions),),
+}
