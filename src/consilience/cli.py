@@ -8,7 +8,7 @@ import sys
 import time
 from importlib import import_module
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
@@ -17,6 +17,9 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from consilience.errors import ConsilienceError, InvalidInput
+
+if TYPE_CHECKING:
+    from consilience.case import Case
 
 app = typer.Typer(
     help="Ask several multibody engines the same question and judge the answers.",
@@ -52,6 +55,15 @@ def _engines(names: list[str] | None) -> list[str]:
     return list(dict.fromkeys(names or installed()))
 
 
+def _tagged(cases: list[Case], tags: list[str] | None) -> list[Case]:
+    """Cases with one of the tags, or of a group of that name."""
+    for tag in tags or []:
+        if not any(tag in (case.group, *case.tags) for case in cases):
+            known = sorted({name for case in cases for name in (case.group, *case.tags) if name})
+            raise InvalidInput(f"tag '{tag}'", "no chosen case has it", f"Tags and groups: {', '.join(known)}.")
+    return [case for case in cases if not tags or set(tags) & {case.group, *case.tags}]
+
+
 def _folder(path: Path) -> Path:
     if path.exists() and not path.is_dir():
         raise InvalidInput(str(path), "it is a file", "Give a folder for the report.")
@@ -63,6 +75,9 @@ def run(
     cases: Cases = None,
     engine: Engines = None,
     question: Questions = None,
+    tag: Annotated[
+        list[str] | None, typer.Option("--tag", help="Only cases with this tag or of this group; repeat it.")
+    ] = None,
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the report.")] = Path("consilience-report"),
     quick: Annotated[
         bool, typer.Option("--quick", help="Few states, short motions, the headline of each engine alone.")
@@ -78,6 +93,7 @@ def run(
 
     folder = _folder(output)
     chosen = [c for name in cases for c in load_cases(name)] if cases else shipped_cases()
+    chosen = _tagged(chosen, tag)
     engines, questions = _engines(engine), _questions(question)
     start = time.perf_counter()
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())

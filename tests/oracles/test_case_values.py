@@ -6,8 +6,10 @@ import pytest
 from consilience.compare.instant import Instants
 from consilience.compare.motion import Scales
 from consilience.compare.published import against_published, start_against_published
+from consilience.engine import load_engine
 from consilience.library import shipped_cases
-from consilience.reference import accelerations, simulate
+from consilience.reference import accelerations
+from consilience.run import Question
 from oracles.origins import all_origins
 
 CASES = {case.name: case for case in shipped_cases()}
@@ -58,7 +60,9 @@ def test_the_reference_meets_the_values(name):
     if any(not known.at_start for known in case.published):
         last = max(known.time for known in case.published)
         times = case.times[: round(last / case.sample) + 1]
-        motion = simulate(mechanism, start, times, 1e-13)
+        engine = load_engine("reference")
+        method = engine.methods(mechanism, Question.TRAJECTORY)[0]
+        motion = engine.trajectory(mechanism, start, times, method, 1e-13)
         assert Scales.of(mechanism, motion).size > 0
         found += against_published(mechanism, case.published, motion, np.full(len(times), REFERENCE))
     assert [f"{q.name}: {q.remark}: off {q.difference:.2g}, bar {q.bar:.2g}" for q in found if not q.met] == []

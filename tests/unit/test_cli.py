@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace as Namespace
 
 import numpy as np
 import pytest
@@ -194,3 +195,14 @@ def descendants(session):
         if int(own_session) == session and state != "Z":
             found.append(path.parent.name)
     return found
+
+
+def test_a_tag_or_a_group_chooses_cases_and_one_that_none_has_is_refused():
+    from consilience.cli import _tagged
+
+    cases = [Namespace(name="a", group="joints", tags=("lumpy",)), Namespace(name="b", group="hard", tags=("tour",))]
+    assert [case.name for case in _tagged(cases, None)] == ["a", "b"]
+    assert [case.name for case in _tagged(cases, ["joints"])] == ["a"]
+    assert [case.name for case in _tagged(cases, ["tour", "lumpy"])] == ["a", "b"]
+    with pytest.raises(InvalidInput, match="tag 'soft': no chosen case has it. Tags and groups: hard, joints"):
+        _tagged(cases, ["soft"])

@@ -79,7 +79,7 @@ def test_a_formulation_is_an_engine_of_the_harness():
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("reference:nothing", r"reference has no variant 'nothing'. It has: descriptor, null_space"),
+        ("reference:nothing", r"reference has no variant 'nothing'. It has: relative, descriptor, null_space"),
         ("mujoco:fast", r"mujoco has no variant 'fast'. It has: none"),
         ("nosuch:descriptor", r"engine 'nosuch:descriptor': it is not installed"),
     ],

@@ -14,7 +14,7 @@ import numpy as np
 from consilience.kinematics import joint_frames
 from consilience.mechanism import GROUND, Mechanism, State
 from consilience.observe import body_point, joint_spring_motion
-from consilience.spatial import Array, cross, rotation_from_quaternion
+from consilience.spatial import Array, cross
 
 
 @dataclass(eq=False)

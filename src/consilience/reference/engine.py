@@ -28,14 +28,22 @@ from consilience.run import (
 )
 from consilience.spatial import Array
 
-_USUAL = {"descriptor": (1e-10, 1e-12, 1e-13), "null_space": (1e-12,)}
-"""Formulations of the reference as the harness asks it, with the tolerances of their trajectories."""
+_INSTANTS = ("descriptor", "null_space")
+"""Formulations of the reference as the harness asks it for accelerations and reactions."""
+
+_MOTIONS = {"relative": (1e-10, 1e-12, 1e-13), "null_space": (1e-12,)}
+"""The same for motions, with their tolerances: the first is the reference, the second bounds its uncertainty."""
+
+_LONG = {"relative": (1e-10, 1e-12, 1e-13), "articulated_body": (1e-11,)}
+"""The same for mechanisms of more than `_MANY` bodies, where equations of all bodies at once take too long."""
+
+_MANY = 24
 
 _OTHER = {"null_space, Radau IIA": ("null_space", "radau", (1e-10,))}
-"""Trajectories by another integrator, which bound the uncertainty of the usual one: formulation, method, tolerances."""
+"""Motions by another integrator, which bound the uncertainty, too: formulation, method, tolerances."""
 
 _IMPACTS = "descriptor, impacts"
-"""Trajectory of a mechanism with contacts: the one way there is, with the tolerances of the first of `_USUAL`."""
+"""Trajectory of a mechanism with contacts: the one way there is, with the tolerances of the first of `_MOTIONS`."""
 
 _LADDER = (1e-9, 1e-10, 1e-11)
 """Tolerances of a formulation asked by its name."""
@@ -45,7 +53,7 @@ _SUBSTEPS = (4, 8, 16)
 
 
 class ReferenceEngine:
-    """In-house reference: descriptor form with Euler parameters, and its check, the null-space form.
+    """In-house reference: relative joint coordinates for motions, the descriptor form at instants, and their checks.
 
     Parameters
     ----------
@@ -54,7 +62,7 @@ class ReferenceEngine:
     """
 
     def __init__(self, formulation: str | None = None) -> None:
-        self._formulations = _USUAL if formulation is None else {formulation: _LADDER}
+        self._own = formulation
 
     @staticmethod
     def variants() -> tuple[str, ...]:
@@ -66,7 +74,7 @@ class ReferenceEngine:
         own = version("consilience")
         titles = (
             registry.SYSTEMS[name].title if name in registry.SYSTEMS else f"{registry.FORMULATIONS[name].title}; DOP853"
-            for name in self._formulations
+            for name in ([self._own] if self._own else dict.fromkeys((*_MOTIONS, *_INSTANTS)))
         )
         return EngineInfo("reference", own, own, "; ".join(titles))
 
@@ -74,22 +82,23 @@ class ReferenceEngine:
         """What a formulation cannot represent; nothing for the usual ones."""
         if question is Question.MODEL:
             return ()
-        if self._formulations is _USUAL:
-            mechanism = replace(mechanism, contacts=())
-        return tuple(reason for name in self._formulations for reason in registry.unsupported(name, mechanism))
+        return () if self._own is None else registry.unsupported(self._own, mechanism)
 
     def methods(self, mechanism: Mechanism, question: Question) -> tuple[Method, ...]:
         """Every formulation, the descriptor form first."""
         if question is Question.MODEL:
             return (Method("mass properties and constraint rank", Route.REFERENCE),)
         if question is Question.INSTANT:
-            return tuple(Method(name, Route.REFERENCE) for name in self._formulations)
+            return tuple(Method(name, Route.REFERENCE) for name in ([self._own] if self._own else _INSTANTS))
+        if self._own is not None:
+            return (_motion(self._own, _LADDER),)
         if mechanism.contacts:
-            return (Method(_IMPACTS, Route.REFERENCE, tolerances=_USUAL["descriptor"]),)
-        others = _OTHER if self._formulations is _USUAL else {}
+            return (Method(_IMPACTS, Route.REFERENCE, tolerances=_MOTIONS["relative"]),)
+        if len(mechanism.bodies) > _MANY:
+            return tuple(_motion(name, tolerances) for name, tolerances in _LONG.items())
         return (
-            *(_motion(name, tolerances) for name, tolerances in self._formulations.items()),
-            *(_motion(name, tolerances) for name, (_, _, tolerances) in others.items()),
+            *(_motion(name, tolerances) for name, tolerances in _MOTIONS.items()),
+            *(_motion(name, tolerances) for name, (_, _, tolerances) in _OTHER.items()),
         )
 
     def manifest(self, mechanism: Mechanism) -> Manifest:

@@ -57,14 +57,34 @@ def pivoted_qr(B: Array, tau: Array, pivot: Array, norms: Array, size: float, li
             pivot[k], pivot[best] = pivot[best], pivot[k]
             for r in range(n):
                 B[r, k], B[r, best] = B[r, best], B[r, k]
-        _reflect(B, tau, k, np.sqrt(norms[best]))
+        _reflect(B, tau, k, np.sqrt(norms[best]), q)
     return most
 
 
 @njit(cache=True, error_model="numpy")
-def _reflect(B: Array, tau: Array, k: int, norm: float) -> None:
-    """Householder step k: zero column k below the diagonal and update the columns behind it."""
-    n, q = B.shape
+def ordered_qr(B: Array, tau: Array, size: float, count: int) -> int:
+    """Factorise the first `count` columns of B in place, in the order they have; return and `size` as `pivoted_qr`.
+
+    For rows that a projection has found independent. Off the manifold, in the stages of a step, rows that depend on
+    them contradict them, and a choice made anew in each stage would make the accelerations jump from stage to stage.
+    """
+    smallest = (RANK_TOLERANCE * size) ** 2
+    for k in range(count):
+        total = 0.0
+        for r in range(k, B.shape[0]):
+            total += B[r, k] * B[r, k]
+        if k == 0:
+            smallest = max(smallest, RANK_TOLERANCE**2 * total)
+        if total <= smallest:
+            return k
+        _reflect(B, tau, k, np.sqrt(total), count)
+    return count
+
+
+@njit(cache=True, error_model="numpy")
+def _reflect(B: Array, tau: Array, k: int, norm: float, q: int) -> None:
+    """Householder step k: zero column k below the diagonal and update the columns behind it, of q in all."""
+    n = B.shape[0]
     alpha = -norm if B[k, k] > 0 else norm
     head = B[k, k] - alpha
     tau[k] = -head / alpha

@@ -58,8 +58,8 @@ def _largest(x: Array) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def _rank(ws: Workspace, rank: int, violation: float) -> int:
-    """Rank to work with until the next projection, from the numerical one of the factors in the workspace.
+def rank_to_work_with(B: Array, best: Array, rank: int, violation: float) -> int:
+    """Rank to work with until the next projection, from the numerical one of the factors in B.
 
     A linkage may pass through a pose in which its rows lose rank (a flat parallelogram). Close to it they have the
     full rank still, but what they say of the accelerations drowns in rounding. There the rows that are about to become
@@ -68,14 +68,14 @@ def _rank(ws: Workspace, rank: int, violation: float) -> int:
     """
     if rank == 0:
         return rank
-    least = abs(ws.B[rank - 1, rank - 1])
-    if rank > ws.best[0]:
-        ws.best[0], ws.best[1] = rank, least
-    elif rank == ws.best[0]:
-        ws.best[1] = max(ws.best[1], least)
+    least = abs(B[rank - 1, rank - 1])
+    if rank > best[0]:
+        best[0], best[1] = rank, least
+    elif rank == best[0]:
+        best[1] = max(best[1], least)
     if violation > _PASSING_VIOLATION:
         return rank
-    while rank > 1 and abs(ws.B[rank - 1, rank - 1]) < _PASSING * ws.best[1]:
+    while rank > 1 and abs(B[rank - 1, rank - 1]) < _PASSING * best[1]:
         rank -= 1
     return rank
 
@@ -103,7 +103,8 @@ def project(model: Model, t: float, y: Array, memory: Array, ws: Workspace) -> N
         last = _largest(ws.z) < 1e-9  # then Q changes by less than rounding of the velocities asks for
         _move(y, ws.z)
     ws.limit[0] = rows
-    ws.limit[0] = _rank(ws, factorise(model, ws), _largest(ws.value[:held]) / max(1.0, model.length))
+    violation = _largest(ws.value[:held]) / max(1.0, model.length)
+    ws.limit[0] = rank_to_work_with(ws.B, ws.best, factorise(model, ws), violation)
     for row in range(rows):
         s = ws.rate[row]
         for b in range(count):

@@ -60,6 +60,13 @@ def _form(name: str, title: str) -> Entry:
 
 
 FORMULATIONS: dict[str, Entry] = {
+    "relative": Entry(
+        "minimal form in relative joint coordinates, articulated bodies",
+        "C4 (4.99)-(4.110), Featherstone",
+        "relative",
+        "RelativeCoordinates",
+        {},
+    ),
     "descriptor": _kernel("descriptor", "descriptor form, Euler parameters", "MASS (36)-(39), C4 (4.84)-(4.97)"),
     "null_space": _kernel("null_space", "minimal form, null space by SVD", "C4 (4.99)-(4.110)"),
     "null_space_qr": _kernel("null_space_qr", "minimal form, null space by QR", "C4 (4.99)-(4.110)"),

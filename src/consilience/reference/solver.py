@@ -15,6 +15,7 @@ from consilience.reference.formulations.kernels import Forces, KernelFormulation
 from consilience.reference.integrators import dop853
 from consilience.reference.integrators.adaptive import integrate
 from consilience.reference.model import Model, flatten, pack, unpack
+from consilience.reference.relative.solver import simulate_relative
 from consilience.reference.workspace import Workspace, workspace
 from consilience.run import InstantAnswer, TrajectoryAnswer
 from consilience.spatial import Array, continuous_in_time
@@ -48,7 +49,7 @@ def simulate(
     tolerance : float
         Bound on the scaled local error of a step, 1e-14 to 1e-3; of `generalised_alpha` its constant step in s.
     formulation : str
-        Key of `registry.FORMULATIONS` or `registry.SYSTEMS`. With dop853 the first two, `descriptor` and `null_space`,
+        Key of `registry.FORMULATIONS` or `registry.SYSTEMS`. With dop853 `relative`, `descriptor` and `null_space`
         run compiled as a whole; everything else integrates with one call from Python for each evaluation.
     integrator : str, optional
         Key of `integrators.adaptive.METHODS`, ``dop853`` if not given; `registry.SYSTEMS` have their own.
@@ -77,6 +78,8 @@ def simulate(
         return registry.system(formulation)(mechanism, state, times, tolerance)
     times = _checked(times, tolerance)
     integrator = integrator or "dop853"
+    if forces is None and integrator == "dop853" and formulation == "relative":
+        return simulate_relative(mechanism, state, times, tolerance)
     if forces is None and integrator == "dop853" and formulation in dynamics.FORMULATIONS:
         return _compiled(mechanism, state, times, tolerance, formulation)
     equations = registry.formulation(formulation, mechanism)

@@ -29,7 +29,7 @@ from numba import njit
 from consilience.kinematics import RANK_TOLERANCE
 from consilience.reference import constraints, forces
 from consilience.reference.bodies import rotations
-from consilience.reference.factorisation import least_norm, pivoted_qr
+from consilience.reference.factorisation import least_norm, ordered_qr, pivoted_qr
 from consilience.reference.model import Model
 from consilience.reference.workspace import Workspace
 from consilience.spatial import Array
@@ -77,6 +77,18 @@ def factorise(model: Model, ws: Workspace) -> int:
 
 
 @njit(cache=True, error_model="numpy")
+def factorise_as_projected(model: Model, ws: Workspace) -> int:
+    """The same with the independent rows of the last projection, in its order; where there is a choice at all."""
+    if ws.best[0] == 0.0 or ws.limit[0] == ws.Q.shape[0]:
+        return factorise(model, ws)
+    for k in range(ws.limit[0]):
+        ws.z[:] = ws.Q[ws.pivot[k]]
+        solve_factor(model, ws.z)
+        ws.B[:, k] = ws.z
+    return ordered_qr(ws.B, ws.tau, 0.0, ws.limit[0])
+
+
+@njit(cache=True, error_model="numpy")
 def accelerations(model: Model, t: float, y: Array, memory: Array, ws: Workspace, a: Array) -> int:
     """Accelerations (dv/dt, dw'/dt) of all bodies at a state.
 
@@ -102,7 +114,7 @@ def accelerations(model: Model, t: float, y: Array, memory: Array, ws: Workspace
         solve_factor_transposed(model, a)
         return 0
     constraints.evaluate(model, t, y, memory, ws)
-    rank = factorise(model, ws)
+    rank = factorise_as_projected(model, ws)
     ws.z[:] = a
     solve_factor_transposed(model, ws.z)
     for row in range(ws.Q.shape[0]):

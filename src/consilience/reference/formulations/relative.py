@@ -1,0 +1,142 @@
+"""Minimal form in relative joint coordinates, as `consilience.reference.formulation.Formulation`.
+
+The kernels are those of `consilience.reference.relative`. Coordinates ``u = (z, angles, rank)``: the state z of the
+tree joints, the joint coordinates that elements read, turns counted, and the rank of the rows that close loops, as in
+`consilience.reference.formulations.kernels`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from consilience.errors import NumericalFailure
+from consilience.kinematics import RANK_TOLERANCE
+from consilience.mechanism import Mechanism, State
+from consilience.reference import constraints, forces
+from consilience.reference.canonical import at_origins, joint_wrenches
+from consilience.reference.formulations.null_space import mass_matrix
+from consilience.reference.joint_rows import coordinate
+from consilience.reference.model import Model, unpack
+from consilience.reference.relative.dynamics import derivative, find_rank, project, remember
+from consilience.reference.relative.kinematics import orient, place_bodies
+from consilience.reference.relative.model import BODY, Links, Scratch, flatten_relative, pack_relative, scratch
+from consilience.reference.workspace import Workspace, workspace
+from consilience.run import Unsupported
+from consilience.spatial import Array
+
+
+def unsupported(mechanism: Mechanism) -> tuple[Unsupported, ...]:
+    """Nothing: the kernels know every joint and element."""
+    return ()
+
+
+@njit(cache=True, error_model="numpy")
+def _derivative(
+    links: Links,
+    model: Model,
+    cut: Model,
+    t: float,
+    z: Array,
+    memory: Array,
+    ws: Scratch,
+    rows: Workspace,
+    dz: Array,
+    turning: Array,
+) -> None:
+    """Derivatives of z and of the angles."""
+    derivative(links, model, cut, t, z, memory, ws, rows, dz)
+    for n in range(memory.shape[0]):
+        turning[n] = coordinate(model, ws.y, ws.A, n, memory[n]).rate
+
+
+class RelativeCoordinates:
+    """Relative joint coordinates along a spanning tree, loops closed by the rows of cut joints."""
+
+    name = "relative"
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self.mechanism = mechanism
+        self._links, self._tree, self._model = flatten_relative(mechanism)
+        self._ws = scratch(mechanism, self._tree)
+        self._rows = workspace(self._tree.cut)._replace(A=self._ws.A)
+
+    def coordinates(self, state: State) -> Array:
+        """Coordinates u of a consistent state: angles within half a turn of zero, integrals of controllers zero."""
+        z, memory = pack_relative(self.mechanism, self._links, self._tree, state), np.zeros(len(self._model.coordinate))
+        self._place(z)
+        remember(self._model, self._ws, memory)
+        find_rank(self._links, self._model, self._tree.cut, 0.0, z, memory, self._ws, self._rows)
+        return np.concatenate([z, memory, self._ws.limit])
+
+    def state(self, u: Array) -> State:
+        """Canonical state of u."""
+        self._place(self._split(u)[0])
+        orient(self._ws.A, self._ws.y)
+        return State(*unpack(self.mechanism, self._ws.y.copy()))
+
+    def derivative(self, t: float, u: Array) -> Array:
+        """``du/dt`` at the time t, shape (n_u,)."""
+        z, memory = self._split(u)
+        du = np.zeros(len(u))
+        dz, turning = self._split(du)
+        self._ws.limit[0] = round(u[-1])
+        _derivative(self._links, self._model, self._tree.cut, t, z, memory, self._ws, self._rows, dz, turning)
+        return du
+
+    def settle(self, t: float, u: Array) -> Array:
+        """New array: u projected onto the closed loops, with the angles and the rank found there."""
+        z, memory = self._split(np.array(u, dtype=float))
+        return self._settled(t, z, memory)
+
+    def accelerations(self, state: State, t: float = 0.0) -> tuple[Array, Array]:
+        """a_WB_W of the body origins (m/s^2) and alpha_WB_W (rad/s^2), world axes, each shape (n_b, 3).
+
+        Raises
+        ------
+        NumericalFailure
+            If they are not finite, for example at a spring of no length.
+        """
+        a = self._bodies(state, t)
+        return at_origins(self.mechanism, self._ws.y, a)
+
+    def reactions(self, state: State, t: float = 0.0) -> tuple[Array, Array]:
+        """Joint reactions from the equations of motion of the bodies, of least norm where rows leave them open."""
+        a, ws = self._bodies(state, t), workspace(self._model)._replace(A=self._ws.A)
+        memory = np.zeros(len(self._model.coordinate))
+        remember(self._model, self._ws, memory)
+        constraints.evaluate(self._model, t, self._ws.y, memory, ws)
+        force = mass_matrix(self._model) @ a - self._forces(t, memory, ws)
+        lam: Array = np.linalg.lstsq(ws.Q.T, force, rcond=RANK_TOLERANCE)[0]
+        wrench = joint_wrenches(self.mechanism, state, lam)
+        return wrench[:, :3], wrench[:, 3:]
+
+    def _forces(self, t: float, memory: Array, ws: Workspace) -> Array:
+        forces.evaluate(self._model, t, self._ws.y, memory, ws)
+        return ws.f
+
+    def _bodies(self, state: State, t: float) -> Array:
+        """Accelerations (dv/dt, dw'/dt) of all bodies, shape (6 n_b,), with the bodies placed at the state."""
+        u = self.coordinates(state)
+        self.derivative(t, u)
+        orient(self._ws.A, self._ws.y)
+        a = np.empty((len(self.mechanism.bodies), 6))
+        a[self._links.layout[:, BODY]] = self._ws.acc
+        a[:, 3:] = np.einsum("bji,bj->bi", self._ws.A, a[:, 3:])
+        if not np.all(np.isfinite(a)):
+            raise NumericalFailure(f"reference, {self.name}: the accelerations are not finite")
+        return a.ravel()
+
+    def _settled(self, t: float, z: Array, memory: Array) -> Array:
+        project(self._links, self._model, self._tree.cut, t, z, memory, self._ws, self._rows)
+        remember(self._model, self._ws, memory)
+        return np.concatenate([z, memory, self._ws.limit])
+
+    def _place(self, z: Array) -> None:
+        links, ws = self._links, self._ws
+        place_bodies(links.layout, links.real, links.direction, links.speeds, z, ws.y, ws.A, ws.S, ws.c, ws.d)
+
+    def _split(self, u: Array) -> tuple[Array, Array]:
+        """Views of u: z and the angles."""
+        count = len(self._links.kind)
+        return u[:count], u[count:-1]

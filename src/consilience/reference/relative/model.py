@@ -1,0 +1,160 @@
+"""The state of the joints of a spanning tree, and the arrays of the kernels.
+
+The state z has three parts: coordinates, speeds of the N free directions, integrals of controllers. The coordinates of
+a tree joint are those of M relative to F: displacements along the free axes of F, then the angle about z of F
+(revolute), the angles about z of F and x of M (universal), or Euler parameters (ball). No chart of these is singular.
+Speeds are the rates of the first ones, and for a ball the angular velocity of M relative to F in axes of F.
+
+Kernels take the arrays they read and not whole models: a tuple of arrays costs a count for each of them at each call.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from consilience.kinematics import relative_motion
+from consilience.mechanism import Mechanism, State
+from consilience.reference.formulations.recursive_model import TreeModel, flatten_tree
+from consilience.reference.model import Model, all_rows, flatten
+from consilience.spatial import Array, quaternion_from_rotation
+
+DISTANCE, ANGLE, SPEED, SPIN, INTEGRAL = range(5)
+"""Kinds of the components of z: what a relative tolerance refers to."""
+
+PARENT, PARENT_BODY, BODY, FORWARD, COORDINATE, ALONG, ABOUT, FREE, FREE_END = range(9)
+"""Columns of `Links.layout`: parent link (-1: the ground), its body, the body of the link, whether the tree passes the
+joint from predecessor to successor, first coordinate, number of displacements, of directions about (3: a ball), first
+free direction and the one behind the last."""
+
+AXES_PARENT, ARM_PARENT, AXES, ARM, MASS, INERTIA = 0, 9, 12, 21, 24, 25
+"""First columns of `Links.real`: joint frame on the parent (row by row) and its arm from the centre of mass, the same
+on the body, its mass and its inertia (row by row)."""
+
+
+class Links(NamedTuple):
+    """The tree: n_b links, each behind its parent; N free directions."""
+
+    layout: Array  # (n_b, 9)
+    real: Array  # (n_b, 34)
+    direction: Array  # (N, 3) axis of F (0) or M (1); number of the axis; along it (0) or about it (1)
+    kind: Array  # (n_z,) DISTANCE, ...
+    speeds: int  # first speed in z
+    integrals: int  # first integral in z
+    plain: bool  # no forces but gravity
+    closing: Array  # (m,) joints that keep rows
+    other_rows: int  # rows that are not joints'
+
+
+class Scratch(NamedTuple):
+    """Arrays that the kernels write into; n_b links, N free directions, q cut rows."""
+
+    y: Array  # (n_b + n_e, 13) bodies, as the other kernels know them
+    A: Array  # (n_b, 3, 3) rotation matrices
+    S: Array  # (N, 6) free directions, (linear, angular) in world axes at the centre of mass
+    c: Array  # (n_b, 6) what is quadratic in velocities
+    d: Array  # (n_b, 3) from the centre of mass of the parent to that of the link
+    inertia: Array  # (n_b, 6, 6) articulated inertias
+    bias: Array  # (n_b, 6) articulated biases
+    U: Array  # (N, 6) inertia times direction, when it is eliminated
+    D: Array  # (N,)
+    rest: Array  # (N,) what is left of the joint force when the direction is eliminated
+    extra: Array  # (N,) added to it by the loops
+    acc: Array  # (n_b, 6) accelerations of the links
+    u: Array  # (N,) accelerations, or displacements, of the directions
+    B: Array  # (N, q) whitened responses of the directions to the rows
+    tau: Array  # (min(N, q),)
+    pivot: Array  # (q,)
+    norms: Array  # (q,)
+    target: Array  # (q,)
+    zeta: Array  # (N,)
+    limit: Array  # (1,) rank of the cut rows, where a projection has found it
+    best: Array  # (2,) largest rank, and its largest least pivot
+    size: Array  # (1,) largest size of a cut row
+
+
+def flatten_relative(mechanism: Mechanism) -> tuple[Links, TreeModel, Model]:
+    """Flat arrays of the tree, its coordinates, and the mechanism."""
+    tree, model = flatten_tree(mechanism), flatten(mechanism)
+    index, real, kinds, speeds = [], [], list[int](), list[int]()
+    for k, body in enumerate(tree.body):
+        joint, forward = int(tree.joint[k]), bool(tree.sign[k] > 0)
+        first, last = int(tree.first_free[k]), int(tree.first_free[k + 1])
+        turns = int(np.sum(tree.direction[first:last, 2]))
+        along = last - first - turns
+        parent = int(tree.parent[k])
+        carrier = -1 if parent < 0 else int(tree.body[parent])
+        index.append([parent, carrier, int(body), forward, len(kinds), along, turns, first, last])
+        on_i = [*model.axes_i[joint].ravel(), *model.arm_i[joint]]
+        on_j = [*model.axes_j[joint].ravel(), *model.arm_j[joint]]
+        frames = [*on_i, *on_j] if forward else [*on_j, *on_i]
+        real.append([*frames, model.mass[body], *model.inertia[body].ravel()])
+        kinds += [DISTANCE] * along + [ANGLE] * (turns if turns < 3 else 4)
+        speeds += [SPEED] * along + [SPIN] * turns
+    elements = (mechanism.springs, mechanism.joint_springs, mechanism.loads, mechanism.frictions, mechanism.controls)
+    cut = tree.cut
+    closing = [k for k in range(len(mechanism.joints)) if cut.first_row[k] < cut.first_row[k + 1]]
+    links = Links(
+        layout=np.array(index, dtype=np.int64),
+        real=np.array(real, dtype=float),
+        direction=tree.direction,
+        kind=np.array([*kinds, *speeds, *[INTEGRAL] * len(mechanism.controls)], dtype=np.int64),
+        speeds=len(kinds),
+        integrals=len(kinds) + len(speeds),
+        plain=not any(elements),
+        closing=np.array(closing, dtype=np.int64),
+        other_rows=int(tree.cut_rows - len(cut.row_kind)),
+    )
+    return links, tree, model
+
+
+def scratch(mechanism: Mechanism, tree: TreeModel) -> Scratch:
+    """Scratch arrays."""
+    n, free, q = len(tree.body), int(tree.first_free[-1]), all_rows(tree.cut)
+    return Scratch(
+        y=np.zeros((n + -(-len(mechanism.controls) // 13), 13)),
+        A=np.zeros((n, 3, 3)),
+        S=np.zeros((free, 6)),
+        c=np.zeros((n, 6)),
+        d=np.zeros((n, 3)),
+        inertia=np.zeros((n, 6, 6)),
+        bias=np.zeros((n, 6)),
+        U=np.zeros((free, 6)),
+        D=np.zeros(free),
+        rest=np.zeros(free),
+        extra=np.zeros(free),
+        acc=np.zeros((n, 6)),
+        u=np.zeros(free),
+        B=np.zeros((free, q)),
+        tau=np.zeros(min(free, q)),
+        pivot=np.zeros(q, dtype=np.int64),
+        norms=np.zeros(q),
+        target=np.zeros(q),
+        zeta=np.zeros(free),
+        limit=np.array([q], dtype=np.int64),
+        best=np.zeros(2),
+        size=np.zeros(1),
+    )
+
+
+def pack_relative(mechanism: Mechanism, links: Links, tree: TreeModel, state: State) -> Array:
+    """State z of a canonical state; integrals of controllers are zero."""
+    z = np.zeros(len(links.kind))
+    for k, (_, _, _, _, at, along, about, first, last) in enumerate(links.layout):
+        motion = relative_motion(mechanism, state, mechanism.joints[tree.joint[k]])
+        axes = [int(axis) for axis in links.direction[first : first + along, 1]]
+        q, u = [float(motion.p[axis]) for axis in axes], [float(motion.v[axis]) for axis in axes]
+        R, w = motion.R, motion.w
+        if about == 3:
+            q += quaternion_from_rotation(R).tolist()
+            u += w.tolist()
+        elif about:
+            q.append(float(np.arctan2(R[1, 0], R[0, 0])))
+            u.append(float(w[2]))
+        if about == 2:
+            q.append(float(np.arctan2(R[2, 1], R[2, 2])))
+            u.append(float(R[:, 0] @ w))
+        z[at : at + len(q)] = q
+        z[links.speeds + first : links.speeds + last] = u
+    return z

@@ -1,0 +1,41 @@
+"""The relative form behind canonical states and observables."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from consilience.errors import NumericalFailure
+from consilience.mechanism import Mechanism, State
+from consilience.reference.integrators.dop853 import STATUS
+from consilience.reference.model import unpack
+from consilience.reference.relative.dynamics import find_rank, remember
+from consilience.reference.relative.integrate import integrate
+from consilience.reference.relative.model import flatten_relative, pack_relative, scratch
+from consilience.reference.workspace import workspace
+from consilience.run import TrajectoryAnswer
+from consilience.spatial import Array, continuous_in_time
+
+
+def simulate_relative(mechanism: Mechanism, state: State, times: Array, tolerance: float) -> TrajectoryAnswer:
+    """Motion of a mechanism; arguments as of `consilience.reference.simulate`.
+
+    Raises
+    ------
+    NumericalFailure
+        With the status of the integrator.
+    """
+    links, tree, model = flatten_relative(mechanism)
+    ws = scratch(mechanism, tree)
+    rows = workspace(tree.cut)._replace(A=ws.A)
+    z = pack_relative(mechanism, links, tree, state)
+    memory = np.zeros(len(model.coordinate))
+    find_rank(links, model, tree.cut, float(times[0]), z, memory, ws, rows)
+    remember(model, ws, memory)
+    motion, counters = np.empty((len(times), *ws.y.shape)), np.zeros(3, dtype=np.int64)
+    status = integrate(links, model, tree.cut, z, times, float(tolerance), memory, ws, rows, motion, counters)
+    if status:
+        raise NumericalFailure(f"reference, relative, tolerance {tolerance:g}: {STATUS[status]}")
+    p, quat, v, w = unpack(mechanism, motion)
+    names = ("steps", "rejected", "evaluations")
+    counts: dict[str, int | float] = {name: int(n) for name, n in zip(names, counters, strict=True)}
+    return TrajectoryAnswer(times, p, continuous_in_time(quat), v, w, counts)
