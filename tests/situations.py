@@ -61,6 +61,7 @@ class Situation:
     dispute: str = ""
     earlier: str = ""
     velocity: float = 1.0
+    velocity_slope: float = 0.0
 
     def judge(self) -> Comparison:
         """The verdict of the rules."""
@@ -80,7 +81,7 @@ class Situation:
         error = self.error(h, s)
         displacement = SIZE * (SHAPE * error if np.ndim(error) == 0 else error)
         answer = motion(displacement)
-        answer = replace(answer, v_WB_W=self.velocity * answer.v_WB_W)
+        answer = replace(answer, v_WB_W=(self.velocity + self.velocity_slope * h) * answer.v_WB_W)
         return Run("c", "e", Question.TRAJECTORY, method, level, h, Status.ANSWERED, answer)
 
 
@@ -211,6 +212,15 @@ SITUATIONS = (
     Situation("velocities of another sign", lambda h, s: 1e-5 * h**2, M, "velocities", velocity=-1.0),
     Situation("velocities a little off", lambda h, s: 1e-5 * h**2, M, "velocities", velocity=1.0 + 1e-4),
     Situation("velocities off by no more than they may", lambda h, s: 1e-5 * h**2, A, "agreement", velocity=1.0 + 1e-6),
+    Situation("velocities of order one", lambda h, s: 1e-5 * h**2, A, "agreement", velocity_slope=0.05),
+    Situation(
+        "velocities of order one, to a wrong limit",
+        lambda h, s: 1e-5 * h**2,
+        M,
+        "velocities",
+        velocity=1.0 + 1e-4,
+        velocity_slope=0.05,
+    ),
     Situation("levels met elsewhere", lambda h, s: 1e-3 + noise(1e-13)(h, s), M, "converged elsewhere", order=4),
     Situation("levels met elsewhere, a little", lambda h, s: 1e-6 + 1e-5 * h**3, M, "converged elsewhere", order=1),
     # ---------------------------------------------------------------- unresolved

@@ -342,7 +342,7 @@ def test_exudyns_initial_accelerations_leave_out_what_drives_and_slip_add(name, 
 
 @pytest.mark.parametrize("skew", [False, True])
 def test_the_relative_rotation_marker_needs_frames_that_differ_by_the_rotation(skew):
-    """Why drives and couplings are rows of the adapter: of a body in skew axes Exudyn's marker reads another angle."""
+    """Why drives and couplings are rows of the adapter: in skew axes Exudyn's marker is off by a constant."""
     rng = np.random.default_rng(81)
     body = lumpy_body("b", rng)
     axes = rotation(rng)

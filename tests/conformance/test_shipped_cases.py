@@ -1,4 +1,4 @@
-"""Every engine on the shipped cases with a full oracle: the bars of `model` and `instant`, and the observed order of each integrator."""
+"""Every engine on the cases with a full oracle: bars of `model` and `instant`, and the order of each integrator."""
 
 import functools
 

@@ -13,6 +13,8 @@ from types import SimpleNamespace as Namespace
 import numpy as np
 import pytest
 
+from consilience.errors import InvalidInput
+
 GOOD = """
 title = "Pendulum"
 sources = ["closed form"]
@@ -204,5 +206,5 @@ def test_a_tag_or_a_group_chooses_cases_and_one_that_none_has_is_refused():
     assert [case.name for case in _tagged(cases, None)] == ["a", "b"]
     assert [case.name for case in _tagged(cases, ["joints"])] == ["a"]
     assert [case.name for case in _tagged(cases, ["tour", "lumpy"])] == ["a", "b"]
-    with pytest.raises(InvalidInput, match="tag 'soft': no chosen case has it. Tags and groups: hard, joints"):
+    with pytest.raises(InvalidInput, match=r"tag 'soft': no chosen case has it\. Tags and groups: hard, joints"):
         _tagged(cases, ["soft"])

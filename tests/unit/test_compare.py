@@ -429,7 +429,7 @@ def test_rounding_of_a_quantity_that_vanishes_is_no_difference_and_more_is(names
 
 
 def test_at_a_state_without_load_the_other_states_give_the_scale():
-    """A rod at the moment of release carries nothing: rounding there is compared with what it carries later, or weighs."""
+    """A rod at the moment of release carries nothing: rounding there is compared with later loads, or weights."""
     released = ANSWER.force_F.copy(), ANSWER.torque_F.copy()
     for array in released:
         array[0] = 0.0

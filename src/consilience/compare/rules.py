@@ -47,7 +47,8 @@ class Evidence:
     earlier : str
         What the same engine already differs in at `model` or `instant`, empty if nothing.
     velocities : float
-        Difference of the velocities of the finest level, relative to the largest.
+        Difference of the velocities, relative to the largest: of the finest level, or of their limit at order one, as a
+        method may be of lower order in them than in poses.
     """
 
     asked: float

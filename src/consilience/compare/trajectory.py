@@ -23,6 +23,7 @@ from consilience.compare.motion import (
     Scales,
     difference_over_time,
     energy_over_time,
+    extrapolated,
     kept_samples,
     largest_residual,
     size_of_motion,
@@ -156,7 +157,7 @@ def compare_trajectory(
         asymptotic=ladder.asymptotic,
         softness=soft,
         earlier=earlier,
-        velocities=_velocities(answers[-1], yard, scales),
+        velocities=_velocities(runs, answers, yard, scales),
     )
     rule, why = decide(evidence)
     samples = kept_samples(len(reference.time))
@@ -186,9 +187,17 @@ def compare_trajectory(
     )
 
 
-def _velocities(finest: TrajectoryAnswer, yard: Yardstick, scales: Scales) -> float:
-    found = [OBSERVABLES[name](finest, yard.answer, scales)[: yard.judged] for name in ("velocity", "angular velocity")]
-    return float(np.max(found, initial=0.0))
+def _velocities(runs: Sequence[Run], answers: Sequence[TrajectoryAnswer], yard: Yardstick, scales: Scales) -> float:
+    """Difference of the velocities of the finest level, or of their limit at order one, the least that converges."""
+    candidates = [answers[-1]]
+    steps = [run.step for run in runs[-2:]]
+    if len(steps) == 2 and steps[0] and steps[1] and steps[0] > steps[1]:
+        candidates.append(extrapolated(answers[-2], answers[-1], steps[1] / (steps[0] - steps[1])))
+    names = ("velocity", "angular velocity")
+    return min(
+        max(float(np.max(OBSERVABLES[name](motion, yard.answer, scales)[: yard.judged], initial=0.0)) for name in names)
+        for motion in candidates
+    )
 
 
 def _softness(

@@ -198,7 +198,10 @@ class KernelFormulation:
         self._ws.limit[0] = limit
         if self.forces is not None:
             self._ws.external[:] = self._external(self.forces, t, y)
+        # the order of rows that a projection left is no part of u: the choice is made anew
+        found, self._ws.best[0] = self._ws.best[0], 0.0
         rank = self._kernel(*self._tree, self.model, t, y, memory, self._ws, a)
+        self._ws.best[0] = found
         return a, rank
 
     def _external(self, forces: Forces, t: float, y: Array) -> Array:
