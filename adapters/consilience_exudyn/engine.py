@@ -68,6 +68,10 @@ _ROLLING = {
 }
 
 
+_MANY = 24
+"""Bodies above which a tree moves as a kinematic tree alone: redundant coordinates of a hundred take minutes."""
+
+
 class ExudynEngine:
     """Exudyn with rigid bodies in redundant coordinates, and kinematic trees where a mechanism is one."""
 
@@ -113,7 +117,10 @@ class ExudynEngine:
         ]
         if tree:
             settings = {**SETTINGS, **sampled}
-            methods.insert(2, Method(_TREE, Route.NATIVE, order=4, substeps=_EXPLICIT_SUBSTEPS, settings=settings))
+            minimal = Method(_TREE, Route.NATIVE, order=4, substeps=_EXPLICIT_SUBSTEPS, settings=settings)
+            if len(mechanism.bodies) > _MANY:
+                return (minimal,)
+            methods.insert(2, minimal)
         return tuple(methods)
 
     def manifest(self, mechanism: Mechanism) -> Manifest:
