@@ -79,7 +79,7 @@ class Effort:
 FULL = Effort()
 
 QUICK = Effort(methods=1, reference_methods=2, states=3, samples=5, closer=False)
-"""The first quarter of a second or so of a motion by each engine's headline alone: enough to see that something is wrong."""
+"""The first quarter of a second or so by the headline of each engine alone: enough to see that something is wrong."""
 
 _T = TypeVar("_T")
 
