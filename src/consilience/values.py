@@ -23,6 +23,14 @@ TOLERANCE = 1e-13
 out, err = Console(), Console(stderr=True)
 
 
+HEADING = """# Expected values
+
+Every expected value of the shipped cases beside what the reference finds, at a tolerance of 1e-13, as `consilience values`
+writes it. Origins: [cases.md](cases.md). Values in SI units; off is the difference, of angles modulo full turns.
+
+"""
+
+
 @dataclass(frozen=True)
 class Found:
     """An expected value and ours.
@@ -101,7 +109,7 @@ def values(
     missed = [one for one in found if not one.met]
     text = table(found)
     if output is not None:
-        output.write_text(text, encoding="utf-8")
+        output.write_text(HEADING + text, encoding="utf-8")
         out.print(f"{len(found)} values of {len(chosen)} cases in {output}, {len(missed)} missed", soft_wrap=True)
     else:
         out.print(text, soft_wrap=True, highlight=False, markup=False)
