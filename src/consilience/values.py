@@ -25,8 +25,8 @@ out, err = Console(), Console(stderr=True)
 
 HEADING = """# Expected values
 
-Every expected value of the shipped cases beside what the reference finds, at a tolerance of 1e-13, as `consilience values`
-writes it. Origins: [cases.md](cases.md). Values in SI units; off is the difference, of angles modulo full turns.
+Every expected value of the shipped cases beside what the reference finds at a tolerance of 1e-13, by
+`consilience values`. Origins: [cases.md](cases.md). SI units; off is the difference, of angles modulo full turns.
 
 """
 
