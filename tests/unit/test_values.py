@@ -1,0 +1,31 @@
+"""The page of expected values: it shows what is missed, and its command ends accordingly."""
+
+from dataclasses import replace
+
+import pytest
+from typer import Exit
+
+from consilience import values
+from consilience.library import load_case
+
+
+def test_a_value_that_is_missed_is_marked_and_ends_with_one(monkeypatch, tmp_path):
+    case = replace(load_case("simple_pendulum-small"), duration=10.0)
+    wrong = replace(case.published[0], value=case.published[0].value + 1e-3)
+    found = list(values.found_values(replace(case, published=(wrong, *case.published[1:]))))
+    assert [one.met for one in found] == [False] + [True] * (len(case.published) - 1)
+    assert found[0].off == pytest.approx(1e-3, rel=1e-6)
+    rows = values.table(found).splitlines()
+    assert "**missed**" in rows[2]
+    assert not any("**missed**" in row for row in rows[3:])
+    monkeypatch.setattr(values, "load_cases", lambda _: [replace(case, published=(wrong,))])
+    with pytest.raises(Exit) as ended:
+        values.values(["simple_pendulum-small"], tmp_path / "values.md")
+    assert ended.value.exit_code == 1
+    assert (tmp_path / "values.md").read_text(encoding="utf-8").startswith("# Expected values")
+
+
+def test_values_of_the_start_are_read_from_accelerations():
+    found = list(values.found_values(load_case("incline")))
+    assert {one.known.at_start for one in found} == {True, False}
+    assert all(one.met for one in found)
