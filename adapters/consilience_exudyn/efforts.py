@@ -13,10 +13,13 @@ from typing import Any
 
 import numpy as np
 
+from consilience.functions import Jet
 from consilience.mechanism import Control, Friction, JointSpring, Mechanism
 from consilience.spatial import Array
-from consilience_exudyn.histories import Scalar, scalar
 from consilience_exudyn.library import exu, items
+
+Law = Callable[[float], Jet]
+"""`Function.jet` of a function."""
 
 Coordinate = tuple[str, str]
 """Joint and name of the coordinate."""
@@ -28,16 +31,16 @@ class Effort:
 
     Attributes
     ----------
-    actuators : tuple of Scalar
+    actuators : tuple of Law
         Functions of time.
     frictions : tuple of Friction
-    controls : tuple of (Control, Scalar, int)
+    controls : tuple of (Control, Law, int)
         Controller, its target, and its place among the integrals; -1 without one.
     """
 
-    actuators: tuple[Scalar, ...]
+    actuators: tuple[Law, ...]
     frictions: tuple[Friction, ...]
-    controls: tuple[tuple[Control, Scalar, int], ...]
+    controls: tuple[tuple[Control, Law, int], ...]
 
     def on_successor(self, t: float, q: float, rate: float, integrals: Array) -> float:
         """Torque about, or force along, +z of F on the successor."""
@@ -60,10 +63,10 @@ def efforts_of(mechanism: Mechanism) -> dict[Coordinate, Effort]:
     efforts = {}
     for where in dict.fromkeys((x.joint, x.coordinate) for x in acting):
         efforts[where] = Effort(
-            actuators=tuple(scalar(s.actuator) for s in sprung if (s.joint, s.coordinate) == where and s.actuator),
+            actuators=tuple(s.actuator.jet for s in sprung if (s.joint, s.coordinate) == where and s.actuator),
             frictions=tuple(f for f in mechanism.frictions if (f.joint, f.coordinate) == where),
             controls=tuple(
-                (c, scalar(c.target), places.get(c.name, -1))
+                (c, c.target.jet, places.get(c.name, -1))
                 for c in mechanism.controls
                 if (c.joint, c.coordinate) == where
             ),
@@ -85,7 +88,7 @@ class Integrals:
     """
 
     def __init__(self, system: Any, mechanism: Mechanism, measure: Callable[[Coordinate], float]) -> None:
-        watched = [((c.joint, c.coordinate), scalar(c.target)) for c in mechanism.controls if c.integral]
+        watched = [((c.joint, c.coordinate), c.target.jet) for c in mechanism.controls if c.integral]
         self._system, self._node = system, None
         self.count = len(watched)
         if not watched:

@@ -13,7 +13,6 @@ from consilience.mechanism import Load, Mechanism, Spring
 from consilience.spatial import Array
 from consilience_exudyn.constraints import Mark
 from consilience_exudyn.efforts import Coordinate, Integrals, efforts_of, opposed
-from consilience_exudyn.histories import scalar
 from consilience_exudyn.library import exu, items
 
 _LOADS = {"force": items.LoadForceVector, "torque": items.LoadTorqueVector}
@@ -53,7 +52,7 @@ def _spring_damper(spring: Spring, markers: list[Any]) -> Any:
 def _actuator(spring: Spring, markers: list[Any]) -> Any:
     """Actuator of a spring, apart from it so that the spring keeps its potential energy; Exudyn's force pulls."""
     assert spring.actuator is not None
-    push = scalar(spring.actuator)
+    push = spring.actuator.jet
 
     def pull(_system: Any, t: float, _item: int, *_: float) -> float:
         return -push(t)[0]
@@ -71,7 +70,7 @@ def _load(load: Load, mark: Mark) -> Any:
     }
     if load.history is None:
         return _LOADS[load.kind](**common)
-    factor, vector = scalar(load.history), load.vector
+    factor, vector = load.history.jet, load.vector
 
     def at(_system: Any, t: float, _vector: Array) -> Array:
         return np.asarray(factor(t)[0] * vector)

@@ -18,7 +18,6 @@ from consilience.element_rows import holonomic_rows, non_holonomic_rows, plane_a
 from consilience.kinematics import full_turns, joint_frames, row_gamma
 from consilience.mechanism import GROUND, Coupling, Drive, Joint, Mechanism, Rolling, Skate, State
 from consilience.spatial import Array, cross
-from consilience_exudyn.histories import scalar
 
 TURN = 2.0 * math.pi
 
@@ -149,7 +148,7 @@ class DriveRow(Row):
     def __init__(self, mechanism: Mechanism, drive: Drive) -> None:
         super().__init__(drive.name, _bodies_of(mechanism, drive.joint))
         self._q = JointCoordinate(mechanism, drive.joint, drive.coordinate, self.bodies)
-        self._motion = scalar(drive.motion)
+        self._motion = drive.motion.jet
 
     def values(self, t: float, poses: Sequence[Pose]) -> list[float]:
         """Distance of the coordinate from where it is driven."""
@@ -172,7 +171,7 @@ class CouplingRow(Row):
         super().__init__(coupling.name, _bodies_of(mechanism, coupling.driver_joint, coupling.joint))
         self._x = JointCoordinate(mechanism, coupling.driver_joint, coupling.driver_coordinate, self.bodies)
         self._q = JointCoordinate(mechanism, coupling.joint, coupling.coordinate, self.bodies)
-        self._law = scalar(coupling.law)
+        self._law = coupling.law.jet
         self._last = 0.0
 
     def _driver(self, poses: Sequence[Pose]) -> float:

@@ -57,7 +57,7 @@ class Contacts:
         model, data = self.translation.model, self.translation.data
         contacts = self.translation.constraint_data
         for number, (place, law) in enumerate(self._drives, self._first):
-            contacts[number].contact_acceleration_desired = pin.Motion(law.at(t)[2] * place.subspace)
+            contacts[number].contact_acceleration_desired = pin.Motion(law.jet(t)[2] * place.subspace)
         if self._rolls:
             pin.forwardKinematics(model, data, q, v)
         for number, rolls in enumerate(self._rolls, self._first + len(self._drives)):

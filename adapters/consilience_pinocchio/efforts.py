@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from consilience.functions import Function
 from consilience.joints import AXIS_COORDINATES
 from consilience.spatial import Array
-from consilience_pinocchio.laws import Law
 from consilience_pinocchio.translate import Translation
 
 
@@ -67,7 +67,7 @@ class Efforts:
     def __init__(self, translation: Translation) -> None:
         mechanism, nv, nq = translation.mechanism, translation.model.nv, translation.model.nq
         self._constant, self._by_q, self._by_v = np.zeros(nv), np.zeros((nv, nq)), np.zeros((nv, nv))
-        self._timed: list[tuple[int, float, float, Law]] = []
+        self._timed: list[tuple[int, float, float, Function]] = []
         self._coulomb: list[tuple[int, float, float]] = []
         self._springs: list[tuple[Axis, float, float]] = []
         for spring in mechanism.joint_springs:
@@ -76,7 +76,7 @@ class Efforts:
             self._constant[place.idx_v] += place.sign * spring.stiffness * spring.rest
             self._add_linear(place, spring.stiffness, spring.damping)
             if spring.actuator is not None:
-                self._timed.append((place.idx_v, place.sign, 0.0, Law(spring.actuator)))
+                self._timed.append((place.idx_v, place.sign, 0.0, spring.actuator))
         for friction in mechanism.frictions:
             place = axis(translation, friction.joint, friction.coordinate)
             self._add_linear(place, 0.0, friction.viscous)
@@ -97,9 +97,9 @@ class Efforts:
         controls = translation.mechanism.controls
         self.control_count = len(controls)
         self._by_integral = np.zeros((translation.model.nv, len(controls)))
-        self._targets: list[tuple[Axis, Law]] = []
+        self._targets: list[tuple[Axis, Function]] = []
         for n, control in enumerate(controls):
-            place, law = axis(translation, control.joint, control.coordinate), Law(control.target)
+            place, law = axis(translation, control.joint, control.coordinate), control.target
             self._targets.append((place, law))
             self._add_linear(place, control.proportional, control.derivative)
             gains = place.sign * control.proportional, place.sign * control.derivative
@@ -112,7 +112,7 @@ class Efforts:
         if self.control_count:
             tau += self._by_integral @ integrals
         for i, gain, rate_gain, law in self._timed:
-            value, slope, _ = law.at(t)
+            value, slope, _ = law.jet(t)
             tau[i] += gain * value + rate_gain * slope
         for i, coulomb, speed in self._coulomb:
             tau[i] -= coulomb * math.tanh(v[i] / speed)
@@ -120,7 +120,7 @@ class Efforts:
 
     def control_errors(self, q: Array, t: float) -> Array:
         """Rates of the integrals of the controllers, ``target(t) - q``, shape (n_controls,)."""
-        return np.array([law.at(t)[0] - place.sign * q[place.idx_q] for place, law in self._targets])
+        return np.array([law.jet(t)[0] - place.sign * q[place.idx_q] for place, law in self._targets])
 
     def wrench(self, joint: int, tau: Array) -> Array:
         """Part of the wrench through a joint of the mechanism that is an effort, shape (6,): force, torque.

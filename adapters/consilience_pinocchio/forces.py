@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from consilience.functions import Function
 from consilience.mechanism import Load
 from consilience.spatial import Array, skew
-from consilience_pinocchio.laws import Law
 from consilience_pinocchio.translate import Translation
 
 
@@ -79,7 +79,7 @@ class _Push:
     link: int
     matrix: Array
     view: Array
-    history: Law | None
+    history: Function | None
 
 
 class Forces:
@@ -101,7 +101,7 @@ class Forces:
                 s,
                 _point(translation, s.predecessor, s.point_predecessor),
                 _point(translation, s.successor, s.point_successor),
-                None if s.actuator is None else Law(s.actuator),
+                s.actuator,
             )
             for s in mechanism.springs
         ]
@@ -119,7 +119,7 @@ class Forces:
         translation = self._translation
         point = _point(translation, load.body, load.point)
         to_wrench = point.force if load.kind == "force" else np.vstack([np.zeros((3, 3)), np.eye(3)])
-        history = None if load.history is None else Law(load.history)
+        history = load.history
         if load.frame == "world":
             matrix, view = to_wrench @ np.kron(np.eye(3), load.vector), point.R_WJ.T.reshape(9)
         else:
@@ -144,7 +144,7 @@ class Forces:
         W = self._constant.copy()
         for push in self._pushes:
             wrench = push.matrix @ push.view
-            W[push.link] += wrench if push.history is None else push.history.at(t)[0] * wrench
+            W[push.link] += wrench if push.history is None else push.history.jet(t)[0] * wrench
         for spring, i, j, actuator in self._springs:
             d = j.position() - i.position()
             length = math.sqrt(d @ d)
@@ -153,7 +153,7 @@ class Forces:
             if spring.damping:
                 tension += spring.damping * float(e @ (j.velocity() - i.velocity()))
             if actuator is not None:
-                tension -= actuator.at(t)[0]
+                tension -= actuator.jet(t)[0]
             force = tension * e
             if i.link >= 0:
                 W[i.link] += i.force @ (i.R_WJ.T @ force)

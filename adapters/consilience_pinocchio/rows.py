@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from consilience.functions import Function
 from consilience.mechanism import Rolling, Skate
 from consilience.spatial import Array, cross, orthogonal_triad
 from consilience_pinocchio.efforts import Axis, axis
-from consilience_pinocchio.laws import Law
 from consilience_pinocchio.translate import WORLD_AXES, Translation
 
 
@@ -117,19 +117,19 @@ class Rows:
     Attributes
     ----------
     count : int
-    drives : list of (Axis, Law)
+    drives : list of (Axis, Function)
     rolls : list of Rolls
     """
 
     def __init__(self, translation: Translation) -> None:
         mechanism = translation.mechanism
         self._model, self._data = translation.model, translation.data
-        self.drives = [(axis(translation, d.joint, d.coordinate), Law(d.motion)) for d in mechanism.drives]
-        self._couplings: list[tuple[Axis, Axis, Law]] = [
+        self.drives = [(axis(translation, d.joint, d.coordinate), d.motion) for d in mechanism.drives]
+        self._couplings: list[tuple[Axis, Axis, Function]] = [
             (
                 axis(translation, c.joint, c.coordinate),
                 axis(translation, c.driver_joint, c.driver_coordinate),
-                Law(c.law),
+                c.law,
             )
             for c in mechanism.couplings
         ]
@@ -149,9 +149,9 @@ class Rows:
         """
         J, gamma = np.zeros((self.count, self._model.nv)), np.zeros(self.count)
         for row, (place, law) in enumerate(self.drives):
-            J[row, place.idx_v], gamma[row] = place.sign, law.at(t)[2]
+            J[row, place.idx_v], gamma[row] = place.sign, law.jet(t)[2]
         for row, (driven, driver, law) in enumerate(self._couplings, len(self.drives)):
-            _, slope, bend = law.at(driver.sign * float(q[driver.idx_q]))
+            _, slope, bend = law.jet(driver.sign * float(q[driver.idx_q]))
             J[row, driven.idx_v] += driven.sign
             J[row, driver.idx_v] -= slope * driver.sign
             gamma[row] = bend * v[driver.idx_v] ** 2
@@ -171,7 +171,7 @@ class Rows:
             tau[place.idx_v] += place.sign * lam[row]
         for row, (driven, driver, law) in enumerate(self._couplings, len(self.drives)):
             tau[driven.idx_v] += driven.sign * lam[row]
-            tau[driver.idx_v] -= law.at(driver.sign * float(q[driver.idx_q]))[1] * driver.sign * lam[row]
+            tau[driver.idx_v] -= law.jet(driver.sign * float(q[driver.idx_q]))[1] * driver.sign * lam[row]
         return tau
 
     def wrenches(self, lam: Array) -> list[tuple[int, Array]]:

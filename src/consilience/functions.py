@@ -9,9 +9,10 @@ follows it are smooth.
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import cos, sin
+from math import cos, nan, sin
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,6 +22,19 @@ from consilience.errors import InvalidInput
 from consilience.spatial import Array, fixed_array
 
 _DEGREE = 5
+
+Jet = tuple[float, float, float]
+"""Value, first and second derivative."""
+
+
+def _horner(powers: list[float], x: float) -> Jet:
+    """Polynomial of coefficients from the highest power down, and its derivatives."""
+    value = rate = bend = 0.0
+    for coefficient in powers:
+        bend = bend * x + 2.0 * rate
+        rate = rate * x + value
+        value = value * x + coefficient
+    return value, rate, bend
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,17 +83,25 @@ class Table:
         rows = [[polynomial.x[k], polynomial.x[k + 1], *polynomial.c[::-1, k]] for k in inside]
         return np.array([row for row in rows if row[0] >= self.x[0] and row[1] <= self.x[-1]])
 
+    @cached_property
+    def _rows(self) -> tuple[list[float], list[list[float]]]:
+        rows = self.pieces.tolist()
+        return [row[1] for row in rows], [[row[0], *row[:1:-1]] for row in rows]
+
+    def jet(self, x: float) -> Jet:
+        """Value, first and second derivative; NaN outside a table that is not periodic."""
+        ends, rows = self._rows
+        first = float(self.x[0])
+        if self.periodic:
+            x = first + (x - first) % self.period
+        if not first <= x <= self.x[-1]:
+            return nan, nan, nan
+        left, *powers = rows[min(bisect_left(ends, x), len(rows) - 1)]
+        return _horner(powers, x - left)
+
     def at(self, x: float) -> Array:
         """Value, first and second derivative, shape (3,)."""
-        if self.periodic:
-            x = float(self.x[0] + (x - self.x[0]) % self.period)
-        if not self.x[0] <= x <= self.x[-1]:
-            return np.full(3, np.nan)
-        row = self.pieces[min(int(np.searchsorted(self.pieces[:, 1], x)), len(self.pieces) - 1)].tolist()
-        s, value, rate, bend = x - row[0], 0.0, 0.0, 0.0
-        for coefficient in row[:1:-1]:
-            bend, rate, value = bend * s + 2.0 * rate, rate * s + value, value * s + coefficient
-        return np.array([value, rate, bend])
+        return np.array(self.jet(x))
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,20 +131,24 @@ class Function:
     def _terms(self) -> tuple[list[float], list[list[float]]]:
         return self.polynomial.tolist()[::-1], self.harmonics.tolist()
 
-    def at(self, x: float) -> Array:
-        """Value, first and second derivative, shape (3,)."""
-        # in plain numbers: adapters ask at every step, and arrays of one element are slow
+    def jet(self, x: float) -> Jet:
+        """Value, first and second derivative at a number, in plain numbers.
+
+        Adapters ask at every step of an integration, and arrays of one element are slow.
+        """
         polynomial, harmonics = self._terms
-        value = rate = bend = 0.0
-        for coefficient in polynomial:  # Horner's scheme, also of the derivatives
-            bend = bend * x + 2.0 * rate
-            rate = rate * x + value
-            value = value * x + coefficient
+        value, rate, bend = _horner(polynomial, x)
         for a, w, phi in harmonics:
             s, c = a * sin(w * x + phi), a * w * cos(w * x + phi)
             value, rate, bend = value + s, rate + c, bend - w * w * s
-        result = np.array([value, rate, bend])
-        return result if self.table is None else result + self.table.at(x)
+        if self.table is not None:
+            v, r, b = self.table.jet(x)
+            value, rate, bend = value + v, rate + r, bend + b
+        return value, rate, bend
+
+    def at(self, x: float) -> Array:
+        """Value, first and second derivative, shape (3,)."""
+        return np.array(self.jet(x))
 
 
 def constant(value: float) -> Function:

@@ -50,7 +50,6 @@ from mechanisms import (
 pytest.importorskip("exudyn")
 
 from consilience_exudyn import ExudynEngine
-from consilience_exudyn.histories import scalar
 from consilience_exudyn.kinematic_tree import is_one_axis_tree
 from consilience_exudyn.library import SETTINGS, exu, items, simulation_settings
 from consilience_exudyn.maximal import build, full_axes
@@ -293,13 +292,6 @@ def test_the_model_knows_its_freedom(exudyn_engine, name):
     state = states_of(mechanism)[1]
     answer = exudyn_engine.model(mechanism, state, exudyn_engine.methods(mechanism, Question.MODEL)[0])
     assert answer.freedom == free_directions(mechanism, state).shape[1]
-
-
-@pytest.mark.parametrize("x", [-3.0, -0.2, 0.0, 1.7, 5.0, 6.9, 20.0])
-def test_scalars_are_the_functions(x):
-    periodic = through(np.linspace(0.0, 2.0, 9), np.sin(np.pi * np.linspace(0.0, 2.0, 9)), periodic=True)
-    for f in (CURVE, periodic, Function(np.array([1.0, -2.0, 0.3, 0.1]), np.array([[0.3, 4.0, 0.1], [1.0, 0.5, 2.0]]))):
-        np.testing.assert_allclose(scalar(f)(x), f.at(x), rtol=1e-13, atol=1e-13)
 
 
 @pytest.mark.parametrize("what", ["drive", "load"])

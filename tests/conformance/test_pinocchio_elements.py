@@ -20,7 +20,6 @@ from consilience.run import Profile, Question, Route
 from consilience.spatial import rotation_angle_between
 from consilience_pinocchio import PinocchioEngine
 from consilience_pinocchio.dynamics import PROXIMAL
-from consilience_pinocchio.laws import Law
 from consilience_pinocchio.mimic import MIMIC
 from mechanisms import ELEMENTS, LOOPS, PITCH, chain, force_elements, rolling, skating, states_of
 
@@ -247,24 +246,6 @@ def test_a_change_of_charts_keeps_the_time_and_the_integrals():
     state = initial_state(mechanism, Initial(velocities={"b0": ([1.0, 2.0, 0.5], [0.3, 1.0, -2.0])}))
     found = leads_to_the_reference(mechanism, state, np.linspace(0.0, 2.0, 21), (20, 40), 1e-4)
     assert found.counters["chart changes"] > 0
-
-
-FUNCTIONS = {
-    "powers": Function([0.3, -1.0, 0.5, 0.7]),
-    "waves": Function(harmonics=[[2.0, 3.0, 0.4], [0.5, -1.0, 1.0]]),
-    "curve": CURVE,
-    "period": through(np.linspace(0.2, 1.2, 9), np.sin(np.linspace(0.0, 2 * np.pi, 9)), periodic=True),
-    "sum": Function([0.1, 2.0], [[0.3, 4.0, 0.1]], CURVE.table),
-    "nothing": Function(),
-}
-
-
-@pytest.mark.parametrize("name", FUNCTIONS)
-def test_a_law_is_its_function(name):
-    function = FUNCTIONS[name]
-    for x in (-1.0, -0.3, 0.0, 0.625, 1.2, 3.3, 4.0, *np.random.default_rng(1).uniform(-1.0, 4.0, 20)):
-        np.testing.assert_allclose(Law(function).at(x), function.at(x), rtol=1e-12, atol=1e-12)
-    assert np.all(np.isnan(Law(function).at(4.1))) == (name in ("curve", "sum"))
 
 
 def test_routes_say_who_forms_the_rows():
