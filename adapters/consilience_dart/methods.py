@@ -18,6 +18,7 @@ from consilience_dart.stepping import (
     ERROR_REDUCTION_TRAJECTORY,
     LARGEST_ROTATION,
     LARGEST_STEP,
+    LARGEST_TURN,
     STEP_SIZES,
     set_softness,
 )
@@ -41,7 +42,10 @@ RK4_SUBSTEPS = (4, 8, 16)
 
 AT_THE_STATE: dict[str, Any] = {"Skeleton.timeStep": 0.0}
 STEPPING: dict[str, Any] = {"DeactivationOptions.enabled": False}
-TO_ZERO_STEP = f"{LARGEST_STEP:g} s or {LARGEST_ROTATION:g} rad, over {STEP_SIZES}, extrapolated to 0"
+TO_ZERO_STEP = (
+    f"{LARGEST_STEP:g} s, {LARGEST_ROTATION / 2:g} rad of a body, or {LARGEST_TURN:g} rad of a link, "
+    f"over {STEP_SIZES}, extrapolated to 0"
+)
 
 
 def _in_proportion(reduction: float, softness: float) -> float:

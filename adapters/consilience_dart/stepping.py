@@ -46,6 +46,10 @@ LARGEST_ROTATION = 5e-4
 """Rotation per step in rad: below about 1e-3 DART's exponential map is one truncated series, which is smooth in the
 step, so that extrapolation removes its error; across the threshold it is not."""
 
+LARGEST_TURN = 1e-3
+"""The same for any link, massless ones too: near the singular pose of a rod's two angles these turn tens of times
+faster than any body, and what extrapolation leaves grows with the fourth power of their turn in a step."""
+
 
 @dataclass(eq=False)
 class Stepper:
@@ -147,13 +151,21 @@ def _to_zero_step(stepping: Stepper, c: Coordinates, step: float) -> Array:
     return column[0]
 
 
+def _largest_step(model: Model, state: State) -> float:
+    """Step in s that extrapolation starts from, for the state that the skeleton is in."""
+    of_bodies = float(np.max(np.abs(state.w_WB_W)))
+    of_links = max(float(np.max(np.abs(node.getAngularVelocity()))) for node in model.nodes)
+    rates = max(2.0 * of_bodies / LARGEST_ROTATION, of_links / LARGEST_TURN)
+    return LARGEST_STEP / max(1.0, LARGEST_STEP * rates)
+
+
 def zero_step_accelerations(stepping: Stepper, c: Coordinates, state: State) -> Array:
     """Generalised accelerations by the difference quotient, extrapolated to zero step.
 
     The skeleton is left at the state, with these accelerations.
     """
-    fastest = float(np.max(np.abs(state.w_WB_W)))
-    a = _to_zero_step(stepping, c, min(LARGEST_STEP, LARGEST_ROTATION / max(2.0 * fastest, 1e-300)))
+    send(stepping.model, c)
+    a = _to_zero_step(stepping, c, _largest_step(stepping.model, state))
     send(stepping.model, c)
     stepping.model.skeleton.setAccelerations(a)
     return a

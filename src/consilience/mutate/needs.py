@@ -78,6 +78,12 @@ def redundant(subject: Subject) -> bool:
     return subject.model_answer.freedom > 6 * len(subject.mechanism.bodies) - rows
 
 
+def only_joints(subject: Subject) -> bool:
+    """No constraint but joints: others are rows that an adapter writes into a dense Jacobian itself."""
+    m = subject.mechanism
+    return not (m.drives or m.couplings or m.rollings or m.skates)
+
+
 def held(subject: Subject) -> bool:
     """A joint that holds something, with a component that equilibrium determines."""
     return any(joint.rows for joint in subject.mechanism.joints)

@@ -92,29 +92,10 @@ class Subject:
         return Yardstick(motions[0], spread_over_time(self.mechanism, motions), self.case.digits)
 
 
-def plain(mechanism: Mechanism) -> Mechanism:
-    """The mechanism with what every engine has a translation for: joints, springs, constant loads.
-
-    Assembled states stay assembled: elements that are left out constrain, or push.
-    """
-    return replace(
-        mechanism,
-        springs=tuple(replace(s, actuator=None) for s in mechanism.springs),
-        joint_springs=tuple(replace(s, actuator=None) for s in mechanism.joint_springs),
-        loads=tuple(replace(load, history=None) for load in mechanism.loads),
-        **{name: () for name in ("frictions", "controls", "drives", "couplings", "rollings", "skates")},  # type: ignore[arg-type]
-    )
-
-
 @lru_cache(maxsize=512)
 def random_subject(seed: int) -> Subject | None:
-    """Random mechanism of a seed with moving states; None where a state is too near to a singular pose, or a screw.
-
-    No adapter has a translation for screws.
-    """
-    mechanism = plain(random_mechanism(seed))
-    if any(joint.kind == "screw" for joint in mechanism.joints):
-        return None
+    """Random mechanism of a seed with moving states; None where a state is too near to a singular pose."""
+    mechanism = random_mechanism(seed)
     states = random_states(mechanism, drawing_state(mechanism), INSTANTS, seed)
     if max(magnification(mechanism, state) for state in states) > CLEAR:
         return None
