@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -13,8 +16,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
 
 from consilience.errors import ConsilienceError, InvalidInput
 
@@ -70,6 +71,16 @@ def _folder(path: Path) -> Path:
     return path
 
 
+@contextmanager
+def _resumable(folder: Path) -> Iterator[None]:
+    """Say how to go on after Ctrl-C."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        err.print(f"stopped; answers so far are in {escape(str(folder))}: the same command goes on from there")
+        raise typer.Exit(130) from None
+
+
 @app.command()
 def run(
     cases: Cases = None,
@@ -82,22 +93,30 @@ def run(
     quick: Annotated[
         bool, typer.Option("--quick", help="Few states, short motions, the headline of each engine alone.")
     ] = False,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Ask again what the folder has answers to.")] = False,
     jobs: Jobs = CORES,
     limit: Limit = 180.0,
 ) -> None:
-    """Ask the questions, compare, and write report.jsonl, report.html and report.md."""
+    """Ask the questions, compare, and write report.jsonl, report.html and report.md.
+
+    Answers are kept in the folder as they come: the same command after an interruption goes on where it was.
+    """
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    from consilience.asking import FULL, QUICK
     from consilience.library import load_cases, shipped_cases
     from consilience.report.pages import write_pages
     from consilience.report.record import exit_code, write_record
-    from consilience.suite import FULL, QUICK, run_suite
+    from consilience.store import Store
+    from consilience.suite import run_suite
 
     folder = _folder(output)
     chosen = [c for name in cases for c in load_cases(name)] if cases else shipped_cases()
     chosen = _tagged(chosen, tag)
     engines, questions = _engines(engine), _questions(question)
-    start = time.perf_counter()
+    start, store = time.perf_counter(), Store(folder, fresh)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=err) as bar:
+    with _resumable(folder), Progress(*columns, console=err) as bar:
         task = bar.add_task("starting engines", total=len(chosen) * len({"reference", *engines}))
         results = run_suite(
             chosen,
@@ -107,7 +126,9 @@ def run(
             limit=limit,
             progress=lambda name, case: bar.update(task, advance=1, description=f"{name}: {case}"),
             effort=QUICK if quick else FULL,
+            store=store,
         )
+    store.close()
     write_record(results, time.perf_counter() - start, folder)
     write_pages(folder)
     _print_matrix(folder)
@@ -115,6 +136,8 @@ def run(
 
 
 def _print_matrix(folder: Path) -> None:
+    from rich.table import Table
+
     from consilience.report.record import read_record
     from consilience.report.summary import legend, matrix
 
@@ -138,6 +161,8 @@ def _print_matrix(folder: Path) -> None:
 def list_cases() -> None:
     """List the shipped cases, the families and the installed engines."""
     from collections import Counter
+
+    from rich.table import Table
 
     from consilience.engine import installed
     from consilience.families import FAMILIES, shown_parameters
@@ -168,6 +193,8 @@ def list_cases() -> None:
 @app.command()
 def doctor(engine: Engines = None, limit: Limit = 180.0) -> None:
     """Import every engine in a worker and let it answer two questions about one case."""
+    from rich.table import Table
+
     from consilience.compare import Verdict
     from consilience.library import load_case
     from consilience.report.record import exit_code
@@ -191,10 +218,39 @@ def doctor(engine: Engines = None, limit: Limit = 180.0) -> None:
     raise typer.Exit(exit_code(results))
 
 
+@contextmanager
+def _reference_here() -> Iterator[None]:
+    """The reference works in this process: Ctrl-C ends its compiled kernels, and compiling them is no silence."""
+    from numba.core.event import Event, Listener, install_listener
+
+    class Compiling(Listener):  # type: ignore[misc]
+        kernels = 0
+
+        def on_start(self, event: Event) -> None:
+            if self.kernels == 0:
+                err.print("compiling the reference solver for this machine: about a minute, the first time only")
+                status.start()
+            self.kernels += 1
+            status.update(f"kernel {self.kernels}: {event.data['dispatcher'].__name__}")
+
+        def on_end(self, event: Event) -> None: ...
+
+    status = err.status("")
+    before = signal.signal(signal.SIGINT, signal.SIG_DFL)
+    try:
+        with install_listener("numba:compile", Compiling()):
+            yield
+    finally:
+        status.stop()
+        signal.signal(signal.SIGINT, before)
+
+
 @app.command()
 def simulate(
     case: Annotated[str, typer.Argument(help="Name or case file.")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="File: .json, .npz or .csv.")],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="File: .json, .npz or .csv; default: CASE.json here.")
+    ] = None,
     engine: Annotated[str, typer.Option("-e", "--engine")] = "reference",
     duration: Annotated[float | None, typer.Option(help="s; default: the case's.")] = None,
     sample: Annotated[float | None, typer.Option(help="s; default: the case's.")] = None,
@@ -205,10 +261,13 @@ def simulate(
     from consilience.library import load_case
     from consilience.suite import simulate_case
 
-    check_target(output)
+    if output is not None:
+        check_target(output)
     chosen = load_case(case).with_span(duration, sample)
     (name,) = _engines([engine])
-    answer, how = simulate_case(chosen, name, limit)
+    with _reference_here() if name.partition(":")[0] == "reference" else nullcontext():
+        answer, how = simulate_case(chosen, name, limit)
+    output = output or Path(f"{chosen.name}.json")
     export_trajectory(chosen.mechanism, answer, output)
     out.print(f"{chosen.name} on {name} ({how}): {len(answer.time)} samples in {output}", soft_wrap=True)
 

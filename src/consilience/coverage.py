@@ -12,11 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from consilience.asking import ask_ladder, open_plan
 from consilience.case import Case
 from consilience.compare.motion import OBSERVABLES, Scales
 from consilience.compare.uncertainty import declared_order, estimates
 from consilience.run import Method, Question, Run, TrajectoryAnswer
-from consilience.suite import ask_ladder, open_plan
 from consilience.worker import Plan, Worker
 
 ASKED_COVERAGE, WIDEST = 0.95, 20.0

@@ -1,87 +1,26 @@
 """Plan and execute many runs: every case, engine, question, method and level; then compare.
 
-Each engine works through its own list in its own worker; `jobs` of them at a time. A job that fails is one failed
-run, and the list goes on.
+Each engine has its own worker, and does one job at a time; `jobs` engines work at once, each on the first case it has
+not done. A case is judged as soon as all engines are through with it, while they go on with the next ones.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
-from typing import TypeVar
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, field
+from queue import SimpleQueue
+from threading import Condition
 
-from consilience.assembly import displaced_states
+from consilience.asking import FULL, Asked, Effort, ask_case, open_plan
 from consilience.case import Case
 from consilience.compare import Comparison
-from consilience.compare.horizon import PERTURBATION
-from consilience.compare.softness import SCALES
-from consilience.compare.uncertainty import needs_another_level
 from consilience.errors import ConsilienceError
-from consilience.judge import DISPLACED_START, REFERENCE, judge_case
-from consilience.mechanism import State
-from consilience.run import (
-    EngineInfo,
-    InstantAnswer,
-    Method,
-    ModelAnswer,
-    Question,
-    Run,
-    Status,
-    TrajectoryAnswer,
-    defects,
-)
-from consilience.worker import Plan, Request, Worker
-
-MOST_LEVELS = 6
-LEVEL_BUDGET = 5.0
-"""Levels of a ladder at most, and CPU time in s that one more of them may take."""
-
-DISPLACED = 3
-"""Displaced motions of the reference: one would miss growth in directions it does not have."""
-
-
-@dataclass(frozen=True)
-class Effort:
-    """How thoroughly a suite asks.
-
-    Attributes
-    ----------
-    methods, reference_methods : int or None
-        Ways of an engine to answer a question, and of the reference, the headline first; None: all.
-    states : int or None
-        States of the question `instant` at most.
-    samples : int or None
-        Sample intervals of a motion at most.
-    closer : bool
-        Whether to go on where three levels leave doubt: more levels, other softness, displaced initial states.
-    """
-
-    methods: int | None = None
-    reference_methods: int | None = None
-    states: int | None = None
-    samples: int | None = None
-    closer: bool = True
-
-    def case(self, case: Case) -> Case:
-        """What is asked of a case."""
-        if self.states is not None:
-            case = replace(case, instants=min(case.instants, self.states))
-        if self.samples is not None and len(case.times) > self.samples + 1:
-            case = case.with_span(self.samples * case.sample, None)
-        return case
-
-    def some(self, methods: Sequence[Method], engine: str) -> Sequence[Method]:
-        """Methods that are asked."""
-        return methods[: self.reference_methods if engine == REFERENCE else self.methods]
-
-
-FULL = Effort()
-
-QUICK = Effort(methods=1, reference_methods=2, states=3, samples=5, closer=False)
-"""The first quarter of a second or so by the headline of each engine alone: enough to see that something is wrong."""
-
-_T = TypeVar("_T")
+from consilience.judge import REFERENCE, judge_case
+from consilience.run import EngineInfo, Question, Run, Status, TrajectoryAnswer
+from consilience.store import Store
+from consilience.worker import Request, Worker
 
 Progress = Callable[[str, str], None]
 """Called with the engine and what it has just finished."""
@@ -103,6 +42,88 @@ class Results:
     comparisons: list[Comparison] = field(default_factory=list)
 
 
+class _Schedule:
+    """Who does what next: of the idle engines the one that is furthest behind takes its next case.
+
+    So cases are complete one after the other, and no engine is left with a long list at the end.
+    """
+
+    def __init__(self, engines: Sequence[str], cases: int) -> None:
+        self._next = dict.fromkeys(engines, 0)
+        self._cases = cases
+        self._busy: set[str] = set()
+        self._changed = Condition()
+        self._open = True
+
+    def take(self) -> tuple[str, int] | None:
+        """An engine and the number of a case; waits while all engines with work left are busy; None at the end."""
+        with self._changed:
+            while self._open:
+                left = [name for name, case in self._next.items() if case < self._cases]
+                if not left:
+                    return None
+                idle = [name for name in left if name not in self._busy]
+                if idle:
+                    name = min(idle, key=lambda engine: self._next[engine])
+                    self._busy.add(name)
+                    self._next[name] += 1
+                    return name, self._next[name] - 1
+                self._changed.wait()
+            return None
+
+    def done(self, engine: str, dead: bool = False) -> None:
+        """The engine is idle again; a dead one gets nothing more."""
+        with self._changed:
+            self._busy.discard(engine)
+            if dead:
+                self._next[engine] = self._cases
+            self._changed.notify_all()
+
+    def close(self) -> None:
+        """Give out nothing more."""
+        with self._changed:
+            self._open = False
+            self._changed.notify_all()
+
+
+class _Suite:
+    """A suite at work: what threads share."""
+
+    def __init__(self, results: Results, workers: dict[str, Worker], effort: Effort, store: Store | None) -> None:
+        self.results, self.workers, self.effort, self.store = results, workers, effort, store
+        self.schedule = _Schedule(list(workers), len(results.cases))
+        self.finished: SimpleQueue[tuple[str, int, list[Run]] | None] = SimpleQueue()
+
+    def work(self) -> None:
+        """Do jobs until there are none."""
+        try:
+            while (job := self.schedule.take()) is not None:
+                name, number = job
+                alive = self._introduced(name)
+                runs = self._ask(name, number) if alive else []
+                self.schedule.done(name, dead=not alive)
+                self.finished.put((name, number, runs))
+        finally:
+            self.schedule.close()
+            self.finished.put(None)
+
+    def _introduced(self, name: str) -> bool:
+        """Whether an engine has started and said who it is."""
+        if name not in self.results.engines:
+            reply = self.workers[name].ask(Request())
+            if not isinstance(reply.value, EngineInfo):
+                what = f"info() gave a {type(reply.value).__name__}, not an EngineInfo"
+                self.results.missing[name] = reply.reason or what
+                return False
+            self.results.engines[name] = reply.value
+        return True
+
+    def _ask(self, name: str, number: int) -> list[Run]:
+        results, worker = self.results, self.workers[name]
+        case, info = results.cases[number], results.engines[name]
+        return list(ask_case(worker, case, results.questions, self.effort, self.store, info))
+
+
 def run_suite(
     cases: Sequence[Case],
     engines: Sequence[str],
@@ -111,6 +132,7 @@ def run_suite(
     limit: float = 180.0,
     progress: Progress | None = None,
     effort: Effort = FULL,
+    store: Store | None = None,
 ) -> Results:
     """Ask every engine every question of every case, and compare with the reference.
 
@@ -123,197 +145,75 @@ def run_suite(
     limit : float, s
         Time limit of one job.
     effort : Effort
+    store : Store, optional
+        Answers that are there already are not asked for; new ones are kept.
     """
     cases = [effort.case(case) for case in cases]
     names = [REFERENCE, *(name for name in engines if name != REFERENCE)]
-    results = Results(cases, list(questions))
     for case in cases:
         # assembled here, before any worker starts: a case that cannot be assembled is bad input, not a failed run
         _ = case.states if Question.INSTANT in questions else case.initial_state
-
-    def work(worker: Worker) -> tuple[EngineInfo | str, list[Run]]:
-        with worker:  # its process ends with its own list, not with the longest
-            return _ask_everything(worker, cases, questions, effort, progress)
-
-    for name, (info, found) in zip(names, _in_parallel(work, [Worker(n, limit) for n in names], jobs), strict=True):
-        if isinstance(info, EngineInfo):
-            results.engines[name] = info
-            results.runs += found
-        else:
-            results.missing[name] = info
-    for case in cases:
-        results.comparisons += judge_case(case, [run for run in results.runs if run.case == case.name])
+    results = Results(cases, list(questions))
+    found: dict[tuple[str, int], list[Run]] = {}
+    judged: dict[int, list[Comparison]] = {}
+    with (
+        _workers(names, limit) as workers,
+        closing(_in_parallel(_Suite(results, workers, effort, store), jobs)) as done,
+    ):
+        for name, number, runs in done:
+            found[name, number] = runs
+            if progress is not None:
+                progress(name, cases[number].name)
+            if all((other, number) in found or other in results.missing for other in names):
+                judged[number] = _judged(cases[number], names, number, found)
+    for number, case in enumerate(cases):
+        results.comparisons += judged[number] if number in judged else _judged(case, names, number, found)
+    results.runs = [run for name in names for n in range(len(cases)) for run in found.get((name, n), [])]
+    results.engines = {name: results.engines[name] for name in names if name in results.engines}
     return results
 
 
-def _in_parallel(work: Callable[[Worker], _T], workers: Sequence[Worker], jobs: int) -> list[_T]:
-    """Let every worker do its work, `jobs` at a time; whatever stops it stops all workers."""
+def _judged(case: Case, names: Sequence[str], number: int, found: dict[tuple[str, int], list[Run]]) -> list[Comparison]:
+    return judge_case(case, [run for name in names for run in found.get((name, number), [])])
+
+
+@contextmanager
+def _workers(names: Sequence[str], limit: float) -> Iterator[dict[str, Worker]]:
+    """A worker for each engine; whatever stops the suite stops them all."""
+    workers = {name: Worker(name, limit) for name in names}
     try:
-        with ThreadPoolExecutor(max_workers=max(1, jobs)) as pool:
-            try:
-                return list(pool.map(work, workers))
-            except BaseException:  # Ctrl-C above all: no engine may go on working for nobody
-                pool.shutdown(wait=False, cancel_futures=True)
-                for worker in workers:
-                    worker.cancel()
-                raise
+        yield workers
+    except BaseException:  # Ctrl-C above all: no engine may go on working for nobody
+        for worker in workers.values():
+            worker.cancel()
+        raise
     finally:
-        for worker in workers:
+        for worker in workers.values():
             worker.stop()
 
 
-def _ask_everything(
-    worker: Worker, cases: Sequence[Case], questions: Sequence[Question], effort: Effort, progress: Progress | None
-) -> tuple[EngineInfo | str, list[Run]]:
-    """All runs of one engine, or why it does not start."""
-    reply = worker.ask(Request())
-    if not isinstance(reply.value, EngineInfo):
-        return reply.reason or f"info() gave a {type(reply.value).__name__}, not an EngineInfo", []
-    found: list[Run] = []
-    for case in cases:
-        if worker.cancelled:
-            break
-        found += _runs_of_case(worker, case, questions, effort)
-        if progress is not None:
-            progress(worker.engine, case.name)
-    return reply.value, found
-
-
-def _runs_of_case(
-    worker: Worker, case: Case, questions: Sequence[Question], effort: Effort = FULL, finest: bool = False
-) -> Iterator[Run]:
-    """Runs of one case; with `finest` only the headline method at its finest level."""
-    reply = worker.ask(Request(case.mechanism))
-    plan = reply.value
-    for question in questions:
-        if not isinstance(plan, Plan):
-            yield Run(
-                case.name, worker.engine, question, None, 0, None, Status.FAILED, reason=reply.reason, log=reply.log
-            )
-        elif plan.unsupported[question]:
-            reason = "; ".join(f"{u.feature}: {u.reason}" for u in plan.unsupported[question])
-            yield Run(case.name, worker.engine, question, None, 0, None, Status.UNSUPPORTED, reason=reason)
-        else:
-            yield from _runs_of_question(worker, case, plan, question, effort, finest)
-
-
-def _runs_of_question(
-    worker: Worker, case: Case, plan: Plan, question: Question, effort: Effort, finest: bool
-) -> Iterator[Run]:
-    """Every method and level; a question without any is a failed run, so that it cannot vanish from the record."""
-
-    def failed(method: Method | None, reason: str) -> Run:
-        return Run(case.name, worker.engine, question, method, 0, None, Status.FAILED, reason=reason)
-
-    methods = plan.methods[question][:1] if finest else effort.some(plan.methods[question], worker.engine)
-    if not methods:
-        yield failed(None, "the adapter supports the question and offers no method")
-    for method in methods:
-        levels = _levels(case, question, method)
-        if not levels:
-            yield failed(method, "the method names no substeps and no tolerances: no level to run")
-        elif finest:
-            yield _one_run(worker, case, plan, question, method, len(levels) - 1, levels[-1])
-        else:
-            yield from _ladder(worker, case, plan, question, method, levels, effort.closer)
-    if worker.engine == REFERENCE and question is Question.TRAJECTORY and effort.closer and not finest:
-        yield from _displaced_runs(worker, case, plan, methods[0])
-
-
-def open_plan(worker: Worker, case: Case) -> Plan | str:
-    """What an engine says about a case before it is asked, or why it says nothing."""
-    reply = worker.ask(Request(case.mechanism))
-    return reply.value if isinstance(reply.value, Plan) else reply.reason
-
-
-def ask_ladder(
-    worker: Worker, case: Case, plan: Plan, method: Method, steps: Sequence[float] | None = None
-) -> Iterator[Run]:
-    """Runs of a trajectory method at every level and at other softness; at the given steps alone, if any are given."""
-    if steps is None:
-        levels = _levels(case, Question.TRAJECTORY, method)
-        yield from _ladder(worker, case, plan, Question.TRAJECTORY, method, levels, closer=True)
-        return
-    for level, step in enumerate(steps):
-        yield _one_run(worker, case, plan, Question.TRAJECTORY, method, level, step)
-
-
-def _ladder(
-    worker: Worker,
-    case: Case,
-    plan: Plan,
-    question: Question,
-    method: Method,
-    levels: list[float | None],
-    closer: bool,
-) -> Iterator[Run]:
-    """Every level of a method; closer: finer ones until the observed order settles, the finest at other softness."""
-    runs: list[Run] = []
-    for level, step in enumerate(levels):
-        runs.append(_one_run(worker, case, plan, question, method, level, step))
-        yield runs[-1]
-    if not closer:
-        return
-    while method.substeps and len(runs) < MOST_LEVELS and 2.0 * runs[-1].cpu < LEVEL_BUDGET:
-        answers = [run.answer for run in runs if isinstance(run.answer, TrajectoryAnswer)]
-        step = runs[-1].step
-        if step is None or len(answers) < len(runs) or not needs_another_level(answers, method, [r.step for r in runs]):
-            break
-        runs.append(_one_run(worker, case, plan, question, method, len(runs), step / 2.0))
-        yield runs[-1]
-    if method.softness is not None and runs[-1].status is Status.ANSWERED:
-        for scale in SCALES[method.profile]:
-            softer = replace(method, softness=scale * method.softness)
-            yield _one_run(worker, case, plan, question, softer, runs[-1].level, runs[-1].step)
-
-
-def _displaced_runs(worker: Worker, case: Case, plan: Plan, method: Method) -> Iterator[Run]:
-    """The reference from displaced initial states, for the horizon."""
-    states = displaced_states(case.mechanism, case.initial_state, PERTURBATION, DISPLACED, case.seed)
-    for n, state in enumerate(states):
-        name = replace(method, name=f"{method.name}, {DISPLACED_START} {n + 1}", settings={"displaced": PERTURBATION})
-        yield replace(
-            _one_run(worker, case, plan, Question.TRAJECTORY, method, 0, method.tolerances[-2], state), method=name
-        )
-
-
-def _levels(case: Case, question: Question, method: Method) -> list[float | None]:
-    if question is not Question.TRAJECTORY:
-        return [None]
-    return [case.sample / n for n in method.substeps] or list(method.tolerances)
-
-
-def _one_run(
-    worker: Worker,
-    case: Case,
-    plan: Plan,
-    question: Question,
-    method: Method,
-    level: int,
-    step: float | None,
-    start: State | None = None,
-) -> Run:
-    states = case.states if question is Question.INSTANT else [start or case.initial_state]
-    count = {Question.MODEL: 1, Question.INSTANT: len(states), Question.TRAJECTORY: len(case.times)}[question]
-    reply = worker.ask(Request(case.mechanism, question, method, states, case.times, step or 0.0))
-    reason = reply.reason
-    if reply.returned:
-        reason = "; ".join(defects(reply.value, question, case.mechanism, count))
-    answered = isinstance(reply.value, ModelAnswer | InstantAnswer | TrajectoryAnswer) and not reason
-    return Run(
-        case=case.name,
-        engine=worker.engine,
-        question=question,
-        method=method,
-        level=level,
-        step=step,
-        status=Status.ANSWERED if answered else Status.FAILED,
-        answer=reply.value if answered else None,  # type: ignore[arg-type]
-        reason=reason,
-        manifest=plan.manifest,
-        cpu=reply.cpu,
-        log=reply.log,
-    )
+def _in_parallel(suite: _Suite, jobs: int) -> Generator[tuple[str, int, list[Run]]]:
+    """What threads finish, as they finish it; an error of ours in one of them ends all."""
+    count = max(1, min(jobs, len(suite.workers)))
+    pool = ThreadPoolExecutor(max_workers=count)
+    futures: list[Future[None]] = [pool.submit(suite.work) for _ in range(count)]
+    try:
+        working = count
+        while working:
+            finished = suite.finished.get()
+            if finished is None:
+                working -= 1
+            else:
+                yield finished
+        for future in futures:
+            future.result()
+    except BaseException:
+        suite.schedule.close()
+        for worker in suite.workers.values():
+            worker.cancel()
+        raise
+    finally:
+        pool.shutdown(wait=True)
 
 
 def simulate_case(case: Case, engine: str, limit: float) -> tuple[TrajectoryAnswer, str]:
@@ -325,7 +225,13 @@ def simulate_case(case: Case, engine: str, limit: float) -> tuple[TrajectoryAnsw
         If the engine cannot or did not answer, with its reason.
     """
     with Worker(engine, limit) as worker:
-        (run,) = _runs_of_case(worker, case, [Question.TRAJECTORY], finest=True)
+        plan = open_plan(worker, case)
+        if isinstance(plan, str):
+            raise EngineFailure(f"engine '{engine}', case '{case.name}': {Status.FAILED}: {plan}")
+        if plan.unsupported[Question.TRAJECTORY]:
+            reason = "; ".join(f"{u.feature}: {u.reason}" for u in plan.unsupported[Question.TRAJECTORY])
+            raise EngineFailure(f"engine '{engine}', case '{case.name}': {Status.UNSUPPORTED}: {reason}")
+        run = Asked(worker, case, plan).finest(Question.TRAJECTORY)
     if isinstance(run.answer, TrajectoryAnswer) and run.method is not None:
         kind = "step" if run.method.substeps else "tolerance"
         return run.answer, f"{run.method.name}, {kind} {run.step:g}"

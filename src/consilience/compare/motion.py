@@ -12,9 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from consilience.energies import energies_over_time
 from consilience.kinematics import constraint_residual, count_turns
 from consilience.mechanism import Mechanism, State
-from consilience.observe import kinetic_energy, load_potential, potential_energy, reach
+from consilience.observe import reach
 from consilience.run import TrajectoryAnswer
 from consilience.spatial import Array, rotation_angle_between
 
@@ -101,12 +102,9 @@ def extrapolated(coarse: TrajectoryAnswer, fine: TrajectoryAnswer, weight: float
 
 def energy_over_time(mechanism: Mechanism, answer: TrajectoryAnswer, samples: Sequence[int]) -> Array:
     """Change of the total energy since the start over the largest kinetic energy, recomputed from the motion."""
-    kinetic, total = [], []
-    for n in samples:
-        state = _state(answer, n)
-        kinetic.append(kinetic_energy(mechanism, state))
-        total.append(kinetic[-1] + potential_energy(mechanism, state) + load_potential(mechanism, state))
-    return (np.array(total) - total[0]) / max(*kinetic, TINY)
+    kinetic, potential = energies_over_time(mechanism, answer, samples)
+    total = kinetic + potential
+    return np.asarray((total - total[0]) / max(float(np.max(kinetic)), TINY))
 
 
 def _state(answer: TrajectoryAnswer, n: int) -> State:

@@ -1,0 +1,147 @@
+"""What is answered is kept: a suite that ends early loses the jobs in flight, and asks for nothing twice."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from consilience.asking import Asked
+from consilience.assembly import Initial
+from consilience.case import Case
+from consilience.mechanism import Mechanism
+from consilience.run import EngineInfo, Method, Question, Route, Run, Status
+from consilience.store import FILE, Kept, Store, StoreError
+from consilience.suite import run_suite
+from consilience.worker import Request
+from mechanisms import chain, states_of
+
+INFO = EngineInfo("mujoco", "4.0.0", "1")
+
+
+def small_case(name, *kinds, seed):
+    mechanism = replace(chain(*kinds, seed=seed), name=name)
+    start = Initial(rates={"j0": {"angle": 1.5}})
+    spans = {"duration": 0.2, "sample": 0.05, "digits": 8, "instants": 3, "seed": 1}
+    return Case(name=name, file=f"{name}.toml", title=name, mechanism=mechanism, initial=start, **spans)
+
+
+@pytest.fixture(scope="module")
+def cases():
+    return [small_case("first", "revolute", "spherical", seed=71), small_case("second", "revolute", seed=72)]
+
+
+@pytest.fixture
+def performed(monkeypatch):
+    """Jobs that a worker was given, in order."""
+    jobs = []
+    perform = Asked._perform
+
+    def counted(self, run, request):
+        jobs.append((run.engine, run.case, run.question, run.method.name, run.level, run.method.softness, run.step))
+        return perform(self, run, request)
+
+    monkeypatch.setattr(Asked, "_perform", counted)
+    return jobs
+
+
+def told(results):
+    """What a report is made of."""
+    return [repr(run) for run in results.runs], [repr(c) for c in results.comparisons]
+
+
+def test_a_second_run_asks_nothing_and_says_the_same(cases, tmp_path, performed):
+    first = run_suite(cases, ["honest"], store=Store(tmp_path))
+    asked = len(performed)
+    assert asked > 20
+    again = run_suite(cases, ["honest"], store=Store(tmp_path))
+    assert len(performed) == asked
+    with np.printoptions(floatmode="unique", threshold=10**6):
+        assert told(again) == told(first)
+
+
+def test_a_run_that_is_interrupted_goes_on_where_it_was(cases, tmp_path, performed):
+    whole = run_suite(cases, ["honest"], store=Store(tmp_path / "whole"))
+    expected, performed[:] = len(performed), []
+
+    def interrupt(engine, case):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_suite(cases, ["honest"], jobs=1, progress=interrupt, store=Store(tmp_path / "cut"))
+    before = len(performed)
+    assert 0 < before < expected
+    resumed = run_suite(cases, ["honest"], store=Store(tmp_path / "cut"))
+    # displaced motions have the same name, level and step: they are told apart by where they start
+    assert len(performed) - before <= expected - before + 1
+    for found, told_whole in zip(resumed.runs, whole.runs, strict=True):
+        assert (found.engine, found.case, found.status) == (told_whole.engine, told_whole.case, Status.ANSWERED)
+        for name, value in vars(told_whole.answer).items():
+            if isinstance(value, np.ndarray):
+                assert np.array_equal(getattr(found.answer, name), value)
+
+
+def test_failures_are_asked_again(cases, tmp_path, performed):
+    for _ in range(2):
+        results = run_suite(cases[:1], ["aborts"], [Question.INSTANT], store=Store(tmp_path))
+        assert [run.status for run in results.runs if run.engine == "aborts"] == [Status.FAILED]
+    assert [job[0] for job in performed].count("aborts") == 2
+
+
+def test_fresh_forgets(cases, tmp_path, performed):
+    for fresh in (False, True):
+        run_suite(cases[:1], [], [Question.INSTANT], store=Store(tmp_path, fresh=fresh))
+    assert len(performed) == 2 * len(set(performed))
+
+
+def request(seed=71, **changes):
+    mechanism = chain("revolute", "spherical", seed=seed)
+    method = Method("RK4", Route.NATIVE, 4, (4, 8), settings={"tolerance": 1e-9})
+    states = states_of(mechanism, 2)
+    asked = Request(mechanism, Question.TRAJECTORY, method, states, np.linspace(0.0, 1.0, 11), 0.01)
+    return replace(asked, **changes)
+
+
+def heavier(mechanism: Mechanism) -> Mechanism:
+    body = mechanism.bodies[0]
+    return replace(mechanism, bodies=(replace(body, mass=np.nextafter(body.mass, 2.0)), *mechanism.bodies[1:]))
+
+
+OTHER = {
+    "mass, by one rounding": lambda r: (INFO, replace(r, mechanism=heavier(r.mechanism))),
+    "states": lambda r: (INFO, replace(r, states=r.states[:1])),
+    "times": lambda r: (INFO, replace(r, times=np.linspace(0.0, 1.0, 21))),
+    "step": lambda r: (INFO, replace(r, step=0.005)),
+    "question": lambda r: (INFO, replace(r, question=Question.INSTANT)),
+    "setting": lambda r: (INFO, replace(r, method=replace(r.method, settings={"tolerance": 1e-8}))),
+    "softness": lambda r: (INFO, replace(r, method=replace(r.method, softness=2.0))),
+    "version": lambda r: (replace(INFO, version="3.3.7"), r),
+    "adapter": lambda r: (replace(INFO, adapter="2"), r),
+    "engine": lambda r: (replace(INFO, name="dart"), r),
+}
+
+
+@pytest.mark.parametrize("other", OTHER.values(), ids=OTHER.keys())
+def test_a_key_is_that_of_the_content(tmp_path, other):
+    store = Store(tmp_path)
+    key = store.key(INFO, request())
+    assert store.key(INFO, request()) == key  # built anew, the same numbers
+    assert store.key(*other(request())) != key
+
+
+def test_what_is_kept_comes_back_bit_by_bit(cases, tmp_path):
+    results = run_suite(cases[:1], ["honest"])
+    store = Store(tmp_path)
+    for n, run in enumerate(results.runs):
+        assert isinstance(run, Run)
+        store.keep(str(n), Kept(run.answer, run.cpu, run.log))
+        found = store.find(str(n))
+        assert (type(found.answer), found.cpu, found.log) == (type(run.answer), run.cpu, run.log)
+        for name, value in vars(run.answer).items():
+            other = getattr(found.answer, name)
+            assert np.array_equal(other, value) if isinstance(value, np.ndarray) else other == value, name
+
+
+def test_a_file_that_is_no_database_is_named(tmp_path):
+    (tmp_path / FILE).write_text("no database" * 100)
+    with pytest.raises(StoreError, match=r"answers\.sqlite: file is not a database.*remove it"):
+        Store(tmp_path)

@@ -1,0 +1,34 @@
+"""Energies along a motion against those of its states, one by one."""
+
+import numpy as np
+import pytest
+
+from consilience.assembly import drawing_state, random_states
+from consilience.energies import energies_over_time
+from consilience.generate import random_mechanism
+from consilience.observe import kinetic_energy, load_potential, potential_energy
+from consilience.run import TrajectoryAnswer
+
+SEEDS = [seed for seed in range(60) if random_mechanism(seed).springs or random_mechanism(seed).joint_springs][:12]
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_energies_are_those_of_the_states(seed):
+    """Random mechanisms with springs, and quaternions that are longer than one."""
+    mechanism = random_mechanism(seed)
+    states = random_states(mechanism, drawing_state(mechanism), 4, seed)
+    p, quat, v, w = (np.array([getattr(s, n) for s in states]) for n in ("p_WB", "quat_WB", "v_WB_W", "w_WB_W"))
+    motion = TrajectoryAnswer(np.arange(4.0), p, 1.5 * quat, v, w)
+    kinetic, potential = energies_over_time(mechanism, motion, [3, 0, 2])
+    for n, sample in enumerate([3, 0, 2]):
+        state = states[sample]
+        assert kinetic[n] == pytest.approx(kinetic_energy(mechanism, state), rel=1e-13)
+        expected = potential_energy(mechanism, state) + load_potential(mechanism, state)
+        assert potential[n] == pytest.approx(expected, rel=1e-12, abs=1e-11)
+
+
+def test_the_samples_have_loads_and_springs_of_both_kinds():
+    drawn = [random_mechanism(seed) for seed in SEEDS]
+    assert any(m.springs for m in drawn)
+    assert any(m.joint_springs for m in drawn)
+    assert any(x.kind == "force" and x.frame == "world" for m in drawn for x in m.loads)
