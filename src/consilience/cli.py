@@ -16,7 +16,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from consilience.errors import ConsilienceError, InvalidInput
+from consilience.errors import ConsilienceError, InvalidInput, visible
 
 if TYPE_CHECKING:
     from consilience.case import Case
@@ -123,14 +123,14 @@ def _print_matrix(folder: Path) -> None:
     table.add_column("case")
     engines, rows = matrix(record)
     for name in engines:
-        table.add_column(name)
+        table.add_column(escape(visible(name)))
     for case, cells in rows:
-        table.add_row(escape(case), *(escape(cell) for cell in cells))
+        table.add_row(escape(visible(case)), *(escape(cell) for cell in cells))
     out.print(table)
     for line in legend(record):
         out.print(escape(line), soft_wrap=True, highlight=False)
     for name, reason in record.header["missing"].items():
-        err.print(f"{name}: not available: {escape(reason)}")
+        err.print(f"{escape(visible(name))}: not available: {escape(visible(reason))}")
     out.print(f"report: {folder / 'report.html'}", soft_wrap=True, highlight=False)
 
 

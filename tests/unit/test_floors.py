@@ -11,6 +11,7 @@ SOURCE = ROOT / "src" / "consilience"
 FLOORS = {
     "errors": 0,
     "spatial": 1,
+    "reading": 1,
     **dict.fromkeys(("functions", "joints"), 2),
     **dict.fromkeys(("elements", "casevalues", "contacts"), 3),
     "mechanism": 4,

@@ -10,6 +10,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
+from consilience.errors import visible
 from consilience.report.plots import figures
 from consilience.report.record import Record
 from consilience.report.view import page
@@ -21,11 +22,17 @@ def packed(text: str) -> Markup:
     return Markup(b64encode(gzip.compress(text.encode(), mtime=0)).decode())
 
 
+def shown(value: object) -> object:
+    """Text with control characters and turns of direction written out; the template escapes it afterwards."""
+    return visible(value) if type(value) is str else value
+
+
 def render_html(record: Record) -> str:
     """Self-contained page of a record."""
     environment = Environment(
         loader=PackageLoader("consilience.report", "templates"),
         autoescape=True,
+        finalize=shown,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,

@@ -6,13 +6,14 @@ import re
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from consilience.errors import visible
 from consilience.report.record import Record
 from consilience.report.view import page
 
 
 def escaped(value: object) -> str:
     """Text that Markdown and HTML take literally, on one line, inside and outside tables."""
-    text = re.sub(r"\s+", " ", str(value))
+    text = visible(re.sub(r"\s+", " ", str(value)))
     text = text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
     text = re.sub(r"([\\`*\[\]|~])", r"\\\1", text)
     # an underscore within a word is one already
