@@ -5,8 +5,9 @@ from __future__ import annotations
 import gzip
 import json
 from base64 import b64encode
+from functools import cache
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
@@ -27,8 +28,8 @@ def shown(value: object) -> object:
     return visible(value) if type(value) is str else value
 
 
-def render_html(record: Record) -> str:
-    """Self-contained page of a record."""
+@cache
+def _template() -> Template:
     environment = Environment(
         loader=PackageLoader("consilience.report", "templates"),
         autoescape=True,
@@ -37,9 +38,19 @@ def render_html(record: Record) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    return environment.get_template("report.html.j2").render(
+    return environment.get_template("report.html.j2")
+
+
+@cache
+def _plotly() -> Markup:
+    return packed(get_plotlyjs())
+
+
+def render_html(record: Record) -> str:
+    """Self-contained page of a record."""
+    return _template().render(
         page=page(record),
         anchor=anchor,
         figures=packed(json.dumps(figures(record), separators=(",", ":"), allow_nan=False)),
-        plotly=packed(get_plotlyjs()),
+        plotly=_plotly(),
     )
