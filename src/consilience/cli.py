@@ -279,6 +279,8 @@ CAMPAIGNS = {
     "check": ("consilience.identities.command", "Check each engine alone, without a reference, against identities."),
     "fuzz": ("consilience.fuzz.command", "Judge random mechanisms on all engines, and shrink what disagrees."),
     "values": ("consilience.values", "Compare the reference with every expected value of the cases."),
+    "diff": ("consilience.history.command", "Tell what has changed between two reports."),
+    "trend": ("consilience.history.command", "Tell how the reports of a folder have changed over time."),
     "mutate": ("consilience.mutate.command", "Plant known errors in adapters, and tell which are caught."),
 }
 """Commands that parse their own arguments: module with a function of the same name, and what they do."""

@@ -109,41 +109,74 @@ def numeric_neighbour(value, choice):
     return value * factors[choice % len(factors)]
 
 
-def set_value(container, key, value):
-    container[key] = copy.deepcopy(value)
+def _number(container, key, choice, _every):
+    old = container[key]
+    if isinstance(old, int | float) and not isinstance(old, bool) and choice % 2:
+        container[key] = numeric_neighbour(old, choice // 2)
+    else:
+        container[key] = NUMBERS[choice % len(NUMBERS)]
+
+
+def _text(container, key, choice, _every):
+    container[key] = TEXTS[choice % len(TEXTS)]
+
+
+def _other(container, key, choice, _every):
+    container[key] = copy.deepcopy(OTHERS[choice % len(OTHERS)])
+
+
+def _remove(container, key, _choice, _every):
+    del container[key]
+
+
+def _add(container, key, choice, _every):
+    if isinstance(container, dict):
+        container[TEXTS[choice % len(TEXTS)]] = container[key]
+
+
+def _rename(container, key, choice, every):
+    if isinstance(container, dict):
+        name = every[choice % len(every)][1] if choice % 2 else TEXTS[choice % len(TEXTS)]
+        container[name] = container.pop(key)
+
+
+def _copy(container, key, choice, every):
+    source, name = every[choice % len(every)]
+    container[key] = copy.deepcopy(source[name])
+
+
+def _repeat(container, key, choice, _every):
+    if isinstance(container[key], list):
+        container[key] = copy.deepcopy((container[key] * (1 + choice % 40))[:400])
+
+
+def _grow(container, key, choice, _every):
+    if isinstance(container, list):
+        container.insert(choice % (len(container) + 1), copy.deepcopy(container[key]))
+
+
+TABLE_STEPS = {
+    "number": _number,
+    "text": _text,
+    "other": _other,
+    "remove": _remove,
+    "add": _add,
+    "rename": _rename,
+    "copy": _copy,
+    "repeat": _repeat,
+    "grow": _grow,
+}
+"""Steps on tables or records, in place: of a container, a key of it, a choice, and all places."""
 
 
 def change(root, kind, place, choice):
     """One step on tables or records, in place."""
     every = places(root)
-    if not every:
-        return
-    container, key = every[place % len(every)]
-    old = container[key]
-    if kind == "number" and isinstance(old, int | float) and not isinstance(old, bool) and choice % 2:
-        container[key] = numeric_neighbour(old, choice // 2)
-    elif kind == "number":
-        container[key] = NUMBERS[choice % len(NUMBERS)]
-    elif kind == "text":
-        container[key] = TEXTS[choice % len(TEXTS)]
-    elif kind == "other":
-        set_value(container, key, OTHERS[choice % len(OTHERS)])
-    elif kind == "remove":
-        del container[key]
-    elif kind == "add" and isinstance(container, dict):
-        container[TEXTS[choice % len(TEXTS)]] = old
-    elif kind == "rename" and isinstance(container, dict):
-        container[every[choice % len(every)][1] if choice % 2 else TEXTS[choice % len(TEXTS)]] = container.pop(key)
-    elif kind == "copy":
-        source, name = every[choice % len(every)]
-        set_value(container, key, source[name])
-    elif kind == "repeat" and isinstance(old, list):
-        container[key] = copy.deepcopy((old * (1 + choice % 40))[:400])
-    elif kind == "grow" and isinstance(container, list):
-        container.insert(choice % (len(container) + 1), copy.deepcopy(old))
+    if every:
+        TABLE_STEPS[kind](*every[place % len(every)], choice, every)
 
 
-TABLE_KINDS = ("number", "text", "other", "remove", "add", "rename", "copy", "repeat", "grow")
+TABLE_KINDS = tuple(TABLE_STEPS)
 
 
 def changed_tables(root, steps):
@@ -154,36 +187,65 @@ def changed_tables(root, steps):
     return mutant
 
 
-TEXT_KINDS = ("flip", "cut", "drop", "double", "insert", "swap", "nest", "digits")
+OPENINGS = (b"[", b'{"a":', b"{a=", b"a.", b"[[", b'"a".')
+
+
+def _flip(raw, at, choice):
+    return raw[:at] + bytes([raw[at] ^ (1 << choice % 8)]) + raw[at + 1 :] if at < len(raw) else raw
+
+
+def _cut(raw, at, choice):
+    return raw[:at] if choice % 2 else raw[at:]
+
+
+def _insert(raw, at, choice):
+    return raw[:at] + TEXTS[choice % len(TEXTS)].encode("utf-8", "surrogatepass") + raw[at:]
+
+
+def _nest(raw, at, choice):
+    return raw[:at] + OPENINGS[choice % len(OPENINGS)] * (10, 300, 5_000)[choice % 3] + raw[at:]
+
+
+def _digits(raw, at, choice):
+    return raw[:at] + b"9" * (5, 300, 6_000)[choice % 3] + raw[at:]
+
+
+def _drop(raw, at, _choice):
+    start, end = raw.rfind(b"\n", 0, at) + 1, raw.find(b"\n", at) + 1
+    return raw[:start] + raw[end or len(raw) :]
+
+
+def _double(raw, at, _choice):
+    start, end = raw.rfind(b"\n", 0, at) + 1, raw.find(b"\n", at) + 1 or len(raw)
+    return raw[:end] + raw[start:end] + raw[end:]
+
+
+def _swap(raw, at, choice):
+    lines = raw.split(b"\n")
+    n, m = at % len(lines), choice % len(lines)
+    lines[n], lines[m] = lines[m], lines[n]
+    return b"\n".join(lines)
+
+
+TEXT_STEPS = {
+    "flip": _flip,
+    "cut": _cut,
+    "insert": _insert,
+    "nest": _nest,
+    "digits": _digits,
+    "drop": _drop,
+    "double": _double,
+    "swap": _swap,
+}
+"""Steps on a file: of its bytes, a place among them and a choice."""
+
+TEXT_KINDS = tuple(TEXT_STEPS)
 
 
 def changed_bytes(raw, steps):
-    """A mutant of a file as it lies on the disk."""
+    """A mutant of a file as it lies on the disk; places are spread over all of it."""
     for kind, place, choice in steps:
-        at = place % (len(raw) + 1)
-        lines = raw.split(b"\n")
-        n = place % len(lines)
-        payload = TEXTS[choice % len(TEXTS)].encode("utf-8", "surrogatepass")
-        if kind == "flip" and raw:
-            at %= len(raw)
-            raw = raw[:at] + bytes([raw[at] ^ (1 << choice % 8)]) + raw[at + 1 :]
-        elif kind == "cut":
-            raw = raw[:at] if choice % 2 else raw[at:]
-        elif kind == "drop":
-            raw = b"\n".join(lines[:n] + lines[n + 1 :])
-        elif kind == "double":
-            raw = b"\n".join(lines[:n] + [lines[n]] * 2 + lines[n + 1 :])
-        elif kind == "insert":
-            raw = raw[:at] + payload + raw[at:]
-        elif kind == "swap":
-            m = choice % len(lines)
-            lines[n], lines[m] = lines[m], lines[n]
-            raw = b"\n".join(lines)
-        elif kind == "nest":
-            opening = (b"[", b'{"a":', b"{a=", b"a.", b"[[", b'"a".')[choice % 6]
-            raw = raw[:at] + opening * (10, 300, 5_000)[choice % 3] + raw[at:]
-        elif kind == "digits":
-            raw = raw[:at] + b"9" * (5, 300, 6_000)[choice % 3] + raw[at:]
+        raw = TEXT_STEPS[kind](raw, place * 7919 % (len(raw) + 1), choice)
     return raw
 
 

@@ -12,8 +12,8 @@ from pathlib import Path
 from hypothesis import strategies as st
 
 from consilience import cli
-from consilience.casefile import load_file
 from consilience.case import Case
+from consilience.casefile import load_file
 from consilience.errors import ConsilienceError
 from consilience.library import case_files, load_case
 from consilience.report import html

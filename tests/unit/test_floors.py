@@ -29,7 +29,7 @@ FLOORS = {
     "suite": 16,
     **dict.fromkeys(("coverage", "fuzz", "mutate", "values"), 17),
     "report": 18,
-    **dict.fromkeys(("newcase", "validate"), 19),
+    **dict.fromkeys(("history", "newcase", "validate"), 19),
     "cli": 20,
     "__init__": 21,
 }
