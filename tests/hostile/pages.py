@@ -4,73 +4,17 @@ import re
 from html.parser import HTMLParser
 from xml.etree import ElementTree
 
-TAGS = set(
-    [
-        "html",
-        "head",
-        "meta",
-        "title",
-        "style",
-        "body",
-        "header",
-        "main",
-        "section",
-        "footer",
-        "h1",
-        "h2",
-        "h3",
-        "h4",
-        "p",
-        "strong",
-        "em",
-        "code",
-        "pre",
-        "a",
-        "span",
-        "br",
-        "div",
-        "table",
-        "caption",
-        "thead",
-        "tbody",
-        "tr",
-        "th",
-        "td",
-        "dl",
-        "dt",
-        "dd",
-        "ul",
-        "li",
-        "article",
-        "details",
-        "summary",
-        "figure",
-        "figcaption",
-        "script",
-    ]
-)
-ATTRIBUTES = set(
-    [
-        "lang",
-        "charset",
-        "http-equiv",
-        "content",
-        "name",
-        "class",
-        "href",
-        "id",
-        "scope",
-        "rowspan",
-        "aria-labelledby",
-        "aria-label",
-        "aria-hidden",
-        "title",
-        "tabindex",
-        "data-figure",
-        "type",
-    ]
-)
-SVG_TAGS = set(["svg", "title", "rect", "text", "g", "polyline", "circle", "path", "line", "tspan"])
+TAGS = {
+    *("html", "head", "meta", "title", "style", "body", "script"),
+    *("header", "main", "section", "footer", "article", "details", "summary", "figure", "figcaption"),
+    *("h1", "h2", "h3", "h4", "p", "strong", "em", "code", "pre", "a", "br", "span", "div"),
+    *("table", "caption", "thead", "tbody", "tr", "th", "td", "dl", "dt", "dd", "ul", "li"),
+}
+ATTRIBUTES = {
+    *("lang", "charset", "http-equiv", "content", "name", "class", "href", "id", "scope", "rowspan", "title"),
+    *("aria-labelledby", "aria-label", "aria-hidden", "tabindex", "data-figure", "type"),
+}
+SVG_TAGS = {"svg", "title", "rect", "text", "g", "polyline", "circle", "path", "line", "tspan"}
 
 
 class Elements(HTMLParser):

@@ -54,10 +54,12 @@ def report_seed(folder):
 
 
 def mutants(seeds, write):
-    """Strategy of inputs: mutated tables written out, or a mutated file, or the one after the other."""
+    """Strategy of inputs: mutated tables written out, a mutated file, or the one after the other."""
     whole = st.sampled_from(range(len(seeds)))
     return st.one_of(
         st.tuples(whole, steps(TABLE_KINDS)).map(lambda t: write(changed_tables(seeds[t[0]][1], t[1]))),
+        # numbers alone: most of these pass every check of form, and reach the mechanics
+        st.tuples(whole, steps(("number",), 2)).map(lambda t: write(changed_tables(seeds[t[0]][1], t[1]))),
         st.tuples(whole, steps(TEXT_KINDS)).map(lambda t: changed_bytes(seeds[t[0]][0], t[1])),
         st.tuples(whole, steps(TABLE_KINDS, 2), steps(TEXT_KINDS, 2)).map(
             lambda t: changed_bytes(write(changed_tables(seeds[t[0]][1], t[1])), t[2])

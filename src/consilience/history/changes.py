@@ -75,11 +75,13 @@ class Answer:
 
 
 def answers(record: Record, renamed: Mapping[str, str] | None = None) -> dict[Key, Answer]:
-    """Every answer of a record; engines may be given other names, to stand beside those of another record."""
-    names = renamed or {}
+    """Every answer of a record; with other names for some engines, to stand beside another record's, theirs alone."""
+    names = renamed or {name: name for name in record.header["engines"]}
     found = {}
     for c in record.comparisons:
-        key = (c["case"], names.get(c["engine"], c["engine"]), c["question"], c["method"])
+        if c["engine"] not in names:
+            continue
+        key = (c["case"], names[c["engine"]], c["question"], c["method"])
         cpu = sum(run["cpu"] for run in record.runs_of(c))
         found[key] = Answer(c["verdict"], c["digits"], cpu, is_matched(c), c["why"])
     return found
@@ -101,9 +103,7 @@ def changes(
         Change in digits from which on one is told.
     """
     names = dict(renamed or {})
-    old, new = answers(before, names), answers(after)
-    if names:
-        old, new = ({k: a for k, a in found.items() if k[1] in names.values()} for found in (old, new))
+    old, new = answers(before, names), answers(after, {name: name for name in names.values()})
     found = [*_surroundings(before, after, names), *_cases(before, after), *_engines(before, after, names)]
     found += _added_and_removed(before, after, old, new)
     timed = before.header["processor"] == after.header["processor"]
@@ -120,12 +120,10 @@ def _surroundings(before: Record, after: Record, names: Mapping[str, str]) -> It
     old, new = ({**r.header["packages"], "Python": r.header["python"]} for r in (before, after))
     old |= {"platform": before.header["platform"], "processor": before.header["processor"]}
     new |= {"platform": after.header["platform"], "processor": after.header["processor"]}
-    for name, engine in before.header["engines"].items():
+    engines = before.header["engines"], after.header["engines"]
+    for name, other in (names or {name: name for name in engines[0].keys() & engines[1].keys()}).items():
         for what in ("version", "adapter"):
-            old[f"{names.get(name, name)}, {what}"] = engine[what]
-    for name, engine in after.header["engines"].items():
-        for what in ("version", "adapter"):
-            new[f"{name}, {what}"] = engine[what]
+            old[f"{other}, {what}"], new[f"{other}, {what}"] = engines[0][name][what], engines[1][other][what]
     for name in dict.fromkeys((*old, *new)):
         if name in old and name in new and old[name] != new[name]:
             yield Change("version", "", name, old[name], new[name])
@@ -155,18 +153,19 @@ def _short(value: Any) -> str:
 
 
 def _engines(before: Record, after: Record, names: Mapping[str, str]) -> Iterator[Change]:
-    """Engines that are new or gone, or no longer start."""
-    old = {names.get(name, name) for name in before.header["engines"]}
-    new, missing = set(after.header["engines"]), after.header["missing"]
+    """Engines that are new or gone, or no longer start; of engines under two names nothing can be said."""
+    if names:
+        return
+    old, new, missing = set(before.header["engines"]), set(after.header["engines"]), after.header["missing"]
     for name in sorted(old - new):
         if name in missing:
             yield Change("engine", "worse", f"engine {name}", "available", "not available", missing[name])
-        elif not names:
+        else:
             yield Change("engine", "", f"engine {name}", "asked", "")
     for name in sorted(new - old):
         if name in before.header["missing"]:
             yield Change("engine", "better", f"engine {name}", "not available", "available")
-        elif not names:
+        else:
             yield Change("engine", "", f"engine {name}", "", "asked")
 
 
