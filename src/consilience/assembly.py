@@ -36,6 +36,9 @@ from consilience.spatial import (
 
 _MAX_ITERATIONS = 30
 _CONVERGED = 1e-13
+_MOST_FAILED = 200
+"""Random steps in a row that may fail before the search for states ends; no shipped case fails one."""
+
 _SCALARS = {"distance": "Z", "x": "X", "y": "Y"}
 
 
@@ -272,14 +275,23 @@ def random_states(mechanism: Mechanism, start: State, count: int, seed: int, spe
     rng = np.random.default_rng(seed)
     states: list[State] = []
     state = start
+    failed = 0
     while len(states) < count:
+        if failed == _MOST_FAILED:
+            raise CannotAssemble(
+                f"mechanism '{mechanism.name}'",
+                f"{failed} random steps away from a state of it led nowhere",
+                "Ask for fewer states (instant.states = 1 asks for the initial one alone).",
+            )
         basis = free_directions(mechanism, state, holonomic=True)
         step = basis @ rng.normal(size=basis.shape[1])
         step *= 0.25 / max(_largest(step), 1e-300)
         try:
             state = assemble_positions(mechanism, move(state, step))
         except CannotAssemble:
+            failed += 1
             continue  # the step ran past the end of a link's reach: draw another one
+        failed = 0
         free = free_directions(mechanism, state)
         velocity = (free @ rng.normal(scale=speed, size=free.shape[1])).reshape(-1, 6)
         moving = State(state.p_WB, state.quat_WB, velocity[:, :3], velocity[:, 3:])

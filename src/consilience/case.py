@@ -13,6 +13,9 @@ from consilience.mechanism import Mechanism, State
 from consilience.published import Published
 from consilience.spatial import Array
 
+LARGEST_MOTION = 2_000_000
+"""Samples times bodies of a trajectory at most: an answer of 200 MB."""
+
 
 @dataclass(frozen=True)
 class Case:
@@ -49,6 +52,15 @@ class Case:
     tags: tuple[str, ...] = field(default=())
     published: tuple[Published, ...] = ()
     group: str = ""
+
+    def __post_init__(self) -> None:
+        size = self.duration / self.sample * len(self.mechanism.bodies)
+        if not size <= LARGEST_MOTION:
+            raise InvalidInput(
+                f"case '{self.name}': trajectory",
+                f"samples times bodies are {size:.3g}",
+                f"Let them be {LARGEST_MOTION:.3g} at most: a shorter duration, or a longer sample.",
+            )
 
     @cached_property
     def initial_state(self) -> State:

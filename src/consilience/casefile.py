@@ -6,7 +6,6 @@ coincide there, so joint coordinates are zero in the drawing.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -26,11 +25,15 @@ from consilience.caseschema import (
     TrajectoryTable,
     VariantTable,
 )
-from consilience.casevalues import Orientation
+from consilience.casevalues import LARGEST, Orientation
 from consilience.errors import InvalidInput
 from consilience.mechanism import GROUND, Body, Frame, Joint, Mechanism
 from consilience.published import OF_A_JOINT, Published, has_coordinate
+from consilience.reading import bounded_text, toml_tables
 from consilience.spatial import Array, quaternion_from_rotation, rotation_with_z_axis
+
+LARGEST_FILE = 1_000_000
+"""Size of a case file at most, in bytes: a thousand bodies and their joints take half of it."""
 
 
 def load_file(path: Path) -> list[Case]:
@@ -41,17 +44,7 @@ def load_file(path: Path) -> list[Case]:
     InvalidInput
         With file, field, what is wrong and what would be right.
     """
-    try:
-        raw = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InvalidInput(
-            str(path), f"it cannot be read ({error.strerror})", "Give the path of a case file."
-        ) from None
-    except UnicodeDecodeError:
-        raise InvalidInput(str(path), "it is not UTF-8 text", "Give a TOML file.") from None
-    except tomllib.TOMLDecodeError as error:
-        raise InvalidInput(str(path), f"it is not valid TOML: {error}", "Mend the syntax there.") from None
-    return cases_from_tables(path.stem, path.name, raw)
+    return cases_from_tables(path.stem, path.name, toml_tables(bounded_text(path, LARGEST_FILE), str(path)))
 
 
 def cases_from_tables(name: str, file: str, raw: Mapping[str, Any]) -> list[Case]:
@@ -90,10 +83,16 @@ def _first_problem(file: str, raw: Mapping[str, Any], error: ValidationError) ->
     if problem["type"] == "missing":
         return InvalidInput(f"{file}: {where}", "the field is missing", "Add it." + also)
     message = problem["msg"].removeprefix("Value error, ")
-    given = "" if isinstance(problem["input"], dict) else f" (given: {str(problem['input'])[:60]})"
+    given = "" if isinstance(problem["input"], dict) else f" (given: {_shown(problem['input'])})"
     return InvalidInput(
         f"{file}: {where}", message[0].lower() + message[1:] + given, "See `consilience schema case`." + also
     )
+
+
+def _shown(value: Any) -> str:
+    """Start of a value; Python writes out no whole number of thousands of digits."""
+    many = isinstance(value, int) and abs(value) > LARGEST
+    return f"more than {LARGEST:g}" if many else str(value)[:60]
 
 
 def _location(raw: Any, loc: tuple[int | str, ...]) -> str:

@@ -10,12 +10,16 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from consilience.casevalues import Finite, FunctionTable, Name, Orientation, TableModel, Vector
+from consilience.casevalues import Finite, FunctionTable, Name, Orientation, Positive, TableModel, Text, Vector
 from consilience.mechanism import JOINT_KINDS
 from consilience.published import BODY_AT_START, JOINT_AT_START, OF_A_BODY, OF_A_JOINT, Origin
 from consilience.spatial import Array
 
-_MANY = Field(max_length=20_000)
+_MANY = Field(max_length=2_000)
+"""Joints, or elements of a kind, at most: with `MOST_BODIES` bodies their equations fill a few hundred MB."""
+
+MOST_BODIES = 1_000
+MOST_SAMPLES = 1_000_000
 
 
 class InertiaTable(TableModel):
@@ -49,8 +53,8 @@ class JointTable(TableModel):
 
     name: Name
     kind: Literal[tuple(JOINT_KINDS)]  # type: ignore[valid-type]
-    predecessor: str
-    successor: str
+    predecessor: Name
+    successor: Name
     at: Vector = Field(description="Origin of F (and of M, but for the rod) in the drawing, m.")
     axis: Vector | None = Field(None, description="z of F and M in the drawing; universal: the axis fixed in F.")
     second_axis: Vector | None = Field(None, description="x of F and M; universal: the axis fixed in M.")
@@ -67,8 +71,8 @@ class SpringTable(TableModel):
     """Spring-damper-actuator between two points."""
 
     name: Name
-    predecessor: str
-    successor: str
+    predecessor: Name
+    successor: Name
     at: Vector = Field(description="Point on the predecessor in the drawing, m.")
     to: Vector = Field(description="Point on the successor in the drawing, m.")
     stiffness: Finite = Field(description="N/m.")
@@ -81,7 +85,7 @@ class JointSpringTable(TableModel):
     """Spring-damper-actuator about or along the axis of a joint."""
 
     name: Name
-    joint: str
+    joint: Name
     coordinate: AxisCoordinate
     stiffness: Finite = Field(description="N m/rad or N/m.")
     damping: Finite = Field(0.0, description="N m s/rad or N s/m.")
@@ -93,7 +97,7 @@ class FrictionTable(TableModel):
     """Viscous and regularised Coulomb friction in a joint, ``-(viscous q' + coulomb tanh(q' / speed))``."""
 
     name: Name
-    joint: str
+    joint: Name
     coordinate: AxisCoordinate
     viscous: Finite = Field(0.0, description="N m s/rad or N s/m.")
     coulomb: Finite = Field(0.0, description="Friction of sliding, N m or N.")
@@ -104,7 +108,7 @@ class ControlTable(TableModel):
     """PID control of a joint coordinate, ``P e + I int e dt + D e'`` with ``e = target(t) - q``."""
 
     name: Name
-    joint: str
+    joint: Name
     coordinate: AxisCoordinate
     target: FunctionTable = Field(description="Over time, rad or m.")
     proportional: Finite = Field(description="N m/rad or N/m.")
@@ -116,7 +120,7 @@ class DriveTable(TableModel):
     """A joint coordinate as a function of time."""
 
     name: Name
-    joint: str
+    joint: Name
     coordinate: AxisCoordinate
     motion: FunctionTable = Field(description="Over time, rad or m.")
 
@@ -125,9 +129,9 @@ class CouplingTable(TableModel):
     """A joint coordinate as a function of another one: gear, rack and pinion, cam."""
 
     name: Name
-    driver_joint: str
+    driver_joint: Name
     driver_coordinate: AxisCoordinate
-    joint: str
+    joint: Name
     coordinate: AxisCoordinate
     ratio: Finite | None = Field(None, description="Coordinate per driving coordinate.")
     offset: Finite | None = Field(None, description="With ratio only: coordinate where the driving one is zero.")
@@ -147,7 +151,7 @@ class RollingTable(TableModel):
     """A disc, torus or ball that rolls without slipping on a plane of the world."""
 
     name: Name
-    body: str
+    body: Name
     at: Vector = Field(description="Centre of the circle, or of the ball, in the drawing, m.")
     axis: Vector | None = Field(None, description="Normal of the circle in the drawing; a ball needs none.")
     radius: Finite = Field(0.0, description="Of the circle, m; zero for a ball.")
@@ -160,7 +164,7 @@ class SkateTable(TableModel):
     """A knife edge: a point of a body does not move along a direction of the body."""
 
     name: Name
-    body: str
+    body: Name
     at: Vector = Field(description="The point in the drawing, m.")
     lateral: Vector = Field(description="Direction in the drawing in which it does not move; it turns with the body.")
 
@@ -169,8 +173,8 @@ class ContactTable(TableModel):
     """A sphere or corner of a body that may hit a plane or a sphere of another one; between impacts nothing acts."""
 
     name: Name
-    body: str
-    partner: str = Field("ground", description="Body that carries the plane or the other sphere.")
+    body: Name
+    partner: Name = Field("ground", description="Body that carries the plane or the other sphere.")
     at: Vector = Field(description="Centre of the sphere, or the corner, in the drawing, m.")
     radius: Finite = Field(0.0, description="Of the sphere, m; zero for a corner.")
     point: Vector | None = Field(None, description="A point of the plane in the drawing, m.")
@@ -195,7 +199,7 @@ class ForceTable(TableModel):
     """Force on a body."""
 
     name: Name
-    body: str
+    body: Name
     vector: Vector = Field(description="N, in the axes that `frame` names.")
     frame: Literal["world", "body"]
     at: Vector = Field(description="Point of application in the drawing, m; it moves with the body.")
@@ -206,7 +210,7 @@ class TorqueTable(TableModel):
     """Torque on a body."""
 
     name: Name
-    body: str
+    body: Name
     vector: Vector = Field(description="N m, in the axes that `frame` names.")
     frame: Literal["world", "body"]
     history: FunctionTable | None = Field(None, description="Factor of `vector` over time; default: one.")
@@ -238,31 +242,31 @@ class BodyGuess(TableModel):
 class InitialTable(TableModel):
     """Initial state: held coordinates and rates, guesses for bodies; the rest is assembled."""
 
-    joints: dict[str, HeldTable] = Field(default_factory=dict)
-    rates: dict[str, HeldTable] = Field(default_factory=dict)
-    bodies: dict[str, BodyGuess] = Field(default_factory=dict)
+    joints: dict[Name, HeldTable] = Field(default_factory=dict)
+    rates: dict[Name, HeldTable] = Field(default_factory=dict)
+    bodies: dict[Name, BodyGuess] = Field(default_factory=dict)
 
 
 class TrajectoryTable(TableModel):
     """What to ask of a trajectory."""
 
-    duration: Annotated[float, Field(gt=0, allow_inf_nan=False)] = Field(5.0, description="s.")
-    sample: Annotated[float, Field(gt=0, allow_inf_nan=False)] = Field(0.05, description="s; divides the duration.")
+    duration: Positive = Field(5.0, description="s.")
+    sample: Positive = Field(0.05, description="s; divides the duration.")
     digits: Annotated[int, Field(ge=1, le=12)] = 8
 
     @model_validator(mode="after")
     def _sample_divides(self) -> TrajectoryTable:
-        count = self.duration / self.sample
-        if abs(count - round(count)) > 1e-9 * count or not 1 <= round(count) <= 1_000_000:
-            raise ValueError("the sample must divide the duration into 1 to 1000000 intervals")
+        count = min(self.duration / self.sample, 2.0 * MOST_SAMPLES)
+        if abs(count - round(count)) > 1e-9 * count or not 1 <= round(count) <= MOST_SAMPLES:
+            raise ValueError(f"the sample must divide the duration into 1 to {MOST_SAMPLES} intervals")
         return self
 
 
 class InstantTable(TableModel):
     """What to ask at single instants."""
 
-    states: Annotated[int, Field(ge=1, le=100_000)] = 20
-    seed: int = 1
+    states: Annotated[int, Field(ge=1, le=10_000)] = 20
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 1
 
 
 class Components(TableModel):
@@ -282,12 +286,12 @@ class PublishedTable(TableModel):
     body: Name | None = None
     joint: Name | None = None
     observable: Literal[(*OF_A_BODY, *BODY_AT_START, *OF_A_JOINT, *JOINT_AT_START)]  # type: ignore[valid-type]
-    time: Annotated[float, Field(ge=0, allow_inf_nan=False)] = Field(description="s; on the sample grid.")
+    time: Annotated[Finite, Field(ge=0)] = Field(description="s; on the sample grid.")
     value: Finite | Vector | Components = Field(description="SI units; vectors in world axes, reactions in those of F.")
-    uncertainty: Annotated[float, Field(gt=0, allow_inf_nan=False)] = Field(description="Of each component.")
+    uncertainty: Positive = Field(description="Of each component.")
     origin: Origin = Field(description="Who knows it: a source that prints it, a formula, two computations.")
-    source: str = Field(description="Publication and place, formula, or first computation.")
-    second: str = Field("", description="Second, independent computation of a value that no source prints.")
+    source: Text = Field(description="Publication and place, formula, or first computation.")
+    second: Text = Field("", description="Second, independent computation of a value that no source prints.")
 
     @model_validator(mode="after")
     def _fits(self) -> PublishedTable:
@@ -316,22 +320,22 @@ class PublishedTable(TableModel):
 class VariantTable(TableModel):
     """What a variant changes; a file with variants stands for them alone."""
 
-    title: str
+    title: Text
     initial: InitialTable | None = None
     trajectory: TrajectoryTable | None = None
-    published: list[PublishedTable] = Field(default_factory=list)
+    published: Annotated[list[PublishedTable], _MANY] = Field(default_factory=list)
 
 
 class CaseTable(TableModel):
     """A case file. SI units, radians, right-handed frames."""
 
-    title: str
-    sources: Annotated[list[str], Field(min_length=1)]
-    remarks: str = ""
-    tags: list[str] = Field(default_factory=list)
+    title: Text
+    sources: Annotated[list[Text], Field(min_length=1, max_length=100)]
+    remarks: Text = ""
+    tags: Annotated[list[Text], Field(max_length=100)] = Field(default_factory=list)
     gravity: Vector = Field(description="m/s^2, in world axes.")
-    body: Annotated[list[BodyTable], Field(min_length=1, max_length=10_000)]
-    joint: Annotated[list[JointTable], Field(min_length=1, max_length=20_000)]
+    body: Annotated[list[BodyTable], Field(min_length=1, max_length=MOST_BODIES)]
+    joint: Annotated[list[JointTable], Field(min_length=1), _MANY]
     spring: Annotated[list[SpringTable], _MANY] = Field(default_factory=list)
     joint_spring: Annotated[list[JointSpringTable], _MANY] = Field(default_factory=list)
     force: Annotated[list[ForceTable], _MANY] = Field(default_factory=list)
@@ -346,8 +350,8 @@ class CaseTable(TableModel):
     initial: InitialTable = Field(default_factory=InitialTable)
     trajectory: TrajectoryTable = Field(default_factory=TrajectoryTable)
     instant: InstantTable = Field(default_factory=InstantTable)
-    published: list[PublishedTable] = Field(default_factory=list)
-    variants: dict[Name, VariantTable] = Field(default_factory=dict)
+    published: Annotated[list[PublishedTable], _MANY] = Field(default_factory=list)
+    variants: Annotated[dict[Name, VariantTable], Field(max_length=100)] = Field(default_factory=dict)
 
 
 def case_schema() -> dict[str, Any]:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Annotated
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
+from consilience.errors import visible
 from consilience.functions import Function, Table
 from consilience.spatial import (
     Array,
@@ -16,10 +17,22 @@ from consilience.spatial import (
     rotation_from_three_points,
 )
 
-Finite = Annotated[float, Field(allow_inf_nan=False)]
+LARGEST = 1e30
+"""Largest magnitude of a number: its fourth power, of which mechanics has no more, is still one."""
+
+
+def _printable(text: str) -> str:
+    if visible(text) != text:
+        raise ValueError("it holds control characters; give plain text")
+    return text
+
+
+Finite = Annotated[float, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, le=LARGEST, allow_inf_nan=False)]
 Vector = Annotated[list[Finite], Field(min_length=3, max_length=3)]
 Quaternion = Annotated[list[Finite], Field(min_length=4, max_length=4)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=64)]
+Text = Annotated[str, Field(max_length=20_000), AfterValidator(_printable)]
 
 
 class TableModel(BaseModel):

@@ -17,7 +17,7 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
-from consilience.errors import ConsilienceError, InvalidInput
+from consilience.errors import ConsilienceError, InvalidInput, visible
 
 if TYPE_CHECKING:
     from consilience.case import Case
@@ -146,14 +146,14 @@ def _print_matrix(folder: Path) -> None:
     table.add_column("case")
     engines, rows = matrix(record)
     for name in engines:
-        table.add_column(name)
+        table.add_column(escape(visible(name)))
     for case, cells in rows:
-        table.add_row(escape(case), *(escape(cell) for cell in cells))
+        table.add_row(escape(visible(case)), *(escape(cell) for cell in cells))
     out.print(table)
     for line in legend(record):
         out.print(escape(line), soft_wrap=True, highlight=False)
     for name, reason in record.header["missing"].items():
-        err.print(f"{name}: not available: {escape(reason)}")
+        err.print(f"{escape(visible(name))}: not available: {escape(visible(reason))}")
     out.print(f"report: {folder / 'report.html'}", soft_wrap=True, highlight=False)
 
 
@@ -338,6 +338,8 @@ CAMPAIGNS = {
     "check": ("consilience.identities.command", "Check each engine alone, without a reference, against identities."),
     "fuzz": ("consilience.fuzz.command", "Judge random mechanisms on all engines, and shrink what disagrees."),
     "values": ("consilience.values", "Compare the reference with every expected value of the cases."),
+    "diff": ("consilience.history.command", "Tell what has changed between two reports."),
+    "trend": ("consilience.history.command", "Tell how the reports of a folder have changed over time."),
     "mutate": ("consilience.mutate.command", "Plant known errors in adapters, and tell which are caught."),
 }
 """Commands that parse their own arguments: module with a function of the same name, and what they do."""

@@ -327,13 +327,15 @@ class Mechanism:
             raise InvalidInput(where, f"a {kind} joint has no '{coordinate}'", f"It has: {', '.join(known)}.")
 
     def _check_connected(self) -> None:
-        reached = {GROUND}
-        while True:
-            ends = [{j.predecessor, j.successor} for j in self.joints]
-            new = {n for pair in ends if pair & reached for n in pair} - reached
-            if not new:
-                break
-            reached |= new
+        beside: dict[str, list[str]] = {}
+        for j in self.joints:
+            beside.setdefault(j.predecessor, []).append(j.successor)
+            beside.setdefault(j.successor, []).append(j.predecessor)
+        reached, front = {GROUND}, [GROUND]
+        while front:
+            new = [name for name in beside.get(front.pop(), []) if name not in reached]
+            reached.update(new)
+            front += new
         loose = [b.name for b in self.bodies if b.name not in reached]
         if loose:
             raise InvalidInput(

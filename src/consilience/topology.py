@@ -44,13 +44,13 @@ def spanning_tree(mechanism: Mechanism) -> tuple[list[tuple[int, bool]], list[in
             # the mechanism is connected, so some weak joint must lead on
             next(body for body in front if extend(body, weak))
     closing = [k for k in range(len(mechanism.joints)) if k not in used]
-    return list(_depth_first(mechanism, branches, GROUND)), closing
+    return list(_depth_first(mechanism, branches)), closing
 
 
-def _depth_first(
-    mechanism: Mechanism, branches: dict[str, list[tuple[int, bool]]], body: str
-) -> Iterator[tuple[int, bool]]:
-    for k, backward in branches.get(body, []):
+def _depth_first(mechanism: Mechanism, branches: dict[str, list[tuple[int, bool]]]) -> Iterator[tuple[int, bool]]:
+    ahead = branches.get(GROUND, [])[::-1]
+    while ahead:
+        k, backward = ahead.pop()
         yield k, backward
         joint = mechanism.joints[k]
-        yield from _depth_first(mechanism, branches, joint.predecessor if backward else joint.successor)
+        ahead += branches.get(joint.predecessor if backward else joint.successor, [])[::-1]

@@ -11,6 +11,7 @@ SOURCE = ROOT / "src" / "consilience"
 FLOORS = {
     "errors": 0,
     "spatial": 1,
+    "reading": 1,
     **dict.fromkeys(("functions", "joints"), 2),
     **dict.fromkeys(("elements", "casevalues", "contacts"), 3),
     "mechanism": 4,
@@ -29,7 +30,7 @@ FLOORS = {
     "suite": 17,
     **dict.fromkeys(("coverage", "fuzz", "mutate", "values", "importing", "native"), 18),
     "report": 19,
-    **dict.fromkeys(("outputs", "pytest_plugin"), 20),
+    **dict.fromkeys(("outputs", "pytest_plugin", "history"), 20),
     **dict.fromkeys(("newcase", "validate"), 20),
     "cli": 21,
     "__init__": 22,

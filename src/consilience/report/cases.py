@@ -89,8 +89,8 @@ def unwrapped(paragraph: str) -> str:
 
 def case_figures(record: Record, case: dict[str, Any]) -> Iterator[str]:
     """Figures there is something to plot in, in the order of the page."""
-    motions = motions_of(case["name"], record.comparisons)
-    if growing_motion(case["name"], record.comparisons) is not None:
+    motions = motions_of(case["name"], record.of_case(case["name"])[1])
+    if growing_motion(case["name"], record.of_case(case["name"])[1]) is not None:
         yield "horizon"
     if motions:
         yield "work"
@@ -100,14 +100,14 @@ def case_figures(record: Record, case: dict[str, Any]) -> Iterator[str]:
 
 def _reference_model(record: Record, case: str) -> dict[str, Any] | None:
     """The reference's own account of the model, if it was asked for."""
-    found = (r["answer"] for r in record.runs if (r["case"], r["engine"], r["question"]) == (case, REFERENCE, "model"))
+    found = (r["answer"] for r in record.of_case(case)[0] if (r["engine"], r["question"]) == (REFERENCE, "model"))
     return next((answer for answer in found if answer), None)
 
 
 def _limits(record: Record, case: dict[str, Any]) -> Limits:
-    motions = motions_of(case["name"], record.comparisons)
+    motions = motions_of(case["name"], record.of_case(case["name"])[1])
     uncertainty = number(motions[0]["reference_spread"]) if motions else DASH
-    growing = growing_motion(case["name"], record.comparisons)
+    growing = growing_motion(case["name"], record.of_case(case["name"])[1])
     if growing is None:
         return Limits(DASH, DASH, uncertainty)
     horizon = growing["horizon"]

@@ -68,8 +68,7 @@ class Cell:
 def cell_view(record: Record, case: dict[str, Any], engine: str, reference: dict[str, Any] | None) -> Cell:
     """View of one engine on one case; `reference` is the reference's own account of the model."""
     name = case["name"]
-    runs = [r for r in record.runs if (r["case"], r["engine"]) == (name, engine)]
-    found = [c for c in record.comparisons if (c["case"], c["engine"]) == (name, engine)]
+    runs, found = ([one for one in own if one["engine"] == engine] for own in record.of_case(name))
     answers = sorted((answer_view(c, record.runs_of(c), case, reference) for c in found), key=lambda a: not a.matched)
     manifests = [r["manifest"] for r in runs if r["manifest"]]
     otherwise = YARDSTICK if engine == REFERENCE else NOT_ASKED

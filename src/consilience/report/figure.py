@@ -27,8 +27,8 @@ Figure = dict[str, Any]
 
 
 def compact(values: Sequence[float | None]) -> list[float | None]:
-    """Four significant digits; a gap for what a logarithmic axis cannot show."""
-    return [float(f"{abs(v):.4g}") if v else None for v in values]
+    """Four significant digits; a gap for what a logarithmic axis cannot show, as zero and infinity."""
+    return [float(f"{abs(v):.4g}") if v and np.isfinite(v) else None for v in values]
 
 
 def grid(times: Sequence[float]) -> Figure:

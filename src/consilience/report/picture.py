@@ -7,11 +7,12 @@ three. Up is the axis of the world that is most against gravity.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 
 from consilience.mechanism import Mechanism, State
 from consilience.report.figure import COLOURS
@@ -66,6 +67,18 @@ def _axonometric(toward: Array, up: Array) -> Array:
     return np.array([np.cross(upward, normal), upward])
 
 
+@cache
+def _template() -> Template:
+    environment = Environment(
+        loader=PackageLoader("consilience.report", "templates"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template("picture.svg.j2")
+
+
 def picture(mechanism: Mechanism, state: State, title: str) -> str:
     """SVG text of a mechanism in a state.
 
@@ -84,16 +97,9 @@ def picture(mechanism: Mechanism, state: State, title: str) -> str:
         (mark.letter or "+", f"{mark.name}: {mark.kind}, {joint.predecessor} - {joint.successor}")
         for mark, joint in zip(figure.joints, mechanism.joints, strict=True)
     ]
-    environment = Environment(
-        loader=PackageLoader("consilience.report", "templates"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
     bodies = [(mark.letter, mark.name, _colour(i)) for i, mark in enumerate(figure.bodies)]
     lines = len(names) + len(bodies) + 4
-    return environment.get_template("picture.svg.j2").render(
+    return _template().render(
         title=title,
         panels=panels,
         joints=names,

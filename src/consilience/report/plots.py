@@ -31,8 +31,8 @@ def figures(record: Record) -> dict[str, Figure]:
     """All figures by the identifier of their place on the page."""
     found: dict[str, Figure] = {}
     for case in record.cases:
-        motions, kinds = motions_of(case["name"], record.comparisons), list(case_figures(record, case))
-        growing = growing_motion(case["name"], record.comparisons)
+        motions, kinds = motions_of(case["name"], record.of_case(case["name"])[1]), list(case_figures(record, case))
+        growing = growing_motion(case["name"], record.of_case(case["name"])[1])
         if growing is not None:
             found[anchor("horizon", case["name"])] = horizon(growing, case["digits"])
         if "work" in kinds:

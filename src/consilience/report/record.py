@@ -19,15 +19,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic_core import from_json
 
 from consilience.case import Case
 from consilience.compare import Verdict
 from consilience.errors import InvalidInput
 from consilience.observe import determinate_reactions
+from consilience.reading import bounded_text
+from consilience.report.recordschema import FORMAT, contradictions, problem_of
 from consilience.run import Profile, Question, Run, TrajectoryAnswer
 from consilience.suite import Results
 
-FORMAT = 2
+LARGEST_FILE = 500_000_000
+"""Size of a record that is read, in bytes at most; one of the whole library has a few million."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +56,18 @@ class Record:
         """Runs of the method of a comparison, in order: levels and probes of other softness alike."""
         c = comparison
         return self._by_method.get((c["case"], c["engine"], c["question"], c["method"]), [])
+
+    @cached_property
+    def _by_case(self) -> dict[str, tuple[list[dict[str, Any]], list[dict[str, Any]]]]:
+        found: dict[str, tuple[list[dict[str, Any]], list[dict[str, Any]]]] = {}
+        for n, records in enumerate((self.runs, self.comparisons)):
+            for one in records:
+                found.setdefault(one["case"], ([], []))[n].append(one)
+        return found
+
+    def of_case(self, name: str) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+        """Runs and comparisons of a case, in order."""
+        return self._by_case.get(name, ([], []))
 
 
 def _plain(value: Any) -> Any:
@@ -200,26 +216,36 @@ def read_record(folder: Path) -> Record:
     Raises
     ------
     InvalidInput
-        If it is not there, not JSON Lines, of another format, or cut off (no footer, or a footer that counts more).
+        If it is not there, not JSON Lines, of another format, cut off (no footer, or a footer that counts more), or a
+        line is not what `recordschema` says.
     """
     path = folder / "report.jsonl"
     if not path.is_file():
         raise InvalidInput(str(path), "there is no such report", "Give a folder that `consilience run` wrote.")
     found: dict[str, list[dict[str, Any]]] = {k: [] for k in ("header", "case", "run", "comparison", "footer")}
-    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
+    again = "Run the suite again."
+    for number, line in enumerate(bounded_text(path, LARGEST_FILE).removesuffix("\n").split("\n"), start=1):
+        where = f"{path}: line {number}"
         try:
-            record = json.loads(line)
-            found[record["record"]].append(record)
-        except (json.JSONDecodeError, KeyError, TypeError):
-            raise InvalidInput(
-                f"{path}: line {number}", "it is not a record of a report", "Run the suite again."
-            ) from None
-    if len(found["header"]) != 1 or found["header"][0].get("format") != FORMAT:
-        raise InvalidInput(str(path), f"its header is not of format {FORMAT}", "Run the suite again.")
-    footer = found["footer"][0] if len(found["footer"]) == 1 else None
+            record = from_json(line.encode(), allow_inf_nan=False)
+        except ValueError as error:
+            raise InvalidInput(where, f"it is not a record of a report ({error})", again) from None
+        # the version first: of a record of another one, no line need be as ours are
+        if number == 1 and isinstance(record, dict) and record.get("format", FORMAT) != FORMAT:
+            raise InvalidInput(str(path), f"its header is not of format {FORMAT}", again)
+        problem = problem_of(record)
+        if not problem and (record["record"] == "header") != (number == 1):
+            problem = "the header comes first, and once"
+        if not problem and found["footer"]:
+            problem = "the footer comes last"
+        if problem:
+            raise InvalidInput(where, f"it is not a record of a report ({problem})", again)
+        found[record["record"]].append(record)
+    footer = next(iter(found["footer"]), None)
     counted = {"cases": len(found["case"]), "runs": len(found["run"]), "comparisons": len(found["comparison"])}
-    if footer is None or any(footer.get(k) != n for k, n in counted.items()):
-        raise InvalidInput(
-            str(path), "the report is cut off: its footer is missing or counts more", "Run the suite again."
-        )
-    return Record(found["header"][0], found["case"], found["run"], found["comparison"], footer)
+    if footer is None or any(footer[k] != n for k, n in counted.items()):
+        raise InvalidInput(str(path), "the report is cut off: its footer is missing or counts more", again)
+    (header,) = found["header"]
+    for problem in contradictions(header, found["case"], found["run"], found["comparison"]):
+        raise InvalidInput(str(path), f"it contradicts itself: {problem}", again)
+    return Record(header, found["case"], found["run"], found["comparison"], footer)

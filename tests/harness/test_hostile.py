@@ -1,0 +1,189 @@
+"""Case files and reports are data: mutants of real ones are refused in a sentence or work, and nothing else happens.
+
+The long campaign is ``python tests/hostile/campaign.py`` (docs/hostile.md).
+"""
+
+import copy
+import io
+import itertools
+import json
+import subprocess
+import sys
+from contextlib import redirect_stdout, suppress
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, Phase, given, seed, settings
+from hypothesis import strategies as st
+
+from consilience import cli
+from consilience.errors import ConsilienceError
+from consilience.report.html import render_html
+from consilience.report.markdown import render_markdown
+from consilience.report.record import read_record
+from hostile.mutations import MARK, TEXTS, places
+from hostile.pages import Elements, check_html, check_markdown, check_terminal
+from hostile.properties import (
+    SCRIPT,
+    case_mutants,
+    fresh,
+    report_mutants,
+    report_seed,
+    swallow_case,
+    swallow_report,
+    warm,
+)
+from hostile.watch import Breach, Hang, watched
+
+EVERYDAY = settings(
+    max_examples=100,
+    deadline=None,
+    database=None,
+    phases=(Phase.generate, Phase.shrink),
+    suppress_health_check=list(HealthCheck),
+)
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory):
+    """A real report, as bytes and as records."""
+    folder = tmp_path_factory.mktemp("report")
+    found = report_seed(folder)
+    warm(found[0], folder)
+    return found
+
+
+def test_mutated_case_files_are_refused_or_work(tmp_path):
+    warm()
+
+    @seed(7)
+    @EVERYDAY
+    @given(case_mutants())
+    def campaign(raw):
+        swallow_case(raw, tmp_path)
+
+    campaign()
+
+
+def test_mutated_reports_are_refused_or_rendered_as_text(tmp_path, report):
+    @seed(7)
+    @EVERYDAY
+    @given(report_mutants(report))
+    def campaign(raw):
+        swallow_report(raw, tmp_path)
+
+    campaign()
+
+
+WORDS = ("record", "written", "question", "route", "verdict", "profile", "status")
+"""Fields that hold words of the format; `questions` is a list of such."""
+
+NAMES = ("case", "engine", "method", "name")
+"""Fields by which lines refer to one another."""
+
+
+def hostile_everywhere(records, payload):
+    """The report with a payload in every text, in every name and in every key that may be chosen."""
+    lines = copy.deepcopy(records)
+    names = {"reference": "reference"}
+
+    def renamed(name):
+        return names.setdefault(name, f"{payload} {len(names)}")
+
+    for line in lines:
+        for container, key in places(line):
+            if isinstance(container[key], str) and key not in WORDS and container is not line.get("questions"):
+                container[key] = renamed(container[key]) if key in NAMES else payload
+        for container, key in [(line, k) for k in ("undetermined", "missing", "packages") if k in line]:
+            container[key] = {payload: [1] * 6 if key == "undetermined" else payload}
+        for method in [line["method"]] if isinstance(line.get("method"), dict) else []:
+            method["settings"] = {payload: payload, f"{payload} 2": [payload]}
+        for level in line.get("levels", []):
+            level["counters"] = {payload: 1}
+        if line["record"] == "run":
+            line.update(log=payload, reason=payload, manifest={"exact": [payload], "approximated": [payload]})
+    lines[0]["engines"] = {renamed(name): about for name, about in lines[0]["engines"].items()}
+    return lines
+
+
+@pytest.mark.parametrize("payload", [t for t in TEXTS if 1 < len(t) < 900], ids=lambda t: ascii(t)[1:30])
+def test_text_of_a_report_stays_text_wherever_it_stands(payload, report, tmp_path):
+    lines = hostile_everywhere(report[1], payload)
+    (tmp_path / "report.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines), encoding="utf-8")
+    with watched(tmp_path):
+        record = read_record(tmp_path)
+        page, markdown = render_html(record), render_markdown(record)
+        printed = io.StringIO()
+        with redirect_stdout(printed):
+            cli._print_matrix(tmp_path)
+    check_html(page, SCRIPT)
+    check_markdown(markdown)
+    check_terminal(printed.getvalue())
+    if payload.isascii() and payload.isprintable():
+        assert "".join(Elements(page).text).count(payload) > 50
+
+
+def _rename_out(folder):
+    (folder / "inside" / "x").write_text("")
+    (folder / "inside" / "x").rename(folder / "y")
+
+
+def _read_elsewhere(_folder):
+    with suppress(FileNotFoundError):
+        Path(f"/tmp/{MARK}").read_bytes()
+
+
+@pytest.mark.parametrize(
+    "does",
+    [
+        lambda folder: (folder / "outside").write_text("x"),
+        _rename_out,
+        _read_elsewhere,
+        lambda _: subprocess.run([sys.executable, "-c", ""], check=True),
+        lambda _: eval("1 + 1"),
+        lambda _: exec("x = 1"),
+    ],
+    ids=["write", "rename", "read", "program", "eval", "exec"],
+)
+def test_the_watch_sees_what_no_input_may_do(does, tmp_path):
+    (tmp_path / "inside").mkdir()
+    with watched(tmp_path / "inside"):
+        (tmp_path / "inside" / "allowed").write_text("x")
+    with pytest.raises(Breach):
+        _watch(tmp_path / "inside", lambda: does(tmp_path))
+
+
+def test_the_watch_ends_what_takes_too_long(tmp_path):
+    with pytest.raises(Hang):
+        _watch(tmp_path, lambda: sum(1 for _ in itertools.count()), limit=0.1)
+
+
+def _watch(folder, does, limit=5.0):
+    with watched(folder, limit):
+        does()
+
+
+def test_a_report_that_was_cut_off_anywhere_is_never_taken_for_a_whole_one(report, tmp_path):
+    raw, lines = report
+    ends = [n for n, byte in enumerate(raw) if byte == ord("\n")]
+    for at in {0, 1, *ends[:-1], *(end + 1 for end in ends[:-1]), *(end + 40 for end in ends[:-1]), len(raw) - 2}:
+        with pytest.raises(ConsilienceError):
+            read_record(_with(fresh(tmp_path / "r"), raw[:at]))
+    # lines that were lost in between, and a report whose end is another's
+    rows = raw.splitlines(keepends=True)
+    for k in range(1, len(rows) - 1):
+        with pytest.raises(ConsilienceError, match=r"cut off|contradicts"):
+            read_record(_with(fresh(tmp_path / "r"), b"".join(rows[:k] + rows[k + 1 :])))
+    assert read_record(_with(fresh(tmp_path / "r"), raw)).footer == lines[-1]
+
+
+def _with(folder, raw):
+    (folder / "report.jsonl").write_bytes(raw)
+    return folder
+
+
+@given(st.binary(max_size=300))
+@settings(max_examples=100, deadline=None, database=None)
+def test_bytes_of_any_kind_are_no_case(tmp_path_factory, raw):
+    folder = tmp_path_factory.mktemp("any")
+    assert not swallow_case(raw, folder)

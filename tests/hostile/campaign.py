@@ -1,0 +1,77 @@
+"""Long campaign of hostile inputs: ``python tests/hostile/campaign.py --inputs 50000 --kind cases --seed 1``.
+
+Prints how many inputs were accepted and refused; an input that is neither is shrunk, written to the folder and shown
+with its error, and the exit code is 1.
+"""
+
+import argparse
+import sys
+import tempfile
+import time
+from collections import Counter
+from pathlib import Path
+
+from hypothesis import HealthCheck, Phase, Verbosity, given, seed, settings
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from hostile.properties import case_mutants, report_mutants, report_seed, swallow_case, swallow_report, warm
+
+
+def main():
+    """Run the campaign that the command line asks for."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--inputs", type=int, default=50_000)
+    parser.add_argument("--kind", choices=("cases", "reports"), default="cases")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--folder", type=Path, default=None, help="for the inputs; default: a temporary one")
+    asked = parser.parse_args()
+    folder = asked.folder or Path(tempfile.mkdtemp(prefix="hostile"))
+    folder.mkdir(parents=True, exist_ok=True)
+    if asked.kind == "cases":
+        strategy, swallow = case_mutants(), swallow_case
+        warm()
+    else:
+        given_report = report_seed(folder / "seed")
+        strategy, swallow = report_mutants(given_report), swallow_report
+        warm(given_report[0], folder / "seed")
+    counts = Counter()
+    slowest = [0.0]
+
+    @seed(asked.seed)
+    @settings(
+        max_examples=asked.inputs,
+        deadline=None,
+        database=None,
+        phases=(Phase.generate, Phase.shrink),
+        verbosity=Verbosity.quiet,
+        suppress_health_check=list(HealthCheck),
+    )
+    @given(strategy)
+    def campaign(raw):
+        start = time.process_time()
+        try:
+            accepted = swallow(raw, folder)
+        except Exception:
+            (folder / "finding").write_bytes(raw)
+            raise
+        counts["accepted" if accepted else "refused"] += 1
+        slowest[0] = max(slowest[0], time.process_time() - start)
+
+    start = time.process_time()
+    code = 0
+    try:
+        campaign()
+    except Exception as error:  # noqa: BLE001 (whatever it is, it is the finding)
+        print(f"{type(error).__name__}: {error}\nthe input: {folder / 'finding'}")
+        import traceback
+
+        traceback.print_exc()
+        code = 1
+    spent = time.process_time() - start
+    print(f"{asked.kind}: {dict(counts)}, {spent:.0f} s of CPU, slowest {slowest[0]:.2f} s")
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,88 @@
+"""What a page may hold: the elements of its template, and of the data nothing but text."""
+
+import re
+from html.parser import HTMLParser
+from xml.etree import ElementTree
+
+TAGS = {
+    *("html", "head", "meta", "title", "style", "body", "script"),
+    *("header", "main", "section", "footer", "article", "details", "summary", "figure", "figcaption"),
+    *("h1", "h2", "h3", "h4", "p", "strong", "em", "code", "pre", "a", "br", "span", "div"),
+    *("table", "caption", "thead", "tbody", "tr", "th", "td", "dl", "dt", "dd", "ul", "li"),
+}
+ATTRIBUTES = {
+    *("lang", "charset", "http-equiv", "content", "name", "class", "href", "id", "scope", "rowspan", "title"),
+    *("aria-labelledby", "aria-label", "aria-hidden", "tabindex", "data-figure", "type"),
+}
+SVG_TAGS = {"svg", "title", "rect", "text", "g", "polyline", "circle", "path", "line", "tspan"}
+
+
+class Elements(HTMLParser):
+    """Elements, attributes and scripts of a page, as a browser takes it apart."""
+
+    def __init__(self, page):
+        super().__init__(convert_charrefs=True)
+        self.tags, self.attributes, self.scripts, self.links, self.text = set(), set(), [], [], []
+        self._inside = []
+        self.feed(page)
+        self.close()
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.add(tag)
+        self.attributes |= {name for name, _ in attrs}
+        self.links += [value for name, value in attrs if name in ("href", "src", "action", "formaction", "data")]
+        self._inside.append(tag)
+        if tag == "script":
+            self.scripts.append("")
+
+    def handle_endtag(self, tag):
+        while self._inside and self._inside.pop() != tag:
+            pass
+
+    def handle_data(self, data):
+        if self._inside and self._inside[-1] == "script":
+            self.scripts[-1] += data
+        elif not self._inside or self._inside[-1] != "style":
+            self.text.append(data)
+
+    def handle_comment(self, data):
+        self.tags.add(f"comment {data[:40]}")
+
+    def handle_pi(self, data):
+        self.tags.add(f"instruction {data[:40]}")
+
+
+def check_html(page, script):
+    """Fail where data has become more than text; `script` is the page's own."""
+    found = Elements(page)
+    assert found.tags <= TAGS, found.tags - TAGS
+    assert found.attributes <= ATTRIBUTES, found.attributes - ATTRIBUTES
+    assert all(link.startswith("#") for link in found.links), found.links
+    figures, plotly, own = found.scripts
+    assert re.fullmatch(r"[A-Za-z0-9+/=]*", figures)
+    assert re.fullmatch(r"[A-Za-z0-9+/=]*", plotly)
+    assert own.strip() == script.strip()
+    assert not re.search("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e]", page)
+
+
+def check_markdown(page):
+    """Fail where data has become an element, a link, a mention or a row of its own."""
+    assert set(re.findall(r"<[^>]{0,40}>?", page)) <= {"<br>"}
+    assert not re.search(r"(?<!\\)\]\(|(?<!\\)!\[", page)
+    assert not re.search(r"\w://|www\.|@", page)
+    assert not re.search("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e]", page)
+    for block in page.split("\n\n"):
+        rows = [line for line in block.splitlines() if line.startswith("|")]
+        assert len({len(re.findall(r"(?<!\\)\|", row)) for row in rows}) <= 1
+
+
+def check_svg(picture):
+    """Fail where a picture is no XML, or holds what a drawing does not need."""
+    for element in ElementTree.fromstring(picture).iter():
+        assert element.tag.removeprefix("{http://www.w3.org/2000/svg}") in SVG_TAGS, element.tag
+        assert not [name for name in element.attrib if name.startswith("on") or "href" in name]
+
+
+def check_terminal(text):
+    """Fail where text would steer a terminal."""
+    assert not re.search("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\ud800-\udfff]", text), repr(text)[:300]

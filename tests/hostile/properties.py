@@ -1,0 +1,146 @@
+"""What has to hold of every input, however it came about: it is refused in a sentence, or everything works with it."""
+
+import io
+import json
+import re
+import shutil
+import tomllib
+import warnings
+from contextlib import redirect_stderr, redirect_stdout
+from pathlib import Path
+
+from hypothesis import strategies as st
+
+from consilience import cli
+from consilience.case import Case
+from consilience.casefile import load_file
+from consilience.errors import ConsilienceError
+from consilience.library import case_files, load_case
+from consilience.report import html
+from consilience.report.markdown import render_markdown
+from consilience.report.picture import picture
+from consilience.report.record import _case, _plain, read_record, write_record
+from consilience.report.summary import describe_case
+from consilience.run import Question
+from consilience.suite import QUICK, run_suite
+from consilience.validate import examine, text
+from hostile.mutations import TABLE_KINDS, TEXT_KINDS, changed_bytes, changed_tables, jsonl_bytes, toml_bytes
+from hostile.pages import check_html, check_markdown, check_svg, check_terminal
+from hostile.watch import watched
+
+SMALL = 3_500
+"""Size in bytes of the case files that are mutated: larger ones hold more of the same."""
+
+PLACES = st.integers(0, 3_000)
+CHOICES = st.integers(0, 1_000)
+
+
+def steps(kinds, most=4):
+    """A few steps of mutation."""
+    return st.lists(st.tuples(st.sampled_from(kinds), PLACES, CHOICES), min_size=1, max_size=most)
+
+
+def case_seeds():
+    """Shipped case files: bytes and tables."""
+    found = [path.read_bytes() for path in case_files() if path.stat().st_size < SMALL]
+    return [(raw, tomllib.loads(raw.decode())) for raw in found]
+
+
+def report_seed(folder):
+    """A record of one case, really run on the reference and one engine that needs no other program."""
+    write_record(run_suite([load_case("double_pendulum")], ["mujoco"], effort=QUICK), 1.0, folder)
+    raw = (folder / "report.jsonl").read_bytes()
+    return raw, [json.loads(line) for line in raw.splitlines()]
+
+
+def mutants(seeds, write):
+    """Strategy of inputs: mutated tables written out, a mutated file, or the one after the other."""
+    whole = st.sampled_from(range(len(seeds)))
+    return st.one_of(
+        st.tuples(whole, steps(TABLE_KINDS)).map(lambda t: write(changed_tables(seeds[t[0]][1], t[1]))),
+        # numbers alone: most of these pass every check of form, and reach the mechanics
+        st.tuples(whole, steps(("number",), 2)).map(lambda t: write(changed_tables(seeds[t[0]][1], t[1]))),
+        st.tuples(whole, steps(TEXT_KINDS)).map(lambda t: changed_bytes(seeds[t[0]][0], t[1])),
+        st.tuples(whole, steps(TABLE_KINDS, 2), steps(TEXT_KINDS, 2)).map(
+            lambda t: changed_bytes(write(changed_tables(seeds[t[0]][1], t[1])), t[2])
+        ),
+    )
+
+
+def case_mutants():
+    """Strategy of case files."""
+    return mutants(case_seeds(), toml_bytes)
+
+
+def report_mutants(seed):
+    """Strategy of records."""
+    return mutants([seed], jsonl_bytes)
+
+
+def swallow_case(raw, folder):
+    """Do with a case file what the commands do before an engine runs; whether it was accepted."""
+    path = folder / "input.toml"
+    path.write_bytes(raw)
+    with watched(folder), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # overflow in numbers nobody has: what counts is how it ends
+        try:
+            for case in load_file(path)[:1]:
+                _use(QUICK.case(case))
+        except ConsilienceError as error:
+            check_terminal(str(error))
+            return False
+    return True
+
+
+def _use(case: Case):
+    found = examine(case)
+    check_terminal(text(found) + describe_case(case))
+    json.dumps(found, default=str)
+    check_svg(picture(case.mechanism, case.initial_state, f"{case.name}: {case.title}"))
+    json.dumps(_plain(_case(case, [Question.INSTANT])), allow_nan=False)
+
+
+def warm(report=None, folder=None):
+    """Let everything be imported and every template compiled, which no input may cause later."""
+    if report is None:
+        for case in [c for path in case_files() if path.stat().st_size < SMALL for c in load_file(path)[:1]]:
+            _use(case)
+    else:
+        read = read_record(folder)
+        html.render_html(read)
+        render_markdown(read)
+        with redirect_stdout(io.StringIO()):
+            cli._print_matrix(folder)
+
+
+SCRIPT = (Path(html.__file__).parent / "templates" / "script.js.j2").read_text(encoding="utf-8")
+
+
+def swallow_report(raw, folder, other=None):
+    """Do with a record what the commands do; whether it was accepted."""
+    own = folder / "report"
+    own.mkdir(exist_ok=True)
+    (own / "report.jsonl").write_bytes(raw)
+    with watched(folder), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            record = read_record(own)
+            page = html.render_html(record)
+            markdown = render_markdown(record)
+            printed = io.StringIO()
+            with redirect_stdout(printed), redirect_stderr(printed):
+                cli._print_matrix(own)
+        except ConsilienceError as error:
+            check_terminal(str(error))
+            return False
+    check_html(page, SCRIPT)
+    check_markdown(markdown)
+    check_terminal(re.sub("\x1b\\[[0-9;]*m", "", printed.getvalue()))
+    return True
+
+
+def fresh(folder):
+    """An empty folder of that name."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    return folder

@@ -1,0 +1,94 @@
+"""What a process does while it reads an input: files it touches, programs it starts, code it runs, time it takes."""
+
+import os
+import signal
+import sys
+from contextlib import contextmanager
+from pathlib import Path
+
+from hostile.mutations import MARK
+
+LIMIT = 5.0
+"""CPU time of one input at most, s."""
+
+WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
+
+CHANGES = (
+    *("os.remove", "os.rename", "os.mkdir", "os.rmdir", "os.link", "os.symlink", "os.truncate", "os.chmod", "os.chown"),
+    *("shutil.rmtree", "shutil.move", "shutil.copyfile"),
+)
+"""Events whose first argument is the path that changes; of a rename both are looked at."""
+
+NEVER = (
+    *("subprocess.Popen", "os.system", "os.exec", "os.posix_spawn", "os.fork", "os.spawn", "os.putenv", "os.chdir"),
+    *("socket.connect", "socket.getaddrinfo", "socket.bind", "urllib.Request", "webbrowser.open"),
+    *("pickle.find_class", "marshal.loads", "ctypes.dlopen", "code.__new__", "import"),
+)
+
+
+class Breach(Exception):
+    """An input made the process do what no input may."""
+
+
+class Hang(Exception):
+    """An input took too long."""
+
+
+_folder = None
+_seen = []
+
+
+def _inside(path):
+    if isinstance(path, int):
+        return True  # a file that is open already
+    return Path(os.fsdecode(path)).resolve().is_relative_to(_folder)
+
+
+def _installed(name):
+    """Whether code comes from a file of ours or of a package, and not from data."""
+    return Path(name).is_absolute() and Path(name).exists() and not Path(name).is_relative_to(_folder)
+
+
+def _look(event, arguments):
+    if _folder is None:
+        return
+    bad = event in NEVER
+    if event == "open":
+        path, _, flags = arguments
+        bad = (flags & WRITES and not _inside(path)) or MARK in str(path)
+    elif event in CHANGES:
+        bad = not all(_inside(path) for path in arguments[: 1 + (event in ("os.rename", "os.link"))])
+    elif event == "compile":
+        bad = not _installed(os.fsdecode(arguments[1]))
+    elif event == "exec":
+        bad = not _installed(arguments[0].co_filename)
+    if bad:
+        _seen.append(f"{event} {str(arguments)[:300]}")
+
+
+_hooked = False
+
+
+def _late(_number, _frame):
+    raise Hang("it took too long")
+
+
+@contextmanager
+def watched(folder, limit=LIMIT):
+    """Raise `Breach` for what happens inside that no input may cause, `Hang` for what takes too long."""
+    global _folder, _hooked  # noqa: PLW0603 (an audit hook stays until the process ends)
+    if not _hooked:
+        sys.addaudithook(_look)
+        _hooked = True
+    _seen.clear()
+    before = signal.signal(signal.SIGVTALRM, _late)
+    signal.setitimer(signal.ITIMER_VIRTUAL, limit)
+    _folder = Path(folder).resolve()
+    try:
+        yield
+    finally:
+        _folder = None
+        signal.setitimer(signal.ITIMER_VIRTUAL, 0.0)
+        signal.signal(signal.SIGVTALRM, before)
+    if _seen:
+        raise Breach("; ".join(_seen))
