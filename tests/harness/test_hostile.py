@@ -1,6 +1,6 @@
 """Case files and reports are data: mutants of real ones are refused in a sentence or work, and nothing else happens.
 
-The long campaign is ``python tests/hostile/campaign.py`` (docs/hostile.md).
+The long campaign is ``python tests/hostile/campaign.py`` (docs/runs.md).
 """
 
 import copy

@@ -15,7 +15,7 @@ from hypothesis import HealthCheck, Phase, Verbosity, given, seed, settings
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from hostile.properties import case_mutants, report_mutants, report_seed, swallow_case, swallow_report, warm
+from hostile.properties import case_mutants, read_seed, report_mutants, report_seed, swallow_case, swallow_report, warm
 
 
 def main():
@@ -25,6 +25,7 @@ def main():
     parser.add_argument("--kind", choices=("cases", "reports"), default="cases")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--folder", type=Path, default=None, help="for the inputs; default: a temporary one")
+    parser.add_argument("--report", type=Path, default=None, help="folder of the report to mutate; default: a new one")
     asked = parser.parse_args()
     folder = asked.folder or Path(tempfile.mkdtemp(prefix="hostile"))
     folder.mkdir(parents=True, exist_ok=True)
@@ -32,9 +33,9 @@ def main():
         strategy, swallow = case_mutants(), swallow_case
         warm()
     else:
-        given_report = report_seed(folder / "seed")
+        given_report = report_seed(folder / "seed") if asked.report is None else read_seed(asked.report)
         strategy, swallow = report_mutants(given_report), swallow_report
-        warm(given_report[0], folder / "seed")
+        warm(given_report[0], asked.report or folder / "seed")
     counts = Counter()
     slowest = [0.0]
 

@@ -106,7 +106,7 @@ def places(value, found=None):
 def numeric_neighbour(value, choice):
     """A number near the old one, or far along its direction: what bounds and tolerances are about."""
     factors = (-1.0, 0.0, 1.0 + 1e-12, 1.0 + 1e-6, 0.5, 2.0, 10.0, 1e3, 1e-3, 1e6, 1e-6, 1e12, 1e-12, 1e25, 1e-25)
-    return value * factors[choice % len(factors)]
+    return value * factors[choice % len(factors)] if abs(value) < 1e300 else -value
 
 
 def _number(container, key, choice, _every):

@@ -49,6 +49,11 @@ def case_seeds():
 def report_seed(folder):
     """A record of one case, really run on the reference and one engine that needs no other program."""
     write_record(run_suite([load_case("double_pendulum")], ["mujoco"], effort=QUICK), 1.0, folder)
+    return read_seed(folder)
+
+
+def read_seed(folder):
+    """A record, as bytes and line by line."""
     raw = (folder / "report.jsonl").read_bytes()
     return raw, [json.loads(line) for line in raw.splitlines()]
 

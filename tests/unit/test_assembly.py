@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from consilience import assembly
 from consilience.assembly import (
     Initial,
     assemble_positions,
@@ -24,6 +25,7 @@ from consilience.kinematics import (
     joint_rates,
     relative_motion,
 )
+from consilience.library import load_case
 from consilience.mechanism import GROUND, Frame, Mechanism, State
 from consilience.observe import determinate_reactions
 from consilience.spatial import (
@@ -340,3 +342,14 @@ def test_a_beam_clamped_at_both_ends_has_nothing_determined():
     assert not determinate_reactions(mechanism, initial_state(mechanism)).any()
     hung = replace(mechanism, joints=joints[:1])
     assert determinate_reactions(hung, initial_state(hung)).all()
+
+
+def test_a_search_for_states_that_finds_none_ends(monkeypatch):
+    def never(*_):
+        raise CannotAssemble("a joint", "it stays open", "Draw it closed.")
+
+    case = load_case("double_pendulum")
+    start = case.initial_state
+    monkeypatch.setattr(assembly, "assemble_positions", never)
+    with pytest.raises(CannotAssemble, match="200 random steps"):
+        random_states(case.mechanism, start, 3, seed=1)

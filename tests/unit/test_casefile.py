@@ -1,5 +1,9 @@
 """What a case file means, and what a reader is told who wrote one wrong: file, field, what is wrong, what is right."""
 
+import os
+import time
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -8,6 +12,8 @@ from consilience.caseschema import case_schema
 from consilience.errors import CannotAssemble, InvalidInput
 from consilience.joints import JOINT_KINDS
 from consilience.library import load_case, load_cases, shipped_cases
+from consilience.mechanism import Body, Frame, Joint, Mechanism
+from consilience.topology import spanning_tree
 
 GOOD = """
 title = "Door"
@@ -500,3 +506,79 @@ def test_schema_names_every_table():
     assert set(schema["properties"]) >= {"friction", "control", "drive", "coupling", "rolling", "skate"}
     assert set(schema["$defs"]["JointTable"]["properties"]["kind"]["enum"]) == set(JOINT_KINDS)
     assert schema["additionalProperties"] is False
+
+
+SPHERE = "{ xx = 1, yy = 1, zz = 1 }"
+
+HOSTILE = {
+    "lists in lists": ("remarks = " + "[" * 5_000 + "]" * 5_000, "nested too deeply"),
+    "tables in tables": ("remarks = " + "{a = " * 5_000, "nested too deeply"),
+    "a name of a thousand parts": (".".join(["a"] * 1_000) + " = 1", "a name of 16 parts"),
+    "a quoted name of a thousand parts": (' . "a"' * 1_000 + " = 1", "a name of 16 parts"),
+    "a number of thousands of digits": ("remarks = " + "9" * 5_000, "a number that cannot be read"),
+    "a hexadecimal one": ("remarks = 0x" + "f" * 5_000, "remarks"),
+    "a megabyte": ("# " + "x" * 1_000_000, "larger than 1 MB"),
+    "more bodies than anybody can solve": (
+        "".join(
+            f'[[body]]\nname = "b{n}"\nmass = 1\nat = [0, 0, 0]\ninertia = {{ xx = 1, yy = 1, zz = 1 }}\n'
+            for n in range(1_001)
+        ),
+        "body",
+    ),
+}
+
+
+@pytest.mark.parametrize(("lines", "message"), HOSTILE.values(), ids=HOSTILE)
+def test_what_would_keep_a_parser_busy_is_refused_at_once(write, lines, message):
+    start = time.process_time()
+    with pytest.raises(InvalidInput, match=message):
+        load_file(write(lines + GOOD if "[[body]]" not in lines else GOOD + lines))
+    assert time.process_time() - start < 5.0  # what would hang takes minutes, not another factor
+
+
+def test_only_regular_files_are_read(tmp_path):
+    os.mkfifo(tmp_path / "pipe.toml")
+    for path in (tmp_path / "pipe.toml", tmp_path, Path("/dev/zero"), tmp_path / "absent.toml", Path("nul\0.toml")):
+        with pytest.raises(InvalidInput):
+            load_file(path)
+
+
+TOO_MUCH = {
+    "huge mass": changed("mass = 2.0", "mass = 1e31"),
+    "a step between the stars": changed("[1.0, 2.0, 3.0]", "[1e200, 2.0, 3.0]"),
+    "a whole number of 400 digits": changed("mass = 2.0", f"mass = 1{'0' * 400}"),
+    "samples without number": GOOD + "[trajectory]\nduration = 1e30\nsample = 1e-300\n",
+    "bodies times samples": GOOD + "[trajectory]\nduration = 1.0\nsample = 1e-7\n",
+    "a negative seed": GOOD + "[instant]\nseed = -1\n",
+    "a seed of 70 bits": GOOD + f"[instant]\nseed = {2**70}\n",
+    "escape sequence in prose": changed('"Door"', '"Door\\u001b[2J"'),
+    "text that turns its direction": changed('"Door"', '"\\u202eDoor"'),
+    "prose without end": changed('"Door"', f'"{"x" * 20_001}"'),
+    "a body that is a path": changed('successor = "door"', 'successor = "../../door"'),
+    "an initial state of a path": changed("joints = { hinge =", 'joints = { "../hinge" ='),
+}
+
+
+@pytest.mark.parametrize("text", TOO_MUCH.values(), ids=TOO_MUCH)
+def test_numbers_and_texts_are_bounded(write, text):
+    with pytest.raises(InvalidInput):
+        load_file(write(text))
+
+
+def test_a_message_shows_control_characters_and_ends():
+    shown = str(InvalidInput("\x1b[2Ja\nb", "\udc80\u202e" + "x" * 10_000, "\x07"))
+    assert shown.startswith("\\x1b[2Ja\\nb: \\udc80\\u202exxx")
+    assert shown.endswith("...: \\x07".replace(": ", ". "))
+    assert len(shown) < 9_000
+
+
+def test_a_long_chain_is_a_tree_whatever_its_length():
+    """Longer than Python's stack: a thousand bodies, each on the one before."""
+    bodies = tuple(Body(f"b{n}", 1.0, np.zeros(3), np.eye(3), Frame(np.zeros(3), np.eye(3))) for n in range(1_000))
+    still = Frame(np.zeros(3), np.eye(3))
+    joints = tuple(
+        Joint(f"j{n}", "revolute", "ground" if n == 0 else f"b{n - 1}", f"b{n}", still, still) for n in range(1_000)
+    )
+    tree, closing = spanning_tree(Mechanism("chain", np.zeros(3), bodies, joints))
+    assert [k for k, _ in tree] == list(range(1_000))
+    assert closing == []
