@@ -21,7 +21,7 @@ FAULTS = {
     "is_killed": (INSTANT, "the worker died: signal SIGKILL"),
     "segfaults": (INSTANT, "the worker died: signal SIGSEGV"),
     "exits": (INSTANT, "the worker died: exit code 3"),
-    "gives_lambda": (INSTANT, "[Pp]ickl|the worker died: exit code 1"),
+    "gives_lambda": (INSTANT, "the answer cannot be sent: it holds a function"),
     "silent": (INSTANT, "no method"),
     "stepless": (TRAJECTORY, "level"),
 }
