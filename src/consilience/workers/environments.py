@@ -139,7 +139,9 @@ def _metadata(point: EntryPoint) -> dict[str, bytes]:
 
 def _environment(name: str, needs: list[str], stopped: Callable[[], bool]) -> tuple[Path, dict[str, str]]:
     """Interpreter of an environment, and the versions of everything in it."""
-    tag = hashlib.sha256("\n".join([sys.base_prefix, sysconfig.get_platform(), sys.version, *needs]).encode()).hexdigest()
+    tag = hashlib.sha256(
+        "\n".join([sys.base_prefix, sysconfig.get_platform(), sys.version, *needs]).encode()
+    ).hexdigest()
     folder = cache_directory() / "environments" / f"{name}-{tag[:12]}"
     record, python = folder / "consilience.json", folder / "bin" / "python"
     folder.parent.mkdir(parents=True, exist_ok=True)

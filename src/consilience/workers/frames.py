@@ -111,7 +111,9 @@ def _arrays(listed: object, body: bytearray) -> list[Array]:
         size = math.prod(shape) * dtype.itemsize
         if at + size > len(body):
             raise ProtocolError(f"the arrays need more than the {len(body)} bytes of the body")
-        found.append(np.frombuffer(body, dtype, math.prod(shape), at).reshape(shape) if size else np.empty(shape, dtype))
+        found.append(
+            np.frombuffer(body, dtype, math.prod(shape), at).reshape(shape) if size else np.empty(shape, dtype)
+        )
         at += _padded(size)
     if at != len(body):
         raise ProtocolError(f"the arrays fill {at} of the {len(body)} bytes of the body")

@@ -295,5 +295,3 @@ def _death(exitcode: int) -> str:
     names = {s.value: s.name for s in signal.Signals}
     why = " (the system kills so when memory runs out)" if exitcode == -signal.SIGKILL else ""
     return f"signal {names.get(-exitcode, -exitcode)}{why}"
-
-
