@@ -1,7 +1,7 @@
 """Engines in worker processes: one each, kept alive, with limits; whatever goes wrong in one is one failed run.
 
-A worker speaks the protocol of `docs/workers.md`. A mechanism is sent once and remembered by its key, so that an adapter
-finds the translation it has made for it.
+A worker speaks the protocol of `docs/workers.md`. A mechanism is sent once and remembered by its key, so that an
+adapter finds the translation it has made for it.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from weakref import WeakKeyDictionary
 
 from consilience.mechanism import Mechanism
 from consilience.run import EngineInfo
-from consilience.spatial import Array
 from consilience.workers import codec, frames
 from consilience.workers.environments import NoEnvironment, launch_of, local_name
 from consilience.workers.frames import Header, ProtocolError
@@ -98,6 +97,7 @@ class Worker:
     memory: int = MEMORY
     _jobs: SimpleQueue[tuple[Request, Future[Reply]] | None] = field(init=False, default_factory=SimpleQueue)
     _thread: threading.Thread = field(init=False)
+    _turn: threading.Lock = field(init=False, default_factory=threading.Lock)
     _launch: Launch | None = field(init=False, default=None)
     _process: Process | None = field(init=False, default=None)
     _sent: OrderedDict[str, None] = field(init=False, default_factory=OrderedDict)
@@ -153,6 +153,12 @@ class Worker:
 
     def ask(self, request: Request) -> Reply:
         """Queue a job and wait for it."""
+        # with nothing before it, it is done in this thread: two changes of thread take as long as all the rest
+        if self._jobs.empty() and self._turn.acquire(blocking=False):
+            try:
+                return _STOPPED if self._cancelled else self._answer(request)
+            finally:
+                self._turn.release()
         return self.reply(self.submit(request))
 
     # ------------------------------------------------------------ in the thread
@@ -162,8 +168,11 @@ class Worker:
         while (job := self._jobs.get()) is not None:
             request, future = job
             if future.set_running_or_notify_cancel():
-                future.set_result(_STOPPED if self._cancelled else self._answer(request))
-        self._end()
+                with self._turn:
+                    reply = _STOPPED if self._cancelled else self._answer(request)
+                future.set_result(reply)
+        with self._turn:
+            self._end()
 
     def _answer(self, request: Request) -> Reply:
         """Reply to one job; afterwards there is a worker that can be asked again, or none."""

@@ -47,7 +47,7 @@ _ANSWERS = (ModelAnswer, InstantAnswer, TrajectoryAnswer, EngineInfo, Manifest, 
 CLASSES: dict[str, type] = {cls.__name__: cls for cls in (*_MODEL, *_ANSWERS, Request)}
 ENUMS: dict[str, type[Enum]] = {cls.__name__: cls for cls in (Question, Route, Profile)}
 
-DERIVED = {functions.Table: ("pieces",)}
+DERIVED: dict[type, tuple[str, ...]] = {functions.Table: ("pieces",)}
 """What travels with a class beside its fields: the spline of a table, because a worker may have no SciPy."""
 
 CHECKED: dict[type, tuple[str, ...]] = {
@@ -63,9 +63,9 @@ CHECKED: dict[type, tuple[str, ...]] = {
 """Fields whose values must have the declared types before anybody uses them."""
 
 
-@cache
-def _names(cls: type) -> tuple[str, ...]:
-    return (*(f.name for f in fields(cls)), *DERIVED.get(cls, ()))
+_NAMES: dict[type, tuple[str, ...]] = {
+    cls: (*(f.name for f in fields(cls)), *DERIVED.get(cls, ())) for cls in CLASSES.values()
+}
 
 
 # ---------------------------------------------------------------- out
@@ -111,9 +111,9 @@ def _array(value: Array, arrays: list[Array]) -> Any:
 
 
 def _object(value: object, arrays: list[Array]) -> Any:
-    cls = type(value)
+    cls: type[Any] = type(value)
     tree = {"@": cls.__name__}
-    for name in _names(cls):
+    for name in _NAMES[cls]:
         tree[name] = _written(getattr(value, name), arrays)
     return tree
 
@@ -189,15 +189,15 @@ def _text(text: str) -> str:
 
 
 def _instance(cls: type, tree: dict[str, Any], arrays: Sequence[Array]) -> object:
-    names = _names(cls)
+    names = _NAMES[cls]
     if tree.keys() != {"@", *names}:
         wrong = ", ".join(sorted(str(name)[:40] for name in tree.keys() ^ {"@", *names}))
         raise ProtocolError(f"a {cls.__name__} of the message has too many or too few fields: {wrong}")
-    value = object.__new__(cls)
+    value: Any = object.__new__(cls)
     for name in names:
         value.__dict__[name] = _read(tree[name], arrays)
-    for name in CHECKED.get(cls, ()):
-        if not _fits(value.__dict__[name], _hints(cls)[name]):
+    for name, fits in _declared(cls).items():
+        if not fits(value.__dict__[name]):
             raise ProtocolError(f"{cls.__name__}.{name} is {_shown(value.__dict__[name])}")
     if isinstance(value, Method) and not all(0.0 < x < np.inf for x in (*value.substeps, *value.tolerances)):
         raise ProtocolError(f"Method.substeps and tolerances are not positive: {value.substeps}, {value.tolerances}")
@@ -221,26 +221,24 @@ _READERS: dict[str, Callable[[dict[str, Any], Sequence[Array]], Any]] = {
 
 
 @cache
-def _hints(cls: type) -> dict[str, Any]:
-    return get_type_hints(cls)
+def _declared(cls: type[Any]) -> dict[str, Callable[[object], bool]]:
+    """By the name of a field that is checked: whether a value has its type."""
+    hints = get_type_hints(cls)
+    return {name: _fitting(hints[name]) for name in CHECKED.get(cls, ())}
 
 
-def _fits(value: object, hint: Any) -> bool:
-    """Whether a value has the type a field declares."""
-    origin, inner = get_origin(hint), get_args(hint)
-    if hint is Any:
-        return True
+def _fitting(hint: Any) -> Callable[[object], bool]:
+    """Make the check of a declared type."""
+    origin, inner = get_origin(hint), [_fitting(one) for one in get_args(hint) if one is not Ellipsis]
     if origin is UnionType:
-        return any(_fits(value, one) for one in inner)
+        return lambda value: any(fits(value) for fits in inner)
     if origin is tuple:
-        return isinstance(value, tuple) and all(_fits(one, inner[0]) for one in value)
+        return lambda value: isinstance(value, tuple) and all(inner[0](one) for one in value)
     if origin is dict:
-        return isinstance(value, dict) and all(_fits(k, inner[0]) and _fits(v, inner[1]) for k, v in value.items())
-    if hint is float:
-        return isinstance(value, float | int) and not isinstance(value, bool)
-    if hint is int:
-        return isinstance(value, int) and not isinstance(value, bool)
-    return isinstance(value, hint)
+        return lambda value: isinstance(value, dict) and all(inner[0](k) and inner[1](v) for k, v in value.items())
+    if hint in (int, float):  # a truth value is no number, and a whole number is one
+        return lambda value: isinstance(value, int | hint) and not isinstance(value, bool)
+    return lambda value: hint is Any or isinstance(value, hint)
 
 
 def _shown(value: object) -> str:

@@ -3,10 +3,11 @@
 ::
 
     magic "CNSL"   version   (2 zero bytes)   size of header   size of body   header   body
-    4 bytes        uint16                     uint32           uint64         JSON     buffers, each from a multiple of 16
+    4 bytes        uint16                     uint32           uint64         JSON     buffers
 
 Numbers of the prefix are little-endian. The header is an object; its entry ``arrays`` lists type (as NumPy writes it)
-and shape of every buffer. Whatever does not fit raises `ProtocolError`: frames come from processes that may be broken.
+and shape of every buffer; each begins at a multiple of 16 bytes. Whatever does not fit raises `ProtocolError`: frames
+come from processes that may be broken.
 """
 
 from __future__ import annotations
@@ -16,6 +17,8 @@ import math
 import re
 import struct
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -107,29 +110,29 @@ def _arrays(listed: object, body: bytearray) -> list[Array]:
         raise ProtocolError("the header lists no arrays, or too many")
     found, at = [], 0
     for one in listed:
-        dtype, shape = _form(one)
-        size = math.prod(shape) * dtype.itemsize
+        match one:
+            case [str(name), list(shape)] if all(type(n) is int for n in shape):
+                dtype, count, size = _form(name, tuple(shape))
+            case _:
+                raise ProtocolError(f"{str(one)[:80]} is no type and shape of an array")
         if at + size > len(body):
             raise ProtocolError(f"the arrays need more than the {len(body)} bytes of the body")
-        found.append(
-            np.frombuffer(body, dtype, math.prod(shape), at).reshape(shape) if size else np.empty(shape, dtype)
-        )
+        found.append(np.frombuffer(body, dtype, count, at).reshape(shape) if size else np.empty(shape, dtype))
         at += _padded(size)
     if at != len(body):
         raise ProtocolError(f"the arrays fill {at} of the {len(body)} bytes of the body")
     return found
 
 
-def _form(one: object) -> tuple[np.dtype[Any], tuple[int, ...]]:
-    """Type and shape of an array as the header lists it."""
-    match one:
-        case [str(name), list(shape)] if _DTYPE.fullmatch(name) and len(shape) <= _MOST_AXES:
-            if all(type(n) is int and 0 <= n <= MOST_BODY for n in shape) and _nonzero(shape) <= MOST_BODY:
-                try:
-                    return np.dtype(name), tuple(shape)
-                except TypeError:
-                    pass
-    raise ProtocolError(f"{str(one)[:80]} is no type and shape of an array")
+@lru_cache(1000)
+def _form(name: str, shape: tuple[int, ...]) -> tuple[np.dtype[Any], int, int]:
+    """Type of an array, number of its elements and of its bytes."""
+    sound = _DTYPE.fullmatch(name) and len(shape) <= _MOST_AXES and all(0 <= n <= MOST_BODY for n in shape)
+    if sound and _nonzero(shape) <= MOST_BODY:
+        with suppress(TypeError):
+            dtype = np.dtype(name)
+            return dtype, math.prod(shape), math.prod(shape) * dtype.itemsize
+    raise ProtocolError(f"{name[:40]}, {str(shape)[:80]} is no type and shape of an array")
 
 
 def _nonzero(shape: Iterable[int]) -> int:
