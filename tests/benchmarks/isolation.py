@@ -2,8 +2,8 @@
 
     python tests/benchmarks/isolation.py [ENGINE]...
 
-Cost is the time that a job takes less the CPU time that the engine needs for it in its worker. Its last column is all CPU
-time of both processes less that of the engine: it does not depend on who else uses the machine.
+Cost is the time that a job takes less the CPU time that the engine needs for it in its worker. Its last column is all
+CPU time of both processes less that of the engine: it depends least on who else uses the machine.
 """
 
 import statistics

@@ -19,7 +19,7 @@ FLOORS = {
     "kinematics": 7,
     **dict.fromkeys(("assembly", "observe", "tree", "run"), 8),
     **dict.fromkeys(("engine", "harness", "export", "generate", "conditioning", "published"), 9),
-    "caseschema": 10,
+    **dict.fromkeys(("caseschema", "workers"), 10),
     **dict.fromkeys(("case", "case_elements"), 11),
     **dict.fromkeys(("casefile", "casewriter", "reference", "worker"), 12),
     "families": 13,
