@@ -168,8 +168,12 @@ class Worker:
         while (job := self._jobs.get()) is not None:
             request, future = job
             if future.set_running_or_notify_cancel():
-                with self._turn:
-                    reply = _STOPPED if self._cancelled else self._answer(request)
+                try:
+                    with self._turn:
+                        reply = _STOPPED if self._cancelled else self._answer(request)
+                except BaseException as error:  # an error of ours: whoever waits must see it
+                    future.set_exception(error)
+                    raise
                 future.set_result(reply)
         with self._turn:
             self._end()

@@ -184,7 +184,8 @@ class Process:
             except BlockingIOError:
                 return
             if not chunk:
-                self._poll.unregister(self._output)
+                with suppress(KeyError):  # seen before
+                    self._poll.unregister(self._output)
                 return
             self._printed += len(chunk)
             self._log = (self._log + chunk)[-4 * LOG_LIMIT :]  # up to four bytes a character
@@ -223,9 +224,10 @@ class Process:
             os.killpg(self._process.pid, signal.SIGKILL)
         self._process.kill()
         self._process.wait()
-        for other in psutil.process_iter():
+        for pid in psutil.pids():
             # a child that has left the group
-            with suppress(psutil.Error):
+            with suppress(psutil.Error, OSError):
+                other = psutil.Process(pid)
                 if other.environ().get(_MARK) == self._mark:
                     other.kill()
         text = self.printed()
