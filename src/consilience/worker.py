@@ -9,11 +9,12 @@ from __future__ import annotations
 import hashlib
 import threading
 from collections import OrderedDict
-from concurrent.futures import CancelledError, Future
+from collections.abc import Callable, Sequence
+from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from queue import SimpleQueue
 from types import TracebackType
-from typing import Any
+from typing import Any, TypeVar
 from weakref import WeakKeyDictionary
 
 from consilience.mechanism import Mechanism
@@ -24,7 +25,9 @@ from consilience.workers.frames import Header, ProtocolError
 from consilience.workers.jobs import Plan, Request
 from consilience.workers.process import Fault, Launch, Process
 
-__all__ = ["MEMORY", "Plan", "Reply", "Request", "Worker"]
+__all__ = ["MEMORY", "Plan", "Reply", "Request", "Worker", "in_parallel"]
+
+_T = TypeVar("_T")
 
 MEMORY = 4 * 2**30
 """Resident memory in bytes that an engine may use, unless told."""
@@ -302,3 +305,30 @@ def _sound(header: Header) -> bool:
         and all(type(header[name]) is kind for name, kind in expected.items())
         and header["kind"] == "reply"
     )
+
+
+def in_parallel(work: Callable[[Worker], _T], workers: Sequence[Worker], jobs: int) -> list[_T]:
+    """Let every worker do its work, `jobs` at a time; whatever stops one stops all, and none outlives this.
+
+    Parameters
+    ----------
+    work : callable
+        Called with a worker, in a thread.
+
+    Returns
+    -------
+    list
+        What it returned, in the order of the workers.
+    """
+    try:
+        with ThreadPoolExecutor(max_workers=max(1, jobs)) as pool:
+            try:
+                return list(pool.map(work, workers))
+            except BaseException:  # Ctrl-C above all: no engine may go on working for nobody
+                pool.shutdown(wait=False, cancel_futures=True)
+                for worker in workers:
+                    worker.cancel()
+                raise
+    finally:
+        for worker in workers:
+            worker.stop()

@@ -267,3 +267,40 @@ def test_workers_die_with_the_runner(end, marked, tmp_path):
 def test_information_is_what_the_engine_says():
     with Worker("zero") as worker:
         assert worker.ask(Request()).value == EngineInfo("zero", "1.0", "1.0")
+
+
+COMMANDS = {
+    "run": ["run", "double_pendulum", "-e", "stuck"],
+    "check": ["check", "double_pendulum", "-e", "stuck"],
+    "validate": ["validate", "double_pendulum", "-e", "stuck"],
+    "fuzz": ["fuzz", "-n", "2", "-e", "stuck"],
+    "simulate": ["simulate", "double_pendulum", "-e", "stuck", "-o", "motion.json"],
+}
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_ctrl_c_ends_a_command_within_two_seconds_and_leaves_nothing(command, marked, tmp_path, monkeypatch):
+    """All other engines may be busy, too: the reference is."""
+    stuck = tmp_path / "stuck"
+    monkeypatch.setenv("CONSILIENCE_TEST_STUCK", str(stuck))
+    path = [str(Path(__file__).parent / "plugins"), *(p for p in sys.path if p)]
+    program = f"import sys; sys.path[:0] = {path!r}; from consilience.cli import main; main()"
+    with subprocess.Popen(
+        [sys.executable, "-c", program, *COMMANDS[command]],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        cwd=tmp_path,
+    ) as runner:
+        until = time.monotonic() + 240.0
+        while not stuck.exists():
+            assert runner.poll() is None, runner.stderr.read().decode()
+            assert time.monotonic() < until
+            time.sleep(0.05)
+        assert len(marked()) > 1
+        start = time.monotonic()
+        runner.send_signal(signal.SIGINT)
+        runner.wait(60.0)
+        spent = time.monotonic() - start
+    assert gone(marked)
+    assert spent < 2.0
+    assert runner.returncode != 0

@@ -9,6 +9,7 @@ import socket
 import sys
 import time
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 
@@ -177,3 +178,11 @@ class Scribbler(ZeroEngine):
     def instant(self, mechanism, states, method):
         mechanism.bodies[0].com[0] = 7.0
         return super().instant(mechanism, states, method)
+
+
+class Stuck(ZeroEngine):
+    """Says that it is stuck, in a file, and is."""
+
+    def unsupported(self, mechanism, question):
+        Path(os.environ["CONSILIENCE_TEST_STUCK"]).write_text("stuck")
+        ctypes.PyDLL(None).pause()
