@@ -20,13 +20,6 @@ _SOLVED = 1e-6
 
 _SCALAR = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 
-_FULL_MASS = (
-    mujoco.mj_fullM
-    if int(mujoco.__version__.partition(".")[0]) >= 4
-    else lambda model, data, M: mujoco.mj_fullM(model, M, data.qM)
-)
-"""Version 4 takes the data where earlier ones took their mass matrix."""
-
 
 def constraint_jacobian(translation: Translation) -> Array:
     """Jacobian of the equalities in MuJoCo's velocities, shape (rows, nv).
@@ -54,7 +47,7 @@ def solve_by_harness(translation: Translation) -> None:
     """Replace the accelerations and constraint forces of the data by the harness's solution of MuJoCo's equations."""
     model, data = translation.model, translation.data
     M = np.zeros((model.nv, model.nv))
-    _FULL_MASS(model, data, M)
+    mujoco.mj_fullM(model, data, M)
     J = constraint_jacobian(translation)
     # without stiffness and damping of the welds the reference acceleration is -J' v
     acceleration, force = solve_constrained(M, np.array(data.qfrc_smooth), J, np.array(data.efc_aref))

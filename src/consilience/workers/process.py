@@ -120,7 +120,11 @@ class Process:
             In words, what happened instead. The process may still live.
         """
         deadline = time.monotonic() + limit
-        left, coming = memoryview(data), _Incoming()
+        coming = _Incoming()
+        try:
+            left = self._sent(memoryview(data))  # at once: most jobs fit into the buffer of the socket
+        except ConnectionError:
+            raise self._gone(coming) from None
         look = time.monotonic() + _SLICE
         while True:
             now = time.monotonic()
@@ -130,7 +134,7 @@ class Process:
                 if self._output in ready:
                     self._listen()
                 if ready.get(self._wire.fileno(), 0) & select.POLLOUT:
-                    left = left[self._wire.send(left) :]
+                    left = self._sent(left)
                 if ready.get(self._wire.fileno(), 0) & ~select.POLLOUT and coming.receive(self._wire):
                     return coming.frame()
             except ConnectionError:
@@ -141,6 +145,13 @@ class Process:
             if now >= min(look, deadline):
                 self._look(coming, stopped, now >= deadline, limit)
                 look = now + _SLICE
+
+    def _sent(self, data: memoryview) -> memoryview:
+        """Send what the socket takes now; what is left."""
+        with suppress(BlockingIOError):
+            while data:
+                data = data[self._wire.send(data) :]
+        return data
 
     def _look(self, coming: _Incoming, stopped: Callable[[], bool], late: bool, limit: float) -> None:
         """See that the worker lives, fits in its memory, and that somebody waits.
