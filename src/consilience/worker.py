@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import threading
+import time
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
@@ -17,15 +18,16 @@ from types import TracebackType
 from typing import Any, TypeVar
 from weakref import WeakKeyDictionary
 
+from consilience.engine import Engine, load_engine
 from consilience.mechanism import Mechanism
 from consilience.run import EngineInfo
 from consilience.workers import codec, frames
 from consilience.workers.environments import NoEnvironment, launch_of, local_name
 from consilience.workers.frames import Header, ProtocolError
-from consilience.workers.jobs import Plan, Request
+from consilience.workers.jobs import Plan, Request, perform, raised
 from consilience.workers.process import Fault, Launch, Process
 
-__all__ = ["MEMORY", "Plan", "Reply", "Request", "Worker", "in_parallel"]
+__all__ = ["MEMORY", "Here", "Plan", "Reply", "Request", "Worker", "in_parallel"]
 
 _T = TypeVar("_T")
 
@@ -286,6 +288,30 @@ class Worker:
         """Kill the process, if there is one; its last words."""
         process, self._process = self._process, None
         return "" if process is None else process.end()
+
+
+class Here:
+    """An engine in this process: no start-up, but no shield and no limits either.
+
+    Parameters
+    ----------
+    engine : str
+        Name of an installed engine.
+    """
+
+    def __init__(self, engine: str) -> None:
+        self.engine = engine
+        self._engine: Engine | None = None
+
+    def ask(self, request: Request) -> Reply:
+        """Do a job."""
+        start = time.process_time()
+        try:
+            self._engine = self._engine or load_engine(self.engine)
+            value = perform(self._engine, request)
+        except Exception as error:  # noqa: BLE001 - whatever an engine raises is evidence about that engine
+            return Reply(None, False, raised(error), time.process_time() - start)
+        return Reply(value, True, cpu=time.process_time() - start)
 
 
 class _NotStarted(Exception):
