@@ -21,14 +21,14 @@ from mechanisms import chain, states_of
 LIMIT = 2.0
 """Of a job that never ends, in s; the others have time."""
 
-MEMORY = 150 * 2**20
+MEMORY = 400 * 2**20
 METHOD = Method("zero", Route.NATIVE)
 
 # engine: evidence (a pattern) in the reason
 ATTACKS = {
     "loops": "^no answer within 2 s; the worker was stopped$",
     "loops_in_c": "^no answer within 2 s; the worker was stopped$",
-    "eats_memory": r"^out of memory: \d+ MiB, the limit is 150 MiB$",
+    "eats_memory": r"^out of memory: \d+ MiB, the limit is 400 MiB$",
     "asks_for_too_much": "^MemoryError: Unable to allocate 512. TiB",
     "floods": "^it printed more than 64 MiB$",
     "writes_garbage": "^garbage on the wire: b'Segmentation fault",
