@@ -233,7 +233,9 @@ def test_stopping_twice_or_before_the_start_is_harmless(marked):
 
 RUNNER = textwrap.dedent(
     """
+    import signal
     import sys
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored where the shell runs tests in the background
     sys.path[:0] = {path!r}
     from test_workers import FIRST, instant_of
     from consilience.worker import Request, Worker
@@ -284,7 +286,9 @@ def test_ctrl_c_ends_a_command_within_two_seconds_and_leaves_nothing(command, ma
     stuck = tmp_path / "stuck"
     monkeypatch.setenv("CONSILIENCE_TEST_STUCK", str(stuck))
     path = [str(Path(__file__).parent / "plugins"), *(p for p in sys.path if p)]
-    program = f"import sys; sys.path[:0] = {path!r}; from consilience.cli import main; main()"
+    # a shell that runs tests in the background has them ignore Ctrl-C, and their children would
+    listening = "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler)"
+    program = f"{listening}; sys.path[:0] = {path!r}; from consilience.cli import main; main()"
     with subprocess.Popen(
         [sys.executable, "-c", program, *COMMANDS[command]],
         stdout=subprocess.PIPE,
