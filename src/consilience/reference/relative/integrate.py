@@ -19,7 +19,7 @@ from consilience.spatial import Array
 
 
 @njit(cache=True, error_model="numpy")
-def _sizes(kind: Array, model_length: float, z: Array, size: Array) -> None:
+def sizes(kind: Array, model_length: float, z: Array, size: Array) -> None:
     """Size of each kind of component, shape (5,)."""
     size[:] = 0.0
     for n in range(z.shape[0]):
@@ -109,7 +109,7 @@ def integrate(
                 derivative(links, model, cut, t + C[i] * step, trial, memory, ws, rows, K[i])
             _stage(z, K, step, STAGES, trial)
             counters[EVALUATIONS] += STAGES - first
-            _sizes(links.kind, model.length, z, size)
+            sizes(links.kind, model.length, z, size)
             error = _error(links.kind, K, step, size) / tolerance
             if not np.isfinite(error):
                 return 2

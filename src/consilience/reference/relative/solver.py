@@ -9,6 +9,7 @@ from consilience.mechanism import Mechanism, State
 from consilience.reference.integrators.dop853 import STATUS
 from consilience.reference.model import unpack
 from consilience.reference.relative.dynamics import find_rank, remember
+from consilience.reference.relative.gauss import integrate_gauss
 from consilience.reference.relative.integrate import integrate
 from consilience.reference.relative.model import flatten_relative, pack_relative, scratch
 from consilience.reference.workspace import workspace
@@ -16,8 +17,14 @@ from consilience.run import TrajectoryAnswer
 from consilience.spatial import Array, continuous_in_time
 
 
-def simulate_relative(mechanism: Mechanism, state: State, times: Array, tolerance: float) -> TrajectoryAnswer:
-    """Motion of a mechanism; arguments as of `consilience.reference.simulate`.
+INTEGRATORS = {"dop853": integrate, "gauss": integrate_gauss}
+"""Compiled integrators of the relative form."""
+
+
+def simulate_relative(
+    mechanism: Mechanism, state: State, times: Array, tolerance: float, integrator: str = "dop853"
+) -> TrajectoryAnswer:
+    """Motion of a mechanism; arguments as of `consilience.reference.simulate`, with a key of `INTEGRATORS`.
 
     Raises
     ------
@@ -32,9 +39,10 @@ def simulate_relative(mechanism: Mechanism, state: State, times: Array, toleranc
     find_rank(links, model, tree.cut, float(times[0]), z, memory, ws, rows)
     remember(model, ws, memory)
     motion, counters = np.empty((len(times), *ws.y.shape)), np.zeros(3, dtype=np.int64)
-    status = integrate(links, model, tree.cut, z, times, float(tolerance), memory, ws, rows, motion, counters)
+    run = INTEGRATORS[integrator]
+    status = run(links, model, tree.cut, z, times, float(tolerance), memory, ws, rows, motion, counters)
     if status:
-        raise NumericalFailure(f"reference, relative, tolerance {tolerance:g}: {STATUS[status]}")
+        raise NumericalFailure(f"reference, relative, {integrator}, tolerance {tolerance:g}: {STATUS[status]}")
     p, quat, v, w = unpack(mechanism, motion)
     names = ("steps", "rejected", "evaluations")
     counts: dict[str, int | float] = {name: int(n) for name, n in zip(names, counters, strict=True)}
