@@ -16,7 +16,6 @@ from consilience.reference.workspace import workspace
 from consilience.run import TrajectoryAnswer
 from consilience.spatial import Array, continuous_in_time
 
-
 INTEGRATORS = {"dop853": integrate, "gauss": integrate_gauss}
 """Compiled integrators of the relative form."""
 
