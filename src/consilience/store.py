@@ -134,6 +134,7 @@ class Store:
         self._file = folder / FILE
         self._lock = Lock()
         self._mechanism: tuple[object, str] = (None, "")
+        self._codes: dict[str, tuple[str, str]] = {}
         folder.mkdir(parents=True, exist_ok=True)
         try:
             self._connection = sqlite3.connect(self._file, check_same_thread=False, isolation_level=None)
@@ -160,7 +161,9 @@ class Store:
             digest = _digest(request.mechanism)
             self._mechanism = (request.mechanism, digest)
         asked = (request.question, request.method, request.states, request.times, request.step)
-        return _digest(asdict(info), _code(info.name), digest, asked)
+        if info.name not in self._codes:  # what is installed is looked for on the disk: longer than many a job
+            self._codes[info.name] = _code(info.name)
+        return _digest(asdict(info), self._codes[info.name], digest, asked)
 
     def find(self, key: str) -> Kept | None:
         """What is kept under a key."""
