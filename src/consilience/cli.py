@@ -97,6 +97,11 @@ def run(
     fresh: Annotated[bool, typer.Option("--fresh", help="Ask again what the folder has answers to.")] = False,
     jobs: Jobs = CORES,
     limit: Limit = 180.0,
+    memory: Annotated[float, typer.Option(min=0.1, help="Memory that an engine may use in GiB.")] = 4.0,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Engines work on the Dask cluster of this scheduler.")
+    ] = None,
+    verbose: Annotated[bool, typer.Option("-v", "--verbose", help="Say on stderr what happens, and when.")] = False,
 ) -> None:
     """Ask the questions, compare, and write report.jsonl, report.html and report.md.
 
@@ -108,6 +113,7 @@ def run(
     from consilience.library import load_cases, shipped_cases
     from consilience.report.pages import write_pages
     from consilience.report.record import exit_code, write_record
+    from consilience.scale import cluster_of, log_to_stderr
     from consilience.store import Store
     from consilience.suite import run_suite
 
@@ -117,7 +123,13 @@ def run(
     engines, questions = _engines(engine), _questions(question)
     start, store = time.perf_counter(), Store(folder, fresh)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with _resumable(folder), Progress(*columns, console=err) as bar:
+    if verbose:
+        log_to_stderr()
+    with (
+        _resumable(folder),
+        cluster_of(scheduler) as cluster,
+        Progress(*columns, console=err, disable=verbose) as bar,
+    ):
         task = bar.add_task("starting engines", total=len(chosen) * len({"reference", *engines}))
         results = run_suite(
             chosen,
@@ -128,6 +140,8 @@ def run(
             progress=lambda name, case: bar.update(task, advance=1, description=f"{name}: {case}"),
             effort=QUICK if quick else FULL,
             store=store,
+            memory=int(memory * 2**30),
+            cluster=cluster,
         )
     store.close()
     write_record(results, time.perf_counter() - start, folder)
@@ -209,12 +223,12 @@ def doctor(engine: Engines = None, limit: Limit = 180.0) -> None:
         table.add_column(column)
     for name in names:
         if name in results.missing:
-            table.add_row(name, "-", f"does not start: {escape(results.missing[name])}")
+            table.add_row(name, "-", f"does not start: {escape(visible(results.missing[name]))}")
             continue
         own = [c for c in results.comparisons if c.engine == name and c.profile is Profile.MATCHED]
         bad = [c for c in own if c.verdict is not Verdict.AGREES]
         text = "; ".join(f"{c.question}, {c.method}: {c.verdict}: {c.why}" for c in bad) or "agrees with the reference"
-        table.add_row(name, results.engines[name].version, escape(text))
+        table.add_row(name, escape(visible(results.engines[name].version)), escape(visible(text)))
     out.print(table)
     raise typer.Exit(exit_code(results))
 

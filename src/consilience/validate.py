@@ -13,7 +13,7 @@ from rich.console import Console
 
 from consilience.case import Case
 from consilience.engine import installed, require_installed
-from consilience.errors import InvalidInput
+from consilience.errors import InvalidInput, visible
 from consilience.library import load_cases
 from consilience.report.anatomy import anatomy, expected_lines, listed, warnings
 from consilience.run import EngineInfo, Method, Question
@@ -199,5 +199,5 @@ def validate(
         sys.stdout.write(json.dumps({"cases": found}, indent=2, default=str) + "\n")
     else:
         for one in found:
-            Console().print(text(one), soft_wrap=True, highlight=False, markup=False)
+            Console().print(visible(text(one)), soft_wrap=True, highlight=False, markup=False)
     raise typer.Exit(0 if all(one["valid"] for one in found) else 2)

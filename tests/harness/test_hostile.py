@@ -29,11 +29,13 @@ from hostile.properties import (
     fresh,
     report_mutants,
     report_seed,
+    steps,
     swallow_case,
     swallow_report,
     warm,
 )
 from hostile.watch import Breach, Hang, watched
+from hostile.wire import swallow_wire, warm_wire, wire_mutants
 
 EVERYDAY = settings(
     max_examples=100,
@@ -71,6 +73,18 @@ def test_mutated_reports_are_refused_or_rendered_as_text(tmp_path, report):
     @given(report_mutants(report))
     def campaign(raw):
         swallow_report(raw, tmp_path)
+
+    campaign()
+
+
+def test_mutated_frames_are_refused_or_understood(tmp_path):
+    warm_wire(tmp_path)
+
+    @seed(7)
+    @EVERYDAY
+    @given(wire_mutants(steps))
+    def campaign(raw):
+        swallow_wire(raw, tmp_path)
 
     campaign()
 
