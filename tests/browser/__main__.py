@@ -13,13 +13,18 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent))
 
 import checks
+from filters import filters
 from opened import browser
 
 from consilience.report.record import read_record
 from consilience.report.view import page as view_of
 
 NARROW = 375
-CHECKS = (checks.opens, checks.filters, checks.drill_down, checks.plots, checks.replay, checks.copying, checks.keyboard)
+WINDOWS = (("light", 1280, "light"), ("dark", 1280, "dark"), ("narrow", NARROW, "light"), ("print", 1000, "light"))
+LONG = ("matrix", "filtered")
+"""Pages too long for a screenshot of all of it."""
+
+CHECKS = (checks.opens, filters, checks.drill_down, checks.plots, checks.replay, checks.copying, checks.keyboard)
 
 
 def pages(view):
@@ -50,12 +55,7 @@ def accessible(window, report, view):
 def screenshots(window, report, view, folder):
     """Light, dark, narrow and as printed."""
     folder.mkdir(parents=True, exist_ok=True)
-    for kind, width, scheme in (
-        ("light", 1280, "light"),
-        ("dark", 1280, "dark"),
-        ("narrow", NARROW, "light"),
-        ("print", 1000, "light"),
-    ):
+    for kind, width, scheme in WINDOWS:
         opened = window(report, width, 900, scheme)
         if kind == "print":
             opened.page.emulate_media(media="print")
@@ -63,11 +63,7 @@ def screenshots(window, report, view, folder):
             opened.go(fragment)
             opened.plots_drawn()
             opened.page.wait_for_timeout(700)
-            opened.page.screenshot(
-                path=str(folder / f"{name}_{kind}.png"), full_page=name not in ("matrix", "filtered")
-            )
-        if kind == "print":
-            opened.page.pdf(path=str(folder / "worst_print.pdf")) if pages(view) else None
+            opened.page.screenshot(path=str(folder / f"{name}_{kind}.png"), full_page=name not in LONG)
         opened.page.context.close()
 
 
@@ -90,10 +86,8 @@ def main():
             opened, start = window(given.report), time.perf_counter()
             found = list(check(opened, view, lambda text: print(f"    {text}")))
             bad += [f"{check.__name__}: {text}" for text in (*found, *opened.trouble)]
-            print(
-                f"{check.__name__}: {len(found) + len(opened.trouble)} wrong ({time.perf_counter() - start:.1f} s)",
-                flush=True,
-            )
+            wrong = len(found) + len(opened.trouble)
+            print(f"{check.__name__}: {wrong} wrong ({time.perf_counter() - start:.1f} s)", flush=True)
             opened.page.context.close()
         if not given.only or "accessible" in given.only:
             found = list(accessible(window, given.report, view))

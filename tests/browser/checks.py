@@ -19,11 +19,10 @@ def opens(opened, view, told):
         paints = "performance.getEntriesByType('paint').map(p => [p.name, p.startTime])"
         seen.append(dict(page.evaluate(paints))["first-contentful-paint"] / 1000)
         ready.append(page.evaluate("performance.getEntriesByType('navigation')[0].domContentLoadedEventEnd") / 1000)
-    told(
-        f"first view {statistics.median(seen):.2f} s, filters ready {statistics.median(ready):.2f} s (medians of {LOADS})"
-    )
-    if statistics.median(seen) > FIRST_VIEW:
-        yield f"first view after {statistics.median(seen):.2f} s"
+    first, usable = statistics.median(seen), statistics.median(ready)
+    told(f"first view {first:.2f} s, filters ready {usable:.2f} s (medians of {LOADS})")
+    if first > FIRST_VIEW:
+        yield f"first view after {first:.2f} s"
     if page.locator("table.matrix tbody tr").count() != len(view.cases):
         yield "the matrix has not a row for each case"
 
@@ -38,7 +37,7 @@ def drill_down(opened, view, told):
         until(page, f"document.querySelector('#page h2').textContent.startsWith({name})")
         found = page.evaluate(
             """() => ({
-              layers: [...document.querySelectorAll('#page .layer > summary strong')].map(e => e.textContent),
+              layers: [...document.querySelectorAll('#page .layer > summary h3')].map(e => e.textContent),
               open: document.querySelectorAll('#page .layer[open]').length,
               command: document.querySelector('#page .copy').dataset.copy,
               manifest: document.querySelectorAll('#page .manifest div').length,

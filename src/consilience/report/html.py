@@ -19,7 +19,6 @@ from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
 from consilience.errors import visible
-from consilience.report.cases import CaseView
 from consilience.report.cells import Cell
 from consilience.report.figure import COLOURS
 from consilience.report.picture import drawn
@@ -106,7 +105,10 @@ def fragments(view: Page, replays: Replays, drawings: set[str]) -> Iterator[tupl
         replay = replays.get(case.name)
         about: dict[str, Any] = {"moving": replay is not None, "captions": CAPTIONS}
         plots = _places(OF_CASE, drawings, case.name)
-        yield case.anchor, case_page.render(c=case, drawing=_drawing(case, replay), plots=plots, **about)
+        yield (
+            case.anchor,
+            case_page.render(c=case, drawing=_drawing(case.name, case.title, replay), plots=plots, **about),
+        )
         for cell in case.cells:
             shown_plots = _cell_plots(cell, drawings)
             own = engines.get(cell.engine)
@@ -120,6 +122,18 @@ def replay_data(view: Page, replays: Replays) -> dict[str, Any]:
     return {"colours": COLOURS, "engines": engines, "cases": found}
 
 
+def render_replay(name: str, title: str, replay: Replay) -> str:
+    """Self-contained page of one case in motion."""
+    packs = [
+        ("replays", packed(_json({"colours": COLOURS, "engines": [], "cases": {name: replay}}))),
+        ("three", three_pack()),
+    ]
+    how = replay["motion"]["reference"]["how"]
+    drawing = _drawing(name, title, replay)
+    page_template = environment().get_template("replay.html.j2")
+    return page_template.render(name=name, title=title, how=how, drawing=drawing, packs=packs)
+
+
 def _places(kinds: tuple[str, ...], drawings: set[str], *names: str) -> list[tuple[str, str]]:
     return [(kind, place) for kind in kinds if (place := anchor(kind, *names)) in drawings]
 
@@ -129,13 +143,13 @@ def _cell_plots(cell: Cell, drawings: set[str]) -> list[tuple[str, str]]:
     return own + (_places(OF_CASE_IN_CELL, drawings, cell.case) if own else [])
 
 
-def _drawing(case: CaseView, replay: Replay | None) -> Markup | None:
+def _drawing(name: str, title: str, replay: Replay | None) -> Markup | None:
     """The case in four views."""
     if replay is None:
         return None
     pairs = [joint["between"] for joint in replay["scene"]["joints"]]
     # the template of the picture escapes what it is given
-    return Markup(drawn(figure_of_scene(replay["scene"]), pairs, f"{case.name}: {case.title}"))
+    return Markup(drawn(figure_of_scene(replay["scene"]), pairs, f"{name}: {title}"))
 
 
 def _json(value: object) -> str:
