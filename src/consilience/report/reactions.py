@@ -33,13 +33,13 @@ def can_be_told(mechanism: Mechanism) -> bool:
 def reactions_over_time(mechanism: Mechanism, answer: TrajectoryAnswer, samples: Array) -> Array:
     """Length of the force and of the torque of every joint at samples, shape (n_samples, n_j, 2), N and N m.
 
-    On the successor, the torque about the origin of M. nan where equilibrium does not determine a component.
+    On the successor, the torque about the origin of M; of those components that equilibrium determines. nan where it
+    determines none.
     """
-    found = np.full((len(samples), len(mechanism.joints), 2), np.nan)
-    sure = determinate_reactions(mechanism, answer.state(int(samples[0]))).reshape(-1, 2, 3).all(axis=2)
-    for n, k in enumerate(samples):
-        found[n] = np.linalg.norm(reactions(mechanism, answer.state(k), answer.time[k]).reshape(-1, 2, 3), axis=2)
-    return np.where(sure, found, np.nan)
+    sure = determinate_reactions(mechanism, answer.state(int(samples[0])))
+    found = [np.where(sure, reactions(mechanism, answer.state(k), answer.time[k]), 0.0) for k in samples]
+    lengths = np.linalg.norm(np.array(found).reshape(len(samples), -1, 2, 3), axis=3)
+    return np.where(sure.reshape(-1, 2, 3).any(axis=2), lengths, np.nan)
 
 
 def reactions(mechanism: Mechanism, state: State, t: float) -> Array:

@@ -155,8 +155,8 @@ CAPTIONS: dict[str, str] = {
     "energy": "Change of the total energy since the start over the largest kinetic energy, recomputed from the motion "
     "by the same code for every engine.",
     "reactions": "Reaction forces over time, on the successor, recomputed from the motion of each engine by the same "
-    "dense solution: one colour a joint, one dash an engine, the reference wide and pale behind. Joints whose force "
-    "equilibrium does not determine are left out.",
+    "dense solution: one colour a joint, one dash an engine, the reference wide and pale behind. Components "
+    "that equilibrium does not determine are left out.",
     "drift": "Largest violation of a joint's constraints over time, from the motion of each engine by the same code.",
     "horizon": "How far the motion can be judged: one rounding error, committed at the start, grows along the "
     "reference as shown, the largest over a few directions. Where it reaches the digits asked lies the horizon; what "
