@@ -53,6 +53,8 @@ def filters(opened, view, told):
 def alone(opened, cells, kinds):
     """Each filter, and the number beside it."""
     page = opened.go()
+    page.evaluate("document.querySelectorAll('#filters details').forEach((d) => { d.open = true; })")
+    until(page, "[...document.querySelectorAll('.count')].every((c) => c.textContent !== '')")
     for kind, values in kinds.items():
         for value, test in values.items():
             tick(page, kind, value)
