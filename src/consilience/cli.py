@@ -347,7 +347,8 @@ def schema(kind: Annotated[str, typer.Argument(help="What to describe: case.")])
 
 
 CAMPAIGNS = {
-    "show": ("consilience.report.show", "Show a case, and draw it."),
+    "show": ("consilience.report.show", "Show a case, and draw it; --view: in motion."),
+    "play": ("consilience.report.show", "Open the mechanisms of a report in motion, engines as ghosts."),
     "new": ("consilience.newcase", "Write a commented case file to start from."),
     "validate": ("consilience.validate", "Check cases, and say what every engine will make of them."),
     "check": ("consilience.identities.command", "Check each engine alone, without a reference, against identities."),

@@ -22,7 +22,7 @@ from consilience.report.html import render_html
 from consilience.report.markdown import render_markdown
 from consilience.report.record import read_record
 from hostile.mutations import MARK, TEXTS, jsonl_bytes, places
-from hostile.pages import Elements, check_html, check_markdown, check_terminal
+from hostile.pages import Elements, check_html, check_markdown, check_terminal, opened
 from hostile.properties import (
     SCRIPT,
     case_mutants,
@@ -134,7 +134,8 @@ def test_text_of_a_report_stays_text_wherever_it_stands(payload, report, tmp_pat
     check_markdown(markdown)
     check_terminal(printed.getvalue())
     if payload.isascii() and payload.isprintable():
-        assert "".join(Elements(page).text).count(payload) > 50
+        texts = (page, *opened(page).values())
+        assert sum("".join(Elements(text).text).count(payload) for text in texts) > 50
 
 
 def _rename_out(folder):
