@@ -31,7 +31,9 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
     "show": (
         ("consilience show four_bar", "freedom, dependent rows, open reactions, sources"),
         ("consilience show four_bar --picture four_bar.svg", "and a drawing"),
+        ("consilience show four_bar --view", "and the mechanism in motion, in the browser"),
     ),
+    "play": (("consilience play report", "the mechanisms of a report in motion, engines as ghosts"),),
     "new": (
         ("consilience new arm", "arm.toml, with every element as a comment"),
         ("consilience new rods --from parallel_rods:rods=6", "from a family"),
