@@ -52,7 +52,6 @@ MARKED: dict[tuple[str, str], str] = {
     ("docs/add-an-engine.md", "consilience validate double_pendulum four_bar"): "the same",
     ("docs/add-an-engine.md", "consilience run double_pendulum furuta_pendulum"): "the same",
     ("docs/add-an-engine.md", "consilience check double_pendulum -e textbook"): "the same",
-    ("docs/add-an-engine.md", "consilience fuzz -e textbook"): "the same",
     ("docs/add-an-engine.md", "consilience run double_pendulum -e textbook"): "the same",
     ("docs/detection.md", "consilience mutate "): LONG,
     ("docs/families.md", "consilience run windows"): "twenty minutes: chains of forty bodies on all engines",

@@ -55,7 +55,7 @@ class Diagnosis:
 CURES: tuple[tuple[str, str], ...] = (
     (r"No module named '(?P<module>[\w.]+)'", "pip install '{wanted}' (its module {module} is not there)"),
     (r"ImportError|undefined symbol|cannot open shared object|GLIBC", "pip install --force-reinstall '{wanted}'"),
-    (r"no answer within", "give it more time: consilience doctor --limit 600; something else may hold the processor"),
+    (r"no answer within", "give it more time: consilience doctor --limit 1800; something else may hold the processor"),
     (r"out of memory|MemoryError", "close other programs: a worker may have 4 GiB"),
     (
         r"signal SIG\w+",
@@ -238,7 +238,7 @@ def diagnose(results: Results, engines: list[str]) -> Iterator[Diagnosis]:
 
 def doctor(
     engine: Annotated[list[str] | None, typer.Option("-e", "--engine", help="Engine; repeat it. Default: all.")] = None,
-    limit: Annotated[float, typer.Option(min=0.1, help="Time limit of one job in s.")] = 180.0,
+    limit: Annotated[float, typer.Option(min=0.1, help="Time limit of one job in s.")] = 600.0,
     form: SheetFormat = Format.TEXT,
 ) -> None:
     """Diagnose this machine, start every engine and let it answer two questions; tell the remedy for what is ill.
@@ -248,7 +248,7 @@ def doctor(
     for name in engine or []:
         require_installed(name)
     names = list(dict.fromkeys(engine or installed()))
-    with Console(stderr=True).status("starting engines"):
+    with Console(stderr=True).status("starting engines; the reference compiles for a minute or two, the first time"):
         results = run_suite([load_case("double_pendulum")], names, [Question.MODEL, Question.INSTANT], limit=limit)
     found = list(diagnose(results, names))
     ill = sum(one.state == "ill" for one in found)

@@ -16,7 +16,7 @@ from consilience.suite import Results
 REASONS = {
     "ModuleNotFoundError: No module named 'mujoco'": "pip install 'mujoco==4.0.0'",
     "ImportError: libGL.so.1: cannot open shared object file": "pip install --force-reinstall 'mujoco==4.0.0'",
-    "no answer within 120 s; the worker was stopped": "--limit 600",
+    "no answer within 120 s; the worker was stopped": "--limit 1800",
     "out of memory: 4103 MiB, the limit is 4096 MiB": "close other programs",
     "while it started, the worker died: signal SIGSEGV": "python -X faulthandler -c 'import mujoco'",
     "AttributeError: module 'mujoco' has no attribute 'mj_fullM'": "another version: pip install 'mujoco==4.0.0'",

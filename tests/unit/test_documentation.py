@@ -19,7 +19,6 @@ import consilience
 from consilience.casefile import load_file
 from consilience.cli import CAMPAIGNS, app, command_of
 from consilience.examples import EXAMPLES, START
-from consilience.families import FAMILIES, shown_parameters
 from consilience.joints import JOINT_KINDS
 from consilience.library import shipped_cases
 from consilience.pytest_plugin.known import read_known
@@ -279,11 +278,6 @@ def test_the_joint_table_is_that_of_the_code():
     named = lambda cell, mark: () if cell == "none" else tuple(cell.split(mark))  # noqa: E731
     shown = {kind: (named(held, " "), named(free, ", ")) for kind, held, free in rows}
     assert shown == {name: (kind.rows, kind.coordinates) for name, kind in JOINT_KINDS.items()}
-
-
-def test_the_families_on_their_page_are_those_there_are():
-    text = (ROOT / "docs" / "families.md").read_text(encoding="utf-8")
-    assert [n for n, family in FAMILIES.items() if f"{n}:{shown_parameters(family)}".replace(" ", "") not in text] == []
 
 
 def test_every_group_of_cases_is_on_their_page():

@@ -1,7 +1,10 @@
 """``consilience explain`` knows what reports and traps name, says the same as the code, helps with typing errors."""
 
 import json
+import os
 import re
+import subprocess
+import sys
 
 import pytest
 from typer.testing import CliRunner
@@ -91,3 +94,28 @@ def test_entries_of_one_kind_have_different_names():
     keys = [(entry.kind, entry.name) for entry in read_entries()]
     assert len(set(keys)) == len(keys)
     assert Entry(Kind.TERM, "n", "r", "t").page == "verdicts.md"
+
+
+def shown_on_a_terminal(tmp_path, **environment):
+    """What a terminal gets of an error message, which is red."""
+    terminal, end = os.openpty()
+    kept = {name: value for name, value in os.environ.items() if name not in ("NO_COLOR", "FORCE_COLOR")}
+    command = [sys.executable, "-c", "from consilience.cli import main; main()", "explain", "nothing_like_this"]
+    variables = kept | {"TERM": "xterm-256color"} | environment
+    done = subprocess.run(command, cwd=tmp_path, stderr=end, stdout=end, env=variables, check=False, timeout=120)
+    os.close(end)
+    shown = os.read(terminal, 65536).decode()
+    os.close(terminal)
+    assert done.returncode == 2
+    assert "nothing_like_this" in shown
+    return shown
+
+
+def test_colours_are_for_terminals_that_want_them(tmp_path):
+    red = "\x1b[31m"
+    assert red in shown_on_a_terminal(tmp_path)
+    assert red not in shown_on_a_terminal(tmp_path, NO_COLOR="1")
+    command = [sys.executable, "-c", "from consilience.cli import main; main()", "explain", "agrees"]
+    piped = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True, timeout=120)
+    assert "agrees (verdict)" in piped.stdout
+    assert "\x1b" not in piped.stdout + piped.stderr
