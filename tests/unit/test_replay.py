@@ -13,14 +13,15 @@ from consilience.errors import InvalidInput
 from consilience.library import load_case
 from consilience.report.engines import known_findings
 from consilience.report.figure3d import figure_of
-from consilience.report.html import render_html, render_replay
+from consilience.report.html import fragments, render_html, render_replay
 from consilience.report.motion import FINE, FRAMES, FULL, chosen_samples, encoded_difference, encoded_poses
 from consilience.report.reactions import can_be_told, drift_over_time, reactions, reactions_over_time
 from consilience.report.record import Record, lines
 from consilience.report.replay import motion_alone, replay_of, replays
 from consilience.report.replayschema import NAME, read_replay
 from consilience.report.scene import figure_of_scene, scene
-from consilience.run import Method, Profile, Question, Route, Run, Status, TrajectoryAnswer
+from consilience.report.view import page
+from consilience.run import EngineInfo, Method, Profile, Question, Route, Run, Status, TrajectoryAnswer
 from consilience.spatial import quaternion_from_rotation_vector, quaternion_product, rotation_from_quaternion
 from consilience.suite import Results
 from mechanisms import chain, states_of
@@ -202,6 +203,15 @@ def test_replays_come_back_and_are_packed_into_the_page(folder):
     assert read_replay(folder / "elsewhere") == {}
 
 
+def test_a_case_called_engine_does_not_hide_the_page_of_an_engine():
+    case = replace(load_case("engine"), name="engine")
+    asked = Results([case], [], engines={"dart": EngineInfo("dart", "1", "1")})
+    header, described, *_ = lines(asked, 0.0)
+    view = page(Record(header, [described], [], [], {"exit_code": 0}))
+    anchors = [anchor for anchor, _ in fragments(view, {}, set())]
+    assert len(set(anchors)) == len(anchors)
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [
@@ -230,7 +240,7 @@ def test_one_case_in_motion_is_a_page_of_its_own():
 
 
 def test_findings_of_the_engines_are_all_rows_of_their_tables():
-    page = (Path(__file__).parents[2] / "reports" / "findings" / "README.md").read_text(encoding="utf-8")
+    tables = (Path(__file__).parents[2] / "reports" / "findings" / "README.md").read_text(encoding="utf-8")
     names = {found.name for engine in known_findings().values() for found in engine}
-    assert names == set(re.findall(r"^\| \[(\w+)\]", page, re.MULTILINE))
+    assert names == set(re.findall(r"^\| \[(\w+)\]", tables, re.MULTILINE))
     assert set(known_findings()) == {"dart", "exudyn", "mujoco", "pinocchio"}
