@@ -3,6 +3,7 @@
 import json
 import re
 from base64 import b64decode
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,14 +13,15 @@ from consilience.errors import InvalidInput
 from consilience.library import load_case
 from consilience.report.engines import known_findings
 from consilience.report.figure3d import figure_of
-from consilience.report.html import render_html, render_replay
+from consilience.report.html import fragments, render_html, render_replay
 from consilience.report.motion import FINE, FRAMES, FULL, chosen_samples, encoded_difference, encoded_poses
-from consilience.report.reactions import can_be_told, drift_over_time, reactions_over_time
+from consilience.report.reactions import can_be_told, drift_over_time, reactions, reactions_over_time
 from consilience.report.record import Record, lines
 from consilience.report.replay import motion_alone, replay_of, replays
 from consilience.report.replayschema import NAME, read_replay
 from consilience.report.scene import figure_of_scene, scene
-from consilience.run import Method, Profile, Question, Route, Run, Status, TrajectoryAnswer
+from consilience.report.view import page
+from consilience.run import EngineInfo, Method, Profile, Question, Route, Run, Status, TrajectoryAnswer
 from consilience.spatial import quaternion_from_rotation_vector, quaternion_product, rotation_from_quaternion
 from consilience.suite import Results
 from mechanisms import chain, states_of
@@ -113,34 +115,37 @@ def hinged():
     state = states_of(mechanism)[1]
     still = np.zeros((2, *state.p_WB.shape))
     answer = TrajectoryAnswer(
-        np.array([0.0, 0.1]), np.array([state.p_WB] * 2), np.array([state.quat_WB] * 2), still, still
+        np.array([0.0, 0.1]), np.array([state.p_WB] * 2), np.array([state.quat_WB] * 2), still, still.copy()
     )
     return mechanism, state, answer
 
 
-def test_reactions_of_a_pendulum_at_rest_are_those_of_newton_and_euler():
-    """Released from rest: I_O alpha = moment of the weight about the pivot, reaction = m (a_C - g)."""
+@pytest.mark.parametrize("speed", [0.0, 1.7])
+def test_reactions_of_a_pendulum_are_those_of_newton_and_euler(speed):
+    """About the hinge ``I alpha`` is the moment of the weight; the reaction is ``m (a_C - g)`` [any textbook]."""
     mechanism, state, answer = hinged()
     (body,), (joint,) = mechanism.bodies, mechanism.joints
     R = rotation_from_quaternion(state.quat_WB[0])
     axis, arm = R @ joint.M.R[:, 2], R @ (body.com - joint.M.p)
     about = axis @ R @ body.inertia @ R.T @ axis + body.mass * np.sum(np.cross(axis, arm) ** 2)
     alpha = axis @ np.cross(arm, body.mass * mechanism.gravity) / about
-    force = body.mass * (np.cross(alpha * axis, arm) - mechanism.gravity)
+    turning_in = np.cross(speed * axis, np.cross(speed * axis, arm))
+    force = body.mass * (np.cross(alpha * axis, arm) + turning_in - mechanism.gravity)
+    answer.w_WB_W[:] = speed * axis
+    answer.v_WB_W[:] = np.cross(speed * axis, -R @ joint.M.p)
     found = reactions_over_time(mechanism, answer, np.array([0, 1]))
     assert can_be_told(mechanism)
     assert found[:, 0, 0] == pytest.approx([np.linalg.norm(force)] * 2, rel=1e-12)
 
 
 def test_reactions_that_equilibrium_leaves_open_are_left_out():
-    """A planar four-bar determines two components of each force and one of each torque, that about the normal, zero."""
+    """A planar four-bar at rest, pulled out of its plane: all that the hinges bear is what redundant rows share."""
     case = load_case("four_bar")
-    state = case.initial_state
-    arrays = [np.array([v]) for v in (state.p_WB, state.quat_WB, state.v_WB_W, state.w_WB_W)]
-    answer = TrajectoryAnswer(np.array([0.0]), *arrays)
-    found = reactions_over_time(case.mechanism, answer, np.array([0]))
-    assert np.all(found[0, :, 0] > 0.1)
-    assert np.all(found[0, :, 1] < 1e-12)
+    mechanism, state = replace(case.mechanism, gravity=np.array([0.0, -9.81, 0.0])), case.initial_state
+    still = np.zeros((1, *state.p_WB.shape))
+    answer = TrajectoryAnswer(np.array([0.0]), np.array([state.p_WB]), np.array([state.quat_WB]), still, still)
+    assert np.max(np.abs(reactions(mechanism, answer.state(0), 0.0))) > 1.0
+    assert np.max(reactions_over_time(mechanism, answer, np.array([0]))) < 1e-12
 
 
 def test_a_body_off_its_joint_drifts_by_as_much():
@@ -198,6 +203,15 @@ def test_replays_come_back_and_are_packed_into_the_page(folder):
     assert read_replay(folder / "elsewhere") == {}
 
 
+def test_a_case_called_engine_does_not_hide_the_page_of_an_engine():
+    case = replace(load_case("engine"), name="engine")
+    asked = Results([case], [], engines={"dart": EngineInfo("dart", "1", "1")})
+    header, described, *_ = lines(asked, 0.0)
+    view = page(Record(header, [described], [], [], {"exit_code": 0}))
+    anchors = [anchor for anchor, _ in fragments(view, {}, set())]
+    assert len(set(anchors)) == len(anchors)
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [
@@ -226,7 +240,7 @@ def test_one_case_in_motion_is_a_page_of_its_own():
 
 
 def test_findings_of_the_engines_are_all_rows_of_their_tables():
-    page = (Path(__file__).parents[2] / "reports" / "findings" / "README.md").read_text(encoding="utf-8")
+    tables = (Path(__file__).parents[2] / "reports" / "findings" / "README.md").read_text(encoding="utf-8")
     names = {found.name for engine in known_findings().values() for found in engine}
-    assert names == set(re.findall(r"^\| \[(\w+)\]", page, re.MULTILINE))
+    assert names == set(re.findall(r"^\| \[(\w+)\]", tables, re.MULTILINE))
     assert set(known_findings()) == {"dart", "exudyn", "mujoco", "pinocchio"}

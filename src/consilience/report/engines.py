@@ -62,7 +62,7 @@ def engine_view(name: str, facts: Sequence[Entry], cells: Sequence[Cell]) -> Eng
     """View of an engine from its cells."""
     answers = [(cell, a) for cell in cells for a in cell.matched]
     return EngineView(
-        anchor=anchor("engine", name),
+        anchor=anchor("page", "engine", name),  # of three names: a cell has two, and a case may be called "engine"
         name=name,
         facts=tuple(facts),
         tallies=tuple((q, _tally(a.look for _, a in answers if a.question == q)) for q in QUESTIONS),
