@@ -11,7 +11,11 @@ from consilience.compare import Verdict
 from consilience.engine import installed
 from consilience.run import Question, Status
 from consilience.suite import EngineFailure, run_suite, simulate_case
+from harness.processes import MARK, marked
 from mechanisms import chain
+
+MEMORY = 1536 * 2**20
+"""Of an engine in bytes: what the honest ones need, and what is soon eaten."""
 
 INSTANT, TRAJECTORY = Question.INSTANT, Question.TRAJECTORY
 
@@ -26,6 +30,9 @@ FAULTS = {
     "honestly_closes_its_pipe": (INSTANT, "the worker closed its connection and lived on"),
     "honestly_leaves_a_child": (INSTANT, "it left a process behind that goes on"),
     "honestly_floods": (INSTANT, "it printed more than 64 MiB"),
+    "honestly_eats_memory": (INSTANT, r"out of memory: \d+ MiB, the limit is 1536 MiB"),
+    "honestly_half_a_frame_and_dies": (INSTANT, r"the worker died: signal SIGABRT, after 4000 of \d+ bytes"),
+    "honestly_leaves_a_child_and_dies": (INSTANT, "the worker died: signal SIGABRT"),
     "honestly_wrong_job": (INSTANT, "it answered job 123456, not job"),
     "silent": (INSTANT, "no method"),
     "stepless": (TRAJECTORY, "level"),
@@ -53,6 +60,7 @@ MISSING = {
     "no_such_class": "AttributeError",
     "cannot_start": "OSError: no licence server",
     "anonymous": "str",
+    "starts_a_crash": "while it started, the worker died: signal SIGABRT",
 }
 
 
@@ -73,9 +81,13 @@ def cases():
 
 @pytest.fixture(scope="module")
 def results(cases):
-    """One suite over many engines at once: none may spoil another's runs."""
+    """One suite over many engines at once: none may spoil another's runs, nor leave a process."""
     names = ["honest", *FAULTS, "liar", *MISSING, "selective", "cannot_plan", "chatters"]
-    return run_suite(cases, names, jobs=3, limit=120.0)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(MARK, "faults")
+        found = run_suite(cases, names, jobs=3, limit=120.0, memory=MEMORY)
+    assert not marked("faults")
+    return found
 
 
 def verdict(results, engine, case, question, method=None):

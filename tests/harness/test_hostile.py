@@ -21,12 +21,13 @@ from consilience.errors import ConsilienceError
 from consilience.report.html import render_html
 from consilience.report.markdown import render_markdown
 from consilience.report.record import read_record
-from hostile.mutations import MARK, TEXTS, jsonl_bytes, places
+from hostile.mutations import MARK, TEXTS, jsonl_bytes
 from hostile.pages import Elements, check_html, check_markdown, check_terminal, opened
 from hostile.properties import (
     SCRIPT,
     case_mutants,
     fresh,
+    hostile_everywhere,
     report_mutants,
     report_seed,
     steps,
@@ -87,37 +88,6 @@ def test_mutated_frames_are_refused_or_understood(tmp_path):
         swallow_wire(raw, tmp_path)
 
     campaign()
-
-
-WORDS = ("record", "written", "question", "route", "verdict", "profile", "status")
-"""Fields that hold words of the format; `questions` is a list of such."""
-
-NAMES = ("case", "engine", "method", "name")
-"""Fields by which lines refer to one another."""
-
-
-def hostile_everywhere(records, payload):
-    """The report with a payload in every text, in every name and in every key that may be chosen."""
-    lines = copy.deepcopy(records)
-    names = {"reference": "reference"}
-
-    def renamed(name):
-        return names.setdefault(name, f"{payload} {len(names)}")
-
-    for line in lines:
-        for container, key in places(line):
-            if isinstance(container[key], str) and key not in WORDS and container is not line.get("questions"):
-                container[key] = renamed(container[key]) if key in NAMES else payload
-        for container, key in [(line, k) for k in ("undetermined", "missing", "packages") if k in line]:
-            container[key] = {payload: [1] * 6 if key == "undetermined" else payload}
-        for method in [line["method"]] if isinstance(line.get("method"), dict) else []:
-            method["settings"] = {payload: payload, f"{payload} 2": [payload]}
-        for level in line.get("levels", []):
-            level["counters"] = {payload: 1}
-        if line["record"] == "run":
-            line.update(log=payload, reason=payload, manifest={"exact": [payload], "approximated": [payload]})
-    lines[0]["engines"] = {renamed(name): about for name, about in lines[0]["engines"].items()}
-    return lines
 
 
 @pytest.mark.parametrize("payload", [t for t in TEXTS if 1 < len(t) < 900], ids=lambda t: ascii(t)[1:30])

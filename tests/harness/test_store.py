@@ -1,6 +1,11 @@
 """What is answered is kept: a suite that ends early loses the jobs in flight, and asks for nothing twice."""
 
+import logging
+import re
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,9 +15,11 @@ from consilience.assembly import Initial
 from consilience.case import Case
 from consilience.mechanism import Mechanism
 from consilience.run import EngineInfo, Method, Question, Route, Run, Status
+from consilience.scale import log_to_stderr
 from consilience.store import FILE, Kept, Store, StoreError
 from consilience.suite import run_suite
 from consilience.worker import Request
+from consilience.workers.serve import replay
 from mechanisms import chain, states_of
 
 INFO = EngineInfo("mujoco", "4.0.0", "1")
@@ -145,3 +152,42 @@ def test_a_file_that_is_no_database_is_named(tmp_path):
     (tmp_path / FILE).write_text("no database" * 100)
     with pytest.raises(StoreError, match=r"answers\.sqlite: file is not a database.*remove it"):
         Store(tmp_path)
+
+
+def test_a_job_that_failed_is_written_down_and_can_be_done_again(cases, tmp_path):
+    results = run_suite(cases[:1], ["liar"], [Question.INSTANT], store=Store(tmp_path))
+    found = {run.method.name: run for run in results.runs if run.status is Status.FAILED}
+    assert len(found) > 5
+    for run in found.values():
+        command, file = run.log.splitlines()[-1].rsplit(" ", 1)
+        assert command == "to do it again: python -m consilience.workers"
+        assert (tmp_path / file).is_file()
+    jobs = {name: (tmp_path / run.log.rsplit(" ", 1)[1]).read_bytes() for name, run in found.items()}
+    assert replay(jobs["raises"]) == "RuntimeError: the Jacobian is singular at body 2"
+    assert "nan" in replay(jobs["gives_nan"])
+
+
+def test_a_verbose_run_says_who_does_what_on_a_line_each(cases, tmp_path, capsys):
+    log_to_stderr()
+    try:
+        run_suite(cases[:1], ["aborts"], [Question.INSTANT], store=Store(tmp_path))
+    finally:
+        logging.getLogger("consilience").handlers = []
+        logging.getLogger("consilience").setLevel(logging.NOTSET)
+    told = capsys.readouterr().err.splitlines()
+    for pattern in (
+        r"aborts: started as process \d+ in \d+\.\d\d s$",
+        r"aborts: takes first$",
+        r"aborts: first, instant, descriptor: failed after \d+\.\d{3} s: the worker died: signal SIGABRT$",
+        r"reference: first, instant, .*: \d+\.\d{3} s, of them \d+\.\d{3} s CPU time of the engine$",
+        r"first: judged$",
+    ):
+        assert [line for line in told if re.search(pattern, line)], pattern
+    assert all(re.match(r"\d\d:\d\d:\d\d\.\d{3} ", line) for line in told)
+
+
+def test_suites_that_are_killed_go_on_and_say_the_same():
+    """The short version of a campaign: the runner, a worker, both."""
+    command = [sys.executable, str(Path(__file__).parent / "kills.py"), "--kills", "3", "--short"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=600, check=False)
+    assert done.stdout.splitlines()[-1] == "3 kills, 0 wrong", done.stdout + done.stderr

@@ -16,6 +16,8 @@ import pytest
 
 from consilience.run import EngineInfo, InstantAnswer, Method, Question, Route
 from consilience.worker import REMEMBERED, Request, Worker
+from harness.processes import MARK
+from harness.processes import marked as marked_by
 from mechanisms import chain, states_of
 
 LIMIT = 2.0
@@ -55,19 +57,8 @@ SURVIVES = {"asks_for_too_much", "nests"}
 def marked(monkeypatch):
     """Pids of the living processes that descend from this test."""
     mark = uuid.uuid4().hex
-    monkeypatch.setenv("CONSILIENCE_TEST_MARK", mark)
-
-    def find():
-        found = []
-        for process in psutil.process_iter():
-            try:
-                if process.environ().get("CONSILIENCE_TEST_MARK") == mark and process.status() != "zombie":
-                    found.append(process.pid)
-            except psutil.Error:
-                continue
-        return found
-
-    return find
+    monkeypatch.setenv(MARK, mark)
+    return lambda: marked_by(mark)
 
 
 def mechanism_of(name, seed=3):

@@ -1,5 +1,6 @@
 """What has to hold of every input, however it came about: it is refused in a sentence, or everything works with it."""
 
+import copy
 import io
 import json
 import re
@@ -24,7 +25,7 @@ from consilience.report.summary import describe_case
 from consilience.run import Question
 from consilience.suite import run_suite
 from consilience.validate import examine, text
-from hostile.mutations import TABLE_KINDS, TEXT_KINDS, changed_bytes, changed_tables, jsonl_bytes, toml_bytes
+from hostile.mutations import TABLE_KINDS, TEXT_KINDS, changed_bytes, changed_tables, jsonl_bytes, places, toml_bytes
 from hostile.pages import check_html, check_markdown, check_svg, check_terminal
 from hostile.watch import watched
 
@@ -149,3 +150,34 @@ def fresh(folder):
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     return folder
+
+
+WORDS = ("record", "written", "question", "route", "verdict", "profile", "status")
+"""Fields that hold words of the format; `questions` is a list of such."""
+
+NAMES = ("case", "engine", "method", "name")
+"""Fields by which lines refer to one another."""
+
+
+def hostile_everywhere(records, payload):
+    """The report with a payload in every text, in every name and in every key that may be chosen."""
+    lines = copy.deepcopy(records)
+    names = {"reference": "reference"}
+
+    def renamed(name):
+        return names.setdefault(name, f"{payload} {len(names)}")
+
+    for line in lines:
+        for container, key in places(line):
+            if isinstance(container[key], str) and key not in WORDS and container is not line.get("questions"):
+                container[key] = renamed(container[key]) if key in NAMES else payload
+        for container, key in [(line, k) for k in ("undetermined", "missing", "packages") if k in line]:
+            container[key] = {payload: [1] * 6 if key == "undetermined" else payload}
+        for method in [line["method"]] if isinstance(line.get("method"), dict) else []:
+            method["settings"] = {payload: payload, f"{payload} 2": [payload]}
+        for level in line.get("levels", []):
+            level["counters"] = {payload: 1}
+        if line["record"] == "run":
+            line.update(log=payload, reason=payload, manifest={"exact": [payload], "approximated": [payload]})
+    lines[0]["engines"] = {renamed(name): about for name, about in lines[0]["engines"].items()}
+    return lines

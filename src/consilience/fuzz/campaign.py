@@ -146,7 +146,7 @@ def run_campaign(panel: Panel, seeds: Sequence[int], progress: Progress | None =
     return campaign
 
 
-SHARD = 4 * MESSAGE
+SHARD = 2 * MESSAGE
 """Mechanisms that a machine of a cluster draws, asks about and judges before it sends what it found."""
 
 

@@ -94,7 +94,10 @@ DEADLY = {
     "gives_lambda": lambda _: lambda: 0,
     "gives_ragged": lambda answer: replace(answer, force_F=[[1.0], [1.0, 2.0]]),
 }
-for name in ("writes_garbage", "closes_its_pipe", "leaves_a_child", "floods", "wrong_job"):
+for name in (
+    *("writes_garbage", "closes_its_pipe", "leaves_a_child", "leaves_a_child_and_dies", "floods", "wrong_job"),
+    *("half_a_frame_and_dies", "eats_memory"),
+):
     DEADLY[f"honestly_{name}"] = lambda answer, attack=ATTACKS[name]: attack() or answer
 for name, fault in DEADLY.items():
     globals()[name] = partial(FaultyEngine, Question.INSTANT, fault)
