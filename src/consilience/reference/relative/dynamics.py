@@ -25,7 +25,7 @@ from consilience.reference.relative.articulated import (
     sweep_in,
     sweep_out,
 )
-from consilience.reference.relative.kinematics import coordinate_rates, displace, normalise, place_bodies
+from consilience.reference.relative.kinematics import coordinate_rates, displace, normalise, place_bodies, place_links
 from consilience.reference.relative.model import BODY, Links, Scratch
 from consilience.reference.vectors import dot, load, rotate_back
 from consilience.reference.workspace import Workspace
@@ -123,28 +123,31 @@ def accelerations(
     rows : Workspace
         Of the cut rows; its A is that of the bodies.
     """
-    index, S, c, d, U, D = links.layout, ws.S, ws.c, ws.d, ws.U, ws.D
-    place_bodies(index, links.real, links.direction, links.speeds, z, ws.y, ws.A, S, c, d)
-    inertias(index, links.real, ws.A, ws.inertia)
+    index, link, free = links.layout, ws.link, ws.free
+    place_links(link, free, z, z[links.speeds :])
+    inertias(link)
+    looped = ws.B.shape[1] > 0
+    if looped or not links.plain:
+        place_bodies(index, link, ws.y, ws.A)
     if links.plain:
-        free_biases(index, links.real, model.gravity, ws.y, ws.A, ws.inertia, ws.bias)
+        free_biases(link)
     else:
         for n in range(model.control.shape[0]):
             ws.y[index.shape[0] + n // 13, n % 13] = z[links.integrals + n]
         forces.evaluate(model, t, ws.y, memory, rows)
         push_wrenches(index, rows.f, ws.A, ws.bias)
-    articulate(index, S, d, ws.inertia, U, D)
-    sweep_in(index, S, c, d, ws.inertia, ws.bias, U, D, ws.rest)
-    ws.extra[:] = 0.0
-    sweep_out(index, S, c, d, U, D, ws.rest, ws.extra, ws.acc, ws.u, 1.0)
-    if ws.B.shape[1]:
+    sweep_in(link, free)
+    sweep_out(link, free, ws.u, 1.0)
+    if looped:
         cut_rows(links, cut, t, memory, ws, rows)
         _open_rates(index, ws.A, rows.Q, rows.gamma, ws.acc, ws.target)
         # the independent rows of the last projection, in its order: see `ordered_qr`
-        respond(index, rows.Q, ws.pivot, ws.limit[0], ws.A, S, d, ws.bias, U, D, ws.B)
+        respond(index, rows.Q, ws.pivot, ws.limit[0], ws.A, ws.S, ws.d, ws.bias, ws.U, ws.D, ws.B)
         rank = ordered_qr(ws.B, ws.tau, ws.size[0], ws.limit[0])
-        _close(rank, ws.B, ws.tau, ws.pivot, ws.target, ws.zeta, D, ws.extra)
-        sweep_out(index, S, c, d, U, D, ws.rest, ws.extra, ws.acc, ws.u, 1.0)
+        _close(rank, ws.B, ws.tau, ws.pivot, ws.target, ws.zeta, ws.D, ws.extra)
+        for n in range(ws.extra.shape[0]):
+            ws.rest[n] += ws.extra[n]
+        sweep_out(link, free, ws.u, 1.0)
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -200,15 +203,17 @@ def _largest(x: Array) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def _place(links: Links, z: Array, ws: Scratch) -> None:
-    place_bodies(links.layout, links.real, links.direction, links.speeds, z, ws.y, ws.A, ws.S, ws.c, ws.d)
+def place_at(links: Links, z: Array, ws: Scratch) -> None:
+    """Place links and bodies at a state."""
+    place_links(ws.link, ws.free, z, z[links.speeds :])
+    place_bodies(links.layout, ws.link, ws.y, ws.A)
 
 
 @njit(cache=True, error_model="numpy")
 def _respond(links: Links, ws: Scratch, rows: Workspace) -> None:
     """Responses of the tree to the rows, bodies as they are placed."""
-    inertias(links.layout, links.real, ws.A, ws.inertia)
-    articulate(links.layout, ws.S, ws.d, ws.inertia, ws.U, ws.D)
+    inertias(ws.link)
+    articulate(ws.link, ws.free)
     for row in range(rows.Q.shape[0]):
         ws.pivot[row] = row
     respond(links.layout, rows.Q, ws.pivot, rows.Q.shape[0], ws.A, ws.S, ws.d, ws.bias, ws.U, ws.D, ws.B)
@@ -218,8 +223,8 @@ def _respond(links: Links, ws: Scratch, rows: Workspace) -> None:
 def _displacements(links: Links, rank: int, ws: Scratch) -> None:
     """``ws.u`` of least M-norm that changes the rows by ``ws.target``."""
     _close(rank, ws.B, ws.tau, ws.pivot, ws.target, ws.zeta, ws.D, ws.extra)
-    ws.rest[:] = 0.0
-    sweep_out(links.layout, ws.S, ws.c, ws.d, ws.U, ws.D, ws.rest, ws.extra, ws.acc, ws.u, 0.0)
+    ws.rest[:] = ws.extra
+    sweep_out(ws.link, ws.free, ws.u, 0.0)
 
 
 @njit(cache=True, error_model="numpy")
@@ -227,7 +232,7 @@ def find_rank(
     links: Links, model: Model, cut: Model, t: float, z: Array, memory: Array, ws: Scratch, rows: Workspace
 ) -> None:
     """Independent rows of a state whose loops are closed, into ``ws.pivot`` and ``ws.limit``; places the bodies."""
-    _place(links, z, ws)
+    place_at(links, z, ws)
     if rows.Q.shape[0]:
         cut_rows(links, cut, t, memory, ws, rows)
         _choose(links, model, ws, rows)
@@ -254,7 +259,7 @@ def project(
     Leaves the bodies placed at the state it ends with.
     """
     normalise(links.layout, z)
-    _place(links, z, ws)
+    place_at(links, z, ws)
     q = rows.Q.shape[0]
     if q == 0:
         return
@@ -272,7 +277,7 @@ def project(
         _displacements(links, rank, ws)
         last = _largest(ws.u) < 1e-9
         displace(links.layout, z, ws.u)
-        _place(links, z, ws)
+        place_at(links, z, ws)
     _choose(links, model, ws, rows)
     for row in range(q):
         total = rows.rate[row]
@@ -283,4 +288,4 @@ def project(
     _displacements(links, ws.limit[0], ws)
     for n in range(ws.u.shape[0]):
         z[links.speeds + n] += ws.u[n]
-    _place(links, z, ws)
+    place_at(links, z, ws)

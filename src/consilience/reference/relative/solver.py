@@ -25,7 +25,7 @@ def simulate_relative(mechanism: Mechanism, state: State, times: Array, toleranc
         With the status of the integrator.
     """
     links, tree, model = flatten_relative(mechanism)
-    ws = scratch(mechanism, tree)
+    ws = scratch(mechanism, links, tree)
     rows = workspace(tree.cut)._replace(A=ws.A)
     z = pack_relative(mechanism, links, tree, state)
     memory = np.zeros(len(model.coordinate))
