@@ -58,7 +58,7 @@ class RelativeCoordinates:
     def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism = mechanism
         self._links, self._tree, self._model = flatten_relative(mechanism)
-        self._ws = scratch(mechanism, self._tree)
+        self._ws = scratch(mechanism, self._links, self._tree)
         self._rows = workspace(self._tree.cut)._replace(A=self._ws.A)
 
     def coordinates(self, state: State) -> Array:

@@ -14,7 +14,6 @@ Wrenches and accelerations are (linear, angular) in world axes at centres of mas
 
 from __future__ import annotations
 
-import numpy as np
 from numba import njit
 
 from consilience.reference.relative.kinematics import project_on
@@ -180,36 +179,3 @@ def sweep_out(
             u[n] = (force[n] + extra[n] - project_on(U[n], a)) / D[n]
             for r in range(6):
                 a[r] += u[n] * S[n, r]
-
-
-@njit(cache=True, error_model="numpy")
-def respond(
-    index: Array,
-    Q: Array,
-    order: Array,
-    count: int,
-    A: Array,
-    S: Array,
-    d: Array,
-    bias: Array,
-    U: Array,
-    D: Array,
-    B: Array,
-) -> None:
-    """First columns of B: whitened joint forces of a unit of each of the first `count` rows of an order."""
-    for column in range(count):
-        push_wrenches(index, Q[order[column]], A, bias)
-        last = index.shape[0] - 1
-        while last >= 0 and not np.any(bias[last]):
-            last -= 1
-        B[:, column] = 0.0
-        for k in range(last, -1, -1):
-            own, p = bias[k], index[k, PARENT]
-            for n in range(index[k, FREE_END] - 1, index[k, FREE] - 1, -1):
-                rest = -project_on(S[n], own)
-                B[n, column] = rest / np.sqrt(D[n])
-                factor = rest / D[n]
-                for r in range(6):
-                    own[r] += factor * U[n, r]
-            if p >= 0:
-                _hand_wrench_on(own, d[k], bias[p])

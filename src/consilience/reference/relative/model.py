@@ -18,6 +18,7 @@ from consilience.kinematics import relative_motion
 from consilience.mechanism import Mechanism, State
 from consilience.reference.formulations.recursive_model import TreeModel, flatten_tree
 from consilience.reference.model import Model, all_rows, flatten
+from consilience.reference.relative.loops import Fronts, Loops, find_loops, fronts
 from consilience.spatial import Array, quaternion_from_rotation
 
 DISTANCE, ANGLE, SPEED, SPIN, INTEGRAL = range(5)
@@ -45,6 +46,7 @@ class Links(NamedTuple):
     plain: bool  # no forces but gravity
     closing: Array  # (m,) joints that keep rows
     other_rows: int  # rows that are not joints'
+    loops: Loops
 
 
 class Scratch(NamedTuple):
@@ -63,15 +65,11 @@ class Scratch(NamedTuple):
     extra: Array  # (N,) added to it by the loops
     acc: Array  # (n_b, 6) accelerations of the links
     u: Array  # (N,) accelerations, or displacements, of the directions
-    B: Array  # (N, q) whitened responses of the directions to the rows
-    tau: Array  # (min(N, q),)
-    pivot: Array  # (q,)
-    norms: Array  # (q,)
     target: Array  # (q,)
-    zeta: Array  # (N,)
     limit: Array  # (1,) rank of the cut rows, where a projection has found it
     best: Array  # (2,) largest rank, and its largest least pivot
     size: Array  # (1,) largest size of a cut row
+    fronts: Fronts
 
 
 def flatten_relative(mechanism: Mechanism) -> tuple[Links, TreeModel, Model]:
@@ -95,8 +93,9 @@ def flatten_relative(mechanism: Mechanism) -> tuple[Links, TreeModel, Model]:
     elements = (mechanism.springs, mechanism.joint_springs, mechanism.loads, mechanism.frictions, mechanism.controls)
     cut = tree.cut
     closing = [k for k in range(len(mechanism.joints)) if cut.first_row[k] < cut.first_row[k + 1]]
+    layout = np.array(index, dtype=np.int64)
     links = Links(
-        layout=np.array(index, dtype=np.int64),
+        layout=layout,
         real=np.array(real, dtype=float),
         direction=tree.direction,
         kind=np.array([*kinds, *speeds, *[INTEGRAL] * len(mechanism.controls)], dtype=np.int64),
@@ -105,11 +104,12 @@ def flatten_relative(mechanism: Mechanism) -> tuple[Links, TreeModel, Model]:
         plain=not any(elements),
         closing=np.array(closing, dtype=np.int64),
         other_rows=int(tree.cut_rows - len(cut.row_kind)),
+        loops=find_loops(layout, len(speeds), cut),
     )
     return links, tree, model
 
 
-def scratch(mechanism: Mechanism, tree: TreeModel) -> Scratch:
+def scratch(mechanism: Mechanism, links: Links, tree: TreeModel) -> Scratch:
     """Scratch arrays."""
     n, free, q = len(tree.body), int(tree.first_free[-1]), all_rows(tree.cut)
     return Scratch(
@@ -126,15 +126,11 @@ def scratch(mechanism: Mechanism, tree: TreeModel) -> Scratch:
         extra=np.zeros(free),
         acc=np.zeros((n, 6)),
         u=np.zeros(free),
-        B=np.zeros((free, q)),
-        tau=np.zeros(min(free, q)),
-        pivot=np.zeros(q, dtype=np.int64),
-        norms=np.zeros(q),
         target=np.zeros(q),
-        zeta=np.zeros(free),
         limit=np.array([q], dtype=np.int64),
         best=np.zeros(2),
         size=np.zeros(1),
+        fronts=fronts(links.loops, n),
     )
 
 
