@@ -14,7 +14,6 @@ Wrenches and accelerations are (linear, angular) in world axes at centres of mas
 
 from __future__ import annotations
 
-import numpy as np
 from numba import njit
 
 from consilience.reference.relative.columns import (
@@ -46,10 +45,9 @@ from consilience.reference.relative.inertia import (
     shifted,
     symmetric,
 )
-from consilience.reference.relative.kinematics import matrix_at, put, vector_at
-from consilience.reference.relative.model import BODY, FREE, FREE_END
-from consilience.reference.relative.model import PARENT as PARENT_LINK
-from consilience.reference.vectors import accumulate, add, cross, load, rotate, scale, store
+from consilience.reference.relative.kinematics import matrix_at, place_links, put, vector_at
+from consilience.reference.relative.model import BODY
+from consilience.reference.vectors import add, cross, rotate, scale
 from consilience.spatial import Array
 
 
@@ -80,12 +78,13 @@ def free_biases(link: Array) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def push_wrenches(index: Array, f: Array, A: Array, bias: Array) -> None:
+def push_wrenches(index: Array, f: Array, A: Array, link: Array) -> None:
     """Biases of the links from generalised forces (world, body axes) of the bodies."""
     for k in range(index.shape[0]):
         b = index[k, BODY]
-        store(bias[k, 0:3], load(f[6 * b : 6 * b + 3]), -1.0)
-        store(bias[k, 3:6], rotate(A[b], load(f[6 * b + 3 : 6 * b + 6])), -1.0)
+        at = 6 * b
+        put(link, k, BIAS, (-f[at], -f[at + 1], -f[at + 2]))
+        put(link, k, BIAS + 3, scale(-1.0, rotate(A[b], (f[at + 3], f[at + 4], f[at + 5]))))
 
 
 @njit(cache=True, error_model="numpy")
@@ -149,47 +148,13 @@ def sweep_out(link: Array, free: Array, u: Array, moving: float) -> None:
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _hand_wrench_on(wrench: Array, d: Array, parent: Array) -> None:
-    """``X^T w``."""
-    force = load(wrench[0:3])
-    accumulate(parent[0:3], force)
-    accumulate(parent[3:6], add(load(wrench[3:6]), cross(load(d), force)))
+def free_accelerations(link: Array, free: Array, q: Array, v: Array, u: Array) -> None:
+    """Accelerations u of the directions of a tree without elements, at coordinates q and speeds v.
 
-
-@njit(cache=True, error_model="numpy", inline="always")
-def _along(direction: Array, wrench: Array) -> float:
-    """Scalar product of a direction and a wrench."""
-    return project_on(load(direction[0:3]), load(direction[3:6]), load(wrench[0:3]), load(wrench[3:6]))
-
-
-@njit(cache=True, error_model="numpy")
-def respond(
-    index: Array,
-    Q: Array,
-    order: Array,
-    count: int,
-    A: Array,
-    S: Array,
-    d: Array,
-    bias: Array,
-    U: Array,
-    D: Array,
-    B: Array,
-) -> None:
-    """First columns of B: whitened joint forces of a unit of each of the first `count` rows of an order."""
-    for column in range(count):
-        push_wrenches(index, Q[order[column]], A, bias)
-        last = index.shape[0] - 1
-        while last >= 0 and not np.any(bias[last]):
-            last -= 1
-        B[:, column] = 0.0
-        for k in range(last, -1, -1):
-            own, p = bias[k], index[k, PARENT_LINK]
-            for n in range(index[k, FREE_END] - 1, index[k, FREE] - 1, -1):
-                rest = -_along(S[n], own)
-                B[n, column] = rest / np.sqrt(D[n])
-                factor = rest / D[n]
-                for r in range(6):
-                    own[r] += factor * U[n, r]
-            if p >= 0:
-                _hand_wrench_on(own, d[k], bias[p])
+    q may go on behind the coordinates, so that a whole state z will do.
+    """
+    place_links(link, free, q, v)
+    inertias(link)
+    free_biases(link)
+    sweep_in(link, free)
+    sweep_out(link, free, u, 1.0)

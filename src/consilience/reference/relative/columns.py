@@ -18,7 +18,7 @@ to it from the parent's centre of mass, in axes of the parent; the arm from the 
 inertia (xx, xy, xz, yy, yz, zz) and the axes of the body, in its own."""
 
 GRAVITY = NEAR
-"""Gravity stands in the row of the ground where the others have NEAR."""
+"""In the row of the ground gravity stands where the others have NEAR, and at COORDINATE their number."""
 
 X, POSITION, VELOCITY, SPIN = 40, 49, 52, 55
 """Of a link that is placed, in the world: its axes, centre of mass, its velocity, angular velocity."""

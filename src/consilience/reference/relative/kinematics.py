@@ -191,7 +191,7 @@ def _join(link: Array, free: Array, k: int, q: Array, v: Array) -> None:
     _move(link, k, p, far, s_p, s_k, speed, spin, (linear, angular))
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def place_links(link: Array, free: Array, q: Array, v: Array) -> None:
     """Fill the rows of all links and directions from X to STEP, and S, at coordinates q and speeds v.
 

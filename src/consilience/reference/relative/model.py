@@ -19,6 +19,7 @@ from consilience.mechanism import Mechanism, State
 from consilience.reference.formulations.recursive_model import TreeModel, flatten_tree
 from consilience.reference.model import Model, all_rows, flatten
 from consilience.reference.relative import columns
+from consilience.reference.relative.loops import Fronts, Loops, find_loops, fronts
 from consilience.spatial import Array, quaternion_from_rotation
 
 DISTANCE, ANGLE, SPEED, SPIN, INTEGRAL = range(5)
@@ -40,8 +41,10 @@ class Links(NamedTuple):
     speeds: int  # first speed in z
     integrals: int  # first integral in z
     plain: bool  # no forces but gravity
+    free: bool  # that, and no rows to close: `articulated.free_accelerations` says all
     closing: Array  # (m,) joints that keep rows
     other_rows: int  # rows that are not joints'
+    loops: Loops
 
 
 class Scratch(NamedTuple):
@@ -53,22 +56,17 @@ class Scratch(NamedTuple):
     free: Array  # (N, FREE_WIDTH) rows of the directions
     S: Array  # (N, 6) view of `free`: directions, (linear, angular) in world axes at the centre of mass
     d: Array  # (n_b + 1, 3) view of `link`: from the centre of mass of the parent to that of the link
-    bias: Array  # (n_b + 1, 6) view: articulated biases
     acc: Array  # (n_b + 1, 6) view: accelerations
     U: Array  # (N, 6) view: inertia times direction, when it is eliminated
     D: Array  # (N,) view
     rest: Array  # (N,) view: what is left of the joint force when the direction is eliminated
     extra: Array  # (N,) added to it by the loops
     u: Array  # (N,) accelerations, or displacements, of the directions
-    B: Array  # (N, q) whitened responses of the directions to the rows
-    tau: Array  # (min(N, q),)
-    pivot: Array  # (q,)
-    norms: Array  # (q,)
     target: Array  # (q,)
-    zeta: Array  # (N,)
     limit: Array  # (1,) rank of the cut rows, where a projection has found it
     best: Array  # (2,) largest rank, and its largest least pivot
     size: Array  # (1,) largest size of a cut row
+    fronts: Fronts
 
 
 def flatten_relative(mechanism: Mechanism) -> tuple[Links, TreeModel, Model]:
@@ -87,16 +85,19 @@ def flatten_relative(mechanism: Mechanism) -> tuple[Links, TreeModel, Model]:
     elements = (mechanism.springs, mechanism.joint_springs, mechanism.loads, mechanism.frictions, mechanism.controls)
     cut = tree.cut
     closing = [k for k in range(len(mechanism.joints)) if cut.first_row[k] < cut.first_row[k + 1]]
+    layout = np.array(index, dtype=np.int64)
     links = Links(
-        layout=np.array(index, dtype=np.int64),
+        layout=layout,
         real=link_constants(tree, model),
         direction=tree.direction,
         kind=np.array([*kinds, *speeds, *[INTEGRAL] * len(mechanism.controls)], dtype=np.int64),
         speeds=len(kinds),
         integrals=len(kinds) + len(speeds),
         plain=not any(elements),
+        free=not any(elements) and not tree.cut_rows,
         closing=np.array(closing, dtype=np.int64),
         other_rows=int(tree.cut_rows - len(cut.row_kind)),
+        loops=find_loops(layout, len(speeds), cut),
     )
     return links, tree, model
 
@@ -133,6 +134,7 @@ def link_table(links: Links, gravity: Array) -> Array:
     rows[:, columns.COORDINATE : columns.LAST + 1] = layout[:, COORDINATE:]
     rows[:, columns.NEAR : columns.PLACED] = links.real
     table[-1, columns.GRAVITY : columns.GRAVITY + 3] = gravity
+    table[-1, columns.COORDINATE] = links.speeds
     table[-1, [columns.X, columns.X + 4, columns.X + 8]] = 1.0
     return table
 
@@ -155,22 +157,17 @@ def scratch(mechanism: Mechanism, links: Links, tree: TreeModel) -> Scratch:
         free=free,
         S=free[:, columns.S : columns.S + 6],
         d=link[:, columns.STEP : columns.STEP + 3],
-        bias=link[:, columns.BIAS : columns.BIAS + 6],
         acc=link[:, columns.ACCELERATION : columns.ACCELERATION + 6],
         U=free[:, columns.U : columns.U + 6],
         D=free[:, columns.PIVOT],
         rest=free[:, columns.REST],
         extra=np.zeros(N),
         u=np.zeros(N),
-        B=np.zeros((N, q)),
-        tau=np.zeros(min(N, q)),
-        pivot=np.zeros(q, dtype=np.int64),
-        norms=np.zeros(q),
         target=np.zeros(q),
-        zeta=np.zeros(N),
         limit=np.array([q], dtype=np.int64),
         best=np.zeros(2),
         size=np.zeros(1),
+        fronts=fronts(links.loops, n),
     )
 
 
