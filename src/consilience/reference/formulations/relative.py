@@ -18,8 +18,8 @@ from consilience.reference.canonical import at_origins, joint_wrenches
 from consilience.reference.formulations.null_space import mass_matrix
 from consilience.reference.joint_rows import coordinate
 from consilience.reference.model import Model, unpack
-from consilience.reference.relative.dynamics import derivative, find_rank, project, remember
-from consilience.reference.relative.kinematics import orient, place_bodies
+from consilience.reference.relative.dynamics import derivative, find_rank, place_at, project, remember
+from consilience.reference.relative.kinematics import orient
 from consilience.reference.relative.model import BODY, Links, Scratch, flatten_relative, pack_relative, scratch
 from consilience.reference.workspace import Workspace, workspace
 from consilience.run import Unsupported
@@ -58,7 +58,7 @@ class RelativeCoordinates:
     def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism = mechanism
         self._links, self._tree, self._model = flatten_relative(mechanism)
-        self._ws = scratch(mechanism, self._tree)
+        self._ws = scratch(mechanism, self._links, self._tree)
         self._rows = workspace(self._tree.cut)._replace(A=self._ws.A)
 
     def coordinates(self, state: State) -> Array:
@@ -121,7 +121,7 @@ class RelativeCoordinates:
         self.derivative(t, u)
         orient(self._ws.A, self._ws.y)
         a = np.empty((len(self.mechanism.bodies), 6))
-        a[self._links.layout[:, BODY]] = self._ws.acc
+        a[self._links.layout[:, BODY]] = self._ws.acc[:-1]
         a[:, 3:] = np.einsum("bji,bj->bi", self._ws.A, a[:, 3:])
         if not np.all(np.isfinite(a)):
             raise NumericalFailure(f"reference, {self.name}: the accelerations are not finite")
@@ -133,8 +133,7 @@ class RelativeCoordinates:
         return np.concatenate([z, memory, self._ws.limit])
 
     def _place(self, z: Array) -> None:
-        links, ws = self._links, self._ws
-        place_bodies(links.layout, links.real, links.direction, links.speeds, z, ws.y, ws.A, ws.S, ws.c, ws.d)
+        place_at(self._links, z, self._ws)
 
     def _split(self, u: Array) -> tuple[Array, Array]:
         """Views of u: z and the angles."""

@@ -6,72 +6,56 @@ Cut rows ``Q a = gamma`` act with ``Q^T lam``. With the whitened responses B of 
 
 from __future__ import annotations
 
-import numpy as np
 from numba import njit
 
 from consilience.reference import constraints, forces
-from consilience.reference.factorisation import least_norm, ordered_qr, pivoted_qr
-from consilience.reference.formulations.descriptor import solve_factor
 from consilience.reference.functions import evaluate as function_at
-from consilience.reference.joint_rows import coordinate, joint_motion, joint_row, place
+from consilience.reference.joint_rows import coordinate
 from consilience.reference.model import Model
-from consilience.reference.projection import rank_to_work_with
 from consilience.reference.relative.articulated import (
     articulate,
+    free_accelerations,
     free_biases,
     inertias,
     push_wrenches,
-    respond,
     sweep_in,
     sweep_out,
 )
-from consilience.reference.relative.kinematics import coordinate_rates, displace, normalise, place_bodies
-from consilience.reference.relative.model import BODY, Links, Scratch
-from consilience.reference.vectors import dot, load, rotate_back
+from consilience.reference.relative.cut_rows import (
+    gather,
+    joint_rows,
+    open_accelerations,
+    open_rates,
+    size_of_rows,
+)
+from consilience.reference.relative.fronts import factorise, least_norm, respond, threshold
+from consilience.reference.relative.kinematics import coordinate_rates, displace, normalise, place_bodies, place_links
+from consilience.reference.relative.loops import ROW, ROW_END
+from consilience.reference.relative.model import Links, Scratch
 from consilience.reference.workspace import Workspace
 from consilience.spatial import Array
 
 _POSITION_STEPS = 3
+_TINY = 1e-7
+"""Violation (over the length of the mechanism) whose square is below rounding."""
+_CLOSED = 2e-15
+"""Violation that rounding leaves."""
+_WORN = 0.3
+"""Part of the least pivot that a choice of rows had at first, at which rows are chosen anew."""
+_PASSING = 1e-4
+"""Part of its largest value at which the least independent pivot counts as passing through zero."""
+_PASSING_VIOLATION = 1e-11
+"""Violation that rows left out on the way through a singular pose may have."""
 
 
 @njit(cache=True, error_model="numpy")
-def _joint_rows(
-    closing: Array,
-    first_row: Array,
-    row_kind: Array,
-    row_target: Array,
-    body_i: Array,
-    body_j: Array,
-    arm_i: Array,
-    arm_j: Array,
-    axes_i: Array,
-    axes_j: Array,
-    pitch: Array,
-    y: Array,
-    A: Array,
-    Q: Array,
-    value: Array,
-    gamma: Array,
-) -> None:
-    """Rows of the joints that close loops."""
-    for m in range(closing.shape[0]):
-        k = closing[m]
-        motion = joint_motion(body_i, body_j, arm_i, arm_j, y, A, k)
-        for n in range(first_row[k], first_row[k + 1]):
-            row = joint_row(axes_i[k], axes_j[k], pitch[k], A, motion, row_kind[n])
-            value[n] = row.value - row_target[n]
-            gamma[n] = row.gamma
-            place(Q, n, A, motion.i, motion.j, 1.0, row)
-
-
-@njit(cache=True, error_model="numpy", inline="always")
 def cut_rows(links: Links, cut: Model, t: float, memory: Array, ws: Scratch, rows: Workspace) -> None:
-    """Value, Q, gamma and rate of the cut rows of the bodies as they are placed."""
+    """Value, wrenches, gamma and rate of the cut rows of the bodies as they are placed."""
     if links.other_rows:
         constraints.evaluate(cut, t, ws.y, memory, rows)
+        gather(links.loops.touched, links.layout, rows.Q, ws.A, ws.fronts.W)
         return
-    rows.Q[:, :] = 0.0
-    _joint_rows(
+    joint_rows(
         links.closing,
         cut.first_row,
         cut.row_kind,
@@ -85,31 +69,26 @@ def cut_rows(links: Links, cut: Model, t: float, memory: Array, ws: Scratch, row
         cut.pitch,
         ws.y,
         ws.A,
-        rows.Q,
+        ws.fronts.W,
         rows.value,
         rows.gamma,
     )
 
 
 @njit(cache=True, error_model="numpy")
-def _open_rates(index: Array, A: Array, Q: Array, gamma: Array, acc: Array, target: Array) -> None:
-    """``gamma - Q a`` of the accelerations of the links."""
-    for row in range(Q.shape[0]):
-        total = gamma[row]
-        for k in range(index.shape[0]):
-            b = index[k, BODY]
-            at = 6 * b
-            total -= dot(load(Q[row, at : at + 3]), load(acc[k, 0:3]))
-            total -= dot(load(Q[row, at + 3 : at + 6]), rotate_back(A[b], load(acc[k, 3:6])))
-        target[row] = total
+def _factorise(links: Links, ws: Scratch) -> float:
+    """Factorise the responses to the rows chosen, in their order; the least pivot."""
+    ws.fronts.used[:] = ws.fronts.chosen
+    largest = respond(links.loops, links.layout, ws.fronts, ws.S, ws.d, ws.U, ws.D)
+    return factorise(links.loops, ws.fronts, threshold(ws.size[0], largest), False)
 
 
 @njit(cache=True, error_model="numpy")
-def _close(rank: int, B: Array, tau: Array, pivot: Array, target: Array, zeta: Array, D: Array, extra: Array) -> None:
-    """`extra` for the rows to change by `target`; B is factorised already, with that rank."""
-    least_norm(B, tau, pivot, rank, target, zeta)
-    for n in range(zeta.shape[0]):
-        extra[n] = np.sqrt(D[n]) * zeta[n]
+def _close(links: Links, ws: Scratch, gamma: Array) -> None:
+    """Joint forces that close the loops, for the accelerations of the links without them."""
+    open_accelerations(links.loops.touched, ws.fronts.W, ws.acc, gamma, ws.target)
+    _factorise(links, ws)
+    least_norm(links.loops, ws.fronts, ws.target, ws.extra)
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -123,28 +102,27 @@ def accelerations(
     rows : Workspace
         Of the cut rows; its A is that of the bodies.
     """
-    index, S, c, d, U, D = links.layout, ws.S, ws.c, ws.d, ws.U, ws.D
-    place_bodies(index, links.real, links.direction, links.speeds, z, ws.y, ws.A, S, c, d)
-    inertias(index, links.real, ws.A, ws.inertia)
+    index, link, free = links.layout, ws.link, ws.free
+    place_links(link, free, z, z[links.speeds :])
+    inertias(link)
+    looped = links.loops.group.shape[0] > 0
+    if looped or not links.plain:
+        place_bodies(index, link, ws.y, ws.A)
     if links.plain:
-        free_biases(index, links.real, model.gravity, ws.y, ws.A, ws.inertia, ws.bias)
+        free_biases(link)
     else:
         for n in range(model.control.shape[0]):
             ws.y[index.shape[0] + n // 13, n % 13] = z[links.integrals + n]
         forces.evaluate(model, t, ws.y, memory, rows)
-        push_wrenches(index, rows.f, ws.A, ws.bias)
-    articulate(index, S, d, ws.inertia, U, D)
-    sweep_in(index, S, c, d, ws.inertia, ws.bias, U, D, ws.rest)
-    ws.extra[:] = 0.0
-    sweep_out(index, S, c, d, U, D, ws.rest, ws.extra, ws.acc, ws.u, 1.0)
-    if ws.B.shape[1]:
+        push_wrenches(index, rows.f, ws.A, link)
+    sweep_in(link, free)
+    sweep_out(link, free, ws.u, 1.0)
+    if looped:
         cut_rows(links, cut, t, memory, ws, rows)
-        _open_rates(index, ws.A, rows.Q, rows.gamma, ws.acc, ws.target)
-        # the independent rows of the last projection, in its order: see `ordered_qr`
-        respond(index, rows.Q, ws.pivot, ws.limit[0], ws.A, S, d, ws.bias, U, D, ws.B)
-        rank = ordered_qr(ws.B, ws.tau, ws.size[0], ws.limit[0])
-        _close(rank, ws.B, ws.tau, ws.pivot, ws.target, ws.zeta, D, ws.extra)
-        sweep_out(index, S, c, d, U, D, ws.rest, ws.extra, ws.acc, ws.u, 1.0)
+        _close(links, ws, rows.gamma)
+        for n in range(ws.extra.shape[0]):
+            ws.rest[n] += ws.extra[n]
+        sweep_out(link, free, ws.u, 1.0)
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -171,24 +149,17 @@ def derivative(
 
 
 @njit(cache=True, error_model="numpy")
+def free_derivative(index: Array, link: Array, free: Array, first_speed: int, z: Array, dz: Array) -> None:
+    """`derivative` of a tree without elements."""
+    free_accelerations(link, free, z, z[first_speed:], dz[first_speed:])
+    coordinate_rates(index, first_speed, z, dz)
+
+
+@njit(cache=True, error_model="numpy")
 def remember(model: Model, ws: Scratch, memory: Array) -> None:
     """Update the joint coordinates that elements read, turns counted, of the bodies as they are placed."""
     for n in range(memory.shape[0]):
         memory[n] = coordinate(model, ws.y, ws.A, n, memory[n]).value
-
-
-@njit(cache=True, error_model="numpy")
-def _size_of_rows(model: Model, rows: Workspace) -> float:
-    """Largest ``|L^-1 q|`` of a row for bodies without joints: what its response in the tree comes to at most."""
-    largest = 0.0
-    for row in range(rows.Q.shape[0]):
-        rows.z[:] = rows.Q[row]
-        solve_factor(model, rows.z)
-        total = 0.0
-        for value in rows.z:
-            total += value * value
-        largest = max(largest, np.sqrt(total))
-    return largest
 
 
 @njit(cache=True, error_model="numpy")
@@ -200,49 +171,127 @@ def _largest(x: Array) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def _place(links: Links, z: Array, ws: Scratch) -> None:
-    place_bodies(links.layout, links.real, links.direction, links.speeds, z, ws.y, ws.A, ws.S, ws.c, ws.d)
+def place_at(links: Links, z: Array, ws: Scratch) -> None:
+    """Place links and bodies at a state."""
+    place_links(ws.link, ws.free, z, z[links.speeds :])
+    place_bodies(links.layout, ws.link, ws.y, ws.A)
 
 
 @njit(cache=True, error_model="numpy")
-def _respond(links: Links, ws: Scratch, rows: Workspace) -> None:
-    """Responses of the tree to the rows, bodies as they are placed."""
-    inertias(links.layout, links.real, ws.A, ws.inertia)
-    articulate(links.layout, ws.S, ws.d, ws.inertia, ws.U, ws.D)
-    for row in range(rows.Q.shape[0]):
-        ws.pivot[row] = row
-    respond(links.layout, rows.Q, ws.pivot, rows.Q.shape[0], ws.A, ws.S, ws.d, ws.bias, ws.U, ws.D, ws.B)
+def _articulate(links: Links, ws: Scratch) -> None:
+    """Articulated inertias, bodies as they are placed."""
+    inertias(ws.link)
+    articulate(ws.link, ws.free)
 
 
 @njit(cache=True, error_model="numpy")
-def _displacements(links: Links, rank: int, ws: Scratch) -> None:
+def _displacements(links: Links, ws: Scratch) -> None:
     """``ws.u`` of least M-norm that changes the rows by ``ws.target``."""
-    _close(rank, ws.B, ws.tau, ws.pivot, ws.target, ws.zeta, ws.D, ws.extra)
-    ws.rest[:] = 0.0
-    sweep_out(links.layout, ws.S, ws.c, ws.d, ws.U, ws.D, ws.rest, ws.extra, ws.acc, ws.u, 0.0)
+    least_norm(links.loops, ws.fronts, ws.target, ws.extra)
+    ws.rest[:] = ws.extra
+    sweep_out(ws.link, ws.free, ws.u, 0.0)
+
+
+@njit(cache=True, error_model="numpy")
+def _choose_rows(links: Links, ws: Scratch, smallest: float) -> tuple[int, float, float]:
+    """Factorise the responses to all rows; rank, least pivot, and the square that counted as dependent."""
+    group, fronts = links.loops.group, ws.fronts
+    for g in range(group.shape[0]):
+        fronts.used[g] = group[g, ROW_END] - group[g, ROW]
+    largest = respond(links.loops, links.layout, fronts, ws.S, ws.d, ws.U, ws.D)
+    smallest = max(smallest, threshold(ws.size[0], largest))
+    least = factorise(links.loops, fronts, smallest, True)
+    rank = 0
+    for g in range(group.shape[0]):
+        rank += fronts.rank[g]
+    return rank, least, smallest
+
+
+@njit(cache=True, error_model="numpy")
+def _choose(links: Links, model: Model, ws: Scratch, violation: float) -> None:
+    """Choose the rows to work with until the next projection, and factorise the responses.
+
+    A linkage may pass through a pose in which its rows lose rank (a flat parallelogram). Close to it they have the
+    full rank still, but what they say of the accelerations drowns in rounding. There the rows that are about to become
+    dependent are left out, as in the pose itself: the motion so far has satisfied them, and does so on the way
+    through. Where it does not, in a linkage that comes near such a pose and turns, they are taken back.
+    """
+    fronts, best = ws.fronts, ws.best
+    if ws.size[0] == 0.0:
+        ws.size[0] = size_of_rows(model, links.loops.touched, links.layout, fronts.W, ws.A)
+    rank, least, smallest = _choose_rows(links, ws, 0.0)
+    if rank > best[0]:
+        best[0], best[1] = rank, least
+    elif rank == best[0]:
+        best[1] = max(best[1], least)
+    if violation <= _PASSING_VIOLATION and least < _PASSING * best[1]:
+        fewer = _choose_rows(links, ws, (_PASSING * best[1]) ** 2)[0]
+        if fewer:
+            rank = fewer
+        else:
+            _choose_rows(links, ws, smallest)
+    fronts.chosen[:] = fronts.rank
+    fronts.least[0] = least if rank == best[0] else 0.0
+    ws.limit[0] = rank
 
 
 @njit(cache=True, error_model="numpy")
 def find_rank(
     links: Links, model: Model, cut: Model, t: float, z: Array, memory: Array, ws: Scratch, rows: Workspace
 ) -> None:
-    """Independent rows of a state whose loops are closed, into ``ws.pivot`` and ``ws.limit``; places the bodies."""
-    _place(links, z, ws)
-    if rows.Q.shape[0]:
+    """Independent rows of a state whose loops are closed, into ``ws.fronts``; places the bodies."""
+    place_at(links, z, ws)
+    if links.loops.group.shape[0]:
         cut_rows(links, cut, t, memory, ws, rows)
-        _choose(links, model, ws, rows)
+        _articulate(links, ws)
+        _choose(links, model, ws, _violation(model, rows))
 
 
 @njit(cache=True, error_model="numpy")
-def _choose(links: Links, model: Model, ws: Scratch, rows: Workspace) -> None:
-    """Factorise the responses to the rows, and choose the independent ones."""
-    held = rows.Q.shape[0] - 2 * model.rolling_body.shape[0] - model.skate_body.shape[0]
-    if ws.size[0] == 0.0:
-        ws.size[0] = _size_of_rows(model, rows)
-    _respond(links, ws, rows)
-    violation = _largest(rows.value[:held]) / max(1.0, model.length)
-    rank = pivoted_qr(ws.B, ws.tau, ws.pivot, ws.norms, ws.size[0], rows.Q.shape[0])
-    ws.limit[0] = rank_to_work_with(ws.B, ws.best, rank, violation)
+def _violation(model: Model, rows: Workspace) -> float:
+    """Largest violation of a row that holds positions, over the length of the mechanism."""
+    held = rows.value.shape[0] - 2 * model.rolling_body.shape[0] - model.skate_body.shape[0]
+    return _largest(rows.value[:held]) / max(1.0, model.length)
+
+
+@njit(cache=True, error_model="numpy")
+def _keep(links: Links, ws: Scratch) -> bool:
+    """Factorise in the order chosen before; whether that is as good a choice as it was."""
+    if ws.fronts.least[0] == 0.0:
+        return False
+    least = _factorise(links, ws)
+    for g in range(ws.fronts.rank.shape[0]):
+        if ws.fronts.rank[g] < ws.fronts.chosen[g]:
+            return False
+    return least > _WORN * ws.fronts.least[0]
+
+
+@njit(cache=True, error_model="numpy")
+def _near(
+    links: Links, model: Model, cut: Model, t: float, z: Array, memory: Array, ws: Scratch, rows: Workspace
+) -> bool:
+    """Projection of a state that is closed to `_TINY`, with one factorisation; whether it has come out closed.
+
+    Coordinates move by no more than their error, so that the factors serve for the speeds too.
+    """
+    _articulate(links, ws)
+    if not _keep(links, ws):
+        return False
+    for row in range(rows.value.shape[0]):
+        ws.target[row] = -rows.value[row]
+    _displacements(links, ws)
+    displace(links.layout, z, ws.u)
+    place_at(links, z, ws)
+    cut_rows(links, cut, t, memory, ws, rows)
+    if _violation(model, rows) > _CLOSED:  # of rows left out as dependent
+        return False
+    open_rates(links.loops.touched, links.layout, ws.fronts.W, ws.y, ws.A, rows.rate, ws.target)
+    _displacements(links, ws)
+    for n in range(ws.u.shape[0]):
+        z[links.speeds + n] += ws.u[n]
+    place_at(links, z, ws)
+    open_rates(links.loops.touched, links.layout, ws.fronts.W, ws.y, ws.A, rows.rate, ws.target)
+    return _largest(ws.target) <= _CLOSED * max(1.0, _largest(z[links.speeds :]) * max(1.0, model.length))
 
 
 @njit(cache=True, error_model="numpy")
@@ -254,33 +303,35 @@ def project(
     Leaves the bodies placed at the state it ends with.
     """
     normalise(links.layout, z)
-    _place(links, z, ws)
-    q = rows.Q.shape[0]
-    if q == 0:
+    place_at(links, z, ws)
+    if links.loops.group.shape[0] == 0:
         return
+    q = rows.value.shape[0]
     held = q - 2 * model.rolling_body.shape[0] - model.skate_body.shape[0]
     last = False
     for step in range(_POSITION_STEPS + 1):
         cut_rows(links, cut, t, memory, ws, rows)
-        if last or step == _POSITION_STEPS or _largest(rows.value[:held]) <= 2e-16 * max(1.0, model.length):
+        violation = _violation(model, rows)
+        if step == 0 and held == q and violation < _TINY:
+            if _near(links, model, cut, t, z, memory, ws, rows):
+                return
+            cut_rows(links, cut, t, memory, ws, rows)
+            violation = _violation(model, rows)
+        if last or step == _POSITION_STEPS or violation <= 2e-16:
             break
-        rows.Q[held:, :] = 0.0
-        _respond(links, ws, rows)
-        rank = pivoted_qr(ws.B, ws.tau, ws.pivot, ws.norms, ws.size[0], q)
+        ws.fronts.W[held:] = 0.0
+        _articulate(links, ws)
+        _choose_rows(links, ws, 0.0)
         for row in range(q):
             ws.target[row] = -rows.value[row] if row < held else 0.0
-        _displacements(links, rank, ws)
+        _displacements(links, ws)
         last = _largest(ws.u) < 1e-9
         displace(links.layout, z, ws.u)
-        _place(links, z, ws)
-    _choose(links, model, ws, rows)
-    for row in range(q):
-        total = rows.rate[row]
-        for b in range(model.mass.shape[0]):
-            for n in range(6):
-                total -= rows.Q[row, 6 * b + n] * ws.y[b, 7 + n]
-        ws.target[row] = total
-    _displacements(links, ws.limit[0], ws)
+        place_at(links, z, ws)
+    _articulate(links, ws)
+    _choose(links, model, ws, violation)
+    open_rates(links.loops.touched, links.layout, ws.fronts.W, ws.y, ws.A, rows.rate, ws.target)
+    _displacements(links, ws)
     for n in range(ws.u.shape[0]):
         z[links.speeds + n] += ws.u[n]
-    _place(links, z, ws)
+    place_at(links, z, ws)

@@ -7,13 +7,30 @@ import numpy as np
 from consilience.errors import NumericalFailure
 from consilience.mechanism import Mechanism, State
 from consilience.reference.integrators.dop853 import STATUS
-from consilience.reference.model import unpack
+from consilience.reference.model import Model, unpack
 from consilience.reference.relative.dynamics import find_rank, remember
 from consilience.reference.relative.integrate import integrate
 from consilience.reference.relative.model import flatten_relative, pack_relative, scratch
 from consilience.reference.workspace import workspace
 from consilience.run import TrajectoryAnswer
 from consilience.spatial import Array, continuous_in_time
+
+_CLOSE = 3.0
+"""Steps of this many points of a table, or of this part of the period of a harmonic, miss nothing of it."""
+
+
+def longest_step(model: Model) -> float:
+    """Longest step, in s, that cannot pass over what functions of time do: no sample stops it there."""
+    functions, longest = model.functions, np.inf
+    of_time = [*model.drive[:, 1], *model.spring_function, *model.joint_spring[:, 1], *model.load_function]
+    for n in {*of_time, *model.control[:, 1]} - {-1}:
+        _, harmonic, piece = functions.first[n]
+        _, harmonic_end, piece_end = functions.first[n + 1]
+        for w in functions.harmonics[harmonic:harmonic_end, 1]:
+            longest = min(longest, 2.0 * np.pi / (_CLOSE * abs(w)) if w else np.inf)
+        for left, right in functions.pieces[piece:piece_end, :2]:
+            longest = min(longest, _CLOSE * (right - left))
+    return float(longest)
 
 
 def simulate_relative(mechanism: Mechanism, state: State, times: Array, tolerance: float) -> TrajectoryAnswer:
@@ -25,14 +42,16 @@ def simulate_relative(mechanism: Mechanism, state: State, times: Array, toleranc
         With the status of the integrator.
     """
     links, tree, model = flatten_relative(mechanism)
-    ws = scratch(mechanism, tree)
+    ws = scratch(mechanism, links, tree)
     rows = workspace(tree.cut)._replace(A=ws.A)
     z = pack_relative(mechanism, links, tree, state)
     memory = np.zeros(len(model.coordinate))
     find_rank(links, model, tree.cut, float(times[0]), z, memory, ws, rows)
     remember(model, ws, memory)
     motion, counters = np.empty((len(times), *ws.y.shape)), np.zeros(3, dtype=np.int64)
-    status = integrate(links, model, tree.cut, z, times, float(tolerance), memory, ws, rows, motion, counters)
+    status = integrate(
+        links, model, tree.cut, z, times, float(tolerance), longest_step(model), memory, ws, rows, motion, counters
+    )
     if status:
         raise NumericalFailure(f"reference, relative, tolerance {tolerance:g}: {STATUS[status]}")
     p, quat, v, w = unpack(mechanism, motion)
