@@ -25,7 +25,7 @@ from oracles import double_pendulum
 from oracles.planar import Plane, held
 
 CASES = (
-    "physical_pendulum",
+    "physical_pendulum-large",
     "double_pendulum",
     "spatial_pendulum",
     "rotating_end_pendulum",
@@ -109,7 +109,7 @@ def four_bar_constants(case):
 
 
 CONSTANTS = {
-    "physical_pendulum": pendulum_constants,
+    "physical_pendulum-large": pendulum_constants,
     "double_pendulum": double_pendulum_constants,
     "four_bar": four_bar_constants,
 }
