@@ -32,7 +32,7 @@ CASES = (
     "seven_axis_arm",
     "four_bar",
     "slider_crank",
-    "andrews",
+    "andrews-iftomm",
     "n_four_bar_two-short",
 )
 GOALS = (1e-6, 1e-9, 1e-12)
@@ -42,7 +42,7 @@ SAMPLES, DURATION, REPEATS = 101, 5.0, 5
 
 def times_of(case):
     """Samples over five seconds, or over the whole motion where it is shorter."""
-    return np.linspace(0.0, min(DURATION, case.trajectory.duration), SAMPLES)
+    return np.linspace(0.0, min(DURATION, case.duration), SAMPLES)
 
 
 def work(case):

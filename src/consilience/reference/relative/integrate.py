@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 from consilience.reference.integrators.coefficients import E3, E5, STAGES, A, B, C
-from consilience.reference.integrators.dop853 import EVALUATIONS, LARGEST, REJECTED, SAFETY, SMALLEST, STEPS
+from consilience.reference.integrators.dop853 import EVALUATIONS, LARGEST, REJECTED, SMALLEST, STEPS
 from consilience.reference.integrators.tableaus import DORMAND_PRINCE
 from consilience.reference.joint_rows import coordinate
 from consilience.reference.model import ANGLE, Model
@@ -25,6 +25,9 @@ A_DENSE, C_DENSE, D_DENSE = DORMAND_PRINCE.A_dense, DORMAND_PRINCE.c_dense, DORM
 END = STAGES
 """Stage at the end of a step; those of the dense output stand behind it."""
 ALL_STAGES = A_DENSE.shape[1]
+
+SAFETY = 0.8
+"""Safety factor of the step size: with 0.9 a quarter of the steps of a pendulum or linkage are taken in vain."""
 
 _TURN = 1.5
 """Most that an angle whose turns are counted may change in a step, rad: well below half a turn."""
