@@ -96,7 +96,7 @@ def four_bar(c):
     return [(q, r), (r, (Q - h * r * r) / J)]
 
 
-SYSTEMS = {"physical_pendulum": pendulum, "double_pendulum": double_pendulum, "four_bar": four_bar}
+SYSTEMS = {"physical_pendulum-large": pendulum, "double_pendulum": double_pendulum, "four_bar": four_bar}
 
 
 def main():

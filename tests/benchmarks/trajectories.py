@@ -25,14 +25,14 @@ from oracles import double_pendulum
 from oracles.planar import Plane, held
 
 CASES = (
-    "physical_pendulum",
+    "physical_pendulum-large",
     "double_pendulum",
     "spatial_pendulum",
     "rotating_end_pendulum",
     "seven_axis_arm",
     "four_bar",
     "slider_crank",
-    "andrews",
+    "andrews-iftomm",
     "n_four_bar_two-short",
 )
 GOALS = (1e-6, 1e-9, 1e-12)
@@ -42,7 +42,7 @@ SAMPLES, DURATION, REPEATS = 101, 5.0, 5
 
 def times_of(case):
     """Samples over five seconds, or over the whole motion where it is shorter."""
-    return np.linspace(0.0, min(DURATION, case.trajectory.duration), SAMPLES)
+    return np.linspace(0.0, min(DURATION, case.duration), SAMPLES)
 
 
 def work(case):
@@ -109,7 +109,7 @@ def four_bar_constants(case):
 
 
 CONSTANTS = {
-    "physical_pendulum": pendulum_constants,
+    "physical_pendulum-large": pendulum_constants,
     "double_pendulum": double_pendulum_constants,
     "four_bar": four_bar_constants,
 }

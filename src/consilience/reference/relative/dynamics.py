@@ -36,10 +36,10 @@ from consilience.reference.workspace import Workspace
 from consilience.spatial import Array
 
 _POSITION_STEPS = 3
-_TINY = 1e-7
+_TINY = 1e-8
 """Violation (over the length of the mechanism) whose square is below rounding."""
-_CLOSED = 2e-15
-"""Violation that rounding leaves."""
+_CLOSED, _HELD = 1e-14, 1e-13
+"""Violations of positions and of speeds that rounding leaves."""
 _WORN = 0.3
 """Part of the least pivot that a choice of rows had at first, at which rows are chosen anew."""
 _PASSING = 1e-4
@@ -291,7 +291,7 @@ def _near(
         z[links.speeds + n] += ws.u[n]
     place_at(links, z, ws)
     open_rates(links.loops.touched, links.layout, ws.fronts.W, ws.y, ws.A, rows.rate, ws.target)
-    return _largest(ws.target) <= _CLOSED * max(1.0, _largest(z[links.speeds :]) * max(1.0, model.length))
+    return _largest(ws.target) <= _HELD * max(1.0, _largest(z[links.speeds :])) * max(1.0, model.length)
 
 
 @njit(cache=True, error_model="numpy")

@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 from consilience.reference.integrators.coefficients import E3, E5, STAGES, A, B, C
-from consilience.reference.integrators.dop853 import EVALUATIONS, LARGEST, REJECTED, SAFETY, SMALLEST, STEPS
+from consilience.reference.integrators.dop853 import EVALUATIONS, LARGEST, REJECTED, SMALLEST, STEPS
 from consilience.reference.integrators.tableaus import DORMAND_PRINCE
 from consilience.reference.joint_rows import coordinate
 from consilience.reference.model import ANGLE, Model
@@ -25,6 +25,9 @@ A_DENSE, C_DENSE, D_DENSE = DORMAND_PRINCE.A_dense, DORMAND_PRINCE.c_dense, DORM
 END = STAGES
 """Stage at the end of a step; those of the dense output stand behind it."""
 ALL_STAGES = A_DENSE.shape[1]
+
+SAFETY = 0.8
+"""Safety factor of the step size: with 0.9 a quarter of the steps of a pendulum or linkage are taken in vain."""
 
 _TURN = 1.5
 """Most that an angle whose turns are counted may change in a step, rad: well below half a turn."""
@@ -152,6 +155,14 @@ def _length(h: float, remaining: float) -> float:
 
 
 @njit(cache=True, error_model="numpy")
+def _evaluate(
+    links: Links, model: Model, cut: Model, t: float, z: Array, memory: Array, ws: Scratch, rows: Workspace, dz: Array
+) -> None:
+    """`derivative`, compiled once where it need not stand in line."""
+    derivative(links, model, cut, t, z, memory, ws, rows, dz)
+
+
+@njit(cache=True, error_model="numpy")
 def _begin(
     links: Links,
     model: Model,
@@ -166,7 +177,7 @@ def _begin(
     f: Array,
 ) -> float:
     """Derivative at the start, into f, and the length of the first step: z changes by ``tolerance ** (1/8)`` in it."""
-    derivative(links, model, cut, times[0], z, memory, ws, rows, f)
+    _evaluate(links, model, cut, times[0], z, memory, ws, rows, f)
     _sizes(links.kind, model.length, z, size)
     total = 0.0
     for n in range(f.shape[0]):
@@ -198,7 +209,7 @@ def _samples(
         if i > END:
             _dense_stage(z, K, step, i, state)
         at = t + (C_DENSE[i - END - 1] if i > END else 1.0) * step
-        derivative(links, model, cut, at, state, memory, ws, rows, K[i])
+        _evaluate(links, model, cut, at, state, memory, ws, rows, K[i])
     _polynomial(z, end, K, step, F)
     for n in range(times.shape[0]):
         _between(z, F, (times[n] - t) / step, state)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from consilience.errors import NumericalFailure
@@ -14,6 +16,9 @@ from consilience.reference.relative.model import flatten_relative, pack_relative
 from consilience.reference.workspace import workspace
 from consilience.run import TrajectoryAnswer
 from consilience.spatial import Array, continuous_in_time
+
+_flat = lru_cache(maxsize=8)(flatten_relative)
+"""Flat arrays of the mechanisms asked last: making them takes as long as some thousand evaluations."""
 
 _CLOSE = 3.0
 """Steps of this many points of a table, or of this part of the period of a harmonic, miss nothing of it."""
@@ -41,7 +46,7 @@ def simulate_relative(mechanism: Mechanism, state: State, times: Array, toleranc
     NumericalFailure
         With the status of the integrator.
     """
-    links, tree, model = flatten_relative(mechanism)
+    links, tree, model = _flat(mechanism)
     ws = scratch(mechanism, links, tree)
     rows = workspace(tree.cut)._replace(A=ws.A)
     z = pack_relative(mechanism, links, tree, state)
