@@ -39,7 +39,7 @@ _LONG = {"relative": (1e-10, 1e-12, 1e-13), "articulated_body": (1e-11,)}
 
 _MANY = 24
 
-_OTHER = {"null_space, Radau IIA": ("null_space", "radau", (1e-10,))}
+_OTHER = {"relative, Gauss": ("relative", "gauss", (1e-12,))}
 """Motions by another integrator, which bound the uncertainty, too: formulation, method, tolerances."""
 
 _IMPACTS = "descriptor, impacts"

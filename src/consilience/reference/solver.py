@@ -15,7 +15,7 @@ from consilience.reference.formulations.kernels import Forces, KernelFormulation
 from consilience.reference.integrators import dop853
 from consilience.reference.integrators.adaptive import integrate
 from consilience.reference.model import Model, flatten, pack, unpack
-from consilience.reference.relative.solver import simulate_relative
+from consilience.reference.relative.solver import INTEGRATORS, simulate_relative
 from consilience.reference.workspace import Workspace, workspace
 from consilience.run import InstantAnswer, TrajectoryAnswer
 from consilience.spatial import Array, continuous_in_time
@@ -52,7 +52,8 @@ def simulate(
         Key of `registry.FORMULATIONS` or `registry.SYSTEMS`. With dop853 `relative`, `descriptor` and `null_space`
         run compiled as a whole; everything else integrates with one call from Python for each evaluation.
     integrator : str, optional
-        Key of `integrators.adaptive.METHODS`, ``dop853`` if not given; `registry.SYSTEMS` have their own.
+        Key of `integrators.adaptive.METHODS`, ``dop853`` if not given, or ``gauss`` (collocation of order 16, of
+        `relative` alone); `registry.SYSTEMS` have their own.
     forces : callable, optional
         ``forces(t, state)``: force (N) and torque (N m) on each body at its origin, world axes, shape (n_b, 6), to act
         beside those of the mechanism. The slow path, for formulations in body velocities.
@@ -78,8 +79,8 @@ def simulate(
         return registry.system(formulation)(mechanism, state, times, tolerance)
     times = _checked(times, tolerance)
     integrator = integrator or "dop853"
-    if forces is None and integrator == "dop853" and formulation == "relative":
-        return simulate_relative(mechanism, state, times, tolerance)
+    if forces is None and integrator in INTEGRATORS and formulation == "relative":
+        return simulate_relative(mechanism, state, times, tolerance, integrator)
     if forces is None and integrator == "dop853" and formulation in dynamics.FORMULATIONS:
         return _compiled(mechanism, state, times, tolerance, formulation)
     equations = registry.formulation(formulation, mechanism)

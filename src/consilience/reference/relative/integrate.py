@@ -34,7 +34,7 @@ _TURN = 1.5
 
 
 @njit(cache=True, error_model="numpy")
-def _sizes(kind: Array, model_length: float, z: Array, size: Array) -> None:
+def sizes(kind: Array, model_length: float, z: Array, size: Array) -> None:
     """Size of each kind of component, shape (5,)."""
     size[:] = 0.0
     for n in range(z.shape[0]):
@@ -104,7 +104,7 @@ def _stages(
 
 
 @njit(cache=True, error_model="numpy")
-def _turning(model: Model, ws: Scratch, memory: Array) -> float:
+def turning(model: Model, ws: Scratch, memory: Array) -> float:
     """Longest step in which turns can be counted, from the rates of the bodies as they are placed."""
     rate = 0.0
     for n in range(memory.shape[0]):
@@ -155,7 +155,7 @@ def _length(h: float, remaining: float) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def _evaluate(
+def evaluate(
     links: Links, model: Model, cut: Model, t: float, z: Array, memory: Array, ws: Scratch, rows: Workspace, dz: Array
 ) -> None:
     """`derivative`, compiled once where it need not stand in line."""
@@ -177,8 +177,8 @@ def _begin(
     f: Array,
 ) -> float:
     """Derivative at the start, into f, and the length of the first step: z changes by ``tolerance ** (1/8)`` in it."""
-    _evaluate(links, model, cut, times[0], z, memory, ws, rows, f)
-    _sizes(links.kind, model.length, z, size)
+    evaluate(links, model, cut, times[0], z, memory, ws, rows, f)
+    sizes(links.kind, model.length, z, size)
     total = 0.0
     for n in range(f.shape[0]):
         total += (f[n] / size[links.kind[n]]) ** 2
@@ -209,7 +209,7 @@ def _samples(
         if i > END:
             _dense_stage(z, K, step, i, state)
         at = t + (C_DENSE[i - END - 1] if i > END else 1.0) * step
-        _evaluate(links, model, cut, at, state, memory, ws, rows, K[i])
+        evaluate(links, model, cut, at, state, memory, ws, rows, K[i])
     _polynomial(z, end, K, step, F)
     for n in range(times.shape[0]):
         _between(z, F, (times[n] - t) / step, state)
@@ -258,7 +258,7 @@ def integrate(
     motion[0] = ws.y
     if times.shape[0] == 1:
         return 0
-    longest_now = min(longest, _turning(model, ws, memory))
+    longest_now = min(longest, turning(model, ws, memory))
     h, first = _begin(links, model, cut, z, times, tolerance, memory, ws, rows, size, K[0]), 1
     counters[EVALUATIONS] = 1
     while sample < times.shape[0]:
@@ -268,7 +268,7 @@ def integrate(
         _stages(links, model, cut, z, K, t, step, first, trial, memory, ws, rows)
         _stage(z, K, step, STAGES, trial)
         counters[EVALUATIONS] += STAGES - first
-        _sizes(links.kind, model.length, z, size)
+        sizes(links.kind, model.length, z, size)
         error = _error(links.kind, K, step, size) / tolerance
         if not np.isfinite(error):
             return 2
@@ -281,7 +281,7 @@ def integrate(
         after = last if step == last - t else t + step
         project(links, model, cut, after, trial, memory, ws, rows)
         remember(model, ws, memory)
-        longest_now, first, begin = min(longest, _turning(model, ws, memory)), 0, sample
+        longest_now, first, begin = min(longest, turning(model, ws, memory)), 0, sample
         while sample < times.shape[0] and times[sample] < after:
             sample += 1
         inner = sample

@@ -11,6 +11,7 @@ from consilience.mechanism import Mechanism, State
 from consilience.reference.integrators.dop853 import STATUS
 from consilience.reference.model import Model, unpack
 from consilience.reference.relative.dynamics import find_rank, remember
+from consilience.reference.relative.gauss import integrate_gauss
 from consilience.reference.relative.integrate import integrate
 from consilience.reference.relative.model import flatten_relative, pack_relative, scratch
 from consilience.reference.workspace import workspace
@@ -38,8 +39,14 @@ def longest_step(model: Model) -> float:
     return float(longest)
 
 
-def simulate_relative(mechanism: Mechanism, state: State, times: Array, tolerance: float) -> TrajectoryAnswer:
-    """Motion of a mechanism; arguments as of `consilience.reference.simulate`.
+INTEGRATORS = {"dop853": integrate, "gauss": integrate_gauss}
+"""Compiled integrators of the relative form."""
+
+
+def simulate_relative(
+    mechanism: Mechanism, state: State, times: Array, tolerance: float, integrator: str = "dop853"
+) -> TrajectoryAnswer:
+    """Motion of a mechanism; arguments as of `consilience.reference.simulate`, with a key of `INTEGRATORS`.
 
     Raises
     ------
@@ -54,11 +61,11 @@ def simulate_relative(mechanism: Mechanism, state: State, times: Array, toleranc
     find_rank(links, model, tree.cut, float(times[0]), z, memory, ws, rows)
     remember(model, ws, memory)
     motion, counters = np.empty((len(times), *ws.y.shape)), np.zeros(3, dtype=np.int64)
-    status = integrate(
+    status = INTEGRATORS[integrator](
         links, model, tree.cut, z, times, float(tolerance), longest_step(model), memory, ws, rows, motion, counters
     )
     if status:
-        raise NumericalFailure(f"reference, relative, tolerance {tolerance:g}: {STATUS[status]}")
+        raise NumericalFailure(f"reference, relative, {integrator}, tolerance {tolerance:g}: {STATUS[status]}")
     p, quat, v, w = unpack(mechanism, motion)
     names = ("steps", "rejected", "evaluations")
     counts: dict[str, int | float] = {name: int(n) for name, n in zip(names, counters, strict=True)}

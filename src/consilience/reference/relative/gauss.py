@@ -1,0 +1,171 @@
+"""Collocation at the Gauss points in the state z, of order 16: an integrator that shares nothing with `integrate`.
+
+With the nodes c of Gauss's quadrature of eight points, the stages obey [Hairer, Norsett, Wanner, section II.7]
+
+    K_i = f(t + c_i h, z + h sum_j a_ij K_j),     z_1 = z + h sum_i b_i K_i,
+
+a_ij the integral of Lagrange's polynomial j up to c_i. They are found by iteration, one stage after the other, from the
+polynomial of the step before. Its last divided difference, of order 7, tells how well a polynomial follows the motion;
+the error of the step is of the square of that. Steps end at samples, where the order is the full one.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.polynomial.legendre import leggauss, legvander
+
+from consilience.reference.integrators.dop853 import EVALUATIONS, REJECTED, STEPS
+from consilience.reference.model import Model
+from consilience.reference.relative.dynamics import project, remember
+from consilience.reference.relative.integrate import evaluate, sizes, turning
+from consilience.reference.relative.kinematics import orient
+from consilience.reference.relative.model import Links, Scratch
+from consilience.reference.workspace import Workspace
+from consilience.spatial import Array
+
+STAGES = 8
+MOST_ITERATIONS = 14
+"""Where they do not settle in so many, the step is halved."""
+
+LARGEST, SMALLEST, SAFETY = 3.0, 0.3, 0.9
+
+
+def _integrals(x: Array, weights: Array) -> Array:
+    """Integrals of Lagrange's polynomials from -1 to each node: by Legendre's, in which nothing cancels."""
+    P = legvander(x, len(x))
+    total = np.outer(x + 1.0, np.ones_like(x))
+    for k in range(1, len(x)):
+        total += np.outer(P[:, k + 1] - P[:, k - 1], P[:, k])
+    return np.asarray(0.5 * total * weights)
+
+
+_NODES, _WEIGHTS = leggauss(STAGES)
+C, B, A = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS, 0.5 * _integrals(_NODES, _WEIGHTS)
+DIFFERENCE = np.array([1.0 / np.prod(C[j] - np.delete(C, j)) for j in range(STAGES)])
+DIFFERENCE /= np.sum(np.abs(DIFFERENCE))
+"""Weights of the last divided difference of the stages, scaled to a mean."""
+
+
+@njit(cache=True, error_model="numpy")
+def _extrapolate(K: Array, ratio: float, guess: Array) -> None:
+    """Stages of the next step, `ratio` times as long, by the polynomial through those of the last one."""
+    for i in range(STAGES):
+        x = 1.0 + C[i] * ratio
+        guess[i, :] = 0.0
+        for j in range(STAGES):
+            weight = 1.0
+            for m in range(STAGES):
+                if m != j:
+                    weight *= (x - C[m]) / (C[j] - C[m])
+            for n in range(K.shape[1]):
+                guess[i, n] += weight * K[j, n]
+
+
+@njit(cache=True, error_model="numpy")
+def _iterate(
+    links: Links,
+    model: Model,
+    cut: Model,
+    t: float,
+    h: float,
+    z: Array,
+    K: Array,
+    size: Array,
+    memory: Array,
+    ws: Scratch,
+    rows: Workspace,
+    counters: Array,
+) -> bool:
+    """Iterate the stages in place; whether they settle to rounding."""
+    trial, found = np.empty_like(z), np.empty_like(z)
+    last = np.inf
+    for _ in range(MOST_ITERATIONS):
+        change = 0.0
+        for i in range(STAGES):
+            trial[:] = z
+            for j in range(STAGES):
+                for n in range(z.shape[0]):
+                    trial[n] += h * A[i, j] * K[j, n]
+            evaluate(links, model, cut, t + C[i] * h, trial, memory, ws, rows, found)
+            for n in range(z.shape[0]):
+                change = max(change, h * abs(found[n] - K[i, n]) / size[links.kind[n]])
+            K[i] = found
+        counters[EVALUATIONS] += STAGES
+        if change <= 1e-16 or (change <= 1e-13 and change > 0.5 * last):
+            return True
+        if not change < 1e3:
+            return False
+        last = change
+    return False
+
+
+@njit(cache=True, error_model="numpy")
+def _roughness(kind: Array, K: Array, h: float, size: Array) -> float:
+    """Last divided difference of the stages, scaled: what a polynomial of lower degree would miss."""
+    largest = 0.0
+    for n in range(K.shape[1]):
+        total = 0.0
+        for i in range(STAGES):
+            total += DIFFERENCE[i] * K[i, n]
+        largest = max(largest, h * abs(total) / size[kind[n]])
+    return largest
+
+
+@njit(cache=True, error_model="numpy")
+def integrate_gauss(
+    links: Links,
+    model: Model,
+    cut: Model,
+    z: Array,
+    times: Array,
+    tolerance: float,
+    longest: float,
+    memory: Array,
+    ws: Scratch,
+    rows: Workspace,
+    motion: Array,
+    counters: Array,
+) -> int:
+    """Integrate from ``times[0]`` and record the bodies at all sample times; arguments as in `integrate.integrate`."""
+    K, guess, size = np.zeros((STAGES, z.shape[0])), np.zeros((STAGES, z.shape[0])), np.empty(5)
+    counters[:] = 0
+    project(links, model, cut, times[0], z, memory, ws, rows)
+    orient(ws.A, ws.y)
+    motion[0] = ws.y
+    allowed = np.sqrt(tolerance)
+    t, h, before = times[0], 1e-3 * (times[-1] - times[0]), 0.0
+    for sample in range(1, times.shape[0]):
+        while t < times[sample]:
+            remaining = times[sample] - t
+            free = min(h, longest, turning(model, ws, memory))
+            step = remaining if free >= remaining else min(free, 0.5 * remaining)
+            if step < 1e-14 * max(1.0, abs(t)):
+                return 1
+            sizes(links.kind, model.length, z, size)
+            if before > 0.0:
+                _extrapolate(K, step / before, guess)
+            if before == 0.0 or step > 2.0 * before:
+                evaluate(links, model, cut, t, z, memory, ws, rows, guess[0])
+                for i in range(1, STAGES):
+                    guess[i] = guess[0]
+            settled = _iterate(links, model, cut, t, step, z, guess, size, memory, ws, rows, counters)
+            rough = _roughness(links.kind, guess, step, size) / allowed if settled else np.inf
+            if rough > 1.0:
+                counters[REJECTED] += 1
+                h = step * (max(SMALLEST, SAFETY * rough ** (-1.0 / STAGES)) if settled else 0.5)
+                continue
+            counters[STEPS] += 1
+            for i in range(STAGES):
+                for n in range(z.shape[0]):
+                    z[n] += step * B[i] * guess[i, n]
+            K[:] = guess
+            before = step
+            factor = LARGEST if rough == 0.0 else min(LARGEST, SAFETY * rough ** (-1.0 / STAGES))
+            h = step * factor if step == free else max(h, step * factor)
+            t = times[sample] if step == remaining else t + step
+            project(links, model, cut, t, z, memory, ws, rows)
+            remember(model, ws, memory)
+        orient(ws.A, ws.y)
+        motion[sample] = ws.y
+    return 0
