@@ -10,6 +10,7 @@ import os
 import resource
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -89,7 +90,8 @@ def growth():
 
 def batch():
     case = load_case("seven_axis_arm")
-    dynamics, states = ForwardDynamics(case.mechanism), 100_000
+    # without its joint springs: elements take the slower way through the general kernel
+    dynamics, states = ForwardDynamics(replace(case.mechanism, joint_springs=())), 100_000
     rng = np.random.default_rng(0)
     q, v = rng.normal(size=(states, dynamics.n_q)), rng.normal(size=(states, dynamics.n_v))
     calls = [lambda n=n: dynamics.accelerations_of(q, v, threads=n) for n in (1, 2)]
