@@ -125,7 +125,7 @@ def accelerations(
         sweep_out(link, free, ws.u, 1.0)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy")
 def derivative(
     links: Links,
     model: Model,

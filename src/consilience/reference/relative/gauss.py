@@ -17,8 +17,8 @@ from numpy.polynomial.legendre import leggauss, legvander
 
 from consilience.reference.integrators.dop853 import EVALUATIONS, REJECTED, STEPS
 from consilience.reference.model import Model
-from consilience.reference.relative.dynamics import project, remember
-from consilience.reference.relative.integrate import evaluate, sizes, turning
+from consilience.reference.relative.dynamics import derivative, project, remember
+from consilience.reference.relative.integrate import sizes, turning
 from consilience.reference.relative.kinematics import orient
 from consilience.reference.relative.model import Links, Scratch
 from consilience.reference.workspace import Workspace
@@ -87,7 +87,7 @@ def _iterate(
             for j in range(STAGES):
                 for n in range(z.shape[0]):
                     trial[n] += h * A[i, j] * K[j, n]
-            evaluate(links, model, cut, t + C[i] * h, trial, memory, ws, rows, found)
+            derivative(links, model, cut, t + C[i] * h, trial, memory, ws, rows, found)
             for n in range(z.shape[0]):
                 change = max(change, h * abs(found[n] - K[i, n]) / size[links.kind[n]])
             K[i] = found
@@ -146,7 +146,7 @@ def integrate_gauss(
             if before > 0.0:
                 _extrapolate(K, step / before, guess)
             if before == 0.0 or step > 2.0 * before:
-                evaluate(links, model, cut, t, z, memory, ws, rows, guess[0])
+                derivative(links, model, cut, t, z, memory, ws, rows, guess[0])
                 for i in range(1, STAGES):
                     guess[i] = guess[0]
             settled = _iterate(links, model, cut, t, step, z, guess, size, memory, ws, rows, counters)

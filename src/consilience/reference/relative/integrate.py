@@ -155,14 +155,6 @@ def _length(h: float, remaining: float) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def evaluate(
-    links: Links, model: Model, cut: Model, t: float, z: Array, memory: Array, ws: Scratch, rows: Workspace, dz: Array
-) -> None:
-    """`derivative`, compiled once where it need not stand in line."""
-    derivative(links, model, cut, t, z, memory, ws, rows, dz)
-
-
-@njit(cache=True, error_model="numpy")
 def _begin(
     links: Links,
     model: Model,
@@ -177,7 +169,7 @@ def _begin(
     f: Array,
 ) -> float:
     """Derivative at the start, into f, and the length of the first step: z changes by ``tolerance ** (1/8)`` in it."""
-    evaluate(links, model, cut, times[0], z, memory, ws, rows, f)
+    derivative(links, model, cut, times[0], z, memory, ws, rows, f)
     sizes(links.kind, model.length, z, size)
     total = 0.0
     for n in range(f.shape[0]):
@@ -209,7 +201,7 @@ def _samples(
         if i > END:
             _dense_stage(z, K, step, i, state)
         at = t + (C_DENSE[i - END - 1] if i > END else 1.0) * step
-        evaluate(links, model, cut, at, state, memory, ws, rows, K[i])
+        derivative(links, model, cut, at, state, memory, ws, rows, K[i])
     _polynomial(z, end, K, step, F)
     for n in range(times.shape[0]):
         _between(z, F, (times[n] - t) / step, state)
