@@ -27,7 +27,7 @@ from consilience.run import (
     defects,
 )
 from consilience.store import Kept, Store
-from consilience.worker import Plan, Request, Worker
+from consilience.worker import Here, Plan, Request, Worker
 
 MOST_LEVELS = 6
 LEVEL_BUDGET = 5.0
@@ -81,7 +81,7 @@ QUICK = Effort(methods=1, reference_methods=2, states=3, samples=5, closer=False
 """The first quarter of a second or so by the headline of each engine alone: enough to see that something is wrong."""
 
 
-def open_plan(worker: Worker, case: Case) -> Plan | str:
+def open_plan(worker: Worker | Here, case: Case) -> Plan | str:
     """What an engine says about a case before it is asked, or why it says nothing."""
     reply = worker.ask(Request(case.mechanism))
     return reply.value if isinstance(reply.value, Plan) else reply.reason
@@ -106,7 +106,7 @@ class Asked:
         The engine's own; an answer of another version is another answer.
     """
 
-    worker: Worker
+    worker: Worker | Here
     case: Case
     plan: Plan
     effort: Effort = FULL

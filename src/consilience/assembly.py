@@ -36,7 +36,7 @@ from consilience.spatial import (
 
 _MAX_ITERATIONS = 30
 _CONVERGED = 1e-13
-_MOST_FAILED = 200
+_MOST_FAILED = 50
 """Random steps in a row that may fail before the search for states ends; no shipped case fails one."""
 
 _SCALARS = {"distance": "Z", "x": "X", "y": "Y"}

@@ -10,6 +10,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from importlib import import_module
+from keyword import iskeyword
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -340,9 +341,13 @@ CAMPAIGNS = {
     "values": ("consilience.values", "Compare the reference with every expected value of the cases."),
     "diff": ("consilience.history.command", "Tell what has changed between two reports."),
     "trend": ("consilience.history.command", "Tell how the reports of a folder have changed over time."),
+    "export": ("consilience.outputs.command", "Write a run as JUnit XML, CSV, JSON, a LaTeX table, BibTeX or a badge."),
+    "plot": ("consilience.outputs.command", "Plot a motion on every engine, fit for a paper."),
+    "import": ("consilience.importing.command", "Write a case file from a URDF or MJCF file."),
+    "translate": ("consilience.native.command", "Write the native model of a case for an engine alone."),
     "mutate": ("consilience.mutate.command", "Plant known errors in adapters, and tell which are caught."),
 }
-"""Commands that parse their own arguments: module with a function of the same name, and what they do."""
+"""Commands that parse their own arguments: module with a function of the same name (`import_`), and what they do."""
 
 
 def _delegate(name: str) -> None:
@@ -351,7 +356,7 @@ def _delegate(name: str) -> None:
 
     def command(context: typer.Context) -> None:
         own = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-        own.command()(getattr(import_module(module), name))
+        own.command()(getattr(import_module(module), f"{name}_" if iskeyword(name) else name))
         code = typer.main.get_command(own).main(context.args, f"consilience {name}", standalone_mode=False)
         raise typer.Exit(code or 0)
 

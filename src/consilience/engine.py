@@ -87,7 +87,7 @@ def load_engine(name: str) -> Engine:
     Parameters
     ----------
     name : str
-        ``name`` or ``name:variant``.
+        ``name`` or ``name:variant``; another version than the installed one needs a worker (`consilience.worker`).
 
     Raises
     ------
@@ -97,7 +97,7 @@ def load_engine(name: str) -> Engine:
         If its package does not import.
     """
     require_installed(name)
-    base, _, variant = name.partition(":")
+    base, variant, _ = split_name(name)
     make = installed()[base].load()
     if not variant:
         plain: Engine = make()
@@ -110,15 +110,22 @@ def load_engine(name: str) -> Engine:
     return engine
 
 
+def split_name(name: str) -> tuple[str, str, str]:
+    """Name, variant and version of ``NAME[:VARIANT][@VERSION]``; empty where there is none."""
+    engine, _, version = name.partition("@")
+    base, _, variant = engine.partition(":")
+    return base, variant, version
+
+
 def require_installed(name: str) -> None:
-    """Refuse an engine that is not installed; nothing is imported, a variant is not looked at.
+    """Refuse an engine without an installed adapter; nothing is imported, variant and version are not looked at.
 
     Raises
     ------
     InvalidInput
     """
     known = installed()
-    if name.partition(":")[0] not in known:
+    if split_name(name)[0] not in known:
         raise InvalidInput(f"engine '{name}'", "it is not installed", f"Installed engines: {', '.join(known)}.")
 
 

@@ -16,7 +16,6 @@ from math import cos, nan, sin
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import BSpline, PPoly, make_interp_spline
 
 from consilience.errors import InvalidInput
 from consilience.spatial import Array, fixed_array
@@ -77,6 +76,8 @@ class Table:
     @cached_property
     def pieces(self) -> Array:
         """Polynomials of the spline, one a row: left end, right end, coefficients of ``(x - left)^0..5``."""
+        from scipy.interpolate import BSpline, PPoly, make_interp_spline  # noqa: PLC0415 - a worker has no SciPy
+
         spline: BSpline = make_interp_spline(self.x, self.y, _DEGREE, bc_type="periodic" if self.periodic else None)
         polynomial = PPoly.from_spline(spline)
         inside = np.flatnonzero(np.diff(polynomial.x) > 0)

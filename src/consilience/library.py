@@ -39,6 +39,8 @@ def _shipped(path: Path) -> list[Case]:
 def load_cases(name: str) -> list[Case]:
     """Cases that a user means by a name: a shipped case or all its variants, a member of a family, or a case file.
 
+    In the name of a shipped case ``-`` and ``_`` are the same.
+
     Raises
     ------
     InvalidInput
@@ -48,10 +50,11 @@ def load_cases(name: str) -> list[Case]:
         return load_file(Path(name))
     if ":" in name:
         return family_cases(name)
+    plain = name.replace("-", "_")
     for path in case_files():
-        if name == path.stem or name.startswith(f"{path.stem}-"):
+        if plain == path.stem or plain.startswith(f"{path.stem}_"):
             cases = _shipped(path)
-            chosen = cases if name == path.stem else [case for case in cases if case.name == name]
+            chosen = cases if plain == path.stem else [c for c in cases if c.name.replace("-", "_") == plain]
             if chosen:
                 return chosen
     if name in FAMILIES:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from queue import SimpleQueue
 from threading import Condition
 
@@ -20,7 +20,7 @@ from consilience.errors import ConsilienceError
 from consilience.judge import REFERENCE, judge_case
 from consilience.run import EngineInfo, Question, Run, Status, TrajectoryAnswer
 from consilience.store import Store
-from consilience.worker import Request, Worker
+from consilience.worker import Here, Request, Worker
 
 Progress = Callable[[str, str], None]
 """Called with the engine and what it has just finished."""
@@ -224,15 +224,22 @@ def simulate_case(case: Case, engine: str, limit: float) -> tuple[TrajectoryAnsw
     EngineFailure
         If the engine cannot or did not answer, with its reason.
     """
-    with Worker(engine, limit) as worker:
-        plan = open_plan(worker, case)
-        if isinstance(plan, str):
-            raise EngineFailure(f"engine '{engine}', case '{case.name}': {Status.FAILED}: {plan}")
-        if plan.unsupported[Question.TRAJECTORY]:
-            reason = "; ".join(f"{u.feature}: {u.reason}" for u in plan.unsupported[Question.TRAJECTORY])
-            raise EngineFailure(f"engine '{engine}', case '{case.name}': {Status.UNSUPPORTED}: {reason}")
-        run = Asked(worker, case, plan).finest(Question.TRAJECTORY)
+    if engine.partition(":")[0] == REFERENCE:
+        run = _finest(Here(engine), case)  # ours: no shield is worth the time to start another process
+    else:
+        with Worker(engine, limit) as worker:
+            run = _finest(worker, case)
     if isinstance(run.answer, TrajectoryAnswer) and run.method is not None:
         kind = "step" if run.method.substeps else "tolerance"
         return run.answer, f"{run.method.name}, {kind} {run.step:g}"
     raise EngineFailure(f"engine '{engine}', case '{case.name}': {run.status}: {run.reason}")
+
+
+def _finest(worker: Worker | Here, case: Case) -> Run:
+    plan = open_plan(worker, case)
+    failed = Run(case.name, worker.engine, Question.TRAJECTORY, None, 0, None, Status.FAILED)
+    if isinstance(plan, str):
+        return replace(failed, reason=plan)
+    if plan.unsupported[Question.TRAJECTORY]:
+        return next(Asked(worker, case, plan).question(Question.TRAJECTORY))
+    return Asked(worker, case, plan).finest(Question.TRAJECTORY)

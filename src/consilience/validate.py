@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
 from typing import Annotated, Any
 
@@ -18,7 +17,7 @@ from consilience.errors import InvalidInput
 from consilience.library import load_cases
 from consilience.report.anatomy import anatomy, expected_lines, listed, warnings
 from consilience.run import EngineInfo, Method, Question
-from consilience.worker import Plan, Request, Worker
+from consilience.worker import Plan, Request, Worker, in_parallel
 
 Findings = dict[str, Any]
 """What was found, as JSON has it."""
@@ -59,9 +58,9 @@ def examine(case: Case) -> Findings:
     )
 
 
-def ask_plans(cases: Sequence[Case], engine: str, limit: float) -> list[Findings]:
-    """What one engine would do with each case, asked in a worker; a crash is the reason of one case."""
-    with Worker(engine, limit) as worker:
+def ask_plans(worker: Worker, cases: Sequence[Case]) -> list[Findings]:
+    """What one engine would do with each case; a crash is the reason of one case."""
+    with worker:
         reply = worker.ask(Request())
         if not isinstance(reply.value, EngineInfo):
             return [{"version": None, "problem": f"does not start: {reply.reason}"} for _ in cases]
@@ -119,10 +118,10 @@ def validate_cases(names: Sequence[str], engines: Sequence[str], limit: float, j
     sound, invalid = load_all(names)
     found = [examine(case) for case in sound]
     if sound:
-        with ThreadPoolExecutor(max_workers=jobs) as pool:
-            for engine, plans in zip(engines, pool.map(lambda e: ask_plans(sound, e, limit), engines), strict=True):
-                for one, plan in zip(found, plans, strict=True):
-                    one["engines"][engine] = plan
+        asked = in_parallel(lambda worker: ask_plans(worker, sound), [Worker(name, limit) for name in engines], jobs)
+        for engine, plans in zip(engines, asked, strict=True):
+            for one, plan in zip(found, plans, strict=True):
+                one["engines"][engine] = plan
     return [*found, *invalid]
 
 

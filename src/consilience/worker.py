@@ -1,53 +1,44 @@
-"""Engines in worker processes: one each, kept alive, with a time limit; a crash or a hang is one failed run.
+"""Engines in worker processes: one each, kept alive, with limits; whatever goes wrong in one is one failed run.
 
-Pebble does the process control: it kills a worker that passes its time limit, notices one that dies, and starts the
-next. What an engine prints goes to a file, never to the caller's terminal, and comes back with the run.
+A worker speaks the protocol of `docs/workers.md`. A mechanism is sent once and remembered by its key, so that an
+adapter finds the translation it has made for it.
 """
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import pickle
-import signal
-import tempfile
+import hashlib
+import threading
 import time
-from collections.abc import Sequence
-from concurrent.futures import CancelledError, Future, TimeoutError
-from dataclasses import dataclass, field
-from pathlib import Path
+from collections import OrderedDict
+from collections.abc import Callable, Sequence
+from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+from queue import SimpleQueue
 from types import TracebackType
-from typing import Any
-
-from pebble import ProcessExpired, ProcessPool
+from typing import Any, TypeVar
+from weakref import WeakKeyDictionary
 
 from consilience.engine import Engine, load_engine
-from consilience.mechanism import Mechanism, State
-from consilience.run import Manifest, Method, Question, Unsupported
-from consilience.spatial import Array
+from consilience.mechanism import Mechanism
+from consilience.run import EngineInfo
+from consilience.workers import codec, frames
+from consilience.workers.environments import NoEnvironment, launch_of, local_name
+from consilience.workers.frames import Header, ProtocolError
+from consilience.workers.jobs import Plan, Request, perform, raised
+from consilience.workers.process import Fault, Launch, Process
 
-_LOG_LIMIT = 4000
+__all__ = ["MEMORY", "Here", "Plan", "Reply", "Request", "Worker", "in_parallel"]
 
+_T = TypeVar("_T")
 
-@dataclass(frozen=True, eq=False)
-class Request:
-    """One job of a worker. Without a question: describe yourself and, given a mechanism, plan."""
+MEMORY = 4 * 2**30
+"""Resident memory in bytes that an engine may use, unless told."""
 
-    mechanism: Mechanism | None = None
-    question: Question | None = None
-    method: Method | None = None
-    states: Sequence[State] = ()
-    times: Array | None = None
-    step: float = 0.0
+STARTING = 120.0
+"""Time in s that an engine has to start, or the limit of its jobs if that is longer."""
 
-
-@dataclass(frozen=True)
-class Plan:
-    """What an engine says about a mechanism before it is asked anything."""
-
-    unsupported: dict[Question, tuple[Unsupported, ...]]
-    methods: dict[Question, tuple[Method, ...]]
-    manifest: Manifest
+REMEMBERED = 32
+"""Mechanisms that a worker holds at a time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +48,7 @@ class Reply:
     Attributes
     ----------
     value : object
-        An EngineInfo, a Plan or an Answer from a sound engine; anything from another.
+        An EngineInfo, a Plan, a Survey or an Answer from a sound engine; anything that can be sent from another.
     returned : bool
         Whether the engine returned; if not, `value` is None and `reason` says why.
     reason : str
@@ -65,6 +56,8 @@ class Reply:
     cpu : float, s
     log : str
         End of what the engine printed during the job.
+    job : bytes
+        Where it failed, the job as it was sent: ``python -m consilience.workers FILE`` does it again.
     """
 
     value: object
@@ -72,58 +65,22 @@ class Reply:
     reason: str = ""
     cpu: float = 0.0
     log: str = ""
+    job: bytes = b""
 
 
-_engines: dict[str, Engine] = {}
+_STOPPED = Reply(None, False, "stopped before it answered")
+
+_packed: WeakKeyDictionary[Mechanism, tuple[str, bytes]] = WeakKeyDictionary()
 
 
-def _redirect(path: str) -> None:
-    """Send whatever the engine prints, at any level, to a file. Runs first in the worker."""
-    fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
-    os.dup2(fd, 1)
-    os.dup2(fd, 2)
-    # Ctrl-C is the runner's business: it stops the workers itself
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
-def _plan(engine: Engine, mechanism: Mechanism) -> Plan:
-    unsupported = {q: engine.unsupported(mechanism, q) for q in Question}
-    can = [q for q in Question if not unsupported[q]]
-    return Plan(
-        unsupported,
-        {q: engine.methods(mechanism, q) for q in can},
-        engine.manifest(mechanism) if can else Manifest(),
-    )
-
-
-def _answer(engine: Engine, request: Request) -> Any:
-    if request.mechanism is None:
-        return engine.info()
-    if request.question is None or request.method is None:
-        return _plan(engine, request.mechanism)
-    if request.question is Question.MODEL:
-        return engine.model(request.mechanism, request.states[0], request.method)
-    if request.question is Question.INSTANT:
-        return engine.instant(request.mechanism, request.states, request.method)
-    assert request.times is not None
-    return engine.trajectory(request.mechanism, request.states[0], request.times, request.method, request.step)
-
-
-def _serve(name: str, request: Request) -> tuple[bytes | None, str, float]:
-    """Run one job in the worker: the pickled value, or why there is none, and the CPU time.
-
-    Values and exceptions of an adapter may not survive the way to the runner (an exception with two arguments, a
-    lambda): they are turned into bytes or text here, where a failure to do so is still one failed job.
-    """
-    start = time.process_time()
-    try:
-        if name not in _engines:
-            _engines[name] = load_engine(name)
-        start = time.process_time()
-        value = _answer(_engines[name], request)
-        return pickle.dumps(value), "", time.process_time() - start
-    except Exception as error:  # noqa: BLE001 - whatever an engine or its adapter raises is evidence about that engine
-        return None, f"{type(error).__name__}: {error}", time.process_time() - start
+def _frame_of(mechanism: Mechanism) -> tuple[str, bytes]:
+    """Key of a mechanism, by its content, and the frame that sends it."""
+    known = _packed.get(mechanism)
+    if known is None:
+        tree, arrays = codec.encode(mechanism)
+        key = hashlib.sha256(frames.pack({"value": tree}, arrays)).hexdigest()
+        known = _packed[mechanism] = key, frames.pack({"kind": "mechanism", "key": key, "value": tree}, arrays)
+    return known
 
 
 @dataclass
@@ -133,29 +90,30 @@ class Worker:
     Parameters
     ----------
     engine : str
-        Name of an installed engine.
+        Name of an installed engine, ``NAME``, ``NAME:VARIANT`` or ``NAME@VERSION``.
     limit : float, s
-        Time limit of a job; the first one includes importing the engine.
+        Time limit of a job; starting the engine does not count.
+    memory : int, bytes
+        Resident memory the process may use.
     """
 
     engine: str
     limit: float = 60.0
-    _log: Path = field(init=False)
-    _pool: Any = field(init=False)
-    _pending: Future[Any] | None = field(init=False, default=None)
+    memory: int = MEMORY
+    _jobs: SimpleQueue[tuple[Request, Future[Reply]] | None] = field(init=False, default_factory=SimpleQueue)
+    _thread: threading.Thread = field(init=False)
+    _turn: threading.Lock = field(init=False, default_factory=threading.Lock)
+    _launch: Launch | None = field(init=False, default=None)
+    _process: Process | None = field(init=False, default=None)
+    _sent: OrderedDict[str, None] = field(init=False, default_factory=OrderedDict)
+    _number: int = field(init=False, default=0)
     _cancelled: bool = field(init=False, default=False)
-    _stopped: bool = field(init=False, default=False)
+    _door: threading.Lock = field(init=False, default_factory=threading.Lock)
 
     def __post_init__(self) -> None:
-        handle, path = tempfile.mkstemp(prefix=f"consilience-{self.engine}-", suffix=".log")
-        os.close(handle)
-        self._log = Path(path)
-        self._pool = ProcessPool(
-            max_workers=1,
-            context=multiprocessing.get_context("spawn"),
-            initializer=_redirect,
-            initargs=(path,),
-        )
+        # a daemon: a runner that ends in whatever way does not wait for an engine, and the engine dies with it
+        self._thread = threading.Thread(target=self._work, name=f"worker of {self.engine}", daemon=True)
+        self._thread.start()
 
     def __enter__(self) -> Worker:
         return self
@@ -166,61 +124,237 @@ class Worker:
         self.stop()
 
     def stop(self) -> None:
-        """Kill the process and remove its log; once is enough. Not while another thread waits: `cancel` first."""
-        if not self._stopped:
-            self._stopped = True
-            self._pool.stop()
-            self._pool.join()
-            self._log.unlink(missing_ok=True)
+        """Kill the process, from any thread, once or more often; whoever waits gets a failed reply."""
+        self.cancel()
+        self._jobs.put(None)
+        self._thread.join()
 
     def cancel(self) -> None:
         """Give up the job in flight and every later one, from any thread: whoever waits gets a failed reply."""
-        self._cancelled = True
-        if self._pending is not None:
-            self._pending.cancel()
+        with self._door:  # nothing is queued from here on
+            self._cancelled = True
 
     @property
     def cancelled(self) -> bool:
         """Whether nothing will be answered any more."""
         return self._cancelled
 
-    def submit(self, request: Request) -> Future[Any]:
+    def submit(self, request: Request) -> Future[Reply]:
         """Queue a job; give the future to `reply`."""
-        future: Future[Any] = self._pool.schedule(_serve, args=(self.engine, request), timeout=self.limit)
-        self._pending = future
-        if self._cancelled:
-            future.cancel()
+        future: Future[Reply] = Future()
+        with self._door:
+            if not self._cancelled:
+                self._jobs.put((request, future))
+                return future
+        future.set_result(_STOPPED)
         return future
 
-    def reply(self, future: Future[Any]) -> Reply:
+    def reply(self, future: Future[Reply]) -> Reply:
         """Wait for a job; whatever went wrong in the engine is a value, not an exception."""
         try:
-            value, reason, cpu = future.result()
-            if value is not None:
-                return Reply(pickle.loads(value), True, cpu=cpu, log=self._printed())
-        except TimeoutError:
-            reason = f"no answer within {self.limit:g} s; the worker was stopped"
+            return future.result()
         except CancelledError:
-            reason = "stopped before it answered"
-        except ProcessExpired as error:
-            reason = f"the worker died: {_death(error.exitcode)}"
-        except Exception as error:  # noqa: BLE001 - what an answer does while it is read is evidence about its engine
-            reason = f"the answer cannot be read: {type(error).__name__}: {error}"
-        return Reply(None, False, reason, log=self._printed())
+            return _STOPPED
 
     def ask(self, request: Request) -> Reply:
         """Queue a job and wait for it."""
+        # with nothing before it, it is done in this thread: two changes of thread take as long as all the rest
+        if self._jobs.empty() and self._turn.acquire(blocking=False):
+            try:
+                return _STOPPED if self._cancelled else self._answer(request)
+            finally:
+                self._turn.release()
         return self.reply(self.submit(request))
 
+    # ------------------------------------------------------------ in the thread
+
+    def _work(self) -> None:
+        """Do job after job until told to stop; no process outlives the last one."""
+        while (job := self._jobs.get()) is not None:
+            request, future = job
+            if future.set_running_or_notify_cancel():
+                try:
+                    with self._turn:
+                        reply = _STOPPED if self._cancelled else self._answer(request)
+                except BaseException as error:  # an error of ours: whoever waits must see it
+                    future.set_exception(error)
+                    raise
+                future.set_result(reply)
+        with self._turn:
+            self._end()
+
+    def _answer(self, request: Request) -> Reply:
+        """Reply to one job; afterwards there is a worker that can be asked again, or none."""
+        try:
+            if self._process is not None and not self._process.quiet():
+                self._end()
+            if self._process is None:
+                self._start()
+            header, value = self._exchanged(self._frames(request), self.limit)
+        except _NotStarted as failed:
+            return Reply(None, False, str(failed), log=self._end())
+        except Fault as fault:
+            return Reply(None, False, str(fault), log=self._end(), job=self._alone(request))
+        except ProtocolError as error:
+            return Reply(None, False, f"the message cannot be read: {error}", log=self._printed())
+        log, cpu = self._printed(), header["cpu"]
+        if header["reason"]:
+            return Reply(None, False, header["reason"], cpu, log, self._alone(request))
+        return Reply(self._labelled(value), True, cpu=cpu, log=log)
+
+    def _start(self) -> None:
+        """Start a process and load the engine.
+
+        Raises
+        ------
+        _NotStarted
+        """
+        self._sent.clear()
+        limit = max(self.limit, STARTING)
+        try:
+            if self._launch is None:
+                self._launch = launch_of(self.engine, lambda: self._cancelled)
+            self._process = Process(self._launch, self.memory)
+            hello, _ = self._process.exchange(b"", limit, lambda: self._cancelled)
+            if hello.get("kind") != "hello":
+                raise _NotStarted("the worker does not say hello")
+            loaded, _ = self._exchanged(self._load(), limit)
+        except (NoEnvironment, OSError) as error:
+            raise _NotStarted(str(error)) from None
+        except (Fault, ProtocolError) as fault:
+            raise _NotStarted(f"while it started, {fault}") from None
+        if loaded["reason"]:
+            raise _NotStarted(loaded["reason"])
+
+    def _exchanged(self, data: bytes, limit: float) -> tuple[Header, object]:
+        """Send what ends in a job, and wait for the reply to it.
+
+        Raises
+        ------
+        Fault
+        ProtocolError
+            If the reply is sound and its value is not.
+        """
+        assert self._process is not None
+        header, arrays = self._process.exchange(data, limit, lambda: self._cancelled)
+        if not _sound(header):
+            raise Fault(f"garbage on the wire: {str(header)[:200]} is no reply")
+        if header["job"] != self._number:
+            raise Fault(f"it answered job {header['job']}, not job {self._number}")
+        if not self._process.quiet():
+            raise Fault("it sent more than its answer")
+        if header["strays"]:
+            raise Fault("it left a process behind that goes on")
+        return header, codec.decode(header["value"], arrays)
+
+    # ------------------------------------------------------------ frames
+
+    def _load(self) -> bytes:
+        self._number += 1
+        return frames.pack({"kind": "load", "job": self._number, "engine": local_name(self.engine)})
+
+    def _frames(self, request: Request) -> bytes:
+        """What the process has to be sent for a job: the mechanism if it does not hold it, and the job."""
+        parts, key = list[bytes](), None
+        if request.mechanism is not None:
+            key, frame = _frame_of(request.mechanism)
+            if key not in self._sent:
+                parts.append(frame)
+                if len(self._sent) >= REMEMBERED:
+                    oldest, _ = self._sent.popitem(last=False)
+                    parts.append(frames.pack({"kind": "forget", "key": oldest}))
+            self._sent[key] = None
+            self._sent.move_to_end(key)
+        self._number += 1
+        return b"".join([*parts, _job(request, key, self._number)])
+
+    def _alone(self, request: Request) -> bytes:
+        """All frames that an empty worker needs for a job."""
+        key, mechanism = (None, b"") if request.mechanism is None else _frame_of(request.mechanism)
+        return self._load() + mechanism + _job(request, key, self._number)
+
+    # ------------------------------------------------------------ the process
+
+    def _labelled(self, value: object) -> object:
+        """The value; what an engine of another environment says about itself, with that environment."""
+        if isinstance(value, EngineInfo) and self._launch is not None and self._launch.remarks:
+            return replace(value, remarks="; ".join(filter(None, [value.remarks, self._launch.remarks])))
+        return value
+
     def _printed(self) -> str:
-        """End of the log since the last job, which is then cut off."""
-        text = self._log.read_text(errors="replace") if self._log.exists() else ""
-        if text:
-            os.truncate(self._log, 0)
-        return text[-_LOG_LIMIT:]
+        return "" if self._process is None else self._process.printed()
+
+    def _end(self) -> str:
+        """Kill the process, if there is one; its last words."""
+        process, self._process = self._process, None
+        return "" if process is None else process.end()
 
 
-def _death(exitcode: int | None) -> str:
-    if exitcode is not None and exitcode < 0:
-        return f"signal {signal.Signals(-exitcode).name}"
-    return f"exit code {exitcode}"
+class Here:
+    """An engine in this process: no start-up, but no shield and no limits either.
+
+    Parameters
+    ----------
+    engine : str
+        Name of an installed engine.
+    """
+
+    def __init__(self, engine: str) -> None:
+        self.engine = engine
+        self._engine: Engine | None = None
+
+    def ask(self, request: Request) -> Reply:
+        """Do a job."""
+        start = time.process_time()
+        try:
+            self._engine = self._engine or load_engine(self.engine)
+            value = perform(self._engine, request)
+        except Exception as error:  # noqa: BLE001 - whatever an engine raises is evidence about that engine
+            return Reply(None, False, raised(error), time.process_time() - start)
+        return Reply(value, True, cpu=time.process_time() - start)
+
+
+class _NotStarted(Exception):
+    """There is no engine to ask."""
+
+
+def _job(request: Request, key: str | None, number: int) -> bytes:
+    tree, arrays = codec.encode(replace(request, mechanism=None))
+    return frames.pack({"kind": "job", "job": number, "mechanism": key, "value": tree}, arrays)
+
+
+def _sound(header: Header) -> bool:
+    """Whether a header is that of a reply."""
+    expected: dict[str, Any] = {"kind": str, "job": int, "reason": str, "cpu": float, "strays": bool}
+    return (
+        header.keys() == {*expected, "value"}
+        and all(type(header[name]) is kind for name, kind in expected.items())
+        and header["kind"] == "reply"
+    )
+
+
+def in_parallel(work: Callable[[Worker], _T], workers: Sequence[Worker], jobs: int) -> list[_T]:
+    """Let every worker do its work, `jobs` at a time; whatever stops one stops all, and none outlives this.
+
+    Parameters
+    ----------
+    work : callable
+        Called with a worker, in a thread.
+
+    Returns
+    -------
+    list
+        What it returned, in the order of the workers.
+    """
+    try:
+        with ThreadPoolExecutor(max_workers=max(1, jobs)) as pool:
+            try:
+                return list(pool.map(work, workers))
+            except BaseException:  # Ctrl-C above all: no engine may go on working for nobody
+                pool.shutdown(wait=False, cancel_futures=True)
+                for worker in workers:
+                    worker.cancel()
+                raise
+    finally:
+        for worker in workers:
+            worker.stop()

@@ -21,7 +21,12 @@ FAULTS = {
     "is_killed": (INSTANT, "the worker died: signal SIGKILL"),
     "segfaults": (INSTANT, "the worker died: signal SIGSEGV"),
     "exits": (INSTANT, "the worker died: exit code 3"),
-    "gives_lambda": (INSTANT, "[Pp]ickl|the worker died: exit code 1"),
+    "gives_lambda": (INSTANT, "the answer cannot be sent: it holds a function"),
+    "honestly_writes_garbage": (INSTANT, "garbage on the wire"),
+    "honestly_closes_its_pipe": (INSTANT, "the worker closed its connection and lived on"),
+    "honestly_leaves_a_child": (INSTANT, "it left a process behind that goes on"),
+    "honestly_floods": (INSTANT, "it printed more than 64 MiB"),
+    "honestly_wrong_job": (INSTANT, "it answered job 123456, not job"),
     "silent": (INSTANT, "no method"),
     "stepless": (TRAJECTORY, "level"),
 }

@@ -21,7 +21,7 @@ from consilience.errors import ConsilienceError
 from consilience.report.html import render_html
 from consilience.report.markdown import render_markdown
 from consilience.report.record import read_record
-from hostile.mutations import MARK, TEXTS, places
+from hostile.mutations import MARK, TEXTS, jsonl_bytes, places
 from hostile.pages import Elements, check_html, check_markdown, check_terminal
 from hostile.properties import (
     SCRIPT,
@@ -187,3 +187,47 @@ def _with(folder, raw):
 def test_bytes_of_any_kind_are_no_case(tmp_path_factory, raw):
     folder = tmp_path_factory.mktemp("any")
     assert not swallow_case(raw, folder)
+
+
+def _second_case(lines):
+    lines[1:1] = [lines[1]]
+
+
+def _huge_integers(lines):
+    judged = next(line for line in lines if line.get("levels"))
+    judged["levels"][0]["difference"] = [10**40] * len(judged["times"])
+    judged["levels"][0]["counters"] = {"steps": 10**40}
+    return judged
+
+
+CONTRADICTIONS = {
+    "a case twice": (_second_case, "two cases have one name"),
+    "an engine of nobody": (lambda lines: lines[0]["engines"].pop("mujoco"), "of no engine"),
+    "a case of nobody": (lambda lines: lines[1].update(name="another"), "of no case"),
+    "an answer twice": (lambda lines: lines.insert(-1, lines[-2]), "of the same answer"),
+    "more cells than anybody can open": (
+        lambda lines: lines[0]["engines"].update({f"e{n}": lines[0]["engines"]["mujoco"] for n in range(20_001)}),
+        "cases times engines",
+    ),
+    "a motion of no run": (
+        lambda lines: [line["method"].update(softness=7.0) for line in lines if isinstance(line.get("method"), dict)],
+        "no run holds",
+    ),
+}
+
+
+@pytest.mark.parametrize(("change", "message"), CONTRADICTIONS.values(), ids=CONTRADICTIONS)
+def test_lines_that_contradict_one_another_are_refused(change, message, report, tmp_path):
+    lines = copy.deepcopy(report[1])
+    change(lines)
+    kinds = [line["record"] for line in lines]
+    lines[-1].update(cases=kinds.count("case"), runs=kinds.count("run"), comparisons=kinds.count("comparison"))
+    with pytest.raises(ConsilienceError, match=message):
+        read_record(_with(tmp_path, jsonl_bytes(lines)))
+
+
+def test_whole_numbers_of_any_size_are_rendered(report, tmp_path):
+    """Found by the fuzzer: the figures took them for objects, and NumPy refused."""
+    lines = copy.deepcopy(report[1])
+    _huge_integers(lines)
+    assert swallow_report(jsonl_bytes(lines), tmp_path)

@@ -26,7 +26,8 @@ from consilience.mechanism import GROUND, JointSpring, Load
 from consilience.run import Profile, Question
 from consilience.spatial import skew
 from consilience.topology import spanning_tree
-from consilience.worker import Plan, Reply, _answer
+from consilience.worker import Plan, Reply
+from consilience.workers.jobs import perform
 from mechanisms import ELEMENTS, LOOPS, TREES, chain, drawn_joint, four_bar, lumpy_body, rotation, states_of
 
 ALL = TREES | LOOPS | ELEMENTS
@@ -43,7 +44,7 @@ def asked(engine):
 
     def ask(request):
         try:
-            value = _answer(engine, request)
+            value = perform(engine, request)
         except ArithmeticError as error:
             return Reply(None, returned=False, reason=str(error))
         if isinstance(value, Plan):

@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from contextlib import ExitStack
 from dataclasses import dataclass, field
-from typing import Any
 
 from consilience.errors import ConsilienceError
 from consilience.fuzz.judging import Entry, judge
@@ -16,13 +15,16 @@ from consilience.fuzz.population import Specimen, specimen
 from consilience.fuzz.workers import Panelist, Sheet, Task
 from consilience.judge import REFERENCE
 from consilience.run import EngineInfo
-from consilience.worker import Request
+from consilience.worker import Reply, Request
 
 MESSAGE = 8
-"""Mechanisms in a message: so many that its way takes less time than the answers, so few that a hang costs little."""
+"""Mechanisms that are drawn at a time."""
 
 AHEAD = 3
-"""Messages under way: engines differ in speed, and none should wait for the slowest."""
+"""Times that, under way: engines differ in speed, and none should wait for the slowest."""
+
+Answers = list[Future[Reply]]
+"""Of one engine to some mechanisms, in their order."""
 
 Progress = Callable[[int], None]
 """Called with the number of mechanisms judged so far."""
@@ -101,13 +103,13 @@ class Panel:
     def __exit__(self, *_: object) -> None:
         self._stack.close()
 
-    def submit(self, tasks: Sequence[Task], engines: Sequence[str] | None = None) -> dict[str, Future[Any]]:
+    def submit(self, tasks: Sequence[Task], engines: Sequence[str] | None = None) -> dict[str, Answers]:
         """Send a message to the engines, or to some of them."""
         return {name: self.members[name].submit_many(tasks) for name in engines or self.members}
 
-    def collect(self, tasks: Sequence[Task], futures: dict[str, Future[Any]]) -> list[dict[str, Sheet]]:
+    def collect(self, tasks: Sequence[Task], futures: dict[str, Answers]) -> list[dict[str, Sheet]]:
         """Wait for the answers to a message: sheets by engine, a mechanism after the other."""
-        sheets = {name: self.members[name].sheets(tasks, future) for name, future in futures.items()}
+        sheets = {name: self.members[name].sheets(found) for name, found in futures.items()}
         return [{name: found[n] for name, found in sheets.items()} for n in range(len(tasks))]
 
 
@@ -124,7 +126,7 @@ def run_campaign(panel: Panel, seeds: Sequence[int], progress: Progress | None =
     campaign = Campaign(panel.infos, panel.missing)
     campaign.spent.engines = dict.fromkeys(panel.members, 0.0)
     start = time.perf_counter()
-    under_way: deque[tuple[list[Specimen], list[Task], dict[str, Future[Any]]]] = deque()
+    under_way: deque[tuple[list[Specimen], list[Task], dict[str, Answers]]] = deque()
     for specimens in _messages(seeds, campaign):
         tasks = [Task(s.case.mechanism, s.case.states) for s in specimens]
         under_way.append((specimens, tasks, panel.submit(tasks)))
@@ -155,7 +157,7 @@ def _judge_message(
     campaign: Campaign,
     specimens: list[Specimen],
     tasks: list[Task],
-    futures: dict[str, Future[Any]],
+    futures: dict[str, Answers],
     progress: Progress | None,
 ) -> None:
     answers = panel.collect(tasks, futures)

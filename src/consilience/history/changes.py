@@ -197,11 +197,11 @@ def _of_answer(key: Key, old: Answer, new: Answer, digits: float, timed: bool, s
     lost = (old.digits, new.digits)
     if old.verdict != new.verdict:
         gain = _ORDER.index(old.verdict) - _ORDER.index(new.verdict)
-        texts = (
+        texts = [
             f"{v} ({digits_text(d)} digits)" if d is not None else v
             for v, d in zip((old.verdict, new.verdict), lost, strict=True)
-        )
-        yield Change("verdict", effect(gain), where, *texts, new.why)
+        ]
+        yield Change("verdict", effect(gain), where, texts[0], texts[1], new.why)
     elif lost[0] is not None and lost[1] is not None and abs(lost[1] - lost[0]) >= digits:
         yield Change("digits", effect(lost[1] - lost[0]), where, digits_text(lost[0]), digits_text(lost[1]))
     if timed and max(old.cpu, new.cpu) >= LEAST_TIME and not 1 / RATIO < (old.cpu + 1e-9) / (new.cpu + 1e-9) < RATIO:

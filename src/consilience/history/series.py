@@ -14,7 +14,7 @@ from consilience.errors import InvalidInput
 from consilience.history.changes import Answer, Change, answers, changes
 from consilience.history.show import Sheet, counted_effects, plain, table_of
 from consilience.report.record import Record, read_record
-from consilience.report.wording import digits_text, seconds
+from consilience.report.wording import counted, digits_text, seconds
 
 MOST_REPORTS = 1_000
 """Reports of a series at most."""
@@ -53,7 +53,9 @@ def series_sheet(series: Sequence[Dated], unread: dict[str, str], digits: float)
     """What a series says: a line for each report and engine, then the changes from each report to the next."""
     steps = [(b[0], changes(a[1], b[1], digits=digits)) for a, b in pairwise(series)]
     rows = [row for name, record in series for row in _rows(name, record)]
-    sentences = [f"{len(series)} reports from {series[0][1].header['written']} to {series[-1][1].header['written']}."]
+    sentences = [
+        f"{counted(len(series), 'report')} from {series[0][1].header['written']} to {series[-1][1].header['written']}."
+    ]
     sentences += [f"{name}: {counted_effects(found)}" for name, found in steps]
     sentences += [f"{name} is left out: {why}" for name, why in unread.items()]
     heads = ("report", "written", "engine", "version", "agree", "answers", "median digits", "CPU time")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 from consilience.case import Case
@@ -21,7 +20,7 @@ from consilience.identities.result import (
 )
 from consilience.identities.subject import Subject
 from consilience.run import EngineInfo, Method, Profile, Question
-from consilience.worker import Request, Worker
+from consilience.worker import Request, Worker, in_parallel
 
 Measure = Callable[[Subject], Iterable[Residual]]
 
@@ -120,19 +119,7 @@ def check_engines(
         return reply.value, reply.reason, found
 
     checks = Checks()
-    workers = [Worker(name, limit) for name in engines]
-    try:
-        with ThreadPoolExecutor(max_workers=max(1, jobs)) as pool:
-            try:
-                results = list(pool.map(work, workers))
-            except BaseException:  # Ctrl-C above all: no engine may go on working for nobody
-                pool.shutdown(wait=False, cancel_futures=True)
-                for worker in workers:
-                    worker.cancel()
-                raise
-    finally:
-        for worker in workers:
-            worker.stop()
+    results = in_parallel(work, [Worker(name, limit) for name in engines], jobs)
     for name, (info, reason, found) in zip(engines, results, strict=True):
         if isinstance(info, EngineInfo):
             checks.engines[name] = info

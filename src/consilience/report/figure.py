@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from html import escape
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -28,7 +29,7 @@ Figure = dict[str, Any]
 
 def compact(values: Sequence[float | None]) -> list[float | None]:
     """Four significant digits; a gap for what a logarithmic axis cannot show, as zero and infinity."""
-    return [float(f"{abs(v):.4g}") if v and np.isfinite(v) else None for v in values]
+    return [float(f"{abs(v):.4g}") if v and isfinite(v) else None for v in values]
 
 
 def grid(times: Sequence[float]) -> Figure:

@@ -26,7 +26,7 @@ from consilience.compare import Verdict
 from consilience.errors import InvalidInput
 from consilience.observe import determinate_reactions
 from consilience.reading import bounded_text
-from consilience.report.recordschema import FORMAT, contradictions, problem_of
+from consilience.report.recordschema import FORMAT, checked, contradictions
 from consilience.run import Profile, Question, Run, TrajectoryAnswer
 from consilience.suite import Results
 
@@ -227,19 +227,15 @@ def read_record(folder: Path) -> Record:
     for number, line in enumerate(bounded_text(path, LARGEST_FILE).removesuffix("\n").split("\n"), start=1):
         where = f"{path}: line {number}"
         try:
-            record = from_json(line.encode(), allow_inf_nan=False)
+            raw = from_json(line.encode(), allow_inf_nan=False)
+            # the version first: of a record of another one, no line need be as ours are
+            if number == 1 and isinstance(raw, dict) and raw.get("format", FORMAT) != FORMAT:
+                raise InvalidInput(str(path), f"its header is not of format {FORMAT}", again)
+            record = checked(raw)
         except ValueError as error:
             raise InvalidInput(where, f"it is not a record of a report ({error})", again) from None
-        # the version first: of a record of another one, no line need be as ours are
-        if number == 1 and isinstance(record, dict) and record.get("format", FORMAT) != FORMAT:
-            raise InvalidInput(str(path), f"its header is not of format {FORMAT}", again)
-        problem = problem_of(record)
-        if not problem and (record["record"] == "header") != (number == 1):
-            problem = "the header comes first, and once"
-        if not problem and found["footer"]:
-            problem = "the footer comes last"
-        if problem:
-            raise InvalidInput(where, f"it is not a record of a report ({problem})", again)
+        if (record["record"] == "header") != (number == 1) or found["footer"]:
+            raise InvalidInput(where, "the header comes first, the footer last, and each once", again)
         found[record["record"]].append(record)
     footer = next(iter(found["footer"]), None)
     counted = {"cases": len(found["case"]), "runs": len(found["run"]), "comparisons": len(found["comparison"])}

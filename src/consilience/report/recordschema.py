@@ -23,16 +23,19 @@ LARGEST_MATRIX = 20_000
 _HUGE = 1.7e308
 
 
-def _values(kind: type[Verdict | Question | Route | Profile | Status]) -> Any:
-    """Strings of an enumeration, as JSON has them."""
-    return Literal[tuple(str(value) for value in kind)]
-
-
 def _moment(text: str) -> str:
     if datetime.fromisoformat(text).tzinfo is None:
         raise ValueError("the time has no zone")
     return text
 
+
+# words of the format: JSON has them as strings, which is what members of these enumerations are
+_WORD = Field(strict=False)
+Asked = Annotated[Question, _WORD]
+Judged = Annotated[Verdict, _WORD]
+Way = Annotated[Route, _WORD]
+Whose = Annotated[Profile, _WORD]
+Ended = Annotated[Status, _WORD]
 
 Short = Annotated[str, Field(max_length=1_000)]
 Text = Annotated[str, Field(max_length=2_000_000)]
@@ -68,7 +71,7 @@ class Header(_Table):
     packages: dict[Short, Short]
     engines: dict[Short, EngineTable]
     missing: dict[Short, Text]
-    questions: list[_values(Question)]  # type: ignore[misc]
+    questions: list[Asked]
 
 
 class CaseLine(_Table):
@@ -94,12 +97,12 @@ class MethodTable(_Table):
     """A method of an engine."""
 
     name: Short
-    route: _values(Route)
+    route: Way
     order: int | None
     substeps: list[Count]
     tolerances: list[Number]
     settings: dict[Short, Any]
-    profile: _values(Profile)
+    profile: Whose
     softness: Number | None
 
 
@@ -125,11 +128,11 @@ class RunLine(_Table):
     record: Literal["run"]
     case: Short
     engine: Short
-    question: _values(Question)
+    question: Asked
     method: MethodTable | None
     level: Count
     step: Number | None
-    status: _values(Status)
+    status: Ended
     answer: dict[str, Any] | None
     reason: Text
     manifest: ManifestTable | None
@@ -180,7 +183,7 @@ class LevelTable(_Table):
     difference: list[Number | None]
     energy: list[Number | None]
     residual: Number | None
-    counters: dict[Short, Number | None]
+    counters: dict[Short, Count | Number | None]
 
 
 class ComparisonLine(_Table):
@@ -189,10 +192,10 @@ class ComparisonLine(_Table):
     record: Literal["comparison"]
     case: Short
     engine: Short
-    question: _values(Question)
+    question: Asked
     method: Short
-    route: _values(Route) | None
-    verdict: _values(Verdict)
+    route: Way | None
+    verdict: Judged
     why: Text
     digits: Number | None
     limit_digits: Number | None
@@ -202,7 +205,7 @@ class ComparisonLine(_Table):
     band: Number | None
     reference_spread: Number | None
     rule: Short
-    profile: _values(Profile)
+    profile: Whose
     horizon: Seconds | None
     softness: SoftnessTable | None
     observables: list[ObservableTable]
@@ -213,9 +216,10 @@ class ComparisonLine(_Table):
 
     @model_validator(mode="after")
     def _one_grid(self) -> ComparisonLine:
-        values = [self.growth] * bool(self.growth)
-        values += [v for level in self.levels for v in (level.difference, level.energy)]
-        if any(len(v) != len(self.times) for v in values):
+        sizes = {len(v) for level in self.levels for v in (level.difference, level.energy)}
+        if self.growth:
+            sizes.add(len(self.growth))
+        if sizes - {len(self.times)}:
             raise ValueError("values over time are not as many as times")
         if (self.levels or self.growth) and not self.times:
             raise ValueError("there are levels and no times")
@@ -238,15 +242,21 @@ _LINE: TypeAdapter[Line] = TypeAdapter(Line)
 Records = Sequence[dict[str, Any]]
 
 
-def problem_of(line: object) -> str:
-    """What is wrong with a line by itself; empty if nothing is."""
+def checked(line: object) -> dict[str, Any]:
+    """Record of a line, its numbers as Python's floats where the format has numbers.
+
+    Raises
+    ------
+    ValueError
+        With the field, and what is wrong with it.
+    """
     try:
-        _LINE.validate_python(line)
+        return _LINE.validate_python(line).model_dump()
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False)[0]
         # the first part of the place is the kind of the record
-        return f"{'.'.join(str(part) for part in first['loc'][1:])}: {first['msg']}".removeprefix(": ")
-    return ""
+        place = ".".join(str(part) for part in first["loc"][1:])
+        raise ValueError(f"{place}: {first['msg']}".removeprefix(": ")) from None
 
 
 def contradictions(header: dict[str, Any], cases: Records, runs: Records, comparisons: Records) -> Iterator[str]:

@@ -11,6 +11,7 @@ from functools import partial
 
 import numpy as np
 from honest_engine import HonestEngine
+from wild_engines import ATTACKS
 
 from consilience.run import Question, Unsupported
 
@@ -93,6 +94,8 @@ DEADLY = {
     "gives_lambda": lambda _: lambda: 0,
     "gives_ragged": lambda answer: replace(answer, force_F=[[1.0], [1.0, 2.0]]),
 }
+for name in ("writes_garbage", "closes_its_pipe", "leaves_a_child", "floods", "wrong_job"):
+    DEADLY[f"honestly_{name}"] = lambda answer, attack=ATTACKS[name]: attack() or answer
 for name, fault in DEADLY.items():
     globals()[name] = partial(FaultyEngine, Question.INSTANT, fault)
 gives_zero_quaternions = partial(

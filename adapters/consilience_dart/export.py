@@ -1,0 +1,88 @@
+"""A skeleton as a script for DART alone: its joints and nodes one by one, and what DART does not have of its own."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import dartpy
+import numpy as np
+
+from consilience.kinematics import RANK_TOLERANCE
+from consilience.mechanism import GROUND, Mechanism, State
+from consilience.native import ELEMENTS, JET, SOLVE, Places, element_data, script
+from consilience.spatial import Array
+from consilience_dart.export_script import CODE, RUN
+from consilience_dart.state import from_state, send
+from consilience_dart.translation import CREATORS, SCREW, Model, build, sprung
+
+
+def _links(model: Model) -> list[list[Any]]:
+    """Name, parent, what makes the joint, pitch, placement, mass, centre of mass, tensor about it of each link."""
+    tree, mechanism, found = model.tree, model.mechanism, []
+    for link in tree.links:
+        pitch = mechanism.joints[link.joint].pitch
+        parent = tree.links[link.parent].name if link.parent >= 0 else ""
+        free = link.elementary == "F"  # a free joint keeps the identity
+        place = [np.zeros(3), np.eye(3)] if free else [link.placement.p, link.placement.R]
+        creator = SCREW if pitch else CREATORS[link.elementary]
+        axis = link.elementary in ("R", "P")
+        found.append([link.name, parent, creator, axis, pitch, *place, link.mass, link.com, link.inertia])
+    return found
+
+
+def _joint_springs(model: Model) -> list[list[Any]]:
+    """Link, stiffness, damping and rest of each joint of DART that has a spring."""
+    found = []
+    for i in sprung(model.mechanism, model.tree):
+        joint, name = model.joints[i], model.tree.links[i].name
+        found.append([name, joint.getSpringStiffness(0), joint.getDampingCoefficient(0), joint.getRestPosition(0)])
+    return found
+
+
+def _places(model: Model) -> Places:
+    index = model.mechanism.body_index
+
+    def point(body: str, p: Array) -> list[Any]:
+        if body == GROUND:
+            return ["", p]
+        link = model.tree.links[model.carriers[index[body]]]
+        return [link.name, link.body_frame.p + link.body_frame.R @ p]
+
+    def turned(body: str, vector: Array) -> Array:
+        return vector if body == GROUND else model.tree.links[model.carriers[index[body]]].body_frame.R @ vector
+
+    def axis(joint: str, coordinate: str) -> list[Any]:
+        place = model.axes[joint, coordinate]
+        owner = next(link.name for link, own in zip(model.tree.links, model.joints, strict=True) if own is place.joint)
+        return [owner, place.sign]
+
+    return Places(point, turned, axis, own_springs=True)
+
+
+def export_model(title: str, mechanism: Mechanism, state: State) -> dict[str, str]:
+    """``run.py``, which builds the skeleton.
+
+    Parameters
+    ----------
+    state : State
+        Where the script starts.
+    """
+    model = build(mechanism)
+    send(model, from_state(model, state))
+    links = model.tree.links
+    frames = {b.name: links[i] for b, i in zip(mechanism.bodies, model.carriers, strict=True)}
+    welds = [[links[i] for i in (weld.original, weld.copy)] for weld in model.tree.welds]
+    constants = {
+        "GRAVITY": mechanism.gravity,
+        "LINKS": _links(model),
+        "JOINT_SPRINGS": _joint_springs(model),
+        "BODIES": {name: [link.name, link.body_frame.p, link.body_frame.R] for name, link in frames.items()},
+        "WELDS": [[[link.name, link.body_frame.p, link.body_frame.R] for link in pair] for pair in welds],
+        "POSITIONS": model.skeleton.getPositions(),
+        "VELOCITIES": model.skeleton.getVelocities(),
+        "TOLERANCE": RANK_TOLERANCE,
+        **element_data(mechanism, _places(model)),
+    }
+    about = f"{title}, for DART {dartpy.__version__} alone."
+    imports = "import json\nimport math\n\nimport dartpy\nimport numpy as np"
+    return {"run.py": script(about, imports, constants, JET, CODE, ELEMENTS, SOLVE, RUN)}

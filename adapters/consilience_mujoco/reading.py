@@ -1,0 +1,238 @@
+"""MJCF files as parts of a case, after MuJoCo's own compiler has read them.
+
+The compiler resolves defaults, includes, and inertia from shapes; what is read is the compiled model, drawn at its
+`qpos0`, where MuJoCo's joints and those of the case are at zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element
+
+import mujoco
+import numpy as np
+
+from consilience.errors import InvalidInput
+from consilience.importing import Law, Motion, Notes, Parts, Piece
+from consilience.mechanism import Frame, Joint, Spring
+from consilience.spatial import Array, rotation_from_quaternion
+
+_OBJ, _OFF = mujoco.mjtObj, mujoco.mjtDisableBit
+_JOINT, _CONNECT, _WELD = (
+    int(kind) for kind in (mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
+)
+_SITE = int(mujoco.mjtWrap.mjWRAP_SITE)
+_LETTERS = {
+    int(mujoco.mjtJoint.mjJNT_HINGE): "R",
+    int(mujoco.mjtJoint.mjJNT_SLIDE): "P",
+    int(mujoco.mjtJoint.mjJNT_BALL): "S",
+    int(mujoco.mjtJoint.mjJNT_FREE): "F",
+}
+
+_LISTS = {
+    "motors and muscles, which a case does not have": (_OBJ.mjOBJ_ACTUATOR, "nu"),
+    "sensors, which a case does not have": (_OBJ.mjOBJ_SENSOR, "nsensor"),
+    "keyframes: the case starts at rest as drawn": (_OBJ.mjOBJ_KEY, "nkey"),
+    "plugins, not read": (_OBJ.mjOBJ_PLUGIN, "nplugin"),
+}
+
+
+def name_of(model: Any, kind: Any, number: int) -> str:
+    """Name of an object, or what it is and its number where it has none."""
+    name = mujoco.mj_id2name(model, kind, number)
+    return name or f"{kind.name.removeprefix('mjOBJ_').lower()}_{number}"
+
+
+class _Model:
+    """A compiled model at `qpos0`, read piece by piece."""
+
+    def __init__(self, path: Path, notes: Notes) -> None:
+        try:
+            self.model: Any = mujoco.MjModel.from_xml_path(str(path))
+        except ValueError as error:
+            raise InvalidInput(str(path), f"MuJoCo refuses it: {error}", "Give a file that MuJoCo loads.") from None
+        self.data: Any = mujoco.MjData(self.model)
+        mujoco.mj_kinematics(self.model, self.data)
+        self.notes = notes
+
+    def off(self, flag: Any) -> bool:
+        return bool(self.model.opt.disableflags & int(flag))
+
+    def body_name(self, body: int) -> str:
+        return "" if body == 0 else name_of(self.model, _OBJ.mjOBJ_BODY, body)
+
+    def joint_name(self, joint: int) -> str:
+        return name_of(self.model, _OBJ.mjOBJ_JOINT, joint)
+
+    def frame(self, body: int) -> Frame:
+        return Frame(self.data.xpos[body], self.data.xmat[body].reshape(3, 3))
+
+    def pieces(self) -> Iterator[Piece]:
+        model = self.model
+        for body in range(1, model.nbody):
+            R = rotation_from_quaternion(model.body_iquat[body])
+            first = model.body_jntadr[body]
+            yield Piece(
+                self.body_name(body),
+                self.body_name(model.body_parentid[body]),
+                self.frame(body),
+                tuple(self.motion(joint) for joint in range(first, first + model.body_jntnum[body])),
+                float(model.body_mass[body]),
+                np.array(model.body_ipos[body]),
+                (R * model.body_inertia[body]) @ R.T,
+            )
+
+    def motion(self, joint: int) -> Motion:
+        model, dof, at = self.model, self.model.jnt_dofadr[joint], self.model.jnt_qposadr[joint]
+        letter = _LETTERS[int(model.jnt_type[joint])]
+        width = {"S": 3, "F": 6}.get(letter, 1)
+        damping = 0.0 if self.off(_OFF.mjDSBL_DAMPER) else float(np.max(model.dof_damping[dof : dof + width]))
+        rest = float(model.qpos_spring[at] - model.qpos0[at]) if width == 1 else 0.0
+        return Motion(
+            self.joint_name(joint),
+            letter,
+            np.array(self.data.xanchor[joint]),
+            np.array(self.data.xaxis[joint]),
+            0.0 if self.off(_OFF.mjDSBL_SPRING) else float(model.jnt_stiffness[joint]),
+            damping,
+            rest,
+        )
+
+    # ---------------------------------------------------------------- equalities
+
+    def _active(self, *types: int) -> Iterator[tuple[str, int]]:
+        model = self.model
+        for row in range(model.neq):
+            if model.eq_type[row] in types and model.eq_active0[row] and not self.off(_OFF.mjDSBL_EQUALITY):
+                yield name_of(model, _OBJ.mjOBJ_EQUALITY, row), row
+
+    def laws(self) -> Iterator[Law]:
+        for name, row in self._active(_JOINT):
+            driver = int(self.model.eq_obj2id[row])
+            if driver < 0:
+                self.notes.refuse("it holds a joint at a constant", name)
+                continue
+            powers = tuple(float(c) for c in self.model.eq_data[row, :5])
+            yield Law(name, self.joint_name(self.model.eq_obj1id[row]), self.joint_name(driver), powers)
+
+    def loops(self) -> Iterator[Joint]:
+        for name, row in self._active(_CONNECT, _WELD):
+            weld = self.model.eq_type[row] == _WELD
+            bodies, F, M = self._ends(row, weld)
+            first, second = (self.body_name(body) for body in bodies)
+            yield Joint(name, "rigid" if weld else "spherical", first, second, F, M)
+
+    def _ends(self, row: int, weld: bool) -> tuple[list[int], Frame, Frame]:
+        """Bodies and frames that an equality holds together; of a ball, with the axes of the drawing."""
+        model, data = self.model, self.model.eq_data[row]
+        ids = [int(model.eq_obj1id[row]), int(model.eq_obj2id[row])]
+        if model.eq_objtype[row] == int(_OBJ.mjOBJ_SITE):
+            bodies = [int(model.site_bodyid[i]) for i in ids]
+            points = [np.array(model.site_pos[i]) for i in ids]
+            turns = [rotation_from_quaternion(model.site_quat[i]) for i in ids]
+        else:
+            bodies = ids
+            points = [data[3:6], data[0:3]] if weld else [data[0:3], data[3:6]]
+            turns = [
+                rotation_from_quaternion(data[6:10] / np.linalg.norm(data[6:10])) if weld else np.eye(3),
+                np.eye(3),
+            ]
+        if not weld:
+            turns = [self.frame(body).R.T for body in bodies]
+        return bodies, Frame(points[0], turns[0]), Frame(points[1], turns[1])
+
+    def springs(self) -> Iterator[Spring]:
+        """Tendons between two sites with a spring or damper."""
+        model = self.model
+        for tendon in range(model.ntendon):
+            name, first = name_of(model, _OBJ.mjOBJ_TENDON, tendon), model.tendon_adr[tendon]
+            stiffness, damping = float(model.tendon_stiffness[tendon]), float(model.tendon_damping[tendon])
+            length, longest = (float(x) for x in model.tendon_lengthspring[tendon])
+            types = list(model.wrap_type[first : first + model.tendon_num[tendon]])
+            if not (stiffness or damping):
+                self.notes.add("tendons, which a case does not have", name)
+            elif types != [_SITE] * 2 or (stiffness and length != longest):
+                self.notes.add(
+                    "spring or damper of a tendon that is no straight line between two points, or slack", name
+                )
+            else:
+                sites = [int(i) for i in model.wrap_objid[first : first + 2]]
+                start, end = (self.body_name(model.site_bodyid[i]) for i in sites)
+                at, to = (np.array(model.site_pos[i]) for i in sites)
+                yield Spring(name, start, end, at, to, stiffness, damping, length)
+
+    # ---------------------------------------------------------------- what is left out
+
+    def note_rest(self) -> None:
+        """Note everything of the model that the case has no place for, and refuse what constrains it."""
+        model, add = self.model, self.notes.add
+        for reason, (kind, count) in _LISTS.items():
+            add(reason, *(name_of(model, kind, i) for i in range(getattr(model, count))))
+        joints = range(model.njnt)
+        dofs = [slice(model.jnt_dofadr[j], model.jnt_dofadr[j] + _WIDTH[int(model.jnt_type[j])]) for j in joints]
+        for reason, marked in {
+            "limits, which a case does not have": model.jnt_limited,
+            "armature: a case has no rotor inertia": [np.any(model.dof_armature[d]) for d in dofs],
+            "Coulomb friction: a case needs the speed that regularises it": [
+                np.any(model.dof_frictionloss[d]) for d in dofs
+            ],
+            "spring or damper with a polynomial, its linear part kept": [
+                np.any(model.jnt_stiffnesspoly[j]) or np.any(model.dof_dampingpoly[dofs[j]]) for j in joints
+            ],
+            "spring that yields, kept as if it did not": model.jnt_springyield,
+        }.items():
+            add(reason, *(self.joint_name(j) for j in joints if marked[j]))
+        add("compensation of gravity", *(self.body_name(b) for b in range(model.nbody) if model.body_gravcomp[b]))
+        add(
+            "bodies moved by the user (mocap), fixed",
+            *(self.body_name(b) for b in range(model.nbody) if model.body_mocapid[b] >= 0),
+        )
+        if model.ngeom:
+            add("shapes and their contacts", "mechanism")
+        if model.opt.density or model.opt.viscosity:
+            add("the medium: drag and lift", "mechanism")
+        known = (_JOINT, _CONNECT, _WELD)
+        for row in range(model.neq):
+            name = name_of(model, _OBJ.mjOBJ_EQUALITY, row)
+            if not model.eq_active0[row] or self.off(_OFF.mjDSBL_EQUALITY):
+                add("equality that is not active", name)
+            elif model.eq_type[row] not in known:
+                self.notes.refuse("an equality of tendons or flexible bodies is no joint of a case", name)
+        if model.nflex:
+            self.notes.refuse(
+                "a case has rigid bodies only", *(name_of(model, _OBJ.mjOBJ_FLEX, i) for i in range(model.nflex))
+            )
+
+
+_WIDTH = {kind: {"S": 3, "F": 6}.get(letter, 1) for kind, letter in _LETTERS.items()}
+
+
+def read_mjcf(root: Element, path: Path, free_base: bool, notes: Notes) -> Parts:
+    """Parts of an MJCF file.
+
+    Parameters
+    ----------
+    root : Element
+        Of its XML; MuJoCo reads the file itself, with what it includes.
+    free_base : bool
+        Not for MJCF, which says itself what floats.
+
+    Raises
+    ------
+    InvalidInput
+        If MuJoCo refuses the file, or a base is asked for.
+    """
+    if free_base:
+        raise InvalidInput(str(path), "an MJCF file says itself what floats", "Leave the option for URDF.")
+    read = _Model(path, notes)
+    gravity: Array = np.zeros(3) if read.off(_OFF.mjDSBL_GRAVITY) else np.array(read.model.opt.gravity)
+    read.note_rest()
+    return Parts(
+        path.stem, gravity, tuple(read.pieces()), tuple(read.laws()), tuple(read.loops()), tuple(read.springs())
+    )
+
+
+READERS = {"mujoco": read_mjcf}
+"""By the root element of the XML: `consilience.importing` finds it."""

@@ -1,0 +1,24 @@
+"""``consilience translate``: the native model of a case, for use with the engine alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from consilience.library import load_case
+from consilience.native.files import native_files, write_native
+
+
+def translate(
+    case: Annotated[str, typer.Argument(help="Name or case file.")],
+    engine: Annotated[str, typer.Option("-e", "--engine", help="Engine whose model to write.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="New folder for the files.")],
+) -> None:
+    """Write the native model of a case, its initial state and its manifest, for use with the engine alone."""
+    files = native_files(load_case(case), engine)
+    write_native(files, output)
+    names = ", ".join(sorted(files))
+    Console().print(f"{output}: {names}; start with {output / 'run.py'}", soft_wrap=True, highlight=False, markup=False)

@@ -1,0 +1,99 @@
+"""Ask engines about one case after the other, each in a worker that lives as long as the test run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from consilience.asking import Effort, ask_case
+from consilience.case import Case
+from consilience.compare import Comparison
+from consilience.errors import ConsilienceError
+from consilience.judge import REFERENCE, judge_case
+from consilience.outputs.digest import CODES
+from consilience.report.wording import RANK
+from consilience.run import EngineInfo, Profile, Question, Run
+from consilience.worker import Request, Worker
+
+
+class EngineMissing(ConsilienceError):
+    """An engine that does not start."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What an engine's answers to a question come to.
+
+    Attributes
+    ----------
+    comparisons : tuple of Comparison
+        Of the methods with matched settings, which alone decide.
+    runs : tuple of Run
+    """
+
+    info: EngineInfo
+    comparisons: tuple[Comparison, ...]
+    runs: tuple[Run, ...]
+
+    @property
+    def worst(self) -> Comparison:
+        """The comparison that decides."""
+        return max(self.comparisons, key=lambda c: (RANK[c.verdict], -(17.0 if c.digits is None else c.digits)))
+
+    @property
+    def fine(self) -> bool:
+        """Whether nothing is wrong with it, as for the exit code of `consilience run`."""
+        return CODES[self.worst.verdict] == 0
+
+
+@dataclass
+class Interview:
+    """Workers by engine, and the runs of the case that is being asked about."""
+
+    effort: Effort
+    limit: float
+    _workers: dict[str, Worker] = field(default_factory=dict)
+    _infos: dict[str, EngineInfo] = field(default_factory=dict)
+    _case: Case | None = None
+    _runs: dict[tuple[str, Question], list[Run]] = field(default_factory=dict)
+
+    def finding(self, case: Case, engine: str, question: Question) -> Finding:
+        """Answers of an engine against the reference; of a motion with what the engine says before it integrates.
+
+        Raises
+        ------
+        EngineMissing
+            If the engine does not start.
+        """
+        if case is not self._case:
+            self._case, self._runs = case, {}  # tests come case by case: the runs of one are kept at a time
+        info = self._info(engine)
+        questions = list(Question) if question is Question.TRAJECTORY else [question]
+        names = dict.fromkeys((REFERENCE, engine))
+        runs = [run for name in names for q in questions for run in self._asked(case, name, q)]
+        found = [c for c in judge_case(case, runs) if (c.engine, c.question) == (engine, question)]
+        matched = tuple(c for c in found if c.profile is Profile.MATCHED)
+        return Finding(info, matched, tuple(self._runs[engine, question]))
+
+    def _asked(self, case: Case, engine: str, question: Question) -> list[Run]:
+        if (engine, question) not in self._runs:
+            worker = self._worker(engine)
+            self._runs[engine, question] = list(ask_case(worker, case, [question], self.effort))
+        return self._runs[engine, question]
+
+    def _info(self, engine: str) -> EngineInfo:
+        if engine not in self._infos:
+            reply = self._worker(engine).ask(Request())
+            if not isinstance(reply.value, EngineInfo):
+                raise EngineMissing(f"engine '{engine}' does not start: {reply.reason}\n{reply.log}".strip())
+            self._infos[engine] = reply.value
+        return self._infos[engine]
+
+    def _worker(self, engine: str) -> Worker:
+        if engine not in self._workers:
+            self._workers[engine] = Worker(engine, self.limit)
+        return self._workers[engine]
+
+    def stop(self) -> None:
+        """End all workers."""
+        for worker in self._workers.values():
+            worker.stop()

@@ -1,0 +1,127 @@
+"""Case files as collectors, and a case, an engine and a question as a test."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import tomllib
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from consilience.case import Case
+from consilience.casefile import load_file
+from consilience.compare import Verdict
+from consilience.errors import ConsilienceError
+from consilience.pytest_plugin.interview import Finding
+from consilience.pytest_plugin.setting import Setting
+from consilience.pytest_plugin.wording import evidence
+from consilience.run import Question
+
+_BODY = re.compile(r"^\s*\[\[body\]\]", re.MULTILINE)
+
+
+class Disagreement(ConsilienceError):
+    """An answer that is not as good as the case asks; what a known difference expects."""
+
+
+class Outdated(ConsilienceError):
+    """A known difference that has become another."""
+
+
+def looks_like_a_case(path: Path) -> bool:
+    """Whether a TOML file has bodies and joints; a spoilt one counts where it has a table of a body."""
+    text = path.read_text(encoding="utf-8", errors="replace")
+    try:
+        return {"body", "joint"} <= set(tomllib.loads(text))
+    except tomllib.TOMLDecodeError:
+        return _BODY.search(text) is not None
+
+
+class CaseFile(pytest.File):
+    """The cases of a file: itself or its variants, each on every engine with every question."""
+
+    def __init__(self, *, setting: Setting, **kwargs: Any) -> None:
+        super().__init__(**kwargs)
+        self.setting = setting
+
+    def collect(self) -> Iterator[CaseTest]:
+        """Tests in the order in which they share runs: case by case, engine by engine."""
+        for case in load_file(self.path):
+            asked = self.setting.case(replace(case, group=self.path.parent.name))
+            for engine in self.setting.engines:
+                for question in Question:
+                    name = f"{case.name}[{engine}-{question}]"
+                    yield CaseTest.from_parent(
+                        self, name=name, case=asked, engine=engine, question=question, setting=self.setting
+                    )
+
+    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
+        """A case file that is wrong is one message."""
+        if isinstance(excinfo.value, ConsilienceError):
+            return str(excinfo.value)
+        return super().repr_failure(excinfo)
+
+
+class CaseTest(pytest.Item):
+    """One question about one case to one engine."""
+
+    def __init__(self, *, case: Case, engine: str, question: Question, setting: Setting, **kwargs: Any) -> None:
+        super().__init__(**kwargs)
+        self.case, self.engine, self.question, self.setting = case, engine, question, setting
+        self.known = setting.known_of(case.name, engine, question)
+        about = {"engine": engine, "question": str(question), "case": case.name, "group": case.group}
+        self.add_marker(pytest.mark.consilience(**about))
+        for tag in case.tags:
+            self.add_marker(pytest.mark.consilience(tag=tag))
+        self.extra_keyword_matches |= {case.group, *case.tags}
+        if self.known is not None:
+            self.add_marker(pytest.mark.xfail(reason=self.known.reason, raises=Disagreement, strict=True))
+
+    def runtest(self) -> None:
+        """Ask, compare, and say what came of it."""
+        found = self.setting.interview.finding(self.case, self.engine, self.question)
+        worst, text = found.worst, evidence(found, self.case, self._again())
+        self.user_properties += [("verdict", str(worst.verdict)), ("version", found.info.version)]
+        if worst.digits is not None:
+            self.user_properties.append(("digits", round(worst.digits, 2)))
+        self._judge(found, text)
+        self.add_report_section("call", "consilience", text)  # a failure has it as its message
+
+    def _judge(self, found: Finding, text: str) -> None:
+        verdict = found.worst.verdict
+        if (
+            self.known is not None
+            and verdict is not self.known.verdict
+            and (not found.fine or verdict is Verdict.UNSUPPORTED)
+        ):
+            what = f"known as '{self.known.verdict}' ({self.known.reason}), it is now '{verdict}'"
+            raise Outdated(f"{what}: correct or remove the entry\n{text}")
+        if verdict is Verdict.UNSUPPORTED:
+            pytest.skip(f"{self.name}: unsupported: {found.worst.why}")
+        if not found.fine:
+            raise Disagreement(text)
+
+    def _again(self) -> tuple[str, str]:
+        """Commands that ask again: for the report, and for this test alone."""
+        path = os.path.relpath(self.path, self.config.invocation_params.dir)
+        quick = ("--quick",) if self.setting.effort == "quick" else ()
+        options = self.setting.options
+        return (
+            shlex.join(("consilience", "run", path, "-e", self.engine, *quick)),
+            shlex.join(("pytest", "--consilience-engine", self.engine, *options, f"{path}::{self.name}")),
+        )
+
+    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
+        """What is wrong with the engine or the input, without our own lines of code."""
+        if isinstance(excinfo.value, ConsilienceError):
+            return str(excinfo.value)
+        return super().repr_failure(excinfo, style)
+
+    def reportinfo(self) -> tuple[Path, int | None, str]:
+        """Where the test stands."""
+        return self.path, None, self.name

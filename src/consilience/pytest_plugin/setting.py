@@ -1,0 +1,94 @@
+"""What the options ask for, checked before anything is collected."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import pytest
+
+from consilience.asking import FULL, QUICK
+from consilience.case import Case
+from consilience.engine import require_installed
+from consilience.errors import InvalidInput
+from consilience.pytest_plugin.interview import Interview
+from consilience.pytest_plugin.known import Known, read_known
+from consilience.run import Question
+
+EFFORTS = {"quick": QUICK, "full": FULL}
+
+
+@dataclass
+class Setting:
+    """The options of a test run.
+
+    Attributes
+    ----------
+    options : tuple of str
+        Those given, for the command that runs a test again.
+    idle : list of Known
+        Known differences of the engines asked that name no collected test.
+    """
+
+    engines: tuple[str, ...]
+    effort: str
+    digits: int | None
+    known: list[Known]
+    interview: Interview
+    options: tuple[str, ...]
+    idle: list[Known] = field(default_factory=list)
+
+    @property
+    def header(self) -> str:
+        """One line for the head of the test run."""
+        digits = "" if self.digits is None else f", {self.digits} digits"
+        known = f", known differences: {len(self.known)}" if self.known else ""
+        return f"consilience: {', '.join(self.engines)}, effort {self.effort}{digits}{known}"
+
+    def case(self, case: Case) -> Case:
+        """What is asked of a case."""
+        case = EFFORTS[self.effort].case(case)
+        return case if self.digits is None else replace(case, digits=self.digits)
+
+    def known_of(self, case: str, engine: str, question: Question) -> Known | None:
+        """The known difference of a test, if there is one."""
+        return next((k for k in self.known if k.names(case, engine, question)), None)
+
+    def note_collected(self, items: Iterable[pytest.Item]) -> None:
+        """Find the known differences that name none of the tests."""
+        named = {id(known) for item in items if (known := getattr(item, "known", None)) is not None}
+        self.idle = [known for known in self.known if known.engine in self.engines and id(known) not in named]
+
+
+def setting_of(config: pytest.Config) -> Setting:
+    """Setting of the options.
+
+    Raises
+    ------
+    pytest.UsageError
+        If an engine is not installed, a file of known differences is wrong, or a number makes no sense.
+    """
+    engines = tuple(dict.fromkeys(config.getoption("consilience_engine")))
+    digits, limit, effort = (config.getoption(f"consilience_{name}") for name in ("digits", "limit", "effort"))
+    if digits is not None and not 1 <= digits <= 15:
+        raise pytest.UsageError(f"--consilience-digits: {digits} is not from 1 to 15")
+    if not limit > 0.0:
+        raise pytest.UsageError(f"--consilience-limit: {limit:g} s is no time limit")
+    given = [config.invocation_params.dir / name for name in config.getoption("consilience_known")]
+    try:
+        for engine in engines:
+            require_installed(engine)
+        known = read_known([*given, *config.getini("consilience_known")])
+    except InvalidInput as error:
+        raise pytest.UsageError(f"consilience: {error}") from None
+    options = _options(engines, effort, digits, given)
+    return Setting(engines, effort, digits, known, Interview(EFFORTS[effort], limit), options)
+
+
+def _options(engines: Sequence[str], effort: str, digits: int | None, given: Sequence[Path]) -> tuple[str, ...]:
+    return (
+        *(() if effort == "full" else ("--consilience-effort", effort)),
+        *(() if digits is None else ("--consilience-digits", str(digits))),
+        *(part for path in given for part in ("--consilience-known", str(path))),
+    )

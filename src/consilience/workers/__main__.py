@@ -1,0 +1,17 @@
+"""``python -m consilience.workers``: a worker, or one job again, in this very process.
+
+``CHANNEL LIFELINE`` are descriptors that the runner passes; a ``FILE`` holds the frames of a job that failed.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+from consilience.workers.serve import replay, serve
+
+if len(sys.argv) == 3:
+    serve(int(sys.argv[1]), int(sys.argv[2]))
+    os._exit(0)  # no destructor of a native library may hang or crash now
+sys.stdout.write(replay(Path(sys.argv[1]).read_bytes()) + "\n")

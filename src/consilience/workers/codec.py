@@ -1,0 +1,246 @@
+"""Values of the package as JSON and arrays, and back: a closed table of types, so that no message can name another.
+
+A class is ``{"@": "Method", field: value, ...}``; a tuple, a dict and an array are ``{"@": "tuple", "items": [...]}``,
+``{"@": "dict", "items": [[key, value], ...]}`` and ``{"@": "array", "n": index}``; everything else is as JSON has it,
+with the numbers ``NaN`` and ``Infinity``. A class is built without its own checks: they normalise, and the mechanism
+that a worker sees must be the runner's to the last bit. What an engine says about itself is checked against the types
+its fields declare; the arrays of its answers are looked at by `consilience.run.defects`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import fields
+from enum import Enum
+from functools import cache
+from types import NoneType, UnionType
+from typing import Any, get_args, get_origin, get_type_hints
+
+import numpy as np
+
+from consilience import contacts, elements, functions
+from consilience.mechanism import Body, Frame, Joint, Mechanism, State
+from consilience.run import (
+    EngineInfo,
+    InstantAnswer,
+    Manifest,
+    Method,
+    ModelAnswer,
+    Profile,
+    Question,
+    Route,
+    TrajectoryAnswer,
+    Unsupported,
+)
+from consilience.spatial import Array
+from consilience.workers.frames import ProtocolError
+from consilience.workers.jobs import Plan, Request, Said, Survey
+
+_MODEL = (
+    *(Mechanism, Body, Frame, Joint, State),
+    *(elements.Spring, elements.JointSpring, elements.Load, elements.Friction, elements.Control),
+    *(elements.Drive, elements.Coupling, elements.Rolling, elements.Skate),
+    *(contacts.SpherePlane, contacts.PointPlane, contacts.SphereSphere),
+    *(functions.Function, functions.Table),
+)
+_ANSWERS = (ModelAnswer, InstantAnswer, TrajectoryAnswer, EngineInfo, Manifest, Method, Unsupported, Plan, Said, Survey)
+CLASSES: dict[str, type] = {cls.__name__: cls for cls in (*_MODEL, *_ANSWERS, Request)}
+ENUMS: dict[str, type[Enum]] = {cls.__name__: cls for cls in (Question, Route, Profile)}
+
+DERIVED: dict[type, tuple[str, ...]] = {functions.Table: ("pieces",)}
+"""What travels with a class beside its fields: the spline of a table, because a worker may have no SciPy."""
+
+CHECKED: dict[type, tuple[str, ...]] = {
+    EngineInfo: ("name", "version", "adapter", "remarks"),
+    Manifest: ("exact", "approximated"),
+    Method: ("name", "route", "order", "substeps", "tolerances", "settings", "profile", "softness"),
+    Unsupported: ("feature", "reason"),
+    Plan: ("unsupported", "methods", "manifest"),
+    Survey: ("said", "unsupported"),
+    Said: ("question", "method", "reason"),
+    TrajectoryAnswer: ("counters",),
+}
+"""Fields whose values must have the declared types before anybody uses them."""
+
+
+_NAMES: dict[type, tuple[str, ...]] = {
+    cls: (*(f.name for f in fields(cls)), *DERIVED.get(cls, ())) for cls in CLASSES.values()
+}
+
+
+# ---------------------------------------------------------------- out
+
+
+def encode(value: object) -> tuple[Any, list[Array]]:
+    """Tree for JSON, and the arrays it refers to.
+
+    Raises
+    ------
+    ProtocolError
+        If there is something in it that cannot be sent.
+    """
+    arrays: list[Array] = []
+    return _written(value, arrays), arrays
+
+
+def _written(value: object, arrays: list[Array]) -> Any:
+    writer = _WRITERS.get(type(value))
+    if writer is not None:
+        return writer(value, arrays)
+    if isinstance(value, bool | int | float | str | np.bool_ | np.integer | np.floating):
+        return _plain(value)
+    if isinstance(value, np.ndarray) or hasattr(value, "__array__"):
+        return _array(np.asarray(value), arrays)
+    if isinstance(value, tuple | list | dict):  # a subclass travels as what it is
+        return _WRITERS[next(kind for kind in (tuple, list, dict) if isinstance(value, kind))](value, arrays)
+    raise ProtocolError(f"the answer cannot be sent: it holds a {type(value).__name__}")
+
+
+def _plain(value: Any) -> Any:
+    for kind in (bool, int, float, str):
+        if isinstance(value, kind):
+            return kind(value)
+    return value.item()
+
+
+def _array(value: Array, arrays: list[Array]) -> Any:
+    if value.dtype.kind not in "biufcUS" or value.dtype.hasobject:
+        raise ProtocolError(f"the answer cannot be sent: it holds an array of {value.dtype}")
+    arrays.append(value)
+    return {"@": "array", "n": len(arrays) - 1}
+
+
+def _object(value: object, arrays: list[Array]) -> Any:
+    cls: type[Any] = type(value)
+    tree = {"@": cls.__name__}
+    for name in _NAMES[cls]:
+        tree[name] = _written(getattr(value, name), arrays)
+    return tree
+
+
+def _said(value: Said, arrays: list[Array]) -> Any:
+    """One answer among many: what cannot be sent fails alone."""
+    kept = len(arrays)
+    try:
+        return _object(value, arrays)
+    except (ProtocolError, RecursionError) as error:
+        del arrays[kept:]
+        return _object(Said(value.question, value.method, None, str(error)), arrays)
+
+
+_WRITERS: dict[type, Callable[[Any, list[Array]], Any]] = {
+    **dict.fromkeys((NoneType, bool, int, float, str), lambda value, _: value),
+    np.ndarray: _array,
+    list: lambda value, arrays: [_written(v, arrays) for v in value],
+    tuple: lambda value, arrays: {"@": "tuple", "items": [_written(v, arrays) for v in value]},
+    dict: lambda value, arrays: {
+        "@": "dict",
+        "items": [[_written(k, arrays), _written(v, arrays)] for k, v in value.items()],
+    },
+    **dict.fromkeys(ENUMS.values(), lambda value, _: {"@": type(value).__name__, "value": value.value}),
+    **dict.fromkeys(CLASSES.values(), _object),
+    Said: _said,
+}
+
+
+# ---------------------------------------------------------------- in
+
+
+def decode(tree: object, arrays: Sequence[Array]) -> Any:
+    """Value of a tree.
+
+    Raises
+    ------
+    ProtocolError
+        If the tree names anything unknown, or a field has not the declared type.
+    """
+    try:
+        return _read(tree, arrays)
+    except RecursionError:
+        raise ProtocolError("the message is nested too deeply") from None
+
+
+def _read(tree: object, arrays: Sequence[Array]) -> Any:
+    if isinstance(tree, list):
+        return [_read(one, arrays) for one in tree]
+    if isinstance(tree, str):
+        return _text(tree)
+    if not isinstance(tree, dict):
+        return tree
+    kind = tree.get("@")
+    if not isinstance(kind, str):
+        raise ProtocolError("an object of the message has no type")
+    if kind in CLASSES:
+        return _instance(CLASSES[kind], tree, arrays)
+    try:
+        if kind in ENUMS:
+            return ENUMS[kind](tree["value"])
+        return _READERS[kind](tree, arrays)
+    except (KeyError, ValueError, TypeError, IndexError, AttributeError) as error:
+        raise ProtocolError(f"a {kind[:40]} of the message cannot be read: {type(error).__name__}: {error}") from None
+
+
+def _text(text: str) -> str:
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        raise ProtocolError("a text of the message is no Unicode") from None
+    return text
+
+
+def _instance(cls: type, tree: dict[str, Any], arrays: Sequence[Array]) -> object:
+    names = _NAMES[cls]
+    if tree.keys() != {"@", *names}:
+        wrong = ", ".join(sorted(str(name)[:40] for name in tree.keys() ^ {"@", *names}))
+        raise ProtocolError(f"a {cls.__name__} of the message has too many or too few fields: {wrong}")
+    value: Any = object.__new__(cls)
+    for name in names:
+        value.__dict__[name] = _read(tree[name], arrays)
+    for name, fits in _declared(cls).items():
+        if not fits(value.__dict__[name]):
+            raise ProtocolError(f"{cls.__name__}.{name} is {_shown(value.__dict__[name])}")
+    if isinstance(value, Method) and not all(0.0 < x < np.inf for x in (*value.substeps, *value.tolerances)):
+        raise ProtocolError(f"Method.substeps and tolerances are not positive: {value.substeps}, {value.tolerances}")
+    return value
+
+
+def _array_of(tree: dict[str, Any], arrays: Sequence[Array]) -> Array:
+    if type(tree["n"]) is not int or tree["n"] < 0:
+        raise ProtocolError("an array of the message has no number")
+    return arrays[tree["n"]]
+
+
+_READERS: dict[str, Callable[[dict[str, Any], Sequence[Array]], Any]] = {
+    "array": _array_of,
+    "tuple": lambda tree, arrays: tuple(_read(one, arrays) for one in tree["items"]),
+    "dict": lambda tree, arrays: {_read(k, arrays): _read(v, arrays) for k, v in tree["items"]},
+}
+
+
+# ---------------------------------------------------------------- declared types
+
+
+@cache
+def _declared(cls: type[Any]) -> dict[str, Callable[[object], bool]]:
+    """By the name of a field that is checked: whether a value has its type."""
+    hints = get_type_hints(cls)
+    return {name: _fitting(hints[name]) for name in CHECKED.get(cls, ())}
+
+
+def _fitting(hint: Any) -> Callable[[object], bool]:
+    """Make the check of a declared type."""
+    origin, inner = get_origin(hint), [_fitting(one) for one in get_args(hint) if one is not Ellipsis]
+    if origin is UnionType:
+        return lambda value: any(fits(value) for fits in inner)
+    if origin is tuple:
+        return lambda value: isinstance(value, tuple) and all(inner[0](one) for one in value)
+    if origin is dict:
+        return lambda value: isinstance(value, dict) and all(inner[0](k) and inner[1](v) for k, v in value.items())
+    if hint in (int, float):  # a truth value is no number, and a whole number is one
+        return lambda value: isinstance(value, int | hint) and not isinstance(value, bool)
+    return lambda value: hint is Any or isinstance(value, hint)
+
+
+def _shown(value: object) -> str:
+    text = repr(value)[:80]
+    return f"{text}, a {type(value).__name__}: not what it declares"

@@ -1,0 +1,137 @@
+"""What a worker can be asked, and how an engine is asked it. The same functions serve an engine in this process."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from consilience.engine import Engine
+from consilience.mechanism import Mechanism, State
+from consilience.run import Manifest, Method, Question, Unsupported
+from consilience.spatial import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Request:
+    """One job of a worker. Without a question: describe yourself and, given a mechanism, plan.
+
+    With several `survey` questions instead of one, say all there is to say to each of them.
+    """
+
+    mechanism: Mechanism | None = None
+    question: Question | None = None
+    method: Method | None = None
+    states: Sequence[State] = ()
+    times: Array | None = None
+    step: float = 0.0
+    survey: tuple[Question, ...] = ()
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What an engine says about a mechanism before it is asked anything."""
+
+    unsupported: dict[Question, tuple[Unsupported, ...]]
+    methods: dict[Question, tuple[Method, ...]]
+    manifest: Manifest
+
+
+@dataclass(frozen=True, eq=False)
+class Said:
+    """What an engine said to one question by one method.
+
+    Attributes
+    ----------
+    question : Question
+    method : Method or None
+        None where the engine could not even be asked.
+    answer : object
+        None if there is none.
+    reason : str
+        Why there is none.
+    """
+
+    question: Question
+    method: Method | None
+    answer: object
+    reason: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Survey:
+    """All an engine said to some questions about one mechanism, and what it cannot represent of each."""
+
+    said: tuple[Said, ...]
+    unsupported: dict[Question, tuple[Unsupported, ...]]
+
+
+def perform(engine: Engine, request: Request) -> object:
+    """Let an engine do a job: an EngineInfo, a Plan, a Survey or an Answer from a sound engine; anything from another.
+
+    Raises
+    ------
+    Exception
+        Whatever the engine raises.
+    """
+    if request.mechanism is None:
+        return engine.info()
+    if request.survey:
+        return _survey(engine, request.mechanism, request.states, request.survey)
+    if request.question is None or request.method is None:
+        return _plan(engine, request.mechanism)
+    return _ask(engine, request.mechanism, request)
+
+
+def _plan(engine: Engine, mechanism: Mechanism) -> Plan:
+    unsupported = {q: engine.unsupported(mechanism, q) for q in Question}
+    can = [q for q in Question if not unsupported[q]]
+    return Plan(
+        unsupported,
+        {q: engine.methods(mechanism, q) for q in can},
+        engine.manifest(mechanism) if can else Manifest(),
+    )
+
+
+def _ask(engine: Engine, mechanism: Mechanism, request: Request) -> object:
+    assert request.method is not None
+    if request.question is Question.MODEL:
+        return engine.model(mechanism, request.states[0], request.method)
+    if request.question is Question.INSTANT:
+        return engine.instant(mechanism, request.states, request.method)
+    assert request.times is not None
+    return engine.trajectory(mechanism, request.states[0], request.times, request.method, request.step)
+
+
+def _survey(engine: Engine, mechanism: Mechanism, states: Sequence[State], questions: Sequence[Question]) -> Survey:
+    """Ask for what this is about alone: a whole plan would have the engine look into trajectories, too."""
+    said, refusals = list[Said](), dict[Question, tuple[Unsupported, ...]]()
+    for question in questions:
+        try:
+            unsupported = engine.unsupported(mechanism, question)
+            methods = () if unsupported else engine.methods(mechanism, question)
+        except Exception as error:  # noqa: BLE001 - whatever an engine raises is evidence about that engine
+            said.append(Said(question, None, None, raised(error)))
+            continue
+        refusals[question] = unsupported
+        if not methods and not unsupported:
+            said.append(Said(question, None, None, "the adapter supports the question and offers no method"))
+        for method in methods:
+            try:
+                answer = _ask(engine, mechanism, Request(mechanism, question, method, states))
+            except Exception as error:  # noqa: BLE001 - whatever an engine raises is evidence about that engine
+                said.append(Said(question, method, None, raised(error)))
+            else:
+                said.append(Said(question, method, answer))
+    return Survey(tuple(said), refusals)
+
+
+_MOST_WORDS = 2000
+
+
+def raised(error: BaseException) -> str:
+    """An exception in words."""
+    try:
+        words = str(error)
+    except Exception as worse:  # noqa: BLE001 - an exception of an adapter whose own message fails
+        words = f"its message cannot be read: {type(worse).__name__}"
+    return f"{type(error).__name__}: {words}"[:_MOST_WORDS]

@@ -1,0 +1,310 @@
+"""The runner's side of one worker process: start it, exchange frames under limits, keep what it prints, end it.
+
+psutil looks at its memory and finds what it leaves behind; the standard library does the rest.
+"""
+
+from __future__ import annotations
+
+import os
+import secrets
+import select
+import signal
+import socket
+import subprocess
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+
+import psutil
+
+from consilience.spatial import Array
+from consilience.workers import frames
+from consilience.workers.frames import Header, ProtocolError
+
+_SLICE = 0.05
+"""Time in s between two looks at the memory of a busy worker, at whether it lives, and at whether anybody waits."""
+
+LOG_LIMIT = 4000
+MOST_OUTPUT = 64 * 2**20
+"""Characters of the output of a job that are kept, and bytes of it beyond which the worker is stopped."""
+
+_CHUNK = 2**18
+_LAST_WORDS = 0.2
+"""Time in s that a hanging worker has to say where it hangs, and a closed one to die."""
+
+_MARK = "CONSILIENCE_WORKER"
+"""Variable of the environment by which everything that a worker started is recognised."""
+
+
+@dataclass(frozen=True)
+class Launch:
+    """How to start a worker: interpreter, folders it imports from, and what the environment is called."""
+
+    python: str
+    path: tuple[str, ...]
+    remarks: str = ""
+
+
+class Fault(Exception):
+    """The worker did not answer as it should; it must be replaced."""
+
+
+class Process:
+    """One worker process.
+
+    Parameters
+    ----------
+    launch : Launch
+    memory : int, bytes
+        Resident memory it may use.
+    """
+
+    def __init__(self, launch: Launch, memory: int) -> None:
+        self._memory = memory
+        self._mark = secrets.token_hex(8)
+        self._wire, theirs = socket.socketpair()
+        lifeline, self._lifeline = os.pipe()
+        self._output, printed = os.pipe()
+        variables = os.environ | {"PYTHONPATH": os.pathsep.join(launch.path), _MARK: self._mark}
+        try:
+            self._process = subprocess.Popen(
+                [launch.python, "-P", "-m", "consilience.workers", str(theirs.fileno()), str(lifeline)],
+                env=variables,
+                stdin=subprocess.DEVNULL,
+                stdout=printed,
+                stderr=printed,
+                pass_fds=(theirs.fileno(), lifeline),
+                start_new_session=True,
+            )
+        except BaseException:
+            self._close()
+            raise
+        finally:
+            theirs.close()
+            os.close(lifeline)
+            os.close(printed)
+        self._seen = psutil.Process(self._process.pid)
+        self._wire.setblocking(False)
+        os.set_blocking(self._output, False)
+        self._poll = select.poll()
+        self._poll.register(self._output, select.POLLIN)
+        self._log, self._printed, self._open = bytearray(), 0, True
+
+    # ------------------------------------------------------------ frames
+
+    def quiet(self) -> bool:
+        """Whether nothing has come that nobody asked for."""
+        try:
+            self._wire.recv(1, socket.MSG_PEEK)
+        except BlockingIOError:
+            return True
+        except OSError:
+            return False
+        return False
+
+    def exchange(self, data: bytes, limit: float, stopped: Callable[[], bool]) -> tuple[Header, list[Array]]:
+        """Send frames and wait for one.
+
+        Parameters
+        ----------
+        data : bytes
+            May be empty.
+        limit : float, s
+        stopped : callable
+            Whether nobody waits for the answer any more.
+
+        Raises
+        ------
+        Fault
+            In words, what happened instead. The process may still live.
+        """
+        deadline = time.monotonic() + limit
+        coming = _Incoming()
+        try:
+            left = self._sent(memoryview(data))  # at once: most jobs fit into the buffer of the socket
+        except ConnectionError:
+            raise self._gone(coming) from None
+        look = time.monotonic() + _SLICE
+        while True:
+            now = time.monotonic()
+            self._poll.register(self._wire, select.POLLIN | (select.POLLOUT if left else 0))
+            ready = dict(self._poll.poll(1000.0 * max(0.0, min(look, deadline) - now)))
+            try:
+                if self._output in ready:
+                    self._listen()
+                if ready.get(self._wire.fileno(), 0) & select.POLLOUT:
+                    left = self._sent(left)
+                if ready.get(self._wire.fileno(), 0) & ~select.POLLOUT and coming.receive(self._wire):
+                    return coming.frame()
+            except ConnectionError:
+                raise self._gone(coming) from None
+            except ProtocolError as error:
+                raise Fault(str(error)) from None
+            now = time.monotonic()
+            if now >= min(look, deadline):
+                self._look(coming, stopped, now >= deadline, limit)
+                look = now + _SLICE
+
+    def _sent(self, data: memoryview) -> memoryview:
+        """Send what the socket takes now; what is left."""
+        with suppress(BlockingIOError):
+            while data:
+                data = data[self._wire.send(data) :]
+        return data
+
+    def _look(self, coming: _Incoming, stopped: Callable[[], bool], late: bool, limit: float) -> None:
+        """See that the worker lives, fits in its memory, and that somebody waits.
+
+        Raises
+        ------
+        Fault
+        """
+        if stopped():
+            raise Fault("stopped before it answered")
+        if self._process.poll() is not None and self.quiet():  # a child may hold the connection open
+            raise self._gone(coming)
+        with suppress(psutil.Error):
+            used = self._seen.memory_info().rss
+            if used > self._memory:
+                raise Fault(f"out of memory: {used / 2**20:.0f} MiB, the limit is {self._memory / 2**20:.0f} MiB")
+        if late:
+            self._ask_where()
+            raise Fault(f"no answer within {limit:g} s; the worker was stopped{coming.part()}")
+
+    def _gone(self, coming: _Incoming) -> Fault:
+        """Why the other end is closed."""
+        with suppress(subprocess.TimeoutExpired):
+            code = self._process.wait(_LAST_WORDS)
+            return Fault(f"the worker died: {_death(code)}{coming.part()}")
+        return Fault(f"the worker closed its connection and lived on{coming.part()}")
+
+    # ------------------------------------------------------------ output
+
+    def _listen(self) -> None:
+        """Read what there is of the output.
+
+        Raises
+        ------
+        Fault
+            If there is no end of it.
+        """
+        while True:
+            try:
+                chunk = os.read(self._output, _CHUNK)
+            except BlockingIOError:
+                return
+            if not chunk:
+                with suppress(KeyError):  # seen before
+                    self._poll.unregister(self._output)
+                return
+            self._printed += len(chunk)
+            self._log = (self._log + chunk)[-4 * LOG_LIMIT :]  # up to four bytes a character
+            if self._printed > MOST_OUTPUT:
+                raise Fault(f"it printed more than {MOST_OUTPUT // 2**20} MiB")
+            if len(chunk) < _CHUNK:
+                return
+
+    def printed(self) -> str:
+        """End of what was printed since the last call."""
+        if self._open:
+            with suppress(Fault, OSError):
+                self._listen()
+        text = self._log.decode(errors="replace")[-LOG_LIMIT:]
+        self._log, self._printed = bytearray(), 0
+        return text
+
+    def _ask_where(self) -> None:
+        """Have a worker that hangs print its Python stack."""
+        with suppress(ProcessLookupError):
+            self._process.send_signal(signal.SIGUSR1)
+        until = time.monotonic() + _LAST_WORDS
+        before = self._printed
+        while time.monotonic() < until and self._printed == before:
+            time.sleep(_LAST_WORDS / 20)
+            with suppress(Fault):
+                self._listen()
+
+    # ------------------------------------------------------------ the end
+
+    def end(self) -> str:
+        """Kill the process and all it started; what it had printed last."""
+        if not self._open:
+            return ""
+        with suppress(ProcessLookupError, PermissionError):
+            os.killpg(self._process.pid, signal.SIGKILL)
+        self._process.kill()
+        self._process.wait()
+        for pid in psutil.pids():
+            # a child that has left the group
+            with suppress(psutil.Error, OSError):
+                other = psutil.Process(pid)
+                if other.environ().get(_MARK) == self._mark:
+                    other.kill()
+        text = self.printed()
+        self._close()
+        return text
+
+    def _close(self) -> None:
+        self._open = False
+        self._wire.close()
+        os.close(self._lifeline)
+        os.close(self._output)
+
+
+class _Incoming:
+    """A frame of which parts have come."""
+
+    def __init__(self) -> None:
+        self._prefix = bytearray()
+        self._sizes: tuple[int, int] | None = None
+        self._rest = bytearray()
+        self._have = 0
+
+    def receive(self, wire: socket.socket) -> bool:
+        """Take what is there; whether the frame is complete.
+
+        Raises
+        ------
+        ConnectionError
+            At the end of the stream.
+        ProtocolError
+            If this is no frame.
+        """
+        with suppress(BlockingIOError):
+            while self._sizes is None:
+                self._prefix += _some(wire.recv(frames.PREFIX.size - len(self._prefix)))
+                if len(self._prefix) == frames.PREFIX.size:
+                    self._sizes = frames.sizes(bytes(self._prefix))
+            while self._have < sum(self._sizes):
+                chunk = _some(wire.recv(min(_CHUNK, sum(self._sizes) - self._have)))
+                self._rest += chunk
+                self._have += len(chunk)
+            return True
+        return False
+
+    def frame(self) -> tuple[Header, list[Array]]:
+        """The complete frame."""
+        assert self._sizes is not None
+        n = self._sizes[0]
+        return frames.unpack(bytes(self._rest[:n]), bytearray(self._rest[n:]))
+
+    def part(self) -> str:
+        """What has come of an unfinished frame, in words."""
+        have = len(self._prefix) + self._have
+        whole = f" of {frames.PREFIX.size + sum(self._sizes)}" if self._sizes else ""
+        return f", after {have}{whole} bytes of an answer" if have else ""
+
+
+def _some(chunk: bytes) -> bytes:
+    if not chunk:
+        raise ConnectionResetError
+    return chunk
+
+
+def _death(exitcode: int) -> str:
+    if exitcode >= 0:
+        return f"exit code {exitcode}"
+    names = {s.value: s.name for s in signal.Signals}
+    why = " (the system kills so when memory runs out)" if exitcode == -signal.SIGKILL else ""
+    return f"signal {names.get(-exitcode, -exitcode)}{why}"

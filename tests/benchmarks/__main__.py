@@ -1,0 +1,54 @@
+"""Run the benchmarks: ``python tests/benchmarks [--short] [--output FILE] [NAME...]``."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import time
+from functools import partial
+from importlib import import_module
+from pathlib import Path
+
+for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ[_variable] = "1"  # read when the libraries are imported
+
+BENCHMARKS = ("accuracy", "limit", "evaluation", "growth", "trajectories", "processes", "overhead")
+"""Modules of this folder, each with ``run(short)``, which yields tables; or one of `scripts.SCRIPTS`."""
+
+FOLDER = Path(__file__).parent
+sys.path.append(str(FOLDER.parent))  # the oracles
+
+
+def main() -> int:
+    """Run what is asked for, print each table as it is done, and write the page."""
+    known = [name for name in BENCHMARKS if (FOLDER / f"{name}.py").exists()]
+    parser = argparse.ArgumentParser(prog="python tests/benchmarks", description=__doc__)
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"one of {', '.join(known)}; default: all")
+    parser.add_argument("--short", action="store_true", help="few cases and rounds: to see that it works")
+    parser.add_argument("--output", type=Path, help="Markdown file; default: docs/benchmarks.md for the whole long set")
+    chosen = parser.parse_args()
+    for name in chosen.names:
+        if name not in known:
+            parser.error(f"no benchmark '{name}': there are {', '.join(known)}")
+    from scripts import SCRIPTS, run
+    from tables import page
+
+    output = chosen.output
+    if output is None and not chosen.names and not chosen.short:
+        output = FOLDER.parents[1] / "docs" / "benchmarks.md"
+    tables = []
+    for name in chosen.names or known:
+        start = time.perf_counter()
+        tables_of = partial(run, name) if name in SCRIPTS else import_module(name).run
+        for table in tables_of(chosen.short):
+            print(table.markdown(), flush=True)
+            tables.append(table)
+        print(f"{name}: {time.perf_counter() - start:.0f} s", file=sys.stderr, flush=True)
+        if output is not None:  # after each, so that an interrupted run leaves what it has
+            output.write_text(page(tables, chosen.short), encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

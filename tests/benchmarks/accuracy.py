@@ -1,0 +1,163 @@
+"""Time for 5 s of motion to an accuracy: the reference against the fastest way of any engine that gets there."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+import route_dart
+import route_exudyn
+import route_mujoco
+import route_pinocchio
+from routes import TIMES, TOLERANCES, Found, Route, setup, sweep
+from tables import Table
+from timing import ROUNDS, Sample, race, ratio, seconds
+
+from consilience.case import Case
+from consilience.errors import ConsilienceError
+from consilience.library import load_case, shipped_cases
+from consilience.reference import simulate
+from consilience.spatial import Array
+from consilience.tree import lower
+
+TARGETS = (1e-6, 1e-9)
+"""Largest error of the position of any body at any sample in m."""
+
+LARGEST = 10
+"""Bodies of a case at most."""
+
+TRUTHS = (("relative", 1e-13), ("null_space", 1e-13))
+CLOSE = 0.1
+"""The two truths agree to this fraction of the finest target, or the case is left out: it is too sensitive."""
+
+FORMULATIONS = ("relative",)
+"""Formulations of the reference that run; the faster one counts."""
+
+ENGINES = {
+    "MuJoCo": route_mujoco.routes,
+    "Exudyn": route_exudyn.routes,
+    "Pinocchio": route_pinocchio.routes,
+    "DART": route_dart.routes,
+}
+
+PATIENCE, AT_LEAST, AT_MOST = 4.0, 0.1, 5.0
+"""A route is given up where one run takes so many times the best so far, but within these bounds in s."""
+
+SHORT = ("double_pendulum", "four_bar")
+BARS = {"loop": 10.0, "tree": 3.0}
+
+
+@dataclass
+class Outcome:
+    """What was found for a case."""
+
+    case: Case
+    kind: str
+    best: dict[float, dict[str, Found]] = field(default_factory=dict)
+    samples: dict[float, dict[str, Sample]] = field(default_factory=dict)
+
+
+def _chosen(short: bool) -> Iterator[Case]:
+    for case in [load_case(name) for name in SHORT] if short else shipped_cases():
+        if len(case.mechanism.bodies) <= LARGEST and not case.mechanism.contacts and not case.mechanism.controls:
+            yield case
+
+
+def _truth(case: Case) -> Array | None:
+    """Positions at `TIMES`, or None where two formulations do not agree on them closely enough."""
+    try:
+        one, two = (simulate(case.mechanism, case.initial_state, TIMES, tol, form).p_WB for form, tol in TRUTHS)
+    except ConsilienceError:
+        return None
+    return one if np.max(np.abs(one - two)) < CLOSE * min(TARGETS) else None
+
+
+def _reference(case: Case) -> Iterator[Route]:
+    for formulation in FORMULATIONS:
+
+        def run(tolerance: float, formulation: str = formulation) -> Array:
+            return simulate(case.mechanism, case.initial_state, TIMES, tolerance, formulation).p_WB
+
+        yield Route("reference", formulation, False, TOLERANCES, run, lambda motion: motion)
+
+
+def _faster(found: Found, best: dict[str, Found], group: str) -> None:
+    if group not in best or found.cpu < best[group].cpu:
+        best[group] = found
+
+
+def _study(case: Case) -> Outcome | None:
+    truth = _truth(case)
+    if truth is None:
+        return None
+    outcome = Outcome(case, "loop" if lower(case.mechanism).welds else "tree", {target: {} for target in TARGETS})
+    for route in _reference(case):
+        for target, found in sweep(route, truth, TARGETS, lambda _: np.inf):
+            _faster(found, outcome.best[target], "reference")
+    for make in ENGINES.values():
+        for route in make(case):
+
+            def worth(target: float) -> float:
+                known = [f.cpu for name, f in outcome.best[target].items() if name != "reference"]
+                return min(max(AT_LEAST, PATIENCE * min(known, default=np.inf)), AT_MOST)
+
+            for target, found in sweep(route, truth, TARGETS, worth):
+                _faster(found, outcome.best[target], "any")
+                if route.native:
+                    _faster(found, outcome.best[target], "native")
+    return outcome
+
+
+def _row(outcome: Outcome, target: float, group: str) -> list[str]:
+    best, case = outcome.best[target], outcome.case
+    start = [case.name, outcome.kind, str(len(case.mechanism.bodies))]
+    if "reference" not in best:
+        return [*start, "not reached", "", "", "", "", ""]
+    samples = outcome.samples[target]
+    own, before = (seconds(samples[name].median) for name in ("reference", "translation"))
+    start += [own, before, best["reference"].label.partition(", ")[2]]
+    if group not in best:
+        return [*start, f"no engine within {AT_MOST:g} s a run", "", ""]
+    times = ratio(samples[group], samples["reference"])
+    return [*start, seconds(samples[group].median), best[group].label, str(times)]
+
+
+def run(short: bool) -> Iterator[Table]:
+    """One table for each accuracy."""
+    columns = ("case", "kind", "bodies", "reference", "of it translation", "how", "engine", "how", "engine / reference")
+    abouts = {
+        (
+            1e-9,
+            "any",
+        ): "Bars: 10 on every loop, 3 on every tree. The fastest way of any engine: its own integrator, raw or "
+        "extrapolated over steps, or DOP853 on its accelerations. Its model is built before the clock starts; the "
+        "time of the reference is that of the whole call of `simulate`, translation included.",
+        (1e-6, "native"): "Bar: 1. The fastest integrator of any engine, raw or extrapolated over steps.",
+    }
+    tables = {
+        key: Table(f"5 s of motion to {key[0]:.0e} m, {what}", about, columns)
+        for (key, about), what in zip(
+            abouts.items(), ("any way of any engine", "engines' own integrators"), strict=True
+        )
+    }
+    left_out = []
+    for case in _chosen(short):
+        start = time.perf_counter()
+        outcome = _study(case)
+        if outcome is None:
+            left_out.append(case.name)
+            continue
+        for (target, group), table in tables.items():
+            wanted = {name: found for name, found in outcome.best[target].items() if name in ("reference", group)}
+            if "reference" in wanted:
+                translation = setup(case, wanted["reference"].route.name)
+                outcome.samples[target] = race({**wanted, "translation": translation}, 5 if short else ROUNDS)
+            table.rows.append(_row(outcome, target, group))
+            print("   ", " | ".join(table.rows[-1]), flush=True)
+        print(f"    {case.name}: {time.perf_counter() - start:.1f} s", flush=True)
+    for table in tables.values():
+        if left_out:
+            table.about += f" Left out, too sensitive for this accuracy over 5 s: {', '.join(left_out)}."
+        yield table

@@ -1,0 +1,77 @@
+"""What it costs to have an engine in a process of its own: small jobs there and here, in turns.
+
+    python tests/benchmarks/isolation.py [ENGINE]...
+
+Cost is the time that a job takes less the CPU time that the engine needs for it in its worker. Its last column is all
+CPU time of both processes less that of the engine: it depends least on who else uses the machine.
+"""
+
+import statistics
+import sys
+import time
+
+import psutil
+
+from consilience.engine import load_engine
+from consilience.library import load_case
+from consilience.run import Question
+from consilience.worker import Request, Worker
+from consilience.workers.jobs import perform
+
+ROUNDS, WARM = 300, 20
+CASES = ("double_pendulum", "four_bar")
+
+
+def requests_of(engine, case):
+    """Small jobs: what it is, its mass, its accelerations at one state."""
+    mechanism, states = case.mechanism, case.states[:1]
+    yield "info", Request()
+    for question in (Question.MODEL, Question.INSTANT):
+        if not engine.unsupported(mechanism, question):
+            yield str(question), Request(mechanism, question, engine.methods(mechanism, question)[0], states)
+
+
+def spent(action, request):
+    start = time.perf_counter()
+    found = action(request)
+    return 1e3 * (time.perf_counter() - start), found
+
+
+def cpu_of(process):
+    times = process.cpu_times()
+    return 1e3 * (times.user + times.system)
+
+
+def measured(here, worker, request):
+    """Medians of the time here, of that in the worker, and of the cost; least cost; CPU time of the cost. All in ms."""
+    near, far, own = [], [], []
+    for _ in range(WARM):
+        worker.ask(request)
+    (there,) = psutil.Process().children()
+    before, spent_here = cpu_of(there), 0.0
+    for _ in range(ROUNDS):
+        near.append(spent(lambda r: perform(here, r), request)[0])
+        start = time.process_time()
+        time_there, reply = spent(worker.ask, request)
+        spent_here += 1e3 * (time.process_time() - start)
+        far.append(time_there)
+        own.append(1e3 * reply.cpu)
+    cost = [f - o for f, o in zip(far, own, strict=True)]
+    cpu = (spent_here + cpu_of(there) - before - sum(own)) / ROUNDS
+    return statistics.median(near), statistics.median(far), statistics.median(cost), min(cost), cpu
+
+
+def main(engines):
+    print("| engine | case | job | here, ms | in a worker, ms | cost, ms | least cost, ms | cost, CPU time, ms |")
+    print("|---|---|---|---:|---:|---:|---:|---:|")
+    for name in engines:
+        here = load_engine(name)
+        with Worker(name, 600.0) as worker:
+            for case in map(load_case, CASES):
+                for job, request in requests_of(here, case):
+                    cells = " | ".join(f"{cell:.3f}" for cell in measured(here, worker, request))
+                    print(f"| {name} | {case.name} | {job} | {cells} |", flush=True)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:] or ["mujoco", "pinocchio", "dart"])

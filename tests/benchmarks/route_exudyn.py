@@ -1,0 +1,98 @@
+"""Exudyn: kinematic trees by its explicit methods, rigid bodies with constraints by its implicit ones, extrapolated."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from routes import STEPS, TIMES, TOLERANCES, Route, extrapolated
+
+from consilience.case import Case
+from consilience.run import Question
+from consilience.spatial import Array
+from consilience_exudyn.engine import ExudynEngine
+from consilience_exudyn.kinematic_tree import build_tree, is_one_axis_tree, set_initial
+from consilience_exudyn.library import SETTINGS, exu, simulation_settings
+from consilience_exudyn.maximal import build
+from consilience_exudyn.redundancy import independent_axes
+from consilience_exudyn.trajectory import Integration, solve, stored
+
+EXPLICIT = {"RK44": (4,), "RK67": (6,)}
+IMPLICIT = {"TrapezoidalIndex2": (2, 4, 6), "GeneralizedAlpha": (2, 3, 4)}
+"""Orders of the error that extrapolation takes out one by one; the trapezoidal rule is symmetric."""
+
+COUNTS = {1: (1, 2), 2: (1, 2, 4), 3: (1, 2, 3, 4)}
+LARGEST_STEPS = 10
+"""Steps in a second at least, of Exudyn's step size control."""
+
+CRAWLS = 1e-12
+"""Below this tolerance Exudyn's control goes on at its smallest step without end."""
+
+INTERVAL = float(TIMES[1] - TIMES[0])
+
+
+def _fixed(system: Any, sensors: list[Any], integration: Integration) -> Route:
+    """One run over all samples, positions read from its sensors at the end."""
+
+    def run(per_second: float) -> Array:
+        solve(system, integration, TIMES, INTERVAL / round(per_second * INTERVAL))
+        return np.stack([stored(system, sensor, TIMES)[:, :3] for sensor in sensors], axis=1)
+
+    return Route("Exudyn", integration.solver, True, STEPS, run, lambda motion: motion)
+
+
+def _adaptive(case: Case, model: Any) -> Route:
+    """DOPRI5 with Exudyn's control of the step, from sample to sample."""
+    system, data = model.system, model.system.systemData
+    initial, current = exu.ConfigurationType.Initial, exu.ConfigurationType.Current
+    sensors = [four[0] for four in model.sensors]
+
+    def run(tolerance: float) -> Array:
+        set_initial(model, case.initial_state)
+        settings = simulation_settings(SETTINGS)
+        settings.solution.sensors.active = False
+        scheme = settings.timeIntegration
+        scheme.relativeTolerance = scheme.absoluteTolerance = tolerance
+        scheme.numberOfSteps = round(LARGEST_STEPS * INTERVAL)
+        motion = [case.initial_state.p_WB]
+        for start, end in pairwise(TIMES):
+            scheme.startTime, scheme.endTime = float(start), float(end)
+            if not system.SolveDynamic(settings, solverType=exu.DynamicSolverType.DOPRI5):
+                raise RuntimeError(f"DOPRI5 stopped before {end} s")
+            data.SetODE2Coordinates(data.GetODE2Coordinates(configuration=current), configuration=initial)
+            data.SetODE2Coordinates_t(data.GetODE2Coordinates_t(configuration=current), configuration=initial)
+            motion.append(np.array([system.GetSensorValues(sensor, configuration=current) for sensor in sensors]))
+        set_initial(model, case.initial_state)
+        return np.array(motion)
+
+    levels = [tolerance for tolerance in TOLERANCES if tolerance >= CRAWLS]
+    return Route("Exudyn", "DOPRI5", True, levels, run, lambda motion: motion)
+
+
+def _tree(case: Case) -> Iterator[Route]:
+    model = build_tree(case.mechanism, case.initial_state, ("Position",))
+    for solver, orders in EXPLICIT.items():
+        plain = _fixed(model.system, [four[0] for four in model.sensors], Integration(solver, SETTINGS))
+        yield plain
+        yield extrapolated(plain, COUNTS[1], orders)
+    yield _adaptive(case, model)
+
+
+def _maximal(case: Case) -> Iterator[Route]:
+    model = build(case.mechanism, case.initial_state, independent_axes(case.mechanism))
+    for solver, orders in IMPLICIT.items():
+        plain = _fixed(model.system, [three[0] for three in model.sensors], Integration(solver, SETTINGS))
+        yield plain
+        for n, counts in COUNTS.items():
+            yield extrapolated(plain, counts, orders[:n])
+
+
+def routes(case: Case) -> Iterator[Route]:
+    """Routes for a case."""
+    if ExudynEngine().unsupported(case.mechanism, Question.TRAJECTORY) or case.mechanism.controls:
+        return
+    if is_one_axis_tree(case.mechanism):
+        yield from _tree(case)
+    yield from _maximal(case)

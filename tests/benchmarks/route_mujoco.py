@@ -1,0 +1,122 @@
+"""MuJoCo: its RK4 in bulk, raw and extrapolated, and its accelerations under DOP853."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import mujoco
+import numpy as np
+from routes import STEPS, TIMES, TOLERANCES, Route, dop853, extrapolated
+
+from consilience.case import Case
+from consilience.run import Question
+from consilience.spatial import Array
+from consilience_mujoco.callback import answering
+from consilience_mujoco.engine import MujocoEngine
+from consilience_mujoco.evaluate import constraint_rank
+from consilience_mujoco.messages import warnings_raise
+from consilience_mujoco.methods import configured
+from consilience_mujoco.states import set_state
+from consilience_mujoco.translate import Translation, translate
+
+INTERVAL = float(TIMES[1] - TIMES[0])
+
+
+def _quaternions(model) -> list[tuple[int, int]]:
+    """Places in qpos and qvel of each quaternion and the angular velocity that belongs to it, in axes of the body."""
+    first = {mujoco.mjtJoint.mjJNT_BALL: 0, mujoco.mjtJoint.mjJNT_FREE: 3}
+    return [
+        (int(model.jnt_qposadr[j]) + first[kind], int(model.jnt_dofadr[j]) + first[kind])
+        for j, kind in enumerate(model.jnt_type)
+        if kind in first
+    ]
+
+
+class Motion:
+    """A compiled model at the start of a case.
+
+    Parameters
+    ----------
+    cut : bool
+        Cut dependent constraint rows to their rank, by a callback in Python at every stage, as the adapter does. Planar
+        loops get by without: there the dependent rows are empty.
+    """
+
+    def __init__(self, case: Case, translation: Translation, cut: bool) -> None:
+        self.translation, self.rank = translation, None
+        model, data = translation.model, translation.data
+        set_state(translation, case.initial_state)
+        self.q, self.v = data.qpos.copy(), data.qvel.copy()
+        if model.neq and cut:
+            with warnings_raise(), answering(translation):
+                mujoco.mj_forward(model, data)
+            rank, rows = constraint_rank(translation)
+            self.rank = rank if rank < rows else None
+
+    def steps(self, per_second: float) -> Array:
+        """MuJoCo's integrator, as many steps as a sample interval has in one call."""
+        model, data = self.translation.model, self.translation.data
+        count = round(per_second * INTERVAL)
+        model.opt.timestep = INTERVAL / count
+        mujoco.mj_resetData(model, data)
+        data.qpos[:], data.qvel[:] = self.q, self.v
+        motion = [self.q]
+        with warnings_raise(), answering(self.translation, self.rank):
+            for t in TIMES[:-1]:
+                data.time = t
+                mujoco.mj_step(model, data, count)
+                motion.append(data.qpos.copy())
+        return np.array(motion)
+
+    def high_order(self, tolerance: float) -> Array:
+        """The accelerations of `mj_forward` under DOP853."""
+        model, data = self.translation.model, self.translation.data
+        nq, turning = model.nq, _quaternions(model)
+        plain = np.array([k for k in range(nq) if not any(q <= k < q + 4 for q, _ in turning)], dtype=int)
+        rates = np.array([k for k in range(model.nv) if not any(v <= k < v + 3 for _, v in turning)], dtype=int)
+        rate, quat, qpos, qvel, qacc = np.empty(nq + model.nv), np.empty(4), data.qpos, data.qvel, data.qacc
+        forward = mujoco.mj_forward
+
+        def derivative(t: float, y: Array) -> Array:
+            data.time = t
+            qpos[:], qvel[:] = y[:nq], y[nq:]
+            forward(model, data)
+            rate[plain], rate[nq:] = qvel[rates], qacc
+            for q, v in turning:
+                mujoco.mju_derivQuat(quat, qpos[q : q + 4], qvel[v : v + 3])
+                rate[q : q + 4] = quat
+            return rate
+
+        mujoco.mj_resetData(model, data)
+        with warnings_raise(), answering(self.translation, self.rank):
+            return dop853(derivative, np.concatenate([self.q, self.v]), tolerance)[:, :nq]
+
+    def positions(self, motion: Array) -> Array:
+        """Origins of the bodies."""
+        t, found = self.translation, []
+        for q in motion:
+            t.data.qpos[:] = q
+            mujoco.mj_kinematics(t.model, t.data)
+            found.append(t.data.site_xpos[t.body_site].copy())
+        return np.array(found)
+
+
+def routes(case: Case) -> Iterator[Route]:
+    """Routes for a case."""
+    engine = MujocoEngine()
+    if engine.unsupported(case.mechanism, Question.TRAJECTORY) or case.mechanism.controls:
+        return
+    method = engine.methods(case.mechanism, Question.TRAJECTORY)[0]
+    translation = configured(translate(case.mechanism), method)
+    motions = [Motion(case, translation, cut=False)]
+    cut = Motion(case, translation, cut=True)
+    if cut.rank is not None:
+        motions.append(cut)
+    for motion in motions:
+        how = "" if motion.rank is None else ", rows cut"
+        rk4 = Route("MuJoCo", f"RK4{how}", True, STEPS, motion.steps, motion.positions)
+        yield rk4
+        yield extrapolated(rk4, (1, 2), (4,))
+        yield extrapolated(rk4, (2, 3, 4), (4, 5))
+        yield extrapolated(rk4, (2, 3, 4, 6), (4, 5, 6))
+        yield Route("MuJoCo", f"mj_forward{how} + DOP853", False, TOLERANCES, motion.high_order, motion.positions)

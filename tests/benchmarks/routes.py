@@ -1,0 +1,141 @@
+"""Ways in which an engine reaches an accuracy: a run at a level, its positions, levels from coarse to fine."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.integrate import ode
+
+from consilience.case import Case
+from consilience.errors import ConsilienceError
+from consilience.reference import simulate
+from consilience.spatial import Array
+
+TIMES = np.linspace(0.0, 5.0, 6)
+"""Samples of a motion in s. Few, so that taking them costs no one anything."""
+
+TOLERANCES = tuple(10.0 ** (-k / 2.0) for k in range(8, 27))
+"""1e-4 to 1e-13 in half decades."""
+
+STEPS = tuple(round(125 * 2.0 ** (k / 2.0)) for k in range(21))
+"""Steps in a second, 125 to 128000, in factors of the square root of two."""
+
+FAILURES = (ConsilienceError, RuntimeError, ValueError, ArithmeticError, np.linalg.LinAlgError)
+"""What an engine raises where a level is too coarse for it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Route:
+    """A way to a motion.
+
+    Attributes
+    ----------
+    engine, name : str
+    native : bool
+        Whether the engine's own integrator does all of it.
+    levels : sequence of float
+        Tolerances, or steps in a second, from coarse to fine.
+    run : callable
+        ``run(level)``: what is timed.
+    positions : callable
+        Of what `run` returned: p_WB at `TIMES`, shape (n_t, n_b, 3). Not timed.
+    """
+
+    engine: str
+    name: str
+    native: bool
+    levels: Sequence[float]
+    run: Callable[[float], Any]
+    positions: Callable[[Any], Array]
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """The coarsest level of a route that reaches an accuracy, and the CPU time of one run in s."""
+
+    route: Route
+    level: float
+    cpu: float
+
+    def __call__(self) -> Any:
+        return self.route.run(self.level)
+
+    @property
+    def label(self) -> str:
+        return f"{self.route.engine}, {self.route.name}, {self.level:.3g}"
+
+
+def setup(case: Case, formulation: str) -> Callable[[], object]:
+    """A call of the reference over next to no time: what it spends before and after it integrates."""
+    times = TIMES[0] + np.array([0.0, 1e-9])
+    return lambda: simulate(case.mechanism, case.initial_state, times, 1e-6, formulation)
+
+
+def weights(counts: Sequence[int], orders: Sequence[int]) -> Array:
+    """Weights that take terms ``h^p`` of the given orders out of results with so many steps (Richardson)."""
+    system = np.vstack([np.ones(len(counts)), *(np.array(counts, dtype=float) ** -p for p in orders)])
+    return np.linalg.solve(system, np.eye(len(counts))[0])
+
+
+def extrapolated(route: Route, counts: Sequence[int], orders: Sequence[int]) -> Route:
+    """Richardson extrapolation of a route over steps: `counts` times the level, one order less each."""
+    factors = weights(counts, orders)
+
+    def run(level: float) -> list[Any]:
+        return [route.run(round(level) * count) for count in counts]  # step sizes in exact proportion
+
+    def positions(raw: list[Any]) -> Array:
+        return np.tensordot(factors, np.array([route.positions(one) for one in raw]), 1)
+
+    coarse = [level / 4.0 for level in STEPS[:5:2]]
+    name = f"{route.name}, extrapolated over {counts}"
+    return Route(route.engine, name, route.native, [*coarse, *route.levels], run, positions)
+
+
+def dop853(derivative: Callable[[float, Array], Array], y: Array, tolerance: float) -> Array:
+    """Integrate by the compiled DOP853 of SciPy; y at `TIMES`.
+
+    Raises
+    ------
+    RuntimeError
+        If it gives up.
+    """
+    solver = ode(derivative).set_integrator("dop853", rtol=tolerance, atol=tolerance, nsteps=1_000_000)
+    solver.set_initial_value(y, TIMES[0])
+    motion = [y]
+    for t in TIMES[1:]:
+        motion.append(solver.integrate(t))
+        if not solver.successful():
+            raise RuntimeError(f"dop853 gave up at {solver.t} s")
+    return np.array(motion)
+
+
+def sweep(
+    route: Route, truth: Array, targets: Sequence[float], worth: Callable[[float], float]
+) -> Iterator[tuple[float, Found]]:
+    """For each accuracy, from coarse to fine, the coarsest level that reaches it.
+
+    Parameters
+    ----------
+    worth : callable
+        Of an accuracy: CPU time in s beyond which a run is of no interest any more.
+    """
+    left = sorted(targets, reverse=True)
+    for level in route.levels:
+        start = time.process_time()
+        try:
+            raw = route.run(level)
+            cpu = time.process_time() - start
+            error = float(np.max(np.abs(route.positions(raw) - truth)))
+        except FAILURES:
+            cpu, error = time.process_time() - start, np.inf
+        while left and error <= left[0]:
+            yield left.pop(0), Found(route, level, cpu)
+        while left and cpu > worth(left[0]):
+            left.pop(0)
+        if not left:
+            return

@@ -1,0 +1,250 @@
+"""Frames and values: what is sent is what arrives, to the last bit, and nothing else can arrive."""
+
+import json
+from dataclasses import fields, is_dataclass, replace
+from enum import Enum
+
+import numpy as np
+import pytest
+
+from consilience.functions import through
+from consilience.mechanism import Drive, Mechanism
+from consilience.reference.engine import ReferenceEngine
+from consilience.run import EngineInfo, Manifest, Method, ModelAnswer, Question, Route, TrajectoryAnswer, Unsupported
+from consilience.workers import codec, frames
+from consilience.workers.frames import PREFIX, ProtocolError, pack, sizes, unpack
+from consilience.workers.jobs import Plan, Request, Said, Survey
+from mechanisms import ELEMENTS, LOOPS, TREES, chain, states_of
+
+MECHANISMS = TREES | LOOPS | ELEMENTS
+
+
+def sent(value):
+    """The value after its way over the wire."""
+    tree, arrays = codec.encode(value)
+    data = pack({"value": tree}, arrays)
+    header, body = sizes(data[: PREFIX.size])
+    assert len(data) == PREFIX.size + header + body
+    text, rest = data[PREFIX.size : PREFIX.size + header], bytearray(data[PREFIX.size + header :])
+    found, arrived = unpack(text, rest)
+    return codec.decode(found["value"], arrived)
+
+
+def same(a, b):
+    """Whether two values are of one type and equal to the last bit."""
+    if type(a) is not type(b):
+        return False
+    if isinstance(a, np.ndarray):
+        return a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
+    if isinstance(a, list | tuple):
+        return len(a) == len(b) and all(map(same, a, b))
+    if isinstance(a, dict):
+        return list(a) == list(b) and all(same(a[k], b[k]) for k in a)
+    if is_dataclass(a):
+        return all(same(getattr(a, f.name), getattr(b, f.name)) for f in fields(a))
+    return a == b or repr(a) == repr(b) == "nan"
+
+
+@pytest.mark.parametrize("name", MECHANISMS)
+def test_a_mechanism_and_its_states_arrive_to_the_last_bit(name):
+    mechanism = MECHANISMS[name]
+    arrived = sent(mechanism)
+    assert isinstance(arrived, Mechanism)
+    assert same(arrived, mechanism)
+    states = states_of(mechanism, 2)
+    assert same(sent(states), states)
+
+
+def test_a_curve_arrives_with_its_spline():
+    law = through(np.linspace(0.0, 2.0, 8), np.cos(np.linspace(0.0, 2.0, 8)))
+    mechanism = replace(chain("revolute", seed=1), drives=(Drive("d", "j0", "angle", law),))
+    arrived = sent(mechanism).drives[0].motion
+    assert "pieces" in vars(arrived.table)
+    assert arrived.jet(0.77) == law.jet(0.77)
+
+
+METHOD = Method(
+    "a",
+    Route.TUNED,
+    4,
+    (1, 2),
+    settings={"x": [1, 2.5, None, True], "y": {"z": (1, "ü")}, "w": float("inf")},
+    softness=1.0,
+)
+VALUES = [
+    None,
+    True,
+    -0.0,
+    float("nan"),
+    10**30,
+    "text ∂ \x00",
+    (1, [2, (3,)]),
+    {"a": 1, 2: "b", Question.MODEL: ()},
+    METHOD,
+    EngineInfo("e", "1", "2"),
+    Plan({Question.MODEL: (Unsupported("f", "r"),)}, {Question.INSTANT: (METHOD,)}, Manifest(("a",), ())),
+    Request(None, Question.TRAJECTORY, METHOD, (), np.linspace(0.0, 1.0, 5), 0.1),
+    Survey((Said(Question.MODEL, METHOD, 5.0), Said(Question.INSTANT, None, None, "why")), {Question.MODEL: ()}),
+    ModelAnswer(1.0, np.zeros(3), np.eye(3), 2),
+    TrajectoryAnswer(np.arange(3.0), *(np.ones((3, 2, n)) for n in (3, 4, 3, 3)), {"steps": 5, "error": 0.1}),
+    np.zeros((0, 3)),
+    np.array(5.0),
+    np.arange(6, dtype="<i2"),
+    np.array([["ab", "c"]]),
+    np.array([1 + 2j]),
+    np.array([True, False]),
+]
+
+
+@pytest.mark.parametrize("value", VALUES, ids=lambda v: type(v).__name__)
+def test_a_value_arrives(value):
+    assert same(sent(value), value)
+
+
+def test_an_array_in_another_order_of_memory_arrives_in_order():
+    a = np.arange(24.0).reshape(2, 3, 4)
+    np.testing.assert_array_equal(sent(a.T), a.T)
+    np.testing.assert_array_equal(sent(a[:, ::2, ::-1]), a[:, ::2, ::-1])
+
+
+def test_a_real_answer_arrives_to_the_last_bit():
+    mechanism = MECHANISMS[next(iter(TREES))]
+    engine = ReferenceEngine()
+    method = engine.methods(mechanism, Question.MODEL)[0]
+    answer = engine.model(mechanism, states_of(mechanism, 1)[0], method)
+    assert same(sent(replace(answer, mass=float(answer.mass))), replace(answer, mass=float(answer.mass)))
+
+
+@pytest.mark.parametrize("value", [lambda: 0, object(), {1, 2}, np.array([object()]), b"bytes", open])
+def test_what_no_message_can_hold_is_refused(value):
+    with pytest.raises(ProtocolError, match="cannot be sent: it holds"):
+        codec.encode({"answer": [value]})
+
+
+# ---------------------------------------------------------------- what a broken worker may send
+
+
+def told(tree, *arrays):
+    return codec.decode(json.loads(json.dumps(tree)), arrays)
+
+
+INFO = {"@": "EngineInfo", "name": "e", "version": "1", "adapter": "a", "remarks": ""}
+A_METHOD = codec.encode(METHOD)[0]
+
+
+@pytest.mark.parametrize(
+    "tree",
+    [
+        {},
+        {"@": 5},
+        {"@": "Popen", "args": "x"},
+        {"@": "__import__"},
+        {"@": "EngineInfo"},
+        INFO | {"more": 1},
+        INFO | {"name": 5},
+        INFO | {"version": None},
+        INFO | {"remarks": "\ud800"},
+        A_METHOD | {"substeps": {"@": "tuple", "items": [0]}},
+        A_METHOD | {"substeps": {"@": "tuple", "items": [-1]}},
+        A_METHOD | {"substeps": {"@": "tuple", "items": ["2"]}},
+        A_METHOD | {"substeps": {"@": "tuple", "items": [True]}},
+        A_METHOD | {"substeps": [2]},
+        A_METHOD | {"tolerances": {"@": "tuple", "items": [float("nan")]}},
+        A_METHOD | {"route": "native"},
+        A_METHOD | {"route": {"@": "Route", "value": "invented"}},
+        A_METHOD | {"settings": {"@": "dict", "items": [[[1], 2]]}},
+        A_METHOD | {"settings": {"@": "dict", "items": [5]}},
+        {"@": "Question", "value": []},
+        {"@": "array", "n": 0},
+        {"@": "array", "n": -1},
+        {"@": "array", "n": True},
+        {"@": "array"},
+        {"@": "tuple", "items": 5},
+        {"@": "tuple"},
+        {"@": "dict", "items": [[{"@": "tuple", "items": [[]]}, 1]]},
+    ],
+    ids=lambda tree: json.dumps(tree)[:60],
+)
+def test_a_value_that_is_none_is_refused(tree):
+    with pytest.raises(ProtocolError):
+        told(tree)
+
+
+def test_deep_nesting_is_refused():
+    tree = []
+    for _ in range(100_000):
+        tree = [tree]
+    with pytest.raises(ProtocolError, match="nested too deeply"):
+        codec.decode(tree, [])
+    with pytest.raises(ProtocolError, match="no JSON"):
+        unpack(b"[" * 100_000, bytearray())
+
+
+@pytest.mark.parametrize(
+    ("listed", "body"),
+    [
+        (None, 0),
+        ([["<f8", [2]]], 0),
+        ([["<f8", [2]]], 32),
+        ([["<f8", [-1]]], 16),
+        ([["<f8", [2.0]]], 16),
+        ([["<f8", [True]]], 16),
+        ([["<f8", [2**40, 2**40, 2**40, 0]]], 0),
+        ([["<f8", [1] * 40]], 16),
+        ([["|O", [1]]], 16),
+        ([["<M8[s]", [1]]], 16),
+        ([["f9", [1]]], 16),
+        ([["<f8,<f8", [1]]], 16),
+        ([["<U999999", [10**6]]], 16),
+        ([[1, 2]], 16),
+        ([["<f8"]], 16),
+        ([["|S0", [3]]], 16),
+    ],
+)
+def test_arrays_that_do_not_fill_the_body_are_refused(listed, body):
+    with pytest.raises(ProtocolError):
+        unpack(json.dumps({"arrays": listed}).encode(), bytearray(body))
+
+
+@pytest.mark.parametrize("text", [b"", b"\xff", b"[]", b"5", b"{", b'{"arrays":[]} x', b"9" * 5000])
+def test_a_header_that_is_none_is_refused(text):
+    with pytest.raises(ProtocolError):
+        unpack(text, bytearray())
+
+
+def test_every_single_byte_changed_is_refused_or_a_value():
+    """A frame of a plan with an array, each byte of it replaced: never another exception, never another size."""
+    tree, arrays = codec.encode(Plan({}, {Question.MODEL: (METHOD,)}, Manifest(("exact",))))
+    data = pack({"kind": "reply", "value": tree}, [*arrays, np.arange(3.0)])
+    rng = np.random.default_rng(1)
+    outcomes = set()
+    for at in range(len(data)):
+        for byte in rng.integers(0, 256, 4):
+            broken = bytearray(data)
+            broken[at] = byte
+            outcomes.add(_read(bytes(broken)))
+    assert outcomes == {"refused", "read"}
+
+
+def _read(data):
+    try:
+        header, body = sizes(data[: PREFIX.size])
+        if len(data) != PREFIX.size + header + body:
+            return "refused"
+        found, arrays = unpack(data[PREFIX.size : PREFIX.size + header], bytearray(data[PREFIX.size + header :]))
+        codec.decode(found.get("value"), arrays)
+    except ProtocolError:
+        return "refused"
+    return "read"
+
+
+def test_every_class_of_the_table_has_its_own_name():
+    everything = [*codec.CLASSES.values(), *codec.ENUMS.values()]
+    assert len({cls.__name__ for cls in everything}) == len(everything)
+    assert all(is_dataclass(cls) for cls in codec.CLASSES.values())
+    assert all(issubclass(cls, Enum) for cls in codec.ENUMS.values())
+
+
+def test_a_frame_too_large_is_not_packed():
+    with pytest.raises(ProtocolError, match="at most"):
+        pack({"reason": "x" * (frames.MOST_HEADER + 1)})
