@@ -12,6 +12,7 @@ from pathlib import Path
 from hypothesis import strategies as st
 
 from consilience import cli
+from consilience.asking import QUICK
 from consilience.case import Case
 from consilience.casefile import load_file
 from consilience.errors import ConsilienceError
@@ -22,7 +23,7 @@ from consilience.report.picture import picture
 from consilience.report.record import _case, _plain, read_record, write_record
 from consilience.report.summary import describe_case
 from consilience.run import Question
-from consilience.suite import QUICK, run_suite
+from consilience.suite import run_suite
 from consilience.validate import examine, text
 from hostile.mutations import TABLE_KINDS, TEXT_KINDS, changed_bytes, changed_tables, jsonl_bytes, toml_bytes
 from hostile.pages import check_html, check_markdown, check_svg, check_terminal

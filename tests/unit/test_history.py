@@ -5,6 +5,7 @@ import json
 
 import pytest
 
+from consilience.asking import QUICK
 from consilience.errors import InvalidInput
 from consilience.history.changes import changes
 from consilience.history.command import diff_sheet, renamed
@@ -12,7 +13,7 @@ from consilience.history.series import read_series, series_sheet
 from consilience.history.show import WRITERS
 from consilience.library import load_case
 from consilience.report.record import read_record, write_record
-from consilience.suite import QUICK, run_suite
+from consilience.suite import run_suite
 
 
 @pytest.fixture(scope="module")
