@@ -7,7 +7,11 @@ state and a method, never a case: expected values cannot reach it.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
+from importlib.util import find_spec
+from pathlib import Path
+from types import ModuleType
 from typing import Protocol
 
 from consilience.errors import InvalidInput
@@ -74,6 +78,16 @@ class Engine(Protocol):
         `step` is the step size and divides the sample interval; of an adaptive method it is the tolerance.
         """
         ...
+
+
+def beside_adapter(point: EntryPoint, name: str) -> ModuleType | None:
+    """A module of an adapter's package beside the engine; None where it has none, or is a single file."""
+    package = point.module.partition(".")[0]
+    spec = find_spec(package)
+    folders = (spec.submodule_search_locations or ()) if spec else ()
+    # looked for as a file: to ask for it by name imports the package, whose engine may not be there
+    there = any((Path(folder) / f"{name}.py").exists() for folder in folders)
+    return import_module(f"{package}.{name}") if there else None
 
 
 def installed() -> dict[str, EntryPoint]:

@@ -179,14 +179,10 @@ def _judged(case: Case, names: Sequence[str], number: int, found: dict[tuple[str
 
 @contextmanager
 def _workers(names: Sequence[str], limit: float) -> Iterator[dict[str, Worker]]:
-    """A worker for each engine; whatever stops the suite stops them all."""
+    """A worker for each engine; none outlives the suite."""
     workers = {name: Worker(name, limit) for name in names}
     try:
         yield workers
-    except BaseException:  # Ctrl-C above all: no engine may go on working for nobody
-        for worker in workers.values():
-            worker.cancel()
-        raise
     finally:
         for worker in workers.values():
             worker.stop()
@@ -207,7 +203,7 @@ def _in_parallel(suite: _Suite, jobs: int) -> Generator[tuple[str, int, list[Run
                 yield finished
         for future in futures:
             future.result()
-    except BaseException:
+    except BaseException:  # Ctrl-C above all, here or in whoever takes the results: no engine works for nobody
         suite.schedule.close()
         for worker in suite.workers.values():
             worker.cancel()

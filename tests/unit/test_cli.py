@@ -11,6 +11,7 @@ from pathlib import Path
 from types import SimpleNamespace as Namespace
 
 import numpy as np
+import psutil
 import pytest
 
 from consilience.errors import InvalidInput
@@ -165,37 +166,29 @@ def test_list_and_show_work_from_any_folder(tmp_path):
     assert "1 degrees of freedom, 20 constraint rows, 3 of them dependent" in shown
 
 
-@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for the workers in /proc")
 def test_interrupt_stops_at_once_and_leaves_no_worker_behind(tmp_path):
     # a run started in the background of a shell ignores Ctrl-C, and so would its children: here it is listened to
     listening = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
     command = [sys.executable, "-c", f"{listening}; from consilience.cli import main; main()", "run", "-o", "report"]
-    # a session of its own, so that every descendant can be found by it
-    process = subprocess.Popen(command, cwd=tmp_path, start_new_session=True, stderr=subprocess.DEVNULL)
-    deadline = time.monotonic() + 60
-    while len(descendants(process.pid)) < 3 and time.monotonic() < deadline:
-        time.sleep(0.1)
-    assert len(descendants(process.pid)) >= 3  # the runner and two workers at least
-    process.send_signal(signal.SIGINT)
-    process.wait(timeout=20)
-    assert process.returncode == 130
-    deadline = time.monotonic() + 10
-    while descendants(process.pid) and time.monotonic() < deadline:
-        time.sleep(0.1)
-    assert descendants(process.pid) == []
-    assert not (tmp_path / "report").exists()
-
-
-def descendants(session):
-    """Processes of a session that still run, zombies aside."""
-    found = []
-    for path in Path("/proc").glob("[0-9]*/stat"):
+    with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as process:
         try:
-            state, _, _, own_session = path.read_text().rpartition(")")[2].split()[:4]
-        except OSError:
-            continue  # it ended while we looked
-        if int(own_session) == session and state != "Z":
-            found.append(path.parent.name)
+            workers = children(process.pid, least=2, within=60.0)
+            process.send_signal(signal.SIGINT)
+            _, told = process.communicate(timeout=20)
+        finally:
+            process.kill()
+    assert process.returncode == 130
+    assert "the same command goes on from there" in told
+    assert psutil.wait_procs(workers, timeout=10)[1] == []
+    assert not (tmp_path / "report" / "report.jsonl").exists()
+
+
+def children(process, least, within):
+    """Descendants of a process, as soon as there are so many."""
+    until = time.monotonic() + within
+    while len(found := psutil.Process(process).children(recursive=True)) < least:
+        assert time.monotonic() < until, f"only {len(found)} workers"
+        time.sleep(0.1)
     return found
 
 

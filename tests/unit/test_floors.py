@@ -30,9 +30,8 @@ FLOORS = {
     "suite": 17,
     **dict.fromkeys(("coverage", "fuzz", "mutate", "values"), 18),
     "report": 19,
-    **dict.fromkeys(("outputs", "pytest_plugin", "history"), 20),
-    **dict.fromkeys(("newcase", "validate"), 20),
-    "cli": 21,
+    **dict.fromkeys(("history", "newcase", "outputs", "validate"), 20),
+    **dict.fromkeys(("cli", "pytest_plugin"), 21),
     "__init__": 22,
 }
 """Files and packages of `src/consilience`; the names the top package offers are imported lazily, from anywhere."""

@@ -5,8 +5,6 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from xml.etree.ElementTree import Element, ParseError, TreeBuilder, XMLParser
 
@@ -14,7 +12,7 @@ from consilience.assembly import Initial
 from consilience.case import Case
 from consilience.casefile import cases_from_tables
 from consilience.casewriter import case_text
-from consilience.engine import installed
+from consilience.engine import beside_adapter, installed
 from consilience.errors import InvalidInput
 from consilience.importing.build import Built, build
 from consilience.importing.parts import Notes, Parts
@@ -80,9 +78,8 @@ def readers() -> dict[str, Reader]:
     """
     found: dict[str, Reader] = {"robot": read_urdf}
     for point in installed().values():
-        module = f"{point.module.partition('.')[0]}.reading"
-        if module != "consilience.reading" and find_spec(module) is not None:
-            found |= import_module(module).READERS
+        if point.module.partition(".")[0] != "consilience" and (module := beside_adapter(point, "reading")):
+            found |= module.READERS
     return found
 
 

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 
 from consilience.case import Case
-from consilience.engine import installed, load_engine, require_installed
+from consilience.engine import beside_adapter, installed, load_engine, require_installed
 from consilience.errors import InvalidInput
 from consilience.mechanism import Mechanism, State
 from consilience.run import Question
@@ -29,10 +27,11 @@ def exporter(engine: str) -> Exporter:
         If the engine is not installed, or its adapter writes none.
     """
     require_installed(engine)
-    package = installed()[engine.partition(":")[0]].module.partition(".")[0]
-    if package == "consilience" or find_spec(f"{package}.export") is None:
+    point = installed()[engine.partition(":")[0]]
+    module = None if point.module.partition(".")[0] == "consilience" else beside_adapter(point, "export")
+    if module is None:
         raise InvalidInput(f"engine '{engine}'", "its adapter writes no native models", "Choose another engine.")
-    found: Exporter = import_module(f"{package}.export").export_model
+    found: Exporter = module.export_model
     return found
 
 
