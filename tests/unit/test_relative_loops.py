@@ -87,10 +87,14 @@ def test_dense_output_is_exact_for_motions_up_to_degree_seven(degree, exact):
     assert error < 1e-15 if exact else error > 1e-8
 
 
-@pytest.mark.parametrize("name", ["double_pendulum", "four_bar", "stewart_platform", "seven_axis_arm"])
-def test_samples_within_steps_are_as_good_as_the_ends_of_steps(name):
+@pytest.mark.parametrize(
+    ("name", "span"),
+    # the arm whirls: by 1.5 s it has made 3e-10 of rounding, in every formulation and at any tolerance
+    [("double_pendulum", 1.5), ("four_bar", 1.5), ("stewart_platform", 1.5), ("seven_axis_arm", 0.75)],
+)
+def test_samples_within_steps_are_as_good_as_the_ends_of_steps(name, span):
     case = load_case(name)
-    times = np.array([0.0, *(np.linspace(0.013, 0.997, 24) * 1.5)])
+    times = np.array([0.0, *(np.linspace(0.013, 0.997, 24) * span)])
     sampled = simulate(case.mechanism, case.initial_state, times, 1e-12, "relative")
     for n in (5, 12, 20, 24):
         ended = simulate(case.mechanism, case.initial_state, times[[0, n]], 1e-13, "null_space")
@@ -98,6 +102,20 @@ def test_samples_within_steps_are_as_good_as_the_ends_of_steps(name):
         assert np.max(rotation_angle_between(sampled.quat_WB[n], ended.quat_WB[-1])) < 1e-11
         speed = max(1.0, np.max(np.abs(ended.w_WB_W)))
         assert np.max(np.abs(sampled.w_WB_W[n] - ended.w_WB_W[-1])) < 1e-10 * speed
+
+
+@pytest.mark.parametrize("tolerance", [1e-12, 1e-13])
+def test_flat_poses_of_parallelograms_cost_no_digits(tolerance):
+    """They violate their rows by the square of a coordinate: closed to 1e-14 only, they are wrong by 3e-6 here."""
+    case = load_case("n_four_bar_two-long")
+    motion = simulate(case.mechanism, case.initial_state, np.array([0.0, 10.0]), tolerance, "relative")
+    expected = [
+        one for one in case.published if one.time == 10.0 and one.observable == "p_WB" and one.origin == "closed form"
+    ]
+    assert len(expected) == 3
+    index = [body.name for body in case.mechanism.bodies].index(expected[0].of)
+    for one in expected:
+        assert abs(motion.p_WB[-1, index, one.component] - one.value) < 1e-9
 
 
 @pytest.mark.parametrize("name", ["four_bar", "stewart_platform", "windows:count=3", "rolling_disc"])

@@ -6,7 +6,8 @@ import numpy as np
 from numba import njit
 
 from consilience.reference.joint_rows import joint_motion, joint_row
-from consilience.reference.model import Model
+from consilience.reference.relative.columns import ACCELERATION
+from consilience.reference.relative.kinematics import vector_at
 from consilience.reference.relative.loops import TOUCHED
 from consilience.reference.relative.model import BODY
 from consilience.reference.vectors import dot, load, rotate, rotate_back, scale, store
@@ -60,15 +61,15 @@ def gather(touched: Array, layout: Array, Q: Array, A: Array, W: Array) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def open_accelerations(touched: Array, W: Array, acc: Array, gamma: Array, target: Array) -> None:
+def open_accelerations(touched: Array, W: Array, links: Array, gamma: Array, target: Array) -> None:
     """``gamma - Q a`` of the accelerations of the links."""
     for row in range(touched.shape[0]):
         total = gamma[row]
         for n in range(TOUCHED):
             link = touched[row, n]
             if link >= 0:
-                total -= dot(load(W[row, n, 0:3]), load(acc[link, 0:3]))
-                total -= dot(load(W[row, n, 3:6]), load(acc[link, 3:6]))
+                total -= dot(load(W[row, n, 0:3]), vector_at(links, link, ACCELERATION))
+                total -= dot(load(W[row, n, 3:6]), vector_at(links, link, ACCELERATION + 3))
         target[row] = total
 
 
@@ -87,7 +88,7 @@ def open_rates(touched: Array, layout: Array, W: Array, y: Array, A: Array, rate
 
 
 @njit(cache=True, error_model="numpy")
-def size_of_rows(model: Model, touched: Array, layout: Array, W: Array, A: Array) -> float:
+def size_of_rows(mass: Array, inertia_factor: Array, touched: Array, layout: Array, W: Array, A: Array) -> float:
     """Largest ``|L^-1 q|`` of a row for bodies without joints: what its response in the tree comes to at most."""
     largest = 0.0
     for row in range(touched.shape[0]):
@@ -97,10 +98,10 @@ def size_of_rows(model: Model, touched: Array, layout: Array, W: Array, A: Array
             if link >= 0:
                 b = layout[link, BODY]
                 force, torque = load(W[row, n, 0:3]), rotate_back(A[b], load(W[row, n, 3:6]))
-                L = model.inertia_factor[b]
+                L = inertia_factor[b]
                 w0 = torque[0] / L[0, 0]
                 w1 = (torque[1] - L[1, 0] * w0) / L[1, 1]
                 w2 = (torque[2] - L[2, 0] * w0 - L[2, 1] * w1) / L[2, 2]
-                total += dot(force, scale(1.0 / model.mass[b], force)) + w0 * w0 + w1 * w1 + w2 * w2
+                total += dot(force, scale(1.0 / mass[b], force)) + w0 * w0 + w1 * w1 + w2 * w2
         largest = max(largest, np.sqrt(total))
     return largest

@@ -21,6 +21,7 @@ from consilience.reference.relative.articulated import (
     sweep_in,
     sweep_out,
 )
+from consilience.reference.relative.columns import REST
 from consilience.reference.relative.cut_rows import (
     gather,
     joint_rows,
@@ -29,66 +30,56 @@ from consilience.reference.relative.cut_rows import (
     size_of_rows,
 )
 from consilience.reference.relative.fronts import factorise, least_norm, respond, threshold
-from consilience.reference.relative.kinematics import coordinate_rates, displace, normalise, place_bodies, place_links
-from consilience.reference.relative.loops import ROW, ROW_END
+from consilience.reference.relative.kinematics import coordinate_rates, displace, normalise, place
+from consilience.reference.relative.loops import ROW, ROW_END, Fronts, Loops
 from consilience.reference.relative.model import Links, Scratch
 from consilience.reference.workspace import Workspace
 from consilience.spatial import Array
 
 _POSITION_STEPS = 3
-_TINY = 1e-8
-"""Violation (over the length of the mechanism) whose square is below rounding."""
-_CLOSED, _HELD = 1e-14, 1e-13
-"""Violations of positions and of speeds that rounding leaves."""
-_WORN = 0.3
-"""Part of the least pivot that a choice of rows had at first, at which rows are chosen anew."""
 _PASSING = 1e-4
 """Part of its largest value at which the least independent pivot counts as passing through zero."""
 _PASSING_VIOLATION = 1e-11
 """Violation that rows left out on the way through a singular pose may have."""
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def cut_rows(links: Links, cut: Model, t: float, memory: Array, ws: Scratch, rows: Workspace) -> None:
     """Value, wrenches, gamma and rate of the cut rows of the bodies as they are placed."""
     if links.other_rows:
         constraints.evaluate(cut, t, ws.y, memory, rows)
         gather(links.loops.touched, links.layout, rows.Q, ws.A, ws.fronts.W)
-        return
-    joint_rows(
-        links.closing,
-        cut.first_row,
-        cut.row_kind,
-        cut.row_target,
-        cut.body_i,
-        cut.body_j,
-        cut.arm_i,
-        cut.arm_j,
-        cut.axes_i,
-        cut.axes_j,
-        cut.pitch,
-        ws.y,
-        ws.A,
-        ws.fronts.W,
-        rows.value,
-        rows.gamma,
-    )
+    else:
+        joint_rows(
+            links.closing,
+            cut.first_row,
+            cut.row_kind,
+            cut.row_target,
+            cut.body_i,
+            cut.body_j,
+            cut.arm_i,
+            cut.arm_j,
+            cut.axes_i,
+            cut.axes_j,
+            cut.pitch,
+            ws.y,
+            ws.A,
+            ws.fronts.W,
+            rows.value,
+            rows.gamma,
+        )
 
 
 @njit(cache=True, error_model="numpy")
-def _factorise(links: Links, ws: Scratch) -> float:
-    """Factorise the responses to the rows chosen, in their order; the least pivot."""
-    ws.fronts.used[:] = ws.fronts.chosen
-    largest = respond(links.loops, links.layout, ws.fronts, ws.S, ws.d, ws.U, ws.D)
-    return factorise(links.loops, ws.fronts, threshold(ws.size[0], largest), False)
-
-
-@njit(cache=True, error_model="numpy")
-def _close(links: Links, ws: Scratch, gamma: Array) -> None:
-    """Joint forces that close the loops, for the accelerations of the links without them."""
-    open_accelerations(links.loops.touched, ws.fronts.W, ws.acc, gamma, ws.target)
-    _factorise(links, ws)
-    least_norm(links.loops, ws.fronts, ws.target, ws.extra)
+def _close(loops: Loops, layout: Array, link: Array, free: Array, fronts: Fronts, gamma: Array, size: float) -> None:
+    """Joint forces that close the loops, for the accelerations of the links without them, added to the others."""
+    open_accelerations(loops.touched, fronts.W, link, gamma, fronts.target)
+    fronts.used[:] = fronts.chosen
+    largest = respond(loops, layout, fronts, link, free)
+    factorise(loops, fronts, threshold(size, largest), False)
+    least_norm(loops, fronts, fronts.target, fronts.extra)
+    for n in range(free.shape[0]):
+        free[n, REST] += fronts.extra[n]
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -103,11 +94,8 @@ def accelerations(
         Of the cut rows; its A is that of the bodies.
     """
     index, link, free = links.layout, ws.link, ws.free
-    place_links(link, free, z, z[links.speeds :])
+    place(index, link, free, links.speeds, z, ws.y, ws.A)
     inertias(link)
-    looped = links.loops.group.shape[0] > 0
-    if looped or not links.plain:
-        place_bodies(index, link, ws.y, ws.A)
     if links.plain:
         free_biases(link)
     else:
@@ -117,15 +105,13 @@ def accelerations(
         push_wrenches(index, rows.f, ws.A, link)
     sweep_in(link, free)
     sweep_out(link, free, ws.u, 1.0)
-    if looped:
+    if links.loops.group.shape[0] > 0:
         cut_rows(links, cut, t, memory, ws, rows)
-        _close(links, ws, rows.gamma)
-        for n in range(ws.extra.shape[0]):
-            ws.rest[n] += ws.extra[n]
+        _close(links.loops, index, link, free, ws.fronts, rows.gamma, ws.size[0])
         sweep_out(link, free, ws.u, 1.0)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def derivative(
     links: Links,
     model: Model,
@@ -156,10 +142,10 @@ def free_derivative(index: Array, link: Array, free: Array, first_speed: int, z:
 
 
 @njit(cache=True, error_model="numpy")
-def remember(model: Model, ws: Scratch, memory: Array) -> None:
+def remember(model: Model, y: Array, A: Array, memory: Array) -> None:
     """Update the joint coordinates that elements read, turns counted, of the bodies as they are placed."""
     for n in range(memory.shape[0]):
-        memory[n] = coordinate(model, ws.y, ws.A, n, memory[n]).value
+        memory[n] = coordinate(model, y, A, n, memory[n]).value
 
 
 @njit(cache=True, error_model="numpy")
@@ -171,36 +157,32 @@ def _largest(x: Array) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def place_at(links: Links, z: Array, ws: Scratch) -> None:
-    """Place links and bodies at a state."""
-    place_links(ws.link, ws.free, z, z[links.speeds :])
-    place_bodies(links.layout, ws.link, ws.y, ws.A)
-
-
-@njit(cache=True, error_model="numpy")
-def _articulate(links: Links, ws: Scratch) -> None:
+def _articulate(link: Array, free: Array) -> None:
     """Articulated inertias, bodies as they are placed."""
-    inertias(ws.link)
-    articulate(ws.link, ws.free)
+    inertias(link)
+    articulate(link, free)
 
 
 @njit(cache=True, error_model="numpy")
-def _displacements(links: Links, ws: Scratch) -> None:
-    """``ws.u`` of least M-norm that changes the rows by ``ws.target``."""
-    least_norm(links.loops, ws.fronts, ws.target, ws.extra)
-    ws.rest[:] = ws.extra
-    sweep_out(ws.link, ws.free, ws.u, 0.0)
+def _displacements(loops: Loops, fronts: Fronts, link: Array, free: Array, u: Array) -> None:
+    """Displacements u of least M-norm that change the rows by the target of the fronts."""
+    least_norm(loops, fronts, fronts.target, fronts.extra)
+    for n in range(free.shape[0]):
+        free[n, REST] = fronts.extra[n]
+    sweep_out(link, free, u, 0.0)
 
 
 @njit(cache=True, error_model="numpy")
-def _choose_rows(links: Links, ws: Scratch, smallest: float) -> tuple[int, float, float]:
+def _choose_rows(
+    loops: Loops, layout: Array, fronts: Fronts, link: Array, free: Array, smallest: float, size: float
+) -> tuple[int, float, float]:
     """Factorise the responses to all rows; rank, least pivot, and the square that counted as dependent."""
-    group, fronts = links.loops.group, ws.fronts
+    group = loops.group
     for g in range(group.shape[0]):
         fronts.used[g] = group[g, ROW_END] - group[g, ROW]
-    largest = respond(links.loops, links.layout, fronts, ws.S, ws.d, ws.U, ws.D)
-    smallest = max(smallest, threshold(ws.size[0], largest))
-    least = factorise(links.loops, fronts, smallest, True)
+    largest = respond(loops, layout, fronts, link, free)
+    smallest = max(smallest, threshold(size, largest))
+    least = factorise(loops, fronts, smallest, True)
     rank = 0
     for g in range(group.shape[0]):
         rank += fronts.rank[g]
@@ -208,7 +190,17 @@ def _choose_rows(links: Links, ws: Scratch, smallest: float) -> tuple[int, float
 
 
 @njit(cache=True, error_model="numpy")
-def _choose(links: Links, model: Model, ws: Scratch, violation: float) -> None:
+def _choose(
+    loops: Loops,
+    layout: Array,
+    fronts: Fronts,
+    link: Array,
+    free: Array,
+    size: float,
+    best: Array,
+    limit: Array,
+    violation: float,
+) -> None:
     """Choose the rows to work with until the next projection, and factorise the responses.
 
     A linkage may pass through a pose in which its rows lose rank (a flat parallelogram). Close to it they have the
@@ -216,23 +208,28 @@ def _choose(links: Links, model: Model, ws: Scratch, violation: float) -> None:
     dependent are left out, as in the pose itself: the motion so far has satisfied them, and does so on the way
     through. Where it does not, in a linkage that comes near such a pose and turns, they are taken back.
     """
-    fronts, best = ws.fronts, ws.best
-    if ws.size[0] == 0.0:
-        ws.size[0] = size_of_rows(model, links.loops.touched, links.layout, fronts.W, ws.A)
-    rank, least, smallest = _choose_rows(links, ws, 0.0)
+    rank, least, smallest = _choose_rows(loops, layout, fronts, link, free, 0.0, size)
     if rank > best[0]:
         best[0], best[1] = rank, least
     elif rank == best[0]:
         best[1] = max(best[1], least)
     if violation <= _PASSING_VIOLATION and least < _PASSING * best[1]:
-        fewer = _choose_rows(links, ws, (_PASSING * best[1]) ** 2)[0]
+        passing = (_PASSING * best[1]) ** 2
+        fewer = _choose_rows(loops, layout, fronts, link, free, passing, size)[0]
         if fewer:
             rank = fewer
         else:
-            _choose_rows(links, ws, smallest)
+            _choose_rows(loops, layout, fronts, link, free, smallest, size)
     fronts.chosen[:] = fronts.rank
-    fronts.least[0] = least if rank == best[0] else 0.0
-    ws.limit[0] = rank
+    limit[0] = rank
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _measure(links: Links, model: Model, ws: Scratch) -> None:
+    """Size of the rows, once: what says which of them depend on others."""
+    if ws.size[0] == 0.0:
+        fronts = ws.fronts
+        ws.size[0] = size_of_rows(model.mass, model.inertia_factor, links.loops.touched, links.layout, fronts.W, ws.A)
 
 
 @njit(cache=True, error_model="numpy")
@@ -240,58 +237,14 @@ def find_rank(
     links: Links, model: Model, cut: Model, t: float, z: Array, memory: Array, ws: Scratch, rows: Workspace
 ) -> None:
     """Independent rows of a state whose loops are closed, into ``ws.fronts``; places the bodies."""
-    place_at(links, z, ws)
-    if links.loops.group.shape[0]:
+    loops, layout, fronts, link, free = links.loops, links.layout, ws.fronts, ws.link, ws.free
+    place(layout, link, free, links.speeds, z, ws.y, ws.A)
+    if loops.group.shape[0]:
         cut_rows(links, cut, t, memory, ws, rows)
-        _articulate(links, ws)
-        _choose(links, model, ws, _violation(model, rows))
-
-
-@njit(cache=True, error_model="numpy")
-def _violation(model: Model, rows: Workspace) -> float:
-    """Largest violation of a row that holds positions, over the length of the mechanism."""
-    held = rows.value.shape[0] - 2 * model.rolling_body.shape[0] - model.skate_body.shape[0]
-    return _largest(rows.value[:held]) / max(1.0, model.length)
-
-
-@njit(cache=True, error_model="numpy")
-def _keep(links: Links, ws: Scratch) -> bool:
-    """Factorise in the order chosen before; whether that is as good a choice as it was."""
-    if ws.fronts.least[0] == 0.0:
-        return False
-    least = _factorise(links, ws)
-    for g in range(ws.fronts.rank.shape[0]):
-        if ws.fronts.rank[g] < ws.fronts.chosen[g]:
-            return False
-    return least > _WORN * ws.fronts.least[0]
-
-
-@njit(cache=True, error_model="numpy")
-def _near(
-    links: Links, model: Model, cut: Model, t: float, z: Array, memory: Array, ws: Scratch, rows: Workspace
-) -> bool:
-    """Projection of a state that is closed to `_TINY`, with one factorisation; whether it has come out closed.
-
-    Coordinates move by no more than their error, so that the factors serve for the speeds too.
-    """
-    _articulate(links, ws)
-    if not _keep(links, ws):
-        return False
-    for row in range(rows.value.shape[0]):
-        ws.target[row] = -rows.value[row]
-    _displacements(links, ws)
-    displace(links.layout, z, ws.u)
-    place_at(links, z, ws)
-    cut_rows(links, cut, t, memory, ws, rows)
-    if _violation(model, rows) > _CLOSED:  # of rows left out as dependent
-        return False
-    open_rates(links.loops.touched, links.layout, ws.fronts.W, ws.y, ws.A, rows.rate, ws.target)
-    _displacements(links, ws)
-    for n in range(ws.u.shape[0]):
-        z[links.speeds + n] += ws.u[n]
-    place_at(links, z, ws)
-    open_rates(links.loops.touched, links.layout, ws.fronts.W, ws.y, ws.A, rows.rate, ws.target)
-    return _largest(ws.target) <= _HELD * max(1.0, _largest(z[links.speeds :])) * max(1.0, model.length)
+        _measure(links, model, ws)
+        _articulate(link, free)
+        violation = _largest(rows.value[: links.held]) / max(1.0, model.length)
+        _choose(loops, layout, fronts, link, free, ws.size[0], ws.best, ws.limit, violation)
 
 
 @njit(cache=True, error_model="numpy")
@@ -300,38 +253,35 @@ def project(
 ) -> None:
     """Bring z back to closed loops, in place: coordinates by Newton's method, then speeds, each of least M-norm.
 
-    Leaves the bodies placed at the state it ends with.
+    Newton's method goes on until rounding is reached: in a flat parallelogram, whose coordinates violate the rows by
+    their square, a violation of 1e-14 is a coordinate that is wrong by 1e-7. Leaves the bodies placed at the state it
+    ends with.
     """
-    normalise(links.layout, z)
-    place_at(links, z, ws)
-    if links.loops.group.shape[0] == 0:
+    loops, layout, fronts, link, free = links.loops, links.layout, ws.fronts, ws.link, ws.free
+    normalise(layout, z)
+    place(layout, link, free, links.speeds, z, ws.y, ws.A)
+    if loops.group.shape[0] == 0:
         return
-    q = rows.value.shape[0]
-    held = q - 2 * model.rolling_body.shape[0] - model.skate_body.shape[0]
-    last = False
+    held, last, violation = links.held, False, 0.0
     for step in range(_POSITION_STEPS + 1):
         cut_rows(links, cut, t, memory, ws, rows)
-        violation = _violation(model, rows)
-        if step == 0 and held == q and violation < _TINY:
-            if _near(links, model, cut, t, z, memory, ws, rows):
-                return
-            cut_rows(links, cut, t, memory, ws, rows)
-            violation = _violation(model, rows)
+        _measure(links, model, ws)
+        _articulate(link, free)
+        violation = _largest(rows.value[:held]) / max(1.0, model.length)
         if last or step == _POSITION_STEPS or violation <= 2e-16:
             break
-        ws.fronts.W[held:] = 0.0
-        _articulate(links, ws)
-        _choose_rows(links, ws, 0.0)
-        for row in range(q):
-            ws.target[row] = -rows.value[row] if row < held else 0.0
-        _displacements(links, ws)
+        fronts.W[held:] = 0.0
+        _choose_rows(loops, layout, fronts, link, free, 0.0, ws.size[0])
+        fronts.target[:] = 0.0
+        for row in range(held):
+            fronts.target[row] = -rows.value[row]
+        _displacements(loops, fronts, link, free, ws.u)
         last = _largest(ws.u) < 1e-9
-        displace(links.layout, z, ws.u)
-        place_at(links, z, ws)
-    _articulate(links, ws)
-    _choose(links, model, ws, violation)
-    open_rates(links.loops.touched, links.layout, ws.fronts.W, ws.y, ws.A, rows.rate, ws.target)
-    _displacements(links, ws)
+        displace(layout, z, ws.u)
+        place(layout, link, free, links.speeds, z, ws.y, ws.A)
+    _choose(loops, layout, fronts, link, free, ws.size[0], ws.best, ws.limit, violation)
+    open_rates(loops.touched, layout, fronts.W, ws.y, ws.A, rows.rate, fronts.target)
+    _displacements(loops, fronts, link, free, ws.u)
     for n in range(ws.u.shape[0]):
         z[links.speeds + n] += ws.u[n]
-    place_at(links, z, ws)
+    place(layout, link, free, links.speeds, z, ws.y, ws.A)

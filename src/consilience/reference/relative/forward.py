@@ -16,8 +16,8 @@ from consilience.reference.canonical import at_origins
 from consilience.reference.model import Model, unpack
 from consilience.reference.relative.articulated import free_accelerations
 from consilience.reference.relative.columns import ACCELERATION, COORDINATE, NEAR, PLACED
-from consilience.reference.relative.dynamics import accelerations, find_rank, place_at, remember
-from consilience.reference.relative.kinematics import orient, place_bodies, place_links
+from consilience.reference.relative.dynamics import accelerations, find_rank, remember
+from consilience.reference.relative.kinematics import orient, place, place_bodies, place_links
 from consilience.reference.relative.model import (
     BODY,
     Links,
@@ -70,9 +70,9 @@ def _closed_at_each(
     for i in range(q.shape[0]):
         z[: links.speeds] = q[i]
         z[links.speeds : links.integrals] = v[i]
-        place_at(links, z, ws)
+        place(links.layout, ws.link, ws.free, links.speeds, z, ws.y, ws.A)
         memory[:] = 0.0
-        remember(model, ws, memory)
+        remember(model, ws.y, ws.A, memory)
         ws.best[:] = 0.0
         find_rank(links, model, cut, t, z, memory, ws, rows)
         accelerations(links, model, cut, t, z, memory, ws, rows)

@@ -15,6 +15,8 @@ import numpy as np
 from numba import njit
 
 from consilience.kinematics import RANK_TOLERANCE
+from consilience.reference.relative.columns import PIVOT, STEP, S, U
+from consilience.reference.relative.kinematics import vector_at
 from consilience.reference.relative.loops import (
     AT,
     BATCH,
@@ -34,7 +36,7 @@ from consilience.spatial import Array
 
 
 @njit(cache=True, error_model="numpy")
-def respond(loops: Loops, layout: Array, fronts: Fronts, S: Array, d: Array, U: Array, D: Array) -> float:
+def respond(loops: Loops, layout: Array, fronts: Fronts, links: Array, free: Array) -> float:
     """Fill the fronts with the responses to the rows used; the largest squared norm of a column."""
     group, W, wrench, F, root, home = loops.group, fronts.W, fronts.wrench, fronts.F, fronts.root, loops.home
     start, used = fronts.start, fronts.used
@@ -44,7 +46,7 @@ def respond(loops: Loops, layout: Array, fronts: Fronts, S: Array, d: Array, U: 
         at = group[g, AT]
         F[at : at + (start[group[g, REACH] + 1] - start[g]) * group[g, HEIGHT]] = 0.0
     for n in range(root.shape[0]):
-        root[n] = 1.0 / np.sqrt(D[n])
+        root[n] = 1.0 / np.sqrt(free[n, PIVOT])
     largest = 0.0
     for g in range(group.shape[0]):
         for column in range(used[g]):
@@ -56,7 +58,7 @@ def respond(loops: Loops, layout: Array, fronts: Fronts, S: Array, d: Array, U: 
                 link = loops.touched[row, at]
                 if link >= 0:
                     wrench[link] += W[row, at]
-            total = _sweep(path, layout, group, home, start, start[g] + column, wrench, S, d, U, D, root, F)
+            total = _sweep(path, layout, group, home, start, start[g] + column, wrench, links, free, root, F)
             largest = max(largest, total)
     return largest
 
@@ -70,10 +72,8 @@ def _sweep(
     start: Array,
     column: int,
     wrench: Array,
-    S: Array,
-    d: Array,
-    U: Array,
-    D: Array,
+    links: Array,
+    free: Array,
     root: Array,
     F: Array,
 ) -> float:
@@ -84,21 +84,22 @@ def _sweep(
         for n in range(layout[k, FREE_END] - 1, layout[k, FREE] - 1, -1):
             rest = 0.0
             for r in range(6):
-                rest += S[n, r] * own[r]
-            factor = rest / D[n]
+                rest += free[n, S + r] * own[r]
+            factor = rest / free[n, PIVOT]
             for r in range(6):
-                own[r] -= factor * U[n, r]
+                own[r] -= factor * free[n, U + r]
             rest *= root[n]
             total += rest * rest
             f = home[n, 0]
             F[group[f, AT] + (column - start[f]) * group[f, HEIGHT] + home[n, 1]] = rest
         if p >= 0:
+            d = vector_at(links, k, STEP)
             wrench[p, 0] += own[0]
             wrench[p, 1] += own[1]
             wrench[p, 2] += own[2]
-            wrench[p, 3] += own[3] + d[k, 1] * own[2] - d[k, 2] * own[1]
-            wrench[p, 4] += own[4] + d[k, 2] * own[0] - d[k, 0] * own[2]
-            wrench[p, 5] += own[5] + d[k, 0] * own[1] - d[k, 1] * own[0]
+            wrench[p, 3] += own[3] + d[1] * own[2] - d[2] * own[1]
+            wrench[p, 4] += own[4] + d[2] * own[0] - d[0] * own[2]
+            wrench[p, 5] += own[5] + d[0] * own[1] - d[1] * own[0]
     return total
 
 

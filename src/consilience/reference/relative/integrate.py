@@ -16,15 +16,19 @@ from consilience.reference.integrators.tableaus import DORMAND_PRINCE
 from consilience.reference.joint_rows import coordinate
 from consilience.reference.model import ANGLE, Model
 from consilience.reference.relative.dynamics import derivative, free_derivative, project, remember
-from consilience.reference.relative.kinematics import orient
-from consilience.reference.relative.model import Links, Scratch
-from consilience.reference.workspace import Workspace
+from consilience.reference.relative.kinematics import normalise, place, record
+from consilience.reference.relative.model import Rest, Tree
 from consilience.spatial import Array
 
-A_DENSE, C_DENSE, D_DENSE = DORMAND_PRINCE.A_dense, DORMAND_PRINCE.c_dense, DORMAND_PRINCE.D
+D_DENSE = DORMAND_PRINCE.D
 END = STAGES
 """Stage at the end of a step; those of the dense output stand behind it."""
-ALL_STAGES = A_DENSE.shape[1]
+ALL_STAGES = DORMAND_PRINCE.A_dense.shape[1]
+TABLE = np.zeros((ALL_STAGES, ALL_STAGES))
+TABLE[:END, :END], TABLE[END, :END], TABLE[END + 1 :] = A, B, DORMAND_PRINCE.A_dense
+NODES = np.concatenate([C, [1.0], DORMAND_PRINCE.c_dense])
+LIMITS = np.array([0, 1, END, ALL_STAGES])
+"""In an array, as kernels are compiled anew for each number that is written out where they are called."""
 
 SAFETY = 0.8
 """Safety factor of the step size: with 0.9 a quarter of the steps of a pendulum or linkage are taken in vain."""
@@ -66,62 +70,67 @@ def _error(kind: Array, K: Array, h: float, size: Array) -> float:
 
 @njit(cache=True, error_model="numpy")
 def _stage(z: Array, K: Array, h: float, i: int, trial: Array) -> None:
-    """State at which stage i is evaluated; behind the last one: the end of the step."""
+    """State at which a stage is evaluated."""
     trial[:] = z
     for j in range(i):
-        weight = h * (A[i, j] if i < STAGES else B[j])
+        weight = h * TABLE[i, j]
         if weight != 0.0:
             for n in range(z.shape[0]):
                 trial[n] += weight * K[j, n]
 
 
 @njit(cache=True, error_model="numpy")
-def _stages(
-    links: Links,
-    model: Model,
-    cut: Model,
-    z: Array,
-    K: Array,
-    t: float,
-    h: float,
-    first: int,
-    trial: Array,
-    memory: Array,
-    ws: Scratch,
-    rows: Workspace,
+def _evaluate(
+    tree: Tree, rest: Rest | None, z: Array, end: Array, K: Array, t: float, h: float, first: int, last: int
 ) -> None:
-    """Derivatives of the stages of a step, from the first that is not known."""
-    if links.free:
-        # handing on tuples of arrays costs more than such a tree does
-        layout, link, free, speeds = links.layout, ws.link, ws.free, links.speeds
-        for i in range(first, STAGES):
+    """Derivatives of some stages of a step that begins at z and, where it is known, ends at `end`."""
+    trial = np.empty_like(z)
+    for i in range(first, last):
+        if i == END:
+            trial[:] = end
+        else:
             _stage(z, K, h, i, trial)
-            free_derivative(layout, link, free, speeds, trial, K[i])
-        return
-    for i in range(first, STAGES):
-        _stage(z, K, h, i, trial)
-        derivative(links, model, cut, t + C[i] * h, trial, memory, ws, rows, K[i])
+        if rest is None:
+            free_derivative(tree.layout, tree.link, tree.free, tree.speeds, trial, K[i])
+        else:
+            at = t + NODES[i] * h
+            derivative(rest.links, rest.model, rest.cut, at, trial, rest.memory, rest.ws, rest.rows, K[i])
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def settle(tree: Tree, rest: Rest | None, t: float, z: Array) -> None:
+    """Bring a state back to closed loops, in place, and place the bodies at it."""
+    if rest is None:
+        normalise(tree.layout, z)
+        place(tree.layout, tree.link, tree.free, tree.speeds, z, tree.y, tree.A)
+    else:
+        project(rest.links, rest.model, rest.cut, t, z, rest.memory, rest.ws, rest.rows)
 
 
 @njit(cache=True, error_model="numpy")
-def turning(model: Model, ws: Scratch, memory: Array) -> float:
+def _turning(model: Model, y: Array, A: Array, memory: Array) -> float:
     """Longest step in which turns can be counted, from the rates of the bodies as they are placed."""
     rate = 0.0
     for n in range(memory.shape[0]):
         if model.coordinate[n, 1] == ANGLE:
-            rate = max(rate, abs(coordinate(model, ws.y, ws.A, n, memory[n]).rate))
+            rate = max(rate, abs(coordinate(model, y, A, n, memory[n]).rate))
     return _TURN / rate if rate > 0.0 else np.inf
 
 
-@njit(cache=True, error_model="numpy")
-def _dense_stage(z: Array, K: Array, h: float, i: int, trial: Array) -> None:
-    """State at which a stage of the dense output is evaluated."""
-    trial[:] = z
-    for j in range(i):
-        weight = h * A_DENSE[i - END - 1, j]
-        if weight != 0.0:
-            for n in range(z.shape[0]):
-                trial[n] += weight * K[j, n]
+@njit(cache=True, error_model="numpy", inline="always")
+def longest_now(rest: Rest | None, longest: float) -> float:
+    """Longest step from where the bodies are placed."""
+    found = longest
+    if rest is not None:
+        found = min(longest, _turning(rest.model, rest.ws.y, rest.ws.A, rest.memory))
+    return found
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def count_turns(rest: Rest | None) -> None:
+    """Update what elements remember."""
+    if rest is not None:
+        remember(rest.model, rest.ws.y, rest.ws.A, rest.memory)
 
 
 @njit(cache=True, error_model="numpy")
@@ -155,137 +164,115 @@ def _length(h: float, remaining: float) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def _begin(
-    links: Links,
-    model: Model,
-    cut: Model,
-    z: Array,
-    times: Array,
-    tolerance: float,
-    memory: Array,
-    ws: Scratch,
-    rows: Workspace,
-    size: Array,
-    f: Array,
-) -> float:
-    """Derivative at the start, into f, and the length of the first step: z changes by ``tolerance ** (1/8)`` in it."""
-    derivative(links, model, cut, times[0], z, memory, ws, rows, f)
-    sizes(links.kind, model.length, z, size)
+def _first_length(kind: Array, f: Array, span: float, tolerance: float, size: Array) -> float:
+    """Length of the first step, in which z changes by ``tolerance ** (1/8)``, from its derivative f."""
     total = 0.0
     for n in range(f.shape[0]):
-        total += (f[n] / size[links.kind[n]]) ** 2
-    return tolerance ** (1.0 / 8.0) / max(np.sqrt(total / f.shape[0]), 1.0 / (times[-1] - times[0]))
+        total += (f[n] / size[kind[n]]) ** 2
+    return tolerance ** (1.0 / 8.0) / max(np.sqrt(total / f.shape[0]), 1.0 / span)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def _samples(
-    links: Links,
-    model: Model,
-    cut: Model,
-    z: Array,
-    end: Array,
-    K: Array,
-    t: float,
-    step: float,
-    times: Array,
-    memory: Array,
-    ws: Scratch,
-    rows: Workspace,
-    motion: Array,
+    tree: Tree, rest: Rest | None, z: Array, F: Array, t: float, step: float, times: Array, motion: Array
 ) -> None:
-    """Record the bodies at times within a step, and leave the derivative at its end in ``K[END]``."""
-    # the rows chosen at the end of the step are those for the next one
-    order, chosen, least = ws.fronts.order.copy(), ws.fronts.chosen.copy(), ws.fronts.least[0]
-    state, F = end.copy(), np.empty((3 + D_DENSE.shape[0], z.shape[0]))
-    for i in range(END, ALL_STAGES):
-        if i > END:
-            _dense_stage(z, K, step, i, state)
-        at = t + (C_DENSE[i - END - 1] if i > END else 1.0) * step
-        derivative(links, model, cut, at, state, memory, ws, rows, K[i])
-    _polynomial(z, end, K, step, F)
+    """Record the bodies at times within a step."""
+    if rest is not None:
+        # the rows chosen at the end of the step are those for the next one
+        fronts = rest.ws.fronts
+        order, chosen = fronts.order.copy(), fronts.chosen.copy()
+    state = np.empty_like(z)
     for n in range(times.shape[0]):
         _between(z, F, (times[n] - t) / step, state)
-        project(links, model, cut, times[n], state, memory, ws, rows)
-        orient(ws.A, ws.y)
-        motion[n] = ws.y
-    ws.fronts.order[:], ws.fronts.chosen[:], ws.fronts.least[0] = order, chosen, least
+        settle(tree, rest, times[n], state)
+        record(tree.A, tree.y, motion[n])
+    if rest is not None:
+        fronts.order[:], fronts.chosen[:] = order, chosen
 
 
 @njit(cache=True, error_model="numpy")
 def integrate(
-    links: Links,
-    model: Model,
-    cut: Model,
+    tree: Tree,
+    rest: Rest | None,
     z: Array,
     times: Array,
     tolerance: float,
     longest: float,
-    memory: Array,
-    ws: Scratch,
-    rows: Workspace,
     motion: Array,
     counters: Array,
 ) -> int:
-    """Integrate from ``times[0]`` and record the bodies at all sample times; arguments as in `integrators.dop853`.
+    """Integrate from ``times[0]`` and record the bodies at all sample times.
+
+    It is compiled twice: for trees without elements, whose kernels are few, and for everything else.
 
     Parameters
     ----------
+    rest : Rest or None
+        None for a tree without elements.
     z : ndarray, shape (n_z,)
         Initial state; overwritten by the last.
+    times : ndarray, shape (n_t,), s
+    tolerance : float
+        Bound on the scaled local error.
     longest : float, s
         Bound on the steps.
     motion : ndarray, shape (n_t, n_b + n_e, 13)
         Overwritten.
+    counters : ndarray of int, shape (3,)
+        Overwritten: accepted steps, rejected steps, evaluations.
 
     Returns
     -------
     int
         Key of `integrators.dop853.STATUS`.
     """
-    K, trial, size = np.zeros((ALL_STAGES, z.shape[0])), np.empty_like(z), np.empty(5)
+    K, F = np.zeros((ALL_STAGES, z.shape[0])), np.empty((3 + D_DENSE.shape[0], z.shape[0]))
+    trial, size = np.empty_like(z), np.empty(5)
+    none, one, end, all_stages = LIMITS[0], LIMITS[1], LIMITS[2], LIMITS[3]
     counters[:] = 0
     t, last, sample = times[0], times[-1], 1
-    project(links, model, cut, t, z, memory, ws, rows)
-    orient(ws.A, ws.y)
-    motion[0] = ws.y
+    settle(tree, rest, t, z)
+    record(tree.A, tree.y, motion[0])
     if times.shape[0] == 1:
         return 0
-    longest_now = min(longest, turning(model, ws, memory))
-    h, first = _begin(links, model, cut, z, times, tolerance, memory, ws, rows, size, K[0]), 1
+    bound = longest_now(rest, longest)
+    _evaluate(tree, rest, z, z, K, t, 0.0, none, one)
+    sizes(tree.kind, tree.length, z, size)
+    h, first = _first_length(tree.kind, K[0], last - t, tolerance, size), one
     counters[EVALUATIONS] = 1
     while sample < times.shape[0]:
-        step = _length(min(h, longest_now), last - t)
+        step = _length(min(h, bound), last - t)
         if step < 1e-14 * max(1.0, abs(t)):
             return 1
-        _stages(links, model, cut, z, K, t, step, first, trial, memory, ws, rows)
-        _stage(z, K, step, STAGES, trial)
-        counters[EVALUATIONS] += STAGES - first
-        sizes(links.kind, model.length, z, size)
-        error = _error(links.kind, K, step, size) / tolerance
+        _evaluate(tree, rest, z, z, K, t, step, first, end)
+        _stage(z, K, step, end, trial)
+        counters[EVALUATIONS] += end - first
+        sizes(tree.kind, tree.length, z, size)
+        error = _error(tree.kind, K, step, size) / tolerance
         if not np.isfinite(error):
             return 2
         factor = LARGEST if error == 0.0 else min(LARGEST, max(SMALLEST, SAFETY * error ** (-1.0 / 8.0)))
         if error > 1.0:
             counters[REJECTED] += 1
-            h, first = step * min(1.0, factor), 1  # the first stage is still known
+            h, first = step * min(1.0, factor), one  # the first stage is still known
             continue
         counters[STEPS] += 1
         after = last if step == last - t else t + step
-        project(links, model, cut, after, trial, memory, ws, rows)
-        remember(model, ws, memory)
-        longest_now, first, begin = min(longest, turning(model, ws, memory)), 0, sample
+        settle(tree, rest, after, trial)
+        count_turns(rest)
+        bound, first, begin = longest_now(rest, longest), none, sample
         while sample < times.shape[0] and times[sample] < after:
             sample += 1
         inner = sample
         if sample < times.shape[0] and times[sample] == after:
-            orient(ws.A, ws.y)
-            motion[sample] = ws.y
+            record(tree.A, tree.y, motion[sample])
             sample += 1
         if begin < inner:
-            within, found = times[begin:inner], motion[begin:inner]
-            _samples(links, model, cut, z, trial, K, t, step, within, memory, ws, rows, found)
-            counters[EVALUATIONS] += ALL_STAGES - END
-            K[0], first = K[END], 1
+            _evaluate(tree, rest, z, trial, K, t, step, end, all_stages)
+            counters[EVALUATIONS] += all_stages - end
+            _polynomial(z, trial, K, step, F)
+            _samples(tree, rest, z, F, t, step, times[begin:inner], motion[begin:inner])
+            K[0], first = K[END], one
         z[:] = trial
         t, h = after, step * factor if step == h else max(h, step * factor)
     return 0

@@ -218,6 +218,13 @@ def place_bodies(index: Array, link: Array, y: Array, A: Array) -> None:
 
 
 @njit(cache=True, error_model="numpy")
+def place(index: Array, link: Array, free: Array, first_speed: int, z: Array, y: Array, A: Array) -> None:
+    """Place links and bodies at a state z."""
+    place_links(link, free, z, z[first_speed:])
+    place_bodies(index, link, y, A)
+
+
+@njit(cache=True, error_model="numpy")
 def coordinate_rates(index: Array, first_speed: int, z: Array, dz: Array) -> None:
     """Rates of the coordinates; of Euler parameters, ``p' = 1/2 (0, w) p`` with w in axes of F."""
     for k in range(index.shape[0]):
@@ -267,7 +274,8 @@ def normalise(index: Array, z: Array) -> None:
         if index[k, ABOUT] == 3:
             at = index[k, FIRST_COORDINATE] + index[k, ALONG]
             norm = np.sqrt(z[at] ** 2 + z[at + 1] ** 2 + z[at + 2] ** 2 + z[at + 3] ** 2)
-            z[at : at + 4] /= norm
+            for n in range(4):
+                z[at + n] /= norm
 
 
 @njit(cache=True, error_model="numpy")
@@ -291,3 +299,12 @@ def orient(A: Array, y: Array) -> None:
         norm = np.sqrt(e[0] ** 2 + e[1] ** 2 + e[2] ** 2 + e[3] ** 2)
         for n in range(4):
             y[b, 3 + n] = e[n] / norm
+
+
+@njit(cache=True, error_model="numpy")
+def record(A: Array, y: Array, motion: Array) -> None:
+    """Copy the bodies as they are placed, with their Euler parameters, into a sample of a motion."""
+    orient(A, y)
+    for b in range(y.shape[0]):
+        for n in range(y.shape[1]):
+            motion[b, n] = y[b, n]

@@ -53,7 +53,8 @@ class Fronts(NamedTuple):
     rank: Array  # (G,) those of them that are independent
     carried: Array  # (G,) rows of a front that come from the one before
     squeezed: Array  # (G,) reflections that only shorten what is carried on
-    least: Array  # (1,) least pivot of the rows chosen, when they were
+    target: Array  # (q,) what the rows are to change by
+    extra: Array  # (N,) joint forces that change them so
 
 
 def _touched(layout: Array, cut: Model) -> Array:
@@ -162,5 +163,6 @@ def fronts(loops: Loops, bodies: int) -> Fronts:
         rank=np.zeros(G, dtype=np.int64),
         carried=np.zeros(G + 1, dtype=np.int64),
         squeezed=np.zeros(G, dtype=np.int64),
-        least=np.zeros(1),
+        target=np.zeros(q),
+        extra=np.zeros(N),
     )

@@ -20,6 +20,7 @@ from consilience.reference.formulations.recursive_model import TreeModel, flatte
 from consilience.reference.model import Model, all_rows, flatten
 from consilience.reference.relative import columns
 from consilience.reference.relative.loops import Fronts, Loops, find_loops, fronts
+from consilience.reference.workspace import Workspace
 from consilience.spatial import Array, quaternion_from_rotation
 
 DISTANCE, ANGLE, SPEED, SPIN, INTEGRAL = range(5)
@@ -44,6 +45,7 @@ class Links(NamedTuple):
     free: bool  # that, and no rows to close: `articulated.free_accelerations` says all
     closing: Array  # (m,) joints that keep rows
     other_rows: int  # rows that are not joints'
+    held: int  # rows that hold positions; those of rolling and skates stand behind them
     loops: Loops
 
 
@@ -54,19 +56,35 @@ class Scratch(NamedTuple):
     A: Array  # (n_b, 3, 3) rotation matrices
     link: Array  # (n_b + 1, LINK_WIDTH) rows of the links and of the ground: see `columns`
     free: Array  # (N, FREE_WIDTH) rows of the directions
-    S: Array  # (N, 6) view of `free`: directions, (linear, angular) in world axes at the centre of mass
-    d: Array  # (n_b + 1, 3) view of `link`: from the centre of mass of the parent to that of the link
-    acc: Array  # (n_b + 1, 6) view: accelerations
-    U: Array  # (N, 6) view: inertia times direction, when it is eliminated
-    D: Array  # (N,) view
-    rest: Array  # (N,) view: what is left of the joint force when the direction is eliminated
-    extra: Array  # (N,) added to it by the loops
     u: Array  # (N,) accelerations, or displacements, of the directions
-    target: Array  # (q,)
     limit: Array  # (1,) rank of the cut rows, where a projection has found it
     best: Array  # (2,) largest rank, and its largest least pivot
     size: Array  # (1,) largest size of a cut row
     fronts: Fronts
+
+
+class Tree(NamedTuple):
+    """What an integrator reads of a tree without elements."""
+
+    layout: Array
+    kind: Array
+    link: Array
+    free: Array
+    y: Array
+    A: Array
+    speeds: int
+    length: float  # of the mechanism, m
+
+
+class Rest(NamedTuple):
+    """What elements and loops need beside it."""
+
+    links: Links
+    model: Model
+    cut: Model
+    memory: Array  # joint coordinates that elements read, turns counted
+    ws: Scratch
+    rows: Workspace
 
 
 def flatten_relative(mechanism: Mechanism) -> tuple[Links, TreeModel, Model]:
@@ -97,6 +115,7 @@ def flatten_relative(mechanism: Mechanism) -> tuple[Links, TreeModel, Model]:
         free=not any(elements) and not tree.cut_rows,
         closing=np.array(closing, dtype=np.int64),
         other_rows=int(tree.cut_rows - len(cut.row_kind)),
+        held=all_rows(cut) - 2 * len(cut.rolling_body) - len(cut.skate_body),
         loops=find_loops(layout, len(speeds), cut),
     )
     return links, tree, model
@@ -155,15 +174,7 @@ def scratch(mechanism: Mechanism, links: Links, tree: TreeModel) -> Scratch:
         A=np.zeros((n, 3, 3)),
         link=link,
         free=free,
-        S=free[:, columns.S : columns.S + 6],
-        d=link[:, columns.STEP : columns.STEP + 3],
-        acc=link[:, columns.ACCELERATION : columns.ACCELERATION + 6],
-        U=free[:, columns.U : columns.U + 6],
-        D=free[:, columns.PIVOT],
-        rest=free[:, columns.REST],
-        extra=np.zeros(N),
         u=np.zeros(N),
-        target=np.zeros(q),
         limit=np.array([q], dtype=np.int64),
         best=np.zeros(2),
         size=np.zeros(1),

@@ -10,10 +10,11 @@ from consilience.errors import NumericalFailure
 from consilience.mechanism import Mechanism, State
 from consilience.reference.integrators.dop853 import STATUS
 from consilience.reference.model import Model, unpack
-from consilience.reference.relative.dynamics import find_rank, remember
+from consilience.reference.relative.dynamics import remember
 from consilience.reference.relative.gauss import integrate_gauss
 from consilience.reference.relative.integrate import integrate
-from consilience.reference.relative.model import flatten_relative, pack_relative, scratch
+from consilience.reference.relative.kinematics import place
+from consilience.reference.relative.model import Rest, Tree, flatten_relative, pack_relative, scratch
 from consilience.reference.workspace import workspace
 from consilience.run import TrajectoryAnswer
 from consilience.spatial import Array, continuous_in_time
@@ -53,17 +54,18 @@ def simulate_relative(
     NumericalFailure
         With the status of the integrator.
     """
-    links, tree, model = _flat(mechanism)
-    ws = scratch(mechanism, links, tree)
-    rows = workspace(tree.cut)._replace(A=ws.A)
-    z = pack_relative(mechanism, links, tree, state)
-    memory = np.zeros(len(model.coordinate))
-    find_rank(links, model, tree.cut, float(times[0]), z, memory, ws, rows)
-    remember(model, ws, memory)
+    links, spanning, model = _flat(mechanism)
+    ws, memory = scratch(mechanism, links, spanning), np.zeros(len(model.coordinate))
+    tree = Tree(links.layout, links.kind, ws.link, ws.free, ws.y, ws.A, links.speeds, model.length)
+    rest = None
+    z = pack_relative(mechanism, links, spanning, state)
+    if not links.free:
+        rest = Rest(links, model, spanning.cut, memory, ws, workspace(spanning.cut)._replace(A=ws.A))
+        place(links.layout, ws.link, ws.free, links.speeds, z, ws.y, ws.A)
+        remember(model, ws.y, ws.A, memory)
     motion, counters = np.empty((len(times), *ws.y.shape)), np.zeros(3, dtype=np.int64)
-    status = INTEGRATORS[integrator](
-        links, model, tree.cut, z, times, float(tolerance), longest_step(model), memory, ws, rows, motion, counters
-    )
+    longest = longest_step(model)
+    status = INTEGRATORS[integrator](tree, rest, z, times, float(tolerance), longest, motion, counters)
     if status:
         raise NumericalFailure(f"reference, relative, {integrator}, tolerance {tolerance:g}: {STATUS[status]}")
     p, quat, v, w = unpack(mechanism, motion)
