@@ -43,11 +43,20 @@ def constraint_rank(translation: Translation) -> tuple[int, int]:
     return (int(np.sum(singular > RANK_TOLERANCE * singular[0])) if len(singular) else 0), len(J)
 
 
+def mass_matrix(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
+    """Mass matrix of evaluated data, shape (nv, nv)."""
+    M = np.zeros((model.nv, model.nv))
+    if hasattr(data, "qM"):  # before MuJoCo 4
+        mujoco.mj_fullM(model, M, data.qM)
+    else:
+        mujoco.mj_fullM(model, data, M)
+    return M
+
+
 def solve_by_harness(translation: Translation) -> None:
     """Replace the accelerations and constraint forces of the data by the harness's solution of MuJoCo's equations."""
     model, data = translation.model, translation.data
-    M = np.zeros((model.nv, model.nv))
-    mujoco.mj_fullM(model, data, M)
+    M = mass_matrix(model, data)
     J = constraint_jacobian(translation)
     # without stiffness and damping of the welds the reference acceleration is -J' v
     acceleration, force = solve_constrained(M, np.array(data.qfrc_smooth), J, np.array(data.efc_aref))

@@ -5,6 +5,7 @@ An answer that a store has is not asked for again. A job that fails is one faile
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -27,7 +28,9 @@ from consilience.run import (
     defects,
 )
 from consilience.store import Kept, Store
-from consilience.worker import Here, Plan, Request, Worker
+from consilience.worker import Asks, Plan, Request, alone
+
+_LOG = logging.getLogger(__name__)
 
 MOST_LEVELS = 6
 LEVEL_BUDGET = 5.0
@@ -81,7 +84,7 @@ QUICK = Effort(methods=1, reference_methods=2, states=3, samples=5, closer=False
 """The first quarter of a second or so by the headline of each engine alone: enough to see that something is wrong."""
 
 
-def open_plan(worker: Worker | Here, case: Case) -> Plan | str:
+def open_plan(worker: Asks, case: Case) -> Plan | str:
     """What an engine says about a case before it is asked, or why it says nothing."""
     reply = worker.ask(Request(case.mechanism))
     return reply.value if isinstance(reply.value, Plan) else reply.reason
@@ -106,7 +109,7 @@ class Asked:
         The engine's own; an answer of another version is another answer.
     """
 
-    worker: Worker | Here
+    worker: Asks
     case: Case
     plan: Plan
     effort: Effort = FULL
@@ -182,10 +185,14 @@ class Asked:
         kept = self.store.find(key) if self.store is not None and key else None
         run = Run(case.name, self.worker.engine, question, method, level, step, Status.ANSWERED)
         if kept is not None:
+            _LOG.debug("%s: %s, %s, %s: kept", self.worker.engine, case.name, question, method.name)
             return replace(run, answer=kept.answer, cpu=kept.cpu, log=kept.log, manifest=self.plan.manifest)
         run = self._perform(run, request)
-        if self.store is not None and key and run.answer is not None:
-            self.store.keep(key, Kept(run.answer, run.cpu, run.log))
+        if self.store is None or not key:
+            return run
+        if run.answer is None:
+            return replace(run, log=_with_job(run.log, self.store, key, self.worker.engine, request))
+        self.store.keep(key, Kept(run.answer, run.cpu, run.log))
         return run
 
     def _perform(self, run: Run, request: Request) -> Run:
@@ -211,8 +218,16 @@ class Asked:
         return Run(self.case.name, self.worker.engine, question, method, 0, None, Status.FAILED, reason=reason)
 
 
+def _with_job(log: str, store: Store, key: str, engine: str, request: Request) -> str:
+    """What an engine printed before it failed, and how to do the job again; the job is written down."""
+    lines = [log.rstrip("\n")] if log.strip() else []
+    return "\n".join(
+        [*lines, f"to do it again: python -m consilience.workers {store.keep_job(key, alone(engine, request))}"]
+    )
+
+
 def ask_case(
-    worker: Worker,
+    worker: Asks,
     case: Case,
     questions: Sequence[Question],
     effort: Effort = FULL,
@@ -220,19 +235,23 @@ def ask_case(
     info: EngineInfo | None = None,
 ) -> Iterator[Run]:
     """All runs of an engine about a case."""
-    reply = worker.ask(Request(case.mechanism))
+    request = Request(case.mechanism)
+    reply = worker.ask(request)
     if isinstance(reply.value, Plan):
         asked = Asked(worker, case, reply.value, effort, store, info)
         for question in questions:
             yield from asked.question(question)
         return
+    log = reply.log
+    if store is not None and info is not None:
+        log = _with_job(log, store, store.key(info, request), worker.engine, request)
     for question in questions:
         failed = Run(case.name, worker.engine, question, None, 0, None, Status.FAILED)
-        yield replace(failed, reason=reply.reason, log=reply.log)
+        yield replace(failed, reason=reply.reason, log=log)
 
 
 def ask_ladder(
-    worker: Worker, case: Case, plan: Plan, method: Method, steps: Sequence[float] | None = None
+    worker: Asks, case: Case, plan: Plan, method: Method, steps: Sequence[float] | None = None
 ) -> Iterator[Run]:
     """Runs of a trajectory method at every level and at other softness; at the given steps alone, if any are given."""
     asked = Asked(worker, case, plan)

@@ -12,13 +12,14 @@ from contextlib import contextmanager, nullcontext
 from importlib import import_module
 from keyword import iskeyword
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
 from rich.markup import escape
 
 from consilience.errors import ConsilienceError, InvalidInput, visible
+from consilience.examples import EXAMPLES, START, epilog
 
 if TYPE_CHECKING:
     from consilience.case import Case
@@ -27,7 +28,7 @@ app = typer.Typer(
     help="Ask several multibody engines the same question and judge the answers.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
-    add_completion=False,
+    epilog=epilog(START),
 )
 CORES = os.cpu_count() or 2
 out, err = Console(), Console(stderr=True)
@@ -82,7 +83,7 @@ def _resumable(folder: Path) -> Iterator[None]:
         raise typer.Exit(130) from None
 
 
-@app.command()
+@app.command(epilog=epilog(EXAMPLES["run"]))
 def run(
     cases: Cases = None,
     engine: Engines = None,
@@ -97,17 +98,22 @@ def run(
     fresh: Annotated[bool, typer.Option("--fresh", help="Ask again what the folder has answers to.")] = False,
     jobs: Jobs = CORES,
     limit: Limit = 180.0,
+    memory: Annotated[float, typer.Option(min=0.1, help="Memory that an engine may use in GiB.")] = 4.0,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Engines work on the Dask cluster of this scheduler.")
+    ] = None,
+    verbose: Annotated[bool, typer.Option("-v", "--verbose", help="Say on stderr what happens, and when.")] = False,
 ) -> None:
     """Ask the questions, compare, and write report.jsonl, report.html and report.md.
 
     Answers are kept in the folder as they come: the same command after an interruption goes on where it was.
     """
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
     from consilience.asking import FULL, QUICK
     from consilience.library import load_cases, shipped_cases
+    from consilience.progress import per_engine
     from consilience.report.pages import write_pages
     from consilience.report.record import exit_code, write_record
+    from consilience.scale import cluster_of, log_to_stderr
     from consilience.store import Store
     from consilience.suite import run_suite
 
@@ -116,18 +122,25 @@ def run(
     chosen = _tagged(chosen, tag)
     engines, questions = _engines(engine), _questions(question)
     start, store = time.perf_counter(), Store(folder, fresh)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with _resumable(folder), Progress(*columns, console=err) as bar:
-        task = bar.add_task("starting engines", total=len(chosen) * len({"reference", *engines}))
+    if verbose:
+        log_to_stderr()
+    asked = list(dict.fromkeys(["reference", *engines]))
+    with (
+        _resumable(folder),
+        cluster_of(scheduler) as cluster,
+        per_engine(asked, len(chosen), err, silent=verbose) as progress,
+    ):
         results = run_suite(
             chosen,
             engines,
             questions,  # type: ignore[arg-type]
             jobs=jobs,
             limit=limit,
-            progress=lambda name, case: bar.update(task, advance=1, description=f"{name}: {case}"),
+            progress=progress,
             effort=QUICK if quick else FULL,
             store=store,
+            memory=int(memory * 2**30),
+            cluster=cluster,
         )
     store.close()
     write_record(results, time.perf_counter() - start, folder)
@@ -158,67 +171,6 @@ def _print_matrix(folder: Path) -> None:
     out.print(f"report: {folder / 'report.html'}", soft_wrap=True, highlight=False)
 
 
-@app.command("list")
-def list_cases() -> None:
-    """List the shipped cases, the families and the installed engines."""
-    from collections import Counter
-
-    from rich.table import Table
-
-    from consilience.engine import installed
-    from consilience.families import FAMILIES, shown_parameters
-    from consilience.library import shipped_cases
-    from consilience.reference.registry import FORMULATIONS, SYSTEMS
-
-    table = Table(title="cases")
-    for column in ("group", "name", "bodies", "joints", "title"):
-        table.add_column(column, no_wrap=column == "name")
-    for case in shipped_cases():
-        kinds = Counter(joint.kind for joint in case.mechanism.joints)
-        joints = ", ".join(f"{n} {kind}" if n > 1 else kind for kind, n in kinds.items())
-        table.add_row(case.group, case.name, str(len(case.mechanism.bodies)), joints, escape(case.title))
-    out.print(table)
-    members = Table(title="families: FAMILY:PARAMETER=VALUE,...")
-    for column in ("name", "parameters and their defaults"):
-        members.add_column(column, no_wrap=column == "name")
-    for name, family in FAMILIES.items():
-        members.add_row(name, escape(shown_parameters(family)))
-    out.print(members)
-    out.print("engines: " + ", ".join(installed()))
-    out.print(
-        "formulations of the reference, as engines reference:NAME: " + ", ".join((*FORMULATIONS, *SYSTEMS)),
-        highlight=False,
-    )
-
-
-@app.command()
-def doctor(engine: Engines = None, limit: Limit = 180.0) -> None:
-    """Import every engine in a worker and let it answer two questions about one case."""
-    from rich.table import Table
-
-    from consilience.compare import Verdict
-    from consilience.library import load_case
-    from consilience.report.record import exit_code
-    from consilience.run import Profile, Question
-    from consilience.suite import run_suite
-
-    names = _engines(engine)
-    results = run_suite([load_case("double_pendulum")], names, [Question.MODEL, Question.INSTANT], limit=limit)
-    table = Table(title="engines")
-    for column in ("engine", "version", "self-test (double_pendulum)"):
-        table.add_column(column)
-    for name in names:
-        if name in results.missing:
-            table.add_row(name, "-", f"does not start: {escape(results.missing[name])}")
-            continue
-        own = [c for c in results.comparisons if c.engine == name and c.profile is Profile.MATCHED]
-        bad = [c for c in own if c.verdict is not Verdict.AGREES]
-        text = "; ".join(f"{c.question}, {c.method}: {c.verdict}: {c.why}" for c in bad) or "agrees with the reference"
-        table.add_row(name, results.engines[name].version, escape(text))
-    out.print(table)
-    raise typer.Exit(exit_code(results))
-
-
 @contextmanager
 def _reference_here() -> Iterator[None]:
     """The reference works in this process: Ctrl-C ends its compiled kernels, and compiling them is no silence."""
@@ -246,7 +198,7 @@ def _reference_here() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-@app.command()
+@app.command(epilog=epilog(EXAMPLES["simulate"]))
 def simulate(
     case: Annotated[str, typer.Argument(help="Name or case file.")],
     output: Annotated[
@@ -273,7 +225,7 @@ def simulate(
     out.print(f"{chosen.name} on {name} ({how}): {len(answer.time)} samples in {output}", soft_wrap=True)
 
 
-@app.command()
+@app.command(epilog=epilog(EXAMPLES["coverage"]))
 def coverage(
     cases: Cases = None,
     engine: Engines = None,
@@ -296,7 +248,7 @@ def coverage(
     raise typer.Exit(campaign.exit_code(found))
 
 
-@app.command()
+@app.command(epilog=epilog(EXAMPLES["crosscheck"]))
 def crosscheck(
     mechanisms: Annotated[int, typer.Option(help="Number of random mechanisms.")] = 200,
     states: Annotated[int, typer.Option(help="States of each.")] = 20,
@@ -310,7 +262,7 @@ def crosscheck(
     compare_formulations(mechanisms, states, seed, None, jobs, output)
 
 
-@app.command()
+@app.command(epilog=epilog(EXAMPLES["report"]))
 def report(folder: Annotated[Path, typer.Argument(help="Folder of a report.")]) -> None:
     """Render the pages of a report again from its report.jsonl."""
     from consilience.report.pages import write_pages
@@ -322,7 +274,7 @@ def report(folder: Annotated[Path, typer.Argument(help="Folder of a report.")]) 
     raise typer.Exit(record.footer["exit_code"])
 
 
-@app.command()
+@app.command(epilog=epilog(EXAMPLES["schema"]))
 def schema(kind: Annotated[str, typer.Argument(help="What to describe: case.")]) -> None:
     """Print the JSON Schema of a case file."""
     from consilience.caseschema import case_schema
@@ -333,7 +285,14 @@ def schema(kind: Annotated[str, typer.Argument(help="What to describe: case.")])
 
 
 CAMPAIGNS = {
-    "show": ("consilience.report.show", "Show a case, and draw it."),
+    "list": ("consilience.listing", "List the shipped cases, the families and the installed engines."),
+    "doctor": ("consilience.doctor", "Say which engines start here, and how to mend what does not."),
+    "explain": (
+        "consilience.explain.command",
+        "Explain a verdict, a term or a trap: the rule, the theory, where users met it.",
+    ),
+    "show": ("consilience.report.show", "Show a case, and draw it; --view: in motion."),
+    "play": ("consilience.report.show", "Open the mechanisms of a report in motion, engines as ghosts."),
     "new": ("consilience.newcase", "Write a commented case file to start from."),
     "validate": ("consilience.validate", "Check cases, and say what every engine will make of them."),
     "check": ("consilience.identities.command", "Check each engine alone, without a reference, against identities."),
@@ -347,21 +306,30 @@ CAMPAIGNS = {
     "translate": ("consilience.native.command", "Write the native model of a case for an engine alone."),
     "mutate": ("consilience.mutate.command", "Plant known errors in adapters, and tell which are caught."),
 }
-"""Commands that parse their own arguments: module with a function of the same name (`import_`), and what they do."""
+"""Commands that parse their own arguments: module with a function of the same name, and what they do."""
+RESERVED = ("list",)
+"""Commands whose function has an underscore because Python's own name is not to be hidden; so have keywords."""
+
+
+def command_of(name: str) -> Any:
+    """The command of a name with its own arguments, as Typer has it; a KeyError where there is none."""
+    if name not in CAMPAIGNS:
+        return typer.main.get_group(app).commands[name]
+    own = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+    function = f"{name}_" if iskeyword(name) or name in RESERVED else name
+    own.command(epilog=epilog(EXAMPLES[name]))(getattr(import_module(CAMPAIGNS[name][0]), function))
+    return typer.main.get_command(own)
 
 
 def _delegate(name: str) -> None:
     """Make a command that imports its module when it is called, so that the help of all appears at once."""
-    module, does = CAMPAIGNS[name]
 
     def command(context: typer.Context) -> None:
-        own = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-        own.command()(getattr(import_module(module), f"{name}_" if iskeyword(name) else name))
-        code = typer.main.get_command(own).main(context.args, f"consilience {name}", standalone_mode=False)
+        code = command_of(name).main(context.args, f"consilience {name}", standalone_mode=False)
         raise typer.Exit(code or 0)
 
     settings = {"ignore_unknown_options": True, "allow_extra_args": True, "help_option_names": []}
-    app.command(name, help=does, context_settings=settings)(command)
+    app.command(name, help=CAMPAIGNS[name][1], context_settings=settings)(command)
 
 
 for _name in CAMPAIGNS:

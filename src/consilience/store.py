@@ -23,12 +23,15 @@ from typing import Any
 
 import numpy as np
 
-from consilience.engine import installed
+from consilience.engine import installed, split_name
 from consilience.errors import ConsilienceError
 from consilience.run import Answer, EngineInfo, InstantAnswer, ModelAnswer, TrajectoryAnswer
 from consilience.worker import Request
 
 FILE = "answers.sqlite"
+
+FAILED = "failed"
+"""Folder of the jobs that failed, beside it."""
 
 _KINDS: dict[str, type[Answer]] = {kind.__name__: kind for kind in (ModelAnswer, InstantAnswer, TrajectoryAnswer)}
 
@@ -99,6 +102,11 @@ def _code(engine: str) -> tuple[str, str]:
     return _sources("consilience"), _sources(entry.module.partition(".")[0]) if entry else ""
 
 
+def code_of(engines: Sequence[str]) -> str:
+    """Digest of the code that asks these engines and judges them: the harness's and the adapters'."""
+    return _digest(*(_code(split_name(engine)[0]) for engine in ("", *engines)))
+
+
 def _item(value: Any) -> Any:
     """A NumPy scalar as Python's own."""
     if isinstance(value, np.generic):
@@ -126,6 +134,7 @@ class Store:
         self._file = folder / FILE
         self._lock = Lock()
         self._mechanism: tuple[object, str] = (None, "")
+        self._codes: dict[str, tuple[str, str]] = {}
         folder.mkdir(parents=True, exist_ok=True)
         try:
             self._connection = sqlite3.connect(self._file, check_same_thread=False, isolation_level=None)
@@ -152,7 +161,9 @@ class Store:
             digest = _digest(request.mechanism)
             self._mechanism = (request.mechanism, digest)
         asked = (request.question, request.method, request.states, request.times, request.step)
-        return _digest(asdict(info), _code(info.name), digest, asked)
+        if info.name not in self._codes:  # what is installed is looked for on the disk: longer than many a job
+            self._codes[info.name] = _code(info.name)
+        return _digest(asdict(info), self._codes[info.name], digest, asked)
 
     def find(self, key: str) -> Kept | None:
         """What is kept under a key."""
@@ -173,6 +184,16 @@ class Store:
         np.savez(buffer, allow_pickle=False, **arrays)
         row = (key, json.dumps(about, default=_item), buffer.getvalue())
         self._do("INSERT OR REPLACE INTO answers VALUES (?, ?, ?)", row)
+
+    def keep_job(self, key: str, job: bytes) -> str:
+        """Write down a job that failed, as it was sent; its file, seen from the folder."""
+        file = self._file.parent / FAILED / f"{key[:20]}.frames"
+        try:
+            file.parent.mkdir(exist_ok=True)
+            file.write_bytes(job)
+        except OSError as error:
+            raise StoreError(f"{file}: {error.strerror}") from None
+        return f"{FAILED}/{file.name}"
 
     def close(self) -> None:
         """Let go of the file."""

@@ -1,17 +1,21 @@
 """Plan and execute many runs: every case, engine, question, method and level; then compare.
 
 Each engine has its own worker, and does one job at a time; `jobs` engines work at once, each on the first case it has
-not done. A case is judged as soon as all engines are through with it, while they go on with the next ones.
+not done. On a cluster an engine works on many cases at once, wherever there is room. A case is judged as soon as all
+engines are through with it, while they go on with the next ones.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator, Sequence
+import logging
+from collections import Counter
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field, replace
 from queue import SimpleQueue
-from threading import Condition
+from threading import Condition, Lock
+from typing import TYPE_CHECKING
 
 from consilience.asking import FULL, Asked, Effort, ask_case, open_plan
 from consilience.case import Case
@@ -20,7 +24,12 @@ from consilience.errors import ConsilienceError
 from consilience.judge import REFERENCE, judge_case
 from consilience.run import EngineInfo, Question, Run, Status, TrajectoryAnswer
 from consilience.store import Store
-from consilience.worker import Here, Request, Worker
+from consilience.worker import MEMORY, Asks, Here, Member, Request, Worker
+
+_LOG = logging.getLogger(__name__)
+
+if TYPE_CHECKING:
+    from consilience.cluster import Cluster
 
 Progress = Callable[[str, str], None]
 """Called with the engine and what it has just finished."""
@@ -48,10 +57,10 @@ class _Schedule:
     So cases are complete one after the other, and no engine is left with a long list at the end.
     """
 
-    def __init__(self, engines: Sequence[str], cases: int) -> None:
+    def __init__(self, engines: Sequence[str], cases: int, together: int) -> None:
         self._next = dict.fromkeys(engines, 0)
-        self._cases = cases
-        self._busy: set[str] = set()
+        self._cases, self._together = cases, together
+        self._busy: Counter[str] = Counter()
         self._changed = Condition()
         self._open = True
 
@@ -62,10 +71,10 @@ class _Schedule:
                 left = [name for name, case in self._next.items() if case < self._cases]
                 if not left:
                     return None
-                idle = [name for name in left if name not in self._busy]
+                idle = [name for name in left if self._busy[name] < self._together]
                 if idle:
                     name = min(idle, key=lambda engine: self._next[engine])
-                    self._busy.add(name)
+                    self._busy[name] += 1
                     self._next[name] += 1
                     return name, self._next[name] - 1
                 self._changed.wait()
@@ -74,7 +83,7 @@ class _Schedule:
     def done(self, engine: str, dead: bool = False) -> None:
         """The engine is idle again; a dead one gets nothing more."""
         with self._changed:
-            self._busy.discard(engine)
+            self._busy[engine] -= 1
             if dead:
                 self._next[engine] = self._cases
             self._changed.notify_all()
@@ -89,16 +98,20 @@ class _Schedule:
 class _Suite:
     """A suite at work: what threads share."""
 
-    def __init__(self, results: Results, workers: dict[str, Worker], effort: Effort, store: Store | None) -> None:
+    def __init__(
+        self, results: Results, workers: Mapping[str, Member], effort: Effort, store: Store | None, together: int
+    ) -> None:
         self.results, self.workers, self.effort, self.store = results, workers, effort, store
-        self.schedule = _Schedule(list(workers), len(results.cases))
+        self.schedule = _Schedule(list(workers), len(results.cases), together)
         self.finished: SimpleQueue[tuple[str, int, list[Run]] | None] = SimpleQueue()
+        self._doors = {name: Lock() for name in workers}
 
     def work(self) -> None:
         """Do jobs until there are none."""
         try:
             while (job := self.schedule.take()) is not None:
                 name, number = job
+                _LOG.info("%s: takes %s", name, self.results.cases[number].name)
                 alive = self._introduced(name)
                 runs = self._ask(name, number) if alive else []
                 self.schedule.done(name, dead=not alive)
@@ -109,13 +122,16 @@ class _Suite:
 
     def _introduced(self, name: str) -> bool:
         """Whether an engine has started and said who it is."""
-        if name not in self.results.engines:
-            reply = self.workers[name].ask(Request())
-            if not isinstance(reply.value, EngineInfo):
-                what = f"info() gave a {type(reply.value).__name__}, not an EngineInfo"
-                self.results.missing[name] = reply.reason or what
+        with self._doors[name]:  # once, however many ask for it
+            if name in self.results.missing:
                 return False
-            self.results.engines[name] = reply.value
+            if name not in self.results.engines:
+                reply = self.workers[name].ask(Request())
+                if not isinstance(reply.value, EngineInfo):
+                    what = f"info() gave a {type(reply.value).__name__}, not an EngineInfo"
+                    self.results.missing[name] = reply.reason or what
+                    return False
+                self.results.engines[name] = reply.value
         return True
 
     def _ask(self, name: str, number: int) -> list[Run]:
@@ -133,6 +149,8 @@ def run_suite(
     progress: Progress | None = None,
     effort: Effort = FULL,
     store: Store | None = None,
+    memory: int = MEMORY,
+    cluster: Cluster | None = None,
 ) -> Results:
     """Ask every engine every question of every case, and compare with the reference.
 
@@ -147,6 +165,10 @@ def run_suite(
     effort : Effort
     store : Store, optional
         Answers that are there already are not asked for; new ones are kept.
+    memory : int, bytes
+        Resident memory that an engine may use.
+    cluster : Cluster, optional
+        Where the engines are; as many work at a time as it has threads.
     """
     cases = [effort.case(case) for case in cases]
     names = [REFERENCE, *(name for name in engines if name != REFERENCE)]
@@ -156,9 +178,11 @@ def run_suite(
     results = Results(cases, list(questions))
     found: dict[tuple[str, int], list[Run]] = {}
     judged: dict[int, list[Comparison]] = {}
+    together = 1 if cluster is None else len(cases)
+    jobs = min(jobs, len(names)) if cluster is None else min(cluster.tasks, len(names) * len(cases))
     with (
-        _workers(names, limit) as workers,
-        closing(_in_parallel(_Suite(results, workers, effort, store), jobs)) as done,
+        _workers(names, limit, memory, cluster) as workers,
+        closing(_in_parallel(_Suite(results, workers, effort, store, together), jobs)) as done,
     ):
         for name, number, runs in done:
             found[name, number] = runs
@@ -166,6 +190,7 @@ def run_suite(
                 progress(name, cases[number].name)
             if all((other, number) in found or other in results.missing for other in names):
                 judged[number] = _judged(cases[number], names, number, found)
+                _LOG.info("%s: judged", cases[number].name)
     for number, case in enumerate(cases):
         results.comparisons += judged[number] if number in judged else _judged(case, names, number, found)
     results.runs = [run for name in names for n in range(len(cases)) for run in found.get((name, n), [])]
@@ -178,9 +203,12 @@ def _judged(case: Case, names: Sequence[str], number: int, found: dict[tuple[str
 
 
 @contextmanager
-def _workers(names: Sequence[str], limit: float) -> Iterator[dict[str, Worker]]:
+def _workers(
+    names: Sequence[str], limit: float, memory: int, cluster: Cluster | None
+) -> Iterator[Mapping[str, Member]]:
     """A worker for each engine; none outlives the suite."""
-    workers = {name: Worker(name, limit) for name in names}
+    make = Worker if cluster is None else cluster.worker
+    workers: dict[str, Member] = {name: make(name, limit, memory) for name in names}
     try:
         yield workers
     finally:
@@ -190,7 +218,7 @@ def _workers(names: Sequence[str], limit: float) -> Iterator[dict[str, Worker]]:
 
 def _in_parallel(suite: _Suite, jobs: int) -> Generator[tuple[str, int, list[Run]]]:
     """What threads finish, as they finish it; an error of ours in one of them ends all."""
-    count = max(1, min(jobs, len(suite.workers)))
+    count = max(1, jobs)
     pool = ThreadPoolExecutor(max_workers=count)
     futures: list[Future[None]] = [pool.submit(suite.work) for _ in range(count)]
     try:
@@ -231,7 +259,7 @@ def simulate_case(case: Case, engine: str, limit: float) -> tuple[TrajectoryAnsw
     raise EngineFailure(f"engine '{engine}', case '{case.name}': {run.status}: {run.reason}")
 
 
-def _finest(worker: Worker | Here, case: Case) -> Run:
+def _finest(worker: Asks, case: Case) -> Run:
     plan = open_plan(worker, case)
     failed = Run(case.name, worker.engine, Question.TRAJECTORY, None, 0, None, Status.FAILED)
     if isinstance(plan, str):

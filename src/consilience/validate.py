@@ -13,7 +13,8 @@ from rich.console import Console
 
 from consilience.case import Case
 from consilience.engine import installed, require_installed
-from consilience.errors import InvalidInput
+from consilience.errors import InvalidInput, visible
+from consilience.formats import Format, SheetFormat
 from consilience.library import load_cases
 from consilience.report.anatomy import anatomy, expected_lines, listed, warnings
 from consilience.run import EngineInfo, Method, Question
@@ -187,7 +188,7 @@ def _method_line(method: Findings) -> str:
 def validate(
     cases: Annotated[list[str], typer.Argument(metavar="FILE...", help="Case files, names, or families.")],
     engine: Annotated[list[str] | None, typer.Option("-e", "--engine", help="Engine; repeat it. Default: all.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="JSON, for machines.")] = False,
+    form: SheetFormat = Format.TEXT,
     limit: Annotated[float, typer.Option(min=0.1, help="Time limit of one message to an engine in s.")] = 180.0,
 ) -> None:
     """Check cases, and say what every engine will make of them before anything runs."""
@@ -195,9 +196,11 @@ def validate(
         require_installed(name)
     engines = list(dict.fromkeys(engine or installed()))
     found = validate_cases(cases, engines, limit)
-    if as_json:
+    if form is Format.JSON:
         sys.stdout.write(json.dumps({"cases": found}, indent=2, default=str) + "\n")
+    elif form is Format.MARKDOWN:
+        sys.stdout.write("".join(f"```text\n{text(one)}```\n" for one in found))
     else:
         for one in found:
-            Console().print(text(one), soft_wrap=True, highlight=False, markup=False)
+            Console().print(visible(text(one)), soft_wrap=True, highlight=False, markup=False)
     raise typer.Exit(0 if all(one["valid"] for one in found) else 2)

@@ -6,7 +6,7 @@ adapter finds the translation it has made for it.
 
 from __future__ import annotations
 
-import hashlib
+import logging
 import threading
 import time
 from collections import OrderedDict
@@ -15,21 +15,22 @@ from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from queue import SimpleQueue
 from types import TracebackType
-from typing import Any, TypeVar
-from weakref import WeakKeyDictionary
+from typing import Any, Protocol, TypeVar
 
 from consilience.engine import Engine, load_engine
-from consilience.mechanism import Mechanism
 from consilience.run import EngineInfo
 from consilience.workers import codec, frames
-from consilience.workers.environments import NoEnvironment, launch_of, local_name
+from consilience.workers.environments import NoEnvironment, launch_of
 from consilience.workers.frames import Header, ProtocolError
 from consilience.workers.jobs import Plan, Request, perform, raised
 from consilience.workers.process import Fault, Launch, Process
+from consilience.workers.sending import alone, frame_of, job, loading
 
-__all__ = ["MEMORY", "Here", "Plan", "Reply", "Request", "Worker", "in_parallel"]
+__all__ = ["MEMORY", "Asks", "Here", "Member", "Plan", "Reply", "Request", "Worker", "alone", "in_parallel"]
 
 _T = TypeVar("_T")
+
+_LOG = logging.getLogger(__name__)
 
 MEMORY = 4 * 2**30
 """Resident memory in bytes that an engine may use, unless told."""
@@ -68,19 +69,29 @@ class Reply:
     job: bytes = b""
 
 
+class Asks(Protocol):
+    """Something that does an engine's jobs, wherever the engine is."""
+
+    engine: str
+
+    def ask(self, request: Request) -> Reply:
+        """Do a job and wait for it."""
+        ...
+
+
+class Member(Asks, Protocol):
+    """The same, to be ended from another thread."""
+
+    def cancel(self) -> None:
+        """Give up the job in flight and every later one: whoever waits gets a failed reply."""
+        ...
+
+    def stop(self) -> None:
+        """The same, and leave no process."""
+        ...
+
+
 _STOPPED = Reply(None, False, "stopped before it answered")
-
-_packed: WeakKeyDictionary[Mechanism, tuple[str, bytes]] = WeakKeyDictionary()
-
-
-def _frame_of(mechanism: Mechanism) -> tuple[str, bytes]:
-    """Key of a mechanism, by its content, and the frame that sends it."""
-    known = _packed.get(mechanism)
-    if known is None:
-        tree, arrays = codec.encode(mechanism)
-        key = hashlib.sha256(frames.pack({"value": tree}, arrays)).hexdigest()
-        known = _packed[mechanism] = key, frames.pack({"kind": "mechanism", "key": key, "value": tree}, arrays)
-    return known
 
 
 @dataclass
@@ -184,6 +195,19 @@ class Worker:
             self._end()
 
     def _answer(self, request: Request) -> Reply:
+        """Reply to one job."""
+        if not _LOG.isEnabledFor(logging.INFO):
+            return self._attempt(request)
+        start = time.perf_counter()
+        reply = self._attempt(request)
+        spent, what = time.perf_counter() - start, _named(request)
+        if reply.returned:
+            _LOG.debug("%s: %s: %.3f s, of them %.3f s CPU time of the engine", self.engine, what, spent, reply.cpu)
+        else:
+            _LOG.info("%s: %s: failed after %.3f s: %s", self.engine, what, spent, reply.reason)
+        return reply
+
+    def _attempt(self, request: Request) -> Reply:
         """Reply to one job; afterwards there is a worker that can be asked again, or none."""
         try:
             if self._process is not None and not self._process.quiet():
@@ -194,12 +218,12 @@ class Worker:
         except _NotStarted as failed:
             return Reply(None, False, str(failed), log=self._end())
         except Fault as fault:
-            return Reply(None, False, str(fault), log=self._end(), job=self._alone(request))
+            return Reply(None, False, str(fault), log=self._end(), job=alone(self.engine, request))
         except ProtocolError as error:
             return Reply(None, False, f"the message cannot be read: {error}", log=self._printed())
         log, cpu = self._printed(), header["cpu"]
         if header["reason"]:
-            return Reply(None, False, header["reason"], cpu, log, self._alone(request))
+            return Reply(None, False, header["reason"], cpu, log, alone(self.engine, request))
         return Reply(self._labelled(value), True, cpu=cpu, log=log)
 
     def _start(self) -> None:
@@ -210,6 +234,7 @@ class Worker:
         _NotStarted
         """
         self._sent.clear()
+        start = time.perf_counter()
         limit = max(self.limit, STARTING)
         try:
             if self._launch is None:
@@ -225,6 +250,7 @@ class Worker:
             raise _NotStarted(f"while it started, {fault}") from None
         if loaded["reason"]:
             raise _NotStarted(loaded["reason"])
+        _LOG.info("%s: started as process %d in %.2f s", self.engine, hello["pid"], time.perf_counter() - start)
 
     def _exchanged(self, data: bytes, limit: float) -> tuple[Header, object]:
         """Send what ends in a job, and wait for the reply to it.
@@ -251,13 +277,13 @@ class Worker:
 
     def _load(self) -> bytes:
         self._number += 1
-        return frames.pack({"kind": "load", "job": self._number, "engine": local_name(self.engine)})
+        return loading(self.engine, self._number)
 
     def _frames(self, request: Request) -> bytes:
         """What the process has to be sent for a job: the mechanism if it does not hold it, and the job."""
         parts, key = list[bytes](), None
         if request.mechanism is not None:
-            key, frame = _frame_of(request.mechanism)
+            key, frame = frame_of(request.mechanism)
             if key not in self._sent:
                 parts.append(frame)
                 if len(self._sent) >= REMEMBERED:
@@ -266,12 +292,7 @@ class Worker:
             self._sent[key] = None
             self._sent.move_to_end(key)
         self._number += 1
-        return b"".join([*parts, _job(request, key, self._number)])
-
-    def _alone(self, request: Request) -> bytes:
-        """All frames that an empty worker needs for a job."""
-        key, mechanism = (None, b"") if request.mechanism is None else _frame_of(request.mechanism)
-        return self._load() + mechanism + _job(request, key, self._number)
+        return b"".join([*parts, job(request, key, self._number)])
 
     # ------------------------------------------------------------ the process
 
@@ -318,9 +339,12 @@ class _NotStarted(Exception):
     """There is no engine to ask."""
 
 
-def _job(request: Request, key: str | None, number: int) -> bytes:
-    tree, arrays = codec.encode(replace(request, mechanism=None))
-    return frames.pack({"kind": "job", "job": number, "mechanism": key, "value": tree}, arrays)
+def _named(request: Request) -> str:
+    """What a job asks, for the log."""
+    name = request.mechanism.name if request.mechanism is not None else ""
+    method = request.method.name if request.method is not None else ""
+    step = f"{request.step:g}" if request.step else ""
+    return ", ".join(filter(None, [name, *request.survey, request.question or "", method, step])) or "who it is"
 
 
 def _sound(header: Header) -> bool:

@@ -2,29 +2,46 @@
 
     python tests/harness/kills.py --kills 200
 
-Each round starts a suite in an empty folder, kills the runner, one of its workers, or both, after a random time, and
-lets the same command finish. The database refuses an answer it has already, so that a finished job that is done again
-ends the command with an error; the report must say what that of an undisturbed suite says.
+Each round starts a suite of 209 jobs in an empty folder, kills the runner, one of its workers, or both, and lets the
+same command finish. It is killed once a random number of answers is kept and a random time after that; some before the
+first answer, some after the last, while the report is written. The database refuses an answer it has already, so that a
+finished job that is done again ends the command with an error; the report must say what that of an undisturbed suite
+says, and no process may be left.
+
+A round takes about 8 s of CPU time. Runners are forks of this process, which has imported everything: to start Python
+anew would take as long as the suite.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import multiprocessing
 import os
 import random
+import shutil
 import signal
 import sqlite3
-import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
+from importlib import import_module
+from multiprocessing.context import ForkProcess
 from pathlib import Path
 
 import psutil
 
-CASES = ("double_pendulum", "four_bar", "slider_crank", "furuta_pendulum")
+from consilience import cli
+from consilience.store import FILE, Store
+
+CASES = (
+    *("single_revolute", "single_prismatic", "single_cylindrical", "single_universal", "single_spherical"),
+    *("double_pendulum", "furuta_pendulum", "cart_pole", "simple_pendulum-small", "physical_pendulum-small"),
+    "steady_precession",
+)
 ENGINES = ("pinocchio", "mujoco")
+TARGETS = ("runner", "worker", "both")
 
 _NO_REPEATS = """CREATE TRIGGER once BEFORE INSERT ON answers
 WHEN EXISTS (SELECT 1 FROM answers WHERE key = NEW.key) BEGIN SELECT RAISE(ABORT, 'answered twice'); END"""
@@ -33,24 +50,38 @@ TIMED = ("cpu", "log", "written", "elapsed")
 """What two runs of the same suite may differ in."""
 
 
-def start(folder: Path) -> subprocess.Popen[bytes]:
+Suite = Sequence[str]
+"""Arguments of `consilience run` that say what is asked."""
+
+WHOLE = (*CASES, *(word for name in ENGINES for word in ("-e", name)), "--quick")
+
+
+SHORT = ("single_revolute", "-e", "mujoco", "--quick", "-q", "model", "-q", "instant")
+
+
+def start(suite: Suite, folder: Path) -> ForkProcess:
     """The suite, at work."""
-    engines = [word for name in ENGINES for word in ("-e", name)]
-    command = [sys.executable, "-c", "from consilience.cli import main; main()", "run", *CASES, *engines]
-    options = ["--quick", "-o", str(folder)]
-    return subprocess.Popen([*command, *options], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+    process = multiprocessing.get_context("fork").Process(target=_run, args=(suite, folder))
+    process.start()
+    return process
+
+
+def _run(suite: Suite, folder: Path) -> None:
+    os.setsid()
+    for number, name in ((1, os.devnull), (2, str(folder / "complaints"))):
+        os.dup2(os.open(name, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), number)
+    sys.argv = ["consilience", "run", *suite, "-o", str(folder)]
+    cli.main()
 
 
 def refuse_repeats(folder: Path) -> None:
     """Let the database refuse what it has already."""
-    from consilience.store import FILE, Store
-
     Store(folder).close()
     with sqlite3.connect(folder / FILE) as connection:
         connection.execute(_NO_REPEATS)
 
 
-def finish(folder: Path) -> None:
+def finish(suite: Suite, folder: Path) -> None:
     """Let the suite end.
 
     Raises
@@ -58,10 +89,11 @@ def finish(folder: Path) -> None:
     RuntimeError
         If it reports an error.
     """
-    process = start(folder)
-    _, errors = process.communicate(timeout=600)
-    if process.returncode not in (0, 1, 3):
-        raise RuntimeError(f"exit code {process.returncode}: {errors.decode(errors='replace')[-2000:]}")
+    process = start(suite, folder)
+    process.join(600)
+    if process.exitcode not in (0, 1, 3):
+        complaints = (folder / "complaints").read_text(errors="replace")
+        raise RuntimeError(f"exit code {process.exitcode}: {complaints[-2000:]}")
 
 
 def timeless(value: object) -> object:
@@ -79,59 +111,81 @@ def report(folder: Path) -> list[object]:
 
 def answers(folder: Path) -> int:
     """How many answers are kept."""
-    from consilience.store import FILE
-
     with sqlite3.connect(folder / FILE) as connection:
         return int(connection.execute("SELECT COUNT(*) FROM answers").fetchone()[0])
 
 
-def disturb(folder: Path, delay: float, target: str) -> None:
-    """Start the suite and kill a part of it after a while."""
-    process = start(folder)
-    time.sleep(delay)
-    if process.poll() is None:
+def disturb(suite: Suite, folder: Path, after: int, delay: float, target: str, chance: float) -> list[psutil.Process]:
+    """Start the suite and kill a part of it; processes that outlived it.
+
+    Parameters
+    ----------
+    after, delay : int and float, s
+        Answers that are waited for, and time after them.
+    target : str
+        Of `TARGETS`.
+    chance : float
+        Chooses the worker, between 0 and 1.
+    """
+    process = start(suite, folder)
+    assert process.pid is not None
+    while process.is_alive() and answers(folder) < after:
+        time.sleep(0.005)
+    process.join(delay)
+    workers = []
+    if process.is_alive():
         workers = psutil.Process(process.pid).children(recursive=True)
         if target != "worker":
-            process.send_signal(signal.SIGKILL)
+            os.kill(process.pid, signal.SIGKILL)
         if target != "runner" and workers:
-            random.choice(workers).kill()
-    process.communicate(timeout=600)
+            workers[int(chance * len(workers))].kill()
+    process.join(600)
+    return psutil.wait_procs(workers, timeout=2.0)[1]
 
 
-def campaign(kills: int, seed: int, room: Path) -> list[str]:
+def campaign(suite: Suite, kills: int, seed: int, room: Path) -> list[str]:
     """What went wrong, in words; nothing if all is well."""
-    random.seed(seed)
+    choose = random.Random(seed)
     whole = room / "whole"
     begun = time.monotonic()
     refuse_repeats(whole)
-    finish(whole)
-    span, expected, jobs = time.monotonic() - begun, report(whole), answers(whole)
+    finish(suite, whole)
+    expected, jobs = report(whole), answers(whole)
+    print(f"the suite has {jobs} jobs and takes {time.monotonic() - begun:.1f} s", flush=True)
     wrong = []
     for n in range(kills):
-        folder, target = room / str(n), random.choice(("runner", "worker", "both"))
+        folder, target = room / str(n), TARGETS[n % len(TARGETS)]
         refuse_repeats(folder)
-        disturb(folder, random.uniform(0.0, 1.1 * span), target)
+        after = choose.randint(-jobs // 10, jobs + jobs // 10)  # before 0: while engines start; beyond: while it writes
+        delay = choose.uniform(0.0, 0.1 if 0 < after < jobs else 2.0)
+        left = disturb(suite, folder, min(after, jobs), delay, target, choose.random())
         kept = answers(folder)
         try:
-            finish(folder)
+            finish(suite, folder)
         except RuntimeError as error:
             wrong.append(f"kill {n} ({target}): {error}")
             continue
+        if left:
+            wrong.append(f"kill {n} ({target}): {len(left)} processes were left")
         if answers(folder) != jobs or report(folder) != expected:
             wrong.append(f"kill {n} ({target}): another report, {answers(folder)} answers in place of {jobs}")
         print(f"kill {n}: {target}, {kept} of {jobs} answers were kept", flush=True)
+        shutil.rmtree(folder)
     return wrong
 
 
 if __name__ == "__main__":
+    for module in ("suite", "report.pages", "report.record", "library"):  # once, for all forks
+        import_module(f"consilience.{module}")
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     options.add_argument("--kills", type=int, default=200)
     options.add_argument("--seed", type=int, default=0)
+    options.add_argument("--short", action="store_true", help="a suite of a few jobs")
     chosen = options.parse_args()
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ[variable] = "1"
     with tempfile.TemporaryDirectory() as room:
-        found = campaign(chosen.kills, chosen.seed, Path(room))
+        found = campaign(SHORT if chosen.short else WHOLE, chosen.kills, chosen.seed, Path(room))
     for line in found:
         print(line)
     print(f"{chosen.kills} kills, {len(found)} wrong")

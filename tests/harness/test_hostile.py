@@ -22,18 +22,20 @@ from consilience.report.html import render_html
 from consilience.report.markdown import render_markdown
 from consilience.report.record import read_record
 from hostile.mutations import MARK, TEXTS, jsonl_bytes, places
-from hostile.pages import Elements, check_html, check_markdown, check_terminal
+from hostile.pages import Elements, check_html, check_markdown, check_terminal, opened
 from hostile.properties import (
     SCRIPT,
     case_mutants,
     fresh,
     report_mutants,
     report_seed,
+    steps,
     swallow_case,
     swallow_report,
     warm,
 )
 from hostile.watch import Breach, Hang, watched
+from hostile.wire import swallow_wire, warm_wire, wire_mutants
 
 EVERYDAY = settings(
     max_examples=100,
@@ -71,6 +73,18 @@ def test_mutated_reports_are_refused_or_rendered_as_text(tmp_path, report):
     @given(report_mutants(report))
     def campaign(raw):
         swallow_report(raw, tmp_path)
+
+    campaign()
+
+
+def test_mutated_frames_are_refused_or_understood(tmp_path):
+    warm_wire(tmp_path)
+
+    @seed(7)
+    @EVERYDAY
+    @given(wire_mutants(steps))
+    def campaign(raw):
+        swallow_wire(raw, tmp_path)
 
     campaign()
 
@@ -120,7 +134,8 @@ def test_text_of_a_report_stays_text_wherever_it_stands(payload, report, tmp_pat
     check_markdown(markdown)
     check_terminal(printed.getvalue())
     if payload.isascii() and payload.isprintable():
-        assert "".join(Elements(page).text).count(payload) > 50
+        texts = (page, *opened(page).values())
+        assert sum("".join(Elements(text).text).count(payload) for text in texts) > 50
 
 
 def _rename_out(folder):

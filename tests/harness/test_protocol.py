@@ -14,6 +14,7 @@ from consilience.run import EngineInfo, Manifest, Method, ModelAnswer, Question,
 from consilience.workers import codec, frames
 from consilience.workers.frames import PREFIX, ProtocolError, pack, sizes, unpack
 from consilience.workers.jobs import Plan, Request, Said, Survey
+from consilience.workers.serve import Server
 from mechanisms import ELEMENTS, LOOPS, TREES, chain, states_of
 
 MECHANISMS = TREES | LOOPS | ELEMENTS
@@ -168,6 +169,32 @@ A_METHOD = codec.encode(METHOD)[0]
 def test_a_value_that_is_none_is_refused(tree):
     with pytest.raises(ProtocolError):
         told(tree)
+
+
+@pytest.mark.parametrize("missing", ["unsupported", "methods"])
+def test_a_plan_that_is_silent_about_a_question_is_refused(missing):
+    """Found by the fuzzer of the wire: it ended the runner."""
+    says = {"unsupported": dict.fromkeys(Question, ()), "methods": dict.fromkeys(Question, ()), "manifest": Manifest()}
+    assert isinstance(sent(Plan(**says)), Plan)
+    del says[missing][Question.INSTANT]
+    with pytest.raises(ProtocolError, match="a Plan says of a question neither"):
+        sent(Plan(**says))
+
+
+NONSENSE = {
+    "no kind": {"job": 1},
+    "an unknown kind": {"kind": ["job"], "job": 1},
+    "no number": {"kind": "load", "engine": "mujoco"},
+    "a number for a name": {"kind": "load", "job": 1, "engine": 7},
+    "no mechanism": {"kind": "mechanism", "key": "k", "value": 7},
+    "a key that is none": {"kind": "forget", "key": []},
+}
+
+
+@pytest.mark.parametrize("header", NONSENSE.values(), ids=NONSENSE)
+def test_a_worker_refuses_frames_that_are_none_of_ours(header):
+    with pytest.raises(ProtocolError):
+        Server().handle(header, [])
 
 
 def test_deep_nesting_is_refused():

@@ -15,14 +15,24 @@ from hypothesis import HealthCheck, Phase, Verbosity, given, seed, settings
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from hostile.properties import case_mutants, read_seed, report_mutants, report_seed, swallow_case, swallow_report, warm
+from hostile.properties import (
+    case_mutants,
+    read_seed,
+    report_mutants,
+    report_seed,
+    steps,
+    swallow_case,
+    swallow_report,
+    warm,
+)
+from hostile.wire import swallow_wire, warm_wire, wire_mutants
 
 
 def main():
     """Run the campaign that the command line asks for."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--inputs", type=int, default=50_000)
-    parser.add_argument("--kind", choices=("cases", "reports"), default="cases")
+    parser.add_argument("--kind", choices=("cases", "reports", "wire"), default="cases")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--folder", type=Path, default=None, help="for the inputs; default: a temporary one")
     parser.add_argument("--report", type=Path, default=None, help="folder of the report to mutate; default: a new one")
@@ -32,6 +42,9 @@ def main():
     if asked.kind == "cases":
         strategy, swallow = case_mutants(), swallow_case
         warm()
+    elif asked.kind == "wire":
+        strategy, swallow = wire_mutants(steps), swallow_wire
+        warm_wire(folder)
     else:
         given_report = report_seed(folder / "seed") if asked.report is None else read_seed(asked.report)
         strategy, swallow = report_mutants(given_report), swallow_report

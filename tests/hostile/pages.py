@@ -1,18 +1,26 @@
 """What a page may hold: the elements of its template, and of the data nothing but text."""
 
+import gzip
+import json
 import re
+from base64 import b64decode
 from html.parser import HTMLParser
 from xml.etree import ElementTree
 
 TAGS = {
     *("html", "head", "meta", "title", "style", "body", "script"),
-    *("header", "main", "section", "footer", "article", "details", "summary", "figure", "figcaption"),
+    *("header", "main", "nav", "section", "article", "details", "summary", "figure", "figcaption", "noscript"),
+    *("form", "fieldset", "legend", "label", "input", "button", "output"),
+    *("svg", "rect", "line"),
     *("h1", "h2", "h3", "h4", "p", "strong", "em", "code", "pre", "a", "br", "span", "div"),
     *("table", "caption", "thead", "tbody", "tr", "th", "td", "dl", "dt", "dd", "ul", "li"),
 }
 ATTRIBUTES = {
     *("lang", "charset", "http-equiv", "content", "name", "class", "href", "id", "scope", "rowspan", "title"),
-    *("aria-labelledby", "aria-label", "aria-hidden", "tabindex", "data-figure", "type"),
+    *("aria-labelledby", "aria-label", "aria-hidden", "aria-current", "role", "tabindex", "type", "hidden", "open"),
+    *("for", "value", "placeholder", "autocomplete", "data-copy", "data-figure", "data-question", "data-name"),
+    *("data-tags", "data-engine", "data-case", "data-still"),
+    *("viewbox", "preserveaspectratio", "x", "y", "x1", "x2", "y1", "y2", "width", "height"),
 }
 SVG_TAGS = {"svg", "title", "rect", "text", "g", "polyline", "circle", "path", "line", "tspan"}
 
@@ -52,17 +60,28 @@ class Elements(HTMLParser):
         self.tags.add(f"instruction {data[:40]}")
 
 
+def opened(page):
+    """What opens from a page, by its anchor, as the script of the page unpacks it."""
+    pack = re.search(r'<script type="application/gzip" id="pages">([A-Za-z0-9+/=]*)</script>', page)[1]
+    return json.loads(gzip.decompress(b64decode(pack)))
+
+
 def check_html(page, script):
     """Fail where data has become more than text; `script` is the page's own."""
     found = Elements(page)
     assert found.tags <= TAGS, found.tags - TAGS
     assert found.attributes <= ATTRIBUTES, found.attributes - ATTRIBUTES
     assert all(link.startswith("#") for link in found.links), found.links
-    figures, plotly, own = found.scripts
-    assert re.fullmatch(r"[A-Za-z0-9+/=]*", figures)
-    assert re.fullmatch(r"[A-Za-z0-9+/=]*", plotly)
+    *packs, own = found.scripts
+    assert all(re.fullmatch(r"[A-Za-z0-9+/=]*", pack) for pack in packs)
     assert own.strip() == script.strip()
-    assert not re.search("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e]", page)
+    for text in (page, *opened(page).values()):
+        assert not re.search("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e]", text)
+    for text in opened(page).values():
+        inner = Elements(text)
+        assert inner.tags <= TAGS - {"script"}, inner.tags - TAGS
+        assert inner.attributes <= ATTRIBUTES, inner.attributes - ATTRIBUTES
+        assert all(link.startswith("#") for link in inner.links), inner.links
 
 
 def check_markdown(page):

@@ -7,7 +7,6 @@ import shutil
 import tomllib
 import warnings
 from contextlib import redirect_stderr, redirect_stdout
-from pathlib import Path
 
 from hypothesis import strategies as st
 
@@ -119,7 +118,7 @@ def warm(report=None, folder=None):
             cli._print_matrix(folder)
 
 
-SCRIPT = (Path(html.__file__).parent / "templates" / "script.js.j2").read_text(encoding="utf-8")
+SCRIPT = html.environment().get_template("script.js.j2").render()
 
 
 def swallow_report(raw, folder, other=None):

@@ -10,9 +10,8 @@ SOURCE = ROOT / "src" / "consilience"
 
 FLOORS = {
     "errors": 0,
-    "spatial": 1,
-    "reading": 1,
-    **dict.fromkeys(("functions", "joints"), 2),
+    **dict.fromkeys(("spatial", "reading", "formats"), 1),
+    **dict.fromkeys(("functions", "joints", "explain", "examples", "progress"), 2),
     **dict.fromkeys(("elements", "casevalues", "contacts"), 3),
     "mechanism": 4,
     **dict.fromkeys(("rows", "topology"), 5),
@@ -26,13 +25,14 @@ FLOORS = {
     **dict.fromkeys(("families", "importing"), 13),
     **dict.fromkeys(("library", "compare"), 14),
     **dict.fromkeys(("judge", "identities", "store", "native"), 15),
-    "asking": 16,
-    "suite": 17,
+    **dict.fromkeys(("asking", "cluster"), 16),
+    **dict.fromkeys(("suite", "scale"), 17),
     **dict.fromkeys(("coverage", "fuzz", "mutate", "values"), 18),
     "report": 19,
     **dict.fromkeys(("history", "newcase", "outputs", "validate"), 20),
-    **dict.fromkeys(("cli", "pytest_plugin"), 21),
-    "__init__": 22,
+    **dict.fromkeys(("doctor", "frames", "listing", "pytest_plugin"), 21),
+    "cli": 22,
+    "__init__": 23,
 }
 """Files and packages of `src/consilience`; the names the top package offers are imported lazily, from anywhere."""
 

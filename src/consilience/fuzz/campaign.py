@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from contextlib import ExitStack
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from consilience.errors import ConsilienceError
 from consilience.fuzz.judging import Entry, judge
@@ -16,6 +17,9 @@ from consilience.fuzz.workers import Panelist, Sheet, Task
 from consilience.judge import REFERENCE
 from consilience.run import EngineInfo
 from consilience.worker import Reply, Request
+
+if TYPE_CHECKING:
+    from consilience.cluster import Cluster, Engines
 
 MESSAGE = 8
 """Mechanisms that are drawn at a time."""
@@ -101,6 +105,10 @@ class Panel:
                 self.missing[name] = reply.reason or f"info() gave a {type(reply.value).__name__}, not an EngineInfo"
 
     def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    def stop(self) -> None:
+        """End all engines."""
         self._stack.close()
 
     def submit(self, tasks: Sequence[Task], engines: Sequence[str] | None = None) -> dict[str, Answers]:
@@ -136,6 +144,49 @@ def run_campaign(panel: Panel, seeds: Sequence[int], progress: Progress | None =
         _judge_message(panel, campaign, *under_way.popleft(), progress)
     campaign.spent.elapsed = time.perf_counter() - start
     return campaign
+
+
+SHARD = 4 * MESSAGE
+"""Mechanisms that a machine of a cluster draws, asks about and judges before it sends what it found."""
+
+
+def run_on_cluster(
+    cluster: Cluster, asked: Engines, seeds: Sequence[int], progress: Progress | None = None
+) -> Campaign:
+    """Draw, ask and judge on a cluster: the same as `run_campaign` finds.
+
+    Raises
+    ------
+    ConsilienceError
+        If the reference does not start, the machines differ, or the cluster is lost.
+    """
+    whole = Campaign()
+    start = time.perf_counter()
+    for part in cluster.each(_shard, [seeds[n : n + SHARD] for n in range(0, len(seeds), SHARD)], asked):
+        if not whole.engines:
+            whole.engines, whole.missing = part.engines, part.missing
+            whole.spent.engines = dict.fromkeys(part.engines, 0.0)
+        if (part.engines, part.missing) != (whole.engines, whole.missing):
+            raise ConsilienceError(f"machines of the cluster differ: {part.engines}, {part.missing}")
+        whole.judged += part.judged
+        whole.undrawn |= part.undrawn
+        whole.spent.drawing += part.spent.drawing
+        whole.spent.judging += part.spent.judging
+        for name, cpu in part.spent.engines.items():
+            whole.spent.engines[name] += cpu
+        if progress is not None:
+            progress(len(whole.judged))
+    whole.spent.elapsed = time.perf_counter() - start
+    return whole
+
+
+def _shard(name: str, seeds: Sequence[int], asked: Engines) -> Campaign:
+    """A part of a campaign, on a Dask worker."""
+    from consilience.cluster import pool  # noqa: PLC0415 - an extra: only a cluster needs it
+
+    return pool(name).use(
+        asked, lambda: Panel(asked.names, asked.limit).__enter__(), lambda panel: run_campaign(panel, seeds)
+    )
 
 
 def _messages(seeds: Sequence[int], campaign: Campaign) -> Iterator[list[Specimen]]:

@@ -13,10 +13,11 @@ from rich.table import Table
 
 from consilience.engine import installed, require_installed
 from consilience.errors import InvalidInput
-from consilience.fuzz.campaign import Panel, run_campaign
+from consilience.fuzz.campaign import Panel, run_campaign, run_on_cluster
 from consilience.fuzz.findings import find
 from consilience.fuzz.shrink import require_hypothesis
 from consilience.fuzz.summary import outcome, shown_digits, write_outcome
+from consilience.scale import cluster_of, log_to_stderr
 
 
 def fuzz(
@@ -26,6 +27,10 @@ def fuzz(
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the outcome.")] = Path("consilience-fuzz"),
     limit: Annotated[float, typer.Option(min=0.1, help="Time limit of one message to an engine in s.")] = 180.0,
     effort: Annotated[float, typer.Option(min=0.0, help="Time to shrink one disagreement in s.")] = 120.0,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Draw, ask and judge on the Dask cluster of this scheduler.")
+    ] = None,
+    verbose: Annotated[bool, typer.Option("-v", "--verbose", help="Say on stderr what happens, and when.")] = False,
 ) -> None:
     """Ask all engines about random mechanisms; shrink what shows a disagreement, and keep it as a case file."""
     for name in engine or []:
@@ -34,15 +39,19 @@ def fuzz(
         raise InvalidInput(str(output), "it is a file", "Give a folder for the outcome.")
     require_hypothesis()
     out, err = Console(), Console(stderr=True)
+    engines, seeds = list(dict.fromkeys(engine or installed())), range(seed, seed + mechanisms)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=err) as bar:
+    if verbose:
+        log_to_stderr()
+    with cluster_of(scheduler) as cluster, Progress(*columns, console=err, disable=verbose) as bar:
         task = bar.add_task("starting engines", total=mechanisms)
-        with Panel(list(dict.fromkeys(engine or installed())), limit) as panel:
-            campaign = run_campaign(
-                panel,
-                range(seed, seed + mechanisms),
-                lambda done: bar.update(task, completed=done, description="asking"),
-            )
+
+        def show(done: int) -> None:
+            bar.update(task, completed=done, description="asking")
+
+        far = None if cluster is None else run_on_cluster(cluster, cluster.engines(engines, limit), seeds, show)
+        with Panel(engines, limit) as panel:
+            campaign = far or run_campaign(panel, seeds, show)
             findings = find(
                 campaign, panel, output, effort, lambda what: bar.update(task, description=f"shrinking: {escape(what)}")
             )

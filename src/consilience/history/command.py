@@ -9,23 +9,17 @@ from typing import Annotated
 import typer
 
 from consilience.errors import InvalidInput
+from consilience.formats import Format, SheetFormat
 from consilience.history.changes import DIGITS, changes
 from consilience.history.series import read_series, series_sheet
 from consilience.history.show import WRITERS, Sheet, counted_effects, plain, table_of
 from consilience.report.record import Record, read_record
 
-Format = Annotated[str, typer.Option("--format", help="text, markdown or json.")]
 Digits = Annotated[float, typer.Option(min=0.0, help="Change in digits from which on one is told.")]
 
 
-def _write(sheet: Sheet, form: str) -> None:
+def _write(sheet: Sheet, form: Format) -> None:
     sys.stdout.write(WRITERS[form](sheet))
-
-
-def _known(form: str) -> str:
-    if form not in WRITERS:
-        raise InvalidInput(f"format '{form}'", "there is none", f"Formats: {', '.join(WRITERS)}.")
-    return form
 
 
 def renamed(pairs: list[str], before: Record, after: Record) -> dict[str, str]:
@@ -71,10 +65,9 @@ def diff(
         typer.Option("--as", metavar="OLD=NEW", help="Compare engine OLD of RUN1 with NEW of RUN2 alone; repeat it."),
     ] = None,
     digits: Digits = DIGITS,
-    form: Format = "text",
+    form: SheetFormat = Format.TEXT,
 ) -> None:
     """Tell what has changed between two reports. Exit code 0: nothing is worse; 1: something is."""
-    _known(form)
     old, new = read_record(before), read_record(after)
     sheet = diff_sheet(old, new, renamed(same or [], old, new), digits)
     _write(sheet, form)
@@ -84,10 +77,9 @@ def diff(
 def trend(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that holds folders of reports.")],
     digits: Digits = DIGITS,
-    form: Format = "text",
+    form: SheetFormat = Format.TEXT,
 ) -> None:
     """Tell how reports have changed over time. Exit code 1: the last is worse than the one before; else 0."""
-    _known(form)
     sheet = series_sheet(*read_series(folder), digits)
     _write(sheet, form)
     raise typer.Exit(1 if sheet.data["worse"] else 0)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from math import log10
 from typing import Any
 
 from consilience.compare import Verdict
@@ -49,6 +50,22 @@ class QuantityRow:
     def verdict(self) -> str:
         """Whether the bar is met, in words."""
         return {"met": "\N{CHECK MARK} met", "missed": "\N{NOT EQUAL TO} missed", "absent": "not compared"}[self.state]
+
+
+@dataclass(frozen=True)
+class Gauge:
+    """A difference on a logarithmic scale: with its uncertainty to either side, against a bar.
+
+    Positions are percentages of the width, from 1e-17 to 10.
+    """
+
+    name: str
+    at: float
+    low: float
+    high: float
+    bar: float
+    met: bool
+    label: str
 
 
 @dataclass(frozen=True)
@@ -99,6 +116,7 @@ class AnswerView:
     judged: str
     digits: str
     quantities: tuple[QuantityRow, ...]
+    gauges: tuple[Gauge, ...]
     tables: tuple[NumberTable, ...]
     facts: tuple[Entry, ...]
     softness: tuple[Entry, ...]
@@ -151,6 +169,7 @@ def answer_view(
         judged=horizon_text(comparison, case),
         digits=digits_text(comparison["digits"]),
         quantities=tuple(_quantity(q, case) for q in comparison["quantities"]),
+        gauges=tuple(_gauges(comparison, case)),
         tables=tuple(t for t in (_levels(comparison, method), _observables(comparison)) if t.rows),
         facts=tuple(facts_of(comparison, levels, case, reference)),
         softness=tuple(softness_facts(comparison, probes)),
@@ -158,6 +177,35 @@ def answer_view(
         troubles=tuple(_trouble(r, method) for r in (*levels, *probes) if r["status"] == "failed"),
         unsupported=tuple(comparison["why"].split("; ")) if verdict is Verdict.UNSUPPORTED else (),
         log="" if verdict is Verdict.FAILED else "\n".join(r["log"].strip() for r in levels if r["log"].strip()),
+    )
+
+
+def _gauges(comparison: dict[str, Any], case: dict[str, Any]) -> Iterator[Gauge]:
+    """Every difference that has a bar: of a motion the finest level, with its band and the reference's uncertainty."""
+    for q in comparison["quantities"]:
+        if q["count"] and q["difference"] is not None and q["bar"]:
+            yield _gauge(q["name"], q["difference"], 0.0, q["bar"])
+    if comparison["levels"]:
+        largest = judged_largest(comparison, comparison["levels"][-1])
+        if largest is not None:
+            uncertain = (comparison["band"] or 0.0) + (comparison["reference_spread"] or 0.0)
+            yield _gauge("motion, finest level", largest, uncertain, 10.0 ** -case["digits"])
+
+
+def _gauge(name: str, difference: float, uncertain: float, bar: float) -> Gauge:
+    def at(value: float) -> float:
+        return round((min(max(log10(max(value, 1e-300)), -17.0), 1.0) + 17.0) / 18.0 * 100.0, 2)
+
+    spread = f" \N{PLUS-MINUS SIGN} {number(uncertain)}" if uncertain else ""
+    met = difference <= bar
+    return Gauge(
+        name,
+        at(difference),
+        at(difference - uncertain),
+        at(difference + uncertain),
+        at(bar),
+        met,
+        f"{number(difference)}{spread}, bar {number(bar)}: {'within' if met else 'beyond'}",
     )
 
 

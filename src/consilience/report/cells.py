@@ -7,9 +7,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from consilience.compare import Verdict
 from consilience.report.answers import AnswerView, answer_view
 from consilience.report.record import Record
-from consilience.report.wording import DASH, NOT_ASKED, QUESTIONS, RANK, YARDSTICK, Look, anchor
+from consilience.report.wording import DASH, LOOKS, NOT_ASKED, QUESTIONS, RANK, YARDSTICK, Look, anchor
 
 REFERENCE = "reference"
 
@@ -20,6 +21,22 @@ class Mark:
 
     question: str
     entries: tuple[tuple[Look, str], ...]
+
+
+@dataclass(frozen=True)
+class Layer:
+    """One question of a cell: the worst verdict of its matched methods, and all answers.
+
+    `opened` layers are read first: those that do not plainly agree, and the last one where all agree.
+    """
+
+    question: str
+    sentence: str
+    look: Look
+    cause: str
+    digits: str
+    answers: tuple[AnswerView, ...]
+    opened: bool
 
 
 @dataclass(frozen=True)
@@ -38,11 +55,33 @@ class Cell:
     approximated: tuple[str, ...]
 
     @property
-    def questions(self) -> list[tuple[str, str, list[AnswerView]]]:
-        """Each question asked, what it compares, and the answers to it, those of matched methods first."""
+    def layers(self) -> list[Layer]:
+        """Each question asked, in the order in which one error leads to the next."""
+        found = [(q, text, [a for a in self.answers if a.question == q]) for q, text in QUESTIONS.items()]
+        asked = [(q, text, answers, _decisive(answers)) for q, text, answers in found if answers]
+        open_ones = [n for n, (_, _, _, a) in enumerate(asked) if a and a.look is not LOOKS[Verdict.AGREES]]
         return [
-            (q, text, found) for q, text in QUESTIONS.items() if (found := [a for a in self.answers if a.question == q])
+            Layer(
+                question=q,
+                sentence=text,
+                look=decisive.look if decisive else NOT_ASKED,
+                cause=decisive.cause if decisive else "Asked at the engine's defaults alone.",
+                digits=decisive.digits if decisive else DASH,
+                answers=tuple(answers),
+                opened=n in (open_ones or [len(asked) - 1]),
+            )
+            for n, (q, text, answers, decisive) in enumerate(asked)
         ]
+
+    @property
+    def look_of(self) -> dict[str, str]:
+        """Style of the worst verdict of each question that was asked."""
+        return {q: worst([a.look for a in self.matched if a.question == q], NOT_ASKED).key for q in QUESTIONS}
+
+    @property
+    def decisive(self) -> AnswerView | None:
+        """The answer that gives the cell its verdict."""
+        return _decisive(self.matched)
 
     @property
     def matched(self) -> list[AnswerView]:
@@ -85,6 +124,11 @@ def cell_view(record: Record, case: dict[str, Any], engine: str, reference: dict
         exact=tuple(manifests[0]["exact"]) if manifests else (),
         approximated=tuple(manifests[0]["approximated"]) if manifests else (),
     )
+
+
+def _decisive(answers: Sequence[AnswerView]) -> AnswerView | None:
+    """The first of the worst matched answers."""
+    return max((a for a in answers if a.matched), key=lambda a: RANK[a.look.name], default=None)
 
 
 def worst(looks: Sequence[Look], otherwise: Look) -> Look:

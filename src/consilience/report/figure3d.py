@@ -21,11 +21,15 @@ WITHOUT_AXIS = ("spherical", "free", "rigid", "rod")
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """A line through points (n, 3): of a body (its index), or -1; kind: body, rod, spring, circle, way (of a joint)."""
+    """A line through points (n, 3): of a body (its index), or -1; kind: body, rod, spring, circle, way (of a joint).
+
+    Between two bodies, `ends` are their indices (-1 is the ground).
+    """
 
     body: int
     kind: str
     points: Array
+    ends: tuple[int, int] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +46,8 @@ class Mark:
         Of the joint, a unit vector.
     ground : bool
         Whether the joint is on the ground.
+    body : int
+        Index of the body that carries it, -1 for the ground.
     """
 
     letter: str
@@ -50,6 +56,7 @@ class Mark:
     point: Array
     axis: Array | None = None
     ground: bool = False
+    body: int = -1
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,11 +85,11 @@ def figure_of(mechanism: Mechanism, state: State) -> Figure3D:
         axis = None if joint.kind in WITHOUT_AXIS else joint_frames(mechanism, state, joint).U[:, 2]
         letter = JOINT_MARKS[n] if n < len(JOINT_MARKS) else ""
         ground = GROUND in (joint.predecessor, joint.successor)
-        place = second if joint.kind == "free" else first
-        joints.append(Mark(letter, joint.name, joint.kind, place, axis, ground))
+        place, carrier = (second, joint.successor) if joint.kind == "free" else (first, joint.predecessor)
+        joints.append(Mark(letter, joint.name, joint.kind, place, axis, ground, index_of(mechanism, carrier)))
     centers = centres_of_mass(mechanism, state)[0]
     bodies = [
-        Mark(BODY_MARKS[i] if i < len(BODY_MARKS) else "", body.name, "body", centers[i])
+        Mark(BODY_MARKS[i] if i < len(BODY_MARKS) else "", body.name, "body", centers[i], body=i)
         for i, body in enumerate(mechanism.bodies)
     ]
     lines = [
@@ -91,6 +98,11 @@ def figure_of(mechanism: Mechanism, state: State) -> Figure3D:
         for line in _skeleton(ends[body.name], centers[i], state.p_WB[i])
     ]
     return Figure3D((*lines, *_other_lines(mechanism, state)), tuple(joints), tuple(bodies), mechanism.gravity)
+
+
+def index_of(mechanism: Mechanism, body: str) -> int:
+    """Index of a body; -1 for the ground."""
+    return -1 if body == GROUND else mechanism.body_index[body]
 
 
 def _ends(mechanism: Mechanism, state: State, joint: Joint) -> tuple[Array, Array]:
@@ -116,10 +128,16 @@ def _other_lines(mechanism: Mechanism, state: State) -> Iterator[Line]:
     for joint in mechanism.joints:
         ends = np.array(_ends(mechanism, state, joint))
         if np.linalg.norm(ends[0] - ends[1]) > 1e-9 and joint.kind != "free":
-            yield Line(-1, "rod" if joint.kind == "rod" else "way", ends)
+            held = (index_of(mechanism, joint.predecessor), index_of(mechanism, joint.successor))
+            yield Line(-1, "rod" if joint.kind == "rod" else "way", ends, held)
     for s in mechanism.springs:
-        held = ((s.predecessor, s.point_predecessor), (s.successor, s.point_successor))
-        yield Line(-1, "spring", np.array([body_point(mechanism, state, name, point)[0] for name, point in held]))
+        ends = np.array(
+            [
+                body_point(mechanism, state, s.predecessor, s.point_predecessor)[0],
+                body_point(mechanism, state, s.successor, s.point_successor)[0],
+            ]
+        )
+        yield Line(-1, "spring", ends, (index_of(mechanism, s.predecessor), index_of(mechanism, s.successor)))
     for r in mechanism.rollings:
         i = mechanism.body_index[r.body]
         R = rotation_from_quaternion(state.quat_WB[i])

@@ -6,6 +6,7 @@ three. Up is the axis of the world that is most against gravity.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
@@ -87,15 +88,20 @@ def picture(mechanism: Mechanism, state: State, title: str) -> str:
     title : str
         Above the views.
     """
-    figure = figure_of(mechanism, state)
+    pairs = [(joint.predecessor, joint.successor) for joint in mechanism.joints]
+    return drawn(figure_of(mechanism, state), pairs, title)
+
+
+def drawn(figure: Figure3D, pairs: Sequence[Sequence[str]], title: str) -> str:
+    """SVG text of a figure; `pairs` are the bodies that each joint is between."""
     *orthogonal, tilted = views(figure)
     scale = min(_fitting(figure, view) for view in orthogonal)
     # edge on, a view must not magnify what is hardly there
     own = min(_fitting(figure, tilted), 1.3 * scale)
     panels = [*(_panel(figure, view, scale) for view in orthogonal), _panel(figure, tilted, own)]
     names = [
-        (mark.letter or "+", f"{mark.name}: {mark.kind}, {joint.predecessor} - {joint.successor}")
-        for mark, joint in zip(figure.joints, mechanism.joints, strict=True)
+        (mark.letter or "+", f"{mark.name}: {mark.kind}, {first} - {second}")
+        for mark, (first, second) in zip(figure.joints, pairs, strict=True)
     ]
     bodies = [(mark.letter, mark.name, _colour(i)) for i, mark in enumerate(figure.bodies)]
     lines = len(names) + len(bodies) + 4

@@ -27,6 +27,8 @@ from consilience.errors import InvalidInput
 from consilience.observe import determinate_reactions
 from consilience.reading import bounded_text
 from consilience.report.recordschema import FORMAT, checked, contradictions
+from consilience.report.replay import replays
+from consilience.report.replayschema import NAME
 from consilience.run import Profile, Question, Run, TrajectoryAnswer
 from consilience.suite import Results
 
@@ -186,10 +188,11 @@ def write_atomically(path: Path, text: str) -> None:
 
 
 def write_record(results: Results, elapsed: float, folder: Path) -> None:
-    """Write ``report.jsonl``, and the trajectories as ``runs/*.npz`` beside it."""
+    """Write ``report.jsonl``, and beside it the trajectories as ``runs/*.npz`` and the replays of the page."""
     folder.mkdir(parents=True, exist_ok=True)
     text = "".join(json.dumps(_plain(line), allow_nan=False) + "\n" for line in lines(results, elapsed))
     _write_arrays(results, folder / "runs")
+    write_atomically(folder / NAME, replays(results.cases, results.runs))
     write_atomically(folder / "report.jsonl", text)
 
 

@@ -6,6 +6,7 @@ are dashes: a quantity of which no value was compared is never shown as a differ
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -15,6 +16,7 @@ from consilience.report.answers import AnswerView
 from consilience.report.cases import CaseView, case_view
 from consilience.report.cells import REFERENCE, Cell
 from consilience.report.defaults import Defaults, defaults_view
+from consilience.report.engines import EngineView, Group, engine_view
 from consilience.report.facts import Entry
 from consilience.report.record import Record
 from consilience.report.tables import MethodTable, method_tables
@@ -64,6 +66,8 @@ class Page:
     cases: tuple[CaseView, ...]
     defaults: Defaults
     tables: tuple[MethodTable, ...]
+    engines: tuple[EngineView, ...]
+    questions: tuple[str, ...]
     legend: tuple[Look, ...] = (*LOOKS.values(), NOT_ASKED, YARDSTICK)
     routes: tuple[tuple[str, str], ...] = tuple(ROUTES.values())
     captions: Mapping[str, str] = field(default_factory=lambda: CAPTIONS)
@@ -72,6 +76,18 @@ class Page:
     def cells(self) -> list[Cell]:
         """All cells, row by row, the reference's included."""
         return [cell for case in self.cases for cell in case.cells]
+
+    @property
+    def tags(self) -> list[tuple[str, int]]:
+        """Tags with the number of their cases, the most frequent first."""
+        count = Counter(tag for case in self.cases for tag in case.tags)
+        return sorted(count.items(), key=lambda pair: (-pair[1], pair[0]))
+
+    @property
+    def findings(self) -> list[tuple[EngineView, Group]]:
+        """What engines have in common where they do not plainly agree, the gravest first."""
+        found = [(engine, group) for engine in self.engines for group in engine.differing]
+        return sorted(found, key=lambda pair: -RANK[pair[1].look.name] if pair[1].look else 0)
 
     @property
     def remarkable(self) -> list[tuple[Cell, AnswerView]]:
@@ -99,6 +115,8 @@ def page(record: Record) -> Page:
         cases=cases,
         defaults=defaults_view(record, every),
         tables=method_tables(record, every),
+        engines=tuple(_engines(record.header, columns, every)),
+        questions=tuple(str(q) for q in record.header["questions"]),
     )
 
 
@@ -106,6 +124,14 @@ def _columns(header: dict[str, Any]) -> tuple[Column, ...]:
     """Engines that started, in the order asked; the reference, which is the yardstick, last."""
     names = sorted(header["engines"], key=lambda name: name == REFERENCE)
     return tuple(Column(n, header["engines"][n]["version"], header["engines"][n]["remarks"]) for n in names)
+
+
+def _engines(header: dict[str, Any], columns: Sequence[Column], cells: Sequence[Cell]) -> Iterator[EngineView]:
+    for column in columns:
+        if column.name != REFERENCE:
+            facts = [Entry("version", column.version), Entry("adapter", header["engines"][column.name]["adapter"])]
+            facts += [Entry("remarks", column.remarks)] if column.remarks else []
+            yield engine_view(column.name, facts, [c for c in cells if c.engine == column.name])
 
 
 def _tallies(cells: Sequence[Cell]) -> tuple[Tally, ...]:

@@ -149,6 +149,15 @@ PROFILES: dict[str, str] = {Profile.MATCHED: "matched", Profile.DEFAULT: "engine
 """Whose settings a method runs with."""
 
 CAPTIONS: dict[str, str] = {
+    "difference": "Difference to the reference over time: position over the size of the motion, or angle in rad, "
+    "whichever is larger. One colour a method, one dash a level, the finest solid. Dotted, level: the band of the "
+    "finest level, and in grey the uncertainty of the reference. Shaded: past the horizon, not judged.",
+    "energy": "Change of the total energy since the start over the largest kinetic energy, recomputed from the motion "
+    "by the same code for every engine.",
+    "reactions": "Reaction forces over time, on the successor, recomputed from the motion of each engine by the same "
+    "dense solution: one colour a joint, one dash an engine, the reference wide and pale behind. Components "
+    "that equilibrium does not determine are left out.",
+    "drift": "Largest violation of a joint's constraints over time, from the motion of each engine by the same code.",
     "horizon": "How far the motion can be judged: one rounding error, committed at the start, grows along the "
     "reference as shown, the largest over a few directions. Where it reaches the digits asked lies the horizon; what "
     "lies shaded beyond is not judged. Dotted: the uncertainty of the reference.",

@@ -9,9 +9,14 @@ import os
 import sys
 from pathlib import Path
 
+from consilience.workers.frames import ProtocolError
 from consilience.workers.serve import replay, serve
 
 if len(sys.argv) == 3:
-    serve(int(sys.argv[1]), int(sys.argv[2]))
+    try:
+        serve(int(sys.argv[1]), int(sys.argv[2]))
+    except ProtocolError as error:
+        os.write(2, f"the runner sent what no worker understands: {error}\n".encode(errors="replace"))
+        os._exit(1)
     os._exit(0)  # no destructor of a native library may hang or crash now
 sys.stdout.write(replay(Path(sys.argv[1]).read_bytes()) + "\n")

@@ -201,7 +201,14 @@ def _instance(cls: type, tree: dict[str, Any], arrays: Sequence[Array]) -> objec
             raise ProtocolError(f"{cls.__name__}.{name} is {_shown(value.__dict__[name])}")
     if isinstance(value, Method) and not all(0.0 < x < np.inf for x in (*value.substeps, *value.tolerances)):
         raise ProtocolError(f"Method.substeps and tolerances are not positive: {value.substeps}, {value.tolerances}")
+    if isinstance(value, Plan) and not _complete(value):
+        raise ProtocolError("a Plan says of a question neither methods nor what is unsupported")
     return value
+
+
+def _complete(plan: Plan) -> bool:
+    """Whether a plan says something of every question."""
+    return all(q in plan.unsupported and (plan.unsupported[q] or q in plan.methods) for q in Question)
 
 
 def _array_of(tree: dict[str, Any], arrays: Sequence[Array]) -> Array:

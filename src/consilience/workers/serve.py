@@ -50,26 +50,30 @@ class Server:
         Raises
         ------
         ProtocolError
-            If the frame is of no known kind: runner and worker do not fit one another.
+            If the frame is none of ours: runner and worker do not fit one another.
         """
         kind = header.get("kind")
+        _check_entries(kind, header)
         if kind == "load":
             return self._replied(header, lambda: self._load(header["engine"]))
         if kind == "mechanism":
-            self.mechanisms[header["key"]] = _frozen(codec.decode(header["value"], arrays))
+            mechanism = codec.decode(header["value"], arrays)
+            if not isinstance(mechanism, Mechanism):
+                raise ProtocolError(f"a {type(mechanism).__name__} is no mechanism")
+            self.mechanisms[header["key"]] = _frozen(mechanism)
             return None
         if kind == "forget":
             self.mechanisms.pop(header["key"], None)
             return None
-        if kind == "job":
-            return self._replied(header, lambda: self._perform(header, arrays))
-        raise ProtocolError(f"no frame is of the kind {kind!r}")
+        return self._replied(header, lambda: self._perform(header, arrays))
 
     def _load(self, name: str) -> None:
         self.engine = load_engine(name)
 
     def _perform(self, header: Header, arrays: Sequence[Array]) -> object:
-        request: Request = codec.decode(header["value"], arrays)
+        request = codec.decode(header["value"], arrays)
+        if not isinstance(request, Request) or header["mechanism"] not in (None, *self.mechanisms):
+            raise ProtocolError("the job is no request, or about a mechanism that was not sent")
         if header["mechanism"] is not None:
             request = replace(request, mechanism=self.mechanisms[header["mechanism"]])
         assert self.engine is not None
@@ -87,6 +91,24 @@ class Server:
         except Exception as error:  # noqa: BLE001 - whatever an engine or its adapter raises is evidence about that engine
             reply |= {"cpu": time.process_time() - start, "strays": _left_behind()}
             return frames.pack(reply | {"reason": str(error) if isinstance(error, ProtocolError) else raised(error)})
+
+
+_ENTRIES: dict[str, dict[str, Any]] = {
+    "load": {"job": int, "engine": str},
+    "mechanism": {"key": str, "value": object},
+    "forget": {"key": str},
+    "job": {"job": int, "mechanism": str | None, "value": object},
+}
+"""By the kind of a frame: its other entries and their types."""
+
+
+def _check_entries(kind: object, header: Header) -> None:
+    entries = _ENTRIES.get(kind) if isinstance(kind, str) else None
+    if entries is None:
+        raise ProtocolError(f"no frame is of the kind {str(kind)[:80]!r}")
+    for name, expected in entries.items():
+        if name not in header or not isinstance(header[name], expected):
+            raise ProtocolError(f"a frame of the kind {kind!r} has no {name!r} of the right type")
 
 
 def _frozen(mechanism: Mechanism) -> Mechanism:

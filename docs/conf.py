@@ -1,0 +1,46 @@
+"""The documentation site: Sphinx, MyST Markdown, Furo. `python -m sphinx -W -j auto docs build/site` builds it."""
+
+import re
+import sys
+from pathlib import Path
+
+from sphinx.application import Sphinx
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import site_pages
+
+project = "Consilience"
+author = "The Consilience authors"
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+exclude_patterns = ["build", "generated/_*", "example_engine"]
+html_theme = "furo"
+html_title = "Consilience"
+html_static_path: list[str] = []
+html_copy_source = False
+nitpicky = False
+myst_enable_extensions = ["colon_fence"]
+myst_heading_anchors = 3
+suppress_warnings = ["ref.python"]  # a name may be offered by its package and by its module
+napoleon_google_docstring = False
+napoleon_use_ivar = True
+default_role = "code"
+autodoc_member_order = "bysource"
+autodoc_typehints = "description"
+autodoc_typehints_description_target = "documented"
+autodoc_class_signature = "mixed"
+autodoc_inherit_docstrings = False
+autodoc_preserve_defaults = True
+
+
+def setup(app: Sphinx) -> None:
+    """Write the pages that are made of what there is: cases, findings, modules."""
+    app.connect("builder-inited", lambda built: site_pages.write(Path(built.srcdir)))
+    app.connect("autodoc-process-docstring", escaped, priority=1)  # before napoleon
+
+
+def escaped(app: Sphinx, what: str, name: str, thing: object, options: object, lines: list[str]) -> None:
+    """Docstrings say |p| and x* and mean it: outside of code no bar, asterisk or trailing underscore is markup."""
+    for n, line in enumerate(lines):
+        parts = re.split(r"(`+[^`]*`+)", line)
+        lines[n] = "".join(p if p.startswith("`") else re.sub(r"([|*]|(?<=\w)_(?=\W|$))", r"\\\1", p) for p in parts)

@@ -1,0 +1,136 @@
+"""Pages of the site that are generated at every build: the case library, the findings, the API reference."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from pathlib import Path
+
+from consilience.engine import installed
+from consilience.explain.entries import Kind, read_entries
+from consilience.families import FAMILIES, shown_parameters
+from consilience.library import shipped_cases
+
+FINDINGS = Path(__file__).parents[1] / "reports" / "findings"
+
+OFFERS = ("consilience.reference", "consilience.reference.analyses", "consilience.reference.impacts")
+"""Packages whose names come from their modules."""
+
+API: dict[str, tuple[str, tuple[str, ...]]] = {
+    "Mechanisms and cases": (
+        "mechanisms",
+        tuple(
+            f"consilience.{name}"
+            for name in (
+                *("mechanism", "elements", "contacts", "functions", "joints", "assembly"),
+                *("case", "casefile", "casewriter", "library", "published", "errors"),
+            )
+        ),
+    ),
+    "Reference solver": ("reference", OFFERS),
+    "Engines and runs": (
+        "engines",
+        tuple(f"consilience.{name}" for name in ("engine", "run", "harness", "tree", "suite", "store", "worker")),
+    ),
+    "Comparison": (
+        "comparison",
+        tuple(
+            f"consilience.compare.{name}"
+            for name in ("result", "rules", "uncertainty", "softness", "horizon", "motion", "instant", "trajectory")
+        ),
+    ),
+    "Mechanics": (
+        "mechanics",
+        tuple(
+            f"consilience.{name}" for name in ("spatial", "rows", "kinematics", "observe", "energies", "conditioning")
+        ),
+    ),
+    "Files and frames": ("files", ("consilience.export", "consilience.frames", "consilience.report.record")),
+}
+"""Pages of the reference: title, file, modules."""
+
+
+def write(docs: Path) -> None:
+    """Write all generated pages into `docs/generated`, which git does not keep."""
+    folder = docs / "generated"
+    pages = {"library.md": library(), "explained.md": explained(), **findings(), **api()}
+    for name, text in pages.items():
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if not path.exists() or path.read_text(encoding="utf-8") != text:  # an unchanged page is not built again
+            path.write_text(text, encoding="utf-8")
+    for path in folder.rglob("*.md"):
+        if str(path.relative_to(folder)) not in pages:
+            path.unlink()
+
+
+def cell(text: object) -> str:
+    """Text for a cell of a table."""
+    return re.sub(r"([|<>\[\]*_`])", r"\\\1", str(text).replace("\n", " "))
+
+
+def library() -> str:
+    """Every shipped case and family."""
+    lines = ["# The cases", "", "Generated from the files. What a case file is: [The case library](../cases.md).", ""]
+    group = ""
+    for case in sorted(shipped_cases(), key=lambda c: (c.group, c.name)):
+        if case.group != group:
+            group = case.group
+            lines += ["", f"## {group}", "", "| case | bodies | joints | duration in s | digits | what | sources |"]
+            lines += ["|---|---|---|---|---|---|---|"]
+        kinds = Counter(joint.kind for joint in case.mechanism.joints)
+        joints = ", ".join(f"{n} {kind}" if n > 1 else kind for kind, n in kinds.items())
+        row = (case.name, len(case.mechanism.bodies), joints, f"{case.duration:g}", case.digits, case.title)
+        lines.append("| " + " | ".join(cell(c) for c in (*row, "; ".join(case.sources))) + " |")
+    lines += ["", "## Families", "", "[Their parameters](../families.md) in a name make a case.", ""]
+    lines += ["| family | parameters and defaults |", "|---|---|"]
+    lines += [f"| {cell(name)} | {cell(shown_parameters(family))} |" for name, family in FAMILIES.items()]
+    lines += ["", f"Engines here: {', '.join(installed())}.", ""]
+    return "\n".join(lines)
+
+
+def explained() -> str:
+    """Everything `consilience explain` knows."""
+    lines = ["# Verdicts, terms and traps", "", "What `consilience explain` prints, all of it.", ""]
+    for kind in Kind:
+        lines += [f"## {kind.title}", ""]
+        for entry in read_entries():
+            if entry.kind is kind:
+                lines += [f"### {cell(entry.name)}", "", f"**{cell(entry.rule)}**", "", cell(entry.theory), ""]
+                if entry.met:
+                    lines += [f"Met: {cell('; '.join(entry.met))}", ""]
+    return "\n".join(lines)
+
+
+def findings() -> dict[str, str]:
+    """The table of the findings, and a page for each with its script."""
+    pages = {"findings/index.md": _linked(FINDINGS / "README.md")}
+    names = sorted(path.parent.name for path in FINDINGS.glob("*/README.md"))
+    toc = "\n".join(["", "```{toctree}", ":hidden:", "", *names, "```", ""])
+    pages["findings/index.md"] += toc
+    for name in names:
+        script = (FINDINGS / name / "show.py").read_text(encoding="utf-8")
+        text = (FINDINGS / name / "README.md").read_text(encoding="utf-8")
+        pages[f"findings/{name}.md"] = f"{text}\n## show.py\n\n```python\n{script}```\n"
+    return pages
+
+
+def _linked(path: Path) -> str:
+    """The overview, its links to folders turned into links to pages."""
+    return re.sub(r"\((\w+)/README\.md\)", r"(\1.md)", path.read_text(encoding="utf-8"))
+
+
+def api() -> dict[str, str]:
+    """A page for each part of the library."""
+    pages = {}
+    for title, (name, modules) in API.items():
+        text = "".join(
+            f"\n## {module}\n\n```{{eval-rst}}\n.. automodule:: {module}\n   :members:\n{extra}```\n"
+            for module in modules
+            for extra in ["   :imported-members:\n" if module in OFFERS else ""]
+        )
+        pages[f"api/{name}.md"] = f"# {title}\n{text}"
+    toc = "\n".join(["```{toctree}", ":maxdepth: 1", "", *(name for name, _ in API.values()), "```", ""])
+    about = "From the docstrings. By name and signature: [api.md](../../api.md)."
+    pages["api/index.md"] = f"# API reference\n\n{about}\n\n{toc}"
+    return pages

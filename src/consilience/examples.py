@@ -1,0 +1,74 @@
+"""Examples at the end of every command's help: what it is for, and how it is called. A test parses them all."""
+
+from __future__ import annotations
+
+EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
+    "run": (
+        ("consilience run --tag tour -o report", "six cases, all engines"),
+        ("consilience run double_pendulum my_case.toml -e mujoco -e dart", "two cases, two engines"),
+        ("consilience run --quick -q model -q instant", "the whole library, no motions"),
+        ("consilience run double_pendulum -e mujoco@3.3.7 -e mujoco@4.0.0", "two versions of one engine"),
+    ),
+    "list": (
+        ("consilience list", "cases, families and engines"),
+        ("consilience list -f json", "the same for a script"),
+    ),
+    "doctor": (("consilience doctor", "this machine and all engines"), ("consilience doctor -e dart", "one of them")),
+    "explain": (
+        ("consilience explain regularisation", "a verdict"),
+        ("consilience explain horizon", "a term"),
+        ("consilience explain 12", "a trap, by its number"),
+        ("consilience explain", "everything there is"),
+    ),
+    "simulate": (
+        ("consilience simulate four_bar", "the reference, as four_bar.json"),
+        ("consilience simulate four_bar -e mujoco --duration 1 -o motion.csv", "an engine, as a table"),
+    ),
+    "coverage": (("consilience coverage double_pendulum -e mujoco", "whether the bands of one engine hold"),),
+    "crosscheck": (("consilience crosscheck --mechanisms 20 --states 5", "a short campaign"),),
+    "report": (("consilience report report", "write the pages of a folder again"),),
+    "schema": (("consilience schema case", "JSON Schema of a case file, for an editor"),),
+    "show": (
+        ("consilience show four_bar", "freedom, dependent rows, open reactions, sources"),
+        ("consilience show four_bar --picture four_bar.svg", "and a drawing"),
+    ),
+    "new": (
+        ("consilience new arm", "arm.toml, with every element as a comment"),
+        ("consilience new rods --from parallel_rods:rods=6", "from a family"),
+    ),
+    "validate": (("consilience validate arm.toml -e mujoco", "what is wrong, and what the engine will make of it"),),
+    "check": (
+        ("consilience check -e mujoco", "all cases"),
+        ("consilience check four_bar -e mujoco -o found.json", "one, every residual"),
+    ),
+    "fuzz": (("consilience fuzz -n 20 --seed 7 -e dart", "twenty random mechanisms"),),
+    "values": (("consilience values double_pendulum", "expected values beside ours"),),
+    "diff": (
+        ("consilience diff before after", "what has changed; exit code 1 if anything is worse"),
+        ("consilience diff both both --as mujoco@3.3.7=mujoco@4.0.0", "two versions in one report"),
+    ),
+    "trend": (("consilience trend nightly", "all reports of a folder"),),
+    "export": (
+        ("consilience export report -f junit -o junit.xml", "for CI"),
+        ("consilience export report -f latex -o table.tex", "for a paper"),
+    ),
+    "plot": (("consilience plot report four_bar --what convergence -o convergence.pdf", "a figure"),),
+    "import": (("consilience import robot.urdf -o robot.toml", "a case from a robot"),),
+    "translate": (
+        ("consilience translate four_bar -e mujoco -o four_bar_mujoco", "the native model and its manifest"),
+    ),
+    "mutate": (("consilience mutate 3 --short", "one trap"), ("consilience mutate -e mujoco", "all, in one engine")),
+}
+"""Calls and what they do, by command."""
+
+START = (
+    ("consilience doctor", "is everything there?"),
+    ("consilience run double_pendulum four_bar --quick -o first", "a first report"),
+    ("consilience explain regularisation", "what does the verdict mean?"),
+)
+"""The same of the whole."""
+
+
+def epilog(examples: tuple[tuple[str, str], ...]) -> str:
+    """Text below the help: one paragraph a line, as Typer wants it."""
+    return "\n\n".join(["Examples:", *(f"{call}   # {what}" for call, what in examples)])

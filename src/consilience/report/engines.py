@@ -1,0 +1,109 @@
+"""An engine on the pages: what it answered, what it cannot represent, where it differs, and what is known of it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from consilience.compare import Verdict
+from consilience.report.cells import Cell
+from consilience.report.facts import Entry
+from consilience.report.wording import LOOKS, QUESTIONS, RANK, Look, anchor, counted
+
+
+@dataclass(frozen=True)
+class Known:
+    """A finding that a script of `reports/findings` shows without our code."""
+
+    name: str
+    what: str
+    size: str
+
+
+@dataclass(frozen=True)
+class Group:
+    """Cells with something in common: a reason, a line of the manifest, a cause."""
+
+    text: str
+    look: Look | None
+    cells: tuple[Cell, ...]
+
+    @property
+    def count(self) -> str:
+        """How many cases, in words."""
+        return counted(len(self.cells), "case")
+
+
+@dataclass(frozen=True)
+class EngineView:
+    """An engine: one column of the matrix, one page."""
+
+    anchor: str
+    name: str
+    facts: tuple[Entry, ...]
+    tallies: tuple[tuple[str, tuple[tuple[Look, int], ...]], ...]
+    unsupported: tuple[Group, ...]
+    differing: tuple[Group, ...]
+    approximated: tuple[Group, ...]
+    known: tuple[Known, ...]
+    cells: tuple[Cell, ...]
+
+    @property
+    def supported(self) -> str:
+        """How much of the library it can represent, in words."""
+        able = sum(any(a.look is not LOOKS[Verdict.UNSUPPORTED] for a in c.matched) for c in self.cells)
+        return f"It represents {able} of {counted(len(self.cells), 'case')} of this run."
+
+
+def engine_view(name: str, facts: Sequence[Entry], cells: Sequence[Cell]) -> EngineView:
+    """View of an engine from its cells."""
+    answers = [(cell, a) for cell in cells for a in cell.matched]
+    return EngineView(
+        anchor=anchor("engine", name),
+        name=name,
+        facts=tuple(facts),
+        tallies=tuple((q, _tally(a.look for _, a in answers if a.question == q)) for q in QUESTIONS),
+        unsupported=_grouped((reason, None, cell) for cell, a in answers for reason in a.unsupported),
+        differing=_grouped(
+            (f"{a.question}, {a.title}: {a.cause}", a.look, cell)
+            for cell, a in answers
+            if a.look not in (LOOKS[Verdict.AGREES], LOOKS[Verdict.UNSUPPORTED])
+        ),
+        approximated=_grouped((line, None, cell) for cell in cells for line in cell.approximated),
+        known=known_findings().get(name.partition(":")[0], ()),
+        cells=tuple(cells),
+    )
+
+
+def _tally(looks: Iterable[Look]) -> tuple[tuple[Look, int], ...]:
+    found = list(looks)
+    return tuple((look, found.count(look)) for look in LOOKS.values() if look in found)
+
+
+def _grouped(entries: Iterable[tuple[str, Look | None, Cell]]) -> tuple[Group, ...]:
+    """Cells by text and verdict, the gravest first, then the most frequent."""
+    found: dict[tuple[str, Look | None], dict[str, Cell]] = {}
+    for text, look, cell in entries:
+        found.setdefault((text, look), {})[cell.anchor] = cell
+    groups = [Group(text, look, tuple(cells.values())) for (text, look), cells in found.items()]
+    return tuple(sorted(groups, key=lambda g: (-RANK[g.look.name] if g.look else 0, -len(g.cells))))
+
+
+_ROW = re.compile(r"^\| \[(?P<name>\w+)\]\([^)]*\) \| (?P<engine>\w+) \| (?P<what>[^|]*?) \|(?: (?P<size>[^|]*?) \|)?$")
+
+
+@cache
+def known_findings() -> dict[str, tuple[Known, ...]]:
+    """Findings by engine, from the tables of `reports/findings/README.md`: packaged, or of the checkout."""
+    packaged = Path(__file__).parents[1] / "findings.md"
+    path = packaged if packaged.is_file() else Path(__file__).parents[3] / "reports" / "findings" / "README.md"
+    found: dict[str, tuple[Known, ...]] = {}
+    for line in path.read_text(encoding="utf-8").splitlines():
+        row = _ROW.match(line)
+        if row:
+            one = Known(row["name"], row["what"].replace("`", ""), (row["size"] or "").replace("`", ""))
+            found[row["engine"].lower()] = (*found.get(row["engine"].lower(), ()), one)
+    return found

@@ -1,0 +1,80 @@
+"""Figures along the motions of all engines: reactions of the joints, and how far constraints are violated."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from html import escape
+from typing import Any
+
+from consilience.report.figure import COLOURS, GREY, Figure
+from consilience.report.record import Record
+from consilience.report.wording import anchor
+
+REFERENCE = "reference"
+DASHES = ("solid", "dash", "dot", "dashdot", "longdash")
+MOST_JOINTS = 12
+
+TIME = {"title": {"text": "time in s"}}
+
+
+def replay_figures(record: Record, replays: Mapping[str, dict[str, Any]]) -> dict[str, Figure]:
+    """Figures by the identifier of their place on the page."""
+    engines, found = list(record.header["engines"]), {}
+    for case in record.cases:
+        along = (replays.get(case["name"]) or {}).get("along")
+        if along:
+            found[anchor("drift", case["name"])] = drift(along, engines)
+            if along["joints"]:
+                found[anchor("reactions", case["name"])] = reactions(along, engines)
+    return found
+
+
+def reactions(along: dict[str, Any], engines: list[str]) -> Figure:
+    """Force of every joint on its successor over time: a colour a joint, the reference solid, engines by dashes."""
+    traces = list(_series(along, engines))
+    yaxis = {"title": {"text": "reaction force in N"}, "rangemode": "tozero"}
+    return {"data": traces, "layout": {"xaxis": TIME, "yaxis": yaxis, "shapes": [], "annotations": []}}
+
+
+def _series(along: dict[str, Any], engines: list[str]) -> Iterator[Figure]:
+    others = [name for name in engines if name != REFERENCE]
+    for engine, series in along["engines"].items():
+        # the reference behind, wide and pale: who agrees lies on it
+        own = engine == REFERENCE
+        dash = "solid" if own else DASHES[(others.index(engine) if engine in others else 0) % len(DASHES)]
+        for n, joint in enumerate(along["joints"][:MOST_JOINTS]):
+            yield {
+                "type": "scatter",
+                "x": along["times"],
+                "y": series["force"][n],
+                "name": escape(joint),
+                "legendgroup": escape(engine),
+                "legendgrouptitle": {"text": escape(engine)},
+                "mode": "lines",
+                "line": {"color": COLOURS[n % len(COLOURS)], "dash": dash, "width": 5 if own else 1.4},
+                "opacity": 0.4 if own else 1.0,
+                "hovertemplate": "%{x:.3g} s: %{y:.5g} N",
+            }
+
+
+def drift(along: dict[str, Any], engines: list[str]) -> Figure:
+    """Largest violation of a joint's constraints over time, one colour an engine."""
+    traces = [
+        {
+            "type": "scatter",
+            "x": along["times"],
+            "y": [v or None for v in series["drift"]],
+            "name": escape(engine),
+            "mode": "lines",
+            "line": {
+                "color": GREY if engine == REFERENCE else COLOURS[engines.index(engine) % len(COLOURS)],
+                "dash": DASHES[engines.index(engine) % len(DASHES)],
+                "width": 1.8,
+            },
+            "hovertemplate": "%{x:.3g} s: %{y:.2e}",
+        }
+        for engine, series in along["engines"].items()
+        if engine in engines
+    ]
+    yaxis = {"title": {"text": "joint violation in m or rad"}, "type": "log", "exponentformat": "power"}
+    return {"data": traces, "layout": {"xaxis": TIME, "yaxis": yaxis, "shapes": [], "annotations": []}}

@@ -1,0 +1,70 @@
+"""Reactions of the joints and violation of their constraints over time, from a motion alone: the same for every engine.
+
+Newton-Euler for every body at a state of the motion, ``M a = f + Q^T lam`` and ``Q a = gamma``, solved densely. An
+engine says its own reactions at the states of the question `instant`; here its motion is given the reactions that it
+needs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from consilience.harness import solve_constrained
+from consilience.identities.forces import applied_wrenches
+from consilience.kinematics import constraint_gamma, constraint_jacobian, constraint_residual
+from consilience.mechanism import Mechanism, State
+from consilience.observe import centres_of_mass, determinate_reactions, mass_matrix, reaction_map, world_inertias
+from consilience.run import TrajectoryAnswer
+from consilience.spatial import Array, cross, skew
+
+LARGEST = 12
+"""Bodies up to which reactions are plotted: beyond, the dense solution takes too long for what a plot can show."""
+
+
+def can_be_told(mechanism: Mechanism) -> bool:
+    """Whether a state decides the reactions: not with integrals in a controller, nor where bodies may hit."""
+    held = bool(mechanism.joints) and any(joint.rows for joint in mechanism.joints)
+    small = len(mechanism.bodies) <= LARGEST and len(mechanism.joints) <= 2 * LARGEST
+    return held and small and not mechanism.contacts and not any(c.integral for c in mechanism.controls)
+
+
+def reactions_over_time(mechanism: Mechanism, answer: TrajectoryAnswer, samples: Array) -> Array:
+    """Length of the force and of the torque of every joint at samples, shape (n_samples, n_j, 2), N and N m.
+
+    On the successor, the torque about the origin of M; of those components that equilibrium determines. nan where it
+    determines none.
+    """
+    sure = determinate_reactions(mechanism, answer.state(int(samples[0])))
+    found = [np.where(sure, reactions(mechanism, answer.state(k), answer.time[k]), 0.0) for k in samples]
+    lengths = np.linalg.norm(np.array(found).reshape(len(samples), -1, 2, 3), axis=3)
+    return np.where(sure.reshape(-1, 2, 3).any(axis=2), lengths, np.nan)
+
+
+def reactions(mechanism: Mechanism, state: State, t: float) -> Array:
+    """Force and torque of every joint on its successor, about the origin of M, axes of F, shape (n_j, 6)."""
+    sums = applied_wrenches(mechanism, state, t)
+    arms = centres_of_mass(mechanism, state)[0] - state.p_WB
+    for i, (body, inertia) in enumerate(zip(mechanism.bodies, world_inertias(mechanism, state), strict=True)):
+        w, c = state.w_WB_W[i], arms[i]
+        at_origin = inertia - body.mass * skew(c) @ skew(c)
+        sums.push(body.name, -body.mass * cross(w, cross(w, c)), state.p_WB[i], -cross(w, at_origin @ w))
+    _, lam = solve_constrained(
+        mass_matrix(mechanism, state),
+        sums.total.ravel(),
+        constraint_jacobian(mechanism, state, t=t),
+        constraint_gamma(mechanism, state, t=t),
+    )
+    found, start = [], 0
+    for joint in mechanism.joints:
+        rows = slice(start, start + len(joint.rows))
+        start = rows.stop
+        found.append(reaction_map(mechanism, state, joint) @ lam[rows])
+    return np.array(found)
+
+
+def drift_over_time(mechanism: Mechanism, answer: TrajectoryAnswer, samples: Array) -> Array:
+    """Largest violation of a row of a joint at samples, shape (n_samples,), in m, rad or a pure number."""
+    jointed = replace(mechanism, drives=(), couplings=(), rollings=(), skates=())
+    return np.array([np.max(np.abs(constraint_residual(jointed, answer.state(k))), initial=0.0) for k in samples])

@@ -1,0 +1,126 @@
+"""``replay.json`` beside the record: cases as they are drawn, their motions on every engine, reactions over time.
+
+What the page needs to show a mechanism in motion, small. Without it a page is complete but for its drawings; a report
+of the questions `model` and `instant` alone has drawings and no motions.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from consilience.case import Case
+from consilience.mechanism import Mechanism
+from consilience.report.motion import Encoded, chosen_samples, encoded_difference, encoded_poses
+from consilience.report.reactions import can_be_told, drift_over_time, reactions_over_time
+from consilience.report.replayschema import FORMAT
+from consilience.report.scene import Scene, scene
+from consilience.run import Profile, Run, TrajectoryAnswer
+from consilience.spatial import Array
+
+REFERENCE = "reference"
+PLOTTED = 31
+"""Samples of a plot of reactions at most."""
+
+Replay = dict[str, Any]
+"""A case: `scene`, `seed`, `motion` and `along` (None without one): values over time for plots."""
+
+
+def replay_of(case: Case, runs: Sequence[Run]) -> Replay:
+    """What is shown of a case in motion.
+
+    Parameters
+    ----------
+    runs : sequence of Run
+        All runs of the case; of each engine the first matched method is shown, at its finest level.
+    """
+    shown = dict(_headlines(runs))
+    found: Replay = {"case": case.name, "seed": case.seed, "motion": None, "along": None}
+    found["scene"] = drawn = scene(case.mechanism, case.initial_state)
+    if REFERENCE in shown:
+        found["motion"] = _motion(drawn, shown)
+        found["along"] = _along(case.mechanism, shown)
+    return found
+
+
+def motion_alone(case: Case, answer: TrajectoryAnswer, how: str) -> Replay:
+    """The same of one motion that stands for the reference."""
+    drawn = scene(case.mechanism, case.initial_state)
+    samples = chosen_samples(answer)
+    return {"case": case.name, "seed": case.seed, "scene": drawn, "along": None} | {
+        "motion": _grid(answer, samples) | {"reference": encoded_poses(answer, samples) | {"how": how}, "engines": {}}
+    }
+
+
+def _headlines(runs: Sequence[Run]) -> Iterator[tuple[str, tuple[TrajectoryAnswer, str]]]:
+    """Finest answer of the first matched method of every engine, and how it was made."""
+    for engine in dict.fromkeys(run.engine for run in runs):
+        moved = [
+            (run, run.answer, run.method)
+            for run in runs
+            if run.engine == engine and isinstance(run.answer, TrajectoryAnswer) and run.method is not None
+        ]
+        name = next((method.name for _, _, method in moved if method.profile is Profile.MATCHED), None)
+        own = [(r, a, m) for r, a, m in moved if m.name == name and m.softness in (None, 1.0)]
+        if own:
+            run, answer, method = min(own, key=lambda one: one[0].step or 0.0)
+            kind = "step" if method.substeps else "tolerance"
+            yield engine, (answer, f"{method.name}, {kind} {run.step:.3g}{' s' if method.substeps else ''}")
+
+
+def _grid(answer: TrajectoryAnswer, samples: Array) -> Replay:
+    time = answer.time[samples]
+    step = float(time[1] - time[0]) if len(time) > 1 else 0.0
+    return {"start": float(time[0]), "step": step, "count": len(samples), "end": float(answer.time[-1])}
+
+
+def _motion(drawn: Scene, shown: dict[str, tuple[TrajectoryAnswer, str]]) -> Replay:
+    reference, how = shown[REFERENCE]
+    samples = chosen_samples(reference)
+    engines: dict[str, Encoded] = {}
+    for engine, (answer, own) in shown.items():
+        if engine != REFERENCE and np.array_equal(answer.time, reference.time):
+            engines[engine] = encoded_difference(answer, reference, samples) | {"how": own}
+    return _grid(reference, samples) | {
+        "reference": encoded_poses(reference, samples) | {"how": how},
+        "engines": engines,
+    }
+
+
+def _along(mechanism: Mechanism, shown: dict[str, tuple[TrajectoryAnswer, str]]) -> Replay | None:
+    """Violation of the joints over time by the motions of all engines, and reactions where states decide them."""
+    reference, _ = shown[REFERENCE]
+    samples = np.arange(0, len(reference.time), max(1, -(-(len(reference.time) - 1) // (PLOTTED - 1))))
+    alike = {e: answer for e, (answer, _) in shown.items() if np.array_equal(answer.time, reference.time)}
+    if not any(joint.rows for joint in mechanism.joints):
+        return None
+    found = {e: reactions_over_time(mechanism, a, samples) for e, a in alike.items()} if can_be_told(mechanism) else {}
+    known = [j for j in range(len(mechanism.joints)) if found and np.isfinite(found[REFERENCE][:, j, 0]).any()]
+    return {
+        "times": [float(f"{t:.6g}") for t in reference.time[samples]],
+        "joints": [mechanism.joints[j].name for j in known],
+        "engines": {
+            e: {
+                "force": [_plain(found[e][:, j, 0]) for j in known],
+                "torque": [_plain(found[e][:, j, 1]) for j in known],
+                "drift": _plain(drift_over_time(mechanism, answer, samples)),
+            }
+            for e, answer in alike.items()
+        },
+    }
+
+
+def _plain(values: Array) -> list[float | None]:
+    return [float(f"{v:.5g}") if np.isfinite(v) else None for v in values]
+
+
+def replays(cases: Sequence[Case], runs: Sequence[Run]) -> str:
+    """Text of ``replay.json``: the replays of all cases."""
+    of_case: dict[str, list[Run]] = {}
+    for run in runs:
+        of_case.setdefault(run.case, []).append(run)
+    found = [replay_of(case, of_case.get(case.name, [])) for case in cases]
+    return json.dumps({"format": FORMAT, "cases": found}, allow_nan=False, separators=(",", ":"))

@@ -1,0 +1,121 @@
+"""A mechanism as it is drawn, in coordinates of its bodies, so that it can be drawn in any of its poses.
+
+The same lines and marks as in the picture of a case (`figure3d`), each fixed to the body that carries it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from consilience.mechanism import Mechanism, State
+from consilience.observe import body_point
+from consilience.report.figure3d import Figure3D, Line, Mark, figure_of, index_of
+from consilience.spatial import Array, rotation_from_quaternion
+
+Scene = dict[str, Any]
+"""JSON of a scene; `recordschema`'s counterpart is `replay.SceneTable`."""
+
+DECIMALS = 6
+"""Of the coordinates relative to the size of the mechanism: a drawing shows no more."""
+
+
+def scene(mechanism: Mechanism, state: State) -> Scene:
+    """Lines and marks of a mechanism, fixed to its bodies, and the poses they are taken from.
+
+    Coordinates of a body are those of its frame B, of the ground (body -1) those of the world; m.
+    """
+    figure = figure_of(mechanism, state)
+    R = rotation_from_quaternion(state.quat_WB)
+    decimals = DECIMALS - int(np.floor(np.log10(max(float(np.max(np.abs(figure.points), initial=0.0)), 1e-12))))
+
+    def local(body: int, point: Array) -> list[float]:
+        own = point if body < 0 else R[body].T @ (point - state.p_WB[body])
+        return [round(float(x), decimals) + 0.0 for x in own]
+
+    def along(body: int, axis: Array | None) -> list[float] | None:
+        if axis is None:
+            return None
+        return [round(float(x), DECIMALS) + 0.0 for x in (axis if body < 0 else R[body].T @ axis)]
+
+    return {
+        "gravity": [float(x) for x in mechanism.gravity],
+        "p": [[float(x) for x in p] for p in state.p_WB],
+        "quat": [[float(x) for x in q] for q in state.quat_WB],
+        "bodies": [
+            {"letter": m.letter, "name": m.name, "body": m.body, "point": local(m.body, m.point)} for m in figure.bodies
+        ],
+        "joints": [
+            {
+                "letter": m.letter,
+                "name": m.name,
+                "kind": m.kind,
+                "body": m.body,
+                "point": local(m.body, m.point),
+                "axis": along(m.body, m.axis),
+                "ground": m.ground,
+                "between": [joint.predecessor, joint.successor],
+            }
+            for m, joint in zip(figure.joints, mechanism.joints, strict=True)
+        ],
+        "lines": [
+            {"body": line.body, "kind": line.kind, "points": [local(line.body, p) for p in line.points]}
+            for line in figure.lines
+            if line.ends is None
+        ],
+        "ties": [
+            {"kind": kind, "ends": list(held), "points": [local(i, p) for i, p in zip(held, points, strict=True)]}
+            for kind, held, points in _ties(mechanism, state)
+        ],
+    }
+
+
+def _ties(mechanism: Mechanism, state: State) -> list[tuple[str, tuple[int, int], Array]]:
+    """Springs, rods, and joints that can travel: those between bodies, which may be apart at another time."""
+    found = []
+    for j in mechanism.joints:
+        if j.kind != "free":
+            ends = ((j.predecessor, j.F.p), (j.successor, j.M.p))
+            kind = "rod" if j.kind == "rod" else "way"
+            found.append((kind, j.predecessor, j.successor, [body_point(mechanism, state, n, p)[0] for n, p in ends]))
+    for s in mechanism.springs:
+        ends = ((s.predecessor, s.point_predecessor), (s.successor, s.point_successor))
+        found.append(("spring", s.predecessor, s.successor, [body_point(mechanism, state, n, p)[0] for n, p in ends]))
+    return [(kind, (index_of(mechanism, i), index_of(mechanism, j)), np.array(points)) for kind, i, j, points in found]
+
+
+def figure_of_scene(drawn: Scene) -> Figure3D:
+    """The figure of a scene in the poses it was taken from."""
+    p, R = np.array(drawn["p"]).reshape(-1, 3), rotation_from_quaternion(np.array(drawn["quat"]).reshape(-1, 4))
+
+    def placed(body: int, point: list[float]) -> Array:
+        return np.array(point) if body < 0 else p[body] + R[body] @ np.array(point)
+
+    def mark(m: Scene, kind: str) -> Mark:
+        body, axis = m["body"], m.get("axis")
+        turned = None if axis is None else (np.array(axis) if body < 0 else R[body] @ np.array(axis))
+        return Mark(m["letter"], m["name"], kind, placed(body, m["point"]), turned, m.get("ground", False), body)
+
+    # coordinates are rounded: ends nearer than that are one
+    reaches = [abs(x) for part in ("lines", "ties", "joints", "bodies") for m in drawn[part] for x in _numbers(m)]
+    apart = 10.0 ** (1 - DECIMALS) * max(reaches, default=1.0)
+    lines = [Line(m["body"], m["kind"], np.array([placed(m["body"], x) for x in m["points"]])) for m in drawn["lines"]]
+    for tie in drawn["ties"]:
+        i, j = tie["ends"]
+        ends = np.array([placed(i, tie["points"][0]), placed(j, tie["points"][1])])
+        if np.linalg.norm(ends[0] - ends[1]) > apart:
+            lines.append(Line(-1, tie["kind"], ends, (i, j)))
+    return Figure3D(
+        tuple(lines),
+        tuple(mark(m, m["kind"]) for m in drawn["joints"]),
+        tuple(mark(m, "body") for m in drawn["bodies"]),
+        np.array(drawn["gravity"]),
+    )
+
+
+def _numbers(drawn: Scene) -> Iterator[float]:
+    """Coordinates of a line or of a mark."""
+    for point in drawn.get("points", [drawn.get("point", [])]):
+        yield from point

@@ -1,0 +1,177 @@
+"""What a report has to do in a browser: each check is a generator of what it found wrong."""
+
+import json
+import statistics
+
+from opened import until
+
+FIRST_VIEW = 1.5
+LOADS = 5
+SIZE = 10e6
+
+
+def opens(opened, view, told):
+    """First view in time, size, and nothing asked of the network."""
+    page, seen, ready = opened.page, [], []
+    for _ in range(LOADS):
+        opened.go()
+        until(page, "performance.getEntriesByName('first-contentful-paint').length")
+        paints = "performance.getEntriesByType('paint').map(p => [p.name, p.startTime])"
+        seen.append(dict(page.evaluate(paints))["first-contentful-paint"] / 1000)
+        ready.append(page.evaluate("performance.getEntriesByType('navigation')[0].domContentLoadedEventEnd") / 1000)
+    first, usable = statistics.median(seen), statistics.median(ready)
+    told(f"first view {first:.2f} s, filters ready {usable:.2f} s (medians of {LOADS})")
+    if first > FIRST_VIEW:
+        yield f"first view after {first:.2f} s"
+    if page.locator("table.matrix tbody tr").count() != len(view.cases):
+        yield "the matrix has not a row for each case"
+
+
+def drill_down(opened, view, told):
+    """Every cell opens to its layers in order, with verdicts, numbers, manifest, settings and command."""
+    opened.go()
+    page, layers, settings, gauges = opened.page, 0, 0, 0
+    for cell in view.cells:
+        opened.turn(f"#{cell.anchor}")
+        name = json.dumps(f"{cell.case} on {cell.engine} ")
+        until(page, f"document.querySelector('#page h2').textContent.startsWith({name})")
+        found = page.evaluate(
+            """() => ({
+              layers: [...document.querySelectorAll('#page .layer > summary h3')].map(e => e.textContent),
+              open: document.querySelectorAll('#page .layer[open]').length,
+              command: document.querySelector('#page .copy').dataset.copy,
+              manifest: document.querySelectorAll('#page .manifest div').length,
+              answers: document.querySelectorAll('#page article').length,
+              settings: [...document.querySelectorAll('#page article details summary')]
+                .filter(e => e.textContent.includes('setting')).length,
+              gauges: document.querySelectorAll('#page .gauge').length,
+            })"""
+        )
+        asked = [q for q in ("model", "instant", "trajectory") if any(a.question == q for a in cell.answers)]
+        if found["layers"] != asked:
+            yield f"{cell.label}: layers {found['layers']}, not {asked}"
+        if asked and not found["open"]:
+            yield f"{cell.label}: no layer is open"
+        if found["command"] != cell.command:
+            yield f"{cell.label}: another command"
+        if found["manifest"] != len(cell.exact) + len(cell.approximated):
+            yield f"{cell.label}: another manifest"
+        if found["answers"] != len(cell.answers):
+            yield f"{cell.label}: not every answer"
+        layers, settings, gauges = layers + len(asked), settings + found["settings"], gauges + found["gauges"]
+    told(f"{len(view.cells)} cells, {layers} layers, {gauges} scales with bars, settings of {settings} answers")
+
+
+def plots(opened, view, told):
+    """Every kind of plot is drawn; all pages of cases, and a cell of each."""
+    opened.go()
+    drawn, kinds = 0, set()
+    for case in view.cases:
+        cell = next((c for c in case.cells if c.figures), case.cells[0])
+        for anchor in (case.anchor, cell.anchor):
+            opened.turn(f"#{anchor}", f"#page h2:has-text({case.name!r})")
+            drawn += opened.plots_drawn()
+            kinds |= set(
+                opened.page.eval_on_selector_all(
+                    "#page [data-figure]", "all => all.map(p => p.dataset.figure.split('.')[0])"
+                )
+            )
+    told(f"{drawn} plots of {len(kinds)} kinds: {', '.join(sorted(kinds))}")
+    missing = {"difference", "energy", "drift", "work", "steps", "reactions", "horizon"} - kinds
+    if missing:
+        yield f"no plot of {', '.join(sorted(missing))}"
+
+
+def replay(opened, view, told):
+    """A case in motion plays, stops, follows its sliders, shows and hides ghosts, and is seen from four sides."""
+    opened.go()
+    page, tried = opened.page, 0
+    for case in view.cases:
+        opened.turn(f"#{case.anchor}", f"#page h2:has-text({case.name!r})")
+        place = page.locator("#page .replay")
+        if not place.count():
+            continue
+        page.wait_for_selector("#page .replay canvas")
+        tried += 1
+        if tried > 3:
+            continue  # each has been made without an error: three are handled
+        frame = "document.querySelector('.replay').dataset.frame"
+        page.click("text=play")
+        until(page, f"Number({frame}) > 1")
+        page.click("text=pause")
+        page.wait_for_timeout(1_000)  # frames that were under way
+        held = page.evaluate(frame)
+        page.wait_for_timeout(300)
+        if page.evaluate(frame) != held:
+            yield f"{case.name}: it goes on after a pause"
+        pictures = {}
+        last = page.evaluate("document.getElementById('replay-time').max")
+        for name, act in {
+            "end": lambda last=last: slide(page, "time", last),
+            "enlarged": lambda: slide(page, "factor", 1),
+            "above": lambda: page.click("text=from above"),
+            "right": lambda: page.click("text=from the right"),
+            "no ghosts": lambda: [box.uncheck() for box in page.locator(".replay input[type=checkbox]").all()],
+        }.items():
+            act()
+            page.wait_for_timeout(300)
+            pictures[name] = page.locator(".replay canvas").screenshot()
+        if len(set(pictures.values())) < len(pictures) - 1:  # what agrees to the last bit has no difference to enlarge
+            yield f"{case.name}: a control of the replay changes nothing"
+    told(f"{tried} replays made, {min(tried, 3)} handled")
+    if not tried:
+        yield "there is no replay"
+
+
+def slide(page, name, value):
+    """Move a slider as a user would."""
+    page.evaluate(
+        "([id, v]) => { const e = document.getElementById(id); e.value = v; e.dispatchEvent(new Event('input')); }",
+        [f"replay-{name}", str(value)],
+    )
+
+
+def copying(opened, view, told):
+    """Every kind of copy button puts its command where it can be pasted."""
+    opened.go()
+    page = opened.page
+    anchors = [view.cells[0].anchor, view.cells[-1].anchor, view.cases[0].anchor, "about"]
+    for anchor in anchors:
+        opened.turn(f"#{anchor}")
+        page.wait_for_timeout(100)
+        for button in page.locator("#page button.copy").all():
+            button.click()
+            until(page, "[...document.querySelectorAll('.copy')].some(b => b.textContent === 'copied')")
+            wanted, got = button.get_attribute("data-copy"), page.evaluate("navigator.clipboard.readText()")
+            if wanted != got or not wanted.startswith("consilience "):
+                yield f"#{anchor}: {got!r} is copied, not {wanted!r}"
+    told(f"copy buttons of {len(anchors)} pages")
+
+
+def keyboard(opened, view, told):
+    """The matrix by arrow keys, a cell by Enter, back by Escape to where one was; all filters by Tab."""
+    page = opened.go()
+    first = view.cases[0]
+    page.focus(f'td.cell a[href="#{first.cells[0].anchor}"]')
+    page.keyboard.press("ArrowRight")
+    page.keyboard.press("ArrowDown")
+    wanted = (view.cases[1] if len(view.cases) > 1 else first).cells[1].anchor
+    if len(view.cases) > 1 and page.evaluate("document.activeElement.hash") != f"#{wanted}":
+        yield "arrow keys lead elsewhere"
+    page.keyboard.press("Enter")
+    page.wait_for_selector("#page h2")
+    if page.evaluate("document.activeElement.id") != "page-title":
+        yield "the opened page does not take the focus"
+    page.keyboard.press("Escape")
+    until(page, "!document.getElementById('overview').hidden")
+    if page.evaluate("document.activeElement.hash") != f"#{wanted}":
+        yield "Escape does not lead back"
+    page = opened.go()
+    reached = set()
+    for _ in range(120):
+        page.keyboard.press("Tab")
+        reached.add(page.evaluate("document.activeElement.name || document.activeElement.hash || ''"))
+    missing = {"find", "verdict", "engine", "question", "lone", "#findings"} - reached
+    if missing:
+        yield f"Tab does not reach {missing}"
+    told(f"{len(reached)} places by Tab")

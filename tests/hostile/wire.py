@@ -1,0 +1,231 @@
+"""Hostile frames: what a broken worker sends to the runner, and what may reach a worker.
+
+An input is what comes over the socket after a first byte that says to whom. The runner's side goes on with a value as
+`run` and `fuzz` do: it looks for defects, plans, keeps, judges.
+"""
+
+import json
+import warnings
+from contextlib import closing, nullcontext, suppress
+from functools import cache
+
+import numpy as np
+from hypothesis import strategies as st
+
+from consilience.asking import QUICK, ask_case
+from consilience.errors import visible
+from consilience.fuzz.judging import judge
+from consilience.fuzz.workers import _sheet
+from consilience.library import load_case
+from consilience.run import (
+    Answer,
+    EngineInfo,
+    InstantAnswer,
+    Manifest,
+    Method,
+    ModelAnswer,
+    Question,
+    Route,
+    TrajectoryAnswer,
+    Unsupported,
+)
+from consilience.store import Store
+from consilience.worker import Reply, Request, _sound
+from consilience.workers import codec, frames
+from consilience.workers.frames import MAGIC, PREFIX, VERSION, ProtocolError
+from consilience.workers.jobs import Plan, Said, Survey, perform
+from consilience.workers.process import _Incoming
+from consilience.workers.sending import frame_of, job, loading
+from consilience.workers.serve import Server, _Bytes, read_frame
+from hostile.mutations import TABLE_KINDS, TEXT_KINDS, _json, changed_bytes, changed_tables
+from hostile.pages import check_terminal
+from hostile.watch import Breach, watched
+
+METHOD = Method("RK4", Route.NATIVE, 4, (2, 4), settings={"step": 0.01}, softness=1.0)
+RUNNER, WORKER = b"r", b"w"
+
+
+@cache
+def _case():
+    return QUICK.case(load_case("double_pendulum"))
+
+
+class Still:
+    """An engine that knows all answers: nothing moves."""
+
+    def info(self):
+        return EngineInfo("still", "1.0", "1.0", "remarks")
+
+    def unsupported(self, mechanism, question):
+        return ()
+
+    def methods(self, mechanism, question):
+        return (METHOD,)
+
+    def manifest(self, mechanism):
+        return Manifest(("bodies",), ("joints",))
+
+    def model(self, mechanism, state, method):
+        return ModelAnswer(1.0, np.zeros(3), np.eye(3), 2)
+
+    def instant(self, mechanism, states, method):
+        b, j = (np.zeros((len(states), len(items), 3)) for items in (mechanism.bodies, mechanism.joints))
+        return InstantAnswer(b, b, j, j, np.zeros(len(states)), np.zeros(len(states)))
+
+    def trajectory(self, mechanism, state, times, method, step):
+        zeros = np.zeros((len(times), len(mechanism.bodies), 3))
+        quat = np.tile([1.0, 0.0, 0.0, 0.0], (*zeros.shape[:2], 1))
+        return TrajectoryAnswer(times, zeros, quat, zeros, zeros, {"steps": 4})
+
+
+def _requests():
+    case = _case()
+    yield Request()
+    yield Request(case.mechanism)
+    yield Request(case.mechanism, states=case.states, survey=(Question.MODEL, Question.INSTANT))
+    for question in Question:
+        yield Request(case.mechanism, question, METHOD, case.states, case.times, 0.01)
+
+
+def _server():
+    server = Server()
+    server.engine = Still()
+    return server
+
+
+def _obeyed(raw):
+    """What a worker answers to frames."""
+    server, stream, replies = _server(), _Bytes(raw), b""
+    while (frame := read_frame(stream)) is not None:
+        replies += server.handle(*frame) or b""
+    return replies
+
+
+def _taken_apart(raw):
+    """Frames as tables: the header, and the body in hexadecimal digits."""
+    found = []
+    while raw:
+        *_, n, m = PREFIX.unpack(raw[: PREFIX.size])
+        text, body, raw = (
+            raw[PREFIX.size : PREFIX.size + n],
+            raw[PREFIX.size + n : PREFIX.size + n + m],
+            raw[PREFIX.size + n + m :],
+        )
+        found.append({"header": json.loads(text), "body": body.hex()})
+    return found
+
+
+def _put_together(tables):
+    raw = b""
+    for frame in tables if isinstance(tables, list) else []:
+        header, body = (frame.get("header"), frame.get("body")) if isinstance(frame, dict) else (frame, "")
+        text = _json(header).encode("utf-8", "surrogatepass")
+        try:
+            data = bytes.fromhex(body)
+        except (TypeError, ValueError):
+            data = _json(body).encode("utf-8", "surrogatepass")
+        raw += PREFIX.pack(MAGIC, VERSION, len(text), len(data)) + text + data
+    return raw
+
+
+def wire_seeds():
+    """Frames to a worker, and its replies."""
+    found = []
+    for request in _requests():
+        key, mechanism = (None, b"") if request.mechanism is None else frame_of(request.mechanism)
+        sent = mechanism + job(request, key, 7)
+        found += [(WORKER, sent), (RUNNER, _obeyed(sent))]
+    answered = Survey((Said(Question.MODEL, METHOD, None, "singular"),), {Question.INSTANT: (Unsupported("b", "c"),)})
+    tree, arrays = codec.encode(answered)
+    told = {"kind": "reply", "job": 7, "reason": "", "cpu": 0.1, "strays": False, "value": tree}
+    found.append((RUNNER, frames.pack(told, arrays)))
+    found.append((WORKER, loading("nothing", 7)))
+    return [(to, raw, _taken_apart(raw)) for to, raw in found]
+
+
+def wire_mutants(steps):
+    """Strategy of inputs.
+
+    Parameters
+    ----------
+    steps : callable
+        Strategy of steps of mutation, from their kinds and greatest number.
+    """
+    seeds = wire_seeds()
+    whole = st.sampled_from(range(len(seeds)))
+    tables, text = steps(TABLE_KINDS), steps(TEXT_KINDS, 2)
+    return st.one_of(
+        st.tuples(whole, tables).map(lambda t: seeds[t[0]][0] + _put_together(changed_tables(seeds[t[0]][2], t[1]))),
+        st.tuples(whole, text).map(lambda t: seeds[t[0]][0] + changed_bytes(seeds[t[0]][1], t[1])),
+        st.tuples(whole, steps(TABLE_KINDS, 2), text).map(
+            lambda t: seeds[t[0]][0] + changed_bytes(_put_together(changed_tables(seeds[t[0]][2], t[1])), t[2])
+        ),
+    )
+
+
+class _Wire:
+    """A socket that closes after what was sent."""
+
+    def __init__(self, raw):
+        self._stream = _Bytes(raw)
+
+    def recv(self, count):
+        buffer = bytearray(count)
+        return bytes(buffer[: self._stream.recv_into(memoryview(buffer))])
+
+
+class _Answers:
+    """A worker that gives one value to whatever it is asked; a plan if that is needed and the value is none."""
+
+    engine = "still"
+
+    def __init__(self, value):
+        self.value = value
+
+    def ask(self, request):
+        if request.question is None and not isinstance(self.value, Plan):
+            return Reply(perform(Still(), request), True)
+        return Reply(self.value, True)
+
+
+def _received(raw, folder):
+    """Do with a reply what the runner does; whether there was a value in it."""
+    coming = _Incoming()
+    coming.receive(_Wire(raw))
+    header, arrays = coming.frame()
+    if not _sound(header) or header["job"] != 7:
+        return False
+    value, case = codec.decode(header["value"], arrays), _case()
+    info = value if isinstance(value, EngineInfo) else Still().info()
+    with (
+        closing(Store(folder / "store", fresh=True))
+        if isinstance(value, EngineInfo | Answer)
+        else nullcontext() as store
+    ):
+        list(ask_case(_Answers(value), case, list(Question), QUICK, store, info))
+    if not isinstance(value, Survey):
+        return True
+    reference = perform(Still(), Request(case.mechanism, states=case.states, survey=tuple(Question)[:2]))
+    judge(case, {"reference": _sheet(Reply(reference, True)), "still": _sheet(Reply(value, True))})
+    return True
+
+
+def swallow_wire(raw, folder):
+    """Do with frames what runner and workers do; whether they were accepted."""
+    to, frames_ = raw[:1], raw[1:]
+    try:
+        with watched(folder), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return bool(_obeyed(frames_) if to == WORKER else _received(frames_, folder))
+    except (ProtocolError, ConnectionError) as error:
+        check_terminal(visible(str(error)))
+        return False
+
+
+def warm_wire(folder):
+    """Let everything be imported, and see that what is not mutated is accepted."""
+    for to, raw, tables in wire_seeds():
+        with suppress(Breach):  # types are looked up once
+            swallow_wire(to + raw, folder)
+        assert swallow_wire(to + raw, folder)
+        assert _taken_apart(_put_together(tables)) == tables

@@ -1,0 +1,44 @@
+"""A newcomer's path, timed: the commands of three pages in the environment that runs this, nothing else.
+
+``.venv/bin/python tests/newcomer.py [--before S]`` in an environment with Consilience alone; installing took S seconds.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from pages import ROOT, execute
+
+PATHS = (
+    ("install, run, read", "docs/start.md", 300.0),
+    ("write a case", "docs/write-a-case.md", 600.0),
+    ("add the example engine", "docs/add-an-engine.md", 900.0),
+)
+"""What is done, the page that says how, and the longest it may take in s."""
+
+
+def main() -> None:
+    """Walk the paths; exit code 1 if a command fails or a path takes too long."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--before", type=float, default=0.0, help="s that the installation took")
+    before = parser.parse_args().before
+    wrong: list[str] = []
+    for what, page, limit in PATHS:
+        start = time.monotonic() - (before if page == "docs/start.md" else 0.0)
+        with tempfile.TemporaryDirectory() as folder:
+            # the example engine is installed here; the environment of the start page is the one that runs this
+            wrong += execute(ROOT / page, Path(folder), skip_marked=page == "docs/start.md")
+        took = time.monotonic() - start
+        print(f"{what}: {took:.0f} s, at most {limit:.0f} s", flush=True)
+        if took > limit:
+            wrong.append(f"{page}: {took:.0f} s are more than {limit:.0f} s")
+    print("\n".join(wrong) or "a newcomer gets there")
+    sys.exit(bool(wrong))
+
+
+if __name__ == "__main__":
+    main()

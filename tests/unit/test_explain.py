@@ -1,0 +1,93 @@
+"""``consilience explain`` knows what reports and traps name, says the same as the code, helps with typing errors."""
+
+import json
+import re
+
+import pytest
+from typer.testing import CliRunner
+
+from consilience.cli import app
+from consilience.compare import Verdict
+from consilience.compare.rules import RULES
+from consilience.errors import InvalidInput
+from consilience.explain.entries import Entry, Kind, explained, read_entries
+from consilience.mutate.traps import TRAPS
+from consilience.report.wording import CAUSES
+from consilience.run import Profile, Question, Route
+from pages import ROOT
+from situations import SITUATIONS
+
+
+def names(kind):
+    return {entry.name for entry in read_entries() if entry.kind is kind}
+
+
+def test_everything_that_reports_name_is_explained():
+    assert names(Kind.VERDICT) == {str(verdict) for verdict in Verdict}
+    assert names(Kind.ROUTE) == {str(route) for route in Route}
+    assert names(Kind.PROFILE) == {str(profile) for profile in Profile}
+    assert names(Kind.QUESTION) == {str(question) for question in Question}
+    assert {situation.rule for situation in SITUATIONS} | set(CAUSES) <= names(Kind.RULE)
+    assert len(names(Kind.TERM)) >= 25
+
+
+def test_rules_and_traps_are_those_of_the_code():
+    assert {(e.name, e.rule) for e in read_entries() if e.kind is Kind.RULE} == {(r.name, r.when) for r in RULES}
+    assert {e.number: e.name for e in read_entries() if e.kind is Kind.TRAP} == TRAPS
+
+
+@pytest.mark.parametrize("entry", read_entries(), ids=lambda e: f"{e.kind}-{e.name}")
+def test_an_entry_is_a_rule_three_lines_and_places(entry):
+    assert entry.rule
+    assert len(entry.theory.splitlines()) == 3
+    assert max(map(len, (entry.rule, *entry.theory.splitlines(), *entry.met))) <= 120
+    for place in entry.met:
+        assert re.match(r"[\w./-]+( tracker \d+|[:#])", place), place
+    assert entry.page.startswith("generated/") or (ROOT / "docs" / entry.page).exists()
+    assert entry.kind is not Kind.TRAP or entry.met
+
+
+@pytest.mark.parametrize(
+    ("asked", "kinds"),
+    [
+        ("regularization", {Kind.VERDICT}),
+        ("DIFFERS MODEL", {Kind.VERDICT}),
+        ("horizon", {Kind.RULE, Kind.TERM}),
+        ("trap 12", {Kind.TRAP}),
+        ("20", {Kind.TRAP}),
+        ("armature", {Kind.TRAP}),
+        ("native, extrapolated", {Kind.ROUTE}),
+        ("lyapunov", None),
+        ("28", None),
+        ("", None),
+    ],
+)
+def test_names_numbers_and_other_words_are_found(asked, kinds):
+    if kinds is None:
+        with pytest.raises(InvalidInput):
+            explained(asked)
+    else:
+        assert {entry.kind for entry in explained(asked)} == kinds
+
+
+@pytest.mark.parametrize(
+    ("wrong", "near"), [("armatur3", "armature"), ("horizn", "horizon"), ("constraint", "constraints silently ignored")]
+)
+def test_an_unknown_word_is_answered_with_the_nearest(wrong, near):
+    with pytest.raises(InvalidInput, match=near):
+        explained(wrong)
+
+
+def test_formats():
+    text = CliRunner().invoke(app, ["explain", "softness"]).output
+    assert "rule: " in text
+    document = json.loads(CliRunner().invoke(app, ["explain", "17", "-f", "json"]).output)
+    assert [entry["number"] for entry in document] == [17]
+    assert CliRunner().invoke(app, ["explain", "17", "-f", "markdown"]).output.startswith("### ")
+    assert all(entry.name in CliRunner().invoke(app, ["explain"]).output for entry in read_entries())
+
+
+def test_entries_of_one_kind_have_different_names():
+    keys = [(entry.kind, entry.name) for entry in read_entries()]
+    assert len(set(keys)) == len(keys)
+    assert Entry(Kind.TERM, "n", "r", "t").page == "verdicts.md"

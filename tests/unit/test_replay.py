@@ -1,0 +1,232 @@
+"""What a page shows of a mechanism in motion is that mechanism, in that motion, fixed to the bodies that carry it."""
+
+import json
+import re
+from base64 import b64decode
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from consilience.errors import InvalidInput
+from consilience.library import load_case
+from consilience.report.engines import known_findings
+from consilience.report.figure3d import figure_of
+from consilience.report.html import render_html, render_replay
+from consilience.report.motion import FINE, FRAMES, FULL, chosen_samples, encoded_difference, encoded_poses
+from consilience.report.reactions import can_be_told, drift_over_time, reactions_over_time
+from consilience.report.record import Record, lines
+from consilience.report.replay import motion_alone, replay_of, replays
+from consilience.report.replayschema import NAME, read_replay
+from consilience.report.scene import figure_of_scene, scene
+from consilience.run import Method, Profile, Question, Route, Run, Status, TrajectoryAnswer
+from consilience.spatial import quaternion_from_rotation_vector, quaternion_product, rotation_from_quaternion
+from consilience.suite import Results
+from mechanisms import chain, states_of
+
+
+def unpacked(text, bodies, width, frames):
+    """Numbers as the script of the page unpacks them: sums of 16-bit changes."""
+    changes = np.frombuffer(b64decode(text), dtype="<i2").reshape(bodies, width, frames)
+    return np.moveaxis(np.cumsum(changes, axis=-1, dtype=np.int16), -1, 0)
+
+
+def turning(count=200, rate=0.7, shift=0.0):
+    """Two bodies on circles that turn about skew axes; `shift` in m and rad sets them off."""
+    time = np.linspace(0.0, 4.0, count)
+    axes = np.array([[0.6, 0.0, 0.8], [0.0, 1.0, 0.0]])
+    p = np.stack([np.stack([np.cos(time + k), np.sin(time + k), 0.1 * time], axis=-1) for k in range(2)], axis=1)
+    quats = np.array([[quaternion_from_rotation_vector(rate * t * axis) for axis in axes] for t in time])
+    off = np.array([[quaternion_from_rotation_vector([0.0, 0.0, shift * t])] * 2 for t in time])
+    moved = p + shift * time[:, None, None] * np.array([1.0, 0.0, 0.0])
+    zeros = np.zeros_like(p)
+    return TrajectoryAnswer(time, moved, quaternion_product(off, quats), zeros, zeros)
+
+
+def test_poses_come_back_to_sixteen_bits_and_do_not_change_their_sign():
+    answer = turning()
+    flipped = TrajectoryAnswer(answer.time, answer.p_WB, answer.quat_WB.copy(), answer.v_WB_W, answer.w_WB_W)
+    flipped.quat_WB[50:90] *= -1.0
+    samples = chosen_samples(flipped)
+    found = encoded_poses(flipped, samples)
+    p = found["middle"] + unpacked(found["p"], 2, 3, len(samples)) * found["size"] / FULL
+    assert np.allclose(p, answer.p_WB[samples], atol=found["size"] / FULL)
+    quats = unpacked(found["quat"], 2, 4, len(samples)) / FULL
+    assert np.allclose(quats, answer.quat_WB[samples], atol=1.0 / FULL)
+
+
+def test_a_difference_has_a_scale_of_its_own():
+    """1e-9 m and rad a second along known axes, too small for the poses themselves, come back to three digits."""
+    reference, answer = turning(), turning(shift=1e-9)
+    samples = chosen_samples(reference)
+    found = encoded_difference(answer, reference, samples)
+    last = reference.time[samples[-1]]
+    assert found["away"] == pytest.approx(1e-9 * last, rel=1e-5)
+    assert found["turn"] == pytest.approx(1e-9 * last, rel=1e-5)
+    away = unpacked(found["p"], 2, 3, len(samples)) * found["away"] / FINE
+    turn = unpacked(found["r"], 2, 3, len(samples)) * found["turn"] / FINE
+    grown = 1e-9 * reference.time[samples][:, None, None]
+    assert np.allclose(away, grown * [1.0, 0.0, 0.0], rtol=0.0, atol=1e-9 * last / FINE)
+    assert np.allclose(turn, grown * [0.0, 0.0, 1.0], rtol=0.0, atol=1e-9 * last / FINE)
+
+
+def test_frames_are_few_and_follow_what_turns_fast():
+    slow, fast = turning(count=1001), turning(count=1001, rate=60.0)
+    assert len(chosen_samples(slow)) <= FRAMES
+    assert chosen_samples(slow)[-1] > 900
+    samples = chosen_samples(fast)
+    assert samples[1] * 4.0 / 1000 * 60.0 <= 1.0
+    assert len(samples) == FRAMES
+
+
+@pytest.mark.parametrize("name", ["double_wishbone", "stewart_platform", "flyball_governor", "slider_crank"])
+def test_everything_drawn_is_fixed_to_the_body_that_carries_it(name):
+    """The scene of one state, in the poses of another, is the figure of the other."""
+    case = load_case(name)
+    mechanism, state = case.mechanism, case.states[1]
+    drawn = scene(mechanism, case.initial_state)
+    moved = figure_of_scene(drawn | {"p": state.p_WB.tolist(), "quat": state.quat_WB.tolist()})
+    expected = figure_of(mechanism, state)
+    size = np.max(np.abs(expected.points))
+    for one, other in zip((*moved.joints, *moved.bodies), (*expected.joints, *expected.bodies), strict=True):
+        assert (one.name, one.letter) == (other.name, other.letter)
+        assert np.allclose(one.point, other.point, atol=1e-5 * size)
+        assert (one.axis is None) == (other.axis is None)
+        assert one.axis is None or np.allclose(one.axis, other.axis, atol=1e-5)
+    for kind in ("body", "spring", "rod"):
+        ours, theirs = ([line.points for line in f.lines if line.kind == kind] for f in (moved, expected))
+        assert np.allclose(ours, theirs, atol=1e-5 * size)
+
+
+def pendulum():
+    case = load_case("simple_pendulum-large")
+    mechanism, state = case.mechanism, case.initial_state
+    still = np.zeros((2, *state.p_WB.shape))
+    quats = np.array([state.quat_WB] * 2)
+    answer = TrajectoryAnswer(np.array([0.0, 0.1]), np.array([state.p_WB] * 2), quats, still, still)
+    return case, mechanism, state, answer
+
+
+def hinged():
+    """A lumpy body on a skew hinge, at rest, twice."""
+    mechanism = chain("revolute")
+    state = states_of(mechanism)[1]
+    still = np.zeros((2, *state.p_WB.shape))
+    answer = TrajectoryAnswer(
+        np.array([0.0, 0.1]), np.array([state.p_WB] * 2), np.array([state.quat_WB] * 2), still, still
+    )
+    return mechanism, state, answer
+
+
+def test_reactions_of_a_pendulum_at_rest_are_those_of_newton_and_euler():
+    """Released from rest: I_O alpha = moment of the weight about the pivot, reaction = m (a_C - g)."""
+    mechanism, state, answer = hinged()
+    (body,), (joint,) = mechanism.bodies, mechanism.joints
+    R = rotation_from_quaternion(state.quat_WB[0])
+    axis, arm = R @ joint.M.R[:, 2], R @ (body.com - joint.M.p)
+    about = axis @ R @ body.inertia @ R.T @ axis + body.mass * np.sum(np.cross(axis, arm) ** 2)
+    alpha = axis @ np.cross(arm, body.mass * mechanism.gravity) / about
+    force = body.mass * (np.cross(alpha * axis, arm) - mechanism.gravity)
+    found = reactions_over_time(mechanism, answer, np.array([0, 1]))
+    assert can_be_told(mechanism)
+    assert found[:, 0, 0] == pytest.approx([np.linalg.norm(force)] * 2, rel=1e-12)
+
+
+def test_reactions_that_equilibrium_leaves_open_are_left_out():
+    """A planar four-bar determines two components of each force and one of each torque, that about the normal, zero."""
+    case = load_case("four_bar")
+    state = case.initial_state
+    arrays = [np.array([v]) for v in (state.p_WB, state.quat_WB, state.v_WB_W, state.w_WB_W)]
+    answer = TrajectoryAnswer(np.array([0.0]), *arrays)
+    found = reactions_over_time(case.mechanism, answer, np.array([0]))
+    assert np.all(found[0, :, 0] > 0.1)
+    assert np.all(found[0, :, 1] < 1e-12)
+
+
+def test_a_body_off_its_joint_drifts_by_as_much():
+    mechanism, _, answer = hinged()
+    off = answer.p_WB.copy()
+    off[1] += [0.0, 0.0, 3e-4]
+    along = mechanism.joints[0].F.R.T @ [0.0, 0.0, 3e-4]  # on the ground: rows are along the axes of F
+    moved = TrajectoryAnswer(answer.time, off, answer.quat_WB, answer.v_WB_W, answer.w_WB_W)
+    assert drift_over_time(mechanism, moved, np.array([0, 1])) == pytest.approx([0.0, np.max(np.abs(along))], abs=1e-12)
+
+
+def runs_of(case, answer):
+    """Two levels by a matched method of an engine, one at its defaults, and the reference."""
+
+    def run(engine, name, step, shift, profile=Profile.MATCHED):
+        moved = answer.p_WB + np.linspace(0.0, shift, len(answer.time))[:, None, None]
+        own = TrajectoryAnswer(answer.time, moved, answer.quat_WB, answer.v_WB_W, answer.w_WB_W)
+        method = Method(name, Route.NATIVE, 4, (1, 2), profile=profile)
+        return Run(case.name, engine, Question.TRAJECTORY, method, 0, step, Status.ANSWERED, own)
+
+    return [
+        run("reference", "descriptor", 1e-12, 0.0),
+        run("e", "as it comes", 1e-5, 0.5, Profile.DEFAULT),
+        run("e", "RK4", 0.02, 1e-2),
+        run("e", "RK4", 0.01, 1e-3),
+        run("e", "RK8", 0.005, 1e-6),
+    ]
+
+
+def test_an_engine_is_shown_by_its_first_matched_method_at_its_finest_level():
+    case, _, _, answer = pendulum()
+    found = replay_of(case, runs_of(case, answer))
+    assert found["motion"]["engines"]["e"]["how"] == "RK4, step 0.01 s"
+    assert found["motion"]["engines"]["e"]["away"] == pytest.approx(1e-3)
+    assert found["seed"] == case.seed
+    drift = found["along"]["engines"]["e"]["drift"]
+    assert (drift[0], drift[1]) == (pytest.approx(0.0, abs=1e-12), pytest.approx(1e-3, rel=1e-2))
+    assert replay_of(case, [])["motion"] is None
+
+
+@pytest.fixture
+def folder(tmp_path):
+    case, _, _, answer = pendulum()
+    (tmp_path / NAME).write_text(replays([case], runs_of(case, answer)), encoding="utf-8")
+    return tmp_path
+
+
+def test_replays_come_back_and_are_packed_into_the_page(folder):
+    case, *_ = pendulum()
+    found = read_replay(folder)
+    assert list(found) == [case.name]
+    header, described, *_ = lines(Results([case], []), 0.0)
+    text = render_html(Record(header, [described], [], [], {"exit_code": 0}), found)
+    assert 'id="replays"' in text
+    assert read_replay(folder / "elsewhere") == {}
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda one: one["motion"]["reference"].update(p="AAAA"), "another number of values"),
+        (lambda one: one["motion"]["reference"].update(quat="<b>"), "no base64"),
+        (lambda one: one["scene"]["joints"][0].update(body=7), "not there"),
+        (lambda one: one["along"]["engines"]["e"]["drift"].append(0.0), "not as many as times"),
+        (lambda one: one["scene"]["gravity"].append(1.0), "at most 3 items"),
+    ],
+)
+def test_a_replay_that_was_tampered_with_is_refused(folder, change, said):
+    raw = json.loads((folder / NAME).read_text(encoding="utf-8"))
+    change(raw["cases"][0])
+    (folder / NAME).write_text(json.dumps(raw), encoding="utf-8")
+    with pytest.raises(InvalidInput, match=said):
+        read_replay(folder)
+
+
+def test_one_case_in_motion_is_a_page_of_its_own():
+    case, _, _, answer = pendulum()
+    text = render_replay(case.name, "<b>title</b>", motion_alone(case, answer, "descriptor"))
+    assert "&lt;b&gt;title" in text
+    assert "default-src 'none'" in text
+    assert "<svg" in text
+    assert len(text) < 500_000
+
+
+def test_findings_of_the_engines_are_all_rows_of_their_tables():
+    page = (Path(__file__).parents[2] / "reports" / "findings" / "README.md").read_text(encoding="utf-8")
+    names = {found.name for engine in known_findings().values() for found in engine}
+    assert names == set(re.findall(r"^\| \[(\w+)\]", page, re.MULTILINE))
+    assert set(known_findings()) == {"dart", "exudyn", "mujoco", "pinocchio"}
