@@ -86,7 +86,7 @@ def _close(loops: Loops, layout: Array, link: Array, free: Array, fronts: Fronts
 def accelerations(
     links: Links, model: Model, cut: Model, t: float, z: Array, memory: Array, ws: Scratch, rows: Workspace
 ) -> None:
-    """Fill ``ws.u``, accelerations of the free directions, and ``ws.acc``, those of all links.
+    """Fill ``ws.u``, accelerations of the free directions, and those of all links in their rows.
 
     Parameters
     ----------
