@@ -9,6 +9,16 @@ from __future__ import annotations
 
 from consilience.errors import NumericalFailure
 from consilience.reference.registry import FORMULATIONS, SYSTEMS, formulation, unsupported
+from consilience.reference.relative.forward import ForwardDynamics
 from consilience.reference.solver import accelerations, simulate
 
-__all__ = ["FORMULATIONS", "SYSTEMS", "NumericalFailure", "accelerations", "formulation", "simulate", "unsupported"]
+__all__ = [
+    "FORMULATIONS",
+    "SYSTEMS",
+    "ForwardDynamics",
+    "NumericalFailure",
+    "accelerations",
+    "formulation",
+    "simulate",
+    "unsupported",
+]

@@ -18,8 +18,9 @@ from consilience.reference.canonical import at_origins, joint_wrenches
 from consilience.reference.formulations.null_space import mass_matrix
 from consilience.reference.joint_rows import coordinate
 from consilience.reference.model import Model, unpack
+from consilience.reference.relative.columns import ACCELERATION
 from consilience.reference.relative.dynamics import derivative, find_rank, project, remember
-from consilience.reference.relative.kinematics import orient, place_bodies
+from consilience.reference.relative.kinematics import orient, place
 from consilience.reference.relative.model import BODY, Links, Scratch, flatten_relative, pack_relative, scratch
 from consilience.reference.workspace import Workspace, workspace
 from consilience.run import Unsupported
@@ -58,14 +59,14 @@ class RelativeCoordinates:
     def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism = mechanism
         self._links, self._tree, self._model = flatten_relative(mechanism)
-        self._ws = scratch(mechanism, self._tree)
+        self._ws = scratch(mechanism, self._links, self._tree)
         self._rows = workspace(self._tree.cut)._replace(A=self._ws.A)
 
     def coordinates(self, state: State) -> Array:
         """Coordinates u of a consistent state: angles within half a turn of zero, integrals of controllers zero."""
         z, memory = pack_relative(self.mechanism, self._links, self._tree, state), np.zeros(len(self._model.coordinate))
         self._place(z)
-        remember(self._model, self._ws, memory)
+        remember(self._model, self._ws.y, self._ws.A, memory)
         find_rank(self._links, self._model, self._tree.cut, 0.0, z, memory, self._ws, self._rows)
         return np.concatenate([z, memory, self._ws.limit])
 
@@ -104,7 +105,7 @@ class RelativeCoordinates:
         """Joint reactions from the equations of motion of the bodies, of least norm where rows leave them open."""
         a, ws = self._bodies(state, t), workspace(self._model)._replace(A=self._ws.A)
         memory = np.zeros(len(self._model.coordinate))
-        remember(self._model, self._ws, memory)
+        remember(self._model, self._ws.y, self._ws.A, memory)
         constraints.evaluate(self._model, t, self._ws.y, memory, ws)
         force = mass_matrix(self._model) @ a - self._forces(t, memory, ws)
         lam: Array = np.linalg.lstsq(ws.Q.T, force, rcond=RANK_TOLERANCE)[0]
@@ -121,7 +122,7 @@ class RelativeCoordinates:
         self.derivative(t, u)
         orient(self._ws.A, self._ws.y)
         a = np.empty((len(self.mechanism.bodies), 6))
-        a[self._links.layout[:, BODY]] = self._ws.acc
+        a[self._links.layout[:, BODY]] = self._ws.link[:-1, ACCELERATION : ACCELERATION + 6]
         a[:, 3:] = np.einsum("bji,bj->bi", self._ws.A, a[:, 3:])
         if not np.all(np.isfinite(a)):
             raise NumericalFailure(f"reference, {self.name}: the accelerations are not finite")
@@ -129,12 +130,12 @@ class RelativeCoordinates:
 
     def _settled(self, t: float, z: Array, memory: Array) -> Array:
         project(self._links, self._model, self._tree.cut, t, z, memory, self._ws, self._rows)
-        remember(self._model, self._ws, memory)
+        remember(self._model, self._ws.y, self._ws.A, memory)
         return np.concatenate([z, memory, self._ws.limit])
 
     def _place(self, z: Array) -> None:
-        links, ws = self._links, self._ws
-        place_bodies(links.layout, links.real, links.direction, links.speeds, z, ws.y, ws.A, ws.S, ws.c, ws.d)
+        ws = self._ws
+        place(self._links.layout, ws.link, ws.free, self._links.speeds, z, ws.y, ws.A)
 
     def _split(self, u: Array) -> tuple[Array, Array]:
         """Views of u: z and the angles."""

@@ -14,202 +14,147 @@ Wrenches and accelerations are (linear, angular) in world axes at centres of mas
 
 from __future__ import annotations
 
-import numpy as np
 from numba import njit
 
-from consilience.reference.relative.kinematics import project_on
-from consilience.reference.relative.model import BODY, FREE, FREE_END, INERTIA, MASS, PARENT
-from consilience.reference.vectors import accumulate, add, cross, dot, load, rotate, store
+from consilience.reference.relative.columns import (
+    ACCELERATION,
+    BIAS,
+    FIRST,
+    GRAVITY,
+    INERTIA,
+    LAST,
+    MASS,
+    PARENT,
+    PIVOT,
+    QUADRATIC,
+    REST,
+    SPIN,
+    STEP,
+    STIFF,
+    S,
+    U,
+    X,
+)
+from consilience.reference.relative.inertia import (
+    add_inertia,
+    load_inertia,
+    project_on,
+    push,
+    reduced,
+    rotated,
+    shifted,
+    symmetric,
+)
+from consilience.reference.relative.kinematics import matrix_at, place_links, put, vector_at
+from consilience.reference.relative.model import BODY
+from consilience.reference.vectors import add, cross, rotate, scale
 from consilience.spatial import Array
 
 
 @njit(cache=True, error_model="numpy")
-def inertias(index: Array, real: Array, A: Array, inertia: Array) -> None:
-    """``diag(m 1, A I A^T)`` of all links."""
-    for k in range(index.shape[0]):
-        R, given, out = A[index[k, BODY]], real[k, INERTIA:], inertia[k]
-        out[:, :] = 0.0
-        for n in range(3):
-            out[n, n] = real[k, MASS]
-        for r in range(3):
-            a = load(R[r])
-            t = (
-                given[0] * a[0] + given[1] * a[1] + given[2] * a[2],
-                given[3] * a[0] + given[4] * a[1] + given[5] * a[2],
-                given[6] * a[0] + given[7] * a[1] + given[8] * a[2],
-            )
-            for c in range(r + 1):
-                value = dot(t, load(R[c]))
-                out[3 + r, 3 + c] = value
-                out[3 + c, 3 + r] = value
+def inertias(link: Array) -> None:
+    """``diag(m 1, I)`` of all links, in world axes, into their rows."""
+    for k in range(link.shape[0] - 1):
+        m, at = link[k, MASS], INERTIA
+        given = link[k, at], link[k, at + 1], link[k, at + 2], link[k, at + 3], link[k, at + 4], link[k, at + 5]
+        J = rotated(matrix_at(link, k, X), given)
+        for n in range(15):
+            link[k, STIFF + n] = 0.0
+        link[k, STIFF], link[k, STIFF + 3], link[k, STIFF + 5] = m, m, m
+        for n in range(6):
+            link[k, STIFF + 15 + n] = J[n]
 
 
 @njit(cache=True, error_model="numpy")
-def free_biases(index: Array, real: Array, gravity: Array, y: Array, A: Array, inertia: Array, bias: Array) -> None:
+def free_biases(link: Array) -> None:
     """Biases of gravity and gyroscopic torques alone, ``-(m g, -w x I w)``, from inertias of single bodies."""
-    g = load(gravity)
-    for k in range(index.shape[0]):
-        b = index[k, BODY]
-        w = rotate(A[b], load(y[b, 10:13]))
-        store(bias[k, 0:3], g, -real[k, MASS])
-        store(bias[k, 3:6], cross(w, rotate(inertia[k, 3:6, 3:6], w)), 1.0)
+    ground = link.shape[0] - 1
+    g = vector_at(link, ground, GRAVITY)
+    for k in range(ground):
+        w, at = vector_at(link, k, SPIN), STIFF + 15
+        J = link[k, at], link[k, at + 1], link[k, at + 2], link[k, at + 3], link[k, at + 4], link[k, at + 5]
+        put(link, k, BIAS, scale(-link[k, MASS], g))
+        put(link, k, BIAS + 3, cross(w, symmetric(J, w)))
 
 
 @njit(cache=True, error_model="numpy")
-def push_wrenches(index: Array, f: Array, A: Array, bias: Array) -> None:
+def push_wrenches(index: Array, f: Array, A: Array, link: Array) -> None:
     """Biases of the links from generalised forces (world, body axes) of the bodies."""
     for k in range(index.shape[0]):
         b = index[k, BODY]
-        store(bias[k, 0:3], load(f[6 * b : 6 * b + 3]), -1.0)
-        store(bias[k, 3:6], rotate(A[b], load(f[6 * b + 3 : 6 * b + 6])), -1.0)
+        at = 6 * b
+        put(link, k, BIAS, (-f[at], -f[at + 1], -f[at + 2]))
+        put(link, k, BIAS + 3, scale(-1.0, rotate(A[b], (f[at + 3], f[at + 4], f[at + 5]))))
 
 
 @njit(cache=True, error_model="numpy")
-def _hand_on(I: Array, d: Array, parent: Array) -> None:
-    """``I_p += X^T I X`` for I = [M H; H^T J]: M, H - M ~d, J - H^T ~d + ~d (H - M ~d)."""
-    d0, d1, d2 = d[0], d[1], d[2]
-    for r in range(3):
-        m0, m1, m2 = I[r, 0], I[r, 1], I[r, 2]
-        h0 = I[r, 3] - (m1 * d2 - m2 * d1)
-        h1 = I[r, 4] - (m2 * d0 - m0 * d2)
-        h2 = I[r, 5] - (m0 * d1 - m1 * d0)
-        parent[r, 0] += m0
-        parent[r, 1] += m1
-        parent[r, 2] += m2
-        parent[r, 3] += h0
-        parent[r, 4] += h1
-        parent[r, 5] += h2
-        parent[3, r] += h0
-        parent[4, r] += h1
-        parent[5, r] += h2
-    for c in range(3):
-        # columns of H - M ~d, that of H^T ~d by its rows
-        h = (
-            I[0, 3 + c] - _column(I[0], d, c),
-            I[1, 3 + c] - _column(I[1], d, c),
-            I[2, 3 + c] - _column(I[2], d, c),
-        )
-        parent[3, 3 + c] += I[3, 3 + c] - _column(I[3], d, c) + d1 * h[2] - d2 * h[1]
-        parent[4, 3 + c] += I[4, 3 + c] - _column(I[4], d, c) + d2 * h[0] - d0 * h[2]
-        parent[5, 3 + c] += I[5, 3 + c] - _column(I[5], d, c) + d0 * h[1] - d1 * h[0]
-
-
-@njit(cache=True, error_model="numpy", inline="always")
-def _column(row: Array, d: Array, c: int) -> float:
-    """Component c of ``row[:3] ~d``."""
-    one, two = (c + 1) % 3, (c + 2) % 3
-    return row[one] * d[two] - row[two] * d[one]
-
-
-@njit(cache=True, error_model="numpy")
-def articulate(index: Array, S: Array, d: Array, inertia: Array, U: Array, D: Array) -> None:
+def articulate(link: Array, free: Array) -> None:
     """Articulated inertias, U and D: what does not depend on forces or velocities."""
-    for k in range(index.shape[0] - 1, -1, -1):
-        I = inertia[k]
-        for n in range(index[k, FREE_END] - 1, index[k, FREE] - 1, -1):
-            pivot = 0.0
-            for r in range(6):
-                total = 0.0
-                for s in range(6):
-                    total += I[r, s] * S[n, s]
-                U[n, r] = total
-                pivot += S[n, r] * total
-            D[n] = pivot
-            for r in range(6):
-                factor = U[n, r] / pivot
-                for s in range(6):
-                    I[r, s] -= factor * U[n, s]
-        if index[k, PARENT] >= 0:
-            _hand_on(I, d[k], inertia[index[k, PARENT]])
+    for k in range(link.shape[0] - 2, -1, -1):
+        I = load_inertia(link, k)
+        for n in range(int(link[k, LAST]) - 1, int(link[k, FIRST]) - 1, -1):
+            e, m = vector_at(free, n, S), vector_at(free, n, S + 3)
+            x, y = push(I, e, m)
+            pivot = project_on(e, m, x, y)
+            put(free, n, U, x)
+            put(free, n, U + 3, y)
+            free[n, PIVOT] = pivot
+            I = reduced(I, x, y, 1.0 / pivot)
+        p = int(link[k, PARENT])
+        if p >= 0:
+            add_inertia(link, p, shifted(I, vector_at(link, k, STEP)))
 
 
 @njit(cache=True, error_model="numpy")
-def sweep_in(
-    index: Array, S: Array, c: Array, d: Array, inertia: Array, bias: Array, U: Array, D: Array, rest: Array
-) -> None:
-    """Remaining joint forces, into `rest`, of the biases, which are overwritten."""
-    for k in range(index.shape[0] - 1, -1, -1):
-        own, p = bias[k], index[k, PARENT]
-        for n in range(index[k, FREE_END] - 1, index[k, FREE] - 1, -1):
-            rest[n] = -project_on(S[n], own)
-            factor = rest[n] / D[n]
-            for r in range(6):
-                own[r] += factor * U[n, r]
+def sweep_in(link: Array, free: Array) -> None:
+    """`articulate`, and the remaining joint forces of the biases, which are overwritten."""
+    for k in range(link.shape[0] - 2, -1, -1):
+        I, force, torque = load_inertia(link, k), vector_at(link, k, BIAS), vector_at(link, k, BIAS + 3)
+        for n in range(int(link[k, LAST]) - 1, int(link[k, FIRST]) - 1, -1):
+            e, m = vector_at(free, n, S), vector_at(free, n, S + 3)
+            x, y = push(I, e, m)
+            pivot, rest = project_on(e, m, x, y), -project_on(e, m, force, torque)
+            put(free, n, U, x)
+            put(free, n, U + 3, y)
+            free[n, PIVOT], free[n, REST] = pivot, rest
+            inverse = 1.0 / pivot
+            I = reduced(I, x, y, inverse)
+            force, torque = add(force, scale(rest * inverse, x)), add(torque, scale(rest * inverse, y))
+        p = int(link[k, PARENT])
         if p >= 0:
-            I = inertia[k]
-            for r in range(6):
-                total = 0.0
-                for s in range(6):
-                    total += I[r, s] * c[k, s]
-                own[r] += total
-            _hand_wrench_on(own, d[k], bias[p])
+            x, y = push(I, vector_at(link, k, QUADRATIC), vector_at(link, k, QUADRATIC + 3))
+            step, force = vector_at(link, k, STEP), add(force, x)
+            add_inertia(link, p, shifted(I, step))
+            put(link, p, BIAS, add(vector_at(link, p, BIAS), force))
+            put(link, p, BIAS + 3, add(vector_at(link, p, BIAS + 3), add(add(torque, y), cross(step, force))))
+
+
+@njit(cache=True, error_model="numpy")
+def sweep_out(link: Array, free: Array, u: Array, moving: float) -> None:
+    """Accelerations of the links and, into u, of the directions; moving: 1, at rest: 0."""
+    for k in range(link.shape[0] - 1):
+        p = int(link[k, PARENT])
+        angular = vector_at(link, p, ACCELERATION + 3)
+        linear = add(vector_at(link, p, ACCELERATION), cross(angular, vector_at(link, k, STEP)))
+        linear = add(linear, scale(moving, vector_at(link, k, QUADRATIC)))
+        angular = add(angular, scale(moving, vector_at(link, k, QUADRATIC + 3)))
+        for n in range(int(link[k, FIRST]), int(link[k, LAST])):
+            taken = project_on(linear, angular, vector_at(free, n, U), vector_at(free, n, U + 3))
+            u[n] = (free[n, REST] - taken) / free[n, PIVOT]
+            linear = add(linear, scale(u[n], vector_at(free, n, S)))
+            angular = add(angular, scale(u[n], vector_at(free, n, S + 3)))
+        put(link, k, ACCELERATION, linear)
+        put(link, k, ACCELERATION + 3, angular)
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _hand_wrench_on(wrench: Array, d: Array, parent: Array) -> None:
-    """``X^T w``."""
-    force = load(wrench[0:3])
-    accumulate(parent[0:3], force)
-    accumulate(parent[3:6], add(load(wrench[3:6]), cross(load(d), force)))
+def free_accelerations(link: Array, free: Array, q: Array, v: Array, u: Array) -> None:
+    """Accelerations u of the directions of a tree without elements, at coordinates q and speeds v.
 
-
-@njit(cache=True, error_model="numpy")
-def sweep_out(
-    index: Array,
-    S: Array,
-    c: Array,
-    d: Array,
-    U: Array,
-    D: Array,
-    force: Array,
-    extra: Array,
-    acc: Array,
-    u: Array,
-    moving: float,
-) -> None:
-    """Accelerations of the links and of the directions, of joint forces ``force + extra``; moving: 1, at rest: 0."""
-    for k in range(index.shape[0]):
-        p, a = index[k, PARENT], acc[k]
-        for r in range(6):
-            a[r] = moving * c[k, r]
-        if p >= 0:
-            turn = cross(load(acc[p, 3:6]), load(d[k]))
-            accumulate(a[0:3], add(load(acc[p, 0:3]), turn))
-            accumulate(a[3:6], load(acc[p, 3:6]))
-        for n in range(index[k, FREE], index[k, FREE_END]):
-            u[n] = (force[n] + extra[n] - project_on(U[n], a)) / D[n]
-            for r in range(6):
-                a[r] += u[n] * S[n, r]
-
-
-@njit(cache=True, error_model="numpy")
-def respond(
-    index: Array,
-    Q: Array,
-    order: Array,
-    count: int,
-    A: Array,
-    S: Array,
-    d: Array,
-    bias: Array,
-    U: Array,
-    D: Array,
-    B: Array,
-) -> None:
-    """First columns of B: whitened joint forces of a unit of each of the first `count` rows of an order."""
-    for column in range(count):
-        push_wrenches(index, Q[order[column]], A, bias)
-        last = index.shape[0] - 1
-        while last >= 0 and not np.any(bias[last]):
-            last -= 1
-        B[:, column] = 0.0
-        for k in range(last, -1, -1):
-            own, p = bias[k], index[k, PARENT]
-            for n in range(index[k, FREE_END] - 1, index[k, FREE] - 1, -1):
-                rest = -project_on(S[n], own)
-                B[n, column] = rest / np.sqrt(D[n])
-                factor = rest / D[n]
-                for r in range(6):
-                    own[r] += factor * U[n, r]
-            if p >= 0:
-                _hand_wrench_on(own, d[k], bias[p])
+    q may go on behind the coordinates, so that a whole state z will do.
+    """
+    place_links(link, free, q, v)
+    inertias(link)
+    free_biases(link)
+    sweep_in(link, free)
+    sweep_out(link, free, u, 1.0)

@@ -6,145 +6,109 @@ Cut rows ``Q a = gamma`` act with ``Q^T lam``. With the whitened responses B of 
 
 from __future__ import annotations
 
-import numpy as np
 from numba import njit
 
 from consilience.reference import constraints, forces
-from consilience.reference.factorisation import least_norm, ordered_qr, pivoted_qr
-from consilience.reference.formulations.descriptor import solve_factor
 from consilience.reference.functions import evaluate as function_at
-from consilience.reference.joint_rows import coordinate, joint_motion, joint_row, place
+from consilience.reference.joint_rows import coordinate
 from consilience.reference.model import Model
-from consilience.reference.projection import rank_to_work_with
 from consilience.reference.relative.articulated import (
     articulate,
+    free_accelerations,
     free_biases,
     inertias,
     push_wrenches,
-    respond,
     sweep_in,
     sweep_out,
 )
-from consilience.reference.relative.kinematics import coordinate_rates, displace, normalise, place_bodies
-from consilience.reference.relative.model import BODY, Links, Scratch
-from consilience.reference.vectors import dot, load, rotate_back
+from consilience.reference.relative.columns import REST
+from consilience.reference.relative.cut_rows import (
+    gather,
+    joint_rows,
+    open_accelerations,
+    open_rates,
+    size_of_rows,
+)
+from consilience.reference.relative.fronts import factorise, least_norm, respond, threshold
+from consilience.reference.relative.kinematics import coordinate_rates, displace, normalise, place
+from consilience.reference.relative.loops import ROW, ROW_END, Fronts, Loops
+from consilience.reference.relative.model import Links, Scratch
 from consilience.reference.workspace import Workspace
 from consilience.spatial import Array
 
 _POSITION_STEPS = 3
-
-
-@njit(cache=True, error_model="numpy")
-def _joint_rows(
-    closing: Array,
-    first_row: Array,
-    row_kind: Array,
-    row_target: Array,
-    body_i: Array,
-    body_j: Array,
-    arm_i: Array,
-    arm_j: Array,
-    axes_i: Array,
-    axes_j: Array,
-    pitch: Array,
-    y: Array,
-    A: Array,
-    Q: Array,
-    value: Array,
-    gamma: Array,
-) -> None:
-    """Rows of the joints that close loops."""
-    for m in range(closing.shape[0]):
-        k = closing[m]
-        motion = joint_motion(body_i, body_j, arm_i, arm_j, y, A, k)
-        for n in range(first_row[k], first_row[k + 1]):
-            row = joint_row(axes_i[k], axes_j[k], pitch[k], A, motion, row_kind[n])
-            value[n] = row.value - row_target[n]
-            gamma[n] = row.gamma
-            place(Q, n, A, motion.i, motion.j, 1.0, row)
+_PASSING = 1e-4
+"""Part of its largest value at which the least independent pivot counts as passing through zero."""
+_PASSING_VIOLATION = 1e-11
+"""Violation that rows left out on the way through a singular pose may have."""
 
 
 @njit(cache=True, error_model="numpy", inline="always")
 def cut_rows(links: Links, cut: Model, t: float, memory: Array, ws: Scratch, rows: Workspace) -> None:
-    """Value, Q, gamma and rate of the cut rows of the bodies as they are placed."""
+    """Value, wrenches, gamma and rate of the cut rows of the bodies as they are placed."""
     if links.other_rows:
         constraints.evaluate(cut, t, ws.y, memory, rows)
-        return
-    rows.Q[:, :] = 0.0
-    _joint_rows(
-        links.closing,
-        cut.first_row,
-        cut.row_kind,
-        cut.row_target,
-        cut.body_i,
-        cut.body_j,
-        cut.arm_i,
-        cut.arm_j,
-        cut.axes_i,
-        cut.axes_j,
-        cut.pitch,
-        ws.y,
-        ws.A,
-        rows.Q,
-        rows.value,
-        rows.gamma,
-    )
+        gather(links.loops.touched, links.layout, rows.Q, ws.A, ws.fronts.W)
+    else:
+        joint_rows(
+            links.closing,
+            cut.first_row,
+            cut.row_kind,
+            cut.row_target,
+            cut.body_i,
+            cut.body_j,
+            cut.arm_i,
+            cut.arm_j,
+            cut.axes_i,
+            cut.axes_j,
+            cut.pitch,
+            ws.y,
+            ws.A,
+            ws.fronts.W,
+            rows.value,
+            rows.gamma,
+        )
 
 
 @njit(cache=True, error_model="numpy")
-def _open_rates(index: Array, A: Array, Q: Array, gamma: Array, acc: Array, target: Array) -> None:
-    """``gamma - Q a`` of the accelerations of the links."""
-    for row in range(Q.shape[0]):
-        total = gamma[row]
-        for k in range(index.shape[0]):
-            b = index[k, BODY]
-            at = 6 * b
-            total -= dot(load(Q[row, at : at + 3]), load(acc[k, 0:3]))
-            total -= dot(load(Q[row, at + 3 : at + 6]), rotate_back(A[b], load(acc[k, 3:6])))
-        target[row] = total
-
-
-@njit(cache=True, error_model="numpy")
-def _close(rank: int, B: Array, tau: Array, pivot: Array, target: Array, zeta: Array, D: Array, extra: Array) -> None:
-    """`extra` for the rows to change by `target`; B is factorised already, with that rank."""
-    least_norm(B, tau, pivot, rank, target, zeta)
-    for n in range(zeta.shape[0]):
-        extra[n] = np.sqrt(D[n]) * zeta[n]
+def _close(loops: Loops, layout: Array, link: Array, free: Array, fronts: Fronts, gamma: Array, size: float) -> None:
+    """Joint forces that close the loops, for the accelerations of the links without them, added to the others."""
+    open_accelerations(loops.touched, fronts.W, link, gamma, fronts.target)
+    fronts.used[:] = fronts.chosen
+    largest = respond(loops, layout, fronts, link, free)
+    factorise(loops, fronts, threshold(size, largest), False)
+    least_norm(loops, fronts, fronts.target, fronts.extra)
+    for n in range(free.shape[0]):
+        free[n, REST] += fronts.extra[n]
 
 
 @njit(cache=True, error_model="numpy", inline="always")
 def accelerations(
     links: Links, model: Model, cut: Model, t: float, z: Array, memory: Array, ws: Scratch, rows: Workspace
 ) -> None:
-    """Fill ``ws.u``, accelerations of the free directions, and ``ws.acc``, those of all links.
+    """Fill ``ws.u``, accelerations of the free directions, and those of all links in their rows.
 
     Parameters
     ----------
     rows : Workspace
         Of the cut rows; its A is that of the bodies.
     """
-    index, S, c, d, U, D = links.layout, ws.S, ws.c, ws.d, ws.U, ws.D
-    place_bodies(index, links.real, links.direction, links.speeds, z, ws.y, ws.A, S, c, d)
-    inertias(index, links.real, ws.A, ws.inertia)
+    index, link, free = links.layout, ws.link, ws.free
+    place(index, link, free, links.speeds, z, ws.y, ws.A)
+    inertias(link)
     if links.plain:
-        free_biases(index, links.real, model.gravity, ws.y, ws.A, ws.inertia, ws.bias)
+        free_biases(link)
     else:
         for n in range(model.control.shape[0]):
             ws.y[index.shape[0] + n // 13, n % 13] = z[links.integrals + n]
         forces.evaluate(model, t, ws.y, memory, rows)
-        push_wrenches(index, rows.f, ws.A, ws.bias)
-    articulate(index, S, d, ws.inertia, U, D)
-    sweep_in(index, S, c, d, ws.inertia, ws.bias, U, D, ws.rest)
-    ws.extra[:] = 0.0
-    sweep_out(index, S, c, d, U, D, ws.rest, ws.extra, ws.acc, ws.u, 1.0)
-    if ws.B.shape[1]:
+        push_wrenches(index, rows.f, ws.A, link)
+    sweep_in(link, free)
+    sweep_out(link, free, ws.u, 1.0)
+    if links.loops.group.shape[0] > 0:
         cut_rows(links, cut, t, memory, ws, rows)
-        _open_rates(index, ws.A, rows.Q, rows.gamma, ws.acc, ws.target)
-        # the independent rows of the last projection, in its order: see `ordered_qr`
-        respond(index, rows.Q, ws.pivot, ws.limit[0], ws.A, S, d, ws.bias, U, D, ws.B)
-        rank = ordered_qr(ws.B, ws.tau, ws.size[0], ws.limit[0])
-        _close(rank, ws.B, ws.tau, ws.pivot, ws.target, ws.zeta, D, ws.extra)
-        sweep_out(index, S, c, d, U, D, ws.rest, ws.extra, ws.acc, ws.u, 1.0)
+        _close(links.loops, index, link, free, ws.fronts, rows.gamma, ws.size[0])
+        sweep_out(link, free, ws.u, 1.0)
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -171,24 +135,17 @@ def derivative(
 
 
 @njit(cache=True, error_model="numpy")
-def remember(model: Model, ws: Scratch, memory: Array) -> None:
-    """Update the joint coordinates that elements read, turns counted, of the bodies as they are placed."""
-    for n in range(memory.shape[0]):
-        memory[n] = coordinate(model, ws.y, ws.A, n, memory[n]).value
+def free_derivative(index: Array, link: Array, free: Array, first_speed: int, z: Array, dz: Array) -> None:
+    """`derivative` of a tree without elements."""
+    free_accelerations(link, free, z, z[first_speed:], dz[first_speed:])
+    coordinate_rates(index, first_speed, z, dz)
 
 
 @njit(cache=True, error_model="numpy")
-def _size_of_rows(model: Model, rows: Workspace) -> float:
-    """Largest ``|L^-1 q|`` of a row for bodies without joints: what its response in the tree comes to at most."""
-    largest = 0.0
-    for row in range(rows.Q.shape[0]):
-        rows.z[:] = rows.Q[row]
-        solve_factor(model, rows.z)
-        total = 0.0
-        for value in rows.z:
-            total += value * value
-        largest = max(largest, np.sqrt(total))
-    return largest
+def remember(model: Model, y: Array, A: Array, memory: Array) -> None:
+    """Update the joint coordinates that elements read, turns counted, of the bodies as they are placed."""
+    for n in range(memory.shape[0]):
+        memory[n] = coordinate(model, y, A, n, memory[n]).value
 
 
 @njit(cache=True, error_model="numpy")
@@ -200,49 +157,94 @@ def _largest(x: Array) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def _place(links: Links, z: Array, ws: Scratch) -> None:
-    place_bodies(links.layout, links.real, links.direction, links.speeds, z, ws.y, ws.A, ws.S, ws.c, ws.d)
+def _articulate(link: Array, free: Array) -> None:
+    """Articulated inertias, bodies as they are placed."""
+    inertias(link)
+    articulate(link, free)
 
 
 @njit(cache=True, error_model="numpy")
-def _respond(links: Links, ws: Scratch, rows: Workspace) -> None:
-    """Responses of the tree to the rows, bodies as they are placed."""
-    inertias(links.layout, links.real, ws.A, ws.inertia)
-    articulate(links.layout, ws.S, ws.d, ws.inertia, ws.U, ws.D)
-    for row in range(rows.Q.shape[0]):
-        ws.pivot[row] = row
-    respond(links.layout, rows.Q, ws.pivot, rows.Q.shape[0], ws.A, ws.S, ws.d, ws.bias, ws.U, ws.D, ws.B)
+def _displacements(loops: Loops, fronts: Fronts, link: Array, free: Array, u: Array) -> None:
+    """Displacements u of least M-norm that change the rows by the target of the fronts."""
+    least_norm(loops, fronts, fronts.target, fronts.extra)
+    for n in range(free.shape[0]):
+        free[n, REST] = fronts.extra[n]
+    sweep_out(link, free, u, 0.0)
 
 
 @njit(cache=True, error_model="numpy")
-def _displacements(links: Links, rank: int, ws: Scratch) -> None:
-    """``ws.u`` of least M-norm that changes the rows by ``ws.target``."""
-    _close(rank, ws.B, ws.tau, ws.pivot, ws.target, ws.zeta, ws.D, ws.extra)
-    ws.rest[:] = 0.0
-    sweep_out(links.layout, ws.S, ws.c, ws.d, ws.U, ws.D, ws.rest, ws.extra, ws.acc, ws.u, 0.0)
+def _choose_rows(
+    loops: Loops, layout: Array, fronts: Fronts, link: Array, free: Array, smallest: float, size: float
+) -> tuple[int, float, float]:
+    """Factorise the responses to all rows; rank, least pivot, and the square that counted as dependent."""
+    group = loops.group
+    for g in range(group.shape[0]):
+        fronts.used[g] = group[g, ROW_END] - group[g, ROW]
+    largest = respond(loops, layout, fronts, link, free)
+    smallest = max(smallest, threshold(size, largest))
+    least = factorise(loops, fronts, smallest, True)
+    rank = 0
+    for g in range(group.shape[0]):
+        rank += fronts.rank[g]
+    return rank, least, smallest
+
+
+@njit(cache=True, error_model="numpy")
+def _choose(
+    loops: Loops,
+    layout: Array,
+    fronts: Fronts,
+    link: Array,
+    free: Array,
+    size: float,
+    best: Array,
+    limit: Array,
+    violation: float,
+) -> None:
+    """Choose the rows to work with until the next projection, and factorise the responses.
+
+    A linkage may pass through a pose in which its rows lose rank (a flat parallelogram). Close to it they have the
+    full rank still, but what they say of the accelerations drowns in rounding. There the rows that are about to become
+    dependent are left out, as in the pose itself: the motion so far has satisfied them, and does so on the way
+    through. Where it does not, in a linkage that comes near such a pose and turns, they are taken back.
+    """
+    rank, least, smallest = _choose_rows(loops, layout, fronts, link, free, 0.0, size)
+    if rank > best[0]:
+        best[0], best[1] = rank, least
+    elif rank == best[0]:
+        best[1] = max(best[1], least)
+    if violation <= _PASSING_VIOLATION and least < _PASSING * best[1]:
+        passing = (_PASSING * best[1]) ** 2
+        fewer = _choose_rows(loops, layout, fronts, link, free, passing, size)[0]
+        if fewer:
+            rank = fewer
+        else:
+            _choose_rows(loops, layout, fronts, link, free, smallest, size)
+    fronts.chosen[:] = fronts.rank
+    limit[0] = rank
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _measure(links: Links, model: Model, ws: Scratch) -> None:
+    """Size of the rows, once: what says which of them depend on others."""
+    if ws.size[0] == 0.0:
+        fronts = ws.fronts
+        ws.size[0] = size_of_rows(model.mass, model.inertia_factor, links.loops.touched, links.layout, fronts.W, ws.A)
 
 
 @njit(cache=True, error_model="numpy")
 def find_rank(
     links: Links, model: Model, cut: Model, t: float, z: Array, memory: Array, ws: Scratch, rows: Workspace
 ) -> None:
-    """Independent rows of a state whose loops are closed, into ``ws.pivot`` and ``ws.limit``; places the bodies."""
-    _place(links, z, ws)
-    if rows.Q.shape[0]:
+    """Independent rows of a state whose loops are closed, into ``ws.fronts``; places the bodies."""
+    loops, layout, fronts, link, free = links.loops, links.layout, ws.fronts, ws.link, ws.free
+    place(layout, link, free, links.speeds, z, ws.y, ws.A)
+    if loops.group.shape[0]:
         cut_rows(links, cut, t, memory, ws, rows)
-        _choose(links, model, ws, rows)
-
-
-@njit(cache=True, error_model="numpy")
-def _choose(links: Links, model: Model, ws: Scratch, rows: Workspace) -> None:
-    """Factorise the responses to the rows, and choose the independent ones."""
-    held = rows.Q.shape[0] - 2 * model.rolling_body.shape[0] - model.skate_body.shape[0]
-    if ws.size[0] == 0.0:
-        ws.size[0] = _size_of_rows(model, rows)
-    _respond(links, ws, rows)
-    violation = _largest(rows.value[:held]) / max(1.0, model.length)
-    rank = pivoted_qr(ws.B, ws.tau, ws.pivot, ws.norms, ws.size[0], rows.Q.shape[0])
-    ws.limit[0] = rank_to_work_with(ws.B, ws.best, rank, violation)
+        _measure(links, model, ws)
+        _articulate(link, free)
+        violation = _largest(rows.value[: links.held]) / max(1.0, model.length)
+        _choose(loops, layout, fronts, link, free, ws.size[0], ws.best, ws.limit, violation)
 
 
 @njit(cache=True, error_model="numpy")
@@ -251,36 +253,35 @@ def project(
 ) -> None:
     """Bring z back to closed loops, in place: coordinates by Newton's method, then speeds, each of least M-norm.
 
-    Leaves the bodies placed at the state it ends with.
+    Newton's method goes on until rounding is reached: in a flat parallelogram, whose coordinates violate the rows by
+    their square, a violation of 1e-14 is a coordinate that is wrong by 1e-7. Leaves the bodies placed at the state it
+    ends with.
     """
-    normalise(links.layout, z)
-    _place(links, z, ws)
-    q = rows.Q.shape[0]
-    if q == 0:
+    loops, layout, fronts, link, free = links.loops, links.layout, ws.fronts, ws.link, ws.free
+    normalise(layout, z)
+    place(layout, link, free, links.speeds, z, ws.y, ws.A)
+    if loops.group.shape[0] == 0:
         return
-    held = q - 2 * model.rolling_body.shape[0] - model.skate_body.shape[0]
-    last = False
+    held, last, violation = links.held, False, 0.0
     for step in range(_POSITION_STEPS + 1):
         cut_rows(links, cut, t, memory, ws, rows)
-        if last or step == _POSITION_STEPS or _largest(rows.value[:held]) <= 2e-16 * max(1.0, model.length):
+        _measure(links, model, ws)
+        _articulate(link, free)
+        violation = _largest(rows.value[:held]) / max(1.0, model.length)
+        if last or step == _POSITION_STEPS or violation <= 2e-16:
             break
-        rows.Q[held:, :] = 0.0
-        _respond(links, ws, rows)
-        rank = pivoted_qr(ws.B, ws.tau, ws.pivot, ws.norms, ws.size[0], q)
-        for row in range(q):
-            ws.target[row] = -rows.value[row] if row < held else 0.0
-        _displacements(links, rank, ws)
+        fronts.W[held:] = 0.0
+        _choose_rows(loops, layout, fronts, link, free, 0.0, ws.size[0])
+        fronts.target[:] = 0.0
+        for row in range(held):
+            fronts.target[row] = -rows.value[row]
+        _displacements(loops, fronts, link, free, ws.u)
         last = _largest(ws.u) < 1e-9
-        displace(links.layout, z, ws.u)
-        _place(links, z, ws)
-    _choose(links, model, ws, rows)
-    for row in range(q):
-        total = rows.rate[row]
-        for b in range(model.mass.shape[0]):
-            for n in range(6):
-                total -= rows.Q[row, 6 * b + n] * ws.y[b, 7 + n]
-        ws.target[row] = total
-    _displacements(links, ws.limit[0], ws)
+        displace(layout, z, ws.u)
+        place(layout, link, free, links.speeds, z, ws.y, ws.A)
+    _choose(loops, layout, fronts, link, free, ws.size[0], ws.best, ws.limit, violation)
+    open_rates(loops.touched, layout, fronts.W, ws.y, ws.A, rows.rate, fronts.target)
+    _displacements(loops, fronts, link, free, ws.u)
     for n in range(ws.u.shape[0]):
         z[links.speeds + n] += ws.u[n]
-    _place(links, z, ws)
+    place(layout, link, free, links.speeds, z, ws.y, ws.A)

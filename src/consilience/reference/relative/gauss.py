@@ -16,12 +16,10 @@ from numba import njit
 from numpy.polynomial.legendre import leggauss, legvander
 
 from consilience.reference.integrators.dop853 import EVALUATIONS, REJECTED, STEPS
-from consilience.reference.model import Model
-from consilience.reference.relative.dynamics import derivative, project, remember
-from consilience.reference.relative.integrate import sizes
-from consilience.reference.relative.kinematics import orient
-from consilience.reference.relative.model import Links, Scratch
-from consilience.reference.workspace import Workspace
+from consilience.reference.relative.dynamics import derivative, free_derivative
+from consilience.reference.relative.integrate import count_turns, longest_now, settle, sizes
+from consilience.reference.relative.kinematics import record
+from consilience.reference.relative.model import Rest, Tree
 from consilience.spatial import Array
 
 STAGES = 8
@@ -64,18 +62,7 @@ def _extrapolate(K: Array, ratio: float, guess: Array) -> None:
 
 @njit(cache=True, error_model="numpy")
 def _iterate(
-    links: Links,
-    model: Model,
-    cut: Model,
-    t: float,
-    h: float,
-    z: Array,
-    K: Array,
-    size: Array,
-    memory: Array,
-    ws: Scratch,
-    rows: Workspace,
-    counters: Array,
+    tree: Tree, rest: Rest | None, t: float, h: float, z: Array, K: Array, size: Array, counters: Array
 ) -> bool:
     """Iterate the stages in place; whether they settle to rounding."""
     trial, found = np.empty_like(z), np.empty_like(z)
@@ -87,9 +74,13 @@ def _iterate(
             for j in range(STAGES):
                 for n in range(z.shape[0]):
                     trial[n] += h * A[i, j] * K[j, n]
-            derivative(links, model, cut, t + C[i] * h, trial, memory, ws, rows, found)
+            if rest is None:
+                free_derivative(tree.layout, tree.link, tree.free, tree.speeds, trial, found)
+            else:
+                at = t + C[i] * h
+                derivative(rest.links, rest.model, rest.cut, at, trial, rest.memory, rest.ws, rest.rows, found)
             for n in range(z.shape[0]):
-                change = max(change, h * abs(found[n] - K[i, n]) / size[links.kind[n]])
+                change = max(change, h * abs(found[n] - K[i, n]) / size[tree.kind[n]])
             K[i] = found
         counters[EVALUATIONS] += STAGES
         if change <= 1e-16 or (change <= 1e-13 and change > 0.5 * last):
@@ -114,41 +105,36 @@ def _roughness(kind: Array, K: Array, h: float, size: Array) -> float:
 
 @njit(cache=True, error_model="numpy")
 def integrate_gauss(
-    links: Links,
-    model: Model,
-    cut: Model,
+    tree: Tree,
+    rest: Rest | None,
     z: Array,
     times: Array,
     tolerance: float,
-    memory: Array,
-    ws: Scratch,
-    rows: Workspace,
+    longest: float,
     motion: Array,
     counters: Array,
 ) -> int:
     """Integrate from ``times[0]`` and record the bodies at all sample times; arguments as in `integrate.integrate`."""
     K, guess, size = np.zeros((STAGES, z.shape[0])), np.zeros((STAGES, z.shape[0])), np.empty(5)
     counters[:] = 0
-    project(links, model, cut, times[0], z, memory, ws, rows)
-    orient(ws.A, ws.y)
-    motion[0] = ws.y
+    settle(tree, rest, times[0], z)
+    record(tree.A, tree.y, motion[0])
     allowed = np.sqrt(tolerance)
     t, h, before = times[0], 1e-3 * (times[-1] - times[0]), 0.0
     for sample in range(1, times.shape[0]):
         while t < times[sample]:
             remaining = times[sample] - t
-            step = remaining if h >= remaining else min(h, 0.5 * remaining)
+            free = min(h, longest_now(rest, longest))
+            step = remaining if free >= remaining else min(free, 0.5 * remaining)
             if step < 1e-14 * max(1.0, abs(t)):
                 return 1
-            sizes(links.kind, model.length, z, size)
+            sizes(tree.kind, tree.length, z, size)
             if before > 0.0:
                 _extrapolate(K, step / before, guess)
             if before == 0.0 or step > 2.0 * before:
-                derivative(links, model, cut, t, z, memory, ws, rows, guess[0])
-                for i in range(1, STAGES):
-                    guess[i] = guess[0]
-            settled = _iterate(links, model, cut, t, step, z, guess, size, memory, ws, rows, counters)
-            rough = _roughness(links.kind, guess, step, size) / allowed if settled else np.inf
+                guess[:] = 0.0
+            settled = _iterate(tree, rest, t, step, z, guess, size, counters)
+            rough = _roughness(tree.kind, guess, step, size) / allowed if settled else np.inf
             if rough > 1.0:
                 counters[REJECTED] += 1
                 h = step * (max(SMALLEST, SAFETY * rough ** (-1.0 / STAGES)) if settled else 0.5)
@@ -160,10 +146,9 @@ def integrate_gauss(
             K[:] = guess
             before = step
             factor = LARGEST if rough == 0.0 else min(LARGEST, SAFETY * rough ** (-1.0 / STAGES))
-            h = max(h, step * factor) if step < h else step * factor
+            h = step * factor if step == free else max(h, step * factor)
             t = times[sample] if step == remaining else t + step
-            project(links, model, cut, t, z, memory, ws, rows)
-            remember(model, ws, memory)
-        orient(ws.A, ws.y)
-        motion[sample] = ws.y
+            settle(tree, rest, t, z)
+            count_turns(rest)
+        record(tree.A, tree.y, motion[sample])
     return 0

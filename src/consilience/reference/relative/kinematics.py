@@ -13,46 +13,48 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from consilience.reference.bodies import ZERO, arm
-from consilience.reference.relative.model import (
-    ABOUT,
-    ALONG,
+from consilience.reference.bodies import ZERO
+from consilience.reference.relative.columns import (
     ARM,
     ARM_PARENT,
     AXES,
-    AXES_PARENT,
-    BODY,
+    AXIS,
     COORDINATE,
-    FORWARD,
-    FREE,
-    FREE_END,
-    PARENT_BODY,
+    DISPLACEMENTS,
+    FIRST,
+    LAST,
+    NEAR,
+    ONE_TURN,
+    PARENT,
+    POSITION,
+    QUADRATIC,
+    SENSE,
+    SPIN,
+    STEP,
+    TURNS,
+    VELOCITY,
+    S,
+    X,
 )
-from consilience.reference.vectors import Vector, add, cross, dot, load, rotate, rotate_back, scale, store, sub
+from consilience.reference.relative.inertia import Columns, combine
+from consilience.reference.relative.model import ABOUT, ALONG, BODY, FREE
+from consilience.reference.relative.model import COORDINATE as FIRST_COORDINATE
+from consilience.reference.vectors import Vector, add, cross, dot, scale, sub
 from consilience.spatial import Array
-
-Matrix = tuple[Vector, Vector, Vector]
-"""A 3 x 3 matrix by columns."""
-
-
-@njit(cache=True, error_model="numpy", inline="always")
-def _combine(X: Matrix, a: Vector) -> Vector:
-    """``X a``."""
-    return add(add(scale(a[0], X[0]), scale(a[1], X[1])), scale(a[2], X[2]))
 
 
 @njit(cache=True, error_model="numpy")
-def _turned(z: Array, at: int, about: int) -> Matrix:
+def _turned(q: Array, at: int, about: int) -> Columns:
     """Columns of the rotation from M to F at the coordinates of a joint."""
     if about == 0:
         return (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
     if about < 3:
-        c, s = np.cos(z[at]), np.sin(z[at])
+        c, s = np.cos(q[at]), np.sin(q[at])
         if about == 1:
             return (c, s, 0.0), (-s, c, 0.0), (0.0, 0.0, 1.0)
-        c2, s2 = np.cos(z[at + 1]), np.sin(z[at + 1])
+        c2, s2 = np.cos(q[at + 1]), np.sin(q[at + 1])
         return (c, s, 0.0), (-s * c2, c * c2, s2), (s * s2, -c * s2, c2)
-    e0, e1, e2, e3 = z[at], z[at + 1], z[at + 2], z[at + 3]
+    e0, e1, e2, e3 = q[at], q[at + 1], q[at + 2], q[at + 3]
     n = 1.0 / (e0 * e0 + e1 * e1 + e2 * e2 + e3 * e3)
     return (
         (n * (e0 * e0 + e1 * e1 - e2 * e2 - e3 * e3), n * 2 * (e1 * e2 + e0 * e3), n * 2 * (e1 * e3 - e0 * e2)),
@@ -61,125 +63,165 @@ def _turned(z: Array, at: int, about: int) -> Matrix:
     )
 
 
-@njit(cache=True, error_model="numpy", inline="always")
-def _world_axes(A: Array, body: int, real: Array, at: int) -> Matrix:
-    """Columns of a joint frame fixed to a body (-1: the ground), in the world."""
-    x = real[at], real[at + 3], real[at + 6]
-    y = real[at + 1], real[at + 4], real[at + 7]
-    z = real[at + 2], real[at + 5], real[at + 8]
-    if body < 0:
-        return x, y, z
-    return rotate(A[body], x), rotate(A[body], y), rotate(A[body], z)
-
-
-@njit(cache=True, error_model="numpy", inline="always")
-def _transposed(X: Matrix) -> Matrix:
-    return (X[0][0], X[1][0], X[2][0]), (X[0][1], X[1][1], X[2][1]), (X[0][2], X[1][2], X[2][2])
+@njit(cache=True, error_model="numpy")
+def vector_at(table: Array, k: int, at: int) -> Vector:
+    """Three numbers of a row."""
+    return table[k, at], table[k, at + 1], table[k, at + 2]
 
 
 @njit(cache=True, error_model="numpy")
-def _place(index: Array, real: Array, z: Array, y: Array, A: Array, along: Vector) -> tuple[Matrix, Matrix, Vector]:
-    """Place the body of a link; the axes of F and M in the world, and P."""
-    parent, body = index[PARENT_BODY], index[BODY]
-    turned = _turned(z, index[COORDINATE] + index[ALONG], index[ABOUT])
-    near = _world_axes(A, parent, real, AXES_PARENT)
-    if index[FORWARD] == 0:
-        turned = _transposed(turned)
-    far = _combine(near, turned[0]), _combine(near, turned[1]), _combine(near, turned[2])
-    R = A[body]
-    for r in range(3):
-        for c in range(3):
-            at = AXES + 3 * c
-            R[r, c] = far[0][r] * real[at] + far[1][r] * real[at + 1] + far[2][r] * real[at + 2]
-    P = arm(A, parent, load(real[ARM_PARENT:]))
-    if parent >= 0:
-        P = add(P, load(y[parent, 0:3]))
-    out = rotate(R, load(real[ARM:]))
-    if index[FORWARD] == 1:
-        P = add(P, _combine(near, along))
-        store(y[body, 0:3], sub(P, out), 1.0)
-        return near, far, P
-    # M is on the parent: P is its origin, and F's is behind it by the displacement
-    store(y[body, 0:3], sub(sub(P, _combine(far, along)), out), 1.0)
-    return far, near, P
+def put(table: Array, k: int, at: int, a: Vector) -> None:
+    """Store three numbers in a row."""
+    table[k, at] = a[0]
+    table[k, at + 1] = a[1]
+    table[k, at + 2] = a[2]
+
+
+@njit(cache=True, error_model="numpy")
+def matrix_at(table: Array, k: int, at: int) -> Columns:
+    """A matrix of a row, by columns."""
+    return vector_at(table, k, at), vector_at(table, k, at + 3), vector_at(table, k, at + 6)
+
+
+@njit(cache=True, error_model="numpy")
+def _transposed(A: Columns) -> Columns:
+    return (A[0][0], A[1][0], A[2][0]), (A[0][1], A[1][1], A[2][1]), (A[0][2], A[1][2], A[2][2])
 
 
 @njit(cache=True, error_model="numpy")
 def _move(
-    index: Array,
-    direction: Array,
-    speeds: Array,
-    frames: tuple[Matrix, Matrix, Vector],
-    y: Array,
-    A: Array,
-    S: Array,
-    c: Array,
-    d: Array,
+    link: Array,
+    k: int,
+    p: int,
+    far: Columns,
+    s_p: Vector,
+    s: Vector,
+    speed: Vector,
+    spin: Vector,
+    c: tuple[Vector, Vector],
 ) -> None:
-    """Velocities, S, c and d of a link that is placed; `speeds` are those of all free directions."""
-    F, M, P = frames
-    parent, body = index[PARENT_BODY], index[BODY]
-    sign = 1.0 if index[FORWARD] == 1 else -1.0
-    r_p, v_p, w_p = ZERO, ZERO, ZERO
-    if parent >= 0:
-        r_p, v_p, w_p = load(y[parent, 0:3]), load(y[parent, 7:10]), rotate(A[parent], load(y[parent, 10:13]))
-    r = load(y[body, 0:3])
-    s, s_p = sub(P, r), sub(P, r_p)
-    speed, spin, linear, angular = ZERO, ZERO, ZERO, ZERO
-    for n in range(index[FREE], index[FREE_END]):
-        e = F[direction[n, 1]] if direction[n, 0] == 0 else M[direction[n, 1]]
-        u = sign * speeds[n]
-        if direction[n, 2] == 1:
-            spin = add(spin, scale(u, e))
-            store(S[n, 0:3], cross(s, e), sign)
-            store(S[n, 3:6], e, sign)
-        else:
-            speed = add(speed, scale(u, e))
-            store(S[n, 0:3], e, sign)
-            store(S[n, 3:6], ZERO, 1.0)
+    """Store the motion of a link, of what its joint adds to that of its parent.
+
+    With arms to P: ``w = w_p + spin``, ``v + w x s = v_p + w_p x s_p + speed``; c is what is quadratic in the speeds.
+    """
+    w_p = vector_at(link, p, SPIN)
     w = add(w_p, spin)
-    v = sub(add(add(v_p, cross(w_p, s_p)), speed), cross(w, s))
-    # F moves with the predecessor, M with the successor
-    w_F, w_M = (w_p, w) if index[FORWARD] == 1 else (w, w_p)
-    for n in range(index[FREE], index[FREE_END]):
-        e = F[direction[n, 1]] if direction[n, 0] == 0 else M[direction[n, 1]]
-        e_dot = cross(w_F if direction[n, 0] == 0 else w_M, e)
-        u = sign * speeds[n]
-        if direction[n, 2] == 1:
-            angular = add(angular, scale(u, e_dot))
-        else:
-            linear = add(linear, scale(2.0 * u, e_dot))
-    linear = add(linear, sub(cross(w_p, cross(w_p, s_p)), cross(w, cross(w, s))))
-    store(y[body, 7:10], v, 1.0)
-    store(y[body, 10:13], rotate_back(A[body], w), 1.0)
-    store(c[0:3], add(linear, cross(s, angular)), 1.0)
-    store(c[3:6], angular, 1.0)
-    store(d, sub(r, r_p), 1.0)
+    carried = sub(cross(w_p, s_p), cross(w, s))
+    step = sub(s_p, s)
+    for n in range(3):
+        put(link, k, X + 3 * n, far[n])
+    put(link, k, STEP, step)
+    put(link, k, POSITION, add(vector_at(link, p, POSITION), step))
+    put(link, k, VELOCITY, add(vector_at(link, p, VELOCITY), add(carried, speed)))
+    put(link, k, SPIN, w)
+    linear = sub(cross(w_p, cross(w_p, s_p)), cross(w, cross(w, s)))
+    put(link, k, QUADRATIC, add(add(linear, c[0]), cross(s, c[1])))
+    put(link, k, QUADRATIC + 3, c[1])
 
 
 @njit(cache=True, error_model="numpy")
-def place_bodies(
-    index: Array,
-    real: Array,
-    direction: Array,
-    first_speed: int,
-    z: Array,
-    y: Array,
-    A: Array,
-    S: Array,
-    c: Array,
-    d: Array,
-) -> None:
-    """Fill y (but for the Euler parameters), A, S, c and d of all links at a state z."""
-    speeds = z[first_speed:]
+def _turn(link: Array, free: Array, k: int, q: Array, v: Array) -> None:
+    """Place a link that turns about one axis: the same for both senses, but for the sign."""
+    p, n, sign = int(link[k, PARENT]), int(link[k, FIRST]), link[k, SENSE]
+    base, angle, u = matrix_at(link, p, X), sign * q[int(link[k, COORDINATE])], sign * v[n]
+    x, y, e = (
+        combine(base, vector_at(link, k, NEAR)),
+        combine(base, vector_at(link, k, NEAR + 3)),
+        combine(base, vector_at(link, k, NEAR + 6)),
+    )
+    c, s = np.cos(angle), np.sin(angle)
+    far = add(scale(c, x), scale(s, y)), sub(scale(c, y), scale(s, x)), e
+    s_p, s_k = combine(base, vector_at(link, k, ARM_PARENT)), combine(far, vector_at(link, k, ARM))
+    put(free, n, S, scale(sign, cross(s_k, e)))
+    put(free, n, S + 3, scale(sign, e))
+    e_dot = cross(vector_at(link, p, SPIN), e)
+    _move(link, k, p, far, s_p, s_k, ZERO, scale(u, e), (ZERO, scale(u, e_dot)))
+
+
+@njit(cache=True, error_model="numpy")
+def _axis(free: Array, n: int, F: Columns, M: Columns) -> Vector:
+    """Axis of a direction, in the world."""
+    number = int(free[n, AXIS])
+    return F[number] if number < 3 else M[number - 3]
+
+
+@njit(cache=True, error_model="numpy")
+def _join(link: Array, free: Array, k: int, q: Array, v: Array) -> None:
+    """Place a link on a joint of any kind."""
+    p, first, last, sign = int(link[k, PARENT]), int(link[k, FIRST]), int(link[k, LAST]), link[k, SENSE]
+    at, along = int(link[k, COORDINATE]), int(link[k, DISPLACEMENTS])
+    base, turned = matrix_at(link, p, X), _turned(q, at + along, int(link[k, TURNS]))
+    if sign < 0.0:
+        turned = _transposed(turned)
+    near = (
+        combine(base, vector_at(link, k, NEAR)),
+        combine(base, vector_at(link, k, NEAR + 3)),
+        combine(base, vector_at(link, k, NEAR + 6)),
+    )
+    far = combine(near, turned[0]), combine(near, turned[1]), combine(near, turned[2])
+    F, M = (near, far) if sign > 0.0 else (far, near)
+    s_p, s_k = combine(base, vector_at(link, k, ARM_PARENT)), combine(far, vector_at(link, k, ARM))
+    away, speed, spin = ZERO, ZERO, ZERO
+    for n in range(first, last):
+        e, u = _axis(free, n, F, M), sign * v[n]
+        if n - first < along:
+            away, speed = add(away, scale(q[at + n - first], e)), add(speed, scale(u, e))
+        else:
+            spin = add(spin, scale(u, e))
+    # P is the origin of M: on the link, or on its parent with F's behind it by the displacement
+    if sign > 0.0:
+        s_p = add(s_p, away)
+    else:
+        s_k = add(s_k, away)
+    w_p = vector_at(link, p, SPIN)
+    # F moves with the predecessor, M with the successor
+    w_F, w_M = (w_p, add(w_p, spin)) if sign > 0.0 else (add(w_p, spin), w_p)
+    linear, angular = ZERO, ZERO
+    for n in range(first, last):
+        e, u = _axis(free, n, F, M), sign * v[n]
+        e_dot = cross(w_F if free[n, AXIS] < 3.0 else w_M, e)
+        if n - first < along:
+            linear = add(linear, scale(2.0 * u, e_dot))
+            put(free, n, S, scale(sign, e))
+            put(free, n, S + 3, ZERO)
+        else:
+            angular = add(angular, scale(u, e_dot))
+            put(free, n, S, scale(sign, cross(s_k, e)))
+            put(free, n, S + 3, scale(sign, e))
+    _move(link, k, p, far, s_p, s_k, speed, spin, (linear, angular))
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def place_links(link: Array, free: Array, q: Array, v: Array) -> None:
+    """Fill the rows of all links and directions from X to STEP, and S, at coordinates q and speeds v.
+
+    q may go on behind the coordinates, so that a whole state z will do.
+    """
+    for k in range(link.shape[0] - 1):
+        if link[k, ONE_TURN] == 1.0:
+            _turn(link, free, k, q, v)
+        else:
+            _join(link, free, k, q, v)
+
+
+@njit(cache=True, error_model="numpy")
+def place_bodies(index: Array, link: Array, y: Array, A: Array) -> None:
+    """Fill y (but for the Euler parameters) and A from links that are placed."""
     for k in range(index.shape[0]):
-        link = index[k]
-        along = ZERO
-        for n in range(link[ALONG]):
-            axis, q = direction[link[FREE] + n, 1], z[link[COORDINATE] + n]
-            along = add(along, (q if axis == 0 else 0.0, q if axis == 1 else 0.0, q if axis == 2 else 0.0))
-        frames = _place(link, real[k], z, y, A, along)
-        _move(link, direction, speeds, frames, y, A, S, c[k], d[k])
+        b, base, w = index[k, BODY], matrix_at(link, k, X), vector_at(link, k, SPIN)
+        put(y, b, 0, vector_at(link, k, POSITION))
+        put(y, b, 7, vector_at(link, k, VELOCITY))
+        for n in range(3):
+            axis = combine(base, vector_at(link, k, AXES + 3 * n))
+            y[b, 10 + n] = dot(axis, w)
+            A[b, 0, n], A[b, 1, n], A[b, 2, n] = axis
+
+
+@njit(cache=True, error_model="numpy")
+def place(index: Array, link: Array, free: Array, first_speed: int, z: Array, y: Array, A: Array) -> None:
+    """Place links and bodies at a state z."""
+    place_links(link, free, z, z[first_speed:])
+    place_bodies(index, link, y, A)
 
 
 @njit(cache=True, error_model="numpy")
@@ -187,7 +229,7 @@ def coordinate_rates(index: Array, first_speed: int, z: Array, dz: Array) -> Non
     """Rates of the coordinates; of Euler parameters, ``p' = 1/2 (0, w) p`` with w in axes of F."""
     for k in range(index.shape[0]):
         along, about = index[k, ALONG], index[k, ABOUT]
-        at, n = index[k, COORDINATE], first_speed + index[k, FREE]
+        at, n = index[k, FIRST_COORDINATE], first_speed + index[k, FREE]
         for m in range(along):
             dz[at + m] = z[n + m]
         at, n = at + along, n + along
@@ -208,7 +250,7 @@ def displace(index: Array, z: Array, u: Array) -> None:
     """Move the coordinates by small displacements along the free directions; Euler parameters stay unit."""
     for k in range(index.shape[0]):
         along, about = index[k, ALONG], index[k, ABOUT]
-        at, n = index[k, COORDINATE], index[k, FREE]
+        at, n = index[k, FIRST_COORDINATE], index[k, FREE]
         for m in range(along):
             z[at + m] += u[n + m]
         at, n = at + along, n + along
@@ -230,9 +272,10 @@ def normalise(index: Array, z: Array) -> None:
     """Divide the Euler parameters of all balls by their norm."""
     for k in range(index.shape[0]):
         if index[k, ABOUT] == 3:
-            at = index[k, COORDINATE] + index[k, ALONG]
+            at = index[k, FIRST_COORDINATE] + index[k, ALONG]
             norm = np.sqrt(z[at] ** 2 + z[at + 1] ** 2 + z[at + 2] ** 2 + z[at + 3] ** 2)
-            z[at : at + 4] /= norm
+            for n in range(4):
+                z[at + n] /= norm
 
 
 @njit(cache=True, error_model="numpy")
@@ -258,7 +301,10 @@ def orient(A: Array, y: Array) -> None:
             y[b, 3 + n] = e[n] / norm
 
 
-@njit(cache=True, error_model="numpy", inline="always")
-def project_on(S: Array, w: Array) -> float:
-    """Scalar product of a direction and a wrench."""
-    return dot(load(S[0:3]), load(w[0:3])) + dot(load(S[3:6]), load(w[3:6]))
+@njit(cache=True, error_model="numpy")
+def record(A: Array, y: Array, motion: Array) -> None:
+    """Copy the bodies as they are placed, with their Euler parameters, into a sample of a motion."""
+    orient(A, y)
+    for b in range(y.shape[0]):
+        for n in range(y.shape[1]):
+            motion[b, n] = y[b, n]

@@ -18,6 +18,9 @@ from consilience.kinematics import relative_motion
 from consilience.mechanism import Mechanism, State
 from consilience.reference.formulations.recursive_model import TreeModel, flatten_tree
 from consilience.reference.model import Model, all_rows, flatten
+from consilience.reference.relative import columns
+from consilience.reference.relative.loops import Fronts, Loops, find_loops, fronts
+from consilience.reference.workspace import Workspace
 from consilience.spatial import Array, quaternion_from_rotation
 
 DISTANCE, ANGLE, SPEED, SPIN, INTEGRAL = range(5)
@@ -28,23 +31,22 @@ PARENT, PARENT_BODY, BODY, FORWARD, COORDINATE, ALONG, ABOUT, FREE, FREE_END = r
 joint from predecessor to successor, first coordinate, number of displacements, of directions about (3: a ball), first
 free direction and the one behind the last."""
 
-AXES_PARENT, ARM_PARENT, AXES, ARM, MASS, INERTIA = 0, 9, 12, 21, 24, 25
-"""First columns of `Links.real`: joint frame on the parent (row by row) and its arm from the centre of mass, the same
-on the body, its mass and its inertia (row by row)."""
-
 
 class Links(NamedTuple):
     """The tree: n_b links, each behind its parent; N free directions."""
 
     layout: Array  # (n_b, 9)
-    real: Array  # (n_b, 34)
+    real: Array  # (n_b, 31) constants of the links: columns NEAR to PLACED of `columns`
     direction: Array  # (N, 3) axis of F (0) or M (1); number of the axis; along it (0) or about it (1)
     kind: Array  # (n_z,) DISTANCE, ...
     speeds: int  # first speed in z
     integrals: int  # first integral in z
     plain: bool  # no forces but gravity
+    free: bool  # that, and no rows to close: `articulated.free_accelerations` says all
     closing: Array  # (m,) joints that keep rows
     other_rows: int  # rows that are not joints'
+    held: int  # rows that hold positions; those of rolling and skates stand behind them
+    loops: Loops
 
 
 class Scratch(NamedTuple):
@@ -52,89 +54,131 @@ class Scratch(NamedTuple):
 
     y: Array  # (n_b + n_e, 13) bodies, as the other kernels know them
     A: Array  # (n_b, 3, 3) rotation matrices
-    S: Array  # (N, 6) free directions, (linear, angular) in world axes at the centre of mass
-    c: Array  # (n_b, 6) what is quadratic in velocities
-    d: Array  # (n_b, 3) from the centre of mass of the parent to that of the link
-    inertia: Array  # (n_b, 6, 6) articulated inertias
-    bias: Array  # (n_b, 6) articulated biases
-    U: Array  # (N, 6) inertia times direction, when it is eliminated
-    D: Array  # (N,)
-    rest: Array  # (N,) what is left of the joint force when the direction is eliminated
-    extra: Array  # (N,) added to it by the loops
-    acc: Array  # (n_b, 6) accelerations of the links
+    link: Array  # (n_b + 1, LINK_WIDTH) rows of the links and of the ground: see `columns`
+    free: Array  # (N, FREE_WIDTH) rows of the directions
     u: Array  # (N,) accelerations, or displacements, of the directions
-    B: Array  # (N, q) whitened responses of the directions to the rows
-    tau: Array  # (min(N, q),)
-    pivot: Array  # (q,)
-    norms: Array  # (q,)
-    target: Array  # (q,)
-    zeta: Array  # (N,)
     limit: Array  # (1,) rank of the cut rows, where a projection has found it
     best: Array  # (2,) largest rank, and its largest least pivot
     size: Array  # (1,) largest size of a cut row
+    fronts: Fronts
+
+
+class Tree(NamedTuple):
+    """What an integrator reads of a tree without elements."""
+
+    layout: Array
+    kind: Array
+    link: Array
+    free: Array
+    y: Array
+    A: Array
+    speeds: int
+    length: float  # of the mechanism, m
+
+
+class Rest(NamedTuple):
+    """What elements and loops need beside it."""
+
+    links: Links
+    model: Model
+    cut: Model
+    memory: Array  # joint coordinates that elements read, turns counted
+    ws: Scratch
+    rows: Workspace
 
 
 def flatten_relative(mechanism: Mechanism) -> tuple[Links, TreeModel, Model]:
     """Flat arrays of the tree, its coordinates, and the mechanism."""
     tree, model = flatten_tree(mechanism), flatten(mechanism)
-    index, real, kinds, speeds = [], [], list[int](), list[int]()
+    index, kinds, speeds = [], list[int](), list[int]()
     for k, body in enumerate(tree.body):
-        joint, forward = int(tree.joint[k]), bool(tree.sign[k] > 0)
         first, last = int(tree.first_free[k]), int(tree.first_free[k + 1])
         turns = int(np.sum(tree.direction[first:last, 2]))
         along = last - first - turns
         parent = int(tree.parent[k])
         carrier = -1 if parent < 0 else int(tree.body[parent])
-        index.append([parent, carrier, int(body), forward, len(kinds), along, turns, first, last])
-        on_i = [*model.axes_i[joint].ravel(), *model.arm_i[joint]]
-        on_j = [*model.axes_j[joint].ravel(), *model.arm_j[joint]]
-        frames = [*on_i, *on_j] if forward else [*on_j, *on_i]
-        real.append([*frames, model.mass[body], *model.inertia[body].ravel()])
+        index.append([parent, carrier, int(body), bool(tree.sign[k] > 0), len(kinds), along, turns, first, last])
         kinds += [DISTANCE] * along + [ANGLE] * (turns if turns < 3 else 4)
         speeds += [SPEED] * along + [SPIN] * turns
     elements = (mechanism.springs, mechanism.joint_springs, mechanism.loads, mechanism.frictions, mechanism.controls)
     cut = tree.cut
     closing = [k for k in range(len(mechanism.joints)) if cut.first_row[k] < cut.first_row[k + 1]]
+    layout = np.array(index, dtype=np.int64)
     links = Links(
-        layout=np.array(index, dtype=np.int64),
-        real=np.array(real, dtype=float),
+        layout=layout,
+        real=link_constants(tree, model),
         direction=tree.direction,
         kind=np.array([*kinds, *speeds, *[INTEGRAL] * len(mechanism.controls)], dtype=np.int64),
         speeds=len(kinds),
         integrals=len(kinds) + len(speeds),
         plain=not any(elements),
+        free=not any(elements) and not tree.cut_rows,
         closing=np.array(closing, dtype=np.int64),
         other_rows=int(tree.cut_rows - len(cut.row_kind)),
+        held=all_rows(cut) - 2 * len(cut.rolling_body) - len(cut.skate_body),
+        loops=find_loops(layout, len(speeds), cut),
     )
     return links, tree, model
 
 
-def scratch(mechanism: Mechanism, tree: TreeModel) -> Scratch:
+def link_constants(tree: TreeModel, model: Model) -> Array:
+    """Constants of the links, shape (n_b, 31): columns NEAR to PLACED of `columns`."""
+    forward = tree.sign > 0
+    on_i, on_j = model.axes_i[tree.joint], model.axes_j[tree.joint]
+    arm_i, arm_j = model.arm_i[tree.joint], model.arm_j[tree.joint]
+    near, own = np.where(forward[:, None, None], on_i, on_j), np.where(forward[:, None, None], on_j, on_i)
+    arm_near, arm_own = np.where(forward[:, None], arm_i, arm_j), np.where(forward[:, None], arm_j, arm_i)
+    # a parent of -1 is the last one here, the ground
+    base = np.concatenate([own, np.eye(3)[None]])[tree.parent]
+    turned = np.swapaxes(own, 1, 2)
+    inertia = turned @ model.inertia[tree.body] @ own
+    parts = [
+        np.swapaxes(np.swapaxes(base, 1, 2) @ near, 1, 2).reshape(-1, 9),
+        np.einsum("kji,kj->ki", base, arm_near),
+        np.einsum("kij,kj->ki", turned, arm_own),
+        model.mass[tree.body][:, None],
+        inertia[:, *np.triu_indices(3)],
+        own.reshape(-1, 9),
+    ]
+    return np.hstack(parts)
+
+
+def link_table(links: Links, gravity: Array) -> Array:
+    """Rows of the links and of the ground, shape (n_b + 1, LINK_WIDTH), nothing placed yet."""
+    table = np.zeros((len(links.layout) + 1, columns.LINK_WIDTH))
+    rows, layout = table[:-1], links.layout
+    rows[:, columns.PARENT] = layout[:, PARENT]
+    rows[:, columns.ONE_TURN] = (layout[:, ALONG] == 0) & (layout[:, ABOUT] == 1)
+    rows[:, columns.SENSE] = 2.0 * layout[:, FORWARD] - 1.0
+    rows[:, columns.COORDINATE : columns.LAST + 1] = layout[:, COORDINATE:]
+    rows[:, columns.NEAR : columns.PLACED] = links.real
+    table[-1, columns.GRAVITY : columns.GRAVITY + 3] = gravity
+    table[-1, columns.COORDINATE] = links.speeds
+    table[-1, [columns.X, columns.X + 4, columns.X + 8]] = 1.0
+    return table
+
+
+def free_table(links: Links) -> Array:
+    """Rows of the directions, shape (N, FREE_WIDTH)."""
+    table = np.zeros((len(links.direction), columns.FREE_WIDTH))
+    table[:, columns.AXIS] = 3 * links.direction[:, 0] + links.direction[:, 1]
+    return table
+
+
+def scratch(mechanism: Mechanism, links: Links, tree: TreeModel) -> Scratch:
     """Scratch arrays."""
-    n, free, q = len(tree.body), int(tree.first_free[-1]), all_rows(tree.cut)
+    n, N, q = len(tree.body), int(tree.first_free[-1]), all_rows(tree.cut)
+    link, free = link_table(links, mechanism.gravity), free_table(links)
     return Scratch(
         y=np.zeros((n + -(-len(mechanism.controls) // 13), 13)),
         A=np.zeros((n, 3, 3)),
-        S=np.zeros((free, 6)),
-        c=np.zeros((n, 6)),
-        d=np.zeros((n, 3)),
-        inertia=np.zeros((n, 6, 6)),
-        bias=np.zeros((n, 6)),
-        U=np.zeros((free, 6)),
-        D=np.zeros(free),
-        rest=np.zeros(free),
-        extra=np.zeros(free),
-        acc=np.zeros((n, 6)),
-        u=np.zeros(free),
-        B=np.zeros((free, q)),
-        tau=np.zeros(min(free, q)),
-        pivot=np.zeros(q, dtype=np.int64),
-        norms=np.zeros(q),
-        target=np.zeros(q),
-        zeta=np.zeros(free),
+        link=link,
+        free=free,
+        u=np.zeros(N),
         limit=np.array([q], dtype=np.int64),
         best=np.zeros(2),
         size=np.zeros(1),
+        fronts=fronts(links.loops, n),
     )
 
 

@@ -2,19 +2,43 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from consilience.errors import NumericalFailure
 from consilience.mechanism import Mechanism, State
 from consilience.reference.integrators.dop853 import STATUS
-from consilience.reference.model import unpack
-from consilience.reference.relative.dynamics import find_rank, remember
+from consilience.reference.model import Model, unpack
+from consilience.reference.relative.dynamics import remember
 from consilience.reference.relative.gauss import integrate_gauss
 from consilience.reference.relative.integrate import integrate
-from consilience.reference.relative.model import flatten_relative, pack_relative, scratch
+from consilience.reference.relative.kinematics import place
+from consilience.reference.relative.model import Rest, Tree, flatten_relative, pack_relative, scratch
 from consilience.reference.workspace import workspace
 from consilience.run import TrajectoryAnswer
 from consilience.spatial import Array, continuous_in_time
+
+_flat = lru_cache(maxsize=8)(flatten_relative)
+"""Flat arrays of the mechanisms asked last: making them takes as long as some thousand evaluations."""
+
+_CLOSE = 3.0
+"""Steps of this many points of a table, or of this part of the period of a harmonic, miss nothing of it."""
+
+
+def longest_step(model: Model) -> float:
+    """Longest step, in s, that cannot pass over what functions of time do: no sample stops it there."""
+    functions, longest = model.functions, np.inf
+    of_time = [*model.drive[:, 1], *model.spring_function, *model.joint_spring[:, 1], *model.load_function]
+    for n in {*of_time, *model.control[:, 1]} - {-1}:
+        _, harmonic, piece = functions.first[n]
+        _, harmonic_end, piece_end = functions.first[n + 1]
+        for w in functions.harmonics[harmonic:harmonic_end, 1]:
+            longest = min(longest, 2.0 * np.pi / (_CLOSE * abs(w)) if w else np.inf)
+        for left, right in functions.pieces[piece:piece_end, :2]:
+            longest = min(longest, _CLOSE * (right - left))
+    return float(longest)
+
 
 INTEGRATORS = {"dop853": integrate, "gauss": integrate_gauss}
 """Compiled integrators of the relative form."""
@@ -30,16 +54,18 @@ def simulate_relative(
     NumericalFailure
         With the status of the integrator.
     """
-    links, tree, model = flatten_relative(mechanism)
-    ws = scratch(mechanism, tree)
-    rows = workspace(tree.cut)._replace(A=ws.A)
-    z = pack_relative(mechanism, links, tree, state)
-    memory = np.zeros(len(model.coordinate))
-    find_rank(links, model, tree.cut, float(times[0]), z, memory, ws, rows)
-    remember(model, ws, memory)
+    links, spanning, model = _flat(mechanism)
+    ws, memory = scratch(mechanism, links, spanning), np.zeros(len(model.coordinate))
+    tree = Tree(links.layout, links.kind, ws.link, ws.free, ws.y, ws.A, links.speeds, model.length)
+    rest = None
+    z = pack_relative(mechanism, links, spanning, state)
+    if not links.free:
+        rest = Rest(links, model, spanning.cut, memory, ws, workspace(spanning.cut)._replace(A=ws.A))
+        place(links.layout, ws.link, ws.free, links.speeds, z, ws.y, ws.A)
+        remember(model, ws.y, ws.A, memory)
     motion, counters = np.empty((len(times), *ws.y.shape)), np.zeros(3, dtype=np.int64)
-    run = INTEGRATORS[integrator]
-    status = run(links, model, tree.cut, z, times, float(tolerance), memory, ws, rows, motion, counters)
+    longest = longest_step(model)
+    status = INTEGRATORS[integrator](tree, rest, z, times, float(tolerance), longest, motion, counters)
     if status:
         raise NumericalFailure(f"reference, relative, {integrator}, tolerance {tolerance:g}: {STATUS[status]}")
     p, quat, v, w = unpack(mechanism, motion)

@@ -1,0 +1,116 @@
+"""One evaluation of forward dynamics: against Pinocchio, with the number of bodies, and in batches.
+
+    python tests/benchmarks/evaluation.py [pinocchio] [growth] [batch] [memory]
+
+Spatial chains of revolute joints about skew axes, bodies with full inertia. Both sides are called from Python, warm, in
+turns; ratios are medians of the turns, with the quartiles in brackets.
+"""
+
+import os
+import resource
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from consilience.library import load_case
+from consilience.reference import ForwardDynamics, simulate
+from mechanisms import chain
+
+TURNS, SLICE = 41, 1e-3
+"""Number of turns, and the seconds that one side is called for in each."""
+
+
+def spread(values):
+    low, middle, high = np.percentile(values, [25, 50, 75])
+    return f"{middle:.3g} ({low:.3g} to {high:.3g})"
+
+
+def timed(call, count):
+    began = time.perf_counter()
+    for _ in range(count):
+        call()
+    return (time.perf_counter() - began) / count
+
+
+def in_turns(calls, turns=TURNS):
+    """Seconds of a call in each turn, shape (turns, n)."""
+    counts = [max(1, int(SLICE / max(timed(call, 1) for _ in range(3)))) for call in calls]
+    return np.array([[timed(call, count) for call, count in zip(calls, counts, strict=True)] for _ in range(turns)])
+
+
+def pinocchio_model(mechanism):
+    """The chain in Pinocchio, each joint at M."""
+    model, end = pin.Model(), pin.SE3.Identity()
+    model.gravity.linear = mechanism.gravity
+    for n, (joint, body) in enumerate(zip(mechanism.joints, mechanism.bodies, strict=True)):
+        model.addJoint(n, pin.JointModelRZ(), end * pin.SE3(joint.F.R, joint.F.p), joint.name)
+        end = pin.SE3(joint.M.R, joint.M.p).inverse()
+        model.appendBodyToJoint(n + 1, pin.Inertia(body.mass, body.com, body.inertia), end)
+    return model
+
+
+def spatial_chain(count):
+    dynamics = ForwardDynamics(chain(*["revolute"] * count))
+    return dynamics, *np.random.default_rng(count).normal(size=(2, count))
+
+
+def against_pinocchio():
+    print("| bodies | ours, us | aba, us | ratio | difference |\n|---|---|---|---|---|")
+    for count in (2, 10, 50, 200):
+        dynamics, q, v = spatial_chain(count)
+        model, rest = pinocchio_model(dynamics.mechanism), np.zeros(count)
+        data = model.createData()
+        theirs = pin.aba(model, data, q, v, rest).copy()
+        apart = np.max(np.abs(dynamics.accelerations(q, v) - theirs)) / np.max(np.abs(theirs))
+        found = in_turns(
+            [lambda d=dynamics, q=q, v=v: d.accelerations(q, v), lambda m=(model, data, q, v, rest): pin.aba(*m)]
+        )
+        cells = spread(1e6 * found[:, 0]), spread(1e6 * found[:, 1]), spread(found[:, 0] / found[:, 1])
+        print(f"| {count} | {' | '.join(cells)} | {apart:.1e} |", flush=True)
+
+
+def growth():
+    counts = np.array([50, 100, 200, 500, 1000, 2000])
+    chains = [spatial_chain(int(count)) for count in counts]
+    found = in_turns([lambda c=c: c[0].accelerations(*c[1:]) for c in chains])
+    exponents = np.diff(np.log(found), axis=1) / np.diff(np.log(counts))
+    print("| bodies | us | exponent to the next |\n|---|---|---|")
+    for n, count in enumerate(counts):
+        print(f"| {count} | {spread(1e6 * found[:, n])} | {spread(exponents[:, n]) if n < len(counts) - 1 else ''} |")
+    fits = [np.polyfit(np.log(counts), np.log(row), 1)[0] for row in found]
+    least = np.polyfit(np.log(counts), np.log(found.min(axis=0)), 1)[0]
+    print(f"exponent of all: {spread(fits)}; of the least times {least:.3g}", flush=True)
+
+
+def batch():
+    case = load_case("seven_axis_arm")
+    # without its joint springs: elements take the slower way through the general kernel
+    dynamics, states = ForwardDynamics(replace(case.mechanism, joint_springs=())), 100_000
+    rng = np.random.default_rng(0)
+    q, v = rng.normal(size=(states, dynamics.n_q)), rng.normal(size=(states, dynamics.n_v))
+    calls = [lambda n=n: dynamics.accelerations_of(q, v, threads=n) for n in (1, 2)]
+    found = in_turns(calls, 7)
+    bodies = states * len(case.mechanism.bodies)
+    print(f"{states} states of {case.mechanism.name}; processors {os.cpu_count()}, load {os.getloadavg()[0]:.1f}")
+    for n in (0, 1):
+        print(f"{n + 1} threads: {spread(1e-6 * bodies / found[:, n])} million bodies a second")
+    print(f"two threads against one: {spread(found[:, 0] / found[:, 1])}", flush=True)
+
+
+def memory():
+    dynamics, q, v = spatial_chain(2000)
+    simulate(dynamics.mechanism, dynamics.state(q, 0.01 * v), np.array([0.0, 1e-3]), 1e-6, "relative")
+    print(f"run of a chain of 2000: {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3:.0f} MB", flush=True)
+
+
+PARTS = {"pinocchio": against_pinocchio, "growth": growth, "batch": batch, "memory": memory}
+
+if __name__ == "__main__":
+    for name in sys.argv[1:] or PARTS:
+        PARTS[name]()

@@ -1,0 +1,161 @@
+"""Loops and samples of the relative form: structure of the factors, dense output, steps that no sample stops."""
+
+import numpy as np
+import pytest
+
+import truth
+from consilience.assembly import initial_state, random_states
+from consilience.functions import through
+from consilience.kinematics import constraint_jacobian, constraint_rates, constraint_residual
+from consilience.library import load_case
+from consilience.mechanism import GROUND, Body, Frame, Joint, Load, Mechanism
+from consilience.observe import mass_matrix_condition
+from consilience.reference import formulation, simulate
+from consilience.reference.integrators.coefficients import C
+from consilience.reference.integrators.tableaus import DORMAND_PRINCE
+from consilience.reference.relative.integrate import ALL_STAGES, END, _between, _polynomial
+from consilience.reference.relative.loops import BATCH, BATCH_END, HEIGHT, REACH, ROW, ROW_END
+from consilience.reference.relative.model import flatten_relative
+from consilience.spatial import rotation_angle_between
+
+MANY_LOOPS = (
+    "windows:count=6",
+    "scissor:stages=4",
+    "parallel_rods:rods=5",
+    "closed_ring:bodies=9,hinges=skew",
+    "stewart_platform",
+    "bricard",
+)
+
+
+def loops_of(name):
+    return flatten_relative(load_case(name).mechanism)[0].loops
+
+
+@pytest.mark.parametrize("name", MANY_LOOPS)
+def test_many_loops_have_the_accelerations_of_the_dense_equations(name):
+    case = load_case(name)
+    mechanism = case.mechanism
+    (state,) = random_states(mechanism, case.initial_state, 1, 3)
+    equations = formulation("relative", mechanism)
+    found = np.hstack(equations.accelerations(state))
+    right = np.hstack(truth.solve(mechanism, state)[:2])
+    bar = 1e-11 + 4 * np.finfo(float).eps * mass_matrix_condition(mechanism, state)
+    assert np.max(np.abs(found - right)) < bar * max(1.0, np.max(np.abs(right)))
+
+
+def test_work_on_loops_in_a_row_grows_with_their_number():
+    """Entries of the factors, and entries times columns, which is what the reflections touch."""
+    entries, touched = [], []
+    for count in (20, 40, 80):
+        group = loops_of(f"windows:count={count}").group
+        rows = group[:, ROW_END] - group[:, ROW]
+        columns = np.array([rows[g : reach + 1].sum() for g, reach in enumerate(group[:, REACH])])
+        entries.append(np.sum(group[:, HEIGHT] * columns))
+        touched.append(np.sum(group[:, HEIGHT] * columns * rows))
+    for work in (entries, touched):
+        growth = np.diff(np.log2(work))
+        assert np.all(growth < 1.1), growth
+
+
+@pytest.mark.parametrize("name", MANY_LOOPS)
+def test_every_direction_and_every_row_has_one_place(name):
+    links = flatten_relative(load_case(name).mechanism)[0]
+    loops = links.loops
+    rows = sorted(n for row in loops.group for n in range(row[ROW], row[ROW_END]))
+    assert rows == list(range(len(loops.touched)))
+    for g, row in enumerate(loops.group):
+        for place, n in enumerate(loops.batch[row[BATCH] : row[BATCH_END]]):
+            assert tuple(loops.home[n]) == (g, place)
+    assert len(loops.batch) == len(set(loops.batch.tolist()))
+    assert np.all(np.diff(loops.group[:, REACH]) >= 0)
+
+
+@pytest.mark.parametrize(("degree", "exact"), [(1, True), (4, True), (7, True), (8, False)])
+def test_dense_output_is_exact_for_motions_up_to_degree_seven(degree, exact):
+    h, x = 0.7, np.linspace(0.0, 1.0, 9)
+    at = h * np.concatenate([C, [1.0], DORMAND_PRINCE.c_dense])
+    K = (degree * at ** (degree - 1))[:, None]
+    assert len(K) == ALL_STAGES
+    assert at[END] == h
+    z, end, F = np.zeros(1), np.array([h**degree]), np.empty((7, 1))
+    _polynomial(z, end, K, h, F)
+    found = np.empty((len(x), 1))
+    for n, part in enumerate(x):
+        _between(z, F, part, found[n])
+    error = np.max(np.abs(found[:, 0] - (h * x) ** degree))
+    assert error < 1e-15 if exact else error > 1e-8
+
+
+@pytest.mark.parametrize(
+    ("name", "span"),
+    # the arm whirls: by 1.5 s it has made 3e-10 of rounding, in every formulation and at any tolerance
+    [("double_pendulum", 1.5), ("four_bar", 1.5), ("stewart_platform", 1.5), ("seven_axis_arm", 0.75)],
+)
+def test_samples_within_steps_are_as_good_as_the_ends_of_steps(name, span):
+    case = load_case(name)
+    times = np.array([0.0, *(np.linspace(0.013, 0.997, 24) * span)])
+    sampled = simulate(case.mechanism, case.initial_state, times, 1e-12, "relative")
+    for n in (5, 12, 20, 24):
+        ended = simulate(case.mechanism, case.initial_state, times[[0, n]], 1e-13, "null_space")
+        assert np.max(np.abs(sampled.p_WB[n] - ended.p_WB[-1])) < 1e-11
+        assert np.max(rotation_angle_between(sampled.quat_WB[n], ended.quat_WB[-1])) < 1e-11
+        speed = max(1.0, np.max(np.abs(ended.w_WB_W)))
+        assert np.max(np.abs(sampled.w_WB_W[n] - ended.w_WB_W[-1])) < 1e-10 * speed
+
+
+@pytest.mark.parametrize("tolerance", [1e-12, 1e-13])
+def test_flat_poses_of_parallelograms_cost_no_digits(tolerance):
+    """They violate their rows by the square of a coordinate: closed to 1e-14 only, they are wrong by 3e-6 here."""
+    case = load_case("n_four_bar_two-long")
+    motion = simulate(case.mechanism, case.initial_state, np.array([0.0, 10.0]), tolerance, "relative")
+    expected = [
+        one for one in case.published if one.time == 10.0 and one.observable == "p_WB" and one.origin == "closed form"
+    ]
+    assert len(expected) == 3
+    index = [body.name for body in case.mechanism.bodies].index(expected[0].of)
+    for one in expected:
+        assert abs(motion.p_WB[-1, index, one.component] - one.value) < 1e-9
+
+
+@pytest.mark.parametrize("name", ["four_bar", "stewart_platform", "windows:count=3", "rolling_disc"])
+def test_samples_close_the_loops_to_rounding(name):
+    case = load_case(name)
+    mechanism = case.mechanism
+    motion = simulate(mechanism, case.initial_state, np.linspace(0.0, 1.0, 41), 1e-9, "relative")
+    for state in map(motion.state, range(41)):
+        rates = constraint_jacobian(mechanism, state) @ np.hstack([state.v_WB_W, state.w_WB_W]).ravel()
+        assert np.max(np.abs(constraint_residual(mechanism, state)), initial=0.0) < 2e-14
+        assert np.max(np.abs(rates - constraint_rates(mechanism)), initial=0.0) < 1e-13
+
+
+@pytest.mark.parametrize("name", ["double_pendulum", "four_bar"])
+def test_samples_do_not_shorten_steps(name):
+    case = load_case(name)
+    few, many = (
+        simulate(case.mechanism, case.initial_state, np.linspace(0.0, 2.0, n), 1e-9, "relative").counters
+        for n in (2, 1001)
+    )
+    assert many["steps"] == few["steps"]
+    # three evaluations more in a step with samples
+    assert many["evaluations"] <= few["evaluations"] + 3 * few["steps"] + 1
+
+
+def test_a_push_between_samples_is_not_passed_over():
+    """A bump of a tenth of a second on 2 kg at rest: its impulse is the momentum."""
+    x = np.linspace(0.0, 6.0, 601)
+    push = through(x, np.where((x > 3.0) & (x < 3.1), np.sin(np.pi * (x - 3.0) / 0.1) ** 6, 0.0))
+    axes = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    ground = Frame(np.zeros(3), np.eye(3))
+    mechanism = Mechanism(
+        name="pushed",
+        bodies=(Body("slider", 2.0, np.zeros(3), np.eye(3), ground),),
+        joints=(Joint("rail", "prismatic", GROUND, "slider", Frame(np.zeros(3), axes), Frame(np.zeros(3), axes)),),
+        gravity=np.zeros(3),
+        loads=(Load("push", "force", "slider", axes[:, 2], "world", np.zeros(3), push),),
+    )
+    t = np.linspace(0.0, 6.0, 60_001)
+    impulse = np.trapezoid([push.jet(s)[0] for s in t], t)
+    motion = simulate(mechanism, initial_state(mechanism), np.array([0.0, 6.0]), 1e-10, "relative")
+    assert impulse > 0.02
+    assert abs(motion.v_WB_W[-1, 0] @ axes[:, 2] - impulse / 2.0) < 1e-8
