@@ -35,6 +35,7 @@ SITE = ("{toctree}",)
 
 INSTALLS = "installs: .ci/run does it in fresh environments (the README's commands, tests/newcomer.py)"
 LONG = "a campaign of hours; its short version is among the tests"
+CLUSTER = "needs a cluster that exists; tests/harness/test_cluster.py has one of its own"
 SHELL = "changes the configuration of the reader's shell"
 
 MARKED: dict[tuple[str, str], str] = {
@@ -63,7 +64,16 @@ MARKED: dict[tuple[str, str], str] = {
         "docs/translate.md",
         "python tests/exported.py",
     ): "ten minutes; tests/conformance/test_exported_models.py has a part",
-    ("docs/workers.md", "python -m consilience.workers FILE"): "the reader's failed job; tests/harness/test_workers.py",
+    ("docs/cluster.md", "pip install 'consilience[cluster]'"): INSTALLS,
+    ("docs/cluster.md", "consilience run"): CLUSTER,
+    ("docs/cluster.md", "consilience fuzz"): CLUSTER,
+    ("docs/cluster.md", "dask "): CLUSTER,
+    ("docs/cluster.md", "for k in"): CLUSTER,
+    ("docs/runs.md", "python tests/hostile/browser.py"): "needs a browser of the system",
+    (
+        "docs/workers.md",
+        "python -m consilience.workers consilience-report",
+    ): "the reader's failed job; tests/harness/test_workers.py",
     ("docs/workers.md", "python tests/benchmarks/"): "measures speed: minutes on a quiet machine",
     ("docs/pytest.md", "pytest --consilience-engine mujoco cases/"): "an hour: the whole library",
     (

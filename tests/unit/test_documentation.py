@@ -31,7 +31,7 @@ BLOCKS = [block for page in PAGES for block in blocks(page)]
 RUN_ELSEWHERE = ("README.md", "docs/tutorials/")
 """Pages whose Python blocks other tests run: test_readme.py, test_tutorials.py."""
 
-PROGRAMS = ("pip", "python", "python3", ".venv/bin/pip", ".", "pytest")
+PROGRAMS = ("dask", "for", "pip", "python", "python3", ".venv/bin/pip", ".", "pytest")
 CHEAP = ("consilience explain", "consilience schema", "consilience new", "consilience show ", "consilience list")
 
 
