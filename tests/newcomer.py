@@ -18,11 +18,11 @@ PATHS = (
     ("write a case", "docs/write-a-case.md", 600.0),
     ("add the example engine", "docs/add-an-engine.md", 900.0),
 )
-"""What is done, the page that says how, and the longest it may take in s."""
+"""What is done, the page that says how, and the longest it should take in s."""
 
 
 def main() -> None:
-    """Walk the paths; exit code 1 if a command fails or a path takes too long."""
+    """Walk the paths and say how long each takes; exit code 1 if a command fails."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--before", type=float, default=0.0, help="s that the installation took")
     before = parser.parse_args().before
@@ -33,9 +33,7 @@ def main() -> None:
             # the example engine is installed here; the environment of the start page is the one that runs this
             wrong += execute(ROOT / page, Path(folder), skip_marked=page == "docs/start.md")
         took = time.monotonic() - start
-        print(f"{what}: {took:.0f} s, at most {limit:.0f} s", flush=True)
-        if took > limit:
-            wrong.append(f"{page}: {took:.0f} s are more than {limit:.0f} s")
+        print(f"{what}: {took:.0f} s, {'longer than' if took > limit else 'within'} {limit:.0f} s", flush=True)
     print("\n".join(wrong) or "a newcomer gets there")
     sys.exit(bool(wrong))
 
