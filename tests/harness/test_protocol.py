@@ -83,7 +83,11 @@ VALUES = [
     {"a": 1, 2: "b", Question.MODEL: ()},
     METHOD,
     EngineInfo("e", "1", "2"),
-    Plan({Question.MODEL: (Unsupported("f", "r"),)}, {Question.INSTANT: (METHOD,)}, Manifest(("a",), ())),
+    Plan(
+        {Question.MODEL: (Unsupported("f", "r"),), Question.INSTANT: (), Question.TRAJECTORY: ()},
+        {Question.INSTANT: (METHOD,), Question.TRAJECTORY: (METHOD,)},
+        Manifest(("a",), ()),
+    ),
     Request(None, Question.TRAJECTORY, METHOD, (), np.linspace(0.0, 1.0, 5), 0.1),
     Survey((Said(Question.MODEL, METHOD, 5.0), Said(Question.INSTANT, None, None, "why")), {Question.MODEL: ()}),
     ModelAnswer(1.0, np.zeros(3), np.eye(3), 2),
@@ -241,7 +245,8 @@ def test_a_header_that_is_none_is_refused(text):
 
 def test_every_single_byte_changed_is_refused_or_a_value():
     """A frame of a plan with an array, each byte of it replaced: never another exception, never another size."""
-    tree, arrays = codec.encode(Plan({}, {Question.MODEL: (METHOD,)}, Manifest(("exact",))))
+    refused = {question: (Unsupported("f", "r"),) for question in Question}
+    tree, arrays = codec.encode(Plan(refused, {Question.MODEL: (METHOD,)}, Manifest(("exact",))))
     data = pack({"kind": "reply", "value": tree}, [*arrays, np.arange(3.0)])
     rng = np.random.default_rng(1)
     outcomes = set()

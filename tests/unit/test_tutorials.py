@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from consilience.reference.integrators.adaptive import METHODS
+from consilience.reference.relative.solver import INTEGRATORS
 
 TUTORIALS = Path(__file__).parents[2] / "docs" / "tutorials"
 NAMES = ("intro", "exu", "c4", "attia", "mass")
@@ -198,4 +199,4 @@ def test_every_class_of_the_analyses_and_impacts_has_its_fields_on_the_page():
 def test_the_integrators_on_the_page_are_those_there_are():
     (below,) = [below for _, written, below in ENTRIES if written.startswith("simulate(")]
     listed = re.search(r"Integrators: (.*?)\.\n", below, flags=re.DOTALL)
-    assert set(re.findall(r"`(\w+)`", listed[1])) == set(METHODS)
+    assert set(re.findall(r"`(\w+)`", listed[1])) == {*METHODS, *INTEGRATORS}
