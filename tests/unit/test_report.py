@@ -379,7 +379,7 @@ def test_the_head_counts_cells_and_leaves_the_reference_out(everything):
     view = page(everything)
     assert view.headline == (
         "0 of 6 cells agree with the reference in every question and by every matched method; "
-        "1 differ by the step size alone, which smaller steps remove; 1 hold something the engine cannot represent; "
+        "1 differs by the step size alone, which smaller steps remove; 1 holds something the engine cannot represent; "
         "2 differ in the model; 2 failed; 1 engine not available (gone)."
     )
     assert view.exit_code == 1

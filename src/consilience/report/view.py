@@ -25,12 +25,12 @@ from consilience.report.wording import (
     EXIT_CODES,
     LOOKS,
     NOT_ASKED,
-    PHRASES,
     RANK,
     ROUTES,
     YARDSTICK,
     Look,
     counted,
+    phrase,
 )
 
 
@@ -142,8 +142,9 @@ def _tallies(cells: Sequence[Cell]) -> tuple[Tally, ...]:
 def _headline(cells: Sequence[Cell], tallies: Sequence[Tally], record: Record) -> str:
     """How many cells agree, which verdicts the others have, and what is missing."""
     count = {t.look.name: t.count for t in tallies}
-    parts = [f"{count.get(Verdict.AGREES, 0)} of {counted(len(cells), 'cell')} {PHRASES[Verdict.AGREES]}"]
-    parts += [f"{count[v]} {PHRASES[v]}" for v in LOOKS if v in count and v is not Verdict.AGREES]
+    agreeing = count.get(Verdict.AGREES, 0)
+    parts = [f"{agreeing} of {counted(len(cells), 'cell')} {phrase(Verdict.AGREES, agreeing)}"]
+    parts += [f"{count[v]} {phrase(v, count[v])}" for v in LOOKS if v in count and v is not Verdict.AGREES]
     missing = record.header["missing"]
     if missing:
         parts.append(f"{counted(len(missing), 'engine')} not available ({', '.join(missing)})")

@@ -75,16 +75,25 @@ LOOKS: dict[Verdict, Look] = {
 }
 """Verdicts, best first."""
 
-PHRASES: dict[Verdict, str] = {
-    Verdict.AGREES: "agree with the reference in every question and by every matched method",
-    Verdict.DISCRETISATION: "differ by the step size alone, which smaller steps remove",
-    Verdict.REGULARISATION: "differ by the softness of the engine's constraints",
-    Verdict.UNSUPPORTED: "hold something the engine cannot represent",
-    Verdict.UNRESOLVED: "are unresolved",
-    Verdict.MODEL: "differ in the model",
-    Verdict.FAILED: "failed",
+PHRASES: dict[Verdict, tuple[str, str]] = {
+    Verdict.AGREES: ("agree", "with the reference in every question and by every matched method"),
+    Verdict.DISCRETISATION: ("differ", "by the step size alone, which smaller steps remove"),
+    Verdict.REGULARISATION: ("differ", "by the softness of the engine's constraints"),
+    Verdict.UNSUPPORTED: ("hold", "something the engine cannot represent"),
+    Verdict.UNRESOLVED: ("are", "unresolved"),
+    Verdict.MODEL: ("differ", "in the model"),
+    Verdict.FAILED: ("failed", ""),
 }
-"""What is said of cells of each verdict after their number."""
+"""What is said of cells of each verdict after their number: the verb of many, and the rest."""
+
+_OF_ONE = {"are": "is", "failed": "failed"}
+
+
+def phrase(verdict: Verdict, count: int) -> str:
+    """What a number of cells of a verdict do: ``differ in the model``, ``is unresolved``."""
+    verb, rest = PHRASES[verdict]
+    return f"{_OF_ONE.get(verb, verb + 's') if count == 1 else verb} {rest}".rstrip()
+
 
 NOT_ASKED = Look("empty", DASH, "not asked", "This question was not part of the run.")
 YARDSTICK = Look(
