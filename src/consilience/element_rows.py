@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -85,10 +86,13 @@ def non_holonomic_rows(mechanism: Mechanism, state: State) -> list[ElementRow]:
     return rows + [_skate_row(mechanism, state, skate) for skate in mechanism.skates]
 
 
+@lru_cache(maxsize=64)  # fixed to the ground, and asked for in every evaluation of a row
 def plane_axes(rolling: Rolling) -> Array:
-    """Axes of the plane as rows: normal and two directions in the plane, shape (3, 3)."""
+    """Axes of the plane as rows: normal and two directions in the plane, shape (3, 3), read-only."""
     along, across = orthogonal_triad(rolling.normal)
-    return np.array([rolling.normal, along / np.linalg.norm(along), across / np.linalg.norm(across)])
+    axes = np.array([rolling.normal, along / np.linalg.norm(along), across / np.linalg.norm(across)])
+    axes.flags.writeable = False
+    return axes
 
 
 def rolling_rows(mechanism: Mechanism, state: State, rolling: Rolling) -> Iterator[ElementRow]:

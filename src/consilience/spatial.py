@@ -7,6 +7,7 @@ Rotation matrices map components: ``v_W = R_WB @ v_B``. Quaternions (Euler param
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -62,7 +63,7 @@ def rotation_from_quaternion(quat: ArrayLike) -> Array:
     """
     q = np.asarray(quat, dtype=float)
     # a single one in plain numbers: several times faster than as arrays of one element
-    w, x, y, z = q.tolist() if q.ndim == 1 else np.moveaxis(q, -1, 0)
+    w, x, y, z = q.tolist() if q.ndim == 1 else (q[..., k] for k in range(4))
     R = np.empty((*q.shape[:-1], 3, 3))
     R[..., 0, 0] = w * w + x * x - y * y - z * z
     R[..., 1, 1] = w * w - x * x + y * y - z * z
@@ -91,19 +92,20 @@ def quaternion_from_rotation(R: ArrayLike) -> Array:
     if R.ndim > 2:
         flat = np.array([quaternion_from_rotation(r) for r in R.reshape(-1, 3, 3)])
         return flat.reshape(*R.shape[:-2], 4)
-    trace = np.trace(R)
-    pivots = np.array([trace, R[0, 0], R[1, 1], R[2, 2]])
-    i = int(np.argmax(pivots))
-    quat = np.empty(4)
+    r = R.tolist()  # plain numbers: several times faster than arrays of one element
+    diagonal = r[0][0], r[1][1], r[2][2]
+    trace = sum(diagonal)
+    pivots = (trace, *diagonal)
+    i = pivots.index(max(pivots))
     if i == 0:
-        quat[:] = 1.0 + trace, R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]
+        quat = [1.0 + trace, r[2][1] - r[1][2], r[0][2] - r[2][0], r[1][0] - r[0][1]]
     else:
         a, b, c = (i - 1), i % 3, (i + 1) % 3
-        quat[0] = R[c, b] - R[b, c]
-        quat[1 + a] = 1.0 + 2.0 * R[a, a] - trace
-        quat[1 + b] = R[a, b] + R[b, a]
-        quat[1 + c] = R[a, c] + R[c, a]
-    return quat / np.linalg.norm(quat)
+        quat = [r[c][b] - r[b][c], 0.0, 0.0, 0.0]
+        quat[1 + a] = 1.0 + 2.0 * r[a][a] - trace
+        quat[1 + b] = r[a][b] + r[b][a]
+        quat[1 + c] = r[a][c] + r[c][a]
+    return np.array(quat) / math.hypot(*quat)
 
 
 def quaternion_product(p: ArrayLike, q: ArrayLike) -> Array:

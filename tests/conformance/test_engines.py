@@ -11,6 +11,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import truth
+from consilience.asking import MOST_LEVELS
+from consilience.compare.uncertainty import needs_another_level
 from consilience.kinematics import free_directions
 from consilience.mechanism import State
 from consilience.observe import (
@@ -148,6 +150,16 @@ def error(answer, states):
     return max(p, angle)
 
 
+def ladder(engine, mechanism, start, times, method):
+    """Motions at the levels of a method, and at finer ones until its order has settled, as a suite asks for them."""
+    steps = [(times[1] - times[0]) / n for n in method.substeps] or list(method.tolerances)
+    answers = [engine.trajectory(mechanism, start, times, method, step) for step in steps]
+    while method.substeps and len(steps) < MOST_LEVELS and needs_another_level(answers, method, steps):
+        steps.append(steps[-1] / 2.0)
+        answers.append(engine.trajectory(mechanism, start, times, method, steps[-1]))
+    return answers
+
+
 MOVING = ["long_chain", "floating_chain", "forced_chain", "branched", "four_bar", "slider_crank"]
 MOVING += ["single_rod", "loop_universal", "loop_rod"]
 
@@ -158,8 +170,7 @@ def test_trajectory_converges_to_the_truth_with_the_declared_order(engine, name)
     for method in supported_methods(engine, mechanism, Question.TRAJECTORY):
         times, start, states = motion(name)
         errors = []
-        for step in [(times[1] - times[0]) / n for n in method.substeps] or method.tolerances:
-            answer = engine.trajectory(mechanism, start, times, method, step)
+        for answer in ladder(engine, mechanism, start, times, method):
             assert defects(answer, Question.TRAJECTORY, mechanism, len(times)) == []
             np.testing.assert_allclose(answer.time, times, atol=1e-12)
             errors.append(error(answer, states))
