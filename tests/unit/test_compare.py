@@ -194,6 +194,12 @@ def test_without_an_order_a_difference_is_one_of_the_model():
     assert judge([1e-3, 1e-5, 1e-9], order=None).verdict is Verdict.AGREES
 
 
+def test_a_motion_that_blew_up_is_judged_and_warns_of_nothing():
+    found = judge([1e200, 1e170, 1e160])
+    assert (found.verdict, found.rule) == (Verdict.UNRESOLVED, "not asymptotic")
+    assert found.levels[-1].largest == np.inf  # its square is beyond the largest number
+
+
 def test_a_single_level_has_no_order_and_no_limit():
     found = judge([1e-3], order=2)
     assert found.verdict is Verdict.MODEL

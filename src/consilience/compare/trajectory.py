@@ -118,6 +118,11 @@ def _ladder(runs: Sequence[Run], answers: Sequence[TrajectoryAnswer], size: floa
     return _Ladder(found.order, found.self_order, wide, found.limit, declared)
 
 
+# A motion that blew up has squares beyond what a number holds: they are infinite, which is what they are compared as.
+_BLOWN_UP = np.errstate(over="ignore", invalid="ignore")
+
+
+@_BLOWN_UP
 def compare_trajectory(
     mechanism: Mechanism, runs: Sequence[Run], yard: Yardstick, softer: Sequence[Run] = (), earlier: str = ""
 ) -> Comparison:
@@ -186,6 +191,7 @@ class Prospect:
     next_agrees: bool
 
     @classmethod
+    @_BLOWN_UP
     def of(cls, mechanism: Mechanism, runs: Sequence[Run], yard: Yardstick) -> Prospect:
         """From levels that are all answered."""
         answers = [run.answer for run in runs if isinstance(run.answer, TrajectoryAnswer)]
