@@ -24,6 +24,7 @@ from consilience.rows import (
     joint_frames,
     row_gamma,
     row_jacobian,
+    row_jacobians,
     row_target,
     row_value,
     side,
@@ -98,8 +99,7 @@ def constraint_jacobian(
     for joint in mechanism.joints if joints is None else joints:
         if joint.rows:
             frames = joint_frames(mechanism, state, joint)
-            pairs = np.array([row_jacobian(frames, row) for row in joint.rows])
-            blocks.append(_place(mechanism, joint, pairs, width))
+            blocks.append(_place(mechanism, joint, row_jacobians(frames, joint.rows), width))
     if joints is None:
         blocks += [row.Q[None] for row in _elements(mechanism, state, t)]
     return np.vstack(blocks)

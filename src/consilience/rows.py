@@ -6,12 +6,13 @@ On body *origins* and world angular velocities. Row formulas: docs/formulations.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from consilience.mechanism import GROUND, Frame, Joint, Mechanism, State
-from consilience.spatial import Array, cross
+from consilience.spatial import Array, cross, plain_cross
 
 TURN = 2 * np.pi
 
@@ -132,16 +133,29 @@ def row_value(frames: JointFrames, row: str) -> float:
 
 def row_jacobian(frames: JointFrames, row: str) -> Array:
     """Coefficients of ``(v_i, w_i, v_j, w_j)`` in the rate of a basic constraint, shape (12,)."""
-    if row[0] == "D":
-        normal = cross(frames.U[:, int(row[1]) - 1], frames.W[:, int(row[2]) - 1])
-        return np.concatenate([np.zeros(3), normal, np.zeros(3), -normal])
-    if row == "L":
-        e = frames.d / np.linalg.norm(frames.d)
-        return np.concatenate([-e, -cross(frames.s_i, e), e, cross(frames.s_j, e)])
-    if row == "H":
-        return row_jacobian(frames, "Z") - frames.pitch / TURN * coordinate_jacobian(frames, "angle")
-    u = frames.U[:, "XYZ".index(row)]
-    return np.concatenate([-u, -cross(frames.s_i + frames.d, u), u, cross(frames.s_j, u)])
+    found: Array = row_jacobians(frames, (row,))[0]
+    return found
+
+
+def row_jacobians(frames: JointFrames, rows: Sequence[str]) -> Array:
+    """The same for several rows, shape (rows, 12): in plain numbers, which for so few are several times faster."""
+    U, W = frames.U.T.tolist(), frames.W.T.tolist()
+    arm, s_j = (frames.s_i + frames.d).tolist(), frames.s_j.tolist()
+    found = list[list[float]]()
+    for row in rows:
+        if row[0] == "D":
+            x, y, z = plain_cross(U[int(row[1]) - 1], W[int(row[2]) - 1])
+            found.append([0.0, 0.0, 0.0, x, y, z, 0.0, 0.0, 0.0, -x, -y, -z])
+        elif row in "XYZ":
+            u = U["XYZ".index(row)]
+            found.append([-u[0], -u[1], -u[2], *(-x for x in plain_cross(arm, u)), *u, *plain_cross(s_j, u)])
+        elif row == "L":
+            e = frames.d / np.linalg.norm(frames.d)
+            found.append([*-e, *-cross(frames.s_i, e), *e, *cross(frames.s_j, e)])
+        else:
+            turned = frames.pitch / TURN * coordinate_jacobian(frames, "angle")
+            found.append((row_jacobian(frames, "Z") - turned).tolist())
+    return np.array(found).reshape(-1, 12)
 
 
 def row_gamma(frames: JointFrames, row: str) -> float:

@@ -8,6 +8,7 @@ Rotation matrices map components: ``v_W = R_WB @ v_B``. Quaternions (Euler param
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -44,9 +45,14 @@ def skew(a: ArrayLike) -> Array:
 
 def cross(a: Array, b: Array) -> Array:
     """Vector product of two single vectors, shape (3,): several times faster than `numpy.cross` for these."""
-    ax, ay, az = a.tolist()
-    bx, by, bz = b.tolist()
-    return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
+    return np.array(plain_cross(a.tolist(), b.tolist()))
+
+
+def plain_cross(a: Sequence[float], b: Sequence[float]) -> list[float]:
+    """The same of plain numbers, to the last bit."""
+    ax, ay, az = a
+    bx, by, bz = b
+    return [ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx]
 
 
 def rotation_from_quaternion(quat: ArrayLike) -> Array:

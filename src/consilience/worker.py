@@ -9,7 +9,6 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
@@ -19,12 +18,12 @@ from typing import Any, Protocol, TypeVar
 
 from consilience.engine import Engine, load_engine
 from consilience.run import EngineInfo
-from consilience.workers import codec, frames
+from consilience.workers import codec
 from consilience.workers.environments import NoEnvironment, launch_of
 from consilience.workers.frames import Header, ProtocolError
 from consilience.workers.jobs import Plan, Request, perform, raised
 from consilience.workers.process import Fault, Launch, Process
-from consilience.workers.sending import alone, frame_of, job, loading
+from consilience.workers.sending import Held, alone, job, loading
 
 __all__ = ["MEMORY", "Asks", "Here", "Member", "Plan", "Reply", "Request", "Worker", "alone", "in_parallel"]
 
@@ -37,9 +36,6 @@ MEMORY = 4 * 2**30
 
 STARTING = 120.0
 """Time in s that an engine has to start, or the limit of its jobs if that is longer."""
-
-REMEMBERED = 32
-"""Mechanisms that a worker holds at a time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +112,8 @@ class Worker:
     _turn: threading.Lock = field(init=False, default_factory=threading.Lock)
     _launch: Launch | None = field(init=False, default=None)
     _process: Process | None = field(init=False, default=None)
-    _sent: OrderedDict[str, None] = field(init=False, default_factory=OrderedDict)
+    _mechanisms: Held = field(init=False, default_factory=Held)
+    _methods: Held = field(init=False, default_factory=Held)
     _number: int = field(init=False, default=0)
     _cancelled: bool = field(init=False, default=False)
     _door: threading.Lock = field(init=False, default_factory=threading.Lock)
@@ -233,7 +230,7 @@ class Worker:
         ------
         _NotStarted
         """
-        self._sent.clear()
+        self._mechanisms, self._methods = Held(), Held()
         start = time.perf_counter()
         limit = max(self.limit, STARTING)
         try:
@@ -267,7 +264,7 @@ class Worker:
             raise Fault(f"garbage on the wire: {str(header)[:200]} is no reply")
         if header["job"] != self._number:
             raise Fault(f"it answered job {header['job']}, not job {self._number}")
-        if not self._process.quiet():
+        if self._process.more:
             raise Fault("it sent more than its answer")
         if header["strays"]:
             raise Fault("it left a process behind that goes on")
@@ -280,19 +277,11 @@ class Worker:
         return loading(self.engine, self._number)
 
     def _frames(self, request: Request) -> bytes:
-        """What the process has to be sent for a job: the mechanism if it does not hold it, and the job."""
-        parts, key = list[bytes](), None
-        if request.mechanism is not None:
-            key, frame = frame_of(request.mechanism)
-            if key not in self._sent:
-                parts.append(frame)
-                if len(self._sent) >= REMEMBERED:
-                    oldest, _ = self._sent.popitem(last=False)
-                    parts.append(frames.pack({"kind": "forget", "key": oldest}))
-            self._sent[key] = None
-            self._sent.move_to_end(key)
+        """What the process has to be sent for a job: what it does not hold of mechanism and method, and the job."""
+        mechanism, first = self._mechanisms.need(request.mechanism)
+        method, second = self._methods.need(request.method)
         self._number += 1
-        return b"".join([*parts, job(request, key, self._number)])
+        return first + second + job(request, mechanism, method, self._number)
 
     # ------------------------------------------------------------ the process
 

@@ -1,17 +1,29 @@
-"""What the harness adds: a suite of cases against the time that the engines spend on their answers."""
+"""What the harness adds: a suite of cases against the time that the engines spend on their answers.
+
+    python tests/benchmarks overhead
+    python tests/benchmarks/overhead.py [--tag TAG] [CASE]...
+
+The second form takes the cases of a tag, or those named.
+"""
 
 from __future__ import annotations
 
+import argparse
+import os
 import resource
 import time
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 
 from tables import Table
 
+from consilience.case import Case
 from consilience.engine import installed
-from consilience.library import load_case
-from consilience.suite import run_suite
+from consilience.library import load_case, load_cases, shipped_cases
+from consilience.suite import REFERENCE, run_suite
+from consilience.worker import Reply, Request, Worker
 
 SHORT = ("double_pendulum", "four_bar")
 CASES = (
@@ -29,29 +41,98 @@ CASES = (
 )
 
 
-def _cpu() -> float:
-    both = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
-    return sum(usage.ru_utime + usage.ru_stime for usage in both)
+@dataclass
+class Asked:
+    """What asking workers came to: number of jobs, CPU time in s of the engines and of all but them on both sides."""
+
+    jobs: int = 0
+    engines: float = 0.0
+    between: float = 0.0
 
 
-def run(short: bool) -> Iterator[Table]:
+def _cpu(*who: int) -> float:
+    return sum(usage.ru_utime + usage.ru_stime for usage in map(resource.getrusage, who))
+
+
+@contextmanager
+def _asked() -> Iterator[Asked]:
+    """Count what is asked meanwhile; workers have ended when it ends."""
+    found, ask, before = Asked(), Worker.ask, _cpu(resource.RUSAGE_CHILDREN)
+
+    def counted(worker: Worker, request: Request) -> Reply:
+        start = time.thread_time()
+        reply = ask(worker, request)
+        found.between += time.thread_time() - start
+        found.engines += reply.cpu
+        found.jobs += 1
+        return reply
+
+    Worker.ask = counted  # type: ignore[method-assign]
+    try:
+        yield found
+    finally:
+        Worker.ask = ask  # type: ignore[method-assign]
+        found.between += _cpu(resource.RUSAGE_CHILDREN) - before - found.engines
+
+
+def _started(engines: Sequence[str]) -> Asked:
+    """What it takes to start all engines and to ask who they are."""
+    with _asked() as found:
+        for engine in engines:
+            with Worker(engine) as worker:
+                worker.ask(Request())
+    return found
+
+
+def measured(cases: Sequence[Case]) -> Table:
     """One table, of one suite: its parts are the many measurements."""
-    cases = [load_case(name) for name in (SHORT if short else CASES)]
-    start, before = time.perf_counter(), _cpu()
-    results = run_suite(cases, list(installed()), jobs=1, limit=600.0)
-    wall, cpu = time.perf_counter() - start, _cpu() - before
+    both, names = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN), list(installed())
+    start = _started([REFERENCE, *(name for name in names if name != REFERENCE)])
+    began, before = time.perf_counter(), _cpu(*both)
+    with _asked() as asked:
+        results = run_suite(cases, names, jobs=1, limit=600.0)
+    wall, cpu = time.perf_counter() - began, _cpu(*both) - before
     own: dict[str, float] = defaultdict(float)
     for one in results.runs:
         own[one.engine] += one.cpu
-    engines = sum(own.values())
+    engines, between = sum(own.values()), asked.between - start.between
     about = f"Bar: 25 %. {len(cases)} cases, {len(results.runs)} runs, one worker at a time. The engines' time is what "
-    about += "their workers spend on the answers; the rest is starting workers, importing engines, sending, comparing."
-    columns = ("what", "time", "on top of the engines")
-    table = Table("What the harness adds", about, columns)
-    table.rows += [[f"{engine}: answers", f"{spent:.2f} s", ""] for engine, spent in own.items()]
-    table.rows.append(["all engines: answers, CPU", f"{engines:.2f} s", ""])
-    table.rows.append(
-        ["the whole suite, CPU of all processes", f"{cpu:.2f} s", f"{100.0 * (cpu / engines - 1.0):.0f} %"]
+    about += "their workers spend on the answers; the rest is starting workers, importing engines, sending, comparing. "
+    about += (
+        f"Isolation is all CPU time of both sides of the wire in {asked.jobs} jobs less the engines'. Its bar is 5 %."
     )
-    table.rows.append(["the whole suite, wall time", f"{wall:.2f} s", f"{100.0 * (wall / engines - 1.0):.0f} %"])
-    yield table
+    table = Table("What the harness adds", about, ("what", "time", "on top of the engines", "of the suite's CPU"))
+    table.rows += [[f"{engine}: answers", f"{spent:.2f} s", "", ""] for engine, spent in own.items()]
+    table.rows += [
+        ["all engines: answers, CPU", f"{engines:.2f} s", "", _share(engines, cpu)],
+        ["the whole suite, CPU of all processes", f"{cpu:.2f} s", _share(cpu - engines, engines), ""],
+        ["the whole suite, wall time", f"{wall:.2f} s", _share(wall - engines, engines), ""],
+        ["starting workers and engines, CPU", f"{start.between:.2f} s", "", _share(start.between, cpu)],
+        [f"isolation of {asked.jobs} jobs, CPU", f"{between:.2f} s", "", _share(between, cpu)],
+    ]
+    return table
+
+
+def _share(part: float, whole: float) -> str:
+    return f"{100.0 * part / whole:.1f} %"
+
+
+def run(short: bool) -> Iterator[Table]:
+    """The table of the page."""
+    yield measured([load_case(name) for name in (SHORT if short else CASES)])
+
+
+def main() -> None:
+    """The same for the cases of the command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("names", nargs="*", metavar="CASE")
+    parser.add_argument("--tag", help="cases of this tag")
+    chosen = parser.parse_args()
+    os.environ["OMP_NUM_THREADS"] = "1"  # of the workers
+    cases = [case for name in chosen.names for case in load_cases(name)]
+    cases += [case for case in shipped_cases() if chosen.tag in case.tags]
+    print(measured(cases or [load_case(name) for name in CASES]).markdown())
+
+
+if __name__ == "__main__":
+    main()

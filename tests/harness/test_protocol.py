@@ -14,10 +14,12 @@ from consilience.run import EngineInfo, Manifest, Method, ModelAnswer, Question,
 from consilience.workers import codec, frames
 from consilience.workers.frames import PREFIX, ProtocolError, pack, sizes, unpack
 from consilience.workers.jobs import Plan, Request, Said, Survey
-from consilience.workers.serve import Server
+from consilience.workers.sending import Held, job
+from consilience.workers.serve import Server, _Bytes, read_frames
 from mechanisms import ELEMENTS, LOOPS, TREES, chain, states_of
 
 MECHANISMS = TREES | LOOPS | ELEMENTS
+LAST = next(reversed(MECHANISMS))
 
 
 def sent(value):
@@ -88,7 +90,6 @@ VALUES = [
         {Question.INSTANT: (METHOD,), Question.TRAJECTORY: (METHOD,)},
         Manifest(("a",), ()),
     ),
-    Request(None, Question.TRAJECTORY, METHOD, (), np.linspace(0.0, 1.0, 5), 0.1),
     Survey((Said(Question.MODEL, METHOD, 5.0), Said(Question.INSTANT, None, None, "why")), {Question.MODEL: ()}),
     ModelAnswer(1.0, np.zeros(3), np.eye(3), 2),
     TrajectoryAnswer(np.arange(3.0), *(np.ones((3, 2, n)) for n in (3, 4, 3, 3)), {"steps": 5, "error": 0.1}),
@@ -104,6 +105,31 @@ VALUES = [
 @pytest.mark.parametrize("value", VALUES, ids=lambda v: type(v).__name__)
 def test_a_value_arrives(value):
     assert same(sent(value), value)
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        Request(),
+        Request(states=states_of(MECHANISMS[LAST], 3), question=Question.INSTANT, method=METHOD),
+        Request(states=states_of(MECHANISMS[LAST], 1), times=np.linspace(0.0, 1.0, 5), step=0.1, method=METHOD),
+        Request(MECHANISMS[LAST], survey=(Question.MODEL, Question.INSTANT)),
+    ],
+)
+def test_a_job_arrives_to_the_last_bit(asked):
+    mechanism, first = Held().need(asked.mechanism)
+    method, second = Held().need(asked.method)
+    server, found = Asked(), read_frames(_Bytes(first + second + job(asked, mechanism, method, 7)))
+    replies = [server.handle(*frame) for frame in found]
+    assert all(reply is None for reply in replies[:-1])
+    assert same(server.request, replace(asked, states=tuple(asked.states)))
+
+
+class Asked(Server):
+    """A worker that keeps what it is asked."""
+
+    def _perform(self, request):
+        self.request = request
 
 
 def test_an_array_in_another_order_of_memory_arrives_in_order():
@@ -190,7 +216,7 @@ NONSENSE = {
     "an unknown kind": {"kind": ["job"], "job": 1},
     "no number": {"kind": "load", "engine": "mujoco"},
     "a number for a name": {"kind": "load", "job": 1, "engine": 7},
-    "no mechanism": {"kind": "mechanism", "key": "k", "value": 7},
+    "no mechanism": {"kind": "keep", "key": "k", "value": 7},
     "a key that is none": {"kind": "forget", "key": []},
 }
 
@@ -234,11 +260,20 @@ def test_deep_nesting_is_refused():
 )
 def test_arrays_that_do_not_fill_the_body_are_refused(listed, body):
     with pytest.raises(ProtocolError):
-        unpack(json.dumps({"arrays": listed}).encode(), bytearray(body))
+        unpack(b"{}\n" + json.dumps({"arrays": listed}).encode(), bytearray(body))
 
 
-@pytest.mark.parametrize("text", [b"", b"\xff", b"[]", b"5", b"{", b'{"arrays":[]} x', b"9" * 5000])
+@pytest.mark.parametrize("text", [b"", b"\xff", b"[]", b"5", b"{", b"{} x", b"9" * 5000])
 def test_a_header_that_is_none_is_refused(text):
+    assert unpack(b'{}\n{"arrays":[]}', bytearray()) == ({}, [])
+    with pytest.raises(ProtocolError):
+        unpack(text + b'\n{"arrays":[]}', bytearray())
+    with pytest.raises(ProtocolError):
+        unpack(b"{}\n" + text, bytearray())
+
+
+@pytest.mark.parametrize("text", [b'{"arrays":[]}', b'{"value":1}\n{"arrays":[]}', b'{}\n{"arrays":[],"kind":"job"}'])
+def test_what_is_in_the_wrong_line_of_a_header_is_refused(text):
     with pytest.raises(ProtocolError):
         unpack(text, bytearray())
 

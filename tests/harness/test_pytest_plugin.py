@@ -5,9 +5,10 @@ import shlex
 import sys
 from pathlib import Path
 
+# imported once, here: what a run within a test imports is forgotten after it, and Hypothesis takes its plug-in seconds
+import hypothesis  # noqa: F401
 import pytest
 
-# imported once, here: what a run within a test imports is forgotten after it
 import consilience.pytest_plugin.items
 import consilience.reference.engine  # noqa: F401
 

@@ -27,7 +27,7 @@ from consilience.suite import run_suite
 from consilience.validate import examine, text
 from hostile.mutations import TABLE_KINDS, TEXT_KINDS, changed_bytes, changed_tables, jsonl_bytes, places, toml_bytes
 from hostile.pages import check_html, check_markdown, check_svg, check_terminal
-from hostile.watch import watched
+from hostile.watch import import_everything, watched
 
 SMALL = 3_500
 """Size in bytes of the case files that are mutated: larger ones hold more of the same."""
@@ -108,6 +108,7 @@ def _use(case: Case):
 
 def warm(report=None, folder=None):
     """Let everything be imported and every template compiled, which no input may cause later."""
+    import_everything()
     if report is None:
         for case in [c for path in case_files() if path.stat().st_size < SMALL for c in load_file(path)[:1]]:
             _use(case)

@@ -1,11 +1,15 @@
 """What a process does while it reads an input: files it touches, programs it starts, code it runs, time it takes."""
 
 import os
+import pkgutil
 import signal
 import sys
 from contextlib import contextmanager
+from functools import cache
+from importlib import import_module
 from pathlib import Path
 
+import consilience
 from hostile.mutations import MARK
 
 LIMIT = 5.0
@@ -64,6 +68,15 @@ def _look(event, arguments):
         bad = not _installed(arguments[0].co_filename)
     if bad:
         _seen.append(f"{event} {str(arguments)[:300]}")
+
+
+@cache
+def import_everything():
+    """Import all our modules and what they import late: that is no deed of an input, whichever comes first."""
+    for module in pkgutil.walk_packages(consilience.__path__, "consilience."):
+        if not module.name.endswith("__main__"):
+            import_module(module.name)
+    import_module("scipy.interpolate")
 
 
 _hooked = False

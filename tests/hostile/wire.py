@@ -32,14 +32,13 @@ from consilience.run import (
 from consilience.store import Store
 from consilience.worker import Reply, Request, _sound
 from consilience.workers import codec, frames
-from consilience.workers.frames import MAGIC, PREFIX, VERSION, ProtocolError
+from consilience.workers.frames import MAGIC, PREFIX, VERSION, Incoming, ProtocolError
 from consilience.workers.jobs import Plan, Said, Survey, perform
-from consilience.workers.process import _Incoming
-from consilience.workers.sending import frame_of, job, loading
-from consilience.workers.serve import Server, _Bytes, read_frame
+from consilience.workers.sending import Held, job, loading
+from consilience.workers.serve import Server, _Bytes, read_frames
 from hostile.mutations import TABLE_KINDS, TEXT_KINDS, _json, changed_bytes, changed_tables
 from hostile.pages import check_terminal
-from hostile.watch import Breach, watched
+from hostile.watch import Breach, import_everything, watched
 
 METHOD = Method("RK4", Route.NATIVE, 4, (2, 4), settings={"step": 0.01}, softness=1.0)
 RUNNER, WORKER = b"r", b"w"
@@ -95,14 +94,14 @@ def _server():
 
 def _obeyed(raw):
     """What a worker answers to frames."""
-    server, stream, replies = _server(), _Bytes(raw), b""
-    while (frame := read_frame(stream)) is not None:
+    server, replies = _server(), b""
+    for frame in read_frames(_Bytes(raw)):
         replies += server.handle(*frame) or b""
     return replies
 
 
 def _taken_apart(raw):
-    """Frames as tables: the header, and the body in hexadecimal digits."""
+    """Frames as tables: the two lines of the header, and the body in hexadecimal digits."""
     found = []
     while raw:
         *_, n, m = PREFIX.unpack(raw[: PREFIX.size])
@@ -111,15 +110,16 @@ def _taken_apart(raw):
             raw[PREFIX.size + n : PREFIX.size + n + m],
             raw[PREFIX.size + n + m :],
         )
-        found.append({"header": json.loads(text), "body": body.hex()})
+        header, form = map(json.loads, text.splitlines())
+        found.append({"header": header, "form": form, "body": body.hex()})
     return found
 
 
 def _put_together(tables):
     raw = b""
     for frame in tables if isinstance(tables, list) else []:
-        header, body = (frame.get("header"), frame.get("body")) if isinstance(frame, dict) else (frame, "")
-        text = _json(header).encode("utf-8", "surrogatepass")
+        header, form, body = map(frame.get, ("header", "form", "body")) if isinstance(frame, dict) else (frame, {}, "")
+        text = f"{_json(header)}\n{_json(form)}".encode("utf-8", "surrogatepass")
         try:
             data = bytes.fromhex(body)
         except (TypeError, ValueError):
@@ -132,8 +132,9 @@ def wire_seeds():
     """Frames to a worker, and its replies."""
     found = []
     for request in _requests():
-        key, mechanism = (None, b"") if request.mechanism is None else frame_of(request.mechanism)
-        sent = mechanism + job(request, key, 7)
+        mechanism, first = Held().need(request.mechanism)
+        method, second = Held().need(request.method)
+        sent = first + second + job(request, mechanism, method, 7)
         found += [(WORKER, sent), (RUNNER, _obeyed(sent))]
     answered = Survey((Said(Question.MODEL, METHOD, None, "singular"),), {Question.INSTANT: (Unsupported("b", "c"),)})
     tree, arrays = codec.encode(answered)
@@ -163,17 +164,6 @@ def wire_mutants(steps):
     )
 
 
-class _Wire:
-    """A socket that closes after what was sent."""
-
-    def __init__(self, raw):
-        self._stream = _Bytes(raw)
-
-    def recv(self, count):
-        buffer = bytearray(count)
-        return bytes(buffer[: self._stream.recv_into(memoryview(buffer))])
-
-
 class _Answers:
     """A worker that gives one value to whatever it is asked; a plan if that is needed and the value is none."""
 
@@ -190,9 +180,10 @@ class _Answers:
 
 def _received(raw, folder):
     """Do with a reply what the runner does; whether there was a value in it."""
-    coming = _Incoming()
-    coming.receive(_Wire(raw))
-    header, arrays = coming.frame()
+    coming = Incoming()
+    if not coming.add(raw):
+        raise ConnectionResetError
+    header, arrays = coming.take()
     if not _sound(header) or header["job"] != 7:
         return False
     value, case = codec.decode(header["value"], arrays), _case()
@@ -224,6 +215,7 @@ def swallow_wire(raw, folder):
 
 def warm_wire(folder):
     """Let everything be imported, and see that what is not mutated is accepted."""
+    import_everything()
     for to, raw, tables in wire_seeds():
         with suppress(Breach):  # types are looked up once
             swallow_wire(to + raw, folder)

@@ -169,7 +169,8 @@ def test_list_and_show_work_from_any_folder(tmp_path):
 def test_interrupt_stops_at_once_and_leaves_no_worker_behind(tmp_path):
     # a run started in the background of a shell ignores Ctrl-C, and so would its children: here it is listened to
     listening = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
-    command = [sys.executable, "-c", f"{listening}; from consilience.cli import main; main()", "run", "-o", "report"]
+    program = f"{listening}; from consilience.cli import main; main()"
+    command = [sys.executable, "-c", program, "run", "double_pendulum", "four_bar", "slider_crank", "-o", "report"]
     with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as process:
         try:
             workers = children(process.pid, least=2, within=180.0)

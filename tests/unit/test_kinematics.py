@@ -23,6 +23,7 @@ from consilience.kinematics import (
     relative_motion,
     row_gamma,
     row_jacobian,
+    row_jacobians,
     row_value,
 )
 from consilience.mechanism import BASIC_CONSTRAINTS, GROUND, JOINT_KINDS, Frame, Joint, Mechanism, State
@@ -88,6 +89,13 @@ def test_row_jacobian_is_the_rate_of_the_row(row, seed):
     found = row_jacobian(joint_frames(mechanism, state, joint), row) @ velocity
     expected = first_difference(lambda t: row_value(joint_frames(mechanism, at(state, acceleration, t), joint), row))
     assert found == pytest.approx(expected, rel=1e-9, abs=1e-10)
+
+
+def test_rows_together_are_each_by_itself():
+    mechanism, state, _ = flying_pair(9)
+    frames = joint_frames(mechanism, state, mechanism.joints[0])
+    alone = [row_jacobian(frames, row) for row in BASIC_CONSTRAINTS]
+    np.testing.assert_array_equal(row_jacobians(frames, tuple(BASIC_CONSTRAINTS)), alone)
 
 
 @pytest.mark.parametrize("seed", SEEDS)

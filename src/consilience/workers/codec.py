@@ -34,7 +34,7 @@ from consilience.run import (
 )
 from consilience.spatial import Array
 from consilience.workers.frames import ProtocolError
-from consilience.workers.jobs import Plan, Request, Said, Survey
+from consilience.workers.jobs import Plan, Said, Survey
 
 _MODEL = (
     *(Mechanism, Body, Frame, Joint, State),
@@ -44,7 +44,7 @@ _MODEL = (
     *(functions.Function, functions.Table),
 )
 _ANSWERS = (ModelAnswer, InstantAnswer, TrajectoryAnswer, EngineInfo, Manifest, Method, Unsupported, Plan, Said, Survey)
-CLASSES: dict[str, type] = {cls.__name__: cls for cls in (*_MODEL, *_ANSWERS, Request)}
+CLASSES: dict[str, type] = {cls.__name__: cls for cls in (*_MODEL, *_ANSWERS)}
 ENUMS: dict[str, type[Enum]] = {cls.__name__: cls for cls in (Question, Route, Profile)}
 
 DERIVED: dict[type, tuple[str, ...]] = {functions.Table: ("pieces",)}
@@ -66,7 +66,6 @@ CHECKED: dict[type, tuple[str, ...]] = {
 _NAMES: dict[type, tuple[str, ...]] = {
     cls: (*(f.name for f in fields(cls)), *DERIVED.get(cls, ())) for cls in CLASSES.values()
 }
-
 
 # ---------------------------------------------------------------- out
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from consilience.engine import Engine
 from consilience.mechanism import Mechanism, State
 from consilience.run import Manifest, Method, Question, Unsupported
@@ -25,6 +27,40 @@ class Request:
     times: Array | None = None
     step: float = 0.0
     survey: tuple[Question, ...] = ()
+
+
+_WIDTHS = {"p_WB": 3, "quat_WB": 4, "v_WB_W": 3, "w_WB_W": 3}
+"""Fields of a state, in the order of a row, and what each has for one body."""
+
+_WIDTH = sum(_WIDTHS.values())
+
+
+def stacked(states: Sequence[State]) -> Array:
+    """States of one mechanism as an array, one in a row: positions of all bodies, then quaternions, and so on."""
+    flat = np.concatenate([getattr(state, name).ravel() for state in states for name in _WIDTHS])
+    return flat.reshape(len(states), -1)
+
+
+def states_of(table: Array) -> tuple[State, ...]:
+    """States of such an array; they share its memory.
+
+    Raises
+    ------
+    ValueError
+        If it is none.
+    """
+    if table.dtype != np.float64 or table.ndim != 2 or table.shape[1] % _WIDTH:
+        raise ValueError(f"an array of {table.dtype} and shape {table.shape} holds no states")
+    return tuple(_state(row, len(row) // _WIDTH) for row in table)
+
+
+def _state(row: Array, bodies: int) -> State:
+    """Without the checks of a state: it must be the runner's to the last bit."""
+    state, at = object.__new__(State), 0
+    for name, width in _WIDTHS.items():
+        state.__dict__[name] = row[at : at + bodies * width].reshape(bodies, width)
+        at += bodies * width
+    return state
 
 
 @dataclass(frozen=True)

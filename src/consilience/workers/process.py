@@ -5,12 +5,14 @@ psutil looks at its memory and finds what it leaves behind; the standard library
 
 from __future__ import annotations
 
+import fcntl
 import os
 import secrets
 import select
 import signal
 import socket
 import subprocess
+import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -19,8 +21,7 @@ from dataclasses import dataclass
 import psutil
 
 from consilience.spatial import Array
-from consilience.workers import frames
-from consilience.workers.frames import Header, ProtocolError
+from consilience.workers.frames import Header, Incoming, ProtocolError
 
 _SLICE = 0.05
 """Time in s between two looks at the memory of a busy worker, at whether it lives, and at whether anybody waits."""
@@ -29,7 +30,7 @@ LOG_LIMIT = 4000
 MOST_OUTPUT = 64 * 2**20
 """Characters of the output of a job that are kept, and bytes of it beyond which the worker is stopped."""
 
-_CHUNK = 2**18
+_CHUNK = 2**16
 _LAST_WORDS = 0.2
 """Time in s that a hanging worker has to say where it hangs, and a closed one to die."""
 
@@ -50,6 +51,22 @@ class Fault(Exception):
     """The worker did not answer as it should; it must be replaced."""
 
 
+_F_SETSIG = 10
+"""Linux: the signal that a descriptor raises."""
+
+
+def _tie(lifeline: int, group: int) -> None:
+    """Let a process group be killed when nobody can write to a pipe any more: nobody ever does, the runner has gone.
+
+    The signal belongs to the open pipe, not to this process: it is raised even while the worker starts, or is held up in
+    native code.
+    """
+    if sys.platform == "linux":
+        fcntl.fcntl(lifeline, fcntl.F_SETOWN, -group)
+        fcntl.fcntl(lifeline, _F_SETSIG, signal.SIGKILL)
+        fcntl.fcntl(lifeline, fcntl.F_SETFL, fcntl.fcntl(lifeline, fcntl.F_GETFL) | os.O_ASYNC)
+
+
 class Process:
     """One worker process.
 
@@ -58,6 +75,11 @@ class Process:
     launch : Launch
     memory : int, bytes
         Resident memory it may use.
+
+    Attributes
+    ----------
+    more : bool
+        Whether something has come along with the last answer.
     """
 
     def __init__(self, launch: Launch, memory: int) -> None:
@@ -77,6 +99,7 @@ class Process:
                 pass_fds=(theirs.fileno(), lifeline),
                 start_new_session=True,
             )
+            _tie(lifeline, self._process.pid)
         except BaseException:
             self._close()
             raise
@@ -87,14 +110,19 @@ class Process:
         self._seen = psutil.Process(self._process.pid)
         self._wire.setblocking(False)
         os.set_blocking(self._output, False)
+        self._channel = self._wire.fileno()
         self._poll = select.poll()
         self._poll.register(self._output, select.POLLIN)
+        self._poll.register(self._wire, select.POLLIN)
+        self._sending, self.more = False, False
         self._log, self._printed, self._open = bytearray(), 0, True
 
     # ------------------------------------------------------------ frames
 
     def quiet(self) -> bool:
         """Whether nothing has come that nobody asked for."""
+        if self.more:
+            return False
         try:
             self._wire.recv(1, socket.MSG_PEEK)
         except BlockingIOError:
@@ -119,32 +147,55 @@ class Process:
         Fault
             In words, what happened instead. The process may still live.
         """
-        deadline = time.monotonic() + limit
-        coming = _Incoming()
+        coming = Incoming()
         try:
             left = self._sent(memoryview(data))  # at once: most jobs fit into the buffer of the socket
+            now = time.monotonic()
+            deadline, look = now + limit, now + _SLICE
+            while True:
+                self._expect(bool(left))
+                ready = dict(self._poll.poll(1000.0 * max(0.0, min(look, deadline) - now)))
+                if self._output in ready:  # first: what was printed before an answer belongs to it
+                    self._listen()
+                event = ready.get(self._channel, 0)
+                if event & select.POLLOUT:
+                    left = self._sent(left)
+                if event & ~select.POLLOUT and self._received(coming):
+                    found = coming.take()
+                    self.more = len(coming) > 0
+                    return found
+                now = time.monotonic()
+                if now >= min(look, deadline):
+                    self._look(coming, stopped, now >= deadline, limit)
+                    look = now + _SLICE
         except ConnectionError:
             raise self._gone(coming) from None
-        look = time.monotonic() + _SLICE
-        while True:
-            now = time.monotonic()
-            self._poll.register(self._wire, select.POLLIN | (select.POLLOUT if left else 0))
-            ready = dict(self._poll.poll(1000.0 * max(0.0, min(look, deadline) - now)))
-            try:
-                if self._output in ready:
-                    self._listen()
-                if ready.get(self._wire.fileno(), 0) & select.POLLOUT:
-                    left = self._sent(left)
-                if ready.get(self._wire.fileno(), 0) & ~select.POLLOUT and coming.receive(self._wire):
-                    return coming.frame()
-            except ConnectionError:
-                raise self._gone(coming) from None
-            except ProtocolError as error:
-                raise Fault(str(error)) from None
-            now = time.monotonic()
-            if now >= min(look, deadline):
-                self._look(coming, stopped, now >= deadline, limit)
-                look = now + _SLICE
+        except ProtocolError as error:
+            raise Fault(str(error)) from None
+
+    def _expect(self, sending: bool) -> None:
+        """Wait for what comes, and for room in the socket while there is something to send."""
+        if sending is not self._sending:
+            self._poll.modify(self._wire, select.POLLIN | (select.POLLOUT if sending else 0))
+            self._sending = sending
+
+    def _received(self, coming: Incoming) -> bool:
+        """Take what there is; whether the frame is complete.
+
+        Raises
+        ------
+        ConnectionError
+            At the end of the stream.
+        ProtocolError
+            If this is no frame.
+        """
+        try:
+            while chunk := self._wire.recv(_CHUNK):
+                if coming.add(chunk):
+                    return True
+        except BlockingIOError:
+            return False
+        raise ConnectionResetError
 
     def _sent(self, data: memoryview) -> memoryview:
         """Send what the socket takes now; what is left."""
@@ -153,7 +204,7 @@ class Process:
                 data = data[self._wire.send(data) :]
         return data
 
-    def _look(self, coming: _Incoming, stopped: Callable[[], bool], late: bool, limit: float) -> None:
+    def _look(self, coming: Incoming, stopped: Callable[[], bool], late: bool, limit: float) -> None:
         """See that the worker lives, fits in its memory, and that somebody waits.
 
         Raises
@@ -170,14 +221,14 @@ class Process:
                 raise Fault(f"out of memory: {used / 2**20:.0f} MiB, the limit is {self._memory / 2**20:.0f} MiB")
         if late:
             self._ask_where()
-            raise Fault(f"no answer within {limit:g} s; the worker was stopped{coming.part()}")
+            raise Fault(f"no answer within {limit:g} s; the worker was stopped{_part(coming)}")
 
-    def _gone(self, coming: _Incoming) -> Fault:
+    def _gone(self, coming: Incoming) -> Fault:
         """Why the other end is closed."""
         with suppress(subprocess.TimeoutExpired):
             code = self._process.wait(_LAST_WORDS)
-            return Fault(f"the worker died: {_death(code)}{coming.part()}")
-        return Fault(f"the worker closed its connection and lived on{coming.part()}")
+            return Fault(f"the worker died: {_death(code)}{_part(coming)}")
+        return Fault(f"the worker closed its connection and lived on{_part(coming)}")
 
     # ------------------------------------------------------------ output
 
@@ -206,10 +257,9 @@ class Process:
                 return
 
     def printed(self) -> str:
-        """End of what was printed since the last call."""
-        if self._open:
-            with suppress(Fault, OSError):
-                self._listen()
+        """End of what was printed since the last call, as far as it was listened to."""
+        if not self._printed:
+            return ""
         text = self._log.decode(errors="replace")[-LOG_LIMIT:]
         self._log, self._printed = bytearray(), 0
         return text
@@ -241,9 +291,10 @@ class Process:
                 other = psutil.Process(pid)
                 if other.environ().get(_MARK) == self._mark:
                     other.kill()
-        text = self.printed()
+        with suppress(Fault, OSError):
+            self._listen()
         self._close()
-        return text
+        return self.printed()
 
     def _close(self) -> None:
         self._open = False
@@ -252,54 +303,10 @@ class Process:
         os.close(self._output)
 
 
-class _Incoming:
-    """A frame of which parts have come."""
-
-    def __init__(self) -> None:
-        self._prefix = bytearray()
-        self._sizes: tuple[int, int] | None = None
-        self._rest = bytearray()
-        self._have = 0
-
-    def receive(self, wire: socket.socket) -> bool:
-        """Take what is there; whether the frame is complete.
-
-        Raises
-        ------
-        ConnectionError
-            At the end of the stream.
-        ProtocolError
-            If this is no frame.
-        """
-        with suppress(BlockingIOError):
-            while self._sizes is None:
-                self._prefix += _some(wire.recv(frames.PREFIX.size - len(self._prefix)))
-                if len(self._prefix) == frames.PREFIX.size:
-                    self._sizes = frames.sizes(bytes(self._prefix))
-            while self._have < sum(self._sizes):
-                chunk = _some(wire.recv(min(_CHUNK, sum(self._sizes) - self._have)))
-                self._rest += chunk
-                self._have += len(chunk)
-            return True
-        return False
-
-    def frame(self) -> tuple[Header, list[Array]]:
-        """The complete frame."""
-        assert self._sizes is not None
-        n = self._sizes[0]
-        return frames.unpack(bytes(self._rest[:n]), bytearray(self._rest[n:]))
-
-    def part(self) -> str:
-        """What has come of an unfinished frame, in words."""
-        have = len(self._prefix) + self._have
-        whole = f" of {frames.PREFIX.size + sum(self._sizes)}" if self._sizes else ""
-        return f", after {have}{whole} bytes of an answer" if have else ""
-
-
-def _some(chunk: bytes) -> bytes:
-    if not chunk:
-        raise ConnectionResetError
-    return chunk
+def _part(coming: Incoming) -> str:
+    """What has come of an unfinished frame, in words."""
+    whole = f" of {coming.announced}" if coming.announced else ""
+    return f", after {len(coming)}{whole} bytes of an answer" if len(coming) else ""
 
 
 def _death(exitcode: int) -> str:

@@ -1,33 +1,63 @@
-"""What a worker is sent: mechanisms, engines to load, jobs."""
+"""What a worker is sent: mechanisms and methods to keep, engines to load, jobs."""
 
 from __future__ import annotations
 
 import hashlib
-from dataclasses import replace
-from weakref import WeakKeyDictionary
+import weakref
+from collections import OrderedDict
+
+import numpy as np
 
 from consilience.mechanism import Mechanism
+from consilience.run import Method
 from consilience.workers import codec, frames
 from consilience.workers.environments import local_name
-from consilience.workers.jobs import Request
+from consilience.workers.jobs import Request, stacked
 
-_packed: WeakKeyDictionary[Mechanism, tuple[str, bytes]] = WeakKeyDictionary()
+REMEMBERED = 32
+"""Mechanisms that a worker holds at a time, and methods."""
+
+_packed: dict[int, tuple[weakref.ref[Mechanism | Method], str, bytes]] = {}
+"""By identity: a method holds a table of settings and has no hash."""
 
 
-def frame_of(mechanism: Mechanism) -> tuple[str, bytes]:
-    """Key of a mechanism, by its content, and the frame that sends it."""
-    known = _packed.get(mechanism)
-    if known is None:
-        tree, arrays = codec.encode(mechanism)
+def frame_of(value: Mechanism | Method) -> tuple[str, bytes]:
+    """Key of a mechanism or method, by its content, and the frame that has a worker keep it."""
+    name = id(value)
+    if name not in _packed:
+        tree, arrays = codec.encode(value)
         key = hashlib.sha256(frames.pack({"value": tree}, arrays)).hexdigest()
-        known = _packed[mechanism] = key, frames.pack({"kind": "mechanism", "key": key, "value": tree}, arrays)
-    return known
+        frame = frames.pack({"kind": "keep", "key": key, "value": tree}, arrays)
+        _packed[name] = weakref.ref(value, lambda _: _packed.pop(name, None)), key, frame
+    return _packed[name][1:]
+
+
+class Held:
+    """What a worker has been sent to keep: the last used of one kind."""
+
+    def __init__(self) -> None:
+        self._keys: OrderedDict[str, None] = OrderedDict()
+
+    def need(self, value: Mechanism | Method | None) -> tuple[str | None, bytes]:
+        """Key under which the worker holds a value, and the frames to send before a job that needs it."""
+        if value is None:
+            return None, b""
+        key, frame = frame_of(value)
+        if key in self._keys:
+            self._keys.move_to_end(key)
+            return key, b""
+        self._keys[key] = None
+        if len(self._keys) > REMEMBERED:
+            oldest, _ = self._keys.popitem(last=False)
+            frame += frames.pack({"kind": "forget", "key": oldest})
+        return key, frame
 
 
 def alone(engine: str, request: Request) -> bytes:
     """All frames that an empty worker needs for a job: ``python -m consilience.workers FILE`` does it."""
-    key, mechanism = (None, b"") if request.mechanism is None else frame_of(request.mechanism)
-    return loading(engine, 1) + mechanism + job(request, key, 2)
+    mechanism, first = Held().need(request.mechanism)
+    method, second = Held().need(request.method)
+    return loading(engine, 1) + first + second + job(request, mechanism, method, 2)
 
 
 def loading(engine: str, number: int) -> bytes:
@@ -35,7 +65,18 @@ def loading(engine: str, number: int) -> bytes:
     return frames.pack({"kind": "load", "job": number, "engine": local_name(engine)})
 
 
-def job(request: Request, key: str | None, number: int) -> bytes:
-    """Frame of a job about the mechanism of a key."""
-    tree, arrays = codec.encode(replace(request, mechanism=None))
-    return frames.pack({"kind": "job", "job": number, "mechanism": key, "value": tree}, arrays)
+def job(request: Request, mechanism: str | None, method: str | None, number: int) -> bytes:
+    """Frame of a job about the mechanism and by the method of these keys."""
+    arrays = [stacked(request.states)] if request.states else []
+    told = {
+        "kind": "job",
+        "job": number,
+        "mechanism": mechanism,
+        "method": method,
+        "question": request.question,
+        "survey": request.survey,
+        "step": float(request.step),
+        "states": len(arrays),
+        "times": int(request.times is not None),
+    }
+    return frames.pack(told, arrays if request.times is None else [*arrays, np.asarray(request.times)])

@@ -16,33 +16,38 @@ import signal
 import socket
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import replace
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
 from consilience.engine import Engine, load_engine
 from consilience.mechanism import Mechanism
+from consilience.run import Method, Question
 from consilience.spatial import Array
 from consilience.workers import codec, frames
-from consilience.workers.frames import Header, ProtocolError
-from consilience.workers.jobs import Request, perform, raised
+from consilience.workers.frames import Header, Incoming, ProtocolError
+from consilience.workers.jobs import Request, perform, raised, states_of
+
+_T = TypeVar("_T")
 
 _HIGH = 200
 """Least number of the descriptor that the protocol uses."""
 
-_F_SETSIG, _PR_SET_CHILD_SUBREAPER = 10, 36
-"""Linux: the signal that a descriptor raises; descendants whose parent has gone become children of this process."""
+_CHUNK = 2**16
+"""Bytes that are read at a time."""
+
+_PR_SET_CHILD_SUBREAPER = 36
+"""Linux: descendants whose parent has gone become children of this process."""
 
 
 class Server:
-    """One engine and the mechanisms it has been sent."""
+    """One engine, and the mechanisms and methods it has been sent to keep."""
 
     def __init__(self) -> None:
         self.engine: Engine | None = None
-        self.mechanisms: dict[str, Mechanism] = {}
+        self.kept: dict[str, Mechanism | Method] = {}
 
     def handle(self, header: Header, arrays: Sequence[Array]) -> bytes | None:
         """Obey one frame: the reply, packed, or None where none is expected.
@@ -55,36 +60,55 @@ class Server:
         kind = header.get("kind")
         _check_entries(kind, header)
         if kind == "load":
-            return self._replied(header, lambda: self._load(header["engine"]))
-        if kind == "mechanism":
-            mechanism = codec.decode(header["value"], arrays)
-            if not isinstance(mechanism, Mechanism):
-                raise ProtocolError(f"a {type(mechanism).__name__} is no mechanism")
-            self.mechanisms[header["key"]] = _frozen(mechanism)
+            return self._replied(header, lambda: header["engine"], self._load)
+        if kind == "keep":
+            value = codec.decode(header["value"], arrays)
+            if not isinstance(value, Mechanism | Method):
+                raise ProtocolError(f"a {type(value).__name__} is neither mechanism nor method")
+            self.kept[header["key"]] = _frozen(value)
             return None
         if kind == "forget":
-            self.mechanisms.pop(header["key"], None)
+            self.kept.pop(header["key"], None)
             return None
-        return self._replied(header, lambda: self._perform(header, arrays))
+        return self._replied(header, lambda: self._request(header, arrays), self._perform)
 
     def _load(self, name: str) -> None:
         self.engine = load_engine(name)
 
-    def _perform(self, header: Header, arrays: Sequence[Array]) -> object:
-        request = codec.decode(header["value"], arrays)
-        if not isinstance(request, Request) or header["mechanism"] not in (None, *self.mechanisms):
-            raise ProtocolError("the job is no request, or about a mechanism that was not sent")
-        if header["mechanism"] is not None:
-            request = replace(request, mechanism=self.mechanisms[header["mechanism"]])
+    def _request(self, header: Header, arrays: Sequence[Array]) -> Request:
+        mechanism, method = self._held(header["mechanism"], Mechanism), self._held(header["method"], Method)
+        states, times = header["states"] == 1, header["times"] == 1
+        if len(arrays) != states + times:
+            raise ProtocolError(f"the job has {len(arrays)} arrays, and says otherwise")
+        try:
+            question = None if header["question"] is None else Question(header["question"])
+            survey = tuple(map(Question, header["survey"]))
+            given = states_of(arrays[0]) if states else ()
+        except ValueError as error:
+            raise ProtocolError(f"the job is no request: {error}") from None
+        return Request(mechanism, question, method, given, arrays[-1] if times else None, header["step"], survey)
+
+    def _held(self, key: str | None, kind: type[_T]) -> _T | None:
+        """What was sent under a key."""
+        if key is None:
+            return None
+        value = self.kept.get(key)
+        if not isinstance(value, kind):
+            raise ProtocolError(f"the job refers to a {kind.__name__} that was not sent")
+        return value
+
+    def _perform(self, request: Request) -> object:
         assert self.engine is not None
         return perform(self.engine, request)
 
-    def _replied(self, header: Header, action: Any) -> bytes:
-        """Reply to a frame: the value, or in words why there is none, and the CPU time."""
+    def _replied(self, header: Header, given: Callable[[], _T], action: Callable[[_T], object]) -> bytes:
+        """Reply to a frame: the value, or in words why there is none, and the CPU time of the action."""
         start = time.process_time()
         reply: Header = {"kind": "reply", "job": header["job"], "reason": "", "value": None}
         try:
-            answer = action()
+            read = given()
+            start = time.process_time()
+            answer = action(read)
             reply |= {"cpu": time.process_time() - start, "strays": _left_behind()}
             value, arrays = codec.encode(answer)
             return frames.pack(reply | {"value": value}, arrays)
@@ -95,9 +119,12 @@ class Server:
 
 _ENTRIES: dict[str, dict[str, Any]] = {
     "load": {"job": int, "engine": str},
-    "mechanism": {"key": str, "value": object},
+    "keep": {"key": str, "value": object},
     "forget": {"key": str},
-    "job": {"job": int, "mechanism": str | None, "value": object},
+    "job": {
+        **{"job": int, "mechanism": str | None, "method": str | None, "question": str | None},
+        **{"survey": list, "step": float, "states": int, "times": int},
+    },
 }
 """By the kind of a frame: its other entries and their types."""
 
@@ -111,9 +138,9 @@ def _check_entries(kind: object, header: Header) -> None:
             raise ProtocolError(f"a frame of the kind {kind!r} has no {name!r} of the right type")
 
 
-def _frozen(mechanism: Mechanism) -> Mechanism:
+def _frozen(kept: Mechanism | Method) -> Mechanism | Method:
     """Make every array read-only, as the runner has it: a mechanism that is remembered must not change."""
-    stack: list[Any] = [mechanism]
+    stack: list[Any] = [kept]
     while stack:
         value = stack.pop()
         if isinstance(value, np.ndarray):
@@ -122,7 +149,7 @@ def _frozen(mechanism: Mechanism) -> Mechanism:
             stack += value
         elif type(value) in codec.CLASSES.values():
             stack += vars(value).values()
-    return mechanism
+    return kept
 
 
 # ---------------------------------------------------------------- the process
@@ -131,30 +158,24 @@ def _frozen(mechanism: Mechanism) -> Mechanism:
 class Stream(Protocol):
     """Where frames come from."""
 
-    def recv_into(self, buffer: memoryview, /) -> int:
-        """Fill the buffer, or a part of it; 0 at the end."""
+    def recv(self, count: int, /) -> bytes:
+        """Some bytes, at most so many; none at the end."""
         ...
 
 
-def read_frame(stream: Stream) -> tuple[Header, list[Array]] | None:
-    """Wait for the next frame; None at the end of the stream."""
-    prefix = _exactly(stream, frames.PREFIX.size)
-    if prefix is None:
-        return None
-    n_header, n_body = frames.sizes(bytes(prefix))
-    header, body = _exactly(stream, n_header), _exactly(stream, n_body)
-    return None if header is None or body is None else frames.unpack(header, body)
+def read_frames(stream: Stream) -> Iterator[tuple[Header, list[Array]]]:
+    """Frames as they come, up to the end of the stream.
 
-
-def _exactly(stream: Stream, count: int) -> bytearray | None:
-    found = bytearray(count)
-    view, have = memoryview(found), 0
-    while have < count:
-        more = stream.recv_into(view[have:])
-        if more == 0:
-            return None
-        have += more
-    return found
+    Raises
+    ------
+    ProtocolError
+    """
+    coming = Incoming()
+    while chunk := stream.recv(_CHUNK):
+        ready = coming.add(chunk)
+        while ready:
+            yield coming.take()
+            ready = coming.add(b"")
 
 
 def serve(channel: int, lifeline: int) -> None:
@@ -169,8 +190,8 @@ def serve(channel: int, lifeline: int) -> None:
                 {"kind": "hello", "pid": os.getpid(), "python": platform.python_version(), "numpy": np.__version__}
             )
         )
-        while (frame := read_frame(runner)) is not None:
-            reply = server.handle(*frame)
+        for header, arrays in read_frames(runner):
+            reply = server.handle(header, arrays)
             if reply is not None:
                 _flush(libc)
                 runner.sendall(reply)
@@ -183,12 +204,9 @@ def _settle(lifeline: int) -> None:
     faulthandler.enable(sys.stderr, all_threads=False)
     faulthandler.register(signal.SIGUSR1, sys.stderr, all_threads=False)
     if sys.platform == "linux":
-        # nobody writes to the lifeline: that it is ready means that the runner has gone
-        high = fcntl.fcntl(lifeline, fcntl.F_DUPFD_CLOEXEC, _HIGH)
+        # nobody writes to the lifeline: while it is open, its signal ends this process group with the runner
+        fcntl.fcntl(lifeline, fcntl.F_DUPFD_CLOEXEC, _HIGH)
         os.close(lifeline)
-        fcntl.fcntl(high, fcntl.F_SETOWN, -os.getpgrp())
-        fcntl.fcntl(high, _F_SETSIG, signal.SIGKILL)
-        fcntl.fcntl(high, fcntl.F_SETFL, fcntl.fcntl(high, fcntl.F_GETFL) | os.O_ASYNC)
         ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
 
 
@@ -209,25 +227,21 @@ def _left_behind() -> bool:
     return False
 
 
+def replay(data: bytes) -> str:
+    """Obey frames in this process, without limits: where a debugger can look; the last reply in words."""
+    server, last = Server(), "there was no job in the file"
+    for frame in read_frames(_Bytes(data)):
+        for header, arrays in read_frames(_Bytes(server.handle(*frame) or b"")):
+            last = header["reason"] or str(codec.decode(header["value"], arrays))
+    return last
+
+
 class _Bytes:
     """Frames from memory."""
 
     def __init__(self, data: bytes) -> None:
-        self._left = memoryview(data)
+        self._left = data
 
-    def recv_into(self, buffer: memoryview, /) -> int:
-        count = min(len(buffer), len(self._left))
-        buffer[:count] = self._left[:count]
-        self._left = self._left[count:]
-        return count
-
-
-def replay(data: bytes) -> str:
-    """Obey frames in this process, without limits: where a debugger can look; the last reply in words."""
-    stream, server, last = _Bytes(data), Server(), "there was no job in the file"
-    while (frame := read_frame(stream)) is not None:
-        reply = server.handle(*frame)
-        if reply is not None:
-            header, arrays = read_frame(_Bytes(reply)) or ({}, [])
-            last = header["reason"] or str(codec.decode(header["value"], arrays))
-    return last
+    def recv(self, count: int) -> bytes:
+        found, self._left = self._left[:count], self._left[count:]
+        return found
