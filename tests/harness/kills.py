@@ -140,7 +140,15 @@ def disturb(suite: Suite, folder: Path, after: int, delay: float, target: str, c
         if target != "runner" and workers:
             workers[int(chance * len(workers))].kill()
     process.join(600)
-    return psutil.wait_procs(workers, timeout=2.0)[1]
+    return [worker for worker in psutil.wait_procs(workers, timeout=2.0)[1] if not _is_dead(worker)]
+
+
+def _is_dead(process: psutil.Process) -> bool:
+    """Whether it has ended, buried or not: who buries orphans is the system's affair, and it may take its time."""
+    try:
+        return process.status() == psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return True
 
 
 def campaign(suite: Suite, kills: int, seed: int, room: Path) -> list[str]:

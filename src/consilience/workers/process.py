@@ -58,7 +58,7 @@ _F_SETSIG = 10
 def _tie(lifeline: int, group: int) -> None:
     """Let a process group be killed when nobody can write to a pipe any more: nobody ever does, the runner has gone.
 
-    The signal belongs to the open pipe, not to this process: it is raised even while the worker starts, or is held up in
+    The signal belongs to the open pipe, not to a process: it is raised even while the worker starts, or is held up in
     native code.
     """
     if sys.platform == "linux":
