@@ -208,7 +208,7 @@ def _samples(
 
 
 @inner
-def _record_step(
+def _record(
     tree: Tree,
     rest: Rest | None,
     elements: Elements | None,
@@ -222,8 +222,8 @@ def _record_step(
     motion: Array,
     counters: Array,
     sample: int,
-) -> tuple[int, bool]:
-    """Record the samples of a step from t to `after`; the number of the next one, and whether K knows its end."""
+) -> tuple[int, int]:
+    """Record the samples of a step from t to `after`; the number of the next one, and the next stage not known."""
     first = sample
     while sample < times.shape[0] and times[sample] < after:
         sample += 1
@@ -232,13 +232,22 @@ def _record_step(
         record(tree.A, tree.y, motion[sample])
         sample += 1
     if first == inner:
-        return sample, False
+        return sample, BEGIN
     F = np.empty((3 + D_DENSE.shape[0], z.shape[0]))
     _evaluate(tree, rest, elements, z, end, K, t, step, END, ALL_STAGES)
     counters[EVALUATIONS] += ALL_STAGES - END
     _polynomial(z, end, K, step, F)
     _samples(tree, rest, elements, z, F, t, step, times[first:inner], motion[first:inner])
-    return sample, True
+    return sample, SECOND
+
+
+@njit(cache=True, error_model="numpy")
+def _advance(z: Array, end: Array, K: Array, first: int) -> None:
+    """Go on to the end of a step, whose derivative is the first stage of the next one where that is known."""
+    for n in range(z.shape[0]):
+        z[n] = end[n]
+        if first == SECOND:
+            K[0, n] = K[END, n]
 
 
 @inner
@@ -278,25 +287,17 @@ def integrate(
 ) -> int:
     """Integrate from ``times[0]`` and record the bodies at all sample times.
 
-    It is compiled for what a mechanism has: trees, linkages and elements (`model.System`).
-
     Parameters
     ----------
-    rest : Rest or None
-        None for a tree without elements.
-    elements : Elements or None
-        None where only joints and gravity act.
+    rest, elements : Rest and Elements, or None
+        None where a mechanism has none (`model.System`): kernels are compiled for what it has.
     z : ndarray, shape (n_z,)
         Initial state; overwritten by the last.
     times : ndarray, shape (n_t,), s
-    tolerance : float
-        Bound on the scaled local error.
-    longest : float, s
-        Bound on the steps.
-    motion : ndarray, shape (n_t, n_b + n_e, 13)
-        Overwritten.
-    counters : ndarray of int, shape (3,)
-        Overwritten: accepted steps, rejected steps, evaluations.
+    tolerance, longest : float
+        Bounds on the scaled local error, and on the steps in s.
+    motion, counters : ndarray, shapes (n_t, n_b + n_e, 13) and (3,)
+        Overwritten; counters are accepted steps, rejected steps, evaluations.
 
     Returns
     -------
@@ -329,11 +330,7 @@ def integrate(
         after = last if step == last - t else t + step
         arrive(tree, rest, elements, after, trial)
         bound = longest_now(tree, elements, longest)
-        sample, known = _record_step(tree, rest, elements, z, trial, K, t, step, after, times, motion, counters, sample)
-        first = SECOND if known else BEGIN
-        for n in range(z.shape[0]):
-            z[n] = trial[n]
-            if known:
-                K[0, n] = K[END, n]
+        sample, first = _record(tree, rest, elements, z, trial, K, t, step, after, times, motion, counters, sample)
+        _advance(z, trial, K, first)
         t, h = after, step * factor if step == h else max(h, step * factor)
     return 0
