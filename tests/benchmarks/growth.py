@@ -40,7 +40,7 @@ def main():
         calls = (lambda u=u, e=equations: e.derivative(0.0, u)), (lambda u=u, e=equations: e.settle(0.0, u))
         for call in calls:
             call()
-        row = np.array([len(equations._ws.fronts.F), *(1e6 * least(call, max(3, 2000 // n)) for call in calls)])
+        row = np.array([len(equations._rest.fronts.F), *(1e6 * least(call, max(3, 2000 // n)) for call in calls)])
         steps = np.log(row / before[1]) / np.log(n / before[0]) if before else []
         print(
             f"| {n} | {row[0]:.0f} | {row[1]:.1f} | {row[2]:.1f} | {' '.join(f'{s:.2f}' for s in steps)} |", flush=True

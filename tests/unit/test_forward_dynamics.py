@@ -11,7 +11,7 @@ from consilience.errors import InvalidInput
 from consilience.mechanism import GROUND, Mechanism
 from consilience.observe import mass_matrix_condition
 from consilience.reference import ForwardDynamics
-from consilience.reference.relative.model import flatten_relative, scratch
+from consilience.reference.relative.model import flatten_relative, system
 from consilience.reference.workspace import workspace
 from consilience.spatial import rotation_angle_between, rotation_from_quaternion
 from mechanisms import ELEMENTS, GRAVITY, LOOPS, TREES, chain, drawn_joint, lumpy_body, rotation, states_of
@@ -184,5 +184,5 @@ def test_the_memory_of_a_chain_is_that_of_the_number_of_its_bodies():
     for count in (20, 40):
         mechanism = chain(*["revolute"] * count)
         links, tree, model = flatten_relative(mechanism)
-        sizes.append(all_bytes([links, tree, model, scratch(mechanism, links, tree), workspace(tree.cut)]))
+        sizes.append(all_bytes([links, tree, model, system(mechanism, links, tree, model), workspace(tree.cut)]))
     assert sizes[1] < 2.05 * sizes[0]

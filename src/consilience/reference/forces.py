@@ -120,7 +120,8 @@ def evaluate(model: Model, t: float, y: Array, memory: Array, ws: Workspace) -> 
 
     Arguments as in `constraints.evaluate`; forces from outside the model are in ``ws.external``.
     """
-    ws.f[:] = ws.external
+    for n in range(ws.f.shape[0]):  # an assignment of arrays takes seconds to compile
+        ws.f[n] = ws.external[n]
     gravity = load(model.gravity)
     for b in range(model.mass.shape[0]):
         w = load(y[b, 10:13])

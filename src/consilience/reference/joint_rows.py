@@ -22,7 +22,7 @@ from consilience.reference.vectors import Vector, add, column, cross, dot, load,
 from consilience.spatial import Array
 
 TURN = 2.0 * np.pi
-_D11, _D21, _Z = 4, 7, 2
+_D11, _D21, _Z = np.array([4, 7, 2])  # numbers of NumPy: see `relative.columns`
 
 
 class JointMotion(NamedTuple):

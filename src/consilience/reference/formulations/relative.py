@@ -17,11 +17,11 @@ from consilience.reference import constraints, forces
 from consilience.reference.canonical import at_origins, joint_wrenches
 from consilience.reference.formulations.null_space import mass_matrix
 from consilience.reference.joint_rows import coordinate
-from consilience.reference.model import Model, unpack
+from consilience.reference.model import unpack
 from consilience.reference.relative.columns import ACCELERATION
 from consilience.reference.relative.dynamics import derivative, find_rank, project, remember
 from consilience.reference.relative.kinematics import orient, place
-from consilience.reference.relative.model import BODY, Links, Scratch, flatten_relative, pack_relative, scratch
+from consilience.reference.relative.model import BODY, Elements, Rest, flatten_relative, pack_relative, system
 from consilience.reference.workspace import Workspace, workspace
 from consilience.run import Unsupported
 from consilience.spatial import Array
@@ -33,22 +33,22 @@ def unsupported(mechanism: Mechanism) -> tuple[Unsupported, ...]:
 
 
 @njit(cache=True, error_model="numpy")
-def _derivative(
-    links: Links,
-    model: Model,
-    cut: Model,
-    t: float,
-    z: Array,
-    memory: Array,
-    ws: Scratch,
-    rows: Workspace,
-    dz: Array,
-    turning: Array,
-) -> None:
-    """Derivatives of z and of the angles."""
-    derivative(links, model, cut, t, z, memory, ws, rows, dz)
-    for n in range(memory.shape[0]):
-        turning[n] = coordinate(model, ws.y, ws.A, n, memory[n]).rate
+def _derivative(rest: Rest, elements: Elements | None, t: float, z: Array, dz: Array) -> None:
+    """`derivative`, for Python."""
+    derivative(rest, elements, t, z, dz)
+
+
+@njit(cache=True, error_model="numpy")
+def _project(rest: Rest, elements: Elements | None, t: float, z: Array) -> None:
+    """`project`, for Python."""
+    project(rest, elements, t, z)
+
+
+@njit(cache=True, error_model="numpy")
+def _turning(elements: Elements, y: Array, A: Array, turning: Array) -> None:
+    """Derivatives of the angles, bodies as they are placed."""
+    for n in range(turning.shape[0]):
+        turning[n] = coordinate(elements.model, y, A, n, elements.memory[n]).rate
 
 
 class RelativeCoordinates:
@@ -59,36 +59,42 @@ class RelativeCoordinates:
     def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism = mechanism
         self._links, self._tree, self._model = flatten_relative(mechanism)
-        self._ws = scratch(mechanism, self._links, self._tree)
-        self._rows = workspace(self._tree.cut)._replace(A=self._ws.A)
+        _, self._rest, self._elements = system(mechanism, self._links, self._tree, self._model)
 
     def coordinates(self, state: State) -> Array:
         """Coordinates u of a consistent state: angles within half a turn of zero, integrals of controllers zero."""
-        z, memory = pack_relative(self.mechanism, self._links, self._tree, state), np.zeros(len(self._model.coordinate))
+        z = pack_relative(self.mechanism, self._links, self._tree, state)
         self._place(z)
-        remember(self._model, self._ws.y, self._ws.A, memory)
-        find_rank(self._links, self._model, self._tree.cut, 0.0, z, memory, self._ws, self._rows)
-        return np.concatenate([z, memory, self._ws.limit])
+        memory = self._remember(np.zeros(len(self._model.coordinate)))
+        find_rank(self._rest, self._elements, 0.0, z)
+        return np.concatenate([z, memory, self._rest.limit])
 
     def state(self, u: Array) -> State:
         """Canonical state of u."""
         self._place(self._split(u)[0])
-        orient(self._ws.A, self._ws.y)
-        return State(*unpack(self.mechanism, self._ws.y.copy()))
+        orient(self._rest.A, self._rest.y)
+        return State(*unpack(self.mechanism, self._rest.y.copy()))
 
     def derivative(self, t: float, u: Array) -> Array:
         """``du/dt`` at the time t, shape (n_u,)."""
         z, memory = self._split(u)
         du = np.zeros(len(u))
         dz, turning = self._split(du)
-        self._ws.limit[0] = round(u[-1])
-        _derivative(self._links, self._model, self._tree.cut, t, z, memory, self._ws, self._rows, dz, turning)
+        self._rest.limit[0] = round(u[-1])
+        if self._elements is not None:
+            self._elements.memory[:] = memory
+        _derivative(self._rest, self._elements, t, z, dz)
+        if self._elements is not None:
+            _turning(self._elements, self._rest.y, self._rest.A, turning)
         return du
 
     def settle(self, t: float, u: Array) -> Array:
         """New array: u projected onto the closed loops, with the angles and the rank found there."""
         z, memory = self._split(np.array(u, dtype=float))
-        return self._settled(t, z, memory)
+        if self._elements is not None:
+            self._elements.memory[:] = memory
+        _project(self._rest, self._elements, t, z)
+        return np.concatenate([z, self._remember(memory), self._rest.limit])
 
     def accelerations(self, state: State, t: float = 0.0) -> tuple[Array, Array]:
         """a_WB_W of the body origins (m/s^2) and alpha_WB_W (rad/s^2), world axes, each shape (n_b, 3).
@@ -99,43 +105,46 @@ class RelativeCoordinates:
             If they are not finite, for example at a spring of no length.
         """
         a = self._bodies(state, t)
-        return at_origins(self.mechanism, self._ws.y, a)
+        return at_origins(self.mechanism, self._rest.y, a)
 
     def reactions(self, state: State, t: float = 0.0) -> tuple[Array, Array]:
         """Joint reactions from the equations of motion of the bodies, of least norm where rows leave them open."""
-        a, ws = self._bodies(state, t), workspace(self._model)._replace(A=self._ws.A)
-        memory = np.zeros(len(self._model.coordinate))
-        remember(self._model, self._ws.y, self._ws.A, memory)
-        constraints.evaluate(self._model, t, self._ws.y, memory, ws)
+        a, ws = self._bodies(state, t), workspace(self._model)._replace(A=self._rest.A)
+        memory = self._remember(np.zeros(len(self._model.coordinate)))
+        constraints.evaluate(self._model, t, self._rest.y, memory, ws)
         force = mass_matrix(self._model) @ a - self._forces(t, memory, ws)
         lam: Array = np.linalg.lstsq(ws.Q.T, force, rcond=RANK_TOLERANCE)[0]
         wrench = joint_wrenches(self.mechanism, state, lam)
         return wrench[:, :3], wrench[:, 3:]
 
     def _forces(self, t: float, memory: Array, ws: Workspace) -> Array:
-        forces.evaluate(self._model, t, self._ws.y, memory, ws)
+        forces.evaluate(self._model, t, self._rest.y, memory, ws)
         return ws.f
 
     def _bodies(self, state: State, t: float) -> Array:
         """Accelerations (dv/dt, dw'/dt) of all bodies, shape (6 n_b,), with the bodies placed at the state."""
         u = self.coordinates(state)
         self.derivative(t, u)
-        orient(self._ws.A, self._ws.y)
+        A, y = self._rest.A, self._rest.y
+        orient(A, y)
         a = np.empty((len(self.mechanism.bodies), 6))
-        a[self._links.layout[:, BODY]] = self._ws.link[:-1, ACCELERATION : ACCELERATION + 6]
-        a[:, 3:] = np.einsum("bji,bj->bi", self._ws.A, a[:, 3:])
+        a[self._links.layout[:, BODY]] = self._rest.link[:-1, ACCELERATION : ACCELERATION + 6]
+        a[:, 3:] = np.einsum("bji,bj->bi", A, a[:, 3:])
         if not np.all(np.isfinite(a)):
             raise NumericalFailure(f"reference, {self.name}: the accelerations are not finite")
         return a.ravel()
 
-    def _settled(self, t: float, z: Array, memory: Array) -> Array:
-        project(self._links, self._model, self._tree.cut, t, z, memory, self._ws, self._rows)
-        remember(self._model, self._ws.y, self._ws.A, memory)
-        return np.concatenate([z, memory, self._ws.limit])
+    def _remember(self, memory: Array) -> Array:
+        """Angles that elements read, of the bodies as they are placed, their turns counted from those before."""
+        if self._elements is None:
+            return memory
+        self._elements.memory[:] = memory
+        remember(self._elements, self._rest.y, self._rest.A)
+        return self._elements.memory.copy()
 
     def _place(self, z: Array) -> None:
-        ws = self._ws
-        place(self._links.layout, ws.link, ws.free, self._links.speeds, z, ws.y, ws.A)
+        rest = self._rest
+        place(rest.layout, rest.link, rest.free, rest.speeds, z, rest.y, rest.A)
 
     def _split(self, u: Array) -> tuple[Array, Array]:
         """Views of u: z and the angles."""

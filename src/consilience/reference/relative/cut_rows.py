@@ -7,37 +7,34 @@ from numba import njit
 
 from consilience.reference.joint_rows import joint_motion, joint_row
 from consilience.reference.relative.columns import ACCELERATION
+from consilience.reference.relative.inner import inner
 from consilience.reference.relative.kinematics import vector_at
-from consilience.reference.relative.loops import TOUCHED
-from consilience.reference.relative.model import BODY
+from consilience.reference.relative.loops import CHOSEN, ROW, TOUCHED
+from consilience.reference.relative.model import BODY, CutJoints
 from consilience.reference.vectors import dot, load, rotate, rotate_back, scale, store
 from consilience.spatial import Array
 
 
 @njit(cache=True, error_model="numpy")
-def joint_rows(
-    closing: Array,
-    first_row: Array,
-    row_kind: Array,
-    row_target: Array,
-    body_i: Array,
-    body_j: Array,
-    arm_i: Array,
-    arm_j: Array,
-    axes_i: Array,
-    axes_j: Array,
-    pitch: Array,
-    y: Array,
-    A: Array,
-    W: Array,
-    value: Array,
-    gamma: Array,
-) -> None:
-    """Rows of the joints that close loops: wrenches on predecessor and successor, values and gammas."""
+def want(group: Array, order: Array, state: Array, wanted: Array) -> None:
+    """Mark the rows chosen: those that depend on them enter no acceleration."""
+    for n in range(wanted.shape[0]):
+        wanted[n] = 0
+    for g in range(group.shape[0]):
+        for n in range(group[g, ROW], group[g, ROW] + state[g, CHOSEN]):
+            wanted[order[n]] = 1
+
+
+@inner
+def joint_rows(joints: CutJoints, wanted: Array, y: Array, A: Array, W: Array, value: Array, gamma: Array) -> None:
+    """Rows wanted of the joints that close loops: wrenches on predecessor and successor, values and gammas."""
+    closing, first_row, row_kind, row_target, body_i, body_j, arm_i, arm_j, axes_i, axes_j, pitch = joints
     for m in range(closing.shape[0]):
         k = closing[m]
         motion = joint_motion(body_i, body_j, arm_i, arm_j, y, A, k)
         for n in range(first_row[k], first_row[k + 1]):
+            if not wanted[n]:
+                continue
             row = joint_row(axes_i[k], axes_j[k], pitch[k], A, motion, row_kind[n])
             value[n] = row.value - row_target[n]
             gamma[n] = row.gamma

@@ -11,7 +11,6 @@ from numba import njit
 from consilience.reference import constraints, forces
 from consilience.reference.functions import evaluate as function_at
 from consilience.reference.joint_rows import coordinate
-from consilience.reference.model import Model
 from consilience.reference.relative.articulated import (
     articulate,
     free_accelerations,
@@ -28,12 +27,13 @@ from consilience.reference.relative.cut_rows import (
     open_accelerations,
     open_rates,
     size_of_rows,
+    want,
 )
-from consilience.reference.relative.fronts import factorise, least_norm, respond, threshold
+from consilience.reference.relative.fronts import CHOOSE, KEEP, factorise, least_norm, respond, threshold
+from consilience.reference.relative.inner import inner
 from consilience.reference.relative.kinematics import coordinate_rates, displace, normalise, place
-from consilience.reference.relative.loops import ROW, ROW_END, Fronts, Loops
-from consilience.reference.relative.model import Links, Scratch
-from consilience.reference.workspace import Workspace
+from consilience.reference.relative.loops import CHOSEN, RANK, ROW, ROW_END, USED, Fronts, Loops
+from consilience.reference.relative.model import Elements, Rest, Tree
 from consilience.spatial import Array
 
 _POSITION_STEPS = 3
@@ -44,94 +44,111 @@ _PASSING_VIOLATION = 1e-11
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def cut_rows(links: Links, cut: Model, t: float, memory: Array, ws: Scratch, rows: Workspace) -> None:
+def cut_rows(rest: Rest, elements: Elements | None, t: float) -> None:
     """Value, wrenches, gamma and rate of the cut rows of the bodies as they are placed."""
-    if links.other_rows:
-        constraints.evaluate(cut, t, ws.y, memory, rows)
-        gather(links.loops.touched, links.layout, rows.Q, ws.A, ws.fronts.W)
+    if elements is not None and elements.other_rows:
+        constraints.evaluate(elements.cut, t, rest.y, elements.memory, elements.rows)
+        gather(rest.loops.touched, rest.layout, elements.rows.Q, rest.A, rest.fronts.W)
     else:
-        joint_rows(
-            links.closing,
-            cut.first_row,
-            cut.row_kind,
-            cut.row_target,
-            cut.body_i,
-            cut.body_j,
-            cut.arm_i,
-            cut.arm_j,
-            cut.axes_i,
-            cut.axes_j,
-            cut.pitch,
-            ws.y,
-            ws.A,
-            ws.fronts.W,
-            rows.value,
-            rows.gamma,
-        )
+        joint_rows(rest.joints, rest.fronts.wanted, rest.y, rest.A, rest.fronts.W, rest.value, rest.gamma)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
+def _respond(loops: Loops, layout: Array, fronts: Fronts, link: Array, free: Array) -> float:
+    """`respond` with the arrays of loops and fronts."""
+    return respond(
+        loops.group,
+        loops.touched,
+        loops.path,
+        loops.home,
+        fronts.order,
+        fronts.state,
+        layout,
+        fronts.W,
+        fronts.wrench,
+        fronts.F,
+        link,
+        free,
+    )
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _least_norm(loops: Loops, fronts: Fronts, free: Array) -> None:
+    """`least_norm` for the target of the fronts."""
+    least_norm(
+        loops.group,
+        loops.batch,
+        fronts.order,
+        fronts.state,
+        fronts.F,
+        fronts.tau,
+        fronts.x,
+        fronts.y,
+        fronts.target,
+        free,
+    )
+
+
+@njit(cache=True, error_model="numpy", inline="always")
 def _close(loops: Loops, layout: Array, link: Array, free: Array, fronts: Fronts, gamma: Array, size: float) -> None:
     """Joint forces that close the loops, for the accelerations of the links without them, added to the others."""
+    state = fronts.state
     open_accelerations(loops.touched, fronts.W, link, gamma, fronts.target)
-    fronts.used[:] = fronts.chosen
-    largest = respond(loops, layout, fronts, link, free)
-    factorise(loops, fronts, threshold(size, largest), False)
-    least_norm(loops, fronts, fronts.target, fronts.extra)
-    for n in range(free.shape[0]):
-        free[n, REST] += fronts.extra[n]
+    for g in range(loops.group.shape[0]):
+        state[g, USED] = state[g, CHOSEN]
+    largest = _respond(loops, layout, fronts, link, free)
+    factorise(loops.group, fronts.order, state, fronts.F, fronts.tau, threshold(size, largest), KEEP)
+    _least_norm(loops, fronts, free)
+
+
+@inner
+def _push(elements: Elements, layout: Array, y: Array, A: Array, t: float, z: Array, link: Array) -> None:
+    """Biases of the forces of elements."""
+    model, first = elements.model, elements.integrals
+    for n in range(model.control.shape[0]):
+        y[layout.shape[0] + n // 13, n % 13] = z[first + n]
+    forces.evaluate(model, t, y, elements.memory, elements.rows)
+    push_wrenches(layout, elements.rows.f, A, link)
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def accelerations(
-    links: Links, model: Model, cut: Model, t: float, z: Array, memory: Array, ws: Scratch, rows: Workspace
-) -> None:
-    """Fill ``ws.u``, accelerations of the free directions, and those of all links in their rows.
-
-    Parameters
-    ----------
-    rows : Workspace
-        Of the cut rows; its A is that of the bodies.
-    """
-    index, link, free = links.layout, ws.link, ws.free
-    place(index, link, free, links.speeds, z, ws.y, ws.A)
+def accelerations(rest: Rest, elements: Elements | None, t: float, z: Array) -> None:
+    """Fill ``rest.u``, accelerations of the free directions, and those of all links in their rows."""
+    layout, link, free, u = rest.layout, rest.link, rest.free, rest.u
+    place(layout, link, free, rest.speeds, z, rest.y, rest.A)
     inertias(link)
-    if links.plain:
-        free_biases(link)
+    if elements is not None and not elements.plain:
+        _push(elements, layout, rest.y, rest.A, t, z, link)
     else:
-        for n in range(model.control.shape[0]):
-            ws.y[index.shape[0] + n // 13, n % 13] = z[links.integrals + n]
-        forces.evaluate(model, t, ws.y, memory, rows)
-        push_wrenches(index, rows.f, ws.A, link)
+        free_biases(link)
     sweep_in(link, free)
-    sweep_out(link, free, ws.u, 1.0)
-    if links.loops.group.shape[0] > 0:
-        cut_rows(links, cut, t, memory, ws, rows)
-        _close(links.loops, index, link, free, ws.fronts, rows.gamma, ws.size[0])
-        sweep_out(link, free, ws.u, 1.0)
+    sweep_out(link, free, u, 1.0)
+    if rest.loops.group.shape[0] > 0:
+        want(rest.loops.group, rest.fronts.order, rest.fronts.state, rest.fronts.wanted)
+        cut_rows(rest, elements, t)
+        _close(rest.loops, layout, link, free, rest.fronts, rest.gamma, rest.size[0])
+        sweep_out(link, free, u, 1.0)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
-def derivative(
-    links: Links,
-    model: Model,
-    cut: Model,
-    t: float,
-    z: Array,
-    memory: Array,
-    ws: Scratch,
-    rows: Workspace,
-    dz: Array,
-) -> None:
-    """State derivative, shape of z."""
-    accelerations(links, model, cut, t, z, memory, ws, rows)
-    coordinate_rates(links.layout, links.speeds, z, dz)
-    for n in range(ws.u.shape[0]):
-        dz[links.speeds + n] = ws.u[n]
+@inner
+def _control_errors(elements: Elements, y: Array, A: Array, t: float, dz: Array) -> None:
+    """Derivatives of the integrals of controllers."""
+    model, memory, first = elements.model, elements.memory, elements.integrals
     for n in range(model.control.shape[0]):
         target = function_at(model.functions, model.control[n, 1], t)[0]
         c = model.control[n, 0]
-        dz[links.integrals + n] = target - coordinate(model, ws.y, ws.A, c, memory[c]).value
+        dz[first + n] = target - coordinate(model, y, A, c, memory[c]).value
+
+
+@inner
+def derivative(rest: Rest, elements: Elements | None, t: float, z: Array, dz: Array) -> None:
+    """State derivative, shape of z."""
+    accelerations(rest, elements, t, z)
+    coordinate_rates(rest.layout, rest.speeds, z, dz)
+    for n in range(rest.u.shape[0]):
+        dz[rest.speeds + n] = rest.u[n]
+    if elements is not None:
+        _control_errors(elements, rest.y, rest.A, t, dz)
 
 
 @njit(cache=True, error_model="numpy")
@@ -141,55 +158,66 @@ def free_derivative(index: Array, link: Array, free: Array, first_speed: int, z:
     coordinate_rates(index, first_speed, z, dz)
 
 
+@njit(cache=True, error_model="numpy", inline="always")
+def rates(tree: Tree, rest: Rest | None, elements: Elements | None, t: float, z: Array, dz: Array) -> None:
+    """State derivative of any mechanism."""
+    if rest is None:
+        free_derivative(tree.layout, tree.link, tree.free, tree.speeds, z, dz)
+    else:
+        derivative(rest, elements, t, z, dz)
+
+
 @njit(cache=True, error_model="numpy")
-def remember(model: Model, y: Array, A: Array, memory: Array) -> None:
+def remember(elements: Elements, y: Array, A: Array) -> None:
     """Update the joint coordinates that elements read, turns counted, of the bodies as they are placed."""
+    model, memory = elements.model, elements.memory
     for n in range(memory.shape[0]):
         memory[n] = coordinate(model, y, A, n, memory[n]).value
 
 
 @njit(cache=True, error_model="numpy")
-def _largest(x: Array) -> float:
+def _largest(x: Array, count: int) -> float:
+    """Largest size of the first numbers of an array."""
     found = 0.0
-    for value in x:
-        found = max(found, abs(value))
+    for n in range(count):
+        found = max(found, abs(x[n]))
     return found
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _articulate(link: Array, free: Array) -> None:
     """Articulated inertias, bodies as they are placed."""
     inertias(link)
     articulate(link, free)
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _displacements(loops: Loops, fronts: Fronts, link: Array, free: Array, u: Array) -> None:
     """Displacements u of least M-norm that change the rows by the target of the fronts."""
-    least_norm(loops, fronts, fronts.target, fronts.extra)
     for n in range(free.shape[0]):
-        free[n, REST] = fronts.extra[n]
+        free[n, REST] = 0.0
+    _least_norm(loops, fronts, free)
     sweep_out(link, free, u, 0.0)
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _choose_rows(
     loops: Loops, layout: Array, fronts: Fronts, link: Array, free: Array, smallest: float, size: float
 ) -> tuple[int, float, float]:
     """Factorise the responses to all rows; rank, least pivot, and the square that counted as dependent."""
-    group = loops.group
+    group, state = loops.group, fronts.state
     for g in range(group.shape[0]):
-        fronts.used[g] = group[g, ROW_END] - group[g, ROW]
-    largest = respond(loops, layout, fronts, link, free)
+        state[g, USED] = group[g, ROW_END] - group[g, ROW]
+    largest = _respond(loops, layout, fronts, link, free)
     smallest = max(smallest, threshold(size, largest))
-    least = factorise(loops, fronts, smallest, True)
+    least = factorise(group, fronts.order, state, fronts.F, fronts.tau, smallest, CHOOSE)
     rank = 0
     for g in range(group.shape[0]):
-        rank += fronts.rank[g]
+        rank += state[g, RANK]
     return rank, least, smallest
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _choose(
     loops: Loops,
     layout: Array,
@@ -220,68 +248,81 @@ def _choose(
             rank = fewer
         else:
             _choose_rows(loops, layout, fronts, link, free, smallest, size)
-    fronts.chosen[:] = fronts.rank
+    for g in range(loops.group.shape[0]):
+        fronts.state[g, CHOSEN] = fronts.state[g, RANK]
     limit[0] = rank
 
 
-@njit(cache=True, error_model="numpy", inline="always")
-def _measure(links: Links, model: Model, ws: Scratch) -> None:
+@inner
+def _measure(rest: Rest) -> None:
     """Size of the rows, once: what says which of them depend on others."""
-    if ws.size[0] == 0.0:
-        fronts = ws.fronts
-        ws.size[0] = size_of_rows(model.mass, model.inertia_factor, links.loops.touched, links.layout, fronts.W, ws.A)
+    if rest.size[0] == 0.0:
+        rest.size[0] = size_of_rows(
+            rest.mass, rest.inertia_factor, rest.loops.touched, rest.layout, rest.fronts.W, rest.A
+        )
+
+
+@inner
+def _opened(rest: Rest, elements: Elements | None, t: float) -> float:
+    """Cut rows and articulated inertias of the bodies as they are placed; the violation of the rows."""
+    rest.fronts.wanted[:] = 1
+    cut_rows(rest, elements, t)
+    _measure(rest)
+    _articulate(rest.link, rest.free)
+    return _largest(rest.value, rest.held) / max(1.0, rest.length)
 
 
 @njit(cache=True, error_model="numpy")
-def find_rank(
-    links: Links, model: Model, cut: Model, t: float, z: Array, memory: Array, ws: Scratch, rows: Workspace
-) -> None:
-    """Independent rows of a state whose loops are closed, into ``ws.fronts``; places the bodies."""
-    loops, layout, fronts, link, free = links.loops, links.layout, ws.fronts, ws.link, ws.free
-    place(layout, link, free, links.speeds, z, ws.y, ws.A)
-    if loops.group.shape[0]:
-        cut_rows(links, cut, t, memory, ws, rows)
-        _measure(links, model, ws)
-        _articulate(link, free)
-        violation = _largest(rows.value[: links.held]) / max(1.0, model.length)
-        _choose(loops, layout, fronts, link, free, ws.size[0], ws.best, ws.limit, violation)
+def _release(W: Array, held: int) -> None:
+    """Take away the wrenches of the rows that hold no positions."""
+    for row in range(held, W.shape[0]):
+        for n in range(W.shape[1]):
+            for r in range(W.shape[2]):
+                W[row, n, r] = 0.0
 
 
 @njit(cache=True, error_model="numpy")
-def project(
-    links: Links, model: Model, cut: Model, t: float, z: Array, memory: Array, ws: Scratch, rows: Workspace
-) -> None:
+def find_rank(rest: Rest, elements: Elements | None, t: float, z: Array) -> None:
+    """Independent rows of a state whose loops are closed, into ``rest.fronts``; places the bodies."""
+    place(rest.layout, rest.link, rest.free, rest.speeds, z, rest.y, rest.A)
+    if rest.loops.group.shape[0]:
+        violation = _opened(rest, elements, t)
+        _choose(
+            rest.loops, rest.layout, rest.fronts, rest.link, rest.free, rest.size[0], rest.best, rest.limit, violation
+        )
+
+
+@inner
+def project(rest: Rest, elements: Elements | None, t: float, z: Array) -> None:
     """Bring z back to closed loops, in place: coordinates by Newton's method, then speeds, each of least M-norm.
 
     Newton's method goes on until rounding is reached: in a flat parallelogram, whose coordinates violate the rows by
     their square, a violation of 1e-14 is a coordinate that is wrong by 1e-7. Leaves the bodies placed at the state it
     ends with.
     """
-    loops, layout, fronts, link, free = links.loops, links.layout, ws.fronts, ws.link, ws.free
+    loops, layout, fronts, link, free, u = rest.loops, rest.layout, rest.fronts, rest.link, rest.free, rest.u
+    speeds, held, size, y, A = rest.speeds, rest.held, rest.size, rest.y, rest.A
+    W, target, value, rate = fronts.W, fronts.target, rest.value, rest.rate
     normalise(layout, z)
-    place(layout, link, free, links.speeds, z, ws.y, ws.A)
+    place(layout, link, free, speeds, z, y, A)
     if loops.group.shape[0] == 0:
         return
-    held, last, violation = links.held, False, 0.0
+    last, violation = False, 0.0
     for step in range(_POSITION_STEPS + 1):
-        cut_rows(links, cut, t, memory, ws, rows)
-        _measure(links, model, ws)
-        _articulate(link, free)
-        violation = _largest(rows.value[:held]) / max(1.0, model.length)
+        violation = _opened(rest, elements, t)
         if last or step == _POSITION_STEPS or violation <= 2e-16:
             break
-        fronts.W[held:] = 0.0
-        _choose_rows(loops, layout, fronts, link, free, 0.0, ws.size[0])
-        fronts.target[:] = 0.0
-        for row in range(held):
-            fronts.target[row] = -rows.value[row]
-        _displacements(loops, fronts, link, free, ws.u)
-        last = _largest(ws.u) < 1e-9
-        displace(layout, z, ws.u)
-        place(layout, link, free, links.speeds, z, ws.y, ws.A)
-    _choose(loops, layout, fronts, link, free, ws.size[0], ws.best, ws.limit, violation)
-    open_rates(loops.touched, layout, fronts.W, ws.y, ws.A, rows.rate, fronts.target)
-    _displacements(loops, fronts, link, free, ws.u)
-    for n in range(ws.u.shape[0]):
-        z[links.speeds + n] += ws.u[n]
-    place(layout, link, free, links.speeds, z, ws.y, ws.A)
+        _release(W, held)
+        _choose_rows(loops, layout, fronts, link, free, 0.0, size[0])
+        for row in range(target.shape[0]):
+            target[row] = -value[row] if row < held else 0.0
+        _displacements(loops, fronts, link, free, u)
+        last = _largest(u, u.shape[0]) < 1e-9
+        displace(layout, z, u)
+        place(layout, link, free, speeds, z, y, A)
+    _choose(loops, layout, fronts, link, free, size[0], rest.best, rest.limit, violation)
+    open_rates(loops.touched, layout, W, y, A, rate, target)
+    _displacements(loops, fronts, link, free, u)
+    for n in range(u.shape[0]):
+        z[speeds + n] += u[n]
+    place(layout, link, free, speeds, z, y, A)

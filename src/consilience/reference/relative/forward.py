@@ -13,21 +13,21 @@ from numba import njit
 from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import Mechanism, State
 from consilience.reference.canonical import at_origins
-from consilience.reference.model import Model, unpack
+from consilience.reference.model import unpack
 from consilience.reference.relative.articulated import free_accelerations
 from consilience.reference.relative.columns import ACCELERATION, COORDINATE, NEAR, PLACED
 from consilience.reference.relative.dynamics import accelerations, find_rank, remember
 from consilience.reference.relative.kinematics import orient, place, place_bodies, place_links
 from consilience.reference.relative.model import (
     BODY,
-    Links,
-    Scratch,
+    Elements,
+    Rest,
+    System,
     flatten_relative,
     link_table,
     pack_relative,
-    scratch,
+    system,
 )
-from consilience.reference.workspace import Workspace, workspace
 from consilience.spatial import Array
 
 
@@ -53,30 +53,22 @@ def _at_each(link: Array, free: Array, constants: Array, q: Array, v: Array, out
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _closed_at_each(
-    links: Links,
-    model: Model,
-    cut: Model,
-    t: float,
-    q: Array,
-    v: Array,
-    memory: Array,
-    ws: Scratch,
-    rows: Workspace,
-    z: Array,
-    out: Array,
-) -> None:
+def _closed_at_each(rest: Rest, elements: Elements | None, t: float, q: Array, v: Array, z: Array, out: Array) -> None:
     """Accelerations of any mechanism at each row, its independent rows chosen anew at each state."""
     for i in range(q.shape[0]):
-        z[: links.speeds] = q[i]
-        z[links.speeds : links.integrals] = v[i]
-        place(links.layout, ws.link, ws.free, links.speeds, z, ws.y, ws.A)
-        memory[:] = 0.0
-        remember(model, ws.y, ws.A, memory)
-        ws.best[:] = 0.0
-        find_rank(links, model, cut, t, z, memory, ws, rows)
-        accelerations(links, model, cut, t, z, memory, ws, rows)
-        out[i] = ws.u
+        for n in range(q.shape[1]):
+            z[n] = q[i, n]
+        for n in range(v.shape[1]):
+            z[rest.speeds + n] = v[i, n]
+        place(rest.layout, rest.link, rest.free, rest.speeds, z, rest.y, rest.A)
+        if elements is not None:
+            elements.memory[:] = 0.0
+            remember(elements, rest.y, rest.A)
+        rest.best[:] = 0.0
+        find_rank(rest, elements, t, z)
+        accelerations(rest, elements, t, z)
+        for n in range(v.shape[1]):
+            out[i, n] = rest.u[n]
 
 
 class ForwardDynamics:
@@ -114,9 +106,9 @@ class ForwardDynamics:
         self._links, self._tree, self._model = flatten_relative(mechanism)
         self.joints = tuple(mechanism.joints[k].name for k in self._tree.joint)
         self.n_q, self.n_v = self._links.speeds, self._links.integrals - self._links.speeds
-        self._scratch = [self._new_scratch()]
-        self._ws, self._rows = self._scratch[0]
-        self._link, self._free, self._is_tree = self._ws.link, self._ws.free, self._links.free
+        self._systems = [self._new_system()]
+        self._placed = self._systems[0].tree
+        self._link, self._free, self._is_tree = self._placed.link, self._placed.free, self._links.free
         if self._is_tree:
             _compiled(self._link, self._free, self.n_q)
 
@@ -128,9 +120,9 @@ class ForwardDynamics:
     def state(self, q: Array, v: Array) -> State:
         """Canonical state of coordinates q, shape (n_q,), and speeds v, shape (n_v,)."""
         place_links(self._link, self._free, *self._checked(q, v))
-        place_bodies(self._links.layout, self._link, self._ws.y, self._ws.A)
-        orient(self._ws.A, self._ws.y)
-        return State(*unpack(self.mechanism, self._ws.y.copy()))
+        place_bodies(self._links.layout, self._link, self._placed.y, self._placed.A)
+        orient(self._placed.A, self._placed.y)
+        return State(*unpack(self.mechanism, self._placed.y.copy()))
 
     def accelerations(self, q: Array, v: Array, t: float = 0.0, out: Array | None = None) -> Array:
         """Rates of the speeds.
@@ -175,7 +167,7 @@ class ForwardDynamics:
             If they are not finite, for example at a spring of no length.
         """
         self.accelerations(q, v, t)
-        y, A = self._ws.y, self._ws.A
+        y, A = self._placed.y, self._placed.A
         place_bodies(self._links.layout, self._link, y, A)
         orient(A, y)
         a = np.empty((len(self.mechanism.bodies), 6))
@@ -217,8 +209,8 @@ class ForwardDynamics:
             raise InvalidInput("parameters", f"shape {constants.shape}", f"Give what parameters() answers, {wanted}.")
         out = np.empty(v.shape)
         count = max(1, min(threads or os.cpu_count() or 1, len(q)))
-        while len(self._scratch) < count:
-            self._scratch.append(self._new_scratch())
+        while len(self._systems) < count:
+            self._systems.append(self._new_system())
         bounds = [len(q) * n // count for n in range(count + 1)]
         parts = [slice(first, last) for first, last in pairwise(bounds)]
         work: list[Callable[[], None]] = [
@@ -269,20 +261,18 @@ class ForwardDynamics:
             raise InvalidInput("q, v", f"shapes {q.shape}, {v.shape}", f"Give ({self.n_q},) and ({self.n_v},).")
         return q, v
 
-    def _new_scratch(self) -> tuple[Scratch, Workspace]:
-        ws = scratch(self.mechanism, self._links, self._tree)
-        return ws, workspace(self._tree.cut)._replace(A=ws.A)
+    def _new_system(self) -> System:
+        return system(self.mechanism, self._links, self._tree, self._model)
 
     def _fill(self, n: int, q: Array, v: Array, t: float, constants: Array, out: Array) -> None:
         """Accelerations at rows of states, with the n-th set of working arrays."""
-        ws, rows = self._scratch[n]
+        tree, rest, elements = self._systems[n]
         if self._is_tree:
             # constants of parameter sets must not stay behind
-            link = ws.link.copy() if len(constants) else ws.link
-            _at_each(link, ws.free, constants, q, v, out)
+            link = tree.link.copy() if len(constants) else tree.link
+            _at_each(link, tree.free, constants, q, v, out)
             return
-        z, memory = np.zeros(len(self._links.kind)), np.zeros(len(self._model.coordinate))
-        _closed_at_each(self._links, self._model, self._tree.cut, float(t), q, v, memory, ws, rows, z, out)
+        _closed_at_each(rest, elements, float(t), q, v, np.zeros(len(self._links.kind)), out)
 
 
 def _compiled(link: Array, free: Array, n_q: int) -> None:

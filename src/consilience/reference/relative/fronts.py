@@ -7,6 +7,8 @@ what is left goes into the next front. The multifrontal method [Davis, Direct Me
 section 5.4] on a chain of fronts: cost grows with the number of loops times the square of the size of a front.
 
 It works on B itself, never on ``B^T B``, whose condition number is the square.
+
+Kernels take single arrays of `Loops` and `Fronts`: handing on both as a whole costs more than the work on a four-bar.
 """
 
 from __future__ import annotations
@@ -15,50 +17,83 @@ import numpy as np
 from numba import njit
 
 from consilience.kinematics import RANK_TOLERANCE
-from consilience.reference.relative.columns import PIVOT, STEP, S, U
+from consilience.reference.relative.columns import PIVOT, REST, ROOT, STEP, S, U
 from consilience.reference.relative.kinematics import vector_at
 from consilience.reference.relative.loops import (
     AT,
     BATCH,
     BATCH_END,
+    CARRIED,
     HEIGHT,
     PATH,
     PATH_END,
+    RANK,
     REACH,
     ROW,
     SHELF,
+    SQUEEZED,
+    START,
     TOUCHED,
-    Fronts,
-    Loops,
+    USED,
 )
 from consilience.reference.relative.model import FREE, FREE_END, PARENT
 from consilience.spatial import Array
 
+CHOOSE, KEEP = np.array([True, False])
+"""What `factorise` does with the order of the rows."""
+
 
 @njit(cache=True, error_model="numpy")
-def respond(loops: Loops, layout: Array, fronts: Fronts, links: Array, free: Array) -> float:
-    """Fill the fronts with the responses to the rows used; the largest squared norm of a column."""
-    group, W, wrench, F, root, home = loops.group, fronts.W, fronts.wrench, fronts.F, fronts.root, loops.home
-    start, used = fronts.start, fronts.used
+def _clear(group: Array, state: Array, F: Array) -> None:
+    """Number the columns used, and set their entries to zero."""
     for g in range(group.shape[0]):
-        start[g + 1] = start[g] + used[g]
+        state[g + 1, START] = state[g, START] + state[g, USED]
     for g in range(group.shape[0]):
         at = group[g, AT]
-        F[at : at + (start[group[g, REACH] + 1] - start[g]) * group[g, HEIGHT]] = 0.0
-    for n in range(root.shape[0]):
-        root[n] = 1.0 / np.sqrt(free[n, PIVOT])
+        for n in range(at, at + (state[group[g, REACH] + 1, START] - state[g, START]) * group[g, HEIGHT]):
+            F[n] = 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def _put_row(touched: Array, row: int, W: Array, path: Array, first: int, last: int, wrench: Array) -> None:
+    """Wrenches of a row on the links of a path."""
+    for m in range(first, last):
+        for r in range(6):
+            wrench[path[m], r] = 0.0
+    for at in range(TOUCHED):
+        link = touched[row, at]
+        if link >= 0:
+            for r in range(6):
+                wrench[link, r] += W[row, at, r]
+
+
+@njit(cache=True, error_model="numpy")
+def respond(
+    group: Array,
+    touched: Array,
+    path: Array,
+    home: Array,
+    order: Array,
+    state: Array,
+    layout: Array,
+    W: Array,
+    wrench: Array,
+    F: Array,
+    links: Array,
+    free: Array,
+) -> float:
+    """Fill the fronts with the responses to the rows used; the largest squared norm of a column."""
+    _clear(group, state, F)
+    for n in range(free.shape[0]):
+        free[n, ROOT] = 1.0 / np.sqrt(free[n, PIVOT])
     largest = 0.0
     for g in range(group.shape[0]):
-        for column in range(used[g]):
-            row = fronts.order[group[g, ROW] + column]
-            path = loops.path[group[g, PATH] : group[g, PATH_END]]
-            for k in path:
-                wrench[k] = 0.0
-            for at in range(TOUCHED):
-                link = loops.touched[row, at]
-                if link >= 0:
-                    wrench[link] += W[row, at]
-            total = _sweep(path, layout, group, home, start, start[g] + column, wrench, links, free, root, F)
+        first, last = group[g, PATH], group[g, PATH_END]
+        for column in range(state[g, USED]):
+            row = order[group[g, ROW] + column]
+            _put_row(touched, row, W, path, first, last, wrench)
+            place = state[g, START] + column
+            total = _sweep(path, first, last, layout, group, home, state, place, wrench, links, free, F)
             largest = max(largest, total)
     return largest
 
@@ -66,40 +101,42 @@ def respond(loops: Loops, layout: Array, fronts: Fronts, links: Array, free: Arr
 @njit(cache=True, error_model="numpy")
 def _sweep(
     path: Array,
+    first: int,
+    last: int,
     layout: Array,
     group: Array,
     home: Array,
-    start: Array,
+    state: Array,
     column: int,
     wrench: Array,
     links: Array,
     free: Array,
-    root: Array,
     F: Array,
 ) -> float:
     """Whitened joint forces of wrenches on the links of a path, into a column of the fronts; their squared norm."""
     total = 0.0
-    for k in path:
-        own, p = wrench[k], layout[k, PARENT]
+    for m in range(first, last):
+        k = path[m]
+        p = layout[k, PARENT]
         for n in range(layout[k, FREE_END] - 1, layout[k, FREE] - 1, -1):
             rest = 0.0
             for r in range(6):
-                rest += free[n, S + r] * own[r]
+                rest += free[n, S + r] * wrench[k, r]
             factor = rest / free[n, PIVOT]
             for r in range(6):
-                own[r] -= factor * free[n, U + r]
-            rest *= root[n]
+                wrench[k, r] -= factor * free[n, U + r]
+            rest *= free[n, ROOT]
             total += rest * rest
             f = home[n, 0]
-            F[group[f, AT] + (column - start[f]) * group[f, HEIGHT] + home[n, 1]] = rest
+            F[group[f, AT] + (column - state[f, START]) * group[f, HEIGHT] + home[n, 1]] = rest
         if p >= 0:
             d = vector_at(links, k, STEP)
-            wrench[p, 0] += own[0]
-            wrench[p, 1] += own[1]
-            wrench[p, 2] += own[2]
-            wrench[p, 3] += own[3] + d[1] * own[2] - d[2] * own[1]
-            wrench[p, 4] += own[4] + d[2] * own[0] - d[0] * own[2]
-            wrench[p, 5] += own[5] + d[0] * own[1] - d[1] * own[0]
+            wrench[p, 0] += wrench[k, 0]
+            wrench[p, 1] += wrench[k, 1]
+            wrench[p, 2] += wrench[k, 2]
+            wrench[p, 3] += wrench[k, 3] + d[1] * wrench[k, 2] - d[2] * wrench[k, 1]
+            wrench[p, 4] += wrench[k, 4] + d[2] * wrench[k, 0] - d[0] * wrench[k, 2]
+            wrench[p, 5] += wrench[k, 5] + d[0] * wrench[k, 1] - d[1] * wrench[k, 0]
     return total
 
 
@@ -151,7 +188,7 @@ def _bring_longest(F: Array, order: Array, at: int, height: int, row: int, rows:
 
 
 @njit(cache=True, error_model="numpy")
-def factorise(loops: Loops, fronts: Fronts, smallest: float, choose: bool) -> float:
+def factorise(group: Array, order: Array, state: Array, F: Array, tau: Array, smallest: float, choose: bool) -> float:
     """Factorise the fronts; the least pivot.
 
     Parameters
@@ -159,21 +196,21 @@ def factorise(loops: Loops, fronts: Fronts, smallest: float, choose: bool) -> fl
     smallest : float
         Columns of which no more than this square is left count as dependent.
     choose : bool
-        Bring the longest column of a group first, into ``fronts.order``. Otherwise they stay in that order, as in the
+        Bring the longest column of a group first, into ``order``. Otherwise they stay in that order, as in the
         stages of a step: off the manifold, rows that depend on others contradict them, and a choice made anew in each
         stage would make the accelerations jump from stage to stage.
     """
-    group, F, tau, start, used = loops.group, fronts.F, fronts.tau, fronts.start, fronts.used
     least = np.inf
-    fronts.carried[:] = 0
+    for g in range(state.shape[0]):
+        state[g, CARRIED] = 0
     for g in range(group.shape[0]):
         at, height, shelf = group[g, AT], group[g, HEIGHT], group[g, SHELF]
-        rows = group[g, BATCH_END] - group[g, BATCH] + fronts.carried[g]
-        own, columns = used[g], start[group[g, REACH] + 1] - start[g]
+        rows = group[g, BATCH_END] - group[g, BATCH] + state[g, CARRIED]
+        own, columns = state[g, USED], state[group[g, REACH] + 1, START] - state[g, START]
         rank = 0
         while rank < min(own, rows):
             if choose:
-                _bring_longest(F, fronts.order, at, height, rank, rows, own, group[g, ROW])
+                _bring_longest(F, order, at, height, rank, rows, own, group[g, ROW])
             first = at + rank * height
             total = _square(F, first + rank, first + rows)
             if total <= smallest:  # and on with what is not a number, so that it shows
@@ -182,91 +219,98 @@ def factorise(loops: Loops, fronts: Fronts, smallest: float, choose: bool) -> fl
             least = min(least, norm)
             tau[shelf + rank] = _reflect(F, at, height, rank, rows, rank, columns, norm)
             rank += 1
-        fronts.rank[g] = rank
-        _carry_on(loops, fronts, g, rank, rows, own, columns)
+        state[g, RANK] = rank
+        _carry_on(group, state, F, tau, g, rank, rows, own, columns)
     return least
 
 
 @njit(cache=True, error_model="numpy")
-def _carry_on(loops: Loops, fronts: Fronts, g: int, rank: int, rows: int, own: int, columns: int) -> None:
+def _carry_on(
+    group: Array, state: Array, F: Array, tau: Array, g: int, rank: int, rows: int, own: int, columns: int
+) -> None:
     """Put what a front leaves into the next one, shortened where it has more rows than columns."""
-    group, F = loops.group, fronts.F
     at, height, shelf = group[g, AT], group[g, HEIGHT], group[g, SHELF]
     behind, left = columns - own, rows - rank
-    fronts.squeezed[g] = 0
+    state[g, SQUEEZED] = 0
     if behind == 0:
         return
     if left > behind:
         for c in range(behind):
             first = at + (own + c) * height
             norm = np.sqrt(_square(F, first + rank + c, first + rows))
-            tau = 0.0
+            tau[shelf + rank + c] = 0.0
             if norm > 0.0:
-                tau = _reflect(F, at, height, rank + c, rows, own + c, columns, norm)
-            fronts.tau[shelf + rank + c] = tau
-        fronts.squeezed[g] = left = behind
-    fronts.carried[g + 1] = left
+                tau[shelf + rank + c] = _reflect(F, at, height, rank + c, rows, own + c, columns, norm)
+        state[g, SQUEEZED] = left = behind
+    state[g + 1, CARRIED] = left
     to, tall = group[g + 1, AT], group[g + 1, HEIGHT]
     batch = group[g + 1, BATCH_END] - group[g + 1, BATCH]
     for c in range(behind):
         # below the diagonal of a shortened front there are only the vectors of its reflections
-        full = min(left, c + 1) if fronts.squeezed[g] else left
+        full = min(left, c + 1) if state[g, SQUEEZED] else left
         for n in range(left):
             F[to + c * tall + batch + n] = F[at + (own + c) * height + rank + n] if n < full else 0.0
 
 
 @njit(cache=True, error_model="numpy")
-def least_norm(loops: Loops, fronts: Fronts, target: Array, extra: Array) -> None:
-    """Joint forces ``extra = sqrt(D) zeta`` with zeta of least norm in ``B^T zeta = target`` on the independent rows.
+def least_norm(
+    group: Array,
+    batch: Array,
+    order: Array,
+    state: Array,
+    F: Array,
+    tau: Array,
+    x: Array,
+    y: Array,
+    target: Array,
+    free: Array,
+) -> None:
+    """Add ``sqrt(D) zeta`` to the joint forces, zeta of least norm in ``B^T zeta = target`` on the independent rows.
 
     ``R^T y = target`` from the first front to the last, then ``zeta = H [y; 0]`` back again.
     """
-    group, y, x, start = loops.group, fronts.y, fronts.x, fronts.start
-    _forward(group, fronts, target)
-    extra[:] = 0.0
+    _forward(group, order, state, F, target, y)
     for g in range(group.shape[0] - 1, -1, -1):
-        shelf, batch = group[g, SHELF], group[g, BATCH_END] - group[g, BATCH]
-        rows, rank = batch + fronts.carried[g], fronts.rank[g]
-        x[shelf : shelf + rows] = 0.0
-        for k in range(rank):
-            x[shelf + k] = y[start[g] + k]
+        shelf, count = group[g, SHELF], group[g, BATCH_END] - group[g, BATCH]
+        rows, rank = count + state[g, CARRIED], state[g, RANK]
+        for k in range(rows):
+            x[shelf + k] = y[state[g, START] + k] if k < rank else 0.0
         if g + 1 < group.shape[0]:
             back = group[g + 1, SHELF] + group[g + 1, BATCH_END] - group[g + 1, BATCH]
-            for n in range(fronts.carried[g + 1]):
+            for n in range(state[g + 1, CARRIED]):
                 x[shelf + rank + n] = x[back + n]
-        _reflect_back(group[g], fronts, g, rows)
-        for n in range(batch):
-            direction = loops.batch[group[g, BATCH] + n]
-            extra[direction] = x[shelf + n] / fronts.root[direction]
+        _reflect_back(group, state, F, tau, x, g, rows)
+        for n in range(count):
+            direction = batch[group[g, BATCH] + n]
+            free[direction, REST] += x[shelf + n] / free[direction, ROOT]
 
 
 @njit(cache=True, error_model="numpy")
-def _forward(group: Array, fronts: Fronts, target: Array) -> None:
+def _forward(group: Array, order: Array, state: Array, F: Array, target: Array, y: Array) -> None:
     """The solution y of ``R^T y = target``."""
-    F, y, start = fronts.F, fronts.y, fronts.start
     for g in range(group.shape[0]):
-        for column in range(fronts.used[g]):
-            y[start[g] + column] = target[fronts.order[group[g, ROW] + column]]
+        for column in range(state[g, USED]):
+            y[state[g, START] + column] = target[order[group[g, ROW] + column]]
     for g in range(group.shape[0]):
-        at, height, columns = group[g, AT], group[g, HEIGHT], start[group[g, REACH] + 1] - start[g]
-        for k in range(fronts.rank[g]):
-            value = y[start[g] + k] / F[at + k * height + k]
-            y[start[g] + k] = value
-            for c in range(k + 1, columns):
-                y[start[g] + c] -= F[at + c * height + k] * value
+        at, height, start = group[g, AT], group[g, HEIGHT], state[g, START]
+        for k in range(state[g, RANK]):
+            value = y[start + k] / F[at + k * height + k]
+            y[start + k] = value
+            for c in range(k + 1, state[group[g, REACH] + 1, START] - start):
+                y[start + c] -= F[at + c * height + k] * value
 
 
 @njit(cache=True, error_model="numpy")
-def _reflect_back(group: Array, fronts: Fronts, g: int, rows: int) -> None:
+def _reflect_back(group: Array, state: Array, F: Array, tau: Array, x: Array, g: int, rows: int) -> None:
     """``x <- H x`` for one front."""
-    F, x, shelf, rank = fronts.F, fronts.x, group[SHELF], fronts.rank[g]
-    for k in range(rank + fronts.squeezed[g] - 1, -1, -1):
-        column = k if k < rank else fronts.used[g] + k - rank
-        at = group[AT] + column * group[HEIGHT]
+    shelf, rank, used = group[g, SHELF], state[g, RANK], state[g, USED]
+    for k in range(rank + state[g, SQUEEZED] - 1, -1, -1):
+        column = k if k < rank else used + k - rank
+        at = group[g, AT] + column * group[g, HEIGHT]
         s = x[shelf + k]
         for n in range(k + 1, rows):
             s += F[at + n] * x[shelf + n]
-        s *= fronts.tau[shelf + k]
+        s *= tau[shelf + k]
         x[shelf + k] -= s
         for n in range(k + 1, rows):
             x[shelf + n] -= s * F[at + n]

@@ -16,10 +16,11 @@ from numba import njit
 from numpy.polynomial.legendre import leggauss, legvander
 
 from consilience.reference.integrators.dop853 import EVALUATIONS, REJECTED, STEPS
-from consilience.reference.relative.dynamics import derivative, free_derivative
-from consilience.reference.relative.integrate import count_turns, longest_now, settle, sizes
+from consilience.reference.relative.dynamics import rates
+from consilience.reference.relative.inner import inner
+from consilience.reference.relative.integrate import arrive, longest_now, sizes
 from consilience.reference.relative.kinematics import record
-from consilience.reference.relative.model import Rest, Tree
+from consilience.reference.relative.model import Elements, Rest, Tree
 from consilience.spatial import Array
 
 STAGES = 8
@@ -60,9 +61,17 @@ def _extrapolate(K: Array, ratio: float, guess: Array) -> None:
                 guess[i, n] += weight * K[j, n]
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _iterate(
-    tree: Tree, rest: Rest | None, t: float, h: float, z: Array, K: Array, size: Array, counters: Array
+    tree: Tree,
+    rest: Rest | None,
+    elements: Elements | None,
+    t: float,
+    h: float,
+    z: Array,
+    K: Array,
+    size: Array,
+    counters: Array,
 ) -> bool:
     """Iterate the stages in place; whether they settle to rounding."""
     trial, found = np.empty_like(z), np.empty_like(z)
@@ -70,18 +79,15 @@ def _iterate(
     for _ in range(MOST_ITERATIONS):
         change = 0.0
         for i in range(STAGES):
-            trial[:] = z
+            for n in range(z.shape[0]):
+                trial[n] = z[n]
             for j in range(STAGES):
                 for n in range(z.shape[0]):
                     trial[n] += h * A[i, j] * K[j, n]
-            if rest is None:
-                free_derivative(tree.layout, tree.link, tree.free, tree.speeds, trial, found)
-            else:
-                at = t + C[i] * h
-                derivative(rest.links, rest.model, rest.cut, at, trial, rest.memory, rest.ws, rest.rows, found)
+            rates(tree, rest, elements, t + C[i] * h, trial, found)
             for n in range(z.shape[0]):
                 change = max(change, h * abs(found[n] - K[i, n]) / size[tree.kind[n]])
-            K[i] = found
+                K[i, n] = found[n]
         counters[EVALUATIONS] += STAGES
         if change <= 1e-16 or (change <= 1e-13 and change > 0.5 * last):
             return True
@@ -104,9 +110,18 @@ def _roughness(kind: Array, K: Array, h: float, size: Array) -> float:
 
 
 @njit(cache=True, error_model="numpy")
+def _copy(source: Array, target: Array) -> None:
+    """Copy stages: an assignment of arrays takes seconds to compile."""
+    for i in range(source.shape[0]):
+        for n in range(source.shape[1]):
+            target[i, n] = source[i, n]
+
+
+@njit(cache=True, error_model="numpy")
 def integrate_gauss(
     tree: Tree,
     rest: Rest | None,
+    elements: Elements | None,
     z: Array,
     times: Array,
     tolerance: float,
@@ -117,14 +132,14 @@ def integrate_gauss(
     """Integrate from ``times[0]`` and record the bodies at all sample times; arguments as in `integrate.integrate`."""
     K, guess, size = np.zeros((STAGES, z.shape[0])), np.zeros((STAGES, z.shape[0])), np.empty(5)
     counters[:] = 0
-    settle(tree, rest, times[0], z)
+    arrive(tree, rest, elements, times[0], z)
     record(tree.A, tree.y, motion[0])
     allowed = np.sqrt(tolerance)
     t, h, before = times[0], 1e-3 * (times[-1] - times[0]), 0.0
     for sample in range(1, times.shape[0]):
         while t < times[sample]:
             remaining = times[sample] - t
-            free = min(h, longest_now(rest, longest))
+            free = min(h, longest_now(tree, elements, longest))
             step = remaining if free >= remaining else min(free, 0.5 * remaining)
             if step < 1e-14 * max(1.0, abs(t)):
                 return 1
@@ -133,7 +148,7 @@ def integrate_gauss(
                 _extrapolate(K, step / before, guess)
             if before == 0.0 or step > 2.0 * before:
                 guess[:] = 0.0
-            settled = _iterate(tree, rest, t, step, z, guess, size, counters)
+            settled = _iterate(tree, rest, elements, t, step, z, guess, size, counters)
             rough = _roughness(tree.kind, guess, step, size) / allowed if settled else np.inf
             if rough > 1.0:
                 counters[REJECTED] += 1
@@ -143,12 +158,11 @@ def integrate_gauss(
             for i in range(STAGES):
                 for n in range(z.shape[0]):
                     z[n] += step * B[i] * guess[i, n]
-            K[:] = guess
+            _copy(guess, K)
             before = step
             factor = LARGEST if rough == 0.0 else min(LARGEST, SAFETY * rough ** (-1.0 / STAGES))
             h = step * factor if step == free else max(h, step * factor)
             t = times[sample] if step == remaining else t + step
-            settle(tree, rest, t, z)
-            count_turns(rest)
+            arrive(tree, rest, elements, t, z)
         record(tree.A, tree.y, motion[sample])
     return 0

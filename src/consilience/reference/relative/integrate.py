@@ -15,20 +15,20 @@ from consilience.reference.integrators.dop853 import EVALUATIONS, LARGEST, REJEC
 from consilience.reference.integrators.tableaus import DORMAND_PRINCE
 from consilience.reference.joint_rows import coordinate
 from consilience.reference.model import ANGLE, Model
-from consilience.reference.relative.dynamics import derivative, free_derivative, project, remember
+from consilience.reference.relative.dynamics import project, rates, remember
+from consilience.reference.relative.inner import inner
 from consilience.reference.relative.kinematics import normalise, place, record
-from consilience.reference.relative.model import Rest, Tree
+from consilience.reference.relative.loops import CHOSEN
+from consilience.reference.relative.model import Elements, Rest, Tree
 from consilience.spatial import Array
 
 D_DENSE = DORMAND_PRINCE.D
-END = STAGES
-"""Stage at the end of a step; those of the dense output stand behind it."""
-ALL_STAGES = DORMAND_PRINCE.A_dense.shape[1]
+BEGIN, SECOND, END, ALL_STAGES = np.array([0, 1, STAGES, DORMAND_PRINCE.A_dense.shape[1]])
+"""Stages: the first two, that at the end of a step, and the one behind those of the dense output. They are numbers of
+NumPy, as kernels are compiled anew for each Python number that is written out where they are called."""
 TABLE = np.zeros((ALL_STAGES, ALL_STAGES))
 TABLE[:END, :END], TABLE[END, :END], TABLE[END + 1 :] = A, B, DORMAND_PRINCE.A_dense
 NODES = np.concatenate([C, [1.0], DORMAND_PRINCE.c_dense])
-LIMITS = np.array([0, 1, END, ALL_STAGES])
-"""In an array, as kernels are compiled anew for each number that is written out where they are called."""
 
 SAFETY = 0.8
 """Safety factor of the step size: with 0.9 a quarter of the steps of a pendulum or linkage are taken in vain."""
@@ -71,7 +71,8 @@ def _error(kind: Array, K: Array, h: float, size: Array) -> float:
 @njit(cache=True, error_model="numpy")
 def _stage(z: Array, K: Array, h: float, i: int, trial: Array) -> None:
     """State at which a stage is evaluated."""
-    trial[:] = z
+    for n in range(z.shape[0]):
+        trial[n] = z[n]
     for j in range(i):
         weight = h * TABLE[i, j]
         if weight != 0.0:
@@ -79,35 +80,41 @@ def _stage(z: Array, K: Array, h: float, i: int, trial: Array) -> None:
                 trial[n] += weight * K[j, n]
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _evaluate(
-    tree: Tree, rest: Rest | None, z: Array, end: Array, K: Array, t: float, h: float, first: int, last: int
+    tree: Tree,
+    rest: Rest | None,
+    elements: Elements | None,
+    z: Array,
+    end: Array,
+    K: Array,
+    t: float,
+    h: float,
+    first: int,
+    last: int,
 ) -> None:
     """Derivatives of some stages of a step that begins at z and, where it is known, ends at `end`."""
     trial = np.empty_like(z)
     for i in range(first, last):
         if i == END:
-            trial[:] = end
+            for n in range(z.shape[0]):
+                trial[n] = end[n]
         else:
             _stage(z, K, h, i, trial)
-        if rest is None:
-            free_derivative(tree.layout, tree.link, tree.free, tree.speeds, trial, K[i])
-        else:
-            at = t + NODES[i] * h
-            derivative(rest.links, rest.model, rest.cut, at, trial, rest.memory, rest.ws, rest.rows, K[i])
+        rates(tree, rest, elements, t + NODES[i] * h, trial, K[i])
 
 
-@njit(cache=True, error_model="numpy", inline="always")
-def settle(tree: Tree, rest: Rest | None, t: float, z: Array) -> None:
+@inner
+def settle(tree: Tree, rest: Rest | None, elements: Elements | None, t: float, z: Array) -> None:
     """Bring a state back to closed loops, in place, and place the bodies at it."""
     if rest is None:
         normalise(tree.layout, z)
         place(tree.layout, tree.link, tree.free, tree.speeds, z, tree.y, tree.A)
     else:
-        project(rest.links, rest.model, rest.cut, t, z, rest.memory, rest.ws, rest.rows)
+        project(rest, elements, t, z)
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _turning(model: Model, y: Array, A: Array, memory: Array) -> float:
     """Longest step in which turns can be counted, from the rates of the bodies as they are placed."""
     rate = 0.0
@@ -117,20 +124,20 @@ def _turning(model: Model, y: Array, A: Array, memory: Array) -> float:
     return _TURN / rate if rate > 0.0 else np.inf
 
 
-@njit(cache=True, error_model="numpy", inline="always")
-def longest_now(rest: Rest | None, longest: float) -> float:
+@inner
+def longest_now(tree: Tree, elements: Elements | None, longest: float) -> float:
     """Longest step from where the bodies are placed."""
-    found = longest
-    if rest is not None:
-        found = min(longest, _turning(rest.model, rest.ws.y, rest.ws.A, rest.memory))
-    return found
+    if elements is None:
+        return longest
+    return min(longest, _turning(elements.model, tree.y, tree.A, elements.memory))
 
 
-@njit(cache=True, error_model="numpy", inline="always")
-def count_turns(rest: Rest | None) -> None:
-    """Update what elements remember."""
-    if rest is not None:
-        remember(rest.model, rest.ws.y, rest.ws.A, rest.memory)
+@inner
+def arrive(tree: Tree, rest: Rest | None, elements: Elements | None, t: float, z: Array) -> None:
+    """`settle` at the start or at the end of a step, and count the turns that elements read."""
+    settle(tree, rest, elements, t, z)
+    if elements is not None:
+        remember(elements, tree.y, tree.A)
 
 
 @njit(cache=True, error_model="numpy")
@@ -172,28 +179,105 @@ def _first_length(kind: Array, f: Array, span: float, tolerance: float, size: Ar
     return tolerance ** (1.0 / 8.0) / max(np.sqrt(total / f.shape[0]), 1.0 / span)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@inner
 def _samples(
-    tree: Tree, rest: Rest | None, z: Array, F: Array, t: float, step: float, times: Array, motion: Array
+    tree: Tree,
+    rest: Rest | None,
+    elements: Elements | None,
+    z: Array,
+    F: Array,
+    t: float,
+    step: float,
+    times: Array,
+    motion: Array,
 ) -> None:
     """Record the bodies at times within a step."""
     if rest is not None:
         # the rows chosen at the end of the step are those for the next one
-        fronts = rest.ws.fronts
-        order, chosen = fronts.order.copy(), fronts.chosen.copy()
+        order, chosen = rest.fronts.order.copy(), rest.fronts.state.copy()
     state = np.empty_like(z)
     for n in range(times.shape[0]):
         _between(z, F, (times[n] - t) / step, state)
-        settle(tree, rest, times[n], state)
+        settle(tree, rest, elements, times[n], state)
         record(tree.A, tree.y, motion[n])
     if rest is not None:
-        fronts.order[:], fronts.chosen[:] = order, chosen
+        for n in range(order.shape[0]):
+            rest.fronts.order[n] = order[n]
+        for g in range(chosen.shape[0]):
+            rest.fronts.state[g, CHOSEN] = chosen[g, CHOSEN]
+
+
+@inner
+def _record(
+    tree: Tree,
+    rest: Rest | None,
+    elements: Elements | None,
+    z: Array,
+    end: Array,
+    K: Array,
+    t: float,
+    step: float,
+    after: float,
+    times: Array,
+    motion: Array,
+    counters: Array,
+    sample: int,
+) -> tuple[int, int]:
+    """Record the samples of a step from t to `after`; the number of the next one, and the next stage not known."""
+    first = sample
+    while sample < times.shape[0] and times[sample] < after:
+        sample += 1
+    inner = sample
+    if sample < times.shape[0] and times[sample] == after:
+        record(tree.A, tree.y, motion[sample])
+        sample += 1
+    if first == inner:
+        return sample, BEGIN
+    F = np.empty((3 + D_DENSE.shape[0], z.shape[0]))
+    _evaluate(tree, rest, elements, z, end, K, t, step, END, ALL_STAGES)
+    counters[EVALUATIONS] += ALL_STAGES - END
+    _polynomial(z, end, K, step, F)
+    _samples(tree, rest, elements, z, F, t, step, times[first:inner], motion[first:inner])
+    return sample, SECOND
+
+
+@njit(cache=True, error_model="numpy")
+def _advance(z: Array, end: Array, K: Array, first: int) -> None:
+    """Go on to the end of a step, whose derivative is the first stage of the next one where that is known."""
+    for n in range(z.shape[0]):
+        z[n] = end[n]
+        if first == SECOND:
+            K[0, n] = K[END, n]
+
+
+@inner
+def _attempt(
+    tree: Tree,
+    rest: Rest | None,
+    elements: Elements | None,
+    z: Array,
+    K: Array,
+    t: float,
+    step: float,
+    first: int,
+    last: int,
+    size: Array,
+    trial: Array,
+    counters: Array,
+) -> float:
+    """Evaluate stages `first` to `last` of a step; its end into `trial`, and its scaled error."""
+    _evaluate(tree, rest, elements, z, z, K, t, step, first, last)
+    counters[EVALUATIONS] += last - first
+    _stage(z, K, step, END, trial)
+    sizes(tree.kind, tree.length, z, size)
+    return _error(tree.kind, K, step, size)
 
 
 @njit(cache=True, error_model="numpy")
 def integrate(
     tree: Tree,
     rest: Rest | None,
+    elements: Elements | None,
     z: Array,
     times: Array,
     tolerance: float,
@@ -203,76 +287,50 @@ def integrate(
 ) -> int:
     """Integrate from ``times[0]`` and record the bodies at all sample times.
 
-    It is compiled twice: for trees without elements, whose kernels are few, and for everything else.
-
     Parameters
     ----------
-    rest : Rest or None
-        None for a tree without elements.
+    rest, elements : Rest and Elements, or None
+        None where a mechanism has none (`model.System`): kernels are compiled for what it has.
     z : ndarray, shape (n_z,)
         Initial state; overwritten by the last.
     times : ndarray, shape (n_t,), s
-    tolerance : float
-        Bound on the scaled local error.
-    longest : float, s
-        Bound on the steps.
-    motion : ndarray, shape (n_t, n_b + n_e, 13)
-        Overwritten.
-    counters : ndarray of int, shape (3,)
-        Overwritten: accepted steps, rejected steps, evaluations.
+    tolerance, longest : float
+        Bounds on the scaled local error, and on the steps in s.
+    motion, counters : ndarray, shapes (n_t, n_b + n_e, 13) and (3,)
+        Overwritten; counters are accepted steps, rejected steps, evaluations.
 
     Returns
     -------
     int
         Key of `integrators.dop853.STATUS`.
     """
-    K, F = np.zeros((ALL_STAGES, z.shape[0])), np.empty((3 + D_DENSE.shape[0], z.shape[0]))
-    trial, size = np.empty_like(z), np.empty(5)
-    none, one, end, all_stages = LIMITS[0], LIMITS[1], LIMITS[2], LIMITS[3]
+    t, last, sample = times[0], times[-1], SECOND
     counters[:] = 0
-    t, last, sample = times[0], times[-1], 1
-    settle(tree, rest, t, z)
+    arrive(tree, rest, elements, t, z)
     record(tree.A, tree.y, motion[0])
     if times.shape[0] == 1:
         return 0
-    bound = longest_now(rest, longest)
-    _evaluate(tree, rest, z, z, K, t, 0.0, none, one)
-    sizes(tree.kind, tree.length, z, size)
-    h, first = _first_length(tree.kind, K[0], last - t, tolerance, size), one
-    counters[EVALUATIONS] = 1
+    K, trial, size = np.zeros((ALL_STAGES, z.shape[0])), np.empty_like(z), np.empty(5)
+    bound = longest_now(tree, elements, longest)
+    _attempt(tree, rest, elements, z, K, t, 0.0, BEGIN, SECOND, size, trial, counters)
+    h, first = _first_length(tree.kind, K[0], last - t, tolerance, size), SECOND
     while sample < times.shape[0]:
         step = _length(min(h, bound), last - t)
         if step < 1e-14 * max(1.0, abs(t)):
             return 1
-        _evaluate(tree, rest, z, z, K, t, step, first, end)
-        _stage(z, K, step, end, trial)
-        counters[EVALUATIONS] += end - first
-        sizes(tree.kind, tree.length, z, size)
-        error = _error(tree.kind, K, step, size) / tolerance
+        error = _attempt(tree, rest, elements, z, K, t, step, first, END, size, trial, counters) / tolerance
         if not np.isfinite(error):
             return 2
         factor = LARGEST if error == 0.0 else min(LARGEST, max(SMALLEST, SAFETY * error ** (-1.0 / 8.0)))
         if error > 1.0:
             counters[REJECTED] += 1
-            h, first = step * min(1.0, factor), one  # the first stage is still known
+            h, first = step * min(1.0, factor), SECOND  # the first stage is still known
             continue
         counters[STEPS] += 1
         after = last if step == last - t else t + step
-        settle(tree, rest, after, trial)
-        count_turns(rest)
-        bound, first, begin = longest_now(rest, longest), none, sample
-        while sample < times.shape[0] and times[sample] < after:
-            sample += 1
-        inner = sample
-        if sample < times.shape[0] and times[sample] == after:
-            record(tree.A, tree.y, motion[sample])
-            sample += 1
-        if begin < inner:
-            _evaluate(tree, rest, z, trial, K, t, step, end, all_stages)
-            counters[EVALUATIONS] += all_stages - end
-            _polynomial(z, trial, K, step, F)
-            _samples(tree, rest, z, F, t, step, times[begin:inner], motion[begin:inner])
-            K[0], first = K[END], one
-        z[:] = trial
+        arrive(tree, rest, elements, after, trial)
+        bound = longest_now(tree, elements, longest)
+        sample, first = _record(tree, rest, elements, z, trial, K, t, step, after, times, motion, counters, sample)
+        _advance(z, trial, K, first)
         t, h = after, step * factor if step == h else max(h, step * factor)
     return 0

@@ -22,6 +22,11 @@ ROW, ROW_END, PATH, PATH_END, BATCH, BATCH_END, REACH, HEIGHT, AT, SHELF = range
 `Loops.path` and `Loops.batch`, last group with entries in its front, largest number of rows of the front, first entry
 of the front in `Fronts.F`, and first of its rows in `Fronts.tau` and `Fronts.x`."""
 
+CHOSEN, USED, START, RANK, CARRIED, SQUEEZED = range(6)
+"""Columns of `Fronts.state`: rows of a group that are independent, where a projection has found it; its columns in the
+present factors, the first of them and how many of them are independent; rows of a front that come from the one before,
+reflections that only shorten what is carried on."""
+
 TOUCHED = 4
 """Most bodies that a row acts on: those of the two joints of a coupling."""
 
@@ -41,20 +46,14 @@ class Fronts(NamedTuple):
 
     W: Array  # (q, 4, 6) wrenches of a unit of each row on the links it touches, world axes, at centres of mass
     wrench: Array  # (n_b, 6)
-    root: Array  # (N,) 1 / sqrt(D)
     F: Array  # fronts behind each other, each column by column
     tau: Array  # factors of the reflections
     x: Array  # vectors of the fronts
     y: Array  # (q,) by columns
     order: Array  # (q,) rows, group by group, those first that count
-    chosen: Array  # (G,) rows of each group that are independent, where a projection has found it
-    used: Array  # (G,) columns of each group in the present factors
-    start: Array  # (G + 1,) first of them
-    rank: Array  # (G,) those of them that are independent
-    carried: Array  # (G,) rows of a front that come from the one before
-    squeezed: Array  # (G,) reflections that only shorten what is carried on
+    state: Array  # (G + 1, 6) columns CHOSEN to SQUEEZED
+    wanted: Array  # (q,) whether a row is to be evaluated
     target: Array  # (q,) what the rows are to change by
-    extra: Array  # (N,) joint forces that change them so
 
 
 def _touched(layout: Array, cut: Model) -> Array:
@@ -145,24 +144,20 @@ def _columns(group: Array, first: int, last: int) -> int:
 
 def fronts(loops: Loops, bodies: int) -> Fronts:
     """Scratch arrays."""
-    G, q, N = len(loops.group), len(loops.touched), len(loops.home)
+    G, q = len(loops.group), len(loops.touched)
     rows = int(np.sum(loops.group[:, HEIGHT]))
     size = sum(int(row[HEIGHT]) * _columns(loops.group, g, int(row[REACH])) for g, row in enumerate(loops.group))
+    state = np.zeros((G + 1, 6), dtype=np.int64)
+    state[:-1, CHOSEN] = loops.group[:, ROW_END] - loops.group[:, ROW]
     return Fronts(
         W=np.zeros((q, TOUCHED, 6)),
         wrench=np.zeros((bodies, 6)),
-        root=np.zeros(N),
         F=np.zeros(size),
         tau=np.zeros(rows),
         x=np.zeros(rows),
         y=np.zeros(q),
         order=np.arange(q),
-        chosen=loops.group[:, ROW_END] - loops.group[:, ROW],
-        used=np.zeros(G, dtype=np.int64),
-        start=np.zeros(G + 1, dtype=np.int64),
-        rank=np.zeros(G, dtype=np.int64),
-        carried=np.zeros(G + 1, dtype=np.int64),
-        squeezed=np.zeros(G, dtype=np.int64),
+        state=state,
+        wanted=np.ones(q, dtype=np.int64),
         target=np.zeros(q),
-        extra=np.zeros(N),
     )

@@ -20,7 +20,7 @@ from consilience.reference.formulations.recursive_model import TreeModel, flatte
 from consilience.reference.model import Model, all_rows, flatten
 from consilience.reference.relative import columns
 from consilience.reference.relative.loops import Fronts, Loops, find_loops, fronts
-from consilience.reference.workspace import Workspace
+from consilience.reference.workspace import Workspace, workspace
 from consilience.spatial import Array, quaternion_from_rotation
 
 DISTANCE, ANGLE, SPEED, SPIN, INTEGRAL = range(5)
@@ -49,42 +49,81 @@ class Links(NamedTuple):
     loops: Loops
 
 
-class Scratch(NamedTuple):
-    """Arrays that the kernels write into; n_b links, N free directions, q cut rows."""
-
-    y: Array  # (n_b + n_e, 13) bodies, as the other kernels know them
-    A: Array  # (n_b, 3, 3) rotation matrices
-    link: Array  # (n_b + 1, LINK_WIDTH) rows of the links and of the ground: see `columns`
-    free: Array  # (N, FREE_WIDTH) rows of the directions
-    u: Array  # (N,) accelerations, or displacements, of the directions
-    limit: Array  # (1,) rank of the cut rows, where a projection has found it
-    best: Array  # (2,) largest rank, and its largest least pivot
-    size: Array  # (1,) largest size of a cut row
-    fronts: Fronts
-
-
 class Tree(NamedTuple):
     """What an integrator reads of a tree without elements."""
 
     layout: Array
     kind: Array
+    link: Array  # (n_b + 1, LINK_WIDTH) rows of the links and of the ground: see `columns`
+    free: Array  # (N, FREE_WIDTH) rows of the directions
+    y: Array  # (n_b + n_e, 13) bodies, as the other kernels know them
+    A: Array  # (n_b, 3, 3) rotation matrices
+    speeds: int
+    length: float  # of the mechanism, m
+
+
+class CutJoints(NamedTuple):
+    """Joints with rows that the tree leaves open: arrays of `Model`."""
+
+    closing: Array
+    first_row: Array
+    row_kind: Array
+    row_target: Array
+    body_i: Array
+    body_j: Array
+    arm_i: Array
+    arm_j: Array
+    axes_i: Array
+    axes_j: Array
+    pitch: Array
+
+
+class Rest(NamedTuple):
+    """What loops need beside it, and the arrays that their kernels write into; q cut rows.
+
+    One level, few arrays: each is counted whenever a kernel is given all of them.
+    """
+
+    layout: Array
     link: Array
     free: Array
     y: Array
     A: Array
     speeds: int
-    length: float  # of the mechanism, m
+    length: float
+    held: int
+    mass: Array
+    inertia_factor: Array
+    joints: CutJoints
+    loops: Loops
+    fronts: Fronts
+    value: Array  # (q,) violations of the rows
+    gamma: Array  # (q,)
+    rate: Array  # (q,)
+    u: Array  # (N,) accelerations, or displacements, of the directions
+    limit: Array  # (1,) rank of the cut rows, where a projection has found it
+    best: Array  # (2,) largest rank, and its largest least pivot
+    size: Array  # (1,) largest size of a cut row
 
 
-class Rest(NamedTuple):
-    """What elements and loops need beside it."""
+class Elements(NamedTuple):
+    """What elements and rows that are not joints' need beside both."""
 
-    links: Links
     model: Model
     cut: Model
     memory: Array  # joint coordinates that elements read, turns counted
-    ws: Scratch
     rows: Workspace
+    integrals: int
+    plain: bool
+    other_rows: int
+
+
+class System(NamedTuple):
+    """A mechanism for the kernels: they are compiled for trees, for linkages, and for those with elements."""
+
+    tree: Tree
+    rest: Rest
+    elements: Elements | None  # None where there are only joints and gravity
 
 
 def flatten_relative(mechanism: Mechanism) -> tuple[Links, TreeModel, Model]:
@@ -165,21 +204,42 @@ def free_table(links: Links) -> Array:
     return table
 
 
-def scratch(mechanism: Mechanism, links: Links, tree: TreeModel) -> Scratch:
-    """Scratch arrays."""
-    n, N, q = len(tree.body), int(tree.first_free[-1]), all_rows(tree.cut)
-    link, free = link_table(links, mechanism.gravity), free_table(links)
-    return Scratch(
+def system(mechanism: Mechanism, links: Links, spanning: TreeModel, model: Model) -> System:
+    """Arrays of the kernels, those that they write into new."""
+    n, cut = len(spanning.body), spanning.cut
+    tree = Tree(
+        layout=links.layout,
+        kind=links.kind,
+        link=link_table(links, mechanism.gravity),
+        free=free_table(links),
         y=np.zeros((n + -(-len(mechanism.controls) // 13), 13)),
         A=np.zeros((n, 3, 3)),
-        link=link,
-        free=free,
-        u=np.zeros(N),
+        speeds=links.speeds,
+        length=model.length,
+    )
+    elements, q = None, all_rows(cut)
+    value, gamma, rate = np.zeros((3, q))
+    if not links.plain or links.other_rows:
+        memory, rows = np.zeros(len(model.coordinate)), workspace(cut)._replace(A=tree.A)
+        value, gamma, rate = rows.value, rows.gamma, rows.rate
+        elements = Elements(model, cut, memory, rows, links.integrals, links.plain, links.other_rows)
+    rest = Rest(
+        *(tree.layout, tree.link, tree.free, tree.y, tree.A, tree.speeds, tree.length),
+        held=links.held,
+        mass=model.mass,
+        inertia_factor=model.inertia_factor,
+        joints=CutJoints(links.closing, *(getattr(cut, name) for name in CutJoints._fields[1:])),
+        loops=links.loops,
+        fronts=fronts(links.loops, n),
+        value=value,
+        gamma=gamma,
+        rate=rate,
+        u=np.zeros(int(spanning.first_free[-1])),
         limit=np.array([q], dtype=np.int64),
         best=np.zeros(2),
         size=np.zeros(1),
-        fronts=fronts(links.loops, n),
     )
+    return System(tree, rest, elements)
 
 
 def pack_relative(mechanism: Mechanism, links: Links, tree: TreeModel, state: State) -> Array:

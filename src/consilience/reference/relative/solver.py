@@ -14,8 +14,7 @@ from consilience.reference.relative.dynamics import remember
 from consilience.reference.relative.gauss import integrate_gauss
 from consilience.reference.relative.integrate import integrate
 from consilience.reference.relative.kinematics import place
-from consilience.reference.relative.model import Rest, Tree, flatten_relative, pack_relative, scratch
-from consilience.reference.workspace import workspace
+from consilience.reference.relative.model import flatten_relative, pack_relative, system
 from consilience.run import TrajectoryAnswer
 from consilience.spatial import Array, continuous_in_time
 
@@ -55,17 +54,15 @@ def simulate_relative(
         With the status of the integrator.
     """
     links, spanning, model = _flat(mechanism)
-    ws, memory = scratch(mechanism, links, spanning), np.zeros(len(model.coordinate))
-    tree = Tree(links.layout, links.kind, ws.link, ws.free, ws.y, ws.A, links.speeds, model.length)
-    rest = None
+    tree, rest, elements = system(mechanism, links, spanning, model)
     z = pack_relative(mechanism, links, spanning, state)
-    if not links.free:
-        rest = Rest(links, model, spanning.cut, memory, ws, workspace(spanning.cut)._replace(A=ws.A))
-        place(links.layout, ws.link, ws.free, links.speeds, z, ws.y, ws.A)
-        remember(model, ws.y, ws.A, memory)
-    motion, counters = np.empty((len(times), *ws.y.shape)), np.zeros(3, dtype=np.int64)
+    if elements is not None:
+        place(tree.layout, tree.link, tree.free, tree.speeds, z, tree.y, tree.A)
+        remember(elements, tree.y, tree.A)
+    motion, counters = np.empty((len(times), *tree.y.shape)), np.zeros(3, dtype=np.int64)
     longest = longest_step(model)
-    status = INTEGRATORS[integrator](tree, rest, z, times, float(tolerance), longest, motion, counters)
+    loops = None if links.free else rest
+    status = INTEGRATORS[integrator](tree, loops, elements, z, times, float(tolerance), longest, motion, counters)
     if status:
         raise NumericalFailure(f"reference, relative, {integrator}, tolerance {tolerance:g}: {STATUS[status]}")
     p, quat, v, w = unpack(mechanism, motion)
