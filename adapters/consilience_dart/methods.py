@@ -35,7 +35,7 @@ EULER_DEFAULT = "World.step, defaults"
 RK4_ARTICULATED = "computeForwardDynamics + RK4 of the harness"
 RK4_CONSTRAINED = "mass matrix + constraint solve and RK4 of the harness"
 
-EULER_SUBSTEPS = (200, 400, 800)
+EULER_SUBSTEPS = (100, 200, 400)
 EULER_SUBSTEPS_WITH_FORCES = (50, 100, 200)  # forces that the adapter applies each step cost ten times the step
 EULER_SUBSTEPS_DEFAULT = (50, 100, 200)  # DART's step of 0.001 s at samples every 0.05 s, then its halves
 RK4_SUBSTEPS = (4, 8, 16)

@@ -38,7 +38,7 @@ HARD: dict[str, Any] = {
 _WEIGHTS = ("body_invweight0", "dof_invweight0", "tendon_invweight0")
 """What the regularisation of welds, of rows on joints, and of rows on guided bodies is in proportion to."""
 
-_MATCHED_STEPS = {"RK4": (4, (10, 20, 40, 80)), "Euler": (1, (200, 400, 800))}
+_MATCHED_STEPS = {"RK4": (4, (10, 20, 40)), "Euler": (1, (200, 400, 800))}
 _DEFAULT_STEPS = (25, 50, 100)
 """MuJoCo's time step of 0.002 s at samples every 0.05 s, then its halves."""
 

@@ -33,7 +33,7 @@ from consilience_pinocchio.observe import accelerations, composite_inertia, ener
 from consilience_pinocchio.reactions import reactions
 from consilience_pinocchio.translate import Translation, configuration, translate
 
-_SUBSTEPS = (10, 20, 40, 80)
+_SUBSTEPS = (10, 20, 40)
 
 _TREE_METHODS = {
     Question.MODEL: (Method("model inertias", Route.NATIVE),),

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 from consilience.assembly import displaced_states
 from consilience.case import Case
+from consilience.compare import Prospect, Yardstick
 from consilience.compare.horizon import PERTURBATION
 from consilience.compare.softness import SCALES
 from consilience.compare.uncertainty import needs_another_level
@@ -56,7 +57,7 @@ class Effort:
     samples : int or None
         Sample intervals of a motion at most.
     closer : bool
-        Whether to go on where three levels leave doubt: more levels, other softness, displaced initial states.
+        Whether to go on where three levels leave doubt: more levels, other softness; displaced initial states.
     """
 
     methods: int | None = None
@@ -107,6 +108,8 @@ class Asked:
         Where answers are looked up and kept.
     info : EngineInfo, optional
         The engine's own; an answer of another version is another answer.
+    yard : Yardstick, optional
+        The reference's motion. Where it is known, a ladder ends as soon as its levels decide the verdict.
     """
 
     worker: Asks
@@ -115,6 +118,7 @@ class Asked:
     effort: Effort = FULL
     store: Store | None = None
     info: EngineInfo | None = None
+    yard: Yardstick | None = None
 
     def question(self, question: Question) -> Iterator[Run]:
         """Every method and level; a question without any is a failed run, so that it cannot vanish from the record."""
@@ -150,20 +154,33 @@ class Asked:
         for level, step in enumerate(levels):
             runs.append(self.once(question, method, level, step))
             yield runs[-1]
-        if not self.effort.closer:
+        if not self.effort.closer or any(run.answer is None for run in runs):
             return
-        while method.substeps and len(runs) < MOST_LEVELS and 2.0 * runs[-1].cpu < LEVEL_BUDGET:
-            answers = [run.answer for run in runs if isinstance(run.answer, TrajectoryAnswer)]
-            last = runs[-1].step
-            settled = len(answers) < len(runs) or not needs_another_level(answers, method, [r.step for r in runs])
-            if last is None or settled:
-                break
-            runs.append(self.once(question, method, len(runs), last / 2.0))
+        while not (prospect := self._prospect(runs)).decided and (step := self._finer(method, runs, prospect)):
+            runs.append(self.once(question, method, len(runs), step))
             yield runs[-1]
-        if method.softness is not None and runs[-1].status is Status.ANSWERED:
+            if runs[-1].answer is None:
+                return
+        if method.softness is not None and not prospect.decided:
             for scale in SCALES[method.profile]:
                 softer = replace(method, softness=scale * method.softness)
                 yield self.once(question, softer, runs[-1].level, runs[-1].step)
+
+    def _prospect(self, runs: Sequence[Run]) -> Prospect:
+        """What more levels would do; as if nothing were decided where there is no yardstick."""
+        if self.yard is None or runs[0].question is not Question.TRAJECTORY:
+            return Prospect(decided=False, next_agrees=False)
+        return Prospect.of(self.case.mechanism, runs, self.yard)
+
+    @staticmethod
+    def _finer(method: Method, runs: Sequence[Run], prospect: Prospect) -> float | None:
+        """The next step of a ladder, if it would say more and can be afforded."""
+        last = runs[-1].step
+        if last is None or not method.substeps or len(runs) >= MOST_LEVELS or 2.0 * runs[-1].cpu >= LEVEL_BUDGET:
+            return None
+        answers = [run.answer for run in runs if isinstance(run.answer, TrajectoryAnswer)]
+        more = prospect.next_agrees or needs_another_level(answers, method, [run.step for run in runs])
+        return last / 2.0 if more else None
 
     def _displaced(self, method: Method) -> Iterator[Run]:
         """The reference from displaced initial states, for the horizon."""
@@ -233,12 +250,13 @@ def ask_case(
     effort: Effort = FULL,
     store: Store | None = None,
     info: EngineInfo | None = None,
+    yard: Yardstick | None = None,
 ) -> Iterator[Run]:
-    """All runs of an engine about a case."""
+    """All runs of an engine about a case; `yard` as in `Asked`."""
     request = Request(case.mechanism)
     reply = worker.ask(request)
     if isinstance(reply.value, Plan):
-        asked = Asked(worker, case, reply.value, effort, store, info)
+        asked = Asked(worker, case, reply.value, effort, store, info, yard)
         for question in questions:
             yield from asked.question(question)
         return

@@ -49,6 +49,23 @@ def judge_case(case: Case, runs: Sequence[Run]) -> list[Comparison]:
     return found
 
 
+def yardstick(case: Case, runs: Sequence[Run]) -> Yardstick | None:
+    """What motions of a case are measured with, from the runs of the reference; None if it did not answer."""
+    references = _references(runs).get(Question.TRAJECTORY)
+    return _yardstick(case, references)[0] if references else None
+
+
+def _yardstick(case: Case, references: Sequence[Run]) -> tuple[Yardstick, tuple[Quantity, ...]]:
+    """The best motion with what bounds it, and how it stands beside what is known of the case."""
+    mechanism = case.mechanism
+    motions = [r.answer for r in references if isinstance(r.answer, TrajectoryAnswer) and not _displaced(r)]
+    displaced = [r.answer for r in references if isinstance(r.answer, TrajectoryAnswer) and _displaced(r)]
+    spread = spread_over_time(mechanism, motions)
+    known = against_published(mechanism, case.published, motions[0], spread)
+    growing = growth(mechanism, motions[0], displaced)
+    return Yardstick(motions[0], spread, case.digits, growing, dispute(known)), known
+
+
 def _displaced(run: Run) -> bool:
     return run.engine == REFERENCE and run.method is not None and DISPLACED_START in run.method.name
 
@@ -66,18 +83,11 @@ class _Judge:
         self.length = max(float(np.max(np.abs(start.p_WB))), reach(case.mechanism))
         self.instants = Instants.of(case.mechanism, case.states) if question is Question.INSTANT else None
         self.known: tuple[Quantity, ...] = ()
-        self.yard = self._yardstick() if question is Question.TRAJECTORY and references else None
+        self.yard: Yardstick | None = None
+        if question is Question.TRAJECTORY and references:
+            self.yard, self.known = _yardstick(case, references)
         if self.instants is not None and references and isinstance(references[0].answer, InstantAnswer):
             self.known = start_against_published(case.mechanism, case.published, references[0].answer, self.instants)
-
-    def _yardstick(self) -> Yardstick:
-        mechanism = self.case.mechanism
-        motions = [r.answer for r in self.references if isinstance(r.answer, TrajectoryAnswer) and not _displaced(r)]
-        displaced = [r.answer for r in self.references if isinstance(r.answer, TrajectoryAnswer) and _displaced(r)]
-        spread = spread_over_time(mechanism, motions)
-        self.known = against_published(mechanism, self.case.published, motions[0], spread)
-        growing = growth(mechanism, motions[0], displaced)
-        return Yardstick(motions[0], spread, self.case.digits, growing, dispute(self.known))
 
     def judge(self, groups: dict[tuple[str, str], list[Run]]) -> Iterator[Comparison]:
         """Every engine and method against the reference, which is not compared with itself."""

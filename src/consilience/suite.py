@@ -1,8 +1,9 @@
 """Plan and execute many runs: every case, engine, question, method and level; then compare.
 
 Each engine has its own worker, and does one job at a time; `jobs` engines work at once, each on the first case it has
-not done. On a cluster an engine works on many cases at once, wherever there is room. A case is judged as soon as all
-engines are through with it, while they go on with the next ones.
+not done. On a cluster an engine works on many cases at once, wherever there is room. The reference is asked first: what
+is decided by a few levels of an engine needs no more of them. A case is judged as soon as all engines are through with
+it, while they go on with the next ones.
 """
 
 from __future__ import annotations
@@ -19,9 +20,9 @@ from typing import TYPE_CHECKING
 
 from consilience.asking import FULL, Asked, Effort, ask_case, open_plan
 from consilience.case import Case
-from consilience.compare import Comparison
+from consilience.compare import Comparison, Yardstick
 from consilience.errors import ConsilienceError
-from consilience.judge import REFERENCE, judge_case
+from consilience.judge import REFERENCE, judge_case, yardstick
 from consilience.run import EngineInfo, Question, Run, Status, TrajectoryAnswer
 from consilience.store import Store
 from consilience.worker import MEMORY, Asks, Here, Member, Request, Worker
@@ -51,14 +52,20 @@ class Results:
     comparisons: list[Comparison] = field(default_factory=list)
 
 
+AHEAD = 2
+"""Cases that the reference is ahead of the engines, if it can be."""
+
+
 class _Schedule:
     """Who does what next: of the idle engines the one that is furthest behind takes its next case.
 
-    So cases are complete one after the other, and no engine is left with a long list at the end.
+    So cases are complete one after the other, and no engine is left with a long list at the end. The first engine has
+    to be through with a case before others take it, and goes ahead of them.
     """
 
     def __init__(self, engines: Sequence[str], cases: int, together: int) -> None:
         self._next = dict.fromkeys(engines, 0)
+        self._first, self._through = engines[0], [False] * cases
         self._cases, self._together = cases, together
         self._busy: Counter[str] = Counter()
         self._changed = Condition()
@@ -71,21 +78,27 @@ class _Schedule:
                 left = [name for name, case in self._next.items() if case < self._cases]
                 if not left:
                     return None
-                idle = [name for name in left if self._busy[name] < self._together]
+                idle = [name for name in left if self._busy[name] < self._together and self._ready(name)]
                 if idle:
-                    name = min(idle, key=lambda engine: self._next[engine])
+                    name = min(idle, key=lambda engine: self._next[engine] - AHEAD * (engine == self._first))
                     self._busy[name] += 1
                     self._next[name] += 1
                     return name, self._next[name] - 1
                 self._changed.wait()
             return None
 
-    def done(self, engine: str, dead: bool = False) -> None:
+    def _ready(self, engine: str) -> bool:
+        return engine == self._first or self._through[self._next[engine]]
+
+    def done(self, engine: str, case: int, dead: bool = False) -> None:
         """The engine is idle again; a dead one gets nothing more."""
         with self._changed:
             self._busy[engine] -= 1
             if dead:
                 self._next[engine] = self._cases
+            if engine == self._first:
+                self._through = [True] * self._cases if dead else self._through
+                self._through[case] = True
             self._changed.notify_all()
 
     def close(self) -> None:
@@ -105,6 +118,7 @@ class _Suite:
         self.schedule = _Schedule(list(workers), len(results.cases), together)
         self.finished: SimpleQueue[tuple[str, int, list[Run]] | None] = SimpleQueue()
         self._doors = {name: Lock() for name in workers}
+        self._yards: dict[int, Yardstick | None] = {}
 
     def work(self) -> None:
         """Do jobs until there are none."""
@@ -114,7 +128,7 @@ class _Suite:
                 _LOG.info("%s: takes %s", name, self.results.cases[number].name)
                 alive = self._introduced(name)
                 runs = self._ask(name, number) if alive else []
-                self.schedule.done(name, dead=not alive)
+                self.schedule.done(name, number, dead=not alive)
                 self.finished.put((name, number, runs))
         finally:
             self.schedule.close()
@@ -137,7 +151,11 @@ class _Suite:
     def _ask(self, name: str, number: int) -> list[Run]:
         results, worker = self.results, self.workers[name]
         case, info = results.cases[number], results.engines[name]
-        return list(ask_case(worker, case, results.questions, self.effort, self.store, info))
+        yard = self._yards.get(number)
+        runs = list(ask_case(worker, case, results.questions, self.effort, self.store, info, yard))
+        if name == REFERENCE and self.effort.closer:
+            self._yards[number] = yardstick(case, runs)
+        return runs
 
 
 def run_suite(

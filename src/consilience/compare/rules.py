@@ -109,6 +109,8 @@ class Rule:
     holds : callable
     why : callable
         The decision in numbers.
+    final : bool
+        Whether it holds whatever else the engine is asked: no finer step and no other softness would be heard.
     """
 
     name: str
@@ -116,6 +118,7 @@ class Rule:
     when: str
     holds: Callable[[Evidence], bool]
     why: Callable[[Evidence], str]
+    final: bool = False
 
 
 def _moves_with_softness(e: Evidence) -> bool:
@@ -137,6 +140,7 @@ RULES: tuple[Rule, ...] = (
         "one rounding error reaches the digits asked before the first sample",
         lambda e: e.judged <= 0.0,
         lambda e: f"one rounding error reaches {e.asked:.0e} before the first sample: nothing can be judged",
+        final=True,
     ),
     Rule(
         "uncertain reference",
@@ -144,6 +148,7 @@ RULES: tuple[Rule, ...] = (
         "the uncertainty of the reference is above 10^-digits",
         lambda e: not e.reference <= e.asked,
         lambda e: f"the reference itself is only certain to {e.reference:.2g}, asked {e.asked:.0e}",
+        final=True,
     ),
     Rule(
         "disputed reference",
@@ -151,6 +156,7 @@ RULES: tuple[Rule, ...] = (
         "a closed form or published value contradicts the reference beyond both uncertainties",
         lambda e: bool(e.dispute),
         lambda e: f"the reference is disputed: {e.dispute}",
+        final=True,
     ),
     Rule(
         "velocities",
@@ -165,6 +171,7 @@ RULES: tuple[Rule, ...] = (
         "the finest level differs by no more than 10^-digits and the uncertainty of the reference",
         lambda e: e.finest <= e.allowed,
         lambda e: f"the finest level differs by {e.finest:.2g}, asked {e.asked:.0e}{e.until}",
+        final=True,
     ),
     Rule(
         "steps",
@@ -172,6 +179,7 @@ RULES: tuple[Rule, ...] = (
         "the levels converge with the declared order, to the reference within the band",
         lambda e: e.converges_here,
         lambda e: f"{e.limit_text}: smaller steps lead to the reference{e.until}",
+        final=True,
     ),
     Rule(
         "earlier layer",

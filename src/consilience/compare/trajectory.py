@@ -11,7 +11,7 @@ against the reference and must not pass for steps that are too coarse.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -28,7 +28,7 @@ from consilience.compare.motion import (
     largest_residual,
     size_of_motion,
 )
-from consilience.compare.result import Comparison, Level, digits_of
+from consilience.compare.result import Comparison, Level, Verdict, digits_of
 from consilience.compare.rules import Evidence, decide
 from consilience.mechanism import Mechanism
 from consilience.run import Question, Run, TrajectoryAnswer
@@ -140,25 +140,8 @@ def compare_trajectory(
     scales = Scales.of(mechanism, reference)
     ladder = _ladder(runs, answers, scales.size, yard)
     levels = _levels(mechanism, runs, answers, yard, scales.size)
-    finest = float(np.max(difference_over_time(answers[-1], reference, scales.size)[: yard.judged], initial=0.0))
     soft = _softness(answers[-1], softer, yard, scales)
-    spread = float(yard.spread[max(yard.judged - 1, 0)])
-    evidence = Evidence(
-        asked=10.0**-yard.digits,
-        judged=float(reference.time[max(yard.judged - 1, 0)] - reference.time[0]),
-        duration=float(np.ptp(reference.time)),
-        reference=spread,
-        dispute=yard.dispute,
-        finest=finest,
-        limit=ladder.limit,
-        band=ladder.band,
-        order=ladder.settled,
-        declared=ladder.declared,
-        asymptotic=ladder.asymptotic,
-        softness=soft,
-        earlier=earlier,
-        velocities=_velocities(runs, answers, yard, scales),
-    )
+    evidence = replace(_evidence(runs, answers, yard, scales, ladder), softness=soft, earlier=earlier)
     rule, why = decide(evidence)
     samples = kept_samples(len(reference.time))
     return Comparison(
@@ -171,19 +154,70 @@ def compare_trajectory(
         verdict=rule.verdict,
         rule=rule.name,
         why=why,
-        digits=digits_of(finest) if yard.judged > 1 else None,
+        digits=digits_of(evidence.finest) if yard.judged > 1 else None,
         limit_digits=None if ladder.limit is None else digits_of(ladder.limit),
         declared_order=ladder.declared,
         order=ladder.order,
         self_order=ladder.self_order,
         band=ladder.band,
-        reference_spread=spread,
+        reference_spread=evidence.reference,
         horizon=evidence.judged if yard.judged < len(reference.time) else None,
         softness=soft,
         observables=uncertainty.estimates(answers, method, [run.step for run in runs], scales),
         times=tuple(float(t) for t in reference.time[samples]),
         growth=() if yard.growth is None else tuple(float(g) for g in yard.growth[samples]),
         levels=levels,
+    )
+
+
+@dataclass(frozen=True)
+class Prospect:
+    """What more answers of a method would do for its verdict.
+
+    Attributes
+    ----------
+    decided : bool
+        The levels say all that can be said: neither finer ones nor other softness would be heard.
+    next_agrees : bool
+        The levels converge to the reference, and the next one is expected to be as near as is asked.
+    """
+
+    decided: bool
+    next_agrees: bool
+
+    @classmethod
+    def of(cls, mechanism: Mechanism, runs: Sequence[Run], yard: Yardstick) -> Prospect:
+        """From levels that are all answered."""
+        answers = [run.answer for run in runs if isinstance(run.answer, TrajectoryAnswer)]
+        scales = Scales.of(mechanism, yard.answer)
+        evidence = _evidence(runs, answers, yard, scales, _ladder(runs, answers, scales.size, yard))
+        rule, _ = decide(evidence)
+        if rule.verdict is not Verdict.DISCRETISATION:
+            return cls(rule.final, False)
+        assert evidence.declared is not None
+        ratio = uncertainty.ratio_of([run.step for run in runs])
+        near = evidence.finest / ratio**evidence.declared <= evidence.allowed
+        return cls(not near, near)
+
+
+def _evidence(
+    runs: Sequence[Run], answers: Sequence[TrajectoryAnswer], yard: Yardstick, scales: Scales, ladder: _Ladder
+) -> Evidence:
+    """What the levels alone say."""
+    reference = yard.answer
+    return Evidence(
+        asked=10.0**-yard.digits,
+        judged=float(reference.time[max(yard.judged - 1, 0)] - reference.time[0]),
+        duration=float(np.ptp(reference.time)),
+        reference=float(yard.spread[max(yard.judged - 1, 0)]),
+        dispute=yard.dispute,
+        finest=float(np.max(difference_over_time(answers[-1], reference, scales.size)[: yard.judged], initial=0.0)),
+        limit=ladder.limit,
+        band=ladder.band,
+        order=ladder.settled,
+        declared=ladder.declared,
+        asymptotic=ladder.asymptotic,
+        velocities=_velocities(runs, answers, yard, scales),
     )
 
 

@@ -8,7 +8,7 @@ from consilience.asking import Effort, ask_case
 from consilience.case import Case
 from consilience.compare import Comparison
 from consilience.errors import ConsilienceError
-from consilience.judge import REFERENCE, judge_case
+from consilience.judge import REFERENCE, judge_case, yardstick
 from consilience.outputs.digest import CODES
 from consilience.report.wording import RANK
 from consilience.run import EngineInfo, Profile, Question, Run
@@ -77,7 +77,8 @@ class Interview:
     def _asked(self, case: Case, engine: str, question: Question) -> list[Run]:
         if (engine, question) not in self._runs:
             worker = self._worker(engine)
-            self._runs[engine, question] = list(ask_case(worker, case, [question], self.effort))
+            yard = yardstick(case, self._runs.get((REFERENCE, question), []))
+            self._runs[engine, question] = list(ask_case(worker, case, [question], self.effort, yard=yard))
         return self._runs[engine, question]
 
     def _info(self, engine: str) -> EngineInfo:

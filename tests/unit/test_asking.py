@@ -1,0 +1,91 @@
+"""How many levels and softnesses an engine is asked: as many as its verdict needs, by errors of known order."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from situations import MECHANISM, SHAPE, SITUATIONS, SIZE, TIMES, TRUE, Situation, motion
+
+from consilience.asking import LEVEL_BUDGET, MOST_LEVELS, Asked
+from consilience.assembly import Initial
+from consilience.case import Case
+from consilience.compare import Yardstick
+from consilience.compare.rules import RULES
+from consilience.compare.softness import SCALES
+from consilience.run import Method, Profile, Question, Route
+from consilience.worker import Plan, Reply
+
+SAMPLE = float(TIMES[1])
+CASE = Case("c", "c.toml", "a body on a circle", MECHANISM, Initial(), float(TIMES[-1]), SAMPLE, 8, 1, 1)
+YARD = Yardstick(TRUE, np.zeros(len(TIMES)), CASE.digits)
+THREE = [10, 20, 40]
+
+
+class Known:
+    """A worker whose motions have a known error; what it was asked is kept."""
+
+    engine = "known"
+
+    def __init__(self, error, cpu):
+        self.error, self.cpu, self.asked = error, cpu, []
+
+    def ask(self, request):
+        softness = request.method.softness
+        self.asked.append((round(SAMPLE / request.step), softness))
+        return Reply(motion(SIZE * SHAPE * self.error(request.step, softness or 0.0)), returned=True, cpu=self.cpu)
+
+
+def asked(error, soft=False, yard=YARD, cpu=0.0):
+    """Substeps at the method's own softness, and what was asked at others."""
+    worker = Known(error, cpu)
+    method = Method("m", Route.NATIVE, 2, tuple(THREE), softness=1.0 if soft else None)
+    ladder = Asked(worker, CASE, Plan({}, {}, {}), yard=yard).ladder
+    list(ladder(Question.TRAJECTORY, method, [SAMPLE / n for n in THREE]))
+    own = [n for n, s in worker.asked if s in (None, 1.0)]
+    return own, [(n, s) for n, s in worker.asked if s not in (None, 1.0)]
+
+
+def test_three_levels_that_agree_are_enough():
+    assert asked(lambda h, s: 1e-4 * h**2, soft=True) == (THREE, [])
+
+
+def test_a_level_that_will_agree_is_asked_and_no_other():
+    # 3.1e-8 at 40 substeps and 7.8e-9 at 80, asked 1e-8
+    assert asked(lambda h, s: 2e-2 * h**2, soft=True) == ([*THREE, 80], [])
+
+
+def test_steps_that_lead_to_the_reference_are_followed_no_further_than_that():
+    assert asked(lambda h, s: h**2, soft=True) == (THREE, [])
+
+
+def test_a_clear_order_elsewhere_needs_no_finer_steps_but_softness():
+    elsewhere, scales = asked(lambda h, s: h**2 + 1e-4 * s, soft=True)
+    assert elsewhere == THREE
+    assert scales == [(40, s) for s in SCALES[Profile.MATCHED]]
+
+
+def test_an_order_that_does_not_settle_is_followed_to_the_end():
+    levels, scales = asked(lambda h, s: 1e-2 * h, soft=True)
+    assert levels == [10 * 2**n for n in range(MOST_LEVELS)]
+    assert scales == [(levels[-1], s) for s in SCALES[Profile.MATCHED]]
+
+
+def test_a_finer_level_has_to_be_afforded():
+    assert asked(lambda h, s: 1e-2 * h, cpu=LEVEL_BUDGET / 2.0) == (THREE, [])
+
+
+def test_without_a_reference_nothing_is_decided():
+    assert asked(lambda h, s: 1e-4 * h**2, soft=True, yard=None)[1] == [(40, s) for s in SCALES[Profile.MATCHED]]
+
+
+def test_past_the_horizon_nothing_more_is_asked():
+    chaotic = replace(YARD, growth=np.full(len(TIMES), 1e12))
+    assert asked(lambda h, s: 1e-2 * h, soft=True, yard=chaotic) == (THREE, [])
+
+
+@pytest.mark.parametrize("situation", [s for s in SITUATIONS if s.soft], ids=lambda s: s.name)
+def test_what_softness_says_is_not_heard_where_a_rule_is_final(situation: Situation):
+    final = {rule.name for rule in RULES if rule.final}
+    hard, soft = replace(situation, soft=False).judge(), situation.judge()
+    assert (hard.rule in final) == (soft.rule in final)
+    assert hard.rule not in final or hard.rule == soft.rule
