@@ -90,7 +90,8 @@ MARKED: dict[tuple[str, str], str] = {
 FILES: dict[str, dict[str, str]] = {
     "docs/import.md": {
         "robot.urdf": """<robot name="arm"><link name="base"><inertial><mass value="3"/>
-<inertia ixx="0.02" iyy="0.02" izz="0.03" ixy="0" ixz="0" iyz="0"/></inertial></link><link name="upper"><inertial><origin xyz="0.1 0 0.2"/>
+<inertia ixx="0.02" iyy="0.02" izz="0.03" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="upper"><inertial><origin xyz="0.1 0 0.2"/>
 <mass value="2"/><inertia ixx="0.03" iyy="0.04" izz="0.05" ixy="0.001" ixz="0" iyz="0.002"/></inertial></link>
 <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><origin xyz="0 0 0.3"/>
 <axis xyz="0 1 0"/><limit effort="1" velocity="1" lower="-1" upper="1"/></joint></robot>""",

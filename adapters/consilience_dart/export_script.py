@@ -64,7 +64,9 @@ def drift(owner, p):
 
 def coordinate(owner, sign):
     joint = NODES[owner].getParentJoint()
-    return sign * joint.getPosition(0), sign * joint.getVelocity(0), joint.getIndexInSkeleton(0)
+    row = np.zeros(COUNT)
+    row[joint.getIndexInSkeleton(0)] = sign
+    return sign * joint.getPosition(0), sign * joint.getVelocity(0), row, 0.0
 '''
 
 RUN = '''

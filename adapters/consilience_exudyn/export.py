@@ -1,25 +1,39 @@
 """An assembled Exudyn system as a script: its items as Exudyn itself tells them, and the laws of its user functions.
 
-Constraints that are user functions of the adapter (screws, drives, couplings, skates, rounded rolling bodies) are not
-written down: their second derivatives, which accelerations need, are the harness's.
+Constraints that are user functions of the adapter (screws, drives, couplings, skates, rounded rolling bodies) are user
+functions of the script. Their second derivatives, which Exudyn does not ask for, are written beside them.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from consilience.errors import InvalidInput
+from consilience.functions import linear
 from consilience.kinematics import RANK_TOLERANCE
-from consilience.mechanism import Mechanism, State
-from consilience.native import JET, SOLVE, function_data, script
+from consilience.mechanism import GROUND, Joint, Mechanism, State
+from consilience.native import JET, ROWS, SOLVE, function_data, row_data, script
+from consilience_exudyn.constraints import Added
 from consilience_exudyn.efforts import efforts_of
+from consilience_exudyn.export_rows import CONNECTIONS
 from consilience_exudyn.export_script import CODE
 from consilience_exudyn.library import POINTWISE, exu
 from consilience_exudyn.maximal import Maximal, build, coordinates, velocities
-from consilience_exudyn.rows import DiscRow, displacement_turns
+from consilience_exudyn.rows import (
+    TURN,
+    ContactRow,
+    CouplingRow,
+    DiscRow,
+    DriveRow,
+    Row,
+    ScrewRow,
+    SkateRow,
+    SlipRow,
+    displacement_turns,
+)
 
 _KINDS = ("Node", "Object", "Marker", "Load")
 
@@ -111,14 +125,53 @@ def _effort(m: Mechanism, joint: str, coordinate: str) -> dict[str, Any]:
     }
 
 
-def _refuse_rows(model: Maximal) -> None:
-    for added in model.rows:
+_CONNECTIONS: dict[type[Row], str] = {
+    DriveRow: "drive",
+    ScrewRow: "coupling",
+    CouplingRow: "coupling",
+    ContactRow: "contact",
+    SlipRow: "slip",
+    SkateRow: "skate",
+}
+"""What the script calls the rows that are user functions, those of screws before those of couplings."""
+
+
+def _connections(added_rows: tuple[Added, ...]) -> dict[int, list[Any]]:
+    """Kind, place among its kind, and bodies by the object's number; in the order of the script's ``held``."""
+    seen: Counter[str] = Counter()
+    found: dict[int, list[Any]] = {}
+    # drives come before screws there
+    for added in sorted(added_rows, key=lambda added: not isinstance(added.row, DriveRow)):
         if not isinstance(added.row, DiscRow):
-            raise InvalidInput(
-                f"exudyn, '{added.row.name}'",
-                "its constraint is a user function of the adapter, and a script has none of these",
-                "Translate the case for another engine.",
-            )
+            kind = _CONNECTIONS[type(added.row)]
+            found[int(added.index)] = [kind, seen[kind], added.row.bodies]
+            seen[kind] += 1
+    return found
+
+
+def _frames(joint: Joint) -> list[Any]:
+    return [[joint.predecessor, joint.F.p, joint.F.R], [joint.successor, joint.M.p, joint.M.R], joint.pitch]
+
+
+def _rows(model: Maximal) -> dict[str, Any]:
+    """Data of constraints that are user functions: a screw is a coupling of its distance to its angle."""
+    m = model.mechanism
+    data = row_data(m, lambda joint, coordinate: [joint, coordinate])
+    screws = [
+        [[joint.name, "distance"], [joint.name, "angle"], function_data(linear(joint.pitch / TURN))]
+        for joint in m.joints
+        if joint.kind == "screw"
+    ]
+    couplings = screws + data["COUPLINGS"]
+    used = {place[0] for place, _ in data["DRIVES"]} | {place[0] for pair in couplings for place in pair[:2]}
+    return data | {
+        "GROUND": GROUND,
+        "WELDS": [],
+        "COUPLINGS": couplings,
+        "ROLLINGS": [rolling for rolling in data["ROLLINGS"] if rolling["rounding"]],  # Exudyn has discs
+        "FRAMES": {joint.name: _frames(joint) for joint in m.joints if joint.name in used},
+        "CONNECTIONS": _connections(model.rows),
+    }
 
 
 def _discs(model: Maximal) -> list[dict[str, Any]]:
@@ -141,16 +194,10 @@ def export_model(title: str, mechanism: Mechanism, state: State) -> dict[str, st
     ----------
     state : State
         Where the script starts.
-
-    Raises
-    ------
-    InvalidInput
-        If a constraint is a user function of the adapter.
     """
     model = build(mechanism, state)
-    _refuse_rows(model)
-    discs = [int(added.index) for added in model.rows]
-    native = [int(i) for objects in model.joints for i in objects]
+    added = {int(row.index) for row in model.rows}
+    native = [int(i) for objects in model.joints for i in objects if int(i) not in added]
     rods = {
         int(objects[0]): joint.length
         for joint, objects in zip(mechanism.joints, model.joints, strict=True)
@@ -159,7 +206,8 @@ def export_model(title: str, mechanism: Mechanism, state: State) -> dict[str, st
     constants = {
         **_items(model.system),
         **_laws(model),
-        "BODIES": [body.name for body in mechanism.bodies],
+        **_rows(model),
+        "BODIES": {body.name: [body.name, np.zeros(3), np.eye(3)] for body in mechanism.bodies},
         "JOINTS": native,
         "RODS": [[number, length] for number, length in rods.items()],
         "DISCS": _discs(model),
@@ -170,10 +218,9 @@ def export_model(title: str, mechanism: Mechanism, state: State) -> dict[str, st
         "SETTINGS": POINTWISE,
         "TOLERANCE": RANK_TOLERANCE,
     }
-    assert not set(discs) & set(native)
     about = f"{title}, for Exudyn {exu.__version__} alone, in redundant coordinates."
     imports = (
         "import json\nimport math\nimport os\nfrom functools import reduce\n\n"
         'os.environ["EXUDYN_NO_USER_SETTINGS"] = "1"  # read at import\n\nimport exudyn as exu\nimport numpy as np'
     )
-    return {"run.py": script(about, imports, constants, JET, SOLVE, CODE)}
+    return {"run.py": script(about, imports, constants, JET, SOLVE, CONNECTIONS, ROWS, CODE)}

@@ -52,6 +52,8 @@ def errors(_, t, *__):
 
 def functions_of(number):
     """User functions of an object."""
+    if str(number) in CONNECTIONS:
+        return connection(*CONNECTIONS[str(number)])
     if number in INTEGRATOR:
         return {"forceUserFunction": errors}
     if str(number) in ACTUATORS:
@@ -78,6 +80,7 @@ def build():
         place(np.array(Q), np.array(V), configuration)
         if TURNS:
             DATA.SetDataCoordinates(TURNS, configuration=configuration)
+    ANGLES.clear()
 
 
 def place(q, v, configuration=exu.ConfigurationType.Current):
@@ -97,7 +100,8 @@ def settings():
 build()
 SOLVER = exu.MainSolverImplicitSecondOrder()
 SOLVER.InitializeSolver(SYSTEM, settings())
-ROWS = [row for number in JOINTS + [disc["object"] for disc in DISCS] for row in DATA.GetObjectLTGAE(number)]
+CONSTRAINTS = JOINTS + [disc["object"] for disc in DISCS] + [int(number) for number in CONNECTIONS]
+ROWS = [row for number in CONSTRAINTS for row in DATA.GetObjectLTGAE(number)]
 NATIVE = sum(len(DATA.GetObjectLTGAE(number)) for number in JOINTS)
 LENGTHS = np.zeros(SOLVER.GetAEsize())
 for number, length in RODS:
@@ -112,7 +116,7 @@ def algebraic(velocity_level):
 def convective():
     """``c = d/ds C'(q + s v, v)`` by a central stencil that is exact for polynomials of degree four.
 
-    In Euler parameters the constraints are such; that of a rod is one times its length.
+    In Euler parameters the constraints of joints are such; that of a rod is one times its length.
     """
     q, v = np.array(Q), np.array(V)
     step = 0.25 / max(1.0, np.max(np.abs(v)))
@@ -128,13 +132,7 @@ def convective():
 def body_state(b):
     """Rotation, ``G`` of ``w' = 2 G dp/dt`` and angular velocity in the world, of a body."""
     w, x, y, z = QUATERNIONS[b]  # Q lacks a bit or two of them: it has them less one
-    R = np.array(
-        [
-            [w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z],
-        ]
-    )
+    R = rotation(QUATERNIONS[b])
     G = np.array([[-x, w, z, -y], [-y, -z, w, x], [-z, y, -x, w]])
     return R, G, R @ (2.0 * G @ np.array(V[7 * b + 3 : 7 * b + 7]))
 
@@ -147,6 +145,14 @@ def velocity_map():
         T[7 * b : 7 * b + 3, 6 * b : 6 * b + 3] = np.eye(3)
         T[7 * b + 3 : 7 * b + 7, 6 * b + 3 : 6 * b + 6] = 0.5 * G.T @ R.T
     return T
+
+
+def look():
+    """Let `held` see the bodies where the script starts."""
+    ANGLES.clear()
+    for b, body in enumerate(BODIES):
+        R, _, w = body_state(b)
+        PLACES[body] = np.array(Q[7 * b : 7 * b + 3]), R, np.array(V[7 * b : 7 * b + 3]), w
 
 
 def contact(disc):
@@ -163,6 +169,7 @@ def contact(disc):
 def accelerations():
     """Acceleration of the origin and angular acceleration of each body, world axes."""
     c, T = convective(), velocity_map()
+    ANGLES.clear()  # the stencil went far
     SOLVER.ComputeMassMatrix(SYSTEM)
     M = np.array(SOLVER.GetSystemMassMatrix())[:SIZE, :SIZE]
     # the first call sets the whole matrix to zero, the second adds to it
@@ -175,6 +182,8 @@ def accelerations():
     for n, disc in enumerate(DISCS):
         rows, first = slice(NATIVE + 3 * n, NATIVE + 3 * n + 3), 6 * disc["body"]
         gamma[rows] = J[rows, first : first + 3] @ contact(disc)
+    look()
+    gamma[NATIVE + 3 * len(DISCS) :] = held(0.0)[1]
     SOLVER.ComputeODE2RHS(SYSTEM)
     f = np.array(SOLVER.GetSystemResidual())[:SIZE]
     a = solve(T.T @ M @ T, T.T @ f, J, gamma).reshape(-1, 6)

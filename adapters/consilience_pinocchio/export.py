@@ -77,6 +77,12 @@ class _Data:
                 )
         return found
 
+    def placements(self) -> dict[str, list[Any]]:
+        """Origin and axes of each joint in the moving frame that carries it."""
+        model = self.t.model
+        found = zip(model.names[1:], model.jointPlacements[1:], strict=True)
+        return {name: [np.array(place.translation), np.array(place.rotation)] for name, place in found}
+
     def constants(self, urdf: bool) -> dict[str, Any]:
         """Data of the script."""
         t, m = self.t, self.mechanism
@@ -86,7 +92,7 @@ class _Data:
         ]
         return {
             "GRAVITY": m.gravity,
-            **({} if urdf else {"JOINTS": self.joints(), "MASSES": masses}),
+            **({"PLACEMENTS": self.placements()} if urdf else {"JOINTS": self.joints(), "MASSES": masses}),
             "BODIES": {b.name: self.seat(t.body_seat(k)) for k, b in enumerate(m.bodies)},
             "START": self.start,
             "WELDS": [[self.seat(original), self.seat(copy)] for original, copy in t.welds],
@@ -152,6 +158,8 @@ def urdf_text(translation: Translation, title: str) -> str:
 
 def export_model(title: str, mechanism: Mechanism, state: State) -> dict[str, str]:
     """``run.py``, and ``model.urdf`` where it can be had, from which the script then takes joints and masses.
+
+    Placements of joints it has to all digits; those of the URDF are angles.
 
     Parameters
     ----------

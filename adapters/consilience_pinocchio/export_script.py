@@ -3,6 +3,8 @@
 LOAD = """
 MODEL = pin.buildModelFromUrdf(str(Path(__file__).with_name("model.urdf")))
 MODEL.gravity = pin.Motion(np.array(GRAVITY), np.zeros(3))  # URDF has none
+for name, (p, R) in PLACEMENTS.items():  # URDF has angles for them, which lose the last digit
+    MODEL.jointPlacements[MODEL.getJointId(name)] = pin.SE3(np.array(R), np.array(p))
 """
 
 BUILD = '''
@@ -63,7 +65,9 @@ def drift(owner, p):
 
 def coordinate(owner, sign):
     j = MODEL.getJointId(owner)
-    return sign * NOW[0][MODEL.idx_qs[j]], sign * NOW[1][MODEL.idx_vs[j]], MODEL.idx_vs[j]
+    k, row = MODEL.idx_vs[j], np.zeros(COUNT)
+    row[k] = sign
+    return sign * NOW[0][MODEL.idx_qs[j]], sign * NOW[1][k], row, 0.0
 
 
 NOW = start()

@@ -70,8 +70,8 @@ def _place(mechanism: Mechanism, joint: Joint, pairs: Array, width: int) -> Arra
     return Q
 
 
-def _elements(mechanism: Mechanism, state: State, t: float) -> list[ElementRow]:
-    return holonomic_rows(mechanism, state, t, {}) + non_holonomic_rows(mechanism, state)
+def _elements(mechanism: Mechanism, state: State, t: float, angles: Angles | None) -> list[ElementRow]:
+    return holonomic_rows(mechanism, state, t, angles or {}) + non_holonomic_rows(mechanism, state)
 
 
 def constraint_residual(mechanism: Mechanism, state: State, t: float = 0.0, angles: Angles | None = None) -> Array:
@@ -88,11 +88,15 @@ def constraint_residual(mechanism: Mechanism, state: State, t: float = 0.0, angl
 
 
 def constraint_jacobian(
-    mechanism: Mechanism, state: State, joints: tuple[Joint, ...] | None = None, t: float = 0.0
+    mechanism: Mechanism,
+    state: State,
+    joints: tuple[Joint, ...] | None = None,
+    t: float = 0.0,
+    angles: Angles | None = None,
 ) -> Array:
     """Jacobian Q of the rows with respect to ``(v_WB_W, w_WB_W)`` of each body, shape (q, 6 n_b).
 
-    Of all rows, or of some joints alone.
+    Of all rows, or of some joints alone; `angles` as in `constraint_residual`.
     """
     width = 6 * len(mechanism.bodies)
     blocks = [np.zeros((0, width))]
@@ -101,7 +105,7 @@ def constraint_jacobian(
             frames = joint_frames(mechanism, state, joint)
             blocks.append(_place(mechanism, joint, row_jacobians(frames, joint.rows), width))
     if joints is None:
-        blocks += [row.Q[None] for row in _elements(mechanism, state, t)]
+        blocks += [row.Q[None] for row in _elements(mechanism, state, t, angles)]
     return np.vstack(blocks)
 
 
@@ -115,15 +119,22 @@ def constraint_rates(mechanism: Mechanism, t: float = 0.0) -> Array:
 
 
 def constraint_gamma(
-    mechanism: Mechanism, state: State, joints: tuple[Joint, ...] | None = None, t: float = 0.0
+    mechanism: Mechanism,
+    state: State,
+    joints: tuple[Joint, ...] | None = None,
+    t: float = 0.0,
+    angles: Angles | None = None,
 ) -> Array:
-    """Right-hand side gamma of ``Q a = gamma``, accelerations of the body origins, shape (q,)."""
+    """Right-hand side gamma of ``Q a = gamma``, accelerations of the body origins, shape (q,).
+
+    `angles` as in `constraint_residual`.
+    """
     values = []
     for joint in mechanism.joints if joints is None else joints:
         frames = joint_frames(mechanism, state, joint)
         values += [row_gamma(frames, row) for row in joint.rows]
     if joints is None:
-        values += [row.gamma for row in _elements(mechanism, state, t)]
+        values += [row.gamma for row in _elements(mechanism, state, t, angles)]
     return np.array(values)
 
 

@@ -34,8 +34,10 @@ from consilience.reference.crosscheck_trajectories import (
     exceptions,
     follow,
     table,
+    violation,
 )
 from consilience.reference.formulations.coordinates import VARIANTS
+from consilience.run import TrajectoryAnswer
 from mechanisms import ELEMENTS, LOOPS, TREES, chain, drawn_joint, lumpy_body, rotation, states_of
 
 SEEDS = (1, 8, 12, 14, 18)
@@ -311,6 +313,18 @@ def test_a_motion_that_is_wrong_is_found(monkeypatch, error, agrees):
     assert found.paths[0].bar == BAR
     assert found.paths[0].agrees == agrees
     assert ("**" in table([found])) != agrees
+
+
+@pytest.mark.parametrize("error", [0.0, 1e-3])
+def test_gears_are_not_violated_after_full_turns(error):
+    """Two wheels, geared 1 to -0.1, over two turns of the first; the second off by a known angle at the end."""
+    mechanism = load_case("gear_pair").mechanism
+    first = np.linspace(0.0, 4.0 * np.pi, 41)
+    angles = np.stack([first, -0.1 * first + np.where(first == first[-1], error, 0.0)], axis=1)
+    quats = np.stack([np.cos(angles / 2), 0.0 * angles, 0.0 * angles, np.sin(angles / 2)], axis=2)
+    still, p = np.zeros((41, 2, 3)), np.tile([[0.0, 0.0, 0.0], [1.1, 0.0, 0.0]], (41, 1, 1))
+    motion = TrajectoryAnswer(np.linspace(0.0, 1.0, 41), p, quats, still, still)
+    assert violation(mechanism, motion) == pytest.approx(error, rel=1e-9, abs=1e-14)
 
 
 def test_amplification_of_a_body_at_rest_in_space_is_the_time():

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from consilience.errors import InvalidInput
+from consilience.functions import Function
 from consilience.library import load_case
 from consilience.report.engines import known_findings
 from consilience.report.figure3d import figure_of
@@ -146,6 +147,37 @@ def test_reactions_that_equilibrium_leaves_open_are_left_out():
     answer = TrajectoryAnswer(np.array([0.0]), np.array([state.p_WB]), np.array([state.quat_WB]), still, still)
     assert np.max(np.abs(reactions(mechanism, answer.state(0), 0.0))) > 1.0
     assert np.max(reactions_over_time(mechanism, answer, np.array([0]))) < 1e-12
+
+
+@pytest.mark.parametrize("law", [Function(np.array([0.0, -0.1])), Function(np.array([0.0, 0.1, 0.02]))])
+def test_reactions_of_coupled_shafts_are_those_of_newton_and_euler(law):
+    """An eccentric wheel, geared: ``T + s R = J_1 a``, ``-R = J_2 (s a + f'' w^2)``; its shaft bears m a_C alone.
+
+    Over more than a turn, which a law of another degree than one must count.
+    """
+    mechanism = load_case("gear_pair").mechanism  # torque of 6 N m on the first wheel; 10 and 100 kg m^2
+    wheels = (replace(mechanism.bodies[0], com=np.array([0.2, 0.0, 0.0])), mechanism.bodies[1])
+    mechanism = replace(mechanism, bodies=wheels, couplings=(replace(mechanism.couplings[0], law=law),))
+    angle, rate = np.linspace(0.0, 7.5, 31), 1.3
+    jets = np.array([law.jet(x) for x in angle])
+    _, slope, bend = jets.T
+    z = np.array([0.0, 0.0, 1.0])
+    q = np.array([angle, jets[:, 0]]).T
+    quats = np.array([[quaternion_from_rotation_vector(x * z) for x in both] for both in q])
+    w = np.stack([np.full(31, rate), slope * rate], axis=1)[:, :, None] * z
+    answer = TrajectoryAnswer(
+        np.linspace(0.0, 1.0, 31),
+        np.tile([[0.0, 0.0, 0.0], [1.1, 0.0, 0.0]], (31, 1, 1)),
+        quats,
+        np.zeros((31, 2, 3)),
+        w,
+    )
+    alpha = (6.0 - 100.0 * slope * bend * rate**2) / (10.0 + 50.0 * 0.2**2 + 100.0 * slope**2)
+    expected = 50.0 * 0.2 * np.hypot(alpha, rate**2)
+    found = reactions_over_time(mechanism, answer, np.array([0, 14, 30]))
+    assert found[:, 0, 0] == pytest.approx(expected[[0, 14, 30]], rel=1e-12)
+    assert np.max(found[:, 1]) < 1e-12
+    assert np.max(found[:, 0, 1]) < 1e-12
 
 
 def test_a_body_off_its_joint_drifts_by_as_much():

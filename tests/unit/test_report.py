@@ -15,7 +15,7 @@ from consilience.errors import InvalidInput
 from consilience.library import load_case
 from consilience.report import wording
 from consilience.report.cases import unwrapped
-from consilience.report.html import packed, render_html
+from consilience.report.html import OF_CASE, packed, render_html
 from consilience.report.markdown import render_markdown
 from consilience.report.pages import write_pages
 from consilience.report.plots import compact, figures
@@ -851,6 +851,13 @@ def test_anchors_are_fit_for_urls_and_differ_where_names_do():
     anchors = [wording.anchor(n) for n in names]
     assert len(set(anchors)) == len(names)
     assert all(re.fullmatch(r"[A-Za-z0-9_.~-]+", a) for a in anchors)
+
+
+@pytest.mark.parametrize("kind", ["case", "cell", *OF_CASE])
+def test_a_cell_of_a_case_that_is_called_like_a_kind_of_element_has_an_address_of_its_own(kind):
+    cell = wording.cell_anchor(kind, "bar")  # the page or the figure of a case "bar" has the other
+    assert cell not in (wording.anchor(kind, "bar"), wording.cell_anchor("cell", f"{kind}.bar"))
+    assert wording.cell_anchor("four_bar", "mujoco") == "four_bar.mujoco"
 
 
 def test_a_report_without_cases_is_a_page_too():

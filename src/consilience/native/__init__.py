@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from consilience.native.elements import ELEMENTS, SOLVE, Places, element_data
+from consilience.native.elements import ELEMENTS, ROWS, SOLVE, Places, element_data, row_data
 from consilience.native.files import exporter, native_files, write_native
 from consilience.native.script import JET, function_data, literal, script
 
 __all__ = [
     "ELEMENTS",
     "JET",
+    "ROWS",
     "SOLVE",
     "Places",
     "element_data",
@@ -16,6 +17,7 @@ __all__ = [
     "function_data",
     "literal",
     "native_files",
+    "row_data",
     "script",
     "write_native",
 ]

@@ -1,4 +1,4 @@
-"""Elements of a mechanism as data and code of a script, for engines in minimal coordinates that have none of their own.
+"""Elements of a mechanism as data and code of a script, for engines that have none of their own.
 
 The script says what its engine knows of a frame that moves (`owner`, by name; the ground has the name given):
 
@@ -6,7 +6,8 @@ The script says what its engine knows of a frame that moves (`owner`, by name; t
 - ``jacobian(owner, p)``: of the velocity of a point in its axes, then of its angular velocity, world axes (6, n);
 - ``motion(owner, p)``: these velocities, shape (6,);
 - ``drift(owner, p)``: their rates if no coordinate accelerates, shape (6,);
-- ``coordinate(owner, sign)``: value and rate of a joint coordinate, as the mechanism counts it, and its place;
+- ``coordinate(*place)``: value and rate of a joint coordinate, as the mechanism counts it, the coefficients (n,) of its
+  rate, and its second rate if no coordinate accelerates; the place is what `Places.axis` gives;
 - ``BODIES``: owner, origin and axes of each body in the axes of the owner; ``COUNT``: how many velocities there are.
 """
 
@@ -33,7 +34,7 @@ class Places:
     turned : callable
         From body and direction in its axes: the direction in the axes of the owner.
     axis : callable
-        From joint and coordinate: owner, and the sign with which it counts the coordinate.
+        From joint and coordinate: what the script finds the coordinate by, often owner and the sign of counting.
     own_springs : bool
         The engine has the springs and dampers of joints; only their actuators are data.
     """
@@ -96,12 +97,13 @@ def _efforts(m: Mechanism, at: Places) -> dict[str, Any]:
     return {"EFFORTS": linear, "CONTROLS": controls}
 
 
-def _rows(m: Mechanism, at: Places) -> dict[str, Any]:
-    names = ("body", "center", "axis", "radius", "normal", "rounding")
+def row_data(m: Mechanism, axis: Callable[[str, str], list[Any]]) -> dict[str, Any]:
+    """Constants of a script that has `ROWS`, but for the closed loops ``WELDS``."""
+    names = ("body", "center", "axis", "radius", "point", "normal", "rounding")
     return {
-        "DRIVES": [[at.axis(d.joint, d.coordinate), function_data(d.motion)] for d in m.drives],
+        "DRIVES": [[axis(d.joint, d.coordinate), function_data(d.motion)] for d in m.drives],
         "COUPLINGS": [
-            [at.axis(c.joint, c.coordinate), at.axis(c.driver_joint, c.driver_coordinate), function_data(c.law)]
+            [axis(c.joint, c.coordinate), axis(c.driver_joint, c.driver_coordinate), function_data(c.law)]
             for c in m.couplings
         ],
         "ROLLINGS": [{name: getattr(r, name) for name in names} for r in m.rollings],
@@ -111,10 +113,10 @@ def _rows(m: Mechanism, at: Places) -> dict[str, Any]:
 
 def element_data(mechanism: Mechanism, at: Places) -> dict[str, Any]:
     """Constants of a script that has `ELEMENTS`, but for the closed loops ``WELDS``: pairs of owner, origin, axes."""
-    return _forces(mechanism, at) | _efforts(mechanism, at) | _rows(mechanism, at)
+    return _forces(mechanism, at) | _efforts(mechanism, at) | row_data(mechanism, at.axis)
 
 
-ELEMENTS = '''
+_APPLIED = '''
 def applied(t, integrals):
     """Generalised forces of springs, loads, efforts and control."""
     tau = np.zeros(COUNT)
@@ -134,19 +136,20 @@ def applied(t, integrals):
         rows = slice(0, 3) if load["kind"] == "force" else slice(3, 6)
         tau += jacobian(owner, np.array(p))[rows].T @ vector
     for e in EFFORTS:
-        value, rate, k = coordinate(*e["axis"])
+        value, rate, row, _ = coordinate(*e["axis"])
         effort = -e.get("k", 0.0) * (value - e.get("rest", 0.0)) - e.get("c", 0.0) * rate
         effort += jet(e["f"], t)[0] if e.get("f") else 0.0
         effort -= e["coulomb"] * math.tanh(rate / e["speed"]) if e.get("coulomb") else 0.0
-        tau[k] += e["axis"][1] * effort
+        tau += effort * row
     for c, integral in zip(CONTROLS, integrals, strict=True):
-        value, rate, k = coordinate(*c["axis"])
+        value, rate, row, _ = coordinate(*c["axis"])
         target, target_rate, _ = jet(c["f"], t)
         effort = c["P"] * (target - value) + c["I"] * integral + c["D"] * (target_rate - rate)
-        tau[k] += c["axis"][1] * effort
+        tau += effort * row
     return tau
+'''
 
-
+ROWS = '''
 def rolling_rows(r):
     """Rows at the point of contact: along the normal and two directions of the plane."""
     owner, p, R_body = BODIES[r["body"]]
@@ -184,28 +187,31 @@ def weld_rows(original, copy):
     return J, drift(first, np.array(p)) - drift(second, np.array(r))
 
 
-def coordinate_rows(t):
-    """Rows of drives and couplings."""
-    for place, law in DRIVES:
-        row = np.zeros((1, COUNT))
-        row[0, coordinate(*place)[2]] = place[1]
-        yield row, np.array([jet(law, t)[2]])
-    for place, driver, law in COUPLINGS:
-        value, rate, k = coordinate(*driver)
-        _, slope, bend = jet(law, value)
-        row = np.zeros((1, COUNT))
-        row[0, coordinate(*place)[2]] += place[1]
-        row[0, k] -= slope * driver[1]
-        yield row, np.array([bend * rate**2])
+def drive_row(t, place, law):
+    """Row of a coordinate that moves as it is told."""
+    _, _, row, drifting = coordinate(*place)
+    return row[None], np.array([jet(law, t)[2] - drifting])
+
+
+def coupling_row(place, driver, law):
+    """Row of a coordinate that is a function of another."""
+    value, rate, driving, driver_drifting = coordinate(*driver)
+    _, slope, bend = jet(law, value)
+    _, _, row, drifting = coordinate(*place)
+    return (row - slope * driving)[None], np.array([bend * rate**2 + slope * driver_drifting - drifting])
 
 
 def held(t):
     """``J a = gamma`` of everything that is held."""
-    found = [(np.zeros((0, COUNT)), np.zeros(0)), *(weld_rows(*weld) for weld in WELDS), *coordinate_rows(t)]
+    found = [(np.zeros((0, COUNT)), np.zeros(0)), *(weld_rows(*weld) for weld in WELDS)]
+    found += [drive_row(t, *drive) for drive in DRIVES] + [coupling_row(*coupling) for coupling in COUPLINGS]
     found += [rolling_rows(r) for r in ROLLINGS] + [skate_rows(s) for s in SKATES]
     return np.vstack([rows for rows, _ in found]), np.concatenate([right for _, right in found])
 '''
-"""Source of ``applied(t, integrals)`` and ``held(t)`` of a script; it imports math and NumPy, and has `JET`."""
+"""Source of ``held(t)`` of a script and of its rows one by one; it imports math and NumPy, and has `JET`."""
+
+ELEMENTS = _APPLIED + "\n" + ROWS
+"""Source of ``applied(t, integrals)`` and ``held(t)``."""
 
 SOLVE = '''
 def solve(M, f, J, gamma):

@@ -18,7 +18,7 @@ import numpy as np
 
 from consilience.assembly import assemble_positions, assemble_velocities, move
 from consilience.errors import NumericalFailure
-from consilience.kinematics import constraint_residual, free_directions
+from consilience.kinematics import constraint_residual, count_turns, free_directions
 from consilience.mechanism import Mechanism, State
 from consilience.reference import registry
 from consilience.reference.formulations.coordinates import VARIANTS
@@ -121,12 +121,13 @@ def _neighbours(mechanism: Mechanism, state: State) -> Iterator[State]:
 
 
 def violation(mechanism: Mechanism, motion: TrajectoryAnswer) -> float:
-    """Largest violation of a holonomic constraint at any sample."""
-    states = (State(*sample) for sample in zip(motion.p_WB, motion.quat_WB, motion.v_WB_W, motion.w_WB_W, strict=True))
-    return max(
-        float(np.max(np.abs(constraint_residual(mechanism, s, t)), initial=0.0))
-        for t, s in zip(motion.time, states, strict=True)
-    )
+    """Largest violation of a holonomic constraint at any sample; turns of couplings are counted between samples."""
+    largest, angles = 0.0, dict[str, float]()
+    for k, t in enumerate(motion.time):
+        state = motion.state(k)
+        angles = count_turns(mechanism, state, angles)
+        largest = max(largest, float(np.max(np.abs(constraint_residual(mechanism, state, t, angles)), initial=0.0)))
+    return largest
 
 
 def follow(

@@ -10,7 +10,7 @@ from typing import Any
 from consilience.compare import Verdict
 from consilience.report.answers import AnswerView, answer_view
 from consilience.report.record import Record
-from consilience.report.wording import DASH, LOOKS, NOT_ASKED, QUESTIONS, RANK, YARDSTICK, Look, anchor
+from consilience.report.wording import DASH, LOOKS, NOT_ASKED, QUESTIONS, RANK, YARDSTICK, Look, cell_anchor
 
 REFERENCE = "reference"
 
@@ -113,7 +113,7 @@ def cell_view(record: Record, case: dict[str, Any], engine: str, reference: dict
     otherwise = YARDSTICK if engine == REFERENCE else NOT_ASKED
     matched = [a for a in answers if a.matched]
     return Cell(
-        anchor=anchor(name, engine),
+        anchor=cell_anchor(name, engine),
         case=name,
         title=case["title"],
         engine=engine,

@@ -13,7 +13,7 @@ import numpy as np
 
 from consilience.harness import solve_constrained
 from consilience.identities.forces import applied_wrenches
-from consilience.kinematics import constraint_gamma, constraint_jacobian, constraint_residual
+from consilience.kinematics import Angles, constraint_gamma, constraint_jacobian, constraint_residual, count_turns
 from consilience.mechanism import Mechanism, State
 from consilience.observe import centres_of_mass, determinate_reactions, mass_matrix, reaction_map, world_inertias
 from consilience.run import TrajectoryAnswer
@@ -37,13 +37,30 @@ def reactions_over_time(mechanism: Mechanism, answer: TrajectoryAnswer, samples:
     determines none.
     """
     sure = determinate_reactions(mechanism, answer.state(int(samples[0])))
-    found = [np.where(sure, reactions(mechanism, answer.state(k), answer.time[k]), 0.0) for k in samples]
+    turns = _turns(mechanism, answer, samples)
+    found = [
+        np.where(sure, reactions(mechanism, answer.state(k), answer.time[k], angles), 0.0)
+        for k, angles in zip(samples, turns, strict=True)
+    ]
     lengths = np.linalg.norm(np.array(found).reshape(len(samples), -1, 2, 3), axis=3)
     return np.where(sure.reshape(-1, 2, 3).any(axis=2), lengths, np.nan)
 
 
-def reactions(mechanism: Mechanism, state: State, t: float) -> Array:
-    """Force and torque of every joint on its successor, about the origin of M, axes of F, shape (n_j, 6)."""
+def _turns(mechanism: Mechanism, answer: TrajectoryAnswer, samples: Array) -> list[Angles]:
+    """Angles of the joints that drive a coupling at samples, turns counted along the whole motion."""
+    angles: Angles = {}
+    counted: list[Angles] = []
+    for k in range(int(samples[-1]) + 1 if mechanism.couplings else 0):
+        angles = count_turns(mechanism, answer.state(k), angles)
+        counted.append(angles)
+    return [counted[k] if counted else {} for k in samples]
+
+
+def reactions(mechanism: Mechanism, state: State, t: float, angles: Angles | None = None) -> Array:
+    """Force and torque of every joint on its successor, about the origin of M, axes of F, shape (n_j, 6).
+
+    `angles` as in `kinematics.constraint_residual`: where couplings are after full turns.
+    """
     sums = applied_wrenches(mechanism, state, t)
     arms = centres_of_mass(mechanism, state)[0] - state.p_WB
     for i, (body, inertia) in enumerate(zip(mechanism.bodies, world_inertias(mechanism, state), strict=True)):
@@ -53,8 +70,8 @@ def reactions(mechanism: Mechanism, state: State, t: float) -> Array:
     _, lam = solve_constrained(
         mass_matrix(mechanism, state),
         sums.total.ravel(),
-        constraint_jacobian(mechanism, state, t=t),
-        constraint_gamma(mechanism, state, t=t),
+        constraint_jacobian(mechanism, state, t=t, angles=angles),
+        constraint_gamma(mechanism, state, t=t, angles=angles),
     )
     found, start = [], 0
     for joint in mechanism.joints:

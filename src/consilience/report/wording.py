@@ -243,6 +243,15 @@ def counted(count: int, noun: str) -> str:
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
+_KINDS = ("case", "horizon", "work", "steps", "reactions", "drift", "cell")
+"""First of the two names in the identifier of what a case has: its page and figures."""
+
+
+def cell_anchor(case: str, engine: str) -> str:
+    """Identifier of a cell, ``CASE.ENGINE``; of a case that is called like a kind of element ``cell.CASE.ENGINE``."""
+    return anchor("cell", case, engine) if case in _KINDS else anchor(case, engine)
+
+
 def anchor(*names: str) -> str:
     """Identifier of an element: fit for a URL as it is, and different for different names."""
     return ".".join(re.sub(r"[^A-Za-z0-9_-]", lambda m: f"~{ord(m[0]):x}~", name) for name in names)
