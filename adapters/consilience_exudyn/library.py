@@ -43,5 +43,7 @@ def simulation_settings(changed: Mapping[str, Any]) -> Any:
     settings = exu.SimulationSettings()
     for name, value in changed.items():
         *groups, knob = name.split(".")
-        setattr(reduce(getattr, groups, settings), knob, value)
+        # choices are named
+        chosen = getattr(exu.LinearSolverType, value) if knob == "solverType" else value
+        setattr(reduce(getattr, groups, settings), knob, chosen)
     return settings

@@ -310,3 +310,17 @@ def test_long_grids_are_sampled_on_time(exudyn_engine):
         for method in exudyn_engine.methods(mechanism, Question.TRAJECTORY):
             answer = exudyn_engine.trajectory(mechanism, state, times, method, interval / 7)
             assert len(answer.p_WB) == count + 1
+
+
+def test_large_models_are_solved_by_the_sparse_solver_to_the_same_motion(exudyn_engine):
+    """Seven bodies and more: the same equations by other linear algebra; defaults stay Exudyn's."""
+    mechanism = chain("revolute", "spherical", "revolute", "universal", "revolute", "cylindrical", "revolute", seed=5)
+    start, times, held = states_of(mechanism)[0], np.linspace(0.0, 0.2, 5), full_axes(mechanism)
+    methods = {m.name: m for m in exudyn_engine.methods(mechanism, Question.TRAJECTORY)}
+    for name in ("TrapezoidalIndex2", "GeneralizedAlpha"):
+        assert methods[name].settings["linearSolver.solverType"] == "EigenSparse"
+        sparse = exudyn_engine.trajectory(mechanism, start, times, methods[name], 0.005)
+        dense = maximal_answer(build(mechanism, start, held), held, Integration(name, SETTINGS), times, 0.005)
+        assert np.max(np.abs(sparse.p_WB - dense.p_WB)) < 1e-12
+        assert np.max(np.abs(sparse.v_WB_W - dense.v_WB_W)) < 1e-10
+    assert "linearSolver.solverType" not in methods["GeneralizedAlpha, defaults"].settings
