@@ -7,7 +7,7 @@ from itertools import pairwise
 from typing import Annotated, Literal
 
 import numpy as np
-from scipy.special import roots_laguerre
+import scipy
 
 from consilience.errors import InvalidInput
 from consilience.families.drawing import (
@@ -113,7 +113,7 @@ def planar_chain(
     """
     if mode > bodies:
         raise InvalidInput("mode", f"{mode} of a chain of {bodies}", f"Give a mode of 1 to {bodies}.")
-    x = float(roots_laguerre(bodies)[0][mode - 1])
+    x = float(scipy.special.roots_laguerre(bodies)[0][mode - 1])
     shape = [0.0, 1.0]  # L_(-1) takes no part in the recursion, L_0
     for j in range(bodies - 1):
         shape.append(((2 * j + 1 - x) * shape[-1] - j * shape[-2]) / (j + 1))

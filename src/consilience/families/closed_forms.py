@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy  # its parts come when they are asked for: they take longer to import than most motions take
 from numpy.typing import ArrayLike
-from scipy.special import ellipeinc, ellipj, ellipk, ellipkinc, elliprf, elliprj
 
 from consilience.spatial import Array
 
@@ -16,9 +16,9 @@ TOP = "closed form: heavy symmetric top, Goldstein, Poole & Safko, Classical Mec
 
 def _amplitude(u: Array, m: float) -> tuple[Array, Array, Array, Array]:
     """Jacobi's amplitude am, sn, cn, dn; whole periods are taken off first to keep the digits."""
-    period = 4 * ellipk(m)
+    period = 4 * scipy.special.ellipk(m)
     turns = np.floor(u / period)
-    sn, cn, dn, am = ellipj(u - turns * period, m)
+    sn, cn, dn, am = scipy.special.ellipj(u - turns * period, m)
     return am + 2 * np.pi * turns, sn, cn, dn
 
 
@@ -43,9 +43,9 @@ def pendulum(frequency: float, angle: float, rate: float, times: ArrayLike) -> t
     k = np.sqrt(m)
     if m > 1:
         sense = np.sign(rate)
-        am, _, _, dn = _amplitude(k * w * t + ellipkinc(sense * start / 2, 1 / m), 1 / m)
+        am, _, _, dn = _amplitude(k * w * t + scipy.special.ellipkinc(sense * start / 2, 1 / m), 1 / m)
         return base + 2 * sense * am, 2 * sense * k * w * dn
-    u0 = ellipkinc(np.arctan2(np.sin(start / 2) / k, rate / (2 * k * w)), m)
+    u0 = scipy.special.ellipkinc(np.arctan2(np.sin(start / 2) / k, rate / (2 * k * w)), m)
     _, sn, cn, _ = _amplitude(w * t + u0, m)
     return base + 2 * np.arcsin(k * sn), 2 * k * w * cn
 
@@ -63,8 +63,9 @@ def _third(n: float, phi: Array, m: float) -> Array:
     turns = np.round(phi / np.pi)
     s, c2 = np.sin(phi - np.pi * turns), np.cos(phi) ** 2
     d = 1 - m * s * s
-    whole = 2 * (elliprf(0.0, 1 - m, 1.0) + n / 3 * elliprj(0.0, 1 - m, 1.0, 1 - n))
-    return np.asarray(turns * whole + s * elliprf(c2, d, 1.0) + n / 3 * s**3 * elliprj(c2, d, 1.0, 1 - n * s * s))
+    R_F, R_J = scipy.special.elliprf, scipy.special.elliprj
+    whole = 2 * (R_F(0.0, 1 - m, 1.0) + n / 3 * R_J(0.0, 1 - m, 1.0, 1 - n))
+    return np.asarray(turns * whole + s * R_F(c2, d, 1.0) + n / 3 * s**3 * R_J(c2, d, 1.0, 1 - n * s * s))
 
 
 @dataclass(frozen=True)
@@ -102,7 +103,7 @@ class HeavyTop:
         u0 = np.cos(self.angles[1])
         # u' has the sign of -theta', and of sn cn
         rising = 1.0 if self.rates[1] <= 0 else -1.0
-        phase = ellipkinc(np.arctan2(np.sqrt(max(u0 - u1, 0.0)), rising * np.sqrt(max(u2 - u0, 0.0))), m)
+        phase = scipy.special.ellipkinc(np.arctan2(np.sqrt(max(u0 - u1, 0.0)), rising * np.sqrt(max(u2 - u0, 0.0))), m)
         am, sn, _, _ = _amplitude(q * np.append(t, 0.0) + phase, m)
         u = u1 + (u2 - u1) * sn[:-1] ** 2
 
@@ -134,9 +135,9 @@ class HeavyTop:
 
 def second_kind_inverse(m: float, start: float, value: float) -> float:
     """Phi with ``E(phi | m) - E(start | m) = value``, by Newton's method; m < 1."""
-    phi = start
+    phi, E = start, scipy.special.ellipeinc
     for _ in range(50):
-        step = (value - (ellipeinc(phi, m) - ellipeinc(start, m))) / np.sqrt(1 - m * np.sin(phi) ** 2)
+        step = (value - (E(phi, m) - E(start, m))) / np.sqrt(1 - m * np.sin(phi) ** 2)
         phi += step
         if abs(step) < 1e-16 * max(1.0, abs(phi)):
             break

@@ -6,8 +6,7 @@ argument is compiled again in every process, one that names it is cached.
 
 from __future__ import annotations
 
-from numba import njit
-
+from consilience.reference.compiled import kernel
 from consilience.reference.forces import control_errors
 from consilience.reference.formulations import descriptor, null_space
 from consilience.reference.model import Model
@@ -18,7 +17,7 @@ FORMULATIONS = {"descriptor": 0, "null_space": 1}
 """Selectable formulations and their numbers."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def accelerations(formulation: int, model: Model, t: float, y: Array, memory: Array, ws: Workspace, a: Array) -> int:
     """Accelerations (dv/dt, dw'/dt), shape (6 n_b,), by the formulation of that number; the constraint rank."""
     if formulation == 0:
@@ -26,7 +25,7 @@ def accelerations(formulation: int, model: Model, t: float, y: Array, memory: Ar
     return null_space.accelerations(model, t, y, memory, ws, a)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def derivative(
     formulation: int, model: Model, t: float, y: Array, memory: Array, ws: Workspace, a: Array, dy: Array
 ) -> None:
@@ -37,9 +36,11 @@ def derivative(
     for b in range(model.mass.shape[0]):
         e0, e1, e2, e3 = y[b, 3], y[b, 4], y[b, 5], y[b, 6]
         w1, w2, w3 = y[b, 10], y[b, 11], y[b, 12]
-        dy[b, 0:3] = y[b, 7:10]
+        for k in range(3):
+            dy[b, k] = y[b, 7 + k]
         dy[b, 3] = -0.5 * (e1 * w1 + e2 * w2 + e3 * w3)
         dy[b, 4] = 0.5 * (e0 * w1 + e2 * w3 - e3 * w2)
         dy[b, 5] = 0.5 * (e0 * w2 + e3 * w1 - e1 * w3)
         dy[b, 6] = 0.5 * (e0 * w3 + e1 * w2 - e2 * w1)
-        dy[b, 7:13] = a[6 * b : 6 * b + 6]
+        for k in range(6):
+            dy[b, 7 + k] = a[6 * b + k]

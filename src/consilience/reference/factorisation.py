@@ -7,13 +7,13 @@ works on ``B = L^-1 Q^T`` itself, never on ``Q M^-1 Q^T``, whose condition numbe
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from consilience.kinematics import RANK_TOLERANCE
+from consilience.reference.compiled import kernel
 from consilience.spatial import Array
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def pivoted_qr(B: Array, tau: Array, pivot: Array, norms: Array, size: float, limit: int) -> int:
     """Factorise B in place: R above the diagonal and on it, Householder vectors below (first entry 1 implied).
 
@@ -61,7 +61,7 @@ def pivoted_qr(B: Array, tau: Array, pivot: Array, norms: Array, size: float, li
     return most
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def ordered_qr(B: Array, tau: Array, size: float, count: int) -> int:
     """Factorise the first `count` columns of B in place, in the order they have; return and `size` as `pivoted_qr`.
 
@@ -81,7 +81,7 @@ def ordered_qr(B: Array, tau: Array, size: float, count: int) -> int:
     return count
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _reflect(B: Array, tau: Array, k: int, norm: float, q: int) -> None:
     """Householder step k: zero column k below the diagonal and update the columns behind it, of q in all."""
     n = B.shape[0]
@@ -101,7 +101,7 @@ def _reflect(B: Array, tau: Array, k: int, norm: float, q: int) -> None:
             B[r, c] -= s * B[r, k]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def least_norm(B: Array, tau: Array, pivot: Array, rank: int, c: Array, z: Array) -> None:
     """Vector z of least norm with ``B^T z = c`` on the independent rows, from `pivoted_qr`.
 

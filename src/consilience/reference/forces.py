@@ -8,10 +8,10 @@ coordinate q acts by the coefficients of ``dq/dt`` in the velocities: its virtua
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from consilience.reference import functions
 from consilience.reference.bodies import ZERO, arm, motion, rotations
+from consilience.reference.compiled import kernel
 from consilience.reference.joint_rows import Coordinate, coordinate
 from consilience.reference.model import Model
 from consilience.reference.vectors import Vector, accumulate, add, cross, dot, load, rotate, rotate_back, scale, sub
@@ -19,7 +19,7 @@ from consilience.reference.workspace import Workspace
 from consilience.spatial import Array
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _push(f: Array, A: Array, body: int, force: Vector, s: Vector, torque: Vector) -> None:
     """Add a force at the arm s from the centre of mass, and a torque, all in world axes; the ground takes anything."""
     if body >= 0:
@@ -27,7 +27,7 @@ def _push(f: Array, A: Array, body: int, force: Vector, s: Vector, torque: Vecto
         accumulate(f[6 * body + 3 : 6 * body + 6], rotate_back(A[body], add(torque, cross(s, force))))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _exert(f: Array, A: Array, q: Coordinate, effort: float) -> None:
     """Add an effort in a joint coordinate, the opposite on the predecessor."""
     e = scale(effort, q.row.e)
@@ -35,13 +35,13 @@ def _exert(f: Array, A: Array, q: Coordinate, effort: float) -> None:
     _push(f, A, q.i, scale(-1.0, e), ZERO, scale(effort, q.row.c_i))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _factor(model: Model, function: int, t: float, otherwise: float) -> float:
     """Function of time, or a constant where there is none."""
     return functions.evaluate(model.functions, function, t)[0] if function >= 0 else otherwise
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _joint_elements(model: Model, t: float, y: Array, memory: Array, ws: Workspace) -> None:
     """Springs, friction and controls of joints."""
     for n in range(model.joint_spring.shape[0]):
@@ -64,7 +64,7 @@ def _joint_elements(model: Model, t: float, y: Array, memory: Array, ws: Workspa
         _exert(ws.f, ws.A, q, P * (target - q.value) + I * integral + D * (target_rate - q.rate))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def control_errors(model: Model, t: float, y: Array, memory: Array, ws: Workspace, dy: Array) -> None:
     """Derivatives of the integrals of the controllers, ``target(t) - q``, into their rows of dy."""
     for n in range(model.control.shape[0]):
@@ -74,7 +74,7 @@ def control_errors(model: Model, t: float, y: Array, memory: Array, ws: Workspac
         dy[model.mass.shape[0] + n // 13, n % 13] = target - q.value
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def remember(model: Model, y: Array, ws: Workspace, memory: Array) -> None:
     """Update the joint coordinates that elements read, turns counted."""
     rotations(y, ws.A)
@@ -82,7 +82,7 @@ def remember(model: Model, y: Array, ws: Workspace, memory: Array) -> None:
         memory[n] = coordinate(model, y, ws.A, n, memory[n]).value
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _springs(model: Model, t: float, y: Array, A: Array, f: Array) -> None:
     """Add ``F = (k (L - L0) + c L' - f(t)) e`` on the predecessor, the opposite on the successor [MASS (31)]."""
     for n in range(model.spring_body.shape[0]):
@@ -101,7 +101,7 @@ def _springs(model: Model, t: float, y: Array, A: Array, f: Array) -> None:
         _push(f, A, j, scale(-1.0, force), s_j, ZERO)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _loads(model: Model, t: float, A: Array, f: Array) -> None:
     for n in range(model.load_body.shape[0]):
         b = model.load_body[n]
@@ -114,7 +114,7 @@ def _loads(model: Model, t: float, A: Array, f: Array) -> None:
             _push(f, A, b, ZERO, ZERO, vector)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def evaluate(model: Model, t: float, y: Array, memory: Array, ws: Workspace) -> None:
     """Fill ``ws.f`` with all applied and gyroscopic forces, shape (6 n_b,).
 

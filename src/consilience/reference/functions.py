@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from consilience.functions import Function
+from consilience.reference.compiled import kernel
 from consilience.reference.vectors import Vector
 from consilience.spatial import Array
 
@@ -39,7 +39,7 @@ def flatten_functions(functions: Sequence[Function]) -> Functions:
     )
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _table(functions: Functions, n: int, x: float) -> Vector:
     """Value and two derivatives of the table of function n; NaN outside a table that is not periodic."""
     first, last = functions.first[n, 2], functions.first[n + 1, 2] - 1
@@ -63,7 +63,7 @@ def _table(functions: Functions, n: int, x: float) -> Vector:
     return value, rate, acceleration
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def evaluate(functions: Functions, n: int, x: float) -> Vector:
     """Value, first and second derivative of function n at x."""
     value = rate = acceleration = 0.0

@@ -14,9 +14,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from consilience.reference.bodies import ZERO, add_coefficients, arm, motion
+from consilience.reference.compiled import kernel
 from consilience.reference.model import Model
 from consilience.reference.vectors import Vector, add, column, cross, dot, load, scale, sub
 from consilience.spatial import Array
@@ -59,7 +59,7 @@ class Coordinate(NamedTuple):
     j: int
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def joint_motion(body_i: Array, body_j: Array, arm_i: Array, arm_j: Array, y: Array, A: Array, k: int) -> JointMotion:
     """Relative motion of the frames of joint k."""
     i, j = body_i[k], body_j[k]
@@ -72,7 +72,7 @@ def joint_motion(body_i: Array, body_j: Array, arm_i: Array, arm_j: Array, y: Ar
     return JointMotion(i, j, s_i, s_j, d, d_dot, centripetal, w_i, w_j)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def basic_row(axes_i: Array, axes_j: Array, A: Array, m: JointMotion, kind: int) -> Row:
     """One of the thirteen basic constraint functions of a joint with the axes A_Ji, A_Jj."""
     if kind < 3:
@@ -93,13 +93,13 @@ def basic_row(axes_i: Array, axes_j: Array, A: Array, m: JointMotion, kind: int)
     return Row(dot(u, w), gamma, ZERO, normal, scale(-1.0, normal))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def full_turns(angle: float, near: float) -> float:
     """The angle plus the full turns that bring it nearest to `near`."""
     return angle + TURN * np.round((near - angle) / TURN)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def angle_row(axes_i: Array, axes_j: Array, A: Array, m: JointMotion, near: float) -> Row:
     """The angle with the tangent ``D21 / D11``, within half a turn of `near`."""
     cos, sin = basic_row(axes_i, axes_j, A, m, _D11), basic_row(axes_i, axes_j, A, m, _D21)
@@ -114,7 +114,7 @@ def angle_row(axes_i: Array, axes_j: Array, A: Array, m: JointMotion, near: floa
     return Row(full_turns(np.arctan2(sin.value, cos.value), near), gamma, ZERO, c_i, c_j)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def screw_row(axes_i: Array, axes_j: Array, pitch: float, A: Array, m: JointMotion) -> Row:
     """``Z - pitch angle / 2 pi``; the turns of the angle are those of Z."""
     z = basic_row(axes_i, axes_j, A, m, _Z)
@@ -129,7 +129,7 @@ def screw_row(axes_i: Array, axes_j: Array, pitch: float, A: Array, m: JointMoti
     )
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def joint_row(axes_i: Array, axes_j: Array, pitch: float, A: Array, m: JointMotion, kind: int) -> Row:
     """A row of a joint by its number in `model.ROWS`."""
     if kind == 13:
@@ -137,7 +137,7 @@ def joint_row(axes_i: Array, axes_j: Array, pitch: float, A: Array, m: JointMoti
     return basic_row(axes_i, axes_j, A, m, kind)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def coordinate(model: Model, y: Array, A: Array, n: int, near: float) -> Coordinate:
     """Joint coordinate n of those that elements read; an angle within half a turn of `near`, a screw's by its Z."""
     k = model.coordinate[n, 0]
@@ -154,7 +154,7 @@ def coordinate(model: Model, y: Array, A: Array, n: int, near: float) -> Coordin
     return Coordinate(row.value, dot(row.c_i, m.w_i) + dot(row.c_j, m.w_j), row, m.i, m.j)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def place(Q: Array, index: int, A: Array, i: int, j: int, factor: float, row: Row) -> None:
     """Add a row between bodies i and j to row `index` of Q."""
     add_coefficients(Q, index, A, i, -factor, row.e, scale(-1.0, row.c_i))

@@ -10,10 +10,10 @@ step, which are off the manifold by their error: rows that depend on others show
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from consilience.reference import constraints
 from consilience.reference.bodies import rotations
+from consilience.reference.compiled import kernel
 from consilience.reference.factorisation import least_norm
 from consilience.reference.formulations.descriptor import factorise, solve_factor_transposed
 from consilience.reference.model import Model
@@ -27,19 +27,21 @@ _PASSING_VIOLATION = 1e-11
 """Violation (over the length of the mechanism) that rows left out on the way through a singular pose may have."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def normalise(y: Array, count: int) -> None:
     """Divide the Euler parameters of the first `count` rows by their norm."""
     for b in range(count):
         n = np.sqrt(y[b, 3] ** 2 + y[b, 4] ** 2 + y[b, 5] ** 2 + y[b, 6] ** 2)
-        y[b, 3:7] /= n
+        for k in range(3, 7):
+            y[b, k] /= n
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _move(y: Array, step: Array) -> None:
     """Displace all bodies: ``r += dr``, ``p <- p * exp(phi'/2)``."""
     for b in range(step.shape[0] // 6):
-        y[b, 0:3] += step[6 * b : 6 * b + 3]
+        for k in range(3):
+            y[b, k] += step[6 * b + k]
         h1, h2, h3 = 0.5 * step[6 * b + 3], 0.5 * step[6 * b + 4], 0.5 * step[6 * b + 5]
         e0, e1, e2, e3 = y[b, 3], y[b, 4], y[b, 5], y[b, 6]
         y[b, 3] = e0 - e1 * h1 - e2 * h2 - e3 * h3
@@ -49,7 +51,7 @@ def _move(y: Array, step: Array) -> None:
     normalise(y, step.shape[0] // 6)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _largest(x: Array) -> float:
     found = 0.0
     for v in x:
@@ -57,7 +59,7 @@ def _largest(x: Array) -> float:
     return found
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def rank_to_work_with(B: Array, best: Array, rank: int, violation: float) -> int:
     """Rank to work with until the next projection, from the numerical one of the factors in B.
 
@@ -80,7 +82,7 @@ def rank_to_work_with(B: Array, best: Array, rank: int, violation: float) -> int
     return rank
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def project(model: Model, t: float, y: Array, memory: Array, ws: Workspace) -> None:
     """Project a state in place: positions by Newton's method until rounding is reached, then velocities."""
     count = model.mass.shape[0]
@@ -97,7 +99,8 @@ def project(model: Model, t: float, y: Array, memory: Array, ws: Workspace) -> N
             break
         ws.Q[held:, :] = 0.0
         rank = factorise(model, ws)
-        ws.value[:] = -ws.value
+        for n in range(ws.value.shape[0]):
+            ws.value[n] = -ws.value[n]
         least_norm(ws.B, ws.tau, ws.pivot, rank, ws.value, ws.z)
         solve_factor_transposed(model, ws.z)
         last = _largest(ws.z) < 1e-9  # then Q changes by less than rounding of the velocities asks for
@@ -114,4 +117,5 @@ def project(model: Model, t: float, y: Array, memory: Array, ws: Workspace) -> N
     least_norm(ws.B, ws.tau, ws.pivot, ws.limit[0], ws.value, ws.z)
     solve_factor_transposed(model, ws.z)
     for b in range(count):
-        y[b, 7:13] += ws.z[6 * b : 6 * b + 6]
+        for k in range(6):
+            y[b, 7 + k] += ws.z[6 * b + k]

@@ -13,7 +13,6 @@ from consilience.reference import dynamics, registry
 from consilience.reference.forces import remember
 from consilience.reference.formulations.kernels import Forces, KernelFormulation, kernel_names
 from consilience.reference.integrators import dop853
-from consilience.reference.integrators.adaptive import integrate
 from consilience.reference.model import Model, flatten, pack, unpack
 from consilience.reference.relative.solver import INTEGRATORS, simulate_relative
 from consilience.reference.workspace import Workspace, workspace
@@ -83,6 +82,8 @@ def simulate(
         return simulate_relative(mechanism, state, times, tolerance, integrator)
     if forces is None and integrator == "dop853" and formulation in dynamics.FORMULATIONS:
         return _compiled(mechanism, state, times, tolerance, formulation)
+    from consilience.reference.integrators.adaptive import integrate  # noqa: PLC0415 - SciPy takes long to import
+
     equations = registry.formulation(formulation, mechanism)
     if forces is not None:
         if not isinstance(equations, KernelFormulation):

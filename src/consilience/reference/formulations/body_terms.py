@@ -14,12 +14,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from consilience.kinematics import RANK_TOLERANCE
 from consilience.mechanism import Mechanism
 from consilience.reference import constraints, forces
 from consilience.reference.bodies import rotations
+from consilience.reference.compiled import kernel
 from consilience.reference.formulations.descriptor import factorise
 from consilience.reference.joint_rows import coordinate
 from consilience.reference.model import Model, flatten, holonomic_rows
@@ -28,7 +28,7 @@ from consilience.reference.workspace import Workspace, workspace
 from consilience.spatial import Array
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _evaluate(model: Model, t: float, y: Array, angles: Array, ws: Workspace, rates: Array, errors: Array) -> None:
     """All terms at the rotation matrices in ``ws.A``."""
     forces.evaluate(model, t, y, angles, ws)

@@ -24,18 +24,19 @@ unique. Multipliers are of least norm.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from consilience.kinematics import RANK_TOLERANCE
 from consilience.reference import constraints, forces
 from consilience.reference.bodies import rotations
+from consilience.reference.compiled import allocating, kernel
 from consilience.reference.factorisation import least_norm, ordered_qr, pivoted_qr
 from consilience.reference.model import Model
+from consilience.reference.vectors import assign
 from consilience.reference.workspace import Workspace
 from consilience.spatial import Array
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def solve_factor(model: Model, x: Array) -> None:
     """``x <- L^-1 x`` for a vector of generalised forces, in place."""
     for b in range(model.mass.shape[0]):
@@ -50,7 +51,7 @@ def solve_factor(model: Model, x: Array) -> None:
         x[o + 5] = (x[o + 5] - F[2, 0] * x[o + 3] - F[2, 1] * x[o + 4]) / F[2, 2]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def solve_factor_transposed(model: Model, x: Array) -> None:
     """``x <- L^-T x``, in place."""
     for b in range(model.mass.shape[0]):
@@ -65,30 +66,30 @@ def solve_factor_transposed(model: Model, x: Array) -> None:
         x[o + 3] = (x[o + 3] - F[1, 0] * x[o + 4] - F[2, 0] * x[o + 5]) / F[0, 0]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def factorise(model: Model, ws: Workspace) -> int:
     """Factorise ``B = L^-1 Q^T`` of the Jacobian in the workspace; the numerical rank."""
     q = ws.Q.shape[0]
     for row in range(q):
-        ws.z[:] = ws.Q[row]
+        assign(ws.z, ws.Q[row])
         solve_factor(model, ws.z)
-        ws.B[:, row] = ws.z
+        assign(ws.B[:, row], ws.z)
     return pivoted_qr(ws.B, ws.tau, ws.pivot, ws.norms, 0.0, ws.limit[0])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def factorise_as_projected(model: Model, ws: Workspace) -> int:
     """The same with the independent rows of the last projection, in its order; where there is a choice at all."""
     if ws.best[0] == 0.0 or ws.limit[0] == ws.Q.shape[0]:
         return factorise(model, ws)
     for k in range(ws.limit[0]):
-        ws.z[:] = ws.Q[ws.pivot[k]]
+        assign(ws.z, ws.Q[ws.pivot[k]])
         solve_factor(model, ws.z)
-        ws.B[:, k] = ws.z
+        assign(ws.B[:, k], ws.z)
     return ordered_qr(ws.B, ws.tau, 0.0, ws.limit[0])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def accelerations(model: Model, t: float, y: Array, memory: Array, ws: Workspace, a: Array) -> int:
     """Accelerations (dv/dt, dw'/dt) of all bodies at a state.
 
@@ -108,14 +109,14 @@ def accelerations(model: Model, t: float, y: Array, memory: Array, ws: Workspace
     """
     rotations(y, ws.A)
     forces.evaluate(model, t, y, memory, ws)
-    a[:] = ws.f
+    assign(a, ws.f)
     solve_factor(model, a)
     if ws.Q.shape[0] == 0:
         solve_factor_transposed(model, a)
         return 0
     constraints.evaluate(model, t, y, memory, ws)
     rank = factorise_as_projected(model, ws)
-    ws.z[:] = a
+    assign(ws.z, a)
     solve_factor_transposed(model, ws.z)
     for row in range(ws.Q.shape[0]):
         s = ws.gamma[row]
@@ -123,12 +124,13 @@ def accelerations(model: Model, t: float, y: Array, memory: Array, ws: Workspace
             s -= ws.Q[row, c] * ws.z[c]
         ws.value[row] = s
     least_norm(ws.B, ws.tau, ws.pivot, rank, ws.value, ws.z)
-    a += ws.z
+    for n in range(a.shape[0]):
+        a[n] += ws.z[n]
     solve_factor_transposed(model, a)
     return rank
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def multipliers(model: Model, t: float, y: Array, memory: Array, ws: Workspace, a: Array) -> Array:
     """Multipliers of least norm from ``Q^T lam = M a - f``, in the metric of the factorisation, shape (q,).
 

@@ -33,13 +33,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numba import njit
 
 from consilience.errors import InvalidInput, NumericalFailure
 from consilience.kinematics import RANK_TOLERANCE
 from consilience.mechanism import Mechanism, State
 from consilience.reference import constraints
 from consilience.reference.canonical import at_origins, joint_wrenches
+from consilience.reference.compiled import kernel
 from consilience.reference.forces import control_errors, remember
 from consilience.reference.formulations import descriptor, null_space, null_space_qr, partitioning, recursive
 from consilience.reference.formulations.recursive_model import TreeModel, flatten_tree
@@ -77,7 +77,7 @@ def unsupported(mechanism: Mechanism) -> tuple[Unsupported, ...]:
     return ()
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _rates(model: Model, t: float, y: Array, memory: Array, ws: Workspace, a: Array, dy: Array, turning: Array) -> None:
     """Derivatives of y and of the angles with the accelerations a: ``r' = v``, ``p' = 1/2 G^T w'`` [MASS (38)].
 
@@ -87,12 +87,14 @@ def _rates(model: Model, t: float, y: Array, memory: Array, ws: Workspace, a: Ar
     for b in range(model.mass.shape[0]):
         e0, e1, e2, e3 = y[b, 3], y[b, 4], y[b, 5], y[b, 6]
         w1, w2, w3 = y[b, 10], y[b, 11], y[b, 12]
-        dy[b, 0:3] = y[b, 7:10]
+        for k in range(3):
+            dy[b, k] = y[b, 7 + k]
         dy[b, 3] = -0.5 * (e1 * w1 + e2 * w2 + e3 * w3)
         dy[b, 4] = 0.5 * (e0 * w1 + e2 * w3 - e3 * w2)
         dy[b, 5] = 0.5 * (e0 * w2 + e3 * w1 - e1 * w3)
         dy[b, 6] = 0.5 * (e0 * w3 + e1 * w2 - e2 * w1)
-        dy[b, 7:13] = a[6 * b : 6 * b + 6]
+        for k in range(6):
+            dy[b, 7 + k] = a[6 * b + k]
     for n in range(memory.shape[0]):
         turning[n] = coordinate(model, y, ws.A, n, memory[n]).rate
 

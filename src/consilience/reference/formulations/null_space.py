@@ -11,17 +11,17 @@ its constraint space is found in the plain (not the mass) metric: the two share 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from consilience.kinematics import RANK_TOLERANCE
 from consilience.reference import constraints, forces
 from consilience.reference.bodies import rotations
+from consilience.reference.compiled import allocating
 from consilience.reference.model import Model
 from consilience.reference.workspace import Workspace
 from consilience.spatial import Array
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def mass_matrix(model: Model) -> Array:
     """``M = diag(m 1, I')`` of all bodies, shape (6 n_b, 6 n_b)."""
     n = model.mass.shape[0]
@@ -34,7 +34,7 @@ def mass_matrix(model: Model) -> Array:
     return M
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def basis(Q: Array, gamma: Array, limit: int) -> tuple[Array, Array]:
     """Null-space basis J, shape (6 n_b, freedom), and least-norm solution abar of ``Q abar = gamma``.
 
@@ -52,7 +52,7 @@ def basis(Q: Array, gamma: Array, limit: int) -> tuple[Array, Array]:
     return np.ascontiguousarray(Vt[rank:].T), abar
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def accelerations(model: Model, t: float, y: Array, memory: Array, ws: Workspace, a: Array) -> int:
     """Accelerations (dv/dt, dw'/dt) of all bodies at a state; arguments and return as in `descriptor`."""
     rotations(y, ws.A)

@@ -13,10 +13,10 @@ evaluation. The descriptor form factorises ``L^-1 Q^T``, and so has its J in the
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from consilience.reference import constraints, forces
 from consilience.reference.bodies import rotations
+from consilience.reference.compiled import allocating
 from consilience.reference.factorisation import least_norm, pivoted_qr
 from consilience.reference.formulations.null_space import mass_matrix
 from consilience.reference.model import Model
@@ -24,7 +24,7 @@ from consilience.reference.workspace import Workspace
 from consilience.spatial import Array
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def complement(B: Array, tau: Array, rank: int) -> Array:
     """Orthonormal basis of what is orthogonal to the columns of a matrix factorised by `pivoted_qr`.
 
@@ -45,7 +45,7 @@ def complement(B: Array, tau: Array, rank: int) -> Array:
     return J
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def basis(ws: Workspace) -> tuple[Array, Array]:
     """Null-space basis J, shape (6 n_b, freedom), and least-norm solution abar of ``Q abar = gamma``.
 
@@ -58,7 +58,7 @@ def basis(ws: Workspace) -> tuple[Array, Array]:
     return complement(ws.B, ws.tau, rank), abar
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def solve_reduced(model: Model, f: Array, J: Array, abar: Array, a: Array) -> int:
     """Solve ``J^T M J y'' = J^T (f - M abar)`` and leave ``J y'' + abar`` in a; the rank of the constraints."""
     freedom = J.shape[1]
@@ -73,7 +73,7 @@ def solve_reduced(model: Model, f: Array, J: Array, abar: Array, a: Array) -> in
     return a.shape[0] - freedom
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def accelerations(model: Model, t: float, y: Array, memory: Array, ws: Workspace, a: Array) -> int:
     """Accelerations (dv/dt, dw'/dt) of all bodies at a state; arguments and return as in `descriptor`."""
     rotations(y, ws.A)

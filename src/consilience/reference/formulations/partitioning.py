@@ -25,18 +25,18 @@ rank found by the projection is carried from one evaluation to the next.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from consilience.kinematics import RANK_TOLERANCE
 from consilience.reference import constraints, forces
 from consilience.reference.bodies import rotations
+from consilience.reference.compiled import allocating, kernel
 from consilience.reference.formulations.null_space_qr import solve_reduced
 from consilience.reference.model import Model
 from consilience.reference.workspace import Workspace
 from consilience.spatial import Array
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _largest(C: Array, first: int, columns: int) -> tuple[int, int]:
     """Row and column of the largest entry of ``C[first:, first:columns]``."""
     row, column = first, first
@@ -47,7 +47,7 @@ def _largest(C: Array, first: int, columns: int) -> tuple[int, int]:
     return row, column
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _exchange(C: Array, k: int, row: int, column: int, order: Array) -> None:
     """Bring a pivot to (k, k)."""
     for c in range(C.shape[1]):
@@ -57,7 +57,7 @@ def _exchange(C: Array, k: int, row: int, column: int, order: Array) -> None:
     order[k], order[column] = order[column], order[k]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def partition(C: Array, order: Array, limit: int) -> int:
     """Part the columns of ``C = [Q gamma]`` and solve for the dependent ones, in place.
 
@@ -100,7 +100,7 @@ def partition(C: Array, order: Array, limit: int) -> int:
     return rank
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def basis(Q: Array, gamma: Array, limit: int) -> tuple[Array, Array]:
     """``J = [-Q_d^-1 Q_i; 1]``, shape (6 n_b, freedom), and ``abar = [Q_d^-1 gamma; 0]``, in the order of the bodies.
 
@@ -120,7 +120,7 @@ def basis(Q: Array, gamma: Array, limit: int) -> tuple[Array, Array]:
     return J, abar
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def accelerations(model: Model, t: float, y: Array, memory: Array, ws: Workspace, a: Array) -> int:
     """Accelerations (dv/dt, dw'/dt) of all bodies at a state; arguments and return as in `descriptor`."""
     rotations(y, ws.A)

@@ -28,11 +28,11 @@ from __future__ import annotations
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from consilience.mechanism import Mechanism, State
 from consilience.reference import constraints, forces
 from consilience.reference.bodies import rotations
+from consilience.reference.compiled import allocating, kernel
 from consilience.reference.factorisation import least_norm, pivoted_qr
 from consilience.reference.formulations.descriptor import solve_factor
 from consilience.reference.formulations.recursive_model import (
@@ -59,7 +59,7 @@ class Articulated(NamedTuple):
 # ---------------------------------------------------------------- triangular systems
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _cholesky(H: Array) -> None:
     """Replace the lower triangle of H by its Cholesky factor."""
     for r in range(H.shape[0]):
@@ -70,7 +70,7 @@ def _cholesky(H: Array) -> None:
             H[r, s] = np.sqrt(total) if r == s else total / H[s, s]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _solve_lower(G: Array, x: Array) -> None:
     """``x <- G^-1 x``, in place."""
     for r in range(x.shape[0]):
@@ -79,7 +79,7 @@ def _solve_lower(G: Array, x: Array) -> None:
         x[r] /= G[r, r]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _solve_lower_transposed(G: Array, x: Array) -> None:
     """``x <- G^-T x``, in place."""
     for r in range(x.shape[0] - 1, -1, -1):
@@ -91,7 +91,7 @@ def _solve_lower_transposed(G: Array, x: Array) -> None:
 # ---------------------------------------------------------------- articulated bodies
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def articulate(tree: TreeModel, links: Links) -> Articulated:
     """Articulated inertias, from the tips to the ground: the part of the second loop that no force enters."""
     n = tree.body.shape[0]
@@ -111,7 +111,7 @@ def articulate(tree: TreeModel, links: Links) -> Articulated:
     return art
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def innovations(tree: TreeModel, links: Links, art: Articulated, wrench: Array, c: Array) -> Array:
     """Whitened joint forces e of wrenches on the links, shape (N,): the rest of the second loop.
 
@@ -132,7 +132,7 @@ def innovations(tree: TreeModel, links: Links, art: Articulated, wrench: Array, 
     return e
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def accelerate(tree: TreeModel, links: Links, art: Articulated, e: Array) -> Array:
     """Accelerations of the links from the ground to the tips, shape (n_b, 6): the third loop.
 
@@ -155,7 +155,7 @@ def accelerate(tree: TreeModel, links: Links, art: Articulated, e: Array) -> Arr
 # ---------------------------------------------------------------- composite bodies
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def composite_mass_matrix(tree: TreeModel, links: Links) -> Array:
     """``H = J^T M J`` by composite bodies, shape (N, N), lower triangle and diagonal blocks only.
 
@@ -179,7 +179,7 @@ def composite_mass_matrix(tree: TreeModel, links: Links) -> Array:
     return H
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def joint_forces(tree: TreeModel, links: Links, wrench: Array) -> Array:
     """``tau = J^T wrench``, shape (N,): wrenches carried from the tips to the ground, projected on the way."""
     total, tau = wrench.copy(), np.empty(links.S.shape[0])
@@ -192,7 +192,7 @@ def joint_forces(tree: TreeModel, links: Links, wrench: Array) -> Array:
     return tau
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def joint_motion(tree: TreeModel, links: Links, u: Array) -> Array:
     """``J u + abar``, shape (n_b, 6), link by link."""
     acc = links.c.copy()
@@ -205,7 +205,7 @@ def joint_motion(tree: TreeModel, links: Links, u: Array) -> Array:
     return acc
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def newton_euler(tree: TreeModel, links: Links, wrench: Array) -> Array:
     """``J^T (f - M abar)``, shape (N,): recursive Newton-Euler at u = 0."""
     acc = joint_motion(tree, links, np.zeros(links.S.shape[0]))
@@ -215,7 +215,7 @@ def newton_euler(tree: TreeModel, links: Links, wrench: Array) -> Array:
     return joint_forces(tree, links, rest)
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def _from_whitened(tree: TreeModel, links: Links, G: Array, e: Array) -> Array:
     """Accelerations of the links, ``u = G^-T e``."""
     u = e.copy()
@@ -226,7 +226,7 @@ def _from_whitened(tree: TreeModel, links: Links, G: Array, e: Array) -> Array:
 # ---------------------------------------------------------------- loops
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def close_loops(B: Array, Q: Array, gamma: Array, a: Array, e: Array, size: float, limit: int) -> int:
     """Add to e the zeta of least norm with ``B^T zeta = gamma - Q a``; the rank of B, which is overwritten.
 
@@ -241,7 +241,7 @@ def close_loops(B: Array, Q: Array, gamma: Array, a: Array, e: Array, size: floa
     return rank
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def _cut_rows(tree: TreeModel, t: float, y: Array, memory: Array, ws: Workspace) -> tuple[Array, Array]:
     """Q, shape (q_cut, 6 n_b), and gamma of the rows that the tree leaves open; views of the workspace."""
     constraints.evaluate(tree.cut, t, y, memory, ws)
@@ -249,7 +249,7 @@ def _cut_rows(tree: TreeModel, t: float, y: Array, memory: Array, ws: Workspace)
     return ws.Q[:q], ws.gamma[:q]
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def largest_row(model: Model, Q: Array) -> float:
     """Largest size ``|L^-1 q|`` of a row for bodies without joints: what its response in the tree comes to at most.
 
@@ -266,7 +266,7 @@ def largest_row(model: Model, Q: Array) -> float:
 # ---------------------------------------------------------------- the two routes
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def accelerations(tree: TreeModel, model: Model, t: float, y: Array, memory: Array, ws: Workspace, a: Array) -> int:
     """Accelerations (dv/dt, dw'/dt) by articulated bodies; other arguments and return as in `descriptor`."""
     rotations(y, ws.A)
@@ -287,7 +287,7 @@ def accelerations(tree: TreeModel, model: Model, t: float, y: Array, memory: Arr
     return tree_rank + rank
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def composite_accelerations(
     tree: TreeModel, model: Model, t: float, y: Array, memory: Array, ws: Workspace, a: Array
 ) -> int:

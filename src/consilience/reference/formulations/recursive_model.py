@@ -12,10 +12,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from consilience.mechanism import JOINT_KINDS, Mechanism
 from consilience.reference.bodies import arm, motion
+from consilience.reference.compiled import allocating, kernel
 from consilience.reference.model import Model, all_rows, flatten
 from consilience.reference.vectors import Vector, add, column, cross, dot, load, rotate, rotate_back, scale, store, sub
 from consilience.spatial import Array
@@ -124,7 +124,7 @@ class Links(NamedTuple):
 # ---------------------------------------------------------------- one step along the tree
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _transport(r: Vector, X: Array) -> None:
     """``X = [1 -~r; 0 1]``: ``a_k = a_p + alpha_p x r``."""
     for n in range(6):
@@ -134,7 +134,7 @@ def _transport(r: Vector, X: Array) -> None:
     X[2, 3], X[2, 4] = r[1], -r[0]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _joint_step(tree: TreeModel, model: Model, y: Array, A: Array, k: int, links: Links) -> None:
     """X, S and c of the tree joint of link k, from the motion of M's origin P relative to F.
 
@@ -173,7 +173,7 @@ def _joint_step(tree: TreeModel, model: Model, y: Array, A: Array, k: int, links
     store(links.c[k, 3:6], angular, sign)
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def kinematics(tree: TreeModel, model: Model, y: Array, A: Array) -> Links:
     """All links at a state: the first loop of either route. Velocities are known, so the order does not matter."""
     n = tree.body.shape[0]
@@ -187,7 +187,7 @@ def kinematics(tree: TreeModel, model: Model, y: Array, A: Array) -> Links:
     return links
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def world_wrenches(tree: TreeModel, A: Array, f: Array) -> Array:
     """Generalised forces (world, body axes) of all bodies as wrenches on the links, shape (n_b, 6)."""
     wrench = np.empty((tree.body.shape[0], 6))
@@ -198,7 +198,7 @@ def world_wrenches(tree: TreeModel, A: Array, f: Array) -> Array:
     return wrench
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def write_accelerations(tree: TreeModel, A: Array, acc: Array, a: Array) -> None:
     """Accelerations of the links as the solver wants them, (dv/dt, dw'/dt) with ``dw'/dt = A^T alpha``."""
     for k in range(tree.body.shape[0]):

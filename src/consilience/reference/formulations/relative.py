@@ -8,13 +8,13 @@ tree joints, the joint coordinates that elements read, turns counted, and the ra
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from consilience.errors import NumericalFailure
 from consilience.kinematics import RANK_TOLERANCE
 from consilience.mechanism import Mechanism, State
 from consilience.reference import constraints, forces
 from consilience.reference.canonical import at_origins, joint_wrenches
+from consilience.reference.compiled import kernel
 from consilience.reference.formulations.null_space import mass_matrix
 from consilience.reference.joint_rows import coordinate
 from consilience.reference.model import unpack
@@ -32,19 +32,19 @@ def unsupported(mechanism: Mechanism) -> tuple[Unsupported, ...]:
     return ()
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _derivative(rest: Rest, elements: Elements | None, t: float, z: Array, dz: Array) -> None:
     """`derivative`, for Python."""
     derivative(rest, elements, t, z, dz)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _project(rest: Rest, elements: Elements | None, t: float, z: Array) -> None:
     """`project`, for Python."""
     project(rest, elements, t, z)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _turning(elements: Elements, y: Array, A: Array, turning: Array) -> None:
     """Derivatives of the angles, bodies as they are placed."""
     for n in range(turning.shape[0]):

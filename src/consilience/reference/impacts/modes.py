@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from scipy.optimize import root
+import scipy
 
 from consilience.errors import NumericalFailure
 from consilience.spatial import Array, cross, orthogonal_triad
@@ -197,7 +197,7 @@ class _Trial:
         guess = np.array([np.arctan2(self.t2[k] @ stuck.p[k], self.t1[k] @ stuck.p[k]) for k in starting])
         scale = max(float(np.max(np.abs(self.law.before))), self.law.at_rest)
         if np.max(np.abs(across(guess))) > 1e-15 * scale:
-            guess = root(lambda angles: across(angles) / scale, guess, tol=1e-14).x
+            guess = scipy.optimize.root(lambda angles: across(angles) / scale, guess, tol=1e-14).x
         solved = self._linear(modes, directions(guess))
         parallel = float(np.max(np.abs(across(guess)))) <= _SLACK * scale
         return _Solved(solved.p, solved.after, solved.consistent and parallel)

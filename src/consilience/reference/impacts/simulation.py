@@ -20,7 +20,7 @@ from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy
 
 from consilience.contacts import Contact
 from consilience.errors import InvalidInput, NumericalFailure
@@ -155,7 +155,9 @@ class _Run:
         for a, b in pairwise(_with_turning_points(points, gap, rate)):
             falls_through = b[1] < -GRAZING * self._length or (b[1] <= 0.0 and b[2] < 0.0)
             if a[1] > 0.0 and falls_through:
-                return float(brentq(gap, a[0], b[0], xtol=1e-15, rtol=1e-15)) if gap(b[0]) < 0.0 else b[0]
+                return (
+                    float(scipy.optimize.brentq(gap, a[0], b[0], xtol=1e-15, rtol=1e-15)) if gap(b[0]) < 0.0 else b[0]
+                )
             if a[1] <= 0.0 and b[1] < -TOUCHING * self._length:
                 self._rests(contact, a[0])
         return None
@@ -221,7 +223,7 @@ def _with_turning_points(
     found = [points[0]]
     for a, b in pairwise(points):
         if a[2] * b[2] < 0.0 and rate(a[0]) * rate(b[0]) < 0.0:
-            t = float(brentq(rate, a[0], b[0], xtol=1e-15, rtol=1e-15))
+            t = float(scipy.optimize.brentq(rate, a[0], b[0], xtol=1e-15, rtol=1e-15))
             found.append((t, gap(t), 0.0))
         found.append(b)
     return found

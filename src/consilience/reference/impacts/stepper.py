@@ -7,7 +7,7 @@ positions and velocities are projected onto the constraints and the interpolant 
 from __future__ import annotations
 
 import numpy as np
-from scipy.integrate import DOP853
+import scipy
 
 from consilience.errors import NumericalFailure
 from consilience.mechanism import Mechanism, State
@@ -84,7 +84,7 @@ class Stepper:
         self._y = y
         remember(self._model, self._y, self._ws, self._memory)
         self._before = (t, self._y.copy(), self._memory.copy())
-        self._solver: DOP853 | None = None
+        self._solver: scipy.integrate.DOP853 | None = None
         self._h: float | None = None
 
     def _derivative(self, t: float, y: Array) -> Array:
@@ -104,7 +104,7 @@ class Stepper:
         """
         if self._solver is None or self._solver.t_bound != bound:
             first = None if self._h is None else min(self._h, bound - self.t)
-            self._solver = DOP853(
+            self._solver = scipy.integrate.DOP853(
                 self._derivative,
                 self.t,
                 self._y.ravel(),

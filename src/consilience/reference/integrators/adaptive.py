@@ -37,7 +37,7 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol, cast
 
 import numpy as np
-from scipy.integrate import BDF
+import scipy
 
 from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import State
@@ -258,8 +258,8 @@ def _multistep(run: _Run, u: Array) -> None:
 
     end = float(run.times[-1])
 
-    def fresh(t: float, u: Array) -> BDF:
-        return BDF(run.derivative, t, u, end, rtol=run.tolerance, atol=run.tolerance, jac=slope)
+    def fresh(t: float, u: Array) -> scipy.integrate.BDF:
+        return scipy.integrate.BDF(run.derivative, t, u, end, rtol=run.tolerance, atol=run.tolerance, jac=slope)
 
     solvers = [fresh(float(run.times[0]), u)]
     while solvers[-1].t < end:

@@ -11,13 +11,14 @@ of the mechanism, Euler parameters by one, speeds by the fastest body. Steps end
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from consilience.reference.compiled import allocating, kernel
 from consilience.reference.dynamics import derivative
 from consilience.reference.forces import remember
 from consilience.reference.integrators.coefficients import E3, E5, STAGES, A, B, C
 from consilience.reference.model import Model
 from consilience.reference.projection import project
+from consilience.reference.vectors import assign
 from consilience.reference.workspace import Workspace
 from consilience.spatial import Array
 
@@ -35,7 +36,7 @@ STEPS, REJECTED, EVALUATIONS = 0, 1, 2
 """Entries of the counters."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _sizes(model: Model, y: Array, size: Array) -> None:
     """Size of each column of y, shape (13,): what a relative tolerance refers to."""
     r = v = w = 0.0
@@ -44,13 +45,15 @@ def _sizes(model: Model, y: Array, size: Array) -> None:
             r = max(r, abs(y[b, k]))
             v = max(v, abs(y[b, 7 + k]))
             w = max(w, abs(y[b, 10 + k]))
-    size[0:3] = max(r, model.length)
-    size[3:7] = 1.0
-    size[7:10] = max(v, model.length)
-    size[10:13] = max(w, 1.0)
+    for k in range(13):
+        size[k] = 1.0
+    for k in range(3):
+        size[k] = max(r, model.length)
+        size[7 + k] = max(v, model.length)
+        size[10 + k] = max(w, 1.0)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _error(K: Array, h: float, size: Array) -> float:
     """Scaled error estimate of a step."""
     e5 = e3 = 0.0
@@ -67,7 +70,7 @@ def _error(K: Array, h: float, size: Array) -> float:
     return abs(h) * e5 / np.sqrt((e5 + 0.01 * e3) * 13 * K.shape[1])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _stages(
     formulation: int,
     model: Model,
@@ -82,7 +85,8 @@ def _stages(
 ) -> None:
     """Evaluate stages 2 to 12 (stage 1 is given) and leave the end of the step in `trial`."""
     for i in range(1, STAGES + 1):
-        trial[:, :] = y
+        for b in range(y.shape[0]):
+            assign(trial[b], y[b])
         for j in range(i):
             weight = h * (A[i, j] if i < STAGES else B[j])
             if weight != 0.0:
@@ -93,7 +97,7 @@ def _stages(
             derivative(formulation, model, t + C[i] * h, trial, memory, ws, a, K[i])
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def integrate(
     formulation: int,
     model: Model,

@@ -18,7 +18,7 @@ complex system of n_u. Its dense output is the quartic with the derivatives f, k
 nodes of Radau make its value at 1 come out as u_1.
 
 Sources: Fehlberg, NASA TR R-315, 1969, and Hairer, Norsett, Wanner: Solving Ordinary Differential Equations I, 2nd
-ed., 1993, table II.5.1 (Runge-Kutta-Fehlberg 4(5)) and section II.10 (DOP853, as SciPy holds it); Hairer, Wanner:
+ed., 1993, table II.5.1 (Runge-Kutta-Fehlberg 4(5)) and section II.10 (DOP853); Hairer, Wanner:
 Solving Ordinary Differential Equations II, 2nd ed., 1996, table IV.5.6 and section IV.8 (Radau IIA of order 5).
 """
 
@@ -29,9 +29,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.integrate import DOP853
 from scipy.linalg import lu_factor, lu_solve
 
+from consilience.reference.integrators import coefficients
 from consilience.reference.integrators.dense import Nested
 from consilience.spatial import Array
 
@@ -119,13 +119,13 @@ DORMAND_PRINCE = Explicit(
     order=8,
     dense_order=8,
     estimate_order=7,
-    c=DOP853.C,
-    A=DOP853.A,
-    b=DOP853.B,
-    E=np.array([DOP853.E5[:-1], DOP853.E3[:-1]]),
-    c_dense=DOP853.C_EXTRA,
-    A_dense=DOP853.A_EXTRA,
-    D=DOP853.D,
+    c=coefficients.C,
+    A=coefficients.A,
+    b=coefficients.B,
+    E=np.array([coefficients.E5, coefficients.E3]),
+    c_dense=coefficients.C_DENSE,
+    A_dense=coefficients.A_DENSE,
+    D=coefficients.D_DENSE,
 )
 """Dormand-Prince 8(5,3) with the dense output by Hairer, Norsett and Wanner, a polynomial of degree seven."""
 

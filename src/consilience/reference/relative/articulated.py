@@ -14,8 +14,7 @@ Wrenches and accelerations are (linear, angular) in world axes at centres of mas
 
 from __future__ import annotations
 
-from numba import njit
-
+from consilience.reference.compiled import inlined, kernel
 from consilience.reference.relative.columns import (
     ACCELERATION,
     BIAS,
@@ -51,7 +50,7 @@ from consilience.reference.vectors import add, cross, rotate, scale
 from consilience.spatial import Array
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def inertias(link: Array) -> None:
     """``diag(m 1, I)`` of all links, in world axes, into their rows."""
     for k in range(link.shape[0] - 1):
@@ -65,7 +64,7 @@ def inertias(link: Array) -> None:
             link[k, STIFF + 15 + n] = J[n]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def free_biases(link: Array) -> None:
     """Biases of gravity and gyroscopic torques alone, ``-(m g, -w x I w)``, from inertias of single bodies."""
     ground = link.shape[0] - 1
@@ -77,7 +76,7 @@ def free_biases(link: Array) -> None:
         put(link, k, BIAS + 3, cross(w, symmetric(J, w)))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def push_wrenches(index: Array, f: Array, A: Array, link: Array) -> None:
     """Biases of the links from generalised forces (world, body axes) of the bodies."""
     for k in range(index.shape[0]):
@@ -87,7 +86,7 @@ def push_wrenches(index: Array, f: Array, A: Array, link: Array) -> None:
         put(link, k, BIAS + 3, scale(-1.0, rotate(A[b], (f[at + 3], f[at + 4], f[at + 5]))))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def articulate(link: Array, free: Array) -> None:
     """Articulated inertias, U and D: what does not depend on forces or velocities."""
     for k in range(link.shape[0] - 2, -1, -1):
@@ -105,7 +104,7 @@ def articulate(link: Array, free: Array) -> None:
             add_inertia(link, p, shifted(I, vector_at(link, k, STEP)))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def sweep_in(link: Array, free: Array) -> None:
     """`articulate`, and the remaining joint forces of the biases, which are overwritten."""
     for k in range(link.shape[0] - 2, -1, -1):
@@ -129,7 +128,7 @@ def sweep_in(link: Array, free: Array) -> None:
             put(link, p, BIAS + 3, add(vector_at(link, p, BIAS + 3), add(add(torque, y), cross(step, force))))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def sweep_out(link: Array, free: Array, u: Array, moving: float) -> None:
     """Accelerations of the links and, into u, of the directions; moving: 1, at rest: 0."""
     for k in range(link.shape[0] - 1):
@@ -147,7 +146,7 @@ def sweep_out(link: Array, free: Array, u: Array, moving: float) -> None:
         put(link, k, ACCELERATION + 3, angular)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@inlined
 def free_accelerations(link: Array, free: Array, q: Array, v: Array, u: Array) -> None:
     """Accelerations u of the directions of a tree without elements, at coordinates q and speeds v.
 

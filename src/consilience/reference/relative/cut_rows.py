@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from consilience.reference.compiled import inner, kernel
 from consilience.reference.joint_rows import joint_motion, joint_row
 from consilience.reference.relative.columns import ACCELERATION
-from consilience.reference.relative.inner import inner
 from consilience.reference.relative.kinematics import vector_at
 from consilience.reference.relative.loops import CHOSEN, ROW, TOUCHED
 from consilience.reference.relative.model import BODY, CutJoints
@@ -15,7 +14,7 @@ from consilience.reference.vectors import dot, load, rotate, rotate_back, scale,
 from consilience.spatial import Array
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def want(group: Array, order: Array, state: Array, wanted: Array) -> None:
     """Mark the rows chosen: those that depend on them enter no acceleration."""
     for n in range(wanted.shape[0]):
@@ -44,7 +43,7 @@ def joint_rows(joints: CutJoints, wanted: Array, y: Array, A: Array, W: Array, v
             store(W[n, 1, 3:6], row.c_j, 1.0)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def gather(touched: Array, layout: Array, Q: Array, A: Array, W: Array) -> None:
     """Wrenches out of the rows of all bodies."""
     for row in range(touched.shape[0]):
@@ -57,7 +56,7 @@ def gather(touched: Array, layout: Array, Q: Array, A: Array, W: Array) -> None:
                 store(W[row, n, 3:6], rotate(A[b], load(Q[row, at + 3 : at + 6])), 1.0)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def open_accelerations(touched: Array, W: Array, links: Array, gamma: Array, target: Array) -> None:
     """``gamma - Q a`` of the accelerations of the links."""
     for row in range(touched.shape[0]):
@@ -70,7 +69,7 @@ def open_accelerations(touched: Array, W: Array, links: Array, gamma: Array, tar
         target[row] = total
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def open_rates(touched: Array, layout: Array, W: Array, y: Array, A: Array, rate: Array, target: Array) -> None:
     """``rate - Q v`` of the velocities of the bodies."""
     for row in range(touched.shape[0]):
@@ -84,7 +83,7 @@ def open_rates(touched: Array, layout: Array, W: Array, y: Array, A: Array, rate
         target[row] = total
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def size_of_rows(mass: Array, inertia_factor: Array, touched: Array, layout: Array, W: Array, A: Array) -> float:
     """Largest ``|L^-1 q|`` of a row for bodies without joints: what its response in the tree comes to at most."""
     largest = 0.0

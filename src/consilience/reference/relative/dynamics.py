@@ -6,9 +6,8 @@ Cut rows ``Q a = gamma`` act with ``Q^T lam``. With the whitened responses B of 
 
 from __future__ import annotations
 
-from numba import njit
-
 from consilience.reference import constraints, forces
+from consilience.reference.compiled import inlined, inner, kernel
 from consilience.reference.functions import evaluate as function_at
 from consilience.reference.joint_rows import coordinate
 from consilience.reference.relative.articulated import (
@@ -30,7 +29,6 @@ from consilience.reference.relative.cut_rows import (
     want,
 )
 from consilience.reference.relative.fronts import CHOOSE, KEEP, factorise, least_norm, respond, threshold
-from consilience.reference.relative.inner import inner
 from consilience.reference.relative.kinematics import coordinate_rates, displace, normalise, place
 from consilience.reference.relative.loops import CHOSEN, RANK, ROW, ROW_END, USED, Fronts, Loops
 from consilience.reference.relative.model import Elements, Rest, Tree
@@ -43,7 +41,7 @@ _PASSING_VIOLATION = 1e-11
 """Violation that rows left out on the way through a singular pose may have."""
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@inlined
 def cut_rows(rest: Rest, elements: Elements | None, t: float) -> None:
     """Value, wrenches, gamma and rate of the cut rows of the bodies as they are placed."""
     if elements is not None and elements.other_rows:
@@ -53,7 +51,7 @@ def cut_rows(rest: Rest, elements: Elements | None, t: float) -> None:
         joint_rows(rest.joints, rest.fronts.wanted, rest.y, rest.A, rest.fronts.W, rest.value, rest.gamma)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@inlined
 def _respond(loops: Loops, layout: Array, fronts: Fronts, link: Array, free: Array) -> float:
     """`respond` with the arrays of loops and fronts."""
     return respond(
@@ -72,7 +70,7 @@ def _respond(loops: Loops, layout: Array, fronts: Fronts, link: Array, free: Arr
     )
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@inlined
 def _least_norm(loops: Loops, fronts: Fronts, free: Array) -> None:
     """`least_norm` for the target of the fronts."""
     least_norm(
@@ -89,7 +87,7 @@ def _least_norm(loops: Loops, fronts: Fronts, free: Array) -> None:
     )
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@inlined
 def _close(loops: Loops, layout: Array, link: Array, free: Array, fronts: Fronts, gamma: Array, size: float) -> None:
     """Joint forces that close the loops, for the accelerations of the links without them, added to the others."""
     state = fronts.state
@@ -111,7 +109,7 @@ def _push(elements: Elements, layout: Array, y: Array, A: Array, t: float, z: Ar
     push_wrenches(layout, elements.rows.f, A, link)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@inlined
 def accelerations(rest: Rest, elements: Elements | None, t: float, z: Array) -> None:
     """Fill ``rest.u``, accelerations of the free directions, and those of all links in their rows."""
     layout, link, free, u = rest.layout, rest.link, rest.free, rest.u
@@ -151,14 +149,14 @@ def derivative(rest: Rest, elements: Elements | None, t: float, z: Array, dz: Ar
         _control_errors(elements, rest.y, rest.A, t, dz)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def free_derivative(index: Array, link: Array, free: Array, first_speed: int, z: Array, dz: Array) -> None:
     """`derivative` of a tree without elements."""
     free_accelerations(link, free, z, z[first_speed:], dz[first_speed:])
     coordinate_rates(index, first_speed, z, dz)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@inlined
 def rates(tree: Tree, rest: Rest | None, elements: Elements | None, t: float, z: Array, dz: Array) -> None:
     """State derivative of any mechanism."""
     if rest is None:
@@ -167,7 +165,7 @@ def rates(tree: Tree, rest: Rest | None, elements: Elements | None, t: float, z:
         derivative(rest, elements, t, z, dz)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def remember(elements: Elements, y: Array, A: Array) -> None:
     """Update the joint coordinates that elements read, turns counted, of the bodies as they are placed."""
     model, memory = elements.model, elements.memory
@@ -175,7 +173,7 @@ def remember(elements: Elements, y: Array, A: Array) -> None:
         memory[n] = coordinate(model, y, A, n, memory[n]).value
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _largest(x: Array, count: int) -> float:
     """Largest size of the first numbers of an array."""
     found = 0.0
@@ -272,7 +270,7 @@ def _opened(rest: Rest, elements: Elements | None, t: float) -> float:
     return _largest(rest.value, rest.held) / max(1.0, rest.length)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _release(W: Array, held: int) -> None:
     """Take away the wrenches of the rows that hold no positions."""
     for row in range(held, W.shape[0]):
@@ -281,7 +279,7 @@ def _release(W: Array, held: int) -> None:
                 W[row, n, r] = 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def find_rank(rest: Rest, elements: Elements | None, t: float, z: Array) -> None:
     """Independent rows of a state whose loops are closed, into ``rest.fronts``; places the bodies."""
     place(rest.layout, rest.link, rest.free, rest.speeds, z, rest.y, rest.A)

@@ -8,11 +8,11 @@ from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 
 import numpy as np
-from numba import njit
 
 from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import Mechanism, State
 from consilience.reference.canonical import at_origins
+from consilience.reference.compiled import kernel, threaded
 from consilience.reference.model import unpack
 from consilience.reference.relative.articulated import free_accelerations
 from consilience.reference.relative.columns import ACCELERATION, COORDINATE, NEAR, PLACED
@@ -31,7 +31,7 @@ from consilience.reference.relative.model import (
 from consilience.spatial import Array
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _at(link: Array, free: Array, q: Array, v: Array, out: Array) -> bool:
     """Accelerations of a tree without elements; False if the numbers of coordinates are wrong."""
     n = free.shape[0]
@@ -41,7 +41,7 @@ def _at(link: Array, free: Array, q: Array, v: Array, out: Array) -> bool:
     return True
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@threaded
 def _at_each(link: Array, free: Array, constants: Array, q: Array, v: Array, out: Array) -> None:
     """`_at` of each row; of constants, shape (n, n_b + 1, 31), if there are any."""
     for i in range(q.shape[0]):
@@ -52,7 +52,7 @@ def _at_each(link: Array, free: Array, constants: Array, q: Array, v: Array, out
         free_accelerations(link, free, q[i], v[i], out[i])
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@threaded
 def _closed_at_each(rest: Rest, elements: Elements | None, t: float, q: Array, v: Array, z: Array, out: Array) -> None:
     """Accelerations of any mechanism at each row, its independent rows chosen anew at each state."""
     for i in range(q.shape[0]):

@@ -14,9 +14,9 @@ Kernels take single arrays of `Loops` and `Fronts`: handing on both as a whole c
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from consilience.kinematics import RANK_TOLERANCE
+from consilience.reference.compiled import kernel
 from consilience.reference.relative.columns import PIVOT, REST, ROOT, STEP, S, U
 from consilience.reference.relative.kinematics import vector_at
 from consilience.reference.relative.loops import (
@@ -43,7 +43,7 @@ CHOOSE, KEEP = np.array([True, False])
 """What `factorise` does with the order of the rows."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _clear(group: Array, state: Array, F: Array) -> None:
     """Number the columns used, and set their entries to zero."""
     for g in range(group.shape[0]):
@@ -54,7 +54,7 @@ def _clear(group: Array, state: Array, F: Array) -> None:
             F[n] = 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _put_row(touched: Array, row: int, W: Array, path: Array, first: int, last: int, wrench: Array) -> None:
     """Wrenches of a row on the links of a path."""
     for m in range(first, last):
@@ -67,7 +67,7 @@ def _put_row(touched: Array, row: int, W: Array, path: Array, first: int, last: 
                 wrench[link, r] += W[row, at, r]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def respond(
     group: Array,
     touched: Array,
@@ -98,7 +98,7 @@ def respond(
     return largest
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _sweep(
     path: Array,
     first: int,
@@ -140,7 +140,7 @@ def _sweep(
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _square(F: Array, first: int, last: int) -> float:
     """Sum of squares."""
     total = 0.0
@@ -149,7 +149,7 @@ def _square(F: Array, first: int, last: int) -> float:
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _reflect(F: Array, at: int, height: int, row: int, rows: int, column: int, columns: int, norm: float) -> float:
     """Zero a column of a front below a row, and update those behind it; the factor of the reflection."""
     head_at = at + column * height + row
@@ -172,7 +172,7 @@ def _reflect(F: Array, at: int, height: int, row: int, rows: int, column: int, c
     return tau
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _bring_longest(F: Array, order: Array, at: int, height: int, row: int, rows: int, used: int, first: int) -> None:
     """Exchange column number `row` of a front with the longest of those behind it in its group."""
     best, longest = row, -1.0
@@ -187,7 +187,7 @@ def _bring_longest(F: Array, order: Array, at: int, height: int, row: int, rows:
             F[one], F[two] = F[two], F[one]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def factorise(group: Array, order: Array, state: Array, F: Array, tau: Array, smallest: float, choose: bool) -> float:
     """Factorise the fronts; the least pivot.
 
@@ -224,7 +224,7 @@ def factorise(group: Array, order: Array, state: Array, F: Array, tau: Array, sm
     return least
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _carry_on(
     group: Array, state: Array, F: Array, tau: Array, g: int, rank: int, rows: int, own: int, columns: int
 ) -> None:
@@ -252,7 +252,7 @@ def _carry_on(
             F[to + c * tall + batch + n] = F[at + (own + c) * height + rank + n] if n < full else 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def least_norm(
     group: Array,
     batch: Array,
@@ -285,7 +285,7 @@ def least_norm(
             free[direction, REST] += x[shelf + n] / free[direction, ROOT]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _forward(group: Array, order: Array, state: Array, F: Array, target: Array, y: Array) -> None:
     """The solution y of ``R^T y = target``."""
     for g in range(group.shape[0]):
@@ -300,7 +300,7 @@ def _forward(group: Array, order: Array, state: Array, F: Array, target: Array, 
                 y[start + c] -= F[at + c * height + k] * value
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _reflect_back(group: Array, state: Array, F: Array, tau: Array, x: Array, g: int, rows: int) -> None:
     """``x <- H x`` for one front."""
     shelf, rank, used = group[g, SHELF], state[g, RANK], state[g, USED]
@@ -316,7 +316,7 @@ def _reflect_back(group: Array, state: Array, F: Array, tau: Array, x: Array, g:
             x[shelf + n] -= s * F[at + n]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def threshold(size: float, largest: float) -> float:
     """Square below which a column counts as dependent, from the size of rows that count and the largest column."""
     return max(RANK_TOLERANCE * RANK_TOLERANCE * largest, (RANK_TOLERANCE * size) ** 2)

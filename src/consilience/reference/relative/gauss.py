@@ -12,12 +12,11 @@ the error of the step is of the square of that. Steps end at samples, where the 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.polynomial.legendre import leggauss, legvander
 
+from consilience.reference.compiled import allocating, allocating_inner, kernel
 from consilience.reference.integrators.dop853 import EVALUATIONS, REJECTED, STEPS
 from consilience.reference.relative.dynamics import rates
-from consilience.reference.relative.inner import inner
 from consilience.reference.relative.integrate import arrive, longest_now, sizes
 from consilience.reference.relative.kinematics import record
 from consilience.reference.relative.model import Elements, Rest, Tree
@@ -46,7 +45,7 @@ DIFFERENCE /= np.sum(np.abs(DIFFERENCE))
 """Weights of the last divided difference of the stages, scaled to a mean."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _extrapolate(K: Array, ratio: float, guess: Array) -> None:
     """Stages of the next step, `ratio` times as long, by the polynomial through those of the last one."""
     for i in range(STAGES):
@@ -61,7 +60,7 @@ def _extrapolate(K: Array, ratio: float, guess: Array) -> None:
                 guess[i, n] += weight * K[j, n]
 
 
-@inner
+@allocating_inner
 def _iterate(
     tree: Tree,
     rest: Rest | None,
@@ -97,7 +96,7 @@ def _iterate(
     return False
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _roughness(kind: Array, K: Array, h: float, size: Array) -> float:
     """Last divided difference of the stages, scaled: what a polynomial of lower degree would miss."""
     largest = 0.0
@@ -109,7 +108,7 @@ def _roughness(kind: Array, K: Array, h: float, size: Array) -> float:
     return largest
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _copy(source: Array, target: Array) -> None:
     """Copy stages: an assignment of arrays takes seconds to compile."""
     for i in range(source.shape[0]):
@@ -117,7 +116,7 @@ def _copy(source: Array, target: Array) -> None:
             target[i, n] = source[i, n]
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def integrate_gauss(
     tree: Tree,
     rest: Rest | None,

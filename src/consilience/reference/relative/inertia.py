@@ -5,8 +5,7 @@ I = [M H; H^T J],   M and J symmetric (xx, xy, xz, yy, yz, zz),   H row by row.
 
 from __future__ import annotations
 
-from numba import njit
-
+from consilience.reference.compiled import kernel
 from consilience.reference.relative.columns import STIFF
 from consilience.reference.vectors import Vector, add, dot
 from consilience.spatial import Array
@@ -18,7 +17,7 @@ Columns = tuple[Vector, Vector, Vector]
 """A 3 x 3 matrix by columns."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def combine(X: Columns, a: Vector) -> Vector:
     """``X a``."""
     return (
@@ -28,7 +27,7 @@ def combine(X: Columns, a: Vector) -> Vector:
     )
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def symmetric(J: Six, a: Vector) -> Vector:
     """``J a``."""
     return (
@@ -38,7 +37,7 @@ def symmetric(J: Six, a: Vector) -> Vector:
     )
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def rotated(X: Columns, J: Six) -> Six:
     """``X J X^T``."""
     a, b, c = X
@@ -53,7 +52,7 @@ def rotated(X: Columns, J: Six) -> Six:
     )
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def load_inertia(link: Array, k: int) -> Inertia:
     """Inertia in the row of a link."""
     return (
@@ -87,7 +86,7 @@ def load_inertia(link: Array, k: int) -> Inertia:
     )
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def add_inertia(link: Array, k: int, I: Inertia) -> None:
     """Add to the inertia in the row of a link."""
     M, H, J = I
@@ -98,7 +97,7 @@ def add_inertia(link: Array, k: int, I: Inertia) -> None:
         link[k, STIFF + 6 + n] += H[n]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def push(I: Inertia, linear: Vector, angular: Vector) -> tuple[Vector, Vector]:
     """Force and torque ``I (linear, angular)``."""
     M, H, J = I
@@ -115,7 +114,7 @@ def push(I: Inertia, linear: Vector, angular: Vector) -> tuple[Vector, Vector]:
     return add(symmetric(M, linear), force), add(torque, symmetric(J, angular))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def reduced(I: Inertia, x: Vector, y: Vector, factor: float) -> Inertia:
     """``I - factor U U^T``, U = (x, y)."""
     M, H, J = I
@@ -138,7 +137,7 @@ def reduced(I: Inertia, x: Vector, y: Vector, factor: float) -> Inertia:
     )
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def shifted(I: Inertia, d: Vector) -> Inertia:
     """``X^T I X`` for X = [1 -~d; 0 1]: M, K = H - M ~d, J - H^T ~d + ~d K."""
     M, H, J = I
@@ -165,7 +164,7 @@ def shifted(I: Inertia, d: Vector) -> Inertia:
     return M, K, L
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def project_on(linear: Vector, angular: Vector, force: Vector, torque: Vector) -> float:
     """Power of a wrench in a motion."""
     return dot(linear, force) + dot(angular, torque)

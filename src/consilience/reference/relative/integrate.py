@@ -8,27 +8,35 @@ of degree seven for three evaluations more in each step that holds samples, and 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from consilience.reference.integrators.coefficients import E3, E5, STAGES, A, B, C
+from consilience.reference.compiled import allocating, allocating_inner, inner, kernel
+from consilience.reference.integrators.coefficients import (
+    A_DENSE,
+    ALL_STAGES,
+    C_DENSE,
+    D_DENSE,
+    E3,
+    E5,
+    STAGES,
+    A,
+    B,
+    C,
+)
 from consilience.reference.integrators.dop853 import EVALUATIONS, LARGEST, REJECTED, SMALLEST, STEPS
-from consilience.reference.integrators.tableaus import DORMAND_PRINCE
 from consilience.reference.joint_rows import coordinate
 from consilience.reference.model import ANGLE, Model
 from consilience.reference.relative.dynamics import project, rates, remember
-from consilience.reference.relative.inner import inner
 from consilience.reference.relative.kinematics import normalise, place, record
 from consilience.reference.relative.loops import CHOSEN
 from consilience.reference.relative.model import Elements, Rest, Tree
 from consilience.spatial import Array
 
-D_DENSE = DORMAND_PRINCE.D
-BEGIN, SECOND, END, ALL_STAGES = np.array([0, 1, STAGES, DORMAND_PRINCE.A_dense.shape[1]])
+BEGIN, SECOND, END, BEHIND = np.array([0, 1, STAGES, ALL_STAGES])
 """Stages: the first two, that at the end of a step, and the one behind those of the dense output. They are numbers of
 NumPy, as kernels are compiled anew for each Python number that is written out where they are called."""
 TABLE = np.zeros((ALL_STAGES, ALL_STAGES))
-TABLE[:END, :END], TABLE[END, :END], TABLE[END + 1 :] = A, B, DORMAND_PRINCE.A_dense
-NODES = np.concatenate([C, [1.0], DORMAND_PRINCE.c_dense])
+TABLE[:END, :END], TABLE[END, :END], TABLE[END + 1 :] = A, B, A_DENSE
+NODES = np.concatenate([C, [1.0], C_DENSE])
 
 SAFETY = 0.8
 """Safety factor of the step size: with 0.9 a quarter of the steps of a pendulum or linkage are taken in vain."""
@@ -37,7 +45,7 @@ _TURN = 1.5
 """Most that an angle whose turns are counted may change in a step, rad: well below half a turn."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def sizes(kind: Array, model_length: float, z: Array, size: Array) -> None:
     """Size of each kind of component, shape (5,)."""
     size[:] = 0.0
@@ -50,7 +58,7 @@ def sizes(kind: Array, model_length: float, z: Array, size: Array) -> None:
     size[4] = max(size[4], 1.0)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _error(kind: Array, K: Array, h: float, size: Array) -> float:
     """Scaled error estimate of a step."""
     e5 = e3 = 0.0
@@ -68,7 +76,7 @@ def _error(kind: Array, K: Array, h: float, size: Array) -> float:
     return abs(h) * e5 / np.sqrt((e5 + 0.01 * e3) * count)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _stage(z: Array, K: Array, h: float, i: int, trial: Array) -> None:
     """State at which a stage is evaluated."""
     for n in range(z.shape[0]):
@@ -80,7 +88,7 @@ def _stage(z: Array, K: Array, h: float, i: int, trial: Array) -> None:
                 trial[n] += weight * K[j, n]
 
 
-@inner
+@allocating_inner
 def _evaluate(
     tree: Tree,
     rest: Rest | None,
@@ -140,7 +148,7 @@ def arrive(tree: Tree, rest: Rest | None, elements: Elements | None, t: float, z
         remember(elements, tree.y, tree.A)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _polynomial(z: Array, end: Array, K: Array, h: float, F: Array) -> None:
     """Dense output of a step, F of shape (7, n_z), in the nested form of `integrators.tableaus`."""
     for n in range(z.shape[0]):
@@ -154,7 +162,7 @@ def _polynomial(z: Array, end: Array, K: Array, h: float, F: Array) -> None:
             F[3 + i, n] = h * total
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _between(z: Array, F: Array, x: float, state: Array) -> None:
     """State at the part x of a step."""
     for n in range(z.shape[0]):
@@ -164,13 +172,13 @@ def _between(z: Array, F: Array, x: float, state: Array) -> None:
         state[n] = z[n] + total
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _length(h: float, remaining: float) -> float:
     """Length of the next step: a remainder a little longer than a step is halved, so that no sliver of one is left."""
     return remaining if h >= remaining else min(h, 0.5 * remaining)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _first_length(kind: Array, f: Array, span: float, tolerance: float, size: Array) -> float:
     """Length of the first step, in which z changes by ``tolerance ** (1/8)``, from its derivative f."""
     total = 0.0
@@ -179,7 +187,7 @@ def _first_length(kind: Array, f: Array, span: float, tolerance: float, size: Ar
     return tolerance ** (1.0 / 8.0) / max(np.sqrt(total / f.shape[0]), 1.0 / span)
 
 
-@inner
+@allocating_inner
 def _samples(
     tree: Tree,
     rest: Rest | None,
@@ -207,7 +215,7 @@ def _samples(
             rest.fronts.state[g, CHOSEN] = chosen[g, CHOSEN]
 
 
-@inner
+@allocating_inner
 def _record(
     tree: Tree,
     rest: Rest | None,
@@ -234,14 +242,14 @@ def _record(
     if first == inner:
         return sample, BEGIN
     F = np.empty((3 + D_DENSE.shape[0], z.shape[0]))
-    _evaluate(tree, rest, elements, z, end, K, t, step, END, ALL_STAGES)
-    counters[EVALUATIONS] += ALL_STAGES - END
+    _evaluate(tree, rest, elements, z, end, K, t, step, END, BEHIND)
+    counters[EVALUATIONS] += BEHIND - END
     _polynomial(z, end, K, step, F)
     _samples(tree, rest, elements, z, F, t, step, times[first:inner], motion[first:inner])
     return sample, SECOND
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _advance(z: Array, end: Array, K: Array, first: int) -> None:
     """Go on to the end of a step, whose derivative is the first stage of the next one where that is known."""
     for n in range(z.shape[0]):
@@ -273,7 +281,7 @@ def _attempt(
     return _error(tree.kind, K, step, size)
 
 
-@njit(cache=True, error_model="numpy")
+@allocating
 def integrate(
     tree: Tree,
     rest: Rest | None,

@@ -11,8 +11,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import reverse_cuthill_mckee
+import scipy
 
 from consilience.reference.model import Model, all_rows
 from consilience.spatial import Array
@@ -120,8 +119,10 @@ def _order(directions: list[list[int]], free: int) -> list[int]:
         return list(range(len(directions)))
     pointer = np.cumsum([0, *(len(d) for d in directions)])
     entries = np.concatenate([np.array(d, dtype=np.int64) for d in directions])
-    at = csr_array((np.ones(len(entries)), entries, pointer), shape=(len(directions), free))
-    order: list[int] = reverse_cuthill_mckee(csr_array(at @ at.T), symmetric_mode=True).tolist()
+    at = scipy.sparse.csr_array((np.ones(len(entries)), entries, pointer), shape=(len(directions), free))
+    order: list[int] = scipy.sparse.csgraph.reverse_cuthill_mckee(
+        scipy.sparse.csr_array(at @ at.T), symmetric_mode=True
+    ).tolist()
     return order
 
 

@@ -1,0 +1,76 @@
+"""Kernels that do not count references keep no array for ever."""
+
+import gc
+
+import numba
+import numpy as np
+import pytest
+from numba.core.runtime import _nrt_python, rtsys
+
+from consilience.errors import InvalidInput
+from consilience.reference import ForwardDynamics, accelerations, simulate
+from consilience.reference.formulations.kernels import KERNELS, TREE_KERNELS
+from mechanisms import ELEMENTS, LOOPS, TREES, states_of
+
+pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
+
+MECHANISMS = {next(iter(group)): next(iter(group.values())) for group in (TREES, LOOPS, ELEMENTS)}
+TIMES = np.linspace(0.0, 0.05, 4)
+
+
+def alive():
+    """Arrays that kernels made and nobody freed."""
+    gc.collect()
+    stats = rtsys.get_allocation_stats()
+    return stats.alloc - stats.free
+
+
+@pytest.fixture(autouse=True)
+def _counting():
+    before = _nrt_python.memsys_stats_enabled()
+    _nrt_python.memsys_enable_stats()
+    yield
+    if not before:
+        _nrt_python.memsys_disable_stats()
+
+
+def motions(mechanism, state):
+    """Calls of every compiled integrator, and of the accelerations of every formulation over kernels."""
+    for formulation in ("relative", "descriptor", "null_space"):
+        yield lambda name=formulation: simulate(mechanism, state, TIMES, 1e-8, name)
+    yield lambda: simulate(mechanism, state, TIMES, 1e-8, "relative", "gauss")
+    for formulation in (*KERNELS, *TREE_KERNELS):
+        yield lambda name=formulation: accelerations(mechanism, [state], name)
+    forward = ForwardDynamics(mechanism)
+    q, v = forward.coordinates(state)
+    yield lambda: forward.accelerations(q, v)
+    yield lambda: forward.accelerations_of(np.array([q] * 4), np.array([v] * 4))
+
+
+@pytest.mark.parametrize("name", MECHANISMS)
+def test_no_array_stays(name):
+    (state,) = states_of(MECHANISMS[name], 1)
+    done = 0
+    for call in motions(MECHANISMS[name], state):
+        try:
+            call()  # compiled, constants made
+        except InvalidInput:
+            continue  # the formulation cannot represent it
+        before = alive()
+        for _ in range(3):
+            call()
+        assert alive() == before
+        done += 1
+    assert done >= 8
+
+
+def test_the_counter_sees_an_array_that_stays():
+    @numba.njit
+    def make():
+        return np.zeros(3)
+
+    before = alive()
+    kept = make()
+    assert alive() > before
+    del kept
+    assert alive() == before
