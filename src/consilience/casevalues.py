@@ -38,7 +38,7 @@ Text = Annotated[str, Field(max_length=20_000), AfterValidator(_printable)]
 class TableModel(BaseModel):
     """A table without unknown fields."""
 
-    model_config = ConfigDict(extra="forbid", strict=False, frozen=True)
+    model_config = ConfigDict(extra="forbid", strict=False, frozen=True, defer_build=True)
 
 
 class Orientation(TableModel):

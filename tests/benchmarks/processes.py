@@ -20,6 +20,10 @@ PROCESSES = {
     "python -c pass": (["-c", "pass"], "the floor"),
     "python -c 'import numpy'": (["-c", "import numpy"], "to compare"),
     "python -c 'import numpy, scipy.integrate, numba'": (["-c", "import numpy, scipy.integrate, numba"], "to compare"),
+    "python, Numba made ready to load a kernel": (
+        ["-c", "from numba.core.registry import cpu_target; cpu_target.target_context.refresh()"],
+        "the floor of a compiled run",
+    ),
     "consilience --help": (["-c", COMMAND, "--help"], "0.3 s"),
     f"consilience {' '.join(SIMULATE)}": (["-c", COMMAND, *SIMULATE], "1.5 s"),
 }

@@ -9,7 +9,10 @@ from numba.core.runtime import _nrt_python, rtsys
 
 from consilience.errors import InvalidInput
 from consilience.reference import ForwardDynamics, accelerations, simulate
+from consilience.reference.canonical import canonical_motion
 from consilience.reference.formulations.kernels import KERNELS, TREE_KERNELS
+from consilience.reference.model import unpack
+from consilience.spatial import continuous_in_time
 from mechanisms import ELEMENTS, LOOPS, TREES, states_of
 
 pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
@@ -74,3 +77,11 @@ def test_the_counter_sees_an_array_that_stays():
     assert alive() > before
     del kept
     assert alive() == before
+
+
+def test_a_compiled_motion_in_canonical_terms_is_the_plain_one():
+    mechanism = LOOPS["four_bar"]
+    y = np.random.default_rng(5).normal(size=(40, len(mechanism.bodies) + 1, 13))
+    p, quat, v, w = unpack(mechanism, y)
+    for found, wanted in zip(canonical_motion(mechanism, y), (p, continuous_in_time(quat), v, w), strict=True):
+        np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-13)

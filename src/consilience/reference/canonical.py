@@ -6,6 +6,8 @@ import numpy as np
 
 from consilience.mechanism import Mechanism, State
 from consilience.observe import reaction_map
+from consilience.reference.compiled import kernel
+from consilience.reference.vectors import cross, load, rotate, store, sub
 from consilience.spatial import Array, rotation_from_quaternion
 
 
@@ -38,3 +40,39 @@ def joint_wrenches(mechanism: Mechanism, state: State, lam: Array) -> Array:
         start = rows.stop
         wrenches.append(reaction_map(mechanism, state, joint) @ lam[rows])
     return np.array(wrenches)
+
+
+def canonical_motion(mechanism: Mechanism, y: Array) -> tuple[Array, Array, Array, Array]:
+    """p_WB, quat_WB, v_WB_W, w_WB_W of a motion y, shape (n_t, n_b + n_e, 13), quaternions continuous in time.
+
+    What `unpack` and `continuous_in_time` do, compiled: of a short motion of few bodies they took longer than it.
+    """
+    com = np.array([b.com for b in mechanism.bodies])
+    shape = (len(y), len(mechanism.bodies))
+    p, quat, v, w = np.empty((*shape, 3)), np.empty((*shape, 4)), np.empty((*shape, 3)), np.empty((*shape, 3))
+    _canonical(com, y, np.empty((3, 3)), p, quat, v, w)
+    return p, quat, v, w
+
+
+@kernel
+def _canonical(com: Array, y: Array, A: Array, p: Array, quat: Array, v: Array, w: Array) -> None:
+    """Fill p, quat, v and w; A is scratch, the rotation matrix of one body [MASS (2)]."""
+    for b in range(com.shape[0]):
+        for n in range(y.shape[0]):
+            e0, e1, e2, e3 = y[n, b, 3], y[n, b, 4], y[n, b, 5], y[n, b, 6]
+            A[0, 0] = e0 * e0 + e1 * e1 - e2 * e2 - e3 * e3
+            A[1, 1] = e0 * e0 - e1 * e1 + e2 * e2 - e3 * e3
+            A[2, 2] = e0 * e0 - e1 * e1 - e2 * e2 + e3 * e3
+            A[0, 1], A[1, 0] = 2 * (e1 * e2 - e0 * e3), 2 * (e1 * e2 + e0 * e3)
+            A[0, 2], A[2, 0] = 2 * (e1 * e3 + e0 * e2), 2 * (e1 * e3 - e0 * e2)
+            A[1, 2], A[2, 1] = 2 * (e2 * e3 - e0 * e1), 2 * (e2 * e3 + e0 * e1)
+            c, spin = rotate(A, load(com[b])), rotate(A, load(y[n, b, 10:13]))
+            store(p[n, b], sub(load(y[n, b, 0:3]), c), 1.0)
+            store(v[n, b], sub(load(y[n, b, 7:10]), cross(spin, c)), 1.0)
+            store(w[n, b], spin, 1.0)
+            near = e0 if n == 0 else 0.0
+            if n > 0:
+                for k in range(4):
+                    near += quat[n - 1, b, k] * y[n, b, 3 + k]
+            for k in range(4):
+                quat[n, b, k] = -y[n, b, 3 + k] if near < 0.0 else y[n, b, 3 + k]

@@ -13,7 +13,7 @@ import numpy as np
 
 from consilience.reference import functions
 from consilience.reference.bodies import add_coefficients, arm, motion
-from consilience.reference.compiled import kernel
+from consilience.reference.compiled import inlined, kernel
 from consilience.reference.joint_rows import Row, coordinate, joint_motion, joint_row, place
 from consilience.reference.model import Model
 from consilience.reference.vectors import add, cross, dot, load, scale, sub
@@ -21,7 +21,7 @@ from consilience.reference.workspace import Workspace
 from consilience.spatial import Array
 
 
-@kernel
+@inlined
 def _joints(model: Model, y: Array, ws: Workspace) -> int:
     """Rows of all joints; the number of the next row."""
     body_i, body_j, arm_i, arm_j = model.body_i, model.body_j, model.arm_i, model.arm_j
@@ -39,7 +39,7 @@ def _joints(model: Model, y: Array, ws: Workspace) -> int:
     return model.row_kind.shape[0]
 
 
-@kernel
+@inlined
 def _drives(model: Model, t: float, y: Array, ws: Workspace, first: int) -> int:
     """``q - f(t) = 0``."""
     for n in range(model.drive.shape[0]):
@@ -52,7 +52,7 @@ def _drives(model: Model, t: float, y: Array, ws: Workspace, first: int) -> int:
     return first + model.drive.shape[0]
 
 
-@kernel
+@inlined
 def _couplings(model: Model, y: Array, memory: Array, ws: Workspace, first: int) -> int:
     """``q - f(q_driver) = 0``."""
     for n in range(model.coupling.shape[0]):
@@ -66,7 +66,7 @@ def _couplings(model: Model, y: Array, memory: Array, ws: Workspace, first: int)
     return first + model.coupling.shape[0]
 
 
-@kernel
+@inlined
 def _rollings(model: Model, y: Array, ws: Workspace, first: int) -> int:
     """Contacts, then two rows of slip for each rolling body."""
     count = model.rolling_body.shape[0]
@@ -94,7 +94,7 @@ def _rollings(model: Model, y: Array, ws: Workspace, first: int) -> int:
     return first + 3 * count
 
 
-@kernel
+@inlined
 def _skates(model: Model, y: Array, ws: Workspace, first: int) -> None:
     """``l . (v + w x s) = 0``."""
     for n in range(model.skate_body.shape[0]):

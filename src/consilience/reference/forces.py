@@ -11,7 +11,7 @@ import numpy as np
 
 from consilience.reference import functions
 from consilience.reference.bodies import ZERO, arm, motion, rotations
-from consilience.reference.compiled import kernel
+from consilience.reference.compiled import inlined, kernel
 from consilience.reference.joint_rows import Coordinate, coordinate
 from consilience.reference.model import Model
 from consilience.reference.vectors import Vector, accumulate, add, cross, dot, load, rotate, rotate_back, scale, sub
@@ -35,13 +35,13 @@ def _exert(f: Array, A: Array, q: Coordinate, effort: float) -> None:
     _push(f, A, q.i, scale(-1.0, e), ZERO, scale(effort, q.row.c_i))
 
 
-@kernel
+@inlined
 def _factor(model: Model, function: int, t: float, otherwise: float) -> float:
     """Function of time, or a constant where there is none."""
     return functions.evaluate(model.functions, function, t)[0] if function >= 0 else otherwise
 
 
-@kernel
+@inlined
 def _joint_elements(model: Model, t: float, y: Array, memory: Array, ws: Workspace) -> None:
     """Springs, friction and controls of joints."""
     for n in range(model.joint_spring.shape[0]):
@@ -82,7 +82,7 @@ def remember(model: Model, y: Array, ws: Workspace, memory: Array) -> None:
         memory[n] = coordinate(model, y, ws.A, n, memory[n]).value
 
 
-@kernel
+@inlined
 def _springs(model: Model, t: float, y: Array, A: Array, f: Array) -> None:
     """Add ``F = (k (L - L0) + c L' - f(t)) e`` on the predecessor, the opposite on the successor [MASS (31)]."""
     for n in range(model.spring_body.shape[0]):
@@ -101,7 +101,7 @@ def _springs(model: Model, t: float, y: Array, A: Array, f: Array) -> None:
         _push(f, A, j, scale(-1.0, force), s_j, ZERO)
 
 
-@kernel
+@inlined
 def _loads(model: Model, t: float, A: Array, f: Array) -> None:
     for n in range(model.load_body.shape[0]):
         b = model.load_body[n]

@@ -6,7 +6,7 @@
 
 A row's rate has coefficients e of the velocity of the centre of mass of j (those of i are -e), c_i and c_j of the
 angular velocities, all in world axes. Functions that run for every row take the arrays they read and not the whole
-model: passing a model counts a reference for each of its arrays.
+model: to pass a model is to copy the shapes of all its arrays. For that, too, what has one caller is `inlined`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from consilience.reference.bodies import ZERO, add_coefficients, arm, motion
-from consilience.reference.compiled import kernel
+from consilience.reference.compiled import inlined, kernel
 from consilience.reference.model import Model
 from consilience.reference.vectors import Vector, add, column, cross, dot, load, scale, sub
 from consilience.spatial import Array
@@ -138,20 +138,51 @@ def joint_row(axes_i: Array, axes_j: Array, pitch: float, A: Array, m: JointMoti
 
 
 @kernel
-def coordinate(model: Model, y: Array, A: Array, n: int, near: float) -> Coordinate:
-    """Joint coordinate n of those that elements read; an angle within half a turn of `near`, a screw's by its Z."""
-    k = model.coordinate[n, 0]
-    axes_i, axes_j = model.axes_i[k], model.axes_j[k]
-    m = joint_motion(model.body_i, model.body_j, model.arm_i, model.arm_j, y, A, k)
-    if model.coordinate[n, 1] == 1:
+def _coordinate(
+    body_i: Array,
+    body_j: Array,
+    arm_i: Array,
+    arm_j: Array,
+    axes_i: Array,
+    axes_j: Array,
+    pitch: float,
+    y: Array,
+    A: Array,
+    k: int,
+    kind: int,
+    near: float,
+) -> Coordinate:
+    """Coordinate of joint k, whose axes and pitch these are."""
+    m = joint_motion(body_i, body_j, arm_i, arm_j, y, A, k)
+    if kind == 1:
         row = basic_row(axes_i, axes_j, A, m, _Z)
         # the velocities of the centres of mass enter only through those of the frames' origins
         rate = dot(row.e, m.d_dot) + dot(cross(m.w_i, row.e), m.d)
         return Coordinate(row.value, rate, row, m.i, m.j)
-    if model.pitch[k] != 0.0:
-        near = TURN * basic_row(axes_i, axes_j, A, m, _Z).value / model.pitch[k]
+    if pitch != 0.0:
+        near = TURN * basic_row(axes_i, axes_j, A, m, _Z).value / pitch
     row = angle_row(axes_i, axes_j, A, m, near)
     return Coordinate(row.value, dot(row.c_i, m.w_i) + dot(row.c_j, m.w_j), row, m.i, m.j)
+
+
+@inlined
+def coordinate(model: Model, y: Array, A: Array, n: int, near: float) -> Coordinate:
+    """Joint coordinate n of those that elements read; an angle within half a turn of `near`, a screw's by its Z."""
+    k = model.coordinate[n, 0]
+    return _coordinate(
+        model.body_i,
+        model.body_j,
+        model.arm_i,
+        model.arm_j,
+        model.axes_i[k],
+        model.axes_j[k],
+        model.pitch[k],
+        y,
+        A,
+        k,
+        model.coordinate[n, 1],
+        near,
+    )
 
 
 @kernel

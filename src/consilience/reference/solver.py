@@ -10,10 +10,11 @@ from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import Mechanism, State
 from consilience.observe import kinetic_energy, potential_energy
 from consilience.reference import dynamics, registry
+from consilience.reference.canonical import canonical_motion
 from consilience.reference.forces import remember
 from consilience.reference.formulations.kernels import Forces, KernelFormulation, kernel_names
 from consilience.reference.integrators import dop853
-from consilience.reference.model import Model, flatten, pack, unpack
+from consilience.reference.model import Model, flatten, pack
 from consilience.reference.relative.solver import INTEGRATORS, simulate_relative
 from consilience.reference.workspace import Workspace, workspace
 from consilience.run import InstantAnswer, TrajectoryAnswer
@@ -115,10 +116,10 @@ def _compiled(mechanism: Mechanism, state: State, times: Array, tolerance: float
     status = dop853.integrate(number, model, y, times, float(tolerance), memory, ws, motion, counters)
     if status:
         raise NumericalFailure(f"reference, {formulation}, tolerance {tolerance:g}: {dop853.STATUS[status]}")
-    p, quat, v, w = unpack(mechanism, motion)
+    p, quat, v, w = canonical_motion(mechanism, motion)
     names = ("steps", "rejected", "evaluations")
     counts: dict[str, int | float] = {name: int(n) for name, n in zip(names, counters, strict=True)}
-    return TrajectoryAnswer(times, p, continuous_in_time(quat), v, w, counts)
+    return TrajectoryAnswer(times, p, quat, v, w, counts)
 
 
 def accelerations(

@@ -14,12 +14,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.polynomial.legendre import leggauss, legvander
 
-from consilience.reference.compiled import allocating, allocating_inner, kernel
+from consilience.reference.compiled import allocating, inner, kernel
 from consilience.reference.integrators.dop853 import EVALUATIONS, REJECTED, STEPS
 from consilience.reference.relative.dynamics import rates
 from consilience.reference.relative.integrate import arrive, longest_now, sizes
 from consilience.reference.relative.kinematics import record
 from consilience.reference.relative.model import Elements, Rest, Tree
+from consilience.reference.vectors import assign
 from consilience.spatial import Array
 
 STAGES = 8
@@ -60,7 +61,7 @@ def _extrapolate(K: Array, ratio: float, guess: Array) -> None:
                 guess[i, n] += weight * K[j, n]
 
 
-@allocating_inner
+@inner
 def _iterate(
     tree: Tree,
     rest: Rest | None,
@@ -70,16 +71,16 @@ def _iterate(
     z: Array,
     K: Array,
     size: Array,
+    trial: Array,
+    found: Array,
     counters: Array,
 ) -> bool:
     """Iterate the stages in place; whether they settle to rounding."""
-    trial, found = np.empty_like(z), np.empty_like(z)
     last = np.inf
     for _ in range(MOST_ITERATIONS):
         change = 0.0
         for i in range(STAGES):
-            for n in range(z.shape[0]):
-                trial[n] = z[n]
+            assign(trial, z)
             for j in range(STAGES):
                 for n in range(z.shape[0]):
                     trial[n] += h * A[i, j] * K[j, n]
@@ -108,16 +109,8 @@ def _roughness(kind: Array, K: Array, h: float, size: Array) -> float:
     return largest
 
 
-@kernel
-def _copy(source: Array, target: Array) -> None:
-    """Copy stages: an assignment of arrays takes seconds to compile."""
-    for i in range(source.shape[0]):
-        for n in range(source.shape[1]):
-            target[i, n] = source[i, n]
-
-
-@allocating
-def integrate_gauss(
+@inner
+def _run(
     tree: Tree,
     rest: Rest | None,
     elements: Elements | None,
@@ -127,9 +120,13 @@ def integrate_gauss(
     longest: float,
     motion: Array,
     counters: Array,
+    K: Array,
+    guess: Array,
+    size: Array,
+    trial: Array,
+    found: Array,
 ) -> int:
-    """Integrate from ``times[0]`` and record the bodies at all sample times; arguments as in `integrate.integrate`."""
-    K, guess, size = np.zeros((STAGES, z.shape[0])), np.zeros((STAGES, z.shape[0])), np.empty(5)
+    """`integrate_gauss` with the arrays it needs."""
     counters[:] = 0
     arrive(tree, rest, elements, times[0], z)
     record(tree.A, tree.y, motion[0])
@@ -147,7 +144,7 @@ def integrate_gauss(
                 _extrapolate(K, step / before, guess)
             if before == 0.0 or step > 2.0 * before:
                 guess[:] = 0.0
-            settled = _iterate(tree, rest, elements, t, step, z, guess, size, counters)
+            settled = _iterate(tree, rest, elements, t, step, z, guess, size, trial, found, counters)
             rough = _roughness(tree.kind, guess, step, size) / allowed if settled else np.inf
             if rough > 1.0:
                 counters[REJECTED] += 1
@@ -157,7 +154,8 @@ def integrate_gauss(
             for i in range(STAGES):
                 for n in range(z.shape[0]):
                     z[n] += step * B[i] * guess[i, n]
-            _copy(guess, K)
+            for i in range(STAGES):
+                assign(K[i], guess[i])
             before = step
             factor = LARGEST if rough == 0.0 else min(LARGEST, SAFETY * rough ** (-1.0 / STAGES))
             h = step * factor if step == free else max(h, step * factor)
@@ -165,3 +163,21 @@ def integrate_gauss(
             arrive(tree, rest, elements, t, z)
         record(tree.A, tree.y, motion[sample])
     return 0
+
+
+@allocating
+def integrate_gauss(
+    tree: Tree,
+    rest: Rest | None,
+    elements: Elements | None,
+    z: Array,
+    times: Array,
+    tolerance: float,
+    longest: float,
+    motion: Array,
+    counters: Array,
+) -> int:
+    """Integrate from ``times[0]`` and record the bodies at all sample times; arguments as in `integrate.integrate`."""
+    K, guess, size = np.zeros((STAGES, z.shape[0])), np.zeros((STAGES, z.shape[0])), np.empty(5)
+    trial, found = np.empty_like(z), np.empty_like(z)
+    return _run(tree, rest, elements, z, times, tolerance, longest, motion, counters, K, guess, size, trial, found)

@@ -7,9 +7,11 @@ of degree seven for three evaluations more in each step that holds samples, and 
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from consilience.reference.compiled import allocating, allocating_inner, inner, kernel
+from consilience.reference.compiled import allocating, inner, kernel
 from consilience.reference.integrators.coefficients import (
     A_DENSE,
     ALL_STAGES,
@@ -29,6 +31,7 @@ from consilience.reference.relative.dynamics import project, rates, remember
 from consilience.reference.relative.kinematics import normalise, place, record
 from consilience.reference.relative.loops import CHOSEN
 from consilience.reference.relative.model import Elements, Rest, Tree
+from consilience.reference.vectors import assign
 from consilience.spatial import Array
 
 BEGIN, SECOND, END, BEHIND = np.array([0, 1, STAGES, ALL_STAGES])
@@ -43,6 +46,18 @@ SAFETY = 0.8
 
 _TURN = 1.5
 """Most that an angle whose turns are counted may change in a step, rad: well below half a turn."""
+
+
+class Scratch(NamedTuple):
+    """What a run writes into: made once, so that nothing else makes arrays."""
+
+    K: Array  # (16, n_z) derivatives at the stages
+    end: Array  # (n_z,) end of the step
+    state: Array  # (n_z,) of a stage or sample
+    F: Array  # (7, n_z) dense output
+    size: Array  # (5,) of the kinds of components
+    order: Array  # rows chosen at the end of the step, while its samples are taken
+    chosen: Array
 
 
 @kernel
@@ -88,7 +103,7 @@ def _stage(z: Array, K: Array, h: float, i: int, trial: Array) -> None:
                 trial[n] += weight * K[j, n]
 
 
-@allocating_inner
+@inner
 def _evaluate(
     tree: Tree,
     rest: Rest | None,
@@ -100,16 +115,15 @@ def _evaluate(
     h: float,
     first: int,
     last: int,
+    state: Array,
 ) -> None:
     """Derivatives of some stages of a step that begins at z and, where it is known, ends at `end`."""
-    trial = np.empty_like(z)
     for i in range(first, last):
         if i == END:
-            for n in range(z.shape[0]):
-                trial[n] = end[n]
+            assign(state, end)
         else:
-            _stage(z, K, h, i, trial)
-        rates(tree, rest, elements, t + NODES[i] * h, trial, K[i])
+            _stage(z, K, h, i, state)
+        rates(tree, rest, elements, t + NODES[i] * h, state, K[i])
 
 
 @inner
@@ -187,42 +201,38 @@ def _first_length(kind: Array, f: Array, span: float, tolerance: float, size: Ar
     return tolerance ** (1.0 / 8.0) / max(np.sqrt(total / f.shape[0]), 1.0 / span)
 
 
-@allocating_inner
+@inner
 def _samples(
     tree: Tree,
     rest: Rest | None,
     elements: Elements | None,
     z: Array,
-    F: Array,
     t: float,
     step: float,
     times: Array,
     motion: Array,
+    scratch: Scratch,
 ) -> None:
     """Record the bodies at times within a step."""
     if rest is not None:
         # the rows chosen at the end of the step are those for the next one
-        order, chosen = rest.fronts.order.copy(), rest.fronts.state.copy()
-    state = np.empty_like(z)
+        assign(scratch.order, rest.fronts.order)
+        assign(scratch.chosen, rest.fronts.state[:, CHOSEN])
     for n in range(times.shape[0]):
-        _between(z, F, (times[n] - t) / step, state)
-        settle(tree, rest, elements, times[n], state)
+        _between(z, scratch.F, (times[n] - t) / step, scratch.state)
+        settle(tree, rest, elements, times[n], scratch.state)
         record(tree.A, tree.y, motion[n])
     if rest is not None:
-        for n in range(order.shape[0]):
-            rest.fronts.order[n] = order[n]
-        for g in range(chosen.shape[0]):
-            rest.fronts.state[g, CHOSEN] = chosen[g, CHOSEN]
+        assign(rest.fronts.order, scratch.order)
+        assign(rest.fronts.state[:, CHOSEN], scratch.chosen)
 
 
-@allocating_inner
+@inner
 def _record(
     tree: Tree,
     rest: Rest | None,
     elements: Elements | None,
     z: Array,
-    end: Array,
-    K: Array,
     t: float,
     step: float,
     after: float,
@@ -230,6 +240,7 @@ def _record(
     motion: Array,
     counters: Array,
     sample: int,
+    scratch: Scratch,
 ) -> tuple[int, int]:
     """Record the samples of a step from t to `after`; the number of the next one, and the next stage not known."""
     first = sample
@@ -241,11 +252,11 @@ def _record(
         sample += 1
     if first == inner:
         return sample, BEGIN
-    F = np.empty((3 + D_DENSE.shape[0], z.shape[0]))
-    _evaluate(tree, rest, elements, z, end, K, t, step, END, BEHIND)
+    end, K = scratch.end, scratch.K
+    _evaluate(tree, rest, elements, z, end, K, t, step, END, BEHIND, scratch.state)
     counters[EVALUATIONS] += BEHIND - END
-    _polynomial(z, end, K, step, F)
-    _samples(tree, rest, elements, z, F, t, step, times[first:inner], motion[first:inner])
+    _polynomial(z, end, K, step, scratch.F)
+    _samples(tree, rest, elements, z, t, step, times[first:inner], motion[first:inner], scratch)
     return sample, SECOND
 
 
@@ -264,21 +275,66 @@ def _attempt(
     rest: Rest | None,
     elements: Elements | None,
     z: Array,
-    K: Array,
     t: float,
     step: float,
     first: int,
     last: int,
-    size: Array,
-    trial: Array,
     counters: Array,
+    scratch: Scratch,
 ) -> float:
-    """Evaluate stages `first` to `last` of a step; its end into `trial`, and its scaled error."""
-    _evaluate(tree, rest, elements, z, z, K, t, step, first, last)
+    """Evaluate stages `first` to `last` of a step; its end into the scratch, and its scaled error."""
+    K, size = scratch.K, scratch.size
+    _evaluate(tree, rest, elements, z, z, K, t, step, first, last, scratch.state)
     counters[EVALUATIONS] += last - first
-    _stage(z, K, step, END, trial)
+    _stage(z, K, step, END, scratch.end)
     sizes(tree.kind, tree.length, z, size)
     return _error(tree.kind, K, step, size)
+
+
+@inner
+def _run(
+    tree: Tree,
+    rest: Rest | None,
+    elements: Elements | None,
+    z: Array,
+    times: Array,
+    tolerance: float,
+    longest: float,
+    motion: Array,
+    counters: Array,
+    scratch: Scratch,
+) -> int:
+    """`integrate` with the arrays it needs."""
+    t, last, sample = times[0], times[-1], SECOND
+    K, end = scratch.K, scratch.end
+    counters[:] = 0
+    arrive(tree, rest, elements, t, z)
+    record(tree.A, tree.y, motion[0])
+    if times.shape[0] == 1:
+        return 0
+    bound = longest_now(tree, elements, longest)
+    _attempt(tree, rest, elements, z, t, 0.0, BEGIN, SECOND, counters, scratch)
+    h, first = _first_length(tree.kind, K[0], last - t, tolerance, scratch.size), SECOND
+    while sample < times.shape[0]:
+        step = _length(min(h, bound), last - t)
+        if step < 1e-14 * max(1.0, abs(t)):
+            return 1
+        error = _attempt(tree, rest, elements, z, t, step, first, END, counters, scratch) / tolerance
+        if not np.isfinite(error):
+            return 2
+        factor = LARGEST if error == 0.0 else min(LARGEST, max(SMALLEST, SAFETY * error ** (-1.0 / 8.0)))
+        if error > 1.0:
+            counters[REJECTED] += 1
+            h, first = step * min(1.0, factor), SECOND  # the first stage is still known
+            continue
+        counters[STEPS] += 1
+        after = last if step == last - t else t + step
+        arrive(tree, rest, elements, after, end)
+        bound = longest_now(tree, elements, longest)
+        sample, first = _record(tree, rest, elements, z, t, step, after, times, motion, counters, sample, scratch)
+        _advance(z, end, K, first)
+        t, h = after, step * factor if step == h else max(h, step * factor)
+    return 0
 
 
 @allocating
@@ -312,33 +368,15 @@ def integrate(
     int
         Key of `integrators.dop853.STATUS`.
     """
-    t, last, sample = times[0], times[-1], SECOND
-    counters[:] = 0
-    arrive(tree, rest, elements, t, z)
-    record(tree.A, tree.y, motion[0])
-    if times.shape[0] == 1:
-        return 0
-    K, trial, size = np.zeros((ALL_STAGES, z.shape[0])), np.empty_like(z), np.empty(5)
-    bound = longest_now(tree, elements, longest)
-    _attempt(tree, rest, elements, z, K, t, 0.0, BEGIN, SECOND, size, trial, counters)
-    h, first = _first_length(tree.kind, K[0], last - t, tolerance, size), SECOND
-    while sample < times.shape[0]:
-        step = _length(min(h, bound), last - t)
-        if step < 1e-14 * max(1.0, abs(t)):
-            return 1
-        error = _attempt(tree, rest, elements, z, K, t, step, first, END, size, trial, counters) / tolerance
-        if not np.isfinite(error):
-            return 2
-        factor = LARGEST if error == 0.0 else min(LARGEST, max(SMALLEST, SAFETY * error ** (-1.0 / 8.0)))
-        if error > 1.0:
-            counters[REJECTED] += 1
-            h, first = step * min(1.0, factor), SECOND  # the first stage is still known
-            continue
-        counters[STEPS] += 1
-        after = last if step == last - t else t + step
-        arrive(tree, rest, elements, after, trial)
-        bound = longest_now(tree, elements, longest)
-        sample, first = _record(tree, rest, elements, z, trial, K, t, step, after, times, motion, counters, sample)
-        _advance(z, trial, K, first)
-        t, h = after, step * factor if step == h else max(h, step * factor)
-    return 0
+    rows, groups = (0, 0) if rest is None else (rest.fronts.order.shape[0], rest.fronts.state.shape[0])
+    count = z.shape[0]
+    scratch = Scratch(
+        np.zeros((ALL_STAGES, count)),
+        np.empty(count),
+        np.empty(count),
+        np.empty((3 + D_DENSE.shape[0], count)),
+        np.empty(5),
+        np.empty(rows, dtype=np.int64),
+        np.empty(groups, dtype=np.int64),
+    )
+    return _run(tree, rest, elements, z, times, tolerance, longest, motion, counters, scratch)

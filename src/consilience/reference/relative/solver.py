@@ -8,15 +8,16 @@ import numpy as np
 
 from consilience.errors import NumericalFailure
 from consilience.mechanism import Mechanism, State
+from consilience.reference.canonical import canonical_motion
 from consilience.reference.integrators.dop853 import STATUS
-from consilience.reference.model import Model, unpack
+from consilience.reference.model import Model
 from consilience.reference.relative.dynamics import remember
 from consilience.reference.relative.gauss import integrate_gauss
 from consilience.reference.relative.integrate import integrate
 from consilience.reference.relative.kinematics import place
 from consilience.reference.relative.model import flatten_relative, pack_relative, system
 from consilience.run import TrajectoryAnswer
-from consilience.spatial import Array, continuous_in_time
+from consilience.spatial import Array
 
 _flat = lru_cache(maxsize=8)(flatten_relative)
 """Flat arrays of the mechanisms asked last: making them takes as long as some thousand evaluations."""
@@ -65,7 +66,7 @@ def simulate_relative(
     status = INTEGRATORS[integrator](tree, loops, elements, z, times, float(tolerance), longest, motion, counters)
     if status:
         raise NumericalFailure(f"reference, relative, {integrator}, tolerance {tolerance:g}: {STATUS[status]}")
-    p, quat, v, w = unpack(mechanism, motion)
+    p, quat, v, w = canonical_motion(mechanism, motion)
     names = ("steps", "rejected", "evaluations")
     counts: dict[str, int | float] = {name: int(n) for name, n in zip(names, counters, strict=True)}
-    return TrajectoryAnswer(times, p, continuous_in_time(quat), v, w, counts)
+    return TrajectoryAnswer(times, p, quat, v, w, counts)
