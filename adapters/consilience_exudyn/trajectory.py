@@ -66,9 +66,15 @@ def stored(system: Any, sensor: Any, times: Array) -> Array:
         If Exudyn sampled at other times.
     """
     data = np.array(system.GetSensorStoredData(sensor))
-    interval = times[1] - times[0]
-    if len(data) != len(times) or np.max(np.abs(data[:, 0] - times)) > _ON_GRID * interval:
-        raise RuntimeError(f"a sensor holds {len(data)} samples, the last at {data[-1, 0]} s, for {len(times)} asked")
+    if len(data) != len(times):
+        raise RuntimeError(f"a sensor holds {len(data)} samples, the last at {data[-1, 0]:g} s, for {len(times)} asked")
+    late = np.flatnonzero(np.abs(data[:, 0] - times) > _ON_GRID * (times[1] - times[0]))
+    if len(late):
+        at, asked = data[late[0], 0], times[late[0]]
+        raise RuntimeError(
+            f"{len(late)} of {len(times)} samples miss their times, the first is at {at:.6g} s, not {asked:.6g} s: "
+            "where Newton's method fails Exudyn goes on in shorter steps (adaptiveStep), which do not end on samples"
+        )
     return np.asarray(data[:, 1:])
 
 

@@ -7,9 +7,10 @@ import pytest
 
 from consilience.assembly import Initial, initial_state
 from consilience.kinematics import constraint_gamma, constraint_jacobian
+from consilience.library import load_case
 from consilience.mechanism import GROUND, Body, Frame, Joint, JointSpring, Load, Mechanism, State
 from consilience.observe import kinetic_energy, potential_energy
-from consilience.run import Question, Route
+from consilience.run import Profile, Question, Route
 from consilience.spatial import rotation_from_quaternion
 from mechanisms import GRAVITY, LOOPS, TREES, chain, drawn_joint, lumpy_body, rotation, states_of
 
@@ -324,3 +325,13 @@ def test_large_models_are_solved_by_the_sparse_solver_to_the_same_motion(exudyn_
         assert np.max(np.abs(sparse.p_WB - dense.p_WB)) < 1e-12
         assert np.max(np.abs(sparse.v_WB_W - dense.v_WB_W)) < 1e-10
     assert "linearSolver.solverType" not in methods["GeneralizedAlpha, defaults"].settings
+
+
+def test_shortened_steps_that_miss_samples_are_said_to_be_so(exudyn_engine):
+    """At its defaults Exudyn halves a step whose Newton iteration fails; all later samples are half a step late."""
+    case = load_case("mass_ratio")
+    methods = exudyn_engine.methods(case.mechanism, Question.TRAJECTORY)
+    (defaults,) = (method for method in methods if method.profile is Profile.DEFAULT)
+    coarse = (case.times[1] - case.times[0]) / 5
+    with pytest.raises(RuntimeError, match=r"\d+ of 101 samples miss their times, .* shorter steps"):
+        exudyn_engine.trajectory(case.mechanism, case.initial_state, case.times, defaults, coarse)

@@ -101,7 +101,7 @@ def _checked(times: Array, tolerance: float) -> Array:
     times = np.asarray(times, dtype=float)
     if not 1e-14 <= tolerance <= 1e-3:
         raise InvalidInput("tolerance", f"{tolerance} is out of range", "Choose 1e-14 to 1e-3.")
-    if times.ndim != 1 or len(times) < 1 or not np.all(np.isfinite(times)) or np.any(np.diff(times) <= 0):
+    if times.ndim != 1 or len(times) < 1 or not (np.isfinite(times).all() and (times[1:] > times[:-1]).all()):
         raise InvalidInput("times", "they do not increase", "Give finite, increasing sample times.")
     return times
 

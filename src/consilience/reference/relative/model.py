@@ -204,10 +204,10 @@ def free_table(links: Links) -> Array:
     return table
 
 
-def system(mechanism: Mechanism, links: Links, spanning: TreeModel, model: Model) -> System:
-    """Arrays of the kernels, those that they write into new."""
-    n, cut = len(spanning.body), spanning.cut
-    tree = Tree(
+def tree_arrays(mechanism: Mechanism, links: Links, model: Model) -> Tree:
+    """What a tree without elements needs, new."""
+    n = len(links.layout)
+    return Tree(
         layout=links.layout,
         kind=links.kind,
         link=link_table(links, mechanism.gravity),
@@ -217,6 +217,12 @@ def system(mechanism: Mechanism, links: Links, spanning: TreeModel, model: Model
         speeds=links.speeds,
         length=model.length,
     )
+
+
+def system(mechanism: Mechanism, links: Links, spanning: TreeModel, model: Model) -> System:
+    """Arrays of the kernels, those that they write into new."""
+    n, cut = len(spanning.body), spanning.cut
+    tree = tree_arrays(mechanism, links, model)
     elements, q = None, all_rows(cut)
     value, gamma, rate = np.zeros((3, q))
     if not links.plain or links.other_rows:

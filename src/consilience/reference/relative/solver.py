@@ -15,7 +15,7 @@ from consilience.reference.relative.dynamics import remember
 from consilience.reference.relative.gauss import integrate_gauss
 from consilience.reference.relative.integrate import integrate
 from consilience.reference.relative.kinematics import place
-from consilience.reference.relative.model import flatten_relative, pack_relative, system
+from consilience.reference.relative.model import flatten_relative, pack_relative, system, tree_arrays
 from consilience.run import TrajectoryAnswer
 from consilience.spatial import Array
 
@@ -55,15 +55,17 @@ def simulate_relative(
         With the status of the integrator.
     """
     links, spanning, model = _flat(mechanism)
-    tree, rest, elements = system(mechanism, links, spanning, model)
+    if links.free:
+        tree, rest, elements = tree_arrays(mechanism, links, model), None, None
+    else:
+        tree, rest, elements = system(mechanism, links, spanning, model)
     z = pack_relative(mechanism, links, spanning, state)
     if elements is not None:
         place(tree.layout, tree.link, tree.free, tree.speeds, z, tree.y, tree.A)
         remember(elements, tree.y, tree.A)
     motion, counters = np.empty((len(times), *tree.y.shape)), np.zeros(3, dtype=np.int64)
     longest = longest_step(model)
-    loops = None if links.free else rest
-    status = INTEGRATORS[integrator](tree, loops, elements, z, times, float(tolerance), longest, motion, counters)
+    status = INTEGRATORS[integrator](tree, rest, elements, z, times, float(tolerance), longest, motion, counters)
     if status:
         raise NumericalFailure(f"reference, relative, {integrator}, tolerance {tolerance:g}: {STATUS[status]}")
     p, quat, v, w = canonical_motion(mechanism, motion)
