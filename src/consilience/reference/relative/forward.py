@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 
@@ -69,6 +69,10 @@ def _closed_at_each(rest: Rest, elements: Elements | None, t: float, q: Array, v
         accelerations(rest, elements, t, z)
         for n in range(v.shape[1]):
             out[i, n] = rest.u[n]
+
+
+_PARTS = 8
+"""Parts that the states of a batch are divided into for each thread."""
 
 
 class ForwardDynamics:
@@ -211,17 +215,18 @@ class ForwardDynamics:
         count = max(1, min(threads or os.cpu_count() or 1, len(q)))
         while len(self._systems) < count:
             self._systems.append(self._new_system())
-        bounds = [len(q) * n // count for n in range(count + 1)]
-        parts = [slice(first, last) for first, last in pairwise(bounds)]
-        work: list[Callable[[], None]] = [
-            lambda n=n, part=part: self._fill(n, q[part], v[part], t, constants[part], out[part])  # type: ignore[misc]
-            for n, part in enumerate(parts)
-        ]
+        bounds = [len(q) * n // (count * _PARTS) for n in range(count * _PARTS + 1)]
+        parts = iter([slice(first, last) for first, last in pairwise(bounds) if first < last])
+
+        def work(n: int) -> None:
+            for part in parts:  # whoever is done takes the next one: threads are not equally fast
+                self._fill(n, q[part], v[part], t, constants[part], out[part])
+
         if count == 1:
-            work[0]()
+            work(0)
         else:
             with ThreadPoolExecutor(count) as pool:
-                for done in [pool.submit(each) for each in work]:
+                for done in [pool.submit(work, n) for n in range(count)]:
                     done.result()
         return out
 
