@@ -21,32 +21,33 @@ sys.path.append(str(FOLDER.parent))  # the oracles
 
 
 def main() -> int:
-    """Run what is asked for, print each table as it is done, and write the page."""
+    """Run what is asked for, print each table as it is done, and write its part of the page."""
     known = [name for name in BENCHMARKS if (FOLDER / f"{name}.py").exists()]
     parser = argparse.ArgumentParser(prog="python tests/benchmarks", description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"one of {', '.join(known)}; default: all")
     parser.add_argument("--short", action="store_true", help="few cases and rounds: to see that it works")
-    parser.add_argument("--output", type=Path, help="Markdown file; default: docs/benchmarks.md for the whole long set")
+    written = "Markdown file, in which only what ran is replaced; default: docs/benchmarks.md for the whole long set"
+    parser.add_argument("--output", type=Path, help=written)
     chosen = parser.parse_args()
     for name in chosen.names:
         if name not in known:
             parser.error(f"no benchmark '{name}': there are {', '.join(known)}")
     from scripts import SCRIPTS, run
-    from tables import page
+    from tables import block, page
 
     output = chosen.output
     if output is None and not chosen.names and not chosen.short:
         output = FOLDER.parents[1] / "docs" / "benchmarks.md"
-    tables = []
     for name in chosen.names or known:
-        start = time.perf_counter()
+        start, tables = time.perf_counter(), []
         tables_of = partial(run, name) if name in SCRIPTS else import_module(name).run
         for table in tables_of(chosen.short):
             print(table.markdown(), flush=True)
             tables.append(table)
         print(f"{name}: {time.perf_counter() - start:.0f} s", file=sys.stderr, flush=True)
-        if output is not None:  # after each, so that an interrupted run leaves what it has
-            output.write_text(page(tables, chosen.short), encoding="utf-8")
+        if output is not None and tables:  # after each, so that an interrupted run leaves what it has
+            old = output.read_text(encoding="utf-8") if output.exists() else ""
+            output.write_text(page({name: block(name, tables, chosen.short)}, BENCHMARKS, old), encoding="utf-8")
     return 0
 
 

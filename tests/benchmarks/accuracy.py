@@ -45,6 +45,9 @@ ENGINES = {
 PATIENCE, AT_LEAST, AT_MOST = 4.0, 0.1, 5.0
 """A route is given up where one run takes so many times the best so far, but within these bounds in s."""
 
+HOPELESS = 20.0
+"""A route is given up, too, where one run takes so many times as long as the reference: finer ones take longer."""
+
 SHORT = ("double_pendulum", "four_bar")
 BARS = {"loop": 10.0, "tree": 3.0}
 
@@ -100,8 +103,10 @@ def _study(case: Case) -> Outcome | None:
         for route in make(case):
 
             def worth(target: float) -> float:
-                known = [f.cpu for name, f in outcome.best[target].items() if name != "reference"]
-                return min(max(AT_LEAST, PATIENCE * min(known, default=np.inf)), AT_MOST)
+                best = outcome.best[target]
+                known = [PATIENCE * f.cpu for name, f in best.items() if name != "reference"]
+                known += [HOPELESS * best["reference"].cpu] if "reference" in best else []
+                return min(max(AT_LEAST, min(known, default=np.inf)), AT_MOST)
 
             for target, found in sweep(route, truth, TARGETS, worth):
                 _faster(found, outcome.best[target], "any")
@@ -119,7 +124,8 @@ def _row(outcome: Outcome, target: float, group: str) -> list[str]:
     own, before = (seconds(samples[name].median) for name in ("reference", "translation"))
     start += [own, before, best["reference"].label.partition(", ")[2]]
     if group not in best:
-        return [*start, f"no engine within {AT_MOST:g} s a run", "", ""]
+        most = min(max(AT_LEAST, HOPELESS * best["reference"].cpu), AT_MOST)
+        return [*start, f"more than {seconds(most)}", "", f"> {most / samples['reference'].median:.0f}"]
     times = ratio(samples[group], samples["reference"])
     return [*start, seconds(samples[group].median), best[group].label, str(times)]
 

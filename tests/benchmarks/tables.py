@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import date
 from importlib.metadata import PackageNotFoundError, version
@@ -65,9 +65,32 @@ class Part(Protocol):
     def markdown(self) -> str: ...
 
 
-def page(tables: Sequence[Part], short: bool) -> str:
-    """All tables as one page of the documentation."""
-    head = (Path(__file__).parent / "page.md").read_text(encoding="utf-8")
+_MARK = "<!-- benchmark: {} -->"
+
+
+def block(name: str, tables: Sequence[Part], short: bool) -> str:
+    """Everything that one benchmark found, as a part of the page."""
     kind = " The short set: too few rounds and cases to be quoted." if short else ""
-    measured = f"Measured on {date.today():%Y-%m-%d}: {machine()}{kind}\n"
-    return "\n".join([head, measured, *(table.markdown() for table in tables)])
+    measured = f"*Measured on {date.today():%Y-%m-%d}: {machine()}{kind}*\n"
+    return "\n".join([_MARK.format(name), measured, *(table.markdown() for table in tables)])
+
+
+def page(blocks: Mapping[str, str], names: Sequence[str], old: str) -> str:
+    """All benchmarks as one page of the documentation.
+
+    Parameters
+    ----------
+    blocks : mapping
+        New ones by name; of the others, those of the old page stay.
+    names : sequence of str
+        All benchmarks, in order.
+    old : str
+        The page as it is, or nothing.
+    """
+    known = {}
+    for part in old.split(_MARK.partition("{}")[0])[1:]:
+        name = part.partition(" ")[0]
+        known[name] = _MARK.format(name) + part.partition("-->")[2]
+    head = (Path(__file__).parent / "page.md").read_text(encoding="utf-8")
+    found = known | dict(blocks)
+    return "\n".join([head, *(found[name].rstrip() + "\n" for name in names if name in found)])

@@ -30,6 +30,3 @@ of Python objects is left out, which is most of what compiling such a kernel tak
 
 allocating = njit(**_ALL, _nrt=True)
 """Decorator of a kernel that makes arrays, or that calls one which answers with a new array."""
-
-allocating_inner = njit(**_INNER, _nrt=True)
-"""Decorator of a kernel that makes arrays and that Python never calls."""

@@ -11,10 +11,12 @@ the error of the step is of the square of that. Steps end at samples, where the 
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.polynomial.legendre import leggauss, legvander
 
-from consilience.reference.compiled import allocating, inner, kernel
+from consilience.reference.compiled import inner, kernel
 from consilience.reference.integrators.dop853 import EVALUATIONS, REJECTED, STEPS
 from consilience.reference.relative.dynamics import rates
 from consilience.reference.relative.integrate import arrive, longest_now, sizes
@@ -28,6 +30,22 @@ MOST_ITERATIONS = 14
 """Where they do not settle in so many, the step is halved."""
 
 LARGEST, SMALLEST, SAFETY = 3.0, 0.3, 0.9
+
+
+class Scratch(NamedTuple):
+    """What a run writes into."""
+
+    K: Array  # (8, n_z) stages of the last step
+    guess: Array  # (8, n_z) of the next one
+    trial: Array  # (n_z,) state of a stage
+    found: Array  # (n_z,) its derivative
+    size: Array  # (5,) of the kinds of components
+
+
+def gauss_scratch(z: Array, rest: Rest | None) -> Scratch:
+    """Scratch of a run from the state z."""
+    count = len(z)
+    return Scratch(np.zeros((STAGES, count)), np.zeros((STAGES, count)), np.empty(count), np.empty(count), np.empty(5))
 
 
 def _integrals(x: Array, weights: Array) -> Array:
@@ -69,13 +87,11 @@ def _iterate(
     t: float,
     h: float,
     z: Array,
-    K: Array,
-    size: Array,
-    trial: Array,
-    found: Array,
     counters: Array,
+    scratch: Scratch,
 ) -> bool:
-    """Iterate the stages in place; whether they settle to rounding."""
+    """Iterate the guessed stages in place; whether they settle to rounding."""
+    K, size, trial, found = scratch.guess, scratch.size, scratch.trial, scratch.found
     last = np.inf
     for _ in range(MOST_ITERATIONS):
         change = 0.0
@@ -109,8 +125,8 @@ def _roughness(kind: Array, K: Array, h: float, size: Array) -> float:
     return largest
 
 
-@inner
-def _run(
+@kernel
+def integrate_gauss(
     tree: Tree,
     rest: Rest | None,
     elements: Elements | None,
@@ -120,13 +136,10 @@ def _run(
     longest: float,
     motion: Array,
     counters: Array,
-    K: Array,
-    guess: Array,
-    size: Array,
-    trial: Array,
-    found: Array,
+    scratch: Scratch,
 ) -> int:
-    """`integrate_gauss` with the arrays it needs."""
+    """Integrate from ``times[0]`` and record the bodies at all sample times; arguments as in `integrate.integrate`."""
+    K, guess, size = scratch.K, scratch.guess, scratch.size
     counters[:] = 0
     arrive(tree, rest, elements, times[0], z)
     record(tree.A, tree.y, motion[0])
@@ -144,7 +157,7 @@ def _run(
                 _extrapolate(K, step / before, guess)
             if before == 0.0 or step > 2.0 * before:
                 guess[:] = 0.0
-            settled = _iterate(tree, rest, elements, t, step, z, guess, size, trial, found, counters)
+            settled = _iterate(tree, rest, elements, t, step, z, counters, scratch)
             rough = _roughness(tree.kind, guess, step, size) / allowed if settled else np.inf
             if rough > 1.0:
                 counters[REJECTED] += 1
@@ -163,21 +176,3 @@ def _run(
             arrive(tree, rest, elements, t, z)
         record(tree.A, tree.y, motion[sample])
     return 0
-
-
-@allocating
-def integrate_gauss(
-    tree: Tree,
-    rest: Rest | None,
-    elements: Elements | None,
-    z: Array,
-    times: Array,
-    tolerance: float,
-    longest: float,
-    motion: Array,
-    counters: Array,
-) -> int:
-    """Integrate from ``times[0]`` and record the bodies at all sample times; arguments as in `integrate.integrate`."""
-    K, guess, size = np.zeros((STAGES, z.shape[0])), np.zeros((STAGES, z.shape[0])), np.empty(5)
-    trial, found = np.empty_like(z), np.empty_like(z)
-    return _run(tree, rest, elements, z, times, tolerance, longest, motion, counters, K, guess, size, trial, found)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from consilience.reference.compiled import allocating, inner, kernel
+from consilience.reference.compiled import inner, kernel
 from consilience.reference.integrators.coefficients import (
     A_DENSE,
     ALL_STAGES,
@@ -58,6 +58,20 @@ class Scratch(NamedTuple):
     size: Array  # (5,) of the kinds of components
     order: Array  # rows chosen at the end of the step, while its samples are taken
     chosen: Array
+
+
+def scratch(z: Array, rest: Rest | None) -> Scratch:
+    """Scratch of a run from the state z."""
+    rows, groups = (0, 0) if rest is None else (len(rest.fronts.order), len(rest.fronts.state))
+    return Scratch(
+        K=np.zeros((ALL_STAGES, len(z))),
+        end=np.empty(len(z)),
+        state=np.empty(len(z)),
+        F=np.empty((3 + len(D_DENSE), len(z))),
+        size=np.empty(5),
+        order=np.empty(rows, dtype=np.int64),
+        chosen=np.empty(groups, dtype=np.int64),
+    )
 
 
 @kernel
@@ -291,8 +305,8 @@ def _attempt(
     return _error(tree.kind, K, step, size)
 
 
-@inner
-def _run(
+@kernel
+def integrate(
     tree: Tree,
     rest: Rest | None,
     elements: Elements | None,
@@ -304,7 +318,26 @@ def _run(
     counters: Array,
     scratch: Scratch,
 ) -> int:
-    """`integrate` with the arrays it needs."""
+    """Integrate from ``times[0]`` and record the bodies at all sample times.
+
+    Parameters
+    ----------
+    rest, elements : Rest and Elements, or None
+        None where a mechanism has none (`model.System`): kernels are compiled for what it has.
+    z : ndarray, shape (n_z,)
+        Initial state; overwritten by the last.
+    times : ndarray, shape (n_t,), s
+    tolerance, longest : float
+        Bounds on the scaled local error, and on the steps in s.
+    motion, counters : ndarray, shapes (n_t, n_b + n_e, 13) and (3,)
+        Overwritten; counters are accepted steps, rejected steps, evaluations.
+    scratch : Scratch
+
+    Returns
+    -------
+    int
+        Key of `integrators.dop853.STATUS`.
+    """
     t, last, sample = times[0], times[-1], SECOND
     K, end = scratch.K, scratch.end
     counters[:] = 0
@@ -335,48 +368,3 @@ def _run(
         _advance(z, end, K, first)
         t, h = after, step * factor if step == h else max(h, step * factor)
     return 0
-
-
-@allocating
-def integrate(
-    tree: Tree,
-    rest: Rest | None,
-    elements: Elements | None,
-    z: Array,
-    times: Array,
-    tolerance: float,
-    longest: float,
-    motion: Array,
-    counters: Array,
-) -> int:
-    """Integrate from ``times[0]`` and record the bodies at all sample times.
-
-    Parameters
-    ----------
-    rest, elements : Rest and Elements, or None
-        None where a mechanism has none (`model.System`): kernels are compiled for what it has.
-    z : ndarray, shape (n_z,)
-        Initial state; overwritten by the last.
-    times : ndarray, shape (n_t,), s
-    tolerance, longest : float
-        Bounds on the scaled local error, and on the steps in s.
-    motion, counters : ndarray, shapes (n_t, n_b + n_e, 13) and (3,)
-        Overwritten; counters are accepted steps, rejected steps, evaluations.
-
-    Returns
-    -------
-    int
-        Key of `integrators.dop853.STATUS`.
-    """
-    rows, groups = (0, 0) if rest is None else (rest.fronts.order.shape[0], rest.fronts.state.shape[0])
-    count = z.shape[0]
-    scratch = Scratch(
-        np.zeros((ALL_STAGES, count)),
-        np.empty(count),
-        np.empty(count),
-        np.empty((3 + D_DENSE.shape[0], count)),
-        np.empty(5),
-        np.empty(rows, dtype=np.int64),
-        np.empty(groups, dtype=np.int64),
-    )
-    return _run(tree, rest, elements, z, times, tolerance, longest, motion, counters, scratch)

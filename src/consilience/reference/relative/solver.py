@@ -12,8 +12,8 @@ from consilience.reference.canonical import canonical_motion
 from consilience.reference.integrators.dop853 import STATUS
 from consilience.reference.model import Model
 from consilience.reference.relative.dynamics import remember
-from consilience.reference.relative.gauss import integrate_gauss
-from consilience.reference.relative.integrate import integrate
+from consilience.reference.relative.gauss import gauss_scratch, integrate_gauss
+from consilience.reference.relative.integrate import integrate, scratch
 from consilience.reference.relative.kinematics import place
 from consilience.reference.relative.model import flatten_relative, pack_relative, system, tree_arrays
 from consilience.run import TrajectoryAnswer
@@ -40,8 +40,8 @@ def longest_step(model: Model) -> float:
     return float(longest)
 
 
-INTEGRATORS = {"dop853": integrate, "gauss": integrate_gauss}
-"""Compiled integrators of the relative form."""
+INTEGRATORS = {"dop853": (integrate, scratch), "gauss": (integrate_gauss, gauss_scratch)}
+"""Compiled integrators of the relative form, and what they write into."""
 
 
 def simulate_relative(
@@ -65,7 +65,8 @@ def simulate_relative(
         remember(elements, tree.y, tree.A)
     motion, counters = np.empty((len(times), *tree.y.shape)), np.zeros(3, dtype=np.int64)
     longest = longest_step(model)
-    status = INTEGRATORS[integrator](tree, rest, elements, z, times, float(tolerance), longest, motion, counters)
+    run, arrays = INTEGRATORS[integrator]
+    status = run(tree, rest, elements, z, times, float(tolerance), longest, motion, counters, arrays(z, rest))
     if status:
         raise NumericalFailure(f"reference, relative, {integrator}, tolerance {tolerance:g}: {STATUS[status]}")
     p, quat, v, w = canonical_motion(mechanism, motion)
