@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -108,7 +109,9 @@ def dop853(derivative: Callable[[float, Array], Array], y: Array, tolerance: flo
     solver.set_initial_value(y, TIMES[0])
     motion = [y]
     for t in TIMES[1:]:
-        motion.append(solver.integrate(t))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # it warns and says by its code that it has given up
+            motion.append(solver.integrate(t))
         if not solver.successful():
             raise RuntimeError(f"dop853 gave up at {solver.t} s")
     return np.array(motion)

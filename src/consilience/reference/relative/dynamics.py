@@ -99,7 +99,7 @@ def _close(loops: Loops, layout: Array, link: Array, free: Array, fronts: Fronts
     _least_norm(loops, fronts, free)
 
 
-@inner
+@inlined
 def _push(elements: Elements, layout: Array, y: Array, A: Array, t: float, z: Array, link: Array) -> None:
     """Biases of the forces of elements."""
     model, first = elements.model, elements.integrals
@@ -128,7 +128,7 @@ def accelerations(rest: Rest, elements: Elements | None, t: float, z: Array) -> 
         sweep_out(link, free, u, 1.0)
 
 
-@inner
+@inlined
 def _control_errors(elements: Elements, y: Array, A: Array, t: float, dz: Array) -> None:
     """Derivatives of the integrals of controllers."""
     model, memory, first = elements.model, elements.memory, elements.integrals
@@ -182,7 +182,7 @@ def _largest(x: Array, count: int) -> float:
     return found
 
 
-@inner
+@inlined
 def _articulate(link: Array, free: Array) -> None:
     """Articulated inertias, bodies as they are placed."""
     inertias(link)
@@ -251,7 +251,7 @@ def _choose(
     limit[0] = rank
 
 
-@inner
+@inlined
 def _measure(rest: Rest) -> None:
     """Size of the rows, once: what says which of them depend on others."""
     if rest.size[0] == 0.0:

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.polynomial.legendre import leggauss, legvander
 
-from consilience.reference.compiled import inner, kernel
+from consilience.reference.compiled import inlined, kernel
 from consilience.reference.integrators.dop853 import EVALUATIONS, REJECTED, STEPS
 from consilience.reference.relative.dynamics import rates
 from consilience.reference.relative.integrate import arrive, longest_now, sizes
@@ -79,7 +79,7 @@ def _extrapolate(K: Array, ratio: float, guess: Array) -> None:
                 guess[i, n] += weight * K[j, n]
 
 
-@inner
+@inlined
 def _iterate(
     tree: Tree,
     rest: Rest | None,

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from consilience.reference.compiled import inner, kernel
+from consilience.reference.compiled import inlined, kernel
 from consilience.reference.integrators.coefficients import (
     A_DENSE,
     ALL_STAGES,
@@ -117,7 +117,7 @@ def _stage(z: Array, K: Array, h: float, i: int, trial: Array) -> None:
                 trial[n] += weight * K[j, n]
 
 
-@inner
+@inlined
 def _evaluate(
     tree: Tree,
     rest: Rest | None,
@@ -140,7 +140,7 @@ def _evaluate(
         rates(tree, rest, elements, t + NODES[i] * h, state, K[i])
 
 
-@inner
+@inlined
 def settle(tree: Tree, rest: Rest | None, elements: Elements | None, t: float, z: Array) -> None:
     """Bring a state back to closed loops, in place, and place the bodies at it."""
     if rest is None:
@@ -150,7 +150,7 @@ def settle(tree: Tree, rest: Rest | None, elements: Elements | None, t: float, z
         project(rest, elements, t, z)
 
 
-@inner
+@inlined
 def _turning(model: Model, y: Array, A: Array, memory: Array) -> float:
     """Longest step in which turns can be counted, from the rates of the bodies as they are placed."""
     rate = 0.0
@@ -160,7 +160,7 @@ def _turning(model: Model, y: Array, A: Array, memory: Array) -> float:
     return _TURN / rate if rate > 0.0 else np.inf
 
 
-@inner
+@inlined
 def longest_now(tree: Tree, elements: Elements | None, longest: float) -> float:
     """Longest step from where the bodies are placed."""
     if elements is None:
@@ -168,7 +168,7 @@ def longest_now(tree: Tree, elements: Elements | None, longest: float) -> float:
     return min(longest, _turning(elements.model, tree.y, tree.A, elements.memory))
 
 
-@inner
+@inlined
 def arrive(tree: Tree, rest: Rest | None, elements: Elements | None, t: float, z: Array) -> None:
     """`settle` at the start or at the end of a step, and count the turns that elements read."""
     settle(tree, rest, elements, t, z)
@@ -215,7 +215,7 @@ def _first_length(kind: Array, f: Array, span: float, tolerance: float, size: Ar
     return tolerance ** (1.0 / 8.0) / max(np.sqrt(total / f.shape[0]), 1.0 / span)
 
 
-@inner
+@inlined
 def _samples(
     tree: Tree,
     rest: Rest | None,
@@ -241,7 +241,7 @@ def _samples(
         assign(rest.fronts.state[:, CHOSEN], scratch.chosen)
 
 
-@inner
+@inlined
 def _record(
     tree: Tree,
     rest: Rest | None,
@@ -283,7 +283,7 @@ def _advance(z: Array, end: Array, K: Array, first: int) -> None:
             K[0, n] = K[END, n]
 
 
-@inner
+@inlined
 def _attempt(
     tree: Tree,
     rest: Rest | None,
