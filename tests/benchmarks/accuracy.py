@@ -139,8 +139,8 @@ def run(short: bool) -> Iterator[Table]:
             "any",
         ): "Bars: 10 on every loop, 3 on every tree. The fastest way of any engine: its own integrator, raw or "
         "extrapolated over steps, or DOP853 on its accelerations. Its model is built before the clock starts; the "
-        "time of the reference is that of the whole call of `simulate`, translation included. A way is given up where one "
-        f"run takes {HOPELESS:g} times as long as the reference.",
+        "time of the reference is that of the whole call of `simulate`, translation included. A way is given up where "
+        f"one run takes {HOPELESS:g} times as long as the reference.",
         (1e-6, "native"): "Bar: 1. The fastest integrator of any engine, raw or extrapolated over steps.",
     }
     tables = {
