@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from numba.core.runtime import _nrt_python, rtsys
 
-from consilience.errors import InvalidInput
 from consilience.reference import ForwardDynamics, accelerations, simulate
 from consilience.reference.canonical import canonical_motion
 from consilience.reference.formulations.kernels import KERNELS, TREE_KERNELS
@@ -53,18 +52,12 @@ def motions(mechanism, state):
 @pytest.mark.parametrize("name", MECHANISMS)
 def test_no_array_stays(name):
     (state,) = states_of(MECHANISMS[name], 1)
-    done = 0
     for call in motions(MECHANISMS[name], state):
-        try:
-            call()  # compiled, constants made
-        except InvalidInput:
-            continue  # the formulation cannot represent it
+        call()  # compiled, constants made
         before = alive()
         for _ in range(3):
             call()
         assert alive() == before
-        done += 1
-    assert done >= 8
 
 
 def test_the_counter_sees_an_array_that_stays():
