@@ -57,6 +57,7 @@ def rk4_trajectory(mechanism: Mechanism, state: State, times: Array, substeps: i
     samples = []
 
     def put(y: Array) -> tuple[Coordinates, Array]:
+        """Set skeleton and forces to an integrator's state; its coordinates, and its quaternions (n, 4) as is."""
         _, q, v, flat, integrals = np.split(y, parts)
         quats = flat.reshape(-1, 4)
         c = Coordinates(q, v, quats / np.linalg.norm(quats, axis=1)[:, None])

@@ -95,6 +95,7 @@ def add_joint_forces(system: Any, mechanism: Mechanism, mark: Mark) -> tuple[tup
     integrals = Integrals(system, mechanism, lambda where: _measured(system, meters[where], where[1]))
 
     def connect(joint_name: str, coordinate: str, **law: Any) -> Any:
+        """Add a linear or torsional connector along a joint's z axes, and say its number of object."""
         joint = mechanism.joints[mechanism.joint_index[joint_name]]
         markers = [mark(joint.predecessor, joint.F.p, joint.F.R), mark(joint.successor, joint.M.p, joint.M.R)]
         if coordinate == "distance":

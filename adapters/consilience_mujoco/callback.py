@@ -68,6 +68,7 @@ def _joint_rows(translation: Translation) -> Callable[[Any], None]:
     written = [(n, row.driver[1]) for n, row in enumerate(held) if row.driver is not None and row.written]
 
     def write(data: Any) -> None:
+        """Write right sides into the rows that hold joints, and coefficients of drivers where they vary."""
         rows, found = places(data), [row.evaluate(data) for row in held]
         gains = data.efc_KBIP[rows].tolist()
         data.efc_aref[rows] = [
@@ -87,6 +88,7 @@ def _guide_rows(translation: Translation) -> Callable[[Any], None]:
     guides = [(guide, _Places(guide.equalities)) for guide in translation.rows.guides]
 
     def write(data: Any) -> None:
+        """Write directions and right sides into the rows that guide points."""
         for guide, places in guides:
             J, residual, rate, gamma = guide.rows(model, data)
             rows = places(data)
@@ -106,6 +108,7 @@ def _limited(rank: int, nv: int) -> Callable[[Any], None]:
     """
 
     def write(data: Any) -> None:
+        """Replace all rows and right sides by what their rank leaves of them."""
         J, aref = data.efc_J[: data.nefc * nv].reshape(-1, nv), data.efc_aref
         U, s, Vt = np.linalg.svd(J, full_matrices=False)
         kept = max(rank, int(np.sum(s > _CLEAR * s[0])))

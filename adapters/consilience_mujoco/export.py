@@ -65,6 +65,7 @@ class _Writer:
         return found
 
     def write(self, method: Method, data: Any) -> str:
+        """MJCF of the model, its keyframe ``initial`` being the state that `data` holds."""
         SubElement(self.root, "compiler", angle="radian", autolimits="false")
         self._option(method)
         self._bodies()
@@ -224,6 +225,7 @@ def _rows(mechanism: Mechanism) -> list[dict[str, Any]]:
         return link_name(tree, link), sign
 
     def row(name: str, x: Any, driver: Any, law: Any, written: bool) -> dict[str, Any]:
+        """One row as data: `x` names the joint that is held, `driver` the one that leads, if any."""
         return {
             "equality": name,
             "held": axis(x.joint, x.coordinate),

@@ -70,6 +70,7 @@ class _Model:
         return Frame(self.data.xpos[body], self.data.xmat[body].reshape(3, 3))
 
     def pieces(self) -> Iterator[Piece]:
+        """Bodies with the motions to their parents; inertia (3, 3) about the centre of mass in body axes, kg m^2."""
         model = self.model
         for body in range(1, model.nbody):
             R = rotation_from_quaternion(model.body_iquat[body])
@@ -85,6 +86,7 @@ class _Model:
             )
 
     def motion(self, joint: int) -> Motion:
+        """One joint of the engine: anchor (3,) in m and axis (3,) in world axes, spring, damper, rest."""
         model, dof, at = self.model, self.model.jnt_dofadr[joint], self.model.jnt_qposadr[joint]
         letter = _LETTERS[int(model.jnt_type[joint])]
         width = {"S": 3, "F": 6}.get(letter, 1)
@@ -109,6 +111,7 @@ class _Model:
                 yield name_of(model, _OBJ.mjOBJ_EQUALITY, row), row
 
     def laws(self) -> Iterator[Law]:
+        """Equalities between two joints, as polynomials of the driver's coordinate; those of one joint are refused."""
         for name, row in self._active(_JOINT):
             driver = int(self.model.eq_obj2id[row])
             if driver < 0:
@@ -118,6 +121,7 @@ class _Model:
             yield Law(name, self.joint_name(self.model.eq_obj1id[row]), self.joint_name(driver), powers)
 
     def loops(self) -> Iterator[Joint]:
+        """Equalities that tie two bodies, as spherical or rigid joints that close loops."""
         for name, row in self._active(_CONNECT, _WELD):
             weld = self.model.eq_type[row] == _WELD
             bodies, F, M = self._ends(row, weld)

@@ -208,6 +208,7 @@ def _rolling(rolling: Rolling) -> Hold:
     plane = np.array([n, *(x / np.linalg.norm(x) for x in orthogonal_triad(n))])
 
     def hold(p: Array, R_WB: Array, _: Array, w: Array) -> Held:
+        """The point of contact of a body at `p` (3,) in m, turned by `R_WB` (3, 3) at `w` (3,) in rad/s."""
         rho, rho_dot = -r * n, np.zeros(3)
         if R > 0.0:
             a = R_WB @ rolling.axis

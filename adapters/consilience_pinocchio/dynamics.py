@@ -129,6 +129,7 @@ def forward_dynamics(translation: Translation, elements: Elements, proximal: Map
     mu, accuracy = settings["mu"], settings["absolute_accuracy"]
 
     def accelerations(q: Array, v: Array, t: float, integrals: Array) -> Array:
+        """Joint accelerations (nv,), once the rows are as exact as asked or all rounds are over."""
         tau = applied(q, v, t, integrals)
         pin.computeAllTerms(model, data, q, v)
         J, gamma = all_rows(translation, elements, q, v, t)

@@ -180,6 +180,7 @@ def _reference_here() -> Iterator[None]:
         kernels = 0
 
         def on_start(self, event: Event) -> None:
+            """Say which kernel is compiled; before the first, that it takes a while."""
             if self.kernels == 0:
                 err.print("compiling the reference solver for this machine: about a minute, the first time only")
                 status.start()

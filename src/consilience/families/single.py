@@ -109,6 +109,7 @@ class _Placed:
         self.pin, self.axes = pin, axes
 
         def translation(values: dict[str, Array]) -> Array:
+            """Vector (3,) in world axes of the coordinates that translate, in m, or of their rates in m/s."""
             names = {"x": 0, "y": 1, "distance": 2}
             found = np.array(values.get("position", np.zeros(3)))
             for name, k in names.items():

@@ -169,6 +169,7 @@ class Shrinker:
         )
         @given(st.lists(st.integers(0, most), min_size=count, max_size=count))
         def attempt(choices: list[int]) -> None:
+            """Ask about the mechanism of the choices, and raise if engines still disagree on it."""
             key = tuple(choices)
             if key not in texts and not self._over:
                 texts[key] = table_text(build(choices))

@@ -109,6 +109,7 @@ def check_engines(
         _ = case.states  # assembled before any worker starts: what cannot be assembled is bad input
 
     def work(worker: Worker) -> tuple[object, str, list[Finding]]:
+        """All cases on one engine: what it says it is, why it says nothing, what was found."""
         with worker:
             reply = worker.ask(Request())
             found: list[Finding] = []

@@ -178,6 +178,7 @@ def swapped(mechanism: Mechanism) -> Description:
     second = in_units(replace(mechanism, joints=joints), sign={name: -1.0 for name in swapped_names})
 
     def answer(states: Sequence[State], a: InstantAnswer) -> InstantAnswer:
+        """Reactions as the first description has them, on its successors in its axes; all else is the same in both."""
         if a.force_F is None or a.torque_F is None:
             return a
         force, torque = np.array(a.force_F), np.array(a.torque_F)
@@ -210,6 +211,7 @@ def scaled_units(mechanism: Mechanism, length: float, mass: float, time: float) 
         return State(s.p_WB * length, s.quat_WB, s.v_WB_W * length / time, s.w_WB_W / time)
 
     def answer(states: Sequence[State], a: InstantAnswer) -> InstantAnswer:
+        """Every quantity back in m, kg and s."""
         del states
         return InstantAnswer(
             a.a_WB_W / a_unit,

@@ -65,6 +65,7 @@ Describe = Callable[[Mechanism], Description]
 
 def _invariance(describe: Describe) -> Callable[[Subject], Iterator[Residual]]:
     def measure(subject: Subject) -> Iterator[Residual]:
+        """At each state, the residual that differs most between the two descriptions."""
         description = describe(subject.mechanism)
         method = subject.asker.method(description.mechanism, Question.INSTANT, subject.method.name)
         states = [description.state(s) for s in subject.states]

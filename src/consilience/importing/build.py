@@ -68,6 +68,13 @@ class _Builder:
         self.homes: dict[str, str] = {"": GROUND}
 
     def build(self) -> Built:
+        """The mechanism of what is left once massless pieces are merged or dropped.
+
+        Raises
+        ------
+        InvalidInput
+            If nothing with mass moves, or something was read that cannot be kept.
+        """
         shares = self._merge()
         idle = self._idle(shares)
         self.kept = {name: share for name, share in shares.items() if name not in idle and share[0] > 0.0}

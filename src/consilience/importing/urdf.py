@@ -69,6 +69,7 @@ class _Reader:
         self.where, self.notes = where, notes
 
     def text(self, element: Element | None, attribute: str, what: str) -> str:
+        """An attribute that must be there; if it is not, it is refused and empty."""
         value = None if element is None else element.get(attribute)
         if not value:
             self.notes.refuse(f"'{attribute}' is missing", what)
@@ -113,6 +114,7 @@ class _Reader:
         return mass, frame.p, frame.R @ inertia @ frame.R.T
 
     def joint(self, element: Element) -> _Joint:
+        """A joint with its frame in the parent link, its axis made a unit vector, and its damping."""
         name = self.text(element, "name", "joint")
         what = f"joint '{name}'"
         kind = self.text(element, "type", what)
@@ -138,6 +140,7 @@ class _Reader:
         )
 
     def mimic(self, element: Element) -> Iterator[Law]:
+        """The law ``offset + multiplier * driver`` of a joint that mimics another, if it does."""
         given, name = element.find("mimic"), element.get("name", "")
         if given is not None and element.get("type") != "fixed":
             what = f"joint '{name}'"

@@ -72,6 +72,7 @@ def inside(*seams: tuple[str, str, Callable[[Any, float], Any]]) -> Planting:
 
     @contextmanager
     def plant(engine: Engine, magnitude: float) -> Iterator[Engine]:
+        """The engine itself, with every seam replaced until the end of a ``with``."""
         with ExitStack() as stack:
             for where, name, make in seams:
                 owner: Any = engine
@@ -97,6 +98,7 @@ def with_settings(change: Callable[[dict[str, Any], float], dict[str, Any]]) -> 
 
     @contextmanager
     def plant(engine: Engine, magnitude: float) -> Iterator[Engine]:
+        """The engine behind a mutant that alters the settings it is asked by."""
         mutant = Mutated(engine, magnitude)
 
         def own(method: Any) -> Any:
@@ -112,9 +114,11 @@ def on_result(change: Callable[[Any, float], None]) -> Callable[[Any, float], An
     """Let a function's result be changed in place, each object once."""
 
     def make(original: Any, magnitude: float) -> Any:
+        """The function to put in place of `original`."""
         seen: list[Any] = []
 
         def altered(*arguments: Any, **named: Any) -> Any:
+            """The original's result, changed unless it has been before."""
             result = original(*arguments, **named)
             if not any(result is known for known in seen):
                 seen.append(result)

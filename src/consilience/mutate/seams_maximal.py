@@ -49,6 +49,8 @@ def _settings(change: Callable[[Any, float], None]) -> Planting:
     """Change the ``timeIntegration`` of the settings that a trajectory runs with."""
 
     def make(original: Any, magnitude: float) -> Any:
+        """The function to put in place of the adapter's ``simulation_settings``."""
+
         def simulation_settings(changed: Any) -> Any:
             settings = original(changed)
             change(settings.timeIntegration, magnitude)

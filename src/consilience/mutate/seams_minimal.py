@@ -94,6 +94,8 @@ def stale_samples(engine: Any, magnitude: float) -> Any:
     real = states.mujoco
 
     def only_at_start(name: str) -> Any:
+        """A function of MuJoCo's that does its work at time zero alone."""
+
         def evaluate(model: Any, data: Any) -> None:
             if data.time == 0.0:
                 getattr(real, name)(model, data)

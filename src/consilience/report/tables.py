@@ -45,6 +45,7 @@ def method_tables(record: Record, cells: Sequence[Cell]) -> tuple[MethodTable, .
     names = list(dict.fromkeys(o["name"] for _, _, c, _ in compared for o in c["observables"]))
 
     def rows(values: _Values) -> tuple[MethodRow, ...]:
+        """One row for each comparison that has values."""
         return tuple(
             MethodRow(cell, answer, found)
             for cell, answer, comparison, method in compared
