@@ -19,7 +19,7 @@ from numpy.polynomial.legendre import leggauss, legvander
 from consilience.reference.compiled import inlined, kernel
 from consilience.reference.integrators.dop853 import EVALUATIONS, REJECTED, STEPS
 from consilience.reference.relative.dynamics import rates
-from consilience.reference.relative.integrate import arrive, longest_now, sizes
+from consilience.reference.relative.integrate import arrive, begin, longest_now, sizes
 from consilience.reference.relative.kinematics import record
 from consilience.reference.relative.model import Elements, Rest, Tree
 from consilience.reference.vectors import assign
@@ -141,7 +141,7 @@ def integrate_gauss(
     """Integrate from ``times[0]`` and record the bodies at all sample times; arguments as in `integrate.integrate`."""
     K, guess, size = scratch.K, scratch.guess, scratch.size
     counters[:] = 0
-    arrive(tree, rest, elements, times[0], z)
+    begin(tree, rest, elements, times[0], z)
     record(tree.A, tree.y, motion[0])
     allowed = np.sqrt(tolerance)
     t, h, before = times[0], 1e-3 * (times[-1] - times[0]), 0.0

@@ -170,10 +170,19 @@ def longest_now(tree: Tree, elements: Elements | None, longest: float) -> float:
 
 @inlined
 def arrive(tree: Tree, rest: Rest | None, elements: Elements | None, t: float, z: Array) -> None:
-    """`settle` at the start or at the end of a step, and count the turns that elements read."""
+    """`settle` at the end of a step, and count the turns that elements read."""
     settle(tree, rest, elements, t, z)
     if elements is not None:
         remember(elements, tree.y, tree.A)
+
+
+@inlined
+def begin(tree: Tree, rest: Rest | None, elements: Elements | None, t: float, z: Array) -> None:
+    """`arrive` at the start of a motion, where angles that elements read are within half a turn of zero."""
+    if elements is not None:
+        place(tree.layout, tree.link, tree.free, tree.speeds, z, tree.y, tree.A)
+        remember(elements, tree.y, tree.A)
+    arrive(tree, rest, elements, t, z)
 
 
 @kernel
@@ -341,7 +350,7 @@ def integrate(
     t, last, sample = times[0], times[-1], SECOND
     K, end = scratch.K, scratch.end
     counters[:] = 0
-    arrive(tree, rest, elements, t, z)
+    begin(tree, rest, elements, t, z)
     record(tree.A, tree.y, motion[0])
     if times.shape[0] == 1:
         return 0

@@ -248,6 +248,39 @@ def system(mechanism: Mechanism, links: Links, spanning: TreeModel, model: Model
     return System(tree, rest, elements)
 
 
+def renewed(given: System) -> System:
+    """The same system with arrays of its own to write into, in the state in which they are given.
+
+    A copy takes a third of the time that `system` does, and all of that is more than a short motion of one body takes.
+    """
+    link, free, y, A = (array.copy() for array in given.tree[2:6])
+    tree = given.tree._replace(link=link, free=free, y=y, A=A)
+    rest, elements = given.rest, given.elements
+    value, gamma, rate = rest.value.copy(), rest.gamma.copy(), rest.rate.copy()
+    if elements is not None:
+        rows = Workspace(*(array.copy() for array in elements.rows))
+        rows = rows._replace(A=A, value=value, gamma=gamma, rate=rate)
+        elements = elements._replace(memory=elements.memory.copy(), rows=rows)
+    return System(
+        tree,
+        rest._replace(
+            link=link,
+            free=free,
+            y=y,
+            A=A,
+            value=value,
+            gamma=gamma,
+            rate=rate,
+            fronts=Fronts(*(array.copy() for array in rest.fronts)),
+            u=rest.u.copy(),
+            limit=rest.limit.copy(),
+            best=rest.best.copy(),
+            size=rest.size.copy(),
+        ),
+        elements,
+    )
+
+
 def pack_relative(mechanism: Mechanism, links: Links, tree: TreeModel, state: State) -> Array:
     """State z of a canonical state; integrals of controllers are zero."""
     z = np.zeros(len(links.kind))

@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
 from consilience.errors import NumericalFailure
 from consilience.mechanism import Mechanism, State
 from consilience.reference.canonical import canonical_motion
+from consilience.reference.formulations.recursive_model import TreeModel
 from consilience.reference.integrators.dop853 import STATUS
 from consilience.reference.model import Model
-from consilience.reference.relative.dynamics import remember
 from consilience.reference.relative.gauss import gauss_scratch, integrate_gauss
 from consilience.reference.relative.integrate import integrate, scratch
-from consilience.reference.relative.kinematics import place
-from consilience.reference.relative.model import flatten_relative, pack_relative, system, tree_arrays
+from consilience.reference.relative.model import Links, System, flatten_relative, pack_relative, renewed, system
 from consilience.run import TrajectoryAnswer
 from consilience.spatial import Array
-
-_flat = lru_cache(maxsize=8)(flatten_relative)
-"""Flat arrays of the mechanisms asked last: making them takes as long as some thousand evaluations."""
 
 _CLOSE = 3.0
 """Steps of this many points of a table, or of this part of the period of a harmonic, miss nothing of it."""
@@ -40,6 +37,22 @@ def longest_step(model: Model) -> float:
     return float(longest)
 
 
+class _Prepared(NamedTuple):
+    """What is the same in all motions of a mechanism."""
+
+    links: Links
+    spanning: TreeModel
+    system: System  # nothing written into it yet
+    longest: float  # step, s
+
+
+@lru_cache(maxsize=8)
+def _prepared(mechanism: Mechanism) -> _Prepared:
+    """Of the mechanisms asked last: making it takes as long as some thousand evaluations."""
+    links, spanning, model = flatten_relative(mechanism)
+    return _Prepared(links, spanning, system(mechanism, links, spanning, model), longest_step(model))
+
+
 INTEGRATORS = {"dop853": (integrate, scratch), "gauss": (integrate_gauss, gauss_scratch)}
 """Compiled integrators of the relative form, and what they write into."""
 
@@ -54,19 +67,13 @@ def simulate_relative(
     NumericalFailure
         With the status of the integrator.
     """
-    links, spanning, model = _flat(mechanism)
-    if links.free:
-        tree, rest, elements = tree_arrays(mechanism, links, model), None, None
-    else:
-        tree, rest, elements = system(mechanism, links, spanning, model)
+    links, spanning, unused, longest = _prepared(mechanism)
+    tree, rest, elements = renewed(unused)
     z = pack_relative(mechanism, links, spanning, state)
-    if elements is not None:
-        place(tree.layout, tree.link, tree.free, tree.speeds, z, tree.y, tree.A)
-        remember(elements, tree.y, tree.A)
     motion, counters = np.empty((len(times), *tree.y.shape)), np.zeros(3, dtype=np.int64)
-    longest = longest_step(model)
     run, arrays = INTEGRATORS[integrator]
-    status = run(tree, rest, elements, z, times, float(tolerance), longest, motion, counters, arrays(z, rest))
+    closed = None if links.free else rest
+    status = run(tree, closed, elements, z, times, float(tolerance), longest, motion, counters, arrays(z, closed))
     if status:
         raise NumericalFailure(f"reference, relative, {integrator}, tolerance {tolerance:g}: {STATUS[status]}")
     p, quat, v, w = canonical_motion(mechanism, motion)
