@@ -85,17 +85,15 @@ class Panel:
         self._stack = ExitStack()
 
     def __enter__(self) -> Panel:
-        try:
-            self._start()
-        except BaseException:  # Ctrl-C above all: no engine may go on living for nobody
-            self._stack.close()
-            raise
+        with ExitStack() as starting:  # after Ctrl-C above all: no engine may go on living for nobody
+            self._start(starting)
+            self._stack = starting.pop_all()
         return self
 
-    def _start(self) -> None:
+    def _start(self, starting: ExitStack) -> None:
         members = {name: Panelist(name, self.limit) for name in self.names}
         for member in members.values():
-            self._stack.callback(member.stop)
+            starting.callback(member.stop)
         waiting = {name: member.submit(Request()) for name, member in members.items()}
         for name, future in waiting.items():
             reply = members[name].reply(future)

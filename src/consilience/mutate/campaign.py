@@ -259,14 +259,14 @@ def tasks_of(
 
 def _result(future: Future[Any]) -> tuple[Any, str]:
     """What a job returned, or why it did not."""
-    try:
+    error = future.exception()  # whatever was raised in the worker is evidence about this one task
+    if error is None:
         return future.result(), ""
-    except TimeoutError:
+    if isinstance(error, TimeoutError):
         return None, "no answer within the time limit"
-    except ProcessExpired as error:
+    if isinstance(error, ProcessExpired):
         return None, f"the worker died: exit code {error.exitcode}"
-    except Exception as error:  # noqa: BLE001 - whatever was raised in the worker is evidence about this one task
-        return None, f"{type(error).__name__}: {error}"
+    return None, f"{type(error).__name__}: {error}"
 
 
 def _silent(_: Campaign) -> None:
