@@ -24,7 +24,7 @@ from consilience.spatial import elementary_rotation, euler_parameter_matrix, rot
 from consilience_pinocchio.export import roll_pitch_yaw
 from mechanisms import ELEMENTS, TREES, states_of
 
-BAR = 1e-12
+BAR = exported.BAR
 ENGINES = ("mujoco", "pinocchio", "dart", "exudyn")
 
 CASES = (
@@ -159,7 +159,17 @@ def test_the_command_writes_the_model_with_its_manifest_and_overwrites_nothing(t
 
 
 def test_the_table_of_all_cases_has_a_row_for_each(capsys):
-    exported.main("mujoco", "double_pendulum", "bouncing_sphere")
-    rows = capsys.readouterr().out.splitlines()[2:]
+    assert exported.main(["mujoco", "double_pendulum", "bouncing_sphere"]) == 0
+    told = capsys.readouterr()
+    rows = told.out.splitlines()[2:]
     assert rows[0].startswith("| double_pendulum | ")
     assert "contact 'floor'" in rows[1]
+    assert told.err.startswith("1 of 2 cases written; the largest difference is ")
+
+
+def test_an_exported_model_that_differs_fails_the_table_of_all_cases(monkeypatch, capsys):
+    monkeypatch.setattr(exported, "difference", lambda *_: 1.1 * BAR)
+    assert exported.main(["mujoco", "double_pendulum"]) == 1
+    with pytest.raises(SystemExit, match="2"):
+        exported.main(["nowhere"])
+    assert "it is not installed" in capsys.readouterr().err
