@@ -1,9 +1,13 @@
 """Plots for papers, on a run that is made up."""
 
 import re
+from itertools import pairwise
 from xml.etree import ElementTree as ET
 
 import pytest
+from matplotlib import rc_context
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
 from consilience.compare import Verdict
 from consilience.errors import InvalidInput
@@ -45,6 +49,23 @@ def test_lines_of_a_plot_hold_the_numbers_of_the_record(moving):
     work = dict(plot.lines(moving, moving.cases[0], plot.KINDS["work-precision"]))
     assert work[1].x == (50.0, 100.0)
     assert len(plot.lines(moving, moving.cases[0], plot.KINDS["difference"])) == 2
+
+
+@pytest.mark.parametrize("most", [0.3, 4.2, 40.0])
+def test_numbers_along_a_short_axis_do_not_run_into_one_another(most):
+    with rc_context(plot.SETTINGS):
+        figure = Figure(figsize=(plot.WIDTH, plot.HEIGHT))
+        axes = FigureCanvasAgg(figure).figure.subplots()
+        plot._draw(axes, plot.KINDS["work-precision"], [(0, plot.Line("alpha: RK4", (0.13, most), (1e-2, 1e-8)))])
+        figure.canvas.draw()
+        low, high = axes.get_xlim()
+        ticks = sorted(
+            (tick.get_loc(), tick.label1.get_window_extent())
+            for tick in (*axes.xaxis.get_major_ticks(), *axes.xaxis.get_minor_ticks())
+            if low <= tick.get_loc() <= high and tick.label1.get_text()
+        )
+    assert len(ticks) >= 2
+    assert all(left.x1 < right.x0 for (_, left), (_, right) in pairwise(ticks))
 
 
 @pytest.mark.parametrize(("case", "message"), [("three", "Cases: one, two"), ("two", "no motion of an engine")])

@@ -198,8 +198,20 @@ def _draw(axes: Axes, kind: Kind, lines: list[tuple[int, Line]]) -> None:
     axes.set_yscale("log")
     if not kind.over_time:
         axes.set_xscale("log")
+        _label(axes)
     axes.grid(visible=True, which="major", color="#d9d9d9", linewidth=0.5)
     axes.set_axisbelow(True)
+
+
+def _label(axes: Axes) -> None:
+    """Plain numbers at 1, 2, 5 where there are few powers of ten, instead of labels that run into one another."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter  # noqa: PLC0415 - an extra
+
+    least, most = axes.get_xlim()
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    if most < 50.0 * least:
+        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
 
 
 def _mark(axes: Axes, kind: Kind, case: dict[str, Any], motion: Motion) -> None:
