@@ -29,6 +29,8 @@ class Case:
         Name of the file, for messages.
     group : str
         Folder of the library; empty for a file from elsewhere.
+    call : str
+        What it is asked for by, on the command line, where that is not its name: a path, a member of a family.
     duration, sample : float, s
         Span of the trajectory and its uniform sampling interval.
     digits : int
@@ -52,6 +54,7 @@ class Case:
     tags: tuple[str, ...] = field(default=())
     published: tuple[Published, ...] = ()
     group: str = ""
+    call: str = ""
 
     def __post_init__(self) -> None:
         size = self.duration / self.sample * len(self.mechanism.bodies)

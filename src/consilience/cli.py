@@ -156,11 +156,12 @@ def _print_matrix(folder: Path) -> None:
     from consilience.report.summary import legend, matrix
 
     record = read_record(folder)
-    table = Table(title="worst verdict and least digits over all questions and matched methods")
-    table.add_column("case")
+    out.print("worst verdict and least digits over all questions and matched methods", highlight=False)
+    table = Table()
+    table.add_column("case", no_wrap=True)  # a name that is cut off names no case
     engines, rows = matrix(record)
     for name in engines:
-        table.add_column(escape(visible(name)))
+        table.add_column(escape(visible(name)), overflow="fold")
     for case, cells in rows:
         table.add_row(escape(visible(case)), *(escape(cell) for cell in cells))
     out.print(table)

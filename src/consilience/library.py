@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from difflib import get_close_matches
 from pathlib import Path
 
 from consilience.case import Case
@@ -47,9 +48,9 @@ def load_cases(name: str) -> list[Case]:
         If there is no such case.
     """
     if name.endswith(".toml") or "/" in name:
-        return load_file(Path(name))
+        return [replace(case, call=name) for case in load_file(Path(name))]
     if ":" in name:
-        return family_cases(name)
+        return [replace(case, call=name) for case in family_cases(name)]
     plain = name.replace("-", "_")
     for path in case_files():
         if plain == path.stem or plain.startswith(f"{path.stem}_"):
@@ -58,12 +59,13 @@ def load_cases(name: str) -> list[Case]:
             if chosen:
                 return chosen
     if name in FAMILIES:
-        return family_cases(name)
+        return [replace(case, call=name) for case in family_cases(name)]
+    near = get_close_matches(name, list(dict.fromkeys([*case_names(), *FAMILIES])), n=5, cutoff=0.5)
     raise InvalidInput(
         f"case '{name}'",
         "there is no shipped case of that name",
-        f"Shipped cases: {', '.join(case_names())}. Families: {', '.join(FAMILIES)}, as FAMILY:PARAMETER=VALUE,... "
-        "The path of a case file works, too.",
+        (f"Nearest: {', '.join(near)}. " if near else "")
+        + "`consilience list` names all cases and families; the path of a case file works, too.",
     )
 
 

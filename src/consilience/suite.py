@@ -50,6 +50,7 @@ class Results:
     missing: dict[str, str] = field(default_factory=dict)
     runs: list[Run] = field(default_factory=list)
     comparisons: list[Comparison] = field(default_factory=list)
+    effort: Effort = FULL
 
 
 AHEAD = 2
@@ -193,7 +194,7 @@ def run_suite(
     for case in cases:
         # assembled here, before any worker starts: a case that cannot be assembled is bad input, not a failed run
         _ = case.states if Question.INSTANT in questions else case.initial_state
-    results = Results(cases, list(questions))
+    results = Results(cases, list(questions), effort=effort)
     found: dict[tuple[str, int], list[Run]] = {}
     judged: dict[int, list[Comparison]] = {}
     together = 1 if cluster is None else len(cases)

@@ -11,7 +11,7 @@ from consilience.casefile import load_file
 from consilience.caseschema import case_schema
 from consilience.errors import CannotAssemble, InvalidInput
 from consilience.joints import JOINT_KINDS
-from consilience.library import load_case, load_cases, shipped_cases
+from consilience.library import case_files, load_case, load_cases, shipped_cases
 from consilience.mechanism import Body, Frame, Joint, Mechanism
 from consilience.topology import spanning_tree
 
@@ -479,6 +479,14 @@ def test_library_by_name():
         load_case("simple_pendulum")
     with pytest.raises(InvalidInput, match=r"no shipped case of that name.*four_bar"):
         load_case("five_bar")
+
+
+def test_a_case_knows_what_it_was_asked_for_by(tmp_path):
+    file = tmp_path / "mine.toml"
+    file.write_bytes(next(path for path in case_files() if path.stem == "double_pendulum").read_bytes())
+    assert [case.call for case in load_cases(str(file))] == [str(file)]
+    assert [case.call for case in load_cases("chain:bodies=3")] == ["chain:bodies=3"]
+    assert load_case("double_pendulum").call == ""
 
 
 @pytest.mark.parametrize("case", shipped_cases(), ids=lambda case: case.name)

@@ -163,7 +163,7 @@ def test_schema_accepts_the_shipped_names(folder):
 def test_list_and_show_work_from_any_folder(tmp_path):
     assert "four_bar" in consilience("list", cwd=Path(tmp_path)).stdout
     shown = consilience("show", "four_bar", cwd=Path(tmp_path)).stdout
-    assert "1 degrees of freedom, 20 constraint rows, 3 of them dependent" in shown
+    assert "1 degree of freedom, 20 constraint rows, 3 of them dependent" in shown
 
 
 def test_interrupt_stops_at_once_and_leaves_no_worker_behind(tmp_path):

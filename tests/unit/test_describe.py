@@ -69,7 +69,7 @@ def test_the_ground_does_not_skate():
 def test_the_page_of_a_case_says_what_is_redundant_and_open_and_known():
     (case,) = family_cases("four_bar")
     text = describe_case(case)
-    assert "1 degrees of freedom, 20 constraint rows, 3 of them dependent" in text
+    assert "1 degree of freedom, 20 constraint rows, 3 of them dependent" in text
     assert "rows that depend on one another: crank_pivot, crank_pin, rocker_pin, rocker_pivot: Z D13 D23" in text
     assert "equilibrium does not determine: crank_pivot, crank_pin, rocker_pin, rocker_pivot: force z, torque x" in text
     assert "an engine needs: revolute joint" in text

@@ -10,7 +10,7 @@ from consilience.errors import InvalidInput
 from consilience.history.changes import changes
 from consilience.history.command import diff_sheet, renamed
 from consilience.history.series import read_series, series_sheet
-from consilience.history.show import WRITERS
+from consilience.history.show import WRITERS, Sheet
 from consilience.library import load_case
 from consilience.report.record import read_record, write_record
 from consilience.suite import run_suite
@@ -196,3 +196,17 @@ def test_a_series_is_in_the_order_of_its_dates_and_leaves_out_what_is_cut_off(wr
         assert "cut off" in write(sheet).replace("\n", " ")
     with pytest.raises(InvalidInput, match="there is no report in it"):
         read_series(tmp_path / "a" / "nowhere")
+
+
+def test_names_in_a_table_for_the_terminal_are_not_broken_while_there_is_room(monkeypatch):
+    rows = [("closed_forms", "physical_pendulum-rotating", "1", "revolute", "a title of quite a number of words")]
+    sheet = Sheet([], [("cases", ("group", "name", "bodies", "joints", "title"), rows)], {})
+    monkeypatch.setenv("COLUMNS", "80")
+    shown = WRITERS["text"](sheet)
+    assert " physical_pendulum-rotating " in shown
+    assert max(map(len, shown.splitlines())) <= 80
+    monkeypatch.setenv("COLUMNS", "30")
+    narrow = WRITERS["text"](sheet)
+    assert "physical_pendulum-rotating" not in narrow  # broken, and not cut off
+    letters = {letter for line in narrow.splitlines() for letter in line}
+    assert "…" not in letters

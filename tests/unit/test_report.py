@@ -4,6 +4,7 @@ import base64
 import gzip
 import json
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import plotly.graph_objects as go
@@ -633,7 +634,7 @@ def test_a_cell_and_the_terminal_show_matched_methods_alone(soft):
     ]
     assert view.headline.startswith("1 of 1 cell agree")
     assert view.remarkable == []
-    assert matrix(soft) == (["soft"], [("swing", ["✓ 8.3 digits"])])
+    assert matrix(soft) == (["soft"], [("swing", ["✓ 8.3"])])
     assert [line.partition(":")[0] for line in legend(soft)] == ["✓ agrees"]
 
 
@@ -874,3 +875,24 @@ def test_pages_are_written_beside_their_record(everything, tmp_path):
     assert (tmp_path / "report.html").read_text(encoding="utf-8") == render_html(everything)
     with pytest.raises(InvalidInput, match="no such report"):
         write_pages(tmp_path / "elsewhere")
+
+
+def test_a_case_is_asked_again_as_it_was_asked(everything):
+    assert page(everything).again == "consilience run"
+    cases = [case | {"call": "my cases/mine.toml"} for case in everything.cases]
+    quick = replace(everything, header=everything.header | {"quick": True}, cases=cases)
+    view = page(quick)
+    assert view.again == "consilience run --quick"
+    assert view.cases[0].command == "consilience run 'my cases/mine.toml' --quick"
+    cell = view.cells[0]
+    assert cell.command == f"consilience run 'my cases/mine.toml' -e {cell.engine} --quick"
+    assert "; asked quickly (few states" in render_html(quick)
+
+
+def test_a_quick_run_says_nothing_about_defaults_that_engines_have(everything):
+    told = page(everything).defaults
+    assert told.without
+    assert told.empty == "No engine was asked at its own defaults."
+    quick = page(replace(everything, header=everything.header | {"quick": True})).defaults
+    assert quick.without == ()
+    assert quick.empty == "No engine was asked at its own defaults. A quick run leaves them out."

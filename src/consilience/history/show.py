@@ -64,13 +64,28 @@ def _text(sheet: Sheet) -> str:
             console.print(escape(visible(sentence)), soft_wrap=True)
         for title, heads, rows in sheet.tables:
             table = Table(title=escape(title), title_justify="left")
-            for head in heads:
-                table.add_column(escape(visible(head)), overflow="fold")
+            for head, whole in zip(heads, _whole(heads, rows, console.width), strict=True):
+                table.add_column(escape(visible(head)), overflow="fold", no_wrap=whole)
             for row in rows:
                 table.add_row(*(escape(visible(cell)) for cell in row))
             if rows:
                 console.print(table)
     return captured.get()
+
+
+_LEAST = 8
+"""Room that every column of a table for the terminal keeps, with its line and its blanks."""
+
+
+def _whole(heads: Sequence[str], rows: Sequence[Sequence[str]], room: int) -> list[bool]:
+    """Columns of names, which are to be copied and not to be broken; the narrowest first, while there is room."""
+    columns = [[visible(row[n]) for row in rows] for n in range(len(heads))]
+    widths = [max(map(len, (head, *column))) + 3 for head, column in zip(heads, columns, strict=True)]
+    whole, left = [False] * len(heads), room - _LEAST * len(heads)
+    for n in sorted(range(len(heads)), key=widths.__getitem__):
+        if not any(" " in cell for cell in columns[n]) and (more := max(widths[n] - _LEAST, 0)) <= left:
+            whole[n], left = True, left - more
+    return whole
 
 
 def _markdown(sheet: Sheet) -> str:

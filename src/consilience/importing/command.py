@@ -32,6 +32,8 @@ def import_(
     except OSError as error:
         raise InvalidInput(str(output), f"it cannot be written ({error.strerror})", "Choose another place.") from None
     out, mechanism = Console(), imported.case.mechanism
-    lines = [f"{output}: {len(mechanism.bodies)} bodies, {len(mechanism.joints)} joints. Changed or left out:"]
+    bodies, joints = len(mechanism.bodies), len(mechanism.joints)
+    size = f"{bodies} {'body' if bodies == 1 else 'bodies'}, {joints} joint{'s' * (joints != 1)}"
+    lines = [f"{output}: {size}. Changed or left out:"]
     lines += [f"- {line}" for line in imported.notes.lines()]
     out.print("\n".join(lines), soft_wrap=True, highlight=False, markup=False)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -34,6 +33,8 @@ class Cell:
     ----------
     comparisons, runs : tuple of dict
         As in the record; neither is empty.
+    replay : str
+        Command that asks again.
     """
 
     case: str
@@ -41,6 +42,7 @@ class Cell:
     question: str
     comparisons: tuple[dict[str, Any], ...]
     runs: tuple[dict[str, Any], ...]
+    replay: str
 
     @property
     def worst(self) -> dict[str, Any]:
@@ -63,16 +65,6 @@ class Cell:
         """CPU time of all runs in s."""
         return float(sum(run["cpu"] for run in self.runs))
 
-    @property
-    def replay(self) -> str:
-        """Command that asks again."""
-        return replay_command(self.case, self.engine, self.question)
-
-
-def replay_command(case: str, engine: str, question: str) -> str:
-    """Command that asks one engine one question of a case, given by its name or its file."""
-    return f"consilience run {shlex.quote(case)} -e {shlex.quote(engine)} -q {question}"
-
 
 def _digits(comparison: dict[str, Any]) -> float:
     return 17.0 if comparison["digits"] is None else float(comparison["digits"])
@@ -92,7 +84,8 @@ def cells(record: Record) -> Iterator[Cell]:
             for question in record.header["questions"]:
                 key = (case["name"], engine, question)
                 if key in compared:
-                    yield Cell(*key, tuple(compared[key]), tuple(runs[key]))
+                    again = record.again(case, engine, question)
+                    yield Cell(*key, tuple(compared[key]), tuple(runs[key]), again)
 
 
 def engines(record: Record, reference: bool = False) -> list[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -73,7 +72,7 @@ def case_view(record: Record, case: dict[str, Any], engines: Sequence[str]) -> C
         sources=tuple(case["sources"]),
         remarks=tuple(unwrapped(p) for p in case["remarks"].split("\n\n") if p.strip()),
         tags=tuple(case["tags"]),
-        command=f"consilience run {shlex.quote(name)}",
+        command=record.again(case),
         figures=tuple(case_figures(record, case)),
         cells=tuple(cell_view(record, case, engine, reference) for engine in engines),
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -117,7 +116,7 @@ def cell_view(record: Record, case: dict[str, Any], engine: str, reference: dict
         case=name,
         title=case["title"],
         engine=engine,
-        command=f"consilience run {shlex.quote(name)} -e {shlex.quote(engine)}",
+        command=record.again(case, engine),
         look=worst([a.look for a in matched], otherwise),
         marks=tuple(_marks(record.header["questions"], matched, otherwise)),
         answers=tuple(answers),

@@ -43,10 +43,11 @@ class DefaultRow:
 
 @dataclass(frozen=True)
 class Defaults:
-    """The section: sentences, rows, and the engines that have no default methods."""
+    """The section: sentences, rows, what is said where there are none, and the engines that have no default methods."""
 
     sentences: tuple[str, ...]
     rows: tuple[DefaultRow, ...]
+    empty: str
     without: tuple[str, ...]
 
 
@@ -72,7 +73,11 @@ def defaults_view(record: Record, cells: Sequence[Cell]) -> Defaults:
             rows.append(_row(cell, answer, n, comparison, method_of(record.runs_of(comparison))))
             if answer.question == "trajectory":
                 motions.append(_Motion(cell, own, asked[cell.case]))
-    return Defaults(tuple(_sentences(rows, motions)), tuple(rows), tuple(_without(cells)))
+    # a quick run asks no engine at its defaults: that says nothing about what the engines have
+    quick = bool(record.header.get("quick"))
+    without = () if quick else tuple(_without(cells))
+    empty = "No engine was asked at its own defaults." + " A quick run leaves them out." * quick
+    return Defaults(tuple(_sentences(rows, motions)), tuple(rows), empty, without)
 
 
 def _own_digits(comparison: dict[str, Any]) -> float | None:

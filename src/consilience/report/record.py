@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import os
 import platform
+import shlex
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, is_dataclass
 from datetime import UTC, datetime
@@ -21,6 +22,7 @@ from typing import Any
 import numpy as np
 from pydantic_core import from_json
 
+from consilience.asking import QUICK
 from consilience.case import Case
 from consilience.compare import Verdict
 from consilience.errors import InvalidInput
@@ -71,6 +73,15 @@ class Record:
         """Runs and comparisons of a case, in order."""
         return self._by_case.get(name, ([], []))
 
+    def again(self, case: dict[str, Any] | None = None, engine: str = "", question: str = "") -> str:
+        """Command that asks again, as thoroughly: about one case or all, of one engine or all, one question or all."""
+        words = ["consilience", "run"]
+        words += [] if case is None else [case.get("call") or case["name"]]
+        words += ["-e", engine] if engine else []
+        words += ["-q", question] if question else []
+        words += ["--quick"] if self.header.get("quick") else []
+        return shlex.join(words)
+
 
 def _plain(value: Any) -> Any:
     """JSON types: arrays to lists, numbers that are not finite to None (JSON has no word for them)."""
@@ -102,6 +113,7 @@ def header(results: Results, elapsed: float) -> dict[str, Any]:
         "engines": {name: asdict(info) for name, info in results.engines.items()},
         "missing": results.missing,
         "questions": [str(q) for q in results.questions],
+        "quick": results.effort == QUICK,
     }
 
 
@@ -119,6 +131,7 @@ def _case(case: Case, questions: Sequence[Question]) -> dict[str, Any]:
     return {
         "record": "case",
         "name": case.name,
+        "call": case.call or case.name,
         "title": case.title,
         "bodies": [b.name for b in mechanism.bodies],
         "joints": [[j.name, j.kind, j.predecessor, j.successor] for j in mechanism.joints],

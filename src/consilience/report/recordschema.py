@@ -72,6 +72,8 @@ class Header(_Table):
     engines: dict[Short, EngineTable]
     missing: dict[Short, Text]
     questions: list[Asked]
+    quick: bool | None = None
+    """Whether the headlines alone were asked, briefly; earlier records do not tell."""
 
 
 class CaseLine(_Table):
@@ -79,6 +81,9 @@ class CaseLine(_Table):
 
     record: Literal["case"]
     name: Short
+    call: Short | None = None
+    """What `consilience run` was given for it; earlier records do not tell."""
+
     title: Text
     bodies: list[Short]
     joints: list[Annotated[list[Short], Field(min_length=4, max_length=4)]]

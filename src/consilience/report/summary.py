@@ -41,7 +41,7 @@ def _cell(comparisons: list[dict[str, Any]]) -> str:
         return "not asked"
     worst = max((Verdict(c["verdict"]) for c in comparisons), key=list(Verdict).index)
     digits = [c["digits"] for c in comparisons if c["verdict"] == worst and c["digits"] is not None]
-    return f"{LOOKS[worst].symbol} {min(digits):.1f} digits" if digits else f"{LOOKS[worst].symbol} {worst}"
+    return f"{LOOKS[worst].symbol} {min(digits):.1f}" if digits else f"{LOOKS[worst].symbol} {worst}"
 
 
 def describe_case(case: Case) -> str:
@@ -85,8 +85,9 @@ def describe_case(case: Case) -> str:
 def _freedom(mechanism: Mechanism, state: State) -> list[str]:
     """Degrees of freedom, what is redundant, what equilibrium leaves open, what an engine must know."""
     facts = anatomy(mechanism, state)
+    freedom = f"{facts.freedom} degree{'s' * (facts.freedom != 1)} of freedom"
     lines = [
-        f"{facts.freedom} degrees of freedom, {facts.rows} constraint rows, {facts.redundant} of them dependent",
+        f"{freedom}, {facts.rows} constraint rows, {facts.redundant} of them dependent",
         f"an engine needs: {', '.join(facts.features)}",
     ]
     if facts.dependent:
@@ -137,6 +138,8 @@ def _vector(v: np.typing.ArrayLike) -> str:
 
 def _joint(mechanism: Mechanism, state: State, joint: Joint) -> str:
     values = joint_coordinates(joint, relative_motion(mechanism, state, joint))
-    at = ", ".join(f"{name} {np.array2string(np.asarray(v), precision=6)}" for name, v in values.items())
+    # rounding errors of the assembly are no coordinates; + 0.0 makes a negative zero a plain one
+    rounded = {name: np.round(v, 12) + 0.0 for name, v in values.items()}
+    at = ", ".join(f"{name} {_vector(v) if np.ndim(v) else f'{v:.6g}'}" for name, v in rounded.items())
     kind = f"{joint.kind} of {joint.pitch:g} m a turn" if joint.pitch else joint.kind
     return f"joint {joint.name}: {kind}, {joint.predecessor} -> {joint.successor}" + (f"; {at}" if at else "")

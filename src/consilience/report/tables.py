@@ -41,7 +41,7 @@ _Values = Callable[[dict[str, Any], dict[str, Any]], tuple[str, ...]]
 
 def method_tables(record: Record, cells: Sequence[Cell]) -> tuple[MethodTable, ...]:
     """All tables."""
-    compared = list(_compared(record, cells))
+    compared, quick = list(_compared(record, cells)), bool(record.header.get("quick"))
     names = list(dict.fromkeys(o["name"] for _, _, c, _ in compared for o in c["observables"]))
 
     def rows(values: _Values) -> tuple[MethodRow, ...]:
@@ -56,7 +56,9 @@ def method_tables(record: Record, cells: Sequence[Cell]) -> tuple[MethodTable, .
         MethodTable(
             "orders",
             "Orders of convergence",
-            "A dash: rounding hides the order.",
+            "The order that the method declares, that of its differences to the reference, and that of the changes "
+            "among its own levels; digits at the finest level, and of the limit that the levels lead to; band: "
+            "uncertainty of the finest level (grid convergence index). A dash: rounding hides the order.",
             ("declared", "to the reference", "among the levels", "finest, digits", "limit, digits", "band"),
             rows(_orders),
             "No motion by a method of declared order was compared.",
@@ -79,7 +81,7 @@ def method_tables(record: Record, cells: Sequence[Cell]) -> tuple[MethodTable, .
             "softness.",
             ("question", "order in softness", "shift", "without softness"),
             rows(_softness),
-            "No engine was asked at several softnesses.",
+            "No engine was asked at several softnesses." + " A quick run leaves that out." * quick,
         ),
     )
 

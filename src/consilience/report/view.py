@@ -33,6 +33,8 @@ from consilience.report.wording import (
     phrase,
 )
 
+QUICKLY = "quickly (few states, the start of each motion, one method of each engine)"
+
 
 @dataclass(frozen=True)
 class Column:
@@ -59,6 +61,7 @@ class Page:
     headline: str
     status: str
     exit_code: int
+    again: str
     facts: tuple[Entry, ...]
     tallies: tuple[Tally, ...]
     columns: tuple[Column, ...]
@@ -108,6 +111,7 @@ def page(record: Record) -> Page:
         headline=_headline(cells, tallies, record),
         status=EXIT_CODES.get(code, "unknown"),
         exit_code=code,
+        again=record.again(),
         facts=tuple(_facts(record.header)),
         tallies=tallies,
         columns=columns,
@@ -154,6 +158,8 @@ def _headline(cells: Sequence[Cell], tallies: Sequence[Tally], record: Record) -
 def _facts(header: dict[str, Any]) -> Iterator[Entry]:
     yield Entry("written", header["written"].replace("T", " ").replace("+00:00", " UTC"))
     yield Entry("took", f"{header['elapsed']:.3g} s")
+    if header.get("quick") is not None:
+        yield Entry("asked", QUICKLY if header["quick"] else "in full")
     yield Entry("machine", f"{header['processor']}, {header['platform']}")
     packages = {"Python": header["python"], **header["packages"]}
     yield Entry("versions", ", ".join(f"{name} {version}" for name, version in packages.items()))
