@@ -93,7 +93,7 @@ class DartEngine:
 
     def info(self) -> EngineInfo:
         """Name and version."""
-        return EngineInfo("dart", dartpy.__version__, "1")
+        return EngineInfo("dart", dartpy.__version__, "consilience_dart")
 
     def unsupported(self, mechanism: Mechanism, question: Question) -> tuple[Unsupported, ...]:
         """Features without a translation; joint springs and dampers below zero, which DART would set to zero.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from importlib.metadata import version
 
 import numpy as np
 import pinocchio as pin
@@ -130,7 +129,7 @@ class PinocchioEngine:
 
     def info(self) -> EngineInfo:
         """Name and version."""
-        return EngineInfo("pinocchio", pin.__version__, f"consilience_pinocchio {version('consilience')}")
+        return EngineInfo("pinocchio", pin.__version__, "consilience_pinocchio")
 
     def unsupported(self, mechanism: Mechanism, question: Question) -> tuple[Unsupported, ...]:
         """Features without a translation."""
