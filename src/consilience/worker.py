@@ -14,13 +14,13 @@ from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from queue import SimpleQueue
 from types import TracebackType
-from typing import Any, Protocol, TypeVar
+from typing import Protocol, TypeVar
 
 from consilience.engine import Engine, load_engine
 from consilience.run import EngineInfo
 from consilience.workers import codec
 from consilience.workers.environments import NoEnvironment, launch_of
-from consilience.workers.frames import Header, ProtocolError
+from consilience.workers.frames import Frame, ProtocolError
 from consilience.workers.jobs import Plan, Request, perform, raised
 from consilience.workers.process import Fault, Launch, Process
 from consilience.workers.sending import Held, alone, job, loading
@@ -211,17 +211,18 @@ class Worker:
                 self._end()
             if self._process is None:
                 self._start()
-            header, value = self._exchanged(self._frames(request), self.limit)
+            reply = self._exchanged(self._frames(request), self.limit)
+            value = codec.value_of(reply.form, reply.arrays)
         except _NotStarted as failed:
             return Reply(None, False, str(failed), log=self._end())
         except Fault as fault:
             return Reply(None, False, str(fault), log=self._end(), job=alone(self.engine, request))
         except ProtocolError as error:
             return Reply(None, False, f"the message cannot be read: {error}", log=self._printed())
-        log, cpu = self._printed(), header["cpu"]
-        if header["reason"]:
-            return Reply(None, False, header["reason"], cpu, log, alone(self.engine, request))
-        return Reply(self._labelled(value), True, cpu=cpu, log=log)
+        log, reason = self._printed(), reply.form.told["reason"]
+        if reason:
+            return Reply(None, False, reason, reply.cpu, log, alone(self.engine, request))
+        return Reply(self._labelled(value), True, cpu=reply.cpu, log=log)
 
     def _start(self) -> None:
         """Start a process and load the engine.
@@ -237,10 +238,10 @@ class Worker:
             if self._launch is None:
                 self._launch = launch_of(self.engine, lambda: self._cancelled)
             self._process = Process(self._launch, self.memory)
-            hello, _ = self._process.exchange(b"", limit, lambda: self._cancelled)
+            hello = self._process.exchange(b"", limit, lambda: self._cancelled).form.told
             if hello.get("kind") != "hello":
                 raise _NotStarted("the worker does not say hello")
-            loaded, _ = self._exchanged(self._load(), limit)
+            loaded = self._exchanged(self._load(), limit).form.told
         except (NoEnvironment, OSError) as error:
             raise _NotStarted(str(error)) from None
         except (Fault, ProtocolError) as fault:
@@ -249,26 +250,24 @@ class Worker:
             raise _NotStarted(loaded["reason"])
         _LOG.info("%s: started as process %d in %.2f s", self.engine, hello["pid"], time.perf_counter() - start)
 
-    def _exchanged(self, data: bytes, limit: float) -> tuple[Header, object]:
+    def _exchanged(self, data: bytes, limit: float) -> Frame:
         """Send what ends in a job, and wait for the reply to it.
 
         Raises
         ------
         Fault
-        ProtocolError
-            If the reply is sound and its value is not.
         """
         assert self._process is not None
-        header, arrays = self._process.exchange(data, limit, lambda: self._cancelled)
-        if not _sound(header):
-            raise Fault(f"garbage on the wire: {str(header)[:200]} is no reply")
-        if header["job"] != self._number:
-            raise Fault(f"it answered job {header['job']}, not job {self._number}")
+        reply = self._process.exchange(data, limit, lambda: self._cancelled)
+        if not _sound(reply):
+            raise Fault(f"garbage on the wire: {str(reply.form.told)[:200]} is no reply")
+        if reply.job != self._number:
+            raise Fault(f"it answered job {reply.job}, not job {self._number}")
         if self._process.more:
             raise Fault("it sent more than its answer")
-        if header["strays"]:
+        if reply.form.told["strays"]:
             raise Fault("it left a process behind that goes on")
-        return header, codec.decode(header["value"], arrays)
+        return reply
 
     # ------------------------------------------------------------ frames
 
@@ -336,14 +335,18 @@ def _named(request: Request) -> str:
     return ", ".join(filter(None, [name, *request.survey, request.question or "", method, step])) or "who it is"
 
 
-def _sound(header: Header) -> bool:
-    """Whether a header is that of a reply."""
-    expected: dict[str, Any] = {"kind": str, "job": int, "reason": str, "cpu": float, "strays": bool}
+def _sound(frame: Frame) -> bool:
+    """Whether a frame is a reply."""
+    told = frame.form.told
     return (
-        header.keys() == {*expected, "value"}
-        and all(type(header[name]) is kind for name, kind in expected.items())
-        and header["kind"] == "reply"
+        told.keys() == _REPLY
+        and told["kind"] == "reply"
+        and type(told["reason"]) is str
+        and type(told["strays"]) is bool
     )
+
+
+_REPLY = {"kind", "reason", "strays", "value"}
 
 
 def in_parallel(work: Callable[[Worker], _T], workers: Sequence[Worker], jobs: int) -> list[_T]:

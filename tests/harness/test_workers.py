@@ -39,7 +39,7 @@ ATTACKS = {
     "half_a_frame_and_dies": r"^the worker died: signal SIGABRT, after 4000 of \d{4} bytes of an answer$",
     "half_a_frame_and_hangs": r"the worker was stopped, after 4000 of \d{4} bytes of an answer$",
     "announces_too_much": r"^a frame of 4294967295 \+ 1152921504606846976 bytes; at most",
-    "other_version": "^it speaks version 99 of the protocol, not 2$",
+    "other_version": "^it speaks version 99 of the protocol, not 3$",
     "wrong_job": "^it answered job 123456, not job 3$",
     "answers_twice": "^it answered job 4, not job 3$",
     "closes_its_pipe": "^the worker closed its connection and lived on$",

@@ -5,6 +5,7 @@ An input is what comes over the socket after a first byte that says to whom. The
 """
 
 import json
+import struct
 import warnings
 from contextlib import closing, nullcontext, suppress
 from functools import cache
@@ -96,35 +97,40 @@ def _obeyed(raw):
     """What a worker answers to frames."""
     server, replies = _server(), b""
     for frame in read_frames(_Bytes(raw)):
-        replies += server.handle(*frame) or b""
+        replies += server.handle(frame) or b""
     return replies
 
 
 def _taken_apart(raw):
-    """Frames as tables: the two lines of the header, and the body in hexadecimal digits."""
+    """Frames as tables: number of the job, CPU time, the header, and the body in hexadecimal digits."""
     found = []
     while raw:
-        *_, n, m = PREFIX.unpack(raw[: PREFIX.size])
+        *_, n, m, job, cpu = PREFIX.unpack(raw[: PREFIX.size])
         text, body, raw = (
             raw[PREFIX.size : PREFIX.size + n],
             raw[PREFIX.size + n : PREFIX.size + n + m],
             raw[PREFIX.size + n + m :],
         )
-        header, form = map(json.loads, text.splitlines())
-        found.append({"header": header, "form": form, "body": body.hex()})
+        found.append({"job": job, "cpu": cpu, "header": json.loads(text), "body": body.hex()})
     return found
 
 
 def _put_together(tables):
     raw = b""
     for frame in tables if isinstance(tables, list) else []:
-        header, form, body = map(frame.get, ("header", "form", "body")) if isinstance(frame, dict) else (frame, {}, "")
-        text = f"{_json(header)}\n{_json(form)}".encode("utf-8", "surrogatepass")
+        job, cpu, header, body = (
+            map(frame.get, ("job", "cpu", "header", "body")) if isinstance(frame, dict) else (0, 0.0, frame, "")
+        )
+        text = _json(header).encode("utf-8", "surrogatepass")
         try:
             data = bytes.fromhex(body)
         except (TypeError, ValueError):
             data = _json(body).encode("utf-8", "surrogatepass")
-        raw += PREFIX.pack(MAGIC, VERSION, len(text), len(data)) + text + data
+        try:
+            prefix = PREFIX.pack(MAGIC, VERSION, len(text), len(data), job, cpu)
+        except (struct.error, OverflowError):  # no such numbers can be sent
+            prefix = PREFIX.pack(MAGIC, VERSION, len(text), len(data), 0, float("nan"))
+        raw += prefix + text + data
     return raw
 
 
@@ -138,8 +144,8 @@ def wire_seeds():
         found += [(WORKER, sent), (RUNNER, _obeyed(sent))]
     answered = Survey((Said(Question.MODEL, METHOD, None, "singular"),), {Question.INSTANT: (Unsupported("b", "c"),)})
     tree, arrays = codec.encode(answered)
-    told = {"kind": "reply", "job": 7, "reason": "", "cpu": 0.1, "strays": False, "value": tree}
-    found.append((RUNNER, frames.pack(told, arrays)))
+    told = {"kind": "reply", "reason": "", "strays": False, "value": tree}
+    found.append((RUNNER, frames.pack(told, arrays, 7, 0.1)))
     found.append((WORKER, loading("nothing", 7)))
     return [(to, raw, _taken_apart(raw)) for to, raw in found]
 
@@ -183,10 +189,10 @@ def _received(raw, folder):
     coming = Incoming()
     if not coming.add(raw):
         raise ConnectionResetError
-    header, arrays = coming.take()
-    if not _sound(header) or header["job"] != 7:
+    frame = coming.take()
+    if not _sound(frame) or frame.job != 7:
         return False
-    value, case = codec.decode(header["value"], arrays), _case()
+    value, case = codec.value_of(frame.form, frame.arrays), _case()
     info = value if isinstance(value, EngineInfo) else Still().info()
     with (
         closing(Store(folder / "store", fresh=True))

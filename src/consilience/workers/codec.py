@@ -9,7 +9,8 @@ its fields declare; the arrays of its answers are looked at by `consilience.run.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import fields
 from enum import Enum
 from functools import cache
@@ -33,7 +34,7 @@ from consilience.run import (
     Unsupported,
 )
 from consilience.spatial import Array
-from consilience.workers.frames import ProtocolError
+from consilience.workers.frames import Form, ProtocolError
 from consilience.workers.jobs import Plan, Said, Survey
 
 _MODEL = (
@@ -80,6 +81,34 @@ def encode(value: object) -> tuple[Any, list[Array]]:
     """
     arrays: list[Array] = []
     return _written(value, arrays), arrays
+
+
+_FLAT = (ModelAnswer, InstantAnswer)
+"""Classes that usually hold arrays and numbers and nothing deeper."""
+
+
+def outlined(value: object) -> tuple[tuple[Any, ...] | None, list[Array]]:
+    """Outline of a flat answer, and its arrays: answers of equal outlines have equal trees, which need be written once.
+
+    None of any other value. A float is outlined by its digits: 0.0 equals -0.0, and True equals 1.
+    """
+    cls: type[Any] = type(value)
+    outline, arrays = list[Any]([cls]), list[Array]()
+    if cls not in _FLAT:
+        return None, arrays
+    for name in _NAMES[cls]:
+        one = getattr(value, name)
+        kind = type(one)
+        if kind is np.ndarray:
+            arrays.append(one)
+            outline.append((one.dtype, one.shape))
+        elif kind is float:
+            outline.append(one.hex())
+        elif kind is int or one is None:
+            outline.append(one)
+        else:
+            return None, []
+    return tuple(outline), arrays
 
 
 def _written(value: object, arrays: list[Array]) -> Any:
@@ -145,36 +174,63 @@ _WRITERS: dict[type, Callable[[Any, list[Array]], Any]] = {
 # ---------------------------------------------------------------- in
 
 
-def decode(tree: object, arrays: Sequence[Array]) -> Any:
-    """Value of a tree.
+_Reader = Callable[[Sequence[Array]], Any]
+"""Makes a value of the arrays of a frame. It is made of a tree once, for all frames with that tree."""
+
+
+class _Same:
+    """A reader of what does not depend on arrays and cannot be changed."""
+
+    def __init__(self, value: Any) -> None:
+        self.value = value
+
+    def __call__(self, arrays: Sequence[Array]) -> Any:
+        return self.value
+
+
+def value_of(form: Form, arrays: Sequence[Array]) -> Any:
+    """Value of a frame that has one.
 
     Raises
     ------
     ProtocolError
-        If the tree names anything unknown, or a field has not the declared type.
+        If its tree names anything unknown, or a field has not the declared type.
     """
     try:
-        return _read(tree, arrays)
+        if form.reader is None:
+            form.reader = _reader(form.told["value"])
+        return form.reader(arrays)
     except RecursionError:
         raise ProtocolError("the message is nested too deeply") from None
 
 
-def _read(tree: object, arrays: Sequence[Array]) -> Any:
+def _reader(tree: object) -> _Reader:
     if isinstance(tree, list):
-        return [_read(one, arrays) for one in tree]
+        items = [_reader(one) for one in tree]
+        return lambda arrays: [read(arrays) for read in items]
     if isinstance(tree, str):
-        return _text(tree)
+        return _Same(_text(tree))
     if not isinstance(tree, dict):
-        return tree
+        return _Same(tree)
     kind = tree.get("@")
     if not isinstance(kind, str):
         raise ProtocolError("an object of the message has no type")
     if kind in CLASSES:
-        return _instance(CLASSES[kind], tree, arrays)
+        return _instance(CLASSES[kind], tree)
+    with _readable(kind):
+        return _Same(ENUMS[kind](tree["value"])) if kind in ENUMS else _READERS[kind](tree)
+
+
+@contextmanager
+def _readable(kind: str) -> Iterator[None]:
+    """Say what cannot be read.
+
+    Raises
+    ------
+    ProtocolError
+    """
     try:
-        if kind in ENUMS:
-            return ENUMS[kind](tree["value"])
-        return _READERS[kind](tree, arrays)
+        yield
     except (KeyError, ValueError, TypeError, IndexError, AttributeError) as error:
         raise ProtocolError(f"a {kind[:40]} of the message cannot be read: {type(error).__name__}: {error}") from None
 
@@ -187,14 +243,37 @@ def _text(text: str) -> str:
     return text
 
 
-def _instance(cls: type, tree: dict[str, Any], arrays: Sequence[Array]) -> object:
+def _instance(cls: type, tree: dict[str, Any]) -> _Reader:
     names = _NAMES[cls]
     if tree.keys() != {"@", *names}:
         wrong = ", ".join(sorted(str(name)[:40] for name in tree.keys() ^ {"@", *names}))
         raise ProtocolError(f"a {cls.__name__} of the message has too many or too few fields: {wrong}")
-    value: Any = object.__new__(cls)
-    for name in names:
-        value.__dict__[name] = _read(tree[name], arrays)
+    readers = {name: _reader(tree[name]) for name in names}
+    same = {name: read.value if isinstance(read, _Same) else None for name, read in readers.items()}
+    varying = [(name, read) for name, read in readers.items() if not isinstance(read, _Same)]
+    checked = cls in CHECKED
+
+    def read(arrays: Sequence[Array]) -> object:
+        value: Any = object.__new__(cls)
+        content = value.__dict__
+        content.update(same)  # first, all of them: the order of the fields is that of the class
+        for name, part in varying:
+            content[name] = part(arrays)
+        if checked:
+            _check(value)
+        return value
+
+    return read
+
+
+def _check(value: Any) -> None:
+    """See that what an engine says about itself has the declared types.
+
+    Raises
+    ------
+    ProtocolError
+    """
+    cls: type = type(value)
     for name, fits in _declared(cls).items():
         if not fits(value.__dict__[name]):
             raise ProtocolError(f"{cls.__name__}.{name} is {_shown(value.__dict__[name])}")
@@ -202,7 +281,6 @@ def _instance(cls: type, tree: dict[str, Any], arrays: Sequence[Array]) -> objec
         raise ProtocolError(f"Method.substeps and tolerances are not positive: {value.substeps}, {value.tolerances}")
     if isinstance(value, Plan) and not _complete(value):
         raise ProtocolError("a Plan says of a question neither methods nor what is unsupported")
-    return value
 
 
 def _complete(plan: Plan) -> bool:
@@ -210,16 +288,40 @@ def _complete(plan: Plan) -> bool:
     return all(q in plan.unsupported and (plan.unsupported[q] or q in plan.methods) for q in Question)
 
 
-def _array_of(tree: dict[str, Any], arrays: Sequence[Array]) -> Array:
-    if type(tree["n"]) is not int or tree["n"] < 0:
+def _array_reader(tree: dict[str, Any]) -> _Reader:
+    n = tree["n"]
+    if type(n) is not int or n < 0:
         raise ProtocolError("an array of the message has no number")
-    return arrays[tree["n"]]
+
+    def read(arrays: Sequence[Array]) -> Array:
+        if n >= len(arrays):
+            raise ProtocolError(f"the message has no array {n}")
+        return arrays[n]
+
+    return read
 
 
-_READERS: dict[str, Callable[[dict[str, Any], Sequence[Array]], Any]] = {
-    "array": _array_of,
-    "tuple": lambda tree, arrays: tuple(_read(one, arrays) for one in tree["items"]),
-    "dict": lambda tree, arrays: {_read(k, arrays): _read(v, arrays) for k, v in tree["items"]},
+def _tuple_reader(tree: dict[str, Any]) -> _Reader:
+    items = [_reader(one) for one in tree["items"]]
+    if all(isinstance(read, _Same) for read in items):
+        return _Same(tuple(read(()) for read in items))
+    return lambda arrays: tuple([read(arrays) for read in items])
+
+
+def _dict_reader(tree: dict[str, Any]) -> _Reader:
+    items = [(_reader(k), _reader(v)) for k, v in tree["items"]]
+
+    def read(arrays: Sequence[Array]) -> dict[Any, Any]:
+        with _readable("dict"):
+            return {key(arrays): value(arrays) for key, value in items}
+
+    return read
+
+
+_READERS: dict[str, Callable[[dict[str, Any]], _Reader]] = {
+    "array": _array_reader,
+    "tuple": _tuple_reader,
+    "dict": _dict_reader,
 }
 
 

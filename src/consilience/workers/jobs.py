@@ -35,10 +35,13 @@ _WIDTHS = {"p_WB": 3, "quat_WB": 4, "v_WB_W": 3, "w_WB_W": 3}
 _WIDTH = sum(_WIDTHS.values())
 
 
-def stacked(states: Sequence[State]) -> Array:
-    """States of one mechanism as an array, one in a row: positions of all bodies, then quaternions, and so on."""
-    flat = np.concatenate([getattr(state, name).ravel() for state in states for name in _WIDTHS])
-    return flat.reshape(len(states), -1)
+def stacked(states: Sequence[State]) -> tuple[bytes, tuple[int, int]]:
+    """States of one mechanism as an array, its bytes and shape.
+
+    One state in a row: positions of all bodies, then quaternions, and so on.
+    """
+    parts = [getattr(state, name).tobytes() for state in states for name in _WIDTHS]
+    return b"".join(parts), (len(states), _WIDTH * len(states[0].p_WB))
 
 
 def states_of(table: Array) -> tuple[State, ...]:

@@ -20,8 +20,7 @@ from dataclasses import dataclass
 
 import psutil
 
-from consilience.spatial import Array
-from consilience.workers.frames import Header, Incoming, ProtocolError
+from consilience.workers.frames import Frame, Incoming, ProtocolError
 
 _SLICE = 0.05
 """Time in s between two looks at the memory of a busy worker, at whether it lives, and at whether anybody waits."""
@@ -123,15 +122,9 @@ class Process:
         """Whether nothing has come that nobody asked for."""
         if self.more:
             return False
-        try:
-            self._wire.recv(1, socket.MSG_PEEK)
-        except BlockingIOError:
-            return True
-        except OSError:
-            return False
-        return False
+        return not any(fd == self._channel and event & ~select.POLLOUT for fd, event in self._poll.poll(0))
 
-    def exchange(self, data: bytes, limit: float, stopped: Callable[[], bool]) -> tuple[Header, list[Array]]:
+    def exchange(self, data: bytes, limit: float, stopped: Callable[[], bool]) -> Frame:
         """Send frames and wait for one.
 
         Parameters
@@ -199,9 +192,11 @@ class Process:
 
     def _sent(self, data: memoryview) -> memoryview:
         """Send what the socket takes now; what is left."""
-        with suppress(BlockingIOError):
+        try:
             while data:
                 data = data[self._wire.send(data) :]
+        except BlockingIOError:
+            pass
         return data
 
     def _look(self, coming: Incoming, stopped: Callable[[], bool], late: bool, limit: float) -> None:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import hashlib
 import weakref
 from collections import OrderedDict
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
 from consilience.mechanism import Mechanism
-from consilience.run import Method
+from consilience.run import Method, Question
 from consilience.workers import codec, frames
 from consilience.workers.environments import local_name
 from consilience.workers.jobs import Request, stacked
@@ -62,21 +64,47 @@ def alone(engine: str, request: Request) -> bytes:
 
 def loading(engine: str, number: int) -> bytes:
     """Frame that has an engine imported and constructed."""
-    return frames.pack({"kind": "load", "job": number, "engine": local_name(engine)})
+    return frames.pack({"kind": "load", "engine": local_name(engine)}, job=number)
+
+
+_FLOAT = np.dtype(float)
+
+_Listed = tuple[np.dtype[Any], tuple[int, ...]]
 
 
 def job(request: Request, mechanism: str | None, method: str | None, number: int) -> bytes:
     """Frame of a job about the mechanism and by the method of these keys."""
-    arrays = [stacked(request.states)] if request.states else []
+    buffers, states, times = list[bytes](), None, None
+    if request.states:
+        buffer, shape = stacked(request.states)
+        buffers, states = [buffer], (_FLOAT, shape)
+    if request.times is not None:
+        grid = np.asarray(request.times)
+        buffers, times = [*buffers, grid.tobytes()], (grid.dtype, grid.shape)
+    form = _form(mechanism, method, request.question, request.survey, float(request.step), states, times)
+    return frames.framed(form, buffers, number)
+
+
+@lru_cache(256)
+def _form(
+    mechanism: str | None,
+    method: str | None,
+    question: Question | None,
+    survey: tuple[Question, ...],
+    step: float,
+    states: _Listed | None,
+    times: _Listed | None,
+) -> bytes:
+    """Header of a job: the same whenever the same is asked at as many states and times."""
+    listed = [one for one in (states, times) if one is not None]
     told = {
         "kind": "job",
-        "job": number,
         "mechanism": mechanism,
         "method": method,
-        "question": request.question,
-        "survey": request.survey,
-        "step": float(request.step),
-        "states": len(arrays),
-        "times": int(request.times is not None),
+        "question": question,
+        "survey": survey,
+        "step": step,
+        "states": int(states is not None),
+        "times": int(times is not None),
     }
-    return frames.pack(told, arrays if request.times is None else [*arrays, np.asarray(request.times)])
+    return frames.written(told, listed)

@@ -16,8 +16,7 @@ import signal
 import socket
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
@@ -25,9 +24,8 @@ import numpy as np
 from consilience.engine import Engine, load_engine
 from consilience.mechanism import Mechanism
 from consilience.run import Method, Question
-from consilience.spatial import Array
 from consilience.workers import codec, frames
-from consilience.workers.frames import Header, Incoming, ProtocolError
+from consilience.workers.frames import Form, Frame, Header, Incoming, ProtocolError
 from consilience.workers.jobs import Request, perform, raised, states_of
 
 _T = TypeVar("_T")
@@ -48,8 +46,10 @@ class Server:
     def __init__(self) -> None:
         self.engine: Engine | None = None
         self.kept: dict[str, Mechanism | Method] = {}
+        self._asked: dict[Form, Request] = {}
+        self._headers: dict[tuple[Any, ...], bytes] = {}
 
-    def handle(self, header: Header, arrays: Sequence[Array]) -> bytes | None:
+    def handle(self, frame: Frame) -> bytes | None:
         """Obey one frame: the reply, packed, or None where none is expected.
 
         Raises
@@ -57,36 +57,55 @@ class Server:
         ProtocolError
             If the frame is none of ours: runner and worker do not fit one another.
         """
-        kind = header.get("kind")
-        _check_entries(kind, header)
+        if frame.form in self._asked:
+            return self._replied(frame, self._request, self._perform)
+        told = frame.form.told
+        kind = told.get("kind")
+        _check_entries(kind, told)
         if kind == "load":
-            return self._replied(header, lambda: header["engine"], self._load)
-        if kind == "keep":
-            value = codec.decode(header["value"], arrays)
-            if not isinstance(value, Mechanism | Method):
-                raise ProtocolError(f"a {type(value).__name__} is neither mechanism nor method")
-            self.kept[header["key"]] = _frozen(value)
-            return None
+            return self._replied(frame, lambda _: told["engine"], self._load)
+        if kind == "job":
+            return self._replied(frame, self._request, self._perform)
+        self._asked.clear()  # what a key means changes
         if kind == "forget":
-            self.kept.pop(header["key"], None)
+            self.kept.pop(told["key"], None)
             return None
-        return self._replied(header, lambda: self._request(header, arrays), self._perform)
+        value = codec.value_of(frame.form, frame.arrays)
+        if not isinstance(value, Mechanism | Method):
+            raise ProtocolError(f"a {type(value).__name__} is neither mechanism nor method")
+        self.kept[told["key"]] = _frozen(value)
+        return None
 
     def _load(self, name: str) -> None:
         self.engine = load_engine(name)
 
-    def _request(self, header: Header, arrays: Sequence[Array]) -> Request:
-        mechanism, method = self._held(header["mechanism"], Mechanism), self._held(header["method"], Method)
-        states, times = header["states"] == 1, header["times"] == 1
-        if len(arrays) != states + times:
-            raise ProtocolError(f"the job has {len(arrays)} arrays, and says otherwise")
+    def _request(self, frame: Frame) -> Request:
+        """What a job asks: what its form says, and its states and times."""
+        asked = self._asked.get(frame.form)
+        if asked is None:
+            asked = self._form_of_request(frame.form.told, len(frame.arrays))
+            _remember(self._asked, frame.form, asked)
+        if not frame.arrays:
+            return asked
+        states, times = frame.form.told["states"] == 1, frame.form.told["times"] == 1
         try:
-            question = None if header["question"] is None else Question(header["question"])
-            survey = tuple(map(Question, header["survey"]))
-            given = states_of(arrays[0]) if states else ()
+            given = states_of(frame.arrays[0]) if states else ()
         except ValueError as error:
             raise ProtocolError(f"the job is no request: {error}") from None
-        return Request(mechanism, question, method, given, arrays[-1] if times else None, header["step"], survey)
+        grid = frame.arrays[-1] if times else None
+        return Request(asked.mechanism, asked.question, asked.method, given, grid, asked.step, asked.survey)
+
+    def _form_of_request(self, told: Header, arrays: int) -> Request:
+        """A job without its states and times."""
+        mechanism, method = self._held(told["mechanism"], Mechanism), self._held(told["method"], Method)
+        if arrays != (told["states"] == 1) + (told["times"] == 1):
+            raise ProtocolError(f"the job has {arrays} arrays, and says otherwise")
+        try:
+            question = None if told["question"] is None else Question(told["question"])
+            survey = tuple(map(Question, told["survey"]))
+        except ValueError as error:
+            raise ProtocolError(f"the job is no request: {error}") from None
+        return Request(mechanism, question, method, step=told["step"], survey=survey)
 
     def _held(self, key: str | None, kind: type[_T]) -> _T | None:
         """What was sent under a key."""
@@ -101,28 +120,54 @@ class Server:
         assert self.engine is not None
         return perform(self.engine, request)
 
-    def _replied(self, header: Header, given: Callable[[], _T], action: Callable[[_T], object]) -> bytes:
+    def _replied(self, frame: Frame, given: Callable[[Frame], _T], action: Callable[[_T], object]) -> bytes:
         """Reply to a frame: the value, or in words why there is none, and the CPU time of the action."""
-        start = time.process_time()
-        reply: Header = {"kind": "reply", "job": header["job"], "reason": "", "value": None}
+        start, spent = None, 0.0
         try:
-            read = given()
+            read = given(frame)
             start = time.process_time()
             answer = action(read)
-            reply |= {"cpu": time.process_time() - start, "strays": _left_behind()}
-            value, arrays = codec.encode(answer)
-            return frames.pack(reply | {"value": value}, arrays)
+            spent = time.process_time() - start
+            return self._packed(answer, frame.job, spent)
         except Exception as error:  # noqa: BLE001 - whatever an engine or its adapter raises is evidence about that engine
-            reply |= {"cpu": time.process_time() - start, "strays": _left_behind()}
-            return frames.pack(reply | {"reason": str(error) if isinstance(error, ProtocolError) else raised(error)})
+            if start is not None:
+                spent = time.process_time() - start
+            reason = str(error) if isinstance(error, ProtocolError) else raised(error)
+            return frames.pack(_told(reason, _left_behind(), None), job=frame.job, cpu=spent)
+
+    def _packed(self, answer: object, number: int, spent: float) -> bytes:
+        """Reply with a value; its header is not written again for an answer like an earlier one."""
+        outline, arrays = codec.outlined(answer)
+        strays = _left_behind()
+        header = None if outline is None or strays else self._headers.get(outline)
+        if header is None:
+            tree, arrays = codec.encode(answer)
+            header = frames.written(_told("", strays, tree), [(array.dtype, array.shape) for array in arrays])
+            if outline is not None and not strays:
+                _remember(self._headers, outline, header)
+        return frames.framed(header, [array.tobytes() for array in arrays], number, spent)
+
+
+_REMEMBERED = 256
+"""Forms of jobs that a worker holds at a time, and headers of replies."""
+
+
+def _remember(table: dict[Any, Any], key: object, value: object) -> None:
+    if len(table) >= _REMEMBERED:
+        table.clear()
+    table[key] = value
+
+
+def _told(reason: str, strays: bool, tree: object) -> Header:
+    return {"kind": "reply", "reason": reason, "strays": strays, "value": tree}
 
 
 _ENTRIES: dict[str, dict[str, Any]] = {
-    "load": {"job": int, "engine": str},
+    "load": {"engine": str},
     "keep": {"key": str, "value": object},
     "forget": {"key": str},
     "job": {
-        **{"job": int, "mechanism": str | None, "method": str | None, "question": str | None},
+        **{"mechanism": str | None, "method": str | None, "question": str | None},
         **{"survey": list, "step": float, "states": int, "times": int},
     },
 }
@@ -163,7 +208,7 @@ class Stream(Protocol):
         ...
 
 
-def read_frames(stream: Stream) -> Iterator[tuple[Header, list[Array]]]:
+def read_frames(stream: Stream) -> Iterator[Frame]:
     """Frames as they come, up to the end of the stream.
 
     Raises
@@ -183,17 +228,17 @@ def serve(channel: int, lifeline: int) -> None:
     _settle(lifeline)
     high = fcntl.fcntl(channel, fcntl.F_DUPFD_CLOEXEC, _HIGH)
     os.close(channel)
-    server, libc = Server(), ctypes.CDLL(None)
+    server, flush = Server(), ctypes.CDLL(None).fflush
     with socket.socket(fileno=high) as runner:
         runner.sendall(
             frames.pack(
                 {"kind": "hello", "pid": os.getpid(), "python": platform.python_version(), "numpy": np.__version__}
             )
         )
-        for header, arrays in read_frames(runner):
-            reply = server.handle(header, arrays)
+        for frame in read_frames(runner):
+            reply = server.handle(frame)
             if reply is not None:
-                _flush(libc)
+                _flush(flush)
                 runner.sendall(reply)
 
 
@@ -210,29 +255,32 @@ def _settle(lifeline: int) -> None:
         ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
 
 
-def _flush(libc: ctypes.CDLL) -> None:
+def _flush(all_of_c: Callable[[None], object]) -> None:
     """What the engine printed belongs to this job, not to the next."""
     for stream in (sys.stdout, sys.stderr):
-        with suppress(OSError, ValueError):  # an engine may have closed its own
+        try:  # noqa: SIM105 - here and below, a context manager takes several times as long as what it wraps
             stream.flush()
-    libc.fflush(None)
+        except (OSError, ValueError):  # an engine may have closed its own
+            pass
+    all_of_c(None)
 
 
 def _left_behind() -> bool:
     """Whether a process that the engine started still runs; those that have ended are buried."""
-    with suppress(ChildProcessError):  # there is none
+    try:
         while os.waitpid(-1, os.WNOHANG)[0]:
             pass
-        return True
-    return False
+    except ChildProcessError:  # there is none
+        return False
+    return True
 
 
 def replay(data: bytes) -> str:
     """Obey frames in this process, without limits: where a debugger can look; the last reply in words."""
     server, last = Server(), "there was no job in the file"
     for frame in read_frames(_Bytes(data)):
-        for header, arrays in read_frames(_Bytes(server.handle(*frame) or b"")):
-            last = header["reason"] or str(codec.decode(header["value"], arrays))
+        for reply in read_frames(_Bytes(server.handle(frame) or b"")):
+            last = reply.form.told["reason"] or str(codec.value_of(reply.form, reply.arrays))
     return last
 
 

@@ -81,8 +81,7 @@ def _crash(*_):
 
 
 def _reply(number):
-    told = {"kind": "reply", "job": number, "cpu": 0.0, "reason": "", "strays": False, "value": None}
-    return frames.pack(told)
+    return frames.pack({"kind": "reply", "reason": "", "strays": False, "value": None}, job=number)
 
 
 def _eat():
@@ -145,8 +144,10 @@ ATTACKS = {
     "writes_text_frame": lambda: _wire().sendall(frames.pack({"kind": "job", "value": [1, 2]})),
     "half_a_frame_and_dies": lambda: _both(_half_a_frame, _crash),
     "half_a_frame_and_hangs": lambda: _both(_half_a_frame, lambda: time.sleep(10_000)),
-    "announces_too_much": lambda: _wire().sendall(frames.PREFIX.pack(frames.MAGIC, frames.VERSION, 2**32 - 1, 2**60)),
-    "other_version": lambda: _wire().sendall(frames.PREFIX.pack(frames.MAGIC, 99, 10, 0)),
+    "announces_too_much": lambda: _wire().sendall(
+        frames.PREFIX.pack(frames.MAGIC, frames.VERSION, 2**32 - 1, 2**60, 4, 0.0)
+    ),
+    "other_version": lambda: _wire().sendall(frames.PREFIX.pack(frames.MAGIC, 99, 10, 0, 4, 0.0)),
     "wrong_job": lambda: _wire().sendall(_reply(123_456)),
     "answers_twice": lambda: _both(lambda: _wire().sendall(_reply(4)), lambda: _wire().sendall(_reply(4))),
     "closes_its_pipe": _close_everything,

@@ -1,0 +1,101 @@
+"""What frames have in common is written and read once, and nobody can tell: values, jobs and keys are as they were."""
+
+import numpy as np
+import pytest
+
+from consilience.run import InstantAnswer, ModelAnswer
+from consilience.workers import codec
+from consilience.workers.frames import pack
+from consilience.workers.jobs import Request
+from consilience.workers.sending import job
+from consilience.workers.serve import _REMEMBERED, Server, _Bytes, read_frames
+from harness.test_protocol import MECHANISMS, Asked, same
+
+ONE, OTHER = list(MECHANISMS.values())[:2]
+
+
+def received(data):
+    """The one frame of some bytes."""
+    (frame,) = read_frames(_Bytes(data))
+    return frame
+
+
+class Repeats(Server):
+    """A worker that gives prepared answers, in turn."""
+
+    def __init__(self, *answers):
+        super().__init__()
+        self.answers = iter(answers)
+
+    def _perform(self, request):
+        return next(self.answers)
+
+
+ALIKE = [
+    ModelAnswer(0.0, np.zeros(3), np.eye(3), 2),
+    ModelAnswer(0.0, np.ones(3), 2.0 * np.eye(3), 2),
+    ModelAnswer(-0.0, np.zeros(3), np.eye(3), 2),
+    ModelAnswer(1.0, np.zeros(3), np.eye(3), 1),
+    ModelAnswer(1, np.zeros(3), np.eye(3), True),
+    ModelAnswer(float("nan"), np.zeros(3), np.eye(3), 1.0),
+    ModelAnswer(1.0, np.zeros(4), np.eye(3), 1),
+    ModelAnswer(1.0, np.zeros(3, dtype="<f4"), np.eye(3).T, 1),
+    ModelAnswer("1.0", (0.0, [1.0]), None, -1),
+    InstantAnswer(*np.ones((4, 1, 2, 3)), np.zeros(1), np.zeros(1)),
+    InstantAnswer(*np.ones((2, 1, 2, 3)), None, None, np.zeros(1), np.zeros(1)),
+]
+
+
+def test_answers_that_are_alike_are_not_taken_for_one_another():
+    answers = [*ALIKE, *reversed(ALIKE)]
+    server = Repeats(*answers)
+    for number, answer in enumerate(answers):
+        frame = received(server.handle(received(job(Request(), None, None, number))))
+        assert frame.job == number
+        assert same(codec.value_of(frame.form, frame.arrays), answer)
+
+
+def test_the_header_of_an_answer_like_an_earlier_one_is_not_written_again(monkeypatch):
+    server = Repeats(*ALIKE[:3])
+    replies = [server.handle(received(job(Request(), None, None, 1)))]
+    monkeypatch.setattr(codec, "encode", lambda answer: pytest.fail("it is written again"))
+    replies.append(server.handle(received(job(Request(), None, None, 2))))
+    first, second = map(received, replies)
+    assert first.form is second.form
+    assert same(codec.value_of(second.form, second.arrays), ALIKE[1])
+
+
+def test_what_is_read_by_a_remembered_form_is_nobody_elses():
+    data = pack({"value": codec.encode({"a": [1, {"b": (2, [3])}]})[0]})
+    first, second = received(data), received(data)
+    assert first.form is second.form
+    value = codec.value_of(first.form, first.arrays)
+    value["a"][1]["b"][1].append(4)
+    value["a"].clear()
+    assert codec.value_of(second.form, second.arrays) == {"a": [1, {"b": (2, [3])}]}
+
+
+def kept(key, mechanism):
+    tree, arrays = codec.encode(mechanism)
+    return received(pack({"kind": "keep", "key": key, "value": tree}, arrays))
+
+
+def test_a_job_asked_again_is_about_what_is_held_now():
+    server, asked = Asked(), received(job(Request(ONE), "key", None, 1))
+    server.handle(kept("key", ONE))
+    for _ in range(2):
+        server.handle(asked)
+        assert same(server.request.mechanism, ONE)
+    server.handle(kept("key", OTHER))
+    server.handle(asked)
+    assert same(server.request.mechanism, OTHER)
+    server.handle(received(pack({"kind": "forget", "key": "key"})))
+    refused = received(server.handle(asked))
+    assert refused.form.told["reason"] == "the job refers to a Mechanism that was not sent"
+
+
+def test_a_worker_remembers_a_limited_number_of_forms():
+    server = Asked()
+    for n in range(3 * _REMEMBERED):
+        server.handle(received(job(Request(step=float(n)), None, None, n)))
+    assert len(server._asked) <= _REMEMBERED
