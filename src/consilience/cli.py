@@ -24,7 +24,20 @@ from consilience.examples import EXAMPLES, START, epilog
 if TYPE_CHECKING:
     from consilience.case import Case
 
+
+class _Commands(typer.core.TyperGroup):
+    """The commands; a shell that completes is shown the arguments of those that are imported when they are called."""
+
+    def resolve_command(self, context: Any, words: list[str]) -> tuple[str | None, Any, list[str]]:
+        """The command that the first word names, and the words after it."""
+        name, command, rest = super().resolve_command(context, words)
+        if context.resilient_parsing and name in CAMPAIGNS:
+            command = command_of(name)
+        return name, command, rest
+
+
 app = typer.Typer(
+    cls=_Commands,
     help="Ask several multibody engines the same question and judge the answers.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
@@ -33,9 +46,37 @@ app = typer.Typer(
 CORES = os.cpu_count() or 2
 out, err = Console(), Console(stderr=True)
 
-Cases = Annotated[list[str] | None, typer.Argument(metavar="[CASE]...", help="Names or case files; default: all.")]
-Engines = Annotated[list[str] | None, typer.Option("-e", "--engine", help="Engine; repeat it. Default: all.")]
-Questions = Annotated[list[str] | None, typer.Option("-q", "--question", help="Question; repeat it. Default: all.")]
+
+def _cases_like(incomplete: str) -> list[str]:
+    from consilience.library import cases_like
+
+    return cases_like(incomplete)
+
+
+def _engines_like(incomplete: str) -> list[str]:
+    from consilience.engine import engines_like
+
+    return engines_like(incomplete)
+
+
+def _questions_like(incomplete: str) -> list[str]:
+    from consilience.run import Question
+
+    return [str(question) for question in Question if question.startswith(incomplete)]
+
+
+Cases = Annotated[
+    list[str] | None,
+    typer.Argument(metavar="[CASE]...", help="Names or case files; default: all.", autocompletion=_cases_like),
+]
+Engines = Annotated[
+    list[str] | None,
+    typer.Option("-e", "--engine", help="Engine; repeat it. Default: all.", autocompletion=_engines_like),
+]
+Questions = Annotated[
+    list[str] | None,
+    typer.Option("-q", "--question", help="Question; repeat it. Default: all.", autocompletion=_questions_like),
+]
 Jobs = Annotated[int, typer.Option("-j", "--jobs", min=1, help="Engines that work at a time.")]
 Limit = Annotated[float, typer.Option(min=0.1, help="Time limit of one job in s.")]
 
@@ -202,11 +243,11 @@ def _reference_here() -> Iterator[None]:
 
 @app.command(epilog=epilog(EXAMPLES["simulate"]))
 def simulate(
-    case: Annotated[str, typer.Argument(help="Name or case file.")],
+    case: Annotated[str, typer.Argument(help="Name or case file.", autocompletion=_cases_like)],
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="File: .json, .npz or .csv; default: CASE.json here.")
     ] = None,
-    engine: Annotated[str, typer.Option("-e", "--engine")] = "reference",
+    engine: Annotated[str, typer.Option("-e", "--engine", autocompletion=_engines_like)] = "reference",
     duration: Annotated[float | None, typer.Option(help="s; default: the case's.")] = None,
     sample: Annotated[float | None, typer.Option(help="s; default: the case's.")] = None,
     limit: Limit = 600.0,

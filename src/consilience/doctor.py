@@ -19,7 +19,7 @@ import typer
 from rich.console import Console
 
 from consilience.compare import Verdict
-from consilience.engine import installed, require_installed, split_name
+from consilience.engine import engines_like, installed, require_installed, split_name
 from consilience.formats import Format, SheetFormat
 from consilience.history.show import WRITERS, Sheet
 from consilience.library import load_case
@@ -237,7 +237,10 @@ def diagnose(results: Results, engines: list[str]) -> Iterator[Diagnosis]:
 
 
 def doctor(
-    engine: Annotated[list[str] | None, typer.Option("-e", "--engine", help="Engine; repeat it. Default: all.")] = None,
+    engine: Annotated[
+        list[str] | None,
+        typer.Option("-e", "--engine", help="Engine; repeat it. Default: all.", autocompletion=engines_like),
+    ] = None,
     limit: Annotated[float, typer.Option(min=0.1, help="Time limit of one job in s.")] = 600.0,
     form: SheetFormat = Format.TEXT,
 ) -> None:

@@ -90,6 +90,11 @@ def beside_adapter(point: EntryPoint, name: str) -> ModuleType | None:
     return import_module(f"{package}.{name}") if there else None
 
 
+def engines_like(incomplete: str) -> list[str]:
+    """Names of installed engines that begin so, for a shell that completes; none is started."""
+    return [name for name in installed() if name.startswith(incomplete)]
+
+
 def installed() -> dict[str, EntryPoint]:
     """Entry points of all installed engines by name; nothing is imported."""
     return {point.name: point for point in sorted(entry_points(group=GROUP), key=lambda p: p.name)}

@@ -37,6 +37,12 @@ def _shipped(path: Path) -> list[Case]:
     return [replace(case, group=path.parent.name) for case in load_file(path)]
 
 
+def cases_like(incomplete: str) -> list[str]:
+    """Names that begin so, of shipped files and of families, for a shell that completes; no file is read."""
+    names = dict.fromkeys((*(path.stem for path in case_files()), *FAMILIES))
+    return [name for name in names if name.startswith(incomplete)]
+
+
 def load_cases(name: str) -> list[Case]:
     """Cases that a user means by a name: a shipped case or all its variants, a member of a family, or a case file.
 
@@ -64,8 +70,8 @@ def load_cases(name: str) -> list[Case]:
     raise InvalidInput(
         f"case '{name}'",
         "there is no shipped case of that name",
-        (f"Nearest: {', '.join(near)}. " if near else "")
-        + "`consilience list` names all cases and families; the path of a case file works, too.",
+        (f"Nearest: {', '.join(near)}; `consilience list` names all" if near else f"Shipped: {', '.join(case_names())}")
+        + f". Families: {', '.join(FAMILIES)}, as FAMILY:PARAMETER=VALUE,... The path of a case file works, too.",
     )
 
 

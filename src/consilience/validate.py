@@ -12,10 +12,10 @@ import typer
 from rich.console import Console
 
 from consilience.case import Case
-from consilience.engine import installed, require_installed
+from consilience.engine import engines_like, installed, require_installed
 from consilience.errors import InvalidInput, visible
 from consilience.formats import Format, SheetFormat
-from consilience.library import load_cases
+from consilience.library import cases_like, load_cases
 from consilience.report.anatomy import anatomy, expected_lines, listed, warnings
 from consilience.run import EngineInfo, Method, Question
 from consilience.worker import Plan, Request, Worker, in_parallel
@@ -186,8 +186,14 @@ def _method_line(method: Findings) -> str:
 
 
 def validate(
-    cases: Annotated[list[str], typer.Argument(metavar="FILE...", help="Case files, names, or families.")],
-    engine: Annotated[list[str] | None, typer.Option("-e", "--engine", help="Engine; repeat it. Default: all.")] = None,
+    cases: Annotated[
+        list[str],
+        typer.Argument(metavar="FILE...", help="Case files, names, or families.", autocompletion=cases_like),
+    ],
+    engine: Annotated[
+        list[str] | None,
+        typer.Option("-e", "--engine", help="Engine; repeat it. Default: all.", autocompletion=engines_like),
+    ] = None,
     form: SheetFormat = Format.TEXT,
     limit: Annotated[float, typer.Option(min=0.1, help="Time limit of one message to an engine in s.")] = 180.0,
 ) -> None:

@@ -13,7 +13,7 @@ from rich.console import Console
 
 from consilience.case import Case
 from consilience.engine import load_engine
-from consilience.library import load_cases, shipped_cases
+from consilience.library import cases_like, load_cases, shipped_cases
 from consilience.published import Published, read_motion, read_start
 from consilience.run import Question
 
@@ -99,7 +99,8 @@ def table(found: Sequence[Found]) -> str:
 
 def values(
     cases: Annotated[
-        list[str] | None, typer.Argument(metavar="[CASE]...", help="Names or case files; default: all.")
+        list[str] | None,
+        typer.Argument(metavar="[CASE]...", help="Names or case files; default: all.", autocompletion=cases_like),
     ] = None,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Markdown file for the table.")] = None,
 ) -> None:

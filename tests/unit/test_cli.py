@@ -202,3 +202,25 @@ def test_a_tag_or_a_group_chooses_cases_and_one_that_none_has_is_refused():
     assert [case.name for case in _tagged(cases, ["tour", "lumpy"])] == ["a", "b"]
     with pytest.raises(InvalidInput, match=r"tag 'soft': no chosen case has it\. Tags and groups: hard, joints"):
         _tagged(cases, ["soft"])
+
+
+@pytest.mark.parametrize(
+    ("words", "found"),
+    [
+        ("consilience ru", "run"),
+        ("consilience run double_w", "double_wishbone"),
+        ("consilience run -e ref", "reference"),
+        ("consilience run -q ins", "instant"),
+        ("consilience show --pic", "--picture"),
+        ("consilience translate four_bar -e ref", "reference"),
+        ("consilience export report --format jun", "junit"),
+        ("consilience explain hori", "horizon"),
+    ],
+)
+def test_a_shell_completes_commands_options_and_names(words, found, tmp_path):
+    asked = {"_CONSILIENCE_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": str(words.count(" "))}
+    call = "import sys; from consilience.cli import main; sys.argv = ['consilience']; main()"
+    done = subprocess.run(
+        [sys.executable, "-c", call], env=os.environ | asked, cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.stdout.split() == [found]

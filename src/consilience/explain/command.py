@@ -17,10 +17,20 @@ from consilience.formats import Format, SheetFormat
 out = Console()
 
 
+def _words_like(incomplete: str) -> list[str]:
+    """Names of one word that begin so: a shell would take a name of several for several."""
+    names = dict.fromkeys(entry.name for entry in read_entries())
+    return [name for name in names if name.startswith(incomplete) and " " not in name]
+
+
 def explain(
     words: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[VERDICT|TERM|TRAP]", help="Name, or number of a trap; default: list all."),
+        typer.Argument(
+            metavar="[VERDICT|TERM|TRAP]",
+            help="Name, or number of a trap; default: list all.",
+            autocompletion=_words_like,
+        ),
     ] = None,
     form: SheetFormat = Format.TEXT,
 ) -> None:

@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from consilience.engine import installed, require_installed
+from consilience.engine import engines_like, installed, require_installed
 from consilience.errors import InvalidInput
 from consilience.fuzz.campaign import Panel, run_campaign, run_on_cluster
 from consilience.fuzz.findings import find
@@ -23,7 +23,10 @@ from consilience.scale import cluster_of, log_to_stderr
 def fuzz(
     mechanisms: Annotated[int, typer.Option("-n", "--mechanisms", min=1, help="How many.")] = 300,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the first; the next ones follow.")] = 1,
-    engine: Annotated[list[str] | None, typer.Option("-e", "--engine", help="Engine; repeat it. Default: all.")] = None,
+    engine: Annotated[
+        list[str] | None,
+        typer.Option("-e", "--engine", help="Engine; repeat it. Default: all.", autocompletion=engines_like),
+    ] = None,
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the outcome.")] = Path("consilience-fuzz"),
     limit: Annotated[float, typer.Option(min=0.1, help="Time limit of one message to an engine in s.")] = 180.0,
     effort: Annotated[float, typer.Option(min=0.0, help="Time to shrink one disagreement in s.")] = 120.0,

@@ -12,11 +12,11 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from consilience.engine import installed, require_installed
+from consilience.engine import engines_like, installed, require_installed
 from consilience.identities.check import Checks, check_engines
 from consilience.identities.result import exit_code
 from consilience.identities.tables import LEGEND, blemishes, check_target, matrix, sentence, write
-from consilience.library import load_cases, shipped_cases
+from consilience.library import cases_like, load_cases, shipped_cases
 from consilience.run import Profile
 
 CORES = os.cpu_count() or 2
@@ -28,9 +28,13 @@ out, err = Console(), Console(stderr=True)
 
 def check(
     cases: Annotated[
-        list[str] | None, typer.Argument(metavar="[CASE]...", help="Names or case files; default: all.")
+        list[str] | None,
+        typer.Argument(metavar="[CASE]...", help="Names or case files; default: all.", autocompletion=cases_like),
     ] = None,
-    engine: Annotated[list[str] | None, typer.Option("-e", "--engine", help="Engine; repeat it. Default: all.")] = None,
+    engine: Annotated[
+        list[str] | None,
+        typer.Option("-e", "--engine", help="Engine; repeat it. Default: all.", autocompletion=engines_like),
+    ] = None,
     states: Annotated[int, typer.Option(min=1, help="States of each case that are looked at.")] = 3,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="File: .json or .md.")] = None,
     jobs: Annotated[int, typer.Option("-j", "--jobs", min=1, help="Engines that work at a time.")] = CORES,

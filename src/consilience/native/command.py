@@ -8,13 +8,16 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from consilience.library import load_case
+from consilience.engine import engines_like
+from consilience.library import cases_like, load_case
 from consilience.native.files import native_files, write_native
 
 
 def translate(
-    case: Annotated[str, typer.Argument(help="Name or case file.")],
-    engine: Annotated[str, typer.Option("-e", "--engine", help="Engine whose model to write.")],
+    case: Annotated[str, typer.Argument(help="Name or case file.", autocompletion=cases_like)],
+    engine: Annotated[
+        str, typer.Option("-e", "--engine", help="Engine whose model to write.", autocompletion=engines_like)
+    ],
     output: Annotated[Path, typer.Option("-o", "--output", help="New folder for the files.")],
 ) -> None:
     """Write the native model of a case, its initial state and its manifest, for use with the engine alone."""

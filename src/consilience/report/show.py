@@ -11,7 +11,7 @@ from rich.console import Console
 
 from consilience.case import Case
 from consilience.errors import InvalidInput
-from consilience.library import load_cases
+from consilience.library import cases_like, load_cases
 from consilience.report.html import render_replay
 from consilience.report.pages import write_pages
 from consilience.report.picture import picture
@@ -27,7 +27,9 @@ LIMIT = 600.0
 
 
 def show(
-    case: Annotated[str, typer.Argument(help="Name, case file, or family such as windows:count=3.")],
+    case: Annotated[
+        str, typer.Argument(help="Name, case file, or family such as windows:count=3.", autocompletion=cases_like)
+    ],
     drawn: Annotated[
         Path | None, typer.Option("--picture", metavar="FILE.svg", help="Draw it in four views as well.")
     ] = None,
