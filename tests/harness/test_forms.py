@@ -36,7 +36,8 @@ ALIKE = [
     ModelAnswer(0.0, np.ones(3), 2.0 * np.eye(3), 2),
     ModelAnswer(-0.0, np.zeros(3), np.eye(3), 2),
     ModelAnswer(1.0, np.zeros(3), np.eye(3), 1),
-    ModelAnswer(1, np.zeros(3), np.eye(3), True),
+    ModelAnswer(1.0, np.zeros(3), np.eye(3), True),
+    ModelAnswer(1, np.zeros(3), np.eye(3), 1),
     ModelAnswer(float("nan"), np.zeros(3), np.eye(3), 1.0),
     ModelAnswer(1.0, np.zeros(4), np.eye(3), 1),
     ModelAnswer(1.0, np.zeros(3, dtype="<f4"), np.eye(3).T, 1),
@@ -52,7 +53,9 @@ def test_answers_that_are_alike_are_not_taken_for_one_another():
     for number, answer in enumerate(answers):
         frame = received(server.handle(received(job(Request(), None, None, number))))
         assert frame.job == number
-        assert same(codec.value_of(frame.form, frame.arrays), answer)
+        value = codec.value_of(frame.form, frame.arrays)
+        assert same(value, answer)
+        assert repr(value) == repr(answer)  # -0.0 is the same as 0.0 otherwise
 
 
 def test_the_header_of_an_answer_like_an_earlier_one_is_not_written_again(monkeypatch):

@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from dataclasses import fields
 from enum import Enum
 from functools import cache
+from operator import itemgetter
 from types import NoneType, UnionType
 from typing import Any, get_args, get_origin, get_type_hints
 
@@ -202,6 +203,8 @@ def value_of(form: Form, arrays: Sequence[Array]) -> Any:
         return form.reader(arrays)
     except RecursionError:
         raise ProtocolError("the message is nested too deeply") from None
+    except IndexError:
+        raise ProtocolError(f"the message has {len(arrays)} arrays, and needs more") from None
 
 
 def _reader(tree: object) -> _Reader:
@@ -292,13 +295,7 @@ def _array_reader(tree: dict[str, Any]) -> _Reader:
     n = tree["n"]
     if type(n) is not int or n < 0:
         raise ProtocolError("an array of the message has no number")
-
-    def read(arrays: Sequence[Array]) -> Array:
-        if n >= len(arrays):
-            raise ProtocolError(f"the message has no array {n}")
-        return arrays[n]
-
-    return read
+    return itemgetter(n)
 
 
 def _tuple_reader(tree: dict[str, Any]) -> _Reader:

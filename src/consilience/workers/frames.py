@@ -184,7 +184,7 @@ class Incoming:
     """
 
     def __init__(self) -> None:
-        self._data = bytearray()
+        self._data: bytes | bytearray = b""
         self._prefix: tuple[int, int, int, float] | None = None
         self.announced = 0
 
@@ -199,7 +199,12 @@ class Incoming:
         ProtocolError
             If this is no frame.
         """
-        self._data += chunk
+        if not self._data:
+            self._data = chunk  # most frames come in one
+        elif chunk:
+            if isinstance(self._data, bytes):
+                self._data = bytearray(self._data)
+            self._data += chunk
         if self._prefix is None and len(self._data) >= PREFIX.size:
             self._prefix = opened(self._data)
             self.announced = PREFIX.size + self._prefix[0] + self._prefix[1]
@@ -214,9 +219,9 @@ class Incoming:
         """
         assert self._prefix is not None
         header, _, job, cpu = self._prefix
-        start, end = PREFIX.size + header, self.announced
-        text, body = bytes(self._data[PREFIX.size : start]), self._data[start:end]
-        del self._data[:end]
+        start, end, data = PREFIX.size + header, self.announced, self._data
+        text, body = bytes(data[PREFIX.size : start]), bytearray(memoryview(data)[start:end])
+        self._data = b"" if len(data) == end else data[end:]
         self._prefix, self.announced = None, 0
         return Frame(*unpack(text, body), job, cpu)
 

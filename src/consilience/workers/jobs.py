@@ -34,35 +34,41 @@ _WIDTHS = {"p_WB": 3, "quat_WB": 4, "v_WB_W": 3, "w_WB_W": 3}
 
 _WIDTH = sum(_WIDTHS.values())
 
+_FLOAT = np.dtype(float)
+
 
 def stacked(states: Sequence[State]) -> tuple[bytes, tuple[int, int]]:
     """States of one mechanism as an array, its bytes and shape.
 
     One state in a row: positions of all bodies, then quaternions, and so on.
     """
-    parts = [getattr(state, name).tobytes() for state in states for name in _WIDTHS]
+    parts = list[bytes]()
+    for state in states:
+        parts += state.p_WB.tobytes(), state.quat_WB.tobytes(), state.v_WB_W.tobytes(), state.w_WB_W.tobytes()
     return b"".join(parts), (len(states), _WIDTH * len(states[0].p_WB))
 
 
 def states_of(table: Array) -> tuple[State, ...]:
-    """States of such an array; they share its memory.
+    """States of such an array, contiguous as what has come in a frame is; they share its memory.
 
     Raises
     ------
     ValueError
         If it is none.
     """
-    if table.dtype != np.float64 or table.ndim != 2 or table.shape[1] % _WIDTH:
+    if table.dtype != _FLOAT or table.ndim != 2 or table.shape[1] % _WIDTH:
         raise ValueError(f"an array of {table.dtype} and shape {table.shape} holds no states")
-    return tuple(_state(row, len(row) // _WIDTH) for row in table)
+    count, width = table.shape
+    return tuple([_state(table, row * width * _FLOAT.itemsize, width // _WIDTH) for row in range(count)])
 
 
-def _state(row: Array, bodies: int) -> State:
-    """Without the checks of a state: it must be the runner's to the last bit."""
-    state, at = object.__new__(State), 0
+def _state(table: Array, at: int, bodies: int) -> State:
+    """Of a row that begins at a byte, without the checks of a state: it must be the runner's to the last bit."""
+    state = object.__new__(State)
+    content = state.__dict__
     for name, width in _WIDTHS.items():
-        state.__dict__[name] = row[at : at + bodies * width].reshape(bodies, width)
-        at += bodies * width
+        content[name] = np.ndarray((bodies, width), _FLOAT, table, at)
+        at += bodies * width * _FLOAT.itemsize
     return state
 
 

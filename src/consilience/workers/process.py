@@ -122,7 +122,7 @@ class Process:
         """Whether nothing has come that nobody asked for."""
         if self.more:
             return False
-        return not any(fd == self._channel and event & ~select.POLLOUT for fd, event in self._poll.poll(0))
+        return not dict(self._poll.poll(0)).get(self._channel, 0) & ~select.POLLOUT
 
     def exchange(self, data: bytes, limit: float, stopped: Callable[[], bool]) -> Frame:
         """Send frames and wait for one.

@@ -12,6 +12,7 @@ import fcntl
 import os
 import platform
 import resource
+import select
 import signal
 import socket
 import sys
@@ -223,6 +224,22 @@ def read_frames(stream: Stream) -> Iterator[Frame]:
             ready = coming.add(b"")
 
 
+class _Waiting:
+    """Frames from a socket, waited for by `poll` for data alone.
+
+    Who waits in `recv` is woken once more when the other end has read an answer and there is room again: a change of
+    processes and an interrupt of the runner's core in each job.
+    """
+
+    def __init__(self, stream: socket.socket) -> None:
+        self._stream, self._poll = stream, select.poll()
+        self._poll.register(stream, select.POLLIN)
+
+    def recv(self, count: int) -> bytes:
+        self._poll.poll()
+        return self._stream.recv(count)
+
+
 def serve(channel: int, lifeline: int) -> None:
     """Answer until the runner closes the channel or dies."""
     _settle(lifeline)
@@ -235,7 +252,7 @@ def serve(channel: int, lifeline: int) -> None:
                 {"kind": "hello", "pid": os.getpid(), "python": platform.python_version(), "numpy": np.__version__}
             )
         )
-        for frame in read_frames(runner):
+        for frame in read_frames(_Waiting(runner)):
             reply = server.handle(frame)
             if reply is not None:
                 _flush(flush)
