@@ -164,7 +164,7 @@ def environment(folder: Path) -> dict[str, str]:
 def execute(page: Path, folder: Path, skip_marked: bool = True) -> list[str]:
     """Execute the blocks of a page in a folder; what went wrong."""
     found, names = [], {"__name__": page.stem}
-    for name in ("tests", "cases"):
+    for name in ("tests", "cases", "reports"):
         if not (folder / name).exists():
             (folder / name).symlink_to(ROOT / name)
     for name, text in FILES.get(str(page.relative_to(ROOT)), {}).items():
