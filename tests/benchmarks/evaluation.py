@@ -6,6 +6,7 @@ Spatial chains of revolute joints about skew axes, bodies with full inertia. Bot
 turns; ratios are medians of the turns, with the quartiles in brackets.
 """
 
+import multiprocessing
 import os
 import resource
 import sys
@@ -107,6 +108,30 @@ def batch():
     for n in (0, 1):
         print(f"{n + 1} threads: {spread(1e-6 * bodies / found[:, n])} million bodies a second")
     print(f"two threads against one: {spread(found[:, 0] / found[:, 1])}", flush=True)
+    print(f"the machine, two processes at once against one: {spread(_scaling(calls[0]))}", flush=True)
+
+
+def _scaling(call):
+    """Work done in a second by two processes that share nothing, each with one thread, against one, in each turn."""
+    context = multiprocessing.get_context("fork")
+    both = np.empty(7)
+    for n in range(len(both)):
+        alone = timed(call, 1)
+        barrier, times = context.Barrier(2), context.Queue()
+
+        def work(barrier=barrier, times=times):
+            call()
+            barrier.wait()
+            times.put(timed(call, 1))
+
+        started = [context.Process(target=work) for _ in range(2)]
+        for process in started:
+            process.start()
+        together = max(times.get() for _ in started)
+        for process in started:
+            process.join()
+        both[n] = 2.0 * alone / together
+    return both
 
 
 def memory():

@@ -30,6 +30,7 @@ SCRIPTS = {
         ("Memory of a run of a chain of 2000 bodies (bar: 1 GB)", ("memory",), False),
     ),
     "growth": (("Growth of one evaluation with the number of loops (bar: exponent 1.2)", (), False),),
+    "anatomy": (("Where the time of the reference goes", (), False),),
     "trajectories": (("Work and precision of the reference", (), False),),
 }
 """By module: title, arguments, and whether it belongs to the short set."""

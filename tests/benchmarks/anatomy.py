@@ -1,0 +1,118 @@
+"""Where the time of the reference goes: the parts of one evaluation, the projection after a step, and a motion of 5 s.
+
+    python tests/benchmarks/anatomy.py [case ...]
+
+Each part is what an evaluation takes up to its end less what it takes up to its beginning, the least of some runs.
+"""
+
+import sys
+import time
+
+import numpy as np
+from numba import njit
+
+from consilience.library import load_case
+from consilience.reference import simulate
+from consilience.reference.relative.articulated import free_biases, inertias, sweep_in, sweep_out
+from consilience.reference.relative.cut_rows import want
+from consilience.reference.relative.dynamics import _close, _push, cut_rows
+from consilience.reference.relative.integrate import arrive, rates
+from consilience.reference.relative.kinematics import place
+from consilience.reference.relative.model import flatten_relative, pack_relative, system
+
+CASES = ("four_bar", "slider_crank", "spatial_slider_crank", "rssr_four_bar", "manipulator", "furuta_pendulum")
+PARTS = ("placing", "inertias, forces", "tree", "rows", "closing", "rates")
+REPEATS, COUNT, APART = 15, 2000, 1e-5
+DURATION, TOLERANCE = 5.0, 1e-10
+
+
+@njit(_nrt=False, error_model="numpy")
+def up_to(depth, rest, elements, z, n):
+    """The first parts of an evaluation, n times."""
+    for _ in range(n):
+        place(rest.layout, rest.link, rest.free, rest.speeds, z, rest.y, rest.A)
+        if depth > 0:
+            inertias(rest.link)
+            if elements is not None and not elements.plain:
+                _push(elements, rest.layout, rest.y, rest.A, 0.0, z, rest.link)
+            else:
+                free_biases(rest.link)
+        if depth > 1:
+            sweep_in(rest.link, rest.free)
+            sweep_out(rest.link, rest.free, rest.u, 1.0)
+        if depth > 2 and rest.loops.group.shape[0]:
+            want(rest.loops.group, rest.fronts.order, rest.fronts.state, rest.fronts.wanted)
+            cut_rows(rest, elements, 0.0)
+        if depth > 3 and rest.loops.group.shape[0]:
+            _close(rest.loops, rest.layout, rest.link, rest.free, rest.fronts, rest.gamma, rest.size[0])
+            sweep_out(rest.link, rest.free, rest.u, 1.0)
+
+
+@njit(_nrt=False, error_model="numpy")
+def whole(tree, rest, elements, z, dz, n):
+    """An evaluation, n times."""
+    for _ in range(n):
+        rates(tree, rest, elements, 0.0, z, dz)
+
+
+@njit(_nrt=False, error_model="numpy")
+def arriving(tree, rest, elements, z, apart, target, n):
+    """The projection of a state that is a little apart from closed loops, n times."""
+    for _ in range(n):
+        for k in range(z.shape[0]):
+            target[k] = z[k] + apart[k]
+        arrive(tree, rest, elements, 0.0, target)
+
+
+def least(calls, count):
+    """Least CPU time of each of some calls, taken in turns, in microseconds for one of `count`."""
+    found = []
+    for _ in range(REPEATS):
+        found.append([])
+        for call in calls:
+            began = time.process_time()
+            call()
+            found[-1].append(time.process_time() - began)
+    return 1e6 * np.min(found, axis=0) / count
+
+
+def row(case):
+    """What the table says of a case."""
+    links, spanning, model = flatten_relative(case.mechanism)
+    tree, rest, elements = system(case.mechanism, links, spanning, model)
+    z = pack_relative(case.mechanism, links, spanning, case.initial_state)
+    dz, target = np.zeros_like(z), z.copy()
+    arriving(tree, rest, elements, z, dz, target, 1)
+    whole(tree, rest, elements, z, dz, 1)
+    calls = [lambda depth=depth: up_to(depth, rest, elements, z, COUNT) for depth in range(len(PARTS) - 1)]
+    calls.append(lambda: whole(tree, rest, elements, z, dz, COUNT))
+    calls.append(lambda: arriving(tree, rest, elements, z, APART * dz, target, COUNT))
+    *ends, projection = least(calls, COUNT)
+    times = np.linspace(0.0, DURATION, 2)
+    motion = simulate(case.mechanism, case.initial_state, times, TOLERANCE, "relative")
+    evaluations, steps = motion.counters["evaluations"], motion.counters["steps"]
+    spans = times, times[:1]
+    calls = [lambda s=s: simulate(case.mechanism, case.initial_state, s, TOLERANCE, "relative") for s in spans]
+    both = least(calls, evaluations)
+    parts = [f"{part:.2f}" for part in np.diff([0.0, *ends])]
+    return [
+        case.name,
+        *parts,
+        f"{ends[-1]:.2f}",
+        f"{projection:.2f}",
+        f"{evaluations}, {steps}",
+        f"{both[0] - both[1]:.2f}",
+    ]
+
+
+def main():
+    """Print the table."""
+    columns = ["case", *PARTS, "evaluation", "projection", "evaluations, steps", "all, by evaluation"]
+    print("Microseconds; the last two columns: 5 s at a tolerance of 1e-10, without translation.\n")
+    print(f"| {' | '.join(columns)} |\n{'|---' * len(columns)}|")
+    for name in sys.argv[1:] or CASES:
+        print(f"| {' | '.join(row(load_case(name)))} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
