@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,19 +10,17 @@ from typing import Annotated
 
 import numpy as np
 import typer
-from rich.console import Console
 
 from consilience.case import Case
 from consilience.engine import load_engine
+from consilience.formats import Format, SheetFormat
+from consilience.history.show import WRITERS, Sheet
 from consilience.library import cases_like, load_cases, shipped_cases
 from consilience.published import Published, read_motion, read_start
 from consilience.run import Question
 
 TOLERANCE = 1e-13
 """Of the reference's motion."""
-
-out, err = Console(), Console(stderr=True)
-
 
 HEADING = """# Expected values
 
@@ -74,27 +73,45 @@ def found_values(case: Case) -> Iterator[Found]:
             yield Found(case.name, known, value, known.off(value))
 
 
-def table(found: Sequence[Found]) -> str:
-    """Table in Markdown: one row a value."""
-    lines = [
-        "| case | value | expected | uncertainty | ours | off | origin |",
-        "|---|---|---|---|---|---|---|",
-    ]
+HEADS = ("case", "value", "expected", "uncertainty", "ours", "off", "origin")
+
+
+def rows(found: Sequence[Found]) -> Iterator[tuple[str, ...]]:
+    """What the table says of each value: one cell for each of `HEADS`."""
     for one in found:
         known = one.known
         digits = max(3, min(15, 1 + round(np.log10(max(abs(known.value), known.uncertainty) / known.uncertainty))))
-        origin = f"{known.origin}: {known.source}" + (f"; {known.second}" if known.second else "")
-        cells = (
+        yield (
             one.case,
             known.name,
             f"{known.value:.{digits}g}",
             f"{known.uncertainty:.1g}",
             f"{one.value:.{min(15, digits + 1)}g}",
             f"{one.off:.1e}" + ("" if one.met else " **missed**"),
-            origin.replace("|", "\\|"),
+            f"{known.origin}: {known.source}" + (f"; {known.second}" if known.second else ""),
         )
-        lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join(lines) + "\n"
+
+
+def table(found: Sequence[Found]) -> str:
+    """Table in Markdown: one row a value."""
+    lines = [HEADS, ("---",) * len(HEADS), *rows(found)]
+    return "".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |\n" for line in lines)
+
+
+def _plain(one: Found) -> dict[str, str | float | bool]:
+    """A value for JSON."""
+    known = one.known
+    return {
+        "case": one.case,
+        "value": known.name,
+        "expected": known.value,
+        "uncertainty": known.uncertainty,
+        "ours": one.value,
+        "off": one.off,
+        "met": one.met,
+        "origin": str(known.origin),
+        "source": known.source,
+    }
 
 
 def values(
@@ -103,15 +120,17 @@ def values(
         typer.Argument(metavar="[CASE]...", help="Names or case files; default: all.", autocompletion=cases_like),
     ] = None,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Markdown file for the table.")] = None,
+    form: SheetFormat = Format.TEXT,
 ) -> None:
     """Compare the reference with every expected value: closed forms, publications, independent computations."""
     chosen = [c for name in cases for c in load_cases(name)] if cases else shipped_cases()
     found = [one for case in chosen for one in found_values(case)]
     missed = [one for one in found if not one.met]
-    text = table(found)
+    told = f"{len(found)} values of {len(chosen)} cases, {len(missed)} missed"
     if output is not None:
-        output.write_text(HEADING + text, encoding="utf-8")
-        out.print(f"{len(found)} values of {len(chosen)} cases in {output}, {len(missed)} missed", soft_wrap=True)
-    else:
-        out.print(text, soft_wrap=True, highlight=False, markup=False)
+        output.write_text(HEADING + table(found), encoding="utf-8")
+        told = f"{told}: {output}"
+    data = {"missed": len(missed), "values": [_plain(one) for one in found]}
+    tables = [] if output is not None else [("expected values", HEADS, list(rows(found)))]
+    sys.stdout.write(WRITERS[form](Sheet([told], tables, data)))
     raise typer.Exit(1 if missed else 0)

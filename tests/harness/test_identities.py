@@ -430,6 +430,8 @@ def test_the_command_checks_engines_in_workers_and_writes_what_it_found(app, tmp
     assert {f["identity"] for f in bad} >= {"balance of each body", "momentum"}
     assert {f["identity"] for f in document["findings"]} == set(NAMES)
     assert "balance of each body" in result.output
+    again = CliRunner().invoke(app, ["double_pendulum", *options, "--states", "1", "-f", "json"])
+    assert json.loads(again.stdout)["findings"] == document["findings"]
 
 
 def test_an_engine_that_raises_gives_no_answer_and_the_evidence(tmp_path):

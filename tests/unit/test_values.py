@@ -1,11 +1,13 @@
 """The page of expected values: it shows what is missed, and its command ends accordingly."""
 
+import json
 from dataclasses import replace
 
 import pytest
 from typer import Exit
 
 from consilience import values
+from consilience.formats import Format
 from consilience.library import load_case
 
 
@@ -23,6 +25,22 @@ def test_a_value_that_is_missed_is_marked_and_ends_with_one(monkeypatch, tmp_pat
         values.values(["simple_pendulum-small"], tmp_path / "values.md")
     assert ended.value.exit_code == 1
     assert (tmp_path / "values.md").read_text(encoding="utf-8").startswith("# Expected values")
+
+
+def test_values_are_written_in_the_format_that_is_asked_for(capsys):
+    known = load_case("simple_pendulum-small").published
+    with pytest.raises(Exit) as ended:
+        values.values(["simple_pendulum-small"], None, Format.JSON)
+    assert ended.value.exit_code == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["missed"] == 0
+    assert [one["expected"] for one in told["values"]] == [one.value for one in known]
+    assert all(abs(one["ours"] - one["expected"]) <= one["uncertainty"] + 1e-9 for one in told["values"])
+    with pytest.raises(Exit):
+        values.values(["simple_pendulum-small"], None, Format.MARKDOWN)
+    printed = capsys.readouterr().out
+    assert printed.count("| simple_pendulum-small |") == len(known)
+    assert f"{len(known)} values of 1 cases, 0 missed" in printed
 
 
 def test_values_of_the_start_are_read_from_accelerations():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -13,9 +14,19 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from consilience.engine import engines_like, installed, require_installed
+from consilience.formats import Format, SheetFormat
 from consilience.identities.check import Checks, check_engines
 from consilience.identities.result import exit_code
-from consilience.identities.tables import LEGEND, blemishes, check_target, matrix, sentence, write
+from consilience.identities.tables import (
+    LEGEND,
+    as_json,
+    blemishes,
+    check_target,
+    markdown,
+    matrix,
+    sentence,
+    write,
+)
 from consilience.library import cases_like, load_cases, shipped_cases
 from consilience.run import Profile
 
@@ -39,6 +50,7 @@ def check(
     output: Annotated[Path | None, typer.Option("-o", "--output", help="File: .json or .md.")] = None,
     jobs: Annotated[int, typer.Option("-j", "--jobs", min=1, help="Engines that work at a time.")] = CORES,
     limit: Annotated[float, typer.Option(min=0.1, help="Time limit of one job in s.")] = 180.0,
+    form: SheetFormat = Format.TEXT,
 ) -> None:
     """Check each engine alone, without a reference, against identities that hold whatever the truth is."""
     if output is not None:
@@ -62,7 +74,10 @@ def check(
             limit,
             progress=lambda name, case: bar.update(task, advance=1, description=f"{name}: {case}"),
         )
-    _print(checks)
+    if form is Format.TEXT:
+        _print(checks)
+    else:
+        sys.stdout.write(as_json(checks) if form is Format.JSON else markdown(checks))
     if output is not None:
         write(checks, output)
     raise typer.Exit(exit_code(checks.findings, len(checks.missing)))

@@ -107,9 +107,13 @@ def check_target(path: Path) -> None:
         raise InvalidInput(str(path), "its folder does not exist", "Create the folder first.")
 
 
+def as_json(checks: Checks) -> str:
+    """Everything as JSON."""
+    # residuals that are not numbers do not pass `defects`, and JSON has no word for an infinite one
+    return json.dumps(document(checks), indent=1, allow_nan=False) + "\n"
+
+
 def write(checks: Checks, path: Path) -> None:
     """Write JSON or Markdown; the ending of the name chooses."""
     check_target(path)
-    # residuals that are not numbers do not pass `defects`, and JSON has no word for an infinite one
-    text = json.dumps(document(checks), indent=1, allow_nan=False) if path.suffix == ".json" else markdown(checks)
-    path.write_text(text + "\n" if path.suffix == ".json" else text, encoding="utf-8")
+    path.write_text(as_json(checks) if path.suffix == ".json" else markdown(checks), encoding="utf-8")
