@@ -19,6 +19,7 @@ import typer
 from rich.console import Console
 
 from consilience.compare import Verdict
+from consilience.compiling import kernels_folder
 from consilience.engine import engines_like, installed, require_installed, split_name
 from consilience.formats import Format, SheetFormat
 from consilience.history.show import WRITERS, Sheet
@@ -147,12 +148,6 @@ def writable(folder: Path) -> bool:
 
 def _python() -> Diagnosis:
     return Diagnosis("Python", "well", platform.python_version())
-
-
-def kernels_folder() -> Path:
-    """Folder where Numba keeps the compiled kernels of the reference."""
-    named = os.environ.get("NUMBA_CACHE_DIR")
-    return Path(named) if named else Path(__file__).parent / "reference"
 
 
 def _kernels() -> Diagnosis:

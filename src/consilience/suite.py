@@ -12,7 +12,7 @@ import logging
 from collections import Counter
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, nullcontext
 from dataclasses import dataclass, field, replace
 from queue import SimpleQueue
 from threading import Condition, Lock
@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 from consilience.asking import FULL, Asked, Effort, ask_case, open_plan
 from consilience.case import Case
 from consilience.compare import Comparison, Yardstick
+from consilience.compiling import compiled, compiled_beside
 from consilience.errors import ConsilienceError
 from consilience.judge import REFERENCE, judge_case, yardstick
 from consilience.run import EngineInfo, Question, Run, Status, TrajectoryAnswer
@@ -199,7 +200,9 @@ def run_suite(
     judged: dict[int, list[Comparison]] = {}
     together = 1 if cluster is None else len(cases)
     jobs = min(jobs, len(names)) if cluster is None else min(cluster.tasks, len(names) * len(cases))
+    cold = jobs > 1 and cluster is None and Question.TRAJECTORY in questions and not compiled()
     with (
+        compiled_beside(cases, limit, memory) if cold else nullcontext(),
         _workers(names, limit, memory, cluster) as workers,
         closing(_in_parallel(_Suite(results, workers, effort, store, together), jobs)) as done,
     ):

@@ -6,7 +6,7 @@ argument is compiled again in every process, one that names it is cached.
 
 from __future__ import annotations
 
-from consilience.reference.compiled import kernel
+from consilience.reference.compiled import inlined
 from consilience.reference.forces import control_errors
 from consilience.reference.formulations import descriptor, null_space
 from consilience.reference.model import Model
@@ -17,7 +17,7 @@ FORMULATIONS = {"descriptor": 0, "null_space": 1}
 """Selectable formulations and their numbers."""
 
 
-@kernel
+@inlined
 def accelerations(formulation: int, model: Model, t: float, y: Array, memory: Array, ws: Workspace, a: Array) -> int:
     """Accelerations (dv/dt, dw'/dt), shape (6 n_b,), by the formulation of that number; the constraint rank."""
     if formulation == 0:
@@ -25,7 +25,7 @@ def accelerations(formulation: int, model: Model, t: float, y: Array, memory: Ar
     return null_space.accelerations(model, t, y, memory, ws, a)
 
 
-@kernel
+@inlined
 def derivative(
     formulation: int, model: Model, t: float, y: Array, memory: Array, ws: Workspace, a: Array, dy: Array
 ) -> None:

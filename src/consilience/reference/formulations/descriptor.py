@@ -28,7 +28,7 @@ import numpy as np
 from consilience.kinematics import RANK_TOLERANCE
 from consilience.reference import constraints, forces
 from consilience.reference.bodies import rotations
-from consilience.reference.compiled import allocating, kernel
+from consilience.reference.compiled import kernel
 from consilience.reference.factorisation import least_norm, ordered_qr, pivoted_qr
 from consilience.reference.model import Model
 from consilience.reference.vectors import assign
@@ -130,27 +130,34 @@ def accelerations(model: Model, t: float, y: Array, memory: Array, ws: Workspace
     return rank
 
 
-@allocating
+@kernel
+def _whitened(model: Model, ws: Workspace, a: Array, B: Array) -> None:
+    """``L^-1 Q^T`` into B, and ``L^-1 (M a - f)`` into ``ws.z``."""
+    for row in range(ws.Q.shape[0]):
+        assign(ws.z, ws.Q[row])
+        solve_factor(model, ws.z)
+        assign(B[:, row], ws.z)
+    for b in range(model.mass.shape[0]):
+        o = 6 * b
+        for k in range(3):
+            ws.z[o + k] = model.mass[b] * a[o + k] - ws.f[o + k]
+            ws.z[o + 3 + k] = -ws.f[o + 3 + k]
+            for j in range(3):
+                ws.z[o + 3 + k] += model.inertia[b, k, j] * a[o + 3 + j]
+    solve_factor(model, ws.z)
+
+
 def multipliers(model: Model, t: float, y: Array, memory: Array, ws: Workspace, a: Array) -> Array:
     """Multipliers of least norm from ``Q^T lam = M a - f``, in the metric of the factorisation, shape (q,).
 
-    Fills `a` with the accelerations on the way.
+    Fills `a` with the accelerations on the way. Only what is slow in Python is compiled: it is asked for once a state.
     """
     accelerations(model, t, y, memory, ws, a)
-    if ws.Q.shape[0] == 0:
+    if len(ws.Q) == 0:
         return np.zeros(0)
     B = np.empty(ws.B.shape)
-    for row in range(ws.Q.shape[0]):
-        ws.z[:] = ws.Q[row]
-        solve_factor(model, ws.z)
-        B[:, row] = ws.z
-    for b in range(model.mass.shape[0]):
-        o = 6 * b
-        ws.z[o : o + 3] = model.mass[b] * a[o : o + 3] - ws.f[o : o + 3]
-        ws.z[o + 3 : o + 6] = model.inertia[b] @ a[o + 3 : o + 6] - ws.f[o + 3 : o + 6]
-    solve_factor(model, ws.z)
-    U, s, Vt = np.linalg.svd(B, False)
-    along = U.T @ ws.z
-    for k in range(s.shape[0]):
-        along[k] = along[k] / s[k] if s[k] > RANK_TOLERANCE * s[0] else 0.0
-    return Vt.T @ along
+    _whitened(model, ws, a, B)
+    U, s, Vt = np.linalg.svd(B, full_matrices=False)
+    independent = s > RANK_TOLERANCE * s[0]
+    along = np.divide(U.T @ ws.z, s, out=np.zeros_like(s), where=independent)
+    return np.asarray(Vt.T @ along)

@@ -30,7 +30,8 @@ def mass_matrix(model: Model) -> Array:
         o = 6 * b
         for k in range(3):
             M[o + k, o + k] = model.mass[b]
-        M[o + 3 : o + 6, o + 3 : o + 6] = model.inertia[b]
+            for j in range(3):  # an assignment of parts takes seconds to compile
+                M[o + 3 + k, o + 3 + j] = model.inertia[b, k, j]
     return M
 
 

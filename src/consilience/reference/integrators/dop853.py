@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from consilience.reference.compiled import allocating, kernel
+from consilience.reference.compiled import allocating, inlined, kernel
 from consilience.reference.dynamics import derivative
 from consilience.reference.forces import remember
 from consilience.reference.integrators.coefficients import E3, E5, STAGES, A, B, C
@@ -70,7 +70,7 @@ def _error(K: Array, h: float, size: Array) -> float:
     return abs(h) * e5 / np.sqrt((e5 + 0.01 * e3) * 13 * K.shape[1])
 
 
-@kernel
+@inlined
 def _stages(
     formulation: int,
     model: Model,
