@@ -257,6 +257,7 @@ def _instance(cls: type, tree: dict[str, Any]) -> _Reader:
     checked = cls in CHECKED
 
     def read(arrays: Sequence[Array]) -> object:
+        """A new object of the class, with its fields out of the arrays."""
         value: Any = object.__new__(cls)
         content = value.__dict__
         content.update(same)  # first, all of them: the order of the fields is that of the class
@@ -309,6 +310,7 @@ def _dict_reader(tree: dict[str, Any]) -> _Reader:
     items = [(_reader(k), _reader(v)) for k, v in tree["items"]]
 
     def read(arrays: Sequence[Array]) -> dict[Any, Any]:
+        """A new dict, with its keys and values out of the arrays."""
         with _readable("dict"):
             return {key(arrays): value(arrays) for key, value in items}
 

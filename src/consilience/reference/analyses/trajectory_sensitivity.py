@@ -170,6 +170,7 @@ class _Flow:
         return dy
 
     def derivative(self, t: float, u: Array) -> Array:
+        """Rates of the state u[0] and of its sensitivities u[1:], shape of u."""
         y, rates = u[0], [self.rate(self.model, t, u[0])]
         for parameter_, s in zip(self.parameters, u[1:], strict=True):
             size = float(np.max(np.abs(s)))
