@@ -251,7 +251,7 @@ def system(mechanism: Mechanism, links: Links, spanning: TreeModel, model: Model
 def renewed(given: System) -> System:
     """The same system with arrays of its own to write into, in the state in which they are given.
 
-    A copy takes a third of the time that `system` does, and all of that is more than a short motion of one body takes.
+    It takes a third of the time that `system` does.
     """
     link, free, y, A = (array.copy() for array in given.tree[2:6])
     tree = given.tree._replace(link=link, free=free, y=y, A=A)
