@@ -10,7 +10,7 @@ from scipy.special import ellipj
 from consilience.errors import InvalidInput
 from consilience.reference import formulation
 from consilience.reference.integrators.adaptive import METHODS, integrate, state_at
-from consilience.reference.integrators.tableaus import DORMAND_PRINCE, RADAU, RKF45
+from consilience.reference.integrators.tableaus import DORMAND_PRINCE, RADAU, RKF45, TSITOURAS
 from consilience.reference.solver import NumericalFailure, simulate
 from consilience.spatial import rotation_angle_between
 from mechanisms import LOOPS, TREES, states_of
@@ -106,6 +106,8 @@ STEPS = {
     **{("radau", problem): (48, 72, 96, 144) for problem in PROBLEMS},
     ("dop853", "torque-free body"): (12, 18, 24, 36, 48),
     ("dop853", "driven"): (6, 9, 12, 18, 24),
+    ("tp86", "torque-free body"): (12, 18, 24, 36, 48),
+    ("tp86", "driven"): (6, 9, 12, 18, 24),
 }
 
 
@@ -128,7 +130,7 @@ def test_the_other_member_of_fehlberg_s_pair_is_of_order_four(problem, monkeypat
     assert order(sizes, errors) == pytest.approx(4, abs=0.15)
 
 
-@pytest.mark.parametrize("tableau", [RKF45, DORMAND_PRINCE], ids=["rkf45", "dop853"])
+@pytest.mark.parametrize("tableau", [RKF45, DORMAND_PRINCE, TSITOURAS], ids=["rkf45", "dop853", "tp86"])
 def test_coefficients_meet_the_quadrature_conditions_of_their_order(tableau):
     c, A, b = tableau.c, tableau.A, tableau.b
     np.testing.assert_allclose(A.sum(axis=1), c, atol=1e-14)
@@ -181,7 +183,13 @@ def test_bdf_works_at_order_five_where_the_tolerance_is_tight():
 
 # --- control of the step size
 
-REACHED = {"rkf45": (1e-12, 1e-10), "dop853": (1e-12, 3e-11), "radau": (1e-10, 1e-10), "bdf": (1e-13, 3e-9)}
+REACHED = {
+    "rkf45": (1e-12, 1e-10),
+    "dop853": (1e-12, 3e-11),
+    "tp86": (1e-12, 3e-11),
+    "radau": (1e-10, 1e-10),
+    "bdf": (1e-13, 3e-9),
+}
 """Tolerance, and the error over 5 s that the method is here to stay below."""
 
 
@@ -243,7 +251,7 @@ def test_counters_count(method):
     counters, tableau = motion.counters, METHODS[method]
     assert counters["evaluations"] == len(calls)
     assert counters["steps"] == len(motion.dense.pieces) == len(motion.dense.ends) - 1
-    if method in ("rkf45", "dop853"):
+    if method in ("rkf45", "dop853", "tp86"):
         stages, dense = len(tableau.b), len(tableau.c_dense)
         assert set(counters) == {"steps", "rejected", "evaluations"}
         attempts = counters["steps"] + counters["rejected"]
@@ -321,7 +329,7 @@ def test_every_accepted_step_is_settled_and_goes_on_from_there(method):
 @pytest.mark.parametrize("method", ONE_STEP)
 def test_settling_keeps_the_order(method):
     closed = lambda t: np.stack([np.cos(t), np.sin(t)], axis=-1)  # noqa: E731
-    sizes = 3.0 / np.array([24, 36, 48, 72] if method != "dop853" else [6, 9, 12, 18])
+    sizes = 3.0 / np.array([24, 36, 48, 72] if method not in ("dop853", "tp86") else [6, 9, 12, 18])
     errors = [errors_of(Circle(True), closed, method, h, 3.0)[0] for h in sizes]
     # even orders gain one: settling removes the radial part, which is all the leading error has
     assert order(sizes, errors) > METHODS[method].order - 0.15
@@ -398,7 +406,13 @@ def differences(states, answer):
 
 @pytest.mark.parametrize(
     ("method", "tolerance", "bound"),
-    [("dop853", 1e-12, 1e-10), ("rkf45", 1e-12, 1e-10), ("radau", 1e-9, 1e-8), ("bdf", 1e-11, 1e-7)],
+    [
+        ("dop853", 1e-12, 1e-10),
+        ("tp86", 1e-12, 1e-10),
+        ("rkf45", 1e-12, 1e-10),
+        ("radau", 1e-9, 1e-8),
+        ("bdf", 1e-11, 1e-7),
+    ],
 )
 @pytest.mark.parametrize("name", ["forced_chain", "four_bar"])
 def test_mechanisms_move_as_by_the_compiled_solver(name, method, tolerance, bound):

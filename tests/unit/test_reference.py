@@ -36,7 +36,7 @@ from consilience.reference.dynamics import FORMULATIONS
 from consilience.reference.factorisation import least_norm, pivoted_qr
 from consilience.reference.formulations import descriptor
 from consilience.reference.formulations.null_space import basis, mass_matrix
-from consilience.reference.integrators.coefficients import E3, E5, STAGES, A, B
+from consilience.reference.integrators import coefficients, tsitouras
 from consilience.reference.joint_rows import full_turns
 from consilience.reference.model import flatten, pack, unpack
 from consilience.reference.projection import project
@@ -252,38 +252,88 @@ def density(tree):
     return nodes(tree) * int(np.prod([density(t) for t in tree], dtype=int))
 
 
-def weights(tree):
+def weights(tree, A):
     """Elementary weights of the stages, ``phi_i = prod over the subtrees of sum_j a_ij phi_j``."""
-    return np.prod([A @ weights(t) for t in tree], axis=0) if tree else np.ones(STAGES)
+    return np.prod([A @ weights(t, A) for t in tree], axis=0) if tree else np.ones(len(A))
+
+
+PAIRS = {"dop853": coefficients, "tp86": tsitouras}
 
 
 # 1, 1, 2, 4, 9, 20, 48, 115 trees [Hairer, Norsett, Wanner, table II.2.1]
 @pytest.mark.parametrize(("order", "count"), list(enumerate([1, 1, 2, 4, 9, 20, 48, 115], start=1)))
-def test_dop853_satisfies_every_order_condition(order, count):
+@pytest.mark.parametrize("pair", PAIRS.values(), ids=PAIRS)
+def test_pairs_of_order_eight_satisfy_every_order_condition(pair, order, count):
     trees = rooted_trees(order)
     assert len(trees) == len(set(trees)) == count
-    errors = [B @ weights(tree) - float(Fraction(1, density(tree))) for tree in trees]
+    errors = [pair.B @ weights(tree, pair.A) - float(Fraction(1, density(tree))) for tree in trees]
     assert np.max(np.abs(errors)) < 3e-14
 
 
-def test_dop853_is_not_of_order_nine():
-    assert max(abs(B @ weights(tree) - 1.0 / density(tree)) for tree in rooted_trees(9)) > 1e-7
+@pytest.mark.parametrize("pair", PAIRS.values(), ids=PAIRS)
+def test_pairs_of_order_eight_are_not_of_order_nine(pair):
+    errors = [pair.B @ weights(tree, pair.A) - 1.0 / density(tree) for tree in rooted_trees(9)]
+    assert np.max(np.abs(errors)) > 1e-7
 
 
-@pytest.mark.parametrize(("estimate", "order"), [(E3, 3), (E5, 5)], ids=["E3", "E5"])
-def test_error_estimates_are_differences_to_methods_of_their_order(estimate, order):
-    below = [estimate @ weights(t) for n in range(1, order + 1) for t in rooted_trees(n)]
-    above = [estimate @ weights(t) for t in rooted_trees(order + 1)]
+@pytest.mark.parametrize(
+    ("pair", "estimate", "order"),
+    [(coefficients, coefficients.E3, 3), (coefficients, coefficients.E5, 5), (tsitouras, tsitouras.E, 6)],
+    ids=["dop853, E3", "dop853, E5", "tp86"],
+)
+def test_error_estimates_are_differences_to_methods_of_their_order(pair, estimate, order):
+    below = [estimate @ weights(t, pair.A) for n in range(1, order + 1) for t in rooted_trees(n)]
+    above = [estimate @ weights(t, pair.A) for t in rooted_trees(order + 1)]
     assert np.max(np.abs(below)) < 3e-14
     assert np.max(np.abs(above)) > 1e-5
+
+
+def all_stages(pair):
+    """Stages of a step, its end, and those of the dense output."""
+    s = len(pair.B)
+    A = np.zeros((pair.ALL_STAGES, pair.ALL_STAGES))
+    A[:s, :s], A[s, :s], A[s + 1 :] = pair.A, pair.B, pair.A_DENSE
+    return A
+
+
+def dense_weights(pair, x):
+    """Weights of all stages in the dense output at the part x of a step, by its nested form."""
+    ends, step = np.eye(pair.ALL_STAGES), np.append(pair.B, np.zeros(pair.ALL_STAGES - len(pair.B)))
+    first, last = ends[0], ends[len(pair.B)]
+    total = np.zeros(pair.ALL_STAGES)
+    for i, row in reversed(list(enumerate([step, first - step, 2 * step - first - last, *pair.D_DENSE]))):
+        total = (total + row) * (1 - x if i % 2 else x)
+    return total
+
+
+@pytest.mark.parametrize("x", [0.1, 0.37, 0.5, 0.81, 1.0])
+@pytest.mark.parametrize("pair", PAIRS.values(), ids=PAIRS)
+def test_dense_outputs_satisfy_every_condition_of_order_seven(pair, x):
+    A = all_stages(pair)
+    np.testing.assert_allclose(A.sum(axis=1), [*pair.C, 1.0, *pair.C_DENSE], rtol=0, atol=3e-14)
+    w = dense_weights(pair, x)
+    errors = [
+        [w @ weights(tree, A) - x**order / density(tree) for tree in rooted_trees(order)] for order in range(1, 9)
+    ]
+    assert max(np.max(np.abs(one)) for one in errors[:7]) < 3e-14
+    assert np.max(np.abs(errors[7])) > 1e-7 or x == 1.0
+
+
+def test_tp86_nodes_are_those_of_the_paper():
+    """Fractions as published, but c9 and the twelfth; c4 = 3/2 c3 [Tsitouras and Papakostas 1999, NEW8(6)]."""
+    c4 = Fraction(12257, 79497)
+    fractions = [0, Fraction(9, 142), c4 * 2 / 3, c4, *map(Fraction, ("50/129", "34/73", "23/148", "142/141"))]
+    np.testing.assert_allclose(tsitouras.C[:8], [float(f) for f in fractions], rtol=0, atol=3e-14)
+    np.testing.assert_allclose(tsitouras.C[9:], [83 / 91, 143 / 149, 1.0], rtol=0, atol=3e-14)
+    assert np.all(np.triu(tsitouras.A) == 0)
 
 
 def test_dop853_nodes_are_those_of_the_book():
     """Row sums: c4, c5 = (6 -+ sqrt 6)/30, c3 = 2/3 c4, c2 = 2/3 c3, then fractions [HNW section II.5, II.10]."""
     c4, c5 = (6 - np.sqrt(6)) / 30, (6 + np.sqrt(6)) / 30
     fractions = [1 / 3, 1 / 4, 4 / 13, 127 / 195, 3 / 5, 6 / 7, 1]
-    np.testing.assert_allclose(A.sum(axis=1), [0, 4 / 9 * c4, 2 / 3 * c4, c4, c5, *fractions], rtol=0, atol=3e-14)
-    assert np.all(np.triu(A) == 0)
+    np.testing.assert_allclose(coefficients.C, [0, 4 / 9 * c4, 2 / 3 * c4, c4, c5, *fractions], rtol=0, atol=3e-14)
+    assert np.all(np.triu(coefficients.A) == 0)
 
 
 # ---------------------------------------------------------------- projection

@@ -50,10 +50,12 @@ def simulate(
         Bound on the scaled local error of a step, 1e-14 to 1e-3; of `generalised_alpha` its constant step in s.
     formulation : str
         Key of `registry.FORMULATIONS` or `registry.SYSTEMS`. With dop853 `relative`, `descriptor` and `null_space`
-        run compiled as a whole; everything else integrates with one call from Python for each evaluation.
+        run compiled as a whole, `relative` with tp86, too; everything else integrates with one call from Python for
+        each evaluation.
     integrator : str, optional
-        Key of `integrators.adaptive.METHODS`, ``dop853`` if not given, or ``gauss`` (collocation of order 16, of
-        `relative` alone); `registry.SYSTEMS` have their own.
+        Key of `integrators.adaptive.METHODS`, or ``gauss`` (collocation of order 16, of `relative` alone); if not
+        given, ``dop853``, but of `relative` ``tp86`` unless functions of time are tables. `registry.SYSTEMS` have their
+        own.
     forces : callable, optional
         ``forces(t, state)``: force (N) and torque (N m) on each body at its origin, world axes, shape (n_b, 6), to act
         beside those of the mechanism. The slow path, for formulations in body velocities.
@@ -78,9 +80,9 @@ def simulate(
                 raise InvalidInput(what, f"{formulation} takes none", "Leave it out.")
         return registry.system(formulation)(mechanism, state, times, tolerance)
     times = _checked(times, tolerance)
-    integrator = integrator or "dop853"
-    if forces is None and integrator in INTEGRATORS and formulation == "relative":
+    if forces is None and formulation == "relative" and (integrator is None or integrator in INTEGRATORS):
         return simulate_relative(mechanism, state, times, tolerance, integrator)
+    integrator = integrator or "dop853"
     if forces is None and integrator == "dop853" and formulation in dynamics.FORMULATIONS:
         return _compiled(mechanism, state, times, tolerance, formulation)
     from consilience.reference.integrators.adaptive import integrate  # noqa: PLC0415 - SciPy takes long to import

@@ -5,6 +5,7 @@ name       method                                            order  dense output
 =========  ================================================  =====  ============  ============================
 rkf45      Runge-Kutta-Fehlberg 4(5), fifth order kept       5      h^5           steps end on them
 dop853     Dormand-Prince 8(5,3)                             8      h^8           steps end on them
+tp86       Tsitouras-Papakostas 8(6)                         8      h^8           steps end on them
 radau      Radau IIA with simplified Newton iteration        5      h^5           steps end on them
 bdf        Gear's BDF of variable order and step, by SciPy   1-5    as the step   dense output, settled
 =========  ================================================  =====  ============  ============================
@@ -46,6 +47,7 @@ from consilience.reference.integrators.tableaus import (
     DORMAND_PRINCE,
     RADAU,
     RKF45,
+    TSITOURAS,
     Collocation,
     Explicit,
     OneStep,
@@ -293,6 +295,7 @@ def _transposed(dense: Callable[[Array], Array]) -> Piece:
 METHODS: dict[str, Explicit | Collocation | None] = {
     "rkf45": RKF45,
     "dop853": DORMAND_PRINCE,
+    "tp86": TSITOURAS,
     "radau": RADAU,
     "bdf": None,
 }
@@ -342,7 +345,7 @@ def integrate(
         raise InvalidInput("times", "they do not increase", "Give finite, increasing sample times.")
     if step is not None and (tableau is None or not 0.0 < step < np.inf):
         what = "bdf chooses its own steps" if tableau is None else f"{step} s is no length of a step"
-        raise InvalidInput("step", what, "Give a positive length, to rkf45, dop853 or radau.")
+        raise InvalidInput("step", what, "Give a positive length, to rkf45, dop853, tp86 or radau.")
     label = f"{method}, " + (f"tolerance {tolerance:g}" if step is None else f"steps of {step:g} s")
     run = _Run(formulation, times, float(tolerance), step, label, {"steps": 0, "evaluations": 0})
     run.ends.append(float(times[0]))

@@ -17,7 +17,8 @@ ALL_STAGES = 16
 """Stages of a step, its end, and those of the dense output."""
 
 
-def _dense(rows: list[dict[int, float]], columns: int = STAGES) -> Array:
+def dense_table(rows: list[dict[int, float]], columns: int = STAGES) -> Array:
+    """Rows of a tableau from their entries that are not zero."""
     table = np.zeros((len(rows), columns))
     for i, row in enumerate(rows):
         for j, value in row.items():
@@ -25,7 +26,7 @@ def _dense(rows: list[dict[int, float]], columns: int = STAGES) -> Array:
     return table
 
 
-A = _dense(
+A = dense_table(
     [
         {},
         {0: 0.05260015195876773},
@@ -82,7 +83,7 @@ A = _dense(
     ]
 )
 
-B = _dense(
+B = dense_table(
     [
         {
             0: 0.054293734116568765,
@@ -97,7 +98,7 @@ B = _dense(
     ]
 )[0]
 
-E3 = _dense(
+E3 = dense_table(
     [
         {
             0: -0.18980075407240762,
@@ -113,7 +114,7 @@ E3 = _dense(
 )[0]
 """Weights of the third-order error estimate."""
 
-E5 = _dense(
+E5 = dense_table(
     [
         {
             0: 0.01312004499419488,
@@ -132,7 +133,7 @@ E5 = _dense(
 C = A.sum(axis=1)
 """Nodes: stage i is at ``t + C[i] h``."""
 
-A_DENSE = _dense(
+A_DENSE = dense_table(
     [
         {
             0: 0.056167502283047954,
@@ -172,7 +173,7 @@ A_DENSE = _dense(
 C_DENSE = np.array([0.1, 0.2, 0.7777777777777778])
 """Their nodes."""
 
-D_DENSE = _dense(
+D_DENSE = dense_table(
     [
         {
             0: -8.428938276109013,

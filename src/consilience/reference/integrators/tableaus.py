@@ -18,8 +18,9 @@ complex system of n_u. Its dense output is the quartic with the derivatives f, k
 nodes of Radau make its value at 1 come out as u_1.
 
 Sources: Fehlberg, NASA TR R-315, 1969, and Hairer, Norsett, Wanner: Solving Ordinary Differential Equations I, 2nd
-ed., 1993, table II.5.1 (Runge-Kutta-Fehlberg 4(5)) and section II.10 (DOP853); Hairer, Wanner:
-Solving Ordinary Differential Equations II, 2nd ed., 1996, table IV.5.6 and section IV.8 (Radau IIA of order 5).
+ed., 1993, table II.5.1 (Runge-Kutta-Fehlberg 4(5)) and section II.10 (DOP853); Tsitouras, Papakostas: SIAM J. Sci.
+Comput. 20, 1999, 2067-2088 (NEW8(6)); Hairer, Wanner: Solving Ordinary Differential Equations II, 2nd ed., 1996, table
+IV.5.6 and section IV.8 (Radau IIA of order 5).
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import lu_factor, lu_solve
 
-from consilience.reference.integrators import coefficients
+from consilience.reference.integrators import coefficients, tsitouras
 from consilience.reference.integrators.dense import Nested
 from consilience.spatial import Array
 
@@ -128,6 +129,20 @@ DORMAND_PRINCE = Explicit(
     D=coefficients.D_DENSE,
 )
 """Dormand-Prince 8(5,3) with the dense output by Hairer, Norsett and Wanner, a polynomial of degree seven."""
+
+TSITOURAS = Explicit(
+    order=8,
+    dense_order=8,
+    estimate_order=6,
+    c=tsitouras.C,
+    A=tsitouras.A,
+    b=tsitouras.B,
+    E=tsitouras.E[None],
+    c_dense=tsitouras.C_DENSE,
+    A_dense=tsitouras.A_DENSE,
+    D=tsitouras.D_DENSE,
+)
+"""Tsitouras-Papakostas 8(6) with a dense output of degree seven (`integrators.tsitouras`)."""
 
 
 @dataclass(frozen=True, eq=False)

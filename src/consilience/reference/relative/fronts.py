@@ -173,18 +173,32 @@ def _reflect(F: Array, at: int, height: int, row: int, rows: int, column: int, c
 
 
 @kernel
-def _bring_longest(F: Array, order: Array, at: int, height: int, row: int, rows: int, used: int, first: int) -> None:
+def _exchange(F: Array, one: int, two: int, count: int) -> None:
+    """Exchange the first entries of two columns."""
+    for n in range(count):
+        F[one + n], F[two + n] = F[two + n], F[one + n]
+
+
+@kernel
+def _bring_longest(group: Array, order: Array, state: Array, F: Array, g: int, row: int, rows: int) -> None:
     """Exchange column number `row` of a front with the longest of those behind it in its group."""
+    at, height, used = group[g, AT], group[g, HEIGHT], state[g, USED]
     best, longest = row, -1.0
     for c in range(row, used):
         total = _square(F, at + c * height + row, at + c * height + rows)
         if total > longest:
             best, longest = c, total
-    if best != row:
-        order[first + row], order[first + best] = order[first + best], order[first + row]
-        for n in range(rows):
-            one, two = at + row * height + n, at + best * height + n
-            F[one], F[two] = F[two], F[one]
+    if best == row:
+        return
+    first = group[g, ROW]
+    order[first + row], order[first + best] = order[first + best], order[first + row]
+    _exchange(F, at + row * height, at + best * height, rows)
+    # the fronts before have rows of R at these columns, too; below them are vectors of reflections, which stay
+    f = g - 1
+    while f >= 0 and group[f, REACH] >= g:
+        start = group[f, AT] + (state[g, START] - state[f, START]) * group[f, HEIGHT]
+        _exchange(F, start + row * group[f, HEIGHT], start + best * group[f, HEIGHT], state[f, RANK])
+        f -= 1
 
 
 @kernel
@@ -210,7 +224,7 @@ def factorise(group: Array, order: Array, state: Array, F: Array, tau: Array, sm
         rank = 0
         while rank < min(own, rows):
             if choose:
-                _bring_longest(F, order, at, height, rank, rows, own, group[g, ROW])
+                _bring_longest(group, order, state, F, g, rank, rows)
             first = at + rank * height
             total = _square(F, first + rank, first + rows)
             if total <= smallest:  # and on with what is not a number, so that it shows

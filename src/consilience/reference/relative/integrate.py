@@ -1,8 +1,8 @@
-"""Adaptive explicit Runge-Kutta method of order 8 in the state z, with projection after every step.
+"""Adaptive explicit Runge-Kutta methods of order 8 in the state z, with projection after every step.
 
 Step control as in `integrators.dop853`, every component scaled by the tolerance times the size of its kind. Samples do
 not shorten steps: they come from the dense output of the method [Hairer, Norsett, Wanner, section II.10], a polynomial
-of degree seven for three evaluations more in each step that holds samples, and are projected like the steps.
+of degree seven for three or four evaluations more in each step that holds samples, and are projected like the steps.
 """
 
 from __future__ import annotations
@@ -12,34 +12,21 @@ from typing import NamedTuple
 import numpy as np
 
 from consilience.reference.compiled import inlined, kernel
-from consilience.reference.integrators.coefficients import (
-    A_DENSE,
-    ALL_STAGES,
-    C_DENSE,
-    D_DENSE,
-    E3,
-    E5,
-    STAGES,
-    A,
-    B,
-    C,
-)
+from consilience.reference.integrators.coefficients import D_DENSE, STAGES
 from consilience.reference.integrators.dop853 import EVALUATIONS, LARGEST, REJECTED, SMALLEST, STEPS
 from consilience.reference.joint_rows import coordinate
 from consilience.reference.model import ANGLE, Model
 from consilience.reference.relative.dynamics import project, rates, remember
 from consilience.reference.relative.kinematics import normalise, place, record
 from consilience.reference.relative.loops import CHOSEN
+from consilience.reference.relative.methods import STAGES_AT_MOST, Method
 from consilience.reference.relative.model import Elements, Rest, Tree
 from consilience.reference.vectors import assign
 from consilience.spatial import Array
 
-BEGIN, SECOND, END, BEHIND = np.array([0, 1, STAGES, ALL_STAGES])
-"""Stages: the first two, that at the end of a step, and the one behind those of the dense output. They are numbers of
-NumPy, as kernels are compiled anew for each Python number that is written out where they are called."""
-TABLE = np.zeros((ALL_STAGES, ALL_STAGES))
-TABLE[:END, :END], TABLE[END, :END], TABLE[END + 1 :] = A, B, A_DENSE
-NODES = np.concatenate([C, [1.0], C_DENSE])
+BEGIN, SECOND, END = np.array([0, 1, STAGES])
+"""Stages: the first two, and that at the end of a step. They are numbers of NumPy, as kernels are compiled anew for
+each Python number that is written out where they are called."""
 
 SAFETY = 0.8
 """Safety factor of the step size: with 0.9 a quarter of the steps of a pendulum or linkage are taken in vain."""
@@ -51,7 +38,7 @@ _TURN = 1.5
 class Scratch(NamedTuple):
     """What a run writes into: made once, so that nothing else makes arrays."""
 
-    K: Array  # (16, n_z) derivatives at the stages
+    K: Array  # (17, n_z) derivatives at the stages
     end: Array  # (n_z,) end of the step
     state: Array  # (n_z,) of a stage or sample
     F: Array  # (7, n_z) dense output
@@ -64,7 +51,7 @@ def scratch(z: Array, rest: Rest | None) -> Scratch:
     """Scratch of a run from the state z."""
     rows, groups = (0, 0) if rest is None else (len(rest.fronts.order), len(rest.fronts.state))
     return Scratch(
-        K=np.zeros((ALL_STAGES, len(z))),
+        K=np.zeros((STAGES_AT_MOST, len(z))),
         end=np.empty(len(z)),
         state=np.empty(len(z)),
         F=np.empty((3 + len(D_DENSE), len(z))),
@@ -88,30 +75,30 @@ def sizes(kind: Array, model_length: float, z: Array, size: Array) -> None:
 
 
 @kernel
-def _error(kind: Array, K: Array, h: float, size: Array) -> float:
+def _error(kind: Array, K: Array, h: float, size: Array, estimate: Array, power: float) -> float:
     """Scaled error estimate of a step."""
-    e5 = e3 = 0.0
+    error = lower = 0.0
     count = K.shape[1]
     for n in range(count):
-        s5 = s3 = 0.0
+        one = two = 0.0
         for i in range(STAGES):
-            s5 += E5[i] * K[i, n]
-            s3 += E3[i] * K[i, n]
+            one += estimate[0, i] * K[i, n]
+            two += estimate[1, i] * K[i, n]
         scale = size[kind[n]]
-        e5 += (s5 / scale) ** 2
-        e3 += (s3 / scale) ** 2
-    if e5 == 0.0 and e3 == 0.0:
+        error += (one / scale) ** 2
+        lower += (two / scale) ** 2
+    if error == 0.0 and lower == 0.0:
         return 0.0
-    return abs(h) * e5 / np.sqrt((e5 + 0.01 * e3) * count)
+    return (abs(h) * error / np.sqrt((error + 0.01 * lower) * count)) ** power
 
 
 @kernel
-def _stage(z: Array, K: Array, h: float, i: int, trial: Array) -> None:
+def _stage(table: Array, z: Array, K: Array, h: float, i: int, trial: Array) -> None:
     """State at which a stage is evaluated."""
     for n in range(z.shape[0]):
         trial[n] = z[n]
     for j in range(i):
-        weight = h * TABLE[i, j]
+        weight = h * table[i, j]
         if weight != 0.0:
             for n in range(z.shape[0]):
                 trial[n] += weight * K[j, n]
@@ -122,6 +109,7 @@ def _evaluate(
     tree: Tree,
     rest: Rest | None,
     elements: Elements | None,
+    method: Method,
     z: Array,
     end: Array,
     K: Array,
@@ -136,8 +124,8 @@ def _evaluate(
         if i == END:
             assign(state, end)
         else:
-            _stage(z, K, h, i, state)
-        rates(tree, rest, elements, t + NODES[i] * h, state, K[i])
+            _stage(method.table, z, K, h, i, state)
+        rates(tree, rest, elements, t + method.nodes[i] * h, state, K[i])
 
 
 @inlined
@@ -186,16 +174,16 @@ def begin(tree: Tree, rest: Rest | None, elements: Elements | None, t: float, z:
 
 
 @kernel
-def _polynomial(z: Array, end: Array, K: Array, h: float, F: Array) -> None:
+def _polynomial(dense: Array, z: Array, end: Array, K: Array, h: float, F: Array) -> None:
     """Dense output of a step, F of shape (7, n_z), in the nested form of `integrators.tableaus`."""
     for n in range(z.shape[0]):
         F[0, n] = end[n] - z[n]
         F[1, n] = h * K[0, n] - F[0, n]
         F[2, n] = 2.0 * F[0, n] - h * (K[0, n] + K[END, n])
-        for i in range(D_DENSE.shape[0]):
+        for i in range(dense.shape[0]):
             total = 0.0
-            for j in range(ALL_STAGES):
-                total += D_DENSE[i, j] * K[j, n]
+            for j in range(dense.shape[1]):
+                total += dense[i, j] * K[j, n]
             F[3 + i, n] = h * total
 
 
@@ -255,6 +243,7 @@ def _record(
     tree: Tree,
     rest: Rest | None,
     elements: Elements | None,
+    method: Method,
     z: Array,
     t: float,
     step: float,
@@ -275,10 +264,10 @@ def _record(
         sample += 1
     if first == inner:
         return sample, BEGIN
-    end, K = scratch.end, scratch.K
-    _evaluate(tree, rest, elements, z, end, K, t, step, END, BEHIND, scratch.state)
-    counters[EVALUATIONS] += BEHIND - END
-    _polynomial(z, end, K, step, scratch.F)
+    end, K, behind = scratch.end, scratch.K, method.nodes.shape[0]
+    _evaluate(tree, rest, elements, method, z, end, K, t, step, END, behind, scratch.state)
+    counters[EVALUATIONS] += behind - END
+    _polynomial(method.dense, z, end, K, step, scratch.F)
     _samples(tree, rest, elements, z, t, step, times[first:inner], motion[first:inner], scratch)
     return sample, SECOND
 
@@ -297,6 +286,7 @@ def _attempt(
     tree: Tree,
     rest: Rest | None,
     elements: Elements | None,
+    method: Method,
     z: Array,
     t: float,
     step: float,
@@ -307,11 +297,11 @@ def _attempt(
 ) -> float:
     """Evaluate stages `first` to `last` of a step; its end into the scratch, and its scaled error."""
     K, size = scratch.K, scratch.size
-    _evaluate(tree, rest, elements, z, z, K, t, step, first, last, scratch.state)
+    _evaluate(tree, rest, elements, method, z, z, K, t, step, first, last, scratch.state)
     counters[EVALUATIONS] += last - first
-    _stage(z, K, step, END, scratch.end)
+    _stage(method.table, z, K, step, END, scratch.end)
     sizes(tree.kind, tree.length, z, size)
-    return _error(tree.kind, K, step, size)
+    return _error(tree.kind, K, step, size, method.estimate, method.power)
 
 
 @kernel
@@ -319,6 +309,7 @@ def integrate(
     tree: Tree,
     rest: Rest | None,
     elements: Elements | None,
+    method: Method,
     z: Array,
     times: Array,
     tolerance: float,
@@ -333,6 +324,7 @@ def integrate(
     ----------
     rest, elements : Rest and Elements, or None
         None where a mechanism has none (`model.System`): kernels are compiled for what it has.
+    method : Method
     z : ndarray, shape (n_z,)
         Initial state; overwritten by the last.
     times : ndarray, shape (n_t,), s
@@ -355,13 +347,13 @@ def integrate(
     if times.shape[0] == 1:
         return 0
     bound = longest_now(tree, elements, longest)
-    _attempt(tree, rest, elements, z, t, 0.0, BEGIN, SECOND, counters, scratch)
+    _attempt(tree, rest, elements, method, z, t, 0.0, BEGIN, SECOND, counters, scratch)
     h, first = _first_length(tree.kind, K[0], last - t, tolerance, scratch.size), SECOND
     while sample < times.shape[0]:
         step = _length(min(h, bound), last - t)
         if step < 1e-14 * max(1.0, abs(t)):
             return 1
-        error = _attempt(tree, rest, elements, z, t, step, first, END, counters, scratch) / tolerance
+        error = _attempt(tree, rest, elements, method, z, t, step, first, END, counters, scratch) / tolerance
         if not np.isfinite(error):
             return 2
         factor = LARGEST if error == 0.0 else min(LARGEST, max(SMALLEST, SAFETY * error ** (-1.0 / 8.0)))
@@ -373,7 +365,9 @@ def integrate(
         after = last if step == last - t else t + step
         arrive(tree, rest, elements, after, end)
         bound = longest_now(tree, elements, longest)
-        sample, first = _record(tree, rest, elements, z, t, step, after, times, motion, counters, sample, scratch)
+        sample, first = _record(
+            tree, rest, elements, method, z, t, step, after, times, motion, counters, sample, scratch
+        )
         _advance(z, end, K, first)
         t, h = after, step * factor if step == h else max(h, step * factor)
     return 0

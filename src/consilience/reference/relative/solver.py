@@ -15,6 +15,7 @@ from consilience.reference.integrators.dop853 import STATUS
 from consilience.reference.model import Model
 from consilience.reference.relative.gauss import gauss_scratch, integrate_gauss
 from consilience.reference.relative.integrate import integrate, scratch
+from consilience.reference.relative.methods import DOP853, TP86
 from consilience.reference.relative.model import Links, System, flatten_relative, pack_relative, renewed, system
 from consilience.run import TrajectoryAnswer
 from consilience.spatial import Array
@@ -44,36 +45,47 @@ class _Prepared(NamedTuple):
     spanning: TreeModel
     system: System  # nothing written into it yet
     longest: float  # step, s
+    integrator: str  # where none is asked for
 
 
 @lru_cache(maxsize=8)
 def _prepared(mechanism: Mechanism) -> _Prepared:
     """Of the mechanisms asked last: making it takes as long as some thousand evaluations."""
     links, spanning, model = flatten_relative(mechanism)
-    return _Prepared(links, spanning, system(mechanism, links, spanning, model), longest_step(model))
+    integrator = "dop853" if len(model.functions.pieces) else "tp86"
+    return _Prepared(links, spanning, system(mechanism, links, spanning, model), longest_step(model), integrator)
 
 
-INTEGRATORS = {"dop853": (integrate, scratch), "gauss": (integrate_gauss, gauss_scratch)}
-"""Compiled integrators of the relative form, and what they write into."""
+METHODS = {"tp86": TP86, "dop853": DOP853}
+"""Methods of `integrate`. The first looks a little beyond the end of a step, where a table may have ended."""
+
+INTEGRATORS = (*METHODS, "gauss")
+"""Compiled integrators of the relative form."""
 
 
 def simulate_relative(
-    mechanism: Mechanism, state: State, times: Array, tolerance: float, integrator: str = "dop853"
+    mechanism: Mechanism, state: State, times: Array, tolerance: float, integrator: str | None = None
 ) -> TrajectoryAnswer:
-    """Motion of a mechanism; arguments as of `consilience.reference.simulate`, with a key of `INTEGRATORS`.
+    """Motion of a mechanism; arguments as of `consilience.reference.simulate`, with one of `INTEGRATORS`.
+
+    If none is given, ``tp86``, or ``dop853`` where functions of time are tables.
 
     Raises
     ------
     NumericalFailure
         With the status of the integrator.
     """
-    links, spanning, unused, longest = _prepared(mechanism)
+    links, spanning, unused, longest, usual = _prepared(mechanism)
+    integrator = integrator or usual
     tree, rest, elements = renewed(unused)
     z = pack_relative(mechanism, links, spanning, state)
     motion, counters = np.empty((len(times), *tree.y.shape)), np.zeros(3, dtype=np.int64)
-    run, arrays = INTEGRATORS[integrator]
-    closed = None if links.free else rest
-    status = run(tree, closed, elements, z, times, float(tolerance), longest, motion, counters, arrays(z, closed))
+    system_of, asked = (tree, None if links.free else rest, elements), (times, float(tolerance), longest)
+    if integrator == "gauss":
+        status = integrate_gauss(*system_of, z, *asked, motion, counters, gauss_scratch(z, system_of[1]))
+    else:
+        method = METHODS[integrator]
+        status = integrate(*system_of, method, z, *asked, motion, counters, scratch(z, system_of[1]))
     if status:
         raise NumericalFailure(f"reference, relative, {integrator}, tolerance {tolerance:g}: {STATUS[status]}")
     p, quat, v, w = canonical_motion(mechanism, motion)

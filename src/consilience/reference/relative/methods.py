@@ -1,0 +1,58 @@
+"""Runge-Kutta methods of order 8 that `integrate` takes."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from consilience.reference.integrators import coefficients, tsitouras
+from consilience.reference.integrators.coefficients import STAGES
+from consilience.spatial import Array
+
+
+class Method(NamedTuple):
+    """A method of twelve stages, the end of the step, and the s - 13 stages of its dense output."""
+
+    table: Array  # (s, s) weights of the stages; row 12 those of the step
+    nodes: Array  # (s,)
+    estimate: Array  # (2, 12) weights of the error estimate and, if not zero, of one of lower order that tempers it
+    power: float  # of the estimate that grows with the step to the eighth
+    dense: Array  # (4, s) weights of F_3 and higher of the dense output
+
+
+def _method(A: Array, B: Array, A_dense: Array, nodes: Array, estimate: Array, power: float, D: Array) -> Method:
+    count = len(nodes)
+    table = np.zeros((count, count))
+    table[:STAGES, :STAGES], table[STAGES, :STAGES], table[STAGES + 1 :] = A, B, A_dense
+    return Method(table, nodes, estimate, power, D)
+
+
+DOP853 = _method(
+    coefficients.A,
+    coefficients.B,
+    coefficients.A_DENSE,
+    np.concatenate([coefficients.C, [1.0], coefficients.C_DENSE]),
+    np.array([coefficients.E5, coefficients.E3]),
+    1.0,
+    coefficients.D_DENSE,
+)
+"""Dormand-Prince 8(5,3)."""
+
+TP86 = _method(
+    tsitouras.A,
+    tsitouras.B,
+    tsitouras.A_DENSE,
+    np.concatenate([tsitouras.C, [1.0], tsitouras.C_DENSE]),
+    np.array([tsitouras.E, np.zeros(STAGES)]),
+    8.0 / 7.0,
+    tsitouras.D_DENSE,
+)
+"""Tsitouras-Papakostas 8(6): a quarter fewer evaluations than DOP853 to the same accuracy of linkages.
+
+Its estimate is that of the method of order six, much larger than the error of the one that is carried on. Raised to
+this power it asks for the steps of DOP853 at the same tolerance, and the motion is more accurate.
+"""
+
+STAGES_AT_MOST = max(len(DOP853.nodes), len(TP86.nodes))
+"""Of a step, its end, and a dense output."""
