@@ -21,6 +21,9 @@ kernel = njit(**_ALL, _nrt=False)
 inlined = njit(**_ALL, _nrt=False, inline="always")
 """Decorator of a kernel that makes no array and is written out where it is called."""
 
+fused = njit(**_ALL, _nrt=False, forceinline=True)
+"""Decorator of a small kernel whose machine code is to be part of that of its callers."""
+
 threaded = njit(**_ALL, _nrt=False, nogil=True)
 """Decorator of a kernel that makes no array and lets other threads run."""
 

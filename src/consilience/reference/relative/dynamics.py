@@ -215,6 +215,14 @@ def _choose_rows(
     return rank, least, smallest
 
 
+@kernel
+def _work_with(loops: Loops, fronts: Fronts, rank: int, limit: Array) -> None:
+    """Rows chosen until the next projection: those that are independent in the present factors."""
+    for g in range(loops.group.shape[0]):
+        fronts.state[g, CHOSEN] = fronts.state[g, RANK]
+    limit[0] = rank
+
+
 @inner
 def _choose(
     loops: Loops,
@@ -246,9 +254,17 @@ def _choose(
             rank = fewer
         else:
             _choose_rows(loops, layout, fronts, link, free, smallest, size)
-    for g in range(loops.group.shape[0]):
-        fronts.state[g, CHOSEN] = fronts.state[g, RANK]
-    limit[0] = rank
+    _work_with(loops, fronts, rank, limit)
+
+
+@kernel
+def _keep(loops: Loops, fronts: Fronts, rank: int, least: float, best: Array, limit: Array) -> bool:
+    """Go on with factors of a pose that is apart by rounding, if they have the rank so far and no row becomes dependent."""
+    if rank < best[0] or least < _PASSING * best[1]:
+        return False
+    best[0], best[1] = rank, max(best[1], least) if rank == best[0] else least
+    _work_with(loops, fronts, rank, limit)
+    return True
 
 
 @inlined
@@ -262,11 +278,10 @@ def _measure(rest: Rest) -> None:
 
 @inner
 def _opened(rest: Rest, elements: Elements | None, t: float) -> float:
-    """Cut rows and articulated inertias of the bodies as they are placed; the violation of the rows."""
+    """Cut rows of the bodies as they are placed; their violation."""
     rest.fronts.wanted[:] = 1
     cut_rows(rest, elements, t)
     _measure(rest)
-    _articulate(rest.link, rest.free)
     return _largest(rest.value, rest.held) / max(1.0, rest.length)
 
 
@@ -285,6 +300,7 @@ def find_rank(rest: Rest, elements: Elements | None, t: float, z: Array) -> None
     place(rest.layout, rest.link, rest.free, rest.speeds, z, rest.y, rest.A)
     if rest.loops.group.shape[0]:
         violation = _opened(rest, elements, t)
+        _articulate(rest.link, rest.free)
         _choose(
             rest.loops, rest.layout, rest.fronts, rest.link, rest.free, rest.size[0], rest.best, rest.limit, violation
         )
@@ -305,20 +321,27 @@ def project(rest: Rest, elements: Elements | None, t: float, z: Array) -> None:
     place(layout, link, free, speeds, z, y, A)
     if loops.group.shape[0] == 0:
         return
-    last, violation = False, 0.0
+    last, violation, rank, least = False, 0.0, 0, 0.0
     for step in range(_POSITION_STEPS + 1):
         violation = _opened(rest, elements, t)
-        if last or step == _POSITION_STEPS or violation <= 2e-16:
+        if last:
+            break
+        _articulate(link, free)
+        if step == _POSITION_STEPS or violation <= 2e-16:
             break
         _release(W, held)
-        _choose_rows(loops, layout, fronts, link, free, 0.0, size[0])
+        rank, least, _ = _choose_rows(loops, layout, fronts, link, free, 0.0, size[0])
         for row in range(target.shape[0]):
             target[row] = -value[row] if row < held else 0.0
         _displacements(loops, fronts, link, free, u)
         last = _largest(u, u.shape[0]) < 1e-9
         displace(layout, z, u)
         place(layout, link, free, speeds, z, y, A)
-    _choose(loops, layout, fronts, link, free, size[0], rest.best, rest.limit, violation)
+    # factors of the last pose but one are as good for the speeds, whose rows are those of the last
+    if not (last and held == W.shape[0] and _keep(loops, fronts, rank, least, rest.best, rest.limit)):
+        if last:
+            _articulate(link, free)
+        _choose(loops, layout, fronts, link, free, size[0], rest.best, rest.limit, violation)
     open_rates(loops.touched, layout, W, y, A, rate, target)
     _displacements(loops, fronts, link, free, u)
     for n in range(u.shape[0]):

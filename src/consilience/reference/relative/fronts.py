@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from consilience.kinematics import RANK_TOLERANCE
-from consilience.reference.compiled import kernel
+from consilience.reference.compiled import fused, kernel
 from consilience.reference.relative.columns import PIVOT, REST, ROOT, STEP, S, U
 from consilience.reference.relative.kinematics import vector_at
 from consilience.reference.relative.loops import (
@@ -43,7 +43,7 @@ CHOOSE, KEEP = np.array([True, False])
 """What `factorise` does with the order of the rows."""
 
 
-@kernel
+@fused
 def _clear(group: Array, state: Array, F: Array) -> None:
     """Number the columns used, and set their entries to zero."""
     for g in range(group.shape[0]):
@@ -54,7 +54,7 @@ def _clear(group: Array, state: Array, F: Array) -> None:
             F[n] = 0.0
 
 
-@kernel
+@fused
 def _put_row(touched: Array, row: int, W: Array, path: Array, first: int, last: int, wrench: Array) -> None:
     """Wrenches of a row on the links of a path."""
     for m in range(first, last):
@@ -98,7 +98,7 @@ def respond(
     return largest
 
 
-@kernel
+@fused
 def _sweep(
     path: Array,
     first: int,
@@ -140,7 +140,7 @@ def _sweep(
     return total
 
 
-@kernel
+@fused
 def _square(F: Array, first: int, last: int) -> float:
     """Sum of squares."""
     total = 0.0
@@ -149,7 +149,7 @@ def _square(F: Array, first: int, last: int) -> float:
     return total
 
 
-@kernel
+@fused
 def _reflect(F: Array, at: int, height: int, row: int, rows: int, column: int, columns: int, norm: float) -> float:
     """Zero a column of a front below a row, and update those behind it; the factor of the reflection."""
     head_at = at + column * height + row
@@ -172,7 +172,7 @@ def _reflect(F: Array, at: int, height: int, row: int, rows: int, column: int, c
     return tau
 
 
-@kernel
+@fused
 def _exchange(F: Array, one: int, two: int, count: int) -> None:
     """Exchange the first entries of two columns."""
     for n in range(count):
@@ -238,7 +238,7 @@ def factorise(group: Array, order: Array, state: Array, F: Array, tau: Array, sm
     return least
 
 
-@kernel
+@fused
 def _carry_on(
     group: Array, state: Array, F: Array, tau: Array, g: int, rank: int, rows: int, own: int, columns: int
 ) -> None:
@@ -299,7 +299,7 @@ def least_norm(
             free[direction, REST] += x[shelf + n] / free[direction, ROOT]
 
 
-@kernel
+@fused
 def _forward(group: Array, order: Array, state: Array, F: Array, target: Array, y: Array) -> None:
     """The solution y of ``R^T y = target``."""
     for g in range(group.shape[0]):
@@ -314,7 +314,7 @@ def _forward(group: Array, order: Array, state: Array, F: Array, target: Array, 
                 y[start + c] -= F[at + c * height + k] * value
 
 
-@kernel
+@fused
 def _reflect_back(group: Array, state: Array, F: Array, tau: Array, x: Array, g: int, rows: int) -> None:
     """``x <- H x`` for one front."""
     shelf, rank, used = group[g, SHELF], state[g, RANK], state[g, USED]
