@@ -100,14 +100,14 @@ def errors_of(formulation, closed, method, step, span):
 
 
 # Numbers of steps over 3 s: short enough for the order to show, long enough for rounding not to. The pendulum has no
-# such range at the ends of the steps of dop853: their leading error is small there, and the next order shows.
+# such range at the ends of the steps of dop853, nor the driven problem at those of tp86: their leading error is small
+# there, and the next order shows.
 STEPS = {
     **{("rkf45", problem): (96, 120, 144, 192) for problem in PROBLEMS},
     **{("radau", problem): (48, 72, 96, 144) for problem in PROBLEMS},
     ("dop853", "torque-free body"): (12, 18, 24, 36, 48),
     ("dop853", "driven"): (6, 9, 12, 18, 24),
-    ("tp86", "torque-free body"): (12, 18, 24, 36, 48),
-    ("tp86", "driven"): (6, 9, 12, 18, 24),
+    ("tp86", "torque-free body"): (9, 12, 18, 24, 36),
 }
 
 
@@ -315,7 +315,7 @@ def test_every_accepted_step_is_settled_and_goes_on_from_there(method):
     settled = integrate(formulation, np.array([1.0, 0.0]), times, 1e-6, method)
     radius = np.linalg.norm(settled.samples, axis=1) - 1
     assert np.max(np.abs(radius)) < 1e-15
-    assert np.max(np.abs(np.linalg.norm(free.samples, axis=1) - 1)) > 1e-7
+    assert np.max(np.abs(np.linalg.norm(free.samples, axis=1) - 1)) > 1e-9
     # in time order, at each end of a step; BDF settles the samples too
     assert np.all(np.diff(formulation.seen) >= 0)
     assert set(formulation.seen) == set(settled.dense.ends[1:]) | (set(times[1:]) if method == "bdf" else set())

@@ -83,7 +83,7 @@ def test_dense_output_is_exact_for_motions_up_to_degree_seven(method, degree, ex
     for n, part in enumerate(x):
         _between(z, F, part, found[n])
     error = np.max(np.abs(found[:, 0] - (h * x) ** degree))
-    assert error < 1e-15 if exact else error > 1e-8
+    assert error < 2e-15 if exact else error > 1e-6
 
 
 @pytest.mark.parametrize(
@@ -117,11 +117,13 @@ def test_flat_poses_of_parallelograms_cost_no_digits(tolerance):
         assert abs(motion.p_WB[-1, index, one.component] - one.value) < 1e-9
 
 
+@pytest.mark.parametrize("tolerance", [1e-7, 4e-9, 1e-9, 6e-12])
 @pytest.mark.parametrize("name", ["four_bar", "stewart_platform", "windows:count=3", "rolling_disc"])
-def test_samples_close_the_loops_to_rounding(name):
+def test_samples_close_the_loops_to_rounding(name, tolerance):
+    """Where loops share bodies, whatever rows are chosen first: the others have entries in the fronts before."""
     case = load_case(name)
     mechanism = case.mechanism
-    motion = simulate(mechanism, case.initial_state, np.linspace(0.0, 1.0, 41), 1e-9, "relative")
+    motion = simulate(mechanism, case.initial_state, np.linspace(0.0, 1.0, 41), tolerance, "relative")
     for state in map(motion.state, range(41)):
         rates = constraint_jacobian(mechanism, state) @ np.hstack([state.v_WB_W, state.w_WB_W]).ravel()
         assert np.max(np.abs(constraint_residual(mechanism, state)), initial=0.0) < 2e-14

@@ -37,6 +37,8 @@ from consilience.spatial import Array
 _POSITION_STEPS = 3
 _PASSING = 1e-4
 """Part of its largest value at which the least independent pivot counts as passing through zero."""
+_SOUND = 0.01
+"""The same, at which rounding of the pose counts: with 1e-4 a parallelogram loses two digits where it is flat."""
 _PASSING_VIOLATION = 1e-11
 """Violation that rows left out on the way through a singular pose may have."""
 
@@ -259,8 +261,8 @@ def _choose(
 
 @kernel
 def _keep(loops: Loops, fronts: Fronts, rank: int, least: float, best: Array, limit: Array) -> bool:
-    """Go on with factors of a pose that is apart by rounding, if they have the rank so far and no row becomes dependent."""
-    if rank < best[0] or least < _PASSING * best[1]:
+    """Go on with the factors of a pose that is apart by rounding, if they have the rank so far, far from losing it."""
+    if rank < best[0] or least < _SOUND * best[1]:
         return False
     best[0], best[1] = rank, max(best[1], least) if rank == best[0] else least
     _work_with(loops, fronts, rank, limit)
