@@ -140,7 +140,8 @@ def run(short: bool) -> Iterator[Table]:
             1e-9,
             "any",
         ): "Bars: 10 on every loop, 3 on every tree. The fastest way of any engine: its own integrator, raw or "
-        "extrapolated over steps, or DOP853 on its accelerations. Its model is built before the clock starts. The "
+        "extrapolated over steps, or its accelerations under DOP853 of SciPy or the pair of the reference (TP86, in "
+        "NumPy). Its model is built before the clock starts. The "
         "time of the reference is that of the whole call of `simulate`, translation of the state and the answer "
         "included; in the last column it starts from its model as well. A way is given up where "
         f"one run takes {PATIENCE:g} times as long as the fastest way found, or {HOPELESS:g} times as long as the "

@@ -1,11 +1,12 @@
-"""DART: `World.step` extrapolated, and its accelerations under DOP853."""
+"""DART: `World.step` extrapolated, and its accelerations under integrators of high order."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
-from routes import STEPS, TIMES, TOLERANCES, Route, dop853, extrapolated
+from routes import HIGH_ORDER, STEPS, TIMES, TOLERANCES, Integrator, Route, extrapolated
 
 from consilience.case import Case
 from consilience.harness import solve_constrained
@@ -48,8 +49,8 @@ def _stepped(case: Case) -> Route:
     return Route("DART", "World.step", True, STEPS, run, lambda motion: motion)
 
 
-def _high_order(case: Case) -> Route:
-    """Accelerations in joint coordinates under DOP853, for skeletons without rotation vectors."""
+def _high_order(case: Case) -> Iterator[Route]:
+    """Accelerations in joint coordinates under integrators of high order, for skeletons without rotation vectors."""
     model = build(case.mechanism)
     skeleton, forces, start = model.skeleton, appliers(model), from_state(model, case.initial_state)
     n = skeleton.getNumDofs()
@@ -70,9 +71,9 @@ def _high_order(case: Case) -> Route:
         rate[:n], rate[n:] = y[n:], accelerations(t)
         return rate
 
-    def run(tolerance: float) -> Array:
+    def run(integrator: Integrator, tolerance: float) -> Array:
         send(model, start)
-        return dop853(derivative, np.concatenate([start.q, start.v]), tolerance)[:, :n]
+        return integrator(derivative, np.concatenate([start.q, start.v]), tolerance)[:, :n]
 
     def positions(motion: Array) -> Array:
         found = []
@@ -82,7 +83,8 @@ def _high_order(case: Case) -> Route:
         return np.array(found)
 
     name = "mass matrix, Jacobians" if constrained(case.mechanism, model.tree) else "computeForwardDynamics"
-    return Route("DART", f"{name} + DOP853", False, TOLERANCES, run, positions)
+    for method, integrator in HIGH_ORDER.items():
+        yield Route("DART", f"{name} + {method}", False, TOLERANCES, partial(run, integrator), positions)
 
 
 def routes(case: Case) -> Iterator[Route]:
@@ -95,4 +97,4 @@ def routes(case: Case) -> Iterator[Route]:
         yield extrapolated(euler, (1, 2, 3, 4), (1, 2, 3))
         yield extrapolated(euler, (1, 2, 3, 4, 6, 8), (1, 2, 3, 4, 5))
     if not rotations(build(case.mechanism)):
-        yield _high_order(case)
+        yield from _high_order(case)

@@ -1,12 +1,13 @@
-"""MuJoCo: its RK4 in bulk, raw and extrapolated, and its accelerations under DOP853."""
+"""MuJoCo: its RK4 in bulk, raw and extrapolated, and its accelerations under integrators of high order."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 
 import mujoco
 import numpy as np
-from routes import STEPS, TIMES, TOLERANCES, Route, dop853, extrapolated
+from routes import HIGH_ORDER, STEPS, TIMES, TOLERANCES, Integrator, Route, extrapolated
 
 from consilience.case import Case
 from consilience.run import Question
@@ -68,8 +69,8 @@ class Motion:
                 motion.append(data.qpos.copy())
         return np.array(motion)
 
-    def high_order(self, tolerance: float) -> Array:
-        """The accelerations of `mj_forward` under DOP853."""
+    def high_order(self, integrator: Integrator, tolerance: float) -> Array:
+        """The accelerations of `mj_forward` under an integrator of high order."""
         model, data = self.translation.model, self.translation.data
         nq, turning = model.nq, _quaternions(model)
         plain = np.array([k for k in range(nq) if not any(q <= k < q + 4 for q, _ in turning)], dtype=int)
@@ -89,7 +90,7 @@ class Motion:
 
         mujoco.mj_resetData(model, data)
         with warnings_raise(), answering(self.translation, self.rank):
-            return dop853(derivative, np.concatenate([self.q, self.v]), tolerance)[:, :nq]
+            return integrator(derivative, np.concatenate([self.q, self.v]), tolerance)[:, :nq]
 
     def positions(self, motion: Array) -> Array:
         """Origins of the bodies."""
@@ -119,4 +120,6 @@ def routes(case: Case) -> Iterator[Route]:
         yield extrapolated(rk4, (1, 2), (4,))
         yield extrapolated(rk4, (2, 3, 4), (4, 5))
         yield extrapolated(rk4, (2, 3, 4, 6), (4, 5, 6))
-        yield Route("MuJoCo", f"mj_forward{how} + DOP853", False, TOLERANCES, motion.high_order, motion.positions)
+        for name, integrator in HIGH_ORDER.items():
+            run = partial(motion.high_order, integrator)
+            yield Route("MuJoCo", f"mj_forward{how} + {name}", False, TOLERANCES, run, motion.positions)

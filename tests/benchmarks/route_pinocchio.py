@@ -1,12 +1,13 @@
-"""Pinocchio integrates nothing itself: its accelerations under DOP853."""
+"""Pinocchio integrates nothing itself: its accelerations under integrators of high order."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 import pinocchio as pin
-from routes import TOLERANCES, Route, dop853
+from routes import HIGH_ORDER, TOLERANCES, Integrator, Route
 
 from consilience.case import Case
 from consilience.run import Question
@@ -76,11 +77,9 @@ def routes(case: Case) -> Iterator[Route]:
         return np.array(found)
 
     name = "constraintDynamics" if translation.welds or elements.rows.count else "aba"
-    yield Route(
-        "Pinocchio",
-        f"{name} + DOP853",
-        False,
-        TOLERANCES,
-        lambda tolerance: dop853(derivative, start, tolerance),
-        positions,
-    )
+
+    def run(integrator: Integrator, tolerance: float) -> Array:
+        return integrator(derivative, start, tolerance)
+
+    for method, integrator in HIGH_ORDER.items():
+        yield Route("Pinocchio", f"{name} + {method}", False, TOLERANCES, partial(run, integrator), positions)

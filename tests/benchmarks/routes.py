@@ -14,6 +14,7 @@ from scipy.integrate import ode
 from consilience.case import Case
 from consilience.errors import ConsilienceError
 from consilience.reference import simulate
+from consilience.reference.integrators import tsitouras
 from consilience.spatial import Array
 
 TIMES = np.linspace(0.0, 5.0, 6)
@@ -114,6 +115,54 @@ def dop853(derivative: Callable[[float, Array], Array], y: Array, tolerance: flo
         if not solver.successful():
             raise RuntimeError(f"dop853 gave up at {solver.t} s")
     return np.array(motion)
+
+
+Integrator = Callable[[Callable[[float, Array], Array], Array, float], Array]
+"""Of a derivative, an initial y and a tolerance: y at `TIMES`."""
+
+_A, _B, _E, _C = tsitouras.A, tsitouras.B, tsitouras.E, tsitouras.C.tolist()
+
+
+def tp86(derivative: Callable[[float, Array], Array], y: Array, tolerance: float) -> Array:
+    """Integrate by the pair of the reference, controlled as there; y at `TIMES`.
+
+    Raises
+    ------
+    RuntimeError
+        If it gives up.
+    """
+    K = np.empty((len(_B), len(y)))
+    motion, t = [y], float(TIMES[0])
+    K[0] = derivative(t, y)
+    slope = np.sqrt(np.mean((K[0] / (1.0 + np.abs(y))) ** 2))
+    h, known = tolerance ** (1.0 / 8.0) / max(float(slope), 1.0 / (TIMES[-1] - t)), True
+    for target in TIMES[1:].tolist():
+        while t < target:
+            remaining = target - t
+            step = remaining if h >= remaining else min(h, 0.5 * remaining)
+            if not step > 1e-14 * max(1.0, t):
+                raise RuntimeError(f"tp86 gave up at {t} s")
+            weights = step * _A
+            if not known:
+                K[0] = derivative(t, y)
+            for i in range(1, len(K)):
+                K[i] = derivative(t + _C[i] * step, y + weights[i, :i] @ K[:i])
+            end = y + step * (_B @ K)
+            scaled = step * (_E @ K) / (1.0 + np.maximum(np.abs(y), np.abs(end)))
+            error = float(np.sqrt(scaled @ scaled / len(y))) ** (8.0 / 7.0) / tolerance
+            factor = 6.0 if error == 0.0 else min(6.0, max(0.2, 0.8 * error ** (-1.0 / 8.0)))
+            known = not error <= 1.0
+            if known:
+                h = step * min(1.0, factor)
+                continue
+            y, t = end, target if step == remaining else t + step
+            h = max(h, step * factor) if step < h else step * factor
+        motion.append(y)
+    return np.array(motion)
+
+
+HIGH_ORDER = {"DOP853": dop853, "TP86": tp86}
+"""Integrators that an engine's accelerations are given to: SciPy's, compiled, and that of the reference."""
 
 
 def sweep(
