@@ -54,8 +54,7 @@ def simulate(
         each evaluation.
     integrator : str, optional
         Key of `integrators.adaptive.METHODS`, or ``gauss`` (collocation of order 16, of `relative` alone); if not
-        given, ``dop853``, but of `relative` ``tp86`` unless functions of time are tables. `registry.SYSTEMS` have their
-        own.
+        given, ``dop853``, but of `relative` ``tp86`` unless a function is a table. `registry.SYSTEMS` have their own.
     forces : callable, optional
         ``forces(t, state)``: force (N) and torque (N m) on each body at its origin, world axes, shape (n_b, 6), to act
         beside those of the mechanism. The slow path, for formulations in body velocities.

@@ -262,9 +262,9 @@ def _choose(
 @kernel
 def _keep(loops: Loops, fronts: Fronts, rank: int, least: float, best: Array, limit: Array) -> bool:
     """Go on with the factors of a pose that is apart by rounding, if they have the rank so far, far from losing it."""
-    if rank < best[0] or least < _SOUND * best[1]:
+    if rank != best[0] or least < _SOUND * best[1]:
         return False
-    best[0], best[1] = rank, max(best[1], least) if rank == best[0] else least
+    best[1] = max(best[1], least)
     _work_with(loops, fronts, rank, limit)
     return True
 

@@ -68,7 +68,7 @@ def simulate_relative(
 ) -> TrajectoryAnswer:
     """Motion of a mechanism; arguments as of `consilience.reference.simulate`, with one of `INTEGRATORS`.
 
-    If none is given, ``tp86``, or ``dop853`` where functions of time are tables.
+    If none is given, ``tp86``, or ``dop853`` where a function is a table.
 
     Raises
     ------
