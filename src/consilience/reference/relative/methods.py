@@ -51,7 +51,7 @@ TP86 = _method(
 """Tsitouras-Papakostas 8(6): a quarter fewer evaluations than DOP853 to the same accuracy of linkages.
 
 Its estimate is that of the method of order six, much larger than the error of the one that is carried on. Raised to
-this power it asks for the steps of DOP853 at the same tolerance, and the motion is more accurate.
+this power it asks for about the steps of DOP853 at the same tolerance, and the motion is more accurate.
 """
 
 STAGES_AT_MOST = max(len(DOP853.nodes), len(TP86.nodes))
