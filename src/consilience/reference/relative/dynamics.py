@@ -339,8 +339,8 @@ def project(rest: Rest, elements: Elements | None, t: float, z: Array) -> None:
         last = _largest(u, u.shape[0]) < 1e-9
         displace(layout, z, u)
         place(layout, link, free, speeds, z, y, A)
-    # factors of the last pose but one are as good for the speeds, whose rows are those of the last
-    if not (last and held == W.shape[0] and _keep(loops, fronts, rank, least, rest.best, rest.limit)):
+    # where the first correction is that small, the speeds have as little to be corrected, and its factors will do
+    if not (last and step == 1 and held == W.shape[0] and _keep(loops, fronts, rank, least, rest.best, rest.limit)):
         if last:
             _articulate(link, free)
         _choose(loops, layout, fronts, link, free, size[0], rest.best, rest.limit, violation)
