@@ -310,12 +310,13 @@ class Circle(Ode):
 @pytest.mark.parametrize("method", METHODS)
 def test_every_accepted_step_is_settled_and_goes_on_from_there(method):
     times = np.linspace(0.0, 30.0, 31)
-    free = integrate(Circle(False), np.array([1.0, 0.0]), times, 1e-6, method)
+    tolerance = 1e-4 if method == "tp86" else 1e-6  # whose steps are much better than its estimate of them
+    free = integrate(Circle(False), np.array([1.0, 0.0]), times, tolerance, method)
     formulation = Circle(True)
-    settled = integrate(formulation, np.array([1.0, 0.0]), times, 1e-6, method)
+    settled = integrate(formulation, np.array([1.0, 0.0]), times, tolerance, method)
     radius = np.linalg.norm(settled.samples, axis=1) - 1
     assert np.max(np.abs(radius)) < 1e-15
-    assert np.max(np.abs(np.linalg.norm(free.samples, axis=1) - 1)) > 1e-9
+    assert np.max(np.abs(np.linalg.norm(free.samples, axis=1) - 1)) > 1e-7
     # in time order, at each end of a step; BDF settles the samples too
     assert np.all(np.diff(formulation.seen) >= 0)
     assert set(formulation.seen) == set(settled.dense.ends[1:]) | (set(times[1:]) if method == "bdf" else set())
