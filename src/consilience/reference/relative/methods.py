@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import ModuleType
 from typing import NamedTuple
 
 import numpy as np
@@ -21,33 +22,17 @@ class Method(NamedTuple):
     dense: Array  # (4, s) weights of F_3 and higher of the dense output
 
 
-def _method(A: Array, B: Array, A_dense: Array, nodes: Array, estimate: Array, power: float, D: Array) -> Method:
-    count = len(nodes)
-    table = np.zeros((count, count))
-    table[:STAGES, :STAGES], table[STAGES, :STAGES], table[STAGES + 1 :] = A, B, A_dense
-    return Method(table, nodes, estimate, power, D)
+def _method(pair: ModuleType, estimate: Array, power: float) -> Method:
+    nodes = np.concatenate([pair.C, [1.0], pair.C_DENSE])
+    table = np.zeros((len(nodes), len(nodes)))
+    table[:STAGES, :STAGES], table[STAGES, :STAGES], table[STAGES + 1 :] = pair.A, pair.B, pair.A_DENSE
+    return Method(table, nodes, estimate, power, pair.D_DENSE)
 
 
-DOP853 = _method(
-    coefficients.A,
-    coefficients.B,
-    coefficients.A_DENSE,
-    np.concatenate([coefficients.C, [1.0], coefficients.C_DENSE]),
-    np.array([coefficients.E5, coefficients.E3]),
-    1.0,
-    coefficients.D_DENSE,
-)
+DOP853 = _method(coefficients, np.array([coefficients.E5, coefficients.E3]), 1.0)
 """Dormand-Prince 8(5,3)."""
 
-TP86 = _method(
-    tsitouras.A,
-    tsitouras.B,
-    tsitouras.A_DENSE,
-    np.concatenate([tsitouras.C, [1.0], tsitouras.C_DENSE]),
-    np.array([tsitouras.E, np.zeros(STAGES)]),
-    8.0 / 7.0,
-    tsitouras.D_DENSE,
-)
+TP86 = _method(tsitouras, np.array([tsitouras.E, np.zeros(STAGES)]), 8.0 / 7.0)
 """Tsitouras-Papakostas 8(6): a quarter fewer evaluations than DOP853 to the same accuracy of linkages.
 
 Its estimate is that of the method of order six, much larger than the error of the one that is carried on. Raised to
