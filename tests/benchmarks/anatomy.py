@@ -13,55 +13,76 @@ from numba import njit
 
 from consilience.library import load_case
 from consilience.reference import simulate
-from consilience.reference.relative.articulated import free_biases, inertias, sweep_in, sweep_out
+from consilience.reference.relative.articulated import free_biases, inertias, sweep_in
 from consilience.reference.relative.cut_rows import want
-from consilience.reference.relative.dynamics import _close, _push, cut_rows
-from consilience.reference.relative.integrate import arrive, rates
-from consilience.reference.relative.kinematics import place
+from consilience.reference.relative.dynamics import _close, _push, rates
+from consilience.reference.relative.either import accelerate, cut_rows, place_at
 from consilience.reference.relative.model import flatten_relative, pack_relative, system
+from consilience.reference.relative.planar import sweep_in_planar
+from consilience.reference.relative.planar_model import planar
+from consilience.reference.relative.planar_rows import push_efforts
+from consilience.reference.relative.settling import arrive
 
-CASES = ("four_bar", "slider_crank", "spatial_slider_crank", "rssr_four_bar", "manipulator", "furuta_pendulum")
+CASES = ("four_bar", "slider_crank", "manipulator", "spatial_slider_crank", "rssr_four_bar", "furuta_pendulum")
 PARTS = ("placing", "inertias, forces", "tree", "rows", "closing", "rates")
 REPEATS, COUNT, APART = 15, 2000, 1e-5
 DURATION, TOLERANCE = 5.0, 1e-10
 
 
+@njit(_nrt=False, error_model="numpy", inline="always")
+def push(rest, space, elements, plane, z):
+    """Inertias (in a plane they are part of placing) and forces."""
+    if space is not None:
+        inertias(rest.link)
+        if elements is not None and not elements.plain:
+            _push(elements, rest.layout, space.y, space.A, 0.0, z, rest.link)
+        else:
+            free_biases(rest.link)
+    if plane is not None and plane.effort.shape[0]:
+        push_efforts(plane, rest.link, 0.0, z)
+
+
+@njit(_nrt=False, error_model="numpy", inline="always")
+def sweep(rest, space, plane):
+    """Along the tree and back."""
+    if space is not None:
+        sweep_in(rest.link, rest.free)
+    if plane is not None:
+        sweep_in_planar(rest.link, rest.free, True)
+    accelerate(space, plane, rest.link, rest.free, rest.u, 1.0)
+
+
 @njit(_nrt=False, error_model="numpy")
-def up_to(depth, rest, elements, z, n):
+def up_to(depth, rest, space, elements, plane, z, n):
     """The first parts of an evaluation, n times."""
     for _ in range(n):
-        place(rest.layout, rest.link, rest.free, rest.speeds, z, rest.y, rest.A)
+        place_at(rest, space, plane, z)
         if depth > 0:
-            inertias(rest.link)
-            if elements is not None and not elements.plain:
-                _push(elements, rest.layout, rest.y, rest.A, 0.0, z, rest.link)
-            else:
-                free_biases(rest.link)
+            push(rest, space, elements, plane, z)
         if depth > 1:
-            sweep_in(rest.link, rest.free)
-            sweep_out(rest.link, rest.free, rest.u, 1.0)
+            sweep(rest, space, plane)
         if depth > 2 and rest.loops.group.shape[0]:
             want(rest.loops.group, rest.fronts.order, rest.fronts.state, rest.fronts.wanted)
-            cut_rows(rest, elements, 0.0)
+            cut_rows(rest, space, elements, plane, 0.0, z)
         if depth > 3 and rest.loops.group.shape[0]:
-            _close(rest.loops, rest.layout, rest.link, rest.free, rest.fronts, rest.gamma, rest.size[0])
-            sweep_out(rest.link, rest.free, rest.u, 1.0)
+            _close(rest.loops, rest.layout, rest.link, rest.free, rest.fronts, space, plane, rest.gamma, rest.size[0])
+            accelerate(space, plane, rest.link, rest.free, rest.u, 1.0)
 
 
 @njit(_nrt=False, error_model="numpy")
-def whole(tree, rest, elements, z, dz, n):
+def whole(tree, rest, space, elements, plane, z, dz, n):
     """An evaluation, n times."""
     for _ in range(n):
-        rates(tree, rest, elements, 0.0, z, dz)
+        rates(tree, rest, space, elements, plane, 0.0, z, dz)
 
 
 @njit(_nrt=False, error_model="numpy")
-def arriving(tree, rest, elements, z, apart, target, n):
+def arriving(tree, rest, space, elements, plane, z, apart, target, n):
     """The projection of a state that is a little apart from closed loops, n times."""
     for _ in range(n):
         for k in range(z.shape[0]):
             target[k] = z[k] + apart[k]
-        arrive(tree, rest, elements, 0.0, target)
+        arrive(tree, rest, space, elements, plane, 0.0, target)
 
 
 def least(calls, count):
@@ -79,14 +100,15 @@ def least(calls, count):
 def row(case):
     """What the table says of a case."""
     links, spanning, model = flatten_relative(case.mechanism)
-    tree, rest, elements = system(case.mechanism, links, spanning, model)
+    given = case.mechanism, links, spanning, model
+    arrays = planar(*given) or system(*given)
     z = pack_relative(case.mechanism, links, spanning, case.initial_state)
     dz, target = np.zeros_like(z), z.copy()
-    arriving(tree, rest, elements, z, dz, target, 1)
-    whole(tree, rest, elements, z, dz, 1)
-    calls = [lambda depth=depth: up_to(depth, rest, elements, z, COUNT) for depth in range(len(PARTS) - 1)]
-    calls.append(lambda: whole(tree, rest, elements, z, dz, COUNT))
-    calls.append(lambda: arriving(tree, rest, elements, z, APART * dz, target, COUNT))
+    arriving(*arrays, z, dz, target, 1)
+    whole(*arrays, z, dz, 1)
+    calls = [lambda depth=depth: up_to(depth, *arrays[1:], z, COUNT) for depth in range(len(PARTS) - 1)]
+    calls.append(lambda: whole(*arrays, z, dz, COUNT))
+    calls.append(lambda: arriving(*arrays, z, APART * dz, target, COUNT))
     *ends, projection = least(calls, COUNT)
     times = np.linspace(0.0, DURATION, 2)
     motion = simulate(case.mechanism, case.initial_state, times, TOLERANCE, "relative")

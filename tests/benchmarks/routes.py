@@ -20,11 +20,11 @@ from consilience.spatial import Array
 TIMES = np.linspace(0.0, 5.0, 6)
 """Samples of a motion in s. Few, so that taking them costs no one anything."""
 
-TOLERANCES = tuple(10.0 ** (-k / 2.0) for k in range(8, 27))
-"""1e-4 to 1e-13 in half decades."""
+TOLERANCES = tuple(10.0 ** (-k / 2.0) for k in range(6, 27))
+"""1e-3 to 1e-13 in half decades."""
 
-STEPS = tuple(round(125 * 2.0 ** (k / 2.0)) for k in range(21))
-"""Steps in a second, 125 to 128000, in factors of the square root of two."""
+STEPS = tuple(round(125 * 2.0 ** (k / 2.0)) for k in range(-4, 21))
+"""Steps in a second, 31 to 128000, in factors of the square root of two."""
 
 FAILURES = (ConsilienceError, RuntimeError, ValueError, ArithmeticError, np.linalg.LinAlgError)
 """What an engine raises where a level is too coarse for it."""

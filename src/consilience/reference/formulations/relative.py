@@ -19,9 +19,10 @@ from consilience.reference.formulations.null_space import mass_matrix
 from consilience.reference.joint_rows import coordinate
 from consilience.reference.model import unpack
 from consilience.reference.relative.columns import ACCELERATION
-from consilience.reference.relative.dynamics import derivative, find_rank, project, remember
+from consilience.reference.relative.dynamics import derivative, remember
 from consilience.reference.relative.kinematics import orient, place
-from consilience.reference.relative.model import BODY, Elements, Rest, flatten_relative, pack_relative, system
+from consilience.reference.relative.model import BODY, Elements, Rest, Space, flatten_relative, pack_relative, system
+from consilience.reference.relative.settling import find_rank, project
 from consilience.reference.workspace import Workspace, workspace
 from consilience.run import Unsupported
 from consilience.spatial import Array
@@ -33,15 +34,15 @@ def unsupported(mechanism: Mechanism) -> tuple[Unsupported, ...]:
 
 
 @kernel
-def _derivative(rest: Rest, elements: Elements | None, t: float, z: Array, dz: Array) -> None:
+def _derivative(rest: Rest, space: Space, elements: Elements | None, t: float, z: Array, dz: Array) -> None:
     """`derivative`, for Python."""
-    derivative(rest, elements, t, z, dz)
+    derivative(rest, space, elements, None, t, z, dz)
 
 
 @kernel
-def _project(rest: Rest, elements: Elements | None, t: float, z: Array) -> None:
+def _project(rest: Rest, space: Space, elements: Elements | None, t: float, z: Array) -> None:
     """`project`, for Python."""
-    project(rest, elements, t, z)
+    project(rest, space, elements, None, t, z)
 
 
 @kernel
@@ -59,21 +60,23 @@ class RelativeCoordinates:
     def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism = mechanism
         self._links, self._tree, self._model = flatten_relative(mechanism)
-        _, self._rest, self._elements = system(mechanism, self._links, self._tree, self._model)
+        arrays = system(mechanism, self._links, self._tree, self._model)
+        assert arrays.space is not None
+        self._rest, self._space, self._elements = arrays.rest, arrays.space, arrays.elements
 
     def coordinates(self, state: State) -> Array:
         """Coordinates u of a consistent state: angles within half a turn of zero, integrals of controllers zero."""
         z = pack_relative(self.mechanism, self._links, self._tree, state)
         self._place(z)
         memory = self._remember(np.zeros(len(self._model.coordinate)))
-        find_rank(self._rest, self._elements, 0.0, z)
+        find_rank(self._rest, self._space, self._elements, None, 0.0, z)
         return np.concatenate([z, memory, self._rest.limit])
 
     def state(self, u: Array) -> State:
         """Canonical state of u."""
         self._place(self._split(u)[0])
-        orient(self._rest.A, self._rest.y)
-        return State(*unpack(self.mechanism, self._rest.y.copy()))
+        orient(self._space.A, self._space.y)
+        return State(*unpack(self.mechanism, self._space.y.copy()))
 
     def derivative(self, t: float, u: Array) -> Array:
         """``du/dt`` at the time t, shape (n_u,)."""
@@ -83,9 +86,9 @@ class RelativeCoordinates:
         self._rest.limit[0] = round(u[-1])
         if self._elements is not None:
             self._elements.memory[:] = memory
-        _derivative(self._rest, self._elements, t, z, dz)
+        _derivative(self._rest, self._space, self._elements, t, z, dz)
         if self._elements is not None:
-            _turning(self._elements, self._rest.y, self._rest.A, turning)
+            _turning(self._elements, self._space.y, self._space.A, turning)
         return du
 
     def settle(self, t: float, u: Array) -> Array:
@@ -93,7 +96,7 @@ class RelativeCoordinates:
         z, memory = self._split(np.array(u, dtype=float))
         if self._elements is not None:
             self._elements.memory[:] = memory
-        _project(self._rest, self._elements, t, z)
+        _project(self._rest, self._space, self._elements, t, z)
         return np.concatenate([z, self._remember(memory), self._rest.limit])
 
     def accelerations(self, state: State, t: float = 0.0) -> tuple[Array, Array]:
@@ -105,27 +108,27 @@ class RelativeCoordinates:
             If they are not finite, for example at a spring of no length.
         """
         a = self._bodies(state, t)
-        return at_origins(self.mechanism, self._rest.y, a)
+        return at_origins(self.mechanism, self._space.y, a)
 
     def reactions(self, state: State, t: float = 0.0) -> tuple[Array, Array]:
         """Joint reactions from the equations of motion of the bodies, of least norm where rows leave them open."""
-        a, ws = self._bodies(state, t), workspace(self._model)._replace(A=self._rest.A)
+        a, ws = self._bodies(state, t), workspace(self._model)._replace(A=self._space.A)
         memory = self._remember(np.zeros(len(self._model.coordinate)))
-        constraints.evaluate(self._model, t, self._rest.y, memory, ws)
+        constraints.evaluate(self._model, t, self._space.y, memory, ws)
         force = mass_matrix(self._model) @ a - self._forces(t, memory, ws)
         lam: Array = np.linalg.lstsq(ws.Q.T, force, rcond=RANK_TOLERANCE)[0]
         wrench = joint_wrenches(self.mechanism, state, lam)
         return wrench[:, :3], wrench[:, 3:]
 
     def _forces(self, t: float, memory: Array, ws: Workspace) -> Array:
-        forces.evaluate(self._model, t, self._rest.y, memory, ws)
+        forces.evaluate(self._model, t, self._space.y, memory, ws)
         return ws.f
 
     def _bodies(self, state: State, t: float) -> Array:
         """Accelerations (dv/dt, dw'/dt) of all bodies, shape (6 n_b,), with the bodies placed at the state."""
         u = self.coordinates(state)
         self.derivative(t, u)
-        A, y = self._rest.A, self._rest.y
+        A, y = self._space.A, self._space.y
         orient(A, y)
         a = np.empty((len(self.mechanism.bodies), 6))
         a[self._links.layout[:, BODY]] = self._rest.link[:-1, ACCELERATION : ACCELERATION + 6]
@@ -139,12 +142,12 @@ class RelativeCoordinates:
         if self._elements is None:
             return memory
         self._elements.memory[:] = memory
-        remember(self._elements, self._rest.y, self._rest.A)
+        remember(self._elements, self._space.y, self._space.A)
         return self._elements.memory.copy()
 
     def _place(self, z: Array) -> None:
-        rest = self._rest
-        place(rest.layout, rest.link, rest.free, rest.speeds, z, rest.y, rest.A)
+        rest, space = self._rest, self._space
+        place(rest.layout, rest.link, rest.free, rest.speeds, z, space.y, space.A)
 
     def _split(self, u: Array) -> tuple[Array, Array]:
         """Views of u: z and the angles."""

@@ -16,18 +16,20 @@ from consilience.reference.compiled import kernel, threaded
 from consilience.reference.model import unpack
 from consilience.reference.relative.articulated import free_accelerations
 from consilience.reference.relative.columns import ACCELERATION, COORDINATE, NEAR, PLACED
-from consilience.reference.relative.dynamics import accelerations, find_rank, remember
+from consilience.reference.relative.dynamics import accelerations, remember
 from consilience.reference.relative.kinematics import orient, place, place_bodies, place_links
 from consilience.reference.relative.model import (
     BODY,
     Elements,
     Rest,
+    Space,
     System,
     flatten_relative,
     link_table,
     pack_relative,
     system,
 )
+from consilience.reference.relative.settling import find_rank
 from consilience.spatial import Array
 
 
@@ -53,20 +55,22 @@ def _at_each(link: Array, free: Array, constants: Array, q: Array, v: Array, out
 
 
 @threaded
-def _closed_at_each(rest: Rest, elements: Elements | None, t: float, q: Array, v: Array, z: Array, out: Array) -> None:
+def _closed_at_each(
+    rest: Rest, space: Space, elements: Elements | None, t: float, q: Array, v: Array, z: Array, out: Array
+) -> None:
     """Accelerations of any mechanism at each row, its independent rows chosen anew at each state."""
     for i in range(q.shape[0]):
         for n in range(q.shape[1]):
             z[n] = q[i, n]
         for n in range(v.shape[1]):
             z[rest.speeds + n] = v[i, n]
-        place(rest.layout, rest.link, rest.free, rest.speeds, z, rest.y, rest.A)
+        place(rest.layout, rest.link, rest.free, rest.speeds, z, space.y, space.A)
         if elements is not None:
             elements.memory[:] = 0.0
-            remember(elements, rest.y, rest.A)
+            remember(elements, space.y, space.A)
         rest.best[:] = 0.0
-        find_rank(rest, elements, t, z)
-        accelerations(rest, elements, t, z)
+        find_rank(rest, space, elements, None, t, z)
+        accelerations(rest, space, elements, None, t, z)
         for n in range(v.shape[1]):
             out[i, n] = rest.u[n]
 
@@ -271,13 +275,13 @@ class ForwardDynamics:
 
     def _fill(self, n: int, q: Array, v: Array, t: float, constants: Array, out: Array) -> None:
         """Accelerations at rows of states, with the n-th set of working arrays."""
-        tree, rest, elements = self._systems[n]
+        tree, rest, space, elements, _ = self._systems[n]
         if self._is_tree:
             # constants of parameter sets must not stay behind
             link = tree.link.copy() if len(constants) else tree.link
             _at_each(link, tree.free, constants, q, v, out)
             return
-        _closed_at_each(rest, elements, float(t), q, v, np.zeros(len(self._links.kind)), out)
+        _closed_at_each(rest, space, elements, float(t), q, v, np.zeros(len(self._links.kind)), out)
 
 
 def _compiled(link: Array, free: Array, n_q: int) -> None:

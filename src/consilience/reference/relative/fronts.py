@@ -44,7 +44,7 @@ CHOOSE, KEEP = np.array([True, False])
 
 
 @fused
-def _clear(group: Array, state: Array, F: Array) -> None:
+def clear(group: Array, state: Array, F: Array) -> None:
     """Number the columns used, and set their entries to zero."""
     for g in range(group.shape[0]):
         state[g + 1, START] = state[g, START] + state[g, USED]
@@ -83,7 +83,7 @@ def respond(
     free: Array,
 ) -> float:
     """Fill the fronts with the responses to the rows used; the largest squared norm of a column."""
-    _clear(group, state, F)
+    clear(group, state, F)
     for n in range(free.shape[0]):
         free[n, ROOT] = 1.0 / np.sqrt(free[n, PIVOT])
     largest = 0.0
@@ -122,10 +122,10 @@ def _sweep(
             rest = 0.0
             for r in range(6):
                 rest += free[n, S + r] * wrench[k, r]
-            factor = rest / free[n, PIVOT]
+            rest *= free[n, ROOT]
+            factor = rest * free[n, ROOT]
             for r in range(6):
                 wrench[k, r] -= factor * free[n, U + r]
-            rest *= free[n, ROOT]
             total += rest * rest
             f = home[n, 0]
             F[group[f, AT] + (column - state[f, START]) * group[f, HEIGHT] + home[n, 1]] = rest

@@ -19,9 +19,10 @@ from numpy.polynomial.legendre import leggauss, legvander
 from consilience.reference.compiled import inlined, kernel
 from consilience.reference.integrators.dop853 import EVALUATIONS, REJECTED, STEPS
 from consilience.reference.relative.dynamics import rates
-from consilience.reference.relative.integrate import arrive, begin, longest_now, sizes
+from consilience.reference.relative.integrate import sizes
 from consilience.reference.relative.kinematics import record
-from consilience.reference.relative.model import Elements, Rest, Tree
+from consilience.reference.relative.model import Elements, Rest, Space, Tree
+from consilience.reference.relative.settling import arrive, begin, longest_now
 from consilience.reference.vectors import assign
 from consilience.spatial import Array
 
@@ -83,6 +84,7 @@ def _extrapolate(K: Array, ratio: float, guess: Array) -> None:
 def _iterate(
     tree: Tree,
     rest: Rest | None,
+    space: Space | None,
     elements: Elements | None,
     t: float,
     h: float,
@@ -100,7 +102,7 @@ def _iterate(
             for j in range(STAGES):
                 for n in range(z.shape[0]):
                     trial[n] += h * A[i, j] * K[j, n]
-            rates(tree, rest, elements, t + C[i] * h, trial, found)
+            rates(tree, rest, space, elements, None, t + C[i] * h, trial, found)
             for n in range(z.shape[0]):
                 change = max(change, h * abs(found[n] - K[i, n]) / size[tree.kind[n]])
                 K[i, n] = found[n]
@@ -129,6 +131,7 @@ def _roughness(kind: Array, K: Array, h: float, size: Array) -> float:
 def integrate_gauss(
     tree: Tree,
     rest: Rest | None,
+    space: Space | None,
     elements: Elements | None,
     z: Array,
     times: Array,
@@ -141,7 +144,7 @@ def integrate_gauss(
     """Integrate from ``times[0]`` and record the bodies at all sample times; arguments as in `integrate.integrate`."""
     K, guess, size = scratch.K, scratch.guess, scratch.size
     counters[:] = 0
-    begin(tree, rest, elements, times[0], z)
+    begin(tree, rest, space, elements, None, times[0], z)
     record(tree.A, tree.y, motion[0])
     allowed = np.sqrt(tolerance)
     t, h, before = times[0], 1e-3 * (times[-1] - times[0]), 0.0
@@ -157,7 +160,7 @@ def integrate_gauss(
                 _extrapolate(K, step / before, guess)
             if before == 0.0 or step > 2.0 * before:
                 guess[:] = 0.0
-            settled = _iterate(tree, rest, elements, t, step, z, counters, scratch)
+            settled = _iterate(tree, rest, space, elements, t, step, z, counters, scratch)
             rough = _roughness(tree.kind, guess, step, size) / allowed if settled else np.inf
             if rough > 1.0:
                 counters[REJECTED] += 1
@@ -173,6 +176,6 @@ def integrate_gauss(
             factor = LARGEST if rough == 0.0 else min(LARGEST, SAFETY * rough ** (-1.0 / STAGES))
             h = step * factor if step == free else max(h, step * factor)
             t = times[sample] if step == remaining else t + step
-            arrive(tree, rest, elements, t, z)
+            arrive(tree, rest, space, elements, None, t, z)
         record(tree.A, tree.y, motion[sample])
     return 0

@@ -11,16 +11,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from consilience.reference.compiled import inlined, kernel
+from consilience.reference.compiled import inlined, inner, kernel
 from consilience.reference.integrators.coefficients import D_DENSE, STAGES
 from consilience.reference.integrators.dop853 import EVALUATIONS, LARGEST, REJECTED, SMALLEST, STEPS
-from consilience.reference.joint_rows import coordinate
-from consilience.reference.model import ANGLE, Model
-from consilience.reference.relative.dynamics import project, rates, remember
-from consilience.reference.relative.kinematics import normalise, place, record
+from consilience.reference.relative.dynamics import rates
 from consilience.reference.relative.loops import CHOSEN
 from consilience.reference.relative.methods import STAGES_AT_MOST, Method
-from consilience.reference.relative.model import Elements, Rest, Tree
+from consilience.reference.relative.model import Elements, Rest, Space, Tree
+from consilience.reference.relative.plane import Plane
+from consilience.reference.relative.settling import arrive, begin, longest_now, note, settle
 from consilience.reference.vectors import assign
 from consilience.spatial import Array
 
@@ -30,9 +29,6 @@ each Python number that is written out where they are called."""
 
 SAFETY = 0.8
 """Safety factor of the step size: with 0.9 a quarter of the steps of a pendulum or linkage are taken in vain."""
-
-_TURN = 1.5
-"""Most that an angle whose turns are counted may change in a step, rad: well below half a turn."""
 
 
 class Scratch(NamedTuple):
@@ -104,11 +100,13 @@ def _stage(table: Array, z: Array, K: Array, h: float, i: int, trial: Array) -> 
                 trial[n] += weight * K[j, n]
 
 
-@inlined
+@inner
 def _evaluate(
     tree: Tree,
     rest: Rest | None,
+    space: Space | None,
     elements: Elements | None,
+    plane: Plane | None,
     method: Method,
     z: Array,
     end: Array,
@@ -125,52 +123,7 @@ def _evaluate(
             assign(state, end)
         else:
             _stage(method.table, z, K, h, i, state)
-        rates(tree, rest, elements, t + method.nodes[i] * h, state, K[i])
-
-
-@inlined
-def settle(tree: Tree, rest: Rest | None, elements: Elements | None, t: float, z: Array) -> None:
-    """Bring a state back to closed loops, in place, and place the bodies at it."""
-    if rest is None:
-        normalise(tree.layout, z)
-        place(tree.layout, tree.link, tree.free, tree.speeds, z, tree.y, tree.A)
-    else:
-        project(rest, elements, t, z)
-
-
-@inlined
-def _turning(model: Model, y: Array, A: Array, memory: Array) -> float:
-    """Longest step in which turns can be counted, from the rates of the bodies as they are placed."""
-    rate = 0.0
-    for n in range(memory.shape[0]):
-        if model.coordinate[n, 1] == ANGLE:
-            rate = max(rate, abs(coordinate(model, y, A, n, memory[n]).rate))
-    return _TURN / rate if rate > 0.0 else np.inf
-
-
-@inlined
-def longest_now(tree: Tree, elements: Elements | None, longest: float) -> float:
-    """Longest step from where the bodies are placed."""
-    if elements is None:
-        return longest
-    return min(longest, _turning(elements.model, tree.y, tree.A, elements.memory))
-
-
-@inlined
-def arrive(tree: Tree, rest: Rest | None, elements: Elements | None, t: float, z: Array) -> None:
-    """`settle` at the end of a step, and count the turns that elements read."""
-    settle(tree, rest, elements, t, z)
-    if elements is not None:
-        remember(elements, tree.y, tree.A)
-
-
-@inlined
-def begin(tree: Tree, rest: Rest | None, elements: Elements | None, t: float, z: Array) -> None:
-    """`arrive` at the start of a motion, where angles that elements read are within half a turn of zero."""
-    if elements is not None:
-        place(tree.layout, tree.link, tree.free, tree.speeds, z, tree.y, tree.A)
-        remember(elements, tree.y, tree.A)
-    arrive(tree, rest, elements, t, z)
+        rates(tree, rest, space, elements, plane, t + method.nodes[i] * h, state, K[i])
 
 
 @kernel
@@ -216,7 +169,9 @@ def _first_length(kind: Array, f: Array, span: float, tolerance: float, size: Ar
 def _samples(
     tree: Tree,
     rest: Rest | None,
+    space: Space | None,
     elements: Elements | None,
+    plane: Plane | None,
     z: Array,
     t: float,
     step: float,
@@ -231,8 +186,8 @@ def _samples(
         assign(scratch.chosen, rest.fronts.state[:, CHOSEN])
     for n in range(times.shape[0]):
         _between(z, scratch.F, (times[n] - t) / step, scratch.state)
-        settle(tree, rest, elements, times[n], scratch.state)
-        record(tree.A, tree.y, motion[n])
+        settle(tree, rest, space, elements, plane, times[n], scratch.state)
+        note(tree, plane, motion[n])
     if rest is not None:
         assign(rest.fronts.order, scratch.order)
         assign(rest.fronts.state[:, CHOSEN], scratch.chosen)
@@ -242,7 +197,9 @@ def _samples(
 def _record(
     tree: Tree,
     rest: Rest | None,
+    space: Space | None,
     elements: Elements | None,
+    plane: Plane | None,
     method: Method,
     z: Array,
     t: float,
@@ -260,15 +217,15 @@ def _record(
         sample += 1
     inner = sample
     if sample < times.shape[0] and times[sample] == after:
-        record(tree.A, tree.y, motion[sample])
+        note(tree, plane, motion[sample])
         sample += 1
     if first == inner:
         return sample, BEGIN
     end, K, behind = scratch.end, scratch.K, method.nodes.shape[0]
-    _evaluate(tree, rest, elements, method, z, end, K, t, step, END, behind, scratch.state)
+    _evaluate(tree, rest, space, elements, plane, method, z, end, K, t, step, END, behind, scratch.state)
     counters[EVALUATIONS] += behind - END
     _polynomial(method.dense, z, end, K, step, scratch.F)
-    _samples(tree, rest, elements, z, t, step, times[first:inner], motion[first:inner], scratch)
+    _samples(tree, rest, space, elements, plane, z, t, step, times[first:inner], motion[first:inner], scratch)
     return sample, SECOND
 
 
@@ -285,7 +242,9 @@ def _advance(z: Array, end: Array, K: Array, first: int) -> None:
 def _attempt(
     tree: Tree,
     rest: Rest | None,
+    space: Space | None,
     elements: Elements | None,
+    plane: Plane | None,
     method: Method,
     z: Array,
     t: float,
@@ -297,7 +256,7 @@ def _attempt(
 ) -> float:
     """Evaluate stages `first` to `last` of a step; its end into the scratch, and its scaled error."""
     K, size = scratch.K, scratch.size
-    _evaluate(tree, rest, elements, method, z, z, K, t, step, first, last, scratch.state)
+    _evaluate(tree, rest, space, elements, plane, method, z, z, K, t, step, first, last, scratch.state)
     counters[EVALUATIONS] += last - first
     _stage(method.table, z, K, step, END, scratch.end)
     sizes(tree.kind, tree.length, z, size)
@@ -308,7 +267,9 @@ def _attempt(
 def integrate(
     tree: Tree,
     rest: Rest | None,
+    space: Space | None,
     elements: Elements | None,
+    plane: Plane | None,
     method: Method,
     z: Array,
     times: Array,
@@ -322,8 +283,8 @@ def integrate(
 
     Parameters
     ----------
-    rest, elements : Rest and Elements, or None
-        None where a mechanism has none (`model.System`): kernels are compiled for what it has.
+    rest, space, elements, plane : Rest, Elements and Plane, or None
+        None where a mechanism has none (`model.System`, `plane.planar`): kernels are compiled for what it has.
     method : Method
     z : ndarray, shape (n_z,)
         Initial state; overwritten by the last.
@@ -342,18 +303,20 @@ def integrate(
     t, last, sample = times[0], times[-1], SECOND
     K, end = scratch.K, scratch.end
     counters[:] = 0
-    begin(tree, rest, elements, t, z)
-    record(tree.A, tree.y, motion[0])
+    begin(tree, rest, space, elements, plane, t, z)
+    note(tree, plane, motion[0])
     if times.shape[0] == 1:
         return 0
     bound = longest_now(tree, elements, longest)
-    _attempt(tree, rest, elements, method, z, t, 0.0, BEGIN, SECOND, counters, scratch)
+    _attempt(tree, rest, space, elements, plane, method, z, t, 0.0, BEGIN, SECOND, counters, scratch)
     h, first = _first_length(tree.kind, K[0], last - t, tolerance, scratch.size), SECOND
     while sample < times.shape[0]:
         step = _length(min(h, bound), last - t)
         if step < 1e-14 * max(1.0, abs(t)):
             return 1
-        error = _attempt(tree, rest, elements, method, z, t, step, first, END, counters, scratch) / tolerance
+        error = (
+            _attempt(tree, rest, space, elements, plane, method, z, t, step, first, END, counters, scratch) / tolerance
+        )
         if not np.isfinite(error):
             return 2
         factor = LARGEST if error == 0.0 else min(LARGEST, max(SMALLEST, SAFETY * error ** (-1.0 / 8.0)))
@@ -363,10 +326,10 @@ def integrate(
             continue
         counters[STEPS] += 1
         after = last if step == last - t else t + step
-        arrive(tree, rest, elements, after, end)
+        arrive(tree, rest, space, elements, plane, after, end)
         bound = longest_now(tree, elements, longest)
         sample, first = _record(
-            tree, rest, elements, method, z, t, step, after, times, motion, counters, sample, scratch
+            tree, rest, space, elements, plane, method, z, t, step, after, times, motion, counters, sample, scratch
         )
         _advance(z, end, K, first)
         t, h = after, step * factor if step == h else max(h, step * factor)

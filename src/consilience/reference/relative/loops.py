@@ -44,7 +44,7 @@ class Fronts(NamedTuple):
     """Arrays that the kernels write into."""
 
     W: Array  # (q, 4, 6) wrenches of a unit of each row on the links it touches, world axes, at centres of mass
-    wrench: Array  # (n_b, 6)
+    wrench: Array  # (n_b, 6); of both, in a plane, the three numbers that are left
     F: Array  # fronts behind each other, each column by column
     tau: Array  # factors of the reflections
     x: Array  # vectors of the fronts
@@ -143,16 +143,16 @@ def _columns(group: Array, first: int, last: int) -> int:
     return int(np.sum(group[first : last + 1, ROW_END] - group[first : last + 1, ROW]))
 
 
-def fronts(loops: Loops, bodies: int) -> Fronts:
-    """Scratch arrays."""
+def fronts(loops: Loops, bodies: int, width: int) -> Fronts:
+    """Scratch arrays; wrenches of so many numbers."""
     G, q = len(loops.group), len(loops.touched)
     rows = int(np.sum(loops.group[:, HEIGHT]))
     size = sum(int(row[HEIGHT]) * _columns(loops.group, g, int(row[REACH])) for g, row in enumerate(loops.group))
     state = np.zeros((G + 1, 6), dtype=np.int64)
     state[:-1, CHOSEN] = loops.group[:, ROW_END] - loops.group[:, ROW]
     return Fronts(
-        W=np.zeros((q, TOUCHED, 6)),
-        wrench=np.zeros((bodies, 6)),
+        W=np.zeros((q, TOUCHED, width)),
+        wrench=np.zeros((bodies, width)),
         F=np.zeros(size),
         tau=np.zeros(rows),
         x=np.zeros(rows),

@@ -20,6 +20,7 @@ from consilience.reference.formulations.recursive_model import TreeModel, flatte
 from consilience.reference.model import Model, all_rows, flatten
 from consilience.reference.relative import columns
 from consilience.reference.relative.loops import Fronts, Loops, find_loops, fronts
+from consilience.reference.relative.plane import Plane
 from consilience.reference.workspace import Workspace, workspace
 from consilience.spatial import Array, quaternion_from_rotation
 
@@ -78,8 +79,17 @@ class CutJoints(NamedTuple):
     pitch: Array
 
 
+class Space(NamedTuple):
+    """What kernels of space read beside both: bodies as other kernels know them. In a plane there is `plane.Plane`."""
+
+    y: Array
+    A: Array
+    mass: Array
+    inertia_factor: Array
+
+
 class Rest(NamedTuple):
-    """What loops need beside it, and the arrays that their kernels write into; q cut rows.
+    """What loops need beside the tree, and the arrays that their kernels write into; q cut rows.
 
     One level, few arrays: each is counted whenever a kernel is given all of them.
     """
@@ -87,14 +97,10 @@ class Rest(NamedTuple):
     layout: Array
     link: Array
     free: Array
-    y: Array
-    A: Array
     speeds: int
     length: float
     held: int
-    mass: Array
-    inertia_factor: Array
-    joints: CutJoints
+    joints: CutJoints | None  # None in a plane
     loops: Loops
     fronts: Fronts
     value: Array  # (q,) violations of the rows
@@ -119,11 +125,17 @@ class Elements(NamedTuple):
 
 
 class System(NamedTuple):
-    """A mechanism for the kernels: they are compiled for trees, for linkages, and for those with elements."""
+    """A mechanism for the kernels: they are compiled for trees, for linkages, for those with elements, and in a plane.
+
+    Where an argument is None, Numba leaves out what is done only where it is not; the reverse it does not. So there is
+    one argument for space and one for a plane, and one of them is None.
+    """
 
     tree: Tree
     rest: Rest
-    elements: Elements | None  # None where there are only joints and gravity
+    space: Space | None
+    elements: Elements | None  # None where there are only joints and gravity, and in a plane
+    plane: Plane | None
 
 
 def flatten_relative(mechanism: Mechanism) -> tuple[Links, TreeModel, Model]:
@@ -204,48 +216,55 @@ def free_table(links: Links) -> Array:
     return table
 
 
-def tree_arrays(mechanism: Mechanism, links: Links, model: Model) -> Tree:
-    """What a tree without elements needs, new."""
+def tree_arrays(links: Links, length: float, link: Array, free: Array, integrals: int) -> Tree:
+    """What a tree without elements needs; link and free are its tables."""
     n = len(links.layout)
     return Tree(
         layout=links.layout,
         kind=links.kind,
-        link=link_table(links, mechanism.gravity),
-        free=free_table(links),
-        y=np.zeros((n + -(-len(mechanism.controls) // 13), 13)),
+        link=link,
+        free=free,
+        y=np.zeros((n + -(-integrals // 13), 13)),
         A=np.zeros((n, 3, 3)),
         speeds=links.speeds,
-        length=model.length,
+        length=length,
+    )
+
+
+def closing_arrays(tree: Tree, joints: CutJoints | None, loops: Loops, held: int, width: int) -> Rest:
+    """What loops need beside the tree; wrenches and motions are of 6 numbers, or 3 in a plane."""
+    q = len(loops.touched)
+    value, gamma, rate = np.zeros((3, q))
+    return Rest(
+        *(tree.layout, tree.link, tree.free, tree.speeds, tree.length),
+        held=held,
+        joints=joints,
+        loops=loops,
+        fronts=fronts(loops, len(tree.layout), width),
+        value=value,
+        gamma=gamma,
+        rate=rate,
+        u=np.zeros(len(tree.free)),
+        limit=np.array([q], dtype=np.int64),
+        best=np.zeros(2),
+        size=np.zeros(1),
     )
 
 
 def system(mechanism: Mechanism, links: Links, spanning: TreeModel, model: Model) -> System:
     """Arrays of the kernels, those that they write into new."""
-    n, cut = len(spanning.body), spanning.cut
-    tree = tree_arrays(mechanism, links, model)
-    elements, q = None, all_rows(cut)
-    value, gamma, rate = np.zeros((3, q))
-    if not links.plain or links.other_rows:
-        memory, rows = np.zeros(len(model.coordinate)), workspace(cut)._replace(A=tree.A)
-        value, gamma, rate = rows.value, rows.gamma, rows.rate
-        elements = Elements(model, cut, memory, rows, links.integrals, links.plain, links.other_rows)
-    rest = Rest(
-        *(tree.layout, tree.link, tree.free, tree.y, tree.A, tree.speeds, tree.length),
-        held=links.held,
-        mass=model.mass,
-        inertia_factor=model.inertia_factor,
-        joints=CutJoints(links.closing, *(getattr(cut, name) for name in CutJoints._fields[1:])),
-        loops=links.loops,
-        fronts=fronts(links.loops, n),
-        value=value,
-        gamma=gamma,
-        rate=rate,
-        u=np.zeros(int(spanning.first_free[-1])),
-        limit=np.array([q], dtype=np.int64),
-        best=np.zeros(2),
-        size=np.zeros(1),
-    )
-    return System(tree, rest, elements)
+    cut = spanning.cut
+    table = link_table(links, mechanism.gravity)
+    tree = tree_arrays(links, model.length, table, free_table(links), len(mechanism.controls))
+    joints = CutJoints(links.closing, *(getattr(cut, name) for name in CutJoints._fields[1:]))
+    rest = closing_arrays(tree, joints, links.loops, links.held, 6)
+    space = Space(tree.y, tree.A, model.mass, model.inertia_factor)
+    if links.plain and not links.other_rows:
+        return System(tree, rest, space, None, None)
+    memory, rows = np.zeros(len(model.coordinate)), workspace(cut)._replace(A=tree.A)
+    rest = rest._replace(value=rows.value, gamma=rows.gamma, rate=rows.rate)
+    elements = Elements(model, cut, memory, rows, links.integrals, links.plain, links.other_rows)
+    return System(tree, rest, space, elements, None)
 
 
 def renewed(given: System) -> System:
@@ -261,24 +280,20 @@ def renewed(given: System) -> System:
         rows = Workspace(*(array.copy() for array in elements.rows))
         rows = rows._replace(A=A, value=value, gamma=gamma, rate=rate)
         elements = elements._replace(memory=elements.memory.copy(), rows=rows)
-    return System(
-        tree,
-        rest._replace(
-            link=link,
-            free=free,
-            y=y,
-            A=A,
-            value=value,
-            gamma=gamma,
-            rate=rate,
-            fronts=Fronts(*(array.copy() for array in rest.fronts)),
-            u=rest.u.copy(),
-            limit=rest.limit.copy(),
-            best=rest.best.copy(),
-            size=rest.size.copy(),
-        ),
-        elements,
+    rest = rest._replace(
+        link=link,
+        free=free,
+        value=value,
+        gamma=gamma,
+        rate=rate,
+        fronts=Fronts(*(array.copy() for array in rest.fronts)),
+        u=rest.u.copy(),
+        limit=rest.limit.copy(),
+        best=rest.best.copy(),
+        size=rest.size.copy(),
     )
+    space = None if given.space is None else given.space._replace(y=y, A=A)
+    return System(tree, rest, space, elements, given.plane)
 
 
 def pack_relative(mechanism: Mechanism, links: Links, tree: TreeModel, state: State) -> Array:

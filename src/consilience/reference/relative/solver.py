@@ -17,6 +17,7 @@ from consilience.reference.relative.gauss import gauss_scratch, integrate_gauss
 from consilience.reference.relative.integrate import integrate, scratch
 from consilience.reference.relative.methods import DOP853, TP86
 from consilience.reference.relative.model import Links, System, flatten_relative, pack_relative, renewed, system
+from consilience.reference.relative.planar_model import planar
 from consilience.run import TrajectoryAnswer
 from consilience.spatial import Array
 
@@ -44,16 +45,23 @@ class _Prepared(NamedTuple):
     links: Links
     spanning: TreeModel
     system: System  # nothing written into it yet
+    tree_alone: bool  # whether the tables of the tree (and of a plane) say all
     longest: float  # step, s
     integrator: str  # where none is asked for
 
 
 @lru_cache(maxsize=8)
-def _prepared(mechanism: Mechanism) -> _Prepared:
-    """Of the mechanisms asked last: making it takes as long as some thousand evaluations."""
+def _prepared(mechanism: Mechanism, in_space: bool) -> _Prepared:
+    """Of the mechanisms asked last: making it takes as long as some thousand evaluations.
+
+    In space even where they move in parallel planes, if that is asked for.
+    """
     links, spanning, model = flatten_relative(mechanism)
+    arrays = None if in_space else planar(mechanism, links, spanning, model)
+    arrays = arrays or system(mechanism, links, spanning, model)
+    tree_alone = links.free if arrays.plane is None else not len(arrays.rest.loops.group)
     integrator = "dop853" if len(model.functions.pieces) else "tp86"
-    return _Prepared(links, spanning, system(mechanism, links, spanning, model), longest_step(model), integrator)
+    return _Prepared(links, spanning, arrays, tree_alone, longest_step(model), integrator)
 
 
 METHODS = {"tp86": TP86, "dop853": DOP853}
@@ -75,17 +83,18 @@ def simulate_relative(
     NumericalFailure
         With the status of the integrator.
     """
-    links, spanning, unused, longest, usual = _prepared(mechanism)
+    links, spanning, unused, tree_alone, longest, usual = _prepared(mechanism, integrator == "gauss")
     integrator = integrator or usual
-    tree, rest, elements = renewed(unused)
+    tree, loops, space, elements, plane = renewed(unused)
     z = pack_relative(mechanism, links, spanning, state)
     motion, counters = np.empty((len(times), *tree.y.shape)), np.zeros(3, dtype=np.int64)
-    system_of, asked = (tree, None if links.free else rest, elements), (times, float(tolerance), longest)
+    rest = None if tree_alone else loops
+    asked = times, float(tolerance), longest
     if integrator == "gauss":
-        status = integrate_gauss(*system_of, z, *asked, motion, counters, gauss_scratch(z, system_of[1]))
+        status = integrate_gauss(tree, rest, space, elements, z, *asked, motion, counters, gauss_scratch(z, rest))
     else:
         method = METHODS[integrator]
-        status = integrate(*system_of, method, z, *asked, motion, counters, scratch(z, system_of[1]))
+        status = integrate(tree, rest, space, elements, plane, method, z, *asked, motion, counters, scratch(z, rest))
     if status:
         raise NumericalFailure(f"reference, relative, {integrator}, tolerance {tolerance:g}: {STATUS[status]}")
     p, quat, v, w = canonical_motion(mechanism, motion)

@@ -1,0 +1,136 @@
+"""What is done alike in space and in a plane, by kernels of their own.
+
+Where an argument is None, Numba leaves out what is done only where it is not: one of space and plane is None.
+"""
+
+from __future__ import annotations
+
+from consilience.reference import constraints
+from consilience.reference.compiled import inlined
+from consilience.reference.relative.articulated import (
+    articulate,
+    inertias,
+    sweep_out,
+)
+from consilience.reference.relative.cut_rows import (
+    gather,
+    joint_rows,
+    open_rates,
+    size_of_rows,
+)
+from consilience.reference.relative.fronts import least_norm, respond
+from consilience.reference.relative.kinematics import place
+from consilience.reference.relative.loops import Fronts, Loops
+from consilience.reference.relative.model import Elements, Rest, Space
+from consilience.reference.relative.planar import place_planar, respond_planar, sweep_in_planar, sweep_out_planar
+from consilience.reference.relative.planar_rows import (
+    open_planar_rates,
+    planar_rows,
+    size_of_planar_rows,
+)
+from consilience.reference.relative.plane import Plane
+from consilience.spatial import Array
+
+
+@inlined
+def place_at(rest: Rest, space: Space | None, plane: Plane | None, z: Array) -> None:
+    """Place the links at a state, and the bodies but those in a plane, which are read only in the end."""
+    if space is not None:
+        place(rest.layout, rest.link, rest.free, rest.speeds, z, space.y, space.A)
+    if plane is not None:
+        place_planar(rest.link, rest.free, z, z[rest.speeds :])
+
+
+@inlined
+def cut_rows(
+    rest: Rest, space: Space | None, elements: Elements | None, plane: Plane | None, t: float, z: Array
+) -> None:
+    """Value, wrenches, gamma and rate of the cut rows of the links and bodies as they are placed."""
+    touched, W, wanted, value, gamma = rest.loops.touched, rest.fronts.W, rest.fronts.wanted, rest.value, rest.gamma
+    if plane is not None:
+        planar_rows(plane, touched, wanted, rest.link, t, z, W, value, gamma, rest.rate)
+    if space is not None:
+        if elements is not None and elements.other_rows:
+            constraints.evaluate(elements.cut, t, space.y, elements.memory, elements.rows)
+            gather(touched, rest.layout, elements.rows.Q, space.A, W)
+        else:
+            joint_rows(rest.joints, wanted, space.y, space.A, W, value, gamma)
+
+
+@inlined
+def respond_to_rows(
+    loops: Loops, layout: Array, fronts: Fronts, space: Space | None, plane: Plane | None, link: Array, free: Array
+) -> float:
+    """`respond` with the arrays of loops and fronts."""
+    group, touched, path, home, W, wrench, F = (
+        loops.group,
+        loops.touched,
+        loops.path,
+        loops.home,
+        fronts.W,
+        fronts.wrench,
+        fronts.F,
+    )
+    order, state, largest = fronts.order, fronts.state, 0.0
+    if space is not None:
+        largest = respond(group, touched, path, home, order, state, layout, W, wrench, F, link, free)
+    if plane is not None:
+        largest = respond_planar(group, touched, path, home, order, state, layout, W, wrench, F, link, free)
+    return largest
+
+
+@inlined
+def force_rows(loops: Loops, fronts: Fronts, free: Array) -> None:
+    """`least_norm` for the target of the fronts."""
+    least_norm(
+        loops.group,
+        loops.batch,
+        fronts.order,
+        fronts.state,
+        fronts.F,
+        fronts.tau,
+        fronts.x,
+        fronts.y,
+        fronts.target,
+        free,
+    )
+
+
+@inlined
+def accelerate(space: Space | None, plane: Plane | None, link: Array, free: Array, u: Array, moving: float) -> None:
+    """`sweep_out`, in space or in a plane."""
+    if space is not None:
+        sweep_out(link, free, u, moving)
+    if plane is not None:
+        sweep_out_planar(link, free, u, moving)
+
+
+@inlined
+def articulate_links(space: Space | None, plane: Plane | None, link: Array, free: Array) -> None:
+    """Articulated inertias, links as they are placed, once for each placing."""
+    if space is not None:
+        inertias(link)
+        articulate(link, free)
+    if plane is not None:
+        sweep_in_planar(link, free, False)
+
+
+@inlined
+def measure_rows(rest: Rest, space: Space | None, plane: Plane | None) -> None:
+    """Size of the rows, once: what says which of them depend on others."""
+    if rest.size[0] == 0.0:
+        touched, W = rest.loops.touched, rest.fronts.W
+        if space is not None:
+            rest.size[0] = size_of_rows(space.mass, space.inertia_factor, touched, rest.layout, W, space.A)
+        if plane is not None:
+            rest.size[0] = size_of_planar_rows(touched, W, rest.link)
+
+
+@inlined
+def open_speeds(rest: Rest, space: Space | None, plane: Plane | None) -> None:
+    """What the rows lack of their rates, into the target of the fronts."""
+    touched, W, target = rest.loops.touched, rest.fronts.W, rest.fronts.target
+    if space is not None:
+        open_rates(touched, rest.layout, W, space.y, space.A, rest.rate, target)
+    if plane is not None:
+        open_planar_rates(touched, W, rest.link, rest.rate, target)

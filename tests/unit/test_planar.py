@@ -1,0 +1,296 @@
+"""Mechanisms that move in parallel planes: their own kernels against dense equations and those of space."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import truth
+from consilience.functions import Function, linear, sine
+from consilience.kinematics import constraint_jacobian, constraint_rates, constraint_residual
+from consilience.library import load_case
+from consilience.mechanism import (
+    GROUND,
+    Control,
+    Coupling,
+    Drive,
+    Friction,
+    JointSpring,
+    Load,
+    Mechanism,
+    Spring,
+    State,
+)
+from consilience.observe import mass_matrix_condition
+from consilience.reference import simulate
+from consilience.reference.canonical import at_origins
+from consilience.reference.compiled import kernel
+from consilience.reference.model import unpack
+from consilience.reference.relative.dynamics import accelerations
+from consilience.reference.relative.kinematics import orient
+from consilience.reference.relative.model import flatten_relative, pack_relative
+from consilience.reference.relative.planar import place_planar_bodies
+from consilience.reference.relative.planar_model import planar
+from consilience.reference.relative.plane import ACCELERATION
+from consilience.reference.relative.settling import find_rank, project
+from consilience.spatial import quaternion_from_rotation_vector, rotation_from_quaternion
+from mechanisms import GRAVITY, drawn_joint, lumpy_body, rotation, states_of
+
+EPS = np.finfo(float).eps
+
+
+def axes_for(kind, R, rng):
+    """Axes of a joint in the plane whose normal is the last column of R: its x axis, or its z, turned at random."""
+    turn = rng.uniform(0.0, 2.0 * np.pi)
+    sense = rng.choice([-1.0, 1.0])
+    along = np.array([np.cos(turn), np.sin(turn), 0.0])
+    z = np.array([0.0, 0.0, sense])
+    if kind == "prismatic":  # a slide lies in the plane, and its other axes anywhere about it
+        first = rotation_from_quaternion(quaternion_from_rotation_vector(turn * along)) @ np.cross(along, z)
+        return R @ np.column_stack([first, np.cross(along, first), along])
+    return R @ np.column_stack([along, np.cross(z, along), z])
+
+
+def flat_chain(*kinds, seed, backwards=(), parents=None, closing=()):
+    """Bodies in a skew plane, each on a joint in it, and joints that close loops: (kind, body, body)."""
+    rng = np.random.default_rng(seed)
+    R = rotation(rng)
+    bodies = {f"b{n}": lumpy_body(f"b{n}", rng) for n in range(len(kinds))}
+    names = [GROUND, *bodies]
+    joints = []
+    for n, kind in enumerate(kinds):
+        i, j = names[n if parents is None else parents[n]], names[n + 1]
+        i, j = (j, i) if n in backwards else (i, j)
+        at = R @ np.append(rng.normal(scale=0.5, size=2), rng.normal(scale=0.2))
+        joints.append(drawn_joint(f"j{n}", kind, bodies, i, j, at, axes_for(kind, R, rng)))
+    for n, (kind, i, j) in enumerate(closing):
+        at = R @ np.append(rng.normal(scale=0.5, size=2), 0.1)
+        to = at + 0.6 * R @ np.array([0.6, 0.0, 0.8]) if kind == "rod" else None
+        axes = axes_for("prismatic" if kind == "point_on_line" else kind, R, rng)
+        if to is not None:
+            z = (to - at) / np.linalg.norm(to - at)
+            axes = np.column_stack([R[:, 1], np.cross(z, R[:, 1]), z])
+        joints.append(drawn_joint(f"c{n}", kind, bodies, i, j, at, axes, to))
+    return Mechanism("_".join(kinds), GRAVITY, tuple(bodies.values()), tuple(joints))
+
+
+def powered(seed=3):
+    """Every force element, and a controller, on a chain."""
+    base, rng = flat_chain("revolute", "prismatic", "revolute", seed=seed, backwards=(1,)), np.random.default_rng(seed)
+    wave, at = sine(2.0, 3.0, 0.4), rng.normal(scale=0.3, size=(6, 3))
+    return replace(
+        base,
+        name="powered",
+        springs=(
+            Spring("s", GROUND, "b2", at[0], at[1], 12.0, 0.7, 0.4, wave),
+            Spring("r", "b0", "b2", at[2], at[3], 5.0, 0.2, 0.1),
+        ),
+        joint_springs=(
+            JointSpring("k0", "j0", "angle", 3.0, 0.2, 0.1, wave),
+            JointSpring("k1", "j1", "distance", 4.0, 0.3, 0.2),
+        ),
+        loads=tuple(
+            Load(f"{kind}_{frame}", kind, "b1", rng.normal(size=3), frame, at[4], Function(np.array([1.0, -0.4])))
+            for kind in ("force", "torque")
+            for frame in ("world", "body")
+        ),
+        frictions=(Friction("f0", "j2", "angle", 0.3, 1.1, 0.2), Friction("f1", "j1", "distance", 0.5, 2.0, 0.4)),
+        controls=(
+            Control("u", "j2", "angle", sine(0.5, 2.0), 20.0, 7.0, 1.5),
+            Control("w", "j1", "distance", sine(0.3, 1.0), 9.0, 3.0, 0.5),
+        ),
+    )
+
+
+def branches(seed=4):
+    """Three branches in planes of their own, with couplings between their coordinates, and one that slides alone."""
+    rng = np.random.default_rng(seed)
+    bodies = {f"b{n}": lumpy_body(f"b{n}", rng) for n in range(4)}
+    kinds = [("revolute", GROUND, "b0"), ("revolute", GROUND, "b1"), ("prismatic", "b1", "b2")]
+    planes = [rotation(rng), rotation(rng)]
+    planes.append(planes[1])
+    joints = [
+        drawn_joint(f"j{n}", kind, bodies, i, j, rng.normal(size=3), axes_for(kind, R, rng))
+        for n, ((kind, i, j), R) in enumerate(zip(kinds, planes, strict=True))
+    ]
+    joints.append(drawn_joint("j3", "prismatic", bodies, "b3", GROUND, rng.normal(size=3), rotation(rng)))
+    couplings = (
+        Coupling("gears", "j0", "angle", "j1", "angle", linear(-2.5, 0.1)),
+        Coupling("cam", "j3", "distance", "j0", "angle", Function(np.zeros(1), np.array([[0.3, 1.0, 0.2]]))),
+    )
+    return Mechanism("branches", GRAVITY, tuple(bodies.values()), tuple(joints), couplings=couplings)
+
+
+def driven(seed=5):
+    base = flat_chain("revolute", "revolute", "prismatic", seed=seed, backwards=(2,))
+    drives = (
+        Drive("turn", "j1", "angle", Function(np.array([0.2, 1.5]), np.array([[0.3, 4.0, 0.1]]))),
+        Drive("push", "j2", "distance", sine(0.2, 5.0)),
+    )
+    return replace(base, name="driven", drives=drives)
+
+
+PLANAR = {
+    "pendulum": flat_chain("revolute", seed=10),
+    "slide": flat_chain("prismatic", seed=11),
+    "chain": flat_chain("revolute", "prismatic", "planar", "rigid", "revolute", seed=12),
+    "backward": flat_chain("revolute", "prismatic", "planar", "prismatic", "revolute", seed=13, backwards=(0, 1, 2, 4)),
+    "branched": flat_chain("planar", "revolute", "prismatic", "revolute", seed=14, parents=(0, 1, 1, 2)),
+    **{
+        f"closed_{kind}": flat_chain(
+            *("revolute", "revolute", "prismatic", "revolute"),
+            seed=20 + n,
+            backwards=(1,),
+            parents=(0, 1, 0, 3),
+            closing=[(kind, "b1", "b3")],
+        )
+        for n, kind in enumerate(("revolute", "prismatic", "point_on_line", "rod"))
+    },
+    "closed_on_ground": flat_chain("revolute", "planar", "revolute", seed=25, closing=[("revolute", GROUND, "b2")]),
+    "two_loops": flat_chain(
+        *("revolute",) * 6, seed=30, closing=[("revolute", "b2", GROUND), ("revolute", "b5", "b2")], parents=None
+    ),
+    "powered": powered(),
+    "driven": driven(),
+    "branches": branches(),
+}
+
+
+@kernel
+def _accelerations(rest, plane, t, z):
+    find_rank(rest, None, None, plane, t, z)
+    accelerations(rest, None, None, plane, t, z)
+
+
+@kernel
+def _project(rest, plane, t, z):
+    project(rest, None, None, plane, t, z)
+
+
+@kernel
+def _find_rank(rest, plane, t, z):
+    find_rank(rest, None, None, plane, t, z)
+
+
+def find_rank_of(equations, z):
+    """Rows chosen at a state."""
+    _find_rank(equations.rest, equations.plane, 0.0, z)
+
+
+class InPlane:
+    """A mechanism by the kernels of the plane."""
+
+    def __init__(self, mechanism):
+        self.mechanism = mechanism
+        self.links, self.tree, self.model = flatten_relative(mechanism)
+        system = planar(mechanism, self.links, self.tree, self.model)
+        self.placed, self.rest, self.plane = system.tree, system.rest, system.plane
+
+    def packed(self, state):
+        return pack_relative(self.mechanism, self.links, self.tree, state)
+
+    def accelerations(self, state, t=0.0):
+        rest, placed, z = self.rest, self.placed, self.packed(state)
+        _accelerations(rest, self.plane, t, z)
+        place_planar_bodies(self.plane.body, rest.link, placed.y, placed.A)
+        orient(placed.A, placed.y)
+        a = np.empty((len(self.mechanism.bodies), 6))
+        for row, found in zip(self.plane.body, rest.link, strict=False):
+            basis, acceleration = row[11:].reshape(3, 3), found[ACCELERATION : ACCELERATION + 3]
+            b = int(row[0])
+            a[b, :3], a[b, 3:] = acceleration[:2] @ basis[:2], placed.A[b].T @ basis[2] * acceleration[2]
+        return at_origins(self.mechanism, placed.y, a.ravel())
+
+    def state(self):
+        """Arrays of the canonical state of the links as they are placed."""
+        place_planar_bodies(self.plane.body, self.rest.link, self.placed.y, self.placed.A)
+        orient(self.placed.A, self.placed.y)
+        return unpack(self.mechanism, self.placed.y.copy())
+
+
+@pytest.mark.parametrize("name", PLANAR)
+def test_accelerations_are_those_of_the_dense_equations(name):
+    mechanism = PLANAR[name]
+    equations = InPlane(mechanism)
+    for state in states_of(mechanism, 3):
+        a, alpha, _, _ = truth.solve(mechanism, state)
+        bar = 1e-11 + 4 * EPS * mass_matrix_condition(mechanism, state)
+        expected = np.hstack([a, alpha])
+        assert np.max(np.abs(np.hstack(equations.accelerations(state)) - expected)) < bar * np.max(np.abs(expected))
+
+
+@pytest.mark.parametrize("name", PLANAR)
+def test_a_state_comes_back_from_its_coordinates(name):
+    mechanism = PLANAR[name]
+    equations = InPlane(mechanism)
+    for state in states_of(mechanism, 2):
+        equations.accelerations(state)
+        p, _, v, w = equations.state()
+        for found, given in ((p, state.p_WB), (v, state.v_WB_W), (w, state.w_WB_W)):
+            assert np.max(np.abs(found - given)) < 1e-12
+
+
+@pytest.mark.parametrize("name", [n for n in PLANAR if n.startswith("closed")] + ["two_loops", "driven", "branches"])
+def test_settling_closes_what_was_torn_open(name):
+    mechanism, rng = PLANAR[name], np.random.default_rng(5)
+    equations = InPlane(mechanism)
+    (state,) = states_of(mechanism, 1)
+    z = equations.packed(state)
+    count = 2 * len(equations.rest.u)
+    find_rank_of(equations, z)
+    z[:count] += 1e-4 * rng.normal(size=count)
+    _project(equations.rest, equations.plane, 0.0, z)
+    found = State(*equations.state())
+    rates = constraint_jacobian(mechanism, found) @ np.hstack([found.v_WB_W, found.w_WB_W]).ravel()
+    assert np.max(np.abs(constraint_residual(mechanism, found))) < 1e-13
+    assert np.max(np.abs(rates - constraint_rates(mechanism))) < 1e-12
+
+
+@pytest.mark.parametrize("name", PLANAR)
+def test_motions_are_those_of_space_by_another_integrator(name):
+    mechanism = PLANAR[name]
+    (state,), times = states_of(mechanism, 1), np.linspace(0.0, 0.5, 6)
+    found, other = (simulate(mechanism, state, times, 1e-12, "relative", by) for by in (None, "gauss"))
+    for field, bar in (("p_WB", 1e-11), ("v_WB_W", 1e-10), ("w_WB_W", 1e-10), ("quat_WB", 1e-11)):
+        scale = max(1.0, np.max(np.abs(getattr(other, field))))
+        assert np.max(np.abs(getattr(found, field) - getattr(other, field))) < bar * scale, field
+
+
+def tilted(mechanism, joint, angle):
+    """The mechanism with both frames of a joint turned about its first axis."""
+    turn = rotation_from_quaternion(quaternion_from_rotation_vector(angle * np.array([1.0, 0.0, 0.0])))
+    joints = [
+        replace(j, F=replace(j.F, R=j.F.R @ turn), M=replace(j.M, R=j.M.R @ turn)) if j.name == joint else j
+        for j in mechanism.joints
+    ]
+    return replace(mechanism, joints=tuple(joints))
+
+
+def raised(mechanism, joint, height):
+    """The mechanism with a joint's frame on its successor moved along its axis: what it closes is open by that."""
+    joints = [
+        replace(j, M=replace(j.M, p=j.M.p + height * j.M.R[:, 2])) if j.name == joint else j for j in mechanism.joints
+    ]
+    return replace(mechanism, joints=tuple(joints))
+
+
+@pytest.mark.parametrize(
+    "mechanism",
+    [
+        tilted(PLANAR["chain"], "j4", 1e-9),
+        tilted(PLANAR["closed_revolute"], "j3", 1e-9),
+        tilted(PLANAR["chain"], "j1", 1e-9),
+        raised(PLANAR["closed_revolute"], "c0", 1e-9),
+        flat_chain("revolute", "cylindrical", seed=40),
+        flat_chain("revolute", "spherical", seed=41),
+        load_case("rolling_disc").mechanism,
+        load_case("single_screw").mechanism,
+    ],
+    ids=lambda m: m.name,
+)
+def test_what_leaves_the_plane_is_left_to_the_kernels_of_space(mechanism):
+    assert planar(mechanism, *flatten_relative(mechanism)) is None
+
+
+def test_a_mechanism_tilted_by_rounding_is_planar_still():
+    assert planar(*(m := tilted(PLANAR["chain"], "j4", 1e-16),), *flatten_relative(m)) is not None
