@@ -17,7 +17,8 @@ from consilience.reference.relative.articulated import free_biases, inertias, sw
 from consilience.reference.relative.cut_rows import want
 from consilience.reference.relative.dynamics import _close, _push, rates
 from consilience.reference.relative.either import accelerate, cut_rows, place_at
-from consilience.reference.relative.model import flatten_relative, pack_relative, system
+from consilience.reference.relative.model import flatten_relative, system
+from consilience.reference.relative.packing import pack_relative
 from consilience.reference.relative.planar import sweep_in_planar
 from consilience.reference.relative.planar_model import planar
 from consilience.reference.relative.planar_rows import push_efforts
@@ -102,7 +103,7 @@ def row(case):
     links, spanning, model = flatten_relative(case.mechanism)
     given = case.mechanism, links, spanning, model
     arrays = planar(*given) or system(*given)
-    z = pack_relative(case.mechanism, links, spanning, case.initial_state)
+    z = pack_relative(links, spanning, model, case.initial_state)
     dz, target = np.zeros_like(z), z.copy()
     arriving(*arrays, z, dz, target, 1)
     whole(*arrays, z, dz, 1)

@@ -28,7 +28,8 @@ from consilience.reference.compiled import kernel
 from consilience.reference.model import unpack
 from consilience.reference.relative.dynamics import accelerations
 from consilience.reference.relative.kinematics import orient
-from consilience.reference.relative.model import flatten_relative, pack_relative
+from consilience.reference.relative.model import flatten_relative
+from consilience.reference.relative.packing import pack_relative
 from consilience.reference.relative.planar import place_planar_bodies
 from consilience.reference.relative.planar_model import planar
 from consilience.reference.relative.plane import ACCELERATION
@@ -187,7 +188,7 @@ class InPlane:
         self.placed, self.rest, self.plane = system.tree, system.rest, system.plane
 
     def packed(self, state):
-        return pack_relative(self.mechanism, self.links, self.tree, state)
+        return pack_relative(self.links, self.tree, self.model, state)
 
     def accelerations(self, state, t=0.0):
         rest, placed, z = self.rest, self.placed, self.packed(state)

@@ -21,7 +21,8 @@ from consilience.reference.model import unpack
 from consilience.reference.relative.columns import ACCELERATION
 from consilience.reference.relative.dynamics import derivative, remember
 from consilience.reference.relative.kinematics import orient, place
-from consilience.reference.relative.model import BODY, Elements, Rest, Space, flatten_relative, pack_relative, system
+from consilience.reference.relative.model import BODY, Elements, Rest, Space, flatten_relative, system
+from consilience.reference.relative.packing import pack_relative
 from consilience.reference.relative.settling import find_rank, project
 from consilience.reference.workspace import Workspace, workspace
 from consilience.run import Unsupported
@@ -66,7 +67,7 @@ class RelativeCoordinates:
 
     def coordinates(self, state: State) -> Array:
         """Coordinates u of a consistent state: angles within half a turn of zero, integrals of controllers zero."""
-        z = pack_relative(self.mechanism, self._links, self._tree, state)
+        z = pack_relative(self._links, self._tree, self._model, state)
         self._place(z)
         memory = self._remember(np.zeros(len(self._model.coordinate)))
         find_rank(self._rest, self._space, self._elements, None, 0.0, z)

@@ -26,9 +26,9 @@ from consilience.reference.relative.model import (
     System,
     flatten_relative,
     link_table,
-    pack_relative,
     system,
 )
+from consilience.reference.relative.packing import pack_relative
 from consilience.reference.relative.settling import find_rank
 from consilience.spatial import Array
 
@@ -122,7 +122,7 @@ class ForwardDynamics:
 
     def coordinates(self, state: State) -> tuple[Array, Array]:
         """q, shape (n_q,), and v, shape (n_v,), of a consistent canonical state; angles within half a turn of zero."""
-        z = pack_relative(self.mechanism, self._links, self._tree, state)
+        z = pack_relative(self._links, self._tree, self._model, state)
         return z[: self.n_q], z[self.n_q : self.n_q + self.n_v]
 
     def state(self, q: Array, v: Array) -> State:

@@ -39,7 +39,7 @@ from consilience.reference.relative.columns import (
 from consilience.reference.relative.inertia import Columns, combine
 from consilience.reference.relative.model import ABOUT, ALONG, BODY, FREE
 from consilience.reference.relative.model import COORDINATE as FIRST_COORDINATE
-from consilience.reference.vectors import Vector, add, cross, dot, scale, sub
+from consilience.reference.vectors import Vector, add, column, cross, dot, scale, sub
 from consilience.spatial import Array
 
 
@@ -279,26 +279,30 @@ def normalise(index: Array, z: Array) -> None:
 
 
 @kernel
+def euler_parameters(X: Columns) -> tuple[float, float, float, float]:
+    """Unit Euler parameters of a rotation matrix given by columns, the largest one positive [Shepperd 1978]."""
+    trace = X[0][0] + X[1][1] + X[2][2]
+    p = (1.0 + trace, 1.0 + 2.0 * X[0][0] - trace, 1.0 + 2.0 * X[1][1] - trace, 1.0 + 2.0 * X[2][2] - trace)
+    x, y, z = X[1][2] - X[2][1], X[2][0] - X[0][2], X[0][1] - X[1][0]
+    xy, xz, yz = X[1][0] + X[0][1], X[2][0] + X[0][2], X[2][1] + X[1][2]
+    largest = max(p)
+    if p[0] == largest:
+        e = (p[0], x, y, z)
+    elif p[1] == largest:
+        e = (x, p[1], xy, xz)
+    elif p[2] == largest:
+        e = (y, xy, p[2], yz)
+    else:
+        e = (z, xz, yz, p[3])
+    norm = np.sqrt(e[0] ** 2 + e[1] ** 2 + e[2] ** 2 + e[3] ** 2)
+    return e[0] / norm, e[1] / norm, e[2] / norm, e[3] / norm
+
+
+@kernel
 def orient(A: Array, y: Array) -> None:
-    """Euler parameters of all bodies from their rotation matrices, into y: the largest one as pivot [Shepperd 1978]."""
+    """Euler parameters of all bodies from their rotation matrices, into y."""
     for b in range(A.shape[0]):
-        R = A[b]
-        trace = R[0, 0] + R[1, 1] + R[2, 2]
-        p = (1.0 + trace, 1.0 + 2.0 * R[0, 0] - trace, 1.0 + 2.0 * R[1, 1] - trace, 1.0 + 2.0 * R[2, 2] - trace)
-        x, yy, zz = R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]
-        xy, xz, yz = R[0, 1] + R[1, 0], R[0, 2] + R[2, 0], R[1, 2] + R[2, 1]
-        largest = max(p)
-        if p[0] == largest:
-            e = (p[0], x, yy, zz)
-        elif p[1] == largest:
-            e = (x, p[1], xy, xz)
-        elif p[2] == largest:
-            e = (yy, xy, p[2], yz)
-        else:
-            e = (zz, xz, yz, p[3])
-        norm = np.sqrt(e[0] ** 2 + e[1] ** 2 + e[2] ** 2 + e[3] ** 2)
-        for n in range(4):
-            y[b, 3 + n] = e[n] / norm
+        y[b, 3], y[b, 4], y[b, 5], y[b, 6] = euler_parameters((column(A[b], 0), column(A[b], 1), column(A[b], 2)))
 
 
 @kernel

@@ -14,15 +14,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from consilience.kinematics import relative_motion
-from consilience.mechanism import Mechanism, State
+from consilience.mechanism import Mechanism
 from consilience.reference.formulations.recursive_model import TreeModel, flatten_tree
 from consilience.reference.model import Model, all_rows, flatten
 from consilience.reference.relative import columns
 from consilience.reference.relative.loops import Fronts, Loops, find_loops, fronts
 from consilience.reference.relative.plane import Plane
 from consilience.reference.workspace import Workspace, workspace
-from consilience.spatial import Array, quaternion_from_rotation
+from consilience.spatial import Array
 
 DISTANCE, ANGLE, SPEED, SPIN, INTEGRAL = range(5)
 """Kinds of the components of z: what a relative tolerance refers to."""
@@ -48,6 +47,7 @@ class Links(NamedTuple):
     other_rows: int  # rows that are not joints'
     held: int  # rows that hold positions; those of rolling and skates stand behind them
     loops: Loops
+    com: Array  # (n_b, 3) of the bodies, from their origins
 
 
 class Tree(NamedTuple):
@@ -168,6 +168,7 @@ def flatten_relative(mechanism: Mechanism) -> tuple[Links, TreeModel, Model]:
         other_rows=int(tree.cut_rows - len(cut.row_kind)),
         held=all_rows(cut) - 2 * len(cut.rolling_body) - len(cut.skate_body),
         loops=find_loops(layout, len(speeds), cut),
+        com=np.array([body.com for body in mechanism.bodies]),
     )
     return links, tree, model
 
@@ -294,25 +295,3 @@ def renewed(given: System) -> System:
     )
     space = None if given.space is None else given.space._replace(y=y, A=A)
     return System(tree, rest, space, elements, given.plane)
-
-
-def pack_relative(mechanism: Mechanism, links: Links, tree: TreeModel, state: State) -> Array:
-    """State z of a canonical state; integrals of controllers are zero."""
-    z = np.zeros(len(links.kind))
-    for k, (_, _, _, _, at, along, about, first, last) in enumerate(links.layout):
-        motion = relative_motion(mechanism, state, mechanism.joints[tree.joint[k]])
-        axes = [int(axis) for axis in links.direction[first : first + along, 1]]
-        q, u = [float(motion.p[axis]) for axis in axes], [float(motion.v[axis]) for axis in axes]
-        R, w = motion.R, motion.w
-        if about == 3:
-            q += quaternion_from_rotation(R).tolist()
-            u += w.tolist()
-        elif about:
-            q.append(float(np.arctan2(R[1, 0], R[0, 0])))
-            u.append(float(w[2]))
-        if about == 2:
-            q.append(float(np.arctan2(R[2, 1], R[2, 2])))
-            u.append(float(R[:, 0] @ w))
-        z[at : at + len(q)] = q
-        z[links.speeds + first : links.speeds + last] = u
-    return z

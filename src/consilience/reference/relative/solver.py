@@ -16,7 +16,8 @@ from consilience.reference.model import Model
 from consilience.reference.relative.gauss import gauss_scratch, integrate_gauss
 from consilience.reference.relative.integrate import integrate, scratch
 from consilience.reference.relative.methods import DOP853, TP86
-from consilience.reference.relative.model import Links, System, flatten_relative, pack_relative, renewed, system
+from consilience.reference.relative.model import Links, System, flatten_relative, renewed, system
+from consilience.reference.relative.packing import pack_relative
 from consilience.reference.relative.planar_model import planar
 from consilience.run import TrajectoryAnswer
 from consilience.spatial import Array
@@ -44,6 +45,7 @@ class _Prepared(NamedTuple):
 
     links: Links
     spanning: TreeModel
+    model: Model
     system: System  # nothing written into it yet
     tree_alone: bool  # whether the tables of the tree (and of a plane) say all
     longest: float  # step, s
@@ -61,7 +63,7 @@ def _prepared(mechanism: Mechanism, in_space: bool) -> _Prepared:
     arrays = arrays or system(mechanism, links, spanning, model)
     tree_alone = links.free if arrays.plane is None else not len(arrays.rest.loops.group)
     integrator = "dop853" if len(model.functions.pieces) else "tp86"
-    return _Prepared(links, spanning, arrays, tree_alone, longest_step(model), integrator)
+    return _Prepared(links, spanning, model, arrays, tree_alone, longest_step(model), integrator)
 
 
 METHODS = {"tp86": TP86, "dop853": DOP853}
@@ -83,10 +85,10 @@ def simulate_relative(
     NumericalFailure
         With the status of the integrator.
     """
-    links, spanning, unused, tree_alone, longest, usual = _prepared(mechanism, integrator == "gauss")
+    links, spanning, model, unused, tree_alone, longest, usual = _prepared(mechanism, integrator == "gauss")
     integrator = integrator or usual
     tree, loops, space, elements, plane = renewed(unused)
-    z = pack_relative(mechanism, links, spanning, state)
+    z = pack_relative(links, spanning, model, state)
     motion, counters = np.empty((len(times), *tree.y.shape)), np.zeros(3, dtype=np.int64)
     rest = None if tree_alone else loops
     asked = times, float(tolerance), longest
