@@ -18,7 +18,7 @@ import numpy as np
 from consilience.kinematics import RANK_TOLERANCE
 from consilience.reference.compiled import fused, kernel
 from consilience.reference.relative.columns import PIVOT, REST, ROOT, STEP, S, U
-from consilience.reference.relative.kinematics import vector_at
+from consilience.reference.relative.kinematics import put, vector_at
 from consilience.reference.relative.loops import (
     AT,
     BATCH,
@@ -37,6 +37,7 @@ from consilience.reference.relative.loops import (
     USED,
 )
 from consilience.reference.relative.model import FREE, FREE_END, PARENT
+from consilience.reference.vectors import add, cross, dot, scale
 from consilience.spatial import Array
 
 CHOOSE, KEEP = np.array([True, False])
@@ -117,26 +118,19 @@ def _sweep(
     total = 0.0
     for m in range(first, last):
         k = path[m]
-        p = layout[k, PARENT]
+        p, force, torque = layout[k, PARENT], vector_at(wrench, k, 0), vector_at(wrench, k, 3)
         for n in range(layout[k, FREE_END] - 1, layout[k, FREE] - 1, -1):
-            rest = 0.0
-            for r in range(6):
-                rest += free[n, S + r] * wrench[k, r]
-            rest *= free[n, ROOT]
-            factor = rest * free[n, ROOT]
-            for r in range(6):
-                wrench[k, r] -= factor * free[n, U + r]
-            total += rest * rest
-            f = home[n, 0]
-            F[group[f, AT] + (column - state[f, START]) * group[f, HEIGHT] + home[n, 1]] = rest
+            root, f = free[n, ROOT], home[n, 0]
+            white = root * (dot(vector_at(free, n, S), force) + dot(vector_at(free, n, S + 3), torque))
+            factor = -white * root
+            force = add(force, scale(factor, vector_at(free, n, U)))
+            torque = add(torque, scale(factor, vector_at(free, n, U + 3)))
+            total += white * white
+            F[group[f, AT] + (column - state[f, START]) * group[f, HEIGHT] + home[n, 1]] = white
         if p >= 0:
-            d = vector_at(links, k, STEP)
-            wrench[p, 0] += wrench[k, 0]
-            wrench[p, 1] += wrench[k, 1]
-            wrench[p, 2] += wrench[k, 2]
-            wrench[p, 3] += wrench[k, 3] + d[1] * wrench[k, 2] - d[2] * wrench[k, 1]
-            wrench[p, 4] += wrench[k, 4] + d[2] * wrench[k, 0] - d[0] * wrench[k, 2]
-            wrench[p, 5] += wrench[k, 5] + d[0] * wrench[k, 1] - d[1] * wrench[k, 0]
+            put(wrench, p, 0, add(vector_at(wrench, p, 0), force))
+            moved = add(torque, cross(vector_at(links, k, STEP), force))
+            put(wrench, p, 3, add(vector_at(wrench, p, 3), moved))
     return total
 
 
