@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from consilience.reference.bodies import ZERO, add_coefficients, arm, motion
-from consilience.reference.compiled import inlined, kernel
+from consilience.reference.compiled import fused, inlined, kernel
 from consilience.reference.model import Model
 from consilience.reference.vectors import Vector, add, column, cross, dot, load, scale, sub
 from consilience.spatial import Array
@@ -59,13 +59,20 @@ class Coordinate(NamedTuple):
     j: int
 
 
-@kernel
-def joint_motion(body_i: Array, body_j: Array, arm_i: Array, arm_j: Array, y: Array, A: Array, k: int) -> JointMotion:
-    """Relative motion of the frames of joint k."""
-    i, j = body_i[k], body_j[k]
-    s_i, s_j = arm(A, i, load(arm_i[k])), arm(A, j, load(arm_j[k]))
-    r_i, v_i, w_i = motion(y, A, i)
-    r_j, v_j, w_j = motion(y, A, j)
+@fused
+def motion_between(
+    i: int,
+    j: int,
+    s_i: Vector,
+    s_j: Vector,
+    r_i: Vector,
+    r_j: Vector,
+    v_i: Vector,
+    v_j: Vector,
+    w_i: Vector,
+    w_j: Vector,
+) -> JointMotion:
+    """Relative motion of frames at arms s_i, s_j from the centres of mass of two bodies."""
     d = sub(add(r_j, s_j), add(r_i, s_i))
     d_dot = sub(add(v_j, cross(w_j, s_j)), add(v_i, cross(w_i, s_i)))
     centripetal = sub(cross(w_j, cross(w_j, s_j)), cross(w_i, cross(w_i, s_i)))
@@ -73,24 +80,50 @@ def joint_motion(body_i: Array, body_j: Array, arm_i: Array, arm_j: Array, y: Ar
 
 
 @kernel
-def basic_row(axes_i: Array, axes_j: Array, A: Array, m: JointMotion, kind: int) -> Row:
-    """One of the thirteen basic constraint functions of a joint with the axes A_Ji, A_Jj."""
-    if kind < 3:
-        u = arm(A, m.i, column(axes_i, kind))
-        u_dot = cross(m.w_i, u)
-        gamma = -(dot(cross(m.w_i, u_dot), m.d) + 2.0 * dot(u_dot, m.d_dot) + dot(u, m.centripetal))
-        return Row(dot(u, m.d), gamma, u, scale(-1.0, cross(add(m.s_i, m.d), u)), cross(m.s_j, u))
-    if kind == 3:
-        L = np.sqrt(dot(m.d, m.d))
-        e = scale(1.0 / L, m.d)
-        gamma = -((dot(m.d_dot, m.d_dot) - dot(e, m.d_dot) ** 2) / L + dot(e, m.centripetal))
-        return Row(L, gamma, e, scale(-1.0, cross(m.s_i, e)), cross(m.s_j, e))
-    u = arm(A, m.i, column(axes_i, (kind - 4) // 3))
-    w = arm(A, m.j, column(axes_j, (kind - 4) % 3))
+def joint_motion(body_i: Array, body_j: Array, arm_i: Array, arm_j: Array, y: Array, A: Array, k: int) -> JointMotion:
+    """Relative motion of the frames of joint k."""
+    i, j = body_i[k], body_j[k]
+    s_i, s_j = arm(A, i, load(arm_i[k])), arm(A, j, load(arm_j[k]))
+    r_i, v_i, w_i = motion(y, A, i)
+    r_j, v_j, w_j = motion(y, A, j)
+    return motion_between(i, j, s_i, s_j, r_i, r_j, v_i, v_j, w_i, w_j)
+
+
+@fused
+def displacement_row(u: Vector, m: JointMotion) -> Row:
+    """``u . d`` of an axis u of body i."""
+    u_dot = cross(m.w_i, u)
+    gamma = -(dot(cross(m.w_i, u_dot), m.d) + 2.0 * dot(u_dot, m.d_dot) + dot(u, m.centripetal))
+    return Row(dot(u, m.d), gamma, u, scale(-1.0, cross(add(m.s_i, m.d), u)), cross(m.s_j, u))
+
+
+@fused
+def distance_row(m: JointMotion) -> Row:
+    """``|d|``."""
+    L = np.sqrt(dot(m.d, m.d))
+    e = scale(1.0 / L, m.d)
+    gamma = -((dot(m.d_dot, m.d_dot) - dot(e, m.d_dot) ** 2) / L + dot(e, m.centripetal))
+    return Row(L, gamma, e, scale(-1.0, cross(m.s_i, e)), cross(m.s_j, e))
+
+
+@fused
+def product_row(u: Vector, w: Vector, m: JointMotion) -> Row:
+    """``u . w`` of axes of bodies i and j."""
     u_dot, w_dot = cross(m.w_i, u), cross(m.w_j, w)
     normal = cross(u, w)
     gamma = -(dot(cross(m.w_i, u_dot), w) + 2.0 * dot(u_dot, w_dot) + dot(u, cross(m.w_j, w_dot)))
     return Row(dot(u, w), gamma, ZERO, normal, scale(-1.0, normal))
+
+
+@kernel
+def basic_row(axes_i: Array, axes_j: Array, A: Array, m: JointMotion, kind: int) -> Row:
+    """One of the thirteen basic constraint functions of a joint with the axes A_Ji, A_Jj."""
+    if kind < 3:
+        return displacement_row(arm(A, m.i, column(axes_i, kind)), m)
+    if kind == 3:
+        return distance_row(m)
+    u = arm(A, m.i, column(axes_i, (kind - 4) // 3))
+    return product_row(u, arm(A, m.j, column(axes_j, (kind - 4) % 3)), m)
 
 
 @kernel
@@ -100,9 +133,8 @@ def full_turns(angle: float, near: float) -> float:
 
 
 @kernel
-def angle_row(axes_i: Array, axes_j: Array, A: Array, m: JointMotion, near: float) -> Row:
-    """The angle with the tangent ``D21 / D11``, within half a turn of `near`."""
-    cos, sin = basic_row(axes_i, axes_j, A, m, _D11), basic_row(axes_i, axes_j, A, m, _D21)
+def row_of_angle(cos: Row, sin: Row, m: JointMotion, near: float) -> Row:
+    """The angle of this cosine and sine, times anything, within half a turn of `near`."""
     square = cos.value**2 + sin.value**2
     p, q = cos.value / square, sin.value / square
     c_i = sub(scale(p, sin.c_i), scale(q, cos.c_i))
@@ -115,10 +147,8 @@ def angle_row(axes_i: Array, axes_j: Array, A: Array, m: JointMotion, near: floa
 
 
 @kernel
-def screw_row(axes_i: Array, axes_j: Array, pitch: float, A: Array, m: JointMotion) -> Row:
-    """``Z - pitch angle / 2 pi``; the turns of the angle are those of Z."""
-    z = basic_row(axes_i, axes_j, A, m, _Z)
-    turn = angle_row(axes_i, axes_j, A, m, TURN * z.value / pitch)
+def row_of_screw(z: Row, turn: Row, pitch: float) -> Row:
+    """``Z - pitch angle / 2 pi``."""
     h = pitch / TURN
     return Row(
         z.value - h * turn.value,
@@ -127,6 +157,19 @@ def screw_row(axes_i: Array, axes_j: Array, pitch: float, A: Array, m: JointMoti
         sub(z.c_i, scale(h, turn.c_i)),
         sub(z.c_j, scale(h, turn.c_j)),
     )
+
+
+@kernel
+def angle_row(axes_i: Array, axes_j: Array, A: Array, m: JointMotion, near: float) -> Row:
+    """The angle with the tangent ``D21 / D11``, within half a turn of `near`."""
+    return row_of_angle(basic_row(axes_i, axes_j, A, m, _D11), basic_row(axes_i, axes_j, A, m, _D21), m, near)
+
+
+@kernel
+def screw_row(axes_i: Array, axes_j: Array, pitch: float, A: Array, m: JointMotion) -> Row:
+    """``Z - pitch angle / 2 pi``; the turns of the angle are those of Z."""
+    z = basic_row(axes_i, axes_j, A, m, _Z)
+    return row_of_screw(z, angle_row(axes_i, axes_j, A, m, TURN * z.value / pitch), pitch)
 
 
 @kernel

@@ -20,7 +20,7 @@ from consilience.reference.joint_rows import coordinate
 from consilience.reference.model import unpack
 from consilience.reference.relative.columns import ACCELERATION
 from consilience.reference.relative.dynamics import derivative, remember
-from consilience.reference.relative.kinematics import orient, place
+from consilience.reference.relative.kinematics import orient, place, place_bodies
 from consilience.reference.relative.model import BODY, Elements, Rest, Space, flatten_relative, system
 from consilience.reference.relative.packing import pack_relative
 from consilience.reference.relative.settling import find_rank, project
@@ -129,6 +129,7 @@ class RelativeCoordinates:
         """Accelerations (dv/dt, dw'/dt) of all bodies, shape (6 n_b,), with the bodies placed at the state."""
         u = self.coordinates(state)
         self.derivative(t, u)
+        place_bodies(self._links.layout, self._rest.link, self._space.y, self._space.A)
         A, y = self._space.A, self._space.y
         orient(A, y)
         a = np.empty((len(self.mechanism.bodies), 6))

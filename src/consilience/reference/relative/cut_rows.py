@@ -4,13 +4,35 @@ from __future__ import annotations
 
 import numpy as np
 
-from consilience.reference.compiled import inner, kernel
-from consilience.reference.joint_rows import joint_motion, joint_row
-from consilience.reference.relative.columns import ACCELERATION
-from consilience.reference.relative.kinematics import vector_at
+from consilience.reference.compiled import fused, inlined, kernel
+from consilience.reference.joint_rows import (
+    TURN,
+    JointMotion,
+    Row,
+    displacement_row,
+    distance_row,
+    motion_between,
+    product_row,
+    row_of_angle,
+    row_of_screw,
+)
+from consilience.reference.relative.columns import ACCELERATION, POSITION, SPIN, VELOCITY, X
+from consilience.reference.relative.cut_joints import (
+    ARM_I,
+    ARM_J,
+    AXES_I,
+    AXES_J,
+    FIRST_ROW,
+    LAST_ROW,
+    LINK_I,
+    LINK_J,
+    PITCH,
+)
+from consilience.reference.relative.inertia import combine
+from consilience.reference.relative.kinematics import matrix_at, vector_at
 from consilience.reference.relative.loops import CHOSEN, ROW, TOUCHED
-from consilience.reference.relative.model import BODY, CutJoints
-from consilience.reference.vectors import dot, load, rotate, rotate_back, scale, store
+from consilience.reference.relative.model import BODY
+from consilience.reference.vectors import Vector, dot, load, rotate, rotate_back, scale, store
 from consilience.spatial import Array
 
 
@@ -24,18 +46,64 @@ def want(group: Array, order: Array, state: Array, wanted: Array) -> None:
             wanted[order[n]] = 1
 
 
-@inner
-def joint_rows(joints: CutJoints, wanted: Array, y: Array, A: Array, W: Array, value: Array, gamma: Array) -> None:
+@fused
+def _axis(link: Array, k: int, joint: Array, m: int, at: int) -> Vector:
+    """Axis of a joint frame on a link, in the world."""
+    return combine(matrix_at(link, k, X), vector_at(joint, m, at))
+
+
+@fused
+def _motion(link: Array, joint: Array, m: int) -> JointMotion:
+    """Relative motion of the frames of a joint between links that are placed."""
+    i, j = int(joint[m, LINK_I]), int(joint[m, LINK_J])
+    return motion_between(
+        i,
+        j,
+        _axis(link, i, joint, m, ARM_I),
+        _axis(link, j, joint, m, ARM_J),
+        vector_at(link, i, POSITION),
+        vector_at(link, j, POSITION),
+        vector_at(link, i, VELOCITY),
+        vector_at(link, j, VELOCITY),
+        vector_at(link, i, SPIN),
+        vector_at(link, j, SPIN),
+    )
+
+
+@fused
+def _product(link: Array, joint: Array, n: int, motion: JointMotion, one: int, two: int) -> Row:
+    """Product of two axes of a joint."""
+    return product_row(
+        _axis(link, motion.i, joint, n, AXES_I + 3 * one), _axis(link, motion.j, joint, n, AXES_J + 3 * two), motion
+    )
+
+
+@kernel
+def _row(link: Array, joint: Array, n: int, motion: JointMotion, kind: int) -> Row:
+    """A row of a joint by its number in `reference.model.ROWS`."""
+    if kind < 3:
+        return displacement_row(_axis(link, motion.i, joint, n, AXES_I + 3 * kind), motion)
+    if kind == 3:
+        return distance_row(motion)
+    if kind < 13:
+        return _product(link, joint, n, motion, (kind - 4) // 3, (kind - 4) % 3)
+    pitch, z = joint[n, PITCH], displacement_row(_axis(link, motion.i, joint, n, AXES_I + 6), motion)
+    cos, sin = _product(link, joint, n, motion, 0, 0), _product(link, joint, n, motion, 1, 0)
+    return row_of_screw(z, row_of_angle(cos, sin, motion, TURN * z.value / pitch), pitch)
+
+
+@inlined
+def joint_rows(
+    joint: Array, kinds: Array, targets: Array, wanted: Array, link: Array, W: Array, value: Array, gamma: Array
+) -> None:
     """Rows wanted of the joints that close loops: wrenches on predecessor and successor, values and gammas."""
-    closing, first_row, row_kind, row_target, body_i, body_j, arm_i, arm_j, axes_i, axes_j, pitch = joints
-    for m in range(closing.shape[0]):
-        k = closing[m]
-        motion = joint_motion(body_i, body_j, arm_i, arm_j, y, A, k)
-        for n in range(first_row[k], first_row[k + 1]):
+    for m in range(joint.shape[0]):
+        motion = _motion(link, joint, m)
+        for n in range(int(joint[m, FIRST_ROW]), int(joint[m, LAST_ROW])):
             if not wanted[n]:
                 continue
-            row = joint_row(axes_i[k], axes_j[k], pitch[k], A, motion, row_kind[n])
-            value[n] = row.value - row_target[n]
+            row = _row(link, joint, m, motion, kinds[n])
+            value[n] = row.value - targets[n]
             gamma[n] = row.gamma
             store(W[n, 0, 0:3], row.e, -1.0)
             store(W[n, 0, 3:6], row.c_i, 1.0)
@@ -59,27 +127,24 @@ def gather(touched: Array, layout: Array, Q: Array, A: Array, W: Array) -> None:
 @kernel
 def open_accelerations(touched: Array, W: Array, links: Array, gamma: Array, target: Array) -> None:
     """``gamma - Q a`` of the accelerations of the links."""
-    for row in range(touched.shape[0]):
-        total = gamma[row]
-        for n in range(TOUCHED):
-            link = touched[row, n]
-            if link >= 0:
-                total -= dot(load(W[row, n, 0:3]), vector_at(links, link, ACCELERATION))
-                total -= dot(load(W[row, n, 3:6]), vector_at(links, link, ACCELERATION + 3))
-        target[row] = total
+    _open(touched, W, links, ACCELERATION, ACCELERATION + 3, gamma, target)
 
 
 @kernel
-def open_rates(touched: Array, layout: Array, W: Array, y: Array, A: Array, rate: Array, target: Array) -> None:
-    """``rate - Q v`` of the velocities of the bodies."""
+def open_rates(touched: Array, W: Array, links: Array, rate: Array, target: Array) -> None:
+    """``rate - Q v`` of the velocities of the links."""
+    _open(touched, W, links, VELOCITY, SPIN, rate, target)
+
+
+@fused
+def _open(touched: Array, W: Array, links: Array, linear: int, angular: int, given: Array, target: Array) -> None:
     for row in range(touched.shape[0]):
-        total = rate[row]
+        total = given[row]
         for n in range(TOUCHED):
             link = touched[row, n]
             if link >= 0:
-                b = layout[link, BODY]
-                total -= dot(load(W[row, n, 0:3]), load(y[b, 7:10]))
-                total -= dot(load(W[row, n, 3:6]), rotate(A[b], load(y[b, 10:13])))
+                total -= dot(load(W[row, n, 0:3]), vector_at(links, link, linear))
+                total -= dot(load(W[row, n, 3:6]), vector_at(links, link, angular))
         target[row] = total
 
 

@@ -16,28 +16,26 @@ from consilience.reference.relative.articulated import (
     inertias,
     push_wrenches,
     sweep_in,
-    sweep_out,
 )
-from consilience.reference.relative.cut_rows import (
-    open_accelerations,
-    want,
-)
+from consilience.reference.relative.cut_rows import want
 from consilience.reference.relative.either import (
     accelerate,
+    coast,
     cut_rows,
+    eliminate,
     force_rows,
+    open_links,
+    place_at,
+    reduce,
     respond_to_rows,
 )
 from consilience.reference.relative.fronts import KEEP, factorise, threshold
-from consilience.reference.relative.kinematics import coordinate_rates, place
+from consilience.reference.relative.kinematics import coordinate_rates
 from consilience.reference.relative.loops import CHOSEN, USED, Fronts, Loops
-from consilience.reference.relative.model import Elements, Rest, Space, Tree
+from consilience.reference.relative.model import PIVOT, Elements, Rest, Space, Tree
+from consilience.reference.relative.null_space import SOUND, is_small
 from consilience.reference.relative.planar import place_planar, sweep_in_planar, sweep_out_planar
-from consilience.reference.relative.planar_rows import (
-    open_planar_accelerations,
-    planar_rates,
-    push_efforts,
-)
+from consilience.reference.relative.planar_rows import planar_rates, push_efforts
 from consilience.reference.relative.plane import Plane
 from consilience.spatial import Array
 
@@ -51,15 +49,10 @@ def _close(
     fronts: Fronts,
     space: Space | None,
     plane: Plane | None,
-    gamma: Array,
     size: float,
 ) -> None:
     """Joint forces that close the loops, for the accelerations of the links without them, added to the others."""
     state = fronts.state
-    if space is not None:
-        open_accelerations(loops.touched, fronts.W, link, gamma, fronts.target)
-    if plane is not None:
-        open_planar_accelerations(loops.touched, fronts.W, link, gamma, fronts.target)
     for g in range(loops.group.shape[0]):
         state[g, USED] = state[g, CHOSEN]
     largest = respond_to_rows(loops, layout, fronts, space, plane, link, free)
@@ -78,13 +71,30 @@ def _push(elements: Elements, layout: Array, y: Array, A: Array, t: float, z: Ar
 
 
 @inlined
-def planar_accelerations(plane: Plane, link: Array, free: Array, speeds: int, t: float, z: Array, u: Array) -> None:
-    """Accelerations u of the directions of a tree in a plane."""
-    place_planar(link, free, z, z[speeds:])
-    if plane.effort.shape[0]:
+def _place_and_push(
+    rest: Rest, space: Space | None, elements: Elements | None, plane: Plane | None, t: float, z: Array
+) -> None:
+    """Links at a state, their inertias, and biases of all forces."""
+    link = rest.link
+    place_at(rest, space, elements, plane, z)
+    if plane is not None and plane.effort.shape[0]:
         push_efforts(plane, link, t, z)
-    sweep_in_planar(link, free, True)
-    sweep_out_planar(link, free, u, 1.0)
+    if space is not None:
+        inertias(link)
+        if elements is not None and not elements.plain:
+            _push(elements, rest.layout, space.y, space.A, t, z, link)
+        else:
+            free_biases(link)
+
+
+@inlined
+def _sweep(space: Space | None, plane: Plane | None, link: Array, free: Array, u: Array) -> None:
+    """Accelerations of the tree without the rows that close loops."""
+    if plane is not None:
+        sweep_in_planar(link, free, True)
+    if space is not None:
+        sweep_in(link, free)
+    accelerate(space, plane, link, free, u, 1.0)
 
 
 @inlined
@@ -92,23 +102,34 @@ def accelerations(
     rest: Rest, space: Space | None, elements: Elements | None, plane: Plane | None, t: float, z: Array
 ) -> None:
     """Fill ``rest.u``, accelerations of the free directions, and those of all links in their rows."""
-    layout, link, free, u = rest.layout, rest.link, rest.free, rest.u
-    if plane is not None:
-        planar_accelerations(plane, link, free, rest.speeds, t, z, u)
-    if space is not None:
-        place(layout, link, free, rest.speeds, z, space.y, space.A)
-        inertias(link)
-        if elements is not None and not elements.plain:
-            _push(elements, layout, space.y, space.A, t, z, link)
-        else:
-            free_biases(link)
-        sweep_in(link, free)
-        sweep_out(link, free, u, 1.0)
-    if rest.loops.group.shape[0] > 0:
-        want(rest.loops.group, rest.fronts.order, rest.fronts.state, rest.fronts.wanted)
+    layout, link, free, u, loops, fronts, few = (
+        rest.layout,
+        rest.link,
+        rest.free,
+        rest.u,
+        rest.loops,
+        rest.fronts,
+        rest.reduced,
+    )
+    _place_and_push(rest, space, elements, plane, t, z)
+    closed = loops.group.shape[0] > 0
+    if closed:
+        want(loops.group, fronts.order, fronts.state, fronts.wanted)
         cut_rows(rest, space, elements, plane, t, z)
-        _close(rest.loops, layout, link, free, rest.fronts, space, plane, rest.gamma, rest.size[0])
-        accelerate(space, plane, link, free, u, 1.0)
+    reducible = closed and rest.best[PIVOT] > 0.0 and is_small(loops.group, fronts.state, few.left)
+    if reducible:
+        coast(space, plane, link, free, u)
+        open_links(loops, fronts, space, plane, link, rest.gamma)
+        rows, freedoms, least = eliminate(loops, fronts, few, space, plane, link, free)
+        reducible = least >= SOUND * rest.best[PIVOT]
+        if reducible:
+            reduce(few, rows, freedoms, space, plane, link, free, u)
+    if not reducible:
+        _sweep(space, plane, link, free, u)
+        if closed:
+            open_links(loops, fronts, space, plane, link, rest.gamma)
+            _close(loops, layout, link, free, fronts, space, plane, rest.size[0])
+            accelerate(space, plane, link, free, u, 1.0)
 
 
 @inlined
@@ -147,7 +168,11 @@ def free_derivative(index: Array, link: Array, free: Array, first_speed: int, z:
 @kernel
 def planar_derivative(plane: Plane, link: Array, free: Array, speeds: int, t: float, z: Array, dz: Array) -> None:
     """`derivative` of a tree in a plane."""
-    planar_accelerations(plane, link, free, speeds, t, z, dz[speeds:])
+    place_planar(link, free, z, z[speeds:])
+    if plane.effort.shape[0]:
+        push_efforts(plane, link, t, z)
+    sweep_in_planar(link, free, True)
+    sweep_out_planar(link, free, dz[speeds:], 1.0)
     planar_rates(plane, link, speeds, t, z, dz)
 
 

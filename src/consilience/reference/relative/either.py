@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from consilience.reference import constraints
 from consilience.reference.compiled import inlined
+from consilience.reference.relative import columns
 from consilience.reference.relative.articulated import (
     articulate,
     inertias,
@@ -15,28 +16,39 @@ from consilience.reference.relative.articulated import (
 from consilience.reference.relative.cut_rows import (
     gather,
     joint_rows,
+    open_accelerations,
     open_rates,
     size_of_rows,
 )
 from consilience.reference.relative.fronts import least_norm, respond
-from consilience.reference.relative.kinematics import place
+from consilience.reference.relative.kinematics import place_bodies, place_links
 from consilience.reference.relative.loops import Fronts, Loops
 from consilience.reference.relative.model import Elements, Rest, Space
+from consilience.reference.relative.null_space import (
+    move,
+    reduce_links,
+    solve_rows,
+)
 from consilience.reference.relative.planar import place_planar, respond_planar, sweep_in_planar, sweep_out_planar
+from consilience.reference.relative.planar_null_space import move_planar, reduce_planar_links, solve_planar_rows
 from consilience.reference.relative.planar_rows import (
+    open_planar_accelerations,
     open_planar_rates,
     planar_rows,
     size_of_planar_rows,
 )
-from consilience.reference.relative.plane import Plane
+from consilience.reference.relative.plane import ACCELERATION, Plane
+from consilience.reference.relative.reduced import Reduced
 from consilience.spatial import Array
 
 
 @inlined
-def place_at(rest: Rest, space: Space | None, plane: Plane | None, z: Array) -> None:
-    """Place the links at a state, and the bodies but those in a plane, which are read only in the end."""
+def place_at(rest: Rest, space: Space | None, elements: Elements | None, plane: Plane | None, z: Array) -> None:
+    """Place the links at a state, and the bodies where elements read them."""
     if space is not None:
-        place(rest.layout, rest.link, rest.free, rest.speeds, z, space.y, space.A)
+        place_links(rest.link, rest.free, z, z[rest.speeds :])
+        if elements is not None:
+            place_bodies(rest.layout, rest.link, space.y, space.A)
     if plane is not None:
         place_planar(rest.link, rest.free, z, z[rest.speeds :])
 
@@ -54,7 +66,8 @@ def cut_rows(
             constraints.evaluate(elements.cut, t, space.y, elements.memory, elements.rows)
             gather(touched, rest.layout, elements.rows.Q, space.A, W)
         else:
-            joint_rows(rest.joints, wanted, space.y, space.A, W, value, gamma)
+            joints = space.joints
+            joint_rows(joints.joint, joints.kind, joints.target, wanted, rest.link, W, value, gamma)
 
 
 @inlined
@@ -121,6 +134,7 @@ def measure_rows(rest: Rest, space: Space | None, plane: Plane | None) -> None:
     if rest.size[0] == 0.0:
         touched, W = rest.loops.touched, rest.fronts.W
         if space is not None:
+            place_bodies(rest.layout, rest.link, space.y, space.A)
             rest.size[0] = size_of_rows(space.mass, space.inertia_factor, touched, rest.layout, W, space.A)
         if plane is not None:
             rest.size[0] = size_of_planar_rows(touched, W, rest.link)
@@ -131,6 +145,67 @@ def open_speeds(rest: Rest, space: Space | None, plane: Plane | None) -> None:
     """What the rows lack of their rates, into the target of the fronts."""
     touched, W, target = rest.loops.touched, rest.fronts.W, rest.fronts.target
     if space is not None:
-        open_rates(touched, rest.layout, W, space.y, space.A, rest.rate, target)
+        open_rates(touched, W, rest.link, rest.rate, target)
     if plane is not None:
         open_planar_rates(touched, W, rest.link, rest.rate, target)
+
+
+@inlined
+def open_links(
+    loops: Loops, fronts: Fronts, space: Space | None, plane: Plane | None, link: Array, gamma: Array
+) -> None:
+    """What the rows lack of gamma in the accelerations of the links, into the target of the fronts."""
+    if space is not None:
+        open_accelerations(loops.touched, fronts.W, link, gamma, fronts.target)
+    if plane is not None:
+        open_planar_accelerations(loops.touched, fronts.W, link, gamma, fronts.target)
+
+
+@inlined
+def coast(space: Space | None, plane: Plane | None, link: Array, free: Array, u: Array) -> None:
+    """Accelerations of the links where u is zero."""
+    for n in range(u.shape[0]):
+        u[n] = 0.0
+    if space is not None:
+        move(link, free, u, 1.0, link, columns.ACCELERATION)
+    if plane is not None:
+        move_planar(link, free, u, 1.0, link, ACCELERATION)
+
+
+@inlined
+def eliminate(
+    loops: Loops,
+    fronts: Fronts,
+    few: Reduced,
+    space: Space | None,
+    plane: Plane | None,
+    link: Array,
+    free: Array,
+) -> tuple[int, int, float]:
+    """Solve the rows chosen for directions; rows, directions left, least pivot."""
+    given = loops.group, loops.touched, fronts.order, fronts.state, few.moves, fronts.W, fronts.target
+    into = few.at, few.J, few.given, few.left
+    found = 0, 0, 0.0
+    if space is not None:
+        found = solve_rows(*given, link, free, *into)
+    if plane is not None:
+        found = solve_planar_rows(*given, link, free, *into)
+    return found
+
+
+@inlined
+def reduce(
+    few: Reduced,
+    rows: int,
+    freedoms: int,
+    space: Space | None,
+    plane: Plane | None,
+    link: Array,
+    free: Array,
+    u: Array,
+) -> None:
+    """Accelerations u, and those of the links, where the rows are solved."""
+    if space is not None:
+        reduce_links(few.J, few.given, few.left, few.V, few.G, rows, freedoms, link, free, u)
+    if plane is not None:
+        reduce_planar_links(few.J, few.given, few.left, few.V, few.G, rows, freedoms, link, free, u)

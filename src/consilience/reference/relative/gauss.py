@@ -20,9 +20,8 @@ from consilience.reference.compiled import inlined, kernel
 from consilience.reference.integrators.dop853 import EVALUATIONS, REJECTED, STEPS
 from consilience.reference.relative.dynamics import rates
 from consilience.reference.relative.integrate import sizes
-from consilience.reference.relative.kinematics import record
 from consilience.reference.relative.model import Elements, Rest, Space, Tree
-from consilience.reference.relative.settling import arrive, begin, longest_now
+from consilience.reference.relative.settling import arrive, begin, longest_now, note
 from consilience.reference.vectors import assign
 from consilience.spatial import Array
 
@@ -145,7 +144,7 @@ def integrate_gauss(
     K, guess, size = scratch.K, scratch.guess, scratch.size
     counters[:] = 0
     begin(tree, rest, space, elements, None, times[0], z)
-    record(tree.A, tree.y, motion[0])
+    note(tree, space, None, motion[0])
     allowed = np.sqrt(tolerance)
     t, h, before = times[0], 1e-3 * (times[-1] - times[0]), 0.0
     for sample in range(1, times.shape[0]):
@@ -177,5 +176,5 @@ def integrate_gauss(
             h = step * factor if step == free else max(h, step * factor)
             t = times[sample] if step == remaining else t + step
             arrive(tree, rest, space, elements, None, t, z)
-        record(tree.A, tree.y, motion[sample])
+        note(tree, space, None, motion[sample])
     return 0

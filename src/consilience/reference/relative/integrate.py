@@ -187,7 +187,7 @@ def _samples(
     for n in range(times.shape[0]):
         _between(z, scratch.F, (times[n] - t) / step, scratch.state)
         settle(tree, rest, space, elements, plane, times[n], scratch.state)
-        note(tree, plane, motion[n])
+        note(tree, space, plane, motion[n])
     if rest is not None:
         assign(rest.fronts.order, scratch.order)
         assign(rest.fronts.state[:, CHOSEN], scratch.chosen)
@@ -217,7 +217,7 @@ def _record(
         sample += 1
     inner = sample
     if sample < times.shape[0] and times[sample] == after:
-        note(tree, plane, motion[sample])
+        note(tree, space, plane, motion[sample])
         sample += 1
     if first == inner:
         return sample, BEGIN
@@ -304,7 +304,7 @@ def integrate(
     K, end = scratch.K, scratch.end
     counters[:] = 0
     begin(tree, rest, space, elements, plane, t, z)
-    note(tree, plane, motion[0])
+    note(tree, space, plane, motion[0])
     if times.shape[0] == 1:
         return 0
     bound = longest_now(tree, elements, longest)

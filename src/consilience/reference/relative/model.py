@@ -18,8 +18,10 @@ from consilience.mechanism import Mechanism
 from consilience.reference.formulations.recursive_model import TreeModel, flatten_tree
 from consilience.reference.model import Model, all_rows, flatten
 from consilience.reference.relative import columns
+from consilience.reference.relative.cut_joints import CutJoints, cut_joints
 from consilience.reference.relative.loops import Fronts, Loops, find_loops, fronts
 from consilience.reference.relative.plane import Plane
+from consilience.reference.relative.reduced import Reduced, reduced
 from consilience.reference.workspace import Workspace, workspace
 from consilience.spatial import Array
 
@@ -30,6 +32,9 @@ PARENT, PARENT_BODY, BODY, FORWARD, COORDINATE, ALONG, ABOUT, FREE, FREE_END = r
 """Columns of `Links.layout`: parent link (-1: the ground), its body, the body of the link, whether the tree passes the
 joint from predecessor to successor, first coordinate, number of displacements, of directions about (3: a ball), first
 free direction and the one behind the last."""
+
+LARGEST_RANK, LEAST, PIVOT = np.array([0, 1, 2])
+"""Entries of `Rest.best`: largest rank so far, and its largest least pivot, of the fronts and of `null_space`."""
 
 
 class Links(NamedTuple):
@@ -43,7 +48,6 @@ class Links(NamedTuple):
     integrals: int  # first integral in z
     plain: bool  # no forces but gravity
     free: bool  # that, and no rows to close: `articulated.free_accelerations` says all
-    closing: Array  # (m,) joints that keep rows
     other_rows: int  # rows that are not joints'
     held: int  # rows that hold positions; those of rolling and skates stand behind them
     loops: Loops
@@ -63,29 +67,17 @@ class Tree(NamedTuple):
     length: float  # of the mechanism, m
 
 
-class CutJoints(NamedTuple):
-    """Joints with rows that the tree leaves open: arrays of `Model`."""
-
-    closing: Array
-    first_row: Array
-    row_kind: Array
-    row_target: Array
-    body_i: Array
-    body_j: Array
-    arm_i: Array
-    arm_j: Array
-    axes_i: Array
-    axes_j: Array
-    pitch: Array
-
-
 class Space(NamedTuple):
-    """What kernels of space read beside both: bodies as other kernels know them. In a plane there is `plane.Plane`."""
+    """What kernels of space read beside both: bodies as other kernels know them. In a plane there is `plane.Plane`.
+
+    Where nothing reads them but samples, y and A are of the last sample.
+    """
 
     y: Array
     A: Array
     mass: Array
     inertia_factor: Array
+    joints: CutJoints
 
 
 class Rest(NamedTuple):
@@ -100,15 +92,15 @@ class Rest(NamedTuple):
     speeds: int
     length: float
     held: int
-    joints: CutJoints | None  # None in a plane
     loops: Loops
     fronts: Fronts
+    reduced: Reduced
     value: Array  # (q,) violations of the rows
     gamma: Array  # (q,)
     rate: Array  # (q,)
     u: Array  # (N,) accelerations, or displacements, of the directions
     limit: Array  # (1,) rank of the cut rows, where a projection has found it
-    best: Array  # (2,) largest rank, and its largest least pivot
+    best: Array  # (3,) LARGEST_RANK, LEAST, PIVOT
     size: Array  # (1,) largest size of a cut row
 
 
@@ -153,7 +145,6 @@ def flatten_relative(mechanism: Mechanism) -> tuple[Links, TreeModel, Model]:
         speeds += [SPEED] * along + [SPIN] * turns
     elements = (mechanism.springs, mechanism.joint_springs, mechanism.loads, mechanism.frictions, mechanism.controls)
     cut = tree.cut
-    closing = [k for k in range(len(mechanism.joints)) if cut.first_row[k] < cut.first_row[k + 1]]
     layout = np.array(index, dtype=np.int64)
     links = Links(
         layout=layout,
@@ -164,7 +155,6 @@ def flatten_relative(mechanism: Mechanism) -> tuple[Links, TreeModel, Model]:
         integrals=len(kinds) + len(speeds),
         plain=not any(elements),
         free=not any(elements) and not tree.cut_rows,
-        closing=np.array(closing, dtype=np.int64),
         other_rows=int(tree.cut_rows - len(cut.row_kind)),
         held=all_rows(cut) - 2 * len(cut.rolling_body) - len(cut.skate_body),
         loops=find_loops(layout, len(speeds), cut),
@@ -232,22 +222,22 @@ def tree_arrays(links: Links, length: float, link: Array, free: Array, integrals
     )
 
 
-def closing_arrays(tree: Tree, joints: CutJoints | None, loops: Loops, held: int, width: int) -> Rest:
+def closing_arrays(tree: Tree, loops: Loops, held: int, width: int) -> Rest:
     """What loops need beside the tree; wrenches and motions are of 6 numbers, or 3 in a plane."""
     q = len(loops.touched)
     value, gamma, rate = np.zeros((3, q))
     return Rest(
         *(tree.layout, tree.link, tree.free, tree.speeds, tree.length),
         held=held,
-        joints=joints,
         loops=loops,
         fronts=fronts(loops, len(tree.layout), width),
+        reduced=reduced(q, tree.layout, len(tree.free), width),
         value=value,
         gamma=gamma,
         rate=rate,
         u=np.zeros(len(tree.free)),
         limit=np.array([q], dtype=np.int64),
-        best=np.zeros(2),
+        best=np.zeros(3),
         size=np.zeros(1),
     )
 
@@ -257,9 +247,8 @@ def system(mechanism: Mechanism, links: Links, spanning: TreeModel, model: Model
     cut = spanning.cut
     table = link_table(links, mechanism.gravity)
     tree = tree_arrays(links, model.length, table, free_table(links), len(mechanism.controls))
-    joints = CutJoints(links.closing, *(getattr(cut, name) for name in CutJoints._fields[1:]))
-    rest = closing_arrays(tree, joints, links.loops, links.held, 6)
-    space = Space(tree.y, tree.A, model.mass, model.inertia_factor)
+    rest = closing_arrays(tree, links.loops, links.held, 6)
+    space = Space(tree.y, tree.A, model.mass, model.inertia_factor, cut_joints(spanning, model))
     if links.plain and not links.other_rows:
         return System(tree, rest, space, None, None)
     memory, rows = np.zeros(len(model.coordinate)), workspace(cut)._replace(A=tree.A)
@@ -288,6 +277,7 @@ def renewed(given: System) -> System:
         gamma=gamma,
         rate=rate,
         fronts=Fronts(*(array.copy() for array in rest.fronts)),
+        reduced=Reduced(*(array.copy() for array in rest.reduced)),
         u=rest.u.copy(),
         limit=rest.limit.copy(),
         best=rest.best.copy(),
@@ -295,3 +285,15 @@ def renewed(given: System) -> System:
     )
     space = None if given.space is None else given.space._replace(y=y, A=A)
     return System(tree, rest, space, elements, given.plane)
+
+
+def restore(used: System, given: System) -> None:
+    """What one motion would leave to the next: rows chosen, what rows and pivots have been, turns."""
+    for array, first in zip(_lasting(used), _lasting(given), strict=True):
+        array[...] = first
+
+
+def _lasting(arrays: System) -> list[Array]:
+    rest = arrays.rest
+    memory = [] if arrays.elements is None else [arrays.elements.memory]
+    return [rest.fronts.order, rest.fronts.state, rest.limit, rest.best, rest.size, *memory]

@@ -351,4 +351,4 @@ def planar(mechanism: Mechanism, links: Links, spanning: TreeModel, model: Model
     tables = _link_table(links, mechanism, model, zero, bases), _free_table(links, zero, bases)
     tree = tree_arrays(links, model.length, *tables, len(mechanism.controls))
     loops = find_loops(links.layout, len(links.direction), cut)
-    return System(tree, closing_arrays(tree, None, loops, all_rows(cut), 3), None, None, plane)
+    return System(tree, closing_arrays(tree, loops, all_rows(cut), 3), None, None, plane)

@@ -16,6 +16,7 @@ from consilience.reference.relative.either import (
     accelerate,
     articulate_links,
     cut_rows,
+    eliminate,
     force_rows,
     measure_rows,
     open_speeds,
@@ -23,9 +24,10 @@ from consilience.reference.relative.either import (
     respond_to_rows,
 )
 from consilience.reference.relative.fronts import CHOOSE, factorise, threshold
-from consilience.reference.relative.kinematics import displace, normalise, place, record
+from consilience.reference.relative.kinematics import displace, normalise, place, place_bodies, place_links, record
 from consilience.reference.relative.loops import CHOSEN, RANK, ROW, ROW_END, USED, Fronts, Loops
-from consilience.reference.relative.model import Elements, Rest, Space, Tree
+from consilience.reference.relative.model import LARGEST_RANK, LEAST, PIVOT, Elements, Rest, Space, Tree
+from consilience.reference.relative.null_space import SOUND, is_small, particular, rank_chosen
 from consilience.reference.relative.planar import place_planar, place_planar_bodies
 from consilience.reference.relative.plane import Plane
 from consilience.spatial import Array
@@ -33,8 +35,6 @@ from consilience.spatial import Array
 _POSITION_STEPS = 3
 _PASSING = 1e-4
 """Part of its largest value at which the least independent pivot counts as passing through zero."""
-_SOUND = 0.01
-"""The same, at which rounding of the pose counts: with 1e-4 a parallelogram loses two digits where it is flat."""
 _TURN = 1.5
 """Most that an angle whose turns are counted may change in a step, rad: well below half a turn."""
 
@@ -117,12 +117,12 @@ def _choose(
     through. Where it does not, in a linkage that comes near such a pose and turns, they are taken back.
     """
     rank, least, smallest = _choose_rows(loops, layout, fronts, space, plane, link, free, 0.0, size)
-    if rank > best[0]:
-        best[0], best[1] = rank, least
-    elif rank == best[0]:
-        best[1] = max(best[1], least)
-    if violation <= _PASSING_VIOLATION and least < _PASSING * best[1]:
-        passing = (_PASSING * best[1]) ** 2
+    if rank > best[LARGEST_RANK]:
+        best[LARGEST_RANK], best[LEAST] = rank, least
+    elif rank == best[LARGEST_RANK]:
+        best[LEAST] = max(best[LEAST], least)
+    if violation <= _PASSING_VIOLATION and least < _PASSING * best[LEAST]:
+        passing = (_PASSING * best[LEAST]) ** 2
         fewer = _choose_rows(loops, layout, fronts, space, plane, link, free, passing, size)[0]
         if fewer:
             rank = fewer
@@ -134,9 +134,9 @@ def _choose(
 @kernel
 def _keep(loops: Loops, fronts: Fronts, rank: int, least: float, best: Array, limit: Array) -> bool:
     """Go on with the factors of a pose that is apart by rounding, if they have the rank so far, far from losing it."""
-    if rank != best[0] or least < _SOUND * best[1]:
+    if rank != best[LARGEST_RANK] or least < SOUND * best[LEAST]:
         return False
-    best[1] = max(best[1], least)
+    best[LEAST] = max(best[LEAST], least)
     _work_with(loops, fronts, rank, limit)
     return True
 
@@ -166,7 +166,7 @@ def find_rank(
     rest: Rest, space: Space | None, elements: Elements | None, plane: Plane | None, t: float, z: Array
 ) -> None:
     """Independent rows of a state whose loops are closed, into ``rest.fronts``; places the bodies."""
-    place_at(rest, space, plane, z)
+    place_at(rest, space, elements, plane, z)
     if rest.loops.group.shape[0]:
         violation = _opened(rest, space, elements, plane, t, z)
         articulate_links(space, plane, rest.link, rest.free)
@@ -174,23 +174,72 @@ def find_rank(
         _choose(loops, rest.layout, fronts, space, plane, link, free, rest.size[0], rest.best, rest.limit, violation)
 
 
-@inner
-def project(
-    rest: Rest, space: Space | None, elements: Elements | None, plane: Plane | None, t: float, z: Array
-) -> None:
-    """Bring z back to closed loops, in place: coordinates by Newton's method, then speeds, each of least M-norm.
+@kernel
+def _is_sound(least: float, best: Array) -> bool:
+    """Whether the least pivot is about as large as it has been; larger ones are noted."""
+    if SOUND * best[PIVOT] <= least <= best[PIVOT]:
+        return True
+    # the fronts have their own measure of it, which has to follow
+    best[PIVOT] = max(best[PIVOT], least)
+    return False
 
-    Newton's method goes on until rounding is reached: in a flat parallelogram, whose coordinates violate the rows by
-    their square, a violation of 1e-14 is a coordinate that is wrong by 1e-7. Leaves the bodies placed at the state it
-    ends with.
+
+@inner
+def _correct(
+    rest: Rest, space: Space | None, elements: Elements | None, plane: Plane | None, t: float, z: Array
+) -> bool:
+    """`project` of a state that a step has left, by elimination.
+
+    Not of least M-norm: a step leaves so little open that this does not matter. Where the least pivot is not
+    `_is_sound`, false, with z closed as far as it came.
     """
+    loops, fronts, few, link, free, u = rest.loops, rest.fronts, rest.reduced, rest.link, rest.free, rest.u
+    value, target, speeds = rest.value, fronts.target, rest.speeds
+    closed = False
+    for _ in range(_POSITION_STEPS + 1):
+        closed = _opened(rest, space, elements, plane, t, z) <= 2e-16 or closed
+        if closed:
+            open_speeds(rest, space, plane)
+        else:
+            for row in range(target.shape[0]):
+                target[row] = -value[row]
+        rows, _, least = eliminate(loops, fronts, few, space, plane, link, free)
+        if not _is_sound(least, rest.best):
+            return False
+        particular(few.J, rows, few.given, u)
+        if closed:
+            for n in range(u.shape[0]):
+                z[speeds + n] += u[n]
+        else:
+            displace(rest.layout, z, u)
+        place_at(rest, space, elements, plane, z)
+        if closed:
+            return True
+        closed = _largest(u, u.shape[0]) < 1e-9
+    return False
+
+
+@inlined
+def _is_regular(rest: Rest) -> bool:
+    """Whether elimination will do: few directions are free, and all rows hold positions and have been independent.
+
+    Of rows that depend on others those are to be chosen anew after each step which are the most independent.
+    """
+    group, state, count = rest.loops.group, rest.fronts.state, rest.fronts.W.shape[0]
+    return (
+        is_small(group, state, rest.reduced.left)
+        and rank_chosen(group, state) == count
+        and rest.best[LARGEST_RANK] == count
+        and rest.held == count
+    )
+
+
+@inlined
+def _close(rest: Rest, space: Space | None, elements: Elements | None, plane: Plane | None, t: float, z: Array) -> None:
+    """`project` by the fronts, whatever the rows are and however far they are open."""
     loops, layout, fronts, link, free, u = rest.loops, rest.layout, rest.fronts, rest.link, rest.free, rest.u
     speeds, held, size = rest.speeds, rest.held, rest.size
     W, target, value = fronts.W, fronts.target, rest.value
-    normalise(layout, z)
-    place_at(rest, space, plane, z)
-    if loops.group.shape[0] == 0:
-        return
     last, violation, rank, least = False, 0.0, 0, 0.0
     for step in range(_POSITION_STEPS + 1):
         violation = _opened(rest, space, elements, plane, t, z)
@@ -206,17 +255,38 @@ def project(
         _displacements(loops, fronts, space, plane, link, free, u)
         last = _largest(u, u.shape[0]) < 1e-9
         displace(layout, z, u)
-        place_at(rest, space, plane, z)
+        place_at(rest, space, elements, plane, z)
     # where the first correction is that small, the speeds have as little to be corrected, and its factors will do
     if not (last and step == 1 and held == W.shape[0] and _keep(loops, fronts, rank, least, rest.best, rest.limit)):
         if last:
             articulate_links(space, plane, link, free)
         _choose(loops, layout, fronts, space, plane, link, free, size[0], rest.best, rest.limit, violation)
+    if rest.best[PIVOT] == 0.0 and _is_regular(rest):
+        rest.best[PIVOT] = eliminate(loops, fronts, rest.reduced, space, plane, link, free)[2]
     open_speeds(rest, space, plane)
     _displacements(loops, fronts, space, plane, link, free, u)
     for n in range(u.shape[0]):
         z[speeds + n] += u[n]
-    place_at(rest, space, plane, z)
+    place_at(rest, space, elements, plane, z)
+
+
+@inner
+def project(
+    rest: Rest, space: Space | None, elements: Elements | None, plane: Plane | None, t: float, z: Array
+) -> None:
+    """Bring z back to closed loops, in place: coordinates by Newton's method, then speeds, each of least M-norm.
+
+    Newton's method goes on until rounding is reached: in a flat parallelogram, whose coordinates violate the rows by
+    their square, a violation of 1e-14 is a coordinate that is wrong by 1e-7. Leaves the bodies placed at the state it
+    ends with.
+    """
+    normalise(rest.layout, z)
+    place_at(rest, space, elements, plane, z)
+    if rest.loops.group.shape[0] == 0:
+        return
+    if rest.best[PIVOT] > 0.0 and _is_regular(rest) and _correct(rest, space, elements, plane, t, z):
+        return
+    _close(rest, space, elements, plane, t, z)
 
 
 @inlined
@@ -236,14 +306,16 @@ def settle(
         place_planar(tree.link, tree.free, z, z[tree.speeds :])
     elif space is not None:
         normalise(tree.layout, z)
-        place(tree.layout, tree.link, tree.free, tree.speeds, z, tree.y, tree.A)
+        place_links(tree.link, tree.free, z, z[tree.speeds :])
 
 
 @inlined
-def note(tree: Tree, plane: Plane | None, motion: Array) -> None:
+def note(tree: Tree, space: Space | None, plane: Plane | None, motion: Array) -> None:
     """Record the bodies of links that are placed, as a sample of a motion."""
     if plane is not None:
         place_planar_bodies(plane.body, tree.link, tree.y, tree.A)
+    if space is not None:
+        place_bodies(tree.layout, tree.link, tree.y, tree.A)
     record(tree.A, tree.y, motion)
 
 

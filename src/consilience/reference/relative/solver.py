@@ -14,9 +14,9 @@ from consilience.reference.formulations.recursive_model import TreeModel
 from consilience.reference.integrators.dop853 import STATUS
 from consilience.reference.model import Model
 from consilience.reference.relative.gauss import gauss_scratch, integrate_gauss
-from consilience.reference.relative.integrate import integrate, scratch
+from consilience.reference.relative.integrate import Scratch, integrate, scratch
 from consilience.reference.relative.methods import DOP853, TP86
-from consilience.reference.relative.model import Links, System, flatten_relative, renewed, system
+from consilience.reference.relative.model import Links, Rest, System, flatten_relative, renewed, restore, system
 from consilience.reference.relative.packing import pack_relative
 from consilience.reference.relative.planar_model import planar
 from consilience.run import TrajectoryAnswer
@@ -40,6 +40,13 @@ def longest_step(model: Model) -> float:
     return float(longest)
 
 
+class _Working(NamedTuple):
+    """Arrays that a motion writes into."""
+
+    system: System
+    scratch: Scratch
+
+
 class _Prepared(NamedTuple):
     """What is the same in all motions of a mechanism."""
 
@@ -50,6 +57,21 @@ class _Prepared(NamedTuple):
     tree_alone: bool  # whether the tables of the tree (and of a plane) say all
     longest: float  # step, s
     integrator: str  # where none is asked for
+    idle: list[_Working]  # of motions that have ended: making them takes longer than a short motion
+
+    def working(self) -> _Working:
+        """Arrays that no other motion writes into."""
+        try:
+            taken = self.idle.pop()
+        except IndexError:
+            arrays = renewed(self.system)
+            return _Working(arrays, scratch(np.zeros(len(self.links.kind)), self.motion_of(arrays)))
+        restore(taken.system, self.system)
+        return taken
+
+    def motion_of(self, arrays: System) -> Rest | None:
+        """What an integrator takes beside the tree."""
+        return None if self.tree_alone else arrays.rest
 
 
 @lru_cache(maxsize=8)
@@ -63,7 +85,7 @@ def _prepared(mechanism: Mechanism, in_space: bool) -> _Prepared:
     arrays = arrays or system(mechanism, links, spanning, model)
     tree_alone = links.free if arrays.plane is None else not len(arrays.rest.loops.group)
     integrator = "dop853" if len(model.functions.pieces) else "tp86"
-    return _Prepared(links, spanning, model, arrays, tree_alone, longest_step(model), integrator)
+    return _Prepared(links, spanning, model, arrays, tree_alone, longest_step(model), integrator, [])
 
 
 METHODS = {"tp86": TP86, "dop853": DOP853}
@@ -85,20 +107,22 @@ def simulate_relative(
     NumericalFailure
         With the status of the integrator.
     """
-    links, spanning, model, unused, tree_alone, longest, usual = _prepared(mechanism, integrator == "gauss")
-    integrator = integrator or usual
-    tree, loops, space, elements, plane = renewed(unused)
-    z = pack_relative(links, spanning, model, state)
+    prepared = _prepared(mechanism, integrator == "gauss")
+    integrator = integrator or prepared.integrator
+    working = prepared.working()
+    tree, _, space, elements, plane = working.system
+    rest = prepared.motion_of(working.system)
+    z = pack_relative(prepared.links, prepared.spanning, prepared.model, state)
     motion, counters = np.empty((len(times), *tree.y.shape)), np.zeros(3, dtype=np.int64)
-    rest = None if tree_alone else loops
-    asked = times, float(tolerance), longest
+    asked = times, float(tolerance), prepared.longest
     if integrator == "gauss":
         status = integrate_gauss(tree, rest, space, elements, z, *asked, motion, counters, gauss_scratch(z, rest))
     else:
         method = METHODS[integrator]
-        status = integrate(tree, rest, space, elements, plane, method, z, *asked, motion, counters, scratch(z, rest))
+        status = integrate(tree, rest, space, elements, plane, method, z, *asked, motion, counters, working.scratch)
     if status:
         raise NumericalFailure(f"reference, relative, {integrator}, tolerance {tolerance:g}: {STATUS[status]}")
+    prepared.idle.append(working)  # not after a failure, which may leave what is not a number
     p, quat, v, w = canonical_motion(mechanism, motion)
     names = ("steps", "rejected", "evaluations")
     counts: dict[str, int | float] = {name: int(n) for name, n in zip(names, counters, strict=True)}

@@ -1,0 +1,279 @@
+"""Accelerations of a linkage of few freedoms, in the directions that its rows leave free [C4 (4.99)-(4.110)].
+
+Rows of the directions, ``J u = t``, with t what gamma leaves of the accelerations that the links have where u is zero.
+Eliminated, they give ``u = b + T alpha`` with alpha the accelerations of the f directions that are left, and
+
+    T^T M T alpha = -T^T (M b + h).
+
+Neither the mass matrix M nor the articulated inertias of the tree are needed: a column of T moves the links with V_e,
+b with a, and ``(T^T M T)_ed = sum V_e . I V_d``, ``(T^T (M b + h))_e = sum V_e . (I a + p)``. That is less work than
+the responses of the tree to all rows while f is small.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from consilience.kinematics import RANK_TOLERANCE
+from consilience.reference.compiled import fused, kernel
+from consilience.reference.relative import columns
+from consilience.reference.relative.inertia import symmetric
+from consilience.reference.relative.kinematics import put, vector_at
+from consilience.reference.relative.loops import CHOSEN, ROW, TOUCHED
+from consilience.reference.vectors import add, cross, dot, scale, sub
+from consilience.spatial import Array
+
+FREEDOMS = 6
+"""Most directions that the rows may leave."""
+
+SOUND = 0.01
+"""Part of its largest value at which the least pivot is too small, and orthogonal reflections are taken: with 1e-4 a
+parallelogram loses two digits where it is flat."""
+
+
+@kernel
+def rank_chosen(group: Array, state: Array) -> int:
+    """Number of rows chosen."""
+    rank = 0
+    for g in range(group.shape[0]):
+        rank += state[g, CHOSEN]
+    return rank
+
+
+@kernel
+def is_small(group: Array, state: Array, left: Array) -> bool:
+    """Whether the rows chosen leave few of few directions free."""
+    return left.shape[0] > 0 and left.shape[0] - rank_chosen(group, state) <= FREEDOMS
+
+
+@fused
+def _take(J: Array, rows: int, row: int, column: int) -> None:
+    """Solve a row for a direction, and put the solution into the others."""
+    inverse = 1.0 / J[row, column]
+    for c in range(J.shape[1]):
+        J[row, c] *= inverse
+    for other in range(rows):
+        factor = J[other, column]
+        if other != row and factor != 0.0:
+            for c in range(J.shape[1]):
+                J[other, c] -= factor * J[row, c]
+            J[other, column] = 0.0
+
+
+@fused
+def eliminate(J: Array, rows: int, given: Array, left: Array) -> tuple[int, float]:
+    """Solve some rows for a direction each, that of their largest entry; how many are left, and the least pivot.
+
+    It is zero where a row depends on those before.
+    """
+    count, largest, least, freedoms = J.shape[1] - 1, 0.0, np.inf, 0
+    for r in range(rows):
+        for c in range(count):
+            largest = max(largest, abs(J[r, c]))
+    for c in range(count):
+        left[c] = 0
+    for r in range(rows):
+        best, size = -1, RANK_TOLERANCE * largest
+        for c in range(count):
+            if abs(J[r, c]) > size:
+                best, size = c, abs(J[r, c])
+        given[r] = best
+        if best < 0:
+            least = 0.0
+            continue
+        left[best], least = 1, min(least, size)
+        _take(J, rows, r, best)
+    for c in range(count):
+        if left[c] == 0:
+            left[freedoms] = c
+            freedoms += 1
+    return freedoms, least
+
+
+@fused
+def _spread(J: Array, rows: int, given: Array, column: int, factor: float, u: Array) -> None:
+    """Into u, the directions that the rows give: a column of J times a factor."""
+    for r in range(rows):
+        if given[r] >= 0:
+            u[given[r]] = factor * J[r, column]
+
+
+@kernel
+def particular(J: Array, rows: int, given: Array, u: Array) -> None:
+    """The solution b of the rows in which what they leave is zero."""
+    for n in range(u.shape[0]):
+        u[n] = 0.0
+    _spread(J, rows, given, u.shape[0], 1.0, u)
+
+
+@fused
+def homogeneous(J: Array, rows: int, given: Array, one: int, u: Array) -> None:
+    """The column of T of a direction that is left."""
+    for n in range(u.shape[0]):
+        u[n] = 0.0
+    u[one] = 1.0
+    _spread(J, rows, given, one, -1.0, u)
+
+
+@fused
+def solve(G: Array, freedoms: int) -> None:
+    """Solve the reduced equations, whose right-hand side stands behind them, by Cholesky's method; in place."""
+    for e in range(freedoms):
+        for d in range(e):
+            for c in range(d):
+                G[e, d] -= G[e, c] * G[d, c]
+            G[e, d] /= G[d, d]
+        for c in range(e):
+            G[e, e] -= G[e, c] * G[e, c]
+            G[e, freedoms] -= G[e, c] * G[c, freedoms]
+        G[e, e] = np.sqrt(G[e, e])
+        G[e, freedoms] /= G[e, e]
+    for e in range(freedoms - 1, -1, -1):
+        for c in range(e + 1, freedoms):
+            G[e, freedoms] -= G[c, e] * G[c, freedoms]
+        G[e, freedoms] /= G[e, e]
+
+
+@fused
+def add_motions(J: Array, rows: int, given: Array, left: Array, G: Array, freedoms: int, u: Array) -> None:
+    """``u = b + T alpha``; b is in u."""
+    for e in range(freedoms):
+        alpha = G[e, freedoms]
+        u[left[e]] = alpha
+        for r in range(rows):
+            if given[r] >= 0:
+                u[given[r]] -= alpha * J[r, left[e]]
+
+
+@kernel
+def move(link: Array, free: Array, u: Array, moving: float, table: Array, at: int) -> None:
+    """Motions of the links that are placed, in columns of a table: accelerations (moving: 1), or velocities (0)."""
+    for k in range(link.shape[0] - 1):
+        p = int(link[k, columns.PARENT])
+        angular = vector_at(table, p, at + 3)
+        linear = add(vector_at(table, p, at), cross(angular, vector_at(link, k, columns.STEP)))
+        linear = add(linear, scale(moving, vector_at(link, k, columns.QUADRATIC)))
+        angular = add(angular, scale(moving, vector_at(link, k, columns.QUADRATIC + 3)))
+        for n in range(int(link[k, columns.FIRST]), int(link[k, columns.LAST])):
+            linear = add(linear, scale(u[n], vector_at(free, n, columns.S)))
+            angular = add(angular, scale(u[n], vector_at(free, n, columns.S + 3)))
+        put(table, k, at, linear)
+        put(table, k, at + 3, angular)
+
+
+@fused
+def _rows_of_directions(
+    group: Array,
+    touched: Array,
+    order: Array,
+    state: Array,
+    moves: Array,
+    W: Array,
+    target: Array,
+    links: Array,
+    free: Array,
+    at: Array,
+    J: Array,
+) -> int:
+    """Fill J with the rows chosen, by wrenches and motions at one point, the first link; their number."""
+    rows, count, O = 0, free.shape[0], vector_at(links, 0, columns.POSITION)
+    for k in range(links.shape[0] - 1):
+        away = sub(vector_at(links, k, columns.POSITION), O)
+        for n in range(int(links[k, columns.FIRST]), int(links[k, columns.LAST])):
+            spin = vector_at(free, n, columns.S + 3)
+            put(at, n, 0, sub(vector_at(free, n, columns.S), cross(spin, away)))
+            put(at, n, 3, spin)
+    for g in range(group.shape[0]):
+        for number in range(group[g, ROW], group[g, ROW] + state[g, CHOSEN]):
+            row = order[number]
+            for n in range(count):
+                J[rows, n] = 0.0
+            J[rows, count] = target[row]
+            for slot in range(TOUCHED):
+                k = touched[row, slot]
+                if k < 0:
+                    continue
+                away = sub(vector_at(links, k, columns.POSITION), O)
+                force = W[row, slot, 0], W[row, slot, 1], W[row, slot, 2]
+                torque = add((W[row, slot, 3], W[row, slot, 4], W[row, slot, 5]), cross(away, force))
+                for n in range(count):
+                    if moves[k, n]:
+                        J[rows, n] += dot(force, vector_at(at, n, 0)) + dot(torque, vector_at(at, n, 3))
+            rows += 1
+    return rows
+
+
+@fused
+def _masses(link: Array, freedoms: int, V: Array, G: Array) -> None:
+    """Reduced masses and forces of links whose accelerations are a."""
+    for e in range(freedoms):
+        for d in range(freedoms + 1):
+            G[e, d] = 0.0
+    for k in range(link.shape[0] - 1):
+        m, at = link[k, columns.MASS], columns.STIFF + 15
+        I = link[k, at], link[k, at + 1], link[k, at + 2], link[k, at + 3], link[k, at + 4], link[k, at + 5]
+        force = add(scale(m, vector_at(link, k, columns.ACCELERATION)), vector_at(link, k, columns.BIAS))
+        torque = add(symmetric(I, vector_at(link, k, columns.ACCELERATION + 3)), vector_at(link, k, columns.BIAS + 3))
+        for e in range(freedoms):
+            v, w = vector_at(V[e], k, 0), vector_at(V[e], k, 3)
+            x, y = scale(m, v), symmetric(I, w)
+            G[e, freedoms] -= dot(v, force) + dot(w, torque)
+            for d in range(e + 1):
+                G[e, d] += dot(vector_at(V[d], k, 0), x) + dot(vector_at(V[d], k, 3), y)
+
+
+@fused
+def add_to_links(link: Array, at: int, freedoms: int, V: Array, G: Array) -> None:
+    """Accelerations of the links, in columns from `at` on: what alpha adds to a."""
+    for e in range(freedoms):
+        alpha = G[e, freedoms]
+        for k in range(link.shape[0] - 1):
+            for r in range(V.shape[2]):
+                link[k, at + r] += alpha * V[e, k, r]
+
+
+@kernel
+def solve_rows(
+    group: Array,
+    touched: Array,
+    order: Array,
+    state: Array,
+    moves: Array,
+    W: Array,
+    target: Array,
+    links: Array,
+    free: Array,
+    at: Array,
+    J: Array,
+    given: Array,
+    left: Array,
+) -> tuple[int, int, float]:
+    """Solve the rows chosen for directions; rows, directions left, least pivot."""
+    rows = _rows_of_directions(group, touched, order, state, moves, W, target, links, free, at, J)
+    freedoms, least = eliminate(J, rows, given, left)
+    return rows, freedoms, least
+
+
+@kernel
+def reduce_links(
+    J: Array,
+    given: Array,
+    left: Array,
+    V: Array,
+    G: Array,
+    rows: int,
+    freedoms: int,
+    link: Array,
+    free: Array,
+    u: Array,
+) -> None:
+    """Accelerations u, and those of the links, where the rows are solved."""
+    for e in range(freedoms):
+        homogeneous(J, rows, given, left[e], u)
+        move(link, free, u, 0.0, V[e], 0)
+    particular(J, rows, given, u)
+    move(link, free, u, 1.0, link, columns.ACCELERATION)
+    _masses(link, freedoms, V, G)
+    solve(G, freedoms)
+    add_motions(J, rows, given, left, G, freedoms, u)
+    add_to_links(link, columns.ACCELERATION, freedoms, V, G)

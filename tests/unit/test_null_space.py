@@ -1,0 +1,165 @@
+"""Linkages of few freedoms: accelerations and closing by elimination, against dense equations and the fronts."""
+
+import numpy as np
+import pytest
+
+import truth
+from consilience.kinematics import constraint_jacobian, constraint_rates, constraint_residual
+from consilience.library import load_case
+from consilience.mechanism import State
+from consilience.observe import mass_matrix_condition, reaction_condition
+from consilience.reference import simulate
+from consilience.reference.canonical import at_origins
+from consilience.reference.compiled import kernel
+from consilience.reference.model import unpack
+from consilience.reference.relative import columns
+from consilience.reference.relative.dynamics import accelerations
+from consilience.reference.relative.kinematics import orient, place_bodies
+from consilience.reference.relative.model import BODY, PIVOT, flatten_relative, system
+from consilience.reference.relative.null_space import SOUND
+from consilience.reference.relative.packing import pack_relative
+from consilience.reference.relative.settling import project
+from mechanisms import driven, four_bar, powered, spatial_loop, states_of
+
+EPS = np.finfo(float).eps
+
+
+def library(name):
+    """A case's mechanism, and states on its way."""
+    case = load_case(name)
+    motion = simulate(case.mechanism, case.initial_state, np.linspace(0.0, 1.0, 4), 1e-12, "relative")
+    return case.mechanism, [motion.state(n) for n in range(4)]
+
+
+def drawn(mechanism):
+    return mechanism, states_of(mechanism, 3)
+
+
+LINKAGES = {
+    "one freedom, balls": lambda: drawn(spatial_loop()),
+    "one freedom, universals": lambda: drawn(spatial_loop(coupler="universal")),
+    "rods, six freedoms": lambda: library("rotary_stewart_platform"),
+    "cylinder and ball": lambda: library("four_bar_cylinder_ball"),
+    "spinning coupler": lambda: library("rssr_four_bar"),
+    "a screw that is cut": lambda: library("single_screw"),
+    "a slider on a guide": lambda: library("spatial_slider_crank"),
+    "drives alone": lambda: drawn(driven()),
+}
+
+
+@kernel
+def _project(rest, space, elements, t, z):
+    project(rest, space, elements, None, t, z)
+
+
+@kernel
+def _accelerate(rest, space, elements, t, z):
+    accelerations(rest, space, elements, None, t, z)
+
+
+class InSpace:
+    """A mechanism by the kernels of space; which way they went shows in the fronts, not numbers before."""
+
+    def __init__(self, mechanism):
+        self.mechanism = mechanism
+        self.links, self.tree, self.model = flatten_relative(mechanism)
+        self.placed, self.rest, self.space, self.elements, _ = system(mechanism, self.links, self.tree, self.model)
+
+    def close(self, z):
+        """Settled in place; whether by elimination."""
+        self.rest.fronts.F[:] = np.nan
+        _project(self.rest, self.space, self.elements, 0.0, z)
+        return bool(np.all(np.isnan(self.rest.fronts.F)))
+
+    def accelerations(self, z):
+        """Of the origins and angular, and whether by elimination."""
+        self.rest.fronts.F[:] = np.nan
+        _accelerate(self.rest, self.space, self.elements, 0.0, z)
+        eliminated = bool(np.all(np.isnan(self.rest.fronts.F)))
+        A, y, link = self.space.A, self.space.y, self.rest.link
+        place_bodies(self.links.layout, link, y, A)
+        orient(A, y)
+        a = np.empty((len(self.mechanism.bodies), 6))
+        a[self.links.layout[:, BODY]] = link[:-1, columns.ACCELERATION : columns.ACCELERATION + 6]
+        a[:, 3:] = np.einsum("bji,bj->bi", A, a[:, 3:])
+        return np.hstack(at_origins(self.mechanism, y, a.ravel())), eliminated
+
+    def state(self):
+        """The canonical state of the links as they are placed."""
+        place_bodies(self.links.layout, self.rest.link, self.space.y, self.space.A)
+        orient(self.space.A, self.space.y)
+        return State(*unpack(self.mechanism, self.space.y.copy()))
+
+
+@pytest.mark.parametrize("name", LINKAGES)
+def test_accelerations_are_those_of_the_dense_equations_and_of_the_fronts(name):
+    mechanism, states = LINKAGES[name]()
+    equations = InSpace(mechanism)
+    for state in states:
+        z = pack_relative(equations.links, equations.tree, equations.model, state)
+        equations.rest.best[:] = 0.0
+        assert not equations.close(z)
+        pivot = equations.rest.best[PIVOT]
+        assert pivot > 0.0
+        found, eliminated = equations.accelerations(z)
+        assert eliminated
+        equations.rest.best[PIVOT] = 1.01 * pivot / SOUND
+        other, eliminated = equations.accelerations(z)
+        assert not eliminated
+        a, alpha, _, _ = truth.solve(mechanism, state)
+        expected = np.hstack([a, alpha])
+        size = np.max(np.abs(expected))
+        bar = (1e-11 + 4 * EPS * mass_matrix_condition(mechanism, state)) * size
+        assert np.max(np.abs(found - other)) < bar
+        # the dense equations solve for multipliers
+        bar += 4 * EPS * reaction_condition(mechanism, state) * size
+        assert np.max(np.abs(found - expected)) < bar
+
+
+@pytest.mark.parametrize("size", [1e-12, 1e-9, 1e-6])
+@pytest.mark.parametrize("name", LINKAGES)
+def test_what_a_step_leaves_open_is_closed_by_elimination(name, size):
+    mechanism, states = LINKAGES[name]()
+    equations, rng = InSpace(mechanism), np.random.default_rng(2)
+    z = pack_relative(equations.links, equations.tree, equations.model, states[-1])
+    assert not equations.close(z)
+    pivot = equations.rest.best[PIVOT]
+    closed = z.copy()
+    for _ in range(3):
+        z[:] = closed + size * rng.normal(size=len(z))
+        equations.rest.best[PIVOT] = 1.01 * pivot  # not larger than it has been: the fronts would note that
+        assert equations.close(z)
+        found = equations.state()
+        rates = constraint_jacobian(mechanism, found) @ np.hstack([found.v_WB_W, found.w_WB_W]).ravel()
+        assert np.max(np.abs(constraint_residual(mechanism, found))) < 1e-13
+        assert np.max(np.abs(rates - constraint_rates(mechanism))) < 1e-12
+
+
+@pytest.mark.parametrize(
+    "mechanism",
+    [four_bar(), powered(), load_case("bricard").mechanism, load_case("rolling_disc").mechanism],
+    ids=["a flat loop in space", "a tree", "five rows of rank four", "rolling"],
+)
+def test_rows_that_depend_on_others_or_hold_no_positions_are_left_to_the_fronts(mechanism):
+    equations = InSpace(mechanism)
+    for state in states_of(mechanism, 1):
+        z = pack_relative(equations.links, equations.tree, equations.model, state)
+        for _ in range(2):
+            equations.close(z)
+            assert equations.rest.best[PIVOT] == 0.0
+
+
+@pytest.mark.parametrize(
+    "name", ["four_bar", "rsur_four_bar", "parallelogram", "double_pendulum", "acrobot", "bricard"]
+)
+def test_a_motion_leaves_nothing_to_the_next(name):
+    """Their arrays are used again: what is computed is the same to the last bit."""
+    case = load_case(name)
+    times = np.linspace(0.0, 1.0, 5)
+    first, _, again = (
+        simulate(case.mechanism, case.initial_state, t, tolerance, "relative")
+        for t, tolerance in ((times, 1e-9), (2.0 * times, 1e-6), (times, 1e-9))
+    )
+    for field in ("p_WB", "quat_WB", "v_WB_W", "w_WB_W"):
+        assert np.array_equal(getattr(first, field), getattr(again, field))
+    assert first.counters == again.counters
