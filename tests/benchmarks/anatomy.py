@@ -16,8 +16,9 @@ from consilience.reference import simulate
 from consilience.reference.relative.articulated import free_biases, inertias, sweep_in
 from consilience.reference.relative.cut_rows import want
 from consilience.reference.relative.dynamics import _close, _push, rates
-from consilience.reference.relative.either import accelerate, cut_rows, place_at
-from consilience.reference.relative.model import flatten_relative, system
+from consilience.reference.relative.either import accelerate, coast, cut_rows, eliminate, open_links, place_at, reduce
+from consilience.reference.relative.model import PIVOT, flatten_relative, system
+from consilience.reference.relative.null_space import is_small
 from consilience.reference.relative.packing import pack_relative
 from consilience.reference.relative.planar import sweep_in_planar
 from consilience.reference.relative.planar_model import planar
@@ -25,7 +26,7 @@ from consilience.reference.relative.planar_rows import push_efforts
 from consilience.reference.relative.settling import arrive
 
 CASES = ("four_bar", "slider_crank", "manipulator", "spatial_slider_crank", "rssr_four_bar", "furuta_pendulum")
-PARTS = ("placing", "inertias, forces", "tree", "rows", "closing", "rates")
+PARTS = ("placing", "inertias, forces", "rows", "tree", "closing", "rates")
 REPEATS, COUNT, APART = 15, 2000, 1e-5
 DURATION, TOLERANCE = 5.0, 1e-10
 
@@ -53,21 +54,37 @@ def sweep(rest, space, plane):
     accelerate(space, plane, rest.link, rest.free, rest.u, 1.0)
 
 
+@njit(_nrt=False, error_model="numpy", inline="always")
+def close(rest, space, plane, small):
+    """What the rows do to the accelerations of the tree."""
+    loops, fronts, few, link, free, u = rest.loops, rest.fronts, rest.reduced, rest.link, rest.free, rest.u
+    open_links(loops, fronts, space, plane, link, rest.gamma)
+    if small:
+        rows, freedoms, _ = eliminate(loops, fronts, few, space, plane, link, free)
+        reduce(few, rows, freedoms, space, plane, link, free, u, 1.0)
+    else:
+        _close(loops, rest.layout, link, free, fronts, space, plane, rest.size[0])
+        accelerate(space, plane, link, free, u, 1.0)
+
+
 @njit(_nrt=False, error_model="numpy")
 def up_to(depth, rest, space, elements, plane, z, n):
     """The first parts of an evaluation, n times."""
+    group, fronts = rest.loops.group, rest.fronts
+    small = rest.best[PIVOT] > 0.0 and is_small(group, fronts.state, rest.reduced.left)
     for _ in range(n):
-        place_at(rest, space, plane, z)
+        place_at(rest, space, elements, plane, z)
         if depth > 0:
             push(rest, space, elements, plane, z)
-        if depth > 1:
-            sweep(rest, space, plane)
-        if depth > 2 and rest.loops.group.shape[0]:
-            want(rest.loops.group, rest.fronts.order, rest.fronts.state, rest.fronts.wanted)
+        if depth > 1 and group.shape[0]:
+            want(group, fronts.order, fronts.state, fronts.wanted)
             cut_rows(rest, space, elements, plane, 0.0, z)
-        if depth > 3 and rest.loops.group.shape[0]:
-            _close(rest.loops, rest.layout, rest.link, rest.free, rest.fronts, space, plane, rest.gamma, rest.size[0])
-            accelerate(space, plane, rest.link, rest.free, rest.u, 1.0)
+        if depth > 2 and small:
+            coast(space, plane, rest.link, rest.free, rest.u)
+        if depth > 2 and not small:
+            sweep(rest, space, plane)
+        if depth > 3 and group.shape[0]:
+            close(rest, space, plane, small)
 
 
 @njit(_nrt=False, error_model="numpy")

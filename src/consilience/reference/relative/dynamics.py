@@ -123,7 +123,7 @@ def accelerations(
         rows, freedoms, least = eliminate(loops, fronts, few, space, plane, link, free)
         reducible = least >= SOUND * rest.best[PIVOT]
         if reducible:
-            reduce(few, rows, freedoms, space, plane, link, free, u)
+            reduce(few, rows, freedoms, space, plane, link, free, u, 1.0)
     if not reducible:
         _sweep(space, plane, link, free, u)
         if closed:

@@ -203,9 +203,10 @@ def reduce(
     link: Array,
     free: Array,
     u: Array,
+    moving: float,
 ) -> None:
-    """Accelerations u, and those of the links, where the rows are solved."""
+    """`reduce_links`, in space or in a plane."""
     if space is not None:
-        reduce_links(few.J, few.given, few.left, few.V, few.G, rows, freedoms, link, free, u)
+        reduce_links(few.J, few.given, few.left, few.V, few.G, rows, freedoms, link, free, u, moving)
     if plane is not None:
-        reduce_planar_links(few.J, few.given, few.left, few.V, few.G, rows, freedoms, link, free, u)
+        reduce_planar_links(few.J, few.given, few.left, few.V, few.G, rows, freedoms, link, free, u, moving)

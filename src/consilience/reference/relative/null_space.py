@@ -204,7 +204,7 @@ def _rows_of_directions(
 
 
 @fused
-def _masses(link: Array, freedoms: int, V: Array, G: Array) -> None:
+def _masses(link: Array, freedoms: int, V: Array, G: Array, moving: float) -> None:
     """Reduced masses and forces of links whose accelerations are a."""
     for e in range(freedoms):
         for d in range(freedoms + 1):
@@ -212,8 +212,11 @@ def _masses(link: Array, freedoms: int, V: Array, G: Array) -> None:
     for k in range(link.shape[0] - 1):
         m, at = link[k, columns.MASS], columns.STIFF + 15
         I = link[k, at], link[k, at + 1], link[k, at + 2], link[k, at + 3], link[k, at + 4], link[k, at + 5]
-        force = add(scale(m, vector_at(link, k, columns.ACCELERATION)), vector_at(link, k, columns.BIAS))
-        torque = add(symmetric(I, vector_at(link, k, columns.ACCELERATION + 3)), vector_at(link, k, columns.BIAS + 3))
+        force = add(scale(m, vector_at(link, k, columns.ACCELERATION)), scale(moving, vector_at(link, k, columns.BIAS)))
+        torque = add(
+            symmetric(I, vector_at(link, k, columns.ACCELERATION + 3)),
+            scale(moving, vector_at(link, k, columns.BIAS + 3)),
+        )
         for e in range(freedoms):
             v, w = vector_at(V[e], k, 0), vector_at(V[e], k, 3)
             x, y = scale(m, v), symmetric(I, w)
@@ -266,14 +269,18 @@ def reduce_links(
     link: Array,
     free: Array,
     u: Array,
+    moving: float,
 ) -> None:
-    """Accelerations u, and those of the links, where the rows are solved."""
+    """Accelerations u, and those of the links, where the rows are solved (moving: 1).
+
+    At rest and without forces (0), the displacements of least M-norm.
+    """
     for e in range(freedoms):
         homogeneous(J, rows, given, left[e], u)
         move(link, free, u, 0.0, V[e], 0)
     particular(J, rows, given, u)
-    move(link, free, u, 1.0, link, columns.ACCELERATION)
-    _masses(link, freedoms, V, G)
+    move(link, free, u, moving, link, columns.ACCELERATION)
+    _masses(link, freedoms, V, G, moving)
     solve(G, freedoms)
     add_motions(J, rows, given, left, G, freedoms, u)
     add_to_links(link, columns.ACCELERATION, freedoms, V, G)

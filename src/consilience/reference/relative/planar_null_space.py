@@ -71,7 +71,7 @@ def _planar_rows_of_directions(
 
 
 @fused
-def _planar_masses(link: Array, freedoms: int, V: Array, G: Array) -> None:
+def _planar_masses(link: Array, freedoms: int, V: Array, G: Array, moving: float) -> None:
     """`_masses` in a plane."""
     for e in range(freedoms):
         for d in range(freedoms + 1):
@@ -79,7 +79,7 @@ def _planar_masses(link: Array, freedoms: int, V: Array, G: Array) -> None:
     for k in range(link.shape[0] - 1):
         m, I = link[k, plane.MASS], link[k, plane.INERTIA]
         a, p = three_at(link, k, plane.ACCELERATION), three_at(link, k, plane.BIAS)
-        f = m * a[0] + p[0], m * a[1] + p[1], I * a[2] + p[2]
+        f = m * a[0] + moving * p[0], m * a[1] + moving * p[1], I * a[2] + moving * p[2]
         for e in range(freedoms):
             v = three_at(V[e], k, 0)
             x = m * v[0], m * v[1], I * v[2]
@@ -122,14 +122,18 @@ def reduce_planar_links(
     link: Array,
     free: Array,
     u: Array,
+    moving: float,
 ) -> None:
-    """Accelerations u, and those of the links, where the rows are solved."""
+    """Accelerations u, and those of the links, where the rows are solved (moving: 1).
+
+    At rest and without forces (0), the displacements of least M-norm.
+    """
     for e in range(freedoms):
         homogeneous(J, rows, given, left[e], u)
         move_planar(link, free, u, 0.0, V[e], 0)
     particular(J, rows, given, u)
-    move_planar(link, free, u, 1.0, link, plane.ACCELERATION)
-    _planar_masses(link, freedoms, V, G)
+    move_planar(link, free, u, moving, link, plane.ACCELERATION)
+    _planar_masses(link, freedoms, V, G, moving)
     solve(G, freedoms)
     add_motions(J, rows, given, left, G, freedoms, u)
     add_to_links(link, plane.ACCELERATION, freedoms, V, G)

@@ -10,6 +10,7 @@ import numpy as np
 from consilience.reference.compiled import inlined, inner, kernel
 from consilience.reference.joint_rows import coordinate
 from consilience.reference.model import ANGLE, Model
+from consilience.reference.relative.articulated import inertias
 from consilience.reference.relative.columns import REST
 from consilience.reference.relative.dynamics import remember
 from consilience.reference.relative.either import (
@@ -21,13 +22,14 @@ from consilience.reference.relative.either import (
     measure_rows,
     open_speeds,
     place_at,
+    reduce,
     respond_to_rows,
 )
 from consilience.reference.relative.fronts import CHOOSE, factorise, threshold
 from consilience.reference.relative.kinematics import displace, normalise, place, place_bodies, place_links, record
 from consilience.reference.relative.loops import CHOSEN, RANK, ROW, ROW_END, USED, Fronts, Loops
 from consilience.reference.relative.model import LARGEST_RANK, LEAST, PIVOT, Elements, Rest, Space, Tree
-from consilience.reference.relative.null_space import SOUND, is_small, particular, rank_chosen
+from consilience.reference.relative.null_space import SOUND, is_small, rank_chosen
 from consilience.reference.relative.planar import place_planar, place_planar_bodies
 from consilience.reference.relative.plane import Plane
 from consilience.spatial import Array
@@ -188,14 +190,15 @@ def _is_sound(least: float, best: Array) -> bool:
 def _correct(
     rest: Rest, space: Space | None, elements: Elements | None, plane: Plane | None, t: float, z: Array
 ) -> bool:
-    """`project` of a state that a step has left, by elimination.
+    """`project` of a state that a step has left, by elimination, with the inertias that the links have at first.
 
-    Not of least M-norm: a step leaves so little open that this does not matter. Where the least pivot is not
-    `_is_sound`, false, with z closed as far as it came.
+    False where the least pivot is not `_is_sound`, with z closed as far as it came.
     """
     loops, fronts, few, link, free, u = rest.loops, rest.fronts, rest.reduced, rest.link, rest.free, rest.u
     value, target, speeds = rest.value, fronts.target, rest.speeds
     closed = False
+    if space is not None:
+        inertias(link)
     for _ in range(_POSITION_STEPS + 1):
         closed = _opened(rest, space, elements, plane, t, z) <= 2e-16 or closed
         if closed:
@@ -203,10 +206,10 @@ def _correct(
         else:
             for row in range(target.shape[0]):
                 target[row] = -value[row]
-        rows, _, least = eliminate(loops, fronts, few, space, plane, link, free)
+        rows, freedoms, least = eliminate(loops, fronts, few, space, plane, link, free)
         if not _is_sound(least, rest.best):
             return False
-        particular(few.J, rows, few.given, u)
+        reduce(few, rows, freedoms, space, plane, link, free, u, 0.0)
         if closed:
             for n in range(u.shape[0]):
                 z[speeds + n] += u[n]
