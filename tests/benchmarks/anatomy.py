@@ -55,14 +55,25 @@ def sweep(rest, space, plane):
 
 
 @njit(_nrt=False, error_model="numpy", inline="always")
+def along(rest, space, plane, small):
+    """Accelerations of the tree."""
+    if space is not None:  # noqa: SIM102 - Numba leaves out what is done where it is not None alone
+        if small:
+            coast(rest.link, rest.free, rest.u)
+    if not small:
+        sweep(rest, space, plane)
+
+
+@njit(_nrt=False, error_model="numpy", inline="always")
 def close(rest, space, plane, small):
     """What the rows do to the accelerations of the tree."""
-    loops, fronts, few, link, free, u = rest.loops, rest.fronts, rest.reduced, rest.link, rest.free, rest.u
+    loops, fronts, link, free, u = rest.loops, rest.fronts, rest.link, rest.free, rest.u
     open_links(loops, fronts, space, plane, link, rest.gamma)
-    if small:
-        rows, freedoms, _ = eliminate(loops, fronts, few, space, plane, link, free)
-        reduce(few, rows, freedoms, space, plane, link, free, u, 1.0)
-    else:
+    if space is not None:  # noqa: SIM102 - as above
+        if small:
+            rows, freedoms, _ = eliminate(loops, fronts, space.reduced, link, free)
+            reduce(space.reduced, rows, freedoms, link, free, u, 1.0)
+    if not small:
         _close(loops, rest.layout, link, free, fronts, space, plane, rest.size[0])
         accelerate(space, plane, link, free, u, 1.0)
 
@@ -70,8 +81,9 @@ def close(rest, space, plane, small):
 @njit(_nrt=False, error_model="numpy")
 def up_to(depth, rest, space, elements, plane, z, n):
     """The first parts of an evaluation, n times."""
-    group, fronts = rest.loops.group, rest.fronts
-    small = rest.best[PIVOT] > 0.0 and is_small(group, fronts.state, rest.reduced.left)
+    group, fronts, small = rest.loops.group, rest.fronts, False
+    if space is not None:
+        small = rest.best[PIVOT] > 0.0 and is_small(group, fronts.state, space.reduced.left)
     for _ in range(n):
         place_at(rest, space, elements, plane, z)
         if depth > 0:
@@ -79,10 +91,8 @@ def up_to(depth, rest, space, elements, plane, z, n):
         if depth > 1 and group.shape[0]:
             want(group, fronts.order, fronts.state, fronts.wanted)
             cut_rows(rest, space, elements, plane, 0.0, z)
-        if depth > 2 and small:
-            coast(space, plane, rest.link, rest.free, rest.u)
-        if depth > 2 and not small:
-            sweep(rest, space, plane)
+        if depth > 2:
+            along(rest, space, plane, small)
         if depth > 3 and group.shape[0]:
             close(rest, space, plane, small)
 

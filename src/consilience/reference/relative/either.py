@@ -30,14 +30,13 @@ from consilience.reference.relative.null_space import (
     solve_rows,
 )
 from consilience.reference.relative.planar import place_planar, respond_planar, sweep_in_planar, sweep_out_planar
-from consilience.reference.relative.planar_null_space import move_planar, reduce_planar_links, solve_planar_rows
 from consilience.reference.relative.planar_rows import (
     open_planar_accelerations,
     open_planar_rates,
     planar_rows,
     size_of_planar_rows,
 )
-from consilience.reference.relative.plane import ACCELERATION, Plane
+from consilience.reference.relative.plane import Plane
 from consilience.reference.relative.reduced import Reduced
 from consilience.spatial import Array
 
@@ -162,51 +161,34 @@ def open_links(
 
 
 @inlined
-def coast(space: Space | None, plane: Plane | None, link: Array, free: Array, u: Array) -> None:
+def coast(link: Array, free: Array, u: Array) -> None:
     """Accelerations of the links where u is zero."""
     for n in range(u.shape[0]):
         u[n] = 0.0
-    if space is not None:
-        move(link, free, u, 1.0, link, columns.ACCELERATION)
-    if plane is not None:
-        move_planar(link, free, u, 1.0, link, ACCELERATION)
+    move(link, free, u, 1.0, link, columns.ACCELERATION)
 
 
 @inlined
-def eliminate(
-    loops: Loops,
-    fronts: Fronts,
-    few: Reduced,
-    space: Space | None,
-    plane: Plane | None,
-    link: Array,
-    free: Array,
-) -> tuple[int, int, float]:
+def eliminate(loops: Loops, fronts: Fronts, few: Reduced, link: Array, free: Array) -> tuple[int, int, float]:
     """Solve the rows chosen for directions; rows, directions left, least pivot."""
-    given = loops.group, loops.touched, fronts.order, fronts.state, few.moves, fronts.W, fronts.target
-    into = few.at, few.J, few.given, few.left
-    found = 0, 0, 0.0
-    if space is not None:
-        found = solve_rows(*given, link, free, *into)
-    if plane is not None:
-        found = solve_planar_rows(*given, link, free, *into)
-    return found
+    return solve_rows(
+        loops.group,
+        loops.touched,
+        fronts.order,
+        fronts.state,
+        few.moves,
+        fronts.W,
+        fronts.target,
+        link,
+        free,
+        few.at,
+        few.J,
+        few.given,
+        few.left,
+    )
 
 
 @inlined
-def reduce(
-    few: Reduced,
-    rows: int,
-    freedoms: int,
-    space: Space | None,
-    plane: Plane | None,
-    link: Array,
-    free: Array,
-    u: Array,
-    moving: float,
-) -> None:
-    """`reduce_links`, in space or in a plane."""
-    if space is not None:
-        reduce_links(few.J, few.given, few.left, few.V, few.G, rows, freedoms, link, free, u, moving)
-    if plane is not None:
-        reduce_planar_links(few.J, few.given, few.left, few.V, few.G, rows, freedoms, link, free, u, moving)
+def reduce(few: Reduced, rows: int, freedoms: int, link: Array, free: Array, u: Array, moving: float) -> None:
+    """`reduce_links` with the arrays of a mechanism."""
+    reduce_links(few.J, few.given, few.left, few.V, few.G, rows, freedoms, link, free, u, moving)

@@ -78,6 +78,7 @@ class Space(NamedTuple):
     mass: Array
     inertia_factor: Array
     joints: CutJoints
+    reduced: Reduced
 
 
 class Rest(NamedTuple):
@@ -94,7 +95,6 @@ class Rest(NamedTuple):
     held: int
     loops: Loops
     fronts: Fronts
-    reduced: Reduced
     value: Array  # (q,) violations of the rows
     gamma: Array  # (q,)
     rate: Array  # (q,)
@@ -231,7 +231,6 @@ def closing_arrays(tree: Tree, loops: Loops, held: int, width: int) -> Rest:
         held=held,
         loops=loops,
         fronts=fronts(loops, len(tree.layout), width),
-        reduced=reduced(q, tree.layout, len(tree.free), width),
         value=value,
         gamma=gamma,
         rate=rate,
@@ -248,7 +247,8 @@ def system(mechanism: Mechanism, links: Links, spanning: TreeModel, model: Model
     table = link_table(links, mechanism.gravity)
     tree = tree_arrays(links, model.length, table, free_table(links), len(mechanism.controls))
     rest = closing_arrays(tree, links.loops, links.held, 6)
-    space = Space(tree.y, tree.A, model.mass, model.inertia_factor, cut_joints(spanning, model))
+    few = reduced(len(rest.value), tree.layout, len(tree.free))
+    space = Space(tree.y, tree.A, model.mass, model.inertia_factor, cut_joints(spanning, model), few)
     if links.plain and not links.other_rows:
         return System(tree, rest, space, None, None)
     memory, rows = np.zeros(len(model.coordinate)), workspace(cut)._replace(A=tree.A)
@@ -277,13 +277,14 @@ def renewed(given: System) -> System:
         gamma=gamma,
         rate=rate,
         fronts=Fronts(*(array.copy() for array in rest.fronts)),
-        reduced=Reduced(*(array.copy() for array in rest.reduced)),
         u=rest.u.copy(),
         limit=rest.limit.copy(),
         best=rest.best.copy(),
         size=rest.size.copy(),
     )
-    space = None if given.space is None else given.space._replace(y=y, A=A)
+    space = given.space
+    if space is not None:
+        space = space._replace(y=y, A=A, reduced=Reduced(*(array.copy() for array in space.reduced)))
     return System(tree, rest, space, elements, given.plane)
 
 

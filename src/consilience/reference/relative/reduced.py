@@ -8,8 +8,8 @@ import numpy as np
 
 from consilience.spatial import Array
 
-DIRECTIONS = {3: 12, 6: 24}
-"""Most directions of a tree whose rows are eliminated like this, in a plane and in space: measured."""
+DIRECTIONS = 24
+"""Most directions of a tree whose rows are eliminated like this."""
 
 
 class Reduced(NamedTuple):
@@ -20,13 +20,13 @@ class Reduced(NamedTuple):
     J: Array  # (q, N + 1) rows, and t
     given: Array  # (q,) direction that a row gives, -1 where it depends on others
     left: Array  # (N,) directions left, the first f
-    V: Array  # (N, n_b + 1, 6) motions of the links; three numbers in a plane; the last row is the ground
+    V: Array  # (N, n_b + 1, 6) motions of the links; the last row is the ground
     G: Array  # (N, N + 1) reduced masses and forces
 
 
-def reduced(rows: int, layout: Array, directions: int, width: int) -> Reduced:
+def reduced(rows: int, layout: Array, directions: int) -> Reduced:
     """Scratch arrays of a tree."""
-    if directions > DIRECTIONS[width]:
+    if directions > DIRECTIONS:
         rows = directions = 0
         layout = layout[:0]
     moves = np.zeros((len(layout) + 1, directions), dtype=np.int64)
@@ -35,10 +35,10 @@ def reduced(rows: int, layout: Array, directions: int, width: int) -> Reduced:
         moves[k, row[7] : row[8]] = 1
     return Reduced(
         moves=moves,
-        at=np.zeros((directions, width)),
+        at=np.zeros((directions, 6)),
         J=np.zeros((rows, directions + 1)),
         given=np.zeros(rows, dtype=np.int64),
         left=np.zeros(directions, dtype=np.int64),
-        V=np.zeros((directions, len(layout) + 1, width)),
+        V=np.zeros((directions, len(layout) + 1, 6)),
         G=np.zeros((directions, directions + 1)),
     )

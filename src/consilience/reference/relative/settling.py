@@ -187,35 +187,32 @@ def _is_sound(least: float, best: Array) -> bool:
 
 
 @inner
-def _correct(
-    rest: Rest, space: Space | None, elements: Elements | None, plane: Plane | None, t: float, z: Array
-) -> bool:
+def _correct(rest: Rest, space: Space, elements: Elements | None, t: float, z: Array) -> bool:
     """`project` of a state that a step has left, by elimination, with the inertias that the links have at first.
 
     False where the least pivot is not `_is_sound`, with z closed as far as it came.
     """
-    loops, fronts, few, link, free, u = rest.loops, rest.fronts, rest.reduced, rest.link, rest.free, rest.u
+    loops, fronts, few, link, free, u = rest.loops, rest.fronts, space.reduced, rest.link, rest.free, rest.u
     value, target, speeds = rest.value, fronts.target, rest.speeds
     closed = False
-    if space is not None:
-        inertias(link)
+    inertias(link)
     for _ in range(_POSITION_STEPS + 1):
-        closed = _opened(rest, space, elements, plane, t, z) <= 2e-16 or closed
+        closed = _opened(rest, space, elements, None, t, z) <= 2e-16 or closed
         if closed:
-            open_speeds(rest, space, plane)
+            open_speeds(rest, space, None)
         else:
             for row in range(target.shape[0]):
                 target[row] = -value[row]
-        rows, freedoms, least = eliminate(loops, fronts, few, space, plane, link, free)
+        rows, freedoms, least = eliminate(loops, fronts, few, link, free)
         if not _is_sound(least, rest.best):
             return False
-        reduce(few, rows, freedoms, space, plane, link, free, u, 0.0)
+        reduce(few, rows, freedoms, link, free, u, 0.0)
         if closed:
             for n in range(u.shape[0]):
                 z[speeds + n] += u[n]
         else:
             displace(rest.layout, z, u)
-        place_at(rest, space, elements, plane, z)
+        place_at(rest, space, elements, None, z)
         if closed:
             return True
         closed = _largest(u, u.shape[0]) < 1e-9
@@ -223,18 +220,25 @@ def _correct(
 
 
 @inlined
-def _is_regular(rest: Rest) -> bool:
+def _is_regular(rest: Rest, space: Space) -> bool:
     """Whether elimination will do: few directions are free, and all rows hold positions and have been independent.
 
     Of rows that depend on others those are to be chosen anew after each step which are the most independent.
     """
     group, state, count = rest.loops.group, rest.fronts.state, rest.fronts.W.shape[0]
     return (
-        is_small(group, state, rest.reduced.left)
+        is_small(group, state, space.reduced.left)
         and rank_chosen(group, state) == count
         and rest.best[LARGEST_RANK] == count
         and rest.held == count
     )
+
+
+@inlined
+def _note_pivot(rest: Rest, space: Space) -> None:
+    """The least pivot of the rows, once."""
+    if rest.best[PIVOT] == 0.0 and _is_regular(rest, space):
+        rest.best[PIVOT] = eliminate(rest.loops, rest.fronts, space.reduced, rest.link, rest.free)[2]
 
 
 @inlined
@@ -264,8 +268,8 @@ def _close(rest: Rest, space: Space | None, elements: Elements | None, plane: Pl
         if last:
             articulate_links(space, plane, link, free)
         _choose(loops, layout, fronts, space, plane, link, free, size[0], rest.best, rest.limit, violation)
-    if rest.best[PIVOT] == 0.0 and _is_regular(rest):
-        rest.best[PIVOT] = eliminate(loops, fronts, rest.reduced, space, plane, link, free)[2]
+    if space is not None:
+        _note_pivot(rest, space)
     open_speeds(rest, space, plane)
     _displacements(loops, fronts, space, plane, link, free, u)
     for n in range(u.shape[0]):
@@ -287,9 +291,11 @@ def project(
     place_at(rest, space, elements, plane, z)
     if rest.loops.group.shape[0] == 0:
         return
-    if rest.best[PIVOT] > 0.0 and _is_regular(rest) and _correct(rest, space, elements, plane, t, z):
-        return
-    _close(rest, space, elements, plane, t, z)
+    closed = False
+    if space is not None:
+        closed = rest.best[PIVOT] > 0.0 and _is_regular(rest, space) and _correct(rest, space, elements, t, z)
+    if not closed:
+        _close(rest, space, elements, plane, t, z)
 
 
 @inlined
