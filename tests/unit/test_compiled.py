@@ -1,6 +1,8 @@
 """Kernels that do not count references keep no array for ever."""
 
+import ast
 import gc
+from pathlib import Path
 
 import numba
 import numpy as np
@@ -16,7 +18,9 @@ from mechanisms import ELEMENTS, LOOPS, TREES, states_of
 
 pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
 
+ROOT = Path(__file__).resolve().parents[2]
 MECHANISMS = {next(iter(group)): next(iter(group.values())) for group in (TREES, LOOPS, ELEMENTS)}
+DECORATORS = {"kernel", "inner", "fused", "inlined", "threaded", "allocating"}
 TIMES = np.linspace(0.0, 0.05, 4)
 
 
@@ -78,3 +82,52 @@ def test_a_compiled_motion_in_canonical_terms_is_the_plain_one():
     p, quat, v, w = unpack(mechanism, y)
     for found, wanted in zip(canonical_motion(mechanism, y), (p, continuous_in_time(quat), v, w), strict=True):
         np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-13)
+
+
+def marks(node):
+    """Names of the decorators of a function."""
+    return {d.id for d in node.decorator_list if isinstance(d, ast.Name)}
+
+
+def module_of(path):
+    """Module that a file is, if it is part of the library."""
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[1:]) if parts[0] == "src" else ""
+
+
+def kernels_in(tree, kinds):
+    """Names of the kernels of some kinds in a module."""
+    return {node.name for node in tree.body if isinstance(node, ast.FunctionDef) and marks(node) & kinds}
+
+
+def named_by_python(tree, names, modules):
+    """Those of some names, or of attributes of modules, that code that is not compiled reads."""
+    found, todo = set(), [tree]
+    while todo:
+        node = todo.pop()
+        if isinstance(node, ast.FunctionDef) and marks(node) & DECORATORS:
+            continue
+        if isinstance(node, ast.Name) and node.id in names:
+            found.add(node.id)
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+            found |= {node.attr} & modules.get(node.value.id, set())
+        todo += ast.iter_child_nodes(node)
+    return found
+
+
+def wrongly_named(folders):
+    """What code that is not compiled names of the kernels that Python must not call."""
+    trees = {path: ast.parse(path.read_text()) for folder in folders for path in (ROOT / folder).rglob("*.py")}
+    inner = {module_of(path): kernels_in(tree, {"inner", "fused"}) for path, tree in trees.items()}
+    assert sum(map(len, inner.values())) > 100  # there are such
+    for path, tree in trees.items():
+        names, modules = set(inner[module_of(path)]) if module_of(path) else set(), {}
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ImportFrom):
+                names |= {a.asname or a.name for a in node.names if a.name in inner.get(node.module, ())}
+                modules |= {a.asname or a.name: inner.get(f"{node.module}.{a.name}", set()) for a in node.names}
+        yield from (f"{path.relative_to(ROOT)}: {name}" for name in named_by_python(tree, names, modules))
+
+
+def test_python_calls_no_kernel_that_only_kernels_may_call():
+    assert list(wrongly_named(["src", "tests/unit", "tests/oracles", "tests/twins"])) == []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from consilience.reference.compiled import kernel
+from consilience.reference.compiled import inner, kernel
 from consilience.reference.vectors import Vector, accumulate, load, rotate, rotate_back, scale
 from consilience.spatial import Array
 
@@ -29,13 +29,13 @@ def rotations(y: Array, A: Array) -> None:
         A[b, 2, 1] = n * 2.0 * (e2 * e3 + e0 * e1)
 
 
-@kernel
+@inner
 def arm(A: Array, body: int, s: Vector) -> Vector:
     """World components of a vector fixed to a body (-1: the ground)."""
     return rotate(A[body], s) if body >= 0 else s
 
 
-@kernel
+@inner
 def motion(y: Array, A: Array, body: int) -> tuple[Vector, Vector, Vector]:
     """Position and velocity of the centre of mass, and angular velocity in world axes; zero for the ground."""
     if body < 0:
@@ -43,7 +43,7 @@ def motion(y: Array, A: Array, body: int) -> tuple[Vector, Vector, Vector]:
     return load(y[body, 0:3]), load(y[body, 7:10]), rotate(A[body], load(y[body, 10:13]))
 
 
-@kernel
+@inner
 def add_coefficients(Q: Array, row: int, A: Array, body: int, factor: float, on_v: Vector, on_w: Vector) -> None:
     """Add to a row the coefficients of v (centre of mass) and w (world, turned here into body axes) of one body."""
     if body >= 0:

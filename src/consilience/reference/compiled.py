@@ -4,6 +4,11 @@ Numba counts the users of every array of every tuple that a function is given, a
 the bus: of an evaluation that hands fifty arrays down ten calls this is most. A kernel that makes no array has nothing
 to free and need not count. It must not call one that answers with a new array either: nobody would free that
 (``tests/unit/test_compiled.py``). A kernel that is not marked inherits what its first caller is.
+
+What compiling takes grows with what is written out and with what is wrapped. `inlined` copies a kernel's instructions
+once for each kernel between it and the one that is compiled, with branches that None will rule out there: it is for a
+few lines. `fused` compiles a kernel once for its types and leaves the rest to LLVM, with the same machine code in the
+end. What Python calls needs code that takes every array out of its object: that is `kernel`, and nothing else.
 """
 
 from __future__ import annotations
@@ -12,24 +17,23 @@ from typing import Any
 
 from numba import njit
 
-_ALL: dict[str, Any] = {"cache": True, "error_model": "numpy"}
-_INNER: dict[str, Any] = {**_ALL, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+_ALL: dict[str, Any] = {"cache": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+_INNER: dict[str, Any] = {**_ALL, "no_cpython_wrapper": True}
 
 kernel = njit(**_ALL, _nrt=False)
-"""Decorator of a kernel that makes no array."""
-
-inlined = njit(**_ALL, _nrt=False, inline="always")
-"""Decorator of a kernel that makes no array and is written out where it is called."""
-
-fused = njit(**_ALL, _nrt=False, forceinline=True)
-"""Decorator of a small kernel whose machine code is to be part of that of its callers."""
-
-threaded = njit(**_ALL, _nrt=False, nogil=True)
-"""Decorator of a kernel that makes no array and lets other threads run."""
+"""Decorator of a kernel that makes no array and that Python calls."""
 
 inner = njit(**_INNER, _nrt=False)
-"""Decorator of a kernel that makes no array and that Python never calls: the code that takes tuples of many arrays out
-of Python objects is left out, which is most of what compiling such a kernel takes."""
+"""Decorator of a kernel that makes no array and that Python never calls: the process would end there."""
+
+fused = njit(**_INNER, _nrt=False, forceinline=True)
+"""`inner`, and its machine code is to be part of that of its callers."""
+
+inlined = njit(**_ALL, _nrt=False, inline="always")
+"""Decorator of a kernel of a few lines that makes no array and is written out where it is called."""
+
+threaded = njit(**_ALL, _nrt=False, nogil=True)
+"""`kernel` that lets other threads run."""
 
 allocating = njit(**_ALL, _nrt=True)
 """Decorator of a kernel that makes arrays, or that calls one which answers with a new array."""

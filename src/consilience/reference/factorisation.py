@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from consilience.kinematics import RANK_TOLERANCE
-from consilience.reference.compiled import kernel
+from consilience.reference.compiled import inner, kernel
 from consilience.spatial import Array
 
 
@@ -61,7 +61,7 @@ def pivoted_qr(B: Array, tau: Array, pivot: Array, norms: Array, size: float, li
     return most
 
 
-@kernel
+@inner
 def ordered_qr(B: Array, tau: Array, size: float, count: int) -> int:
     """Factorise the first `count` columns of B in place, in the order they have; return and `size` as `pivoted_qr`.
 
@@ -81,7 +81,7 @@ def ordered_qr(B: Array, tau: Array, size: float, count: int) -> int:
     return count
 
 
-@kernel
+@inner
 def _reflect(B: Array, tau: Array, k: int, norm: float, q: int) -> None:
     """Householder step k: zero column k below the diagonal and update the columns behind it, of q in all."""
     n = B.shape[0]

@@ -11,7 +11,7 @@ import numpy as np
 
 from consilience.reference import functions
 from consilience.reference.bodies import ZERO, arm, motion, rotations
-from consilience.reference.compiled import inlined, kernel
+from consilience.reference.compiled import inlined, inner, kernel
 from consilience.reference.joint_rows import Coordinate, coordinate
 from consilience.reference.model import Model
 from consilience.reference.vectors import Vector, accumulate, add, cross, dot, load, rotate, rotate_back, scale, sub
@@ -19,7 +19,7 @@ from consilience.reference.workspace import Workspace
 from consilience.spatial import Array
 
 
-@kernel
+@inner
 def _push(f: Array, A: Array, body: int, force: Vector, s: Vector, torque: Vector) -> None:
     """Add a force at the arm s from the centre of mass, and a torque, all in world axes; the ground takes anything."""
     if body >= 0:
@@ -27,7 +27,7 @@ def _push(f: Array, A: Array, body: int, force: Vector, s: Vector, torque: Vecto
         accumulate(f[6 * body + 3 : 6 * body + 6], rotate_back(A[body], add(torque, cross(s, force))))
 
 
-@kernel
+@inner
 def _exert(f: Array, A: Array, q: Coordinate, effort: float) -> None:
     """Add an effort in a joint coordinate, the opposite on the predecessor."""
     e = scale(effort, q.row.e)
@@ -80,6 +80,14 @@ def remember(model: Model, y: Array, ws: Workspace, memory: Array) -> None:
     rotations(y, ws.A)
     for n in range(memory.shape[0]):
         memory[n] = coordinate(model, y, ws.A, n, memory[n]).value
+
+
+@kernel
+def read(model: Model, y: Array, A: Array, near: Array, value: Array, rate: Array) -> None:
+    """Joint coordinates that elements read, angles within half a turn of `near`, and their rates."""
+    for n in range(near.shape[0]):
+        q = coordinate(model, y, A, n, near[n])
+        value[n], rate[n] = q.value, q.rate
 
 
 @inlined

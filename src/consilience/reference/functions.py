@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from consilience.functions import Function
-from consilience.reference.compiled import kernel
+from consilience.reference.compiled import inner, kernel
 from consilience.reference.vectors import Vector
 from consilience.spatial import Array
 
@@ -39,7 +39,7 @@ def flatten_functions(functions: Sequence[Function]) -> Functions:
     )
 
 
-@kernel
+@inner
 def _table(functions: Functions, n: int, x: float) -> Vector:
     """Value and two derivatives of the table of function n; NaN outside a table that is not periodic."""
     first, last = functions.first[n, 2], functions.first[n + 1, 2] - 1

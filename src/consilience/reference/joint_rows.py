@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from consilience.reference.bodies import ZERO, add_coefficients, arm, motion
-from consilience.reference.compiled import fused, inlined, kernel
+from consilience.reference.compiled import fused, inner, kernel
 from consilience.reference.model import Model
 from consilience.reference.vectors import Vector, add, column, cross, dot, load, scale, sub
 from consilience.spatial import Array
@@ -79,7 +79,7 @@ def motion_between(
     return JointMotion(i, j, s_i, s_j, d, d_dot, centripetal, w_i, w_j)
 
 
-@kernel
+@inner
 def joint_motion(body_i: Array, body_j: Array, arm_i: Array, arm_j: Array, y: Array, A: Array, k: int) -> JointMotion:
     """Relative motion of the frames of joint k."""
     i, j = body_i[k], body_j[k]
@@ -115,7 +115,7 @@ def product_row(u: Vector, w: Vector, m: JointMotion) -> Row:
     return Row(dot(u, w), gamma, ZERO, normal, scale(-1.0, normal))
 
 
-@kernel
+@inner
 def basic_row(axes_i: Array, axes_j: Array, A: Array, m: JointMotion, kind: int) -> Row:
     """One of the thirteen basic constraint functions of a joint with the axes A_Ji, A_Jj."""
     if kind < 3:
@@ -132,7 +132,7 @@ def full_turns(angle: float, near: float) -> float:
     return angle + TURN * np.round((near - angle) / TURN)
 
 
-@kernel
+@inner
 def row_of_angle(cos: Row, sin: Row, m: JointMotion, near: float) -> Row:
     """The angle of this cosine and sine, times anything, within half a turn of `near`."""
     square = cos.value**2 + sin.value**2
@@ -146,7 +146,7 @@ def row_of_angle(cos: Row, sin: Row, m: JointMotion, near: float) -> Row:
     return Row(full_turns(np.arctan2(sin.value, cos.value), near), gamma, ZERO, c_i, c_j)
 
 
-@kernel
+@inner
 def row_of_screw(z: Row, turn: Row, pitch: float) -> Row:
     """``Z - pitch angle / 2 pi``."""
     h = pitch / TURN
@@ -159,20 +159,20 @@ def row_of_screw(z: Row, turn: Row, pitch: float) -> Row:
     )
 
 
-@kernel
+@inner
 def angle_row(axes_i: Array, axes_j: Array, A: Array, m: JointMotion, near: float) -> Row:
     """The angle with the tangent ``D21 / D11``, within half a turn of `near`."""
     return row_of_angle(basic_row(axes_i, axes_j, A, m, _D11), basic_row(axes_i, axes_j, A, m, _D21), m, near)
 
 
-@kernel
+@inner
 def screw_row(axes_i: Array, axes_j: Array, pitch: float, A: Array, m: JointMotion) -> Row:
     """``Z - pitch angle / 2 pi``; the turns of the angle are those of Z."""
     z = basic_row(axes_i, axes_j, A, m, _Z)
     return row_of_screw(z, angle_row(axes_i, axes_j, A, m, TURN * z.value / pitch), pitch)
 
 
-@kernel
+@inner
 def joint_row(axes_i: Array, axes_j: Array, pitch: float, A: Array, m: JointMotion, kind: int) -> Row:
     """A row of a joint by its number in `model.ROWS`."""
     if kind == 13:
@@ -180,7 +180,7 @@ def joint_row(axes_i: Array, axes_j: Array, pitch: float, A: Array, m: JointMoti
     return basic_row(axes_i, axes_j, A, m, kind)
 
 
-@kernel
+@inner
 def _coordinate(
     body_i: Array,
     body_j: Array,
@@ -208,7 +208,7 @@ def _coordinate(
     return Coordinate(row.value, dot(row.c_i, m.w_i) + dot(row.c_j, m.w_j), row, m.i, m.j)
 
 
-@inlined
+@fused
 def coordinate(model: Model, y: Array, A: Array, n: int, near: float) -> Coordinate:
     """Joint coordinate n of those that elements read; an angle within half a turn of `near`, a screw's by its Z."""
     k = model.coordinate[n, 0]
@@ -228,7 +228,7 @@ def coordinate(model: Model, y: Array, A: Array, n: int, near: float) -> Coordin
     )
 
 
-@kernel
+@inner
 def place(Q: Array, index: int, A: Array, i: int, j: int, factor: float, row: Row) -> None:
     """Add a row between bodies i and j to row `index` of Q."""
     add_coefficients(Q, index, A, i, -factor, row.e, scale(-1.0, row.c_i))

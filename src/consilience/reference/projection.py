@@ -13,7 +13,7 @@ import numpy as np
 
 from consilience.reference import constraints
 from consilience.reference.bodies import rotations
-from consilience.reference.compiled import kernel
+from consilience.reference.compiled import inner, kernel
 from consilience.reference.factorisation import least_norm
 from consilience.reference.formulations.descriptor import factorise, solve_factor_transposed
 from consilience.reference.model import Model
@@ -36,7 +36,7 @@ def normalise(y: Array, count: int) -> None:
             y[b, k] /= n
 
 
-@kernel
+@inner
 def _move(y: Array, step: Array) -> None:
     """Displace all bodies: ``r += dr``, ``p <- p * exp(phi'/2)``."""
     for b in range(step.shape[0] // 6):
@@ -51,7 +51,7 @@ def _move(y: Array, step: Array) -> None:
     normalise(y, step.shape[0] // 6)
 
 
-@kernel
+@inner
 def _largest(x: Array) -> float:
     found = 0.0
     for v in x:
@@ -59,7 +59,7 @@ def _largest(x: Array) -> float:
     return found
 
 
-@kernel
+@inner
 def rank_to_work_with(B: Array, best: Array, rank: int, violation: float) -> int:
     """Rank to work with until the next projection, from the numerical one of the factors in B.
 

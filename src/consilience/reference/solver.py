@@ -114,7 +114,8 @@ def _compiled(mechanism: Mechanism, state: State, times: Array, tolerance: float
     motion = np.empty((len(times), *y.shape))
     counters = np.zeros(3, dtype=np.int64)
     number, memory = dynamics.FORMULATIONS[formulation], _memory(model, y, ws)
-    status = dop853.integrate(number, model, y, times, float(tolerance), memory, ws, motion, counters)
+    scratch = dop853.scratch_of(model, y)
+    status = dop853.integrate(number, model, y, times, float(tolerance), memory, ws, motion, counters, scratch)
     if status:
         raise NumericalFailure(f"reference, {formulation}, tolerance {tolerance:g}: {dop853.STATUS[status]}")
     p, quat, v, w = canonical_motion(mechanism, motion)

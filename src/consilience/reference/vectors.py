@@ -6,7 +6,7 @@ that into a `NumericalFailure`.
 
 from __future__ import annotations
 
-from consilience.reference.compiled import inlined, kernel
+from consilience.reference.compiled import inlined, inner
 from consilience.spatial import Array
 
 Vector = tuple[float, float, float]
@@ -88,7 +88,7 @@ def rotate_back(R: Array, a: Vector) -> Vector:
     )
 
 
-@kernel
+@inner
 def assign(into: Array, values: Array) -> None:
     """``into = values`` for one-dimensional arrays of any length; a slice would be an array more."""
     for n in range(into.shape[0]):

@@ -28,7 +28,7 @@ import numpy as np
 from consilience.kinematics import RANK_TOLERANCE
 from consilience.reference import constraints, forces
 from consilience.reference.bodies import rotations
-from consilience.reference.compiled import kernel
+from consilience.reference.compiled import inner, kernel
 from consilience.reference.factorisation import least_norm, ordered_qr, pivoted_qr
 from consilience.reference.model import Model
 from consilience.reference.vectors import assign
@@ -36,7 +36,7 @@ from consilience.reference.workspace import Workspace
 from consilience.spatial import Array
 
 
-@kernel
+@inner
 def solve_factor(model: Model, x: Array) -> None:
     """``x <- L^-1 x`` for a vector of generalised forces, in place."""
     for b in range(model.mass.shape[0]):
@@ -51,7 +51,7 @@ def solve_factor(model: Model, x: Array) -> None:
         x[o + 5] = (x[o + 5] - F[2, 0] * x[o + 3] - F[2, 1] * x[o + 4]) / F[2, 2]
 
 
-@kernel
+@inner
 def solve_factor_transposed(model: Model, x: Array) -> None:
     """``x <- L^-T x``, in place."""
     for b in range(model.mass.shape[0]):
@@ -77,7 +77,7 @@ def factorise(model: Model, ws: Workspace) -> int:
     return pivoted_qr(ws.B, ws.tau, ws.pivot, ws.norms, 0.0, ws.limit[0])
 
 
-@kernel
+@inner
 def factorise_as_projected(model: Model, ws: Workspace) -> int:
     """The same with the independent rows of the last projection, in its order; where there is a choice at all."""
     if ws.best[0] == 0.0 or ws.limit[0] == ws.Q.shape[0]:

@@ -29,14 +29,14 @@ import numpy as np
 from consilience.kinematics import RANK_TOLERANCE
 from consilience.reference import constraints, forces
 from consilience.reference.bodies import rotations
-from consilience.reference.compiled import allocating, kernel
+from consilience.reference.compiled import allocating, inner, kernel
 from consilience.reference.formulations.null_space_qr import solve_reduced
 from consilience.reference.model import Model
 from consilience.reference.workspace import Workspace
 from consilience.spatial import Array
 
 
-@kernel
+@inner
 def _largest(C: Array, first: int, columns: int) -> tuple[int, int]:
     """Row and column of the largest entry of ``C[first:, first:columns]``."""
     row, column = first, first
@@ -47,7 +47,7 @@ def _largest(C: Array, first: int, columns: int) -> tuple[int, int]:
     return row, column
 
 
-@kernel
+@inner
 def _exchange(C: Array, k: int, row: int, column: int, order: Array) -> None:
     """Bring a pivot to (k, k)."""
     for c in range(C.shape[1]):

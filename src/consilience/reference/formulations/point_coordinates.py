@@ -56,7 +56,6 @@ from consilience.reference.formulations.particle_chain import (
     multiplier_wrenches,
 )
 from consilience.reference.formulations.particles import angular_rate, orientation
-from consilience.reference.joint_rows import coordinate
 from consilience.reference.model import flatten, pack
 from consilience.reference.workspace import workspace
 from consilience.run import Unsupported
@@ -284,8 +283,9 @@ class PointCoordinates:
     def _read(self, state: State, near: Array) -> tuple[Array, Array]:
         """Joint coordinates that elements read, angles within half a turn of `near`, and their rates, each (n_c,)."""
         y, _ = self._packed(state, near)
-        found = [coordinate(self._flat, y, self._ws.A, n, angle) for n, angle in enumerate(near)]
-        return np.array([q.value for q in found]), np.array([q.rate for q in found])
+        value, rate = np.empty(len(near)), np.empty(len(near))
+        forces.read(self._flat, y, self._ws.A, near, value, rate)
+        return value, rate
 
     def _extra_rates(self, t: float, state: State, extra: Array) -> Array:
         """Rates of the joint coordinates, and control errors, which the controllers integrate."""

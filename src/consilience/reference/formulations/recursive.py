@@ -32,7 +32,7 @@ import numpy as np
 from consilience.mechanism import Mechanism, State
 from consilience.reference import constraints, forces
 from consilience.reference.bodies import rotations
-from consilience.reference.compiled import allocating, kernel
+from consilience.reference.compiled import allocating, inner
 from consilience.reference.factorisation import least_norm, pivoted_qr
 from consilience.reference.formulations.descriptor import solve_factor
 from consilience.reference.formulations.recursive_model import (
@@ -59,7 +59,7 @@ class Articulated(NamedTuple):
 # ---------------------------------------------------------------- triangular systems
 
 
-@kernel
+@inner
 def _cholesky(H: Array) -> None:
     """Replace the lower triangle of H by its Cholesky factor."""
     for r in range(H.shape[0]):
@@ -70,7 +70,7 @@ def _cholesky(H: Array) -> None:
             H[r, s] = np.sqrt(total) if r == s else total / H[s, s]
 
 
-@kernel
+@inner
 def _solve_lower(G: Array, x: Array) -> None:
     """``x <- G^-1 x``, in place."""
     for r in range(x.shape[0]):
@@ -79,7 +79,7 @@ def _solve_lower(G: Array, x: Array) -> None:
         x[r] /= G[r, r]
 
 
-@kernel
+@inner
 def _solve_lower_transposed(G: Array, x: Array) -> None:
     """``x <- G^-T x``, in place."""
     for r in range(x.shape[0] - 1, -1, -1):

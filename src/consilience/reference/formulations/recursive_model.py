@@ -15,7 +15,7 @@ import numpy as np
 
 from consilience.mechanism import JOINT_KINDS, Mechanism
 from consilience.reference.bodies import arm, motion
-from consilience.reference.compiled import allocating, kernel
+from consilience.reference.compiled import allocating, inner
 from consilience.reference.model import Model, all_rows, flatten
 from consilience.reference.vectors import Vector, add, column, cross, dot, load, rotate, rotate_back, scale, store, sub
 from consilience.spatial import Array
@@ -124,7 +124,7 @@ class Links(NamedTuple):
 # ---------------------------------------------------------------- one step along the tree
 
 
-@kernel
+@inner
 def _transport(r: Vector, X: Array) -> None:
     """``X = [1 -~r; 0 1]``: ``a_k = a_p + alpha_p x r``."""
     for n in range(6):
@@ -134,7 +134,7 @@ def _transport(r: Vector, X: Array) -> None:
     X[2, 3], X[2, 4] = r[1], -r[0]
 
 
-@kernel
+@inner
 def _joint_step(tree: TreeModel, model: Model, y: Array, A: Array, k: int, links: Links) -> None:
     """X, S and c of the tree joint of link k, from the motion of M's origin P relative to F.
 
@@ -198,7 +198,7 @@ def world_wrenches(tree: TreeModel, A: Array, f: Array) -> Array:
     return wrench
 
 
-@kernel
+@inner
 def write_accelerations(tree: TreeModel, A: Array, acc: Array, a: Array) -> None:
     """Accelerations of the links as the solver wants them, (dv/dt, dw'/dt) with ``dw'/dt = A^T alpha``."""
     for k in range(tree.body.shape[0]):

@@ -10,9 +10,11 @@ of the mechanism, Euler parameters by one, speeds by the fastest body. Steps end
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from consilience.reference.compiled import allocating, inlined, kernel
+from consilience.reference.compiled import inlined, inner, kernel
 from consilience.reference.dynamics import derivative
 from consilience.reference.forces import remember
 from consilience.reference.integrators.coefficients import E3, E5, STAGES, A, B, C
@@ -36,7 +38,21 @@ STEPS, REJECTED, EVALUATIONS = 0, 1, 2
 """Entries of the counters."""
 
 
-@kernel
+class Scratch(NamedTuple):
+    """What a run writes into."""
+
+    K: Array  # (12, n_b + n_e, 13) derivatives at the stages
+    trial: Array  # (n_b + n_e, 13) state of a stage, and the end of the step
+    a: Array  # (6 n_b,) accelerations
+    size: Array  # (13,) of the columns of a state
+
+
+def scratch_of(model: Model, y: Array) -> Scratch:
+    """Scratch of a run from the state y."""
+    return Scratch(np.zeros((STAGES, *y.shape)), np.empty_like(y), np.empty(6 * len(model.mass)), np.empty(13))
+
+
+@inner
 def _sizes(model: Model, y: Array, size: Array) -> None:
     """Size of each column of y, shape (13,): what a relative tolerance refers to."""
     r = v = w = 0.0
@@ -53,7 +69,7 @@ def _sizes(model: Model, y: Array, size: Array) -> None:
         size[10 + k] = max(w, 1.0)
 
 
-@kernel
+@inner
 def _error(K: Array, h: float, size: Array) -> float:
     """Scaled error estimate of a step."""
     e5 = e3 = 0.0
@@ -70,6 +86,13 @@ def _error(K: Array, h: float, size: Array) -> float:
     return abs(h) * e5 / np.sqrt((e5 + 0.01 * e3) * 13 * K.shape[1])
 
 
+@inner
+def _copy(y: Array, into: Array) -> None:
+    """Keep a state."""
+    for b in range(y.shape[0]):
+        assign(into[b], y[b])
+
+
 @inlined
 def _stages(
     formulation: int,
@@ -79,14 +102,12 @@ def _stages(
     h: float,
     memory: Array,
     ws: Workspace,
-    a: Array,
-    trial: Array,
-    K: Array,
+    scratch: Scratch,
 ) -> None:
-    """Evaluate stages 2 to 12 (stage 1 is given) and leave the end of the step in `trial`."""
+    """Evaluate stages 2 to 12 (stage 1 is given) and leave the end of the step in the scratch."""
+    K, trial = scratch.K, scratch.trial
     for i in range(1, STAGES + 1):
-        for b in range(y.shape[0]):
-            assign(trial[b], y[b])
+        _copy(y, trial)
         for j in range(i):
             weight = h * (A[i, j] if i < STAGES else B[j])
             if weight != 0.0:
@@ -94,10 +115,10 @@ def _stages(
                     for c in range(13):
                         trial[b, c] += weight * K[j, b, c]
         if i < STAGES:
-            derivative(formulation, model, t + C[i] * h, trial, memory, ws, a, K[i])
+            derivative(formulation, model, t + C[i] * h, trial, memory, ws, scratch.a, K[i])
 
 
-@allocating
+@kernel
 def integrate(
     formulation: int,
     model: Model,
@@ -108,6 +129,7 @@ def integrate(
     ws: Workspace,
     motion: Array,
     counters: Array,
+    scratch: Scratch,
 ) -> int:
     """Integrate from ``times[0]`` and record the motion at all sample times.
 
@@ -126,16 +148,16 @@ def integrate(
         Overwritten.
     counters : ndarray of int, shape (3,)
         Steps, rejected steps and evaluations of the derivative; overwritten.
+    scratch : Scratch
 
     Returns
     -------
     int
         Key of `STATUS`.
     """
-    K = np.zeros((STAGES, y.shape[0], 13))
-    trial, a, size = np.empty_like(y), np.empty(6 * model.mass.shape[0]), np.empty(13)
+    K, trial, a, size = scratch.K, scratch.trial, scratch.a, scratch.size
     counters[:] = 0
-    motion[0] = y
+    _copy(y, motion[0])
     t = times[0]
     h = 1e-2 * (times[-1] - times[0]) / max(1, times.shape[0] - 1)
     derivative(formulation, model, t, y, memory, ws, a, K[0])
@@ -146,7 +168,7 @@ def integrate(
             step = remaining if h >= remaining else min(h, 0.5 * remaining) if h > 0.5 * remaining else h
             if step < 1e-14 * max(1.0, abs(t)):
                 return 1
-            _stages(formulation, model, t, y, step, memory, ws, a, trial, K)
+            _stages(formulation, model, t, y, step, memory, ws, scratch)
             counters[EVALUATIONS] += STAGES
             _sizes(model, y, size)
             error = _error(K, step, size) / tolerance
@@ -158,11 +180,11 @@ def integrate(
                 h = step * min(1.0, factor)
                 continue
             counters[STEPS] += 1
-            y[:, :] = trial
+            _copy(trial, y)
             t = times[n] if step == remaining else t + step
             project(model, t, y, memory, ws)
             remember(model, y, ws, memory)
             derivative(formulation, model, t, y, memory, ws, a, K[0])
             h = step * factor if step == h else max(h, step * factor)
-        motion[n] = y
+        _copy(y, motion[n])
     return 0

@@ -14,7 +14,7 @@ Wrenches and accelerations are (linear, angular) in world axes at centres of mas
 
 from __future__ import annotations
 
-from consilience.reference.compiled import inlined, kernel
+from consilience.reference.compiled import fused, inner, kernel
 from consilience.reference.relative.columns import (
     ACCELERATION,
     BIAS,
@@ -76,7 +76,7 @@ def free_biases(link: Array) -> None:
         put(link, k, BIAS + 3, cross(w, symmetric(J, w)))
 
 
-@kernel
+@inner
 def push_wrenches(index: Array, f: Array, A: Array, link: Array) -> None:
     """Biases of the links from generalised forces (world, body axes) of the bodies."""
     for k in range(index.shape[0]):
@@ -86,7 +86,7 @@ def push_wrenches(index: Array, f: Array, A: Array, link: Array) -> None:
         put(link, k, BIAS + 3, scale(-1.0, rotate(A[b], (f[at + 3], f[at + 4], f[at + 5]))))
 
 
-@kernel
+@inner
 def articulate(link: Array, free: Array) -> None:
     """Articulated inertias, U and D: what does not depend on forces or velocities."""
     for k in range(link.shape[0] - 2, -1, -1):
@@ -128,7 +128,7 @@ def sweep_in(link: Array, free: Array) -> None:
             put(link, p, BIAS + 3, add(vector_at(link, p, BIAS + 3), add(add(torque, y), cross(step, force))))
 
 
-@kernel
+@inner
 def sweep_out(link: Array, free: Array, u: Array, moving: float) -> None:
     """Accelerations of the links and, into u, of the directions; moving: 1, at rest: 0."""
     for k in range(link.shape[0] - 1):
@@ -146,7 +146,7 @@ def sweep_out(link: Array, free: Array, u: Array, moving: float) -> None:
         put(link, k, ACCELERATION + 3, angular)
 
 
-@inlined
+@fused
 def free_accelerations(link: Array, free: Array, q: Array, v: Array, u: Array) -> None:
     """Accelerations u of the directions of a tree without elements, at coordinates q and speeds v.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from consilience.reference.compiled import fused, inlined, kernel
+from consilience.reference.compiled import fused, inner, kernel
 from consilience.reference.joint_rows import (
     TURN,
     JointMotion,
@@ -78,7 +78,7 @@ def _product(link: Array, joint: Array, n: int, motion: JointMotion, one: int, t
     )
 
 
-@kernel
+@inner
 def _row(link: Array, joint: Array, n: int, motion: JointMotion, kind: int) -> Row:
     """A row of a joint by its number in `reference.model.ROWS`."""
     if kind < 3:
@@ -92,7 +92,7 @@ def _row(link: Array, joint: Array, n: int, motion: JointMotion, kind: int) -> R
     return row_of_screw(z, row_of_angle(cos, sin, motion, TURN * z.value / pitch), pitch)
 
 
-@inlined
+@fused
 def joint_rows(
     joint: Array, kinds: Array, targets: Array, wanted: Array, link: Array, W: Array, value: Array, gamma: Array
 ) -> None:
@@ -111,7 +111,7 @@ def joint_rows(
             store(W[n, 1, 3:6], row.c_j, 1.0)
 
 
-@kernel
+@inner
 def gather(touched: Array, layout: Array, Q: Array, A: Array, W: Array) -> None:
     """Wrenches out of the rows of all bodies."""
     for row in range(touched.shape[0]):
@@ -124,13 +124,13 @@ def gather(touched: Array, layout: Array, Q: Array, A: Array, W: Array) -> None:
                 store(W[row, n, 3:6], rotate(A[b], load(Q[row, at + 3 : at + 6])), 1.0)
 
 
-@kernel
+@inner
 def open_accelerations(touched: Array, W: Array, links: Array, gamma: Array, target: Array) -> None:
     """``gamma - Q a`` of the accelerations of the links."""
     _open(touched, W, links, ACCELERATION, ACCELERATION + 3, gamma, target)
 
 
-@kernel
+@inner
 def open_rates(touched: Array, W: Array, links: Array, rate: Array, target: Array) -> None:
     """``rate - Q v`` of the velocities of the links."""
     _open(touched, W, links, VELOCITY, SPIN, rate, target)
@@ -148,7 +148,7 @@ def _open(touched: Array, W: Array, links: Array, linear: int, angular: int, giv
         target[row] = total
 
 
-@kernel
+@inner
 def size_of_rows(mass: Array, inertia_factor: Array, touched: Array, layout: Array, W: Array, A: Array) -> float:
     """Largest ``|L^-1 q|`` of a row for bodies without joints: what its response in the tree comes to at most."""
     largest = 0.0

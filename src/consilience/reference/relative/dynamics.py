@@ -7,7 +7,7 @@ Cut rows ``Q a = gamma`` act with ``Q^T lam``. With the whitened responses B of 
 from __future__ import annotations
 
 from consilience.reference import forces
-from consilience.reference.compiled import inlined, inner, kernel
+from consilience.reference.compiled import fused, inlined, inner, kernel
 from consilience.reference.functions import evaluate as function_at
 from consilience.reference.joint_rows import coordinate
 from consilience.reference.relative.articulated import (
@@ -60,7 +60,7 @@ def _close(
     force_rows(loops, fronts, free)
 
 
-@inlined
+@fused
 def _push(elements: Elements, layout: Array, y: Array, A: Array, t: float, z: Array, link: Array) -> None:
     """Biases of the forces of elements."""
     model, first = elements.model, elements.integrals
@@ -123,7 +123,7 @@ def _eliminate(rest: Rest, space: Space) -> bool:
     return found
 
 
-@inlined
+@fused
 def accelerations(
     rest: Rest, space: Space | None, elements: Elements | None, plane: Plane | None, t: float, z: Array
 ) -> None:
@@ -142,7 +142,7 @@ def accelerations(
         _sweep_apart(rest, space)
 
 
-@inlined
+@fused
 def _control_errors(elements: Elements, y: Array, A: Array, t: float, dz: Array) -> None:
     """Derivatives of the integrals of controllers."""
     model, memory, first = elements.model, elements.memory, elements.integrals
@@ -168,14 +168,14 @@ def derivative(
             _control_errors(elements, space.y, space.A, t, dz)
 
 
-@kernel
+@inner
 def free_derivative(index: Array, link: Array, free: Array, first_speed: int, z: Array, dz: Array) -> None:
     """`derivative` of a tree without elements."""
     free_accelerations(link, free, z, z[first_speed:], dz[first_speed:])
     coordinate_rates(index, first_speed, z, dz)
 
 
-@kernel
+@inner
 def planar_derivative(plane: Plane, link: Array, free: Array, speeds: int, t: float, z: Array, dz: Array) -> None:
     """`derivative` of a tree in a plane."""
     place_planar(link, free, z, z[speeds:])

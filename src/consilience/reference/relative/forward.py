@@ -17,7 +17,7 @@ from consilience.reference.model import unpack
 from consilience.reference.relative.articulated import free_accelerations
 from consilience.reference.relative.columns import ACCELERATION, COORDINATE, NEAR, PLACED
 from consilience.reference.relative.dynamics import accelerations, remember
-from consilience.reference.relative.kinematics import orient, place, place_bodies, place_links
+from consilience.reference.relative.kinematics import orient, place, place_bodies
 from consilience.reference.relative.model import (
     BODY,
     Elements,
@@ -127,8 +127,8 @@ class ForwardDynamics:
 
     def state(self, q: Array, v: Array) -> State:
         """Canonical state of coordinates q, shape (n_q,), and speeds v, shape (n_v,)."""
-        place_links(self._link, self._free, *self._checked(q, v))
-        place_bodies(self._links.layout, self._link, self._placed.y, self._placed.A)
+        z = np.concatenate(self._checked(q, v))
+        place(self._links.layout, self._link, self._free, self.n_q, z, self._placed.y, self._placed.A)
         orient(self._placed.A, self._placed.y)
         return State(*unpack(self.mechanism, self._placed.y.copy()))
 

@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from consilience.kinematics import RANK_TOLERANCE
-from consilience.reference.compiled import fused, kernel
+from consilience.reference.compiled import fused, inner
 from consilience.reference.relative.columns import PIVOT, REST, ROOT, STEP, S, U
 from consilience.reference.relative.kinematics import put, vector_at
 from consilience.reference.relative.loops import (
@@ -68,7 +68,7 @@ def _put_row(touched: Array, row: int, W: Array, path: Array, first: int, last: 
                 wrench[link, r] += W[row, at, r]
 
 
-@kernel
+@inner
 def respond(
     group: Array,
     touched: Array,
@@ -173,7 +173,7 @@ def _exchange(F: Array, one: int, two: int, count: int) -> None:
         F[one + n], F[two + n] = F[two + n], F[one + n]
 
 
-@kernel
+@inner
 def _bring_longest(group: Array, order: Array, state: Array, F: Array, g: int, row: int, rows: int) -> None:
     """Exchange column number `row` of a front with the longest of those behind it in its group."""
     at, height, used = group[g, AT], group[g, HEIGHT], state[g, USED]
@@ -195,7 +195,7 @@ def _bring_longest(group: Array, order: Array, state: Array, F: Array, g: int, r
         f -= 1
 
 
-@kernel
+@inner
 def factorise(group: Array, order: Array, state: Array, F: Array, tau: Array, smallest: float, choose: bool) -> float:
     """Factorise the fronts; the least pivot.
 
@@ -260,7 +260,7 @@ def _carry_on(
             F[to + c * tall + batch + n] = F[at + (own + c) * height + rank + n] if n < full else 0.0
 
 
-@kernel
+@inner
 def least_norm(
     group: Array,
     batch: Array,
@@ -324,7 +324,7 @@ def _reflect_back(group: Array, state: Array, F: Array, tau: Array, x: Array, g:
             x[shelf + n] -= s * F[at + n]
 
 
-@kernel
+@inner
 def threshold(size: float, largest: float) -> float:
     """Square below which a column counts as dependent, from the size of rows that count and the largest column."""
     return max(RANK_TOLERANCE * RANK_TOLERANCE * largest, (RANK_TOLERANCE * size) ** 2)

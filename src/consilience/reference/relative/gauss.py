@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.polynomial.legendre import leggauss, legvander
 
-from consilience.reference.compiled import inlined, kernel
+from consilience.reference.compiled import inlined, inner, kernel
 from consilience.reference.integrators.dop853 import EVALUATIONS, REJECTED, STEPS
 from consilience.reference.relative.dynamics import rates
 from consilience.reference.relative.integrate import sizes
@@ -64,7 +64,7 @@ DIFFERENCE /= np.sum(np.abs(DIFFERENCE))
 """Weights of the last divided difference of the stages, scaled to a mean."""
 
 
-@kernel
+@inner
 def _extrapolate(K: Array, ratio: float, guess: Array) -> None:
     """Stages of the next step, `ratio` times as long, by the polynomial through those of the last one."""
     for i in range(STAGES):
@@ -114,7 +114,7 @@ def _iterate(
     return False
 
 
-@kernel
+@inner
 def _roughness(kind: Array, K: Array, h: float, size: Array) -> float:
     """Last divided difference of the stages, scaled: what a polynomial of lower degree would miss."""
     largest = 0.0

@@ -5,7 +5,7 @@ I = [M H; H^T J],   M and J symmetric (xx, xy, xz, yy, yz, zz),   H row by row.
 
 from __future__ import annotations
 
-from consilience.reference.compiled import kernel
+from consilience.reference.compiled import inner
 from consilience.reference.relative.columns import STIFF
 from consilience.reference.vectors import Vector, add, dot
 from consilience.spatial import Array
@@ -17,7 +17,7 @@ Columns = tuple[Vector, Vector, Vector]
 """A 3 x 3 matrix by columns."""
 
 
-@kernel
+@inner
 def combine(X: Columns, a: Vector) -> Vector:
     """``X a``."""
     return (
@@ -27,7 +27,7 @@ def combine(X: Columns, a: Vector) -> Vector:
     )
 
 
-@kernel
+@inner
 def symmetric(J: Six, a: Vector) -> Vector:
     """``J a``."""
     return (
@@ -37,7 +37,7 @@ def symmetric(J: Six, a: Vector) -> Vector:
     )
 
 
-@kernel
+@inner
 def rotated(X: Columns, J: Six) -> Six:
     """``X J X^T``."""
     a, b, c = X
@@ -52,7 +52,7 @@ def rotated(X: Columns, J: Six) -> Six:
     )
 
 
-@kernel
+@inner
 def load_inertia(link: Array, k: int) -> Inertia:
     """Inertia in the row of a link."""
     return (
@@ -86,7 +86,7 @@ def load_inertia(link: Array, k: int) -> Inertia:
     )
 
 
-@kernel
+@inner
 def add_inertia(link: Array, k: int, I: Inertia) -> None:
     """Add to the inertia in the row of a link."""
     M, H, J = I
@@ -97,7 +97,7 @@ def add_inertia(link: Array, k: int, I: Inertia) -> None:
         link[k, STIFF + 6 + n] += H[n]
 
 
-@kernel
+@inner
 def push(I: Inertia, linear: Vector, angular: Vector) -> tuple[Vector, Vector]:
     """Force and torque ``I (linear, angular)``."""
     M, H, J = I
@@ -114,7 +114,7 @@ def push(I: Inertia, linear: Vector, angular: Vector) -> tuple[Vector, Vector]:
     return add(symmetric(M, linear), force), add(torque, symmetric(J, angular))
 
 
-@kernel
+@inner
 def reduced(I: Inertia, x: Vector, y: Vector, factor: float) -> Inertia:
     """``I - factor U U^T``, U = (x, y)."""
     M, H, J = I
@@ -137,7 +137,7 @@ def reduced(I: Inertia, x: Vector, y: Vector, factor: float) -> Inertia:
     )
 
 
-@kernel
+@inner
 def shifted(I: Inertia, d: Vector) -> Inertia:
     """``X^T I X`` for X = [1 -~d; 0 1]: M, K = H - M ~d, J - H^T ~d + ~d K."""
     M, H, J = I
@@ -164,7 +164,7 @@ def shifted(I: Inertia, d: Vector) -> Inertia:
     return M, K, L
 
 
-@kernel
+@inner
 def project_on(linear: Vector, angular: Vector, force: Vector, torque: Vector) -> float:
     """Power of a wrench in a motion."""
     return dot(linear, force) + dot(angular, torque)

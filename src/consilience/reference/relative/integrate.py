@@ -57,7 +57,7 @@ def scratch(z: Array, rest: Rest | None) -> Scratch:
     )
 
 
-@kernel
+@inner
 def sizes(kind: Array, model_length: float, z: Array, size: Array) -> None:
     """Size of each kind of component, shape (5,)."""
     size[:] = 0.0
@@ -70,7 +70,7 @@ def sizes(kind: Array, model_length: float, z: Array, size: Array) -> None:
     size[4] = max(size[4], 1.0)
 
 
-@kernel
+@inner
 def _error(kind: Array, K: Array, h: float, size: Array, estimate: Array, power: float) -> float:
     """Scaled error estimate of a step."""
     error = lower = 0.0
@@ -88,7 +88,7 @@ def _error(kind: Array, K: Array, h: float, size: Array, estimate: Array, power:
     return (abs(h) * error / np.sqrt((error + 0.01 * lower) * count)) ** power
 
 
-@kernel
+@inner
 def _stage(table: Array, z: Array, K: Array, h: float, i: int, trial: Array) -> None:
     """State at which a stage is evaluated."""
     for n in range(z.shape[0]):
@@ -150,13 +150,13 @@ def _between(z: Array, F: Array, x: float, state: Array) -> None:
         state[n] = z[n] + total
 
 
-@kernel
+@inner
 def _length(h: float, remaining: float) -> float:
     """Length of the next step: a remainder a little longer than a step is halved, so that no sliver of one is left."""
     return remaining if h >= remaining else min(h, 0.5 * remaining)
 
 
-@kernel
+@inner
 def _first_length(kind: Array, f: Array, span: float, tolerance: float, size: Array) -> float:
     """Length of the first step, in which z changes by ``tolerance ** (1/8)``, from its derivative f."""
     total = 0.0
@@ -229,7 +229,7 @@ def _record(
     return sample, SECOND
 
 
-@kernel
+@inner
 def _advance(z: Array, end: Array, K: Array, first: int) -> None:
     """Go on to the end of a step, whose derivative is the first stage of the next one where that is known."""
     for n in range(z.shape[0]):

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from consilience.reference.bodies import ZERO
-from consilience.reference.compiled import inlined, kernel
+from consilience.reference.compiled import fused, inner, kernel
 from consilience.reference.relative.columns import (
     ARM,
     ARM_PARENT,
@@ -43,7 +43,7 @@ from consilience.reference.vectors import Vector, add, column, cross, dot, scale
 from consilience.spatial import Array
 
 
-@kernel
+@inner
 def _turned(q: Array, at: int, about: int) -> Columns:
     """Columns of the rotation from M to F at the coordinates of a joint."""
     if about == 0:
@@ -63,13 +63,13 @@ def _turned(q: Array, at: int, about: int) -> Columns:
     )
 
 
-@kernel
+@inner
 def vector_at(table: Array, k: int, at: int) -> Vector:
     """Three numbers of a row."""
     return table[k, at], table[k, at + 1], table[k, at + 2]
 
 
-@kernel
+@inner
 def put(table: Array, k: int, at: int, a: Vector) -> None:
     """Store three numbers in a row."""
     table[k, at] = a[0]
@@ -77,18 +77,18 @@ def put(table: Array, k: int, at: int, a: Vector) -> None:
     table[k, at + 2] = a[2]
 
 
-@kernel
+@inner
 def matrix_at(table: Array, k: int, at: int) -> Columns:
     """A matrix of a row, by columns."""
     return vector_at(table, k, at), vector_at(table, k, at + 3), vector_at(table, k, at + 6)
 
 
-@kernel
+@inner
 def _transposed(A: Columns) -> Columns:
     return (A[0][0], A[1][0], A[2][0]), (A[0][1], A[1][1], A[2][1]), (A[0][2], A[1][2], A[2][2])
 
 
-@kernel
+@inner
 def _move(
     link: Array,
     k: int,
@@ -119,7 +119,7 @@ def _move(
     put(link, k, QUADRATIC + 3, c[1])
 
 
-@kernel
+@inner
 def _turn(link: Array, free: Array, k: int, q: Array, v: Array) -> None:
     """Place a link that turns about one axis: the same for both senses, but for the sign."""
     p, n, sign = int(link[k, PARENT]), int(link[k, FIRST]), link[k, SENSE]
@@ -138,14 +138,14 @@ def _turn(link: Array, free: Array, k: int, q: Array, v: Array) -> None:
     _move(link, k, p, far, s_p, s_k, ZERO, scale(u, e), (ZERO, scale(u, e_dot)))
 
 
-@kernel
+@inner
 def _axis(free: Array, n: int, F: Columns, M: Columns) -> Vector:
     """Axis of a direction, in the world."""
     number = int(free[n, AXIS])
     return F[number] if number < 3 else M[number - 3]
 
 
-@kernel
+@inner
 def _join(link: Array, free: Array, k: int, q: Array, v: Array) -> None:
     """Place a link on a joint of any kind."""
     p, first, last, sign = int(link[k, PARENT]), int(link[k, FIRST]), int(link[k, LAST]), link[k, SENSE]
@@ -191,7 +191,7 @@ def _join(link: Array, free: Array, k: int, q: Array, v: Array) -> None:
     _move(link, k, p, far, s_p, s_k, speed, spin, (linear, angular))
 
 
-@inlined
+@fused
 def place_links(link: Array, free: Array, q: Array, v: Array) -> None:
     """Fill the rows of all links and directions from X to STEP, and S, at coordinates q and speeds v.
 
@@ -224,7 +224,7 @@ def place(index: Array, link: Array, free: Array, first_speed: int, z: Array, y:
     place_bodies(index, link, y, A)
 
 
-@kernel
+@inner
 def coordinate_rates(index: Array, first_speed: int, z: Array, dz: Array) -> None:
     """Rates of the coordinates; of Euler parameters, ``p' = 1/2 (0, w) p`` with w in axes of F."""
     for k in range(index.shape[0]):
@@ -245,7 +245,7 @@ def coordinate_rates(index: Array, first_speed: int, z: Array, dz: Array) -> Non
             dz[at + 3] = 0.5 * (w3 * e0 + w1 * e2 - w2 * e1)
 
 
-@kernel
+@inner
 def displace(index: Array, z: Array, u: Array) -> None:
     """Move the coordinates by small displacements along the free directions; Euler parameters stay unit."""
     for k in range(index.shape[0]):
@@ -267,7 +267,7 @@ def displace(index: Array, z: Array, u: Array) -> None:
     normalise(index, z)
 
 
-@kernel
+@inner
 def normalise(index: Array, z: Array) -> None:
     """Divide the Euler parameters of all balls by their norm."""
     for k in range(index.shape[0]):
@@ -278,7 +278,7 @@ def normalise(index: Array, z: Array) -> None:
                 z[at + n] /= norm
 
 
-@kernel
+@inner
 def euler_parameters(X: Columns) -> tuple[float, float, float, float]:
     """Unit Euler parameters of a rotation matrix given by columns, the largest one positive [Shepperd 1978]."""
     trace = X[0][0] + X[1][1] + X[2][2]
@@ -305,7 +305,7 @@ def orient(A: Array, y: Array) -> None:
         y[b, 3], y[b, 4], y[b, 5], y[b, 6] = euler_parameters((column(A[b], 0), column(A[b], 1), column(A[b], 2)))
 
 
-@kernel
+@inner
 def record(A: Array, y: Array, motion: Array) -> None:
     """Copy the bodies as they are placed, with their Euler parameters, into a sample of a motion."""
     orient(A, y)

@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from consilience.kinematics import RANK_TOLERANCE
-from consilience.reference.compiled import fused, kernel
+from consilience.reference.compiled import fused, inner, kernel
 from consilience.reference.relative import columns
 from consilience.reference.relative.inertia import symmetric
 from consilience.reference.relative.kinematics import put, vector_at
@@ -31,7 +31,7 @@ SOUND = 0.01
 parallelogram loses two digits where it is flat."""
 
 
-@kernel
+@inner
 def rank_chosen(group: Array, state: Array) -> int:
     """Number of rows chosen."""
     rank = 0
@@ -98,7 +98,7 @@ def _spread(J: Array, rows: int, given: Array, column: int, factor: float, u: Ar
             u[given[r]] = factor * J[r, column]
 
 
-@kernel
+@inner
 def particular(J: Array, rows: int, given: Array, u: Array) -> None:
     """The solution b of the rows in which what they leave is zero."""
     for n in range(u.shape[0]):
@@ -145,7 +145,7 @@ def add_motions(J: Array, rows: int, given: Array, left: Array, G: Array, freedo
                 u[given[r]] -= alpha * J[r, left[e]]
 
 
-@kernel
+@inner
 def move(link: Array, free: Array, u: Array, moving: float, table: Array, at: int) -> None:
     """Motions of the links that are placed, in columns of a table: accelerations (moving: 1), or velocities (0)."""
     for k in range(link.shape[0] - 1):
@@ -162,45 +162,15 @@ def move(link: Array, free: Array, u: Array, moving: float, table: Array, at: in
 
 
 @fused
-def _rows_of_directions(
-    group: Array,
-    touched: Array,
-    order: Array,
-    state: Array,
-    moves: Array,
-    W: Array,
-    target: Array,
-    links: Array,
-    free: Array,
-    at: Array,
-    J: Array,
-) -> int:
-    """Fill J with the rows chosen, by wrenches and motions at one point, the first link; their number."""
-    rows, count, O = 0, free.shape[0], vector_at(links, 0, columns.POSITION)
+def _motions_at_one_point(links: Array, free: Array, at: Array) -> None:
+    """Motions of the free directions, shape (N, 6), seen at the point of the first link."""
+    O = vector_at(links, 0, columns.POSITION)
     for k in range(links.shape[0] - 1):
         away = sub(vector_at(links, k, columns.POSITION), O)
         for n in range(int(links[k, columns.FIRST]), int(links[k, columns.LAST])):
             spin = vector_at(free, n, columns.S + 3)
             put(at, n, 0, sub(vector_at(free, n, columns.S), cross(spin, away)))
             put(at, n, 3, spin)
-    for g in range(group.shape[0]):
-        for number in range(group[g, ROW], group[g, ROW] + state[g, CHOSEN]):
-            row = order[number]
-            for n in range(count):
-                J[rows, n] = 0.0
-            J[rows, count] = target[row]
-            for slot in range(TOUCHED):
-                k = touched[row, slot]
-                if k < 0:
-                    continue
-                away = sub(vector_at(links, k, columns.POSITION), O)
-                force = W[row, slot, 0], W[row, slot, 1], W[row, slot, 2]
-                torque = add((W[row, slot, 3], W[row, slot, 4], W[row, slot, 5]), cross(away, force))
-                for n in range(count):
-                    if moves[k, n]:
-                        J[rows, n] += dot(force, vector_at(at, n, 0)) + dot(torque, vector_at(at, n, 3))
-            rows += 1
-    return rows
 
 
 @fused
@@ -235,7 +205,7 @@ def add_to_links(link: Array, at: int, freedoms: int, V: Array, G: Array) -> Non
                 link[k, at + r] += alpha * V[e, k, r]
 
 
-@kernel
+@inner
 def solve_rows(
     group: Array,
     touched: Array,
@@ -251,13 +221,31 @@ def solve_rows(
     given: Array,
     left: Array,
 ) -> tuple[int, int, float]:
-    """Solve the rows chosen for directions; rows, directions left, least pivot."""
-    rows = _rows_of_directions(group, touched, order, state, moves, W, target, links, free, at, J)
+    """Fill J with the rows chosen and solve it for directions; rows, directions left, least pivot."""
+    rows, count, O = 0, free.shape[0], vector_at(links, 0, columns.POSITION)
+    _motions_at_one_point(links, free, at)
+    for g in range(group.shape[0]):
+        for number in range(group[g, ROW], group[g, ROW] + state[g, CHOSEN]):
+            row = order[number]
+            for n in range(count):
+                J[rows, n] = 0.0
+            J[rows, count] = target[row]
+            for slot in range(TOUCHED):
+                k = touched[row, slot]
+                if k < 0:
+                    continue
+                away = sub(vector_at(links, k, columns.POSITION), O)
+                force = W[row, slot, 0], W[row, slot, 1], W[row, slot, 2]
+                torque = add((W[row, slot, 3], W[row, slot, 4], W[row, slot, 5]), cross(away, force))
+                for n in range(count):
+                    if moves[k, n]:
+                        J[rows, n] += dot(force, vector_at(at, n, 0)) + dot(torque, vector_at(at, n, 3))
+            rows += 1
     freedoms, least = eliminate(J, rows, given, left)
     return rows, freedoms, least
 
 
-@kernel
+@inner
 def reduce_links(
     J: Array,
     given: Array,

@@ -6,7 +6,7 @@ import numpy as np
 
 from consilience.mechanism import State
 from consilience.reference.bodies import arm, rotations
-from consilience.reference.compiled import kernel
+from consilience.reference.compiled import inner, kernel
 from consilience.reference.formulations.recursive_model import TreeModel
 from consilience.reference.joint_rows import joint_motion
 from consilience.reference.model import Model, P, R, V, W
@@ -40,7 +40,7 @@ def pack_relative(links: Links, spanning: TreeModel, model: Model, state: State)
     return z
 
 
-@kernel
+@inner
 def _to_centres(com: Array, y: Array, A: Array) -> None:
     """Turn canonical states of the bodies into those of the kernels, in place; fill A."""
     rotations(y, A)
@@ -51,13 +51,13 @@ def _to_centres(com: Array, y: Array, A: Array) -> None:
         store(y[b, 10:13], rotate_back(A[b], w), 1.0)
 
 
-@kernel
+@inner
 def _frame(axes: Array, A: Array, body: int) -> Columns:
     """Axes of a frame on a body, in the world."""
     return arm(A, body, column(axes, 0)), arm(A, body, column(axes, 1)), arm(A, body, column(axes, 2))
 
 
-@kernel
+@inner
 def _seen_from(F: Columns, a: Vector) -> Vector:
     """A vector of the world in axes of F."""
     return dot(F[0], a), dot(F[1], a), dot(F[2], a)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from consilience.reference.compiled import fused, kernel
+from consilience.reference.compiled import fused, inner, kernel
 from consilience.reference.relative.columns import REST, ROOT
 from consilience.reference.relative.fronts import clear
 from consilience.reference.relative.loops import (
@@ -93,7 +93,7 @@ def dot3(a: Three, b: Three) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@kernel
+@inner
 def _displaced(
     link: Array, free: Array, k: int, q: Array, v: Array, turn: Pair, spin: float
 ) -> tuple[Pair, Pair, Pair]:
@@ -108,7 +108,7 @@ def _displaced(
     return away, speed, bent
 
 
-@kernel
+@inner
 def place_planar(link: Array, free: Array, q: Array, v: Array) -> None:
     """Fill the rows of all links from COS to BIAS, and S, at coordinates q and speeds v; biases are of gravity alone.
 
@@ -224,7 +224,7 @@ def sweep_in_planar(link: Array, free: Array, biased: bool) -> None:
                 link[p, BIAS + 2] += f[2] + x[2] + d[0] * b - d[1] * a
 
 
-@kernel
+@inner
 def sweep_out_planar(link: Array, free: Array, u: Array, moving: float) -> None:
     """Accelerations of the links and, into u, of the directions; moving: 1, at rest: 0."""
     for k in range(link.shape[0] - 1):
@@ -254,7 +254,7 @@ def _put_row(touched: Array, row: int, W: Array, path: Array, first: int, last: 
                 wrench[k, r] += W[row, at, r]
 
 
-@kernel
+@inner
 def respond_planar(
     group: Array,
     touched: Array,

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from consilience.reference import functions
-from consilience.reference.compiled import fused, inlined, kernel
+from consilience.reference.compiled import fused, inner, kernel
 from consilience.reference.functions import Functions
 from consilience.reference.joint_rows import full_turns
 from consilience.reference.relative.loops import TOUCHED
@@ -96,7 +96,7 @@ def _between(link: Array, i: int, j: int, s_i: Pair, s_j: Pair) -> tuple[Pair, P
     )
 
 
-@kernel
+@inner
 def evaluate_form(form: Array, n: int, link: Array, z: Array) -> Form:
     """A form of links that are placed."""
     kind, i, j = form[n, KIND], int(form[n, ON_I]), int(form[n, ON_J])
@@ -134,7 +134,7 @@ def _store(W: Array, row: int, at: int, a: Three) -> None:
     W[row, at, 0], W[row, at, 1], W[row, at, 2] = a
 
 
-@kernel
+@inner
 def _add(touched: Array, W: Array, row: int, link: int, factor: float, wrench: Three) -> None:
     """Add a wrench on a link that may be touched by both coordinates of a coupling."""
     for at in range(TOUCHED):
@@ -143,7 +143,7 @@ def _add(touched: Array, W: Array, row: int, link: int, factor: float, wrench: T
                 W[row, at, r] += factor * wrench[r]
 
 
-@inlined
+@fused
 def planar_rows(
     plane: Plane,
     touched: Array,
@@ -170,7 +170,7 @@ def planar_rows(
             _tie(plane.form, tied, plane.functions, touched, n, first + n, link, t, z, W, value, gamma, rate)
 
 
-@kernel
+@inner
 def _tie(
     form: Array,
     tied: Array,
@@ -206,13 +206,13 @@ def _tie(
     value[row] = (full_turns(q.value, f) if turning else q.value) - f
 
 
-@kernel
+@inner
 def open_planar_accelerations(touched: Array, W: Array, link: Array, gamma: Array, target: Array) -> None:
     """``gamma - Q a`` of the accelerations of the links."""
     _open(touched, W, link, ACCELERATION, gamma, target)
 
 
-@kernel
+@inner
 def open_planar_rates(touched: Array, W: Array, link: Array, rate: Array, target: Array) -> None:
     """``rate - Q v`` of the velocities of the links."""
     _open(touched, W, link, VELOCITY, rate, target)
@@ -229,7 +229,7 @@ def _open(touched: Array, W: Array, link: Array, at: int, given: Array, target: 
         target[row] = total
 
 
-@kernel
+@inner
 def size_of_planar_rows(touched: Array, W: Array, link: Array) -> float:
     """Largest response of a row of links without joints: what its response in the tree comes to at most."""
     largest = 0.0
@@ -255,7 +255,7 @@ def _exert(link: Array, k: int, factor: float, wrench: Three) -> None:
             link[k, BIAS + r] -= factor * wrench[r]
 
 
-@kernel
+@inner
 def _spring(effort: Array, n: int, link: Array, actuator: float) -> None:
     """``F = (k (L - L0) + c L' - f(t)) e`` on the predecessor, the opposite on the successor."""
     i, j, h = int(effort[n, EFFORT_I]), int(effort[n, EFFORT_J]), effort[n, APART]
@@ -270,7 +270,7 @@ def _spring(effort: Array, n: int, link: Array, actuator: float) -> None:
     _exert(link, j, -force, (e[0], e[1], _cross(s_j, e)))
 
 
-@kernel
+@inner
 def _load(effort: Array, n: int, link: Array, factor: float) -> None:
     """A force and a torque on a link, in axes of the world or of the link."""
     k = int(effort[n, EFFORT_J])
@@ -282,7 +282,7 @@ def _load(effort: Array, n: int, link: Array, factor: float) -> None:
     )
 
 
-@kernel
+@inner
 def _of_coordinate(kind: float, law: Three, q: Form, given: Three, integral: float) -> float:
     """Effort of a spring, of friction or of a controller in a joint coordinate; given: its function of time."""
     if kind == OF_JOINT:
@@ -312,7 +312,7 @@ def push_efforts(plane: Plane, link: Array, t: float, z: Array) -> None:
             _exert(link, q.j, found, q.on_j)
 
 
-@kernel
+@inner
 def planar_rates(plane: Plane, link: Array, speeds: int, t: float, z: Array, dz: Array) -> None:
     """Rates of the coordinates, one for each direction, and of the integrals of controllers."""
     for n in range(speeds):

@@ -44,7 +44,7 @@ _PASSING_VIOLATION = 1e-11
 """Violation that rows left out on the way through a singular pose may have."""
 
 
-@kernel
+@inner
 def _largest(x: Array, count: int) -> float:
     """Largest size of the first numbers of an array."""
     found = 0.0
@@ -89,7 +89,7 @@ def _choose_rows(
     return rank, least, smallest
 
 
-@kernel
+@inner
 def _work_with(loops: Loops, fronts: Fronts, rank: int, limit: Array) -> None:
     """Rows chosen until the next projection: those that are independent in the present factors."""
     for g in range(loops.group.shape[0]):
@@ -133,7 +133,7 @@ def _choose(
     _work_with(loops, fronts, rank, limit)
 
 
-@kernel
+@inner
 def _keep(loops: Loops, fronts: Fronts, rank: int, least: float, best: Array, limit: Array) -> bool:
     """Go on with the factors of a pose that is apart by rounding, if they have the rank so far, far from losing it."""
     if rank != best[LARGEST_RANK] or least < SOUND * best[LEAST]:
@@ -154,7 +154,7 @@ def _opened(
     return _largest(rest.value, rest.held) / max(1.0, rest.length)
 
 
-@kernel
+@inner
 def _release(W: Array, held: int) -> None:
     """Take away the wrenches of the rows that hold no positions."""
     for row in range(held, W.shape[0]):
@@ -176,7 +176,7 @@ def find_rank(
         _choose(loops, rest.layout, fronts, space, plane, link, free, rest.size[0], rest.best, rest.limit, violation)
 
 
-@kernel
+@inner
 def _is_sound(least: float, best: Array) -> bool:
     """Whether the least pivot is about as large as it has been; larger ones are noted."""
     if SOUND * best[PIVOT] <= least <= best[PIVOT]:
