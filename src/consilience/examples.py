@@ -4,7 +4,7 @@ from __future__ import annotations
 
 EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
     "run": (
-        ("consilience run --tag tour -o report", "six cases, all engines"),
+        ("consilience run --tag tour -o report", "seven cases, all engines"),
         ("consilience run double_pendulum my_case.toml -e mujoco -e dart", "two cases, two engines"),
         ("consilience run --quick -q model -q instant", "the whole library, no motions"),
         ("consilience run double_pendulum -e mujoco@3.3.7 -e mujoco@4.0.0", "two versions of one engine"),
