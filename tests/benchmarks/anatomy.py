@@ -23,7 +23,7 @@ from consilience.reference.relative.packing import pack_relative
 from consilience.reference.relative.planar import sweep_in_planar
 from consilience.reference.relative.planar_model import planar
 from consilience.reference.relative.planar_rows import push_efforts
-from consilience.reference.relative.settling import arrive
+from consilience.reference.relative.settling import SEEN, arrive
 
 CASES = ("four_bar", "slider_crank", "manipulator", "spatial_slider_crank", "rssr_four_bar", "furuta_pendulum")
 PARTS = ("placing", "inertias, forces", "rows", "tree", "closing", "rates")
@@ -106,11 +106,11 @@ def whole(tree, rest, space, elements, plane, z, dz, n):
 
 @njit(_nrt=False, error_model="numpy")
 def arriving(tree, rest, space, elements, plane, z, apart, target, n):
-    """The projection of a state that is a little apart from closed loops, n times."""
+    """The projection of a state that is a little apart from closed loops and no sample, n times."""
     for _ in range(n):
         for k in range(z.shape[0]):
             target[k] = z[k] + apart[k]
-        arrive(tree, rest, space, elements, plane, 0.0, target)
+        arrive(tree, rest, space, elements, plane, 0.0, target, not SEEN)
 
 
 def least(calls, count):

@@ -50,7 +50,7 @@ def test_the_second_process_is_asked_for_all_compiled_motions_of_the_first_formu
     assert asked.pop() == "stopped"
     motions = [request for request in asked if request.question is Question.TRAJECTORY]
     assert [(one.mechanism.name, one.method.name) for one in motions] == [
-        (name, method) for name in ("double_pendulum", "four_bar") for method in ("relative", "relative, Gauss")
+        (name, method) for name in ("four_bar", "double_pendulum") for method in ("relative", "relative, Gauss")
     ]
     assert all(len(one.times) == 1 for one in motions)
 

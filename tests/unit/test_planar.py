@@ -33,7 +33,7 @@ from consilience.reference.relative.packing import pack_relative
 from consilience.reference.relative.planar import place_planar_bodies
 from consilience.reference.relative.planar_model import planar
 from consilience.reference.relative.plane import ACCELERATION
-from consilience.reference.relative.settling import find_rank, project
+from consilience.reference.relative.settling import SEEN, find_rank, project
 from consilience.spatial import quaternion_from_rotation_vector, rotation_from_quaternion
 from mechanisms import GRAVITY, drawn_joint, lumpy_body, rotation, states_of
 
@@ -165,7 +165,7 @@ def _accelerations(rest, plane, t, z):
 
 @kernel
 def _project(rest, plane, t, z):
-    project(rest, None, None, plane, t, z)
+    project(rest, None, None, plane, t, z, SEEN)
 
 
 @kernel

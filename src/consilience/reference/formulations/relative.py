@@ -23,7 +23,7 @@ from consilience.reference.relative.dynamics import derivative, remember
 from consilience.reference.relative.kinematics import orient, place, place_bodies
 from consilience.reference.relative.model import BODY, Elements, Rest, Space, flatten_relative, system
 from consilience.reference.relative.packing import pack_relative
-from consilience.reference.relative.settling import find_rank, project
+from consilience.reference.relative.settling import SEEN, find_rank, project
 from consilience.reference.workspace import Workspace, workspace
 from consilience.run import Unsupported
 from consilience.spatial import Array
@@ -43,7 +43,7 @@ def _derivative(rest: Rest, space: Space, elements: Elements | None, t: float, z
 @kernel
 def _project(rest: Rest, space: Space, elements: Elements | None, t: float, z: Array) -> None:
     """`project`, for Python."""
-    project(rest, space, elements, None, t, z)
+    project(rest, space, elements, None, t, z, SEEN)
 
 
 @kernel

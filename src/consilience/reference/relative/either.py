@@ -25,7 +25,9 @@ from consilience.reference.relative.kinematics import place_bodies, place_links
 from consilience.reference.relative.loops import Fronts, Loops
 from consilience.reference.relative.model import Elements, Rest, Space
 from consilience.reference.relative.null_space import (
+    ONE,
     move,
+    put_targets,
     reduce_links,
     solve_rows,
 )
@@ -171,6 +173,15 @@ def coast(link: Array, free: Array, u: Array) -> None:
 @inlined
 def eliminate(loops: Loops, fronts: Fronts, few: Reduced, link: Array, free: Array) -> tuple[int, int, float]:
     """Solve the rows chosen for directions; rows, directions left, least pivot."""
+    put_targets(loops.group, fronts.order, fronts.state, fronts.target, few.J, free.shape[0])
+    return eliminate_with(loops, fronts, few, link, free, ONE)
+
+
+@inlined
+def eliminate_with(
+    loops: Loops, fronts: Fronts, few: Reduced, link: Array, free: Array, targets: int
+) -> tuple[int, int, float]:
+    """`eliminate` where J holds the targets already."""
     return solve_rows(
         loops.group,
         loops.touched,
@@ -178,11 +189,11 @@ def eliminate(loops: Loops, fronts: Fronts, few: Reduced, link: Array, free: Arr
         fronts.state,
         few.moves,
         fronts.W,
-        fronts.target,
         link,
         free,
         few.at,
         few.J,
+        targets,
         few.given,
         few.left,
     )

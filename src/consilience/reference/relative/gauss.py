@@ -21,7 +21,7 @@ from consilience.reference.integrators.dop853 import EVALUATIONS, REJECTED, STEP
 from consilience.reference.relative.dynamics import rates
 from consilience.reference.relative.integrate import sizes
 from consilience.reference.relative.model import Elements, Rest, Space, Tree
-from consilience.reference.relative.settling import arrive, begin, longest_now, note
+from consilience.reference.relative.settling import SEEN, arrive, begin, longest_now, note
 from consilience.reference.vectors import assign
 from consilience.spatial import Array
 
@@ -175,6 +175,6 @@ def integrate_gauss(
             factor = LARGEST if rough == 0.0 else min(LARGEST, SAFETY * rough ** (-1.0 / STAGES))
             h = step * factor if step == free else max(h, step * factor)
             t = times[sample] if step == remaining else t + step
-            arrive(tree, rest, space, elements, None, t, z)
+            arrive(tree, rest, space, elements, None, t, z, SEEN)
         note(tree, space, None, motion[sample])
     return 0

@@ -19,7 +19,7 @@ from consilience.reference.relative.loops import CHOSEN
 from consilience.reference.relative.methods import STAGES_AT_MOST, Method
 from consilience.reference.relative.model import Elements, Rest, Space, Tree
 from consilience.reference.relative.plane import Plane
-from consilience.reference.relative.settling import arrive, begin, longest_now, note, settle
+from consilience.reference.relative.settling import SEEN, arrive, begin, longest_now, note, settle
 from consilience.reference.vectors import assign
 from consilience.spatial import Array
 
@@ -186,11 +186,19 @@ def _samples(
         assign(scratch.chosen, rest.fronts.state[:, CHOSEN])
     for n in range(times.shape[0]):
         _between(z, scratch.F, (times[n] - t) / step, scratch.state)
-        settle(tree, rest, space, elements, plane, times[n], scratch.state)
+        settle(tree, rest, space, elements, plane, times[n], scratch.state, SEEN)
         note(tree, space, plane, motion[n])
     if rest is not None:
         assign(rest.fronts.order, scratch.order)
         assign(rest.fronts.state[:, CHOSEN], scratch.chosen)
+
+
+@inner
+def _within(times: Array, sample: int, after: float) -> int:
+    """Number of the first of the samples left that is not before a time."""
+    while sample < times.shape[0] and times[sample] < after:
+        sample += 1
+    return sample
 
 
 @inlined
@@ -213,9 +221,7 @@ def _record(
 ) -> tuple[int, int]:
     """Record the samples of a step from t to `after`; the number of the next one, and the next stage not known."""
     first = sample
-    while sample < times.shape[0] and times[sample] < after:
-        sample += 1
-    inner = sample
+    sample = inner = _within(times, sample, after)
     if sample < times.shape[0] and times[sample] == after:
         note(tree, space, plane, motion[sample])
         sample += 1
@@ -326,7 +332,8 @@ def integrate(
             continue
         counters[STEPS] += 1
         after = last if step == last - t else t + step
-        arrive(tree, rest, space, elements, plane, after, end)
+        seen = _within(times, sample, after)
+        arrive(tree, rest, space, elements, plane, after, end, seen < times.shape[0] and times[seen] == after)
         bound = longest_now(tree, elements, longest)
         sample, first = _record(
             tree, rest, space, elements, plane, method, z, t, step, after, times, motion, counters, sample, scratch

@@ -17,14 +17,18 @@ import numpy as np
 from consilience.kinematics import RANK_TOLERANCE
 from consilience.reference.compiled import fused, inner, kernel
 from consilience.reference.relative import columns
-from consilience.reference.relative.inertia import symmetric
+from consilience.reference.relative.inertia import Six, symmetric
 from consilience.reference.relative.kinematics import put, vector_at
 from consilience.reference.relative.loops import CHOSEN, ROW, TOUCHED
-from consilience.reference.vectors import add, cross, dot, scale, sub
+from consilience.reference.vectors import Vector, add, cross, dot, scale, sub
 from consilience.spatial import Array
 
 FREEDOMS = 6
 """Most directions that the rows may leave."""
+
+ONE, TWO = np.array([1, 2])
+"""Numbers of right-hand sides. They are numbers of NumPy, as kernels are compiled anew for each Python number that is
+written out where they are called."""
 
 SOUND = 0.01
 """Part of its largest value at which the least pivot is too small, and orthogonal reflections are taken: with 1e-4 a
@@ -47,26 +51,26 @@ def is_small(group: Array, state: Array, left: Array) -> bool:
 
 
 @fused
-def _take(J: Array, rows: int, row: int, column: int) -> None:
+def _take(J: Array, rows: int, columns: int, row: int, column: int) -> None:
     """Solve a row for a direction, and put the solution into the others."""
     inverse = 1.0 / J[row, column]
-    for c in range(J.shape[1]):
+    for c in range(columns):
         J[row, c] *= inverse
     for other in range(rows):
         factor = J[other, column]
         if other != row and factor != 0.0:
-            for c in range(J.shape[1]):
+            for c in range(columns):
                 J[other, c] -= factor * J[row, c]
             J[other, column] = 0.0
 
 
 @fused
-def eliminate(J: Array, rows: int, given: Array, left: Array) -> tuple[int, float]:
+def eliminate(J: Array, rows: int, columns: int, given: Array, left: Array) -> tuple[int, float]:
     """Solve some rows for a direction each, that of their largest entry; how many are left, and the least pivot.
 
-    It is zero where a row depends on those before.
+    It is zero where a row depends on those before. Columns behind those of the directions are right-hand sides.
     """
-    count, largest, least, freedoms = J.shape[1] - 1, 0.0, np.inf, 0
+    count, largest, least, freedoms = left.shape[0], 0.0, np.inf, 0
     for r in range(rows):
         for c in range(count):
             largest = max(largest, abs(J[r, c]))
@@ -82,7 +86,7 @@ def eliminate(J: Array, rows: int, given: Array, left: Array) -> tuple[int, floa
             least = 0.0
             continue
         left[best], least = 1, min(least, size)
-        _take(J, rows, r, best)
+        _take(J, rows, columns, r, best)
     for c in range(count):
         if left[c] == 0:
             left[freedoms] = c
@@ -116,8 +120,8 @@ def homogeneous(J: Array, rows: int, given: Array, one: int, u: Array) -> None:
 
 
 @fused
-def solve(G: Array, freedoms: int) -> None:
-    """Solve the reduced equations, whose right-hand side stands behind them, by Cholesky's method; in place."""
+def _factorise(G: Array, freedoms: int) -> None:
+    """Cholesky factor of the reduced masses, in place."""
     for e in range(freedoms):
         for d in range(e):
             for c in range(d):
@@ -125,8 +129,15 @@ def solve(G: Array, freedoms: int) -> None:
             G[e, d] /= G[d, d]
         for c in range(e):
             G[e, e] -= G[e, c] * G[e, c]
-            G[e, freedoms] -= G[e, c] * G[c, freedoms]
         G[e, e] = np.sqrt(G[e, e])
+
+
+@fused
+def _solve(G: Array, freedoms: int) -> None:
+    """Solve the reduced equations, whose right-hand side stands behind the factor, in place."""
+    for e in range(freedoms):
+        for c in range(e):
+            G[e, freedoms] -= G[e, c] * G[c, freedoms]
         G[e, freedoms] /= G[e, e]
     for e in range(freedoms - 1, -1, -1):
         for c in range(e + 1, freedoms):
@@ -173,6 +184,32 @@ def _motions_at_one_point(links: Array, free: Array, at: Array) -> None:
             put(at, n, 3, spin)
 
 
+@inner
+def _inertia(link: Array, k: int) -> Six:
+    """Inertia of a link about its centre of mass, in the world."""
+    at = columns.STIFF + 15
+    return link[k, at], link[k, at + 1], link[k, at + 2], link[k, at + 3], link[k, at + 4], link[k, at + 5]
+
+
+@inner
+def _wrench(link: Array, k: int, moving: float) -> tuple[Vector, Vector]:
+    """Force and torque that a link takes for its acceleration a."""
+    a, alpha = vector_at(link, k, columns.ACCELERATION), vector_at(link, k, columns.ACCELERATION + 3)
+    force = add(scale(link[k, columns.MASS], a), scale(moving, vector_at(link, k, columns.BIAS)))
+    return force, add(symmetric(_inertia(link, k), alpha), scale(moving, vector_at(link, k, columns.BIAS + 3)))
+
+
+@fused
+def _forces(link: Array, freedoms: int, V: Array, G: Array) -> None:
+    """Reduced forces alone, of links at rest."""
+    for e in range(freedoms):
+        G[e, freedoms] = 0.0
+    for k in range(link.shape[0] - 1):
+        force, torque = _wrench(link, k, 0.0)
+        for e in range(freedoms):
+            G[e, freedoms] -= dot(vector_at(V[e], k, 0), force) + dot(vector_at(V[e], k, 3), torque)
+
+
 @fused
 def _masses(link: Array, freedoms: int, V: Array, G: Array, moving: float) -> None:
     """Reduced masses and forces of links whose accelerations are a."""
@@ -180,13 +217,8 @@ def _masses(link: Array, freedoms: int, V: Array, G: Array, moving: float) -> No
         for d in range(freedoms + 1):
             G[e, d] = 0.0
     for k in range(link.shape[0] - 1):
-        m, at = link[k, columns.MASS], columns.STIFF + 15
-        I = link[k, at], link[k, at + 1], link[k, at + 2], link[k, at + 3], link[k, at + 4], link[k, at + 5]
-        force = add(scale(m, vector_at(link, k, columns.ACCELERATION)), scale(moving, vector_at(link, k, columns.BIAS)))
-        torque = add(
-            symmetric(I, vector_at(link, k, columns.ACCELERATION + 3)),
-            scale(moving, vector_at(link, k, columns.BIAS + 3)),
-        )
+        m, I = link[k, columns.MASS], _inertia(link, k)
+        force, torque = _wrench(link, k, moving)
         for e in range(freedoms):
             v, w = vector_at(V[e], k, 0), vector_at(V[e], k, 3)
             x, y = scale(m, v), symmetric(I, w)
@@ -206,6 +238,16 @@ def add_to_links(link: Array, at: int, freedoms: int, V: Array, G: Array) -> Non
 
 
 @inner
+def put_targets(group: Array, order: Array, state: Array, target: Array, J: Array, column: int) -> None:
+    """Targets of the rows chosen into a column of J."""
+    row = 0
+    for g in range(group.shape[0]):
+        for number in range(group[g, ROW], group[g, ROW] + state[g, CHOSEN]):
+            J[row, column] = target[order[number]]
+            row += 1
+
+
+@inner
 def solve_rows(
     group: Array,
     touched: Array,
@@ -213,15 +255,18 @@ def solve_rows(
     state: Array,
     moves: Array,
     W: Array,
-    target: Array,
     links: Array,
     free: Array,
     at: Array,
     J: Array,
+    targets: int,
     given: Array,
     left: Array,
 ) -> tuple[int, int, float]:
-    """Fill J with the rows chosen and solve it for directions; rows, directions left, least pivot."""
+    """Fill J with the rows chosen and solve it for directions; rows, directions left, least pivot.
+
+    Behind the directions it holds as many targets.
+    """
     rows, count, O = 0, free.shape[0], vector_at(links, 0, columns.POSITION)
     _motions_at_one_point(links, free, at)
     for g in range(group.shape[0]):
@@ -229,7 +274,6 @@ def solve_rows(
             row = order[number]
             for n in range(count):
                 J[rows, n] = 0.0
-            J[rows, count] = target[row]
             for slot in range(TOUCHED):
                 k = touched[row, slot]
                 if k < 0:
@@ -241,7 +285,7 @@ def solve_rows(
                     if moves[k, n]:
                         J[rows, n] += dot(force, vector_at(at, n, 0)) + dot(torque, vector_at(at, n, 3))
             rows += 1
-    freedoms, least = eliminate(J, rows, given, left)
+    freedoms, least = eliminate(J, rows, count + targets, given, left)
     return rows, freedoms, least
 
 
@@ -269,6 +313,30 @@ def reduce_links(
     particular(J, rows, given, u)
     move(link, free, u, moving, link, columns.ACCELERATION)
     _masses(link, freedoms, V, G, moving)
-    solve(G, freedoms)
+    _factorise(G, freedoms)
+    _solve(G, freedoms)
     add_motions(J, rows, given, left, G, freedoms, u)
     add_to_links(link, columns.ACCELERATION, freedoms, V, G)
+
+
+@inner
+def reduce_again(
+    J: Array,
+    given: Array,
+    left: Array,
+    V: Array,
+    G: Array,
+    rows: int,
+    freedoms: int,
+    link: Array,
+    free: Array,
+    u: Array,
+) -> None:
+    """Displacements of least M-norm for the second targets, after `reduce_links` for the first."""
+    for row in range(rows):
+        J[row, u.shape[0]] = J[row, u.shape[0] + 1]
+    particular(J, rows, given, u)
+    move(link, free, u, 0.0, link, columns.ACCELERATION)
+    _forces(link, freedoms, V, G)
+    _solve(G, freedoms)
+    add_motions(J, rows, given, left, G, freedoms, u)

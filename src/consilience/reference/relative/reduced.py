@@ -17,7 +17,7 @@ class Reduced(NamedTuple):
 
     moves: Array  # (n_b, N) whether a direction moves a link
     at: Array  # (N, 6) S of the directions at a point that is the same for all
-    J: Array  # (q, N + 1) rows, and t
+    J: Array  # (q, N + 2) rows, and t of one problem or two
     given: Array  # (q,) direction that a row gives, -1 where it depends on others
     left: Array  # (N,) directions left, the first f
     V: Array  # (N, n_b + 1, 6) motions of the links; the last row is the ground
@@ -36,7 +36,7 @@ def reduced(rows: int, layout: Array, directions: int) -> Reduced:
     return Reduced(
         moves=moves,
         at=np.zeros((directions, 6)),
-        J=np.zeros((rows, directions + 1)),
+        J=np.zeros((rows, directions + 2)),
         given=np.zeros(rows, dtype=np.int64),
         left=np.zeros(directions, dtype=np.int64),
         V=np.zeros((directions, len(layout) + 1, 6)),

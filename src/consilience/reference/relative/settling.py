@@ -10,47 +10,43 @@ import numpy as np
 from consilience.reference.compiled import inlined, inner, kernel
 from consilience.reference.joint_rows import coordinate
 from consilience.reference.model import ANGLE, Model
-from consilience.reference.relative.articulated import inertias
+from consilience.reference.relative.closing import (
+    CLOSED,
+    POSITION_STEPS,
+    largest,
+    note_pivot,
+    opened,
+    pull,
+)
 from consilience.reference.relative.columns import REST
 from consilience.reference.relative.dynamics import remember
 from consilience.reference.relative.either import (
     accelerate,
     articulate_links,
-    cut_rows,
-    eliminate,
     force_rows,
-    measure_rows,
     open_speeds,
     place_at,
-    reduce,
     respond_to_rows,
 )
 from consilience.reference.relative.fronts import CHOOSE, factorise, threshold
 from consilience.reference.relative.kinematics import displace, normalise, place, place_bodies, place_links, record
 from consilience.reference.relative.loops import CHOSEN, RANK, ROW, ROW_END, USED, Fronts, Loops
-from consilience.reference.relative.model import LARGEST_RANK, LEAST, PIVOT, Elements, Rest, Space, Tree
-from consilience.reference.relative.null_space import SOUND, is_small, rank_chosen
+from consilience.reference.relative.model import LARGEST_RANK, LEAST, Elements, Rest, Space, Tree
+from consilience.reference.relative.null_space import SOUND
 from consilience.reference.relative.planar import place_planar, place_planar_bodies
 from consilience.reference.relative.plane import Plane
 from consilience.spatial import Array
 
-_POSITION_STEPS = 3
 _PASSING = 1e-4
 """Part of its largest value at which the least independent pivot counts as passing through zero."""
 _TURN = 1.5
 """Most that an angle whose turns are counted may change in a step, rad: well below half a turn."""
 
+SEEN = np.array([True])[0]
+"""Of a state that is a sample, or that is kept."""
+
 _PASSING_VIOLATION = 1e-11
 """Violation that rows left out on the way through a singular pose may have."""
-
-
-@inner
-def _largest(x: Array, count: int) -> float:
-    """Largest size of the first numbers of an array."""
-    found = 0.0
-    for n in range(count):
-        found = max(found, abs(x[n]))
-    return found
 
 
 @inner
@@ -144,17 +140,6 @@ def _keep(loops: Loops, fronts: Fronts, rank: int, least: float, best: Array, li
 
 
 @inner
-def _opened(
-    rest: Rest, space: Space | None, elements: Elements | None, plane: Plane | None, t: float, z: Array
-) -> float:
-    """Cut rows of the bodies as they are placed; their violation."""
-    rest.fronts.wanted[:] = 1
-    cut_rows(rest, space, elements, plane, t, z)
-    measure_rows(rest, space, plane)
-    return _largest(rest.value, rest.held) / max(1.0, rest.length)
-
-
-@inner
 def _release(W: Array, held: int) -> None:
     """Take away the wrenches of the rows that hold no positions."""
     for row in range(held, W.shape[0]):
@@ -170,75 +155,10 @@ def find_rank(
     """Independent rows of a state whose loops are closed, into ``rest.fronts``; places the bodies."""
     place_at(rest, space, elements, plane, z)
     if rest.loops.group.shape[0]:
-        violation = _opened(rest, space, elements, plane, t, z)
+        violation = opened(rest, space, elements, plane, t, z)
         articulate_links(space, plane, rest.link, rest.free)
         loops, fronts, link, free = rest.loops, rest.fronts, rest.link, rest.free
         _choose(loops, rest.layout, fronts, space, plane, link, free, rest.size[0], rest.best, rest.limit, violation)
-
-
-@inner
-def _is_sound(least: float, best: Array) -> bool:
-    """Whether the least pivot is about as large as it has been; larger ones are noted."""
-    if SOUND * best[PIVOT] <= least <= best[PIVOT]:
-        return True
-    # the fronts have their own measure of it, which has to follow
-    best[PIVOT] = max(best[PIVOT], least)
-    return False
-
-
-@inner
-def _correct(rest: Rest, space: Space, elements: Elements | None, t: float, z: Array) -> bool:
-    """`project` of a state that a step has left, by elimination, with the inertias that the links have at first.
-
-    False where the least pivot is not `_is_sound`, with z closed as far as it came.
-    """
-    loops, fronts, few, link, free, u = rest.loops, rest.fronts, space.reduced, rest.link, rest.free, rest.u
-    value, target, speeds = rest.value, fronts.target, rest.speeds
-    closed = False
-    inertias(link)
-    for _ in range(_POSITION_STEPS + 1):
-        closed = _opened(rest, space, elements, None, t, z) <= 2e-16 or closed
-        if closed:
-            open_speeds(rest, space, None)
-        else:
-            for row in range(target.shape[0]):
-                target[row] = -value[row]
-        rows, freedoms, least = eliminate(loops, fronts, few, link, free)
-        if not _is_sound(least, rest.best):
-            return False
-        reduce(few, rows, freedoms, link, free, u, 0.0)
-        if closed:
-            for n in range(u.shape[0]):
-                z[speeds + n] += u[n]
-        else:
-            displace(rest.layout, z, u)
-        place_at(rest, space, elements, None, z)
-        if closed:
-            return True
-        closed = _largest(u, u.shape[0]) < 1e-9
-    return False
-
-
-@inlined
-def _is_regular(rest: Rest, space: Space) -> bool:
-    """Whether elimination will do: few directions are free, and all rows hold positions and have been independent.
-
-    Of rows that depend on others those are to be chosen anew after each step which are the most independent.
-    """
-    group, state, count = rest.loops.group, rest.fronts.state, rest.fronts.W.shape[0]
-    return (
-        is_small(group, state, space.reduced.left)
-        and rank_chosen(group, state) == count
-        and rest.best[LARGEST_RANK] == count
-        and rest.held == count
-    )
-
-
-@inlined
-def _note_pivot(rest: Rest, space: Space) -> None:
-    """The least pivot of the rows, once."""
-    if rest.best[PIVOT] == 0.0 and _is_regular(rest, space):
-        rest.best[PIVOT] = eliminate(rest.loops, rest.fronts, space.reduced, rest.link, rest.free)[2]
 
 
 @inlined
@@ -248,19 +168,19 @@ def _close(rest: Rest, space: Space | None, elements: Elements | None, plane: Pl
     speeds, held, size = rest.speeds, rest.held, rest.size
     W, target, value = fronts.W, fronts.target, rest.value
     last, violation, rank, least = False, 0.0, 0, 0.0
-    for step in range(_POSITION_STEPS + 1):
-        violation = _opened(rest, space, elements, plane, t, z)
+    for step in range(POSITION_STEPS + 1):
+        violation = opened(rest, space, elements, plane, t, z)
         if last:
             break
         articulate_links(space, plane, link, free)
-        if step == _POSITION_STEPS or violation <= 2e-16:
+        if step == POSITION_STEPS or violation <= 2e-16:
             break
         _release(W, held)
         rank, least, _ = _choose_rows(loops, layout, fronts, space, plane, link, free, 0.0, size[0])
         for row in range(target.shape[0]):
             target[row] = -value[row] if row < held else 0.0
         _displacements(loops, fronts, space, plane, link, free, u)
-        last = _largest(u, u.shape[0]) < 1e-9
+        last = largest(u, u.shape[0]) < CLOSED
         displace(layout, z, u)
         place_at(rest, space, elements, plane, z)
     # where the first correction is that small, the speeds have as little to be corrected, and its factors will do
@@ -269,7 +189,7 @@ def _close(rest: Rest, space: Space | None, elements: Elements | None, plane: Pl
             articulate_links(space, plane, link, free)
         _choose(loops, layout, fronts, space, plane, link, free, size[0], rest.best, rest.limit, violation)
     if space is not None:
-        _note_pivot(rest, space)
+        note_pivot(rest, space)
     open_speeds(rest, space, plane)
     _displacements(loops, fronts, space, plane, link, free, u)
     for n in range(u.shape[0]):
@@ -279,13 +199,14 @@ def _close(rest: Rest, space: Space | None, elements: Elements | None, plane: Pl
 
 @inner
 def project(
-    rest: Rest, space: Space | None, elements: Elements | None, plane: Plane | None, t: float, z: Array
+    rest: Rest, space: Space | None, elements: Elements | None, plane: Plane | None, t: float, z: Array, seen: bool
 ) -> None:
     """Bring z back to closed loops, in place: coordinates by Newton's method, then speeds, each of least M-norm.
 
     Newton's method goes on until rounding is reached: in a flat parallelogram, whose coordinates violate the rows by
     their square, a violation of 1e-14 is a coordinate that is wrong by 1e-7. Leaves the bodies placed at the state it
-    ends with.
+    ends with. A state that is not seen, no sample and nothing that is kept, may stay open by what the next step will
+    take away, and its bodies are placed only where elements read them.
     """
     normalise(rest.layout, z)
     place_at(rest, space, elements, plane, z)
@@ -293,7 +214,7 @@ def project(
         return
     closed = False
     if space is not None:
-        closed = rest.best[PIVOT] > 0.0 and _is_regular(rest, space) and _correct(rest, space, elements, t, z)
+        closed = pull(rest, space, elements, t, z, seen)
     if not closed:
         _close(rest, space, elements, plane, t, z)
 
@@ -307,10 +228,11 @@ def settle(
     plane: Plane | None,
     t: float,
     z: Array,
+    seen: bool,
 ) -> None:
-    """Bring a state back to closed loops, in place, and place the links at it."""
+    """Bring a state back to closed loops, in place, and place the links at it: see `project`."""
     if rest is not None:
-        project(rest, space, elements, plane, t, z)
+        project(rest, space, elements, plane, t, z, seen)
     elif plane is not None:
         place_planar(tree.link, tree.free, z, z[tree.speeds :])
     elif space is not None:
@@ -355,9 +277,10 @@ def arrive(
     plane: Plane | None,
     t: float,
     z: Array,
+    seen: bool,
 ) -> None:
     """`settle` at the end of a step, and count the turns that elements read."""
-    settle(tree, rest, space, elements, plane, t, z)
+    settle(tree, rest, space, elements, plane, t, z, seen)
     if elements is not None:
         remember(elements, tree.y, tree.A)
 
@@ -376,4 +299,4 @@ def begin(
     if elements is not None:
         place(tree.layout, tree.link, tree.free, tree.speeds, z, tree.y, tree.A)
         remember(elements, tree.y, tree.A)
-    arrive(tree, rest, space, elements, plane, t, z)
+    arrive(tree, rest, space, elements, plane, t, z, SEEN)
