@@ -42,13 +42,14 @@ def joint_wrenches(mechanism: Mechanism, state: State, lam: Array) -> Array:
     return np.array(wrenches)
 
 
-def canonical_motion(mechanism: Mechanism, y: Array) -> tuple[Array, Array, Array, Array]:
+def canonical_motion(com: Array, y: Array) -> tuple[Array, Array, Array, Array]:
     """p_WB, quat_WB, v_WB_W, w_WB_W of a motion y, shape (n_t, n_b + n_e, 13), quaternions continuous in time.
+
+    Of bodies whose centres of mass are com, shape (n_b, 3), m, in their own frames.
 
     What `unpack` and `continuous_in_time` do, compiled: of a short motion of few bodies they took longer than it.
     """
-    com = np.array([b.com for b in mechanism.bodies])
-    shape = (len(y), len(mechanism.bodies))
+    shape = (len(y), len(com))
     p, quat, v, w = np.empty((*shape, 3)), np.empty((*shape, 4)), np.empty((*shape, 3)), np.empty((*shape, 3))
     _canonical(com, y, np.empty((3, 3)), p, quat, v, w)
     return p, quat, v, w

@@ -102,7 +102,9 @@ def _checked(times: Array, tolerance: float) -> Array:
     times = np.asarray(times, dtype=float)
     if not 1e-14 <= tolerance <= 1e-3:
         raise InvalidInput("tolerance", f"{tolerance} is out of range", "Choose 1e-14 to 1e-3.")
-    if times.ndim != 1 or len(times) < 1 or not (np.isfinite(times).all() and (times[1:] > times[:-1]).all()):
+    # where they increase, all are finite if the first and the last are
+    sound = times.ndim == 1 and len(times) > 0 and -np.inf < times[0] and times[-1] < np.inf
+    if not sound or not (times[1:] > times[:-1]).all():
         raise InvalidInput("times", "they do not increase", "Give finite, increasing sample times.")
     return times
 
@@ -118,9 +120,9 @@ def _compiled(mechanism: Mechanism, state: State, times: Array, tolerance: float
     status = dop853.integrate(number, model, y, times, float(tolerance), memory, ws, motion, counters, scratch)
     if status:
         raise NumericalFailure(f"reference, {formulation}, tolerance {tolerance:g}: {dop853.STATUS[status]}")
-    p, quat, v, w = canonical_motion(mechanism, motion)
+    p, quat, v, w = canonical_motion(np.array([b.com for b in mechanism.bodies]), motion)
     names = ("steps", "rejected", "evaluations")
-    counts: dict[str, int | float] = {name: int(n) for name, n in zip(names, counters, strict=True)}
+    counts: dict[str, int | float] = dict(zip(names, counters.tolist(), strict=True))
     return TrajectoryAnswer(times, p, quat, v, w, counts)
 
 

@@ -123,7 +123,7 @@ def simulate_relative(
     if status:
         raise NumericalFailure(f"reference, relative, {integrator}, tolerance {tolerance:g}: {STATUS[status]}")
     prepared.idle.append(working)  # not after a failure, which may leave what is not a number
-    p, quat, v, w = canonical_motion(mechanism, motion)
+    p, quat, v, w = canonical_motion(prepared.links.com, motion)
     names = ("steps", "rejected", "evaluations")
-    counts: dict[str, int | float] = {name: int(n) for name, n in zip(names, counters, strict=True)}
+    counts: dict[str, int | float] = dict(zip(names, counters.tolist(), strict=True))
     return TrajectoryAnswer(times, p, quat, v, w, counts)
