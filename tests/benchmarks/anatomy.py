@@ -27,7 +27,7 @@ from consilience.reference.relative.settling import SEEN, arrive
 
 CASES = ("four_bar", "slider_crank", "manipulator", "spatial_slider_crank", "rssr_four_bar", "furuta_pendulum")
 PARTS = ("placing", "inertias, forces", "rows", "tree", "closing", "rates")
-REPEATS, COUNT, APART = 15, 2000, 1e-5
+REPEATS, COUNT, APART = 15, 2000, 1e-7
 DURATION, TOLERANCE = 5.0, 1e-10
 
 

@@ -2,7 +2,7 @@
 
     python tests/harness/kills.py --kills 200
 
-Each round starts a suite of 209 jobs in an empty folder, kills the runner, one of its workers, or both, and lets the
+Each round starts a suite of 204 jobs in an empty folder, kills the runner, one of its workers, or both, and lets the
 same command finish. It is killed once a random number of answers is kept and a random time after that; some before the
 first answer, some after the last, while the report is written. The database refuses an answer it has already, so that a
 finished job that is done again ends the command with an error; the report must say what that of an undisturbed suite
@@ -38,7 +38,7 @@ from consilience.store import FILE, Store
 CASES = (
     *("single_revolute", "single_prismatic", "single_cylindrical", "single_universal", "single_spherical"),
     *("double_pendulum", "furuta_pendulum", "cart_pole", "simple_pendulum-small", "physical_pendulum-small"),
-    "steady_precession",
+    *("steady_precession", "acrobot"),
 )
 ENGINES = ("pinocchio", "mujoco")
 TARGETS = ("runner", "worker", "both")
