@@ -5,7 +5,7 @@ Where it cannot be done, or does not close the loops, `settling.project` goes on
 
 from __future__ import annotations
 
-from consilience.reference.compiled import inlined, inner
+from consilience.reference.compiled import fused, inlined, inner
 from consilience.reference.relative.articulated import inertias
 from consilience.reference.relative.either import (
     cut_rows,
@@ -77,7 +77,7 @@ def _is_sound(least: float, best: Array) -> bool:
     return SOUND * best[PIVOT] <= least <= best[PIVOT]
 
 
-@inner
+@fused
 def pull(rest: Rest, space: Space, elements: Elements | None, t: float, z: Array, seen: bool) -> bool:
     """`settling.project` by elimination, each time of coordinates and speeds at once.
 
