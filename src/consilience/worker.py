@@ -21,7 +21,7 @@ from consilience.run import EngineInfo
 from consilience.workers import codec
 from consilience.workers.environments import NoEnvironment, launch_of
 from consilience.workers.frames import Frame, ProtocolError
-from consilience.workers.jobs import Plan, Request, perform, raised
+from consilience.workers.jobs import Plan, Raised, Request, attempt, perform, raised
 from consilience.workers.process import Fault, Launch, Process
 from consilience.workers.sending import Held, alone, job, loading
 
@@ -315,12 +315,14 @@ class Here:
     def ask(self, request: Request) -> Reply:
         """Do a job."""
         start = time.process_time()
-        try:
-            self._engine = self._engine or load_engine(self.engine)
-            value = perform(self._engine, request)
-        except Exception as error:  # noqa: BLE001 - whatever an engine raises is evidence about that engine
-            return Reply(None, False, raised(error), time.process_time() - start)
+        value = attempt(self._perform, request)
+        if isinstance(value, Raised):
+            return Reply(None, False, raised(value.error), time.process_time() - start)
         return Reply(value, True, cpu=time.process_time() - start)
+
+    def _perform(self, request: Request) -> object:
+        self._engine = self._engine or load_engine(self.engine)
+        return perform(self._engine, request)
 
 
 class _NotStarted(Exception):

@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 from consilience.compare import Verdict
 from consilience.errors import InvalidInput
 from consilience.mechanism import State
-from consilience.mutate import campaign, plan, report, seams, seams_minimal, summary
+from consilience.mutate import campaign, judge, plan, report, seams, seams_minimal, summary
 from consilience.mutate.campaign import Alarm, Campaign, Outcome, Task, perform, run_campaign
 from consilience.mutate.command import mutate
 from consilience.mutate.judge import GREEN, verdicts
@@ -158,6 +158,16 @@ def test_what_an_adapter_raises_is_a_failed_comparison():
         (found,) = verdicts(mutant, subject("revolute"), Question.INSTANT)
     assert found.verdict is Verdict.FAILED
     assert "a_WB_W has shape" in found.why
+
+
+@pytest.mark.parametrize("name", ["defects", "compare_instant"])
+def test_an_error_of_ours_is_no_evidence_about_an_engine(monkeypatch, name):
+    def fails(*_):
+        raise ZeroDivisionError("ours")
+
+    monkeypatch.setattr(judge, name, fails)
+    with pytest.raises(ZeroDivisionError, match="ours"):
+        verdicts(host(NAME), subject("revolute"), Question.INSTANT)
 
 
 def test_green_is_what_a_run_passes_over():

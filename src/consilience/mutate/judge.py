@@ -9,7 +9,7 @@ import traceback
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from consilience.compare import Comparison, Verdict, compare_instant, compare_model, compare_trajectory
 from consilience.compare.softness import SCALES
@@ -26,6 +26,9 @@ from consilience.run import (
     Status,
     defects,
 )
+from consilience.workers.jobs import Raised, attempt
+
+_T = TypeVar("_T")
 
 GREEN = (Verdict.AGREES, Verdict.DISCRETISATION, Verdict.UNSUPPORTED)
 """Verdicts that a run passes over, with the exit code 0. Every other one is noticed."""
@@ -48,39 +51,52 @@ def verdicts(engine: Engine, subject: Subject, question: Question, methods: str 
     SeamError
         If the mutant itself is at fault.
     """
-    try:
-        if engine.unsupported(subject.mechanism, question):
-            return []
-        offered = engine.methods(subject.mechanism, question)
-        chosen = [m for m in offered if methods in m.name and m.profile is Profile.MATCHED]
-    except Exception as error:  # noqa: BLE001 - whatever an engine or its adapter raises is evidence about that engine
-        return [_failed(subject, question, None, error)]
+    chosen = attempt(_chosen, engine, subject, question, methods)
+    if isinstance(chosen, Raised):
+        return [_failed(subject, question, None, chosen.error)]
     found = []
     for method in chosen:
         ask, compare = _QUESTIONS[question]
         try:
             answer = ask(engine, subject, method)
-        except Exception as error:  # noqa: BLE001 - as above
-            found.append(_failed(subject, question, method, error))
+        except _NoAnswerError as none:
+            found.append(_failed(subject, question, method, none.reason))
         else:
-            found.append(compare(subject, method, answer))  # an error of ours is no evidence about an engine
+            found.append(compare(subject, method, answer))
     return found
+
+
+def _chosen(engine: Engine, subject: Subject, question: Question, words: str) -> list[Method]:
+    if engine.unsupported(subject.mechanism, question):
+        return []
+    offered = engine.methods(subject.mechanism, question)
+    return [method for method in offered if words in method.name and method.profile is Profile.MATCHED]
 
 
 class DefectiveAnswerError(Exception):
     """An answer of the wrong form."""
 
 
-def _checked(answer: object, question: Question, subject: Subject, count: int) -> None:
+class _NoAnswerError(Exception):
+    """An engine gave no answer that can be compared; an error of ours is none, and goes its way."""
+
+    def __init__(self, reason: Exception) -> None:
+        super().__init__(str(reason))
+        self.reason = reason
+
+
+def _sound(answer: _T | Raised, question: Question, subject: Subject, count: int) -> _T:
+    if isinstance(answer, Raised):
+        raise _NoAnswerError(answer.error)
     wrong = defects(answer, question, subject.mechanism, count)
     if wrong:
-        raise DefectiveAnswerError("; ".join(wrong))
+        raise _NoAnswerError(DefectiveAnswerError("; ".join(wrong)))
+    return answer
 
 
 def _model(engine: Engine, subject: Subject, method: Method) -> ModelAnswer:
-    answer: ModelAnswer = engine.model(subject.mechanism, subject.states[0], method)
-    _checked(answer, Question.MODEL, subject, 1)
-    return answer
+    answer = attempt(engine.model, subject.mechanism, subject.states[0], method)
+    return _sound(answer, Question.MODEL, subject, 1)
 
 
 def _compare_model(subject: Subject, method: Method, answer: ModelAnswer) -> Comparison:
@@ -88,9 +104,8 @@ def _compare_model(subject: Subject, method: Method, answer: ModelAnswer) -> Com
 
 
 def _instant(engine: Engine, subject: Subject, method: Method) -> InstantAnswer:
-    answer: InstantAnswer = engine.instant(subject.mechanism, subject.states, method)
-    _checked(answer, Question.INSTANT, subject, len(subject.states))
-    return answer
+    answer = attempt(engine.instant, subject.mechanism, subject.states, method)
+    return _sound(answer, Question.INSTANT, subject, len(subject.states))
 
 
 def _compare_instant(subject: Subject, method: Method, answer: InstantAnswer) -> Comparison:
@@ -98,9 +113,9 @@ def _compare_instant(subject: Subject, method: Method, answer: InstantAnswer) ->
 
 
 def _run(engine: Engine, subject: Subject, method: Method, level: int, step: float) -> Run:
-    answer = engine.trajectory(subject.mechanism, subject.states[0], subject.times, method, step)
-    _checked(answer, Question.TRAJECTORY, subject, len(subject.times))
-    return Run(subject.name, "", Question.TRAJECTORY, method, level, step, Status.ANSWERED, answer)
+    answer = attempt(engine.trajectory, subject.mechanism, subject.states[0], subject.times, method, step)
+    sound = _sound(answer, Question.TRAJECTORY, subject, len(subject.times))
+    return Run(subject.name, "", Question.TRAJECTORY, method, level, step, Status.ANSWERED, sound)
 
 
 def _trajectory(engine: Engine, subject: Subject, method: Method) -> tuple[list[Run], list[Run]]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import ParamSpec, TypeVar
 
 import numpy as np
 
@@ -11,6 +12,24 @@ from consilience.engine import Engine
 from consilience.mechanism import Mechanism, State
 from consilience.run import Manifest, Method, Question, Unsupported
 from consilience.spatial import Array
+
+_P = ParamSpec("_P")
+_T = TypeVar("_T")
+
+
+@dataclass(frozen=True)
+class Raised:
+    """What an engine raised in place of an answer."""
+
+    error: Exception
+
+
+def attempt(action: Callable[_P, _T], *given: _P.args, **named: _P.kwargs) -> _T | Raised:
+    """Let an engine act; what it raises is evidence about it. Nothing of ours may go on in the action."""
+    try:
+        return action(*given, **named)
+    except Exception as error:  # noqa: BLE001 - an engine, and its adapter, may raise anything
+        return Raised(error)
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,24 +166,28 @@ def _ask(engine: Engine, mechanism: Mechanism, request: Request) -> object:
     return engine.trajectory(mechanism, request.states[0], request.times, request.method, request.step)
 
 
+def _offer(
+    engine: Engine, mechanism: Mechanism, question: Question
+) -> tuple[tuple[Unsupported, ...], tuple[Method, ...]]:
+    unsupported = engine.unsupported(mechanism, question)
+    return unsupported, () if unsupported else engine.methods(mechanism, question)
+
+
 def _survey(engine: Engine, mechanism: Mechanism, states: Sequence[State], questions: Sequence[Question]) -> Survey:
     """Ask for what this is about alone: a whole plan would have the engine look into trajectories, too."""
     said, refusals = list[Said](), dict[Question, tuple[Unsupported, ...]]()
     for question in questions:
-        try:
-            unsupported = engine.unsupported(mechanism, question)
-            methods = () if unsupported else engine.methods(mechanism, question)
-        except Exception as error:  # noqa: BLE001 - whatever an engine raises is evidence about that engine
-            said.append(Said(question, None, None, raised(error)))
+        offer = attempt(_offer, engine, mechanism, question)
+        if isinstance(offer, Raised):
+            said.append(Said(question, None, None, raised(offer.error)))
             continue
-        refusals[question] = unsupported
-        if not methods and not unsupported:
+        refusals[question], methods = offer
+        if not methods and not refusals[question]:
             said.append(Said(question, None, None, "the adapter supports the question and offers no method"))
         for method in methods:
-            try:
-                answer = _ask(engine, mechanism, Request(mechanism, question, method, states))
-            except Exception as error:  # noqa: BLE001 - whatever an engine raises is evidence about that engine
-                said.append(Said(question, method, None, raised(error)))
+            answer = attempt(_ask, engine, mechanism, Request(mechanism, question, method, states))
+            if isinstance(answer, Raised):
+                said.append(Said(question, method, None, raised(answer.error)))
             else:
                 said.append(Said(question, method, answer))
     return Survey(tuple(said), refusals)
