@@ -160,7 +160,12 @@ def campaign(suite: Suite, kills: int, seed: int, room: Path) -> list[str]:
     finish(suite, whole)
     expected, jobs = report(whole), answers(whole)
     print(f"the suite has {jobs} jobs and takes {time.monotonic() - begun:.1f} s", flush=True)
-    wrong = []
+    wrong: list[str] = []
+
+    def note(words: str) -> None:
+        wrong.append(words)
+        print(f"WRONG: {words}", flush=True)  # at once: a campaign may be stopped
+
     for n in range(kills):
         folder, target = room / str(n), TARGETS[n % len(TARGETS)]
         refuse_repeats(folder)
@@ -171,12 +176,12 @@ def campaign(suite: Suite, kills: int, seed: int, room: Path) -> list[str]:
         try:
             finish(suite, folder)
         except RuntimeError as error:
-            wrong.append(f"kill {n} ({target}): {error}")
+            note(f"kill {n} ({target}): {error}")
             continue
         if left:
-            wrong.append(f"kill {n} ({target}): {len(left)} processes were left")
+            note(f"kill {n} ({target}): {len(left)} processes were left")
         if answers(folder) != jobs or report(folder) != expected:
-            wrong.append(f"kill {n} ({target}): another report, {answers(folder)} answers in place of {jobs}")
+            note(f"kill {n} ({target}): another report, {answers(folder)} answers in place of {jobs}")
         print(f"kill {n}: {target}, {kept} of {jobs} answers were kept", flush=True)
         shutil.rmtree(folder)
     return wrong
@@ -194,7 +199,5 @@ if __name__ == "__main__":
         os.environ[variable] = "1"
     with tempfile.TemporaryDirectory() as room:
         found = campaign(SHORT if chosen.short else WHOLE, chosen.kills, chosen.seed, Path(room))
-    for line in found:
-        print(line)
     print(f"{chosen.kills} kills, {len(found)} wrong")
     raise SystemExit(bool(found))
