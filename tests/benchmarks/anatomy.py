@@ -13,12 +13,13 @@ from numba import njit
 
 from consilience.library import load_case
 from consilience.reference import simulate
+from consilience.reference.relative import columns
 from consilience.reference.relative.articulated import free_biases, inertias, sweep_in
 from consilience.reference.relative.cut_rows import want
 from consilience.reference.relative.dynamics import _close, _push, rates
-from consilience.reference.relative.either import accelerate, coast, cut_rows, eliminate, open_links, place_at, reduce
+from consilience.reference.relative.either import accelerate, coast, cut_rows, eliminate, open_links, place_at
 from consilience.reference.relative.model import PIVOT, flatten_relative, system
-from consilience.reference.relative.null_space import is_small
+from consilience.reference.relative.null_space import add_to_links, is_small, reduce_links
 from consilience.reference.relative.packing import pack_relative
 from consilience.reference.relative.planar import sweep_in_planar
 from consilience.reference.relative.planar_model import planar
@@ -28,6 +29,9 @@ from consilience.reference.relative.settling import SEEN, arrive
 CASES = ("four_bar", "slider_crank", "manipulator", "spatial_slider_crank", "rssr_four_bar", "furuta_pendulum")
 PARTS = ("placing", "inertias, forces", "rows", "tree", "closing", "rates")
 REPEATS, COUNT, APART = 15, 2000, 1e-7
+"""Repetitions, calls in each, and how far a step of a second leaves a state open: 1e-12 or so in a step of the
+tolerance below, which one correction closes."""
+
 DURATION, TOLERANCE = 5.0, 1e-10
 
 
@@ -72,7 +76,8 @@ def close(rest, space, plane, small):
     if space is not None:  # noqa: SIM102 - as above
         if small:
             rows, freedoms, _ = eliminate(loops, fronts, space.reduced, link, free)
-            reduce(space.reduced, rows, freedoms, link, free, u, 1.0)
+            reduce_links(space.reduced, rows, freedoms, link, free, u, 1.0)
+            add_to_links(link, columns.ACCELERATION, freedoms, space.reduced.V, space.reduced.G)
     if not small:
         _close(loops, rest.layout, link, free, fronts, space, plane, rest.size[0])
         accelerate(space, plane, link, free, u, 1.0)

@@ -10,15 +10,22 @@ from consilience.reference.relative.articulated import inertias
 from consilience.reference.relative.either import (
     cut_rows,
     eliminate,
-    eliminate_with,
     measure_rows,
     open_speeds,
     place_at,
-    reduce,
 )
 from consilience.reference.relative.kinematics import displace
 from consilience.reference.relative.model import LARGEST_RANK, PIVOT, Elements, Rest, Space
-from consilience.reference.relative.null_space import SOUND, TWO, is_small, put_targets, rank_chosen, reduce_again
+from consilience.reference.relative.null_space import (
+    SOUND,
+    TWO,
+    is_small,
+    put_targets,
+    rank_chosen,
+    reduce_again,
+    reduce_links,
+    solve_rows,
+)
 from consilience.reference.relative.plane import Plane
 from consilience.spatial import Array
 
@@ -50,7 +57,7 @@ def opened(
 
 
 @inlined
-def is_regular(rest: Rest, space: Space) -> bool:
+def _is_regular(rest: Rest, space: Space) -> bool:
     """Whether elimination will do: few directions are free, and all rows hold positions and have been independent.
 
     Of rows that depend on others those are to be chosen anew after each step which are the most independent.
@@ -67,7 +74,7 @@ def is_regular(rest: Rest, space: Space) -> bool:
 @inlined
 def note_pivot(rest: Rest, space: Space) -> None:
     """The least pivot of the rows, once."""
-    if rest.best[PIVOT] == 0.0 and is_regular(rest, space):
+    if rest.best[PIVOT] == 0.0 and _is_regular(rest, space):
         rest.best[PIVOT] = eliminate(rest.loops, rest.fronts, space.reduced, rest.link, rest.free)[2]
 
 
@@ -83,11 +90,11 @@ def pull(rest: Rest, space: Space, elements: Elements | None, t: float, z: Array
 
     The speeds are closed in the pose before its correction u, and open by about ``u v`` afterwards. Where the state is
     seen, that is taken away by one time more, otherwise by the next step. False, with z closed as far as it came, where
-    the rows are not `is_regular` or the least pivot is not `_is_sound`.
+    the rows are not `_is_regular` or the least pivot is not `_is_sound`.
     """
     loops, fronts, few, link, free, u = rest.loops, rest.fronts, space.reduced, rest.link, rest.free, rest.u
     group, order, state, value, target = loops.group, fronts.order, fronts.state, rest.value, fronts.target
-    if rest.best[PIVOT] == 0.0 or not is_regular(rest, space):
+    if rest.best[PIVOT] == 0.0 or not _is_regular(rest, space):
         return False
     closed = False
     for _ in range(POSITION_STEPS + 1):
@@ -98,21 +105,21 @@ def pull(rest: Rest, space: Space, elements: Elements | None, t: float, z: Array
         for row in range(target.shape[0]):
             target[row] = -value[row]
         put_targets(group, order, state, target, few.J, u.shape[0])
-        rows, freedoms, least = eliminate_with(loops, fronts, few, link, free, TWO)
+        rows, freedoms, least = solve_rows(loops, fronts, few, link, free, TWO)
         if not _is_sound(least, rest.best):
             # the fronts have their own measure of it, which has to follow
             rest.best[PIVOT] = max(rest.best[PIVOT], least)
             return False
-        reduce(few, rows, freedoms, link, free, u, 0.0)
+        reduce_links(few, rows, freedoms, link, free, u, 0.0)
         displace(rest.layout, z, u)
         last = closed or not seen
         closed = largest(u, u.shape[0]) < CLOSED
-        reduce_again(few.J, few.given, few.left, few.V, few.G, rows, freedoms, link, free, u)
+        reduce_again(few, rows, freedoms, link, free, u)
         for n in range(u.shape[0]):
             z[rest.speeds + n] += u[n]
-        if closed and last and not seen and elements is None:
-            return True
-        place_at(rest, space, elements, None, z)
-        if closed and last:
+        done = closed and last
+        if seen or elements is not None or not done:
+            place_at(rest, space, elements, None, z)
+        if done:
             return True
     return False

@@ -10,6 +10,7 @@ from consilience.reference import forces
 from consilience.reference.compiled import fused, inlined, inner, kernel
 from consilience.reference.functions import evaluate as function_at
 from consilience.reference.joint_rows import coordinate
+from consilience.reference.relative import columns
 from consilience.reference.relative.articulated import (
     free_accelerations,
     free_biases,
@@ -26,14 +27,13 @@ from consilience.reference.relative.either import (
     force_rows,
     open_links,
     place_at,
-    reduce,
     respond_to_rows,
 )
 from consilience.reference.relative.fronts import KEEP, factorise, threshold
 from consilience.reference.relative.kinematics import coordinate_rates
 from consilience.reference.relative.loops import CHOSEN, USED, Fronts, Loops
 from consilience.reference.relative.model import PIVOT, Elements, Rest, Space, Tree
-from consilience.reference.relative.null_space import SOUND, is_small
+from consilience.reference.relative.null_space import SOUND, add_to_links, is_small, reduce_links
 from consilience.reference.relative.planar import place_planar, sweep_in_planar, sweep_out_planar
 from consilience.reference.relative.planar_rows import planar_rates, push_efforts
 from consilience.reference.relative.plane import Plane
@@ -119,7 +119,8 @@ def _eliminate(rest: Rest, space: Space) -> bool:
         rows, freedoms, least = eliminate(loops, fronts, few, link, free)
         found = least >= SOUND * rest.best[PIVOT]
         if found:
-            reduce(few, rows, freedoms, link, free, u, 1.0)
+            reduce_links(few, rows, freedoms, link, free, u, 1.0)
+            add_to_links(link, columns.ACCELERATION, freedoms, few.V, few.G)
     return found
 
 

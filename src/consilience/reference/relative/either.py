@@ -28,7 +28,6 @@ from consilience.reference.relative.null_space import (
     ONE,
     move,
     put_targets,
-    reduce_links,
     solve_rows,
 )
 from consilience.reference.relative.planar import place_planar, respond_planar, sweep_in_planar, sweep_out_planar
@@ -174,32 +173,4 @@ def coast(link: Array, free: Array, u: Array) -> None:
 def eliminate(loops: Loops, fronts: Fronts, few: Reduced, link: Array, free: Array) -> tuple[int, int, float]:
     """Solve the rows chosen for directions; rows, directions left, least pivot."""
     put_targets(loops.group, fronts.order, fronts.state, fronts.target, few.J, free.shape[0])
-    return eliminate_with(loops, fronts, few, link, free, ONE)
-
-
-@inlined
-def eliminate_with(
-    loops: Loops, fronts: Fronts, few: Reduced, link: Array, free: Array, targets: int
-) -> tuple[int, int, float]:
-    """`eliminate` where J holds the targets already."""
-    return solve_rows(
-        loops.group,
-        loops.touched,
-        fronts.order,
-        fronts.state,
-        few.moves,
-        fronts.W,
-        link,
-        free,
-        few.at,
-        few.J,
-        targets,
-        few.given,
-        few.left,
-    )
-
-
-@inlined
-def reduce(few: Reduced, rows: int, freedoms: int, link: Array, free: Array, u: Array, moving: float) -> None:
-    """`reduce_links` with the arrays of a mechanism."""
-    reduce_links(few.J, few.given, few.left, few.V, few.G, rows, freedoms, link, free, u, moving)
+    return solve_rows(loops, fronts, few, link, free, ONE)

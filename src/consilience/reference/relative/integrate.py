@@ -212,17 +212,20 @@ def _record(
     z: Array,
     t: float,
     step: float,
-    after: float,
+    seen: bool,
     times: Array,
     motion: Array,
     counters: Array,
-    sample: int,
+    first: int,
+    inner: int,
     scratch: Scratch,
 ) -> tuple[int, int]:
-    """Record the samples of a step from t to `after`; the number of the next one, and the next stage not known."""
-    first = sample
-    sample = inner = _within(times, sample, after)
-    if sample < times.shape[0] and times[sample] == after:
+    """Record the samples of a step, from the first; the number of the next one, and the next stage not known.
+
+    `inner` is the first that is not within the step; where its end is `seen`, it is there.
+    """
+    sample = inner
+    if seen:
         note(tree, space, plane, motion[sample])
         sample += 1
     if first == inner:
@@ -332,11 +335,12 @@ def integrate(
             continue
         counters[STEPS] += 1
         after = last if step == last - t else t + step
-        seen = _within(times, sample, after)
-        arrive(tree, rest, space, elements, plane, after, end, seen < times.shape[0] and times[seen] == after)
+        left = _within(times, sample, after)
+        seen = left < times.shape[0] and times[left] == after
+        arrive(tree, rest, space, elements, plane, after, end, seen)
         bound = longest_now(tree, elements, longest)
         sample, first = _record(
-            tree, rest, space, elements, plane, method, z, t, step, after, times, motion, counters, sample, scratch
+            tree, rest, space, elements, plane, method, z, t, step, seen, times, motion, counters, sample, left, scratch
         )
         _advance(z, end, K, first)
         t, h = after, step * factor if step == h else max(h, step * factor)

@@ -19,7 +19,8 @@ from consilience.reference.compiled import fused, inner, kernel
 from consilience.reference.relative import columns
 from consilience.reference.relative.inertia import Six, symmetric
 from consilience.reference.relative.kinematics import put, vector_at
-from consilience.reference.relative.loops import CHOSEN, ROW, TOUCHED
+from consilience.reference.relative.loops import CHOSEN, ROW, TOUCHED, Fronts, Loops
+from consilience.reference.relative.reduced import Reduced
 from consilience.reference.vectors import Vector, add, cross, dot, scale, sub
 from consilience.spatial import Array
 
@@ -249,26 +250,15 @@ def put_targets(group: Array, order: Array, state: Array, target: Array, J: Arra
 
 @inner
 def solve_rows(
-    group: Array,
-    touched: Array,
-    order: Array,
-    state: Array,
-    moves: Array,
-    W: Array,
-    links: Array,
-    free: Array,
-    at: Array,
-    J: Array,
-    targets: int,
-    given: Array,
-    left: Array,
+    loops: Loops, fronts: Fronts, few: Reduced, links: Array, free: Array, targets: int
 ) -> tuple[int, int, float]:
     """Fill J with the rows chosen and solve it for directions; rows, directions left, least pivot.
 
     Behind the directions it holds as many targets.
     """
+    group, touched, order, state, W, J = loops.group, loops.touched, fronts.order, fronts.state, fronts.W, few.J
     rows, count, O = 0, free.shape[0], vector_at(links, 0, columns.POSITION)
-    _motions_at_one_point(links, free, at)
+    _motions_at_one_point(links, free, few.at)
     for g in range(group.shape[0]):
         for number in range(group[g, ROW], group[g, ROW] + state[g, CHOSEN]):
             row = order[number]
@@ -282,61 +272,37 @@ def solve_rows(
                 force = W[row, slot, 0], W[row, slot, 1], W[row, slot, 2]
                 torque = add((W[row, slot, 3], W[row, slot, 4], W[row, slot, 5]), cross(away, force))
                 for n in range(count):
-                    if moves[k, n]:
-                        J[rows, n] += dot(force, vector_at(at, n, 0)) + dot(torque, vector_at(at, n, 3))
+                    if few.moves[k, n]:
+                        J[rows, n] += dot(force, vector_at(few.at, n, 0)) + dot(torque, vector_at(few.at, n, 3))
             rows += 1
-    freedoms, least = eliminate(J, rows, count + targets, given, left)
+    freedoms, least = eliminate(J, rows, count + targets, few.given, few.left)
     return rows, freedoms, least
 
 
 @inner
-def reduce_links(
-    J: Array,
-    given: Array,
-    left: Array,
-    V: Array,
-    G: Array,
-    rows: int,
-    freedoms: int,
-    link: Array,
-    free: Array,
-    u: Array,
-    moving: float,
-) -> None:
-    """Accelerations u, and those of the links, where the rows are solved (moving: 1).
+def reduce_links(few: Reduced, rows: int, freedoms: int, link: Array, free: Array, u: Array, moving: float) -> None:
+    """Accelerations u where the rows are solved (moving: 1).
 
-    At rest and without forces (0), the displacements of least M-norm.
+    At rest and without forces (0), displacements of least M-norm.
     """
     for e in range(freedoms):
-        homogeneous(J, rows, given, left[e], u)
-        move(link, free, u, 0.0, V[e], 0)
-    particular(J, rows, given, u)
+        homogeneous(few.J, rows, few.given, few.left[e], u)
+        move(link, free, u, 0.0, few.V[e], 0)
+    particular(few.J, rows, few.given, u)
     move(link, free, u, moving, link, columns.ACCELERATION)
-    _masses(link, freedoms, V, G, moving)
-    _factorise(G, freedoms)
-    _solve(G, freedoms)
-    add_motions(J, rows, given, left, G, freedoms, u)
-    add_to_links(link, columns.ACCELERATION, freedoms, V, G)
+    _masses(link, freedoms, few.V, few.G, moving)
+    _factorise(few.G, freedoms)
+    _solve(few.G, freedoms)
+    add_motions(few.J, rows, few.given, few.left, few.G, freedoms, u)
 
 
 @inner
-def reduce_again(
-    J: Array,
-    given: Array,
-    left: Array,
-    V: Array,
-    G: Array,
-    rows: int,
-    freedoms: int,
-    link: Array,
-    free: Array,
-    u: Array,
-) -> None:
+def reduce_again(few: Reduced, rows: int, freedoms: int, link: Array, free: Array, u: Array) -> None:
     """Displacements of least M-norm for the second targets, after `reduce_links` for the first."""
     for row in range(rows):
-        J[row, u.shape[0]] = J[row, u.shape[0] + 1]
-    particular(J, rows, given, u)
+        few.J[row, u.shape[0]] = few.J[row, u.shape[0] + 1]
+    particular(few.J, rows, few.given, u)
     move(link, free, u, 0.0, link, columns.ACCELERATION)
-    _forces(link, freedoms, V, G)
-    _solve(G, freedoms)
-    add_motions(J, rows, given, left, G, freedoms, u)
+    _forces(link, freedoms, few.V, few.G)
+    _solve(few.G, freedoms)
+    add_motions(few.J, rows, few.given, few.left, few.G, freedoms, u)

@@ -10,14 +10,7 @@ import numpy as np
 from consilience.reference.compiled import inlined, inner, kernel
 from consilience.reference.joint_rows import coordinate
 from consilience.reference.model import ANGLE, Model
-from consilience.reference.relative.closing import (
-    CLOSED,
-    POSITION_STEPS,
-    largest,
-    note_pivot,
-    opened,
-    pull,
-)
+from consilience.reference.relative.closing import CLOSED, POSITION_STEPS, largest, note_pivot, opened, pull
 from consilience.reference.relative.columns import REST
 from consilience.reference.relative.dynamics import remember
 from consilience.reference.relative.either import (
