@@ -35,6 +35,8 @@ def alive():
 def _counting():
     before = _nrt_python.memsys_stats_enabled()
     _nrt_python.memsys_enable_stats()
+    gc.collect()
+    gc.freeze()  # what was there before is not searched at each count
     yield
     if not before:
         _nrt_python.memsys_disable_stats()
