@@ -104,7 +104,7 @@ def _checked(times: Array, tolerance: float) -> Array:
         raise InvalidInput("tolerance", f"{tolerance} is out of range", "Choose 1e-14 to 1e-3.")
     # where they increase, all are finite if the first and the last are
     sound = times.ndim == 1 and len(times) > 0 and -np.inf < times[0] and times[-1] < np.inf
-    if not sound or not (times[1:] > times[:-1]).all():
+    if not sound or np.count_nonzero(times[1:] > times[:-1]) < len(times) - 1:
         raise InvalidInput("times", "they do not increase", "Give finite, increasing sample times.")
     return times
 

@@ -288,10 +288,9 @@ def renewed(given: System) -> System:
     return System(tree, rest, space, elements, given.plane)
 
 
-def restore(used: System, given: System) -> None:
-    """What one motion would leave to the next: rows chosen, what rows and pivots have been, turns."""
-    for array, first in zip(_lasting(used), _lasting(given), strict=True):
-        array[...] = first
+def lasting(used: System, given: System) -> list[tuple[Array, Array]]:
+    """What one motion would leave to the next, and as it was: rows chosen, what rows and pivots have been, turns."""
+    return list(zip(_lasting(used), _lasting(given), strict=True))
 
 
 def _lasting(arrays: System) -> list[Array]:

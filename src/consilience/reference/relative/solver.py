@@ -16,7 +16,7 @@ from consilience.reference.model import Model
 from consilience.reference.relative.gauss import gauss_scratch, integrate_gauss
 from consilience.reference.relative.integrate import Scratch, integrate, scratch
 from consilience.reference.relative.methods import DOP853, TP86
-from consilience.reference.relative.model import Links, Rest, System, flatten_relative, renewed, restore, system
+from consilience.reference.relative.model import Links, Rest, System, flatten_relative, lasting, renewed, system
 from consilience.reference.relative.packing import pack_relative
 from consilience.reference.relative.planar_model import planar
 from consilience.run import TrajectoryAnswer
@@ -45,6 +45,7 @@ class _Working(NamedTuple):
 
     system: System
     scratch: Scratch
+    lasting: list[tuple[Array, Array]]  # those that it would leave to the next, and what they were
 
 
 class _Prepared(NamedTuple):
@@ -65,8 +66,10 @@ class _Prepared(NamedTuple):
             taken = self.idle.pop()
         except IndexError:
             arrays = renewed(self.system)
-            return _Working(arrays, scratch(np.zeros(len(self.links.kind)), self.motion_of(arrays)))
-        restore(taken.system, self.system)
+            own = scratch(np.zeros(len(self.links.kind)), self.motion_of(arrays))
+            return _Working(arrays, own, lasting(arrays, self.system))
+        for array, first in taken.lasting:
+            array[...] = first
         return taken
 
     def motion_of(self, arrays: System) -> Rest | None:
