@@ -30,6 +30,9 @@ LARGEST_STEPS = 10
 CRAWLS = 1e-12
 """Below this tolerance Exudyn's control goes on at its smallest step without end."""
 
+SMALLEST_STEP = 1e-6
+"""s, of the same control: with its own, 1e-8, it may take an hour for a second of a stiff motion."""
+
 INTERVAL = float(TIMES[1] - TIMES[0])
 
 
@@ -56,6 +59,7 @@ def _adaptive(case: Case, model: Any) -> Route:
         scheme = settings.timeIntegration
         scheme.relativeTolerance = scheme.absoluteTolerance = tolerance
         scheme.numberOfSteps = round(LARGEST_STEPS * INTERVAL)
+        scheme.minimumStepSize = SMALLEST_STEP
         motion = [case.initial_state.p_WB]
         for start, end in pairwise(TIMES):
             scheme.startTime, scheme.endTime = float(start), float(end)
