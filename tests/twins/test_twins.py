@@ -19,10 +19,10 @@ from consilience.spatial import (
     quaternion_from_rotation,
     quaternion_product,
     rotation_angle_between,
-    rotation_from_quaternion,
     skew,
 )
 from mechanisms import LOOPS, TREES, chain, drawn_joint, four_bar, lumpy_body, rotation, states_of
+from reframing import arms, compose, in_frames, inverse, reframed, state_in_frames, symmetric
 
 ALL = TREES | LOOPS
 ORIGIN = Frame(np.zeros(3), np.eye(3))
@@ -39,48 +39,6 @@ class Twin:
         alpha,
     )
     time: float = 1.0
-
-
-def compose(outer: Frame, inner: Frame) -> Frame:
-    return Frame(outer.p + outer.R @ inner.p, outer.R @ inner.R)
-
-
-def inverse(frame: Frame) -> Frame:
-    return Frame(-frame.R.T @ frame.p, frame.R.T)
-
-
-def reframed(mechanism: Mechanism, body: str, new: Frame, **changes) -> Mechanism:
-    """Everything fixed to `body` expressed in a frame that is `new` in the old one; the body itself is not touched."""
-    back = inverse(new)
-
-    def point(name, p):
-        return back.p + back.R @ p if name == body else p
-
-    joints = tuple(
-        replace(
-            j,
-            F=compose(back, j.F) if j.predecessor == body else j.F,
-            M=compose(back, j.M) if j.successor == body else j.M,
-        )
-        for j in mechanism.joints
-    )
-    springs = tuple(
-        replace(
-            s,
-            point_predecessor=point(s.predecessor, s.point_predecessor),
-            point_successor=point(s.successor, s.point_successor),
-        )
-        for s in mechanism.springs
-    )
-    loads = tuple(
-        replace(
-            load,
-            point=point(load.body, load.point),
-            vector=back.R @ load.vector if load.body == body and load.frame == "body" else load.vector,
-        )
-        for load in mechanism.loads
-    )
-    return replace(mechanism, **{"joints": joints, "springs": springs, "loads": loads, **changes})
 
 
 def rotated_world(mechanism: Mechanism) -> Twin:
@@ -108,30 +66,12 @@ def moved_origins(mechanism: Mechanism) -> Twin:
     """Every body's frame moved and turned in the body."""
     rng = np.random.default_rng(52)
     offsets = [Frame(rng.normal(scale=0.4, size=3), rotation(rng)) for _ in mechanism.bodies]
-    second = mechanism
-    for body, new in zip(mechanism.bodies, offsets, strict=True):
-        second = reframed(second, body.name, new)
-    bodies = tuple(
-        replace(b, com=x.R.T @ (b.com - x.p), inertia=symmetric(x.R.T @ b.inertia @ x.R), drawing=compose(b.drawing, x))
-        for b, x in zip(mechanism.bodies, offsets, strict=True)
-    )
-    second = replace(second, bodies=bodies)
-
-    def arms(s):
-        return np.einsum("bij,bj->bi", rotation_from_quaternion(s.quat_WB), np.array([x.p for x in offsets]))
-
-    def state(s):
-        quats = quaternion_product(s.quat_WB, quaternion_from_rotation([x.R for x in offsets]))
-        return State(s.p_WB + arms(s), quats, s.v_WB_W + np.cross(s.w_WB_W, arms(s)), s.w_WB_W)
 
     def acceleration(s, a, alpha):
-        return a + np.cross(alpha, arms(s)) + np.cross(s.w_WB_W, np.cross(s.w_WB_W, arms(s))), alpha
+        r = arms(s, offsets)
+        return a + np.cross(alpha, r) + np.cross(s.w_WB_W, np.cross(s.w_WB_W, r)), alpha
 
-    return Twin(mechanism, second, state, acceleration)
-
-
-def symmetric(matrix):
-    return 0.5 * (matrix + matrix.T)
+    return Twin(mechanism, in_frames(mechanism, offsets), lambda s: state_in_frames(s, offsets), acceleration)
 
 
 def reordered(mechanism: Mechanism) -> Twin:

@@ -1,0 +1,80 @@
+"""The same mechanism with other frames on its bodies."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from consilience.mechanism import Frame, Mechanism, State
+from consilience.spatial import Array, quaternion_from_rotation, quaternion_product, rotation_from_quaternion
+
+
+def compose(outer: Frame, inner: Frame) -> Frame:
+    return Frame(outer.p + outer.R @ inner.p, outer.R @ inner.R)
+
+
+def inverse(frame: Frame) -> Frame:
+    return Frame(-frame.R.T @ frame.p, frame.R.T)
+
+
+def reframed(mechanism: Mechanism, body: str, new: Frame, **changes) -> Mechanism:
+    """Everything fixed to `body` expressed in a frame that is `new` in the old one; the body itself is not touched."""
+    back = inverse(new)
+
+    def point(name, p):
+        return back.p + back.R @ p if name == body else p
+
+    joints = tuple(
+        replace(
+            j,
+            F=compose(back, j.F) if j.predecessor == body else j.F,
+            M=compose(back, j.M) if j.successor == body else j.M,
+        )
+        for j in mechanism.joints
+    )
+    springs = tuple(
+        replace(
+            s,
+            point_predecessor=point(s.predecessor, s.point_predecessor),
+            point_successor=point(s.successor, s.point_successor),
+        )
+        for s in mechanism.springs
+    )
+    loads = tuple(
+        replace(
+            load,
+            point=point(load.body, load.point),
+            vector=back.R @ load.vector if load.body == body and load.frame == "body" else load.vector,
+        )
+        for load in mechanism.loads
+    )
+    return replace(mechanism, **{"joints": joints, "springs": springs, "loads": loads, **changes})
+
+
+def symmetric(matrix: Array) -> Array:
+    """The symmetric part of a matrix, which rounding alone kept from being it."""
+    return 0.5 * (matrix + matrix.T)
+
+
+def in_frames(mechanism: Mechanism, frames: Sequence[Frame]) -> Mechanism:
+    """The mechanism with the frames of its bodies replaced by others, given in the old ones."""
+    second = mechanism
+    for body, new in zip(mechanism.bodies, frames, strict=True):
+        second = reframed(second, body.name, new)
+    bodies = tuple(
+        replace(b, com=x.R.T @ (b.com - x.p), inertia=symmetric(x.R.T @ b.inertia @ x.R), drawing=compose(b.drawing, x))
+        for b, x in zip(mechanism.bodies, frames, strict=True)
+    )
+    return replace(second, bodies=bodies)
+
+
+def arms(state: State, frames: Sequence[Frame]) -> Array:
+    """From the old origins to the new ones, world axes, shape (n_b, 3), m."""
+    return np.einsum("bij,bj->bi", rotation_from_quaternion(state.quat_WB), np.array([x.p for x in frames]))
+
+
+def state_in_frames(state: State, frames: Sequence[Frame]) -> State:
+    """The state of `in_frames` that is this one of the mechanism."""
+    r = arms(state, frames)
+    quats = quaternion_product(state.quat_WB, quaternion_from_rotation([x.R for x in frames]))
+    return State(state.p_WB + r, quats, state.v_WB_W + np.cross(state.w_WB_W, r), state.w_WB_W)
