@@ -181,6 +181,19 @@ def test_a_motion_may_end_where_a_table_ends():
         simulate(*asked, integrator="tp86")
 
 
+@pytest.mark.parametrize(
+    ("formulation", "integrator", "span"),
+    [("relative", "tp86", 0.5), ("relative", "dop853", 0.5), ("descriptor", "dop853", 10.0)],
+)
+def test_a_trial_that_overflows_is_a_step_too_long_and_no_end(formulation, integrator, span):
+    """The first trials of a stiff motion at a loose tolerance lie so far outside that its forces overflow."""
+    case = load_case("flyball_governor")
+    asked = (case.mechanism, case.initial_state, np.array([0.0, span]))
+    loose, fine = simulate(*asked, 1e-4, formulation, integrator), simulate(*asked, 1e-10, "relative")
+    assert loose.counters["rejected"] > 0
+    np.testing.assert_allclose(loose.p_WB, fine.p_WB, rtol=0, atol=1e-4)
+
+
 @pytest.mark.parametrize("name", ["double_pendulum", "four_bar"])
 def test_the_usual_method_is_tp86_and_the_other_one_agrees(name):
     case = load_case(name)

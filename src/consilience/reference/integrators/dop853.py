@@ -87,6 +87,16 @@ def _error(K: Array, h: float, size: Array) -> float:
 
 
 @inner
+def factor_of(error: float, safety: float) -> float:
+    """Change of the step size that a scaled error asks for; the smallest where it is not finite."""
+    if error == 0.0:
+        return LARGEST
+    if not np.isfinite(error):
+        return SMALLEST
+    return min(LARGEST, max(SMALLEST, safety * error ** (-1.0 / 8.0)))
+
+
+@inner
 def _copy(y: Array, into: Array) -> None:
     """Keep a state."""
     for b in range(y.shape[0]):
@@ -159,23 +169,22 @@ def integrate(
     counters[:] = 0
     _copy(y, motion[0])
     t = times[0]
-    h = 1e-2 * (times[-1] - times[0]) / max(1, times.shape[0] - 1)
+    h, finite = 1e-2 * (times[-1] - times[0]) / max(1, times.shape[0] - 1), True
     derivative(formulation, model, t, y, memory, ws, a, K[0])
     for n in range(1, times.shape[0]):
         while t < times[n]:
             remaining = times[n] - t
             # a remainder a little longer than the step is halved, so that no sliver of a step is left
             step = remaining if h >= remaining else min(h, 0.5 * remaining) if h > 0.5 * remaining else h
-            if step < 1e-14 * max(1.0, abs(t)):
-                return 1
+            if not step >= 1e-14 * max(1.0, abs(t)):
+                return 1 if finite else 2
             _stages(formulation, model, t, y, step, memory, ws, scratch)
             counters[EVALUATIONS] += STAGES
             _sizes(model, y, size)
             error = _error(K, step, size) / tolerance
-            if not np.isfinite(error):
-                return 2
-            factor = LARGEST if error == 0.0 else min(LARGEST, max(SMALLEST, SAFETY * error ** (-1.0 / 8.0)))
-            if error > 1.0:
+            finite = np.isfinite(error)  # a stage far from the motion may overflow: of no step that is short enough
+            factor = factor_of(error, SAFETY)
+            if not error <= 1.0:
                 counters[REJECTED] += 1
                 h = step * min(1.0, factor)
                 continue

@@ -13,7 +13,7 @@ import numpy as np
 
 from consilience.reference.compiled import inlined, inner, kernel
 from consilience.reference.integrators.coefficients import D_DENSE, STAGES
-from consilience.reference.integrators.dop853 import EVALUATIONS, LARGEST, REJECTED, SMALLEST, STEPS
+from consilience.reference.integrators.dop853 import EVALUATIONS, REJECTED, STEPS, factor_of
 from consilience.reference.relative.dynamics import rates
 from consilience.reference.relative.loops import CHOSEN
 from consilience.reference.relative.methods import STAGES_AT_MOST, Method
@@ -319,17 +319,17 @@ def integrate(
     bound = longest_now(tree, elements, longest)
     _attempt(tree, rest, space, elements, plane, method, z, t, 0.0, BEGIN, SECOND, counters, scratch)
     h, first = _first_length(tree.kind, K[0], last - t, tolerance, scratch.size), SECOND
+    finite = np.isfinite(h)
     while sample < times.shape[0]:
         step = _length(min(h, bound), last - t)
-        if step < 1e-14 * max(1.0, abs(t)):
-            return 1
+        if not step >= 1e-14 * max(1.0, abs(t)):
+            return 1 if finite else 2
         error = (
             _attempt(tree, rest, space, elements, plane, method, z, t, step, first, END, counters, scratch) / tolerance
         )
-        if not np.isfinite(error):
-            return 2
-        factor = LARGEST if error == 0.0 else min(LARGEST, max(SMALLEST, SAFETY * error ** (-1.0 / 8.0)))
-        if error > 1.0:
+        finite = np.isfinite(error)  # a stage far from the motion may overflow: of no step that is short enough
+        factor = factor_of(error, SAFETY)
+        if not error <= 1.0:
             counters[REJECTED] += 1
             h, first = step * min(1.0, factor), SECOND  # the first stage is still known
             continue
