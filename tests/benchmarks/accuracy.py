@@ -146,7 +146,8 @@ def run(short: bool) -> Iterator[Table]:
         "time of the reference is that of the whole call of `simulate`, translation of the state and the answer "
         "included; in the last column it starts from its model as well. A way is given up where "
         f"one run takes {PATIENCE:g} times as long as the fastest way found, or {HOPELESS:g} times as long as the "
-        "reference. Where no body's origin moves, as of a top on its tip, other points of the bodies are asked for.",
+        "reference. Where origins say nothing of turning, as of a top on its tip or a free body, other points of the "
+        "bodies are asked for.",
         (1e-6, "native"): "Bar: 1. The fastest integrator of any engine, raw or extrapolated over steps.",
     }
     tables = {
