@@ -14,7 +14,7 @@ def pytest_addoption(parser):
 
 
 def pytest_collection_finish(session):
-    """Look for garbage seldom, and not among what was imported: a twentieth of the time of all tests."""
+    """Look for garbage seldom, and not among what was imported: a twentieth of the time of those measured."""
     del session
     gc.collect()
     gc.freeze()

@@ -382,8 +382,8 @@ for _name in CAMPAIGNS:
 
 
 _COLLECT_AFTER = 50_000
-"""Objects made before garbage is looked for. Python's own 700 has it look a thousand times while modules are imported,
-which make next to none: an eighth of a short command."""
+"""Objects made before garbage is looked for. After Python's own few hundred, it is looked for again and again while
+modules are imported, which make next to none: an eighth of a short command."""
 
 
 def main() -> None:

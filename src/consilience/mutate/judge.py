@@ -26,7 +26,7 @@ from consilience.run import (
     Status,
     defects,
 )
-from consilience.workers.jobs import Raised, attempt
+from consilience.workers.jobs import Raised, attempt, offer
 
 _T = TypeVar("_T")
 
@@ -51,11 +51,13 @@ def verdicts(engine: Engine, subject: Subject, question: Question, methods: str 
     SeamError
         If the mutant itself is at fault.
     """
-    chosen = attempt(_chosen, engine, subject, question, methods)
-    if isinstance(chosen, Raised):
-        return [_failed(subject, question, None, chosen.error)]
+    offered = attempt(offer, engine, subject.mechanism, question)
+    if isinstance(offered, Raised):
+        return [_failed(subject, question, None, offered.error)]
     found = []
-    for method in chosen:
+    for method in offered[1]:
+        if methods not in method.name or method.profile is not Profile.MATCHED:
+            continue
         ask, compare = _QUESTIONS[question]
         try:
             answer = ask(engine, subject, method)
@@ -64,13 +66,6 @@ def verdicts(engine: Engine, subject: Subject, question: Question, methods: str 
         else:
             found.append(compare(subject, method, answer))
     return found
-
-
-def _chosen(engine: Engine, subject: Subject, question: Question, words: str) -> list[Method]:
-    if engine.unsupported(subject.mechanism, question):
-        return []
-    offered = engine.methods(subject.mechanism, question)
-    return [method for method in offered if words in method.name and method.profile is Profile.MATCHED]
 
 
 class DefectiveAnswerError(Exception):

@@ -25,7 +25,7 @@ class Raised:
 
 
 def attempt(action: Callable[_P, _T], *given: _P.args, **named: _P.kwargs) -> _T | Raised:
-    """Let an engine act; what it raises is evidence about it. Nothing of ours may go on in the action."""
+    """Let an engine act; what it raises is evidence about it. What judges its answers is to stay outside."""
     try:
         return action(*given, **named)
     except Exception as error:  # noqa: BLE001 - an engine, and its adapter, may raise anything
@@ -166,9 +166,10 @@ def _ask(engine: Engine, mechanism: Mechanism, request: Request) -> object:
     return engine.trajectory(mechanism, request.states[0], request.times, request.method, request.step)
 
 
-def _offer(
+def offer(
     engine: Engine, mechanism: Mechanism, question: Question
 ) -> tuple[tuple[Unsupported, ...], tuple[Method, ...]]:
+    """What an engine cannot represent of a mechanism, and its methods if that is nothing."""
     unsupported = engine.unsupported(mechanism, question)
     return unsupported, () if unsupported else engine.methods(mechanism, question)
 
@@ -177,11 +178,11 @@ def _survey(engine: Engine, mechanism: Mechanism, states: Sequence[State], quest
     """Ask for what this is about alone: a whole plan would have the engine look into trajectories, too."""
     said, refusals = list[Said](), dict[Question, tuple[Unsupported, ...]]()
     for question in questions:
-        offer = attempt(_offer, engine, mechanism, question)
-        if isinstance(offer, Raised):
-            said.append(Said(question, None, None, raised(offer.error)))
+        offered = attempt(offer, engine, mechanism, question)
+        if isinstance(offered, Raised):
+            said.append(Said(question, None, None, raised(offered.error)))
             continue
-        refusals[question], methods = offer
+        refusals[question], methods = offered
         if not methods and not refusals[question]:
             said.append(Said(question, None, None, "the adapter supports the question and offers no method"))
         for method in methods:
