@@ -13,8 +13,8 @@ from consilience.observe import mass_matrix_condition
 from consilience.reference import NumericalFailure, formulation, simulate
 from consilience.reference.relative.integrate import END, _between, _polynomial
 from consilience.reference.relative.loops import BATCH, BATCH_END, HEIGHT, REACH, ROW, ROW_END
+from consilience.reference.relative.methods import METHODS
 from consilience.reference.relative.model import flatten_relative
-from consilience.reference.relative.solver import METHODS
 from consilience.spatial import rotation_angle_between
 
 MANY_LOOPS = (
@@ -194,11 +194,14 @@ def test_a_trial_that_overflows_is_a_step_too_long_and_no_end(formulation, integ
     np.testing.assert_allclose(loose.p_WB, fine.p_WB, rtol=0, atol=1e-4)
 
 
-@pytest.mark.parametrize("name", ["double_pendulum", "four_bar"])
-def test_the_usual_method_is_tp86_and_the_other_one_agrees(name):
+@pytest.mark.parametrize(
+    ("name", "method"),
+    [("double_pendulum", "taylor"), ("four_bar", "taylor"), ("spatial_pendulum", "tp86"), ("rsur_four_bar", "tp86")],
+)
+def test_the_usual_method_is_taylor_in_a_plane_and_tp86_in_space_and_another_one_agrees(name, method):
     case = load_case(name)
     asked = (case.mechanism, case.initial_state, np.linspace(0.0, 1.0, 5), 1e-11, "relative")
-    motion, one, other = simulate(*asked), *(simulate(*asked, integrator=method) for method in ("tp86", "dop853"))
+    motion, one, other = simulate(*asked), *(simulate(*asked, integrator=by) for by in (method, "dop853"))
     np.testing.assert_array_equal(motion.p_WB, one.p_WB)
     assert np.any(motion.p_WB != other.p_WB)
     np.testing.assert_allclose(motion.p_WB, other.p_WB, rtol=0, atol=1e-9)

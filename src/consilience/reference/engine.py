@@ -75,7 +75,7 @@ class ReferenceEngine:
         titles = (
             registry.SYSTEMS[name].title
             if name in registry.SYSTEMS
-            else f"{registry.FORMULATIONS[name].title}; {'TP 8(6)' if name == 'relative' else 'DOP853'}"
+            else f"{registry.FORMULATIONS[name].title}; {'Taylor or TP 8(6)' if name == 'relative' else 'DOP853'}"
             for name in ([self._own] if self._own else dict.fromkeys((*_MOTIONS, *_INSTANTS)))
         )
         return EngineInfo("reference", own, own, "; ".join(titles))

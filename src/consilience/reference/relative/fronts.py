@@ -308,6 +308,21 @@ def _forward(group: Array, order: Array, state: Array, F: Array, target: Array, 
                 y[start + c] -= F[at + c * height + k] * value
 
 
+@inner
+def multipliers(group: Array, order: Array, state: Array, F: Array, y: Array, lam: Array) -> None:
+    """Multipliers of the rows for which `least_norm` has found y: ``R lam = y``, zero where a row depends on others."""
+    for n in range(lam.shape[0]):
+        lam[n] = 0.0
+    for g in range(group.shape[0] - 1, -1, -1):
+        at, height, start = group[g, AT], group[g, HEIGHT], state[g, START]
+        for k in range(state[g, USED] - 1, -1, -1):
+            value = y[start + k] if k < state[g, RANK] else 0.0
+            for c in range(k + 1, state[group[g, REACH] + 1, START] - start if k < state[g, RANK] else 0):
+                value -= F[at + c * height + k] * y[start + c]
+            y[start + k] = value / F[at + k * height + k] if k < state[g, RANK] else 0.0
+            lam[order[group[g, ROW] + k]] = y[start + k]
+
+
 @fused
 def _reflect_back(group: Array, state: Array, F: Array, tau: Array, x: Array, g: int, rows: int) -> None:
     """``x <- H x`` for one front."""

@@ -39,5 +39,8 @@ Its estimate is that of the method of order six, much larger than the error of t
 this power it asks for about the steps of DOP853 at the same tolerance, and the motion is more accurate.
 """
 
+METHODS = {"tp86": TP86, "dop853": DOP853}
+"""By name. The first looks a little beyond the end of a step, where a table may have ended."""
+
 STAGES_AT_MOST = max(len(DOP853.nodes), len(TP86.nodes))
 """Of a step, its end, and a dense output."""

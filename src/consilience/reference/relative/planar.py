@@ -154,7 +154,7 @@ def place_planar(link: Array, free: Array, q: Array, v: Array) -> None:
 
 
 @fused
-def _push(I: Stiff, a: Three) -> Three:
+def push(I: Stiff, a: Three) -> Three:
     """``I a``."""
     return (
         I[0] * a[0] + I[1] * a[1] + I[3] * a[2],
@@ -171,7 +171,7 @@ def _reduced(I: Stiff, x: Three, factor: float) -> Stiff:
 
 
 @fused
-def _load(link: Array, k: int) -> Stiff:
+def inertia_at(link: Array, k: int) -> Stiff:
     """Inertia in the row of a link."""
     return (
         link[k, STIFF],
@@ -200,10 +200,10 @@ def _add_shifted(link: Array, p: int, I: Stiff, d: Pair) -> None:
 def sweep_in_planar(link: Array, free: Array, biased: bool) -> None:
     """Articulated inertias, U and D, and where it is biased the remaining joint forces of the biases, overwritten."""
     for k in range(link.shape[0] - 2, -1, -1):
-        I, f = _load(link, k), three_at(link, k, BIAS)
+        I, f = inertia_at(link, k), three_at(link, k, BIAS)
         for n in range(int(link[k, LAST]) - 1, int(link[k, FIRST]) - 1, -1):
             s = three_at(free, n, S)
-            x = _push(I, s)
+            x = push(I, s)
             pivot, rest = dot3(s, x), -dot3(s, f)
             put_three(free, n, U, x)
             free[n, PIVOT], free[n, REST] = pivot, rest
@@ -217,7 +217,7 @@ def sweep_in_planar(link: Array, free: Array, biased: bool) -> None:
             _add_shifted(link, p, I, d)
             if biased:
                 c = pair_at(link, k, QUADRATIC)
-                x = _push(I, (c[0], c[1], 0.0))
+                x = push(I, (c[0], c[1], 0.0))
                 a, b = f[0] + x[0], f[1] + x[1]
                 link[p, BIAS] += a
                 link[p, BIAS + 1] += b

@@ -82,7 +82,7 @@ from consilience.spatial import Array
 
 _ALIGNED = 1e-13
 """Sine of an angle that is rounding."""
-_LEVEL = 1e-12
+LEVEL = 1e-12
 """Part of the length of a mechanism that is rounding, too."""
 
 
@@ -208,7 +208,7 @@ class _Forms:
         self.rows: list[Array] = []
 
     def _holds(self, value: float) -> bool:
-        if abs(value) > _LEVEL * max(1.0, self.model.length):
+        if abs(value) > LEVEL * max(1.0, self.model.length):
             raise _NotPlanar
         return False
 

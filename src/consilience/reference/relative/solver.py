@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from consilience.errors import NumericalFailure
+from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import Mechanism, State
 from consilience.reference.canonical import canonical_motion
 from consilience.reference.formulations.recursive_model import TreeModel
-from consilience.reference.integrators.dop853 import STATUS
 from consilience.reference.model import Model
 from consilience.reference.relative.gauss import gauss_scratch, integrate_gauss
-from consilience.reference.relative.integrate import Scratch, integrate, scratch
-from consilience.reference.relative.methods import DOP853, TP86
+from consilience.reference.relative.integrate import integrate, scratch
+from consilience.reference.relative.methods import METHODS, Method
 from consilience.reference.relative.model import Links, Rest, System, flatten_relative, lasting, renewed, system
 from consilience.reference.relative.packing import pack_relative
 from consilience.reference.relative.planar_model import planar
+from consilience.reference.relative.taylor import LEFT, STATUS, has_series, integrate_taylor, order_of, taylor_scratch
 from consilience.run import TrajectoryAnswer
 from consilience.spatial import Array
 
@@ -44,7 +45,8 @@ class _Working(NamedTuple):
     """Arrays that a motion writes into."""
 
     system: System
-    scratch: Scratch
+    rest: Rest | None  # what an integrator takes beside the tree
+    scratch: Any  # of the integrator
     lasting: list[tuple[Array, Array]]  # those that it would leave to the next, and what they were
 
 
@@ -57,24 +59,23 @@ class _Prepared(NamedTuple):
     system: System  # nothing written into it yet
     tree_alone: bool  # whether the tables of the tree (and of a plane) say all
     longest: float  # step, s
-    integrator: str  # where none is asked for
-    idle: list[_Working]  # of motions that have ended: making them takes longer than a short motion
+    usual: tuple[str, ...]  # integrators where none is asked for: the next one where one cannot go on
+    idle: dict[str, list[_Working]]  # of motions that have ended, by integrator: making them takes longer than a motion
 
-    def working(self) -> _Working:
+    def working(self, integrator: str) -> _Working:
         """Arrays that no other motion writes into."""
         try:
-            taken = self.idle.pop()
+            taken = self.idle[integrator].pop()
         except IndexError:
             arrays = renewed(self.system)
-            own = scratch(np.zeros(len(self.links.kind)), self.motion_of(arrays))
-            return _Working(arrays, own, lasting(arrays, self.system))
+            rest = None if self.tree_alone else arrays.rest
+            z = np.zeros(len(self.links.kind))
+            return _Working(
+                arrays, rest, INTEGRATORS[integrator].scratch(z, arrays, rest), lasting(arrays, self.system)
+            )
         for array, first in taken.lasting:
             array[...] = first
         return taken
-
-    def motion_of(self, arrays: System) -> Rest | None:
-        """What an integrator takes beside the tree."""
-        return None if self.tree_alone else arrays.rest
 
 
 @lru_cache(maxsize=8)
@@ -87,15 +88,55 @@ def _prepared(mechanism: Mechanism, in_space: bool) -> _Prepared:
     arrays = None if in_space else planar(mechanism, links, spanning, model)
     arrays = arrays or system(mechanism, links, spanning, model)
     tree_alone = links.free if arrays.plane is None else not len(arrays.rest.loops.group)
-    integrator = "dop853" if len(model.functions.pieces) else "tp86"
-    return _Prepared(links, spanning, model, arrays, tree_alone, longest_step(model), integrator, [])
+    explicit = "dop853" if len(model.functions.pieces) else "tp86"
+    usual = ("taylor", explicit) if has_series(arrays, tree_alone) else (explicit,)
+    idle: dict[str, list[_Working]] = {name: [] for name in INTEGRATORS}
+    return _Prepared(links, spanning, model, arrays, tree_alone, longest_step(model), usual, idle)
 
 
-METHODS = {"tp86": TP86, "dop853": DOP853}
-"""Methods of `integrate`. The first looks a little beyond the end of a step, where a table may have ended."""
+class _Integrator(NamedTuple):
+    """How an integrator is called."""
 
-INTEGRATORS = (*METHODS, "gauss")
-"""Compiled integrators of the relative form."""
+    scratch: Callable[[Array, System, Rest | None], Any]
+    run: Callable[
+        [_Working, Array, Array, float, float, Array, Array], int
+    ]  # z, times, tolerance, longest step; filled
+
+
+def _runge_kutta(method: Method) -> _Integrator:
+    def run(
+        working: _Working, z: Array, times: Array, tolerance: float, longest: float, motion: Array, counters: Array
+    ) -> int:
+        tree, _, space, elements, plane = working.system
+        asked = z, times, tolerance, longest
+        return integrate(tree, working.rest, space, elements, plane, method, *asked, motion, counters, working.scratch)
+
+    return _Integrator(lambda z, arrays, rest: scratch(z, rest), run)
+
+
+def _run_gauss(
+    working: _Working, z: Array, times: Array, tolerance: float, longest: float, motion: Array, counters: Array
+) -> int:
+    tree, _, space, elements, _ = working.system
+    asked = z, times, tolerance, longest
+    return integrate_gauss(tree, working.rest, space, elements, *asked, motion, counters, working.scratch)
+
+
+def _run_taylor(
+    working: _Working, z: Array, times: Array, tolerance: float, longest: float, motion: Array, counters: Array
+) -> int:
+    asked = z, times, tolerance, order_of(tolerance), longest
+    return integrate_taylor(
+        working.system.tree, working.rest, working.system.plane, *asked, motion, counters, working.scratch
+    )
+
+
+INTEGRATORS = {
+    "taylor": _Integrator(taylor_scratch, _run_taylor),
+    **{name: _runge_kutta(method) for name, method in METHODS.items()},
+    "gauss": _Integrator(lambda z, arrays, rest: gauss_scratch(z, rest), _run_gauss),
+}
+"""Compiled integrators of the relative form; the first is for mechanisms in a plane without elements."""
 
 
 def simulate_relative(
@@ -103,30 +144,39 @@ def simulate_relative(
 ) -> TrajectoryAnswer:
     """Motion of a mechanism; arguments as of `consilience.reference.simulate`, with one of `INTEGRATORS`.
 
-    If none is given, ``tp86``, or ``dop853`` where a function is a table.
+    If none is given, ``taylor`` where the mechanism has series (`taylor.has_series`), elsewhere ``tp86``, or ``dop853``
+    where a function is a table.
 
     Raises
     ------
+    InvalidInput
+        A mechanism without series, if they are asked for.
     NumericalFailure
         With the status of the integrator.
     """
     prepared = _prepared(mechanism, integrator == "gauss")
-    integrator = integrator or prepared.integrator
-    working = prepared.working()
-    tree, _, space, elements, plane = working.system
-    rest = prepared.motion_of(working.system)
-    z = pack_relative(prepared.links, prepared.spanning, prepared.model, state)
-    motion, counters = np.empty((len(times), *tree.y.shape)), np.zeros(3, dtype=np.int64)
-    asked = times, float(tolerance), prepared.longest
-    if integrator == "gauss":
-        status = integrate_gauss(tree, rest, space, elements, z, *asked, motion, counters, gauss_scratch(z, rest))
-    else:
-        method = METHODS[integrator]
-        status = integrate(tree, rest, space, elements, plane, method, z, *asked, motion, counters, working.scratch)
+    if integrator == "taylor" and "taylor" not in prepared.usual:
+        why = "it is for mechanisms that move in parallel planes by gravity alone, without drives, couplings and rods"
+        raise InvalidInput("integrator", f"taylor cannot follow {mechanism.name}: {why}", "Use tp86, or leave it out.")
+    asked = pack_relative(prepared.links, prepared.spanning, prepared.model, state), times, float(tolerance)
+    for name in prepared.usual if integrator is None else (integrator,):
+        status, motion, counters = _run(prepared, name, *asked)
+        if status != LEFT:
+            break
     if status:
-        raise NumericalFailure(f"reference, relative, {integrator}, tolerance {tolerance:g}: {STATUS[status]}")
-    prepared.idle.append(working)  # not after a failure, which may leave what is not a number
+        raise NumericalFailure(f"reference, relative, {name}, tolerance {tolerance:g}: {STATUS[status]}")
     p, quat, v, w = canonical_motion(prepared.links.com, motion)
     names = ("steps", "rejected", "evaluations")
     counts: dict[str, int | float] = dict(zip(names, counters.tolist(), strict=True))
     return TrajectoryAnswer(times, p, quat, v, w, counts)
+
+
+def _run(prepared: _Prepared, name: str, z: Array, times: Array, tolerance: float) -> tuple[int, Array, Array]:
+    """Status, bodies at the samples, and counters of an integrator from the state z."""
+    working = prepared.working(name)
+    motion, counters = np.empty((len(times), *working.system.tree.y.shape)), np.zeros(3, dtype=np.int64)
+    run = INTEGRATORS[name].run
+    status = run(working, z.copy(), times, tolerance, prepared.longest, motion, counters)
+    if not status:  # a failure may leave what is not a number
+        prepared.idle[name].append(working)
+    return status, motion, counters

@@ -1,0 +1,134 @@
+"""Taylor's method in the plane: its coefficients, its steps, and what it leaves to other methods."""
+
+import numpy as np
+import pytest
+
+from consilience.errors import InvalidInput, NumericalFailure
+from consilience.kinematics import constraint_jacobian, constraint_rates, constraint_residual
+from consilience.library import load_case
+from consilience.reference import simulate
+from consilience.reference.canonical import canonical_motion
+from consilience.reference.relative.packing import pack_relative
+from consilience.reference.relative.series import MOST
+from consilience.reference.relative.series_rows import LINE, LOCK, PIN
+from consilience.reference.relative.solver import _prepared
+from consilience.reference.relative.taylor import integrate_taylor, order_of
+from flat import PLANAR
+from mechanisms import states_of
+
+SERIES = ("pendulum", "slide", "chain", "backward", "branched", "closed_on_ground", "two_loops")
+SERIES += ("closed_revolute", "closed_prismatic", "closed_point_on_line")
+
+
+LENGTHS = {1: 0.01, 2: 0.02, 3: 0.03, 5: 0.06, 8: 0.05}
+"""Length of a step, in units of the fastest rate, in which a series of some order is good to a few digits."""
+
+
+def one_step(mechanism, state, h, order):
+    """Speeds of the bodies, stacked, after one step by a series of some order."""
+    prepared = _prepared(mechanism, False)
+    working = prepared.working("taylor")
+    z = pack_relative(prepared.links, prepared.spanning, prepared.model, state)
+    motion, counters = np.empty((2, *working.system.tree.y.shape)), np.zeros(3, dtype=np.int64)
+    tree, plane, anything = working.system.tree, working.system.plane, 1e60
+    asked = z, np.array([0.0, h]), anything, order, np.inf
+    assert not integrate_taylor(tree, working.rest, plane, *asked, motion, counters, working.scratch)
+    assert counters[0] == 1
+    _, _, v, w = canonical_motion(prepared.links.com, motion)
+    return np.hstack([v[-1], w[-1]])
+
+
+@pytest.mark.parametrize("order", LENGTHS)
+@pytest.mark.parametrize("name", SERIES)
+def test_a_step_leaves_out_what_comes_behind_its_order(name, order):
+    """Against collocation in space: the error of speeds goes with the order plus one, or a term happens to be small."""
+    mechanism = PLANAR[name]
+    (state,) = states_of(mechanism, 1)
+    rate = max(1.0, np.max(np.abs(state.w_WB_W)), np.max(np.abs(state.v_WB_W)))
+    lengths = np.array([1.0, 0.5]) * LENGTHS[order] / rate
+    truth = simulate(mechanism, state, np.append(0.0, lengths[::-1]), 1e-14, "relative", "gauss")
+    exact = np.concatenate([truth.v_WB_W, truth.w_WB_W], axis=2)[:0:-1]
+    errors = [np.max(np.abs(one_step(mechanism, state, h, order) - e)) for h, e in zip(lengths, exact, strict=True)]
+    rounding = 3e-13 * rate
+    assert errors[1] <= max(rounding, errors[0] * 0.5 ** (order + 0.3))
+
+
+def test_loops_are_closed_by_rows_of_every_kind():
+    kinds = {name: set(_prepared(PLANAR[name], False).working("taylor").scratch.rows.kind) for name in SERIES}
+    assert kinds["closed_revolute"] == {PIN}
+    assert kinds["closed_prismatic"] == {LINE, LOCK}
+    assert kinds["closed_point_on_line"] == {LINE}
+
+
+@pytest.mark.parametrize("tolerance", 10.0 ** -np.arange(3, 14.1, 0.5))
+def test_a_motion_from_rest_is_as_accurate_as_asked(tolerance):
+    """Every second coefficient is zero then, and of the others one may be small at any order."""
+    case = load_case("chrono_double_pendulum")
+    asked = case.mechanism, case.initial_state, np.linspace(0.0, 2.0, 3)
+    found, fine = simulate(*asked, tolerance, "relative", "taylor"), simulate(*asked, 1e-14, "relative", "dop853")
+    assert np.max(np.abs(found.p_WB - fine.p_WB)) < max(1e-13, tolerance)
+
+
+@pytest.mark.parametrize(
+    "name", ["physical_pendulum-rotating", "double_pendulum", "four_bar", "slider_crank", "collinear_four_bar"]
+)
+def test_motions_are_those_of_another_method(name):
+    case = load_case(name)
+    asked = case.mechanism, case.initial_state, np.linspace(0.0, 5.0, 11)
+    found, other = (simulate(*asked, 1e-12, "relative", by) for by in (None, "dop853"))
+    assert found.counters["steps"] < other.counters["steps"] / 1.4
+    for field in ("p_WB", "v_WB_W", "w_WB_W"):
+        scale = max(1.0, np.max(np.abs(getattr(other, field))))
+        assert np.max(np.abs(getattr(found, field) - getattr(other, field))) < 2e-10 * scale
+
+
+def test_samples_cost_no_steps_and_are_closed():
+    case = load_case("four_bar")
+    few, many = (
+        simulate(case.mechanism, case.initial_state, np.linspace(0.0, 2.0, n), 1e-9, "relative", "taylor")
+        for n in (2, 401)
+    )
+    assert few.counters == many.counters
+    for state in map(many.state, range(0, 401, 7)):
+        rates = constraint_jacobian(case.mechanism, state) @ np.hstack([state.v_WB_W, state.w_WB_W]).ravel()
+        assert np.max(np.abs(constraint_residual(case.mechanism, state))) < 2e-14
+        assert np.max(np.abs(rates - constraint_rates(case.mechanism))) < 1e-13
+
+
+def test_order_grows_with_the_digits():
+    """The last term of a geometric series of ratio x is x^p: with half a percent more for each digit."""
+    orders = [order_of(10.0**-digits) for digits in range(3, 15)]
+    assert orders == sorted(orders)
+    assert (orders[0], orders[-1]) == (6, 24)
+    assert orders[-1] <= MOST
+
+
+def test_a_pose_that_loses_rank_is_left_to_the_other_method():
+    case = load_case("parallelogram")
+    asked = case.mechanism, case.initial_state, np.linspace(0.0, 1.0, 5), 1e-12, "relative"
+    usual, other = simulate(*asked), simulate(*asked, "tp86")
+    np.testing.assert_array_equal(usual.p_WB, other.p_WB)
+    with pytest.raises(NumericalFailure, match=r"taylor.*lose rank"):
+        simulate(*asked, "taylor")
+
+
+@pytest.mark.parametrize("name", ["spatial_slider_crank", "acrobot", "four_bar_driven", "rolling_disc"])
+def test_who_has_no_series_is_told_so(name):
+    case = load_case(name)
+    with pytest.raises(InvalidInput, match=r"taylor cannot follow .* planes by gravity alone"):
+        simulate(case.mechanism, case.initial_state, np.array([0.0, 1.0]), 1e-9, "relative", "taylor")
+
+
+def test_a_motion_that_is_not_finite_is_no_answer():
+    case = load_case("double_pendulum")
+    state = case.initial_state
+    state = type(state)(state.p_WB, state.quat_WB, state.v_WB_W, 1e200 * np.ones_like(state.w_WB_W))
+    with pytest.raises(NumericalFailure, match=r"taylor.*not finite"):
+        simulate(case.mechanism, state, np.array([0.0, 1.0]), 1e-9, "relative")
+
+
+def test_a_series_that_ends_is_one_step():
+    """A body that slides down a plane: its series has three terms."""
+    case = load_case("adams_prismatic_02")
+    motion = simulate(case.mechanism, case.initial_state, np.linspace(0.0, 5.0, 11), 1e-12, "relative")
+    assert motion.counters["steps"] == 1
