@@ -63,7 +63,7 @@ def simulate(
     Returns
     -------
     TrajectoryAnswer
-        With the counters ``steps``, ``evaluations``, and others that the method has.
+        With the counters ``steps``, ``evaluations`` (of taylor: coefficients), and others that the method has.
 
     Raises
     ------

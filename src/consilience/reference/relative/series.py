@@ -1,16 +1,22 @@
 """Taylor coefficients of a motion in a plane: of `planar`, one order after the other.
 
-Everything a planar mechanism does follows from the direction ``e = (cos theta, sin theta)`` of each link by sums and
-products, and of those the coefficients are, with a dot for d/dt and e turned by a right angle written e+,
+Everything a planar mechanism does follows from the direction ``e = exp(i theta)`` of each link, vectors of the plane
+written as complex numbers, by sums and products; and coefficients of those are, with w the angular velocity,
 
-    (a b)_m = sum_j a_j b_{m-j},        e_{m+1} = (1 / (m + 1)) sum_j w_j e+_{m-j}
+    (a b)_m = sum_j a_j b_{m-j},        e_{m+1} = i / (m + 1) sum_j w_j e_{m-j}
 
 [Griewank and Walther, Evaluating Derivatives, 2008, chapter 13; Jorba and Zou, A software package for the numerical
-integration of ODEs by means of high-order Taylor methods, Experimental Mathematics 14, 2005, 99-117]. The accelerations
-of order m enter the equations of that order as those of order zero do theirs, with the same inertias, arms and axes:
-the articulated bodies and the fronts of a state, factorised once, solve for all orders. What remains is what is already
-known, as biases: turns of the arms that act on forces of lower order, and accelerations of the links in which those of
-the directions have no part.
+integration of ODEs by means of high-order Taylor methods, Experimental Mathematics 14, 2005, 99-117]. A joint brings
+the force F to its link at the arm e a, and takes it from the parent at the arm e_p a_p, which both turn; with * for the
+conjugate, forces and torques about the centre of mass r of a link are
+
+    F = m r'' - weight + sum of F of the joints it carries
+    J w' + Im(e* P) = 0 where all joints turn,        P = sum of a_p* F of the joints it carries - a* F.
+
+The accelerations of order m enter the equations of that order as those of order zero do theirs, with the same inertias,
+arms and axes: the articulated bodies and the fronts of a state, factorised once, solve for all orders. What is left of
+order m is known when its turn comes, and enters as biases: terms of Im(e* P) with F of lower order, and accelerations
+of the links in which those of the directions have no part.
 """
 
 from __future__ import annotations
@@ -57,8 +63,7 @@ from consilience.reference.relative.plane import (
 from consilience.spatial import Array
 
 C, SN, W, FX, FY, PX, PY, SLOTS = np.arange(8)
-"""Series of a link: its direction e; its angular velocity; the force F that its joint brings to it; P, with which
-``e x P`` is the torque about its centre of mass of that force and those of the joints that it carries."""
+"""Series of a link: real and imaginary parts of e, w, of F, of P."""
 
 MOST = 32
 """Highest order."""
@@ -124,7 +129,7 @@ def _slide_forces(link: Array, free: Array, of: Array, q: Array, k: int, m: int,
 
 @fused
 def press(of: Array, k: int, m: int, a: Pair, x: float, y: float) -> None:
-    """Add a force that acts at the arm a, in axes of the link, to P."""
+    """Add ``a* F`` to P: a force at the arm a, in axes of the link."""
     of[k, PX, m] += a[0] * x + a[1] * y
     of[k, PY, m] += a[0] * y - a[1] * x
 
@@ -148,7 +153,7 @@ def known_forces(link: Array, free: Array, of: Array, q: Array, m: int, rest: Ar
 
 @fused
 def _turn_on(of: Array, k: int, m: int) -> float:
-    """``e_{m+2}`` but for the acceleration of order m; the torque of order m that is known."""
+    """``e_{m+2}`` but for the acceleration of order m; what is known of ``Im(e* P)`` of order m."""
     x = y = one = two = 0.0
     for j in range(m + 1):
         w = of[k, W, j]
