@@ -16,8 +16,16 @@ from consilience.reference import simulate
 from consilience.reference.relative import columns
 from consilience.reference.relative.articulated import free_biases, inertias, sweep_in
 from consilience.reference.relative.cut_rows import want
-from consilience.reference.relative.dynamics import _close, _push, rates
-from consilience.reference.relative.either import accelerate, coast, cut_rows, eliminate, open_links, place_at
+from consilience.reference.relative.dynamics import _push, factorise_rows, rates
+from consilience.reference.relative.either import (
+    accelerate,
+    coast,
+    cut_rows,
+    eliminate,
+    force_rows,
+    open_links,
+    place_at,
+)
 from consilience.reference.relative.model import PIVOT, flatten_relative, system
 from consilience.reference.relative.null_space import add_to_links, is_small, reduce_links
 from consilience.reference.relative.packing import pack_relative
@@ -79,7 +87,8 @@ def close(rest, space, plane, small):
             reduce_links(space.reduced, rows, freedoms, link, free, u, 1.0)
             add_to_links(link, columns.ACCELERATION, freedoms, space.reduced.V, space.reduced.G)
     if not small:
-        _close(loops, rest.layout, link, free, fronts, space, plane, rest.size[0])
+        factorise_rows(loops, rest.layout, link, free, fronts, space, plane, rest.size[0])
+        force_rows(loops, fronts, free)
         accelerate(space, plane, link, free, u, 1.0)
 
 

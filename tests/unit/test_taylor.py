@@ -70,7 +70,15 @@ def test_a_motion_from_rest_is_as_accurate_as_asked(tolerance):
 
 
 @pytest.mark.parametrize(
-    "name", ["physical_pendulum-rotating", "double_pendulum", "four_bar", "slider_crank", "collinear_four_bar"]
+    "name",
+    [
+        "physical_pendulum-rotating",
+        "double_pendulum",
+        "four_bar",
+        "slider_crank",
+        "collinear_four_bar",
+        "five_bar_platform",
+    ],
 )
 def test_motions_are_those_of_another_method(name):
     case = load_case(name)

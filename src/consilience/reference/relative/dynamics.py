@@ -41,7 +41,7 @@ from consilience.spatial import Array
 
 
 @inlined
-def _close(
+def factorise_rows(
     loops: Loops,
     layout: Array,
     link: Array,
@@ -51,13 +51,12 @@ def _close(
     plane: Plane | None,
     size: float,
 ) -> None:
-    """Joint forces that close the loops, for the accelerations of the links without them, added to the others."""
+    """Factors of the responses to the rows chosen, in a tree whose inertias are swept."""
     state = fronts.state
     for g in range(loops.group.shape[0]):
         state[g, USED] = state[g, CHOSEN]
     largest = respond_to_rows(loops, layout, fronts, space, plane, link, free)
     factorise(loops.group, fronts.order, state, fronts.F, fronts.tau, threshold(size, largest), KEEP)
-    force_rows(loops, fronts, free)
 
 
 @fused
@@ -98,7 +97,8 @@ def _sweep(rest: Rest, space: Space | None, plane: Plane | None) -> None:
     accelerate(space, plane, link, free, u, 1.0)
     if rest.loops.group.shape[0] > 0:
         open_links(rest.loops, fronts, space, plane, link, rest.gamma)
-        _close(rest.loops, rest.layout, link, free, fronts, space, plane, rest.size[0])
+        factorise_rows(rest.loops, rest.layout, link, free, fronts, space, plane, rest.size[0])
+        force_rows(rest.loops, fronts, free)
         accelerate(space, plane, link, free, u, 1.0)
 
 

@@ -21,10 +21,10 @@ from consilience.reference.compiled import inlined, inner, kernel
 from consilience.reference.integrators import dop853
 from consilience.reference.integrators.dop853 import EVALUATIONS, STEPS
 from consilience.reference.relative.cut_rows import want
-from consilience.reference.relative.either import cut_rows, force_rows, open_links, respond_to_rows
-from consilience.reference.relative.fronts import KEEP, factorise, multipliers, threshold
+from consilience.reference.relative.dynamics import factorise_rows
+from consilience.reference.relative.either import cut_rows, force_rows, open_links
+from consilience.reference.relative.fronts import multipliers
 from consilience.reference.relative.integrate import _length, _within, sizes
-from consilience.reference.relative.loops import CHOSEN, USED
 from consilience.reference.relative.model import Rest, System, Tree
 from consilience.reference.relative.planar import sweep_in_planar, sweep_out_planar
 from consilience.reference.relative.plane import Plane
@@ -110,17 +110,14 @@ def order_of(tolerance: float) -> int:
 
 @inlined
 def _begin(tree: Tree, rest: Rest | None, plane: Plane, scratch: Scratch, t: float, z: Array) -> None:
-    """Factorise what is the same in all orders, and begin the series at a state."""
+    """Factorise what is the same in all orders, and begin the series at a state where `arrive` placed the links."""
     sweep_in_planar(tree.link, tree.free, False)
     begin_series(tree.link, tree.free, scratch.series.link, scratch.series.q, tree.speeds, z, scratch.inverse)
     if rest is not None:
-        loops, fronts, state, rows = rest.loops, rest.fronts, rest.fronts.state, scratch.rows
-        want(loops.group, fronts.order, state, fronts.wanted)
+        loops, fronts, rows = rest.loops, rest.fronts, scratch.rows
+        want(loops.group, fronts.order, fronts.state, fronts.wanted)
         cut_rows(rest, None, None, plane, t, z)
-        for g in range(loops.group.shape[0]):
-            state[g, USED] = state[g, CHOSEN]
-        largest = respond_to_rows(loops, rest.layout, fronts, None, plane, rest.link, rest.free)
-        factorise(loops.group, fronts.order, state, fronts.F, fronts.tau, threshold(rest.size[0], largest), KEEP)
+        factorise_rows(loops, rest.layout, rest.link, rest.free, fronts, None, plane, rest.size[0])
         begin_rows(rows.kind, rows.form, rows.of, rest.link, scratch.series.link)
 
 
