@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -94,46 +94,51 @@ def _prepared(mechanism: Mechanism, in_space: bool) -> _Prepared:
     return _Prepared(links, spanning, model, arrays, tree_alone, longest_step(model), usual, idle)
 
 
+class _Asked(NamedTuple):
+    """What a motion is asked for, and what is filled: bodies at the samples, and counters."""
+
+    z: Array
+    times: Array
+    tolerance: float
+    longest: float  # step, s
+    motion: Array
+    counters: Array
+
+
 class _Integrator(NamedTuple):
     """How an integrator is called."""
 
     scratch: Callable[[Array, System, Rest | None], Any]
-    run: Callable[
-        [_Working, Array, Array, float, float, Array, Array], int
-    ]  # z, times, tolerance, longest step; filled
+    run: Callable[[_Working, _Asked], int]  # the status
 
 
-def _runge_kutta(method: Method) -> _Integrator:
-    def run(
-        working: _Working, z: Array, times: Array, tolerance: float, longest: float, motion: Array, counters: Array
-    ) -> int:
-        tree, _, space, elements, plane = working.system
-        asked = z, times, tolerance, longest
-        return integrate(tree, working.rest, space, elements, plane, method, *asked, motion, counters, working.scratch)
-
-    return _Integrator(lambda z, arrays, rest: scratch(z, rest), run)
+def _run_method(method: Method, working: _Working, asked: _Asked) -> int:
+    """A motion by a Runge-Kutta method."""
+    tree, _, space, elements, plane = working.system
+    return integrate(tree, working.rest, space, elements, plane, method, *asked, working.scratch)
 
 
-def _run_gauss(
-    working: _Working, z: Array, times: Array, tolerance: float, longest: float, motion: Array, counters: Array
-) -> int:
+def _run_gauss(working: _Working, asked: _Asked) -> int:
+    """A motion by collocation."""
     tree, _, space, elements, _ = working.system
-    asked = z, times, tolerance, longest
-    return integrate_gauss(tree, working.rest, space, elements, *asked, motion, counters, working.scratch)
+    return integrate_gauss(tree, working.rest, space, elements, *asked, working.scratch)
 
 
-def _run_taylor(
-    working: _Working, z: Array, times: Array, tolerance: float, longest: float, motion: Array, counters: Array
-) -> int:
-    asked = z, times, tolerance, order_of(tolerance), longest
+def _run_taylor(working: _Working, asked: _Asked) -> int:
+    """A motion by series."""
+    z, times, tolerance, *others = asked
+    tree, plane = working.system.tree, working.system.plane
     return integrate_taylor(
-        working.system.tree, working.rest, working.system.plane, *asked, motion, counters, working.scratch
+        tree, working.rest, plane, z, times, tolerance, order_of(tolerance), *others, working.scratch
     )
 
 
 INTEGRATORS = {
     "taylor": _Integrator(taylor_scratch, _run_taylor),
-    **{name: _runge_kutta(method) for name, method in METHODS.items()},
+    **{
+        name: _Integrator(lambda z, arrays, rest: scratch(z, rest), partial(_run_method, method))
+        for name, method in METHODS.items()
+    },
     "gauss": _Integrator(lambda z, arrays, rest: gauss_scratch(z, rest), _run_gauss),
 }
 """Compiled integrators of the relative form; the first is for mechanisms in a plane without elements."""
@@ -175,8 +180,8 @@ def _run(prepared: _Prepared, name: str, z: Array, times: Array, tolerance: floa
     """Status, bodies at the samples, and counters of an integrator from the state z."""
     working = prepared.working(name)
     motion, counters = np.empty((len(times), *working.system.tree.y.shape)), np.zeros(3, dtype=np.int64)
-    run = INTEGRATORS[name].run
-    status = run(working, z.copy(), times, tolerance, prepared.longest, motion, counters)
+    asked = _Asked(z.copy(), times, tolerance, prepared.longest, motion, counters)
+    status = INTEGRATORS[name].run(working, asked)
     if not status:  # a failure may leave what is not a number
         prepared.idle[name].append(working)
     return status, motion, counters
