@@ -11,7 +11,7 @@ from consilience.library import load_case
 from consilience.mechanism import GROUND, Body, Frame, Joint, Load, Mechanism
 from consilience.observe import mass_matrix_condition
 from consilience.reference import NumericalFailure, formulation, simulate
-from consilience.reference.relative.integrate import END, _between, _polynomial
+from consilience.reference.relative.integrate import END, _polynomial, between
 from consilience.reference.relative.loops import BATCH, BATCH_END, HEIGHT, REACH, ROW, ROW_END
 from consilience.reference.relative.methods import METHODS
 from consilience.reference.relative.model import flatten_relative
@@ -81,7 +81,7 @@ def test_dense_output_is_exact_for_motions_up_to_degree_seven(name, rounding, de
     _polynomial(method.dense, z, end, K, h, F)
     found = np.empty((len(x), 1))
     for n, part in enumerate(x):
-        _between(z, F, part, found[n])
+        between(z, F, part, found[n])
     error = np.max(np.abs(found[:, 0] - (h * x) ** degree))
     assert error < rounding if exact else error > 1e-6
 
@@ -158,7 +158,7 @@ def pushed(push):
     )
 
 
-def test_a_push_between_samples_is_not_passed_over():
+def test_a_pushbetween_samples_is_not_passed_over():
     """A bump of a tenth of a second on 2 kg at rest: its impulse is the momentum."""
     x = np.linspace(0.0, 6.0, 601)
     push = through(x, np.where((x > 3.0) & (x < 3.1), np.sin(np.pi * (x - 3.0) / 0.1) ** 6, 0.0))

@@ -53,9 +53,10 @@ def simulate(
         run compiled as a whole, `relative` with tp86, too; everything else integrates with one call from Python for
         each evaluation.
     integrator : str, optional
-        Key of `integrators.adaptive.METHODS`, or of `relative` alone ``gauss`` (collocation of order 16) or ``taylor``
-        (for mechanisms in a plane). If not given, ``dop853``, but of `relative` ``taylor`` where it can, elsewhere
-        ``tp86`` unless a function is a table. `registry.SYSTEMS` have their own.
+        Key of `integrators.adaptive.METHODS`, or of `relative` alone ``gauss`` (collocation of order 16), ``taylor``
+        (for mechanisms in a plane) or ``radau13`` (for stiff motions). If not given, ``dop853``, but of `relative`
+        ``taylor`` where it can, elsewhere ``tp86`` unless a function is a table, and ``radau13`` where that finds the
+        motion stiff. `registry.SYSTEMS` have their own.
     forces : callable, optional
         ``forces(t, state)``: force (N) and torque (N m) on each body at its origin, world axes, shape (n_b, 6), to act
         beside those of the mechanism. The slow path, for formulations in body velocities.

@@ -48,7 +48,7 @@ def gauss_scratch(z: Array, rest: Rest | None) -> Scratch:
     return Scratch(np.zeros((STAGES, count)), np.zeros((STAGES, count)), np.empty(count), np.empty(count), np.empty(5))
 
 
-def _integrals(x: Array, weights: Array) -> Array:
+def integrals(x: Array, weights: Array) -> Array:
     """Integrals of Lagrange's polynomials from -1 to each node: by Legendre's, in which nothing cancels."""
     P = legvander(x, len(x))
     total = np.outer(x + 1.0, np.ones_like(x))
@@ -58,7 +58,7 @@ def _integrals(x: Array, weights: Array) -> Array:
 
 
 _NODES, _WEIGHTS = leggauss(STAGES)
-C, B, A = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS, 0.5 * _integrals(_NODES, _WEIGHTS)
+C, B, A = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS, 0.5 * integrals(_NODES, _WEIGHTS)
 DIFFERENCE = np.array([1.0 / np.prod(C[j] - np.delete(C, j)) for j in range(STAGES)])
 DIFFERENCE /= np.sum(np.abs(DIFFERENCE))
 """Weights of the last divided difference of the stages, scaled to a mean."""

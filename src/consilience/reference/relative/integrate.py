@@ -13,7 +13,7 @@ import numpy as np
 
 from consilience.reference.compiled import inlined, inner, kernel
 from consilience.reference.integrators.coefficients import D_DENSE, STAGES
-from consilience.reference.integrators.dop853 import EVALUATIONS, REJECTED, STEPS, factor_of
+from consilience.reference.integrators.dop853 import EVALUATIONS, LARGEST, REJECTED, STEPS, factor_of
 from consilience.reference.relative.dynamics import rates
 from consilience.reference.relative.loops import CHOSEN
 from consilience.reference.relative.methods import STAGES_AT_MOST, Method
@@ -26,6 +26,14 @@ from consilience.spatial import Array
 BEGIN, SECOND, END = np.array([0, 1, STAGES])
 """Stages: the first two, and that at the end of a step. They are numbers of NumPy, as kernels are compiled anew for
 each Python number that is written out where they are called."""
+
+LEFT = 3
+"""Status of a motion that is left to another integrator."""
+
+CRAWLING, PATIENCE, LEAST_LEFT = 3.5, 15, 100
+"""A motion is stiff for a method where so many steps, less the others, times the fastest rate of decay are as long as
+this: longer than accuracy asks for, and close to what the method's stability allows, 6 [Hairer and Wanner, IV.2]. It is
+left to another method if there are more than so many steps to go."""
 
 SAFETY = 0.8
 """Safety factor of the step size: with 0.9 a quarter of the steps of a pendulum or linkage are taken in vain."""
@@ -41,6 +49,7 @@ class Scratch(NamedTuple):
     size: Array  # (5,) of the kinds of components
     order: Array  # rows chosen at the end of the step, while its samples are taken
     chosen: Array
+    late: Array  # (2, n_z) state and derivative of the last stage of the step before
 
 
 def scratch(z: Array, rest: Rest | None) -> Scratch:
@@ -54,6 +63,7 @@ def scratch(z: Array, rest: Rest | None) -> Scratch:
         size=np.empty(5),
         order=np.empty(rows, dtype=np.int64),
         chosen=np.empty(groups, dtype=np.int64),
+        late=np.empty((2, len(z))),
     )
 
 
@@ -141,7 +151,7 @@ def _polynomial(dense: Array, z: Array, end: Array, K: Array, h: float, F: Array
 
 
 @kernel
-def _between(z: Array, F: Array, x: float, state: Array) -> None:
+def between(z: Array, F: Array, x: float, state: Array) -> None:
     """State at the part x of a step."""
     for n in range(z.shape[0]):
         total = 0.0
@@ -151,13 +161,13 @@ def _between(z: Array, F: Array, x: float, state: Array) -> None:
 
 
 @inner
-def _length(h: float, remaining: float) -> float:
+def length(h: float, remaining: float) -> float:
     """Length of the next step: a remainder a little longer than a step is halved, so that no sliver of one is left."""
     return remaining if h >= remaining else min(h, 0.5 * remaining)
 
 
 @inner
-def _first_length(kind: Array, f: Array, span: float, tolerance: float, size: Array) -> float:
+def first_length(kind: Array, f: Array, span: float, tolerance: float, size: Array) -> float:
     """Length of the first step, in which z changes by ``tolerance ** (1/8)``, from its derivative f."""
     total = 0.0
     for n in range(f.shape[0]):
@@ -166,7 +176,7 @@ def _first_length(kind: Array, f: Array, span: float, tolerance: float, size: Ar
 
 
 @inlined
-def _samples(
+def record_within(
     tree: Tree,
     rest: Rest | None,
     space: Space | None,
@@ -185,7 +195,7 @@ def _samples(
         assign(scratch.order, rest.fronts.order)
         assign(scratch.chosen, rest.fronts.state[:, CHOSEN])
     for n in range(times.shape[0]):
-        _between(z, scratch.F, (times[n] - t) / step, scratch.state)
+        between(z, scratch.F, (times[n] - t) / step, scratch.state)
         settle(tree, rest, space, elements, plane, times[n], scratch.state, SEEN)
         note(tree, space, plane, motion[n])
     if rest is not None:
@@ -194,7 +204,7 @@ def _samples(
 
 
 @inner
-def _within(times: Array, sample: int, after: float) -> int:
+def within(times: Array, sample: int, after: float) -> int:
     """Number of the first of the samples left that is not before a time."""
     while sample < times.shape[0] and times[sample] < after:
         sample += 1
@@ -234,7 +244,7 @@ def _record(
     _evaluate(tree, rest, space, elements, plane, method, z, end, K, t, step, END, behind, scratch.state)
     counters[EVALUATIONS] += behind - END
     _polynomial(method.dense, z, end, K, step, scratch.F)
-    _samples(tree, rest, space, elements, plane, z, t, step, times[first:inner], motion[first:inner], scratch)
+    record_within(tree, rest, space, elements, plane, z, t, step, times[first:inner], motion[first:inner], scratch)
     return sample, SECOND
 
 
@@ -272,6 +282,17 @@ def _attempt(
     return _error(tree.kind, K, step, size, method.estimate, method.power)
 
 
+@inner
+def _decay(kind: Array, z: Array, f: Array, late: Array, size: Array, tolerance: float) -> float:
+    """Rate at which what is between a step's end and its last stage decays; none where they are as good as equal."""
+    states = slopes = 0.0
+    for n in range(z.shape[0]):
+        states += ((z[n] - late[0, n]) / size[kind[n]]) ** 2
+        slopes += ((f[n] - late[1, n]) / size[kind[n]]) ** 2
+    least = max(1e-13, 1e-3 * tolerance)
+    return np.sqrt(slopes / states) if states > least**2 * z.shape[0] else 0.0
+
+
 @kernel
 def integrate(
     tree: Tree,
@@ -287,6 +308,7 @@ def integrate(
     motion: Array,
     counters: Array,
     scratch: Scratch,
+    leaves: bool,
 ) -> int:
     """Integrate from ``times[0]`` and record the bodies at all sample times.
 
@@ -303,11 +325,13 @@ def integrate(
     motion, counters : ndarray, shapes (n_t, n_b + n_e, 13) and (3,)
         Overwritten; counters are accepted steps, rejected steps, evaluations.
     scratch : Scratch
+    leaves : bool
+        Whether a stiff motion is left to another method.
 
     Returns
     -------
     int
-        Key of `integrators.dop853.STATUS`.
+        Key of `integrators.dop853.STATUS`, or `LEFT`.
     """
     t, last, sample = times[0], times[-1], SECOND
     K, end = scratch.K, scratch.end
@@ -318,24 +342,31 @@ def integrate(
         return 0
     bound = longest_now(tree, elements, longest)
     _attempt(tree, rest, space, elements, plane, method, z, t, 0.0, BEGIN, SECOND, counters, scratch)
-    h, first = _first_length(tree.kind, K[0], last - t, tolerance, scratch.size), SECOND
-    finite = np.isfinite(h)
+    h, first = first_length(tree.kind, K[0], last - t, tolerance, scratch.size), SECOND
+    finite, most, before, crawled = np.isfinite(h), LARGEST, 0.0, 0
     while sample < times.shape[0]:
-        step = _length(min(h, bound), last - t)
+        step = length(min(h, bound), last - t)
         if not step >= 1e-14 * max(1.0, abs(t)):
             return 1 if finite else 2
         error = (
             _attempt(tree, rest, space, elements, plane, method, z, t, step, first, END, counters, scratch) / tolerance
         )
+        if leaves and before > 0.0:
+            long = before * _decay(tree.kind, z, K[0], scratch.late, scratch.size, tolerance) > CRAWLING
+            before, crawled = 0.0, crawled + 1 if long else max(0, crawled - 1)
+            if crawled >= PATIENCE and last - t > LEAST_LEFT * step:
+                return LEFT
         finite = np.isfinite(error)  # a stage far from the motion may overflow: of no step that is short enough
-        factor = factor_of(error, SAFETY)
+        factor = min(most, factor_of(error, SAFETY))
         if not error <= 1.0:
             counters[REJECTED] += 1
-            h, first = step * min(1.0, factor), SECOND  # the first stage is still known
+            h, first, most = step * factor, SECOND, 1.0  # the first stage is still known
             continue
         counters[STEPS] += 1
+        assign(scratch.late[0], scratch.state)
+        assign(scratch.late[1], K[END - 1])
         after = last if step == last - t else t + step
-        left = _within(times, sample, after)
+        left = within(times, sample, after)
         seen = left < times.shape[0] and times[left] == after
         arrive(tree, rest, space, elements, plane, after, end, seen)
         bound = longest_now(tree, elements, longest)
@@ -343,5 +374,5 @@ def integrate(
             tree, rest, space, elements, plane, method, z, t, step, seen, times, motion, counters, sample, left, scratch
         )
         _advance(z, end, K, first)
-        t, h = after, step * factor if step == h else max(h, step * factor)
+        t, h, most, before = after, step * factor if step == h else max(h, step * factor), LARGEST, step
     return 0

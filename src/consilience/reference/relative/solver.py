@@ -14,12 +14,13 @@ from consilience.reference.canonical import canonical_motion
 from consilience.reference.formulations.recursive_model import TreeModel
 from consilience.reference.model import Model
 from consilience.reference.relative.gauss import gauss_scratch, integrate_gauss
-from consilience.reference.relative.integrate import integrate, scratch
+from consilience.reference.relative.integrate import LEFT, integrate, scratch
 from consilience.reference.relative.methods import METHODS, Method
 from consilience.reference.relative.model import Links, Rest, System, flatten_relative, lasting, renewed, system
 from consilience.reference.relative.packing import pack_relative
 from consilience.reference.relative.planar_model import planar
-from consilience.reference.relative.taylor import LEFT, STATUS, has_series, integrate_taylor, order_of, taylor_scratch
+from consilience.reference.relative.radau13 import integrate_radau, radau_scratch
+from consilience.reference.relative.taylor import STATUS, has_series, integrate_taylor, order_of, taylor_scratch
 from consilience.run import TrajectoryAnswer
 from consilience.spatial import Array
 
@@ -89,7 +90,7 @@ def _prepared(mechanism: Mechanism, in_space: bool) -> _Prepared:
     arrays = arrays or system(mechanism, links, spanning, model)
     tree_alone = links.free if arrays.plane is None else not len(arrays.rest.loops.group)
     explicit = "dop853" if len(model.functions.pieces) else "tp86"
-    usual = ("taylor", explicit) if has_series(arrays, tree_alone) else (explicit,)
+    usual = (*(["taylor"] if has_series(arrays, tree_alone) else []), explicit, "radau13")
     idle: dict[str, list[_Working]] = {name: [] for name in INTEGRATORS}
     return _Prepared(links, spanning, model, arrays, tree_alone, longest_step(model), usual, idle)
 
@@ -109,22 +110,28 @@ class _Integrator(NamedTuple):
     """How an integrator is called."""
 
     scratch: Callable[[Array, System, Rest | None], Any]
-    run: Callable[[_Working, _Asked], int]  # the status
+    run: Callable[[_Working, _Asked, bool], int]  # the status; may it leave a motion to another one?
 
 
-def _run_method(method: Method, working: _Working, asked: _Asked) -> int:
+def _run_method(method: Method, working: _Working, asked: _Asked, leaves: bool) -> int:
     """A motion by a Runge-Kutta method."""
     tree, _, space, elements, plane = working.system
-    return integrate(tree, working.rest, space, elements, plane, method, *asked, working.scratch)
+    return integrate(tree, working.rest, space, elements, plane, method, *asked, working.scratch, leaves)
 
 
-def _run_gauss(working: _Working, asked: _Asked) -> int:
+def _run_gauss(working: _Working, asked: _Asked, _leaves: bool) -> int:
     """A motion by collocation."""
     tree, _, space, elements, _ = working.system
     return integrate_gauss(tree, working.rest, space, elements, *asked, working.scratch)
 
 
-def _run_taylor(working: _Working, asked: _Asked) -> int:
+def _run_radau13(working: _Working, asked: _Asked, _leaves: bool) -> int:
+    """A motion by an implicit Runge-Kutta method."""
+    tree, _, space, elements, plane = working.system
+    return integrate_radau(tree, working.rest, space, elements, plane, *asked, working.scratch)
+
+
+def _run_taylor(working: _Working, asked: _Asked, _leaves: bool) -> int:
     """A motion by series."""
     z, times, tolerance, *others = asked
     tree, plane = working.system.tree, working.system.plane
@@ -139,6 +146,7 @@ INTEGRATORS = {
         name: _Integrator(lambda z, arrays, rest: scratch(z, rest), partial(_run_method, method))
         for name, method in METHODS.items()
     },
+    "radau13": _Integrator(lambda z, arrays, rest: radau_scratch(z, rest), _run_radau13),
     "gauss": _Integrator(lambda z, arrays, rest: gauss_scratch(z, rest), _run_gauss),
 }
 """Compiled integrators of the relative form; the first is for mechanisms in a plane without elements."""
@@ -150,7 +158,7 @@ def simulate_relative(
     """Motion of a mechanism; arguments as of `consilience.reference.simulate`, with one of `INTEGRATORS`.
 
     If none is given, ``taylor`` where the mechanism has series (`taylor.has_series`), elsewhere ``tp86``, or ``dop853``
-    where a function is a table.
+    where a function is a table; and ``radau13`` where that method finds the motion stiff.
 
     Raises
     ------
@@ -164,24 +172,27 @@ def simulate_relative(
         why = "it is for mechanisms that move in parallel planes by gravity alone, without drives, couplings and rods"
         raise InvalidInput("integrator", f"taylor cannot follow {mechanism.name}: {why}", "Use tp86, or leave it out.")
     asked = pack_relative(prepared.links, prepared.spanning, prepared.model, state), times, float(tolerance)
-    for name in prepared.usual if integrator is None else (integrator,):
-        status, motion, counters = _run(prepared, name, *asked)
+    names = prepared.usual if integrator is None else (integrator,)
+    for name in names:
+        status, motion, counters = _run(prepared, name, *asked, name != names[-1])
         if status != LEFT:
             break
     if status:
         raise NumericalFailure(f"reference, relative, {name}, tolerance {tolerance:g}: {STATUS[status]}")
     p, quat, v, w = canonical_motion(prepared.links.com, motion)
-    names = ("steps", "rejected", "evaluations")
-    counts: dict[str, int | float] = dict(zip(names, counters.tolist(), strict=True))
+    labels = ("steps", "rejected", "evaluations")
+    counts: dict[str, int | float] = dict(zip(labels, counters.tolist(), strict=True))
     return TrajectoryAnswer(times, p, quat, v, w, counts)
 
 
-def _run(prepared: _Prepared, name: str, z: Array, times: Array, tolerance: float) -> tuple[int, Array, Array]:
+def _run(
+    prepared: _Prepared, name: str, z: Array, times: Array, tolerance: float, leaves: bool
+) -> tuple[int, Array, Array]:
     """Status, bodies at the samples, and counters of an integrator from the state z."""
     working = prepared.working(name)
     motion, counters = np.empty((len(times), *working.system.tree.y.shape)), np.zeros(3, dtype=np.int64)
     asked = _Asked(z.copy(), times, tolerance, prepared.longest, motion, counters)
-    status = INTEGRATORS[name].run(working, asked)
-    if not status:  # a failure may leave what is not a number
+    status = INTEGRATORS[name].run(working, asked, leaves)
+    if status in (0, LEFT):  # a failure may leave what is not a number
         prepared.idle[name].append(working)
     return status, motion, counters

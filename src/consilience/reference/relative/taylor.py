@@ -24,7 +24,7 @@ from consilience.reference.relative.cut_rows import want
 from consilience.reference.relative.dynamics import factorise_rows
 from consilience.reference.relative.either import cut_rows, force_rows, open_links
 from consilience.reference.relative.fronts import multipliers
-from consilience.reference.relative.integrate import _length, _within, sizes
+from consilience.reference.relative.integrate import LEFT, length, sizes, within
 from consilience.reference.relative.model import Rest, System, Tree
 from consilience.reference.relative.planar import sweep_in_planar, sweep_out_planar
 from consilience.reference.relative.plane import Plane
@@ -57,8 +57,6 @@ LOOKED_AT = 4
 PART = 0.01
 """Part of the tolerance that the last term may be: motions then are about as accurate as by the other methods."""
 
-
-LEFT = 3
 STATUS = {
     **dop853.STATUS,
     LEFT: "the loops pass a pose in which their rows lose rank, and series do not lead through it",
@@ -228,12 +226,12 @@ def integrate_taylor(
         h = _radius(tree.kind, q, tree.speeds, order, scratch.size) * allowed
         if not h > 0.0:
             return 2
-        step = _length(min(h, longest), last - t)
+        step = length(min(h, longest), last - t)
         if not step >= 1e-14 * max(1.0, abs(t)):
             return 1
         counters[STEPS] += 1
         after = last if step == last - t else t + step
-        left = _within(times, sample, after)
+        left = within(times, sample, after)
         for n in range(sample, left):
             _at(q, tree.speeds, order, times[n] - t, end)
             settle(tree, rest, None, None, plane, times[n], end, SEEN)
