@@ -8,7 +8,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from routes import TIMES, TOLERANCES, Route, setup, sweep
+from routes import SPAN, TOLERANCES, Route, over, setup, sweep
 from tables import Table
 from timing import ROUNDS, less, race, ratio, seconds
 
@@ -166,7 +166,7 @@ def linkage(case: Case) -> Minimal:
 CASES = {"physical_pendulum-rotating": pendulum, "double_pendulum": double, "four_bar": linkage}
 
 
-def _taylor(minimal: Minimal, tolerances: tuple[float, ...]) -> Route:
+def _taylor(minimal: Minimal, times: Array, tolerances: tuple[float, ...]) -> Route:
     """Propagation alone is timed: the equations are compiled by the first run."""
 
     @cache
@@ -177,7 +177,7 @@ def _taylor(minimal: Minimal, tolerances: tuple[float, ...]) -> Route:
         integrator = compiled(tolerance)
         integrator.time = 0.0
         integrator.state[:] = minimal.start
-        return np.array(integrator.propagate_grid(TIMES)[-1])
+        return np.array(integrator.propagate_grid(times)[-1])
 
     return Route("heyoka", "Taylor", True, tolerances, run, minimal.positions)
 
@@ -198,19 +198,19 @@ def run(short: bool) -> Iterator[Table]:
         yield table
         return
     for name, equations in CASES.items():
-        case = load_case(name)
+        case = over(load_case(name), SPAN)
         minimal = equations(case)
-        finest = _taylor(minimal, FINER[-1:])
+        finest = _taylor(minimal, case.times, FINER[-1:])
         truth = finest.positions(finest.run(FINER[-1]))
         ours = Route(
             "reference",
             "relative",
             False,
             (*TOLERANCES, 10**-13.5, 1e-14),
-            lambda tol, case=case: simulate(case.mechanism, case.initial_state, TIMES, tol, "relative").p_WB,
+            lambda tol, case=case: simulate(case.mechanism, case.initial_state, case.times, tol, "relative").p_WB,
             lambda motion: motion,
         )
-        found, other = _first(ours, truth), _first(_taylor(minimal, FINER), truth)
+        found, other = _first(ours, truth), _first(_taylor(minimal, case.times, FINER), truth)
         if found is None or other is None:
             table.rows.append([name, *("not reached" if f is None else f"{f.level:.2g}" for f in (found, other))])
             continue

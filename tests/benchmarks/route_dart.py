@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
-from routes import HIGH_ORDER, STEPS, TIMES, TOLERANCES, Integrator, Route, extrapolated
+from routes import HIGH_ORDER, TOLERANCES, Integrator, Route, extrapolated, steps
 
 from consilience.case import Case
 from consilience.harness import solve_constrained
@@ -19,8 +19,6 @@ from consilience_dart.loads import appliers
 from consilience_dart.state import from_state, rotations, send
 from consilience_dart.stepping import ERROR_REDUCTION_TRAJECTORY, stepper
 from consilience_dart.translation import build, constrained, unstepped
-
-INTERVAL = float(TIMES[1] - TIMES[0])
 
 
 def _origins(model) -> Array:
@@ -35,18 +33,17 @@ def _stepped(case: Case) -> Route:
     stepping.reduction = ERROR_REDUCTION_TRAJECTORY
     method = DartEngine().methods(case.mechanism, Question.TRAJECTORY)[0]
 
-    def run(per_second: float) -> Array:
+    def run(count: int) -> Array:
         methods.soften(method)
-        count = round(per_second * INTERVAL)
-        stepping.restart(start, float(TIMES[0]), INTERVAL / count)
+        stepping.restart(start, 0.0, case.sample / count)
         motion = [_origins(stepping.model)]
-        for t in TIMES[1:]:
+        for t in case.times[1:]:
             stepping.step(count)
             stepping.time = float(t)
             motion.append(_origins(stepping.model))
         return np.array(motion)
 
-    return Route("DART", "World.step", True, STEPS, run, lambda motion: motion)
+    return Route("DART", "World.step", True, steps(case), run, lambda motion: motion)
 
 
 def _high_order(case: Case) -> Iterator[Route]:
@@ -73,7 +70,7 @@ def _high_order(case: Case) -> Iterator[Route]:
 
     def run(integrator: Integrator, tolerance: float) -> Array:
         send(model, start)
-        return integrator(derivative, np.concatenate([start.q, start.v]), tolerance)[:, :n]
+        return integrator(derivative, np.concatenate([start.q, start.v]), case.times, tolerance)[:, :n]
 
     def positions(motion: Array) -> Array:
         found = []

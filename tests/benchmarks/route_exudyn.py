@@ -7,7 +7,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from routes import STEPS, TIMES, TOLERANCES, Route, extrapolated
+from routes import TOLERANCES, Route, extrapolated, steps
 
 from consilience.case import Case
 from consilience.run import Question
@@ -33,17 +33,15 @@ CRAWLS = 1e-12
 SMALLEST_STEP = 1e-6
 """s, of the same control: with its own, 1e-8, it may take an hour for a second of a stiff motion."""
 
-INTERVAL = float(TIMES[1] - TIMES[0])
 
-
-def _fixed(system: Any, sensors: list[Any], integration: Integration) -> Route:
+def _fixed(case: Case, system: Any, sensors: list[Any], integration: Integration) -> Route:
     """One run over all samples, positions read from its sensors at the end."""
 
-    def run(per_second: float) -> Array:
-        solve(system, integration, TIMES, INTERVAL / round(per_second * INTERVAL))
-        return np.stack([stored(system, sensor, TIMES)[:, :3] for sensor in sensors], axis=1)
+    def run(count: int) -> Array:
+        solve(system, integration, case.times, case.sample / count)
+        return np.stack([stored(system, sensor, case.times)[:, :3] for sensor in sensors], axis=1)
 
-    return Route("Exudyn", integration.solver, True, STEPS, run, lambda motion: motion)
+    return Route("Exudyn", integration.solver, True, steps(case), run, lambda motion: motion)
 
 
 def _adaptive(case: Case, model: Any) -> Route:
@@ -58,10 +56,10 @@ def _adaptive(case: Case, model: Any) -> Route:
         settings.solution.sensors.active = False
         scheme = settings.timeIntegration
         scheme.relativeTolerance = scheme.absoluteTolerance = tolerance
-        scheme.numberOfSteps = round(LARGEST_STEPS * INTERVAL)
+        scheme.numberOfSteps = max(1, round(LARGEST_STEPS * case.sample))
         scheme.minimumStepSize = SMALLEST_STEP
         motion = [case.initial_state.p_WB]
-        for start, end in pairwise(TIMES):
+        for start, end in pairwise(case.times):
             scheme.startTime, scheme.endTime = float(start), float(end)
             if not system.SolveDynamic(settings, solverType=exu.DynamicSolverType.DOPRI5):
                 raise RuntimeError(f"DOPRI5 stopped before {end} s")
@@ -78,7 +76,7 @@ def _adaptive(case: Case, model: Any) -> Route:
 def _tree(case: Case) -> Iterator[Route]:
     model = build_tree(case.mechanism, case.initial_state, ("Position",))
     for solver, orders in EXPLICIT.items():
-        plain = _fixed(model.system, [four[0] for four in model.sensors], Integration(solver, SETTINGS))
+        plain = _fixed(case, model.system, [four[0] for four in model.sensors], Integration(solver, SETTINGS))
         yield plain
         yield extrapolated(plain, COUNTS[1], orders)
     yield _adaptive(case, model)
@@ -87,7 +85,7 @@ def _tree(case: Case) -> Iterator[Route]:
 def _maximal(case: Case) -> Iterator[Route]:
     model = build(case.mechanism, case.initial_state, independent_axes(case.mechanism))
     for solver, orders in IMPLICIT.items():
-        plain = _fixed(model.system, [three[0] for three in model.sensors], Integration(solver, SETTINGS))
+        plain = _fixed(case, model.system, [three[0] for three in model.sensors], Integration(solver, SETTINGS))
         yield plain
         for n, counts in COUNTS.items():
             yield extrapolated(plain, counts, orders[:n])

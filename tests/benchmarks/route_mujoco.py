@@ -7,7 +7,7 @@ from functools import partial
 
 import mujoco
 import numpy as np
-from routes import HIGH_ORDER, STEPS, TIMES, TOLERANCES, Integrator, Route, extrapolated
+from routes import HIGH_ORDER, TOLERANCES, Integrator, Route, extrapolated, steps
 
 from consilience.case import Case
 from consilience.run import Question
@@ -19,8 +19,6 @@ from consilience_mujoco.messages import warnings_raise
 from consilience_mujoco.methods import configured
 from consilience_mujoco.states import set_state
 from consilience_mujoco.translate import Translation, translate
-
-INTERVAL = float(TIMES[1] - TIMES[0])
 
 
 def _quaternions(model) -> list[tuple[int, int]]:
@@ -44,7 +42,7 @@ class Motion:
     """
 
     def __init__(self, case: Case, translation: Translation, cut: bool) -> None:
-        self.translation, self.rank = translation, None
+        self.translation, self.rank, self.times = translation, None, case.times
         model, data = translation.model, translation.data
         set_state(translation, case.initial_state)
         self.q, self.v = data.qpos.copy(), data.qvel.copy()
@@ -54,16 +52,15 @@ class Motion:
             rank, rows = constraint_rank(translation)
             self.rank = rank if rank < rows else None
 
-    def steps(self, per_second: float) -> Array:
+    def steps(self, count: int) -> Array:
         """MuJoCo's integrator, as many steps as a sample interval has in one call."""
         model, data = self.translation.model, self.translation.data
-        count = round(per_second * INTERVAL)
-        model.opt.timestep = INTERVAL / count
+        model.opt.timestep = self.times[1] / count
         mujoco.mj_resetData(model, data)
         data.qpos[:], data.qvel[:] = self.q, self.v
         motion = [self.q]
         with warnings_raise(), answering(self.translation, self.rank):
-            for t in TIMES[:-1]:
+            for t in self.times[:-1]:
                 data.time = t
                 mujoco.mj_step(model, data, count)
                 motion.append(data.qpos.copy())
@@ -90,7 +87,7 @@ class Motion:
 
         mujoco.mj_resetData(model, data)
         with warnings_raise(), answering(self.translation, self.rank):
-            return integrator(derivative, np.concatenate([self.q, self.v]), tolerance)[:, :nq]
+            return integrator(derivative, np.concatenate([self.q, self.v]), self.times, tolerance)[:, :nq]
 
     def positions(self, motion: Array) -> Array:
         """Origins of the bodies."""
@@ -115,7 +112,7 @@ def routes(case: Case) -> Iterator[Route]:
         motions.append(cut)
     for motion in motions:
         how = "" if motion.rank is None else ", rows cut"
-        rk4 = Route("MuJoCo", f"RK4{how}", True, STEPS, motion.steps, motion.positions)
+        rk4 = Route("MuJoCo", f"RK4{how}", True, steps(case), motion.steps, motion.positions)
         yield rk4
         yield extrapolated(rk4, (1, 2), (4,))
         yield extrapolated(rk4, (2, 3, 4), (4, 5))

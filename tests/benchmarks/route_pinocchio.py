@@ -79,7 +79,7 @@ def routes(case: Case) -> Iterator[Route]:
     name = "constraintDynamics" if translation.welds or elements.rows.count else "aba"
 
     def run(integrator: Integrator, tolerance: float) -> Array:
-        return integrator(derivative, start, tolerance)
+        return integrator(derivative, start, case.times, tolerance)
 
     for method, integrator in HIGH_ORDER.items():
         yield Route("Pinocchio", f"{name} + {method}", False, TOLERANCES, partial(run, integrator), positions)

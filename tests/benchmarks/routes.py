@@ -5,10 +5,11 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from implicit import radau13
 from scipy.integrate import ode
 
 from consilience.case import Case
@@ -17,13 +18,13 @@ from consilience.reference import simulate
 from consilience.reference.integrators import tsitouras
 from consilience.spatial import Array
 
-TIMES = np.linspace(0.0, 5.0, 6)
-"""Samples of a motion in s. Few, so that taking them costs no one anything."""
+SPAN, INTERVALS = 5.0, 5
+"""Length of a motion in s, and between how many samples: few, so that taking them costs no one anything."""
 
 TOLERANCES = tuple(10.0 ** (-k / 2.0) for k in range(6, 27))
 """1e-3 to 1e-13 in half decades."""
 
-STEPS = tuple(round(125 * 2.0 ** (k / 2.0)) for k in range(-4, 21))
+STEPS = tuple(125 * 2.0 ** (k / 2.0) for k in range(-4, 21))
 """Steps in a second, 31 to 128000, in factors of the square root of two."""
 
 FAILURES = (ConsilienceError, RuntimeError, ValueError, ArithmeticError, np.linalg.LinAlgError)
@@ -40,11 +41,11 @@ class Route:
     native : bool
         Whether the engine's own integrator does all of it.
     levels : sequence of float
-        Tolerances, or steps in a second, from coarse to fine.
+        Tolerances, or steps between samples, from coarse to fine.
     run : callable
         ``run(level)``: what is timed.
     positions : callable
-        Of what `run` returned: p_WB at `TIMES`, shape (n_t, n_b, 3). Not timed.
+        Of what `run` returned: p_WB at the samples, shape (n_t, n_b, 3). Not timed.
     """
 
     engine: str
@@ -71,9 +72,19 @@ class Found:
         return f"{self.route.engine}, {self.route.name}, {self.level:.3g}"
 
 
+def over(case: Case, span: float) -> Case:
+    """The case over a span in s, with few samples."""
+    return replace(case, duration=span, sample=span / INTERVALS, published=())
+
+
+def steps(case: Case) -> list[int]:
+    """Steps between samples, from coarse to fine: `STEPS`, for which at least one has room."""
+    return sorted({max(1, round(per_second * case.sample)) for per_second in STEPS})
+
+
 def setup(case: Case, formulation: str) -> Callable[[], object]:
     """A call of the reference for its first sample alone: what it spends before and after it integrates."""
-    return lambda: simulate(case.mechanism, case.initial_state, TIMES[:1], 1e-6, formulation)
+    return lambda: simulate(case.mechanism, case.initial_state, case.times[:1], 1e-6, formulation)
 
 
 def weights(counts: Sequence[int], orders: Sequence[int]) -> Array:
@@ -87,18 +98,18 @@ def extrapolated(route: Route, counts: Sequence[int], orders: Sequence[int]) -> 
     factors = weights(counts, orders)
 
     def run(level: float) -> list[Any]:
-        return [route.run(round(level) * count) for count in counts]  # step sizes in exact proportion
+        return [route.run(level * count) for count in counts]
 
     def positions(raw: list[Any]) -> Array:
         return np.tensordot(factors, np.array([route.positions(one) for one in raw]), 1)
 
-    coarse = [level / 4.0 for level in STEPS[:5:2]]
+    coarse = sorted({max(1, round(level / 4.0)) for level in route.levels[:5:2]} - set(route.levels))
     name = f"{route.name}, extrapolated over {counts}"
     return Route(route.engine, name, route.native, [*coarse, *route.levels], run, positions)
 
 
-def dop853(derivative: Callable[[float, Array], Array], y: Array, tolerance: float) -> Array:
-    """Integrate by the compiled DOP853 of SciPy; y at `TIMES`.
+def dop853(derivative: Callable[[float, Array], Array], y: Array, times: Array, tolerance: float) -> Array:
+    """Integrate by the compiled DOP853 of SciPy; y at the times.
 
     Raises
     ------
@@ -106,9 +117,9 @@ def dop853(derivative: Callable[[float, Array], Array], y: Array, tolerance: flo
         If it gives up.
     """
     solver = ode(derivative).set_integrator("dop853", rtol=tolerance, atol=tolerance, nsteps=1_000_000)
-    solver.set_initial_value(y, TIMES[0])
+    solver.set_initial_value(y, times[0])
     motion = [y]
-    for t in TIMES[1:]:
+    for t in times[1:]:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # it warns and says by its code that it has given up
             motion.append(solver.integrate(t))
@@ -117,14 +128,14 @@ def dop853(derivative: Callable[[float, Array], Array], y: Array, tolerance: flo
     return np.array(motion)
 
 
-Integrator = Callable[[Callable[[float, Array], Array], Array, float], Array]
-"""Of a derivative, an initial y and a tolerance: y at `TIMES`."""
+Integrator = Callable[[Callable[[float, Array], Array], Array, Array, float], Array]
+"""Of a derivative, an initial y, times and a tolerance: y at these."""
 
 _A, _B, _E, _C = tsitouras.A, tsitouras.B, tsitouras.E, tsitouras.C.tolist()
 
 
-def tp86(derivative: Callable[[float, Array], Array], y: Array, tolerance: float) -> Array:
-    """Integrate by the pair of the reference, controlled as there; y at `TIMES`.
+def tp86(derivative: Callable[[float, Array], Array], y: Array, times: Array, tolerance: float) -> Array:
+    """Integrate by the pair of the reference, controlled as there; y at the times.
 
     Raises
     ------
@@ -132,11 +143,11 @@ def tp86(derivative: Callable[[float, Array], Array], y: Array, tolerance: float
         If it gives up.
     """
     K = np.empty((len(_B), len(y)))
-    motion, t = [y], float(TIMES[0])
+    motion, t = [y], float(times[0])
     K[0] = derivative(t, y)
     slope = np.sqrt(np.mean((K[0] / (1.0 + np.abs(y))) ** 2))
-    h, known = tolerance ** (1.0 / 8.0) / max(float(slope), 1.0 / (TIMES[-1] - t)), True
-    for target in TIMES[1:].tolist():
+    h, known = tolerance ** (1.0 / 8.0) / max(float(slope), 1.0 / (times[-1] - t)), True
+    for target in times[1:].tolist():
         while t < target:
             remaining = target - t
             step = remaining if h >= remaining else min(h, 0.5 * remaining)
@@ -161,8 +172,8 @@ def tp86(derivative: Callable[[float, Array], Array], y: Array, tolerance: float
     return np.array(motion)
 
 
-HIGH_ORDER = {"DOP853": dop853, "TP86": tp86}
-"""Integrators that an engine's accelerations are given to: SciPy's, compiled, and that of the reference."""
+HIGH_ORDER = {"DOP853": dop853, "TP86": tp86, "RADAU13": radau13}
+"""Integrators that an engine's accelerations are given to: SciPy's, compiled, and those of the reference."""
 
 
 def sweep(

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from routes import TIMES
 
 from consilience.case import Case
 from consilience.mechanism import Body, Frame
@@ -24,7 +23,7 @@ def _aside(body: Body) -> Frame:
 
 def seen(case: Case) -> Case:
     """The case, with other origins on its bodies if all of them rest, or fall as points do."""
-    motion, t = simulate(case.mechanism, case.initial_state, TIMES, 1e-6, "relative"), TIMES[:, None, None]
+    motion, t = simulate(case.mechanism, case.initial_state, case.times, 1e-6, "relative"), case.times[:, None, None]
     rest = motion.p_WB[0]
     fall = rest + t * motion.v_WB_W[0] + 0.5 * t**2 * case.mechanism.gravity
     if all(np.max(np.abs(motion.p_WB - there)) > STILL for there in (rest, fall)):
