@@ -1,5 +1,7 @@
 """Loops and samples of the relative form: structure of the factors, dense output, steps that no sample stops."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -15,7 +17,7 @@ from consilience.reference.relative.integrate import END, _polynomial, between
 from consilience.reference.relative.loops import BATCH, BATCH_END, HEIGHT, REACH, ROW, ROW_END
 from consilience.reference.relative.methods import METHODS
 from consilience.reference.relative.model import flatten_relative
-from consilience.spatial import rotation_angle_between
+from consilience.spatial import rotation_angle_between, rotation_from_quaternion
 
 MANY_LOOPS = (
     "windows:count=6",
@@ -205,3 +207,17 @@ def test_the_usual_method_is_taylor_in_a_plane_and_tp86_in_space_and_another_one
     np.testing.assert_array_equal(motion.p_WB, one.p_WB)
     assert np.any(motion.p_WB != other.p_WB)
     np.testing.assert_allclose(motion.p_WB, other.p_WB, rtol=0, atol=1e-9)
+
+
+def test_angles_that_nothing_reads_shorten_no_steps():
+    """The last link of the arm turns by 500 t^2; on springs, however soft, turns are counted, a step at most a half."""
+    case = load_case("seven_axis_arm_upright")
+    springs = tuple(replace(s, stiffness=1e-30) for s in case.mechanism.joint_springs)
+    found, counted = (
+        simulate(mechanism, case.initial_state, np.array([0.0, 0.2]), 1e-9, "relative")
+        for mechanism in (case.mechanism, replace(case.mechanism, joint_springs=springs))
+    )
+    for motion in (found, counted):
+        x_axis = rotation_from_quaternion(motion.quat_WB[-1, -1])[:, 0]
+        np.testing.assert_allclose(x_axis, [np.cos(20.0), np.sin(20.0), 0.0], atol=1e-11)
+    assert found.counters["steps"] < counted.counters["steps"] / 2

@@ -49,6 +49,7 @@ class Model(NamedTuple):
     row_kind: Array  # (q,) index into ROWS
     row_target: Array  # (q,)
     coordinate: Array  # (n_c, 2) joint, ANGLE or DISTANCE
+    counted: Array  # (n_c,) whether it is an angle whose turns matter
     functions: Functions
     spring_body: Array  # (n, 2)
     spring_arm: Array  # (n, 2, 3)
@@ -206,19 +207,29 @@ def _length(joints: tuple[Joint, ...], arrays: dict[str, Array]) -> float:
     return max(lengths) or 1.0
 
 
+def _counted(coordinate: Array, elements: dict[str, Array]) -> Array:
+    """Angles that something reads: not those of actuators and friction alone, which only ask for rates."""
+    springs = elements["joint_spring"][elements["joint_spring_law"][:, 0] != 0.0]
+    readers = springs[:, :1], elements["control"][:, :1], elements["drive"][:, :1], elements["coupling"][:, :2]
+    read = np.concatenate([coordinates.ravel() for coordinates in readers])
+    return np.isin(np.arange(len(coordinate)), read) & (coordinate[:, 1] == ANGLE)
+
+
 def flatten(mechanism: Mechanism) -> Model:
     """Flat arrays of a mechanism."""
     number = _Numbers(mechanism)
     joints = _joint_arrays(mechanism)
     elements = {**_force_arrays(mechanism, number), **_constraint_arrays(mechanism, number)}
     inertia = np.array([b.inertia for b in mechanism.bodies])
+    coordinate = _indices([list(key) for key in number.coordinates], 2)
     return Model(
         gravity=np.array(mechanism.gravity),
         mass=np.array([b.mass for b in mechanism.bodies]),
         inertia=inertia,
         inertia_factor=np.linalg.cholesky(inertia),
         length=_length(mechanism.joints, joints),
-        coordinate=_indices([list(key) for key in number.coordinates], 2),
+        coordinate=coordinate,
+        counted=_counted(coordinate, elements),
         functions=flatten_functions(number.functions),
         **joints,
         **elements,

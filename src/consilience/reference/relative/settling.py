@@ -9,7 +9,7 @@ import numpy as np
 
 from consilience.reference.compiled import inlined, inner, kernel
 from consilience.reference.joint_rows import coordinate
-from consilience.reference.model import ANGLE, Model
+from consilience.reference.model import Model
 from consilience.reference.relative.closing import CLOSED, POSITION_STEPS, largest, note_pivot, opened, pull
 from consilience.reference.relative.columns import REST
 from consilience.reference.relative.dynamics import remember
@@ -248,7 +248,7 @@ def _turning(model: Model, y: Array, A: Array, memory: Array) -> float:
     """Longest step in which turns can be counted, from the rates of the bodies as they are placed."""
     rate = 0.0
     for n in range(memory.shape[0]):
-        if model.coordinate[n, 1] == ANGLE:
+        if model.counted[n]:
             rate = max(rate, abs(coordinate(model, y, A, n, memory[n]).rate))
     return _TURN / rate if rate > 0.0 else np.inf
 
