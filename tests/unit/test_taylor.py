@@ -120,6 +120,16 @@ def test_a_pose_that_loses_rank_is_left_to_the_other_method():
         simulate(*asked, "taylor")
 
 
+def test_a_motion_that_was_left_leaves_nothing_behind():
+    """Its arrays serve the next one: a motion before and one after are the same to the last bit."""
+    case = load_case("parallelogram")
+    asked = case.mechanism, case.initial_state, np.linspace(0.0, 1.0, 5)
+    before, left, after, again = (simulate(*asked, tol, "relative") for tol in (1e-10, 1e-12, 1e-10, 1e-12))
+    for observable in ("p_WB", "w_WB_W"):
+        np.testing.assert_array_equal(getattr(before, observable), getattr(after, observable))
+        np.testing.assert_array_equal(getattr(left, observable), getattr(again, observable))
+
+
 @pytest.mark.parametrize("name", ["spatial_slider_crank", "acrobot", "four_bar_driven", "rolling_disc"])
 def test_who_has_no_series_is_told_so(name):
     case = load_case(name)
