@@ -10,15 +10,14 @@ from consilience.mechanism import State
 from consilience.observe import mass_matrix_condition, reaction_condition
 from consilience.reference import simulate
 from consilience.reference.canonical import at_origins
-from consilience.reference.compiled import kernel
+from consilience.reference.formulations.relative import close, differentiate
 from consilience.reference.model import unpack
 from consilience.reference.relative import columns
-from consilience.reference.relative.dynamics import accelerations
 from consilience.reference.relative.kinematics import orient, place, place_bodies
 from consilience.reference.relative.model import BODY, PIVOT, flatten_relative, system
 from consilience.reference.relative.null_space import SOUND
 from consilience.reference.relative.packing import pack_relative
-from consilience.reference.relative.settling import SEEN, project
+from consilience.reference.relative.settling import SEEN
 from mechanisms import driven, four_bar, powered, spatial_loop, states_of
 
 EPS = np.finfo(float).eps
@@ -50,16 +49,6 @@ UNCHANGING = {"a screw that is cut", "drives alone"}
 """Linkages whose rows are the same in all poses."""
 
 
-@kernel
-def _project(rest, space, elements, t, z, seen):
-    project(rest, space, elements, None, t, z, seen)
-
-
-@kernel
-def _accelerate(rest, space, elements, t, z):
-    accelerations(rest, space, elements, None, t, z)
-
-
 class InSpace:
     """A mechanism by the kernels of space; which way they went shows in the fronts, not numbers before."""
 
@@ -71,13 +60,13 @@ class InSpace:
     def close(self, z, seen=SEEN):
         """Settled in place; whether by elimination."""
         self.rest.fronts.F[:] = np.nan
-        _project(self.rest, self.space, self.elements, 0.0, z, seen)
+        close(self.rest, self.space, self.elements, None, 0.0, z, seen)
         return bool(np.all(np.isnan(self.rest.fronts.F)))
 
     def accelerations(self, z):
         """Of the origins and angular, and whether by elimination."""
         self.rest.fronts.F[:] = np.nan
-        _accelerate(self.rest, self.space, self.elements, 0.0, z)
+        differentiate(self.rest, self.space, self.elements, None, 0.0, z, np.empty_like(z))
         eliminated = bool(np.all(np.isnan(self.rest.fronts.F)))
         A, y, link = self.space.A, self.space.y, self.rest.link
         place_bodies(self.links.layout, link, y, A)

@@ -12,16 +12,15 @@ from consilience.mechanism import State
 from consilience.observe import mass_matrix_condition
 from consilience.reference import simulate
 from consilience.reference.canonical import at_origins
-from consilience.reference.compiled import kernel
+from consilience.reference.formulations.relative import close, differentiate
 from consilience.reference.model import unpack
-from consilience.reference.relative.dynamics import accelerations
 from consilience.reference.relative.kinematics import orient
 from consilience.reference.relative.model import flatten_relative
 from consilience.reference.relative.packing import pack_relative
 from consilience.reference.relative.planar import place_planar_bodies
 from consilience.reference.relative.planar_model import planar
 from consilience.reference.relative.plane import ACCELERATION
-from consilience.reference.relative.settling import SEEN, find_rank, project
+from consilience.reference.relative.settling import SEEN, find_rank
 from consilience.spatial import quaternion_from_rotation_vector, rotation_from_quaternion
 from flat import PLANAR, flat_chain
 from mechanisms import states_of
@@ -29,25 +28,9 @@ from mechanisms import states_of
 EPS = np.finfo(float).eps
 
 
-@kernel
-def _accelerations(rest, plane, t, z):
-    find_rank(rest, None, None, plane, t, z)
-    accelerations(rest, None, None, plane, t, z)
-
-
-@kernel
-def _project(rest, plane, t, z):
-    project(rest, None, None, plane, t, z, SEEN)
-
-
-@kernel
-def _find_rank(rest, plane, t, z):
-    find_rank(rest, None, None, plane, t, z)
-
-
 def find_rank_of(equations, z):
     """Rows chosen at a state."""
-    _find_rank(equations.rest, equations.plane, 0.0, z)
+    find_rank(equations.rest, None, None, equations.plane, 0.0, z)
 
 
 class InPlane:
@@ -64,7 +47,8 @@ class InPlane:
 
     def accelerations(self, state, t=0.0):
         rest, placed, z = self.rest, self.placed, self.packed(state)
-        _accelerations(rest, self.plane, t, z)
+        find_rank(rest, None, None, self.plane, t, z)
+        differentiate(rest, None, None, self.plane, t, z, np.empty_like(z))
         place_planar_bodies(self.plane.body, rest.link, placed.y, placed.A)
         orient(placed.A, placed.y)
         a = np.empty((len(self.mechanism.bodies), 6))
@@ -112,7 +96,7 @@ def test_settling_closes_what_was_torn_open(name):
     count = 2 * len(equations.rest.u)
     find_rank_of(equations, z)
     z[:count] += 1e-4 * rng.normal(size=count)
-    _project(equations.rest, equations.plane, 0.0, z)
+    close(equations.rest, None, None, equations.plane, 0.0, z, SEEN)
     found = State(*equations.state())
     rates = constraint_jacobian(mechanism, found) @ np.hstack([found.v_WB_W, found.w_WB_W]).ravel()
     assert np.max(np.abs(constraint_residual(mechanism, found))) < 1e-13

@@ -23,6 +23,7 @@ from consilience.reference.relative.dynamics import derivative, remember
 from consilience.reference.relative.kinematics import orient, place, place_bodies
 from consilience.reference.relative.model import BODY, Elements, Rest, Space, flatten_relative, system
 from consilience.reference.relative.packing import pack_relative
+from consilience.reference.relative.plane import Plane
 from consilience.reference.relative.settling import SEEN, find_rank, project
 from consilience.reference.workspace import Workspace, workspace
 from consilience.run import Unsupported
@@ -35,15 +36,19 @@ def unsupported(mechanism: Mechanism) -> tuple[Unsupported, ...]:
 
 
 @kernel
-def _derivative(rest: Rest, space: Space, elements: Elements | None, t: float, z: Array, dz: Array) -> None:
+def differentiate(
+    rest: Rest, space: Space | None, elements: Elements | None, plane: Plane | None, t: float, z: Array, dz: Array
+) -> None:
     """`derivative`, for Python."""
-    derivative(rest, space, elements, None, t, z, dz)
+    derivative(rest, space, elements, plane, t, z, dz)
 
 
 @kernel
-def _project(rest: Rest, space: Space, elements: Elements | None, t: float, z: Array) -> None:
+def close(
+    rest: Rest, space: Space | None, elements: Elements | None, plane: Plane | None, t: float, z: Array, seen: bool
+) -> None:
     """`project`, for Python."""
-    project(rest, space, elements, None, t, z, SEEN)
+    project(rest, space, elements, plane, t, z, seen)
 
 
 @kernel
@@ -87,7 +92,7 @@ class RelativeCoordinates:
         self._rest.limit[0] = round(u[-1])
         if self._elements is not None:
             self._elements.memory[:] = memory
-        _derivative(self._rest, self._space, self._elements, t, z, dz)
+        differentiate(self._rest, self._space, self._elements, None, t, z, dz)
         if self._elements is not None:
             _turning(self._elements, self._space.y, self._space.A, turning)
         return du
@@ -97,7 +102,7 @@ class RelativeCoordinates:
         z, memory = self._split(np.array(u, dtype=float))
         if self._elements is not None:
             self._elements.memory[:] = memory
-        _project(self._rest, self._space, self._elements, t, z)
+        close(self._rest, self._space, self._elements, None, t, z, SEEN)
         return np.concatenate([z, self._remember(memory), self._rest.limit])
 
     def accelerations(self, state: State, t: float = 0.0) -> tuple[Array, Array]:
