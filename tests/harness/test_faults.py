@@ -13,6 +13,7 @@ from consilience.run import Question, Status
 from consilience.suite import EngineFailure, run_suite, simulate_case
 from harness.processes import MARK, marked
 from mechanisms import chain
+from pace import slowness
 
 MEMORY = 1536 * 2**20
 """Of an engine in bytes: what the honest ones need, and what is soon eaten."""
@@ -85,7 +86,7 @@ def results(cases):
     names = ["honest", *FAULTS, "liar", *MISSING, "selective", "cannot_plan", "chatters"]
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv(MARK, "faults")
-        found = run_suite(cases, names, jobs=3, limit=120.0, memory=MEMORY)
+        found = run_suite(cases, names, jobs=3, limit=600.0, memory=MEMORY)  # the first job compiles
     assert not marked("faults")
     return found
 
@@ -201,10 +202,11 @@ def test_an_engine_prints_nothing_into_the_terminal_of_the_caller(cases, capfd):
 
 def test_a_hang_is_stopped_at_the_limit_and_the_next_question_answered(cases):
     """The engine is deaf to SIGTERM; its limit is long enough for a slow start, short enough to wait for."""
-    results = run_suite(cases[:1], ["hangs"], [Question.INSTANT, Question.TRAJECTORY], limit=6.0)
+    limit = 6.0 * slowness()
+    results = run_suite(cases[:1], ["hangs"], [Question.INSTANT, Question.TRAJECTORY], limit=limit)
     found = verdict(results, "hangs", "first", INSTANT)
     assert found.verdict is Verdict.FAILED
-    assert found.why == "no answer within 6 s; the worker was stopped"
+    assert found.why == f"no answer within {limit:g} s; the worker was stopped"
     assert verdict(results, "hangs", "first", TRAJECTORY).verdict is Verdict.AGREES
 
 

@@ -33,6 +33,7 @@ from consilience.reference.engine import ReferenceEngine
 from consilience.run import Method, Profile, Question, Route, Unsupported
 from consilience.suite import run_suite
 from mechanisms import chain
+from pace import slowness
 
 SEEDS = range(1, 61)
 INSTANT, MODEL = Question.INSTANT, Question.MODEL
@@ -251,7 +252,7 @@ def task(name, seed):
     ("engine", "evidence"),
     [
         ("aborts", "the worker died: signal SIGABRT"),
-        ("hangs", "no answer within 8 s; the worker was stopped"),
+        ("hangs", "no answer within {limit:g} s; the worker was stopped"),
         ("raises_two_parts", "TwoPartError: 7: no licence"),
         ("gives_lambda", "cannot be sent: it holds a function"),
         ("cannot_plan", "KeyError: 'spherical'"),
@@ -261,12 +262,13 @@ def task(name, seed):
 def test_a_fault_costs_its_mechanism_and_no_other(engine, evidence):
     """The faults show at the mechanism called ``first``, which is in the middle of the message."""
     tasks = [task("a", 1), task("first", 2), task("b", 3)]
-    with Panelist(engine, 8.0) as member:
+    limit = 8.0 * slowness()
+    with Panelist(engine, limit) as member:
         sheets = member.sheets(member.submit_many(tasks))
         again = member.sheets(member.submit_many(tasks[:1]))
     bad = [[said.reason for said in sheet.said if said.reason] for sheet in (*sheets, *again)]
     assert [len(reasons) > 0 for reasons in bad] == [False, True, False, False]
-    assert evidence in bad[1][0]
+    assert evidence.format(limit=limit) in bad[1][0]
     for sheet in (sheets[0], sheets[2], again[0]):
         assert {said.question for said in sheet.said if said.answer is not None} == {MODEL, INSTANT}
 
