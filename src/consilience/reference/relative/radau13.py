@@ -162,16 +162,22 @@ def _linearise(
     counters: Array,
     scratch: Scratch,
 ) -> None:
-    """Derivative at the start of a step, and the Jacobian, by differences."""
+    """Derivative at the start of a step, and the Jacobian, by differences.
+
+    The derivative is asked for in one place.
+    """
     f, found, state = scratch.f, scratch.beside, scratch.state
-    _derivative(tree, rest, space, elements, plane, t, z, f)
     sizes(tree.kind, tree.length, z, scratch.size)
-    for m in range(z.shape[0]):
+    for m in range(-1, z.shape[0]):
         assign(state, z)
-        state[m] += DIFFERENCE * scratch.size[tree.kind[m]]
+        if m >= 0:
+            state[m] += DIFFERENCE * scratch.size[tree.kind[m]]
         _derivative(tree, rest, space, elements, plane, t, state, found)
-        for n in range(z.shape[0]):
-            scratch.J[n, m] = (found[n] - f[n]) / (state[m] - z[m])
+        if m < 0:
+            assign(f, found)
+        else:
+            for n in range(z.shape[0]):
+                scratch.J[n, m] = (found[n] - f[n]) / (state[m] - z[m])
     counters[EVALUATIONS] += z.shape[0] + 1
 
 
@@ -329,17 +335,18 @@ def integrate_radau(
     note(tree, space, plane, motion[0])
     if times.shape[0] == 1:
         return 0
-    bound = longest_now(tree, elements, longest)
-    _linearise(tree, rest, space, elements, plane, t, z, counters, scratch)
-    h, before, most = first_length(tree.kind, scratch.f, last - t, tolerance, scratch.size), np.inf, LARGEST
+    bound, h, before, most, arrived = longest_now(tree, elements, longest), 0.0, np.inf, LARGEST, True
     while sample < times.shape[0]:
+        if arrived:
+            _linearise(tree, rest, space, elements, plane, t, z, counters, scratch)
+            h = h if h > 0.0 else first_length(tree.kind, scratch.f, last - t, tolerance, scratch.size)
         step = length(min(h, bound), last - t)
         if not step >= 1e-14 * max(1.0, abs(t)):
             return 1
         _guess(z, scratch.F, step / before, scratch.Z)
         error, rate = _attempt(tree, rest, space, elements, plane, t, step, z, tolerance, counters, scratch)
-        factor = _factor(error, rate, most)
-        if not error <= 1.0:
+        factor, arrived = _factor(error, rate, most), error <= 1.0
+        if not arrived:
             counters[REJECTED] += 1
             h, most = step * factor, 1.0
             continue
@@ -358,6 +365,5 @@ def integrate_radau(
             )
         sample = left + 1 if seen else left
         assign(z, scratch.end)
-        _linearise(tree, rest, space, elements, plane, after, z, counters, scratch)
         t, h, before, most = after, step * factor if step == h else max(h, step * factor), step, LARGEST
     return 0
