@@ -202,7 +202,7 @@ def test_an_engine_prints_nothing_into_the_terminal_of_the_caller(cases, capfd):
 
 def test_a_hang_is_stopped_at_the_limit_and_the_next_question_answered(cases):
     """The engine is deaf to SIGTERM; its limit is long enough for a slow start, short enough to wait for."""
-    limit = 6.0 * slowness()
+    limit = 10.0 * slowness()
     results = run_suite(cases[:1], ["hangs"], [Question.INSTANT, Question.TRAJECTORY], limit=limit)
     found = verdict(results, "hangs", "first", INSTANT)
     assert found.verdict is Verdict.FAILED

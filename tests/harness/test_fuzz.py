@@ -262,7 +262,7 @@ def task(name, seed):
 def test_a_fault_costs_its_mechanism_and_no_other(engine, evidence):
     """The faults show at the mechanism called ``first``, which is in the middle of the message."""
     tasks = [task("a", 1), task("first", 2), task("b", 3)]
-    limit = 8.0 * slowness()
+    limit = 12.0 * slowness()
     with Panelist(engine, limit) as member:
         sheets = member.sheets(member.submit_many(tasks))
         again = member.sheets(member.submit_many(tasks[:1]))
