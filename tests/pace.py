@@ -8,7 +8,8 @@ _TIME = 0.05
 """Of so many additions on such a machine, s."""
 
 _PAUSE = 0.02
-_ATTEMPTS = 4
+_LAP = 0.1
+"""Longest that a look and a pause take where the machine does not stand still, s."""
 
 
 def slowness():
@@ -21,13 +22,11 @@ def slowness():
 
 def soon(condition, within=2.0):
     """Whether a condition comes true within some seconds, of which those that the machine stood still do not count."""
-    for _ in range(round(within * slowness() / _PAUSE)):
-        if condition():
-            return True
+    left, last = within * slowness(), time.monotonic()
+    while not condition():
+        if left <= 0.0:
+            return False
         time.sleep(_PAUSE)
-    return bool(condition())
-
-
-def prompt(attempt, within=2.0):
-    """Whether what answers with the time it took, in s, takes less at one of a few attempts: a stall spoils one."""
-    return any(attempt() < within * slowness() for _ in range(_ATTEMPTS))
+        now = time.monotonic()
+        left, last = left - min(now - last, _LAP), now
+    return True

@@ -20,7 +20,7 @@ from consilience.workers.sending import REMEMBERED
 from harness.processes import MARK
 from harness.processes import marked as marked_by
 from mechanisms import chain, states_of
-from pace import prompt, slowness, soon
+from pace import slowness, soon
 
 LIMIT = 2.0
 """Of a job that never ends, in s; the others have time."""
@@ -200,20 +200,19 @@ def test_an_idle_worker_that_is_killed_is_replaced(marked):
 
 
 def test_a_cancelled_worker_answers_no_more_and_leaves_nothing(marked):
-    def cancelled():
-        with Worker("loops", 600.0) as worker:
-            worker.ask(Request())
-            futures = [worker.submit(instant_of(FIRST)), worker.submit(instant_of(OTHER))]
-            threading.Timer(0.3, worker.cancel).start()
-            replies = [worker.reply(future) for future in futures]
-            start = time.monotonic()
-            assert worker.ask(instant_of(OTHER)).reason == "stopped before it answered"
-        spent = time.monotonic() - start
-        assert {reply.reason for reply in replies} == {"stopped before it answered"}
-        assert gone(marked)
-        return spent
-
-    assert prompt(cancelled)
+    with Worker("loops", 600.0) as worker:
+        worker.ask(Request())
+        futures = [worker.submit(instant_of(FIRST)), worker.submit(instant_of(OTHER))]
+        threading.Timer(0.3, worker.cancel).start()
+        replies = [worker.reply(future) for future in futures]
+        late = worker.submit(instant_of(OTHER))
+        assert soon(late.done)
+        replies.append(worker.reply(late))
+        stopping = threading.Thread(target=worker.stop)
+        stopping.start()
+        assert soon(lambda: not stopping.is_alive())
+    assert {reply.reason for reply in replies} == {"stopped before it answered"}
+    assert gone(marked)
 
 
 def test_stopping_twice_or_before_the_start_is_harmless(marked):
@@ -250,17 +249,11 @@ def test_workers_die_with_the_runner(end, marked, tmp_path):
     here = str(Path(__file__).parent)
     script = tmp_path / "runner.py"
     script.write_text(RUNNER.format(path=[here, f"{here}/plugins", *(p for p in sys.path if p)]))
-
-    def ended():
-        with subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as runner:
-            assert runner.stdout.readline() == b"ready\n", runner.stderr.read().decode()
-            assert len(marked()) == 5
-            start = time.monotonic()
-            runner.send_signal(end)
-            assert gone(marked)
-            return time.monotonic() - start
-
-    assert prompt(ended)
+    with subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as runner:
+        assert runner.stdout.readline() == b"ready\n", runner.stderr.read().decode()
+        assert len(marked()) == 5
+        runner.send_signal(end)
+        assert gone(marked)
 
 
 def test_information_is_what_the_engine_says():
@@ -286,27 +279,19 @@ def test_ctrl_c_ends_a_command_within_two_seconds_and_leaves_nothing(command, ma
     # a shell that runs tests in the background has them ignore Ctrl-C, and their children would
     listening = "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler)"
     program = f"{listening}; sys.path[:0] = {path!r}; from consilience.cli import main; main()"
-
-    def interrupted():
-        stuck.unlink(missing_ok=True)
-        with subprocess.Popen(
-            [sys.executable, "-c", program, *COMMANDS[command]],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            cwd=tmp_path,
-        ) as runner:
-            until = time.monotonic() + 240.0
-            while not stuck.exists():
-                assert runner.poll() is None, runner.stderr.read().decode()
-                assert time.monotonic() < until
-                time.sleep(0.05)
-            assert len(marked()) > 1
-            start = time.monotonic()
-            runner.send_signal(signal.SIGINT)
-            runner.wait(60.0)
-            spent = time.monotonic() - start
-        assert gone(marked)
-        assert runner.returncode != 0
-        return spent
-
-    assert prompt(interrupted)
+    with subprocess.Popen(
+        [sys.executable, "-c", program, *COMMANDS[command]],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        cwd=tmp_path,
+    ) as runner:
+        until = time.monotonic() + 240.0
+        while not stuck.exists():
+            assert runner.poll() is None, runner.stderr.read().decode()
+            assert time.monotonic() < until
+            time.sleep(0.05)
+        assert len(marked()) > 1
+        runner.send_signal(signal.SIGINT)
+        assert soon(lambda: runner.poll() is not None)
+    assert gone(marked)
+    assert runner.returncode != 0
