@@ -8,7 +8,7 @@ from consilience.kinematics import constraint_jacobian, constraint_rates, constr
 from consilience.library import load_case
 from consilience.reference import simulate
 from consilience.reference.canonical import canonical_motion
-from consilience.reference.relative.packing import pack_relative
+from consilience.reference.relative.packing import pack_by
 from consilience.reference.relative.series import MOST
 from consilience.reference.relative.series_rows import LINE, LOCK, PIN
 from consilience.reference.relative.solver import _prepared
@@ -28,11 +28,11 @@ def one_step(mechanism, state, h, order):
     """Speeds of the bodies, stacked, after one step by a series of some order."""
     prepared = _prepared(mechanism, False)
     working = prepared.working("taylor")
-    z = pack_relative(prepared.links, prepared.spanning, prepared.model, state)
-    motion, counters = np.empty((2, *working.system.tree.y.shape)), np.zeros(3, dtype=np.int64)
-    tree, plane, anything = working.system.tree, working.system.plane, 1e60
+    z = pack_by(prepared.links, prepared.packing, state)
+    motion, counters = np.empty((2, *working.arrays.tree.y.shape)), np.zeros(3, dtype=np.int64)
+    anything = 1e60
     asked = z, np.array([0.0, h]), anything, order, np.inf
-    assert not integrate_taylor(tree, working.rest, plane, *asked, motion, counters, working.scratch)
+    assert not integrate_taylor(working.run, *asked, motion, counters)
     assert counters[0] == 1
     _, _, v, w = canonical_motion(prepared.links.com, motion)
     return np.hstack([v[-1], w[-1]])
@@ -54,7 +54,7 @@ def test_a_step_leaves_out_what_comes_behind_its_order(name, order):
 
 
 def test_loops_are_closed_by_rows_of_every_kind():
-    kinds = {name: set(_prepared(PLANAR[name], False).working("taylor").scratch.rows.kind) for name in SERIES}
+    kinds = {name: set(_prepared(PLANAR[name], False).working("taylor").arrays.scratch.rows.kind) for name in SERIES}
     assert kinds["closed_revolute"] == {PIN}
     assert kinds["closed_prismatic"] == {LINE, LOCK}
     assert kinds["closed_point_on_line"] == {LINE}

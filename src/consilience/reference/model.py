@@ -18,6 +18,7 @@ from consilience.element_rows import plane_axes
 from consilience.functions import Function
 from consilience.mechanism import BASIC_CONSTRAINTS, Joint, Mechanism, State
 from consilience.reference.functions import Functions, flatten_functions
+from consilience.reference.held import hold
 from consilience.spatial import Array, rotation_from_quaternion
 
 R, P, V, W = slice(0, 3), slice(3, 7), slice(7, 10), slice(10, 13)
@@ -222,17 +223,19 @@ def flatten(mechanism: Mechanism) -> Model:
     elements = {**_force_arrays(mechanism, number), **_constraint_arrays(mechanism, number)}
     inertia = np.array([b.inertia for b in mechanism.bodies])
     coordinate = _indices([list(key) for key in number.coordinates], 2)
-    return Model(
-        gravity=np.array(mechanism.gravity),
-        mass=np.array([b.mass for b in mechanism.bodies]),
-        inertia=inertia,
-        inertia_factor=np.linalg.cholesky(inertia),
-        length=_length(mechanism.joints, joints),
-        coordinate=coordinate,
-        counted=_counted(coordinate, elements),
-        functions=flatten_functions(number.functions),
-        **joints,
-        **elements,
+    return hold(
+        Model(
+            gravity=np.array(mechanism.gravity),
+            mass=np.array([b.mass for b in mechanism.bodies]),
+            inertia=inertia,
+            inertia_factor=np.linalg.cholesky(inertia),
+            length=_length(mechanism.joints, joints),
+            coordinate=coordinate,
+            counted=_counted(coordinate, elements),
+            functions=flatten_functions(number.functions),
+            **joints,
+            **elements,
+        )
     )
 
 

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from consilience.reference.held import hold
 from consilience.reference.model import Model, all_rows
 from consilience.spatial import Array
 
@@ -32,19 +33,21 @@ class Workspace(NamedTuple):
 def workspace(model: Model) -> Workspace:
     """Scratch arrays of the size a model needs."""
     n, q = 6 * len(model.mass), all_rows(model)
-    return Workspace(
-        A=np.zeros((len(model.mass), 3, 3)),
-        f=np.zeros(n),
-        external=np.zeros(n),
-        value=np.zeros(q),
-        rate=np.zeros(q),
-        Q=np.zeros((q, n)),
-        gamma=np.zeros(q),
-        B=np.zeros((n, q)),
-        tau=np.zeros(min(n, q)),
-        pivot=np.zeros(q, dtype=np.int64),
-        limit=np.array([q], dtype=np.int64),
-        best=np.zeros(2),
-        norms=np.zeros(q),
-        z=np.zeros(n),
+    return hold(
+        Workspace(
+            A=np.zeros((len(model.mass), 3, 3)),
+            f=np.zeros(n),
+            external=np.zeros(n),
+            value=np.zeros(q),
+            rate=np.zeros(q),
+            Q=np.zeros((q, n)),
+            gamma=np.zeros(q),
+            B=np.zeros((n, q)),
+            tau=np.zeros(min(n, q)),
+            pivot=np.zeros(q, dtype=np.int64),
+            limit=np.array([q], dtype=np.int64),
+            best=np.zeros(2),
+            norms=np.zeros(q),
+            z=np.zeros(n),
+        )
     )

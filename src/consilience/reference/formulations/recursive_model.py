@@ -16,6 +16,7 @@ import numpy as np
 from consilience.mechanism import JOINT_KINDS, Mechanism
 from consilience.reference.bodies import arm, motion
 from consilience.reference.compiled import allocating, inner
+from consilience.reference.held import hold
 from consilience.reference.model import Model, all_rows, flatten
 from consilience.reference.vectors import Vector, add, column, cross, dot, load, rotate, rotate_back, scale, store, sub
 from consilience.spatial import Array
@@ -97,15 +98,17 @@ def flatten_tree(mechanism: Mechanism) -> TreeModel:
         body.append(end)
         directions.append(free_axes(joint.kind))
     cut = _open_rows(mechanism, closing)
-    return TreeModel(
-        body=np.array(body, dtype=np.int64),
-        parent=np.array(parent, dtype=np.int64),
-        joint=np.array([k for k, _ in joints], dtype=np.int64),
-        sign=np.array([-1.0 if backward else 1.0 for _, backward in joints]),
-        first_free=np.cumsum([0, *(len(d) for d in directions)]).astype(np.int64),
-        direction=np.array([axis for d in directions for axis in d], dtype=np.int64).reshape(-1, 3),
-        cut=cut,
-        cut_rows=all_rows(cut),
+    return hold(
+        TreeModel(
+            body=np.array(body, dtype=np.int64),
+            parent=np.array(parent, dtype=np.int64),
+            joint=np.array([k for k, _ in joints], dtype=np.int64),
+            sign=np.array([-1.0 if backward else 1.0 for _, backward in joints]),
+            first_free=np.cumsum([0, *(len(d) for d in directions)]).astype(np.int64),
+            direction=np.array([axis for d in directions for axis in d], dtype=np.int64).reshape(-1, 3),
+            cut=cut,
+            cut_rows=all_rows(cut),
+        )
     )
 
 

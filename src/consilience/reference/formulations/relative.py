@@ -16,6 +16,7 @@ from consilience.reference import constraints, forces
 from consilience.reference.canonical import at_origins, joint_wrenches
 from consilience.reference.compiled import kernel
 from consilience.reference.formulations.null_space import mass_matrix
+from consilience.reference.held import hold
 from consilience.reference.joint_rows import coordinate
 from consilience.reference.model import unpack
 from consilience.reference.relative.columns import ACCELERATION
@@ -69,13 +70,14 @@ class RelativeCoordinates:
         arrays = system(mechanism, self._links, self._tree, self._model)
         assert arrays.space is not None
         self._rest, self._space, self._elements = arrays.rest, arrays.space, arrays.elements
+        self._held = hold(arrays.rest), hold(arrays.space), hold(arrays.elements), None
 
     def coordinates(self, state: State) -> Array:
         """Coordinates u of a consistent state: angles within half a turn of zero, integrals of controllers zero."""
         z = pack_relative(self._links, self._tree, self._model, state)
         self._place(z)
         memory = self._remember(np.zeros(len(self._model.coordinate)))
-        find_rank(self._rest, self._space, self._elements, None, 0.0, z)
+        find_rank(*self._held, 0.0, z)
         return np.concatenate([z, memory, self._rest.limit])
 
     def state(self, u: Array) -> State:
@@ -92,9 +94,9 @@ class RelativeCoordinates:
         self._rest.limit[0] = round(u[-1])
         if self._elements is not None:
             self._elements.memory[:] = memory
-        differentiate(self._rest, self._space, self._elements, None, t, z, dz)
+        differentiate(*self._held, t, z, dz)
         if self._elements is not None:
-            _turning(self._elements, self._space.y, self._space.A, turning)
+            _turning(self._held[2], self._space.y, self._space.A, turning)
         return du
 
     def settle(self, t: float, u: Array) -> Array:
@@ -102,7 +104,7 @@ class RelativeCoordinates:
         z, memory = self._split(np.array(u, dtype=float))
         if self._elements is not None:
             self._elements.memory[:] = memory
-        close(self._rest, self._space, self._elements, None, t, z, SEEN)
+        close(*self._held, t, z, SEEN)
         return np.concatenate([z, self._remember(memory), self._rest.limit])
 
     def accelerations(self, state: State, t: float = 0.0) -> tuple[Array, Array]:
@@ -118,7 +120,7 @@ class RelativeCoordinates:
 
     def reactions(self, state: State, t: float = 0.0) -> tuple[Array, Array]:
         """Joint reactions from the equations of motion of the bodies, of least norm where rows leave them open."""
-        a, ws = self._bodies(state, t), workspace(self._model)._replace(A=self._space.A)
+        a, ws = self._bodies(state, t), hold(workspace(self._model)._replace(A=self._space.A))
         memory = self._remember(np.zeros(len(self._model.coordinate)))
         constraints.evaluate(self._model, t, self._space.y, memory, ws)
         force = mass_matrix(self._model) @ a - self._forces(t, memory, ws)
@@ -149,7 +151,7 @@ class RelativeCoordinates:
         if self._elements is None:
             return memory
         self._elements.memory[:] = memory
-        remember(self._elements, self._space.y, self._space.A)
+        remember(self._held[2], self._space.y, self._space.A)
         return self._elements.memory.copy()
 
     def _place(self, z: Array) -> None:

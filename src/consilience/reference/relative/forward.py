@@ -13,6 +13,7 @@ from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import Mechanism, State
 from consilience.reference.canonical import at_origins
 from consilience.reference.compiled import kernel, threaded
+from consilience.reference.held import hold
 from consilience.reference.model import unpack
 from consilience.reference.relative.articulated import free_accelerations
 from consilience.reference.relative.columns import ACCELERATION, COORDINATE, NEAR, PLACED
@@ -23,7 +24,7 @@ from consilience.reference.relative.model import (
     Elements,
     Rest,
     Space,
-    System,
+    Tree,
     flatten_relative,
     link_table,
     system,
@@ -115,7 +116,7 @@ class ForwardDynamics:
         self.joints = tuple(mechanism.joints[k].name for k in self._tree.joint)
         self.n_q, self.n_v = self._links.speeds, self._links.integrals - self._links.speeds
         self._systems = [self._new_system()]
-        self._placed = self._systems[0].tree
+        self._placed = self._systems[0][0]
         self._link, self._free, self._is_tree = self._placed.link, self._placed.free, self._links.free
         if self._is_tree:
             _compiled(self._link, self._free, self.n_q)
@@ -270,18 +271,20 @@ class ForwardDynamics:
             raise InvalidInput("q, v", f"shapes {q.shape}, {v.shape}", f"Give ({self.n_q},) and ({self.n_v},).")
         return q, v
 
-    def _new_system(self) -> System:
-        return system(self.mechanism, self._links, self._tree, self._model)
+    def _new_system(self) -> tuple[Tree, Rest, Space | None, Elements | None]:
+        """The tree and, held, what else there is, with arrays of their own."""
+        tree, rest, space, elements, _ = system(self.mechanism, self._links, self._tree, self._model)
+        return tree, hold(rest), hold(space), hold(elements)
 
     def _fill(self, n: int, q: Array, v: Array, t: float, constants: Array, out: Array) -> None:
         """Accelerations at rows of states, with the n-th set of working arrays."""
-        tree, rest, space, elements, _ = self._systems[n]
+        tree, *others = self._systems[n]
         if self._is_tree:
             # constants of parameter sets must not stay behind
             link = tree.link.copy() if len(constants) else tree.link
             _at_each(link, tree.free, constants, q, v, out)
             return
-        _closed_at_each(rest, space, elements, float(t), q, v, np.zeros(len(self._links.kind)), out)
+        _closed_at_each(*others, float(t), q, v, np.zeros(len(self._links.kind)), out)
 
 
 def _compiled(link: Array, free: Array, n_q: int) -> None:

@@ -17,10 +17,11 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss, legvander
 
 from consilience.reference.compiled import inlined, inner, kernel
+from consilience.reference.held import opened
 from consilience.reference.integrators.dop853 import EVALUATIONS, REJECTED, STEPS
 from consilience.reference.relative.dynamics import rates
 from consilience.reference.relative.integrate import sizes
-from consilience.reference.relative.model import Elements, Rest, Space, Tree
+from consilience.reference.relative.model import Elements, Rest, Run, Space, Tree
 from consilience.reference.relative.settling import SEEN, arrive, begin, longest_now, note
 from consilience.reference.vectors import assign
 from consilience.spatial import Array
@@ -126,21 +127,21 @@ def _roughness(kind: Array, K: Array, h: float, size: Array) -> float:
     return largest
 
 
-@kernel
-def integrate_gauss(
+@inner
+def _integrate(
     tree: Tree,
     rest: Rest | None,
     space: Space | None,
     elements: Elements | None,
+    scratch: Scratch,
     z: Array,
     times: Array,
     tolerance: float,
     longest: float,
     motion: Array,
     counters: Array,
-    scratch: Scratch,
 ) -> int:
-    """Integrate from ``times[0]`` and record the bodies at all sample times; arguments as in `integrate.integrate`."""
+    """`integrate_gauss`, compiled for what a mechanism has."""
     K, guess, size = scratch.K, scratch.guess, scratch.size
     counters[:] = 0
     begin(tree, rest, space, elements, None, times[0], z)
@@ -178,3 +179,13 @@ def integrate_gauss(
             arrive(tree, rest, space, elements, None, t, z, SEEN)
         note(tree, space, None, motion[sample])
     return 0
+
+
+@kernel
+def integrate_gauss(
+    run: Run, z: Array, times: Array, tolerance: float, longest: float, motion: Array, counters: Array
+) -> int:
+    """Integrate from ``times[0]`` and record the bodies at all sample times; arguments as in `integrate.integrate`."""
+    on = opened(run)
+    tree, rest, space, elements = on.tree, on.rest, on.space, on.elements
+    return _integrate(tree, rest, space, elements, on.scratch, z, times, tolerance, longest, motion, counters)

@@ -12,12 +12,13 @@ from typing import NamedTuple
 import numpy as np
 
 from consilience.reference.compiled import inlined, inner, kernel
+from consilience.reference.held import opened
 from consilience.reference.integrators.coefficients import D_DENSE, STAGES
 from consilience.reference.integrators.dop853 import EVALUATIONS, LARGEST, REJECTED, STEPS, factor_of
 from consilience.reference.relative.dynamics import rates
 from consilience.reference.relative.loops import CHOSEN
 from consilience.reference.relative.methods import STAGES_AT_MOST, Method
-from consilience.reference.relative.model import Elements, Rest, Space, Tree
+from consilience.reference.relative.model import Elements, Rest, Run, Space, Tree
 from consilience.reference.relative.plane import Plane
 from consilience.reference.relative.settling import SEEN, arrive, begin, longest_now, note, settle
 from consilience.reference.vectors import assign
@@ -293,13 +294,14 @@ def _decay(kind: Array, z: Array, f: Array, late: Array, size: Array, tolerance:
     return np.sqrt(slopes / states) if states > least**2 * z.shape[0] else 0.0
 
 
-@kernel
-def integrate(
+@inner
+def _integrate(
     tree: Tree,
     rest: Rest | None,
     space: Space | None,
     elements: Elements | None,
     plane: Plane | None,
+    scratch: Scratch,
     method: Method,
     z: Array,
     times: Array,
@@ -307,32 +309,9 @@ def integrate(
     longest: float,
     motion: Array,
     counters: Array,
-    scratch: Scratch,
     leaves: bool,
 ) -> int:
-    """Integrate from ``times[0]`` and record the bodies at all sample times.
-
-    Parameters
-    ----------
-    rest, space, elements, plane : Rest, Elements and Plane, or None
-        None where a mechanism has none (`model.System`, `plane.planar`): kernels are compiled for what it has.
-    method : Method
-    z : ndarray, shape (n_z,)
-        Initial state; overwritten by the last.
-    times : ndarray, shape (n_t,), s
-    tolerance, longest : float
-        Bounds on the scaled local error, and on the steps in s.
-    motion, counters : ndarray, shapes (n_t, n_b + n_e, 13) and (3,)
-        Overwritten; counters are accepted steps, rejected steps, evaluations.
-    scratch : Scratch
-    leaves : bool
-        Whether a stiff motion is left to another method.
-
-    Returns
-    -------
-    int
-        Key of `integrators.dop853.STATUS`, or `LEFT`.
-    """
+    """`integrate`, compiled for what a mechanism has: where an argument is None, there is none."""
     t, last, sample = times[0], times[-1], SECOND
     K, end = scratch.K, scratch.end
     counters[:] = 0
@@ -376,3 +355,54 @@ def integrate(
         _advance(z, end, K, first)
         t, h, most, before = after, step * factor if step == h else max(h, step * factor), LARGEST, step
     return 0
+
+
+@kernel
+def integrate(
+    run: Run,
+    method: Method,
+    z: Array,
+    times: Array,
+    tolerance: float,
+    longest: float,
+    motion: Array,
+    counters: Array,
+    leaves: bool,
+) -> int:
+    """Integrate from ``times[0]`` and record the bodies at all sample times.
+
+    Parameters
+    ----------
+    run, method : Run and Method, their words
+    z : ndarray, shape (n_z,)
+        Initial state; overwritten by the last.
+    times : ndarray, shape (n_t,), s
+    tolerance, longest : float
+        Bounds on the scaled local error, and on the steps in s.
+    motion, counters : ndarray, shapes (n_t, n_b + n_e, 13) and (3,)
+        Overwritten; counters are accepted steps, rejected steps, evaluations.
+    leaves : bool
+        Whether a stiff motion is left to another method.
+
+    Returns
+    -------
+    int
+        Key of `integrators.dop853.STATUS`, or `LEFT`.
+    """
+    on, method = opened(run), opened(method)
+    return _integrate(
+        on.tree,
+        on.rest,
+        on.space,
+        on.elements,
+        on.plane,
+        on.scratch,
+        method,
+        z,
+        times,
+        tolerance,
+        longest,
+        motion,
+        counters,
+        leaves,
+    )

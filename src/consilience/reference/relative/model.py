@@ -16,6 +16,7 @@ import numpy as np
 
 from consilience.mechanism import Mechanism
 from consilience.reference.formulations.recursive_model import TreeModel, flatten_tree
+from consilience.reference.held import hold
 from consilience.reference.model import Model, all_rows, flatten
 from consilience.reference.relative import columns
 from consilience.reference.relative.cut_joints import CutJoints, cut_joints
@@ -130,6 +131,17 @@ class System(NamedTuple):
     plane: Plane | None
 
 
+class Run(NamedTuple):
+    """What an integrator reads and writes; kernels are given it `held`."""
+
+    tree: Tree
+    rest: Rest | None  # None where the tables of the tree (and of a plane) say all
+    space: Space | None
+    elements: Elements | None
+    plane: Plane | None
+    scratch: NamedTuple  # of the integrator
+
+
 def flatten_relative(mechanism: Mechanism) -> tuple[Links, TreeModel, Model]:
     """Flat arrays of the tree, its coordinates, and the mechanism."""
     tree, model = flatten_tree(mechanism), flatten(mechanism)
@@ -160,7 +172,7 @@ def flatten_relative(mechanism: Mechanism) -> tuple[Links, TreeModel, Model]:
         loops=find_loops(layout, len(speeds), cut),
         com=np.array([body.com for body in mechanism.bodies]),
     )
-    return links, tree, model
+    return hold(links), tree, model
 
 
 def link_constants(tree: TreeModel, model: Model) -> Array:

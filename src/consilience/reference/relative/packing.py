@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from consilience.mechanism import State
 from consilience.reference.bodies import arm, rotations
 from consilience.reference.compiled import inner, kernel
 from consilience.reference.formulations.recursive_model import TreeModel
+from consilience.reference.held import opened, words_of
 from consilience.reference.joint_rows import joint_motion
 from consilience.reference.model import Model, P, R, V, W
 from consilience.reference.relative.inertia import Columns
@@ -17,26 +20,24 @@ from consilience.reference.vectors import Vector, add, column, cross, dot, load,
 from consilience.spatial import Array
 
 
+class Packing(NamedTuple):
+    """What a state is packed by."""
+
+    links: Links
+    spanning: TreeModel
+    model: Model
+
+
 def pack_relative(links: Links, spanning: TreeModel, model: Model, state: State) -> Array:
     """State z of a canonical state; integrals of controllers are zero."""
+    return pack_by(links, words_of(Packing(links, spanning, model)), state)
+
+
+def pack_by(links: Links, packing: Packing, state: State) -> Array:
+    """The same by the words of a packing, made once for many states."""
     z, y, A = np.zeros(len(links.kind)), np.empty((len(links.com), 13)), np.empty((len(links.com), 3, 3))
     y[:, R], y[:, P], y[:, V], y[:, W] = state.p_WB, state.quat_WB, state.v_WB_W, state.w_WB_W
-    _pack(
-        links.com,
-        links.layout,
-        links.direction,
-        links.speeds,
-        spanning.joint,
-        model.body_i,
-        model.body_j,
-        model.arm_i,
-        model.arm_j,
-        model.axes_i,
-        model.axes_j,
-        y,
-        A,
-        z,
-    )
+    _pack(packing, y, A, z)
     return z
 
 
@@ -64,28 +65,17 @@ def _seen_from(F: Columns, a: Vector) -> Vector:
 
 
 @kernel
-def _pack(
-    com: Array,
-    layout: Array,
-    direction: Array,
-    speeds: int,
-    joint: Array,
-    body_i: Array,
-    body_j: Array,
-    arm_i: Array,
-    arm_j: Array,
-    axes_i: Array,
-    axes_j: Array,
-    y: Array,
-    A: Array,
-    z: Array,
-) -> None:
+def _pack(packing: Packing, y: Array, A: Array, z: Array) -> None:
     """Fill z from y, whose rows are canonical states and will be those of the kernels."""
-    _to_centres(com, y, A)
+    by = opened(packing)
+    links, spanning, model = by.links, by.spanning, by.model
+    layout, direction, speeds = links.layout, links.direction, links.speeds
+    body_i, body_j, arm_i, arm_j = model.body_i, model.body_j, model.arm_i, model.arm_j
+    _to_centres(links.com, y, A)
     for k in range(layout.shape[0]):
-        n = joint[k]
+        n = spanning.joint[k]
         m = joint_motion(body_i, body_j, arm_i, arm_j, y, A, n)
-        F, M = _frame(axes_i[n], A, m.i), _frame(axes_j[n], A, m.j)
+        F, M = _frame(model.axes_i[n], A, m.i), _frame(model.axes_j[n], A, m.j)
         X = _seen_from(F, M[0]), _seen_from(F, M[1]), _seen_from(F, M[2])
         p, v = _seen_from(F, m.d), _seen_from(F, sub(m.d_dot, cross(m.w_i, m.d)))
         w = _seen_from(F, sub(m.w_j, m.w_i))

@@ -24,10 +24,11 @@ from typing import NamedTuple
 import numpy as np
 
 from consilience.reference.compiled import inlined, inner, kernel
+from consilience.reference.held import opened
 from consilience.reference.integrators.dop853 import EVALUATIONS, LARGEST, REJECTED, SMALLEST, STEPS, factor_of
 from consilience.reference.relative.dynamics import rates
 from consilience.reference.relative.integrate import SECOND, between, first_length, length, record_within, sizes, within
-from consilience.reference.relative.model import Elements, Rest, Space, Tree
+from consilience.reference.relative.model import Elements, Rest, Run, Space, Tree
 from consilience.reference.relative.plane import Plane
 from consilience.reference.relative.radau_coefficients import ESTIMATE, IN, LAMBDA, NESTED, OUT, STAGES, A, C
 from consilience.reference.relative.settling import arrive, begin, longest_now, note
@@ -313,22 +314,22 @@ def _interpolate(Z: Array, F: Array) -> None:
             F[i, n] = total
 
 
-@kernel
-def integrate_radau(
+@inner
+def _integrate(
     tree: Tree,
     rest: Rest | None,
     space: Space | None,
     elements: Elements | None,
     plane: Plane | None,
+    scratch: Scratch,
     z: Array,
     times: Array,
     tolerance: float,
     longest: float,
     motion: Array,
     counters: Array,
-    scratch: Scratch,
 ) -> int:
-    """Integrate from ``times[0]`` and record the bodies at all sample times; arguments as in `integrate.integrate`."""
+    """`integrate_radau`, compiled for what a mechanism has."""
     t, last, sample = times[0], times[-1], SECOND
     counters[:], scratch.F[:] = 0, 0.0
     begin(tree, rest, space, elements, plane, t, z)
@@ -367,3 +368,13 @@ def integrate_radau(
         assign(z, scratch.end)
         t, h, before, most = after, step * factor if step == h else max(h, step * factor), step, LARGEST
     return 0
+
+
+@kernel
+def integrate_radau(
+    run: Run, z: Array, times: Array, tolerance: float, longest: float, motion: Array, counters: Array
+) -> int:
+    """Integrate from ``times[0]`` and record the bodies at all sample times; arguments as in `integrate.integrate`."""
+    on = opened(run)
+    tree, rest, space, elements, plane = on.tree, on.rest, on.space, on.elements, on.plane
+    return _integrate(tree, rest, space, elements, plane, on.scratch, z, times, tolerance, longest, motion, counters)

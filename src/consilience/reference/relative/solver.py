@@ -11,13 +11,13 @@ import numpy as np
 from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import Mechanism, State
 from consilience.reference.canonical import canonical_motion
-from consilience.reference.formulations.recursive_model import TreeModel
+from consilience.reference.held import words_of
 from consilience.reference.model import Model
 from consilience.reference.relative.gauss import gauss_scratch, integrate_gauss
 from consilience.reference.relative.integrate import LEFT, integrate, scratch
 from consilience.reference.relative.methods import METHODS, Method
-from consilience.reference.relative.model import Links, Rest, System, flatten_relative, lasting, renewed, system
-from consilience.reference.relative.packing import pack_relative
+from consilience.reference.relative.model import Links, Rest, Run, System, flatten_relative, lasting, renewed, system
+from consilience.reference.relative.packing import Packing, pack_by
 from consilience.reference.relative.planar_model import planar
 from consilience.reference.relative.radau13 import integrate_radau, radau_scratch
 from consilience.reference.relative.taylor import STATUS, has_series, integrate_taylor, order_of, taylor_scratch
@@ -45,9 +45,8 @@ def longest_step(model: Model) -> float:
 class _Working(NamedTuple):
     """Arrays that a motion writes into."""
 
-    system: System
-    rest: Rest | None  # what an integrator takes beside the tree
-    scratch: Any  # of the integrator
+    arrays: Run
+    run: Run  # their words
     lasting: list[tuple[Array, Array]]  # those that it would leave to the next, and what they were
 
 
@@ -55,8 +54,7 @@ class _Prepared(NamedTuple):
     """What is the same in all motions of a mechanism."""
 
     links: Links
-    spanning: TreeModel
-    model: Model
+    packing: Packing  # its words
     system: System  # nothing written into it yet
     tree_alone: bool  # whether the tables of the tree (and of a plane) say all
     longest: float  # step, s
@@ -69,11 +67,11 @@ class _Prepared(NamedTuple):
             taken = self.idle[integrator].pop()
         except IndexError:
             arrays = renewed(self.system)
-            rest = None if self.tree_alone else arrays.rest
-            z = np.zeros(len(self.links.kind))
-            return _Working(
-                arrays, rest, INTEGRATORS[integrator].scratch(z, arrays, rest), lasting(arrays, self.system)
-            )
+            tree, rest, space, elements, plane = arrays
+            rest = None if self.tree_alone else rest
+            scratch_of = INTEGRATORS[integrator].scratch(np.zeros(len(self.links.kind)), arrays, rest)
+            run = Run(tree, rest, space, elements, plane, scratch_of)
+            return _Working(run, words_of(run), lasting(arrays, self.system))
         for array, first in taken.lasting:
             array[...] = first
         return taken
@@ -92,7 +90,9 @@ def _prepared(mechanism: Mechanism, in_space: bool) -> _Prepared:
     explicit = "dop853" if len(model.functions.pieces) else "tp86"
     usual = (*(["taylor"] if has_series(arrays, tree_alone) else []), explicit, "radau13")
     idle: dict[str, list[_Working]] = {name: [] for name in INTEGRATORS}
-    return _Prepared(links, spanning, model, arrays, tree_alone, longest_step(model), usual, idle)
+    return _Prepared(
+        links, words_of(Packing(links, spanning, model)), arrays, tree_alone, longest_step(model), usual, idle
+    )
 
 
 class _Asked(NamedTuple):
@@ -110,40 +110,34 @@ class _Integrator(NamedTuple):
     """How an integrator is called."""
 
     scratch: Callable[[Array, System, Rest | None], Any]
-    run: Callable[[_Working, _Asked, bool], int]  # the status; may it leave a motion to another one?
+    run: Callable[[Run, _Asked, bool], int]  # the status; may it leave a motion to another one?
 
 
-def _run_method(method: Method, working: _Working, asked: _Asked, leaves: bool) -> int:
+def _run_method(method: Method, run: Run, asked: _Asked, leaves: bool) -> int:
     """A motion by a Runge-Kutta method."""
-    tree, _, space, elements, plane = working.system
-    return integrate(tree, working.rest, space, elements, plane, method, *asked, working.scratch, leaves)
+    return integrate(run, method, *asked, leaves)
 
 
-def _run_gauss(working: _Working, asked: _Asked, _leaves: bool) -> int:
+def _run_gauss(run: Run, asked: _Asked, _leaves: bool) -> int:
     """A motion by collocation."""
-    tree, _, space, elements, _ = working.system
-    return integrate_gauss(tree, working.rest, space, elements, *asked, working.scratch)
+    return integrate_gauss(run, *asked)
 
 
-def _run_radau13(working: _Working, asked: _Asked, _leaves: bool) -> int:
+def _run_radau13(run: Run, asked: _Asked, _leaves: bool) -> int:
     """A motion by an implicit Runge-Kutta method."""
-    tree, _, space, elements, plane = working.system
-    return integrate_radau(tree, working.rest, space, elements, plane, *asked, working.scratch)
+    return integrate_radau(run, *asked)
 
 
-def _run_taylor(working: _Working, asked: _Asked, _leaves: bool) -> int:
+def _run_taylor(run: Run, asked: _Asked, _leaves: bool) -> int:
     """A motion by series."""
     z, times, tolerance, *others = asked
-    tree, plane = working.system.tree, working.system.plane
-    return integrate_taylor(
-        tree, working.rest, plane, z, times, tolerance, order_of(tolerance), *others, working.scratch
-    )
+    return integrate_taylor(run, z, times, tolerance, order_of(tolerance), *others)
 
 
 INTEGRATORS = {
     "taylor": _Integrator(taylor_scratch, _run_taylor),
     **{
-        name: _Integrator(lambda z, arrays, rest: scratch(z, rest), partial(_run_method, method))
+        name: _Integrator(lambda z, arrays, rest: scratch(z, rest), partial(_run_method, words_of(method)))
         for name, method in METHODS.items()
     },
     "radau13": _Integrator(lambda z, arrays, rest: radau_scratch(z, rest), _run_radau13),
@@ -171,7 +165,7 @@ def simulate_relative(
     if integrator == "taylor" and "taylor" not in prepared.usual:
         why = "it is for mechanisms that move in parallel planes by gravity alone, without drives, couplings and rods"
         raise InvalidInput("integrator", f"taylor cannot follow {mechanism.name}: {why}", "Use tp86, or leave it out.")
-    asked = pack_relative(prepared.links, prepared.spanning, prepared.model, state), times, float(tolerance)
+    asked = pack_by(prepared.links, prepared.packing, state), times, float(tolerance)
     names = prepared.usual if integrator is None else (integrator,)
     for name in names:
         status, motion, counters = _run(prepared, name, *asked, name != names[-1])
@@ -190,9 +184,9 @@ def _run(
 ) -> tuple[int, Array, Array]:
     """Status, bodies at the samples, and counters of an integrator from the state z."""
     working = prepared.working(name)
-    motion, counters = np.empty((len(times), *working.system.tree.y.shape)), np.zeros(3, dtype=np.int64)
+    motion, counters = np.empty((len(times), *working.arrays.tree.y.shape)), np.zeros(3, dtype=np.int64)
     asked = _Asked(z.copy(), times, tolerance, prepared.longest, motion, counters)
-    status = INTEGRATORS[name].run(working, asked, leaves)
+    status = INTEGRATORS[name].run(working.run, asked, leaves)
     if status in (0, LEFT):  # a failure may leave what is not a number
         prepared.idle[name].append(working)
     return status, motion, counters

@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from consilience.reference.compiled import inlined, inner, kernel
+from consilience.reference.held import opened
 from consilience.reference.integrators import dop853
 from consilience.reference.integrators.dop853 import EVALUATIONS, STEPS
 from consilience.reference.relative.cut_rows import want
@@ -25,7 +26,7 @@ from consilience.reference.relative.dynamics import factorise_rows
 from consilience.reference.relative.either import cut_rows, force_rows, open_links
 from consilience.reference.relative.fronts import multipliers
 from consilience.reference.relative.integrate import LEFT, length, sizes, within
-from consilience.reference.relative.model import Rest, System, Tree
+from consilience.reference.relative.model import Rest, Run, System, Tree
 from consilience.reference.relative.planar import sweep_in_planar, sweep_out_planar
 from consilience.reference.relative.plane import Plane
 from consilience.reference.relative.series import (
@@ -184,11 +185,12 @@ def _at(q: Array, speeds: int, order: int, h: float, z: Array) -> None:
         z[n], z[speeds + n] = value, rate
 
 
-@kernel
-def integrate_taylor(
+@inner
+def _integrate(
     tree: Tree,
     rest: Rest | None,
     plane: Plane,
+    scratch: Scratch,
     z: Array,
     times: Array,
     tolerance: float,
@@ -196,20 +198,8 @@ def integrate_taylor(
     longest: float,
     motion: Array,
     counters: Array,
-    scratch: Scratch,
 ) -> int:
-    """Integrate from ``times[0]`` and record the bodies at all sample times; arguments as in `integrate.integrate`.
-
-    Parameters
-    ----------
-    order : int
-        Of the series, MOST at most.
-
-    Returns
-    -------
-    int
-        Key of STATUS.
-    """
+    """`integrate_taylor`, compiled for what a mechanism has."""
     t, last, sample = times[0], times[-1], 1
     q, end = scratch.series.q, scratch.end
     allowed = (PART * tolerance) ** (1.0 / order)
@@ -245,3 +235,24 @@ def integrate_taylor(
             note(tree, None, plane, motion[sample])
             sample += 1
     return 0
+
+
+@kernel
+def integrate_taylor(
+    run: Run, z: Array, times: Array, tolerance: float, order: int, longest: float, motion: Array, counters: Array
+) -> int:
+    """Integrate from ``times[0]`` and record the bodies at all sample times; arguments as in `integrate.integrate`.
+
+    Parameters
+    ----------
+    order : int
+        Of the series, MOST at most.
+
+    Returns
+    -------
+    int
+        Key of STATUS.
+    """
+    on = opened(run)
+    tree, rest, plane = on.tree, on.rest, on.plane
+    return _integrate(tree, rest, plane, on.scratch, z, times, tolerance, order, longest, motion, counters)

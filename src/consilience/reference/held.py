@@ -1,0 +1,236 @@
+"""Tuples of arrays that kernels read through one address.
+
+Numba takes a tuple to pieces: every array of it comes out of its object at each call from Python, and goes on from
+kernel to kernel as seven numbers or more. A mechanism has some hundred and fifty arrays. What is held is written down
+once, as words of eight bytes that never change; Python gives a kernel its address, kernels hand that on, and a number
+or an array is loaded where it is used. LLVM is told that the words do not change, so that it may load them once.
+
+A field reads as that of the tuple does: ``rest.fronts.W`` is the same code for both. Tuples within the tuple are part
+of the same words; a field that is None is None.
+
+Numba asks Python for the type of an object that it does not know: two microseconds. Where that counts, the words
+themselves are given (`words_of`), an array whose type it knows at once, and the kernel says `opened`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from ctypes import c_int64
+from functools import lru_cache
+from typing import Any, TypeVar, cast
+
+import numpy as np
+from llvmlite import ir
+from numba import config, typeof, types
+from numba.core import cgutils
+from numba.core.typing.templates import AttributeTemplate
+from numba.extending import (
+    NativeValue,
+    infer_getattr,
+    intrinsic,
+    lower_getattr_generic,
+    models,
+    overload,
+    register_model,
+    typeof_impl,
+    unbox,
+)
+from numba.np.arrayobj import make_array, populate_array
+
+_WORD = 8
+"""Bytes of a word."""
+
+T = TypeVar("T")
+
+_KINDS: dict[str, HeldType] = {}
+"""Types of the words given to kernels, by name."""
+
+_NUMBERS = (types.int64, types.float64, types.boolean)
+
+
+class HeldType(types.Type):
+    """Type of what is held: names and types of the fields, and the word at which each begins.
+
+    Symbols carry the name of every type of their arguments; it is short, where that of a tuple spells out all fields.
+    """
+
+    def __init__(self, name: str, fields: tuple[tuple[str, types.Type], ...]) -> None:
+        self.fields = dict(fields)
+        self.begins, self.words = {}, 0
+        for field, kind in fields:
+            self.begins[field] = self.words
+            self.words += _words_of(kind)
+        digest = hashlib.sha256(repr(fields).encode()).hexdigest()[:12]
+        super().__init__(name=f"{name}.{digest}")
+
+
+def _words_of(kind: types.Type) -> int:
+    if isinstance(kind, types.Array):
+        return 1 + 2 * kind.ndim
+    return kind.words if isinstance(kind, HeldType) else int(kind in _NUMBERS)
+
+
+@lru_cache(maxsize=256)
+def _held_type(name: str, fields: tuple[str, ...], kinds: tuple[types.Type, ...]) -> HeldType:
+    return HeldType(name, tuple(zip(fields, kinds, strict=True)))
+
+
+def _type_of(value: Any) -> types.Type:
+    if isinstance(value, Held):
+        return value.numba_type
+    if isinstance(value, tuple):
+        return _held_type(type(value).__name__, type(value)._fields, tuple(map(_type_of, value)))  # type: ignore[attr-defined]
+    kind = typeof(value)
+    if not (kind in _NUMBERS or isinstance(kind, types.Array | types.NoneType)):
+        raise TypeError(f"{kind} cannot be held: give arrays, int, float, bool, None, or named tuples of them")
+    return kind
+
+
+def words_of(value: T) -> T:
+    """Words of a named tuple, for kernels that say `opened`; they keep it alive."""
+    if config.DISABLE_JIT:
+        return value
+    kind = _type_of(value)
+    memory: Any = (c_int64 * kind.words)(*_words(value))
+    memory.kept = value
+    _KINDS[kind.name] = kind
+    return cast(T, np.frombuffer(memory, dtype=np.dtype([(kind.name, np.int64, (kind.words,))], align=True)))
+
+
+def opened(words: T) -> T:
+    """In a kernel: the tuple whose words are given."""
+    return words
+
+
+@intrinsic
+def _open(context: Any, words: types.Array) -> tuple[Any, Any]:
+    (name,) = words.dtype.fields
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        array = make_array(words)(context, builder, arguments[0])
+        return builder.bitcast(array.data, cgutils.voidptr_t)
+
+    return _KINDS[name](words), generate
+
+
+@overload(opened, inline="always")
+def _opened(words):  # type: ignore[no-untyped-def] # Numba compares this line with the next
+    return lambda words: _open(words)  # noqa: PLW0108
+
+
+def _words(value: Any) -> Iterator[int]:
+    """Words of a value, as integers."""
+    if isinstance(value, Held | tuple):
+        for one in value:
+            yield from _words(one)
+    elif isinstance(value, np.ndarray):
+        yield value.ctypes.data
+        yield from value.shape
+        yield from value.strides
+    elif value is not None:
+        yield int(np.float64(value).view(np.int64)) if isinstance(value, float) else int(value)
+
+
+class Held:
+    """What kernels read through one address; it keeps the arrays alive. Made by `hold`.
+
+    Python reads fields as of the tuple, too.
+
+    Attributes
+    ----------
+    address : int
+        Of the words.
+    numba_type : HeldType
+    """
+
+    __slots__ = ("_memory", "_tuple", "address", "numba_type")
+
+    def __init__(self, fields: tuple[Any, ...]) -> None:
+        self.numba_type = _type_of(fields)
+        self._tuple, self._memory = fields, np.array(list(_words(fields)), dtype=np.int64)
+        self.address = self._memory.ctypes.data
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._tuple, name)
+
+    def __iter__(self) -> Iterator[Any]:
+        return iter(self._tuple)
+
+
+def hold(value: T) -> T:
+    """A named tuple of arrays and numbers, for kernels; as it is where they are not compiled, and where it is None.
+
+    Raises
+    ------
+    TypeError
+        A field is neither an array, an int, float or bool, None, nor a named tuple of these.
+    """
+    return value if value is None or config.DISABLE_JIT else cast(T, Held(cast(tuple[Any, ...], value)))
+
+
+@typeof_impl.register(Held)
+def _typeof_held(value: Held, context: object) -> HeldType:
+    return value.numba_type
+
+
+@register_model(HeldType)
+class _Address(models.OpaqueModel):
+    """An address, to Numba."""
+
+
+@unbox(HeldType)
+def _unbox(kind: HeldType, value: Any, c: Any) -> NativeValue:
+    number = c.pyapi.object_getattr_string(value, "address")
+    address = c.pyapi.long_as_voidptr(number)
+    c.pyapi.decref(number)
+    return NativeValue(address, is_error=cgutils.is_not_null(c.builder, c.pyapi.err_occurred()))
+
+
+@infer_getattr
+class _Fields(AttributeTemplate):
+    """Types of the fields, to Numba."""
+
+    key = HeldType
+
+    def generic_resolve(self, kind: HeldType, field: str) -> types.Type | None:
+        return kind.fields.get(field)
+
+
+@lower_getattr_generic(HeldType)
+def _field(context: Any, builder: Any, kind: HeldType, address: Any, field: str) -> Any:
+    """Instructions that load a field."""
+    wanted, first = kind.fields[field], kind.begins[field]
+
+    def load(n: int, as_type: Any) -> Any:
+        place = builder.gep(address, [ir.Constant(ir.IntType(64), _WORD * (first + n))])
+        word = builder.load(builder.bitcast(place, as_type.as_pointer()), align=_WORD)
+        word.set_metadata("invariant.load", builder.module.add_metadata([]))
+        return word
+
+    if isinstance(wanted, HeldType):
+        return builder.gep(address, [ir.Constant(ir.IntType(64), _WORD * first)])
+    if isinstance(wanted, types.NoneType):
+        return context.get_dummy_value()
+    if isinstance(wanted, types.Array):
+        return _array(context, builder, wanted, load)
+    if wanted == types.boolean:
+        return builder.trunc(load(0, ir.IntType(64)), ir.IntType(1))
+    return load(0, context.get_value_type(wanted))
+
+
+def _array(context: Any, builder: Any, kind: types.Array, load: Any) -> Any:
+    """An array that owns nothing, of words that `load` gives."""
+    array = make_array(kind)(context, builder)
+    item, size = context.get_data_type(kind.dtype), context.get_value_type(types.intp)
+    shape = [load(1 + n, size) for n in range(kind.ndim)]
+    strides = [load(1 + kind.ndim + n, size) for n in range(kind.ndim)]
+    populate_array(
+        array,
+        data=load(0, item.as_pointer()),
+        shape=cgutils.pack_array(builder, shape, size),
+        strides=cgutils.pack_array(builder, strides, size),
+        itemsize=context.get_constant(types.intp, context.get_abi_sizeof(item)),
+        meminfo=None,
+    )
+    return array._getvalue()
