@@ -11,8 +11,11 @@ that instruction gives other last bits.
 
 What compiling takes grows with what is written out and with what is wrapped. `inlined` copies a kernel's instructions
 once for each kernel between it and the one that is compiled, with branches that None will rule out there: it is for a
-few lines. `fused` compiles a kernel once for its types and leaves the rest to LLVM, with the same machine code in the
-end. What Python calls needs code that takes every array out of its object: that is `kernel`, and nothing else.
+few lines. `inner` and `fused` compile a kernel to instructions once for its types and leave the rest to LLVM, where
+they end up (`linking`): only what Python calls becomes machine code, and needs code that takes its arguments out of
+their objects. That is `kernel`, and nothing else.
+
+What a mechanism is made of goes from kernel to kernel as one address (`held`), and not as some hundred arrays.
 """
 
 from __future__ import annotations
@@ -21,8 +24,10 @@ from typing import Any
 
 from numba import njit
 
+from consilience.reference.linking import InnerCompiler
+
 _ALL: dict[str, Any] = {"cache": True, "fastmath": {"contract"}, "error_model": "numpy", "no_cfunc_wrapper": True}
-_INNER: dict[str, Any] = {**_ALL, "no_cpython_wrapper": True}
+_INNER: dict[str, Any] = {**_ALL, "no_cpython_wrapper": True, "pipeline_class": InnerCompiler}
 
 kernel = njit(**_ALL, _nrt=False)
 """Decorator of a kernel that makes no array and that Python calls."""

@@ -49,7 +49,7 @@ _KINDS: dict[str, HeldType] = {}
 _NUMBERS = (types.int64, types.float64, types.boolean)
 
 
-class HeldType(types.Type):
+class HeldType(types.Type):  # type: ignore[misc]
     """Type of what is held: names and types of the fields, and the word at which each begins.
 
     Symbols carry the name of every type of their arguments; it is short, where that of a tuple spells out all fields.
@@ -163,7 +163,7 @@ def hold(value: T) -> T:
 
     Raises
     ------
-    TypeError
+    TypeError, ValueError
         A field is neither an array, an int, float or bool, None, nor a named tuple of these.
     """
     return value if value is None or config.DISABLE_JIT else cast(T, Held(cast(tuple[Any, ...], value)))
@@ -175,7 +175,7 @@ def _typeof_held(value: Held, context: object) -> HeldType:
 
 
 @register_model(HeldType)
-class _Address(models.OpaqueModel):
+class _Address(models.OpaqueModel):  # type: ignore[misc]
     """An address, to Numba."""
 
 
@@ -188,7 +188,7 @@ def _unbox(kind: HeldType, value: Any, c: Any) -> NativeValue:
 
 
 @infer_getattr
-class _Fields(AttributeTemplate):
+class _Fields(AttributeTemplate):  # type: ignore[misc]
     """Types of the fields, to Numba."""
 
     key = HeldType

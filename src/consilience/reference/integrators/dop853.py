@@ -87,13 +87,13 @@ def _error(K: Array, h: float, size: Array) -> float:
 
 
 @inner
-def factor_of(error: float, safety: float) -> float:
-    """Change of the step size that a scaled error asks for; the smallest where it is not finite."""
+def factor_of(error: float, safety: float, most: float) -> float:
+    """Change of the step size that a scaled error asks for, `most` at most; the smallest where it is not finite."""
     if error == 0.0:
-        return LARGEST
+        return most
     if not np.isfinite(error):
         return SMALLEST
-    return min(LARGEST, max(SMALLEST, safety * error ** (-1.0 / 8.0)))
+    return min(most, max(SMALLEST, safety * error ** (-1.0 / 8.0)))
 
 
 @inner
@@ -183,7 +183,7 @@ def integrate(
             _sizes(model, y, size)
             error = _error(K, step, size) / tolerance
             finite = np.isfinite(error)  # a stage far from the motion may overflow: of no step that is short enough
-            factor = factor_of(error, SAFETY)
+            factor = factor_of(error, SAFETY, LARGEST)
             if not error <= 1.0:
                 counters[REJECTED] += 1
                 h = step * min(1.0, factor)

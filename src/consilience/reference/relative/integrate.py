@@ -36,6 +36,9 @@ CRAWLING, PATIENCE, LEAST_LEFT = 3.5, 15, 100
 this: longer than accuracy asks for, and close to what the method's stability allows, 6 [Hairer and Wanner, IV.2]. It is
 left to another method if there are more than so many steps to go."""
 
+AT_FIRST = 1e4
+"""Largest growth of the step directly after the first one, which is a guess from a single slope."""
+
 SAFETY = 0.8
 """Safety factor of the step size: with 0.9 a quarter of the steps of a pendulum or linkage are taken in vain."""
 
@@ -322,7 +325,7 @@ def _integrate(
     bound = longest_now(tree, elements, longest)
     _attempt(tree, rest, space, elements, plane, method, z, t, 0.0, BEGIN, SECOND, counters, scratch)
     h, first = first_length(tree.kind, K[0], last - t, tolerance, scratch.size), SECOND
-    finite, most, before, crawled = np.isfinite(h), LARGEST, 0.0, 0
+    finite, most, before, crawled = np.isfinite(h), AT_FIRST, 0.0, 0
     while sample < times.shape[0]:
         step = length(min(h, bound), last - t)
         if not step >= 1e-14 * max(1.0, abs(t)):
@@ -336,7 +339,7 @@ def _integrate(
             if crawled >= PATIENCE and last - t > LEAST_LEFT * step:
                 return LEFT
         finite = np.isfinite(error)  # a stage far from the motion may overflow: of no step that is short enough
-        factor = min(most, factor_of(error, SAFETY))
+        factor = factor_of(error, SAFETY, most)
         if not error <= 1.0:
             counters[REJECTED] += 1
             h, first, most = step * factor, SECOND, 1.0  # the first stage is still known

@@ -5,7 +5,7 @@ a tree joint are those of M relative to F: displacements along the free axes of 
 (revolute), the angles about z of F and x of M (universal), or Euler parameters (ball). No chart of these is singular.
 Speeds are the rates of the first ones, and for a ball the angular velocity of M relative to F in axes of F.
 
-Kernels take the arrays they read and not whole models: a tuple of arrays costs a count for each of them at each call.
+Kernels are given these tuples `held`: one address each.
 """
 
 from __future__ import annotations
@@ -83,10 +83,7 @@ class Space(NamedTuple):
 
 
 class Rest(NamedTuple):
-    """What loops need beside the tree, and the arrays that their kernels write into; q cut rows.
-
-    One level, few arrays: each is counted whenever a kernel is given all of them.
-    """
+    """What loops need beside the tree, and the arrays that their kernels write into; q cut rows."""
 
     layout: Array
     link: Array

@@ -299,7 +299,7 @@ def _attempt(
 @inner
 def _factor(error: float, rate: float, most: float) -> float:
     """Change of the step size by its error, unless that is infinite, and by the rate of the iterations."""
-    by_error = factor_of(error, SAFETY) if error < np.inf else 0.5
+    by_error = factor_of(error, SAFETY, LARGEST) if error < np.inf else 0.5
     return max(SMALLEST, min(most, by_error, SLOWEST / rate))
 
 

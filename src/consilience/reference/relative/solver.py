@@ -67,8 +67,8 @@ class _Prepared(NamedTuple):
             taken = self.idle[integrator].pop()
         except IndexError:
             arrays = renewed(self.system)
-            tree, rest, space, elements, plane = arrays
-            rest = None if self.tree_alone else rest
+            tree, closing, space, elements, plane = arrays
+            rest = None if self.tree_alone else closing
             scratch_of = INTEGRATORS[integrator].scratch(np.zeros(len(self.links.kind)), arrays, rest)
             run = Run(tree, rest, space, elements, plane, scratch_of)
             return _Working(run, words_of(run), lasting(arrays, self.system))
