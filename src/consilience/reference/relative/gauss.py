@@ -20,9 +20,9 @@ from consilience.reference.compiled import inlined, inner, kernel
 from consilience.reference.held import opened
 from consilience.reference.integrators.dop853 import EVALUATIONS, REJECTED, STEPS
 from consilience.reference.relative.dynamics import rates
-from consilience.reference.relative.integrate import sizes
 from consilience.reference.relative.model import Elements, Rest, Run, Space, Tree
 from consilience.reference.relative.settling import SEEN, arrive, begin, longest_now, note
+from consilience.reference.relative.steps import sizes
 from consilience.reference.vectors import assign
 from consilience.spatial import Array
 

@@ -21,6 +21,7 @@ from consilience.reference.relative.methods import STAGES_AT_MOST, Method
 from consilience.reference.relative.model import Elements, Rest, Run, Space, Tree
 from consilience.reference.relative.plane import Plane
 from consilience.reference.relative.settling import SEEN, arrive, begin, longest_now, note, settle
+from consilience.reference.relative.steps import first_length, length, sizes, within
 from consilience.reference.vectors import assign
 from consilience.spatial import Array
 
@@ -69,19 +70,6 @@ def scratch(z: Array, rest: Rest | None) -> Scratch:
         chosen=np.empty(groups, dtype=np.int64),
         late=np.empty((2, len(z))),
     )
-
-
-@inner
-def sizes(kind: Array, model_length: float, z: Array, size: Array) -> None:
-    """Size of each kind of component, shape (5,)."""
-    size[:] = 0.0
-    for n in range(z.shape[0]):
-        size[kind[n]] = max(size[kind[n]], abs(z[n]))
-    size[0] = max(size[0], model_length)
-    size[1] = 1.0
-    size[2] = max(size[2], size[3] * model_length, model_length)
-    size[3] = max(size[3], 1.0)
-    size[4] = max(size[4], 1.0)
 
 
 @inner
@@ -164,21 +152,6 @@ def between(z: Array, F: Array, x: float, state: Array) -> None:
         state[n] = z[n] + total
 
 
-@inner
-def length(h: float, remaining: float) -> float:
-    """Length of the next step: a remainder a little longer than a step is halved, so that no sliver of one is left."""
-    return remaining if h >= remaining else min(h, 0.5 * remaining)
-
-
-@inner
-def first_length(kind: Array, f: Array, span: float, tolerance: float, size: Array) -> float:
-    """Length of the first step, in which z changes by ``tolerance ** (1/8)``, from its derivative f."""
-    total = 0.0
-    for n in range(f.shape[0]):
-        total += (f[n] / size[kind[n]]) ** 2
-    return tolerance ** (1.0 / 8.0) / max(np.sqrt(total / f.shape[0]), 1.0 / span)
-
-
 @inlined
 def record_within(
     tree: Tree,
@@ -205,14 +178,6 @@ def record_within(
     if rest is not None:
         assign(rest.fronts.order, scratch.order)
         assign(rest.fronts.state[:, CHOSEN], scratch.chosen)
-
-
-@inner
-def within(times: Array, sample: int, after: float) -> int:
-    """Number of the first of the samples left that is not before a time."""
-    while sample < times.shape[0] and times[sample] < after:
-        sample += 1
-    return sample
 
 
 @inlined

@@ -27,11 +27,12 @@ from consilience.reference.compiled import inlined, inner, kernel
 from consilience.reference.held import opened
 from consilience.reference.integrators.dop853 import EVALUATIONS, LARGEST, REJECTED, SMALLEST, STEPS, factor_of
 from consilience.reference.relative.dynamics import rates
-from consilience.reference.relative.integrate import SECOND, between, first_length, length, record_within, sizes, within
+from consilience.reference.relative.integrate import SECOND, between, record_within
 from consilience.reference.relative.model import Elements, Rest, Run, Space, Tree
 from consilience.reference.relative.plane import Plane
 from consilience.reference.relative.radau_coefficients import ESTIMATE, IN, LAMBDA, NESTED, OUT, STAGES, A, C
 from consilience.reference.relative.settling import arrive, begin, longest_now, note
+from consilience.reference.relative.steps import first_length, length, sizes, within
 from consilience.reference.vectors import assign
 from consilience.spatial import Array
 

@@ -25,7 +25,7 @@ from consilience.reference.relative.cut_rows import want
 from consilience.reference.relative.dynamics import factorise_rows
 from consilience.reference.relative.either import cut_rows, force_rows, open_links
 from consilience.reference.relative.fronts import multipliers
-from consilience.reference.relative.integrate import LEFT, length, sizes, within
+from consilience.reference.relative.integrate import LEFT
 from consilience.reference.relative.model import Rest, Run, System, Tree
 from consilience.reference.relative.planar import sweep_in_planar, sweep_out_planar
 from consilience.reference.relative.plane import Plane
@@ -50,6 +50,7 @@ from consilience.reference.relative.series_rows import (
     row_series,
 )
 from consilience.reference.relative.settling import SEEN, arrive, begin, note, settle
+from consilience.reference.relative.steps import length, sizes, within
 from consilience.spatial import Array
 
 LOOKED_AT = 4
