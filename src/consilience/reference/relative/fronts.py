@@ -7,8 +7,6 @@ what is left goes into the next front. The multifrontal method [Davis, Direct Me
 section 5.4] on a chain of fronts: cost grows with the number of loops times the square of the size of a front.
 
 It works on B itself, never on ``B^T B``, whose condition number is the square.
-
-Kernels take single arrays of `Loops` and `Fronts`: handing on both as a whole costs more than the work on a four-bar.
 """
 
 from __future__ import annotations
