@@ -13,6 +13,7 @@ from numba import njit
 
 from consilience.library import load_case
 from consilience.reference import simulate
+from consilience.reference.held import hold
 from consilience.reference.relative import columns
 from consilience.reference.relative.articulated import free_biases, inertias, sweep_in
 from consilience.reference.relative.cut_rows import want
@@ -143,7 +144,7 @@ def row(case):
     """What the table says of a case."""
     links, spanning, model = flatten_relative(case.mechanism)
     given = case.mechanism, links, spanning, model
-    arrays = planar(*given) or system(*given)
+    arrays = tuple(map(hold, planar(*given) or system(*given)))
     z = pack_relative(links, spanning, model, case.initial_state)
     dz, target = np.zeros_like(z), z.copy()
     arriving(*arrays, z, dz, target, 1)

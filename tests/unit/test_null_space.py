@@ -11,6 +11,7 @@ from consilience.observe import mass_matrix_condition, reaction_condition
 from consilience.reference import simulate
 from consilience.reference.canonical import at_origins
 from consilience.reference.formulations.relative import close, differentiate
+from consilience.reference.held import hold
 from consilience.reference.model import unpack
 from consilience.reference.relative import columns
 from consilience.reference.relative.kinematics import orient, place, place_bodies
@@ -55,7 +56,8 @@ class InSpace:
     def __init__(self, mechanism):
         self.mechanism = mechanism
         self.links, self.tree, self.model = flatten_relative(mechanism)
-        self.placed, self.rest, self.space, self.elements, _ = system(mechanism, self.links, self.tree, self.model)
+        arrays = system(mechanism, self.links, self.tree, self.model)
+        self.placed, self.rest, self.space, self.elements, _ = map(hold, arrays)
 
     def close(self, z, seen=SEEN):
         """Settled in place; whether by elimination."""
