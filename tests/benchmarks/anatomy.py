@@ -9,10 +9,10 @@ import sys
 import time
 
 import numpy as np
-from numba import njit
 
 from consilience.library import load_case
 from consilience.reference import simulate
+from consilience.reference.compiled import inlined, kernel
 from consilience.reference.held import hold
 from consilience.reference.relative import columns
 from consilience.reference.relative.articulated import free_biases, inertias, sweep_in
@@ -44,7 +44,7 @@ tolerance below, which one correction closes."""
 DURATION, TOLERANCE = 5.0, 1e-10
 
 
-@njit(_nrt=False, error_model="numpy", inline="always")
+@inlined
 def push(rest, space, elements, plane, z):
     """Inertias (in a plane they are part of placing) and forces."""
     if space is not None:
@@ -57,7 +57,7 @@ def push(rest, space, elements, plane, z):
         push_efforts(plane, rest.link, 0.0, z)
 
 
-@njit(_nrt=False, error_model="numpy", inline="always")
+@inlined
 def sweep(rest, space, plane):
     """Along the tree and back."""
     if space is not None:
@@ -67,7 +67,7 @@ def sweep(rest, space, plane):
     accelerate(space, plane, rest.link, rest.free, rest.u, 1.0)
 
 
-@njit(_nrt=False, error_model="numpy", inline="always")
+@inlined
 def along(rest, space, plane, small):
     """Accelerations of the tree."""
     if space is not None:  # noqa: SIM102 - Numba leaves out what is done where it is not None alone
@@ -77,7 +77,7 @@ def along(rest, space, plane, small):
         sweep(rest, space, plane)
 
 
-@njit(_nrt=False, error_model="numpy", inline="always")
+@inlined
 def close(rest, space, plane, small):
     """What the rows do to the accelerations of the tree."""
     loops, fronts, link, free, u = rest.loops, rest.fronts, rest.link, rest.free, rest.u
@@ -93,7 +93,7 @@ def close(rest, space, plane, small):
         accelerate(space, plane, link, free, u, 1.0)
 
 
-@njit(_nrt=False, error_model="numpy")
+@kernel
 def up_to(depth, rest, space, elements, plane, z, n):
     """The first parts of an evaluation, n times."""
     group, fronts, small = rest.loops.group, rest.fronts, False
@@ -112,14 +112,14 @@ def up_to(depth, rest, space, elements, plane, z, n):
             close(rest, space, plane, small)
 
 
-@njit(_nrt=False, error_model="numpy")
+@kernel
 def whole(tree, rest, space, elements, plane, z, dz, n):
     """An evaluation, n times."""
     for _ in range(n):
         rates(tree, rest, space, elements, plane, 0.0, z, dz)
 
 
-@njit(_nrt=False, error_model="numpy")
+@kernel
 def arriving(tree, rest, space, elements, plane, z, apart, target, n):
     """The projection of a state that is a little apart from closed loops and no sample, n times."""
     for _ in range(n):
