@@ -35,10 +35,6 @@ _PASSING = 1e-4
 _TURN = 1.5
 """Most that an angle whose turns are counted may change in a step, rad: well below half a turn."""
 
-NEAR = 1e-6
-"""Distance of a pose, in angles and lengths in m, whose factors do for corrections as small as that: what they leave is
-the third power of it."""
-
 SEEN = np.array([True])[0]
 """Of a state that is a sample, or that is kept."""
 
@@ -127,15 +123,9 @@ def _choose(
 
 
 @inner
-def _is_sound(rank: int, least: float, best: Array) -> bool:
-    """Whether factors have the rank so far, far from losing it."""
-    return rank == best[LARGEST_RANK] and least >= SOUND * best[LEAST]
-
-
-@inner
 def _keep(loops: Loops, fronts: Fronts, rank: int, least: float, best: Array, limit: Array) -> bool:
-    """Go on with the factors of a pose that is near, if they are sound."""
-    if not _is_sound(rank, least, best):
+    """Go on with the factors of a pose that is apart by rounding, if they have the rank so far, far from losing it."""
+    if rank != best[LARGEST_RANK] or least < SOUND * best[LEAST]:
         return False
     best[LEAST] = max(best[LEAST], least)
     _work_with(loops, fronts, rank, limit)
@@ -165,49 +155,39 @@ def find_rank(
 
 
 @inlined
-def _close_speeds(rest: Rest, space: Space | None, elements: Elements | None, plane: Plane | None, z: Array) -> None:
-    """Speeds that keep the rows closed, of least M-norm, by the factors of the fronts; places the links at them."""
-    open_speeds(rest, space, plane)
-    _displacements(rest.loops, rest.fronts, space, plane, rest.link, rest.free, rest.u)
-    for n in range(rest.u.shape[0]):
-        z[rest.speeds + n] += rest.u[n]
-    place_at(rest, space, elements, plane, z)
-
-
-@inlined
 def _close(rest: Rest, space: Space | None, elements: Elements | None, plane: Plane | None, t: float, z: Array) -> None:
-    """`project` by the fronts, whatever the rows are and however far they are open.
-
-    Factors of a pose that is `NEAR` do for more than one correction: each leaves what it corrects times that distance.
-    """
+    """`project` by the fronts, whatever the rows are and however far they are open."""
     loops, layout, fronts, link, free, u = rest.loops, rest.layout, rest.fronts, rest.link, rest.free, rest.u
-    held, size, best, target, value = rest.held, rest.size, rest.best, rest.fronts.target, rest.value
-    last, violation, rank, least, apart = False, 0.0, 0, 0.0, np.inf
+    speeds, held, size = rest.speeds, rest.held, rest.size
+    W, target, value = fronts.W, fronts.target, rest.value
+    last, violation, rank, least = False, 0.0, 0, 0.0
     for step in range(POSITION_STEPS + 1):
         violation = opened(rest, space, elements, plane, t, z)
-        if last or step == POSITION_STEPS or violation <= 2e-16:
+        if last:
             break
-        if not (apart < NEAR and _is_sound(rank, least, best)):
-            articulate_links(space, plane, link, free)
-            _release(fronts.W, held)
-            rank, least, _ = _choose_rows(loops, layout, fronts, space, plane, link, free, 0.0, size[0])
-            apart = 0.0
+        articulate_links(space, plane, link, free)
+        if step == POSITION_STEPS or violation <= 2e-16:
+            break
+        _release(W, held)
+        rank, least, _ = _choose_rows(loops, layout, fronts, space, plane, link, free, 0.0, size[0])
         for row in range(target.shape[0]):
             target[row] = -value[row] if row < held else 0.0
         _displacements(loops, fronts, space, plane, link, free, u)
-        moved = largest(u, u.shape[0])
-        last, apart = moved < CLOSED, apart + moved
+        last = largest(u, u.shape[0]) < CLOSED
         displace(layout, z, u)
         place_at(rest, space, elements, plane, z)
-    if not (apart < NEAR and held == fronts.W.shape[0] and _keep(loops, fronts, rank, least, best, rest.limit)):
-        articulate_links(space, plane, link, free)
-        _choose(loops, layout, fronts, space, plane, link, free, size[0], best, rest.limit, violation)
-        apart = 0.0
+    # where the first correction is that small, the speeds have as little to be corrected, and its factors will do
+    if not (last and step == 1 and held == W.shape[0] and _keep(loops, fronts, rank, least, rest.best, rest.limit)):
+        if last:
+            articulate_links(space, plane, link, free)
+        _choose(loops, layout, fronts, space, plane, link, free, size[0], rest.best, rest.limit, violation)
     if space is not None:
         note_pivot(rest, space)
-    _close_speeds(rest, space, elements, plane, z)
-    if apart >= CLOSED:
-        _close_speeds(rest, space, elements, plane, z)
+    open_speeds(rest, space, plane)
+    _displacements(loops, fronts, space, plane, link, free, u)
+    for n in range(u.shape[0]):
+        z[speeds + n] += u[n]
+    place_at(rest, space, elements, plane, z)
 
 
 @inner
