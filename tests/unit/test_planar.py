@@ -91,7 +91,7 @@ def test_a_state_comes_back_from_its_coordinates(name):
 @pytest.mark.parametrize("size", [1e-4, 1e-7])
 @pytest.mark.parametrize("name", [n for n in PLANAR if n.startswith("closed")] + ["two_loops", "driven", "branches"])
 def test_settling_closes_what_was_torn_open(name, size):
-    """By factors of each pose, and where it is near, of one: twice, as sound factors are known by those before."""
+    """Twice, as sound factors are known by those before."""
     mechanism, rng = PLANAR[name], np.random.default_rng(5)
     equations = InPlane(mechanism)
     (state,) = states_of(mechanism, 1)
