@@ -6,10 +6,10 @@ import re
 from collections import Counter
 from pathlib import Path
 
+from consilience.case import shipped_cases
+from consilience.case.families import FAMILIES, shown_parameters
+from consilience.cli.explanations import Kind, read_entries
 from consilience.engine import installed
-from consilience.explain.entries import Kind, read_entries
-from consilience.families import FAMILIES, shown_parameters
-from consilience.library import shipped_cases
 
 FINDINGS = Path(__file__).parents[1] / "reports" / "findings"
 
@@ -45,7 +45,10 @@ API: dict[str, tuple[str, tuple[str, ...]]] = {
             f"consilience.{name}" for name in ("spatial", "rows", "kinematics", "observe", "energies", "conditioning")
         ),
     ),
-    "Files and frames": ("files", ("consilience.export", "consilience.frames", "consilience.report.record")),
+    "Files and frames": (
+        "files",
+        tuple(f"consilience.report.{name}" for name in ("trajectory_files", "dataframes", "record")),
+    ),
 }
 """Pages of the reference: title, file, modules."""
 

@@ -16,11 +16,10 @@ from pathlib import Path
 
 import numpy as np
 
-from consilience.engine import load_engine
+from consilience.case import load_case, shipped_cases
+from consilience.engine import Question, load_engine
+from consilience.engine.native import native_files, write_native
 from consilience.errors import ConsilienceError
-from consilience.library import load_case, shipped_cases
-from consilience.native import native_files, write_native
-from consilience.run import Question
 
 ALONE = "import runpy, sys; sys.modules['consilience'] = None; runpy.run_path(sys.argv[1], run_name='__main__')"
 """Runs a script in a process in which our package cannot be imported."""

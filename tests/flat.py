@@ -4,9 +4,22 @@ from dataclasses import replace
 
 import numpy as np
 
-from consilience.functions import Function, linear, sine
-from consilience.mechanism import GROUND, Control, Coupling, Drive, Friction, JointSpring, Load, Mechanism, Spring
-from consilience.spatial import quaternion_from_rotation_vector, rotation_from_quaternion
+from consilience.mechanism import (
+    GROUND,
+    Control,
+    Coupling,
+    Drive,
+    Friction,
+    Function,
+    JointSpring,
+    Load,
+    Mechanism,
+    Spring,
+    linear,
+    quaternion_from_rotation_vector,
+    rotation_from_quaternion,
+    sine,
+)
 from mechanisms import GRAVITY, drawn_joint, lumpy_body, rotation
 
 

@@ -17,15 +17,13 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from consilience.casefile import cases_from_tables
+from consilience.case.file.reader import cases_from_tables
+from consilience.case.importing import import_model, imported_text
+from consilience.case.importing.build import IDLE, NO_COORDINATE
+from consilience.engine import solve_constrained
 from consilience.errors import ConsilienceError
-from consilience.harness import solve_constrained
-from consilience.importing import import_model, imported_text
-from consilience.importing.build import IDLE, NO_COORDINATE
-from consilience.kinematics import constraint_residual
-from consilience.mechanism import State
+from consilience.mechanism import State, constraint_residual, quaternion_from_rotation
 from consilience.reference import accelerations
-from consilience.spatial import quaternion_from_rotation
 
 FORMULATION = "relative"
 

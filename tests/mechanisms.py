@@ -6,8 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from consilience.assembly import initial_state, random_states
-from consilience.functions import Function, constant, linear, sine, through
 from consilience.mechanism import (
     GROUND,
     JOINT_KINDS,
@@ -17,6 +15,7 @@ from consilience.mechanism import (
     Drive,
     Frame,
     Friction,
+    Function,
     Joint,
     JointSpring,
     Load,
@@ -25,8 +24,15 @@ from consilience.mechanism import (
     Skate,
     Spring,
     State,
+    constant,
+    initial_state,
+    linear,
+    quaternion_from_rotation_vector,
+    random_states,
+    rotation_from_quaternion,
+    sine,
+    through,
 )
-from consilience.spatial import quaternion_from_rotation_vector, rotation_from_quaternion
 
 GRAVITY = np.array([1.3, -2.1, -9.4])
 PITCH = -0.31

@@ -72,7 +72,7 @@ MARKED: dict[tuple[str, str], str] = {
     ("docs/runs.md", "python tests/hostile/browser.py"): "needs a browser of the system",
     (
         "docs/workers.md",
-        "python -m consilience.workers consilience-report",
+        "python -m consilience.engine.worker consilience-report",
     ): "the reader's failed job; tests/harness/test_workers.py",
     ("docs/workers.md", "python tests/benchmarks/"): "measures speed: minutes on a quiet machine",
     ("docs/pytest.md", "pytest --consilience-engine mujoco cases/"): "an hour: the whole library",
@@ -151,7 +151,7 @@ def environment(folder: Path) -> dict[str, str]:
     """Where a page's commands find `consilience`, `python` and `pytest` of this environment."""
     programs = folder / ".programs"
     programs.mkdir(exist_ok=True)
-    for name, module in (("consilience", "consilience.cli"), ("pytest", "")):
+    for name, module in (("consilience", "consilience.cli.main"), ("pytest", "")):
         call = f"from {module} import main; main()" if module else "import sys, pytest; sys.exit(pytest.main())"
         (programs / name).write_text(f'#!/bin/sh\nexec {shlex.quote(sys.executable)} -c "{call}" "$@"\n')
         (programs / name).chmod(0o755)

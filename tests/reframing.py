@@ -5,8 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from consilience.mechanism import Frame, Mechanism, State
-from consilience.spatial import Array, quaternion_from_rotation, quaternion_product, rotation_from_quaternion
+from consilience.mechanism import (
+    Array,
+    Frame,
+    Mechanism,
+    State,
+    quaternion_from_rotation,
+    quaternion_product,
+    rotation_from_quaternion,
+)
 
 
 def compose(outer: Frame, inner: Frame) -> Frame:

@@ -14,8 +14,8 @@ import numpy as np
 from consilience.compare import Comparison, Verdict, Yardstick, compare_trajectory
 from consilience.compare.motion import size_of_motion
 from consilience.compare.softness import SCALES
-from consilience.run import Method, Profile, Question, Route, Run, Status, TrajectoryAnswer
-from consilience.spatial import quaternion_from_rotation_vector
+from consilience.engine import Method, Profile, Question, Route, Run, Status, TrajectoryAnswer
+from consilience.mechanism import quaternion_from_rotation_vector
 from mechanisms import chain
 
 MECHANISM = chain("free", seed=1)

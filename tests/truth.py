@@ -1,21 +1,26 @@
 """Accelerations and reactions in dense maximal coordinates, in plain NumPy: slow, short, independent of the solver.
 
-Newton-Euler per body about the body *origin*, constraint rows from `consilience.kinematics`, one least-squares solve.
+Newton-Euler per body about the body *origin*, constraint rows from `mechanism.constraints`, one least-squares solve.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from consilience.kinematics import (
+from consilience.mechanism import (
+    GROUND,
+    Mechanism,
+    State,
+    body_point,
     constraint_gamma,
     constraint_jacobian,
     joint_frames,
+    joint_spring_motion,
+    rotation_from_quaternion,
     row_jacobian,
+    skew,
+    world_inertias,
 )
-from consilience.mechanism import GROUND, Mechanism, State
-from consilience.observe import body_point, joint_spring_motion, world_inertias
-from consilience.spatial import rotation_from_quaternion, skew
 
 
 def applied_wrenches(mechanism: Mechanism, state: State, t: float = 0.0) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 Every row is ``J a = gamma`` in the skeleton's accelerations. Rows that hold bodies are of DART's Jacobians and of its
 accelerations at ``a = 0``, the bias; drives and couplings are of single coordinates and have no bias. Coefficients of
-contacts and skates in the velocities of their body are the harness's (`consilience.element_rows`).
+contacts and skates in the velocities of their body are the harness's (`consilience.mechanism.element_rows`).
 """
 
 from __future__ import annotations
@@ -11,9 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from consilience.element_rows import ElementRow, non_holonomic_rows, rolling_rows
-from consilience.mechanism import State
-from consilience.spatial import Array
+from consilience.mechanism import Array, ElementRow, State, non_holonomic_rows, rolling_rows
 from consilience_dart.state import read
 from consilience_dart.translation import Model
 

@@ -8,10 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from consilience.harness import solve_constrained
-from consilience.kinematics import RANK_TOLERANCE, reaction_in_F
-from consilience.mechanism import Joint, State
-from consilience.spatial import Array
+from consilience.engine import solve_constrained
+from consilience.mechanism import RANK_TOLERANCE, Array, Joint, State, reaction_in_F
 from consilience_dart.constraints import push, rows, weld_terms
 from consilience_dart.drives import command_accelerations
 from consilience_dart.loads import Forces

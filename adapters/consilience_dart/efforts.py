@@ -12,8 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from consilience.mechanism import Control, Friction, JointSpring
-from consilience.spatial import Array
+from consilience.mechanism import Array, Control, Friction, JointSpring
 from consilience_dart.translation import Axis, Model
 
 Law = Callable[[float, float, float], tuple[float, float]]

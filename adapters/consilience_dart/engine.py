@@ -7,9 +7,7 @@ from collections.abc import Sequence
 import dartpy
 import numpy as np
 
-from consilience.engine import beyond
-from consilience.mechanism import JOINT_KINDS, Mechanism, State
-from consilience.run import (
+from consilience.engine import (
     EngineInfo,
     InstantAnswer,
     Manifest,
@@ -20,9 +18,9 @@ from consilience.run import (
     Route,
     TrajectoryAnswer,
     Unsupported,
+    beyond,
 )
-from consilience.spatial import Array
-from consilience.tree import lower
+from consilience.mechanism import JOINT_KINDS, Array, Mechanism, State, lower
 from consilience_dart import methods as ways
 from consilience_dart.dynamics import (
     body_accelerations,

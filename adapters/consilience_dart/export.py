@@ -7,10 +7,8 @@ from typing import Any
 import dartpy
 import numpy as np
 
-from consilience.kinematics import RANK_TOLERANCE
-from consilience.mechanism import GROUND, Mechanism, State
-from consilience.native import ELEMENTS, JET, SOLVE, Places, element_data, script
-from consilience.spatial import Array
+from consilience.engine.native import ELEMENTS, JET, SOLVE, Places, element_data, script
+from consilience.mechanism import GROUND, RANK_TOLERANCE, Array, Mechanism, State
 from consilience_dart.export_script import CODE, RUN
 from consilience_dart.state import from_state, send
 from consilience_dart.translation import CREATORS, SCREW, Model, build, sprung

@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from consilience.harness import runge_kutta_4, solve_constrained
-from consilience.mechanism import Mechanism, State
-from consilience.spatial import Array, euler_parameter_matrix
+from consilience.engine import runge_kutta_4, solve_constrained
+from consilience.mechanism import Array, Mechanism, State, euler_parameter_matrix
 from consilience_dart.dynamics import constrained_terms, forward_dynamics
 from consilience_dart.loads import Forces, appliers
 from consilience_dart.redundancy import rank_limit, strongest

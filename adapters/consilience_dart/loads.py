@@ -10,9 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from consilience.functions import Function
-from consilience.mechanism import GROUND, Load, Spring
-from consilience.spatial import Array
+from consilience.mechanism import GROUND, Array, Function, Load, Spring
 from consilience_dart.efforts import controllers, dampers, efforts, exert
 from consilience_dart.translation import Model
 

@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from consilience.assembly import initial_state
-from consilience.mechanism import Mechanism
-from consilience.run import Method, Profile, Question, Route, Unsupported
-from consilience.tree import Tree, lower
+from consilience.engine import Method, Profile, Question, Route, Unsupported
+from consilience.mechanism import Mechanism, Tree, initial_state, lower
 from consilience_dart.dynamics import constraint_rank
 from consilience_dart.state import from_state, send
 from consilience_dart.stepping import (

@@ -8,9 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from consilience.assembly import displaced_states
-from consilience.mechanism import State
-from consilience.spatial import Array
+from consilience.mechanism import Array, State, displaced_states
 from consilience_dart.dynamics import constraint_rank
 from consilience_dart.state import from_state, send
 from consilience_dart.translation import Model

@@ -11,16 +11,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from consilience.kinematics import joint_coordinates, relative_motion
-from consilience.mechanism import State
-from consilience.spatial import (
+from consilience.mechanism import (
     Array,
+    Link,
+    State,
+    coordinates,
+    joint_coordinates,
     quaternion_from_rotation,
     quaternion_product,
+    relative_motion,
     rotation_from_quaternion,
     rotation_vector_from_quaternion,
 )
-from consilience.tree import Link, coordinates
 from consilience_dart.translation import Model
 
 SMALL_ANGLE = 2e-3

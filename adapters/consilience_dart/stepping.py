@@ -17,8 +17,7 @@ from typing import Any
 import dartpy
 import numpy as np
 
-from consilience.mechanism import Mechanism, State
-from consilience.spatial import Array
+from consilience.mechanism import Array, Mechanism, State
 from consilience_dart.drives import command_steps
 from consilience_dart.dynamics import apply_forces
 from consilience_dart.loads import Forces, appliers

@@ -18,10 +18,18 @@ from typing import Any
 import dartpy
 import numpy as np
 
-from consilience.joints import AXIS_COORDINATES
-from consilience.mechanism import Coupling, JointSpring, Mechanism, Rolling, Skate
-from consilience.spatial import Array
-from consilience.tree import Link, Tree, lower
+from consilience.mechanism import (
+    AXIS_COORDINATES,
+    Array,
+    Coupling,
+    JointSpring,
+    Link,
+    Mechanism,
+    Rolling,
+    Skate,
+    Tree,
+    lower,
+)
 
 Z = np.array([0.0, 0.0, 1.0])
 

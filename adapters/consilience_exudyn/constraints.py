@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from consilience.mechanism import GROUND, Rolling
-from consilience.spatial import Array
+from consilience.mechanism import GROUND, Array, Rolling
 from consilience_exudyn.library import items
 from consilience_exudyn.rows import DiscRow, Pose, Row
 

@@ -13,9 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from consilience.functions import Jet
-from consilience.mechanism import Control, Friction, JointSpring, Mechanism
-from consilience.spatial import Array
+from consilience.mechanism import Array, Control, Friction, Jet, JointSpring, Mechanism
 from consilience_exudyn.library import exu, items
 
 Law = Callable[[float], Jet]

@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from consilience.engine import beyond
-from consilience.mechanism import JOINT_KINDS, Mechanism, State
-from consilience.run import (
+from consilience.engine import (
     EngineInfo,
     InstantAnswer,
     Manifest,
@@ -18,8 +16,9 @@ from consilience.run import (
     Route,
     TrajectoryAnswer,
     Unsupported,
+    beyond,
 )
-from consilience.spatial import Array
+from consilience.mechanism import JOINT_KINDS, Array, Mechanism, State
 from consilience_exudyn.kinematic_tree import build_tree, is_one_axis_tree
 from consilience_exudyn.library import POINTWISE, QUIET, SETTINGS, exu
 from consilience_exudyn.maximal import Axes, build

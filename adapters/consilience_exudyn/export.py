@@ -12,10 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from consilience.functions import linear
-from consilience.kinematics import RANK_TOLERANCE
-from consilience.mechanism import GROUND, Joint, Mechanism, State
-from consilience.native import JET, ROWS, SOLVE, function_data, row_data, script
+from consilience.engine.native import JET, ROWS, SOLVE, function_data, row_data, script
+from consilience.mechanism import GROUND, RANK_TOLERANCE, Joint, Mechanism, State, linear
 from consilience_exudyn.constraints import Added
 from consilience_exudyn.efforts import efforts_of
 from consilience_exudyn.export_rows import CONNECTIONS

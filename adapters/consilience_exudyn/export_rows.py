@@ -1,4 +1,4 @@
-"""Code of exported scripts: constraints that are user functions, beside `consilience.native.ROWS`.
+"""Code of exported scripts: constraints that are user functions, beside `consilience.engine.native.ROWS`.
 
 The same functions give Exudyn values and Jacobian while it integrates, and the accelerations at a state their
 second-derivative terms, which Exudyn does not ask for.

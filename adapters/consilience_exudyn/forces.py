@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from consilience.mechanism import Load, Mechanism, Spring
-from consilience.spatial import Array
+from consilience.mechanism import Array, Load, Mechanism, Spring
 from consilience_exudyn.constraints import Mark
 from consilience_exudyn.efforts import Coordinate, Integrals, efforts_of, opposed
 from consilience_exudyn.library import exu, items

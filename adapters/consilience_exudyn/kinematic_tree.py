@@ -8,9 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from consilience.mechanism import GROUND, Mechanism, State
-from consilience.spatial import Array
-from consilience.tree import Tree, coordinates, lower
+from consilience.mechanism import GROUND, Array, Mechanism, State, Tree, coordinates, lower
 from consilience_exudyn.efforts import Coordinate, Integrals, efforts_of, opposed
 from consilience_exudyn.forces import add_springs_and_loads, transformation
 from consilience_exudyn.library import exu, items

@@ -8,8 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from consilience.mechanism import GROUND, Body, Joint, Mechanism, State
-from consilience.spatial import Array, euler_parameter_matrix, rotation_from_quaternion
+from consilience.mechanism import (
+    GROUND,
+    Array,
+    Body,
+    Joint,
+    Mechanism,
+    State,
+    euler_parameter_matrix,
+    rotation_from_quaternion,
+)
 from consilience_exudyn.constraints import Added, Mark, add_rows
 from consilience_exudyn.forces import add_joint_forces, add_springs_and_loads, transformation
 from consilience_exudyn.library import exu, items

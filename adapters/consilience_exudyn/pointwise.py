@@ -11,11 +11,19 @@ from typing import Any
 
 import numpy as np
 
-from consilience.harness import solve_constrained
-from consilience.kinematics import RANK_TOLERANCE, reaction_in_F
-from consilience.mechanism import GROUND, Frame, Joint, Mechanism, State
-from consilience.run import InstantAnswer, ModelAnswer
-from consilience.spatial import Array, euler_parameter_matrix, rotation_from_quaternion
+from consilience.engine import InstantAnswer, ModelAnswer, solve_constrained
+from consilience.mechanism import (
+    GROUND,
+    RANK_TOLERANCE,
+    Array,
+    Frame,
+    Joint,
+    Mechanism,
+    State,
+    euler_parameter_matrix,
+    reaction_in_F,
+    rotation_from_quaternion,
+)
 from consilience_exudyn.kinematic_tree import ACCELERATIONS, KinematicTree, build_tree, set_initial
 from consilience_exudyn.library import QUIET, LoadPotentialEnergy, SystemEnergy, exu, simulation_settings
 from consilience_exudyn.maximal import Maximal

@@ -13,10 +13,7 @@ from itertools import combinations
 
 import numpy as np
 
-from consilience.assembly import initial_state, random_states
-from consilience.mechanism import Mechanism, State
-from consilience.spatial import Array
-from consilience.topology import spanning_tree
+from consilience.mechanism import Array, Mechanism, State, initial_state, random_states, spanning_tree
 from consilience_exudyn.maximal import Axes, build, full_axes
 from consilience_exudyn.pointwise import rank
 from consilience_exudyn.rows import rows_of

@@ -3,7 +3,7 @@
 Every row is ``J v = rate`` for the velocities (v_W, w_W) of its bodies' origins, and ``value = 0`` where it is
 holonomic. Angular velocities are ``w_W = 2 E(e) e'``, as in Exudyn's own joints: a change of the norm of e is no
 motion, so that rows do not see it. What is written here is what an integrator needs; the second derivatives that
-accelerations at a state need are those of `consilience.element_rows` (`gamma`).
+accelerations at a state need are those of `consilience.mechanism.element_rows` (`gamma`).
 """
 
 from __future__ import annotations
@@ -14,10 +14,24 @@ from typing import NamedTuple
 
 import numpy as np
 
-from consilience.element_rows import holonomic_rows, non_holonomic_rows, plane_axes
-from consilience.kinematics import full_turns, joint_frames, row_gamma
-from consilience.mechanism import GROUND, Coupling, Drive, Joint, Mechanism, Rolling, Skate, State
-from consilience.spatial import Array, cross
+from consilience.mechanism import (
+    GROUND,
+    Array,
+    Coupling,
+    Drive,
+    Joint,
+    Mechanism,
+    Rolling,
+    Skate,
+    State,
+    cross,
+    full_turns,
+    holonomic_rows,
+    joint_frames,
+    non_holonomic_rows,
+    plane_axes,
+    row_gamma,
+)
 
 TURN = 2.0 * math.pi
 

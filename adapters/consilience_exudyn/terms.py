@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import block_diag
 
-from consilience.mechanism import State
-from consilience.spatial import Array, euler_parameter_matrix, rotation_from_quaternion
+from consilience.mechanism import Array, State, euler_parameter_matrix, rotation_from_quaternion
 from consilience_exudyn.library import POINTWISE, exu, simulation_settings
 from consilience_exudyn.maximal import Maximal, coordinates, count_turns, place, velocities
 from consilience_exudyn.rows import DiscRow, gammas

@@ -8,10 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from consilience.kinematics import RANK_TOLERANCE
-from consilience.mechanism import State
-from consilience.run import TrajectoryAnswer
-from consilience.spatial import Array, continuous_in_time, quaternion_from_rotation
+from consilience.engine import TrajectoryAnswer
+from consilience.mechanism import RANK_TOLERANCE, Array, State, continuous_in_time, quaternion_from_rotation
 from consilience_exudyn.kinematic_tree import KinematicTree
 from consilience_exudyn.library import SETTINGS, exu, simulation_settings
 from consilience_exudyn.maximal import Axes, Maximal, full_axes

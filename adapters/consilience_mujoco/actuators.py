@@ -26,11 +26,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from consilience.elements import Control, Friction, JointSpring, Load, Spring
-from consilience.functions import Function
-from consilience.mechanism import Mechanism
-from consilience.spatial import Array
-from consilience.tree import Tree
+from consilience.mechanism import Array, Control, Friction, Function, JointSpring, Load, Mechanism, Spring, Tree
 from consilience_mujoco.functions import jet_of
 from consilience_mujoco.places import add_point, axis_link, link_name
 

@@ -13,7 +13,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from consilience.spatial import Array
+from consilience.mechanism import Array
 from consilience_mujoco.messages import EngineWarningError
 from consilience_mujoco.translate import Translation
 

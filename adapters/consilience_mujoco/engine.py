@@ -8,9 +8,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from consilience.engine import beyond
-from consilience.mechanism import JOINT_KINDS, Mechanism, State
-from consilience.run import (
+from consilience.engine import (
     EngineInfo,
     InstantAnswer,
     Manifest,
@@ -21,9 +19,9 @@ from consilience.run import (
     Route,
     TrajectoryAnswer,
     Unsupported,
+    beyond,
 )
-from consilience.spatial import Array, continuous_in_time
-from consilience.tree import Tree, lower
+from consilience.mechanism import JOINT_KINDS, Array, Mechanism, State, Tree, continuous_in_time, lower
 from consilience_mujoco.callback import answering
 from consilience_mujoco.evaluate import (
     accelerations,

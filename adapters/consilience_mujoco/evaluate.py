@@ -5,11 +5,8 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from consilience.harness import solve_constrained
-from consilience.kinematics import RANK_TOLERANCE, reaction_in_F
-from consilience.mechanism import GROUND, State
-from consilience.run import ModelAnswer
-from consilience.spatial import Array
+from consilience.engine import ModelAnswer, solve_constrained
+from consilience.mechanism import GROUND, RANK_TOLERANCE, Array, State, reaction_in_F
 from consilience_mujoco.actuators import load_name, load_wrench
 from consilience_mujoco.callback import first_rows
 from consilience_mujoco.messages import EngineWarningError

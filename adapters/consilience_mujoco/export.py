@@ -13,11 +13,9 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 import mujoco
 import numpy as np
 
-from consilience.elements import Rolling, Skate
-from consilience.mechanism import Mechanism, State
-from consilience.native import JET, function_data, script
-from consilience.run import Method, Question
-from consilience.tree import lower
+from consilience.engine import Method, Question
+from consilience.engine.native import JET, function_data, script
+from consilience.mechanism import Mechanism, Rolling, Skate, State, lower
 from consilience_mujoco.actuators import load_name
 from consilience_mujoco.callback import answering
 from consilience_mujoco.engine import MujocoEngine

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from consilience.functions import Function, Jet
+from consilience.mechanism import Function, Jet
 
 __all__ = ["Jet", "jet_of"]
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from consilience.engine import Manifest
 from consilience.mechanism import Mechanism
-from consilience.run import Manifest
 
 _EXACT = {
     "joint springs, viscous friction: those of the MuJoCo joint": ("joint spring", "friction"),

@@ -16,7 +16,7 @@ from typing import Any
 
 import mujoco
 
-from consilience.run import Method, Profile, Question, Route
+from consilience.engine import Method, Profile, Question, Route
 from consilience_mujoco.rows import Equalities
 from consilience_mujoco.translate import Translation
 

@@ -6,9 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from consilience.mechanism import GROUND, Frame, Mechanism
-from consilience.spatial import Array, quaternion_from_rotation
-from consilience.tree import Tree
+from consilience.mechanism import GROUND, Array, Frame, Mechanism, Tree, quaternion_from_rotation
 
 ELEMENTARY = {"angle": "R", "distance": "P"}
 """Elementary joint that has a coordinate elements refer to."""

@@ -14,10 +14,9 @@ from xml.etree.ElementTree import Element
 import mujoco
 import numpy as np
 
+from consilience.engine.native import Law, Motion, Notes, Parts, Piece
 from consilience.errors import InvalidInput
-from consilience.importing import Law, Motion, Notes, Parts, Piece
-from consilience.mechanism import Frame, Joint, Spring
-from consilience.spatial import Array, rotation_from_quaternion
+from consilience.mechanism import Array, Frame, Joint, Spring, rotation_from_quaternion
 
 _OBJ, _OFF = mujoco.mjtObj, mujoco.mjtDisableBit
 _JOINT, _CONNECT, _WELD = (
@@ -239,4 +238,4 @@ def read_mjcf(root: Element, path: Path, free_base: bool, notes: Notes) -> Parts
 
 
 READERS = {"mujoco": read_mjcf}
-"""By the root element of the XML: `consilience.importing` finds it."""
+"""By the root element of the XML: `consilience.case.importing` finds it."""

@@ -31,11 +31,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from consilience.elements import Rolling, Skate
-from consilience.functions import Function
-from consilience.mechanism import Frame, Mechanism
-from consilience.spatial import Array, cross, orthogonal_triad
-from consilience.tree import Tree
+from consilience.mechanism import Array, Frame, Function, Mechanism, Rolling, Skate, Tree, cross, orthogonal_triad
 from consilience_mujoco.functions import Jet, jet_of
 from consilience_mujoco.places import add_point, add_site, axis_link, link_name
 

@@ -8,10 +8,16 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from consilience.kinematics import full_turns
-from consilience.mechanism import State
-from consilience.spatial import Array, quaternion_from_rotation, rotation_from_quaternion
-from consilience.tree import Coordinate, Link, coordinates
+from consilience.mechanism import (
+    Array,
+    Coordinate,
+    Link,
+    State,
+    coordinates,
+    full_turns,
+    quaternion_from_rotation,
+    rotation_from_quaternion,
+)
 from consilience_mujoco.translate import Translation
 
 

@@ -15,9 +15,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from consilience.mechanism import Frame, JointSpring, Mechanism
-from consilience.spatial import Array, quaternion_from_rotation
-from consilience.tree import Link, Tree, lower
+from consilience.mechanism import Array, Frame, JointSpring, Link, Mechanism, Tree, lower, quaternion_from_rotation
 from consilience_mujoco.actuators import Signal, add_forces
 from consilience_mujoco.messages import warnings_raise
 from consilience_mujoco.places import ELEMENTARY, add_site, compose, inverse, link_name

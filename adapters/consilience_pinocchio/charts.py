@@ -1,6 +1,6 @@
 """Charts of rods: turning the frame at the start of a rod's chain, so that its two axes stay far from coinciding.
 
-The chain of a rod is a revolute about x, one about y and a ball (`consilience.tree`); the revolutes coincide when the
+The chain of a rod is a revolute about x, one about y and a ball (`lower`); the revolutes coincide when the
 rod lies along x of its start frame. A rod holds a distance only, so how that frame is turned is free: here it is
 turned until the rod lies along its z. The dynamics stays exactly the same, and so does every other coordinate.
 """
@@ -13,10 +13,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from consilience.kinematics import relative_motion
-from consilience.mechanism import Frame, Joint, Mechanism, State
-from consilience.spatial import Array, elementary_rotation
-from consilience.tree import Link
+from consilience.mechanism import Array, Frame, Joint, Link, Mechanism, State, elementary_rotation, relative_motion
 from consilience_pinocchio.translate import Translation, translate
 
 MARGIN = 0.5

@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from consilience.spatial import Array
+from consilience.mechanism import Array
 from consilience_pinocchio.elements import Elements
 from consilience_pinocchio.translate import Translation
 

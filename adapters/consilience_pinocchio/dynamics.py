@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from consilience.harness import solve_constrained
-from consilience.run import Method, Route
-from consilience.spatial import Array
+from consilience.engine import Method, Route, solve_constrained
+from consilience.mechanism import Array
 from consilience_pinocchio.contacts import Contacts
 from consilience_pinocchio.elements import Elements
 from consilience_pinocchio.mimic import MIMIC, mimic_accelerations

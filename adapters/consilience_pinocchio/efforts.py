@@ -7,9 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from consilience.functions import Function
-from consilience.joints import AXIS_COORDINATES
-from consilience.spatial import Array
+from consilience.mechanism import AXIS_COORDINATES, Array, Function
 from consilience_pinocchio.translate import Translation
 
 

@@ -7,9 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pinocchio as pin
 
-from consilience.engine import beyond
-from consilience.mechanism import JOINT_KINDS, Mechanism, State
-from consilience.run import (
+from consilience.engine import (
     EngineInfo,
     InstantAnswer,
     Manifest,
@@ -20,8 +18,9 @@ from consilience.run import (
     Route,
     TrajectoryAnswer,
     Unsupported,
+    beyond,
 )
-from consilience.spatial import Array
+from consilience.mechanism import JOINT_KINDS, Array, Mechanism, State
 from consilience_pinocchio.charts import suited
 from consilience_pinocchio.contacts import hold_all
 from consilience_pinocchio.dynamics import PROXIMAL, solve

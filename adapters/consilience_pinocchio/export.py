@@ -13,10 +13,8 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 import numpy as np
 import pinocchio as pin
 
-from consilience.mechanism import Mechanism, State
-from consilience.native import ELEMENTS, JET, Places, element_data, script
-from consilience.spatial import Array
-from consilience.tree import Link
+from consilience.engine.native import ELEMENTS, JET, Places, element_data, script
+from consilience.mechanism import Array, Link, Mechanism, State
 from consilience_pinocchio.charts import suited
 from consilience_pinocchio.efforts import Axis, axis
 from consilience_pinocchio.export_script import BUILD, CODE, LOAD, RUN

@@ -11,9 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from consilience.functions import Function
-from consilience.mechanism import Load
-from consilience.spatial import Array, skew
+from consilience.mechanism import Array, Function, Load, skew
 from consilience_pinocchio.translate import Translation
 
 

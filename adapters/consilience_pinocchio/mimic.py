@@ -14,10 +14,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from consilience.functions import Function
-from consilience.harness import solve_constrained
-from consilience.mechanism import Coupling
-from consilience.spatial import Array
+from consilience.engine import solve_constrained
+from consilience.mechanism import Array, Coupling, Function
 from consilience_pinocchio.efforts import axis
 from consilience_pinocchio.elements import Elements
 from consilience_pinocchio.translate import Translation

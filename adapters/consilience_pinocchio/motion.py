@@ -7,9 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import pinocchio as pin
 
-from consilience.harness import runge_kutta_4
-from consilience.run import TrajectoryAnswer
-from consilience.spatial import Array, continuous_in_time
+from consilience.engine import TrajectoryAnswer, runge_kutta_4
+from consilience.mechanism import Array, continuous_in_time
 from consilience_pinocchio.charts import ChartWatch
 from consilience_pinocchio.contacts import Contacts, hold_all
 from consilience_pinocchio.dynamics import (

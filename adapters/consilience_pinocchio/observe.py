@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from consilience.kinematics import RANK_TOLERANCE
-from consilience.spatial import Array
+from consilience.mechanism import RANK_TOLERANCE, Array
 from consilience_pinocchio.dynamics import all_rows
 from consilience_pinocchio.elements import Elements
 from consilience_pinocchio.translate import WORLD_AXES, Translation

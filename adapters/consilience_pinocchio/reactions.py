@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from consilience.kinematics import reaction_in_F
-from consilience.mechanism import Mechanism, State
-from consilience.run import Profile
-from consilience.spatial import Array
+from consilience.engine import Profile
+from consilience.mechanism import Array, Mechanism, State, reaction_in_F
 from consilience_pinocchio.dynamics import Solution
 from consilience_pinocchio.elements import Elements
 from consilience_pinocchio.translate import Translation, link_inertia

@@ -17,9 +17,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from consilience.functions import Function
-from consilience.mechanism import Rolling, Skate
-from consilience.spatial import Array, cross, orthogonal_triad
+from consilience.mechanism import Array, Function, Rolling, Skate, cross, orthogonal_triad
 from consilience_pinocchio.efforts import Axis, axis
 from consilience_pinocchio.translate import WORLD_AXES, Translation
 

@@ -13,10 +13,20 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from consilience.kinematics import full_turns, relative_motion
-from consilience.mechanism import Frame, Joint, Mechanism, State
-from consilience.spatial import rotation_from_quaternion
-from consilience.tree import Coordinate, Link, Tree, coordinates, lower
+from consilience.mechanism import (
+    Coordinate,
+    Frame,
+    Joint,
+    Link,
+    Mechanism,
+    State,
+    Tree,
+    coordinates,
+    full_turns,
+    lower,
+    relative_motion,
+    rotation_from_quaternion,
+)
 
 WORLD_AXES = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 

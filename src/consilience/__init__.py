@@ -9,12 +9,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from consilience.assembly import Initial, initial_state, random_states
-    from consilience.case import Case
-    from consilience.engine import load_engine
+    from consilience.case import Case, case_names, load_case
+    from consilience.engine import Question, Route, load_engine
     from consilience.errors import CannotAssemble, ConsilienceError, InvalidInput
-    from consilience.functions import Function
-    from consilience.library import case_names, load_case
     from consilience.mechanism import (
         Body,
         Control,
@@ -22,6 +19,8 @@ if TYPE_CHECKING:
         Drive,
         Frame,
         Friction,
+        Function,
+        Initial,
         Joint,
         JointSpring,
         Load,
@@ -30,39 +29,24 @@ if TYPE_CHECKING:
         Skate,
         Spring,
         State,
+        initial_state,
+        random_states,
     )
     from consilience.reference import accelerations, simulate
-    from consilience.run import Question, Route
     from consilience.suite import run_suite
 
 _HOME = {
-    "assembly": ("Initial", "initial_state", "random_states"),
-    "case": ("Case",),
-    "engine": ("load_engine",),
-    "errors": ("CannotAssemble", "ConsilienceError", "InvalidInput"),
-    "library": ("case_names", "load_case"),
-    "functions": ("Function",),
-    "mechanism": (
-        "Body",
-        "Control",
-        "Coupling",
-        "Drive",
-        "Frame",
-        "Friction",
-        "Joint",
-        "JointSpring",
-        "Load",
-        "Mechanism",
-        "Rolling",
-        "Skate",
-        "Spring",
-        "State",
-    ),
-    "reference": ("accelerations", "simulate"),
-    "run": ("Question", "Route"),
-    "suite": ("run_suite",),
+    "mechanism": "Body Control Coupling Drive Frame Friction Function Initial Joint "
+    "JointSpring Load Mechanism Rolling Skate Spring State initial_state random_states",
+    "case": "Case case_names load_case",
+    "engine": "Question Route load_engine",
+    "errors": "CannotAssemble ConsilienceError InvalidInput",
+    "reference": "accelerations simulate",
+    "suite": "run_suite",
 }
-_MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
+"""Names of the library by the module they come from."""
+
+_MODULE_OF = {name: module for module, names in _HOME.items() for name in names.split()}
 
 __all__ = [
     "Body",

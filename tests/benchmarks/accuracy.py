@@ -16,12 +16,10 @@ from seen import seen
 from tables import Table
 from timing import ROUNDS, Sample, less, race, ratio, seconds
 
-from consilience.case import Case
+from consilience.case import Case, load_case, shipped_cases
 from consilience.errors import ConsilienceError
-from consilience.library import load_case, shipped_cases
+from consilience.mechanism import Array, spanning_tree
 from consilience.reference import simulate
-from consilience.spatial import Array
-from consilience.topology import spanning_tree
 
 TARGETS = (1e-6, 1e-9)
 """Largest error of the position of any body at any sample in m; of a point that moves (`seen`)."""

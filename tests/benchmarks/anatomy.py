@@ -10,30 +10,22 @@ import time
 
 import numpy as np
 
-from consilience.library import load_case
+from consilience.case import load_case
 from consilience.reference import simulate
-from consilience.reference.compiled import inlined, kernel
-from consilience.reference.held import hold
-from consilience.reference.relative import columns
-from consilience.reference.relative.articulated import free_biases, inertias, sweep_in
-from consilience.reference.relative.cut_rows import want
-from consilience.reference.relative.dynamics import _push, factorise_rows, rates
-from consilience.reference.relative.either import (
-    accelerate,
-    coast,
-    cut_rows,
-    eliminate,
-    force_rows,
-    open_links,
-    place_at,
-)
-from consilience.reference.relative.model import PIVOT, flatten_relative, system
-from consilience.reference.relative.null_space import add_to_links, is_small, reduce_links
-from consilience.reference.relative.packing import pack_relative
-from consilience.reference.relative.planar import sweep_in_planar
-from consilience.reference.relative.planar_model import planar
-from consilience.reference.relative.planar_rows import push_efforts
-from consilience.reference.relative.settling import SEEN, arrive
+from consilience.reference.kernel.compiled import inlined, kernel
+from consilience.reference.kernel.held import hold
+from consilience.reference.tree import records
+from consilience.reference.tree.arrays import PIVOT, flatten_relative, system
+from consilience.reference.tree.articulated import free_biases, inertias, sweep_in
+from consilience.reference.tree.dynamics import _push, factorise_rows, rates
+from consilience.reference.tree.either import accelerate, coast, cut_rows, eliminate, force_rows, open_links, place_at
+from consilience.reference.tree.few_freedoms import add_to_links, is_small, reduce_links
+from consilience.reference.tree.loop_rows import want
+from consilience.reference.tree.planar import sweep_in_planar
+from consilience.reference.tree.planar_detection import planar
+from consilience.reference.tree.planar_rows import push_efforts
+from consilience.reference.tree.projection import SEEN, arrive
+from consilience.reference.tree.state import pack_relative
 
 CASES = ("four_bar", "slider_crank", "manipulator", "spatial_slider_crank", "rssr_four_bar", "furuta_pendulum")
 PARTS = ("placing", "inertias, forces", "rows", "tree", "closing", "rates")
@@ -86,7 +78,7 @@ def close(rest, space, plane, small):
         if small:
             rows, freedoms, _ = eliminate(loops, fronts, space.reduced, link, free)
             reduce_links(space.reduced, rows, freedoms, link, free, u, 1.0)
-            add_to_links(link, columns.ACCELERATION, freedoms, space.reduced.V, space.reduced.G)
+            add_to_links(link, records.ACCELERATION, freedoms, space.reduced.V, space.reduced.G)
     if not small:
         factorise_rows(loops, rest.layout, link, free, fronts, space, plane, rest.size[0])
         force_rows(loops, fronts, free)

@@ -19,7 +19,7 @@ import pinocchio as pin
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from consilience.library import load_case
+from consilience.case import load_case
 from consilience.reference import ForwardDynamics, simulate
 from mechanisms import chain
 

@@ -10,7 +10,7 @@ import time
 
 import numpy as np
 
-from consilience.library import load_case
+from consilience.case import load_case
 from consilience.reference import formulation
 
 COUNTS = (10, 20, 50, 100, 200)

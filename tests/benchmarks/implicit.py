@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 from scipy.linalg import lu_factor, lu_solve
 
-from consilience.reference.relative.radau13 import DIFFERENCE, MOST_ITERATIONS, SAFETY, SETTLED, SLOWEST
-from consilience.reference.relative.radau_coefficients import ESTIMATE, IN, LAMBDA, OUT, STAGES, A, C
-from consilience.spatial import Array
+from consilience.mechanism import Array
+from consilience.reference.tree.radau13 import DIFFERENCE, MOST_ITERATIONS, SAFETY, SETTLED, SLOWEST
+from consilience.reference.tree.radau_coefficients import ESTIMATE, IN, LAMBDA, OUT, STAGES, A, C
 
 Derivative = Callable[[float, Array], Array]
 _WEIGHTS = np.linalg.inv(np.vander(np.append(0.0, C), STAGES + 1, increasing=True))

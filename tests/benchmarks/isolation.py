@@ -12,11 +12,10 @@ import time
 
 import psutil
 
-from consilience.engine import load_engine
-from consilience.library import load_case
-from consilience.run import Question
-from consilience.worker import Request, Worker
-from consilience.workers.jobs import perform
+from consilience.case import load_case
+from consilience.engine import Question, load_engine
+from consilience.engine.worker.client import Request, Worker
+from consilience.engine.worker.requests import perform
 
 ROUNDS, BLOCK, WARM = 15, 20, 20
 CASES = ("double_pendulum", "four_bar")

@@ -12,10 +12,9 @@ from routes import SPAN, TOLERANCES, Route, over, setup, sweep
 from tables import Table
 from timing import ROUNDS, less, race, ratio, seconds
 
-from consilience.case import Case
-from consilience.library import load_case
+from consilience.case import Case, load_case
+from consilience.mechanism import Array
 from consilience.reference import simulate
-from consilience.spatial import Array
 from oracles import double_pendulum, four_bar
 from oracles.planar import Plane, held
 

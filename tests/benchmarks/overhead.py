@@ -19,11 +19,11 @@ from dataclasses import dataclass
 
 from tables import Table
 
-from consilience.case import Case
+from consilience.case import Case, load_case, load_cases, shipped_cases
 from consilience.engine import installed
-from consilience.library import load_case, load_cases, shipped_cases
-from consilience.suite import REFERENCE, run_suite
-from consilience.worker import Reply, Request, Worker
+from consilience.engine.worker.client import Reply, Request, Worker
+from consilience.suite import run_suite
+from consilience.suite.suite import REFERENCE
 
 SHORT = ("double_pendulum", "four_bar")
 CASES = (

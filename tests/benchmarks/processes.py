@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from tables import Table
 
-COMMAND = "import sys; from consilience.cli import main; sys.exit(main())"
+COMMAND = "import sys; from consilience.cli.main import main; sys.exit(main())"
 SIMULATE = ("simulate", "double-pendulum", "-e", "reference")
 PROCESSES = {
     "python -c pass": (["-c", "pass"], "the floor"),

@@ -9,9 +9,8 @@ import numpy as np
 from routes import HIGH_ORDER, TOLERANCES, Integrator, Route, extrapolated, steps
 
 from consilience.case import Case
-from consilience.harness import solve_constrained
-from consilience.run import Question
-from consilience.spatial import Array
+from consilience.engine import Question, solve_constrained
+from consilience.mechanism import Array
 from consilience_dart import methods
 from consilience_dart.dynamics import constrained_terms, forward_dynamics
 from consilience_dart.engine import DartEngine

@@ -10,8 +10,8 @@ import numpy as np
 from routes import TOLERANCES, Route, extrapolated, steps
 
 from consilience.case import Case
-from consilience.run import Question
-from consilience.spatial import Array
+from consilience.engine import Question
+from consilience.mechanism import Array
 from consilience_exudyn.engine import ExudynEngine
 from consilience_exudyn.kinematic_tree import build_tree, is_one_axis_tree, set_initial
 from consilience_exudyn.library import SETTINGS, exu, simulation_settings

@@ -10,8 +10,8 @@ import numpy as np
 from routes import HIGH_ORDER, TOLERANCES, Integrator, Route, extrapolated, steps
 
 from consilience.case import Case
-from consilience.run import Question
-from consilience.spatial import Array
+from consilience.engine import Question
+from consilience.mechanism import Array
 from consilience_mujoco.callback import answering
 from consilience_mujoco.engine import MujocoEngine
 from consilience_mujoco.evaluate import constraint_rank

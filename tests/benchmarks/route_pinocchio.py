@@ -10,8 +10,8 @@ import pinocchio as pin
 from routes import HIGH_ORDER, TOLERANCES, Integrator, Route
 
 from consilience.case import Case
-from consilience.run import Question
-from consilience.spatial import Array
+from consilience.engine import Question
+from consilience.mechanism import Array
 from consilience_pinocchio.charts import suited
 from consilience_pinocchio.contacts import Contacts, hold_all
 from consilience_pinocchio.dynamics import PROXIMAL, articulated_body, constraint_dynamics, forward_dynamics

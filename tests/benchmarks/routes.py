@@ -14,9 +14,9 @@ from scipy.integrate import ode
 
 from consilience.case import Case
 from consilience.errors import ConsilienceError
+from consilience.mechanism import Array
 from consilience.reference import simulate
 from consilience.reference.integrators import tsitouras
-from consilience.spatial import Array
 
 SPAN, INTERVALS = 5.0, 5
 """Length of a motion in s, and between how many samples: few, so that taking them costs no one anything."""

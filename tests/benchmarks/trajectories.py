@@ -19,7 +19,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from consilience.library import load_case
+from consilience.case import load_case
 from consilience.reference import simulate
 from oracles import double_pendulum
 from oracles.planar import Plane, held

@@ -14,9 +14,9 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from consilience.engine import Profile, Question
+from consilience.engine.worker.client import Request, Worker
 from consilience.mechanism import Mechanism
-from consilience.run import Profile, Question
-from consilience.worker import Request, Worker
 from mechanisms import drawn_joint, lumpy_body, rotation, states_of
 
 VERSIONS = ("3.3.7", "3.17.0", "4.0.0")

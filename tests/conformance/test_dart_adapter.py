@@ -7,16 +7,23 @@ import numpy as np
 import pytest
 
 import truth
-from consilience.assembly import initial_state
-from consilience.mechanism import GROUND, Body, Frame, Joint, JointSpring, Load, Mechanism, State
-from consilience.observe import potential_energy
-from consilience.reference import simulate
-from consilience.run import Profile, Question, Route
-from consilience.spatial import (
+from consilience.engine import Profile, Question, Route
+from consilience.mechanism import (
+    GROUND,
+    Body,
+    Frame,
+    Joint,
+    JointSpring,
+    Load,
+    Mechanism,
+    State,
+    initial_state,
+    potential_energy,
     quaternion_from_rotation_vector,
     rotation_from_quaternion,
     rotation_vector_from_quaternion,
 )
+from consilience.reference import simulate
 from consilience_dart import DartEngine
 from consilience_dart.dynamics import body_accelerations, forward_dynamics
 from consilience_dart.loads import appliers

@@ -10,9 +10,7 @@ import numpy as np
 import pytest
 
 import truth
-from consilience.assembly import Initial, initial_state
-from consilience.functions import Function, constant, linear, sine, through
-from consilience.kinematics import constraint_residual, free_directions
+from consilience.engine import Profile, Question, Route
 from consilience.mechanism import (
     GROUND,
     Body,
@@ -21,6 +19,8 @@ from consilience.mechanism import (
     Drive,
     Frame,
     Friction,
+    Function,
+    Initial,
     Joint,
     JointSpring,
     Load,
@@ -28,11 +28,21 @@ from consilience.mechanism import (
     Skate,
     Spring,
     State,
+    constant,
+    constraint_residual,
+    determinate_reactions,
+    free_directions,
+    initial_state,
+    kinetic_energy,
+    linear,
+    potential_energy,
+    rotation_angle_between,
+    rotation_vector_from_quaternion,
+    sine,
+    through,
 )
-from consilience.observe import determinate_reactions, kinetic_energy, mass_matrix_condition, potential_energy
+from consilience.mechanism.observables import mass_matrix_condition
 from consilience.reference import simulate
-from consilience.run import Profile, Question, Route
-from consilience.spatial import rotation_angle_between, rotation_vector_from_quaternion
 from consilience_dart import DartEngine
 from consilience_dart.efforts import efforts
 from consilience_dart.translation import build

@@ -11,19 +11,21 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import truth
-from consilience.asking import MOST_LEVELS
 from consilience.compare.uncertainty import needs_another_level
-from consilience.kinematics import free_directions
-from consilience.mechanism import State
-from consilience.observe import (
+from consilience.engine import Profile, Question, Route, defects
+from consilience.mechanism import (
+    State,
     determinate_reactions,
+    euler_parameter_matrix,
+    free_directions,
     kinetic_energy,
-    mass_matrix_condition,
     mass_properties,
     potential_energy,
+    rotation_angle_between,
+    rotation_from_quaternion,
 )
-from consilience.run import Profile, Question, Route, defects
-from consilience.spatial import euler_parameter_matrix, rotation_angle_between, rotation_from_quaternion
+from consilience.mechanism.observables import mass_matrix_condition
+from consilience.suite.engine_runs import MOST_LEVELS
 from mechanisms import ELEMENTS, LOOPS, TREES, states_of
 
 ALL = TREES | LOOPS

@@ -12,15 +12,22 @@ pytest.importorskip("dartpy")
 
 import exported
 import truth
+from consilience.case import load_case
+from consilience.cli.commands.translate import translate
+from consilience.engine.native import JET, exporter, function_data, literal, native_files, script, write_native
 from consilience.errors import InvalidInput
-from consilience.functions import sine, through
-from consilience.kinematics import constraint_jacobian, constraint_rates, constraint_residual, count_turns
-from consilience.library import load_case
-from consilience.mechanism import State
-from consilience.native import exporter, function_data, literal, native_files, script, write_native
-from consilience.native.command import translate
-from consilience.native.script import JET
-from consilience.spatial import elementary_rotation, euler_parameter_matrix, rotation_from_quaternion
+from consilience.mechanism import (
+    State,
+    constraint_jacobian,
+    constraint_rates,
+    constraint_residual,
+    count_turns,
+    elementary_rotation,
+    euler_parameter_matrix,
+    rotation_from_quaternion,
+    sine,
+    through,
+)
 from consilience_pinocchio.export import roll_pitch_yaw
 from mechanisms import ELEMENTS, TREES, states_of
 

@@ -5,13 +5,25 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from consilience.assembly import Initial, initial_state
-from consilience.kinematics import constraint_gamma, constraint_jacobian
-from consilience.library import load_case
-from consilience.mechanism import GROUND, Body, Frame, Joint, JointSpring, Load, Mechanism, State
-from consilience.observe import kinetic_energy, potential_energy
-from consilience.run import Profile, Question, Route
-from consilience.spatial import rotation_from_quaternion
+from consilience.case import load_case
+from consilience.engine import Profile, Question, Route
+from consilience.mechanism import (
+    GROUND,
+    Body,
+    Frame,
+    Initial,
+    Joint,
+    JointSpring,
+    Load,
+    Mechanism,
+    State,
+    constraint_gamma,
+    constraint_jacobian,
+    initial_state,
+    kinetic_energy,
+    potential_energy,
+    rotation_from_quaternion,
+)
 from mechanisms import GRAVITY, LOOPS, TREES, chain, drawn_joint, lumpy_body, rotation, states_of
 
 pytest.importorskip("exudyn")

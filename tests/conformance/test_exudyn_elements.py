@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 import truth
-from consilience.assembly import Initial, initial_state
-from consilience.functions import Function, constant, linear, sine, through
-from consilience.kinematics import free_directions
+from consilience.engine import Profile, Question
 from consilience.mechanism import (
     GROUND,
     Control,
@@ -16,6 +14,8 @@ from consilience.mechanism import (
     Drive,
     Frame,
     Friction,
+    Function,
+    Initial,
     Joint,
     JointSpring,
     Load,
@@ -24,16 +24,19 @@ from consilience.mechanism import (
     Skate,
     Spring,
     State,
-)
-from consilience.observe import (
+    constant,
     determinate_reactions,
+    free_directions,
+    initial_state,
     kinetic_energy,
-    mass_matrix_condition,
+    linear,
     potential_energy,
+    rotation_angle_between,
+    sine,
+    through,
 )
+from consilience.mechanism.observables import mass_matrix_condition
 from consilience.reference import simulate
-from consilience.run import Profile, Question
-from consilience.spatial import rotation_angle_between
 from mechanisms import (
     ELEMENTS,
     GRAVITY,

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
+from consilience.audit.mutate.judge import verdicts
+from consilience.audit.mutate.subjects import random_subject
+from consilience.audit.mutate.synthetic import host
 from consilience.compare import Verdict
-from consilience.mutate.judge import verdicts
-from consilience.mutate.subjects import random_subject
-from consilience.mutate.synthetic import host
-from consilience.run import Question
+from consilience.engine import Question
 
 
 @pytest.mark.parametrize(

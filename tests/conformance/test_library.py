@@ -5,11 +5,10 @@ from dataclasses import replace
 
 import pytest
 
+from consilience.case import shipped_cases
 from consilience.compare import Verdict, compare_instant, compare_model
 from consilience.compare.instant import Instants
-from consilience.engine import load_engine
-from consilience.library import shipped_cases
-from consilience.run import Profile, Question
+from consilience.engine import Profile, Question, load_engine
 
 CASES = {case.name: replace(case, instants=min(case.instants, 2)) for case in shipped_cases()}
 

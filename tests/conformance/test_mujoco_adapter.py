@@ -6,11 +6,22 @@ import numpy as np
 import pytest
 
 import truth
-from consilience.assembly import Initial, drawing_state, initial_state
-from consilience.mechanism import GROUND, Body, Frame, Joint, JointSpring, Load, Mechanism, Spring
-from consilience.observe import body_point, mass_properties, potential_energy
-from consilience.run import Question, Route
-from consilience.spatial import (
+from consilience.engine import Question, Route
+from consilience.mechanism import (
+    GROUND,
+    Body,
+    Frame,
+    Initial,
+    Joint,
+    JointSpring,
+    Load,
+    Mechanism,
+    Spring,
+    body_point,
+    drawing_state,
+    initial_state,
+    mass_properties,
+    potential_energy,
     quaternion_from_rotation_vector,
     quaternion_product,
     rotation_angle_between,

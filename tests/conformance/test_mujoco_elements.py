@@ -7,25 +7,35 @@ import numpy as np
 import pytest
 
 import truth
-from consilience.assembly import Initial, drawing_state, initial_state
-from consilience.functions import Function, constant, linear, sine, through
-from consilience.kinematics import free_directions
+from consilience.engine import Profile, Question, Route, defects
 from consilience.mechanism import (
     GROUND,
     Control,
     Coupling,
     Drive,
     Friction,
+    Function,
+    Initial,
     JointSpring,
     Load,
     Mechanism,
     Rolling,
     Skate,
+    constant,
+    determinate_reactions,
+    drawing_state,
+    free_directions,
+    initial_state,
+    kinetic_energy,
+    linear,
+    potential_energy,
+    rotation_angle_between,
+    rotation_from_quaternion,
+    sine,
+    through,
 )
-from consilience.observe import determinate_reactions, kinetic_energy, potential_energy, reaction_condition
+from consilience.mechanism.observables import reaction_condition
 from consilience.reference import simulate
-from consilience.run import Profile, Question, Route, defects
-from consilience.spatial import rotation_angle_between, rotation_from_quaternion
 from mechanisms import (
     ELEMENTS,
     GRAVITY,

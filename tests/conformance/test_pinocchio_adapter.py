@@ -8,10 +8,22 @@ import pinocchio as pin
 import pytest
 
 import truth
-from consilience.mechanism import GROUND, Body, Frame, Joint, JointSpring, Load, Mechanism, State
-from consilience.observe import determinate_reactions, kinetic_energy, potential_energy
-from consilience.run import Question, Route
-from consilience.spatial import quaternion_from_rotation_vector, rotation_from_quaternion
+from consilience.engine import Question, Route
+from consilience.mechanism import (
+    GROUND,
+    Body,
+    Frame,
+    Joint,
+    JointSpring,
+    Load,
+    Mechanism,
+    State,
+    determinate_reactions,
+    kinetic_energy,
+    potential_energy,
+    quaternion_from_rotation_vector,
+    rotation_from_quaternion,
+)
 from consilience_pinocchio import PinocchioEngine, charts
 from consilience_pinocchio.dynamics import PROXIMAL, Solution, solve, weld_rows
 from consilience_pinocchio.elements import Elements

@@ -10,14 +10,31 @@ import pinocchio as pin
 import pytest
 
 import truth
-from consilience.assembly import Initial, initial_state
-from consilience.functions import Function, linear, sine, through
-from consilience.kinematics import constraint_residual, free_directions
-from consilience.mechanism import GROUND, Control, Coupling, Drive, Friction, Joint, JointSpring, Load, Mechanism
-from consilience.observe import determinate_reactions, mass_matrix_condition, potential_energy
+from consilience.engine import Profile, Question, Route
+from consilience.mechanism import (
+    GROUND,
+    Control,
+    Coupling,
+    Drive,
+    Friction,
+    Function,
+    Initial,
+    Joint,
+    JointSpring,
+    Load,
+    Mechanism,
+    constraint_residual,
+    determinate_reactions,
+    free_directions,
+    initial_state,
+    linear,
+    potential_energy,
+    rotation_angle_between,
+    sine,
+    through,
+)
+from consilience.mechanism.observables import mass_matrix_condition
 from consilience.reference import simulate
-from consilience.run import Profile, Question, Route
-from consilience.spatial import rotation_angle_between
 from consilience_pinocchio import PinocchioEngine
 from consilience_pinocchio.dynamics import PROXIMAL
 from consilience_pinocchio.mimic import MIMIC

@@ -10,14 +10,10 @@ import numpy as np
 import pytest
 
 import truth
-from consilience.assembly import drawing_state
-from consilience.engine import load_engine
-from consilience.harness import solve_constrained
-from consilience.kinematics import constraint_residual
-from consilience.library import load_case
-from consilience.mechanism import GROUND, Body, Frame, Joint, Mechanism
+from consilience.case import load_case
+from consilience.engine import Profile, Question, Route, defects, load_engine, solve_constrained
+from consilience.mechanism import GROUND, Body, Frame, Joint, Mechanism, constraint_residual, drawing_state
 from consilience.reference import simulate
-from consilience.run import Profile, Question, Route, defects
 from mechanisms import LOOPS, TREES, chain, drawn_joint, states_of
 from oracles.shipped import TRAJECTORIES
 

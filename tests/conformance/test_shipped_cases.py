@@ -4,6 +4,7 @@ import functools
 
 import pytest
 
+from consilience.case import load_case
 from consilience.compare import (
     Verdict,
     Yardstick,
@@ -13,10 +14,8 @@ from consilience.compare import (
     spread_over_time,
 )
 from consilience.compare.instant import Instants
-from consilience.engine import load_engine
-from consilience.library import load_case
+from consilience.engine import Profile, Question, Run, Status, load_engine
 from consilience.reference import accelerations, simulate
-from consilience.run import Profile, Question, Run, Status
 from oracles.shipped import TRAJECTORIES
 
 CASES = {name: load_case(name) for name in TRAJECTORIES}

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
+from consilience.case import load_case
 from consilience.compare import Verdict
-from consilience.library import load_case
-from consilience.run import Profile, Question
+from consilience.engine import Profile, Question
 from consilience.suite import run_suite
 
 AGREES, STEPS, SOFT = Verdict.AGREES, Verdict.DISCRETISATION, Verdict.REGULARISATION

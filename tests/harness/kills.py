@@ -32,8 +32,9 @@ from pathlib import Path
 
 import psutil
 
-from consilience import cli
-from consilience.store import FILE, Store
+from consilience.cli import main
+from consilience.suite import Store
+from consilience.suite.store import FILE
 
 CASES = (
     *("single_revolute", "single_prismatic", "single_cylindrical", "single_universal", "single_spherical"),
@@ -71,7 +72,7 @@ def _run(suite: Suite, folder: Path) -> None:
     for number, name in ((1, os.devnull), (2, str(folder / "complaints"))):
         os.dup2(os.open(name, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), number)
     sys.argv = ["consilience", "run", *suite, "-o", str(folder)]
-    cli.main()
+    main.main()
 
 
 def refuse_repeats(folder: Path) -> None:

@@ -9,8 +9,9 @@ import time
 import psutil
 import pytest
 
-from consilience.fuzz.campaign import SHARD
-from consilience.store import FILE, Store
+from consilience.audit.fuzz.campaign import SHARD
+from consilience.suite import Store
+from consilience.suite.store import FILE
 from harness.kills import report
 from pace import soon
 
@@ -51,7 +52,7 @@ def cluster(tmp_path_factory):
 
 
 def start(*words):
-    program = "from consilience.cli import main; main()"
+    program = "from consilience.cli.main import main; main()"
     return subprocess.Popen([sys.executable, "-c", program, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
 
 
@@ -114,8 +115,8 @@ def test_no_engine_stays_on_the_cluster_when_a_command_has_ended(cluster):
 
 @pytest.mark.parametrize("address", ["127.0.0.1:9", "nonsense://x"])
 def test_a_scheduler_that_does_not_answer_is_said(address, tmp_path, monkeypatch):
-    monkeypatch.setattr("consilience.cluster.PATIENCE", "1s")
-    from consilience.cluster import Cluster, ClusterError
+    monkeypatch.setattr("consilience.suite.cluster.PATIENCE", "1s")
+    from consilience.suite.cluster import Cluster, ClusterError
 
     with pytest.raises(ClusterError, match=f"scheduler '{address}': "):
         Cluster(address)

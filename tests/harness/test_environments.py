@@ -12,12 +12,10 @@ import numpy as np
 import pytest
 
 import consilience
-from consilience.engine import installed, require_installed, split_name
-from consilience.functions import through
-from consilience.mechanism import Coupling
-from consilience.run import Method, Question, Route
-from consilience.worker import Request, Worker
-from consilience.workers.environments import REQUIREMENTS, WORKER_SIDE
+from consilience.engine import Method, Question, Route, installed, require_installed, split_name
+from consilience.engine.worker.client import Request, Worker
+from consilience.engine.worker.environments import REQUIREMENTS, WORKER_SIDE
+from consilience.mechanism import Coupling, through
 from mechanisms import chain, states_of
 
 SOURCE = Path(consilience.__file__).parent
@@ -144,7 +142,7 @@ def imported(path):
         elif isinstance(node, ast.ImportFrom):
             yield node.module
             yield from (f"{node.module}.{alias.name}" for alias in node.names if node.module == "consilience")
-            if node.module == "consilience.workers":
+            if node.module == "consilience.engine.worker":
                 yield from (f"{node.module}.{alias.name}" for alias in node.names)
 
 
@@ -176,7 +174,8 @@ def test_an_adapter_needs_its_engine_and_the_worker_side(engine):
 
 def test_a_worker_of_its_own_environment_imports_nothing_heavy():
     """In this environment, where everything could be imported by mistake."""
-    heavy = "import sys, consilience.workers.serve; print({'numba', 'scipy', 'pydantic', 'psutil'} & set(sys.modules))"
+    heavy = "{'numba', 'scipy', 'pydantic', 'psutil'} & set(sys.modules)"
+    heavy = f"import sys, consilience.engine.worker.server; print({heavy})"
     done = subprocess.run([sys.executable, "-c", heavy], capture_output=True, text=True, check=True)
     assert done.stdout == "set()\n"
     assert "toy" in installed()

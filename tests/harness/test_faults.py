@@ -5,11 +5,10 @@ from dataclasses import replace
 
 import pytest
 
-from consilience.assembly import Initial
 from consilience.case import Case
 from consilience.compare import Verdict
-from consilience.engine import installed
-from consilience.run import Question, Status
+from consilience.engine import Question, Status, installed
+from consilience.mechanism import Initial
 from consilience.suite import EngineFailure, run_suite, simulate_case
 from harness.processes import MARK, marked
 from mechanisms import chain

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from consilience.run import InstantAnswer, ModelAnswer
-from consilience.workers import codec, serve
-from consilience.workers.frames import pack
-from consilience.workers.jobs import Request
-from consilience.workers.sending import job
-from consilience.workers.serve import _REMEMBERED, Server, _Bytes, read_frames
+from consilience.engine import InstantAnswer, ModelAnswer
+from consilience.engine.worker import codec
+from consilience.engine.worker.messages import job
+from consilience.engine.worker.requests import Request
+from consilience.engine.worker.server import _REMEMBERED, Server, _Bytes, read_frames
+from consilience.engine.worker.wire import pack
 from harness.test_protocol import MECHANISMS, Asked, same
 
 ONE, OTHER = list(MECHANISMS.values())[:2]
@@ -59,7 +59,9 @@ def test_answers_that_are_alike_are_not_taken_for_one_another():
 
 
 def test_the_header_of_an_answer_like_an_earlier_one_is_not_written_again(monkeypatch):
-    monkeypatch.setattr(serve, "_left_behind", lambda: False)  # children of the process of the tests
+    monkeypatch.setattr(
+        "consilience.engine.worker.server._left_behind", lambda: False
+    )  # children of the process of the tests
     server = Repeats(*ALIKE[:3])
     replies = [server.handle(received(job(Request(), None, None, 1)))]
     monkeypatch.setattr(codec, "encode", lambda answer: pytest.fail("it is written again"))

@@ -13,24 +13,23 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from consilience.assembly import Initial, drawing_state
+from consilience.audit.fuzz.campaign import Campaign, Judged, Panel, run_campaign
+from consilience.audit.fuzz.findings import exit_code, find
+from consilience.audit.fuzz.judging import alarms, judge
+from consilience.audit.fuzz.population import COMMON, SORTS, STATES, read_text, specimen
+from consilience.audit.fuzz.reductions import AS_IS, Part, knobs, parts, simplified, without
+from consilience.audit.fuzz.shrink import Shrinker
+from consilience.audit.fuzz.summary import markdown, outcome
+from consilience.audit.fuzz.workers import Panelist, Said, Sheet, Task
 from consilience.case import Case
-from consilience.casefile import load_file
-from consilience.casewriter import case_table, table_text
+from consilience.case.file.reader import load_file
+from consilience.case.file.writer import case_table, table_text
+from consilience.cli.commands.fuzz import fuzz
 from consilience.compare import Verdict
+from consilience.engine import Method, Profile, Question, Route, Unsupported
 from consilience.errors import ConsilienceError
-from consilience.fuzz.campaign import Campaign, Judged, Panel, run_campaign
-from consilience.fuzz.command import fuzz
-from consilience.fuzz.findings import exit_code, find
-from consilience.fuzz.judging import alarms, judge
-from consilience.fuzz.population import COMMON, SORTS, STATES, read_text, specimen
-from consilience.fuzz.reductions import AS_IS, Part, knobs, parts, simplified, without
-from consilience.fuzz.shrink import Shrinker
-from consilience.fuzz.summary import markdown, outcome
-from consilience.fuzz.workers import Panelist, Said, Sheet, Task
-from consilience.kinematics import constraint_jacobian, constraint_residual
+from consilience.mechanism import Initial, constraint_jacobian, constraint_residual, drawing_state
 from consilience.reference.engine import ReferenceEngine
-from consilience.run import Method, Profile, Question, Route, Unsupported
 from consilience.suite import run_suite
 from mechanisms import chain
 from pace import slowness

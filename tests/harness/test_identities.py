@@ -11,23 +11,18 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-import consilience.identities
-from consilience.assembly import Initial
-from consilience.case import Case
-from consilience.engine import load_engine
+import consilience.audit.identities
+from consilience.audit.identities.check import ALONG_A_MOTION, IDENTITIES, Checks, check_case
+from consilience.audit.identities.equations import Equations
+from consilience.audit.identities.result import Finding, Outcome, exit_code
+from consilience.audit.identities.tables import write
+from consilience.case import Case, load_case
+from consilience.cli.commands.check import check
+from consilience.engine import Profile, Question, load_engine
+from consilience.engine.worker.client import Plan, Reply
+from consilience.engine.worker.requests import perform
 from consilience.errors import InvalidInput
-from consilience.identities.check import ALONG_A_MOTION, IDENTITIES, Checks, check_case
-from consilience.identities.command import check
-from consilience.identities.equations import Equations
-from consilience.identities.result import Finding, Outcome, exit_code
-from consilience.identities.tables import write
-from consilience.library import load_case
-from consilience.mechanism import GROUND, JointSpring, Load
-from consilience.run import Profile, Question
-from consilience.spatial import skew
-from consilience.topology import spanning_tree
-from consilience.worker import Plan, Reply
-from consilience.workers.jobs import perform
+from consilience.mechanism import GROUND, Initial, JointSpring, Load, skew, spanning_tree
 from mechanisms import ELEMENTS, LOOPS, TREES, chain, drawn_joint, four_bar, lumpy_body, rotation, states_of
 
 ALL = TREES | LOOPS | ELEMENTS
@@ -347,14 +342,14 @@ def test_the_neutral_solution_is_that_of_the_dense_oracle(name):
 
 
 def test_bars_grow_with_what_amplifies_errors_and_do_not_depend_on_units():
-    from consilience.identities.descriptions import scaled_units
+    from consilience.audit.identities.descriptions import scaled_units
 
     mechanism = TREES["long_chain"]
     (state,) = states_of(mechanism, 1)
     eq = Equations(mechanism, state)
     other = scaled_units(mechanism, 8.0, 0.25, 2.0)
     same = Equations(other.mechanism, other.state(state))
-    from consilience.run import Route
+    from consilience.engine import Route
 
     def bar(e):
         return e.acceleration_error(e.solution, Route.NATIVE) / np.max(np.abs(e.solution.x))
@@ -369,7 +364,7 @@ def test_bars_grow_with_what_amplifies_errors_and_do_not_depend_on_units():
 
 
 def test_identities_do_not_know_the_reference():
-    folder = Path(consilience.identities.__file__).parent
+    folder = Path(consilience.audit.identities.__file__).parent
     for path in folder.glob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ImportFrom):

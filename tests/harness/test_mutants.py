@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import pytest
 
+from consilience.case import load_case
 from consilience.compare import Verdict
-from consilience.library import load_case
-from consilience.run import Question
+from consilience.engine import Question
 from consilience.suite import run_suite
 
 CASES = ("double_pendulum", "slider_crank")

@@ -16,21 +16,21 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
+from consilience.audit.mutate import campaign, judge, plan, report, seams, seams_minimal, summary
+from consilience.audit.mutate.campaign import Alarm, Campaign, Outcome, Task, perform, run_campaign
+from consilience.audit.mutate.judge import GREEN, verdicts
+from consilience.audit.mutate.mutated import Mutated, SeamError
+from consilience.audit.mutate.subjects import Subject, random_subject, random_subjects
+from consilience.audit.mutate.summary import Row, Standing
+from consilience.audit.mutate.synthetic import NAME, SyntheticEngine, host
+from consilience.audit.mutate.table import MUTANTS
+from consilience.audit.mutate.table_model import EVERY
+from consilience.audit.mutate.traps import TRAPS, UNPLANTED
+from consilience.cli.commands.mutate import mutate
 from consilience.compare import Verdict
+from consilience.engine import Question
 from consilience.errors import InvalidInput
 from consilience.mechanism import State
-from consilience.mutate import campaign, judge, plan, report, seams, seams_minimal, summary
-from consilience.mutate.campaign import Alarm, Campaign, Outcome, Task, perform, run_campaign
-from consilience.mutate.command import mutate
-from consilience.mutate.judge import GREEN, verdicts
-from consilience.mutate.mutated import Mutated, SeamError
-from consilience.mutate.subjects import Subject, random_subject, random_subjects
-from consilience.mutate.summary import Row, Standing
-from consilience.mutate.synthetic import NAME, SyntheticEngine, host
-from consilience.mutate.table import MUTANTS
-from consilience.mutate.table_model import EVERY
-from consilience.mutate.traps import TRAPS, UNPLANTED
-from consilience.run import Question
 from mechanisms import chain, states_of
 
 PLANTED = [(mutant, name) for mutant in MUTANTS.values() for name in mutant.hosts]

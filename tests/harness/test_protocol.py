@@ -7,24 +7,14 @@ from enum import Enum
 import numpy as np
 import pytest
 
-from consilience.functions import through
-from consilience.mechanism import Drive, Mechanism
+from consilience.engine import EngineInfo, Manifest, Method, ModelAnswer, Question, Route, TrajectoryAnswer, Unsupported
+from consilience.engine.worker import codec, wire
+from consilience.engine.worker.messages import Held, job
+from consilience.engine.worker.requests import Plan, Request, Said, Survey
+from consilience.engine.worker.server import Server, _Bytes, read_frames
+from consilience.engine.worker.wire import PREFIX, Form, Frame, ProtocolError, opened, pack, unpack
+from consilience.mechanism import Drive, Mechanism, through
 from consilience.reference.engine import ReferenceEngine
-from consilience.run import (
-    EngineInfo,
-    Manifest,
-    Method,
-    ModelAnswer,
-    Question,
-    Route,
-    TrajectoryAnswer,
-    Unsupported,
-)
-from consilience.workers import codec, frames
-from consilience.workers.frames import PREFIX, Form, Frame, ProtocolError, opened, pack, unpack
-from consilience.workers.jobs import Plan, Request, Said, Survey
-from consilience.workers.sending import Held, job
-from consilience.workers.serve import Server, _Bytes, read_frames
 from mechanisms import ELEMENTS, LOOPS, TREES, chain, states_of
 
 MECHANISMS = TREES | LOOPS | ELEMENTS
@@ -317,4 +307,4 @@ def test_every_class_of_the_table_has_its_own_name():
 
 def test_a_frame_too_large_is_not_packed():
     with pytest.raises(ProtocolError, match="at most"):
-        pack({"reason": "x" * (frames.MOST_HEADER + 1)})
+        pack({"reason": "x" * (wire.MOST_HEADER + 1)})

@@ -10,16 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from consilience.asking import Asked
-from consilience.assembly import Initial
 from consilience.case import Case
-from consilience.mechanism import Mechanism
-from consilience.run import EngineInfo, Method, Question, Route, Run, Status
-from consilience.scale import log_to_stderr
-from consilience.store import FILE, Kept, Store, StoreError
-from consilience.suite import run_suite
-from consilience.worker import Request
-from consilience.workers.serve import replay
+from consilience.cli.campaign_options import log_to_stderr
+from consilience.engine import EngineInfo, Method, Question, Route, Run, Status
+from consilience.engine.worker.client import Request
+from consilience.engine.worker.server import replay
+from consilience.mechanism import Initial, Mechanism
+from consilience.suite import Store, run_suite
+from consilience.suite.engine_runs import Asked
+from consilience.suite.store import FILE, Kept, StoreError
 from mechanisms import chain, states_of
 
 INFO = EngineInfo("mujoco", "4.0.0", "1")
@@ -162,7 +161,7 @@ def test_a_job_that_failed_is_written_down_and_can_be_done_again(cases, tmp_path
     assert len(found) > 5
     for run in found.values():
         command, file = run.log.splitlines()[-1].rsplit(" ", 1)
-        assert command == "to do it again: python -m consilience.workers"
+        assert command == "to do it again: python -m consilience.engine.worker"
         assert (tmp_path / file).is_file()
     jobs = {name: (tmp_path / run.log.rsplit(" ", 1)[1]).read_bytes() for name, run in found.items()}
     assert replay(jobs["raises"]) == "RuntimeError: the Jacobian is singular at body 2"

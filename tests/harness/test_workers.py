@@ -14,9 +14,9 @@ from pathlib import Path
 import psutil
 import pytest
 
-from consilience.run import EngineInfo, InstantAnswer, Method, Question, Route
-from consilience.worker import Request, Worker
-from consilience.workers.sending import REMEMBERED
+from consilience.engine import EngineInfo, InstantAnswer, Method, Question, Route
+from consilience.engine.worker.client import Request, Worker
+from consilience.engine.worker.messages import REMEMBERED
 from harness.processes import MARK
 from harness.processes import marked as marked_by
 from mechanisms import chain, states_of
@@ -278,7 +278,7 @@ def test_ctrl_c_ends_a_command_within_two_seconds_and_leaves_nothing(command, ma
     path = [str(Path(__file__).parent / "plugins"), *(p for p in sys.path if p)]
     # a shell that runs tests in the background has them ignore Ctrl-C, and their children would
     listening = "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler)"
-    program = f"{listening}; sys.path[:0] = {path!r}; from consilience.cli import main; main()"
+    program = f"{listening}; sys.path[:0] = {path!r}; from consilience.cli.main import main; main()"
     with subprocess.Popen(
         [sys.executable, "-c", program, *COMMANDS[command]],
         stdout=subprocess.PIPE,

@@ -11,20 +11,18 @@ from contextlib import redirect_stderr, redirect_stdout
 
 from hypothesis import strategies as st
 
-from consilience import cli
-from consilience.asking import QUICK
-from consilience.case import Case
-from consilience.casefile import load_file
+from consilience.case import Case, case_files, load_case
+from consilience.case.file.reader import load_file
+from consilience.cli import main
+from consilience.cli.commands.validate import examine, text
+from consilience.engine import Question
 from consilience.errors import ConsilienceError
-from consilience.library import case_files, load_case
 from consilience.report import html
 from consilience.report.markdown import render_markdown
 from consilience.report.picture import picture
 from consilience.report.record import _case, _plain, read_record, write_record
 from consilience.report.summary import describe_case
-from consilience.run import Question
-from consilience.suite import run_suite
-from consilience.validate import examine, text
+from consilience.suite import QUICK, run_suite
 from hostile.mutations import TABLE_KINDS, TEXT_KINDS, changed_bytes, changed_tables, jsonl_bytes, places, toml_bytes
 from hostile.pages import check_html, check_markdown, check_svg, check_terminal
 from hostile.watch import import_everything, watched
@@ -117,7 +115,7 @@ def warm(report=None, folder=None):
         html.render_html(read)
         render_markdown(read)
         with redirect_stdout(io.StringIO()):
-            cli._print_matrix(folder)
+            main._print_matrix(folder)
 
 
 SCRIPT = html.environment().get_template("script.js.j2").render()
@@ -136,7 +134,7 @@ def swallow_report(raw, folder, other=None):
             markdown = render_markdown(record)
             printed = io.StringIO()
             with redirect_stdout(printed), redirect_stderr(printed):
-                cli._print_matrix(own)
+                main._print_matrix(own)
         except ConsilienceError as error:
             check_terminal(str(error))
             return False

@@ -13,12 +13,10 @@ from functools import cache
 import numpy as np
 from hypothesis import strategies as st
 
-from consilience.asking import QUICK, ask_case
-from consilience.errors import visible
-from consilience.fuzz.judging import judge
-from consilience.fuzz.workers import _sheet
-from consilience.library import load_case
-from consilience.run import (
+from consilience.audit.fuzz.judging import judge
+from consilience.audit.fuzz.workers import _sheet
+from consilience.case import load_case
+from consilience.engine import (
     Answer,
     EngineInfo,
     InstantAnswer,
@@ -30,13 +28,14 @@ from consilience.run import (
     TrajectoryAnswer,
     Unsupported,
 )
-from consilience.store import Store
-from consilience.worker import Reply, Request, _sound
-from consilience.workers import codec, frames
-from consilience.workers.frames import MAGIC, PREFIX, VERSION, Incoming, ProtocolError
-from consilience.workers.jobs import Plan, Said, Survey, perform
-from consilience.workers.sending import Held, job, loading
-from consilience.workers.serve import Server, _Bytes, read_frames
+from consilience.engine.worker import codec, wire
+from consilience.engine.worker.client import Reply, Request, _sound
+from consilience.engine.worker.messages import Held, job, loading
+from consilience.engine.worker.requests import Plan, Said, Survey, perform
+from consilience.engine.worker.server import Server, _Bytes, read_frames
+from consilience.engine.worker.wire import MAGIC, PREFIX, VERSION, Incoming, ProtocolError
+from consilience.errors import visible
+from consilience.suite import QUICK, Store, ask_case
 from hostile.mutations import TABLE_KINDS, TEXT_KINDS, _json, changed_bytes, changed_tables
 from hostile.pages import check_terminal
 from hostile.watch import Breach, import_everything, watched
@@ -145,7 +144,7 @@ def wire_seeds():
     answered = Survey((Said(Question.MODEL, METHOD, None, "singular"),), {Question.INSTANT: (Unsupported("b", "c"),)})
     tree, arrays = codec.encode(answered)
     told = {"kind": "reply", "reason": "", "strays": False, "value": tree}
-    found.append((RUNNER, frames.pack(told, arrays, 7, 0.1)))
+    found.append((RUNNER, wire.pack(told, arrays, 7, 0.1)))
     found.append((WORKER, loading("nothing", 7)))
     return [(to, raw, _taken_apart(raw)) for to, raw in found]
 

@@ -2,7 +2,7 @@
 
 import functools
 
-from consilience.library import load_case
+from consilience.case import load_case
 from oracles import double_pendulum, four_bar, rotating_end_pendulum, simple_pendulum, slider_crank, spatial_pendulum
 
 TRAJECTORIES = {

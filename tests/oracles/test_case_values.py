@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 
+from consilience.case import shipped_cases
 from consilience.compare.instant import Instants
 from consilience.compare.motion import Scales
 from consilience.compare.published import against_published, start_against_published
-from consilience.engine import load_engine
-from consilience.library import shipped_cases
+from consilience.engine import Question, load_engine
 from consilience.reference import accelerations
-from consilience.run import Question
 from oracles.origins import all_origins
 
 CASES = {case.name: case for case in shipped_cases()}

@@ -3,12 +3,18 @@
 import numpy as np
 import pytest
 
-from consilience.functions import linear
-from consilience.kinematics import joint_frames
-from consilience.mechanism import GROUND, Drive, JointSpring, Spring
+from consilience.mechanism import (
+    GROUND,
+    Drive,
+    JointSpring,
+    Spring,
+    joint_frames,
+    linear,
+    rotation_from_euler_zxz,
+    rotation_from_quaternion,
+)
 from consilience.reference import accelerations
 from consilience.reference.analyses import linearise
-from consilience.spatial import rotation_from_euler_zxz, rotation_from_quaternion
 from mechanisms import rotation
 from oracles.benchmarks.build import Disguise, X, Y, Z, body, mechanism, placed, run, run_disguised, started
 from oracles.benchmarks.compare import BAR, far

@@ -3,10 +3,18 @@
 import numpy as np
 import pytest
 
-from consilience.mechanism import GROUND, Body, Frame, Joint, Mechanism, State
-from consilience.observe import centres_of_mass, kinetic_energy
+from consilience.mechanism import (
+    GROUND,
+    Body,
+    Frame,
+    Joint,
+    Mechanism,
+    State,
+    centres_of_mass,
+    kinetic_energy,
+    quaternion_from_rotation,
+)
 from consilience.reference.impacts import PointPlane, SpherePlane, SphereSphere, simulate_with_impacts, solve_impact
-from consilience.spatial import quaternion_from_rotation
 from mechanisms import lumpy_body, rotation
 
 BAR = 1e-9

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from consilience.library import load_case
+from consilience.case import load_case
 from oracles import double_pendulum, four_bar, slider_crank, spatial_pendulum
 from oracles.planar import components, held
 

@@ -10,11 +10,15 @@ import numpy as np
 import pytest
 
 import truth
-from consilience.kinematics import constraint_residual
-from consilience.library import case_names, load_case
-from consilience.mechanism import State
-from consilience.observe import kinetic_energy, potential_energy
-from consilience.spatial import quaternion_from_rotation, rotation_angle_between
+from consilience.case import case_names, load_case
+from consilience.mechanism import (
+    State,
+    constraint_residual,
+    kinetic_energy,
+    potential_energy,
+    quaternion_from_rotation,
+    rotation_angle_between,
+)
 from oracles.shipped import TRAJECTORIES, answer
 
 H = 0.002

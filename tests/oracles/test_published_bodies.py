@@ -8,8 +8,7 @@ with a closed form or with equations in few coordinates, integrated in `oracles.
 import numpy as np
 import pytest
 
-from consilience.mechanism import GROUND
-from consilience.spatial import rotation_from_quaternion
+from consilience.mechanism import GROUND, rotation_from_quaternion
 from oracles.benchmarks.build import X, Y, Z, body, mechanism, placed, run, run_disguised, started
 from oracles.benchmarks.compare import BAR, apart, far, table
 from oracles.closed_forms.free_body import Asymmetric, symmetric

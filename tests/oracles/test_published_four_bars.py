@@ -10,9 +10,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from consilience.observe import kinetic_energy, potential_energy
+from consilience.mechanism import kinetic_energy, potential_energy, rotation_from_quaternion
 from consilience.reference.analyses import count_freedom, static_equilibrium
-from consilience.spatial import rotation_from_quaternion
 from oracles import double_pendulum, four_bar
 from oracles.benchmarks import planar, windows
 from oracles.benchmarks.build import X, Y, run, started

@@ -8,8 +8,8 @@ with a closed form or with equations in few coordinates, integrated in `oracles.
 import numpy as np
 import pytest
 
+from consilience.mechanism import rotation_from_quaternion
 from consilience.reference.analyses import inverse_dynamics
-from consilience.spatial import rotation_from_quaternion
 from oracles import double_pendulum
 from oracles.benchmarks import chrono_joints, iiwa
 from oracles.benchmarks.build import Y, Z, run, started

@@ -8,8 +8,7 @@ with a closed form or with equations in few coordinates, integrated in `oracles.
 import numpy as np
 import pytest
 
-from consilience.kinematics import joint_frames
-from consilience.observe import kinetic_energy, potential_energy
+from consilience.mechanism import joint_frames, kinetic_energy, potential_energy
 from consilience.reference import accelerations
 from consilience.reference.analyses import count_freedom
 from oracles.benchmarks import andrews, bricard, governor, spatial_slider_crank

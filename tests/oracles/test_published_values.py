@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import ellipk
 
-from consilience.library import load_case
+from consilience.case import load_case
 from oracles import double_pendulum, four_bar
 from oracles.planar import held
 from oracles.shipped import TRAJECTORIES

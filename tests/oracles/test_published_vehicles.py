@@ -5,10 +5,14 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from consilience.kinematics import constraint_jacobian, constraint_residual
-from consilience.observe import kinetic_energy, potential_energy
+from consilience.mechanism import (
+    constraint_jacobian,
+    constraint_residual,
+    kinetic_energy,
+    potential_energy,
+    rotation_from_quaternion,
+)
 from consilience.reference import accelerations
-from consilience.spatial import rotation_from_quaternion
 from oracles.benchmarks import bicycle, car_axis
 from oracles.benchmarks.build import X, Y, run, run_disguised
 from oracles.benchmarks.compare import BAR, far

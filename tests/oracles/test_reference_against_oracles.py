@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from consilience.spatial import quaternion_from_rotation, rotation_angle_between
+from consilience.mechanism import quaternion_from_rotation, rotation_angle_between
 from oracles.shipped import TRAJECTORIES, answer
 
 

@@ -3,13 +3,18 @@
 import numpy as np
 import pytest
 
-from consilience.assembly import random_states
-from consilience.kinematics import constraint_jacobian, constraint_residual
-from consilience.library import load_case
-from consilience.mechanism import State
-from consilience.observe import is_conservative, kinetic_energy, load_potential, mass_matrix_condition, potential_energy
+from consilience.case import load_case
+from consilience.mechanism import (
+    State,
+    constraint_jacobian,
+    constraint_residual,
+    kinetic_energy,
+    potential_energy,
+    random_states,
+    rotation_angle_between,
+)
+from consilience.mechanism.observables import is_conservative, load_potential, mass_matrix_condition
 from consilience.reference import accelerations, simulate
-from consilience.spatial import rotation_angle_between
 from oracles.shipped import TRAJECTORIES
 
 CASES = {name: load_case(name) for name in TRAJECTORIES}

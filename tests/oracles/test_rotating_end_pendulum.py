@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from consilience.library import load_case
+from consilience.case import load_case
 from oracles.rotating_end_pendulum import Gyrostat, gyrostat, incomplete_third
 
 TIMES = np.linspace(0.03, 5.0, 60)

@@ -10,17 +10,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from consilience.kinematics import joint_frames
-from consilience.mechanism import GROUND, Body, Frame, Joint, Mechanism, State
-from consilience.observe import determinate_reactions
-from consilience.reference import accelerations, simulate
-from consilience.reference.dynamics import FORMULATIONS
-from consilience.spatial import (
+from consilience.mechanism import (
+    GROUND,
+    Body,
+    Frame,
+    Joint,
+    Mechanism,
+    State,
+    determinate_reactions,
+    joint_frames,
     quaternion_from_rotation,
     quaternion_product,
     rotation_angle_between,
     skew,
 )
+from consilience.reference import accelerations, simulate
+from consilience.reference.formulations.compiled_choice import FORMULATIONS
 from mechanisms import LOOPS, TREES, chain, drawn_joint, four_bar, lumpy_body, rotation, states_of
 from reframing import arms, compose, in_frames, inverse, reframed, state_in_frames, symmetric
 

@@ -9,38 +9,35 @@ import scipy.linalg
 import scipy.optimize
 
 import truth
-from consilience.assembly import Initial, initial_state, move
 from consilience.errors import ConsilienceError, InvalidInput
-from consilience.kinematics import (
-    constraint_jacobian,
-    constraint_residual,
-    joint_coordinates,
-    joint_frames,
-    joint_rates,
-    relative_motion,
-)
 from consilience.mechanism import (
     GROUND,
     JOINT_KINDS,
     Body,
     Frame,
+    Initial,
     Joint,
     JointSpring,
     Load,
     Mechanism,
     Spring,
     State,
+    body_point,
+    centres_of_mass,
+    constraint_jacobian,
+    constraint_residual,
+    initial_state,
+    joint_coordinates,
+    joint_frames,
+    joint_rates,
+    move,
+    relative_motion,
+    rotation_from_quaternion,
+    rotation_with_z_axis,
+    world_inertias,
 )
-from consilience.observe import body_point, centres_of_mass, world_inertias
 from consilience.reference import accelerations
-from consilience.reference.analyses import (
-    NoEquilibrium,
-    count_freedom,
-    inverse_dynamics,
-    linearise,
-    static_equilibrium,
-)
-from consilience.spatial import rotation_from_quaternion, rotation_with_z_axis
+from consilience.reference.analyses import NoEquilibrium, count_freedom, inverse_dynamics, linearise, static_equilibrium
 from mechanisms import GRAVITY, LOOPS, TREES, chain, drawn_joint, four_bar, lumpy_body, rotation, states_of
 from oracles.double_pendulum import DoublePendulum
 from oracles.four_bar import linkage

@@ -8,16 +8,7 @@ import pytest
 import scipy.optimize
 
 import truth
-from consilience.assembly import assemble_positions, drawing_state, initial_state, move
 from consilience.errors import CannotAssemble, InvalidInput
-from consilience.functions import Function, constant, sine
-from consilience.kinematics import (
-    constraint_residual,
-    free_directions,
-    joint_coordinates,
-    joint_frames,
-    relative_motion,
-)
 from consilience.mechanism import (
     GROUND,
     JOINT_KINDS,
@@ -26,24 +17,35 @@ from consilience.mechanism import (
     Drive,
     Frame,
     Friction,
+    Function,
     Joint,
     JointSpring,
     Load,
     Mechanism,
+    assemble_positions,
+    body_point,
+    constant,
+    constraint_residual,
+    determinate_reactions,
+    drawing_state,
+    elementary_rotation,
+    free_directions,
+    initial_state,
+    joint_coordinates,
+    joint_frames,
+    move,
+    quaternion_from_rotation,
+    quaternion_from_rotation_vector,
+    relative_motion,
+    rotation_angle_between,
+    rotation_from_quaternion,
+    rotation_with_z_axis,
+    sine,
 )
-from consilience.observe import body_point, determinate_reactions
 from consilience.reference.analyses import inverse_dynamics
 from consilience.reference.analyses.assembly_history import assemble_with_history
 from consilience.reference.analyses.inverse_kinematics import Unreachable, inverse_kinematics
 from consilience.reference.analyses.kinematic import SingularDrive, driven_dynamics, kinematic_motion
-from consilience.spatial import (
-    elementary_rotation,
-    quaternion_from_rotation,
-    quaternion_from_rotation_vector,
-    rotation_angle_between,
-    rotation_from_quaternion,
-    rotation_with_z_axis,
-)
 from mechanisms import ELEMENTS, LOOPS, TREES, chain, four_bar, slider_crank
 from oracles import four_bar as four_bar_oracle
 from oracles import slider_crank as slider_crank_oracle
@@ -487,7 +489,7 @@ def angles_of(mechanism, state):
 
 
 def posed(mechanism, *angles):
-    from consilience.assembly import Initial
+    from consilience.mechanism import Initial
 
     return initial_state(
         mechanism, Initial({j.name: {"angle": q} for j, q in zip(mechanism.joints, angles, strict=True)})

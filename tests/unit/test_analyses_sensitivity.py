@@ -6,15 +6,25 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
 from consilience import load_case
-from consilience.assembly import Initial, initial_state
 from consilience.errors import InvalidInput
-from consilience.mechanism import GROUND, Body, Frame, Joint, JointSpring, Mechanism, Spring
+from consilience.mechanism import (
+    GROUND,
+    Body,
+    Frame,
+    Initial,
+    Joint,
+    JointSpring,
+    Mechanism,
+    Spring,
+    initial_state,
+    rotation_vector_from_quaternion,
+    rotation_with_z_axis,
+)
 from consilience.reference import simulate
 from consilience.reference.analyses import linearise, static_equilibrium
 from consilience.reference.analyses.parameters import parameter, parameter_paths, with_parameter
 from consilience.reference.analyses.sensitivity import sensitivity
 from consilience.reference.analyses.trajectory_sensitivity import trajectory_sensitivity
-from consilience.spatial import rotation_vector_from_quaternion, rotation_with_z_axis
 from mechanisms import ELEMENTS, LOOPS, TREES, four_bar
 
 ORIGIN = Frame(np.zeros(3), np.eye(3))

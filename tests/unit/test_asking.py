@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from consilience.asking import LEVEL_BUDGET, MOST_LEVELS, Asked
-from consilience.assembly import Initial
 from consilience.case import Case
 from consilience.compare import Yardstick
 from consilience.compare.rules import RULES
 from consilience.compare.softness import SCALES
-from consilience.run import Method, Profile, Question, Route
-from consilience.worker import Plan, Reply
+from consilience.engine import Method, Profile, Question, Route
+from consilience.engine.worker.client import Plan, Reply
+from consilience.mechanism import Initial
+from consilience.suite.engine_runs import LEVEL_BUDGET, MOST_LEVELS, Asked
 from situations import MECHANISM, SHAPE, SITUATIONS, SIZE, TIMES, TRUE, Situation, motion
 
 SAMPLE = float(TIMES[1])

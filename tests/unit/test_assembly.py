@@ -5,32 +5,31 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from consilience import assembly
-from consilience.assembly import (
+from consilience.case import load_case
+from consilience.errors import CannotAssemble, InvalidInput
+from consilience.mechanism import (
+    GROUND,
+    Frame,
     Initial,
+    Mechanism,
+    State,
     assemble_positions,
     assemble_velocities,
-    drawing_state,
-    initial_state,
-    move,
-    random_states,
-)
-from consilience.errors import CannotAssemble, InvalidInput
-from consilience.kinematics import (
+    assembly,
     constraint_jacobian,
     constraint_residual,
+    determinate_reactions,
+    drawing_state,
     free_directions,
+    initial_state,
     joint_coordinates,
     joint_frames,
     joint_rates,
-    relative_motion,
-)
-from consilience.library import load_case
-from consilience.mechanism import GROUND, Frame, Mechanism, State
-from consilience.observe import determinate_reactions
-from consilience.spatial import (
+    move,
     quaternion_from_rotation,
     quaternion_from_rotation_vector,
+    random_states,
+    relative_motion,
     rotation_angle_between,
     rotation_from_quaternion,
 )

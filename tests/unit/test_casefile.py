@@ -7,13 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from consilience.casefile import load_file
-from consilience.caseschema import case_schema
+from consilience.case import case_files, load_case, load_cases, shipped_cases
+from consilience.case.file.reader import load_file
+from consilience.case.file.schema import case_schema
 from consilience.errors import CannotAssemble, InvalidInput
-from consilience.joints import JOINT_KINDS
-from consilience.library import case_files, load_case, load_cases, shipped_cases
-from consilience.mechanism import Body, Frame, Joint, Mechanism
-from consilience.topology import spanning_tree
+from consilience.mechanism import JOINT_KINDS, Body, Frame, Joint, Mechanism, spanning_tree
 
 GOOD = """
 title = "Door"
@@ -491,7 +489,7 @@ def test_a_case_knows_what_it_was_asked_for_by(tmp_path):
 
 @pytest.mark.parametrize("case", shipped_cases(), ids=lambda case: case.name)
 def test_shipped_cases_assemble_and_say_what_they_are(case):
-    from consilience.kinematics import constraint_jacobian, constraint_rates, constraint_residual
+    from consilience.mechanism import constraint_jacobian, constraint_rates, constraint_residual
 
     state = case.initial_state
     size = max(1.0, np.max(np.abs(state.p_WB)))

@@ -5,14 +5,12 @@ from dataclasses import fields, is_dataclass, replace
 import numpy as np
 import pytest
 
-from consilience.assembly import Initial
-from consilience.case import Case
-from consilience.casefile import load_file
-from consilience.casewriter import case_text
+from consilience.audit.random_mechanisms import random_mechanism
+from consilience.case import Case, shipped_cases
+from consilience.case.file.reader import load_file
+from consilience.case.file.writer import case_text
 from consilience.errors import InvalidInput
-from consilience.generate import random_mechanism
-from consilience.library import shipped_cases
-from consilience.mechanism import Frame
+from consilience.mechanism import Frame, Initial
 
 ROUNDING = 1e-14
 """Points and axes go to the drawing and back: products with a rotation matrix, of coordinates of some 10 m at most."""

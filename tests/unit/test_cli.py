@@ -43,7 +43,7 @@ angle = 0.5
 
 
 def consilience(*arguments, cwd):
-    command = [sys.executable, "-c", "from consilience.cli import main; main()", *arguments]
+    command = [sys.executable, "-c", "from consilience.cli.main import main; main()", *arguments]
     environment = os.environ | {"COLUMNS": "200", "NO_COLOR": "1"}
     return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False, timeout=300, env=environment)
 
@@ -169,7 +169,7 @@ def test_list_and_show_work_from_any_folder(tmp_path):
 def test_interrupt_stops_at_once_and_leaves_no_worker_behind(tmp_path):
     # a run started in the background of a shell ignores Ctrl-C, and so would its children: here it is listened to
     listening = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
-    program = f"{listening}; from consilience.cli import main; main()"
+    program = f"{listening}; from consilience.cli.main import main; main()"
     command = [sys.executable, "-c", program, "run", "double_pendulum", "four_bar", "slider_crank", "-o", "report"]
     with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as process:
         try:
@@ -194,7 +194,7 @@ def children(process, least, within):
 
 
 def test_a_tag_or_a_group_chooses_cases_and_one_that_none_has_is_refused():
-    from consilience.cli import _tagged
+    from consilience.cli.main import _tagged
 
     cases = [Namespace(name="a", group="joints", tags=("lumpy",)), Namespace(name="b", group="hard", tags=("tour",))]
     assert [case.name for case in _tagged(cases, None)] == ["a", "b"]
@@ -219,7 +219,7 @@ def test_a_tag_or_a_group_chooses_cases_and_one_that_none_has_is_refused():
 )
 def test_a_shell_completes_commands_options_and_names(words, found, tmp_path):
     asked = {"_CONSILIENCE_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": str(words.count(" "))}
-    call = "import sys; from consilience.cli import main; sys.argv = ['consilience']; main()"
+    call = "import sys; from consilience.cli.main import main; sys.argv = ['consilience']; main()"
     done = subprocess.run(
         [sys.executable, "-c", call], env=os.environ | asked, cwd=tmp_path, capture_output=True, text=True, check=False
     )

@@ -19,9 +19,18 @@ from consilience.compare.motion import difference_over_time, kept_samples, size_
 from consilience.compare.result import digits_of
 from consilience.compare.softness import SCALES
 from consilience.compare.uncertainty import richardson
-from consilience.mechanism import Frame
-from consilience.run import InstantAnswer, Method, ModelAnswer, Profile, Question, Route, Run, Status, TrajectoryAnswer
-from consilience.spatial import quaternion_from_rotation_vector, quaternion_product, rotation_from_quaternion
+from consilience.engine import (
+    InstantAnswer,
+    Method,
+    ModelAnswer,
+    Profile,
+    Question,
+    Route,
+    Run,
+    Status,
+    TrajectoryAnswer,
+)
+from consilience.mechanism import Frame, quaternion_from_rotation_vector, quaternion_product, rotation_from_quaternion
 from mechanisms import chain
 
 EPS = np.finfo(float).eps

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from numba.core.runtime import _nrt_python, rtsys
 
+from consilience.mechanism import continuous_in_time
 from consilience.reference import ForwardDynamics, accelerations, simulate
-from consilience.reference.canonical import canonical_motion
-from consilience.reference.formulations.kernels import KERNELS, TREE_KERNELS
-from consilience.reference.model import unpack
-from consilience.spatial import continuous_in_time
+from consilience.reference.bodies.arrays import unpack
+from consilience.reference.bodies.canonical import canonical_motion
+from consilience.reference.formulations.body_velocities import KERNELS, TREE_KERNELS
 from mechanisms import ELEMENTS, LOOPS, TREES, states_of
 
 pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")

@@ -5,26 +5,25 @@ from threading import Event
 
 import pytest
 
-from consilience import compiling, suite
-from consilience.engine import load_engine
-from consilience.library import load_case
-from consilience.run import Question
-from consilience.worker import Reply
-from consilience.workers.jobs import perform
+from consilience.case import load_case
+from consilience.engine import Question, load_engine
+from consilience.engine.worker.client import Reply
+from consilience.engine.worker.requests import perform
+from consilience.suite import suite, warm_up
 
 
 def test_kernels_count_as_compiled_with_those_of_motions_or_without_a_compiler(monkeypatch, tmp_path):
     monkeypatch.delenv("NUMBA_DISABLE_JIT", raising=False)
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    assert not compiling.compiled()
+    assert not warm_up.compiled()
     (tmp_path / "relative").mkdir()
     (tmp_path / "relative" / "inertia.push-100.py311.nbi").touch()
-    assert not compiling.compiled()
+    assert not warm_up.compiled()
     (tmp_path / "relative" / "integrate.integrate-317.py311.nbi").touch()
-    assert compiling.compiled()
+    assert warm_up.compiled()
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "another"))
     monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
-    assert compiling.compiled()
+    assert warm_up.compiled()
 
 
 def test_the_second_process_is_asked_for_all_compiled_motions_of_the_first_formulation(monkeypatch):
@@ -44,8 +43,8 @@ def test_the_second_process_is_asked_for_all_compiled_motions_of_the_first_formu
         def stop(self):
             asked.append("stopped")
 
-    monkeypatch.setattr(compiling, "Worker", Recorder)
-    with compiling.compiled_beside([load_case("double_pendulum"), load_case("four_bar")], 60.0, 2**30):
+    monkeypatch.setattr(warm_up, "Worker", Recorder)
+    with warm_up.compiled_beside([load_case("double_pendulum"), load_case("four_bar")], 60.0, 2**30):
         assert all_asked.wait(120.0)
     assert asked.pop() == "stopped"
     motions = [request for request in asked if request.question is Question.TRAJECTORY]

@@ -5,13 +5,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from consilience.assembly import drawing_state, initial_state, random_states
-from consilience.conditioning import delassus_condition, free_condition, joint_space_condition, magnification
-from consilience.generate import Recipe, random_mechanism
-from consilience.kinematics import constraint_jacobian
-from consilience.mechanism import GROUND, Body, Frame, Joint, Mechanism
-from consilience.observe import mass_matrix_condition
-from consilience.spatial import rotation_from_quaternion, skew
+from consilience.audit.random_mechanisms import Recipe, random_mechanism
+from consilience.mechanism import (
+    GROUND,
+    Body,
+    Frame,
+    Joint,
+    Mechanism,
+    constraint_jacobian,
+    drawing_state,
+    initial_state,
+    magnification,
+    random_states,
+    rotation_from_quaternion,
+    skew,
+)
+from consilience.mechanism.conditioning import delassus_condition, free_condition, joint_space_condition
+from consilience.mechanism.observables import mass_matrix_condition
 
 E = np.eye(3)
 

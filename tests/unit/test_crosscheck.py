@@ -8,22 +8,8 @@ import typer
 from typer.testing import CliRunner
 
 import truth
-from consilience.assembly import initial_state
-from consilience.errors import NumericalFailure
-from consilience.generate import Recipe, random_mechanism
-from consilience.library import load_case
-from consilience.mechanism import GROUND, Mechanism
-from consilience.observe import determinate_reactions, reaction_condition
-from consilience.reference import (
-    FORMULATIONS,
-    crosscheck,
-    crosscheck_tables,
-    crosscheck_trajectories,
-    formulation,
-    registry,
-    simulate,
-)
-from consilience.reference.crosscheck_trajectories import (
+from consilience.audit.formulations import compare, tables, trajectories
+from consilience.audit.formulations.trajectories import (
     AMPLIFYING,
     BAR,
     DRIFTING,
@@ -36,8 +22,15 @@ from consilience.reference.crosscheck_trajectories import (
     table,
     violation,
 )
+from consilience.audit.random_mechanisms import Recipe, random_mechanism
+from consilience.case import load_case
+from consilience.engine import TrajectoryAnswer
+from consilience.errors import NumericalFailure
+from consilience.mechanism import GROUND, Mechanism, determinate_reactions, initial_state
+from consilience.mechanism.observables import reaction_condition
+from consilience.reference import FORMULATIONS, formulation, simulate
+from consilience.reference.formulations import registry
 from consilience.reference.formulations.coordinates import VARIANTS
-from consilience.run import TrajectoryAnswer
 from mechanisms import ELEMENTS, LOOPS, TREES, chain, drawn_joint, lumpy_body, rotation, states_of
 
 SEEDS = (1, 8, 12, 14, 18)
@@ -46,16 +39,16 @@ SEEDS = (1, 8, 12, 14, 18)
 
 @pytest.fixture(scope="module")
 def examinations():
-    return list(crosscheck.campaign(SEEDS, 1))
+    return list(compare.campaign(SEEDS, 1))
 
 
 # ---------------------------------------------------------------- single states
 
 
 def test_all_formulations_agree_on_random_mechanisms(examinations):
-    assert not crosscheck.disagreements(examinations)
-    assert not crosscheck.failures(examinations)
-    assert crosscheck.agrees(examinations)
+    assert not compare.disagreements(examinations)
+    assert not compare.failures(examinations)
+    assert compare.agrees(examinations)
     compared = [set(d.distances) for e in examinations for d in e.differences]
     assert set.union(*compared) == set(FORMULATIONS)
     assert all(set(e.refusals) == set(FORMULATIONS) for e in examinations)
@@ -66,15 +59,15 @@ def test_the_median_is_the_truth_of_plain_numpy(mechanism):
     """The tests' own dense solution stands in for one formulation: it keeps the bar against all others."""
     state = states_of(mechanism, 1)
     names = ("descriptor", "articulated_body", "descriptor_euler_parameters")
-    found = crosscheck.compare(mechanism, state, names, 0)
+    found = compare.compare(mechanism, state, names, 0)
     a, alpha, force, torque = truth.solve(mechanism, state[0])
-    answers = crosscheck._answers({n: formulation(n, mechanism) for n in names}, state[0], 0.0, 0, 0)[0]
+    answers = compare._answers({n: formulation(n, mechanism) for n in names}, state[0], 0.0, 0, 0)[0]
     answers["truth"] = np.hstack([a, alpha]).ravel(), np.hstack([force, torque])
-    determined = determinate_reactions(mechanism, state[0]) & crosscheck._carried(mechanism)
-    for quantity, values in zip(crosscheck.QUANTITIES, crosscheck._compared(answers, determined), strict=True):
+    determined = determinate_reactions(mechanism, state[0]) & compare._carried(mechanism)
+    for quantity, values in zip(compare.QUANTITIES, compare._compared(answers, determined), strict=True):
         if values["truth"].size:
             bar = next(d.bar for d in found.differences if d.quantity == quantity)
-            assert crosscheck._difference(0, 0, quantity, values, bar).agrees
+            assert compare._difference(0, 0, quantity, values, bar).agrees
 
 
 class Wrong:
@@ -103,18 +96,18 @@ def test_one_that_is_wrong_is_found_and_not_those_that_agree(monkeypatch, part, 
     monkeypatch.setattr(registry, "formulation", broken)
     names = ("descriptor", "null_space", "null_space_qr", "lagrange")
     mechanism = LOOPS["slider_crank"]
-    found = crosscheck.compare(mechanism, states_of(mechanism, 2), names, 7)
-    bad = crosscheck.disagreements([found])
+    found = compare.compare(mechanism, states_of(mechanism, 2), names, 7)
+    bad = compare.disagreements([found])
     assert {(d.quantity, d.farthest) for d in bad} == {(quantity, wrong)}
     assert {(d.seed, d.state) for d in bad} == {(7, 0), (7, 1)}
     assert all(d.distances[name] < d.bar for d in bad for name in names if name != wrong)
-    assert not crosscheck.agrees([found])
-    assert f"| 7/0 | {quantity} |" in crosscheck_tables.exceptions([found])
+    assert not compare.agrees([found])
+    assert f"| 7/0 | {quantity} |" in tables.exceptions([found])
 
 
 def test_an_answer_that_is_not_finite_is_no_agreement():
     values = {"one": np.array([1.0, 2.0]), "two": np.array([1.0, 2.0]), "three": np.array([1.0, np.nan])}
-    difference = crosscheck._difference(0, 0, "accelerations", values, 1e-10)
+    difference = compare._difference(0, 0, "accelerations", values, 1e-10)
     assert not difference.agrees
     assert difference.farthest == "three"
     assert difference.distances["one"] == 0.0
@@ -126,7 +119,7 @@ def test_a_singular_orientation_is_an_exception_with_its_reason():
     (state,) = states_of(mechanism, 1)
     upright = replace(state, quat_WB=np.array([[1.0, 0.0, 0.0, 0.0]]))
     names = ("descriptor", "descriptor_euler_angles", "descriptor_bryant_angles")
-    found = crosscheck.compare(mechanism, [upright], names, 5)
+    found = compare.compare(mechanism, [upright], names, 5)
     (missing,) = found.exempt
     assert (missing.seed, missing.state, missing.formulation) == (5, 0, "descriptor_euler_angles")
     assert missing.reason == "Euler angles z-x-z singular at theta"
@@ -140,9 +133,9 @@ def test_saddle_points_near_a_singular_pose_are_an_exception_with_its_reason():
     """A linkage drawn near a singular pose; orthogonal factors keep accelerations out of it."""
     mechanism = random_mechanism(2, 4, Recipe(plain=True, linkages=1.0, flat=1e-4))
     state = initial_state(mechanism)
-    assert reaction_condition(mechanism, state) > crosscheck.STEEP
-    found = crosscheck.compare(mechanism, [state], tuple(FORMULATIONS), 2)
-    assert crosscheck.agrees([found])
+    assert reaction_condition(mechanism, state) > compare.STEEP
+    found = compare.compare(mechanism, [state], tuple(FORMULATIONS), 2)
+    assert compare.agrees([found])
     assert found.exempt
     assert all("saddle-point system" in x.reason and x.formulation in VARIANTS for x in found.exempt)
     assert {"descriptor", "articulated_body"} <= set(found.differences[0].distances)
@@ -153,7 +146,7 @@ def test_reactions_that_equilibrium_leaves_open_are_not_compared():
     mechanism = LOOPS["four_bar"]
     states = states_of(mechanism, 2)
     names = ("descriptor", "lagrange", "point_coordinates")
-    assert crosscheck.agrees([crosscheck.compare(mechanism, states, names, 0)])
+    assert compare.agrees([compare.compare(mechanism, states, names, 0)])
     one, other = (np.hstack(formulation(name, mechanism).reactions(states[0])) for name in names[:2])
     open_ones = ~determinate_reactions(mechanism, states[0])
     assert np.max(np.abs(one - other)[open_ones]) > 1e-3 * np.max(np.abs(one))
@@ -170,12 +163,12 @@ def test_a_computation_that_breaks_down_is_a_failure(monkeypatch):
     make = registry.formulation
     monkeypatch.setattr(registry, "formulation", lambda n, m: Broken() if n == "null_space" else make(n, m))
     mechanism = LOOPS["slider_crank"]
-    found = crosscheck.compare(mechanism, states_of(mechanism, 1), ("descriptor", "null_space", "composite_body"), 0)
-    (failed,) = crosscheck.failures([found])
+    found = compare.compare(mechanism, states_of(mechanism, 1), ("descriptor", "null_space", "composite_body"), 0)
+    (failed,) = compare.failures([found])
     assert (failed.formulation, failed.reason) == ("null_space", "Singular matrix")
-    assert not crosscheck.disagreements([found])
-    assert not crosscheck.agrees([found])
-    assert "**failed**: Singular matrix" in crosscheck_tables.exceptions([found])
+    assert not compare.disagreements([found])
+    assert not compare.agrees([found])
+    assert "**failed**: Singular matrix" in tables.exceptions([found])
 
 
 @pytest.mark.parametrize(("error", "exempt"), [(1e-9, True), (1e-3, False)])
@@ -192,8 +185,8 @@ def test_near_singular_coordinates_are_a_reason_for_rounding_but_not_for_errors(
 
     monkeypatch.setattr(registry, "formulation", broken)
     names = ("descriptor", "null_space", "descriptor_euler_parameters", wrong)
-    found = crosscheck.compare(mechanism, [turned], names, 0)
-    assert bool(crosscheck.disagreements([found])) == (not exempt)
+    found = compare.compare(mechanism, [turned], names, 0)
+    assert bool(compare.disagreements([found])) == (not exempt)
     assert [x.formulation for x in found.exempt] == [wrong] * exempt
     assert all("2.0e-03 from a singularity" in x.reason for x in found.exempt)
 
@@ -213,40 +206,38 @@ def parallelogram(angle):
 @pytest.mark.parametrize(("angle", "exempt"), [(1e-7, True), (0.5, False)])
 def test_a_state_near_a_singular_pose_is_an_exception_for_all(angle, exempt):
     mechanism = parallelogram(angle)
-    found = crosscheck.compare(mechanism, [initial_state(mechanism)], ("descriptor", "null_space"), 0)
+    found = compare.compare(mechanism, [initial_state(mechanism)], ("descriptor", "null_space"), 0)
     assert [(x.formulation, x.failure) for x in found.exempt] == [("", False)] * exempt
     assert all(x.reason.startswith("near a singular pose") for x in found.exempt)
     assert len(found.differences) == (0 if exempt else 2)
 
 
 def test_the_tables_tell_what_was_compared(examinations):
-    text = crosscheck_tables.report(examinations)
+    text = tables.report(examinations)
     states = sum(e.states for e in examinations)
     assert f"| all | {len(SEEDS)} | " in text
-    assert f"| {states} |" in crosscheck_tables.summary(examinations)
+    assert f"| {states} |" in tables.summary(examinations)
     refused = sum(bool(e.refusals["lagrange"]) for e in examinations)
-    assert f"| `lagrange` | {len(SEEDS) - refused} | {refused} | 0 |" in crosscheck_tables.formulation_table(
-        examinations
-    )
+    assert f"| `lagrange` | {len(SEEDS) - refused} | {refused} | 0 |" in tables.formulation_table(examinations)
     assert "element 'c_" not in text
-    assert "| `lagrange` | joint: screw | " in crosscheck_tables.exceptions(examinations)
+    assert "| `lagrange` | joint: screw | " in tables.exceptions(examinations)
 
 
 def test_processes_change_nothing():
-    one, two = (list(crosscheck.campaign((11, 20), 1, ("descriptor", "null_space"), jobs)) for jobs in (1, 2))
+    one, two = (list(compare.campaign((11, 20), 1, ("descriptor", "null_space"), jobs)) for jobs in (1, 2))
     assert one == two
 
 
 def test_the_command_writes_the_tables_and_says_by_its_exit_code_whether_all_agree(tmp_path, monkeypatch):
     app = typer.Typer()
-    app.command()(crosscheck_tables.main)
+    app.command()(tables.main)
     file = tmp_path / "tables.md"
     arguments = ["--mechanisms", "1", "--states", "1", "--seed", "11", "-f", "descriptor", "-f", "null_space"]
     result = CliRunner().invoke(app, [*arguments, "-o", str(file)])
     assert result.exit_code == 0
     assert "| `null_space` | 1 | 0 | 0 |" in file.read_text()
-    monkeypatch.setattr(crosscheck, "BAR", 0.0)
-    monkeypatch.setattr(crosscheck, "CONDITION", 0.0)
+    monkeypatch.setattr(compare, "BAR", 0.0)
+    monkeypatch.setattr(compare, "CONDITION", 0.0)
     assert CliRunner().invoke(app, arguments).exit_code == 1
 
 
@@ -273,7 +264,7 @@ def test_coordinates_that_fail_on_the_way_are_an_exception_with_its_reason(monke
             raise NumericalFailure("the step size fell")
         return simulate(mechanism, state, times, tolerance, formulation)
 
-    monkeypatch.setattr(crosscheck_trajectories, "simulate", stopped)
+    monkeypatch.setattr(trajectories, "simulate", stopped)
     case = load_case("four_bar")
     names = ("descriptor_bryant_angles", "descriptor_rotation_vector", "null_space")
     found = follow(case.name, case.mechanism, case.initial_state, names, 0.2, 3)
@@ -307,7 +298,7 @@ def test_a_motion_that_is_wrong_is_found(monkeypatch, error, agrees):
         motion = simulate(mechanism, state, times, tolerance, formulation)
         return replace(motion, v_WB_W=motion.v_WB_W + error) if formulation == "null_space" else motion
 
-    monkeypatch.setattr(crosscheck_trajectories, "simulate", bent)
+    monkeypatch.setattr(trajectories, "simulate", bent)
     case = load_case("spatial_pendulum")
     found = follow(case.name, case.mechanism, case.initial_state, ("null_space",), 0.2, 3)
     assert found.paths[0].bar == BAR

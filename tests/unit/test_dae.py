@@ -5,24 +5,32 @@ import functools
 import numpy as np
 import pytest
 
+from consilience.engine import TrajectoryAnswer
 from consilience.errors import InvalidInput, NumericalFailure
-from consilience.kinematics import constraint_jacobian, constraint_rates, constraint_residual
-from consilience.mechanism import GROUND, Body, Frame, Joint, Mechanism, State
-from consilience.observe import kinetic_energy, potential_energy
-from consilience.reference.formulations.body_terms import BodyTerms, least_norm_multipliers
-from consilience.reference.formulations.coordinates import form
-from consilience.reference.integrators.adaptive import integrate
-from consilience.reference.integrators.dae import DescriptorDae, integrate_dae
-from consilience.reference.integrators.generalised_alpha import GeneralisedAlpha, generalised_alpha
-from consilience.reference.integrators.lie_group import displaced, exponential, increment_rates
-from consilience.reference.model import pack, unpack
-from consilience.run import TrajectoryAnswer
-from consilience.spatial import (
+from consilience.mechanism import (
+    GROUND,
+    Body,
+    Frame,
+    Joint,
+    Mechanism,
+    State,
+    constraint_jacobian,
+    constraint_rates,
+    constraint_residual,
+    kinetic_energy,
+    potential_energy,
     quaternion_from_rotation,
     quaternion_from_rotation_vector,
     rotation_angle_between,
     rotation_from_euler_zxz,
 )
+from consilience.reference.bodies.arrays import pack, unpack
+from consilience.reference.bodies.lie_group import displaced, exponential, increment_rates
+from consilience.reference.formulations.body_terms import BodyTerms, least_norm_multipliers
+from consilience.reference.formulations.coordinates import form
+from consilience.reference.formulations.dae_generalised_alpha import GeneralisedAlpha, generalised_alpha
+from consilience.reference.formulations.dae_radau import DescriptorDae, integrate_dae
+from consilience.reference.integrators.adaptive import integrate
 from mechanisms import ELEMENTS, LOOPS, TREES, states_of
 from oracles.closed_forms.heavy_top import HeavyTop
 

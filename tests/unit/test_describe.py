@@ -7,12 +7,10 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
-from consilience.assembly import Initial
-from consilience.case import Case
+from consilience.case import Case, load_cases
+from consilience.case.families import family_cases
 from consilience.errors import InvalidInput
-from consilience.families import family_cases
-from consilience.library import load_cases
-from consilience.mechanism import Rolling, Skate
+from consilience.mechanism import Initial, Rolling, Skate
 from consilience.report.figure3d import figure_of, upright, widest_view
 from consilience.report.picture import picture, views
 from consilience.report.summary import describe_case

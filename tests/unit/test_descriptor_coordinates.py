@@ -6,20 +6,23 @@ import numpy as np
 import pytest
 
 import truth
-from consilience.kinematics import constraint_jacobian, constraint_rates, constraint_residual
-from consilience.mechanism import State
-from consilience.observe import determinate_reactions, mass_matrix_condition
-from consilience.reference.formulations.coordinates import VARIANTS, form
-from consilience.reference.formulations.stabilisation import ALPHA, BETA
-from consilience.reference.integrators.adaptive import integrate
-from consilience.reference.orientations import ORIENTATIONS, SingularOrientation
-from consilience.reference.solver import simulate
-from consilience.spatial import (
+from consilience.mechanism import (
+    State,
+    constraint_jacobian,
+    constraint_rates,
+    constraint_residual,
+    determinate_reactions,
     quaternion_from_rotation,
     rotation_angle_between,
     rotation_from_bryant_xyz,
     rotation_from_euler_zxz,
 )
+from consilience.mechanism.observables import mass_matrix_condition
+from consilience.reference.formulations.coordinates import VARIANTS, form
+from consilience.reference.formulations.orientations import ORIENTATIONS, SingularOrientation
+from consilience.reference.formulations.stabilisation import ALPHA, BETA
+from consilience.reference.integrators.adaptive import integrate
+from consilience.reference.solver import simulate
 from mechanisms import ELEMENTS, LOOPS, TREES, chain, states_of
 
 ALL = TREES | LOOPS | ELEMENTS

@@ -7,10 +7,10 @@ from types import SimpleNamespace as Namespace
 import pytest
 from typer.testing import CliRunner
 
-from consilience import doctor
-from consilience.cli import app
+from consilience.cli.commands import doctor
+from consilience.cli.main import app
 from consilience.compare import Verdict
-from consilience.run import Profile, Question
+from consilience.engine import Profile, Question
 from consilience.suite import Results
 
 REASONS = {

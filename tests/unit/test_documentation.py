@@ -16,13 +16,13 @@ from typer.completion import get_completion_script
 from typer.testing import CliRunner
 
 import consilience
-from consilience.casefile import load_file
-from consilience.cli import CAMPAIGNS, app, command_of
-from consilience.examples import EXAMPLES, START
-from consilience.joints import JOINT_KINDS
-from consilience.library import shipped_cases
+from consilience.case import shipped_cases
+from consilience.case.file.reader import load_file
+from consilience.cli.examples import EXAMPLES, START
+from consilience.cli.main import CAMPAIGNS, app, command_of
+from consilience.engine import Question, defects
+from consilience.mechanism import JOINT_KINDS
 from consilience.pytest_plugin.known import read_known
-from consilience.run import Question, defects
 from mechanisms import chain, four_bar, states_of
 from pages import LANGUAGES, MARKED, PAGES, ROOT, SITE, Block, blocks, mark
 from truth import solve

@@ -8,19 +8,7 @@ import pytest
 from scipy.linalg import expm
 
 import truth
-from consilience.assembly import Initial, drawing_state, initial_state, move
-from consilience.element_rows import count_turns
 from consilience.errors import InvalidInput
-from consilience.functions import Function, constant, linear, sine, through
-from consilience.kinematics import (
-    constraint_gamma,
-    constraint_jacobian,
-    constraint_rates,
-    constraint_residual,
-    joint_coordinates,
-    joint_rates,
-    relative_motion,
-)
 from consilience.mechanism import (
     GROUND,
     Body,
@@ -29,6 +17,8 @@ from consilience.mechanism import (
     Drive,
     Frame,
     Friction,
+    Function,
+    Initial,
     JointSpring,
     Load,
     Mechanism,
@@ -36,22 +26,37 @@ from consilience.mechanism import (
     Skate,
     Spring,
     State,
-)
-from consilience.observe import (
     body_point,
     centres_of_mass,
+    constant,
+    constraint_gamma,
+    constraint_jacobian,
+    constraint_rates,
+    constraint_residual,
+    count_turns,
+    drawing_state,
+    initial_state,
+    joint_coordinates,
+    joint_rates,
     joint_spring_motion,
     kinetic_energy,
+    linear,
+    move,
     potential_energy,
+    quaternion_from_rotation_vector,
+    quaternion_product,
+    relative_motion,
+    rotation_from_quaternion,
+    sine,
+    through,
     world_inertias,
 )
-from consilience.reference import constraints, dynamics
-from consilience.reference.bodies import rotations
-from consilience.reference.formulations import descriptor
-from consilience.reference.model import flatten, pack
+from consilience.reference.bodies import constraints
+from consilience.reference.bodies.arrays import flatten, pack
+from consilience.reference.bodies.motion import rotations
+from consilience.reference.bodies.workspace import workspace
+from consilience.reference.formulations import compiled_choice, descriptor
 from consilience.reference.solver import accelerations, simulate
-from consilience.reference.workspace import workspace
-from consilience.spatial import quaternion_from_rotation_vector, quaternion_product, rotation_from_quaternion
 from mechanisms import ELEMENTS, PITCH, chain, drawn_joint, rotation, states_of
 
 BAR = 1e-10
@@ -345,7 +350,7 @@ def multipliers(mechanism, state, t):
     model = flatten(mechanism)
     ws, y, a = workspace(model), pack(mechanism, state), np.empty(6 * len(mechanism.bodies))
     memory = np.zeros(len(model.coordinate))
-    dynamics.accelerations(0, model, t, y, memory, ws, a)
+    compiled_choice.accelerations(0, model, t, y, memory, ws, a)
     return np.array(descriptor.multipliers(model, t, y, memory, ws, a))
 
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from consilience.assembly import drawing_state, random_states
-from consilience.energies import energies_over_time
-from consilience.generate import random_mechanism
-from consilience.observe import kinetic_energy, load_potential, potential_energy
-from consilience.run import TrajectoryAnswer
+from consilience.audit.random_mechanisms import random_mechanism
+from consilience.compare.energies import energies_over_time
+from consilience.engine import TrajectoryAnswer
+from consilience.mechanism import drawing_state, kinetic_energy, potential_energy, random_states
+from consilience.mechanism.observables import load_potential
 
 SEEDS = [seed for seed in range(60) if random_mechanism(seed).springs or random_mechanism(seed).joint_springs][:12]
 

@@ -9,14 +9,14 @@ import sys
 import pytest
 from typer.testing import CliRunner
 
-from consilience.cli import app
+from consilience.audit.mutate.traps import TRAPS
+from consilience.cli.explanations import Entry, Kind, explained, read_entries
+from consilience.cli.main import app
 from consilience.compare import Verdict
 from consilience.compare.rules import RULES
+from consilience.engine import Profile, Question, Route
 from consilience.errors import InvalidInput
-from consilience.explain.entries import Entry, Kind, explained, read_entries
-from consilience.mutate.traps import TRAPS
 from consilience.report.wording import CAUSES
-from consilience.run import Profile, Question, Route
 from pages import ROOT
 from situations import SITUATIONS
 
@@ -100,7 +100,7 @@ def shown_on_a_terminal(tmp_path, **environment):
     """What a terminal gets of an error message, which is red."""
     terminal, end = os.openpty()
     kept = {name: value for name, value in os.environ.items() if name not in ("NO_COLOR", "FORCE_COLOR")}
-    command = [sys.executable, "-c", "from consilience.cli import main; main()", "explain", "nothing_like_this"]
+    command = [sys.executable, "-c", "from consilience.cli.main import main; main()", "explain", "nothing_like_this"]
     variables = kept | {"TERM": "xterm-256color"} | environment
     done = subprocess.run(command, cwd=tmp_path, stderr=end, stdout=end, env=variables, check=False, timeout=120)
     os.close(end)
@@ -115,7 +115,7 @@ def test_colours_are_for_terminals_that_want_them(tmp_path):
     red = "\x1b[31m"
     assert red in shown_on_a_terminal(tmp_path)
     assert red not in shown_on_a_terminal(tmp_path, NO_COLOR="1")
-    command = [sys.executable, "-c", "from consilience.cli import main; main()", "explain", "agrees"]
+    command = [sys.executable, "-c", "from consilience.cli.main import main; main()", "explain", "agrees"]
     piped = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True, timeout=120)
     assert "agrees (verdict)" in piped.stdout
     assert "\x1b" not in piped.stdout + piped.stderr

@@ -8,13 +8,13 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from consilience.casefile import cases_from_tables
-from consilience.casewriter import table_text
+from consilience.case import read_motion
+from consilience.case.families import FAMILIES, family_cases, family_table, parameters, shown_parameters
+from consilience.case.families.closed_forms import HeavyTop, oscillator, pendulum, second_kind_inverse
+from consilience.case.file.reader import cases_from_tables
+from consilience.case.file.writer import table_text
 from consilience.errors import InvalidInput
-from consilience.families import FAMILIES, family_cases, family_table, parameters, shown_parameters
-from consilience.families.closed_forms import HeavyTop, oscillator, pendulum, second_kind_inverse
-from consilience.kinematics import free_directions
-from consilience.published import read_motion
+from consilience.mechanism import free_directions
 from consilience.reference import simulate
 
 KNOWN = {

@@ -8,12 +8,11 @@ import pytest
 
 import truth
 from consilience.errors import InvalidInput
-from consilience.mechanism import GROUND, Mechanism
-from consilience.observe import mass_matrix_condition
+from consilience.mechanism import GROUND, Mechanism, rotation_angle_between, rotation_from_quaternion
+from consilience.mechanism.observables import mass_matrix_condition
 from consilience.reference import ForwardDynamics
-from consilience.reference.relative.model import flatten_relative, system
-from consilience.reference.workspace import workspace
-from consilience.spatial import rotation_angle_between, rotation_from_quaternion
+from consilience.reference.bodies.workspace import workspace
+from consilience.reference.tree.arrays import flatten_relative, system
 from mechanisms import ELEMENTS, GRAVITY, LOOPS, TREES, chain, drawn_joint, lumpy_body, rotation, states_of
 
 ALL = TREES | LOOPS | ELEMENTS

@@ -6,11 +6,11 @@ import polars as pl
 import pytest
 import xarray as xr
 
-from consilience import frames
+from consilience.engine import EngineInfo, Method, Question, Route, Run, Status, TrajectoryAnswer
 from consilience.errors import InvalidInput
+from consilience.mechanism import quaternion_from_rotation_vector
+from consilience.report import dataframes
 from consilience.report.record import write_record
-from consilience.run import EngineInfo, Method, Question, Route, Run, Status, TrajectoryAnswer
-from consilience.spatial import quaternion_from_rotation_vector
 from consilience.suite import Results
 from mechanisms import chain
 
@@ -30,7 +30,7 @@ UNITS = {"p_WB": "m", "quat_WB": "1", "v_WB_W": "m/s", "w_WB_W": "rad/s"}
 
 
 def test_pandas_has_every_value_at_its_time_and_body_with_its_unit():
-    table = frames.to_pandas(MECHANISM, ANSWER)
+    table = dataframes.to_pandas(MECHANISM, ANSWER)
     for n, t in enumerate(TIMES):
         for b, body in enumerate(BODIES):
             row = table.loc[(t, body)]
@@ -44,17 +44,17 @@ def test_pandas_has_every_value_at_its_time_and_body_with_its_unit():
 
 
 def test_polars_has_the_same_rows_and_units_are_told():
-    table = frames.to_polars(MECHANISM, ANSWER)
-    same = frames.to_pandas(MECHANISM, ANSWER).reset_index()
+    table = dataframes.to_polars(MECHANISM, ANSWER)
+    same = dataframes.to_pandas(MECHANISM, ANSWER).reset_index()
     assert table.columns == list(same.columns)
     for column in table.columns:
         assert table[column].to_list() == same[column].to_list()
-    assert frames.units(table.columns)["v_WB_W.z"] == "m/s"
-    assert "body" not in frames.units(table.columns)
+    assert dataframes.units(table.columns)["v_WB_W.z"] == "m/s"
+    assert "body" not in dataframes.units(table.columns)
 
 
 def test_xarray_has_axes_labels_and_units():
-    data = frames.to_xarray(MECHANISM, ANSWER)
+    data = dataframes.to_xarray(MECHANISM, ANSWER)
     for name, unit in UNITS.items():
         np.testing.assert_array_equal(data[name].values, getattr(ANSWER, name))
         assert data[name].attrs["units"] == unit
@@ -69,7 +69,7 @@ def test_xarray_has_axes_labels_and_units():
 @pytest.fixture
 def report(tmp_path):
     """A report of one case with two motions of one engine, without any comparison."""
-    from consilience.library import load_case
+    from consilience.case import load_case
 
     case = load_case("double_pendulum")
     results = Results([case], [Question.TRAJECTORY], {"mine": EngineInfo("mine", "1", "1")})
@@ -82,7 +82,7 @@ def report(tmp_path):
 
 
 def test_motions_of_a_report(report):
-    every = frames.motions(report, "double_pendulum")
+    every = dataframes.motions(report, "double_pendulum")
     assert every.p_WB.dims == ("run", "time", "body", "axis")
     assert list(every.engine.values) == ["mine", "mine"]
     assert list(every.step.values) == [0.1, 0.05]
@@ -90,32 +90,32 @@ def test_motions_of_a_report(report):
     assert every.v_WB_W.attrs["units"] == "m/s"
     assert list(every.body.values) == ["upper", "lower"]
     with pytest.raises(InvalidInput, match="double_pendulum"):
-        frames.motions(report, "four_bar")
+        dataframes.motions(report, "four_bar")
 
 
 def test_comparisons_of_a_report(report, monkeypatch):
-    from consilience.outputs import spreadsheet
+    from consilience.report.exports import spreadsheet
 
     row = dict.fromkeys(spreadsheet.COLUMNS) | {"case": "c", "digits": 9.5, "horizon": None}
     monkeypatch.setattr(spreadsheet, "rows", lambda record: iter([row, row | {"horizon": 0.4}]))
-    table = frames.report_to_pandas(report)
+    table = dataframes.report_to_pandas(report)
     assert list(table.columns) == list(spreadsheet.COLUMNS)
     assert table.attrs["labels"] == spreadsheet.COLUMNS
     assert table.attrs["units"]["cpu"] == "s"
-    assert frames.report_to_polars(report)["horizon"].to_list() == [None, 0.4]
+    assert dataframes.report_to_polars(report)["horizon"].to_list() == [None, 0.4]
 
 
 def test_a_library_that_is_not_there_is_named_with_the_remedy(monkeypatch):
     def none(name):
         raise ModuleNotFoundError(name)
 
-    monkeypatch.setattr(frames, "import_module", none)
-    for make in (frames.to_pandas, frames.to_polars, frames.to_xarray):
+    monkeypatch.setattr(dataframes, "import_module", none)
+    for make in (dataframes.to_pandas, dataframes.to_polars, dataframes.to_xarray):
         with pytest.raises(InvalidInput, match=r"pip install 'consilience\[frames\]'"):
             make(MECHANISM, ANSWER)
 
 
 def test_frames_are_those_of_the_libraries():
-    assert isinstance(frames.to_pandas(MECHANISM, ANSWER), pd.DataFrame)
-    assert isinstance(frames.to_polars(MECHANISM, ANSWER), pl.DataFrame)
-    assert isinstance(frames.to_xarray(MECHANISM, ANSWER), xr.Dataset)
+    assert isinstance(dataframes.to_pandas(MECHANISM, ANSWER), pd.DataFrame)
+    assert isinstance(dataframes.to_polars(MECHANISM, ANSWER), pl.DataFrame)
+    assert isinstance(dataframes.to_xarray(MECHANISM, ANSWER), xr.Dataset)

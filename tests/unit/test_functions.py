@@ -8,8 +8,8 @@ import pytest
 from numpy.polynomial import Polynomial
 
 from consilience.errors import InvalidInput
-from consilience.functions import Function, Table, constant, linear, sine, through
-from consilience.reference.functions import evaluate, flatten_functions
+from consilience.mechanism import Function, Table, constant, linear, sine, through
+from consilience.reference.kernel.functions import evaluate, flatten_functions
 
 RNG = np.random.default_rng(11)
 KNOTS = np.sort(RNG.uniform(-2.0, 3.0, 14))

@@ -5,11 +5,19 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from consilience.assembly import drawing_state, initial_state, random_states
-from consilience.generate import GAP, LINKAGES, MOST_BODIES, random_mechanism
-from consilience.joints import JOINT_KINDS
-from consilience.kinematics import constraint_jacobian, constraint_rates, constraint_residual, free_directions
-from consilience.mechanism import GROUND, check_inertia
+from consilience.audit.random_mechanisms import GAP, LINKAGES, MOST_BODIES, random_mechanism
+from consilience.mechanism import (
+    GROUND,
+    JOINT_KINDS,
+    check_inertia,
+    constraint_jacobian,
+    constraint_rates,
+    constraint_residual,
+    drawing_state,
+    free_directions,
+    initial_state,
+    random_states,
+)
 
 SEEDS = range(1, 201)
 

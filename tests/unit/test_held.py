@@ -7,9 +7,9 @@ import numba
 import numpy as np
 import pytest
 
-from consilience.reference.compiled import inner, kernel
-from consilience.reference.held import Held, hold, opened, words_of
-from consilience.reference.linking import InnerLibrary
+from consilience.reference.kernel.compiled import inner, kernel
+from consilience.reference.kernel.held import Held, hold, opened, words_of
+from consilience.reference.kernel.linking import InnerLibrary
 
 pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
 

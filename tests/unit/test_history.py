@@ -5,15 +5,14 @@ import json
 
 import pytest
 
-from consilience.asking import QUICK
+from consilience.case import load_case
+from consilience.cli.commands.history import diff_sheet, renamed
 from consilience.errors import InvalidInput
-from consilience.history.changes import changes
-from consilience.history.command import diff_sheet, renamed
-from consilience.history.series import read_series, series_sheet
-from consilience.history.show import WRITERS, Sheet
-from consilience.library import load_case
+from consilience.report.history.changes import changes
+from consilience.report.history.series import read_series, series_sheet
+from consilience.report.history.show import WRITERS, Sheet
 from consilience.report.record import read_record, write_record
-from consilience.suite import run_suite
+from consilience.suite import QUICK, run_suite
 
 
 @pytest.fixture(scope="module")

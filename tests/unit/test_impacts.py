@@ -6,19 +6,29 @@ from functools import cache
 import numpy as np
 import pytest
 
-from consilience.assembly import initial_state
 from consilience.errors import InvalidInput
-from consilience.kinematics import constraint_jacobian, constraint_residual
-from consilience.mechanism import GROUND, Body, Frame, Joint, JointSpring, Mechanism, State
-from consilience.observe import (
+from consilience.mechanism import (
+    GROUND,
+    Body,
+    Frame,
+    Joint,
+    JointSpring,
+    Mechanism,
+    State,
     body_point,
+    constraint_jacobian,
+    constraint_residual,
     determinate_reactions,
+    initial_state,
     kinetic_energy,
-    linear_momentum,
     potential_energy,
+    quaternion_from_rotation,
     reaction_map,
+    rotation_from_quaternion,
+    skew,
     world_inertias,
 )
+from consilience.mechanism.observables import linear_momentum
 from consilience.reference import NumericalFailure, simulate
 from consilience.reference.impacts import (
     PointPlane,
@@ -28,7 +38,6 @@ from consilience.reference.impacts import (
     simulate_with_impacts,
     solve_impact,
 )
-from consilience.spatial import quaternion_from_rotation, rotation_from_quaternion, skew
 from mechanisms import ELEMENTS, LOOPS, TREES, four_bar, lumpy_body, rotation, states_of
 
 ONE, ZERO = np.eye(3), np.zeros(3)

@@ -6,12 +6,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from consilience.casefile import load_file
+from consilience.case.file.reader import load_file
+from consilience.case.importing import Motion, import_model, imported_text
+from consilience.case.importing.compound import recognise
+from consilience.cli.commands.import_model import import_
+from consilience.engine.native.parts import inertia_of_several
 from consilience.errors import InvalidInput
-from consilience.importing import Motion, import_model, imported_text
-from consilience.importing.command import import_
-from consilience.importing.compound import recognise
-from consilience.importing.parts import inertia_of_several
 
 X, Y, Z = np.eye(3)
 HERE, THERE = np.array([0.3, -0.2, 0.5]), np.array([0.1, 0.4, -0.6])

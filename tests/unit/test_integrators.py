@@ -8,11 +8,11 @@ from scipy.integrate import BDF, solve_ivp
 from scipy.special import ellipj
 
 from consilience.errors import InvalidInput
+from consilience.mechanism import rotation_angle_between
 from consilience.reference import formulation
 from consilience.reference.integrators.adaptive import METHODS, integrate, state_at
 from consilience.reference.integrators.tableaus import DORMAND_PRINCE, RADAU, RKF45, TSITOURAS
 from consilience.reference.solver import NumericalFailure, simulate
-from consilience.spatial import rotation_angle_between
 from mechanisms import LOOPS, TREES, states_of
 from oracles.simple_pendulum import swing
 

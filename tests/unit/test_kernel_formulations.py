@@ -8,24 +8,32 @@ import pytest
 import scipy.linalg
 
 import truth
-from consilience.assembly import Initial, initial_state
 from consilience.errors import InvalidInput
-from consilience.kinematics import (
+from consilience.mechanism import (
+    GROUND,
+    Initial,
+    JointSpring,
+    Load,
+    Mechanism,
+    Spring,
     constraint_jacobian,
     constraint_rates,
     constraint_residual,
+    determinate_reactions,
     free_directions,
+    initial_state,
+    rotation_from_quaternion,
+    world_inertias,
 )
-from consilience.mechanism import GROUND, JointSpring, Load, Mechanism, Spring
-from consilience.observe import determinate_reactions, mass_matrix_condition, world_inertias
-from consilience.reference import NumericalFailure, constraints, simulate
-from consilience.reference.bodies import rotations
+from consilience.mechanism.observables import mass_matrix_condition
+from consilience.reference import NumericalFailure, simulate
+from consilience.reference.bodies import constraints
+from consilience.reference.bodies.arrays import flatten, pack
+from consilience.reference.bodies.motion import rotations
+from consilience.reference.bodies.workspace import workspace
 from consilience.reference.formulations import null_space, null_space_qr, partitioning
-from consilience.reference.formulations.kernels import KERNELS, TREE_KERNELS, KernelFormulation, unsupported
+from consilience.reference.formulations.body_velocities import KERNELS, TREE_KERNELS, KernelFormulation, unsupported
 from consilience.reference.integrators.adaptive import integrate
-from consilience.reference.model import flatten, pack
-from consilience.reference.workspace import workspace
-from consilience.spatial import rotation_from_quaternion
 from mechanisms import ELEMENTS, LOOPS, TREES, chain, drawn_joint, lumpy_body, rotation, states_of
 
 ALL = TREES | LOOPS | ELEMENTS

@@ -8,36 +8,40 @@ import numpy as np
 import pytest
 
 import truth
-from consilience.assembly import move
-from consilience.kinematics import (
+from consilience.mechanism import (
+    BASIC_CONSTRAINTS,
+    GROUND,
+    JOINT_KINDS,
+    Frame,
+    Joint,
+    Mechanism,
     RelativeMotion,
+    State,
     constraint_gamma,
     constraint_jacobian,
     constraint_rates,
     constraint_residual,
+    elementary_rotation,
     free_directions,
     joint_coordinates,
     joint_frames,
     joint_rates,
-    reaction_in_F,
-    relative_motion,
-    row_gamma,
-    row_jacobian,
-    row_jacobians,
-    row_value,
-)
-from consilience.mechanism import BASIC_CONSTRAINTS, GROUND, JOINT_KINDS, Frame, Joint, Mechanism, State
-from consilience.reference import constraints, forces
-from consilience.reference.bodies import rotations
-from consilience.reference.model import flatten, pack
-from consilience.reference.workspace import workspace
-from consilience.spatial import (
-    elementary_rotation,
+    move,
     quaternion_from_rotation_vector,
     quaternion_product,
+    reaction_in_F,
+    relative_motion,
     rotation_from_quaternion,
     rotation_vector_from_quaternion,
+    row_gamma,
+    row_jacobian,
+    row_value,
 )
+from consilience.mechanism.constraints import row_jacobians
+from consilience.reference.bodies import constraints, forces
+from consilience.reference.bodies.arrays import flatten, pack
+from consilience.reference.bodies.motion import rotations
+from consilience.reference.bodies.workspace import workspace
 from mechanisms import ELEMENTS, GRAVITY, LOOPS, TREES, chain, drawn_joint, lumpy_body, rotation, states_of
 
 ALL = TREES | LOOPS | ELEMENTS

@@ -10,24 +10,35 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import truth
-from consilience.assembly import initial_state
 from consilience.errors import InvalidInput
-from consilience.kinematics import constraint_jacobian, constraint_residual
-from consilience.mechanism import GROUND, JOINT_KINDS, Frame, Joint, JointKind, JointSpring, Mechanism, State
-from consilience.observe import (
+from consilience.mechanism import (
+    GROUND,
+    JOINT_KINDS,
+    Frame,
+    Joint,
+    JointKind,
+    JointSpring,
+    Mechanism,
+    State,
     body_point,
+    constraint_jacobian,
+    constraint_residual,
     determinate_reactions,
+    elementary_rotation,
+    initial_state,
     joint_spring_motion,
     kinetic_energy,
-    mass_matrix_condition,
     potential_energy,
+    rotation_angle_between,
+    rotation_from_quaternion,
+    skew,
+    spanning_tree,
 )
+from consilience.mechanism.observables import mass_matrix_condition
 from consilience.reference import simulate
 from consilience.reference.formulations import lagrange_kinematics
 from consilience.reference.formulations.lagrange import Lagrange, unsupported
-from consilience.reference.orientations import SingularOrientation
-from consilience.spatial import elementary_rotation, rotation_angle_between, rotation_from_quaternion, skew
-from consilience.tree import spanning_tree
+from consilience.reference.formulations.orientations import SingularOrientation
 from mechanisms import (
     ELEMENTS,
     LOOPS,

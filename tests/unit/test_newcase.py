@@ -5,13 +5,12 @@ import re
 import numpy as np
 import pytest
 
-from consilience.casefile import load_file
-from consilience.caseschema import case_schema
+from consilience.case import load_cases, read_motion
+from consilience.case.file.reader import load_file
+from consilience.case.file.schema import case_schema
+from consilience.cli.commands.new import copied_text, starter_text, write_new
 from consilience.errors import InvalidInput
-from consilience.library import load_cases
-from consilience.newcase import copied_text, starter_text, write_new
-from consilience.observe import centres_of_mass, kinetic_energy, potential_energy
-from consilience.published import read_motion
+from consilience.mechanism import centres_of_mass, kinetic_energy, potential_energy
 from consilience.reference import simulate
 
 EXPLAINED = (

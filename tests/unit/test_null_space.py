@@ -4,21 +4,20 @@ import numpy as np
 import pytest
 
 import truth
-from consilience.kinematics import constraint_jacobian, constraint_rates, constraint_residual
-from consilience.library import load_case
-from consilience.mechanism import State
-from consilience.observe import mass_matrix_condition, reaction_condition
+from consilience.case import load_case
+from consilience.mechanism import State, constraint_jacobian, constraint_rates, constraint_residual
+from consilience.mechanism.observables import mass_matrix_condition, reaction_condition
 from consilience.reference import simulate
-from consilience.reference.canonical import at_origins
-from consilience.reference.formulations.relative import close, differentiate
-from consilience.reference.held import hold
-from consilience.reference.model import unpack
-from consilience.reference.relative import columns
-from consilience.reference.relative.kinematics import orient, place, place_bodies
-from consilience.reference.relative.model import BODY, PIVOT, flatten_relative, system
-from consilience.reference.relative.null_space import SOUND
-from consilience.reference.relative.packing import pack_relative
-from consilience.reference.relative.settling import SEEN
+from consilience.reference.bodies.arrays import unpack
+from consilience.reference.bodies.canonical import at_origins
+from consilience.reference.kernel.held import hold
+from consilience.reference.tree import records
+from consilience.reference.tree.arrays import BODY, PIVOT, flatten_relative, system
+from consilience.reference.tree.few_freedoms import SOUND
+from consilience.reference.tree.formulation import close, differentiate
+from consilience.reference.tree.kinematics import orient, place, place_bodies
+from consilience.reference.tree.projection import SEEN
+from consilience.reference.tree.state import pack_relative
 from mechanisms import driven, four_bar, powered, spatial_loop, states_of
 
 EPS = np.finfo(float).eps
@@ -74,7 +73,7 @@ class InSpace:
         place_bodies(self.links.layout, link, y, A)
         orient(A, y)
         a = np.empty((len(self.mechanism.bodies), 6))
-        a[self.links.layout[:, BODY]] = link[:-1, columns.ACCELERATION : columns.ACCELERATION + 6]
+        a[self.links.layout[:, BODY]] = link[:-1, records.ACCELERATION : records.ACCELERATION + 6]
         a[:, 3:] = np.einsum("bji,bj->bi", A, a[:, 3:])
         return np.hstack(at_origins(self.mechanism, y, a.ravel())), eliminated
 

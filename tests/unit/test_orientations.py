@@ -11,8 +11,13 @@ import pytest
 from scipy.linalg import expm
 
 from consilience.errors import ConsilienceError
-from consilience.reference.orientations import NEAR_SINGULAR, ORIENTATIONS, SingularOrientation, switch_chart
-from consilience.spatial import quaternion_from_rotation_vector, rotation_from_quaternion
+from consilience.mechanism import quaternion_from_rotation_vector, rotation_from_quaternion
+from consilience.reference.formulations.orientations import (
+    NEAR_SINGULAR,
+    ORIENTATIONS,
+    SingularOrientation,
+    switch_chart,
+)
 
 CHARTS = sorted(ORIENTATIONS)
 SINGULAR_CHARTS = [name for name in CHARTS if name != "euler_parameters"]

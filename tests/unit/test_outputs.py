@@ -13,10 +13,10 @@ from xml.etree import ElementTree as ET
 import jsonschema
 import pytest
 
+from consilience.case import shipped_cases
 from consilience.compare import Verdict
-from consilience.library import shipped_cases
-from consilience.outputs import badge, bibtex, document, junit, latex, spreadsheet
-from consilience.outputs.digest import CODES, cells, deciding
+from consilience.report.exports import badge, bibtex, document, junit, latex, spreadsheet
+from consilience.report.exports.digest import CODES, cells, deciding
 from records import LONG, case_of, comparison, quantity, record_of
 
 
@@ -208,7 +208,7 @@ REQUIRED = {
 
 
 def test_the_literature_is_well_formed_and_every_pattern_finds_something():
-    table = tomllib.loads(files("consilience.outputs").joinpath("literature.toml").read_text(encoding="utf-8"))
+    table = tomllib.loads(files("consilience.report.exports").joinpath("literature.toml").read_text(encoding="utf-8"))
     sources = [source for case in shipped_cases() for source in case.sources]
     for key, entry in table.items():
         assert REQUIRED[entry["type"]] <= set(entry), key

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from consilience.compare import Verdict
 from consilience.errors import InvalidInput
-from consilience.outputs import plot
+from consilience.report.exports import plot
 from records import comparison, record_of
 
 

@@ -6,23 +6,28 @@ import numpy as np
 import pytest
 
 import truth
-from consilience.kinematics import constraint_jacobian, constraint_rates, constraint_residual
-from consilience.library import load_case
-from consilience.mechanism import State
-from consilience.observe import mass_matrix_condition
+from consilience.case import load_case
+from consilience.mechanism import (
+    State,
+    constraint_jacobian,
+    constraint_rates,
+    constraint_residual,
+    quaternion_from_rotation_vector,
+    rotation_from_quaternion,
+)
+from consilience.mechanism.observables import mass_matrix_condition
 from consilience.reference import simulate
-from consilience.reference.canonical import at_origins
-from consilience.reference.formulations.relative import close, differentiate
-from consilience.reference.held import hold
-from consilience.reference.model import unpack
-from consilience.reference.relative.kinematics import orient
-from consilience.reference.relative.model import flatten_relative
-from consilience.reference.relative.packing import pack_relative
-from consilience.reference.relative.planar import place_planar_bodies
-from consilience.reference.relative.planar_model import planar
-from consilience.reference.relative.plane import ACCELERATION
-from consilience.reference.relative.settling import SEEN, find_rank
-from consilience.spatial import quaternion_from_rotation_vector, rotation_from_quaternion
+from consilience.reference.bodies.arrays import unpack
+from consilience.reference.bodies.canonical import at_origins
+from consilience.reference.kernel.held import hold
+from consilience.reference.tree.arrays import flatten_relative
+from consilience.reference.tree.formulation import close, differentiate
+from consilience.reference.tree.kinematics import orient
+from consilience.reference.tree.planar import place_planar_bodies
+from consilience.reference.tree.planar_detection import planar
+from consilience.reference.tree.plane import ACCELERATION
+from consilience.reference.tree.projection import SEEN, find_rank
+from consilience.reference.tree.state import pack_relative
 from flat import PLANAR, flat_chain
 from mechanisms import states_of
 

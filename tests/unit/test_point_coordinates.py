@@ -8,21 +8,26 @@ import pytest
 from scipy.integrate import DOP853
 
 import truth
+from consilience.case import load_case
 from consilience.errors import InvalidInput
-from consilience.kinematics import joint_frames
-from consilience.library import load_case
-from consilience.mechanism import GROUND, JOINT_KINDS, Frame, JointKind, Mechanism, State
-from consilience.observe import (
-    angular_momentum,
+from consilience.mechanism import (
+    GROUND,
+    JOINT_KINDS,
+    Frame,
+    JointKind,
+    Mechanism,
+    State,
     determinate_reactions,
+    joint_frames,
     joint_spring_motion,
-    linear_momentum,
-    mass_matrix_condition,
+    rotation_angle_between,
+    rotation_from_quaternion,
+    skew,
 )
+from consilience.mechanism.observables import angular_momentum, linear_momentum, mass_matrix_condition
 from consilience.reference import simulate
 from consilience.reference.formulations import particle_chain, particles
 from consilience.reference.formulations.point_coordinates import PointCoordinates, unsupported
-from consilience.spatial import rotation_angle_between, rotation_from_quaternion, skew
 from mechanisms import ELEMENTS, GRAVITY, LOOPS, TREES, chain, drawn_joint, lumpy_body, rotation, states_of
 from oracles import rotating_end_pendulum
 

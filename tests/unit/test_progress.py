@@ -4,7 +4,7 @@ import io
 
 from rich.console import Console
 
-from consilience.progress import per_engine
+from consilience.cli.progress import per_engine
 
 
 def test_each_engine_has_a_line_of_its_own_with_the_time_left():

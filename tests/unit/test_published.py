@@ -7,17 +7,16 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import truth
-from consilience.assembly import Initial, initial_state
-from consilience.casefile import load_file
+from consilience.case import Published, load_case, read_motion
+from consilience.case.file.reader import load_file
 from consilience.compare import Verdict
 from consilience.compare.instant import Instants
 from consilience.compare.motion import Scales
 from consilience.compare.published import against_published, dispute, start_against_published
+from consilience.engine import Question, TrajectoryAnswer
 from consilience.errors import InvalidInput
-from consilience.library import load_case
-from consilience.published import Published, read_motion
+from consilience.mechanism import Initial, initial_state
 from consilience.reference import accelerations
-from consilience.run import Question, TrajectoryAnswer
 from consilience.suite import run_suite
 from mechanisms import TREES, states_of
 from situations import MECHANISM, TIMES, TRUE

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from consilience.library import load_case
+from consilience.case import load_case
 from consilience.mechanism import JointSpring
 from consilience.reference import simulate
-from consilience.reference.relative.radau_coefficients import ESTIMATE, IN, LAMBDA, NESTED, OUT, STAGES, A, B, C
+from consilience.reference.tree.radau_coefficients import ESTIMATE, IN, LAMBDA, NESTED, OUT, STAGES, A, B, C
 from flat import PLANAR
 from mechanisms import LOOPS, TREES, chain, states_of
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from consilience.casefile import load_file
+from consilience.case.file.reader import load_file
 
 README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
 

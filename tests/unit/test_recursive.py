@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 
 import truth
-from consilience.mechanism import GROUND, JOINT_KINDS, Mechanism
-from consilience.observe import mass_matrix_condition
-from consilience.reference import accelerations, constraints
-from consilience.reference.bodies import rotations
+from consilience.mechanism import GROUND, JOINT_KINDS, Mechanism, spanning_tree
+from consilience.mechanism.observables import mass_matrix_condition
+from consilience.reference import accelerations
+from consilience.reference.bodies import constraints
+from consilience.reference.bodies.arrays import flatten, pack
+from consilience.reference.bodies.motion import rotations
+from consilience.reference.bodies.spanning_tree import flatten_tree, free_axes, tree_rows
+from consilience.reference.bodies.workspace import workspace
 from consilience.reference.formulations import descriptor, recursive
 from consilience.reference.formulations.recursive import ROUTES, recursive_accelerations
-from consilience.reference.formulations.recursive_model import flatten_tree, free_axes, tree_rows
-from consilience.reference.model import flatten, pack
-from consilience.reference.workspace import workspace
-from consilience.topology import spanning_tree
 from mechanisms import ELEMENTS, GRAVITY, LOOPS, TREES, chain, drawn_joint, four_bar, rotation, states_of
 
 ALL = TREES | LOOPS | ELEMENTS

@@ -10,43 +10,50 @@ import scipy.linalg
 
 import truth
 from consilience.errors import InvalidInput
-from consilience.kinematics import (
+from consilience.mechanism import (
+    GROUND,
+    Body,
+    Frame,
+    JointSpring,
+    Load,
+    Mechanism,
+    Spring,
+    State,
+    body_point,
+    centres_of_mass,
     constraint_jacobian,
     constraint_rates,
     constraint_residual,
-    joint_rates,
-    relative_motion,
-)
-from consilience.mechanism import GROUND, Body, Frame, JointSpring, Load, Mechanism, Spring, State
-from consilience.observe import (
-    angular_momentum,
-    body_point,
-    centres_of_mass,
     determinate_reactions,
-    is_conservative,
-    kinetic_energy,
-    linear_momentum,
-    load_potential,
-    mass_matrix_condition,
-    potential_energy,
-)
-from consilience.reference import NumericalFailure, accelerations, constraints, forces, simulate
-from consilience.reference.bodies import rotations
-from consilience.reference.dynamics import FORMULATIONS
-from consilience.reference.factorisation import least_norm, pivoted_qr
-from consilience.reference.formulations import descriptor
-from consilience.reference.formulations.null_space import basis, mass_matrix
-from consilience.reference.integrators import coefficients, tsitouras
-from consilience.reference.joint_rows import full_turns
-from consilience.reference.model import flatten, pack, unpack
-from consilience.reference.projection import project
-from consilience.reference.workspace import workspace
-from consilience.spatial import (
     elementary_rotation,
+    joint_rates,
+    kinetic_energy,
+    potential_energy,
     quaternion_from_rotation,
+    relative_motion,
     rotation_angle_between,
     rotation_from_quaternion,
 )
+from consilience.mechanism.observables import (
+    angular_momentum,
+    is_conservative,
+    linear_momentum,
+    load_potential,
+    mass_matrix_condition,
+)
+from consilience.reference import NumericalFailure, accelerations, simulate
+from consilience.reference.bodies import constraints, forces
+from consilience.reference.bodies.arrays import flatten, pack, unpack
+from consilience.reference.bodies.joint_rows import full_turns
+from consilience.reference.bodies.mass_metric import mass_matrix
+from consilience.reference.bodies.motion import rotations
+from consilience.reference.bodies.projection import project
+from consilience.reference.bodies.workspace import workspace
+from consilience.reference.formulations import descriptor
+from consilience.reference.formulations.compiled_choice import FORMULATIONS
+from consilience.reference.formulations.null_space import basis
+from consilience.reference.integrators import coefficients, tsitouras
+from consilience.reference.kernel.factorisation import least_norm, pivoted_qr
 from mechanisms import ELEMENTS, GRAVITY, LOOPS, TREES, chain, drawn_joint, lumpy_body, rotation, states_of
 
 ALL = TREES | LOOPS | ELEMENTS

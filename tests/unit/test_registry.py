@@ -4,13 +4,11 @@ import numpy as np
 import pytest
 
 import truth
-from consilience.engine import load_engine
+from consilience.engine import Question, Route, load_engine
 from consilience.errors import InvalidInput
-from consilience.mechanism import Load
-from consilience.observe import mass_matrix_condition
+from consilience.mechanism import Load, rotation_from_quaternion
+from consilience.mechanism.observables import mass_matrix_condition
 from consilience.reference import FORMULATIONS, accelerations, formulation, simulate, unsupported
-from consilience.run import Question, Route
-from consilience.spatial import rotation_from_quaternion
 from mechanisms import ELEMENTS, LOOPS, TREES, chain, states_of
 
 EPS = np.finfo(float).eps

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 import truth
-from consilience.kinematics import constraint_jacobian, constraint_rates, constraint_residual
-from consilience.library import load_case
-from consilience.observe import mass_matrix_condition
+from consilience.case import load_case
+from consilience.mechanism import constraint_jacobian, constraint_rates, constraint_residual, rotation_angle_between
+from consilience.mechanism.observables import mass_matrix_condition
 from consilience.reference import formulation, simulate
-from consilience.spatial import rotation_angle_between
 from mechanisms import ELEMENTS, LOOPS, TREES, states_of
 
 ALL = TREES | LOOPS | ELEMENTS

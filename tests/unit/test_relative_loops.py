@@ -6,18 +6,29 @@ import numpy as np
 import pytest
 
 import truth
-from consilience.assembly import initial_state, random_states
-from consilience.functions import through
-from consilience.kinematics import constraint_jacobian, constraint_rates, constraint_residual
-from consilience.library import load_case
-from consilience.mechanism import GROUND, Body, Frame, Joint, Load, Mechanism
-from consilience.observe import mass_matrix_condition
+from consilience.case import load_case
+from consilience.mechanism import (
+    GROUND,
+    Body,
+    Frame,
+    Joint,
+    Load,
+    Mechanism,
+    constraint_jacobian,
+    constraint_rates,
+    constraint_residual,
+    initial_state,
+    random_states,
+    rotation_angle_between,
+    rotation_from_quaternion,
+    through,
+)
+from consilience.mechanism.observables import mass_matrix_condition
 from consilience.reference import NumericalFailure, formulation, simulate
-from consilience.reference.relative.integrate import END, _polynomial, between
-from consilience.reference.relative.loops import BATCH, BATCH_END, HEIGHT, REACH, ROW, ROW_END
-from consilience.reference.relative.methods import METHODS
-from consilience.reference.relative.model import flatten_relative
-from consilience.spatial import rotation_angle_between, rotation_from_quaternion
+from consilience.reference.tree.arrays import flatten_relative
+from consilience.reference.tree.explicit_rk import END, _polynomial, between
+from consilience.reference.tree.loop_groups import BATCH, BATCH_END, HEIGHT, REACH, ROW, ROW_END
+from consilience.reference.tree.methods import METHODS
 
 MANY_LOOPS = (
     "windows:count=6",

@@ -9,9 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from consilience.case import load_case
+from consilience.engine import EngineInfo, Method, Profile, Question, Route, Run, Status, TrajectoryAnswer
 from consilience.errors import InvalidInput
-from consilience.functions import Function
-from consilience.library import load_case
+from consilience.mechanism import (
+    Function,
+    quaternion_from_rotation_vector,
+    quaternion_product,
+    rotation_from_quaternion,
+)
 from consilience.report.engines import known_findings
 from consilience.report.figure3d import figure_of
 from consilience.report.html import fragments, render_html, render_replay
@@ -22,8 +28,6 @@ from consilience.report.replay import motion_alone, replay_of, replays
 from consilience.report.replayschema import NAME, read_replay
 from consilience.report.scene import figure_of_scene, scene
 from consilience.report.view import page
-from consilience.run import EngineInfo, Method, Profile, Question, Route, Run, Status, TrajectoryAnswer
-from consilience.spatial import quaternion_from_rotation_vector, quaternion_product, rotation_from_quaternion
 from consilience.suite import Results
 from mechanisms import chain, states_of
 

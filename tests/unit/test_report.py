@@ -10,10 +10,11 @@ from html.parser import HTMLParser
 import plotly.graph_objects as go
 import pytest
 
+from consilience.case import load_case
 from consilience.compare import Comparison, Verdict
 from consilience.compare.rules import RULES
+from consilience.engine import Profile, Question, Route
 from consilience.errors import InvalidInput
-from consilience.library import load_case
 from consilience.report import wording
 from consilience.report.cases import unwrapped
 from consilience.report.html import OF_CASE, packed, render_html
@@ -24,7 +25,6 @@ from consilience.report.record import Record, exit_code, lines
 from consilience.report.selection import levels_of, method_of, probes_of
 from consilience.report.summary import legend, matrix
 from consilience.report.view import page
-from consilience.run import Profile, Question, Route
 from consilience.suite import Results
 
 HOSTILE = '<script>alert(1)</script> | `x` & "y" [a](b)'

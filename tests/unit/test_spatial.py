@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from consilience.spatial import (
+from consilience.mechanism import (
     continuous_in_time,
     cross,
     elementary_rotation,

@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from consilience.library import load_case
+from consilience.case import load_case
 from consilience.suite import simulate_case
 
 HEAVY = {"numpy", "scipy", "numba", "plotly"}
@@ -22,7 +22,7 @@ def run(code, cwd):
 @pytest.mark.parametrize("arguments", [[], ["--help"], ["simulate", "--help"]], ids=["import", "help", "simulate help"])
 def test_the_command_line_starts_without_numpy(arguments, tmp_path):
     call = f"sys.argv[1:] = {arguments}\ntry:\n    main()\nexcept SystemExit:\n    pass" if arguments else ""
-    code = f"import sys\nfrom consilience.cli import main\n{call}\nprint('loaded', {HEAVY} & set(sys.modules))"
+    code = f"import sys\nfrom consilience.cli.main import main\n{call}\nprint('loaded', {HEAVY} & set(sys.modules))"
     assert run(code, tmp_path).stdout.splitlines()[-1] == "loaded set()"
 
 
@@ -35,7 +35,7 @@ def test_hyphens_and_underscores_of_a_name_are_the_same(name, case):
 
 def test_simulate_needs_a_case_alone_and_starts_no_process(tmp_path):
     code = (
-        "import os, sys\nbefore = os.getpid()\nfrom consilience.cli import main\n"
+        "import os, sys\nbefore = os.getpid()\nfrom consilience.cli.main import main\n"
         "import multiprocessing.process as processes\n"
         "def refuse(self): raise SystemExit('a process was started')\n"
         "processes.BaseProcess.start = refuse\n"

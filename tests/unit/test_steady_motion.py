@@ -6,16 +6,22 @@ import numpy as np
 import pytest
 import scipy.optimize
 
-from consilience.assembly import Initial, initial_state
 from consilience.errors import InvalidInput
-from consilience.kinematics import constraint_jacobian
-from consilience.mechanism import GROUND, Body, Frame, Joint, JointSpring, Mechanism
-from consilience.reference.analyses import linearise, static_equilibrium
-from consilience.reference.analyses.steady_motion import NotSteady, linearise_steady_motion
-from consilience.spatial import (
+from consilience.mechanism import (
+    GROUND,
+    Body,
+    Frame,
+    Initial,
+    Joint,
+    JointSpring,
+    Mechanism,
+    constraint_jacobian,
     elementary_rotation,
+    initial_state,
     rotation_with_z_axis,
 )
+from consilience.reference.analyses import linearise, static_equilibrium
+from consilience.reference.analyses.steady_motion import NotSteady, linearise_steady_motion
 from mechanisms import ELEMENTS, LOOPS, chain, drawn_joint, lumpy_body, rotation, states_of
 
 ORIGIN = Frame(np.zeros(3), np.eye(3))

@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
+from consilience.case import load_case
 from consilience.errors import InvalidInput, NumericalFailure
-from consilience.kinematics import constraint_jacobian, constraint_rates, constraint_residual
-from consilience.library import load_case
+from consilience.mechanism import constraint_jacobian, constraint_rates, constraint_residual
 from consilience.reference import simulate
-from consilience.reference.canonical import canonical_motion
-from consilience.reference.relative.packing import pack_by
-from consilience.reference.relative.series import MOST
-from consilience.reference.relative.series_rows import LINE, LOCK, PIN
-from consilience.reference.relative.solver import _prepared
-from consilience.reference.relative.taylor import integrate_taylor, order_of
+from consilience.reference.bodies.canonical import canonical_motion
+from consilience.reference.tree.solver import _prepared
+from consilience.reference.tree.state import pack_by
+from consilience.reference.tree.taylor import integrate_taylor, order_of
+from consilience.reference.tree.taylor_rows import LINE, LOCK, PIN
+from consilience.reference.tree.taylor_series import MOST
 from flat import PLANAR
 from mechanisms import states_of
 

@@ -3,9 +3,14 @@
 import numpy as np
 import pytest
 
-from consilience.kinematics import constraint_jacobian, constraint_residual
-from consilience.spatial import elementary_rotation, rotation_from_quaternion
-from consilience.tree import coordinates, lower
+from consilience.mechanism import (
+    constraint_jacobian,
+    constraint_residual,
+    coordinates,
+    elementary_rotation,
+    lower,
+    rotation_from_quaternion,
+)
 from mechanisms import LOOPS, TREES, states_of
 
 ALL = TREES | LOOPS

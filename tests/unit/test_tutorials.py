@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from consilience.reference.integrators.adaptive import METHODS
-from consilience.reference.relative.solver import INTEGRATORS
+from consilience.reference.tree.solver import INTEGRATORS
 
 TUTORIALS = Path(__file__).parents[2] / "docs" / "tutorials"
 NAMES = ("intro", "exu", "c4", "attia", "mass")

@@ -5,14 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from consilience.assembly import displaced_states, initial_state
+from consilience.audit.coverage import Skipped, Trial, coverage, exit_code, table
 from consilience.compare.horizon import PERTURBATION, growth, judged_samples
 from consilience.compare.motion import OBSERVABLES, Scales, difference_over_time
 from consilience.compare.uncertainty import band, estimates, finest_order, needs_another_level, settled
-from consilience.coverage import Skipped, Trial, coverage, exit_code, table
-from consilience.kinematics import constraint_jacobian, constraint_rates, constraint_residual
+from consilience.engine import Method, Route
+from consilience.mechanism import (
+    constraint_jacobian,
+    constraint_rates,
+    constraint_residual,
+    displaced_states,
+    initial_state,
+)
 from consilience.reference import simulate
-from consilience.run import Method, Route
 from mechanisms import LOOPS, TREES, states_of
 from situations import MECHANISM, SHAPE, SIZE, TIMES, TRUE, motion
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 import typer
 
-from consilience.assembly import initial_state
-from consilience.casefile import cases_from_tables, load_file
-from consilience.families import family_cases
-from consilience.formats import Format
-from consilience.newcase import starter_text
+from consilience.case.families import family_cases
+from consilience.case.file.reader import cases_from_tables, load_file
+from consilience.cli.commands.new import starter_text
+from consilience.cli.commands.validate import examine, load_all, text, validate, validate_cases
+from consilience.cli.formats import Format
+from consilience.mechanism import initial_state
 from consilience.report.anatomy import anatomy, expected_lines, fastest, listed, warnings
-from consilience.validate import examine, load_all, text, validate, validate_cases
 
 PLUGINS = Path(__file__).parents[1] / "harness" / "plugins"
 

@@ -6,9 +6,9 @@ from dataclasses import replace
 import pytest
 from typer import Exit
 
-from consilience import values
-from consilience.formats import Format
-from consilience.library import load_case
+from consilience.case import load_case
+from consilience.cli.commands import values
+from consilience.cli.formats import Format
 
 
 def test_a_value_that_is_missed_is_marked_and_ends_with_one(monkeypatch, tmp_path):

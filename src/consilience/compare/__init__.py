@@ -4,13 +4,7 @@ from __future__ import annotations
 
 from consilience.compare.instant import compare_instant, compare_model
 from consilience.compare.result import Comparison, Level, Quantity, Verdict
-from consilience.compare.trajectory import (
-    Prospect,
-    Yardstick,
-    compare_trajectory,
-    reference_spread,
-    spread_over_time,
-)
+from consilience.compare.trajectory import Prospect, Yardstick, compare_trajectory, reference_spread, spread_over_time
 
 __all__ = [
     "Comparison",

@@ -20,9 +20,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from consilience.compare.motion import difference_over_time, size_of_motion
-from consilience.mechanism import Mechanism
-from consilience.run import TrajectoryAnswer
-from consilience.spatial import Array
+from consilience.engine import TrajectoryAnswer
+from consilience.mechanism import Array, Mechanism
 
 PERTURBATION = 1e-8
 """Displacement in m and rad, velocity in m/s and rad/s: far above the errors of the reference, far below `LINEAR`."""

@@ -12,7 +12,7 @@ inertia of the whole                  1e-12
 
 Those of accelerations and reactions are for well-conditioned equations. At each state they grow by the factor
 ``1 + 4 eps kappa / 1e-11``, kappa the largest condition number of the equations at hand, in whichever way they are
-solved (`consilience.conditioning`).
+solved (`consilience.mechanism.conditioning`).
 
 Accelerations and reactions are compared state by state. Where the whole vector is small (a rod without load at the
 moment of release, a mechanism near equilibrium), a relative difference would be rounding over rounding: it is taken
@@ -33,11 +33,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from consilience.compare.result import Comparison, Quantity, Verdict, digits_of
 from consilience.compare.softness import SCALES, Softness, of_accelerations
-from consilience.conditioning import magnification
-from consilience.mechanism import Mechanism, State
-from consilience.observe import centres_of_mass, determinate_reactions, reach
-from consilience.run import InstantAnswer, Method, ModelAnswer, Question, Route
-from consilience.spatial import Array
+from consilience.engine import InstantAnswer, Method, ModelAnswer, Question, Route
+from consilience.mechanism import Array, Mechanism, State, centres_of_mass, determinate_reactions, magnification, reach
 
 EPS = float(np.finfo(float).eps)
 EXACT = 1e-12

@@ -12,12 +12,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from consilience.energies import energies_over_time
-from consilience.kinematics import constraint_residual, count_turns
-from consilience.mechanism import Mechanism, State
-from consilience.observe import reach
-from consilience.run import TrajectoryAnswer
-from consilience.spatial import Array, rotation_angle_between
+from consilience.compare.energies import energies_over_time
+from consilience.engine import TrajectoryAnswer
+from consilience.mechanism import (
+    Array,
+    Mechanism,
+    State,
+    constraint_residual,
+    count_turns,
+    reach,
+    rotation_angle_between,
+)
 
 KEPT_SAMPLES = 101
 """Samples of a plot, and of the observers that are costly."""

@@ -10,13 +10,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from consilience.case import Published, read_motion, read_start, scale_of
 from consilience.compare.instant import Bars, Instants
 from consilience.compare.motion import Scales
 from consilience.compare.result import Quantity
-from consilience.mechanism import Mechanism
-from consilience.published import Published, read_motion, read_start, scale_of
-from consilience.run import InstantAnswer, TrajectoryAnswer
-from consilience.spatial import Array
+from consilience.engine import InstantAnswer, TrajectoryAnswer
+from consilience.mechanism import Array, Mechanism
 
 
 def against_published(

@@ -9,7 +9,7 @@ import numpy as np
 
 from consilience.compare.softness import Softness
 from consilience.compare.uncertainty import Estimate
-from consilience.run import Profile, Question, Route
+from consilience.engine import Profile, Question, Route
 
 
 class Verdict(StrEnum):

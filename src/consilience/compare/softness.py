@@ -18,8 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from consilience.compare.motion import Scales, difference_over_time, extrapolated
-from consilience.run import InstantAnswer, Profile, TrajectoryAnswer
-from consilience.spatial import Array
+from consilience.engine import InstantAnswer, Profile, TrajectoryAnswer
+from consilience.mechanism import Array
 
 SCALES: dict[Profile, tuple[float, ...]] = {Profile.MATCHED: (2.0, 4.0), Profile.DEFAULT: (0.01, 0.005, 0.0025)}
 """Softness asked besides that of the method, which is one. Three make a ladder: the hardest of all answers."""

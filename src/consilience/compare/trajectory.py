@@ -30,9 +30,8 @@ from consilience.compare.motion import (
 )
 from consilience.compare.result import Comparison, Level, Verdict, digits_of
 from consilience.compare.rules import Evidence, decide
-from consilience.mechanism import Mechanism
-from consilience.run import Question, Run, TrajectoryAnswer
-from consilience.spatial import Array
+from consilience.engine import Question, Run, TrajectoryAnswer
+from consilience.mechanism import Array, Mechanism
 
 RESIDUAL_SAMPLES = 21
 

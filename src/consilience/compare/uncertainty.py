@@ -33,8 +33,8 @@ from itertools import pairwise
 import numpy as np
 
 from consilience.compare.motion import OBSERVABLES, Scales, difference_over_time, extrapolated
-from consilience.run import Method, TrajectoryAnswer
-from consilience.spatial import Array
+from consilience.engine import Method, TrajectoryAnswer
+from consilience.mechanism import Array
 
 WINDOW = 0.5
 """Distance of the observed order from the declared one up to which levels count as asymptotic: halfway to the next."""

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from consilience.asking import Effort, ask_case
 from consilience.case import Case
 from consilience.compare import Comparison
+from consilience.compare.judge import REFERENCE, judge_case, yardstick
+from consilience.engine import EngineInfo, Profile, Question, Run
+from consilience.engine.worker.client import Request, Worker
 from consilience.errors import ConsilienceError
-from consilience.judge import REFERENCE, judge_case, yardstick
-from consilience.outputs.digest import CODES
+from consilience.report.exports.digest import CODES
 from consilience.report.wording import RANK
-from consilience.run import EngineInfo, Profile, Question, Run
-from consilience.worker import Request, Worker
+from consilience.suite import Effort, ask_case
 
 
 class EngineMissing(ConsilienceError):

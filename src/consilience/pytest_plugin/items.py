@@ -14,13 +14,13 @@ from typing import Any
 import pytest
 
 from consilience.case import Case
-from consilience.casefile import load_file
+from consilience.case.file.reader import load_file
 from consilience.compare import Verdict
+from consilience.engine import Question
 from consilience.errors import ConsilienceError
 from consilience.pytest_plugin.interview import Finding
 from consilience.pytest_plugin.setting import Setting
 from consilience.pytest_plugin.wording import evidence
-from consilience.run import Question
 
 _BODY = re.compile(r"^\s*\[\[body\]\]", re.MULTILINE)
 

@@ -14,9 +14,9 @@ from pathlib import Path
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 from consilience.compare import Verdict
+from consilience.engine import Question
 from consilience.errors import InvalidInput
-from consilience.outputs.digest import CODES
-from consilience.run import Question
+from consilience.report.exports.digest import CODES
 
 _REMEDY = "Entries are tables [[known]] with case, engine, question and reason, and if need be verdict."
 

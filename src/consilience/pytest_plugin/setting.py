@@ -8,13 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from consilience.asking import FULL, QUICK
 from consilience.case import Case
-from consilience.engine import require_installed
+from consilience.engine import Question, require_installed
 from consilience.errors import InvalidInput
 from consilience.pytest_plugin.interview import Interview
 from consilience.pytest_plugin.known import Known, read_known
-from consilience.run import Question
+from consilience.suite import FULL, QUICK
 
 EFFORTS = {"quick": QUICK, "full": FULL}
 

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 from consilience.case import Case
 from consilience.compare import Comparison
+from consilience.engine import Status
 from consilience.pytest_plugin.interview import Finding
 from consilience.report.wording import CAUSES, CAUSES_BY_VERDICT, digits_text, number, order_text
-from consilience.run import Status
 
 
 def evidence(found: Finding, case: Case, again: tuple[str, str]) -> str:

@@ -8,9 +8,9 @@ call in a fresh installation compiles the kernels (a minute or two); later proce
 from __future__ import annotations
 
 from consilience.errors import NumericalFailure
-from consilience.reference.registry import FORMULATIONS, SYSTEMS, formulation, unsupported
-from consilience.reference.relative.forward import ForwardDynamics
+from consilience.reference.formulations.registry import FORMULATIONS, SYSTEMS, formulation, unsupported
 from consilience.reference.solver import accelerations, simulate
+from consilience.reference.tree.forward_dynamics import ForwardDynamics
 
 __all__ = [
     "FORMULATIONS",

@@ -8,14 +8,7 @@ from importlib.metadata import version
 
 import numpy as np
 
-from consilience.errors import NumericalFailure
-from consilience.kinematics import free_directions
-from consilience.mechanism import Mechanism, State
-from consilience.observe import mass_properties
-from consilience.reference import registry
-from consilience.reference.impacts import contact_motion, simulate_with_impacts
-from consilience.reference.solver import accelerations, simulate
-from consilience.run import (
+from consilience.engine import (
     EngineInfo,
     InstantAnswer,
     Manifest,
@@ -26,7 +19,11 @@ from consilience.run import (
     TrajectoryAnswer,
     Unsupported,
 )
-from consilience.spatial import Array
+from consilience.errors import NumericalFailure
+from consilience.mechanism import Array, Mechanism, State, free_directions, mass_properties
+from consilience.reference.formulations import registry
+from consilience.reference.impacts import contact_motion, simulate_with_impacts
+from consilience.reference.solver import accelerations, simulate
 
 _INSTANTS = ("descriptor", "null_space")
 """Formulations of the reference as the harness asks it for accelerations and reactions."""

@@ -6,19 +6,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from consilience.engine import InstantAnswer, TrajectoryAnswer
 from consilience.errors import InvalidInput, NumericalFailure
-from consilience.mechanism import Mechanism, State
-from consilience.observe import kinetic_energy, potential_energy
-from consilience.reference import dynamics, registry
-from consilience.reference.canonical import canonical_motion
-from consilience.reference.forces import remember
-from consilience.reference.formulations.kernels import Forces, KernelFormulation, kernel_names
-from consilience.reference.integrators import dop853
-from consilience.reference.model import Model, flatten, pack
-from consilience.reference.relative.solver import INTEGRATORS, simulate_relative
-from consilience.reference.workspace import Workspace, workspace
-from consilience.run import InstantAnswer, TrajectoryAnswer
-from consilience.spatial import Array, continuous_in_time
+from consilience.mechanism import Array, Mechanism, State, continuous_in_time, kinetic_energy, potential_energy
+from consilience.reference.bodies.arrays import Model, flatten, pack
+from consilience.reference.bodies.canonical import canonical_motion
+from consilience.reference.bodies.forces import remember
+from consilience.reference.bodies.workspace import Workspace, workspace
+from consilience.reference.formulations import compiled_choice, compiled_dop853, registry
+from consilience.reference.formulations.body_velocities import Forces, KernelFormulation, kernel_names
+from consilience.reference.integrators.step_control import STATUS
+from consilience.reference.tree.solver import INTEGRATORS, simulate_relative
 
 
 def _memory(model: Model, y: Array, ws: Workspace) -> Array:
@@ -43,7 +41,7 @@ def simulate(
     ----------
     mechanism : Mechanism
     state : State
-        Consistent state at ``times[0]`` (see `consilience.assembly`).
+        Consistent state at ``times[0]`` (see `consilience.mechanism.assembly`).
     times : ndarray, shape (n_t,), s
         Increasing sample times.
     tolerance : float
@@ -84,7 +82,7 @@ def simulate(
     if forces is None and formulation == "relative" and (integrator is None or integrator in INTEGRATORS):
         return simulate_relative(mechanism, state, times, tolerance, integrator)
     integrator = integrator or "dop853"
-    if forces is None and integrator == "dop853" and formulation in dynamics.FORMULATIONS:
+    if forces is None and integrator == "dop853" and formulation in compiled_choice.FORMULATIONS:
         return _compiled(mechanism, state, times, tolerance, formulation)
     from consilience.reference.integrators.adaptive import integrate  # noqa: PLC0415 - SciPy takes long to import
 
@@ -117,11 +115,11 @@ def _compiled(mechanism: Mechanism, state: State, times: Array, tolerance: float
     ws, y = workspace(model), pack(mechanism, state)
     motion = np.empty((len(times), *y.shape))
     counters = np.zeros(3, dtype=np.int64)
-    number, memory = dynamics.FORMULATIONS[formulation], _memory(model, y, ws)
-    scratch = dop853.scratch_of(model, y)
-    status = dop853.integrate(number, model, y, times, float(tolerance), memory, ws, motion, counters, scratch)
+    number, memory = compiled_choice.FORMULATIONS[formulation], _memory(model, y, ws)
+    scratch = compiled_dop853.scratch_of(model, y)
+    status = compiled_dop853.integrate(number, model, y, times, float(tolerance), memory, ws, motion, counters, scratch)
     if status:
-        raise NumericalFailure(f"reference, {formulation}, tolerance {tolerance:g}: {dop853.STATUS[status]}")
+        raise NumericalFailure(f"reference, {formulation}, tolerance {tolerance:g}: {STATUS[status]}")
     p, quat, v, w = canonical_motion(np.array([b.com for b in mechanism.bodies]), motion)
     names = ("steps", "rejected", "evaluations")
     counts: dict[str, int | float] = dict(zip(names, counters.tolist(), strict=True))
@@ -134,7 +132,7 @@ def accelerations(
     """Accelerations, reactions and energies at consistent states, drives and loads at the time t.
 
     Reactions are of least norm where dependent constraints leave them open
-    (`consilience.observe.determinate_reactions` says which components are determined), and None where a formulation
+    (`consilience.mechanism.determinate_reactions` says which components are determined), and None where a formulation
     eliminates them.
 
     Raises

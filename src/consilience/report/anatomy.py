@@ -1,6 +1,6 @@
 """What can be said of a case before anybody is asked: freedom, redundant rows, open reactions, features, doubts.
 
-Rows are those of `consilience.kinematics`. A row is redundant where it takes part in a dependency among rows: which of
+Rows are those of `mechanism.constraints`. A row is redundant where it takes part in a dependency among rows: which of
 them is one too many is a matter of choice, so all that take part are named, with the number of dependencies.
 """
 
@@ -11,18 +11,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from consilience.case import Case
-from consilience.kinematics import RANK_TOLERANCE, constraint_jacobian, constraint_residual, joint_frames
-from consilience.mechanism import GROUND, Mechanism, State
-from consilience.observe import (
+from consilience.case import Case, Published
+from consilience.case.published import OF_A_JOINT
+from consilience.mechanism import (
+    GROUND,
+    RANK_TOLERANCE,
+    Array,
+    Mechanism,
+    State,
     body_point,
     centres_of_mass,
+    constraint_jacobian,
+    constraint_residual,
     determinate_reactions,
+    joint_frames,
     reach,
     world_inertias,
 )
-from consilience.published import OF_A_JOINT, Published
-from consilience.spatial import Array
 
 COMPONENTS = ("force x", "force y", "force z", "torque x", "torque y", "torque z")
 

@@ -9,6 +9,7 @@ from typing import Any
 
 from consilience.compare import Verdict
 from consilience.compare.rules import RULES
+from consilience.engine import Profile
 from consilience.report.facts import Entry, facts_of, horizon_text, softness_facts
 from consilience.report.selection import judged_largest, levels_of, method_of, probes_of, softness_of
 from consilience.report.wording import (
@@ -29,7 +30,6 @@ from consilience.report.wording import (
     step_name,
     step_text,
 )
-from consilience.run import Profile
 
 CONDITIONS = {rule.name: rule.when.replace("`", "") for rule in RULES}
 

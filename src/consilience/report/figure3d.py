@@ -8,10 +8,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from consilience.kinematics import joint_frames
-from consilience.mechanism import GROUND, Joint, Mechanism, State
-from consilience.observe import body_point, centres_of_mass
-from consilience.spatial import Array, rotation_from_quaternion, rotation_with_z_axis
+from consilience.mechanism import (
+    GROUND,
+    Array,
+    Joint,
+    Mechanism,
+    State,
+    body_point,
+    centres_of_mass,
+    joint_frames,
+    rotation_from_quaternion,
+    rotation_with_z_axis,
+)
 
 BODY_MARKS = string.digits[1:] + string.ascii_lowercase
 JOINT_MARKS = string.ascii_uppercase

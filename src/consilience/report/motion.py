@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from consilience.run import TrajectoryAnswer
-from consilience.spatial import Array, continuous_in_time, quaternion_product
+from consilience.engine import TrajectoryAnswer
+from consilience.mechanism import Array, continuous_in_time, quaternion_product
 
 FRAMES = 61
 """Frames of a replay at most."""

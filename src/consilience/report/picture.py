@@ -15,10 +15,9 @@ from typing import Any
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 
-from consilience.mechanism import Mechanism, State
+from consilience.mechanism import Array, Mechanism, State
 from consilience.report.figure import COLOURS
 from consilience.report.figure3d import Figure3D, Mark, figure_of, upright
-from consilience.spatial import Array
 
 WIDTH, HEIGHT, MARGIN = 460.0, 380.0, 46.0
 """Of one view, and what it leaves free, in pixels."""

@@ -11,13 +11,25 @@ from dataclasses import replace
 
 import numpy as np
 
-from consilience.harness import solve_constrained
-from consilience.identities.forces import applied_wrenches
-from consilience.kinematics import Angles, constraint_gamma, constraint_jacobian, constraint_residual, count_turns
-from consilience.mechanism import Mechanism, State
-from consilience.observe import centres_of_mass, determinate_reactions, mass_matrix, reaction_map, world_inertias
-from consilience.run import TrajectoryAnswer
-from consilience.spatial import Array, cross, skew
+from consilience.engine import TrajectoryAnswer, solve_constrained
+from consilience.mechanism import (
+    Angles,
+    Array,
+    Mechanism,
+    State,
+    applied_wrenches,
+    centres_of_mass,
+    constraint_gamma,
+    constraint_jacobian,
+    constraint_residual,
+    count_turns,
+    cross,
+    determinate_reactions,
+    mass_matrix,
+    reaction_map,
+    skew,
+    world_inertias,
+)
 
 LARGEST = 12
 """Bodies up to which reactions are plotted: beyond, the dense solution takes too long for what a plot can show."""

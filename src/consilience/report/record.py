@@ -22,17 +22,16 @@ from typing import Any
 import numpy as np
 from pydantic_core import from_json
 
-from consilience.asking import QUICK
 from consilience.case import Case
+from consilience.case.bounded_reading import bounded_text
 from consilience.compare import Verdict
+from consilience.engine import Profile, Question, Run, TrajectoryAnswer
 from consilience.errors import InvalidInput
-from consilience.observe import determinate_reactions
-from consilience.reading import bounded_text
+from consilience.mechanism import determinate_reactions
 from consilience.report.recordschema import FORMAT, checked, contradictions
 from consilience.report.replay import replays
 from consilience.report.replayschema import NAME
-from consilience.run import Profile, Question, Run, TrajectoryAnswer
-from consilience.suite import Results
+from consilience.suite import QUICK, Results
 
 LARGEST_FILE = 500_000_000
 """Size of a record that is read, in bytes at most; one of the whole library has a few million."""

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 
 from consilience.compare import Verdict
-from consilience.run import Profile, Question, Route, Status
+from consilience.engine import Profile, Question, Route, Status
 
 FORMAT = 2
 

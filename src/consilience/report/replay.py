@@ -13,13 +13,12 @@ from typing import Any
 import numpy as np
 
 from consilience.case import Case
-from consilience.mechanism import Mechanism
+from consilience.engine import Profile, Run, TrajectoryAnswer
+from consilience.mechanism import Array, Mechanism
 from consilience.report.motion import Encoded, chosen_samples, encoded_difference, encoded_poses
 from consilience.report.reactions import can_be_told, drift_over_time, reactions_over_time
 from consilience.report.replayschema import FORMAT
 from consilience.report.scene import Scene, scene
-from consilience.run import Profile, Run, TrajectoryAnswer
-from consilience.spatial import Array
 
 REFERENCE = "reference"
 PLOTTED = 31

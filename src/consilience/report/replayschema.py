@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 
+from consilience.case.bounded_reading import bounded_text
 from consilience.errors import InvalidInput
-from consilience.reading import bounded_text
 
 FORMAT = 1
 NAME = "replay.json"

@@ -10,10 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from consilience.mechanism import Mechanism, State
-from consilience.observe import body_point
+from consilience.mechanism import Array, Mechanism, State, body_point, rotation_from_quaternion
 from consilience.report.figure3d import Figure3D, Line, Mark, figure_of, index_of
-from consilience.spatial import Array, rotation_from_quaternion
 
 Scene = dict[str, Any]
 """JSON of a scene; `recordschema`'s counterpart is `replay.SceneTable`."""

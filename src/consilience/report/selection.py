@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from consilience.run import Profile
+from consilience.engine import Profile
 
 
 def is_matched(comparison: dict[str, Any]) -> bool:

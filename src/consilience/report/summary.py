@@ -8,8 +8,17 @@ import numpy as np
 
 from consilience.case import Case
 from consilience.compare import Verdict
-from consilience.kinematics import constraint_residual, joint_coordinates, relative_motion
-from consilience.mechanism import Joint, JointSpring, Load, Mechanism, Spring, State
+from consilience.mechanism import (
+    Joint,
+    JointSpring,
+    Load,
+    Mechanism,
+    Spring,
+    State,
+    constraint_residual,
+    joint_coordinates,
+    relative_motion,
+)
 from consilience.report.anatomy import anatomy, expected_lines, listed
 from consilience.report.record import Record
 from consilience.report.selection import is_matched

@@ -8,9 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from consilience.mechanism import GROUND, Mechanism, State
+from consilience.mechanism import GROUND, Array, Mechanism, State
 from consilience.report.figure3d import Figure3D, figure_of, widest_view
-from consilience.spatial import Array
 
 COLUMNS, ROWS = 76, 28
 MARGIN = 2

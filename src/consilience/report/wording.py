@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from consilience.compare import Verdict
-from consilience.run import Profile, Question, Route
+from consilience.engine import Profile, Question, Route
 
 DASH = "\N{EM DASH}"
 

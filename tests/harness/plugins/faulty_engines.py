@@ -13,7 +13,7 @@ import numpy as np
 from honest_engine import HonestEngine
 from wild_engines import ATTACKS
 
-from consilience.run import Question, Unsupported
+from consilience.engine import Question, Unsupported
 
 resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # what crashes here on purpose leaves no core file behind
 

@@ -1,7 +1,7 @@
 """An engine that borrows the reference's answers: right in all it says, under a name of its own."""
 
+from consilience.engine import EngineInfo, Method, Question, Route
 from consilience.reference.engine import ReferenceEngine
-from consilience.run import EngineInfo, Method, Question, Route
 
 
 class HonestEngine(ReferenceEngine):

@@ -9,10 +9,8 @@ from functools import partial
 import numpy as np
 from honest_engine import HonestEngine
 
-from consilience.kinematics import joint_frames
-from consilience.mechanism import GROUND, Body, Frame, Load, State
-from consilience.run import Question
-from consilience.spatial import rotation_from_quaternion, skew
+from consilience.engine import Question
+from consilience.mechanism import GROUND, Body, Frame, Load, State, joint_frames, rotation_from_quaternion, skew
 
 
 class MutantEngine(HonestEngine):

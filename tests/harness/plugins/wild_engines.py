@@ -13,8 +13,17 @@ from pathlib import Path
 
 import numpy as np
 
-from consilience.run import EngineInfo, InstantAnswer, Manifest, Method, ModelAnswer, Question, Route, TrajectoryAnswer
-from consilience.workers import frames
+from consilience.engine import (
+    EngineInfo,
+    InstantAnswer,
+    Manifest,
+    Method,
+    ModelAnswer,
+    Question,
+    Route,
+    TrajectoryAnswer,
+)
+from consilience.engine.worker import wire
 
 
 class ZeroEngine:
@@ -73,7 +82,7 @@ def _wire():
 
 
 def _half_a_frame():
-    _wire().sendall(frames.pack({"kind": "reply"}, [np.zeros(1000)])[:4000])
+    _wire().sendall(wire.pack({"kind": "reply"}, [np.zeros(1000)])[:4000])
 
 
 def _crash(*_):
@@ -81,7 +90,7 @@ def _crash(*_):
 
 
 def _reply(number):
-    return frames.pack({"kind": "reply", "reason": "", "strays": False, "value": None}, job=number)
+    return wire.pack({"kind": "reply", "reason": "", "strays": False, "value": None}, job=number)
 
 
 def _eat():
@@ -141,13 +150,11 @@ ATTACKS = {
     "asks_for_too_much": lambda: np.ones(2**46),
     "floods": _print_without_end,
     "writes_garbage": lambda: _wire().sendall(b"Segmentation fault (core dumped)\n" * 100),
-    "writes_text_frame": lambda: _wire().sendall(frames.pack({"kind": "job", "value": [1, 2]})),
+    "writes_text_frame": lambda: _wire().sendall(wire.pack({"kind": "job", "value": [1, 2]})),
     "half_a_frame_and_dies": lambda: _both(_half_a_frame, _crash),
     "half_a_frame_and_hangs": lambda: _both(_half_a_frame, lambda: time.sleep(10_000)),
-    "announces_too_much": lambda: _wire().sendall(
-        frames.PREFIX.pack(frames.MAGIC, frames.VERSION, 2**32 - 1, 2**60, 4, 0.0)
-    ),
-    "other_version": lambda: _wire().sendall(frames.PREFIX.pack(frames.MAGIC, 99, 10, 0, 4, 0.0)),
+    "announces_too_much": lambda: _wire().sendall(wire.PREFIX.pack(wire.MAGIC, wire.VERSION, 2**32 - 1, 2**60, 4, 0.0)),
+    "other_version": lambda: _wire().sendall(wire.PREFIX.pack(wire.MAGIC, 99, 10, 0, 4, 0.0)),
     "wrong_job": lambda: _wire().sendall(_reply(123_456)),
     "answers_twice": lambda: _both(lambda: _wire().sendall(_reply(4)), lambda: _wire().sendall(_reply(4))),
     "closes_its_pipe": _close_everything,

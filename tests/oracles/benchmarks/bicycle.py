@@ -12,11 +12,19 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import brentq
 
-from consilience.functions import constant
-from consilience.kinematics import free_directions
-from consilience.mechanism import GROUND, JointSpring, Load, Rolling, State
+from consilience.mechanism import (
+    GROUND,
+    JointSpring,
+    Load,
+    Rolling,
+    State,
+    constant,
+    free_directions,
+    quaternion_from_rotation,
+    quaternion_from_rotation_vector,
+    rotation_from_quaternion,
+)
 from consilience.reference import accelerations
-from consilience.spatial import quaternion_from_rotation, quaternion_from_rotation_vector, rotation_from_quaternion
 from oracles.benchmarks.build import X, Y, Z, body, mechanism
 
 G, WHEELBASE, TRAIL, TILT = 9.81, 1.02, 0.08, np.pi / 10

@@ -5,8 +5,7 @@ Five rods of 1 m and 1 kg, square section 0.1 m, between the points below; the a
 
 import numpy as np
 
-from consilience.mechanism import GROUND
-from consilience.spatial import elementary_rotation
+from consilience.mechanism import GROUND, elementary_rotation
 from oracles.benchmarks.build import Y, mechanism, thin_rod
 from oracles.benchmarks.reduced import Reduced
 

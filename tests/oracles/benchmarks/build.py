@@ -4,10 +4,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from consilience.assembly import Initial, initial_state
-from consilience.mechanism import GROUND, Body, Frame, JointSpring, Mechanism, State
+from consilience.mechanism import (
+    GROUND,
+    Body,
+    Frame,
+    Initial,
+    JointSpring,
+    Mechanism,
+    State,
+    initial_state,
+    quaternion_from_rotation,
+    rotation_from_quaternion,
+    rotation_with_z_axis,
+)
 from consilience.reference import simulate
-from consilience.spatial import quaternion_from_rotation, rotation_from_quaternion, rotation_with_z_axis
 from mechanisms import drawn_joint, rotation
 
 X, Y, Z = np.eye(3)

@@ -10,8 +10,7 @@ origin across the wheels' axle:
 
 import numpy as np
 
-from consilience.functions import Function, sine
-from consilience.mechanism import GROUND, Drive, Spring
+from consilience.mechanism import GROUND, Drive, Function, Spring, sine
 from oracles.benchmarks.build import X, Y, Z, body, mechanism, started
 
 LENGTH, FREE, AMPLITUDE, FREQUENCY, GRAVITY = 1.0, 0.5, 0.1, 10.0, 1.0

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from consilience.mechanism import GROUND, JointSpring, Spring
-from consilience.spatial import quaternion_from_rotation_vector, rotation_from_quaternion
+from consilience.mechanism import GROUND, JointSpring, Spring, quaternion_from_rotation_vector, rotation_from_quaternion
 from oracles.benchmarks.build import X, Y, Z, body, mechanism
 from oracles.closed_forms.pendulum import Pendulum
 from oracles.integrate import integrate

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from consilience.spatial import quaternion_from_rotation, rotation_angle_between
+from consilience.mechanism import quaternion_from_rotation, rotation_angle_between
 
 BAR = 1e-10
 

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from consilience.mechanism import GROUND, Body, Frame, Joint, Mechanism
-from consilience.spatial import elementary_rotation
+from consilience.mechanism import GROUND, Body, Frame, Joint, Mechanism, elementary_rotation
 from oracles.benchmarks.build import Z
 
 MASSES = (5.76, 6.35, 3.5, 3.5, 3.5, 1.8, 1.2)

@@ -6,8 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from consilience.case import Case
-from consilience.published import Published
+from consilience.case import Case, Published
 
 Origin = Callable[[Case, Sequence[Published]], np.ndarray]
 """Values of a case in the order asked."""

@@ -7,7 +7,7 @@ used. Only what a formula needs is read from the case: masses, drawing, initial 
 import numpy as np
 from scipy.linalg import eigh
 
-from consilience.spatial import rotation_from_quaternion
+from consilience.mechanism import rotation_from_quaternion
 from oracles.closed_forms.free_body import Asymmetric, symmetric
 from oracles.closed_forms.oscillator import oscillator
 from oracles.closed_forms.pendulum import Pendulum

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.special import ellipj, ellipk
 
-from consilience.spatial import rotation_from_quaternion
+from consilience.mechanism import rotation_from_quaternion
 
 
 def _bouncing(case, t):

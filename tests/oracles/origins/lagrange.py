@@ -14,10 +14,10 @@ from dataclasses import dataclass, field
 import casadi as ca
 import numpy as np
 
-from consilience.mechanism import GROUND
-from consilience.published import JOINT_AT_START, read_motion, read_start
-from consilience.run import InstantAnswer, TrajectoryAnswer
-from consilience.spatial import quaternion_from_rotation, rotation_from_quaternion, rotation_with_z_axis
+from consilience.case import read_motion, read_start
+from consilience.case.published import JOINT_AT_START
+from consilience.engine import InstantAnswer, TrajectoryAnswer
+from consilience.mechanism import GROUND, quaternion_from_rotation, rotation_from_quaternion, rotation_with_z_axis
 from oracles.integrate import integrate
 from oracles.planar import drawn_frame
 

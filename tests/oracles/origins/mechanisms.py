@@ -4,7 +4,7 @@ import numpy as np
 from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 
-from consilience.spatial import elementary_rotation
+from consilience.mechanism import elementary_rotation
 from oracles.benchmarks import iiwa
 from oracles.origins import newton_euler
 from oracles.origins.planar_newton import planar

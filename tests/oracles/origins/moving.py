@@ -4,9 +4,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from consilience.published import read_motion
-from consilience.run import TrajectoryAnswer
-from consilience.spatial import quaternion_from_rotation, quaternion_from_rotation_vector, rotation_from_quaternion
+from consilience.case import read_motion
+from consilience.engine import TrajectoryAnswer
+from consilience.mechanism import quaternion_from_rotation, quaternion_from_rotation_vector, rotation_from_quaternion
 from oracles.planar import drawn_frame
 
 Moving = Callable[[float], tuple]

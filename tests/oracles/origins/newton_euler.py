@@ -10,11 +10,16 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 import truth
-from consilience.kinematics import constraint_jacobian, constraint_rates, constraint_residual
-from consilience.mechanism import State
-from consilience.published import read_motion, read_start
-from consilience.run import InstantAnswer, TrajectoryAnswer
-from consilience.spatial import euler_parameter_matrix, rotation_from_quaternion
+from consilience.case import read_motion, read_start
+from consilience.engine import InstantAnswer, TrajectoryAnswer
+from consilience.mechanism import (
+    State,
+    constraint_jacobian,
+    constraint_rates,
+    constraint_residual,
+    euler_parameter_matrix,
+    rotation_from_quaternion,
+)
 
 TOLERANCE = 1e-11
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ellipkinc, elliprf, elliprj
 
-from consilience.spatial import rotation_from_euler_zxz
+from consilience.mechanism import rotation_from_euler_zxz
 from oracles.closed_forms.heavy_top import HeavyTop
 from oracles.closed_forms.pendulum import amplitude
 from oracles.rotating_end_pendulum import incomplete_third

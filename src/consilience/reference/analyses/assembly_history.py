@@ -3,7 +3,7 @@
     x <- x + s (Q; R)^+ -(g; q - q_d)
 
 with the rows R of the emphasised coordinates, held at q_d [MASS, "kinematical assembling"]: the same iteration as
-`consilience.assembly.assemble_positions`, traced. Near the solution residuals square from one iteration to the next.
+`consilience.mechanism.assemble_positions`, traced. Near the solution residuals square from one iteration to the next.
 """
 
 from __future__ import annotations
@@ -14,7 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from consilience.assembly import (
+from consilience.errors import CannotAssemble
+from consilience.mechanism import RANK_TOLERANCE, Mechanism, State, move
+from consilience.mechanism.assembly import (
     _CONVERGED,
     _MAX_ITERATIONS,
     _held,
@@ -22,11 +24,7 @@ from consilience.assembly import (
     _refuse_flipped,
     _row_names,
     _system,
-    move,
 )
-from consilience.errors import CannotAssemble
-from consilience.kinematics import RANK_TOLERANCE
-from consilience.mechanism import Mechanism, State
 
 
 @dataclass(frozen=True)
@@ -78,13 +76,13 @@ class Assembly:
 def assemble_with_history(
     mechanism: Mechanism, guess: State, emphasised: Mapping[str, Mapping[str, ArrayLike]] | None = None
 ) -> Assembly:
-    """Assemble as `consilience.assembly.assemble_positions` does, and keep the history.
+    """Assemble as `consilience.mechanism.assembly.assemble_positions` does, and keep the history.
 
     Parameters
     ----------
     mechanism : Mechanism
     guess : State
-        For example `consilience.assembly.drawing_state`.
+        For example `consilience.mechanism.assembly.drawing_state`.
     emphasised : mapping of joint name to mapping of coordinate name to value
         Joint coordinates that are held (m, rad, quaternions); everything else moves as little as possible.
 

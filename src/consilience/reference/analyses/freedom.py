@@ -6,10 +6,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from consilience.kinematics import RANK_TOLERANCE, constraint_jacobian, joint_frames, row_jacobian
-from consilience.mechanism import Joint, Mechanism, State
-from consilience.observe import determinate_reactions
-from consilience.spatial import Array, skew
+from consilience.mechanism import (
+    RANK_TOLERANCE,
+    Array,
+    Joint,
+    Mechanism,
+    State,
+    constraint_jacobian,
+    determinate_reactions,
+    joint_frames,
+    row_jacobian,
+    skew,
+)
 
 
 @dataclass(frozen=True)

@@ -8,19 +8,24 @@ from dataclasses import dataclass
 import numpy as np
 
 from consilience.errors import InvalidInput
-from consilience.kinematics import (
+from consilience.mechanism import (
+    GROUND,
+    JOINT_KINDS,
+    Array,
+    Joint,
+    Mechanism,
+    State,
     constraint_gamma,
     constraint_jacobian,
+    cross,
     joint_frames,
+    reaction_map,
     row_gamma,
     row_jacobian,
 )
-from consilience.mechanism import GROUND, JOINT_KINDS, Joint, Mechanism, State
-from consilience.observe import reaction_map
 from consilience.reference.analyses.statics import Values, applied_forces, solver_velocities
-from consilience.reference.formulations.null_space import mass_matrix
-from consilience.reference.model import flatten
-from consilience.spatial import Array, cross
+from consilience.reference.bodies.arrays import flatten
+from consilience.reference.bodies.mass_metric import mass_matrix
 
 _TRANSLATIONS = {"distance": "Z", "x": "X", "y": "Y"}
 _CONSISTENT = 1e-9

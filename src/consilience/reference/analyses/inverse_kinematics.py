@@ -18,12 +18,22 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from consilience.assembly import assemble_positions, move
 from consilience.errors import CannotAssemble, ConsilienceError, InvalidInput
-from consilience.kinematics import RANK_TOLERANCE, constraint_jacobian
-from consilience.mechanism import GROUND, Mechanism, State
-from consilience.observe import body_point, reach
-from consilience.spatial import Array, quaternion_product, rotation_vector_from_quaternion, skew
+from consilience.mechanism import (
+    GROUND,
+    RANK_TOLERANCE,
+    Array,
+    Mechanism,
+    State,
+    assemble_positions,
+    body_point,
+    constraint_jacobian,
+    move,
+    quaternion_product,
+    reach,
+    rotation_vector_from_quaternion,
+    skew,
+)
 
 _ACCURATE = 1e-12
 """Task error, rad and lengths of the mechanism, at which Newton's method has nothing left to gain."""

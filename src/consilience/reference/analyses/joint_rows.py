@@ -12,11 +12,20 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from consilience.assembly import _held_rows, _scatter
 from consilience.errors import InvalidInput
-from consilience.kinematics import joint_coordinates, joint_frames, relative_motion, row_gamma
-from consilience.mechanism import JOINT_KINDS, Joint, Mechanism, State
-from consilience.spatial import Array, cross
+from consilience.mechanism import (
+    JOINT_KINDS,
+    Array,
+    Joint,
+    Mechanism,
+    State,
+    cross,
+    joint_coordinates,
+    joint_frames,
+    relative_motion,
+    row_gamma,
+)
+from consilience.mechanism.assembly import _held_rows, _scatter
 
 Coordinate = tuple[Joint, str]
 

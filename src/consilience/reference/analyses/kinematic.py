@@ -21,11 +21,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from consilience.assembly import move
 from consilience.errors import CannotAssemble, ConsilienceError, InvalidInput
-from consilience.kinematics import RANK_TOLERANCE, free_directions
-from consilience.mechanism import Mechanism, State
-from consilience.observe import reach
+from consilience.mechanism import (
+    RANK_TOLERANCE,
+    Array,
+    Mechanism,
+    State,
+    free_directions,
+    move,
+    reach,
+    rotation_angle_between,
+)
 from consilience.reference.analyses.inverse import missing_forces
 from consilience.reference.analyses.joint_rows import (
     Coordinate,
@@ -36,8 +42,7 @@ from consilience.reference.analyses.joint_rows import (
     width,
 )
 from consilience.reference.analyses.placing import acceleration_rows, place, require_holonomic
-from consilience.reference.canonical import joint_wrenches
-from consilience.spatial import Array, rotation_angle_between
+from consilience.reference.bodies.canonical import joint_wrenches
 
 DriveFunction = Callable[[float], tuple[ArrayLike, ArrayLike, ArrayLike] | Array]
 """Value, rate and acceleration of a joint coordinate at a time: floats (m, rad), three numbers for a position (axes of
@@ -100,7 +105,7 @@ class DrivenDynamics:
         Efforts of the couplings in the coupled coordinates, on the successors.
     force_F, torque_F : ndarray, shape (n_t, n_j, 3), N and N m
         Reactions on the successors at the origins of M, axes of F, without the efforts; of least norm where redundant
-        rows leave them open (`consilience.observe.determinate_reactions`).
+        rows leave them open (`consilience.mechanism.observables.determinate_reactions`).
     """
 
     efforts: dict[str, dict[str, Array]]

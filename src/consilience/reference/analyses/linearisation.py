@@ -8,18 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from consilience.assembly import assemble_positions, move
 from consilience.errors import InvalidInput
-from consilience.kinematics import free_directions
-from consilience.mechanism import Mechanism, State
-from consilience.observe import body_point
-from consilience.reference import dynamics
+from consilience.mechanism import Array, Mechanism, State, assemble_positions, body_point, free_directions, move
 from consilience.reference.analyses.statics import require_equilibrium, require_static, solver_velocities
-from consilience.reference.forces import remember
-from consilience.reference.formulations.null_space import mass_matrix
-from consilience.reference.model import flatten, pack
-from consilience.reference.workspace import workspace
-from consilience.spatial import Array
+from consilience.reference.bodies.arrays import flatten, pack
+from consilience.reference.bodies.forces import remember
+from consilience.reference.bodies.mass_metric import mass_matrix
+from consilience.reference.bodies.workspace import workspace
+from consilience.reference.formulations import compiled_choice
 
 Complex = NDArray[np.complex128]
 
@@ -153,7 +149,7 @@ def _accelerations(mechanism: Mechanism, equilibrium: State, states: Sequence[St
     found = []
     for state in states:
         y = pack(mechanism, state)
-        dynamics.accelerations(dynamics.FORMULATIONS["descriptor"], model, 0.0, y, memory.copy(), ws, a)
+        compiled_choice.accelerations(compiled_choice.FORMULATIONS["descriptor"], model, 0.0, y, memory.copy(), ws, a)
         found.append(np.linalg.solve(solver_velocities(mechanism, state), a))
     return np.array(found)
 

@@ -23,9 +23,15 @@ import numpy as np
 
 from consilience.case import Case
 from consilience.errors import InvalidInput
-from consilience.functions import Table
-from consilience.mechanism import Frame, Mechanism
-from consilience.spatial import Array, elementary_rotation, quaternion_from_rotation_vector, quaternion_product
+from consilience.mechanism import (
+    Array,
+    Frame,
+    Mechanism,
+    Table,
+    elementary_rotation,
+    quaternion_from_rotation_vector,
+    quaternion_product,
+)
 
 Subject = TypeVar("Subject", bound=Mechanism | Case)
 

@@ -10,7 +10,22 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from consilience.assembly import (
+from consilience.errors import CannotAssemble, InvalidInput
+from consilience.mechanism import (
+    RANK_TOLERANCE,
+    Array,
+    Mechanism,
+    State,
+    assemble_positions,
+    constraint_gamma,
+    constraint_jacobian,
+    holonomic_rows,
+    joint_frames,
+    move,
+    row_target,
+    row_value,
+)
+from consilience.mechanism.assembly import (
     _CONVERGED,
     _MAX_ITERATIONS,
     Held,
@@ -20,22 +35,8 @@ from consilience.assembly import (
     _refuse_flipped,
     _row_names,
     _scatter,
-    assemble_positions,
-    move,
 )
-from consilience.element_rows import holonomic_rows
-from consilience.errors import CannotAssemble, InvalidInput
-from consilience.kinematics import (
-    RANK_TOLERANCE,
-    constraint_gamma,
-    constraint_jacobian,
-    joint_frames,
-    row_target,
-    row_value,
-)
-from consilience.mechanism import Mechanism, State
 from consilience.reference.analyses.joint_rows import Coordinate
-from consilience.spatial import Array
 
 Values = Mapping[Coordinate, Array]
 
@@ -69,7 +70,7 @@ def _joint_residual(mechanism: Mechanism, state: State) -> Array:
 
 
 def place(mechanism: Mechanism, guess: State, held: Values, near: Values) -> State:
-    """`consilience.assembly.assemble_positions` of a mechanism without drives, couplings counted from `near`.
+    """`consilience.mechanism.assembly.assemble_positions` of a mechanism without drives, couplings counted from `near`.
 
     Raises
     ------

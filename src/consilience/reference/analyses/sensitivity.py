@@ -21,10 +21,8 @@ from numpy.typing import ArrayLike
 
 from consilience.case import Case
 from consilience.errors import ConsilienceError, InvalidInput
-from consilience.mechanism import Mechanism
-from consilience.observe import reach
+from consilience.mechanism import Array, Mechanism, reach
 from consilience.reference.analyses.parameters import Subject, array_around, parameter, with_parameter
-from consilience.spatial import Array
 
 _FIRST_STEP = 0.05
 """First step, in scales of the parameter."""

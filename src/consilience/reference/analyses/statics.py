@@ -13,17 +13,24 @@ from typing import Any
 
 import numpy as np
 
-from consilience.assembly import assemble_positions, move
 from consilience.errors import CannotAssemble, ConsilienceError, InvalidInput
-from consilience.kinematics import free_directions
-from consilience.mechanism import Mechanism, State
-from consilience.observe import body_point, joint_spring_motion
-from consilience.reference import forces
-from consilience.reference.bodies import rotations
-from consilience.reference.forces import remember
-from consilience.reference.model import DISTANCE, flatten, pack
-from consilience.reference.workspace import workspace
-from consilience.spatial import Array, rotation_from_quaternion, skew
+from consilience.mechanism import (
+    Array,
+    Mechanism,
+    State,
+    assemble_positions,
+    body_point,
+    free_directions,
+    joint_spring_motion,
+    move,
+    rotation_from_quaternion,
+    skew,
+)
+from consilience.reference.bodies import forces
+from consilience.reference.bodies.arrays import DISTANCE, flatten, pack
+from consilience.reference.bodies.forces import remember
+from consilience.reference.bodies.motion import rotations
+from consilience.reference.bodies.workspace import workspace
 
 _DIFFERENCE = 1e-5
 """Step of the central differences of ``J^T f``, along unit free directions: it sets the speed, not the result."""

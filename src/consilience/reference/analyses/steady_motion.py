@@ -22,11 +22,20 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
-from consilience.assembly import assemble_positions, move
 from consilience.errors import ConsilienceError, InvalidInput
-from consilience.kinematics import constraint_jacobian, free_directions
-from consilience.mechanism import Mechanism, State
-from consilience.reference import dynamics
+from consilience.mechanism import (
+    Array,
+    Mechanism,
+    State,
+    assemble_positions,
+    constraint_jacobian,
+    free_directions,
+    move,
+    quaternion_product,
+    rotation_from_quaternion,
+    rotation_vector_from_quaternion,
+    skew,
+)
 from consilience.reference.analyses.joint_rows import (
     Coordinate,
     all_coordinates,
@@ -38,18 +47,12 @@ from consilience.reference.analyses.joint_rows import (
 from consilience.reference.analyses.linearisation import _DIFFERENCE, _NEUTRAL, Complex, _length
 from consilience.reference.analyses.placing import require_holonomic
 from consilience.reference.analyses.statics import force_scale
-from consilience.reference.canonical import at_origins
-from consilience.reference.forces import remember
-from consilience.reference.model import flatten, pack
+from consilience.reference.bodies.arrays import flatten, pack
+from consilience.reference.bodies.canonical import at_origins
+from consilience.reference.bodies.forces import remember
+from consilience.reference.bodies.workspace import workspace
+from consilience.reference.formulations import compiled_choice
 from consilience.reference.solver import simulate
-from consilience.reference.workspace import workspace
-from consilience.spatial import (
-    Array,
-    quaternion_product,
-    rotation_from_quaternion,
-    rotation_vector_from_quaternion,
-    skew,
-)
 
 _STEADY = 1e-7
 """Departure from a steady motion, over the speeds and accelerations in it, up to which a state counts as one."""
@@ -307,7 +310,7 @@ def _rates(frame: _Frame, states: Sequence[State]) -> tuple[Array, Array]:
     rates, bodies = [], []
     for state in states:
         y = pack(frame.mechanism, state)
-        dynamics.accelerations(dynamics.FORMULATIONS["descriptor"], model, 0.0, y, memory.copy(), ws, a)
+        compiled_choice.accelerations(compiled_choice.FORMULATIONS["descriptor"], model, 0.0, y, memory.copy(), ws, a)
         of_bodies = np.hstack(at_origins(frame.mechanism, y, a)).ravel()
         rows, drift = coordinate_rows(frame.mechanism, state, frame.wanted)
         rates.append(rows @ of_bodies + drift)

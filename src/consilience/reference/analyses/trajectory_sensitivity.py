@@ -16,19 +16,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.integrate import DOP853
 
-from consilience.assembly import move
 from consilience.case import Case
 from consilience.errors import InvalidInput, NumericalFailure
-from consilience.kinematics import Angles, constraint_residual
-from consilience.mechanism import Mechanism, State
-from consilience.reference import dynamics
+from consilience.mechanism import Angles, Array, Mechanism, State, constraint_residual, move, quaternion_product
 from consilience.reference.analyses.parameters import Subject, parameter, with_parameter
 from consilience.reference.analyses.sensitivity import parameter_scale, ridders
-from consilience.reference.forces import remember
-from consilience.reference.model import ANGLE, Model, P, flatten, pack, unpack
-from consilience.reference.projection import project
-from consilience.reference.workspace import workspace
-from consilience.spatial import Array, quaternion_product
+from consilience.reference.bodies.arrays import ANGLE, Model, P, flatten, pack, unpack
+from consilience.reference.bodies.forces import remember
+from consilience.reference.bodies.projection import project
+from consilience.reference.bodies.workspace import workspace
+from consilience.reference.formulations import compiled_choice
 
 _STEP = 1e-3
 """Step of the differences, in scales: its fourth power is the truncation, its inverse multiplies the rounding."""
@@ -86,7 +83,7 @@ def trajectory_sensitivity(
     ----------
     subject : Mechanism or Case
     start : function of the subject to State
-        Consistent state at ``times[0]``; for example `consilience.assembly.initial_state`.
+        Consistent state at ``times[0]``; for example `consilience.mechanism.assembly.initial_state`.
     times : array_like, shape (n_t,), s
         Increasing.
     paths : sequence of str
@@ -166,7 +163,9 @@ class _Flow:
     def rate(self, model: Model, t: float, y: Array) -> Array:
         """``f(y, p)``: the one place that calls the solver."""
         dy = np.empty_like(y)
-        dynamics.derivative(dynamics.FORMULATIONS["descriptor"], model, t, y, self.memory, self.ws, self.a, dy)
+        compiled_choice.derivative(
+            compiled_choice.FORMULATIONS["descriptor"], model, t, y, self.memory, self.ws, self.a, dy
+        )
         return dy
 
     def derivative(self, t: float, u: Array) -> Array:

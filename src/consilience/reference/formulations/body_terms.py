@@ -15,17 +15,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from consilience.kinematics import RANK_TOLERANCE
-from consilience.mechanism import Mechanism
-from consilience.reference import constraints, forces
-from consilience.reference.bodies import rotations
-from consilience.reference.compiled import kernel
-from consilience.reference.formulations.descriptor import factorise
-from consilience.reference.joint_rows import coordinate
-from consilience.reference.model import Model, flatten, holonomic_rows
-from consilience.reference.projection import project
-from consilience.reference.workspace import Workspace, workspace
-from consilience.spatial import Array
+from consilience.mechanism import RANK_TOLERANCE, Array, Mechanism
+from consilience.reference.bodies import constraints, forces
+from consilience.reference.bodies.arrays import Model, flatten, holonomic_rows
+from consilience.reference.bodies.joint_rows import coordinate
+from consilience.reference.bodies.mass_metric import factorise
+from consilience.reference.bodies.motion import rotations
+from consilience.reference.bodies.projection import project
+from consilience.reference.bodies.workspace import Workspace, workspace
+from consilience.reference.kernel.compiled import kernel
 
 
 @kernel
@@ -80,7 +78,7 @@ class BodyTerms:
         self.angles = len(self._model.coordinate)
 
     def evaluate(self, t: float, y: Array, angles: Array, A: Array | None = None) -> Terms:
-        """Terms at a packed state y, shape (n_b + n_e, 13), of `consilience.reference.model`.
+        """Terms at a packed state y, shape (n_b + n_e, 13), of `consilience.reference.bodies.arrays`.
 
         Parameters
         ----------

@@ -30,20 +30,21 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from consilience.mechanism import Mechanism, State
-from consilience.reference.canonical import at_origins, joint_wrenches
-from consilience.reference.formulations.body_terms import BodyTerms, Terms, least_norm_multipliers
-from consilience.reference.formulations.stabilisation import Stabilisation, right_hand_side
-from consilience.reference.model import P, R, V, W, pack, unpack
-from consilience.reference.orientations import NEAR_SINGULAR, ORIENTATIONS, switch_chart
-from consilience.run import Unsupported
-from consilience.spatial import (
+from consilience.engine import Unsupported
+from consilience.mechanism import (
     Array,
+    Mechanism,
+    State,
     quaternion_from_rotation,
     quaternion_product,
     rotation_from_quaternion,
     rotation_vector_from_quaternion,
 )
+from consilience.reference.bodies.arrays import P, R, V, W, pack, unpack
+from consilience.reference.bodies.canonical import at_origins, joint_wrenches
+from consilience.reference.formulations.body_terms import BodyTerms, Terms, least_norm_multipliers
+from consilience.reference.formulations.orientations import NEAR_SINGULAR, ORIENTATIONS, switch_chart
+from consilience.reference.formulations.stabilisation import Stabilisation, right_hand_side
 
 MassMatrix = Literal["plain", "symmetrised"]
 
@@ -93,7 +94,7 @@ class DescriptorForm:
     ----------
     mechanism : Mechanism
     orientation : str
-        Key of `consilience.reference.orientations.ORIENTATIONS`.
+        Key of `consilience.reference.formulations.orientations.ORIENTATIONS`.
     mass : str
         ``plain`` or ``symmetrised``.
     stabilisation : str

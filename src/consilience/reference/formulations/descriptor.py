@@ -25,68 +25,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from consilience.kinematics import RANK_TOLERANCE
-from consilience.reference import constraints, forces
-from consilience.reference.bodies import rotations
-from consilience.reference.compiled import inner, kernel
-from consilience.reference.factorisation import least_norm, ordered_qr, pivoted_qr
-from consilience.reference.model import Model
-from consilience.reference.vectors import assign
-from consilience.reference.workspace import Workspace
-from consilience.spatial import Array
-
-
-@inner
-def solve_factor(model: Model, x: Array) -> None:
-    """``x <- L^-1 x`` for a vector of generalised forces, in place."""
-    for b in range(model.mass.shape[0]):
-        s = 1.0 / np.sqrt(model.mass[b])
-        F = model.inertia_factor[b]
-        o = 6 * b
-        x[o] *= s
-        x[o + 1] *= s
-        x[o + 2] *= s
-        x[o + 3] = x[o + 3] / F[0, 0]
-        x[o + 4] = (x[o + 4] - F[1, 0] * x[o + 3]) / F[1, 1]
-        x[o + 5] = (x[o + 5] - F[2, 0] * x[o + 3] - F[2, 1] * x[o + 4]) / F[2, 2]
-
-
-@inner
-def solve_factor_transposed(model: Model, x: Array) -> None:
-    """``x <- L^-T x``, in place."""
-    for b in range(model.mass.shape[0]):
-        s = 1.0 / np.sqrt(model.mass[b])
-        F = model.inertia_factor[b]
-        o = 6 * b
-        x[o] *= s
-        x[o + 1] *= s
-        x[o + 2] *= s
-        x[o + 5] = x[o + 5] / F[2, 2]
-        x[o + 4] = (x[o + 4] - F[2, 1] * x[o + 5]) / F[1, 1]
-        x[o + 3] = (x[o + 3] - F[1, 0] * x[o + 4] - F[2, 0] * x[o + 5]) / F[0, 0]
-
-
-@kernel
-def factorise(model: Model, ws: Workspace) -> int:
-    """Factorise ``B = L^-1 Q^T`` of the Jacobian in the workspace; the numerical rank."""
-    q = ws.Q.shape[0]
-    for row in range(q):
-        assign(ws.z, ws.Q[row])
-        solve_factor(model, ws.z)
-        assign(ws.B[:, row], ws.z)
-    return pivoted_qr(ws.B, ws.tau, ws.pivot, ws.norms, 0.0, ws.limit[0])
-
-
-@inner
-def factorise_as_projected(model: Model, ws: Workspace) -> int:
-    """The same with the independent rows of the last projection, in its order; where there is a choice at all."""
-    if ws.best[0] == 0.0 or ws.limit[0] == ws.Q.shape[0]:
-        return factorise(model, ws)
-    for k in range(ws.limit[0]):
-        assign(ws.z, ws.Q[ws.pivot[k]])
-        solve_factor(model, ws.z)
-        assign(ws.B[:, k], ws.z)
-    return ordered_qr(ws.B, ws.tau, 0.0, ws.limit[0])
+from consilience.mechanism import RANK_TOLERANCE, Array
+from consilience.reference.bodies import constraints, forces
+from consilience.reference.bodies.arrays import Model
+from consilience.reference.bodies.mass_metric import factorise_as_projected, solve_factor, solve_factor_transposed
+from consilience.reference.bodies.motion import rotations
+from consilience.reference.bodies.workspace import Workspace
+from consilience.reference.kernel.compiled import kernel
+from consilience.reference.kernel.factorisation import least_norm
+from consilience.reference.kernel.vectors import assign
 
 
 @kernel

@@ -42,9 +42,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.linalg.lapack import dtrtrs
 
+from consilience.engine import Unsupported
 from consilience.errors import InvalidInput
-from consilience.kinematics import RANK_TOLERANCE
-from consilience.mechanism import GROUND, JointSpring, Mechanism, State
+from consilience.mechanism import GROUND, RANK_TOLERANCE, Array, JointSpring, Mechanism, State, quaternion_from_rotation
 from consilience.reference.formulations.lagrange_kinematics import (
     CHART_LIMIT,
     Compiled,
@@ -55,9 +55,7 @@ from consilience.reference.formulations.lagrange_kinematics import (
     layout,
     unsupported_joints,
 )
-from consilience.reference.orientations import NEAR_SINGULAR, SingularOrientation
-from consilience.run import Unsupported
-from consilience.spatial import Array, quaternion_from_rotation
+from consilience.reference.formulations.orientations import NEAR_SINGULAR, SingularOrientation
 
 _POSITION_STEPS = 5
 """Newton steps of a projection: one to two do after a step of an integrator."""

@@ -35,12 +35,24 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from consilience.engine import Unsupported
 from consilience.errors import InvalidInput
-from consilience.kinematics import RelativeMotion, joint_coordinates, joint_rates, relative_motion
-from consilience.mechanism import BASIC_CONSTRAINTS, GROUND, JOINT_KINDS, Frame, Mechanism, State
-from consilience.run import Unsupported
-from consilience.spatial import Array, quaternion_from_rotation, rotation_with_z_axis
-from consilience.topology import spanning_tree
+from consilience.mechanism import (
+    BASIC_CONSTRAINTS,
+    GROUND,
+    JOINT_KINDS,
+    Array,
+    Frame,
+    Mechanism,
+    RelativeMotion,
+    State,
+    joint_coordinates,
+    joint_rates,
+    quaternion_from_rotation,
+    relative_motion,
+    rotation_with_z_axis,
+    spanning_tree,
+)
 
 CHART_LIMIT = 0.25 * np.pi
 """Angle beta at which a new chart is chosen, rad: rates have lost a factor 1 / cos(beta) = 1.4 there."""

@@ -12,27 +12,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from consilience.kinematics import RANK_TOLERANCE
-from consilience.reference import constraints, forces
-from consilience.reference.bodies import rotations
-from consilience.reference.compiled import allocating
-from consilience.reference.model import Model
-from consilience.reference.workspace import Workspace
-from consilience.spatial import Array
-
-
-@allocating
-def mass_matrix(model: Model) -> Array:
-    """``M = diag(m 1, I')`` of all bodies, shape (6 n_b, 6 n_b)."""
-    n = model.mass.shape[0]
-    M = np.zeros((6 * n, 6 * n))
-    for b in range(n):
-        o = 6 * b
-        for k in range(3):
-            M[o + k, o + k] = model.mass[b]
-            for j in range(3):  # an assignment of parts takes seconds to compile
-                M[o + 3 + k, o + 3 + j] = model.inertia[b, k, j]
-    return M
+from consilience.mechanism import RANK_TOLERANCE, Array
+from consilience.reference.bodies import constraints, forces
+from consilience.reference.bodies.arrays import Model
+from consilience.reference.bodies.mass_metric import mass_matrix
+from consilience.reference.bodies.motion import rotations
+from consilience.reference.bodies.workspace import Workspace
+from consilience.reference.kernel.compiled import allocating
 
 
 @allocating

@@ -14,14 +14,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from consilience.reference import constraints, forces
-from consilience.reference.bodies import rotations
-from consilience.reference.compiled import allocating
-from consilience.reference.factorisation import least_norm, pivoted_qr
-from consilience.reference.formulations.null_space import mass_matrix
-from consilience.reference.model import Model
-from consilience.reference.workspace import Workspace
-from consilience.spatial import Array
+from consilience.mechanism import Array
+from consilience.reference.bodies import constraints, forces
+from consilience.reference.bodies.arrays import Model
+from consilience.reference.bodies.mass_metric import mass_matrix
+from consilience.reference.bodies.motion import rotations
+from consilience.reference.bodies.workspace import Workspace
+from consilience.reference.kernel.compiled import allocating
+from consilience.reference.kernel.factorisation import least_norm, pivoted_qr
 
 
 @allocating

@@ -28,7 +28,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from consilience.mechanism import GROUND, Body, Frame, Joint, Mechanism
+from consilience.mechanism import GROUND, Array, Body, Frame, Joint, Mechanism, cross, skew, spanning_tree
 from consilience.reference.formulations.particles import (
     combination,
     generators,
@@ -36,8 +36,6 @@ from consilience.reference.formulations.particles import (
     primary_mass_matrix,
     vector_combination,
 )
-from consilience.spatial import Array, cross, skew
-from consilience.topology import spanning_tree
 
 D, U, W = 0, 1, 4
 """First of the vectors d, u_1..u_3, w_1..w_3 of a joint."""

@@ -29,8 +29,7 @@ from itertools import combinations
 import numpy as np
 
 from consilience.errors import InvalidInput
-from consilience.mechanism import Body
-from consilience.spatial import Array
+from consilience.mechanism import Array, Body
 
 PAIRS = tuple(combinations(range(4), 2))
 """Primary particles (0 to 3) between which the secondary particles 5 to 10 lie, in this order [ATTIA (4.7)-(4.12)]."""

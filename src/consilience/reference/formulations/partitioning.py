@@ -26,14 +26,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from consilience.kinematics import RANK_TOLERANCE
-from consilience.reference import constraints, forces
-from consilience.reference.bodies import rotations
-from consilience.reference.compiled import allocating, inner, kernel
+from consilience.mechanism import RANK_TOLERANCE, Array
+from consilience.reference.bodies import constraints, forces
+from consilience.reference.bodies.arrays import Model
+from consilience.reference.bodies.motion import rotations
+from consilience.reference.bodies.workspace import Workspace
 from consilience.reference.formulations.null_space_qr import solve_reduced
-from consilience.reference.model import Model
-from consilience.reference.workspace import Workspace
-from consilience.spatial import Array
+from consilience.reference.kernel.compiled import allocating, inner, kernel
 
 
 @inner

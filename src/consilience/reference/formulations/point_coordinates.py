@@ -41,10 +41,19 @@ from dataclasses import dataclass, fields
 import numpy as np
 from scipy.linalg import lstsq
 
+from consilience.engine import Unsupported
 from consilience.errors import InvalidInput
-from consilience.kinematics import RANK_TOLERANCE
-from consilience.mechanism import Mechanism, State
-from consilience.reference import forces
+from consilience.mechanism import (
+    RANK_TOLERANCE,
+    Array,
+    Mechanism,
+    State,
+    quaternion_from_rotation,
+    rotation_from_quaternion,
+)
+from consilience.reference.bodies import forces
+from consilience.reference.bodies.arrays import flatten, pack
+from consilience.reference.bodies.workspace import workspace
 from consilience.reference.formulations.particle_chain import (
     VECTORS,
     ChainMotion,
@@ -56,10 +65,6 @@ from consilience.reference.formulations.particle_chain import (
     multiplier_wrenches,
 )
 from consilience.reference.formulations.particles import angular_rate, orientation
-from consilience.reference.model import flatten, pack
-from consilience.reference.workspace import workspace
-from consilience.run import Unsupported
-from consilience.spatial import Array, quaternion_from_rotation, rotation_from_quaternion
 
 _NEWTON_STEPS = 4
 

@@ -29,13 +29,12 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from consilience.mechanism import Mechanism, State
-from consilience.reference import constraints, forces
-from consilience.reference.bodies import rotations
-from consilience.reference.compiled import allocating, inner
-from consilience.reference.factorisation import least_norm, pivoted_qr
-from consilience.reference.formulations.descriptor import solve_factor
-from consilience.reference.formulations.recursive_model import (
+from consilience.mechanism import Array, Mechanism, State, rotation_from_quaternion
+from consilience.reference.bodies import constraints, forces
+from consilience.reference.bodies.arrays import Model, flatten, pack
+from consilience.reference.bodies.mass_metric import solve_factor
+from consilience.reference.bodies.motion import rotations
+from consilience.reference.bodies.spanning_tree import (
     Links,
     TreeModel,
     flatten_tree,
@@ -43,9 +42,9 @@ from consilience.reference.formulations.recursive_model import (
     world_wrenches,
     write_accelerations,
 )
-from consilience.reference.model import Model, flatten, pack
-from consilience.reference.workspace import Workspace, workspace
-from consilience.spatial import Array, rotation_from_quaternion
+from consilience.reference.bodies.workspace import Workspace, workspace
+from consilience.reference.kernel.compiled import allocating, inner
+from consilience.reference.kernel.factorisation import least_norm, pivoted_qr
 
 
 class Articulated(NamedTuple):

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from consilience.spatial import Array
+from consilience.mechanism import Array
 
 Stabilisation = Literal["none", "baumgarte", "projection"]
 

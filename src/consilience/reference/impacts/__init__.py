@@ -6,7 +6,7 @@ one instant. See `consilience.reference.impacts.impact` for the law and what it 
 
 from __future__ import annotations
 
-from consilience.contacts import Contact, PointPlane, SpherePlane, SphereSphere
+from consilience.mechanism import Contact, PointPlane, SpherePlane, SphereSphere
 from consilience.reference.impacts.geometry import ContactMotion, contact_motion
 from consilience.reference.impacts.impact import Impact, solve_impact
 from consilience.reference.impacts.simulation import simulate_with_impacts

@@ -14,11 +14,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from consilience.contacts import Contact, PointPlane, SpherePlane, SphereSphere
 from consilience.errors import InvalidInput
-from consilience.mechanism import GROUND, Mechanism, State
-from consilience.observe import body_point
-from consilience.spatial import Array, cross
+from consilience.mechanism import (
+    GROUND,
+    Array,
+    Contact,
+    Mechanism,
+    PointPlane,
+    SpherePlane,
+    SphereSphere,
+    State,
+    body_point,
+    cross,
+)
 
 
 @dataclass(frozen=True, eq=False)

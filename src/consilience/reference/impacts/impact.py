@@ -47,16 +47,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from consilience.contacts import Contact
 from consilience.errors import NumericalFailure
-from consilience.kinematics import RANK_TOLERANCE
-from consilience.mechanism import Mechanism, State
-from consilience.observe import kinetic_energy, reach
+from consilience.mechanism import (
+    RANK_TOLERANCE,
+    Array,
+    Contact,
+    Mechanism,
+    State,
+    kinetic_energy,
+    reach,
+    rotation_from_quaternion,
+    skew,
+)
+from consilience.reference.bodies.arrays import Model, unpack
 from consilience.reference.impacts.geometry import ContactMotion, check_contacts, contact_motion
 from consilience.reference.impacts.modes import Contacts, solve_modes
 from consilience.reference.impacts.stepper import constraint_rows, joint_wrenches
-from consilience.reference.model import Model, unpack
-from consilience.spatial import Array, rotation_from_quaternion, skew
 
 AT_REST = 1e-10
 """Velocities of contacts below this fraction of `fastest` count as zero."""

@@ -18,7 +18,7 @@ import numpy as np
 import scipy
 
 from consilience.errors import NumericalFailure
-from consilience.spatial import Array, cross, orthogonal_triad
+from consilience.mechanism import Array, cross, orthogonal_triad
 
 _RANK = 1e-10
 """Singular values below this fraction of the compliance without joints count as zero: contacts that depend on one

@@ -22,15 +22,12 @@ from itertools import pairwise
 import numpy as np
 import scipy
 
-from consilience.contacts import Contact
+from consilience.engine import TrajectoryAnswer
 from consilience.errors import InvalidInput, NumericalFailure
-from consilience.mechanism import Mechanism, State
-from consilience.observe import reach
+from consilience.mechanism import Array, Contact, Mechanism, State, continuous_in_time, reach
 from consilience.reference.impacts.geometry import check_contacts, contact_motion
 from consilience.reference.impacts.impact import AT_REST, Impact, fastest, solve_impact
 from consilience.reference.impacts.stepper import Stepper
-from consilience.run import TrajectoryAnswer
-from consilience.spatial import Array, continuous_in_time
 
 TOUCHING = 1e-10
 """Gap of a contact that counts as closed at an impact, over the length of the mechanism."""

@@ -10,16 +10,14 @@ import numpy as np
 import scipy
 
 from consilience.errors import NumericalFailure
-from consilience.mechanism import Mechanism, State
-from consilience.observe import reaction_map
-from consilience.reference import constraints
-from consilience.reference.bodies import rotations
-from consilience.reference.dynamics import FORMULATIONS, derivative
-from consilience.reference.forces import remember
-from consilience.reference.model import Model, flatten, pack, unpack
-from consilience.reference.projection import normalise, project
-from consilience.reference.workspace import workspace
-from consilience.spatial import Array
+from consilience.mechanism import Array, Mechanism, State, reaction_map
+from consilience.reference.bodies import constraints
+from consilience.reference.bodies.arrays import Model, flatten, pack, unpack
+from consilience.reference.bodies.forces import remember
+from consilience.reference.bodies.motion import rotations
+from consilience.reference.bodies.projection import normalise, project
+from consilience.reference.bodies.workspace import workspace
+from consilience.reference.formulations.compiled_choice import FORMULATIONS, derivative
 
 
 def constraint_rows(mechanism: Mechanism, state: State, t: float, memory: Array | None) -> tuple[Model, Array, Array]:

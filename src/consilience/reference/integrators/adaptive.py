@@ -41,7 +41,7 @@ import numpy as np
 import scipy
 
 from consilience.errors import InvalidInput, NumericalFailure
-from consilience.mechanism import State
+from consilience.mechanism import Array, State
 from consilience.reference.integrators.dense import Dense, Piece
 from consilience.reference.integrators.tableaus import (
     DORMAND_PRINCE,
@@ -55,7 +55,6 @@ from consilience.reference.integrators.tableaus import (
     difference_quotients,
     root_mean_square,
 )
-from consilience.spatial import Array
 
 SAFETY, SMALLEST, LARGEST = 0.9, 0.2, 6.0
 """Safety factor and bounds of the change of the step size."""
@@ -310,7 +309,7 @@ def integrate(
     Parameters
     ----------
     formulation : Integrable
-        See `consilience.reference.formulation`.
+        See `consilience.reference.formulations.protocol`.
     u : ndarray, shape (n_u,)
         Consistent coordinates at ``times[0]``, in the present chart.
     times : ndarray, shape (n_t,), s

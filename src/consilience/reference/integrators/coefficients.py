@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from consilience.spatial import Array
+from consilience.mechanism import Array
 
 STAGES = 12
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from consilience.errors import InvalidInput
-from consilience.spatial import Array
+from consilience.mechanism import Array
 
 Piece = Callable[[Array], Array]
 """Dense output of one step: of times of shape (n,) to coordinates of shape (n, n_u)."""

@@ -32,9 +32,9 @@ from typing import Any
 import numpy as np
 from scipy.linalg import lu_factor, lu_solve
 
+from consilience.mechanism import Array
 from consilience.reference.integrators import coefficients, tsitouras
 from consilience.reference.integrators.dense import Nested
-from consilience.spatial import Array
 
 Derivative = Callable[[float, Array], Array]
 Jacobian = Callable[[float, Array, Array], Array]

@@ -6,7 +6,7 @@ from importlib.metadata import version
 import numpy as np
 import toy_engine
 
-from consilience.run import EngineInfo, Manifest, Method, ModelAnswer, Route
+from consilience.engine import EngineInfo, Manifest, Method, ModelAnswer, Route
 
 
 class ToyEngine:

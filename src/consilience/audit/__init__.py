@@ -1,0 +1,1 @@
+"""Audits: the harness, its adapters and its reference judged by planted errors, random mechanisms and identities."""

@@ -1,0 +1,144 @@
+"""Whether the stated uncertainty of motions holds: bands of ladders against the errors of far finer runs.
+
+Every engine runs its ladder on every case as in a suite; then it runs once more with far smaller steps. The difference
+of the ladder's finest level to that run is its true discretisation error, whatever the reference says; the band of the
+same level, from the ladder alone, should be larger, and not by much. One observable of one ladder is one trial.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from consilience.case import Case
+from consilience.compare.motion import OBSERVABLES, Scales
+from consilience.compare.uncertainty import declared_order, estimates
+from consilience.engine import Method, Question, Run, TrajectoryAnswer
+from consilience.engine.worker.client import Plan, Worker
+from consilience.suite import ask_ladder, open_plan
+
+ASKED_COVERAGE, WIDEST = 0.95, 20.0
+"""Part of the bands that must hold, and ratio of band to error that their median may have at most."""
+
+FINER = (32, 16, 8, 4)
+"""How many times smaller the steps of the finer run are: the most that `BUDGET` affords."""
+
+BUDGET = 10.0
+"""CPU time in s for a finer run."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One observable of one ladder.
+
+    Attributes
+    ----------
+    error, band : float
+        True error of the finest level, and its uncertainty from the ladder alone.
+    order : float or None
+        Observed among the levels.
+    """
+
+    case: str
+    engine: str
+    method: str
+    observable: str
+    error: float
+    band: float
+    order: float | None
+
+    @property
+    def covered(self) -> bool:
+        """Whether the true error lies within the band."""
+        return self.error <= self.band
+
+    @property
+    def ratio(self) -> float:
+        """Band over error."""
+        return self.band / self.error if self.error > 0.0 else np.inf
+
+
+@dataclass(frozen=True)
+class Skipped:
+    """A ladder without a trial, and why."""
+
+    case: str
+    engine: str
+    method: str
+    reason: str
+
+
+def trials(cases: Sequence[Case], engine: str, limit: float = 300.0) -> Iterator[Trial | Skipped]:
+    """All trials of one engine on the cases."""
+    with Worker(engine, limit) as worker:
+        for case in cases:
+            plan = open_plan(worker, case)
+            if isinstance(plan, str):
+                yield Skipped(case.name, engine, "", plan)
+                continue
+            for method in plan.methods.get(Question.TRAJECTORY, ()):
+                runs = [run for run in ask_ladder(worker, case, plan, method) if run.method == method]
+                yield from _trials(worker, case, plan, method, runs)
+
+
+def _trials(worker: Worker, case: Case, plan: Plan, method: Method, runs: list[Run]) -> Iterator[Trial | Skipped]:
+    answers = [run.answer for run in runs if isinstance(run.answer, TrajectoryAnswer)]
+    if declared_order(method) is None or len(answers) < max(2, len(runs)):
+        reason = next((run.reason for run in runs if run.reason), "no ladder of steps")
+        yield Skipped(case.name, worker.engine, method.name, reason)
+        return
+    finer = _finer(worker, case, plan, method, runs[-1])
+    if isinstance(finer, str):
+        yield Skipped(case.name, worker.engine, method.name, finer)
+        return
+    scales = Scales.of(case.mechanism, finer)
+    for estimate in estimates(answers, method, [run.step for run in runs], scales):
+        error = float(np.max(OBSERVABLES[estimate.name](answers[-1], finer, scales)))
+        yield Trial(case.name, worker.engine, method.name, estimate.name, error, estimate.band, estimate.order)
+
+
+def _finer(worker: Worker, case: Case, plan: Plan, method: Method, finest: Run) -> TrajectoryAnswer | str:
+    """The motion at far smaller steps, or why there is none."""
+    assert finest.step is not None
+    factor = next((f for f in FINER if f * finest.cpu <= BUDGET), FINER[-1])
+    if method.tolerances:
+        factor = 100
+    (run,) = ask_ladder(worker, case, plan, method, (finest.step / factor,))
+    return run.answer if isinstance(run.answer, TrajectoryAnswer) else f"the finer run: {run.reason}"
+
+
+def coverage(found: Sequence[Trial]) -> tuple[float, float]:
+    """Part of the trials whose band holds, and the median of band over error."""
+    return float(np.mean([t.covered for t in found])), float(np.median([t.ratio for t in found]))
+
+
+def exit_code(found: Sequence[Trial | Skipped]) -> int:
+    """Whether the bands hold and are not too wide: 0 yes, 1 no, 3 without any trial."""
+    done = [t for t in found if isinstance(t, Trial)]
+    if not done:
+        return 3
+    part, width = coverage(done)
+    return 0 if part >= ASKED_COVERAGE and width <= WIDEST else 1
+
+
+def table(found: Sequence[Trial | Skipped]) -> str:
+    """Markdown: coverage and width by engine and method, then every band that does not hold, then what was skipped."""
+    done = [t for t in found if isinstance(t, Trial)]
+    groups: dict[tuple[str, str], list[Trial]] = {}
+    for t in done:
+        groups.setdefault((t.engine, t.method), []).append(t)
+    lines = ["| engine | method | trials | covered | band / error, median |", "|---|---|---:|---:|---:|"]
+    for (engine, method), group in [*groups.items(), (("all", ""), done)]:
+        part, width = coverage(group)
+        lines.append(f"| {engine} | {method} | {len(group)} | {100 * part:.1f} % | {width:.2g} |")
+    missed = [t for t in done if not t.covered]
+    lines += ["", "| case | engine | method | observable | order | error | band |", "|---|---|---|---|---:|---:|---:|"]
+    for t in missed:
+        order = "hidden" if t.order is None else f"{t.order:.2f}"
+        cells = (t.case, t.engine, t.method, t.observable, order, f"{t.error:.2e}", f"{t.band:.2e}")
+        lines.append(f"| {' | '.join(cells)} |")
+    skipped = [s for s in found if isinstance(s, Skipped)]
+    lines += ["", *(f"- {s.case}, {s.engine}, {s.method or 'all methods'}: {s.reason}" for s in skipped)]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,296 @@
+"""Cross-check of all formulations at single states: accelerations and determinate reactions of random mechanisms.
+
+At each state every formulation that can represent the mechanism answers on its own. Answers are compared each with
+each: the largest difference of two answers in any component is that of the largest from the least, and it must keep
+
+    max - min  <=  (1e-10 + 10 eps cond) * largest component
+
+with cond of the matrix that is solved: for accelerations the mass matrix in free directions
+(`observe.mass_matrix_condition`), for reactions ``Q M^-1 Q^T`` (`observe.reaction_condition`). Accelerations are a_WB_W
+and alpha_WB_W of all bodies, reactions the components that equilibrium determines. What a single formulation is worth
+is its distance from the median of all, component by component: one that is wrong is found out, not those that agree.
+
+Not compared, and listed with its reason:
+
+- a state at which a formulation's coordinates are singular;
+- a formulation above the bar at a distance d (a pure number) from a singularity of its orientation coordinates, as long
+  as its error is no more than the rounding of two factors 1/d, one for rates and one for their derivatives;
+- the same forms near a singular pose, where the accelerations of their saddle-point system carry the condition of the
+  reactions, above `STEEP`; others keep accelerations apart from reactions by orthogonal factors and are compared;
+- a state near a singular pose of the mechanism (a singular value of its constraints between `ROUNDING` and `SINGULAR`
+  of the largest), where accelerations or reactions are not defined to that accuracy.
+
+``consilience crosscheck`` runs the whole campaign, and examines mechanism N again with ``--mechanisms 1 --seed N``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from consilience.audit.random_mechanisms import random_mechanism
+from consilience.errors import ConsilienceError
+from consilience.mechanism import (
+    Array,
+    Mechanism,
+    State,
+    constraint_jacobian,
+    determinate_reactions,
+    initial_state,
+    random_states,
+)
+from consilience.mechanism.observables import mass_matrix_condition, reaction_condition
+from consilience.reference.formulations import registry
+from consilience.reference.formulations.coordinates import VARIANTS
+from consilience.reference.formulations.orientations import ORIENTATIONS, SingularOrientation
+from consilience.reference.formulations.protocol import Formulation
+
+BAR = 1e-10
+CONDITION = 10 * float(np.finfo(float).eps)
+ROUNDING, SINGULAR = 1e-11, 1e-6
+NEAR, LOST = 1e-2, 1e3 * float(np.finfo(float).eps)
+"""Distance d from a singularity of coordinates below which that is a reason, and rounding that grows with 1/d^2."""
+
+STEEP = 1e8
+"""Condition of reactions above which accelerations of a saddle-point system are not expected to be good to ten digits:
+`CONDITION` times it is a thousand times the bar."""
+
+QUANTITIES = ("accelerations", "reactions")
+
+
+@dataclass(frozen=True)
+class Difference:
+    """Answers to one question at one state against one another.
+
+    Attributes
+    ----------
+    seed, state : int
+        Seed of the mechanism and number of the state.
+    quantity : str
+        One of `QUANTITIES`.
+    spread : float
+        Largest difference of two answers, relative to the largest component of the median.
+    bar : float
+    distances : dict of str to float
+        Distance of each formulation from the median of all, relative to the same.
+    """
+
+    seed: int
+    state: int
+    quantity: str
+    spread: float
+    bar: float
+    distances: dict[str, float]
+
+    @property
+    def agrees(self) -> bool:
+        """Whether each agrees with each."""
+        return self.spread <= self.bar
+
+    @property
+    def farthest(self) -> str:
+        """Formulation farthest from the median."""
+        return max(self.distances, key=lambda name: self.distances[name])
+
+
+@dataclass(frozen=True)
+class Exempt:
+    """A state that is not compared, for a formulation or (empty) for all, and why; a failure if for no good reason."""
+
+    seed: int
+    state: int
+    formulation: str
+    reason: str
+    failure: bool = False
+
+
+@dataclass(frozen=True)
+class Examination:
+    """All formulations at all states of one mechanism.
+
+    Attributes
+    ----------
+    seed : int
+    bodies, loops : int
+    features : tuple of str
+        See `Mechanism.features`.
+    refusals : dict of str to tuple of str
+        What each formulation cannot represent, empty if it can.
+    """
+
+    seed: int
+    bodies: int
+    loops: int
+    features: tuple[str, ...]
+    states: int
+    refusals: dict[str, tuple[str, ...]]
+    differences: tuple[Difference, ...]
+    exempt: tuple[Exempt, ...]
+
+
+def examine(seed: int, states: int, names: Sequence[str] = tuple(registry.FORMULATIONS)) -> Examination:
+    """Compare the formulations named, keys of `registry.FORMULATIONS`, on the random mechanism of a seed."""
+    mechanism = random_mechanism(seed)
+    return compare(mechanism, random_states(mechanism, initial_state(mechanism), states, seed), names, seed)
+
+
+def compare(mechanism: Mechanism, states: Sequence[State], names: Sequence[str], seed: int) -> Examination:
+    """Compare formulations on a mechanism at consistent states at the time zero.
+
+    Loads and actuators are at zero where drives bind the states to that time, and at ``0.1 seed`` modulo 2 s otherwise.
+    """
+    refusals = {name: tuple(r.feature for r in registry.unsupported(name, mechanism)) for name in names}
+    able = {name: registry.formulation(name, mechanism) for name in names if not refusals[name]}
+    t = 0.0 if mechanism.drives else 0.1 * seed % 2.0
+    differences: list[Difference] = []
+    exempt: list[Exempt] = []
+    for n, state in enumerate(states):
+        small = _small_singular_value(mechanism, state)
+        if small:
+            reason = f"near a singular pose: a singular value of the constraints is {small:.1e} of the largest"
+            exempt.append(Exempt(seed, n, "", reason))
+            continue
+        answers, missing = _answers(able, state, t, seed, n)
+        exempt += missing
+        conditions = mass_matrix_condition(mechanism, state), reaction_condition(mechanism, state)
+        determined = determinate_reactions(mechanism, state) & _carried(mechanism)
+        for quantity, cond, values in zip(QUANTITIES, conditions, _compared(answers, determined), strict=True):
+            bar = BAR + CONDITION * cond
+            if len(values) > 1 and next(iter(values.values())).size:
+                found = _difference(seed, n, quantity, values, bar)
+                difference, near = _without_excused(found, values, state, conditions[1])
+                differences.append(difference)
+                exempt += near
+    loops = len(mechanism.joints) - len(mechanism.bodies)
+    features = tuple(mechanism.features)
+    return Examination(
+        seed, len(mechanism.bodies), loops, features, len(states), refusals, tuple(differences), tuple(exempt)
+    )
+
+
+def _small_singular_value(mechanism: Mechanism, state: State) -> float:
+    """Relative singular value of the constraints that is neither rounding nor clear of zero; zero if there is none."""
+    Q = constraint_jacobian(mechanism, state)
+    if len(Q) == 0:
+        return 0.0
+    singular = np.linalg.svd(Q, compute_uv=False)
+    singular /= singular[0]
+    between = singular[(singular > ROUNDING) & (singular < SINGULAR)]
+    return float(between.min()) if len(between) else 0.0
+
+
+_Answer = tuple[Array, Array | None]
+
+
+def _answers(
+    able: dict[str, Formulation], state: State, t: float, seed: int, n: int
+) -> tuple[dict[str, _Answer], list[Exempt]]:
+    """Accelerations (6 n_b,) and reactions (n_j, 6) of each formulation, and those that have none."""
+    answers: dict[str, _Answer] = {}
+    missing = []
+    for name, equations in able.items():
+        try:
+            accelerations = np.hstack(equations.accelerations(state, t)).ravel()
+            reactions = equations.reactions(state, t)
+        except SingularOrientation as error:
+            missing.append(Exempt(seed, n, name, f"{error.coordinates} singular at {error.angle}"))
+        except (ConsilienceError, np.linalg.LinAlgError) as error:
+            missing.append(Exempt(seed, n, name, str(error), failure=True))
+        else:
+            answers[name] = accelerations, None if reactions is None else np.hstack(reactions)
+    return answers, missing
+
+
+def _carried(mechanism: Mechanism) -> NDArray[np.bool_]:
+    """Joints that can have a reaction at all, shape (n_j, 1); a zero is no answer to compare."""
+    return np.array([bool(joint.rows) for joint in mechanism.joints])[:, None]
+
+
+def _compared(answers: dict[str, _Answer], determined: NDArray[np.bool_]) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Vectors to compare, for each of `QUANTITIES`."""
+    accelerations = {name: answer[0] for name, answer in answers.items()}
+    reactions = {name: answer[1][determined] for name, answer in answers.items() if answer[1] is not None}
+    return accelerations, reactions
+
+
+def _difference(seed: int, n: int, quantity: str, values: dict[str, Array], bar: float) -> Difference:
+    stacked = np.array(list(values.values()))
+    finite = stacked[np.all(np.isfinite(stacked), axis=1)]
+    if len(finite) == 0:
+        return Difference(seed, n, quantity, np.inf, bar, dict.fromkeys(values, np.inf))
+    median = np.median(finite, axis=0)
+    scale = float(np.max(np.abs(median))) or 1.0
+    # what is not finite is as far away as can be
+    distances = np.nan_to_num(np.max(np.abs(stacked - median), axis=1) / scale, nan=np.inf, posinf=np.inf)
+    spread = np.inf if len(finite) < len(stacked) else float(np.max(np.ptp(stacked, axis=0)) / scale)
+    return Difference(seed, n, quantity, spread, bar, dict(zip(values, distances.tolist(), strict=True)))
+
+
+def _without_excused(
+    difference: Difference, values: dict[str, Array], state: State, reaction_cond: float
+) -> tuple[Difference, list[Exempt]]:
+    """A difference above its bar again, without the formulations that have a reason to be off."""
+    exempt = []
+    while not difference.agrees and len(difference.distances) > 2:
+        name, error = difference.farthest, difference.distances[difference.farthest]
+        reason = _excuse(name, error, state, reaction_cond)
+        if not reason:
+            break
+        off = f"{difference.quantity} {error:.1e} off: {reason}"
+        exempt.append(Exempt(difference.seed, difference.state, name, off))
+        others = {other: values[other] for other in difference.distances if other != name}
+        difference = _difference(difference.seed, difference.state, difference.quantity, others, difference.bar)
+    return difference, exempt
+
+
+def _excuse(name: str, error: float, state: State, reaction_cond: float) -> str:
+    """Reason of a descriptor form in orientation coordinates to be off by an error, empty if there is none."""
+    if name not in VARIANTS:
+        return ""
+    d = _distance_to_singular(name, state)
+    if error <= LOST / d**2 and d <= NEAR:
+        return f"a body is {d:.1e} from a singularity of the coordinates"
+    if error <= CONDITION * reaction_cond and reaction_cond >= STEEP:
+        return f"near a singular pose: its saddle-point system solves Q M^-1 Q^T of condition {reaction_cond:.1e}"
+    return ""
+
+
+def _distance_to_singular(name: str, state: State) -> float:
+    """Least distance of any body from a singularity of the orientation coordinates of a descriptor form."""
+    kind = ORIENTATIONS[VARIANTS[name].orientation]
+    return min(kind.distance_to_singularity(kind.coordinates(quat)) for quat in state.quat_WB)
+
+
+def campaign(
+    seeds: Sequence[int], states: int, names: Sequence[str] = tuple(registry.FORMULATIONS), jobs: int = 1
+) -> Iterator[Examination]:
+    """Examine the random mechanisms of all seeds, in their order, in so many processes."""
+    work: Callable[[int], Examination] = partial(examine, states=states, names=tuple(names))
+    if jobs == 1:
+        yield from map(work, seeds)
+        return
+    with ProcessPoolExecutor(jobs) as pool:
+        yield from pool.map(work, seeds)
+
+
+# ---------------------------------------------------------------- what a campaign found
+
+
+def disagreements(examinations: Sequence[Examination]) -> list[Difference]:
+    """All differences above their bar."""
+    return [d for e in examinations for d in e.differences if not d.agrees]
+
+
+def failures(examinations: Sequence[Examination]) -> list[Exempt]:
+    """Answers that failed for no reason of coordinates or pose."""
+    return [x for e in examinations for x in e.exempt if x.failure]
+
+
+def agrees(examinations: Sequence[Examination]) -> bool:
+    """Whether each agrees with each at all states compared."""
+    return not disagreements(examinations) and not failures(examinations)

@@ -1,0 +1,155 @@
+"""The mechanisms of a fuzz: which sorts there are, how often each, and the case made of a seed.
+
+A case is what its file says: the mechanism is drawn, written and read again before anybody is asked about it, so that
+what a fuzz meets is in the file, to the last bit, and not in the memory of the run alone.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from consilience.audit.random_mechanisms import MOST_BODIES, Recipe, random_mechanism
+from consilience.case import Case
+from consilience.case.file.reader import cases_from_tables
+from consilience.case.file.writer import case_text
+from consilience.mechanism import JOINT_KINDS, Initial, Mechanism, drawing_state, free_directions
+
+COMMON = tuple(kind for kind in JOINT_KINDS if kind != "screw")
+"""Joint kinds that have a chain of elementary joints, which every adapter of ours translates."""
+
+STATES = 2
+"""States of a case: the drawn pose in motion, and one further along."""
+
+SPEED = 2.0
+"""Standard deviation of the velocity components along the free directions, m/s and rad/s."""
+
+Draw = Callable[[np.random.Generator], Mechanism]
+
+
+@dataclass(frozen=True)
+class Sort:
+    """A sort of mechanisms: what part of all they are, and how one is drawn."""
+
+    share: float
+    draw: Draw
+
+
+def _seed(rng: np.random.Generator) -> int:
+    return int(rng.integers(2**32))
+
+
+def _bodies(rng: np.random.Generator, least: int = 1, most: int = MOST_BODIES) -> int:
+    return int(rng.integers(least, most + 1))
+
+
+def _common(rng: np.random.Generator) -> Mechanism:
+    return random_mechanism(_seed(rng), _bodies(rng), Recipe(COMMON, plain=True))
+
+
+def _with_all_elements(rng: np.random.Generator) -> Mechanism:
+    return random_mechanism(_seed(rng), _bodies(rng), Recipe(plain=False))
+
+
+def _of_unequal_masses(rng: np.random.Generator) -> Mechanism:
+    """Masses over two to six decades; the bodies keep their size."""
+    mechanism = _common(rng)
+    scales = 10.0 ** (rng.uniform(2.0, 6.0) * rng.uniform(-0.5, 0.5, size=len(mechanism.bodies)))
+    bodies = tuple(
+        replace(body, mass=float(scale * body.mass), inertia=scale * body.inertia)
+        for body, scale in zip(mechanism.bodies, scales, strict=True)
+    )
+    return replace(mechanism, bodies=bodies)
+
+
+def _near_singular(rng: np.random.Generator) -> Mechanism:
+    """Flat linkages; the constraint that gets lost has a singular value of 1e-6 of the largest at the least."""
+    recipe = Recipe(COMMON, plain=True, linkages=0.8, flat=10.0 ** rng.uniform(-2.5, -0.5))
+    return random_mechanism(_seed(rng), _bodies(rng, 3, 7), recipe)
+
+
+def _long_chain(rng: np.random.Generator) -> Mechanism:
+    """Chains of 13 to 100 bodies, the longer the rarer, that no free joint interrupts."""
+    kinds = tuple(kind for kind in COMMON if kind != "free")
+    bodies = round(np.exp(rng.uniform(np.log(MOST_BODIES + 1), np.log(100))))
+    return random_mechanism(_seed(rng), bodies, Recipe(kinds, plain=True, chain=True, linkages=0.0))
+
+
+SORTS: dict[str, Sort] = {
+    "common": Sort(0.4, _common),
+    "all elements": Sort(0.15, _with_all_elements),
+    "unequal masses": Sort(0.2, _of_unequal_masses),
+    "near singular": Sort(0.2, _near_singular),
+    "long chain": Sort(0.05, _long_chain),
+}
+"""All but the second have no elements but springs, joint springs and constant loads, which every adapter knows."""
+
+
+@dataclass(frozen=True, eq=False)
+class Specimen:
+    """A mechanism to be asked about.
+
+    Attributes
+    ----------
+    seed : int
+    sort : str
+        Key of `SORTS`.
+    case : Case
+    text : str
+        Its case file.
+    """
+
+    seed: int
+    sort: str
+    case: Case
+    text: str
+
+
+def specimen(seed: int) -> Specimen:
+    """Specimen of a seed."""
+    rng = np.random.default_rng([seed, 1])
+    sort = str(rng.choice(list(SORTS), p=[s.share for s in SORTS.values()]))
+    mechanism = replace(SORTS[sort].draw(rng), name=f"fuzz_{seed}")
+    drawn = Case(
+        name=mechanism.name,
+        file=f"{mechanism.name}.toml",
+        title=f"Random mechanism {seed}, {sort}",
+        mechanism=mechanism,
+        initial=in_motion(mechanism, rng),
+        duration=1.0,
+        sample=0.05,
+        digits=6,
+        instants=STATES,
+        seed=seed,
+        sources=(replay(seed),),
+        tags=(sort,),
+    )
+    text = case_text(drawn)
+    return Specimen(seed, sort, read_text(text, drawn.name), text)
+
+
+def replay(seed: int) -> str:
+    """Command that asks about the mechanism of a seed again."""
+    return f"consilience fuzz --seed {seed} --mechanisms 1"
+
+
+def in_motion(mechanism: Mechanism, rng: np.random.Generator) -> Initial:
+    """Random velocities in the drawing; what the constraints do not allow, assembly takes away."""
+    free = free_directions(mechanism, drawing_state(mechanism))
+    velocity = (free @ rng.normal(scale=SPEED, size=free.shape[1])).reshape(-1, 6)
+    return Initial(velocities={b.name: (v[:3], v[3:]) for b, v in zip(mechanism.bodies, velocity, strict=True)})
+
+
+def read_text(text: str, name: str) -> Case:
+    """Read the one case of a case file's text.
+
+    Raises
+    ------
+    InvalidInput
+        As of any case file.
+    """
+    (case,) = cases_from_tables(name, f"{name}.toml", tomllib.loads(text))
+    return case

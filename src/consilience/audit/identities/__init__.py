@@ -1,0 +1,37 @@
+"""Oracles that need no second engine: identities that an engine's answers obey whatever the truth is."""
+
+from __future__ import annotations
+
+from consilience.audit.identities.check import IDENTITIES, Checks, Identity, check_case, check_engines
+from consilience.audit.identities.descriptions import (
+    Description,
+    moved,
+    recut,
+    reordered,
+    rotated,
+    scaled_units,
+    split,
+    swapped,
+)
+from consilience.audit.identities.equations import Equations
+from consilience.audit.identities.result import Finding, Outcome, exit_code
+
+__all__ = [
+    "IDENTITIES",
+    "Checks",
+    "Description",
+    "Equations",
+    "Finding",
+    "Identity",
+    "Outcome",
+    "check_case",
+    "check_engines",
+    "exit_code",
+    "moved",
+    "recut",
+    "reordered",
+    "rotated",
+    "scaled_units",
+    "split",
+    "swapped",
+]

@@ -1,0 +1,209 @@
+"""All identities in one table, and every engine, case and method examined by them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+
+from consilience.audit.identities import dynamics
+from consilience.audit.identities.asking import Ask, Asker
+from consilience.audit.identities.invariance import INVARIANCES
+from consilience.audit.identities.motion import SAMPLES, measure_drift
+from consilience.audit.identities.result import Finding, NoAnswerError, NotApplicableError, Outcome, Residual, worst
+from consilience.audit.identities.subject import Subject
+from consilience.case import Case
+from consilience.engine import EngineInfo, Method, Profile, Question
+from consilience.engine.worker.client import Request, Worker, in_parallel
+
+Measure = Callable[[Subject], Iterable[Residual]]
+
+
+@dataclass(frozen=True)
+class Identity:
+    """Something that holds whatever the truth is.
+
+    Attributes
+    ----------
+    name : str
+    shows : str
+        Errors that violate it.
+    measure : callable or None
+        Residuals over the states of a subject; None where it is about a motion.
+    """
+
+    name: str
+    shows: str
+    measure: Measure | None
+
+
+IDENTITIES: tuple[Identity, ...] = (
+    Identity(
+        "forward after inverse",
+        "inertia, centre of mass, frames, forces, accelerations of another point",
+        dynamics.forward_after_inverse,
+    ),
+    Identity("mobility symmetric", "terms that depend on the order of elimination, stale parts", dynamics.symmetry),
+    Identity("mobility positive", "signs of inertia or loads", dynamics.positivity),
+    Identity("mobility inverse of the mass matrix", "armature, inertia, mass, frames of loads", dynamics.inverse_mass),
+    Identity("linear in the loads", "saturation, friction and limits nobody asked for", dynamics.linearity),
+    Identity("power balance", "gravity, springs, damping nobody asked for", dynamics.power),
+    Identity("energy balance", "the engine's account of its energies", dynamics.energy),
+    Identity("momentum", "outer forces, reactions of the ground", dynamics.momentum),
+    Identity("balance of each body", "sign, frame or point of reactions, gyroscopic terms", dynamics.balance),
+    Identity(
+        "constraints on accelerations", "ignored or softened constraints, stabilisation left on", dynamics.constraint
+    ),
+    *(Identity(name, "words that change the physics", measure) for name, measure in INVARIANCES.items()),
+    Identity("constraints on positions", "drift that smaller steps do not cure", None),
+    Identity("constraints on velocities", "drift that smaller steps do not cure", None),
+)
+
+ALONG_A_MOTION = tuple(identity.name for identity in IDENTITIES if identity.measure is None)
+
+Progress = Callable[[str, str], None]
+"""Called with the engine and the case it has just finished."""
+
+
+@dataclass
+class Checks:
+    """Everything that was found.
+
+    Attributes
+    ----------
+    missing : dict
+        Engines that do not start, with the reason.
+    """
+
+    engines: dict[str, EngineInfo] = field(default_factory=dict)
+    missing: dict[str, str] = field(default_factory=dict)
+    findings: list[Finding] = field(default_factory=list)
+
+
+def check_engines(
+    cases: Sequence[Case],
+    engines: Sequence[str],
+    states: int = 3,
+    jobs: int = 2,
+    limit: float = 180.0,
+    progress: Progress | None = None,
+) -> Checks:
+    """Examine every engine on every case, each alone in its own worker.
+
+    Parameters
+    ----------
+    states : int
+        Number of states of the question `instant` that are looked at.
+    jobs : int
+        Number of engines that work at a time.
+    limit : float, s
+        Time limit of one job.
+    """
+    for case in cases:
+        _ = case.states  # assembled before any worker starts: what cannot be assembled is bad input
+
+    def work(worker: Worker) -> tuple[object, str, list[Finding]]:
+        """All cases on one engine: what it says it is, why it says nothing, what was found."""
+        with worker:
+            reply = worker.ask(Request())
+            found: list[Finding] = []
+            for case in cases if isinstance(reply.value, EngineInfo) else ():
+                found += check_case(worker.ask, worker.engine, case, states)
+                if progress is not None:
+                    progress(worker.engine, case.name)
+        return reply.value, reply.reason, found
+
+    checks = Checks()
+    results = in_parallel(work, [Worker(name, limit) for name in engines], jobs)
+    for name, (info, reason, found) in zip(engines, results, strict=True):
+        if isinstance(info, EngineInfo):
+            checks.engines[name] = info
+            checks.findings += found
+        else:
+            checks.missing[name] = reason or f"info() gave a {type(info).__name__}, not an EngineInfo"
+    return checks
+
+
+def check_case(ask: Ask, engine: str, case: Case, states: int) -> list[Finding]:
+    """All identities for all methods of one engine on one case."""
+    asker = Asker(ask)
+    return [*_at_instants(asker, engine, case, states), *_along_a_motion(asker, engine, case)]
+
+
+def _at_instants(asker: Asker, engine: str, case: Case, states: int) -> Iterator[Finding]:
+    record = _Record(case.name, engine, Question.INSTANT)
+    identities = [identity for identity in IDENTITIES if identity.measure is not None]
+    methods, refused = _methods(asker, case, record, [i.name for i in identities])
+    yield from refused
+    for method in methods:
+        subject = Subject(case.mechanism, case.states[:states], asker, method)
+        for identity in identities:
+            assert identity.measure is not None
+            yield record.finding(identity.name, method, _measured(identity.measure, subject))
+
+
+def _measured(measure: Measure, subject: Subject) -> Residual | NotApplicableError | NoAnswerError:
+    try:
+        return worst(list(measure(subject)))
+    except (NotApplicableError, NoAnswerError) as reason:
+        return reason
+
+
+def _along_a_motion(asker: Asker, engine: str, case: Case) -> Iterator[Finding]:
+    record = _Record(case.name, engine, Question.TRAJECTORY)
+    methods, refused = _methods(asker, case, record, ALONG_A_MOTION)
+    yield from refused
+    for method in methods:
+        found: Sequence[Residual | NotApplicableError | NoAnswerError]
+        try:
+            found = measure_drift(asker, case.mechanism, case.initial_state, case.times[: SAMPLES + 1], method)
+        except (NotApplicableError, NoAnswerError) as reason:
+            found = [reason] * len(ALONG_A_MOTION)
+        for name, residual in zip(ALONG_A_MOTION, found, strict=True):
+            yield record.finding(name, method, residual)
+
+
+def _methods(
+    asker: Asker, case: Case, record: _Record, names: Sequence[str]
+) -> tuple[tuple[Method, ...], list[Finding]]:
+    """Ways to answer, or one finding for each identity that says why there are none."""
+    try:
+        return asker.methods(case.mechanism, record.question), []
+    except (NotApplicableError, NoAnswerError) as reason:
+        return (), [record.finding(name, None, reason) for name in names]
+
+
+@dataclass(frozen=True)
+class _Record:
+    """What all findings about one question have in common."""
+
+    case: str
+    engine: str
+    question: Question
+
+    def finding(
+        self, identity: str, method: Method | None, found: Residual | NotApplicableError | NoAnswerError
+    ) -> Finding:
+        """What one identity gave by one method."""
+        outcome, residual, bar, remark = _judged(found)
+        return Finding(
+            self.case,
+            self.engine,
+            self.question,
+            method.name if method else "",
+            method.route if method else None,
+            method.profile if method else Profile.MATCHED,
+            identity,
+            outcome,
+            residual,
+            bar,
+            remark,
+        )
+
+
+def _judged(
+    found: Residual | NotApplicableError | NoAnswerError,
+) -> tuple[Outcome, float | None, float | None, str]:
+    if isinstance(found, Residual):
+        return Outcome.HOLDS if found.ratio <= 1.0 else Outcome.VIOLATED, found.value, found.bar, found.remark
+    outcome = Outcome.NO_ANSWER if isinstance(found, NoAnswerError) else Outcome.NOT_APPLICABLE
+    return outcome, None, None, str(found)

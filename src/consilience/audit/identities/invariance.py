@@ -1,0 +1,112 @@
+"""Identities between the answers about one mechanism in several descriptions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from consilience.audit.identities.descriptions import (
+    Description,
+    moved,
+    recut,
+    reordered,
+    rotated,
+    scaled_units,
+    split,
+    swapped,
+)
+from consilience.audit.identities.equations import Equations, largest
+from consilience.audit.identities.result import NotApplicableError, Residual, relative, worst
+from consilience.audit.identities.subject import Subject
+from consilience.engine import InstantAnswer, Question
+from consilience.mechanism import (
+    Mechanism,
+    kinetic_energy,
+    quaternion_from_rotation_vector,
+    reach,
+    rotation_from_quaternion,
+)
+
+_TURN = rotation_from_quaternion(quaternion_from_rotation_vector(np.array([1.1, -0.7, 2.0])))
+"""A turn that takes no axis to another, nor near one."""
+
+_AWAY = np.array([0.48, -0.64, 0.6])
+"""A direction along no axis; the world moves by a reach along it."""
+
+UNITS = {"length": 3.0, "mass": 7.0, "time": 0.3}
+"""New units in a metre, a kilogram, a second: factors that no power of two or ten connects."""
+
+
+def _turned(mechanism: Mechanism) -> Description:
+    return rotated(mechanism, _TURN)
+
+
+def _moved(mechanism: Mechanism) -> Description:
+    return moved(mechanism, reach(mechanism) * _AWAY)
+
+
+def _reordered(mechanism: Mechanism) -> Description:
+    n_b, n_j = len(mechanism.bodies), len(mechanism.joints)
+    if n_b == n_j == 1:
+        raise NotApplicableError("one body and one joint have one order")
+    return reordered(mechanism, range(n_b)[::-1], range(n_j)[::-1])
+
+
+def _recut(mechanism: Mechanism) -> Description:
+    found = recut(mechanism)
+    if found is None:
+        raise NotApplicableError("no order of the joints cuts a loop elsewhere")
+    return found
+
+
+def _in_units(mechanism: Mechanism) -> Description:
+    return scaled_units(mechanism, **UNITS)
+
+
+Describe = Callable[[Mechanism], Description]
+
+
+def _invariance(describe: Describe) -> Callable[[Subject], Iterator[Residual]]:
+    def measure(subject: Subject) -> Iterator[Residual]:
+        """At each state, the residual that differs most between the two descriptions."""
+        description = describe(subject.mechanism)
+        method = subject.asker.method(description.mechanism, Question.INSTANT, subject.method.name)
+        states = [description.state(s) for s in subject.states]
+        found = subject.asker.instant(description.mechanism, states, method)
+        told = description.answer(subject.states, found)
+        for n, eq in enumerate(subject.equations):
+            yield worst(list(_differences(subject, eq, told, n)))
+
+    return measure
+
+
+def _differences(subject: Subject, eq: Equations, told: InstantAnswer, n: int) -> Iterator[Residual]:
+    """Accelerations, determined reactions and energies of a state; both answers may err."""
+    own, solution = subject.answer, eq.solution
+    x = eq.motion(told.a_WB_W[n], told.alpha_WB_W[n])
+    allowed = 2.0 * eq.acceleration_error(solution, subject.route)
+    size = largest(solution.x)
+    yield relative(largest(x - subject.accelerations(n)), allowed, size, f"state {n}, accelerations")
+    if own.force_F is not None and own.torque_F is not None and told.force_F is not None and told.torque_F is not None:
+        first = eq.scaled_reactions(own.force_F[n], own.torque_F[n])
+        left = (eq.scaled_reactions(told.force_F[n], told.torque_F[n]) - first)[eq.determined]
+        allowed = 2.0 * eq.reaction_error(solution)
+        size = largest(eq.reaction_map @ solution.mu)
+        yield relative(largest(left), allowed, size, f"state {n}, reactions")
+    sizes = {"kinetic": kinetic_energy(eq.mechanism, eq.state), "potential": eq.potential_size}
+    for name, size in sizes.items():
+        change = float(getattr(told, name)[n] - getattr(own, name)[n])
+        yield relative(abs(change), 2.0 * eq.guard * size, size, f"state {n}, {name} energy")
+
+
+INVARIANCES: dict[str, Callable[[Subject], Iterator[Residual]]] = {
+    "rotated world": _invariance(_turned),
+    "moved world": _invariance(_moved),
+    "bodies and joints reordered": _invariance(_reordered),
+    "sides of joints swapped": _invariance(swapped),
+    "other units": _invariance(_in_units),
+    "loops cut elsewhere": _invariance(_recut),
+    "a body in two welded parts": _invariance(split),
+}
+"""Each describes the mechanism anew and asks again."""

@@ -1,0 +1,119 @@
+"""Findings as a table of identities by engines, as Markdown, and as JSON."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+from consilience.audit.identities.check import IDENTITIES, Checks
+from consilience.audit.identities.result import Finding, Outcome, exit_code
+from consilience.engine import Profile
+from consilience.errors import InvalidInput
+
+FORMAT = 1
+
+_WORST_FIRST = (Outcome.VIOLATED, Outcome.NO_ANSWER, Outcome.HOLDS, Outcome.NOT_APPLICABLE)
+
+
+LEGEND = "a number: it holds, and that is the largest residual over cases and methods"
+
+
+def cell(findings: Sequence[Finding]) -> str:
+    """What one engine makes of one identity: the worst outcome, how often, and the largest residual."""
+    for outcome in _WORST_FIRST:
+        found = [f for f in findings if f.outcome is outcome]
+        if found:
+            measured = [f.residual for f in found if f.residual is not None]
+            number = f"{max(measured):.0e}" if measured else ""
+            if outcome in (Outcome.HOLDS, Outcome.NOT_APPLICABLE):
+                return number or str(outcome)
+            return f"{outcome} {len(found)} of {len(findings)}" + (f", {number}" if number else "")
+    return "-"
+
+
+def matrix(checks: Checks, profile: Profile) -> Iterator[tuple[str, list[str]]]:
+    """Rows of the table of a profile: identity, and one cell for each engine."""
+    chosen = [f for f in checks.findings if f.profile is profile]
+    for identity in IDENTITIES:
+        of_it = [f for f in chosen if f.identity == identity.name]
+        yield identity.name, [cell([f for f in of_it if f.engine == name]) for name in checks.engines]
+
+
+def blemishes(checks: Checks) -> Iterator[Finding]:
+    """Findings that need a look: violated, or without an answer."""
+    return (f for f in checks.findings if f.outcome in (Outcome.VIOLATED, Outcome.NO_ANSWER))
+
+
+def sentence(finding: Finding) -> str:
+    """One finding in words."""
+    text = f"{finding.engine}, {finding.case}, {finding.method or finding.question}: {finding.identity}"
+    text += f": {finding.outcome}"
+    if finding.residual is not None and finding.bar is not None:
+        text += f", {finding.residual:.2e} above {finding.bar:.2e}"
+    return f"{text} ({finding.remark})"
+
+
+def markdown(checks: Checks) -> str:
+    """Tables of both profiles, and every finding that needs a look."""
+    lines = ["# Identities", ""]
+    for profile in Profile:
+        if not any(f.profile is profile for f in checks.findings):
+            continue
+        lines += [f"## Settings: {profile}", ""]
+        lines += [_row(["identity", *checks.engines]), _row(["---"] * (1 + len(checks.engines)))]
+        lines += [_row([name, *cells]) for name, cells in matrix(checks, profile)]
+        lines += ["", f"{LEGEND[0].upper()}{LEGEND[1:]}.", ""]
+    found = list(blemishes(checks))
+    if found or checks.missing:
+        lines += ["## To look at", ""]
+        lines += [f"- {name}: not available: {_escaped(reason)}" for name, reason in checks.missing.items()]
+        lines += [f"- {_escaped(sentence(finding))}" for finding in found]
+        lines.append("")
+    return "\n".join(lines)
+
+
+def _row(cells: Sequence[str]) -> str:
+    return "| " + " | ".join(_escaped(c) for c in cells) + " |"
+
+
+def _escaped(text: str) -> str:
+    return " ".join(text.split()).replace("|", "\\|").replace("<", "&lt;")
+
+
+def document(checks: Checks) -> dict[str, object]:
+    """Everything as plain data."""
+    return {
+        "format": FORMAT,
+        "engines": {name: asdict(info) for name, info in checks.engines.items()},
+        "missing": checks.missing,
+        "identities": [{"name": i.name, "shows": i.shows} for i in IDENTITIES],
+        "findings": [asdict(finding) for finding in checks.findings],
+        "exit_code": exit_code(checks.findings, len(checks.missing)),
+    }
+
+
+def check_target(path: Path) -> None:
+    """Refuse a file whose ending names no format, or whose folder does not exist.
+
+    Raises
+    ------
+    InvalidInput
+    """
+    if path.suffix not in (".json", ".md"):
+        raise InvalidInput(str(path), f"'{path.suffix}' names no format", "End it with .json or .md.")
+    if not path.resolve().parent.is_dir():
+        raise InvalidInput(str(path), "its folder does not exist", "Create the folder first.")
+
+
+def as_json(checks: Checks) -> str:
+    """Everything as JSON."""
+    # residuals that are not numbers do not pass `defects`, and JSON has no word for an infinite one
+    return json.dumps(document(checks), indent=1, allow_nan=False) + "\n"
+
+
+def write(checks: Checks, path: Path) -> None:
+    """Write JSON or Markdown; the ending of the name chooses."""
+    check_target(path)
+    path.write_text(as_json(checks) if path.suffix == ".json" else markdown(checks), encoding="utf-8")

@@ -1,0 +1,319 @@
+"""Plant every mutant, judge it, and judge the correct adapters as well: what was caught, missed, alarmed about.
+
+A mutant of a magnitude in a host is one task. It is judged on every mechanism that has what the error acts on, that
+the host can represent, and on which the host *without* the error agrees with the reference: there, and only there, a
+difference is the mutant's. It is caught on a mechanism if any answer of it gets a verdict that a run would not pass
+over (`judge.GREEN`).
+
+Tasks run in worker processes; one that crashes or takes too long is one failed task, and that is noticed, too.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, TimeoutError
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any
+
+from pebble import ProcessExpired, ProcessPool
+
+from consilience.audit.mutate.judge import GREEN, verdicts
+from consilience.audit.mutate.mutated import SeamError
+from consilience.audit.mutate.subjects import Subject, random_subject, shipped_subject
+from consilience.audit.mutate.synthetic import host as new_host
+from consilience.audit.mutate.table import MUTANTS
+from consilience.audit.mutate.traps import Mutant
+from consilience.compare import Comparison, Verdict
+from consilience.engine import Engine, Question
+
+SubjectKey = str | int
+"""Name of a shipped case, or seed of a random mechanism."""
+
+_BATCH = 10
+"""Mechanisms on which correct adapters are judged in one task."""
+
+_EXAMPLE = 160
+"""Characters kept of an example."""
+
+
+def subject_of(key: SubjectKey) -> Subject:
+    """The subject of a key, kept in the process that asks."""
+    found = shipped_subject(key) if isinstance(key, str) else random_subject(key)
+    assert found is not None
+    return found
+
+
+@dataclass(frozen=True)
+class Task:
+    """One mutant in one host at one magnitude."""
+
+    mutant: str
+    host: str
+    magnitude: float
+    subjects: tuple[SubjectKey, ...]
+
+
+@dataclass
+class Outcome:
+    """What became of a task.
+
+    Attributes
+    ----------
+    judged, caught : int
+        Mechanisms.
+    unchanged : int
+        Of those not caught: the answers are, number for number, those without the error.
+    by : Counter
+        What gave it away, and on how many mechanisms: question and quantity, or question and verdict.
+    largest_missed : float
+        Largest difference, as a part of its bar, on a mechanism on which it was not caught.
+    example : str
+        The words of one verdict that caught it.
+    broken : str
+        Why there is no result at all: the worker died or ran out of time, which counts as caught.
+    unusable : str
+        Why the mutant could not be planted: it does not fit the adapter.
+    """
+
+    mutant: str
+    host: str
+    magnitude: float
+    judged: int = 0
+    caught: int = 0
+    unchanged: int = 0
+    by: Counter[str] = field(default_factory=Counter)
+    largest_missed: float = 0.0
+    example: str = ""
+    broken: str = ""
+    unusable: str = ""
+    seconds: float = 0.0
+
+    @property
+    def noticed(self) -> bool:
+        """Whether it was caught on any mechanism."""
+        return self.caught > 0 or bool(self.broken)
+
+
+@dataclass
+class Alarm:
+    """A verdict on a correct adapter that is not green."""
+
+    host: str
+    subject: str
+    question: str
+    method: str
+    verdict: str
+    why: str
+
+
+@dataclass
+class Campaign:
+    """Everything a campaign found.
+
+    Attributes
+    ----------
+    judged : Counter
+        Random mechanisms that each correct adapter was judged on at `instant`: those that it can represent.
+    """
+
+    outcomes: list[Outcome] = field(default_factory=list)
+    alarms: list[Alarm] = field(default_factory=list)
+    judged: Counter[str] = field(default_factory=Counter)
+    mechanisms: int = 0
+    engines: dict[str, str] = field(default_factory=dict)
+    missing: dict[str, str] = field(default_factory=dict)
+    elapsed: float = 0.0
+
+
+# ---------------------------------------------------------------- in the worker
+
+
+@lru_cache(maxsize=16)
+def _correct(name: str) -> Engine:
+    return new_host(name)
+
+
+@lru_cache(maxsize=4096)
+def _baseline(name: str, key: SubjectKey, question: Question, methods: str) -> tuple[Comparison, ...]:
+    """Verdicts on the host without an error."""
+    return tuple(verdicts(_correct(name), subject_of(key), question, methods))
+
+
+def _red(found: Sequence[Comparison]) -> list[Comparison]:
+    return [c for c in found if c.verdict not in GREEN]
+
+
+def _numbers(found: Sequence[Comparison]) -> dict[str, tuple[float, ...]]:
+    """Differences by method: two runs without any change between them have the same."""
+    return {
+        f"{c.question} {c.method}": (*(q.difference for q in c.quantities), *(level.largest for level in c.levels))
+        for c in found
+    }
+
+
+def _names(found: Sequence[Comparison]) -> set[str]:
+    """What gave a mutant away."""
+    names: set[str] = set()
+    for c in found:
+        if c.verdict is Verdict.FAILED:
+            names.add(f"{c.question}: failed")
+        elif c.quantities:
+            names.update(f"{c.question}: {q.name}" for q in c.quantities if not q.met)
+        else:
+            names.add(f"{c.question}: {c.verdict}")
+    return names
+
+
+def _before(mutant: Mutant, name: str, key: SubjectKey) -> list[Comparison]:
+    """Verdicts without the error; none where the mutant cannot be judged on this mechanism."""
+    if not mutant.needs(subject_of(key)):
+        return []
+    before = [c for question in mutant.questions for c in _baseline(name, key, question, mutant.methods)]
+    asked = any(c.question is mutant.question for c in before)
+    return before if asked and not _red(before) else []
+
+
+def _judge(mutant: Mutant, engine: Engine, key: SubjectKey, before: Sequence[Comparison], outcome: Outcome) -> None:
+    """Judge one mechanism."""
+    subject = subject_of(key)
+    found = [c for question in mutant.questions for c in verdicts(engine, subject, question, mutant.methods)]
+    outcome.judged += 1
+    red = _red(found)
+    if red:
+        outcome.caught += 1
+        outcome.by.update(_names(red))
+        outcome.example = outcome.example or f"{subject.name}: {red[0].why}"[:_EXAMPLE]
+    elif _numbers(found) == _numbers(before):
+        outcome.unchanged += 1
+    else:
+        ratios = [q.difference / q.bar for c in found for q in c.quantities if q.bar > 0.0]
+        outcome.largest_missed = max([outcome.largest_missed, *ratios])
+
+
+def perform(task: Task) -> Outcome:
+    """Judge one mutant in this process."""
+    start = time.process_time()
+    mutant = MUTANTS[task.mutant]
+    outcome = Outcome(task.mutant, task.host, task.magnitude)
+    # before anything is planted: a seam of a module is open for every engine of this process
+    before = {key: _before(mutant, task.host, key) for key in task.subjects}
+    try:
+        with mutant.plant(new_host(task.host), task.magnitude) as engine:
+            for key, comparisons in before.items():
+                if comparisons:
+                    _judge(mutant, engine, key, comparisons, outcome)
+    except SeamError as error:
+        return Outcome(task.mutant, task.host, task.magnitude, unusable=str(error))
+    outcome.seconds = time.process_time() - start
+    return outcome
+
+
+def alarms_of(names: Sequence[str], keys: Sequence[SubjectKey]) -> tuple[Counter[str], list[Alarm]]:
+    """Judge correct adapters; on how many mechanisms each, and every verdict that is not green."""
+    judged: Counter[str] = Counter()
+    found = []
+    for key in keys:
+        subject = subject_of(key)
+        for name in names:
+            engine = _correct(name)
+            given = [c for question in (Question.MODEL, Question.INSTANT) for c in verdicts(engine, subject, question)]
+            judged[name] += any(c.question is Question.INSTANT for c in given)
+            for c in _red(given):
+                found.append(Alarm(name, subject.name, str(c.question), c.method, str(c.verdict), c.why))
+    return judged, found
+
+
+def _version(name: str) -> str:
+    info = new_host(name).info()
+    return f"{info.name} {info.version}"
+
+
+def _quiet() -> None:
+    """What engines print in a worker is lost: verdicts have their reasons."""
+    sink = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(sink, 1)
+    os.dup2(sink, 2)
+
+
+# ---------------------------------------------------------------- in the runner
+
+
+def tasks_of(
+    mutants: Sequence[Mutant], hosts: Sequence[str], instants: Sequence[SubjectKey], motions: Sequence[SubjectKey]
+) -> list[Task]:
+    """Tasks of a campaign: every mutant, host and magnitude."""
+    return [
+        Task(m.name, host, magnitude, tuple(motions if m.question is Question.TRAJECTORY else instants))
+        for m in mutants
+        for host in m.hosts
+        if host in hosts
+        for magnitude in m.magnitudes
+    ]
+
+
+def _result(future: Future[Any]) -> tuple[Any, str]:
+    """What a job returned, or why it did not."""
+    error = future.exception()  # whatever was raised in the worker is evidence about this one task
+    if error is None:
+        return future.result(), ""
+    if isinstance(error, TimeoutError):
+        return None, "no answer within the time limit"
+    if isinstance(error, ProcessExpired):
+        return None, f"the worker died: exit code {error.exitcode}"
+    return None, f"{type(error).__name__}: {error}"
+
+
+def _silent(_: Campaign) -> None:
+    """Report no progress."""
+
+
+def run_campaign(
+    tasks: Sequence[Task],
+    hosts: Sequence[str],
+    alarms: Sequence[SubjectKey] = (),
+    jobs: int = 2,
+    limit: float = 120.0,
+    progress: Callable[[Campaign], None] | None = None,
+) -> Campaign:
+    """Perform all tasks, and judge the correct adapters on the mechanisms `alarms`.
+
+    Parameters
+    ----------
+    hosts : sequence of str
+        Adapters to be judged without an error, too.
+    limit : float, s
+        Time limit of a task.
+    progress : callable, optional
+        Called with what has been found so far, after each task and each batch of correct mechanisms.
+    """
+    report = progress or _silent
+    start = time.perf_counter()
+    campaign = Campaign(mechanisms=len(alarms))
+    batches = [tuple(alarms[n : n + _BATCH]) for n in range(0, len(alarms), _BATCH)]
+    context = multiprocessing.get_context("spawn")
+    with ProcessPool(max_workers=jobs, context=context, initializer=_quiet) as pool:
+        versions = {name: pool.schedule(_version, args=(name,), timeout=limit) for name in hosts}
+        judged = [(batch, pool.schedule(alarms_of, args=(tuple(hosts), batch), timeout=limit)) for batch in batches]
+        planted = [(task, pool.schedule(perform, args=(task,), timeout=limit)) for task in tasks]
+        for name, future in versions.items():
+            version, reason = _result(future)
+            (campaign.missing if reason else campaign.engines)[name] = reason or version
+        for batch, future in judged:
+            value, reason = _result(future)
+            lost = [Alarm("any", f"{len(batch)} mechanisms", "", "", str(Verdict.FAILED), reason)]
+            counts, found = value or (Counter[str](), lost)
+            campaign.judged.update(counts)
+            campaign.alarms += found
+            report(campaign)
+        for task, future in planted:
+            outcome, reason = _result(future)
+            broken = Outcome(task.mutant, task.host, task.magnitude, broken=reason)
+            campaign.outcomes.append(outcome or broken)
+            report(campaign)
+    campaign.elapsed = time.perf_counter() - start
+    return campaign

@@ -1,0 +1,83 @@
+"""What a campaign consists of: which mutants, where, on which mechanisms."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from consilience.audit.mutate.campaign import SubjectKey, Task, tasks_of
+from consilience.audit.mutate.subjects import CASES, MOTIONS, random_subjects
+from consilience.audit.mutate.synthetic import NAME as SYNTHETIC
+from consilience.audit.mutate.table import MUTANTS
+from consilience.audit.mutate.table_model import EVERY
+from consilience.audit.mutate.traps import Mutant
+from consilience.engine import Question, require_installed
+from consilience.errors import InvalidInput
+
+FIRST_SEED = 1000
+"""Random mechanisms of the mutants; those of the correct adapters start from zero, and are others."""
+
+BODIES = 5
+"""Of a random mechanism that mutants are judged on, at most: an error is as easy to see, and seen in less time."""
+
+_SHORT_INSTANTS: tuple[SubjectKey, ...] = ("double_pendulum", "slider_crank", 1000, 1011, 1053)
+"""Few mechanisms that have between them what every error acts on."""
+
+_SHORT_CORRECT = 6
+_SMALL = 1e-6
+"""Besides the largest, the short campaign plants the magnitude nearest to this one."""
+
+
+def mutants_named(names: Sequence[str]) -> list[Mutant]:
+    """Mutants by name or by number of the trap; all of them without a name.
+
+    Raises
+    ------
+    InvalidInput
+    """
+    chosen = []
+    for name in names:
+        found = [m for m in MUTANTS.values() if name in (m.name, str(m.trap))]
+        if not found:
+            raise InvalidInput(f"mutant '{name}'", "there is none", f"Mutants: {', '.join(MUTANTS)}.")
+        chosen += found
+    return chosen or list(MUTANTS.values())
+
+
+def hosts_named(names: Sequence[str]) -> list[str]:
+    """Hosts by name; all of them without one.
+
+    Raises
+    ------
+    InvalidInput
+    """
+    for name in names:
+        if name not in EVERY:
+            raise InvalidInput(f"engine '{name}'", "nothing is planted in it", f"Hosts: {', '.join(EVERY)}.")
+    chosen = list(names or EVERY)
+    for name in chosen:
+        if name != SYNTHETIC:
+            require_installed(name)
+    return chosen
+
+
+def full(
+    mutants: Sequence[Mutant], hosts: Sequence[str], mechanisms: int, correct: int
+) -> tuple[list[Task], list[SubjectKey]]:
+    """Tasks, and the mechanisms for the correct adapters."""
+    instants: list[SubjectKey] = [*CASES, *random_subjects(mechanisms, FIRST_SEED, BODIES)]
+    return tasks_of(mutants, hosts, instants, MOTIONS), list(random_subjects(correct))
+
+
+def short(mutants: Sequence[Mutant], hosts: Sequence[str]) -> tuple[list[Task], list[SubjectKey]]:
+    """The same in a minute: each mutant in one host, in turn, at two magnitudes, on few mechanisms; no motion twice."""
+    chosen = []
+    for n, mutant in enumerate(mutants):
+        here = [host for host in mutant.hosts if host in hosts]
+        near = min(mutant.magnitudes, key=lambda e: abs(e / _SMALL - 1.0) if e else float("inf"))
+        magnitudes = tuple(dict.fromkeys((mutant.magnitudes[0], near)))
+        if mutant.question is Question.TRAJECTORY:
+            magnitudes = magnitudes[:1]
+        if here:
+            chosen.append(replace(mutant, hosts=(here[n % len(here)],), magnitudes=magnitudes))
+    return tasks_of(chosen, hosts, _SHORT_INSTANTS, MOTIONS), list(random_subjects(_SHORT_CORRECT))

@@ -1,0 +1,115 @@
+"""Mechanisms and states that mutants and correct adapters are judged on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+
+import numpy as np
+
+from consilience.audit.random_mechanisms import MOST_BODIES, random_mechanism
+from consilience.case import Case, load_case
+from consilience.compare import Yardstick, spread_over_time
+from consilience.compare.instant import EPS, Bars, Instants
+from consilience.engine import InstantAnswer, ModelAnswer, Question
+from consilience.mechanism import Array, Mechanism, State, drawing_state, magnification, random_states, reach
+from consilience.reference.engine import ReferenceEngine
+
+INSTANTS = 3
+"""States of each mechanism."""
+
+CLEAR = Bars().reaction / (4.0 * EPS)
+"""Largest `conditioning.magnification` of a random state that is judged, about 1e5: bars are up to eleven times those
+of well-conditioned equations there. States nearer to a singular pose are the business of `consilience.audit.fuzz`."""
+
+CASES = ("double_pendulum", "four_bar", "rotating_end_pendulum", "slider_crank", "spatial_pendulum")
+"""Shipped cases that mutants are judged on. The simple pendulum, a mass on a string, shows hardly any error."""
+
+MOTIONS = ("double_pendulum", "four_bar")
+"""Of these, the ones that are asked for trajectories: a tree and a loop with dependent rows."""
+
+SPAN, SAMPLE = 0.5, 0.05
+"""Duration and sampling interval of the trajectories, s."""
+
+
+@dataclass(eq=False)
+class Subject:
+    """A mechanism with the states, and perhaps the trajectory, that it is asked about.
+
+    Attributes
+    ----------
+    case : Case or None
+        The shipped case it comes from; only these are asked for trajectories.
+    """
+
+    name: str
+    mechanism: Mechanism
+    states: list[State]
+    case: Case | None = None
+
+    @cached_property
+    def size(self) -> float:
+        """Size of the mechanism in m, as the suite takes it."""
+        return max(float(np.max(np.abs(self.states[0].p_WB))), reach(self.mechanism))
+
+    @cached_property
+    def instants(self) -> Instants:
+        """What the harness knows of the states."""
+        return Instants.of(self.mechanism, self.states)
+
+    @cached_property
+    def model_answer(self) -> ModelAnswer:
+        """Of the reference."""
+        engine = ReferenceEngine()
+        return engine.model(self.mechanism, self.states[0], engine.methods(self.mechanism, Question.MODEL)[0])
+
+    @cached_property
+    def instant_answer(self) -> InstantAnswer:
+        """Of the reference."""
+        engine = ReferenceEngine()
+        return engine.instant(self.mechanism, self.states, engine.methods(self.mechanism, Question.INSTANT)[0])
+
+    @property
+    def times(self) -> Array:
+        """Samples of the trajectory."""
+        assert self.case is not None
+        return self.case.times
+
+    @cached_property
+    def yardstick(self) -> Yardstick:
+        """Motion of the reference, with the spread of its formulations and tolerances."""
+        assert self.case is not None
+        engine = ReferenceEngine()
+        first, *others = engine.methods(self.mechanism, Question.TRAJECTORY)
+        asked = [(first, t) for t in reversed(first.tolerances[1:])] + [(m, t) for m in others for t in m.tolerances]
+        motions = [engine.trajectory(self.mechanism, self.states[0], self.times, m, t) for m, t in asked]
+        return Yardstick(motions[0], spread_over_time(self.mechanism, motions), self.case.digits)
+
+
+@lru_cache(maxsize=512)
+def random_subject(seed: int) -> Subject | None:
+    """Random mechanism of a seed with moving states; None where a state is too near to a singular pose."""
+    mechanism = random_mechanism(seed)
+    states = random_states(mechanism, drawing_state(mechanism), INSTANTS, seed)
+    if max(magnification(mechanism, state) for state in states) > CLEAR:
+        return None
+    return Subject(f"seed {seed}", mechanism, states)
+
+
+@lru_cache(maxsize=16)
+def shipped_subject(name: str) -> Subject:
+    """A shipped case over a short span."""
+    case = replace(load_case(name), instants=INSTANTS).with_span(SPAN, SAMPLE)
+    return Subject(name, case.mechanism, case.states, case)
+
+
+def random_subjects(count: int, first: int = 0, bodies: int = MOST_BODIES) -> Iterator[int]:
+    """Seeds, from `first` on, of `count` random mechanisms of at most so many bodies that can be judged."""
+    seed = first
+    while count:
+        subject = random_subject(seed)
+        if subject is not None and len(subject.mechanism.bodies) <= bodies:
+            yield seed
+            count -= 1
+        seed += 1

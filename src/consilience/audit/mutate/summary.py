@@ -1,0 +1,129 @@
+"""What a campaign says of each mutant in each host, and of the whole."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from itertools import groupby
+
+from consilience.audit.mutate.campaign import Campaign, Outcome
+from consilience.audit.mutate.table import MUTANTS
+from consilience.audit.mutate.traps import TRAPS, UNPLANTED, Mutant
+
+
+class Standing(StrEnum):
+    """How a mutant in a host fared."""
+
+    CAUGHT = "caught"
+    MISSED = "missed"
+    UNSEEN = "missed, as explained"
+    SILENT = "rightly not noticed"
+    FALSE_ALARM = "false alarm"
+    NOT_JUDGED = "not judged"
+
+
+@dataclass(frozen=True)
+class Row:
+    """One mutant in one host over its magnitudes, largest first."""
+
+    mutant: Mutant
+    host: str
+    outcomes: tuple[Outcome, ...]
+
+    @property
+    def standing(self) -> Standing:
+        """Caught at any magnitude; of a harmless one: noticed at any."""
+        noticed = any(o.noticed for o in self.outcomes)
+        if any(o.unusable for o in self.outcomes) or not any(o.judged or o.broken for o in self.outcomes):
+            return Standing.NOT_JUDGED
+        if self.mutant.harmless:
+            return Standing.FALSE_ALARM if noticed else Standing.SILENT
+        if noticed:
+            return Standing.CAUGHT
+        return Standing.UNSEEN if self.mutant.unseen else Standing.MISSED
+
+    @property
+    def smallest(self) -> Outcome | None:
+        """Outcome of the smallest magnitude caught on any mechanism."""
+        return next((o for o in reversed(self.outcomes) if o.noticed), None)
+
+    @property
+    def smallest_everywhere(self) -> Outcome | None:
+        """Outcome of the smallest magnitude caught on every mechanism on which the largest was."""
+        most = max((o.caught for o in self.outcomes), default=0)
+        return next((o for o in reversed(self.outcomes) if o.noticed and o.caught >= most), None)
+
+    @property
+    def by(self) -> str:
+        """What gave the largest magnitude away, most often first."""
+        first = next((o for o in self.outcomes if o.noticed), None)
+        return ", ".join(name for name, _ in first.by.most_common(3)) if first else ""
+
+    @property
+    def why_missed(self) -> str:
+        """What became of the largest magnitude that was not caught anywhere; empty if every one was."""
+        unusable = next((o.unusable for o in self.outcomes if o.unusable), "")
+        if unusable:
+            return f"the mutant does not fit the adapter: {unusable}"
+        missed = next((o for o in self.outcomes if not o.noticed and o.judged), None)
+        if missed is None:
+            return ""
+        if missed.unchanged == missed.judged:
+            return f"{missed.magnitude:g}: changes no number of any answer"
+        return f"{missed.magnitude:g}: {missed.largest_missed:.2g} of the bar at most"
+
+
+def rows_of(campaign: Campaign) -> list[Row]:
+    """Rows in the order of the traps."""
+
+    def key(outcome: Outcome) -> tuple[int, int, str]:
+        return MUTANTS[outcome.mutant].trap, list(MUTANTS).index(outcome.mutant), outcome.host
+
+    found = sorted(campaign.outcomes, key=lambda o: (*key(o), -o.magnitude))
+    return [
+        Row(MUTANTS[group[0].mutant], group[0].host, tuple(group))
+        for group in (list(same) for _, same in groupby(found, key))
+    ]
+
+
+def count(rows: Sequence[Row], standing: Standing) -> int:
+    """Number of rows of a standing."""
+    return sum(row.standing is standing for row in rows)
+
+
+def traps_caught(rows: Sequence[Row]) -> tuple[int, int]:
+    """Traps of which every mutant judged was caught, and traps that were judged."""
+    judged = {r.mutant.trap for r in rows if r.standing in (Standing.CAUGHT, Standing.MISSED)}
+    missed = {r.mutant.trap for r in rows if r.standing is Standing.MISSED}
+    return len(judged - missed), len(judged)
+
+
+def exit_code(campaign: Campaign) -> int:
+    """0: all caught, no false alarm; 1: a mutant missed or a false alarm; 3: something was not judged."""
+    rows = rows_of(campaign)
+    if campaign.alarms or count(rows, Standing.MISSED) or count(rows, Standing.FALSE_ALARM):
+        return 1
+    return 3 if campaign.missing or count(rows, Standing.NOT_JUDGED) else 0
+
+
+def verdict_of(campaign: Campaign) -> str:
+    """The whole in a sentence or two."""
+    rows = rows_of(campaign)
+    caught, judged = traps_caught(rows)
+    harmful = [r for r in rows if not r.mutant.harmless]
+    traps = f"{caught} of {judged} traps caught ({len(TRAPS)} known, {len(UNPLANTED)} not planted)"
+    words = [f"{traps}: {count(harmful, Standing.CAUGHT)} mutants caught, {count(harmful, Standing.MISSED)} missed"]
+    if count(harmful, Standing.UNSEEN):
+        words.append(f"{count(harmful, Standing.UNSEEN)} that no question can see")
+    unjudged = count(rows, Standing.NOT_JUDGED)
+    if unjudged:
+        words.append(f"{unjudged} not judged")
+    alarms = len({(a.host, a.subject) for a in campaign.alarms})
+    judgings = sum(campaign.judged.values())
+    words.append(
+        f"{alarms} false alarms on {judgings} judgings of correct adapters over {campaign.mechanisms} random mechanisms"
+    )
+    harmless = len(rows) - len(harmful)
+    words.append(f"{count(rows, Standing.FALSE_ALARM)} of {harmless} changes that are no errors noticed")
+    return "; ".join(words) + "."

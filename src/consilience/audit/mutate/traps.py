@@ -1,0 +1,114 @@
+"""The errors adapters are known to make, collected from the trackers of the engines, and what a mutant is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from consilience.audit.mutate.mutated import Planting
+from consilience.audit.mutate.subjects import Subject
+from consilience.engine import Question
+
+TRAPS: dict[int, str] = {
+    1: "armature or rotor inertia by default",
+    2: "joint damping, dry friction or implicit damping by default",
+    3: "inertia about the wrong point, rotated, or without products",
+    4: "inertia from geometry, density 1000, default mass 1 and inertia 1",
+    5: "contacts on by default",
+    6: "order or conjugate of quaternions",
+    7: "frame and order of the twist of a free joint",
+    8: "spatial in place of classical acceleration",
+    9: "continuous joints with two coordinates",
+    10: "mass matrix filled in one triangle only",
+    11: "frame and point of external forces",
+    12: "sign, frame or reference point of joint wrenches",
+    13: "forces cleared, reactions zero after a step",
+    14: "state half brought up to date after a step",
+    15: "acceleration and reaction of the start or the end of a step",
+    16: "error reduction and force mixing shared by the whole process",
+    17: "soft equality constraints, impedance clamped",
+    18: "anchors computed in another pose",
+    19: "Baumgarte terms in a pointwise acceleration",
+    20: "redundant rows of planar loops",
+    21: "adaptive step, damping, tolerance and step count by default",
+    22: "constraints silently ignored",
+    23: "other assembly branch",
+    24: "integrator of lower order than declared",
+    25: "value and direction of gravity by default",
+    26: "sparse or dense, islands, warm start, solver stopped early",
+    27: "drift of the engine's interface",
+}
+"""Number and title. The numbers are those by which the mutants, the reports and docs/detection.md refer to them."""
+
+UNPLANTED: dict[int, str] = {}
+"""Traps no mutant stands for, with the reason."""
+
+Need = Callable[[Subject], bool]
+
+
+def anything(subject: Subject) -> bool:
+    """Every mechanism."""
+    del subject
+    return True
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """One error, planted in the adapters of some engines.
+
+    Attributes
+    ----------
+    trap : int
+        Key of `TRAPS`.
+    name : str
+        Unique.
+    how : str
+        What is changed.
+    hosts : tuple of str
+        Engines it is planted in.
+    magnitudes : tuple of float
+        Largest first; what they measure is `unit`. One magnitude, 1: all or nothing.
+    question : Question
+        Expected to catch it. `model` and `instant` are always asked both; `trajectory` is asked alone.
+    plant : callable
+    needs : callable
+        Whether a mechanism has what the error acts on.
+    methods : str
+        Text in the names of the methods that are asked; all of them without it.
+    harmless : bool
+        It is no error: the harness must not notice it.
+    unseen : bool
+        An error that no question sees; `remark` says why. It is planted to keep that in view.
+    remark : str
+        Why some of its magnitudes cannot be noticed.
+    """
+
+    trap: int
+    name: str
+    how: str
+    hosts: tuple[str, ...]
+    magnitudes: tuple[float, ...]
+    unit: str
+    question: Question
+    plant: Planting
+    needs: Need = anything
+    methods: str = ""
+    harmless: bool = False
+    unseen: bool = False
+    remark: str = ""
+
+    @property
+    def questions(self) -> tuple[Question, ...]:
+        """Questions that are asked."""
+        if self.question is Question.TRAJECTORY:
+            return (Question.TRAJECTORY,)
+        return (Question.MODEL, Question.INSTANT)
+
+
+def decades(first: int, last: int, step: int = 1) -> tuple[float, ...]:
+    """Powers of ten from ``10**first`` down to ``10**last``."""
+    return tuple(float(f"1e{n}") for n in range(first, last - 1, -step))
+
+
+WHOLE = (1.0,)
+"""All or nothing."""

@@ -1,0 +1,404 @@
+"""Random mechanisms, assembled as drawn: the same seed gives the same mechanism.
+
+Bodies are lumpy (mass off the origin, full inertia of a cloud of points, so that it is a possible one), frames are
+skew, bodies and joints are listed in any order, and predecessors and successors are exchanged at will. A mechanism
+grows as a tree from the ground; then joints of any kind close loops in the drawn pose. Besides, whole linkages with
+dependent rows hang on the ground or on a body: planar ones, whose axes are parallel, and spherical ones, whose axes
+meet in a point.
+
+What is added to a tree must leave a degree of freedom, and the constraints clearly of one rank or another: the
+singular values of their Jacobian in the drawn pose are zero or above `GAP` of the largest. Half of the mechanisms have
+no elements but springs, joint springs and constant loads, which every formulation knows. A `Recipe` decides some of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from consilience.mechanism import (
+    AXIS_COORDINATES,
+    GROUND,
+    JOINT_KINDS,
+    RANK_TOLERANCE,
+    Array,
+    Body,
+    Control,
+    Coupling,
+    Drive,
+    Frame,
+    Friction,
+    Function,
+    Joint,
+    JointSpring,
+    Load,
+    Mechanism,
+    Rolling,
+    Skate,
+    Spring,
+    constraint_jacobian,
+    drawing_state,
+    quaternion_from_rotation_vector,
+    rotation_from_quaternion,
+    through,
+)
+
+GAP = 1e-4
+
+MOST_BODIES = 12
+
+TREE_KINDS = {
+    "revolute": 6,
+    "prismatic": 3,
+    "cylindrical": 3,
+    "universal": 3,
+    "spherical": 4,
+    "planar": 2,
+    "rigid": 1,
+    "rod": 2,
+    "free": 2,
+    "screw": 1,
+    "point_on_line": 1,
+    "point_in_plane": 1,
+    "parallel_axes": 1,
+}
+"""How often a joint of the tree is of each kind, in proportion."""
+
+CLOSING_KINDS = {kind: 1.0 for kind in TREE_KINDS if kind != "free"} | {"spherical": 3.0, "rod": 3.0, "universal": 2.0}
+"""The same of a joint that closes a loop."""
+
+LINKAGES = {
+    "planar": ("revolute", "revolute", "revolute", "revolute"),
+    "slider": ("revolute", "revolute", "revolute", "prismatic"),
+    "spherical": ("revolute", "revolute", "revolute", "revolute"),
+}
+"""Linkages of three bodies with dependent rows: kinds of their four joints, from base to base."""
+
+_LOCKING = 0.15
+"""Part of the loops that lock (their joints leave less freedom than the closing joint takes) that are kept."""
+
+_WORLD = Frame(np.zeros(3), np.eye(3))
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """What of a random mechanism is not left to chance.
+
+    Attributes
+    ----------
+    kinds : collection of str
+        Joint kinds it may have.
+    plain : bool or None
+        No elements but springs, joint springs and constant loads; None: so every other time.
+    chain : bool
+        Every body hangs on the one before it.
+    linkages : float
+        Part of the occasions at which a linkage is hung on the tree rather than a body.
+    flat : float
+        Height of the linkages, in proportion to the usual one. Near zero they are near the singular pose in which all
+        their joints lie on a line, or all their axes in a plane, and one constraint gets lost.
+    """
+
+    kinds: Collection[str] = tuple(JOINT_KINDS)
+    plain: bool | None = None
+    chain: bool = False
+    linkages: float = 0.2
+    flat: float = 1.0
+
+    @property
+    def gap(self) -> float:
+        """Least singular value of the constraints, over the largest, that does not count as zero."""
+        return GAP * min(1.0, self.flat)
+
+    def kind(self, weights: Mapping[str, float], rng: np.random.Generator) -> str:
+        """One of its joint kinds at random, by their weights."""
+        known = {kind: weight for kind, weight in weights.items() if kind in self.kinds}
+        return str(rng.choice(list(known), p=np.array(list(known.values())) / sum(known.values())))
+
+
+USUAL = Recipe()
+
+
+def random_mechanism(seed: int, bodies: int | None = None, recipe: Recipe = USUAL) -> Mechanism:
+    """Random mechanism of a seed, assembled in its drawing at the time zero, with a degree of freedom at least.
+
+    Parameters
+    ----------
+    seed : int
+    bodies : int, optional
+        Number of bodies; 1 to `MOST_BODIES` at random if not given.
+    recipe : Recipe, optional
+    """
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(1, MOST_BODIES + 1)) if bodies is None else bodies
+    draft = _Draft(f"random_{seed}", rng, recipe)
+    plain = rng.random() < 0.5 if recipe.plain is None else recipe.plain
+    while len(draft.bodies) < count:
+        if count - len(draft.bodies) >= 3 and rng.random() < recipe.linkages:
+            draft.add_linkage()
+        else:
+            draft.add_body()
+    draft.free_something()
+    for _ in range(rng.integers(0, 4) if rng.random() < 0.6 else 0):
+        draft.close_loop()
+    draft.add_forces(plain)
+    if not plain:
+        draft.add_constraints()
+    return draft.shuffled()
+
+
+class _Draft:
+    """A mechanism that grows."""
+
+    def __init__(self, name: str, rng: np.random.Generator, recipe: Recipe) -> None:
+        self.name, self.rng, self.recipe = name, rng, recipe
+        self.gravity = 9.8 * _direction(rng)
+        self.bodies: dict[str, Body] = {}
+        self.joints: list[Joint] = []
+        self.elements: dict[str, list[Any]] = {}
+
+    def mechanism(self, joints: list[Joint], elements: Mapping[str, list[Any]]) -> Mechanism:
+        """The mechanism with these joints and elements."""
+        groups = {name: tuple(group) for name, group in elements.items()}
+        return Mechanism(self.name, self.gravity, tuple(self.bodies.values()), tuple(joints), **groups)
+
+    def shuffled(self) -> Mechanism:
+        """The mechanism, bodies and joints listed in any order."""
+        names = self.rng.permutation(list(self.bodies))
+        self.bodies = {str(name): self.bodies[str(name)] for name in names}
+        order = self.rng.permutation(len(self.joints))
+        return self.mechanism([self.joints[k] for k in order], self.elements)
+
+    # ------------------------------------------------------------ bodies and joints
+
+    def _place(self, body: str) -> Frame:
+        return _WORLD if body == GROUND else self.bodies[body].drawing
+
+    def _new_body(self, near: Array) -> str:
+        name = f"b{len(self.bodies)}"
+        self.bodies[name] = lumpy_body(
+            name, Frame(near + self.rng.normal(scale=0.2, size=3), _rotation(self.rng)), self.rng
+        )
+        return name
+
+    def _base(self) -> str:
+        """What the next body hangs on: the last one most often, so that chains are long, or any other."""
+        known = [GROUND, *self.bodies]
+        return known[-1] if self.recipe.chain or self.rng.random() < 0.5 else str(self.rng.choice(known))
+
+    def _joint(self, kind: str, i: str, j: str, at: Array, axes: Array, to: Array | None = None) -> Joint:
+        """Joint drawn in the world, F at `at` and M at `to` or there, too; either end may be the predecessor."""
+        to = at if to is None else to
+        if self.rng.random() < 0.4:
+            i, j = j, i
+        start, end = self._place(i), self._place(j)
+        F = Frame(start.R.T @ (at - start.p), start.R.T @ axes)
+        M = Frame(end.R.T @ (to - end.p), end.R.T @ axes)
+        length = float(np.linalg.norm(to - at)) if kind == "rod" else 0.0
+        pitch = float(self.rng.choice([-1, 1]) * self.rng.uniform(0.1, 0.6)) if kind == "screw" else 0.0
+        return Joint(f"j{len(self.joints)}", kind, i, j, F, M, length, pitch)
+
+    def _between(self, kind: str, i: str, j: str) -> Joint:
+        """Joint of any place and direction between two bodies."""
+        at = 0.5 * (self._place(i).p + self._place(j).p) + self.rng.normal(scale=0.2, size=3)
+        to = at + self.rng.uniform(0.3, 0.9) * _direction(self.rng) if kind == "rod" else None
+        return self._joint(kind, i, j, at, _rotation(self.rng), to)
+
+    def add_body(self) -> None:
+        """Hang a body on the tree."""
+        base = self._base()
+        name = self._new_body(self._place(base).p + 0.7 * _direction(self.rng))
+        self.joints.append(self._between(self.recipe.kind(TREE_KINDS, self.rng), base, name))
+
+    def free_something(self) -> None:
+        """Where all joints are rigid or locked, exchange one of the tree for a ball."""
+        if not rank_of(self.mechanism(self.joints, {}))[0]:
+            last = self.joints[-1]
+            self.joints[-1] = replace(last, kind="spherical", length=0.0, pitch=0.0)
+
+    def add_linkage(self) -> None:
+        """Hang three bodies on the tree that close a loop with dependent rows."""
+        shape, base = str(self.rng.choice(list(LINKAGES))), self._base()
+        kinds, R = LINKAGES[shape], _rotation(self.rng)
+        corners = np.array([[0.0, 0.0], [0.2, 0.6], [1.1, 0.8], [1.0, 0.0]]) + self.rng.uniform(-0.1, 0.1, (4, 2))
+        corners[:, 1] *= self.recipe.flat
+        center = self._place(base).p + self.rng.normal(scale=0.4, size=3)
+        points, frames = [], []
+        for corner, kind in zip(corners, kinds, strict=True):
+            axes = R
+            if shape == "spherical":  # axes through the center and the corner of a pyramid
+                z = R @ np.array([*corner, 1.2])
+                axes = _with_z(z / np.linalg.norm(z), self.rng)
+                points.append(center + axes[:, 2] * self.rng.uniform(0.3, 1.0))
+            else:
+                points.append(center + R @ np.array([*corner, self.rng.normal(scale=0.3)]))
+            if kind == "prismatic":  # along a direction of the plane
+                angle = self.rng.uniform(-0.4, 0.4)
+                if self.recipe.flat != 1.0:  # across the line of the others: so they lose a constraint
+                    angle = 0.5 * np.pi + self.recipe.flat * angle
+                axes = _with_z(R @ np.array([np.cos(angle), np.sin(angle), 0.0]), self.rng)
+            frames.append(axes)
+        ends = [base, *(self._new_body(point) for point in points[:3]), base]
+        for n, kind in enumerate(kinds):
+            self.joints.append(self._joint(kind, ends[n], ends[n + 1], points[n], frames[n]))
+
+    def close_loop(self) -> None:
+        """Join two bodies that are not neighbours, if that leaves a degree of freedom."""
+        known = [GROUND, *self.bodies]
+        taken = {frozenset((joint.predecessor, joint.successor)) for joint in self.joints}
+        pairs = [(i, j) for n, i in enumerate(known) for j in known[n + 1 :] if frozenset((i, j)) not in taken]
+        if not pairs:
+            return
+        i, j = pairs[int(self.rng.integers(len(pairs)))]
+        joint = self._between(self.recipe.kind(CLOSING_KINDS, self.rng), i, j)
+        before, _ = rank_of(self.mechanism(self.joints, {}))
+        after, clear = rank_of(self.mechanism([*self.joints, joint], {}), self.recipe.gap)
+        moves = before - after == len(joint.rows)
+        if after and clear and (moves or self.rng.random() < _LOCKING):
+            self.joints.append(joint)
+
+    # ------------------------------------------------------------ elements
+
+    def _add(self, group: str, element: Any) -> None:
+        self.elements.setdefault(group, []).append(element)
+
+    def _axes(self) -> list[tuple[str, str]]:
+        """Coordinates of joints with one axis, in any order."""
+        found = [(j.name, coordinate) for j in self.joints for coordinate in AXIS_COORDINATES.get(j.kind, ())]
+        return [found[k] for k in self.rng.permutation(len(found))]
+
+    def _function(self) -> Function:
+        """A smooth function of time of the order of one."""
+        rng = self.rng
+        if rng.random() < 0.3:
+            return through(np.linspace(-1.0, 11.0, 13), rng.normal(size=13))
+        return Function(rng.normal(scale=0.5, size=2), np.array([[1.0, rng.uniform(1.0, 5.0), rng.uniform(0.0, 6.0)]]))
+
+    def _history(self, plain: bool) -> Function | None:
+        """A function every other time, none if plain."""
+        return self._function() if not plain and self.rng.random() < 0.5 else None
+
+    def _motion(self) -> Function:
+        """A smooth function that is zero at zero, with a slope and a curvature there."""
+        a, w, phi = self.rng.uniform(0.1, 0.4), self.rng.uniform(1.0, 4.0), self.rng.uniform(0.2, 6.0)
+        return Function(np.array([-a * np.sin(phi), self.rng.normal()]), np.array([[a, w, phi]]))
+
+    def add_forces(self, plain: bool) -> None:
+        """Springs, joint springs and loads; if not plain, also in time, friction and control."""
+        rng, known = self.rng, [GROUND, *self.bodies]
+        for n in range(rng.integers(0, 3)):
+            i, j = rng.permutation(known)[:2]
+            points = (rng.normal(scale=0.4, size=3), rng.normal(scale=0.4, size=3))
+            k, c, rest = rng.uniform(5.0, 40.0), rng.uniform(0.0, 2.0), rng.uniform(0.2, 0.8)
+            self._add("springs", Spring(f"spring{n}", str(i), str(j), *points, k, c, rest, self._history(plain)))
+        for n in range(rng.integers(0, 3)):
+            kind, frame = str(rng.choice(["force", "torque"])), str(rng.choice(["world", "body"]))
+            body, vector, point = (
+                str(rng.choice(known[1:])),
+                rng.normal(scale=3.0, size=3),
+                rng.normal(scale=0.3, size=3),
+            )
+            self._add("loads", Load(f"load{n}", kind, body, vector, frame, point, self._history(plain)))  # type: ignore[arg-type]
+        for joint, coordinate in self._axes():
+            if rng.random() < 0.3:
+                k, c, rest = rng.uniform(1.0, 10.0), rng.uniform(0.0, 1.0), rng.normal(scale=0.3)
+                self._add(
+                    "joint_springs",
+                    JointSpring(f"k_{joint}_{coordinate}", joint, coordinate, k, c, rest, self._history(plain)),
+                )
+            if not plain and rng.random() < 0.2:
+                d, coulomb, v = rng.uniform(0.0, 0.5), rng.uniform(0.0, 2.0), rng.uniform(0.2, 0.5)
+                self._add("frictions", Friction(f"f_{joint}_{coordinate}", joint, coordinate, d, coulomb, v))
+            if not plain and rng.random() < 0.15:
+                gains = (rng.uniform(5.0, 30.0), rng.uniform(0.0, 5.0), rng.uniform(0.0, 3.0))
+                self._add("controls", Control(f"c_{joint}_{coordinate}", joint, coordinate, self._function(), *gains))
+
+    def add_constraints(self) -> None:
+        """Drives, couplings, rolling bodies and skates, as many as leave a degree of freedom."""
+        rng = self.rng
+        axes = self._axes()
+        if axes and rng.random() < 0.35:
+            self._try("drives", Drive("drive", *axes[0], self._motion()), 1)
+        if len(axes) > 1 and rng.random() < 0.45:
+            self._try("couplings", Coupling("coupling", *axes[-1], *axes[-2], self._law(axes[-1][1])), 1)
+        if rng.random() < 0.3:
+            self._try("rollings", self._rolling(str(rng.choice(list(self.bodies)))), 3)
+        if rng.random() < 0.25:
+            body, point = str(rng.choice(list(self.bodies))), rng.normal(scale=0.3, size=3)
+            self._try("skates", Skate("skate", body, point, _direction(rng)), 1)
+
+    def _try(self, group: str, element: Any, rows: int) -> None:
+        """Add a constraint if its rows are independent of all others and leave a degree of freedom."""
+        before, _ = rank_of(self.mechanism(self.joints, self.elements))
+        more = self.elements | {group: [*self.elements.get(group, []), element]}
+        after, clear = rank_of(self.mechanism(self.joints, more), self.recipe.gap)
+        if after and clear and before - after == rows:
+            self.elements = more
+
+    def _law(self, driver: str) -> Function:
+        """A gear or rack, or a cam: periodic in an angle, of second order in a distance."""
+        ratio = self.rng.choice([-1, 1]) * self.rng.uniform(0.3, 2.0)
+        if self.rng.random() < 0.5:
+            return Function(np.array([0.0, ratio]))
+        if driver == "distance":
+            return Function(np.array([0.0, ratio, self.rng.normal(scale=0.5)]))
+        x = np.linspace(0.0, 2 * np.pi, 17)
+        lift = self.rng.uniform(0.1, 0.3) * np.sin(x) + self.rng.uniform(-0.1, 0.1) * (1.0 - np.cos(2 * x))
+        return through(x, [*lift[:-1], lift[0]], periodic=True)
+
+    def _rolling(self, body: str) -> Rolling:
+        """A disc, torus or ball on a plane that touches it in the drawing."""
+        rng, pose = self.rng, self.bodies[body].drawing
+        normal, center = _direction(rng), rng.normal(scale=0.1, size=3)
+        # leaning, but far from lying flat, where the point of contact would not be one
+        lean = rng.uniform(0.0, 0.9)
+        across = _with_z(normal, rng)[:, 0]
+        axis = np.cos(lean) * across + np.sin(lean) * normal
+        radius, rounding = ((0.4, 0.0), (0.4, 0.07), (0.0, 0.5))[int(rng.integers(3))]
+        height = radius * np.cos(lean) + rounding
+        point = pose.p + pose.R @ center - height * normal + _with_z(normal, rng)[:, 1] * rng.normal()
+        return Rolling("rolling", body, center, pose.R.T @ axis, radius, point, normal, rounding)
+
+
+def lumpy_body(name: str, drawing: Frame, rng: np.random.Generator) -> Body:
+    """Body of eight random points, of one to two kg and some 0.3 m."""
+    points = rng.normal(scale=0.3, size=(8, 3))
+    masses = rng.uniform(0.1, 0.3, size=8)
+    com = masses @ points / masses.sum()
+    c = points - com
+    inertia = np.einsum("n,nij->ij", masses, np.eye(3) * np.sum(c * c, 1)[:, None, None] - c[:, :, None] * c[:, None])
+    return Body(name, float(masses.sum()), com, inertia, drawing)
+
+
+def rank_of(mechanism: Mechanism, gap: float = GAP) -> tuple[int, bool]:
+    """Degrees of freedom in the drawing, and whether its constraints are clearly of one rank or another.
+
+    They are if no singular value is below `gap` of the largest without being zero.
+    """
+    Q = constraint_jacobian(mechanism, drawing_state(mechanism))
+    if len(Q) == 0:
+        return Q.shape[1], True
+    singular = np.linalg.svd(Q, compute_uv=False)
+    singular /= singular[0]
+    freedom = Q.shape[1] - int(np.sum(singular > RANK_TOLERANCE))
+    return freedom, not np.any((singular > 1e-12) & (singular < gap))
+
+
+def _direction(rng: np.random.Generator) -> Array:
+    v = rng.normal(size=3)
+    unit: Array = v / np.linalg.norm(v)
+    return unit
+
+
+def _rotation(rng: np.random.Generator) -> Array:
+    return rotation_from_quaternion(quaternion_from_rotation_vector(rng.normal(size=3)))
+
+
+def _with_z(z: Array, rng: np.random.Generator) -> Array:
+    """Rotation matrix with that unit vector as its third column, turned about it at random."""
+    x = np.cross(_direction(rng), z)
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(z, x), z])

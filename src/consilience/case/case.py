@@ -1,0 +1,110 @@
+"""A case: a mechanism, its initial state, what to ask, and where it comes from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from consilience.case.published import Published
+from consilience.errors import InvalidInput
+from consilience.mechanism import Array, Initial, Mechanism, State, initial_state, random_states
+
+LARGEST_MOTION = 2_000_000
+"""Samples times bodies of a trajectory at most: an answer of 200 MB."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A mechanism with an initial state and the questions to ask about it.
+
+    Attributes
+    ----------
+    name : str
+        File stem, with ``-<variant>`` where the file has variants.
+    file : str
+        Name of the file, for messages.
+    group : str
+        Folder of the library; empty for a file from elsewhere.
+    call : str
+        What it is asked for by, on the command line, where that is not its name: a path, a member of a family.
+    duration, sample : float, s
+        Span of the trajectory and its uniform sampling interval.
+    digits : int
+        Correct digits asked of a trajectory.
+    instants : int
+        Number of states of the question `instant`: the initial state, then random consistent ones from `seed`.
+    """
+
+    name: str
+    file: str
+    title: str
+    mechanism: Mechanism
+    initial: Initial
+    duration: float
+    sample: float
+    digits: int
+    instants: int
+    seed: int
+    sources: tuple[str, ...] = ()
+    remarks: str = ""
+    tags: tuple[str, ...] = field(default=())
+    published: tuple[Published, ...] = ()
+    group: str = ""
+    call: str = ""
+
+    def __post_init__(self) -> None:
+        size = self.duration / self.sample * len(self.mechanism.bodies)
+        if not size <= LARGEST_MOTION:
+            raise InvalidInput(
+                f"case '{self.name}': trajectory",
+                f"samples times bodies are {size:.3g}",
+                f"Let them be {LARGEST_MOTION:.3g} at most: a shorter duration, or a longer sample.",
+            )
+
+    @cached_property
+    def initial_state(self) -> State:
+        """Assembled, consistent initial state.
+
+        Raises
+        ------
+        InvalidInput, CannotAssemble
+            With the case's file in front.
+        """
+        try:
+            return initial_state(self.mechanism, self.initial)
+        except InvalidInput as error:
+            raise type(error)(f"{self.file}: {error.where}", error.what, error.remedy) from None
+
+    @cached_property
+    def states(self) -> list[State]:
+        """States of the question `instant`."""
+        start = self.initial_state
+        return [start, *random_states(self.mechanism, start, self.instants - 1, self.seed)]
+
+    @property
+    def times(self) -> Array:
+        """Sample times of the trajectory, shape (n_t,), s."""
+        return np.arange(round(self.duration / self.sample) + 1) * self.sample
+
+    def with_span(self, duration: float | None, sample: float | None) -> Case:
+        """The same case over another span, with the expected values that lie on its grid.
+
+        Raises
+        ------
+        InvalidInput
+            If the sample does not divide the duration.
+        """
+        span = self.duration if duration is None else duration
+        step = self.sample if sample is None else sample
+        if not (span > 0 and step > 0) or not _is_multiple(span, step):
+            raise InvalidInput(
+                "duration and sample", f"{span:g} s and {step:g} s", "Give a positive sample that divides the duration."
+            )
+        known = tuple(k for k in self.published if k.time <= span and _is_multiple(k.time, step))
+        return replace(self, duration=span, sample=step, published=known)
+
+
+def _is_multiple(value: float, step: float) -> bool:
+    return abs(value / step - round(value / step)) <= 1e-9 * max(value / step, 1.0)

@@ -1,0 +1,90 @@
+"""Parametric families of cases: mechanisms of any size, stiffness or distance from a singular pose.
+
+A member is named ``family`` or ``family:parameter=value,parameter=value`` wherever the name of a case is asked for.
+Every family is a function of documented parameters that returns the tables of a case file, with values in closed form
+where there is one. The same parameters give the same case.
+"""
+
+from __future__ import annotations
+
+from consilience.case.case import Case
+from consilience.case.families.chains import chain, mass_ratio, planar_chain
+from consilience.case.families.drawing import Table
+from consilience.case.families.loops import closed_ring, four_bar, parallel_rods, scissor, windows
+from consilience.case.families.parameters import (
+    Family,
+    Parameter,
+    Range,
+    parameters,
+    read_name,
+    shown,
+    shown_parameters,
+)
+from consilience.case.families.single import single_joint, top
+from consilience.case.families.springs import spring_chain, stiff_spring
+from consilience.case.file.reader import cases_from_tables
+from consilience.errors import InvalidInput
+
+__all__ = [
+    "FAMILIES",
+    "Family",
+    "Parameter",
+    "Range",
+    "family_cases",
+    "family_table",
+    "is_family",
+    "parameters",
+    "shown_parameters",
+]
+
+FAMILIES: dict[str, Family] = {
+    family.__name__: family
+    for family in (
+        windows,
+        parallel_rods,
+        scissor,
+        closed_ring,
+        four_bar,
+        chain,
+        planar_chain,
+        mass_ratio,
+        spring_chain,
+        stiff_spring,
+        top,
+        single_joint,
+    )
+}
+"""Functions by the name of the family."""
+
+
+def is_family(name: str) -> bool:
+    """Whether a name is one of a family's members, whatever its parameters say."""
+    return ":" in name or name in FAMILIES
+
+
+def family_table(name: str) -> tuple[str, Table]:
+    """Name of a member, its parameters in order, and the tables of its case file.
+
+    Parameters
+    ----------
+    name : str
+        ``family`` or ``family:parameter=value,...``; parameters left out have their defaults.
+
+    Raises
+    ------
+    InvalidInput
+        Unknown family or parameter, a parameter given twice, a value of the wrong type or out of its range.
+    """
+    family, given = read_name(name, FAMILIES)
+    try:
+        table = FAMILIES[family](**given)
+    except InvalidInput as error:
+        raise InvalidInput(f"case '{name}': {error.where}", error.what, error.remedy) from None
+    said = ",".join(f"{key}={shown(given[key])}" for key in parameters(FAMILIES[family]) if key in given)
+    return (f"{family}:{said}" if said else family), table
+
+
+def family_cases(name: str) -> list[Case]:
+    """Case of a member of a family; see `family_table`."""
+    full, table = family_table(name)
+    return cases_from_tables(full, full, table)

@@ -1,0 +1,161 @@
+"""What families draw with: tables of bodies, joints and known values by the names of `consilience.case.file.schema`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from consilience.mechanism import Array, elementary_rotation, quaternion_from_rotation, rotation_from_quaternion
+
+Table = dict[str, Any]
+"""A table of a case file: numbers, texts, lists and tables by name."""
+
+GRAVITY = 9.81
+
+
+def numbers(values: ArrayLike) -> list[float]:
+    """Plain list of numbers."""
+    found: list[float] = np.asarray(values, dtype=float).tolist()
+    return found
+
+
+class Plane:
+    """A skew plane of planar mechanisms: x down the slope, y across it, z along its normal (-1, 2, 2) / 3.
+
+    Parameters
+    ----------
+    level : bool
+        Gravity is along the normal, against it, in place of minus z of the world.
+
+    Attributes
+    ----------
+    R : ndarray, shape (3, 3)
+        Axes of the plane as columns, world components.
+    gravity : ndarray, shape (3,), m/s^2
+    slope : float, m/s^2
+        Gravity along x; none along y.
+    """
+
+    origin = np.array([0.2, -0.1, 0.3])
+
+    def __init__(self, level: bool = False) -> None:
+        normal = np.array([-1.0, 2.0, 2.0]) / 3.0
+        down = np.array([-2.0, 4.0, -5.0]) / np.sqrt(45.0)
+        self.R = np.column_stack([down, np.cross(normal, down), normal])
+        self.gravity = -GRAVITY * normal if level else np.array([0.0, 0.0, -GRAVITY])
+        self.slope = 0.0 if level else float(down @ self.gravity)
+
+    def point(self, x: float, y: float, z: float = 0.0) -> Array:
+        """Point of the world."""
+        return self.origin + self.R @ np.array([x, y, z])
+
+    def along(self, angle: float, length: float) -> Array:
+        """Vector of the world in the plane, its angle counted from x towards y."""
+        return self.R @ np.array([length * np.cos(angle), length * np.sin(angle), 0.0])
+
+    def turned(self, angle: float) -> Array:
+        """Axes with x at an angle from x of the plane, z along the normal."""
+        return self.R @ elementary_rotation(2, angle)
+
+    def joint(
+        self, name: str, predecessor: str, successor: str, at: ArrayLike, kind: str = "revolute", angle: float = 0.0
+    ) -> Table:
+        """Revolute joint across the plane; a prismatic one along the direction of an angle."""
+        axis = self.along(angle, 1.0) if kind == "prismatic" else self.R[:, 2]
+        return joint(name, kind, predecessor, successor, at, axis)
+
+
+def random_rotation(rng: np.random.Generator) -> Array:
+    """Rotation matrix, all orientations equally likely."""
+    quat = rng.normal(size=4)
+    return rotation_from_quaternion(quat / np.linalg.norm(quat))
+
+
+def body(name: str, mass: float, at: ArrayLike, R: Array, com: ArrayLike, inertia: ArrayLike) -> Table:
+    """Body of axes R; centre of mass and inertia (six entries: xx, yy, zz, xy, xz, yz, or a tensor) in body axes."""
+    entries = np.asarray(inertia, dtype=float)
+    if entries.ndim == 2:
+        entries = entries[(0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)]
+    return {
+        "name": name,
+        "mass": float(mass),
+        "at": numbers(at),
+        "orientation": {"quaternion": numbers(quaternion_from_rotation(R))},
+        "com": numbers(com),
+        "inertia": dict(zip(("xx", "yy", "zz", "xy", "xz", "yz"), numbers(entries), strict=True)),
+    }
+
+
+def lumps(rng: np.random.Generator, mass: float, size: float) -> tuple[Array, Array]:
+    """Centre of mass (3,) and inertia about it (3, 3) of twelve equal lumps, some `size` apart: full, and possible."""
+    points = rng.normal(scale=0.4 * size, size=(12, 3)) * np.array([1.0, 0.7, 1.3])
+    com = points.mean(axis=0)
+    arms = points - com
+    squares = np.sum(arms * arms, axis=1)
+    tensor = mass / 12 * (np.eye(3) * squares.sum() - arms.T @ arms)
+    return com, (tensor + tensor.T) / 2
+
+
+def joint(name: str, kind: str, predecessor: str, successor: str, at: ArrayLike, axis: ArrayLike, **more: Any) -> Table:
+    """Joint with an axis."""
+    table = {"name": name, "kind": kind, "predecessor": predecessor, "successor": successor, "at": numbers(at)}
+    return table | {"axis": numbers(axis)} | more
+
+
+def known(
+    of: tuple[str, str], observable: str, time: float, value: ArrayLike, uncertainty: float, source: str
+) -> Table:
+    """Value of a closed form; `of` is ("body", name) or ("joint", name)."""
+    return {
+        of[0]: of[1],
+        "observable": observable,
+        "time": float(time),
+        "value": numbers(value),
+        "uncertainty": float(uncertainty),
+        "origin": "closed form",
+        "source": source,
+    }
+
+
+def round_step(longest: float) -> float:
+    """Largest of 0.05, 0.02, 0.01, 0.005, ... s that is not above `longest`, s."""
+    exponent = np.floor(np.log10(min(longest, 0.05)))
+    steps = [float(f"{d}e{exponent:.0f}") for d in (1, 2, 5)]
+    return max(step for step in steps if step <= min(longest, 0.05) * (1 + 1e-12))
+
+
+def case_table(
+    title: str,
+    remarks: str,
+    sources: Sequence[str],
+    tags: Sequence[str],
+    gravity: ArrayLike,
+    mechanism: Table,
+    initial: Table,
+    span: tuple[float, float],
+    published: Sequence[Table] = (),
+) -> Table:
+    """Tables of a case file.
+
+    Parameters
+    ----------
+    mechanism : dict
+        Lists of tables: body, joint, spring, ...
+    span : (float, float), s
+        Duration and sample.
+    """
+    table: Table = {
+        "title": title,
+        "sources": list(sources),
+        "remarks": remarks.strip(),
+        "tags": ["family", *tags],
+        "gravity": numbers(gravity),
+        **mechanism,
+        "initial": initial,
+        "trajectory": {"duration": span[0], "sample": span[1], "digits": 8},
+        "instant": {"states": 10, "seed": 1},
+    }
+    return table | ({"published": list(published)} if published else {})

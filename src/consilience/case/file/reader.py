@@ -1,0 +1,294 @@
+"""Case files: TOML a person can read top to bottom, checked field by field.
+
+The mechanism is drawn in the world in an assembled pose. A joint is written once, as a frame in the drawing; F and M
+coincide there, so joint coordinates are zero in the drawing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from consilience.case.bounded_reading import bounded_text, toml_tables
+from consilience.case.case import Case
+from consilience.case.file.elements import drawn, elements
+from consilience.case.file.schema import (
+    CaseTable,
+    HeldTable,
+    InitialTable,
+    JointTable,
+    PublishedTable,
+    TrajectoryTable,
+    VariantTable,
+)
+from consilience.case.file.values import LARGEST, Orientation
+from consilience.case.published import OF_A_JOINT, Published, has_coordinate
+from consilience.errors import InvalidInput
+from consilience.mechanism import (
+    GROUND,
+    Array,
+    Body,
+    Frame,
+    Initial,
+    Joint,
+    Mechanism,
+    quaternion_from_rotation,
+    rotation_with_z_axis,
+)
+
+LARGEST_FILE = 1_000_000
+"""Size of a case file at most, in bytes: a thousand bodies and their joints take half of it."""
+
+
+def load_file(path: Path) -> list[Case]:
+    """Cases of one file: itself, or one per variant.
+
+    Raises
+    ------
+    InvalidInput
+        With file, field, what is wrong and what would be right.
+    """
+    return cases_from_tables(path.stem, path.name, toml_tables(bounded_text(path, LARGEST_FILE), str(path)))
+
+
+def cases_from_tables(name: str, file: str, raw: Mapping[str, Any]) -> list[Case]:
+    """Cases of the tables of a case file: one, or one per variant.
+
+    Parameters
+    ----------
+    name : str
+        Of the case; variants add theirs.
+    file : str
+        What messages call the place the tables come from.
+
+    Raises
+    ------
+    InvalidInput
+        With file, field, what is wrong and what would be right.
+    """
+    try:
+        table = CaseTable.model_validate(raw)
+    except ValidationError as error:
+        raise _first_problem(file, raw, error) from None
+    try:
+        return _cases(name, file, table)
+    except InvalidInput as error:
+        raise type(error)(f"{file}: {error.where}", error.what, error.remedy) from None
+
+
+def _first_problem(file: str, raw: Mapping[str, Any], error: ValidationError) -> InvalidInput:
+    problem = error.errors(include_url=False)[0]
+    where = _location(raw, problem["loc"])
+    more = error.error_count() - 1
+    also = f" ({more} more problem{'s' * (more > 1)} in this file.)" if more else ""
+    if problem["type"] == "extra_forbidden":
+        remedy = "Remove it or correct its spelling; `consilience schema case` lists the fields."
+        return InvalidInput(f"{file}: {where}", "unknown field", remedy + also)
+    if problem["type"] == "missing":
+        return InvalidInput(f"{file}: {where}", "the field is missing", "Add it." + also)
+    message = problem["msg"].removeprefix("Value error, ")
+    given = "" if isinstance(problem["input"], dict) else f" (given: {_shown(problem['input'])})"
+    return InvalidInput(
+        f"{file}: {where}", message[0].lower() + message[1:] + given, "See `consilience schema case`." + also
+    )
+
+
+def _shown(value: Any) -> str:
+    """Start of a value; Python writes out no whole number of thousands of digits."""
+    many = isinstance(value, int) and abs(value) > LARGEST
+    return f"more than {LARGEST:g}" if many else str(value)[:60]
+
+
+def _location(raw: Any, loc: tuple[int | str, ...]) -> str:
+    """Path of a field as a reader finds it: list entries by their name."""
+    text = ""
+    for part in loc:
+        if isinstance(part, int):
+            entry = raw[part] if isinstance(raw, list) and part < len(raw) else None
+            name = entry.get("name") if isinstance(entry, dict) else None
+            text += f" '{name}'" if isinstance(name, str) else f"[{part}]"
+            raw = entry
+        else:
+            text += f".{part}" if text else part
+            raw = raw.get(part) if isinstance(raw, dict) else None
+    return text
+
+
+def _cases(stem: str, file: str, table: CaseTable) -> list[Case]:
+    mechanism = _mechanism(stem, table)
+    if not table.variants:
+        return [_case(stem, file, table.title, table, mechanism, table)]
+    return [_case(f"{stem}-{name}", file, v.title, table, mechanism, v) for name, v in table.variants.items()]
+
+
+def _case(
+    name: str,
+    file: str,
+    title: str,
+    table: CaseTable,
+    mechanism: Mechanism,
+    own: CaseTable | VariantTable,
+) -> Case:
+    span = own.trajectory or table.trajectory
+    return Case(
+        name=name,
+        file=file,
+        title=title,
+        mechanism=mechanism,
+        initial=_initial(mechanism, own.initial or table.initial),
+        duration=span.duration,
+        sample=span.sample,
+        digits=span.digits,
+        instants=table.instant.states,
+        seed=table.instant.seed,
+        sources=tuple(table.sources),
+        remarks=table.remarks.strip(),
+        tags=tuple(table.tags),
+        published=tuple(_published(mechanism, own.published, span)),
+    )
+
+
+def _published(mechanism: Mechanism, tables: list[PublishedTable], span: TrajectoryTable) -> Iterator[Published]:
+    for n, table in enumerate(tables):
+        where = f"published[{n}]"
+        of, known = (table.body, mechanism.body_index) if table.body else (table.joint, mechanism.joint_index)
+        what = "body" if table.body else "joint"
+        if of not in known or of == GROUND:
+            raise InvalidInput(f"{where}.{what}", f"there is no {what} '{of}'", f"Name a {what} of the case.")
+        if table.observable in OF_A_JOINT and not has_coordinate(mechanism, of, table.observable):
+            kind = mechanism.joints[mechanism.joint_index[of]].kind
+            raise InvalidInput(
+                f"{where}.observable", f"a {kind} joint has no {table.observable}", "Name one of its coordinates."
+            )
+        samples = table.time / span.sample
+        if table.time > span.duration or abs(samples - round(samples)) > 1e-9 * max(samples, 1.0):
+            raise InvalidInput(
+                f"{where}.time", f"{table.time:g} s is no sample of the trajectory", "Choose a time of its grid."
+            )
+        for k, value in table.components().items():
+            yield Published(
+                table.observable,
+                of,
+                k,
+                table.time,
+                value,
+                table.uncertainty,
+                table.source,
+                table.origin,
+                table.second,
+            )
+
+
+def _matrix(orientation: Orientation | None, where: str) -> Array:
+    try:
+        return np.eye(3) if orientation is None else orientation.matrix()
+    except ValueError as error:
+        raise InvalidInput(where, str(error), "Give three points that span a plane.") from None
+
+
+def _mechanism(name: str, table: CaseTable) -> Mechanism:
+    bodies = tuple(
+        Body(
+            b.name,
+            b.mass,
+            np.array(b.com),
+            b.inertia.tensor(),
+            Frame(np.array(b.at), _matrix(b.orientation, f"body '{b.name}': orientation.three_points")),
+        )
+        for b in table.body
+    )
+    drawing = {GROUND: Frame(np.zeros(3), np.eye(3))} | {b.name: b.drawing for b in bodies}
+    return Mechanism(
+        name=name,
+        gravity=np.array(table.gravity),
+        bodies=bodies,
+        joints=tuple(_joint(j, drawing) for j in table.joint),
+        **elements(table, drawing),
+    )
+
+
+def _joint_axes(j: JointTable) -> Array:
+    """Axes of F and M in the world of the drawing."""
+    where = f"joint '{j.name}'"
+    axis = j.axis
+    if j.kind == "rod":
+        if j.to is None:
+            raise InvalidInput(f"{where}: to", "the field is missing", "Give the other end of the rod in the drawing.")
+        if j.axis is not None:
+            raise InvalidInput(f"{where}: axis", "a rod has none", "Remove it: z of F is along the rod as drawn.")
+        axis = [b - a for a, b in zip(j.at, j.to, strict=True)]
+    elif j.to is not None:
+        raise InvalidInput(f"{where}: to", f"a {j.kind} joint has none", "Remove it: only a rod has a second end.")
+    if axis is None:
+        if j.kind in ("spherical", "free", "rigid"):
+            return np.eye(3)
+        raise InvalidInput(f"{where}: axis", "the field is missing", f"Give the axis (z of F) of the {j.kind} joint.")
+    if j.kind == "universal" and j.second_axis is None:
+        raise InvalidInput(f"{where}: second_axis", "the field is missing", "Give the axis fixed in the successor.")
+    if j.kind == "universal" and abs(np.dot(axis, j.second_axis or axis)) > 1e-9 * float(
+        np.linalg.norm(axis) * np.linalg.norm(j.second_axis or axis)
+    ):
+        raise InvalidInput(f"{where}: second_axis", "it is not at right angles to axis", "Draw the cross square.")
+    try:
+        return rotation_with_z_axis(axis, j.second_axis)
+    except ValueError as error:
+        raise InvalidInput(f"{where}: axis", str(error), "Give directions that span a frame.") from None
+
+
+def _joint(j: JointTable, drawing: Mapping[str, Frame]) -> Joint:
+    where = f"joint '{j.name}'"
+    if j.kind == "screw" and j.pitch is None:
+        raise InvalidInput(f"{where}: pitch", "the field is missing", "Give the advance of the screw in a turn.")
+    if j.kind != "screw" and j.pitch is not None:
+        raise InvalidInput(f"{where}: pitch", f"a {j.kind} joint has none", "Remove it: only a screw has a pitch.")
+    axes = _joint_axes(j)
+    start, end = drawn(drawing, j.predecessor, where), drawn(drawing, j.successor, where)
+    at, to = np.array(j.at), np.array(j.at if j.to is None else j.to)
+    return Joint(
+        name=j.name,
+        kind=j.kind,
+        predecessor=j.predecessor,
+        successor=j.successor,
+        F=Frame(start.R.T @ (at - start.p), start.R.T @ axes),
+        M=Frame(end.R.T @ (to - end.p), end.R.T @ axes),
+        length=float(np.linalg.norm(to - at)),
+        pitch=j.pitch or 0.0,
+    )
+
+
+def _held(table: HeldTable, where: str, rates: bool) -> dict[str, Any]:
+    wrong = "orientation" if rates else "angular_velocity"
+    if getattr(table, wrong) is not None:
+        right = "angular_velocity" if rates else "orientation"
+        raise InvalidInput(f"{where}.{wrong}", "it does not belong here", f"Use {right}.")
+    held: dict[str, Any] = {n: v for n, v in table.model_dump(exclude={"orientation"}).items() if v is not None}
+    if "angular_velocity" in held:
+        held["orientation"] = held.pop("angular_velocity")
+    if table.orientation is not None:
+        held["orientation"] = quaternion_from_rotation(_matrix(table.orientation, f"{where}.orientation"))
+    return held
+
+
+def _initial(mechanism: Mechanism, table: InitialTable) -> Initial:
+    poses = {}
+    for name, guess in table.bodies.items():
+        if name in mechanism.body_index and name != GROUND:
+            drawn = mechanism.bodies[mechanism.body_index[name]].drawing
+            R = (
+                drawn.R
+                if guess.orientation is None
+                else _matrix(guess.orientation, f"initial.bodies.{name}.orientation")
+            )
+            poses[name] = Frame(drawn.p if guess.at is None else np.array(guess.at), R)
+        else:
+            poses[name] = Frame(np.zeros(3), np.eye(3))  # assembly names the unknown body
+    return Initial(
+        coordinates={n: _held(t, f"initial.joints.{n}", rates=False) for n, t in table.joints.items()},
+        rates={n: _held(t, f"initial.rates.{n}", rates=True) for n, t in table.rates.items()},
+        poses=poses,
+        velocities={n: (g.velocity, g.angular_velocity) for n, g in table.bodies.items()},
+    )

@@ -1,0 +1,359 @@
+"""The tables of a case file, field by field, with the checks one field or table can make on its own.
+
+The JSON Schema of these classes is the published one (``consilience schema case``).
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from consilience.case.file.values import Finite, FunctionTable, Name, Orientation, Positive, TableModel, Text, Vector
+from consilience.case.published import BODY_AT_START, JOINT_AT_START, OF_A_BODY, OF_A_JOINT, Origin
+from consilience.mechanism import JOINT_KINDS, Array
+
+_MANY = Field(max_length=2_000)
+"""Joints, or elements of a kind, at most: with `MOST_BODIES` bodies their equations fill a few hundred MB."""
+
+MOST_BODIES = 1_000
+MOST_SAMPLES = 1_000_000
+
+
+class InertiaTable(TableModel):
+    """Inertia tensor about the centre of mass in body axes, kg m^2. Products are tensor entries: xy = -sum m x y."""
+
+    xx: Finite
+    yy: Finite
+    zz: Finite
+    xy: Finite = 0.0
+    xz: Finite = 0.0
+    yz: Finite = 0.0
+
+    def tensor(self) -> Array:
+        """3 x 3 tensor."""
+        return np.array([[self.xx, self.xy, self.xz], [self.xy, self.yy, self.yz], [self.xz, self.yz, self.zz]])
+
+
+class BodyTable(TableModel):
+    """A rigid body."""
+
+    name: Name
+    mass: Finite = Field(description="kg, positive.")
+    inertia: InertiaTable
+    at: Vector = Field(description="Origin of the body in the drawing, m.")
+    orientation: Orientation | None = Field(None, description="Axes of the body in the drawing; default: the world's.")
+    com: Vector = Field([0.0, 0.0, 0.0], description="Centre of mass from the origin, in body axes, m.")
+
+
+class JointTable(TableModel):
+    """A joint, drawn as a frame in the world."""
+
+    name: Name
+    kind: Literal[tuple(JOINT_KINDS)]  # type: ignore[valid-type]
+    predecessor: Name
+    successor: Name
+    at: Vector = Field(description="Origin of F (and of M, but for the rod) in the drawing, m.")
+    axis: Vector | None = Field(None, description="z of F and M in the drawing; universal: the axis fixed in F.")
+    second_axis: Vector | None = Field(None, description="x of F and M; universal: the axis fixed in M.")
+    to: Vector | None = Field(None, description="Rod only: its other end, on the successor, in the drawing, m.")
+    pitch: Finite | None = Field(
+        None, description="Screw only: advance along the axis in a turn, m; positive for a right-handed one."
+    )
+
+
+AxisCoordinate = Literal["angle", "distance"]
+
+
+class SpringTable(TableModel):
+    """Spring-damper-actuator between two points."""
+
+    name: Name
+    predecessor: Name
+    successor: Name
+    at: Vector = Field(description="Point on the predecessor in the drawing, m.")
+    to: Vector = Field(description="Point on the successor in the drawing, m.")
+    stiffness: Finite = Field(description="N/m.")
+    damping: Finite = Field(0.0, description="N s/m.")
+    free_length: Finite = Field(description="m.")
+    actuator: FunctionTable | None = Field(None, description="Force over time that pushes the points apart, N.")
+
+
+class JointSpringTable(TableModel):
+    """Spring-damper-actuator about or along the axis of a joint."""
+
+    name: Name
+    joint: Name
+    coordinate: AxisCoordinate
+    stiffness: Finite = Field(description="N m/rad or N/m.")
+    damping: Finite = Field(0.0, description="N m s/rad or N s/m.")
+    rest: Finite = Field(0.0, description="Coordinate at which the spring is free, rad or m.")
+    actuator: FunctionTable | None = Field(None, description="Effort on the successor over time, N m or N.")
+
+
+class FrictionTable(TableModel):
+    """Viscous and regularised Coulomb friction in a joint, ``-(viscous q' + coulomb tanh(q' / speed))``."""
+
+    name: Name
+    joint: Name
+    coordinate: AxisCoordinate
+    viscous: Finite = Field(0.0, description="N m s/rad or N s/m.")
+    coulomb: Finite = Field(0.0, description="Friction of sliding, N m or N.")
+    speed: Finite | None = Field(None, description="Speed that regularises the Coulomb part, rad/s or m/s.")
+
+
+class ControlTable(TableModel):
+    """PID control of a joint coordinate, ``P e + I int e dt + D e'`` with ``e = target(t) - q``."""
+
+    name: Name
+    joint: Name
+    coordinate: AxisCoordinate
+    target: FunctionTable = Field(description="Over time, rad or m.")
+    proportional: Finite = Field(description="N m/rad or N/m.")
+    integral: Finite = 0.0
+    derivative: Finite = 0.0
+
+
+class DriveTable(TableModel):
+    """A joint coordinate as a function of time."""
+
+    name: Name
+    joint: Name
+    coordinate: AxisCoordinate
+    motion: FunctionTable = Field(description="Over time, rad or m.")
+
+
+class CouplingTable(TableModel):
+    """A joint coordinate as a function of another one: gear, rack and pinion, cam."""
+
+    name: Name
+    driver_joint: Name
+    driver_coordinate: AxisCoordinate
+    joint: Name
+    coordinate: AxisCoordinate
+    ratio: Finite | None = Field(None, description="Coordinate per driving coordinate.")
+    offset: Finite | None = Field(None, description="With ratio only: coordinate where the driving one is zero.")
+    law: FunctionTable | None = Field(None, description="Of the driving coordinate, in place of ratio.")
+
+    @model_validator(mode="after")
+    def _exactly_one(self) -> CouplingTable:
+        if (self.ratio is None) == (self.law is None):
+            count = 0 if self.law is None else 2
+            raise ValueError(f"{count} of ratio and law given; give exactly one of them")
+        if self.law is not None and self.offset is not None:
+            raise ValueError("an offset goes with a ratio; put it into the polynomial of the law")
+        return self
+
+
+class RollingTable(TableModel):
+    """A disc, torus or ball that rolls without slipping on a plane of the world."""
+
+    name: Name
+    body: Name
+    at: Vector = Field(description="Centre of the circle, or of the ball, in the drawing, m.")
+    axis: Vector | None = Field(None, description="Normal of the circle in the drawing; a ball needs none.")
+    radius: Finite = Field(0.0, description="Of the circle, m; zero for a ball.")
+    rounding: Finite = Field(0.0, description="Radius of the tube about the circle, m: zero for a sharp edge.")
+    point: Vector = Field(description="A point of the plane, in the world, m.")
+    normal: Vector = Field(description="Normal of the plane towards the body, in the world.")
+
+
+class SkateTable(TableModel):
+    """A knife edge: a point of a body does not move along a direction of the body."""
+
+    name: Name
+    body: Name
+    at: Vector = Field(description="The point in the drawing, m.")
+    lateral: Vector = Field(description="Direction in the drawing in which it does not move; it turns with the body.")
+
+
+class ContactTable(TableModel):
+    """A sphere or corner of a body that may hit a plane or a sphere of another one; between impacts nothing acts."""
+
+    name: Name
+    body: Name
+    partner: Name = Field("ground", description="Body that carries the plane or the other sphere.")
+    at: Vector = Field(description="Centre of the sphere, or the corner, in the drawing, m.")
+    radius: Finite = Field(0.0, description="Of the sphere, m; zero for a corner.")
+    point: Vector | None = Field(None, description="A point of the plane in the drawing, m.")
+    normal: Vector | None = Field(None, description="Normal of the plane towards the body, in the drawing.")
+    partner_at: Vector | None = Field(None, description="Centre of the other sphere in the drawing, m.")
+    partner_radius: Finite | None = Field(None, description="Of the other sphere, m.")
+    restitution: Finite = Field(description="Speed of separation over speed of approach, 0 to 1.")
+    friction: Finite = Field(0.0, description="Coefficient of Coulomb's friction during the impact.")
+
+    @model_validator(mode="after")
+    def _plane_or_sphere(self) -> ContactTable:
+        plane = [self.point is not None, self.normal is not None]
+        sphere = [self.partner_at is not None, self.partner_radius is not None]
+        if not (all(plane) and not any(sphere)) and not (all(sphere) and not any(plane)):
+            raise ValueError("give point and normal of a plane, or partner_at and partner_radius of a sphere")
+        if all(sphere) and self.radius == 0.0:
+            raise ValueError("a corner hits a plane; give the radius of this sphere, too")
+        return self
+
+
+class ForceTable(TableModel):
+    """Force on a body."""
+
+    name: Name
+    body: Name
+    vector: Vector = Field(description="N, in the axes that `frame` names.")
+    frame: Literal["world", "body"]
+    at: Vector = Field(description="Point of application in the drawing, m; it moves with the body.")
+    history: FunctionTable | None = Field(None, description="Factor of `vector` over time; default: one.")
+
+
+class TorqueTable(TableModel):
+    """Torque on a body."""
+
+    name: Name
+    body: Name
+    vector: Vector = Field(description="N m, in the axes that `frame` names.")
+    frame: Literal["world", "body"]
+    history: FunctionTable | None = Field(None, description="Factor of `vector` over time; default: one.")
+
+
+class HeldTable(TableModel):
+    """Held joint coordinates (or, under `rates`, their rates)."""
+
+    angle: Finite | None = None
+    distance: Finite | None = None
+    x: Finite | None = None
+    y: Finite | None = None
+    angle1: Finite | None = None
+    angle2: Finite | None = None
+    position: Vector | None = None
+    orientation: Orientation | None = Field(None, description="Of M in F (coordinates only).")
+    angular_velocity: Vector | None = Field(None, description="Of M relative to F, in axes of F (rates only), rad/s.")
+
+
+class BodyGuess(TableModel):
+    """Where a body starts, before assembly, in place of its pose in the drawing."""
+
+    at: Vector | None = None
+    orientation: Orientation | None = None
+    velocity: Vector = Field([0.0, 0.0, 0.0], description="Of the origin, world axes, m/s.")
+    angular_velocity: Vector = Field([0.0, 0.0, 0.0], description="World axes, rad/s.")
+
+
+class InitialTable(TableModel):
+    """Initial state: held coordinates and rates, guesses for bodies; the rest is assembled."""
+
+    joints: dict[Name, HeldTable] = Field(default_factory=dict)
+    rates: dict[Name, HeldTable] = Field(default_factory=dict)
+    bodies: dict[Name, BodyGuess] = Field(default_factory=dict)
+
+
+class TrajectoryTable(TableModel):
+    """What to ask of a trajectory."""
+
+    duration: Positive = Field(5.0, description="s.")
+    sample: Positive = Field(0.05, description="s; divides the duration.")
+    digits: Annotated[int, Field(ge=1, le=12)] = 8
+
+    @model_validator(mode="after")
+    def _sample_divides(self) -> TrajectoryTable:
+        count = min(self.duration / self.sample, 2.0 * MOST_SAMPLES)
+        if abs(count - round(count)) > 1e-9 * count or not 1 <= round(count) <= MOST_SAMPLES:
+            raise ValueError(f"the sample must divide the duration into 1 to {MOST_SAMPLES} intervals")
+        return self
+
+
+class InstantTable(TableModel):
+    """What to ask at single instants."""
+
+    states: Annotated[int, Field(ge=1, le=10_000)] = 20
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 1
+
+
+class Components(TableModel):
+    """The components of a vector that are known."""
+
+    x: Finite | None = None
+    y: Finite | None = None
+    z: Finite | None = None
+
+
+class PublishedTable(TableModel):
+    """Expected values at one time, with their own uncertainty: of a body a vector, of a joint a coordinate or rate.
+
+    Accelerations and reactions are those of the initial state: time 0.
+    """
+
+    body: Name | None = None
+    joint: Name | None = None
+    observable: Literal[(*OF_A_BODY, *BODY_AT_START, *OF_A_JOINT, *JOINT_AT_START)]  # type: ignore[valid-type]
+    time: Annotated[Finite, Field(ge=0)] = Field(description="s; on the sample grid.")
+    value: Finite | Vector | Components = Field(description="SI units; vectors in world axes, reactions in those of F.")
+    uncertainty: Positive = Field(description="Of each component.")
+    origin: Origin = Field(description="Who knows it: a source that prints it, a formula, two computations.")
+    source: Text = Field(description="Publication and place, formula, or first computation.")
+    second: Text = Field("", description="Second, independent computation of a value that no source prints.")
+
+    @model_validator(mode="after")
+    def _fits(self) -> PublishedTable:
+        owner = "joint" if self.observable in OF_A_JOINT or self.observable in JOINT_AT_START else "body"
+        other = {"joint": "body", "body": "joint"}[owner]
+        if getattr(self, owner) is None or getattr(self, other) is not None:
+            raise ValueError(f"{self.observable} is an observable of a {owner}; name the {owner} and no {other}")
+        if (self.observable in OF_A_JOINT) != isinstance(self.value, float | int):
+            right = "one number" if self.observable in OF_A_JOINT else "three numbers, or those of x, y and z known"
+            raise ValueError(f"{self.observable} has another shape; give {right}")
+        if not self.components():
+            raise ValueError("the value has no component; give x, y or z")
+        if self.observable in (*BODY_AT_START, *JOINT_AT_START) and self.time != 0.0:
+            raise ValueError(f"{self.observable} is compared at the initial state; give the time 0")
+        if (self.origin == "computed") != bool(self.second):
+            raise ValueError("a computed value has a second, independent computation, and no other has one")
+        return self
+
+    def components(self) -> dict[int, float]:
+        """Known components by number; a scalar is number 0."""
+        if isinstance(self.value, Components):
+            return {k: v for k, v in enumerate((self.value.x, self.value.y, self.value.z)) if v is not None}
+        return dict(enumerate(self.value if isinstance(self.value, list) else [self.value]))
+
+
+class VariantTable(TableModel):
+    """What a variant changes; a file with variants stands for them alone."""
+
+    title: Text
+    initial: InitialTable | None = None
+    trajectory: TrajectoryTable | None = None
+    published: Annotated[list[PublishedTable], _MANY] = Field(default_factory=list)
+
+
+class CaseTable(TableModel):
+    """A case file. SI units, radians, right-handed frames."""
+
+    title: Text
+    sources: Annotated[list[Text], Field(min_length=1, max_length=100)]
+    remarks: Text = ""
+    tags: Annotated[list[Text], Field(max_length=100)] = Field(default_factory=list)
+    gravity: Vector = Field(description="m/s^2, in world axes.")
+    body: Annotated[list[BodyTable], Field(min_length=1, max_length=MOST_BODIES)]
+    joint: Annotated[list[JointTable], Field(min_length=1), _MANY]
+    spring: Annotated[list[SpringTable], _MANY] = Field(default_factory=list)
+    joint_spring: Annotated[list[JointSpringTable], _MANY] = Field(default_factory=list)
+    force: Annotated[list[ForceTable], _MANY] = Field(default_factory=list)
+    torque: Annotated[list[TorqueTable], _MANY] = Field(default_factory=list)
+    friction: Annotated[list[FrictionTable], _MANY] = Field(default_factory=list)
+    control: Annotated[list[ControlTable], _MANY] = Field(default_factory=list)
+    drive: Annotated[list[DriveTable], _MANY] = Field(default_factory=list)
+    coupling: Annotated[list[CouplingTable], _MANY] = Field(default_factory=list)
+    rolling: Annotated[list[RollingTable], _MANY] = Field(default_factory=list)
+    skate: Annotated[list[SkateTable], _MANY] = Field(default_factory=list)
+    contact: Annotated[list[ContactTable], _MANY] = Field(default_factory=list)
+    initial: InitialTable = Field(default_factory=InitialTable)
+    trajectory: TrajectoryTable = Field(default_factory=TrajectoryTable)
+    instant: InstantTable = Field(default_factory=InstantTable)
+    published: Annotated[list[PublishedTable], _MANY] = Field(default_factory=list)
+    variants: Annotated[dict[Name, VariantTable], Field(max_length=100)] = Field(default_factory=dict)
+
+
+def case_schema() -> dict[str, Any]:
+    """JSON Schema of a case file."""
+    schema = CaseTable.model_json_schema()
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "title": "Consilience case file"}

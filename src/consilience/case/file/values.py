@@ -1,0 +1,121 @@
+"""Values of a case file that many tables share: numbers, names, orientations and functions."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+
+from consilience.errors import visible
+from consilience.mechanism import (
+    Array,
+    Function,
+    Table,
+    rotation_from_bryant_xyz,
+    rotation_from_euler_zxz,
+    rotation_from_quaternion,
+    rotation_from_three_points,
+)
+
+LARGEST = 1e30
+"""Largest magnitude of a number: its fourth power, of which mechanics has no more, is still one."""
+
+
+def _printable(text: str) -> str:
+    if visible(text) != text:
+        raise ValueError("it holds control characters; give plain text")
+    return text
+
+
+Finite = Annotated[float, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, le=LARGEST, allow_inf_nan=False)]
+Vector = Annotated[list[Finite], Field(min_length=3, max_length=3)]
+Quaternion = Annotated[list[Finite], Field(min_length=4, max_length=4)]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=64)]
+Text = Annotated[str, Field(max_length=20_000), AfterValidator(_printable)]
+
+
+class TableModel(BaseModel):
+    """A table without unknown fields."""
+
+    model_config = ConfigDict(extra="forbid", strict=False, frozen=True, defer_build=True)
+
+
+class Orientation(TableModel):
+    """Orientation, in exactly one of four ways."""
+
+    quaternion: Quaternion | None = Field(
+        None, description="Unit quaternion, scalar first; unit to 1e-9, the rounding of its digits is removed."
+    )
+    euler_zxz: Vector | None = Field(
+        None, description="Euler angles (phi, theta, psi) in rad: Rz(phi) Rx(theta) Rz(psi)."
+    )
+    bryant_xyz: Vector | None = Field(None, description="Bryant angles (alpha, beta, gamma) in rad: Rx Ry Rz.")
+    three_points: Annotated[list[Vector], Field(min_length=3, max_length=3)] | None = Field(
+        None, description="Points O, P, Q in the world: origin, a point on x, a point in the xy plane."
+    )
+
+    @model_validator(mode="after")
+    def _exactly_one(self) -> Orientation:
+        given = [n for n in ("quaternion", "euler_zxz", "bryant_xyz", "three_points") if getattr(self, n) is not None]
+        if len(given) != 1:
+            raise ValueError(
+                f"{len(given)} ways given; give exactly one of quaternion, euler_zxz, bryant_xyz, three_points"
+            )
+        if self.quaternion is not None and abs(np.linalg.norm(self.quaternion) - 1.0) > 1e-9:
+            norm = np.linalg.norm(self.quaternion)
+            raise ValueError(f"the quaternion has norm {norm:.9g}; give a unit quaternion, scalar first")
+        return self
+
+    def matrix(self) -> Array:
+        """Rotation matrix; raises ValueError for three points on one line."""
+        if self.quaternion is not None:
+            return rotation_from_quaternion(np.array(self.quaternion) / np.linalg.norm(self.quaternion))
+        if self.euler_zxz is not None:
+            return rotation_from_euler_zxz(self.euler_zxz)
+        if self.bryant_xyz is not None:
+            return rotation_from_bryant_xyz(self.bryant_xyz)
+        assert self.three_points is not None
+        return rotation_from_three_points(*self.three_points)
+
+
+class CurveTable(TableModel):
+    """A smooth curve through points, a spline of degree five; it ends with them or is periodic."""
+
+    x: Annotated[list[Finite], Field(min_length=6, max_length=10_000)] = Field(description="Increasing.")
+    y: Annotated[list[Finite], Field(min_length=6, max_length=10_000)] = Field(description="As many as x.")
+    periodic: bool = Field(False, description="It repeats with the period x[-1] - x[0]; then y[-1] = y[0].")
+
+    @model_validator(mode="after")
+    def _pairs(self) -> CurveTable:
+        if len(self.x) != len(self.y):
+            raise ValueError(f"there are {len(self.x)} values of x and {len(self.y)} of y; give as many")
+        return self
+
+
+class FunctionTable(TableModel):
+    """Sum of ``c_k x^k``, ``a sin(w x + phi)`` and a curve; x is the time in s, or a joint coordinate."""
+
+    polynomial: Annotated[list[Finite], Field(min_length=1, max_length=32)] | None = Field(
+        None, description="Coefficients of 1, x, x^2, ..."
+    )
+    harmonics: Annotated[list[Vector], Field(min_length=1, max_length=1_000)] | None = Field(
+        None, description="Amplitude, angular frequency and phase (rad) of each sine."
+    )
+    table: CurveTable | None = None
+
+    @model_validator(mode="after")
+    def _something(self) -> FunctionTable:
+        if self.polynomial is None and self.harmonics is None and self.table is None:
+            raise ValueError("the function is empty; give polynomial, harmonics, table, or several of them")
+        return self
+
+    def function(self) -> Function:
+        """Function of the core; raises InvalidInput for points no curve goes through."""
+        t = self.table
+        return Function(
+            np.array(self.polynomial or []),
+            np.array(self.harmonics or []),
+            None if t is None else Table(np.array(t.x), np.array(t.y), t.periodic),
+        )

@@ -1,0 +1,325 @@
+"""Case files from cases: what `casefile` reads, written so that a person can read it, too.
+
+A case file draws every joint once: its frames F and M coincide in the drawing (a rod's are apart, and z of both is
+along it, whatever it was). A mechanism whose frames do not is refused. Numbers are written with all their digits;
+points and axes go from the bodies to the drawing and back when they are read again, which costs a rounding error or
+two. A file that is written, read and written again may differ from the first in such last digits.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from consilience.case.case import Case
+from consilience.case.published import JOINT_AT_START, OF_A_JOINT
+from consilience.errors import InvalidInput
+from consilience.mechanism import (
+    GROUND,
+    Array,
+    Body,
+    Contact,
+    Frame,
+    Function,
+    Initial,
+    Joint,
+    Load,
+    Mechanism,
+    PointPlane,
+    SphereSphere,
+    quaternion_from_rotation,
+)
+
+Table = dict[str, Any]
+"""A table of TOML: numbers, texts, lists and tables by name."""
+
+_COINCIDE = 1e-9
+_WORLD = Frame(np.zeros(3), np.eye(3))
+_INERTIA = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
+
+
+def case_text(case: Case, heading: str = "") -> str:
+    """Text of the case file.
+
+    Parameters
+    ----------
+    heading : str
+        Remark for the first lines.
+
+    Raises
+    ------
+    InvalidInput
+        If the frames of a joint do not coincide in the drawing.
+    """
+    return table_text(case_table(case), heading)
+
+
+def table_text(table: Table, heading: str = "") -> str:
+    """Text of the tables of a case file."""
+    lines = [f"# {line}".rstrip() for line in heading.splitlines()]
+    return "\n".join([*lines, *_lines(table), ""])
+
+
+def case_table(case: Case) -> Table:
+    """Tables of the case file, by the names of `caseschema`."""
+    mechanism = case.mechanism
+    table: Table = {
+        "title": case.title,
+        "sources": list(case.sources) or ["written by Consilience"],
+        **({"remarks": case.remarks} if case.remarks else {}),
+        **({"tags": list(case.tags)} if case.tags else {}),
+        "gravity": mechanism.gravity.tolist(),
+        "body": [_body(body) for body in mechanism.bodies],
+        "joint": [_joint(joint, mechanism) for joint in mechanism.joints],
+        **{name: group for name, group in _elements(mechanism).items() if group},
+        "initial": _initial(case.initial),
+        "trajectory": {"duration": case.duration, "sample": case.sample, "digits": case.digits},
+        "instant": {"states": case.instants, "seed": case.seed},
+        **({"published": _published(case)} if case.published else {}),
+    }
+    return table
+
+
+# ---------------------------------------------------------------- bodies and joints
+
+
+def _orientation(R: Array) -> Table:
+    return {} if np.array_equal(R, np.eye(3)) else {"orientation": {"quaternion": quaternion_from_rotation(R).tolist()}}
+
+
+def _body(body: Body) -> Table:
+    return {
+        "name": body.name,
+        "mass": body.mass,
+        "at": body.drawing.p.tolist(),
+        **_orientation(body.drawing.R),
+        "com": body.com.tolist(),
+        "inertia": {name: float(body.inertia[place]) for name, place in _INERTIA.items()},
+    }
+
+
+def _place(mechanism: Mechanism, body: str) -> Frame:
+    return _WORLD if body == GROUND else mechanism.bodies[mechanism.body_index[body]].drawing
+
+
+def _point(mechanism: Mechanism, body: str, point: Array) -> list[float]:
+    """Point of a body in the drawing."""
+    place = _place(mechanism, body)
+    drawn: list[float] = (place.p + place.R @ point).tolist()
+    return drawn
+
+
+def _direction(mechanism: Mechanism, body: str, direction: Array) -> list[float]:
+    drawn: list[float] = (_place(mechanism, body).R @ direction).tolist()
+    return drawn
+
+
+def _joint(joint: Joint, mechanism: Mechanism) -> Table:
+    start, end = _place(mechanism, joint.predecessor), _place(mechanism, joint.successor)
+    at, to = start.p + start.R @ joint.F.p, end.p + end.R @ joint.M.p
+    axes, others = start.R @ joint.F.R, end.R @ joint.M.R
+    table: Table = {
+        "name": joint.name,
+        "kind": joint.kind,
+        "predecessor": joint.predecessor,
+        "successor": joint.successor,
+        "at": at.tolist(),
+    }
+    if joint.kind == "rod":
+        apart = abs(float(np.linalg.norm(to - at)) - joint.length)
+        table["to"] = to.tolist()
+        if np.linalg.norm(np.cross(axes[:, 0], to - at)) > _COINCIDE * joint.length:
+            table["second_axis"] = axes[:, 0].tolist()
+    else:
+        apart = max(float(np.max(np.abs(to - at))), float(np.max(np.abs(axes - others))))
+        if not np.array_equal(axes, np.eye(3)):
+            table |= {"axis": axes[:, 2].tolist(), "second_axis": axes[:, 0].tolist()}
+        elif joint.kind not in ("spherical", "free", "rigid"):
+            table |= {"axis": [0.0, 0.0, 1.0], "second_axis": [1.0, 0.0, 0.0]}
+    if apart > _COINCIDE * max(1.0, float(np.max(np.abs(at)))):
+        raise InvalidInput(
+            f"joint '{joint.name}'", f"its frames are {apart:.2g} apart in the drawing", "Draw it in an assembled pose."
+        )
+    return table | ({"pitch": joint.pitch} if joint.kind == "screw" else {})
+
+
+# ---------------------------------------------------------------- elements
+
+
+def _function(function: Function) -> Table:
+    table: Table = {}
+    if len(function.polynomial):
+        table["polynomial"] = function.polynomial.tolist()
+    if len(function.harmonics):
+        table["harmonics"] = function.harmonics.tolist()
+    if function.table is not None:
+        t = function.table
+        table["table"] = {"x": t.x.tolist(), "y": t.y.tolist(), "periodic": t.periodic}
+    return table or {"polynomial": [0.0]}
+
+
+def _given(name: str, function: Function | None) -> Table:
+    return {} if function is None else {name: _function(function)}
+
+
+def _load(load: Load, mechanism: Mechanism) -> Table:
+    table: Table = {"name": load.name, "body": load.body, "vector": load.vector.tolist(), "frame": load.frame}
+    if load.kind == "force":
+        table["at"] = _point(mechanism, load.body, load.point)
+    return table | _given("history", load.history)
+
+
+def _coordinate(element: Any, *names: str) -> Table:
+    return {name: getattr(element, name) for name in ("name", "joint", "coordinate", *names)}
+
+
+def _elements(m: Mechanism) -> dict[str, list[Table]]:
+    return {
+        "spring": [
+            {
+                "name": s.name,
+                "predecessor": s.predecessor,
+                "successor": s.successor,
+                "at": _point(m, s.predecessor, s.point_predecessor),
+                "to": _point(m, s.successor, s.point_successor),
+                "stiffness": s.stiffness,
+                "damping": s.damping,
+                "free_length": s.free_length,
+                **_given("actuator", s.actuator),
+            }
+            for s in m.springs
+        ],
+        "joint_spring": [
+            _coordinate(s, "stiffness", "damping", "rest") | _given("actuator", s.actuator) for s in m.joint_springs
+        ],
+        "force": [_load(load, m) for load in m.loads if load.kind == "force"],
+        "torque": [_load(load, m) for load in m.loads if load.kind == "torque"],
+        "friction": [_coordinate(f, "viscous", "coulomb", "speed") for f in m.frictions],
+        "control": [
+            _coordinate(c, "proportional", "integral", "derivative") | _given("target", c.target) for c in m.controls
+        ],
+        "drive": [_coordinate(d) | _given("motion", d.motion) for d in m.drives],
+        "coupling": [_coordinate(c, "driver_joint", "driver_coordinate") | _given("law", c.law) for c in m.couplings],
+        "rolling": [
+            {
+                "name": r.name,
+                "body": r.body,
+                "at": _point(m, r.body, r.center),
+                "axis": _direction(m, r.body, r.axis),
+                "radius": r.radius,
+                "rounding": r.rounding,
+                "point": r.point.tolist(),
+                "normal": r.normal.tolist(),
+            }
+            for r in m.rollings
+        ],
+        "skate": [
+            {
+                "name": s.name,
+                "body": s.body,
+                "at": _point(m, s.body, s.point),
+                "lateral": _direction(m, s.body, s.lateral),
+            }
+            for s in m.skates
+        ],
+        "contact": [_contact(c, m) for c in m.contacts],
+    }
+
+
+def _contact(c: Contact, m: Mechanism) -> Table:
+    table: Table = {"name": c.name, "body": c.body, "partner": c.partner, "at": _point(m, c.body, c.center)}
+    if not isinstance(c, PointPlane):
+        table["radius"] = c.radius
+    if isinstance(c, SphereSphere):
+        table |= {"partner_at": _point(m, c.partner, c.partner_center), "partner_radius": c.partner_radius}
+    else:
+        table |= {"point": _point(m, c.partner, c.point), "normal": _direction(m, c.partner, c.normal)}
+    return table | {"restitution": c.restitution, "friction": c.friction}
+
+
+# ---------------------------------------------------------------- initial state
+
+
+def _held(values: Mapping[str, Any], rates: bool) -> Table:
+    table: Table = {name: np.asarray(value, dtype=float).tolist() for name, value in values.items()}
+    if "orientation" in table:
+        orientation = table.pop("orientation")
+        table |= {"angular_velocity": orientation} if rates else {"orientation": {"quaternion": orientation}}
+    return table
+
+
+def _initial(initial: Initial) -> Table:
+    bodies: dict[str, Table] = {}
+    for name, frame in initial.poses.items():
+        bodies[name] = {
+            "at": frame.p.tolist(),
+            "orientation": {"quaternion": quaternion_from_rotation(frame.R).tolist()},
+        }
+    for name, (v, w) in initial.velocities.items():
+        velocities = {"velocity": np.asarray(v).tolist(), "angular_velocity": np.asarray(w).tolist()}
+        bodies.setdefault(name, {}).update(velocities)
+    return {
+        "joints": {name: _held(values, rates=False) for name, values in initial.coordinates.items()},
+        "rates": {name: _held(values, rates=True) for name, values in initial.rates.items()},
+        "bodies": bodies,
+    }
+
+
+def _published(case: Case) -> list[Table]:
+    """Components of one vector together, as the file has them."""
+    vectors: dict[tuple[object, ...], Table] = {}
+    for known in case.published:
+        joint = known.observable in OF_A_JOINT or known.observable in JOINT_AT_START
+        fields: Table = {"joint" if joint else "body": known.of}
+        fields |= {name: getattr(known, name) for name in ("observable", "time", "uncertainty", "origin", "source")}
+        fields |= {"second": known.second} if known.second else {}
+        vector = vectors.setdefault(tuple(fields.values()), {**fields, "value": {}})
+        if known.observable in OF_A_JOINT:
+            vector["value"] = known.value
+        else:
+            vector["value"]["xyz"[known.component]] = known.value
+    return list(vectors.values())
+
+
+# ---------------------------------------------------------------- TOML
+
+
+def _value(value: Any) -> str:
+    """A value in one line, but for texts of several; tables inside of tables are inline."""
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{name} = {_value(entry)}" for name, entry in value.items()) + " }"
+    if isinstance(value, list):
+        return "[" + ", ".join(_value(entry) for entry in value) + "]"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str) and "\n" in value:
+        return "\n".join(['"""', *(json.dumps(line, ensure_ascii=False)[1:-1] for line in value.splitlines()), '"""'])
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False)
+    return repr(value.item() if isinstance(value, np.generic) else value)
+
+
+def _entries(table: Table) -> Iterator[str]:
+    return (f"{name} = {_value(value)}" for name, value in table.items())
+
+
+def _lines(table: Table) -> Iterator[str]:
+    """Top-level values first, then a paragraph for each table and each entry of a list of tables."""
+
+    def entries(value: Any) -> bool:
+        return isinstance(value, list) and bool(value) and isinstance(value[0], dict)
+
+    yield from _entries({name: value for name, value in table.items() if not isinstance(value, dict | list)})
+    yield from _entries({n: v for n, v in table.items() if isinstance(v, list) and not entries(v)})
+    for name, value in table.items():
+        if entries(value):
+            for entry in value:
+                yield from ("", f"[[{name}]]", *_entries(entry))
+        elif isinstance(value, dict):
+            nested = name == "initial"
+            for key, entry in [(f"{name}.{k}", e) for k, e in value.items()] if nested else [(name, value)]:
+                if entry:
+                    yield from ("", f"[{key}]", *_entries(entry))

@@ -1,0 +1,312 @@
+"""From the parts of a model to a mechanism: fixed pieces merged, pieces without mass composed, joints recognised."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from consilience.case.importing.compound import recognise
+from consilience.engine.native import Law, Motion, Notes, Parts, Piece
+from consilience.engine.native.parts import inertia_of_several
+from consilience.errors import InvalidInput
+from consilience.mechanism import (
+    GROUND,
+    Array,
+    Body,
+    Coupling,
+    Frame,
+    Function,
+    Joint,
+    JointSpring,
+    Mechanism,
+    Spring,
+    check_inertia,
+    rotation_with_z_axis,
+)
+
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
+
+MERGED = "fixed, merged into the body that carries it"
+GROUNDED = "fixed to the ground, its mass left out"
+IDLE = "without mass, and nothing with mass on it: left out"
+COMPOSED = "without mass: its joint and the next are one joint of the case"
+LOCKS = "hinges through one point became a ball, which does not lock where their axes lie in a plane"
+NO_COORDINATE = "spring or damping left out: the joint it became has no such coordinate"
+
+
+@dataclass(frozen=True, eq=False)
+class Built:
+    """A mechanism, and which piece of the file each of its bodies is.
+
+    Attributes
+    ----------
+    mechanism : Mechanism
+    pieces : dict
+        Name of the piece whose frame is that of the body, by the name of the body.
+    """
+
+    mechanism: Mechanism
+    pieces: dict[str, str]
+
+
+def usable_names(names: Iterable[str], what: str, notes: Notes) -> dict[str, str]:
+    """Names a case can have, one for each; those that had to change are noted."""
+    found: dict[str, str] = {}
+    taken = {GROUND}
+    for name in names:
+        plain = re.sub(r"[^A-Za-z0-9_]", "_", name)[:60]
+        plain = plain if _NAME.fullmatch(plain) else f"{what}_{plain}"[:60]
+        usable, count = plain, 1
+        while usable in taken:
+            count += 1
+            usable = f"{plain}_{count}"
+        taken.add(usable)
+        found[name] = usable
+        if usable != name:
+            notes.add(f"{what} with a new name", f"{name} is {usable}")
+    return found
+
+
+class _Builder:
+    """The pieces under way to bodies: `rows` has the motions from the body that carries each piece."""
+
+    def __init__(self, parts: Parts, notes: Notes) -> None:
+        self.parts, self.notes = parts, notes
+        self.pieces = {piece.name: piece for piece in parts.pieces}
+        self.merged_into: dict[str, str] = {}
+        self.homes: dict[str, str] = {"": GROUND}
+
+    def build(self) -> Built:
+        """The mechanism of what is left once massless pieces are merged or dropped.
+
+        Raises
+        ------
+        InvalidInput
+            If nothing with mass moves, or something was read that cannot be kept.
+        """
+        shares = self._merge()
+        idle = self._idle(shares)
+        self.kept = {name: share for name, share in shares.items() if name not in idle and share[0] > 0.0}
+        if not self.kept:
+            raise InvalidInput(
+                self.parts.name, "nothing with mass moves", "If the root of a URDF file floats, say --free-base."
+            )
+        self.names = usable_names(self.kept, "body", self.notes)
+        self.homes |= self.names
+        for name, home in self.merged_into.items():
+            if home in self.homes:
+                self.homes[name] = self.homes[home]
+        joints, coordinates = self._joints(idle, shares)
+        bodies, loops, springs = tuple(self._bodies()), tuple(self._loops()), tuple(self._springs())
+        joint_springs, couplings = tuple(self._joint_springs(coordinates)), tuple(self._couplings(coordinates, idle))
+        self.notes.check(self.parts.name)
+        mechanism = Mechanism(
+            name=self.parts.name,
+            gravity=self.parts.gravity,
+            bodies=bodies,
+            joints=(*joints, *loops),
+            springs=springs,
+            joint_springs=joint_springs,
+            couplings=couplings,
+        )
+        return Built(mechanism, {body: piece for piece, body in self.names.items()})
+
+    def _merge(self) -> dict[str, tuple[float, Array, Array]]:
+        """Mass, centre and tensor of each piece that moves, in its own frame, with all that is fixed to it."""
+        lumps: dict[str, list[tuple[float, Array, Array]]] = {}
+        for piece in self.parts.pieces:
+            if piece.motions:
+                lumps[piece.name] = [(piece.mass, piece.com, piece.inertia)]
+                continue
+            base = self.merged_into.get(piece.carrier, piece.carrier)
+            self.merged_into[piece.name] = base
+            if not base:
+                self.notes.add(GROUNDED if piece.mass else MERGED, piece.name)
+                continue
+            self.notes.add(MERGED, piece.name)
+            if piece.mass or np.any(piece.inertia):
+                end, start = piece.frame, self.pieces[base].frame
+                R, p = start.R.T @ end.R, start.R.T @ (end.p - start.p)
+                lumps[base].append((piece.mass, p + R @ piece.com, R @ piece.inertia @ R.T))
+        self.homes |= {name: GROUND for name, base in self.merged_into.items() if not base}
+        return {name: inertia_of_several(_with_something(lump)) for name, lump in lumps.items()}
+
+    def _base(self, piece: Piece) -> str:
+        """The moving piece that carries a piece; empty for the ground."""
+        return self.merged_into.get(piece.carrier, piece.carrier)
+
+    def _idle(self, shares: dict[str, tuple[float, Array, Array]]) -> set[str]:
+        """Moving pieces that have no mass and carry none."""
+        loaded: set[str] = set()
+        for piece in reversed(self.parts.pieces):
+            if piece.motions and (piece.name in loaded or shares[piece.name][0] > 0.0):
+                loaded |= {piece.name, self._base(piece)}
+        idle = [name for name in shares if name not in loaded]
+        for name in idle:
+            if np.any(shares[name][2]):
+                self.notes.refuse("it has moments of inertia and no mass", name)
+        self.notes.add(IDLE, *idle)
+        return set(idle)
+
+    def _row(self, piece: Piece, shares: dict[str, tuple[float, Array, Array]]) -> tuple[str, tuple[Motion, ...]]:
+        """Body that carries a piece and the motions from it, through pieces without mass."""
+        motions, base = piece.motions, self._base(piece)
+        while base and shares[base][0] == 0.0:
+            motions, base = (*self.pieces[base].motions, *motions), self._base(self.pieces[base])
+        return base, motions
+
+    def _joints(
+        self, idle: set[str], shares: dict[str, tuple[float, Array, Array]]
+    ) -> tuple[list[Joint], dict[str, tuple[str, str, float]]]:
+        """Joints of the tree; joint, coordinate and sign of each motion that is a coordinate."""
+        light = [n for n, share in shares.items() if share[0] == 0.0 and n not in idle]
+        for name in light:
+            carried = [p.name for p in self.parts.pieces if p.motions and p.name not in idle and self._base(p) == name]
+            if len(carried) > 1:
+                self.notes.refuse(f"without mass, but it carries {' and '.join(carried)}", name)
+            if np.any(shares[name][2]):
+                self.notes.refuse("it has moments of inertia and no mass", name)
+        self.notes.add(COMPOSED, *light)
+        rows = {name: self._row(self.pieces[name], shares) for name in self.kept}
+        titles = usable_names(["_".join(m.name for m in row) for _, row in rows.values()], "joint", self.notes)
+        joints: list[Joint] = []
+        coordinates: dict[str, tuple[str, str, float]] = {}
+        for name, (base, row) in rows.items():
+            title, found = titles["_".join(m.name for m in row)], recognise(row)
+            if found is None:
+                kinds = " ".join(m.kind for m in row)
+                self.notes.refuse(
+                    f"{len(row)} joints in a row ({kinds}) without mass between them are no joint of a case", name
+                )
+                continue
+            if found.kind == "spherical" and len(row) == 3:
+                self.notes.add(LOCKS, title)
+            axes = rotation_with_z_axis(found.axis, found.second)
+            joints.append(self._drawn(title, found.kind, base, name, found.at, axes))
+            coordinates |= {motion: (title, c, sign) for motion, (c, sign) in found.coordinates.items()}
+        return joints, coordinates
+
+    def _drawn(self, title: str, kind: str, base: str, name: str, at: Array, axes: Array) -> Joint:
+        F, M = self._local(base, at, axes), self._local(name, at, axes)
+        return Joint(title, kind, self.homes[base], self.names[name], F, M)
+
+    def _local(self, name: str, at: Array, axes: Array) -> Frame:
+        if not name:
+            return Frame(at, axes)
+        frame = self.pieces[name].frame
+        return Frame(frame.R.T @ (at - frame.p), frame.R.T @ axes)
+
+    def _bodies(self) -> Iterable[Body]:
+        for name, (mass, com, inertia) in self.kept.items():
+            tensor = 0.5 * (inertia + inertia.T)  # turned tensors are symmetric up to rounding
+            try:
+                check_inertia(tensor, name)
+            except InvalidInput as error:
+                self.notes.refuse(error.what, name)
+                continue
+            yield Body(self.names[name], mass, com, tensor, self.pieces[name].frame)
+
+    # ---------------------------------------------------------------- elements
+
+    def _on_body(self, name: str, point: Array) -> Array:
+        """Point of a piece in the frame of the body it went into."""
+        home = self.merged_into.get(name, name)
+        frame = self.pieces[name].frame if name else None
+        drawn = point if frame is None else frame.p + frame.R @ point
+        if not home:
+            return drawn
+        body = self.pieces[home].frame
+        return np.asarray(body.R.T @ (drawn - body.p))
+
+    def _turned(self, name: str, R: Array) -> Array:
+        home = self.merged_into.get(name, name)
+        drawn = self.pieces[name].frame.R @ R if name else R
+        return np.asarray(self.pieces[home].frame.R.T @ drawn) if home else drawn
+
+    def _loops(self) -> Iterable[Joint]:
+        titles = usable_names([loop.name for loop in self.parts.loops], "loop", self.notes)
+        for loop in self.parts.loops:
+            ends = loop.predecessor, loop.successor
+            if self._absent("loop", loop.name, ends):
+                continue
+            F, M = (
+                Frame(self._on_body(n, f.p), self._turned(n, f.R)) for n, f in zip(ends, (loop.F, loop.M), strict=True)
+            )
+            yield replace(
+                loop,
+                name=titles[loop.name],
+                predecessor=self.homes[ends[0]],
+                successor=self.homes[ends[1]],
+                F=F,
+                M=M,
+            )
+
+    def _springs(self) -> Iterable[Spring]:
+        for spring in self.parts.springs:
+            ends = spring.predecessor, spring.successor
+            if not self._absent("spring", spring.name, ends):
+                yield replace(
+                    spring,
+                    predecessor=self.homes[ends[0]],
+                    successor=self.homes[ends[1]],
+                    point_predecessor=self._on_body(ends[0], spring.point_predecessor),
+                    point_successor=self._on_body(ends[1], spring.point_successor),
+                )
+
+    def _absent(self, what: str, name: str, ends: tuple[str, ...]) -> bool:
+        """Whether an end was left out, or both went into one body."""
+        if any(end not in self.homes for end in ends):
+            self.notes.refuse(f"the {what} ends on a piece that cannot be a body", name)
+            return True
+        if self.homes[ends[0]] == self.homes[ends[1]]:
+            self.notes.add(f"{what} within one body, left out", name)
+            return True
+        return False
+
+    def _joint_springs(self, coordinates: dict[str, tuple[str, str, float]]) -> Iterable[JointSpring]:
+        present = [m for p in self.parts.pieces for m in p.motions if m.stiffness or m.damping]
+        titles = usable_names([m.name for m in present], "spring", Notes())
+        for motion in present:
+            if motion.name in coordinates:
+                joint, coordinate, sign = coordinates[motion.name]
+                name = f"{titles[motion.name]}_{'spring' if motion.stiffness else 'damper'}"[-64:]
+                yield JointSpring(name, joint, coordinate, motion.stiffness, motion.damping, sign * motion.rest)
+            else:
+                self.notes.add(NO_COORDINATE, motion.name)
+
+    def _couplings(self, coordinates: dict[str, tuple[str, str, float]], idle: set[str]) -> Iterable[Coupling]:
+        gone = {m.name for name in idle for m in self.pieces[name].motions}
+        titles = usable_names([law.name for law in self.parts.laws], "coupling", Notes())
+        for law in self.parts.laws:
+            if law.motion in gone:
+                self.notes.add("coupling of a joint that was left out", law.name)
+            elif missing := [m for m in (law.motion, law.driver) if m not in coordinates]:
+                self.notes.refuse(f"it couples {' and '.join(missing)}, no coordinate of a joint of the case", law.name)
+            else:
+                yield _coupling(titles[law.name], law, coordinates)
+
+
+def _with_something(lump: list[tuple[float, Array, Array]]) -> list[tuple[float, Array, Array]]:
+    """Shares that weigh, or all: a frame without mass must not touch the digits of the others."""
+    return [share for share in lump if share[0] or np.any(share[2])] or lump
+
+
+def _coupling(name: str, law: Law, coordinates: dict[str, tuple[str, str, float]]) -> Coupling:
+    joint, coordinate, sign = coordinates[law.motion]
+    driver_joint, driver_coordinate, turn = coordinates[law.driver]
+    powers = [sign * c * turn**k for k, c in enumerate(law.coefficients)]
+    return Coupling(name, driver_joint, driver_coordinate, joint, coordinate, Function(np.array(powers)))
+
+
+def build(parts: Parts, notes: Notes) -> Built:
+    """Mechanism of a model of another format.
+
+    Raises
+    ------
+    InvalidInput
+        With everything that no case can express.
+    """
+    return _Builder(parts, notes).build()

@@ -1,0 +1,136 @@
+"""A file of another format as a case: which reader it needs is told by the root of its XML."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree.ElementTree import Element, ParseError, TreeBuilder, XMLParser
+
+from consilience.case.case import Case
+from consilience.case.file.reader import cases_from_tables
+from consilience.case.file.writer import case_text
+from consilience.case.importing.build import Built, build
+from consilience.case.importing.urdf import read_urdf
+from consilience.engine import beside_adapter, installed
+from consilience.engine.native import Notes, Parts
+from consilience.errors import InvalidInput
+from consilience.mechanism import Initial
+
+_LARGEST = 50_000_000
+"""Bytes; the largest robots have below one million."""
+
+Reader = Callable[[Element, Path, bool, Notes], Parts]
+
+
+@dataclass(frozen=True, eq=False)
+class Imported:
+    """A model of another format as a case.
+
+    Attributes
+    ----------
+    case : Case
+    built : Built
+        Where its pieces went.
+    notes : Notes
+        What the case has differently, or not at all.
+    """
+
+    case: Case
+    built: Built
+    notes: Notes
+
+
+class _Tree(TreeBuilder):
+    """Refuses a file that declares a document type."""
+
+    def doctype(self, name: str, pubid: str | None, system: str | None) -> None:
+        """Stop at the declaration, before any entity of it is met."""
+        raise ParseError("it declares a document type: no model does, and its entities are not read")
+
+
+def _xml(path: Path) -> Element:
+    """Root element of a file, which has no declarations of entities and a bounded size.
+
+    The parser of the standard library (expat) neither loads external entities nor lets internal ones grow without
+    bounds; no model has use for either, so a file with a document type is refused.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise InvalidInput(str(path), f"it cannot be read ({error.strerror})", "Give the path of a model.") from None
+    if len(data) > _LARGEST:
+        raise InvalidInput(str(path), f"it has {len(data)} bytes", f"Give a model of at most {_LARGEST}.")
+    parser = XMLParser(target=_Tree())
+    try:
+        parser.feed(data)
+        root: Element = parser.close()
+    except ParseError as error:
+        raise InvalidInput(str(path), f"it is no XML that can be read: {error}", "Give a URDF or MJCF file.") from None
+    return root
+
+
+def readers() -> dict[str, Reader]:
+    """Readers by the root element they read: URDF's, and those of installed adapters.
+
+    An adapter's package may have a module ``reading`` with a table ``READERS``.
+    """
+    found: dict[str, Reader] = {"robot": read_urdf}
+    for point in installed().values():
+        if point.module.partition(".")[0] != "consilience" and (module := beside_adapter(point, "reading")):
+            found |= module.READERS
+    return found
+
+
+def import_model(path: Path, free_base: bool = False) -> Imported:
+    """Read a model of another format.
+
+    Parameters
+    ----------
+    path : Path
+        URDF or MJCF, told apart by the root element.
+    free_base : bool
+        URDF only: the root link floats.
+
+    Raises
+    ------
+    InvalidInput
+        If the file cannot be read, or has what no case can express: all of it is named.
+    """
+    root, known, notes = _xml(path), readers(), Notes()
+    if root.tag not in known:
+        tags = ", ".join(f"<{tag}>" for tag in known)
+        raise InvalidInput(str(path), f"its root is <{root.tag}>", f"Give a file with one of {tags}.")
+    if any("xacro" in e.tag for e in root.iter()):
+        raise InvalidInput(str(path), "it has macros of xacro", "Run xacro on it, and import what comes out.")
+    parts = known[root.tag](root, path, free_base, notes)
+    built = build(parts, notes)
+    case = Case(
+        name=parts.name,
+        file=path.name,
+        title=f"{parts.name}, imported from {path.name}",
+        mechanism=built.mechanism,
+        initial=Initial(),
+        duration=5.0,
+        sample=0.05,
+        digits=8,
+        instants=20,
+        seed=1,
+        sources=(path.name,),
+    )
+    return Imported(case, built, notes)
+
+
+def imported_text(imported: Imported) -> str:
+    """Text of the case file, with what could not be kept in its first lines.
+
+    Raises
+    ------
+    InvalidInput
+        If the case cannot be written, for instance because its loops are not closed in the drawing.
+    """
+    heading = [f"Imported from {imported.case.file}. Changed or left out:", *imported.notes.lines()]
+    text = case_text(imported.case, "\n".join(heading))
+    cases_from_tables(imported.case.name, imported.case.file, tomllib.loads(text))  # what is written can be read
+    return text

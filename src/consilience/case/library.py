@@ -1,0 +1,90 @@
+"""The shipped case library, and how a case is found by name or path."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from difflib import get_close_matches
+from pathlib import Path
+
+from consilience.case.case import Case
+from consilience.case.families import FAMILIES, family_cases
+from consilience.case.file.reader import load_file
+from consilience.errors import InvalidInput
+
+
+def case_folder() -> Path:
+    """Folder of the shipped cases: inside the installed package, or beside ``src`` in a checkout."""
+    packaged = Path(__file__).parent / "cases"
+    return packaged if packaged.is_dir() else Path(__file__).parents[2] / "cases"
+
+
+def case_names() -> list[str]:
+    """Names of all shipped cases, variants spelled out."""
+    return [case.name for case in shipped_cases()]
+
+
+def case_files() -> list[Path]:
+    """Files of the shipped cases, one folder a group, sorted by group and name."""
+    return sorted(case_folder().glob("*/*.toml"))
+
+
+def shipped_cases() -> list[Case]:
+    """All shipped cases, sorted by group and file."""
+    return [case for path in case_files() for case in _shipped(path)]
+
+
+def _shipped(path: Path) -> list[Case]:
+    return [replace(case, group=path.parent.name) for case in load_file(path)]
+
+
+def cases_like(incomplete: str) -> list[str]:
+    """Names that begin so, of shipped files and of families, for a shell that completes; no file is read."""
+    names = dict.fromkeys((*(path.stem for path in case_files()), *FAMILIES))
+    return [name for name in names if name.startswith(incomplete)]
+
+
+def load_cases(name: str) -> list[Case]:
+    """Cases that a user means by a name: a shipped case or all its variants, a member of a family, or a case file.
+
+    In the name of a shipped case ``-`` and ``_`` are the same.
+
+    Raises
+    ------
+    InvalidInput
+        If there is no such case.
+    """
+    if name.endswith(".toml") or "/" in name:
+        return [replace(case, call=name) for case in load_file(Path(name))]
+    if ":" in name:
+        return [replace(case, call=name) for case in family_cases(name)]
+    plain = name.replace("-", "_")
+    for path in case_files():
+        if plain == path.stem or plain.startswith(f"{path.stem}_"):
+            cases = _shipped(path)
+            chosen = cases if plain == path.stem else [c for c in cases if c.name.replace("-", "_") == plain]
+            if chosen:
+                return chosen
+    if name in FAMILIES:
+        return [replace(case, call=name) for case in family_cases(name)]
+    near = get_close_matches(name, list(dict.fromkeys([*case_names(), *FAMILIES])), n=5, cutoff=0.5)
+    raise InvalidInput(
+        f"case '{name}'",
+        "there is no shipped case of that name",
+        (f"Nearest: {', '.join(near)}; `consilience list` names all" if near else f"Shipped: {', '.join(case_names())}")
+        + f". Families: {', '.join(FAMILIES)}, as FAMILY:PARAMETER=VALUE,... The path of a case file works, too.",
+    )
+
+
+def load_case(name: str) -> Case:
+    """One case by name or path.
+
+    Raises
+    ------
+    InvalidInput
+        If there is no such case, or the name stands for several variants.
+    """
+    cases = load_cases(name)
+    if len(cases) > 1:
+        known = ", ".join(case.name for case in cases)
+        raise InvalidInput(f"case '{name}'", f"it has {len(cases)} variants", f"Name one: {known}.")
+    return cases[0]

@@ -1,0 +1,152 @@
+"""Expected values of a case: what is known from elsewhere, with an uncertainty of its own, and how it is read off.
+
+Values of a motion are read at a sample time. Accelerations and reactions are those of the initial state.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from consilience.engine import InstantAnswer, TrajectoryAnswer
+from consilience.mechanism import (
+    JOINT_KINDS,
+    Array,
+    Mechanism,
+    State,
+    body_point,
+    joint_coordinates,
+    joint_rates,
+    relative_motion,
+)
+
+Origin = Literal["printed", "closed form", "computed"]
+"""A source prints the value; a formula gives it; or two independent computations agree on it."""
+
+Scale = Literal["size", "speed", "spin", ""]
+"""Which scale of a motion an uncertainty that is a pure number has to be multiplied with; none for an angle."""
+
+
+@dataclass(frozen=True)
+class Published:
+    """One expected value.
+
+    Attributes
+    ----------
+    observable : str
+        A name of `OF_A_BODY`, `OF_A_JOINT`, `BODY_AT_START` or `JOINT_AT_START`.
+    of : str
+        The body or joint.
+    component : int
+        0, 1 or 2 of a vector; 0 of a scalar.
+    time : float, s
+        On the sample grid.
+    value, uncertainty : float
+        SI units.
+    source : str
+        A closed form, a publication, a computation.
+    origin : {"printed", "closed form", "computed"}
+    second : str
+        The second, independent computation of a value that no source prints.
+    """
+
+    observable: str
+    of: str
+    component: int
+    time: float
+    value: float
+    uncertainty: float
+    source: str
+    origin: Origin = "printed"
+    second: str = ""
+
+    @property
+    def at_start(self) -> bool:
+        """Whether it is a value of the equations at the initial state, and not of the motion."""
+        return self.observable in BODY_AT_START or self.observable in JOINT_AT_START
+
+    @property
+    def name(self) -> str:
+        """Observable, component, body or joint, and time, in words."""
+        axis = "" if self.observable in OF_A_JOINT else f", {'xyz'[self.component]}"
+        return f"{self.observable} of {self.of}{axis} at {self.time:g} s"
+
+    def off(self, found: float) -> float:
+        """Difference of a found value to this one; angles modulo full turns."""
+        difference = found - self.value
+        if self.observable in ("angle", "angle1", "angle2"):
+            difference = float(np.remainder(difference + np.pi, 2.0 * np.pi) - np.pi)
+        return abs(difference)
+
+
+def _center(mechanism: Mechanism, state: State, i: int) -> Array:
+    return body_point(mechanism, state, mechanism.bodies[i].name, mechanism.bodies[i].com)[0]
+
+
+def _velocity_of_center(mechanism: Mechanism, state: State, i: int) -> Array:
+    return body_point(mechanism, state, mechanism.bodies[i].name, mechanism.bodies[i].com)[1]
+
+
+def _axis(k: int) -> Callable[[Mechanism, State, int], Array]:
+    return lambda mechanism, state, i: state.R_WB[i][:, k]
+
+
+OF_A_BODY: dict[str, tuple[Callable[[Mechanism, State, int], Array], Scale]] = {
+    "p_WB": (lambda mechanism, state, i: state.p_WB[i], "size"),
+    "v_WB_W": (lambda mechanism, state, i: state.v_WB_W[i], "speed"),
+    "w_WB_W": (lambda mechanism, state, i: state.w_WB_W[i], "spin"),
+    "p_WBcm": (_center, "size"),
+    "v_WBcm_W": (_velocity_of_center, "speed"),
+    "x_axis": (_axis(0), ""),
+    "y_axis": (_axis(1), ""),
+    "z_axis": (_axis(2), ""),
+}
+"""Vectors of a body in a motion: pose and velocities of the origin and of the centre of mass, axes in the world."""
+
+_COORDINATES = ("angle", "distance", "x", "y", "angle1", "angle2")
+
+OF_A_JOINT: dict[str, tuple[str, Scale]] = {
+    **{name: (name, "" if name.startswith("angle") else "size") for name in _COORDINATES},
+    **{f"{name}_rate": (name, "spin" if name.startswith("angle") else "speed") for name in _COORDINATES},
+}
+"""Scalars of a joint in a motion: the coordinate that each is, or is the rate of."""
+
+BODY_AT_START = ("a_WB_W", "alpha_WB_W")
+"""Accelerations of a body: of its origin, and angular."""
+
+JOINT_AT_START = ("force_F", "torque_F")
+"""Reaction of a joint on the successor, at the origin of M, in axes of F."""
+
+VECTORS_OF_A_BODY = (*OF_A_BODY, *BODY_AT_START)
+
+
+def has_coordinate(mechanism: Mechanism, joint: str, observable: str) -> bool:
+    """Whether a joint has the coordinate of an observable of `OF_A_JOINT`."""
+    return OF_A_JOINT[observable][0] in JOINT_KINDS[mechanism.joints[mechanism.joint_index[joint]].kind].coordinates
+
+
+def scale_of(observable: str) -> Scale:
+    """Scale of an observable of a motion."""
+    return OF_A_BODY[observable][1] if observable in OF_A_BODY else OF_A_JOINT[observable][1]
+
+
+def read_motion(mechanism: Mechanism, known: Published, motion: TrajectoryAnswer) -> float:
+    """Value a motion has for an expected one that is not `at_start`."""
+    state = motion.state(int(abs(motion.time - motion.time[0] - known.time).argmin()))
+    if known.observable in OF_A_BODY:
+        read, _ = OF_A_BODY[known.observable]
+        return float(read(mechanism, state, mechanism.body_index[known.of])[known.component])
+    coordinate, _ = OF_A_JOINT[known.observable]
+    joint = mechanism.joints[mechanism.joint_index[known.of]]
+    values = joint_rates if known.observable.endswith("_rate") else joint_coordinates
+    return float(values(joint, relative_motion(mechanism, state, joint))[coordinate])
+
+
+def read_start(mechanism: Mechanism, known: Published, answer: InstantAnswer) -> Array:
+    """Vector that the answer at the initial state, the first of an `InstantAnswer`, has for one that is `at_start`."""
+    index = mechanism.body_index if known.observable in BODY_AT_START else mechanism.joint_index
+    values = getattr(answer, known.observable)
+    return np.full(3, np.nan) if values is None else np.asarray(values[0, index[known.of]])

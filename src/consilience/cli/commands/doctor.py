@@ -1,0 +1,258 @@
+"""``consilience doctor``: what stands in the way of a run here, and how to mend it, a line each."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import platform
+import re
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+from importlib.metadata import PackageNotFoundError, requires, version
+from pathlib import Path
+from typing import Annotated
+
+import psutil
+import typer
+from rich.console import Console
+
+from consilience.case import load_case
+from consilience.cli.formats import Format, SheetFormat
+from consilience.compare import Verdict
+from consilience.engine import Profile, Question, engines_like, installed, require_installed, split_name
+from consilience.engine.worker.environments import REQUIREMENTS, cache_directory
+from consilience.report.history.show import WRITERS, Sheet
+from consilience.report.record import exit_code
+from consilience.suite import Results, run_suite
+from consilience.suite.warm_up import kernels_folder
+
+GIBI = 2**30
+STATES = ("well", "note", "ill")
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """One thing that was looked at.
+
+    Attributes
+    ----------
+    what : str
+    state : str
+        ``well``; ``note``: a run works, with a loss; ``ill``: something does not work.
+    found : str
+    remedy : str
+        What to do, in a line; empty where all is well.
+    """
+
+    what: str
+    state: str
+    found: str
+    remedy: str = ""
+
+
+CURES: tuple[tuple[str, str], ...] = (
+    (r"No module named '(?P<module>[\w.]+)'", "pip install '{wanted}' (its module {module} is not there)"),
+    (r"ImportError|undefined symbol|cannot open shared object|GLIBC", "pip install --force-reinstall '{wanted}'"),
+    (r"no answer within", "give it more time: consilience doctor --limit 1800; something else may hold the processor"),
+    (r"out of memory|MemoryError", "close other programs: a worker may have 4 GiB"),
+    (
+        r"signal SIG\w+",
+        "see where it dies: python -X faulthandler -c 'import {module_of_engine}'; then reinstall {wanted}",
+    ),
+    (
+        r"no such version|is no version|No matching distribution",
+        "name a version that the package index has, and check the network",
+    ),
+    (r"AttributeError|TypeError", "the adapter was written for another version: pip install '{wanted}'"),
+)
+"""What to do about an engine that does not start, by what its worker said; the first that is found."""
+
+
+def cure(reason: str, wanted: str, module: str) -> str:
+    """What to do about an engine that does not start.
+
+    Parameters
+    ----------
+    reason : str
+        Why, in the words of its worker.
+    wanted : str
+        The distribution with its version, as pip takes it.
+    module : str
+        Name of the module that the adapter is.
+    """
+    for pattern, text in CURES:
+        if found := re.search(pattern, reason):
+            return text.format(**{"wanted": wanted, "module_of_engine": module, **found.groupdict()})
+    return f"read the reason; then pip install --force-reinstall '{wanted}'"
+
+
+def pinned() -> dict[str, str]:
+    """Version that Consilience asks for, by distribution."""
+    found = (re.match(r"([\w.-]+)\s*==\s*([\w.]+)", text) for text in requires("consilience") or ())
+    return {match[1].lower(): match[2] for match in found if match}
+
+
+def distribution_of(engine: str) -> str:
+    """Distribution that the adapter of an engine says it is; the adapter's own name where it says nothing."""
+    package = installed()[split_name(engine)[0]].module.partition(".")[0]
+    spec = importlib.util.find_spec(package)
+    for folder in (spec.submodule_search_locations or ()) if spec else ():
+        path = Path(folder) / REQUIREMENTS
+        if path.is_file():
+            return path.read_text(encoding="utf-8").split()[0]
+    return package
+
+
+def of_engine(engine: str, results: Results) -> Diagnosis:
+    """Whether an engine starts, in the version it is tested with, and answers as the reference does."""
+    distribution, asked = distribution_of(engine), split_name(engine)[2]
+    tested = pinned().get(distribution.lower(), "")
+    wanted = f"{distribution}=={asked or tested}" if asked or tested else distribution
+    if engine in results.missing:
+        reason = " ".join(results.missing[engine].split())
+        return Diagnosis(engine, "ill", f"does not start: {reason}", cure(reason, wanted, distribution))
+    own = [c for c in results.comparisons if c.engine == engine and c.profile is Profile.MATCHED]
+    bad = [c for c in own if c.verdict not in (Verdict.AGREES, Verdict.UNSUPPORTED)]
+    here = results.engines[engine].version
+    if bad:
+        text = "; ".join(f"{c.question}, {c.method}: {c.verdict}: {c.why}" for c in bad)
+        remedy = f"pip install '{wanted}', the version that is tested" if tested not in ("", here) else ""
+        return Diagnosis(engine, "ill", f"{here}: {text}", remedy or f"consilience run double_pendulum -e {engine}")
+    installed_here = _version_of(distribution)
+    if tested and not asked and installed_here not in ("", tested):
+        text = f"{here}: agrees with the reference; tested with {tested}"
+        return Diagnosis(engine, "note", text, f"pip install '{wanted}', or ask for both: -e {engine}@{tested}")
+    return Diagnosis(engine, "well", f"{here}: agrees with the reference")
+
+
+def _version_of(distribution: str) -> str:
+    try:
+        return version(distribution)
+    except PackageNotFoundError:
+        return ""
+
+
+def writable(folder: Path) -> bool:
+    """Whether files can be made in a folder, or in the first above it that is there."""
+    while not folder.exists() and folder != folder.parent:
+        folder = folder.parent
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            return True
+    except OSError:
+        return False
+
+
+def _python() -> Diagnosis:
+    return Diagnosis("Python", "well", platform.python_version())
+
+
+def _kernels() -> Diagnosis:
+    folder = kernels_folder()
+    what = "compiled kernels"
+    if not writable(folder):
+        remedy = "export NUMBA_CACHE_DIR=$HOME/.cache/consilience-numba, or each process compiles for a minute or two"
+        return Diagnosis(what, "note", f"{folder} cannot be written", remedy)
+    if next(folder.rglob("*.nbi"), None) is None:
+        remedy = "none: the first run compiles for a minute or two; `consilience simulate double_pendulum` does it now"
+        return Diagnosis(what, "note", f"none yet in {folder}", remedy)
+    return Diagnosis(what, "well", f"in {folder}")
+
+
+def _processors() -> Diagnosis:
+    count = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    if count < 2:
+        return Diagnosis("processors", "note", f"{count}", "run with --jobs 1: engines then take their turns")
+    return Diagnosis("processors", "well", f"{count}")
+
+
+def _memory() -> Diagnosis:
+    free = psutil.virtual_memory().available / GIBI
+    if free < 2.0:
+        return Diagnosis("memory", "note", f"{free:.1f} GiB free", "close other programs, or run with --jobs 1")
+    return Diagnosis("memory", "well", f"{free:.1f} GiB free")
+
+
+def _threads() -> Diagnosis:
+    asked = os.environ.get("OMP_NUM_THREADS", "1")
+    if asked != "1":
+        remedy = "unset OMP_NUM_THREADS: several threads change timings, and the last digits of some engines"
+        return Diagnosis("threads", "note", f"OMP_NUM_THREADS={asked}", remedy)
+    return Diagnosis("threads", "well", "one for each engine")
+
+
+def _versions_folder() -> Diagnosis:
+    folder = cache_directory()
+    what = "cache for other versions"
+    if not writable(folder):
+        remedy = "export XDG_CACHE_HOME to a folder of yours; only NAME@VERSION needs it"
+        return Diagnosis(what, "note", f"{folder} cannot be written", remedy)
+    return Diagnosis(what, "well", str(folder))
+
+
+EXTRAS = {
+    "matplotlib": "plot",
+    "casadi": "lagrange",
+    "hypothesis": "fuzz",
+    "pandas": "frames",
+    "polars": "frames",
+    "xarray": "frames",
+}
+"""Optional modules and the extra that has them."""
+
+
+def _extras() -> Diagnosis:
+    lacking = sorted({extra for module, extra in EXTRAS.items() if importlib.util.find_spec(module) is None})
+    if lacking:
+        return Diagnosis(
+            "extras", "note", f"not here: {', '.join(lacking)}", f"pip install 'consilience[{','.join(lacking)}]'"
+        )
+    return Diagnosis("extras", "well", ", ".join(sorted(set(EXTRAS.values()))))
+
+
+CHECKS: tuple[Callable[[], Diagnosis], ...] = (
+    _python,
+    _processors,
+    _memory,
+    _threads,
+    _kernels,
+    _versions_folder,
+    _extras,
+)
+"""What is looked at before any engine starts."""
+
+
+def diagnose(results: Results, engines: list[str]) -> Iterator[Diagnosis]:
+    """Everything that was looked at: this machine, then each engine."""
+    yield from (check() for check in CHECKS)
+    yield from (of_engine(engine, results) for engine in engines)
+
+
+def doctor(
+    engine: Annotated[
+        list[str] | None,
+        typer.Option("-e", "--engine", help="Engine; repeat it. Default: all.", autocompletion=engines_like),
+    ] = None,
+    limit: Annotated[float, typer.Option(min=0.1, help="Time limit of one job in s.")] = 600.0,
+    form: SheetFormat = Format.TEXT,
+) -> None:
+    """Diagnose this machine, start every engine and let it answer two questions; tell the remedy for what is ill.
+
+    Exit code: 0 every engine agrees, 1 one differs, 3 one does not start. Notes do not count.
+    """
+    for name in engine or []:
+        require_installed(name)
+    names = list(dict.fromkeys(engine or installed()))
+    with Console(stderr=True).status("starting engines; the reference compiles for a minute or two, the first time"):
+        results = run_suite([load_case("double_pendulum")], names, [Question.MODEL, Question.INSTANT], limit=limit)
+    found = list(diagnose(results, names))
+    ill = sum(one.state == "ill" for one in found)
+    notes = sum(one.state == "note" for one in found)
+    sentence = f"{ill} ill, {notes} to note, {len(found) - ill - notes} well."
+    rows = [(one.what, one.state, one.found, one.remedy) for one in found]
+    table = ("what was looked at", ("what", "state", "found", "remedy"), rows)
+    data = {"ill": ill, "notes": notes, "diagnoses": [asdict(one) for one in found]}
+    sys.stdout.write(WRITERS[form](Sheet([sentence], [table], data)))
+    raise typer.Exit(exit_code(results))

@@ -1,0 +1,85 @@
+"""``consilience diff`` and ``consilience trend``: argument parsing and printing only."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from consilience.cli.formats import Format, SheetFormat
+from consilience.errors import InvalidInput
+from consilience.report.history.changes import DIGITS, changes
+from consilience.report.history.series import read_series, series_sheet
+from consilience.report.history.show import WRITERS, Sheet, counted_effects, plain, table_of
+from consilience.report.record import Record, read_record
+
+Digits = Annotated[float, typer.Option(min=0.0, help="Change in digits from which on one is told.")]
+
+
+def _write(sheet: Sheet, form: Format) -> None:
+    sys.stdout.write(WRITERS[form](sheet))
+
+
+def renamed(pairs: list[str], before: Record, after: Record) -> dict[str, str]:
+    """Engines to compare with one another, from ``OLD=NEW``.
+
+    Raises
+    ------
+    InvalidInput
+        It is no pair, or a report has no such engine.
+    """
+    found = {}
+    for pair in pairs:
+        old, _, new = pair.partition("=")
+        for name, record in ((old, before), (new, after)):
+            if name not in record.header["engines"]:
+                known = ", ".join(record.header["engines"])
+                raise InvalidInput(f"--as {pair}", f"the report has no engine '{name}'", f"Engines: {known}.")
+        found[old] = new
+    return found
+
+
+def diff_sheet(before: Record, after: Record, names: dict[str, str], digits: float) -> Sheet:
+    """What has changed between two records."""
+    found = changes(before, after, names, digits)
+    old, new = before.header["written"], after.header["written"]
+    codes = before.footer["exit_code"], after.footer["exit_code"]
+    data = {
+        "before": {"written": old, "exit_code": codes[0]},
+        "after": {"written": new, "exit_code": codes[1]},
+        "worse": sum(change.effect == "worse" for change in found),
+        "better": sum(change.effect == "better" for change in found),
+        "changes": plain(found),
+    }
+    sentences = [f"From {old} (exit code {codes[0]}) to {new} (exit code {codes[1]}): {counted_effects(found)}"]
+    return Sheet(sentences, [table_of(found, "changes")], data)
+
+
+def diff(
+    before: Annotated[Path, typer.Argument(metavar="RUN1", help="Folder of the earlier report.")],
+    after: Annotated[Path, typer.Argument(metavar="RUN2", help="Folder of the later one.")],
+    same: Annotated[
+        list[str] | None,
+        typer.Option("--as", metavar="OLD=NEW", help="Compare engine OLD of RUN1 with NEW of RUN2 alone; repeat it."),
+    ] = None,
+    digits: Digits = DIGITS,
+    form: SheetFormat = Format.TEXT,
+) -> None:
+    """Tell what has changed between two reports. Exit code 0: nothing is worse; 1: something is."""
+    old, new = read_record(before), read_record(after)
+    sheet = diff_sheet(old, new, renamed(same or [], old, new), digits)
+    _write(sheet, form)
+    raise typer.Exit(1 if sheet.data["worse"] else 0)
+
+
+def trend(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that holds folders of reports.")],
+    digits: Digits = DIGITS,
+    form: SheetFormat = Format.TEXT,
+) -> None:
+    """Tell how reports have changed over time. Exit code 1: the last is worse than the one before; else 0."""
+    sheet = series_sheet(*read_series(folder), digits)
+    _write(sheet, form)
+    raise typer.Exit(1 if sheet.data["worse"] else 0)

@@ -1,0 +1,133 @@
+"""The command ``consilience values``: every expected value of the case library beside what the reference finds."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from consilience.case import Case, Published, cases_like, load_cases, read_motion, read_start, shipped_cases
+from consilience.cli.formats import Format, SheetFormat
+from consilience.engine import Question, load_engine
+from consilience.report.history.show import WRITERS, Sheet
+
+TOLERANCE = 1e-13
+"""Of the reference's motion."""
+
+HEADING = """# Expected values
+
+Every expected value of the shipped cases beside what the reference finds at a tolerance of 1e-13, by
+`consilience values`. Origins: [cases.md](cases.md). SI units; off is the difference, of angles modulo full turns.
+
+"""
+
+
+@dataclass(frozen=True)
+class Found:
+    """An expected value and ours.
+
+    Attributes
+    ----------
+    value : float
+        Of the reference.
+    off : float
+        Difference; of angles modulo full turns.
+    """
+
+    case: str
+    known: Published
+    value: float
+    off: float
+
+    @property
+    def met(self) -> bool:
+        """Whether the reference is within the uncertainty of the value, and 1e-9 of its own."""
+        return self.off <= self.known.uncertainty + 1e-9 * max(1.0, abs(self.known.value))
+
+
+def found_values(case: Case) -> Iterator[Found]:
+    """Every expected value of a case, by the reference at its finest."""
+    engine, mechanism = load_engine("reference"), case.mechanism
+    start = [known for known in case.published if known.at_start]
+    moving = [known for known in case.published if not known.at_start]
+    if start:
+        method = engine.methods(mechanism, Question.INSTANT)[0]
+        answer = engine.instant(mechanism, [case.initial_state], method)
+        for known in start:
+            value = float(read_start(mechanism, known, answer)[known.component])
+            yield Found(case.name, known, value, known.off(value))
+    if moving:
+        method = engine.methods(mechanism, Question.TRAJECTORY)[0]
+        last = round(max(known.time for known in moving) / case.sample)
+        motion = engine.trajectory(mechanism, case.initial_state, case.times[: last + 1], method, TOLERANCE)
+        for known in moving:
+            value = read_motion(mechanism, known, motion)
+            yield Found(case.name, known, value, known.off(value))
+
+
+HEADS = ("case", "value", "expected", "uncertainty", "ours", "off", "origin")
+
+
+def rows(found: Sequence[Found]) -> Iterator[tuple[str, ...]]:
+    """What the table says of each value: one cell for each of `HEADS`."""
+    for one in found:
+        known = one.known
+        digits = max(3, min(15, 1 + round(np.log10(max(abs(known.value), known.uncertainty) / known.uncertainty))))
+        yield (
+            one.case,
+            known.name,
+            f"{known.value:.{digits}g}",
+            f"{known.uncertainty:.1g}",
+            f"{one.value:.{min(15, digits + 1)}g}",
+            f"{one.off:.1e}" + ("" if one.met else " **missed**"),
+            f"{known.origin}: {known.source}" + (f"; {known.second}" if known.second else ""),
+        )
+
+
+def table(found: Sequence[Found]) -> str:
+    """Table in Markdown: one row a value."""
+    lines = [HEADS, ("---",) * len(HEADS), *rows(found)]
+    return "".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |\n" for line in lines)
+
+
+def _plain(one: Found) -> dict[str, str | float | bool]:
+    """A value for JSON."""
+    known = one.known
+    return {
+        "case": one.case,
+        "value": known.name,
+        "expected": known.value,
+        "uncertainty": known.uncertainty,
+        "ours": one.value,
+        "off": one.off,
+        "met": one.met,
+        "origin": str(known.origin),
+        "source": known.source,
+    }
+
+
+def values(
+    cases: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[CASE]...", help="Names or case files; default: all.", autocompletion=cases_like),
+    ] = None,
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Markdown file for the table.")] = None,
+    form: SheetFormat = Format.TEXT,
+) -> None:
+    """Compare the reference with every expected value: closed forms, publications, independent computations."""
+    chosen = [c for name in cases for c in load_cases(name)] if cases else shipped_cases()
+    found = [one for case in chosen for one in found_values(case)]
+    missed = [one for one in found if not one.met]
+    told = f"{len(found)} values of {len(chosen)} cases, {len(missed)} missed"
+    if output is not None:
+        output.write_text(HEADING + table(found), encoding="utf-8")
+        told = f"{told}: {output}"
+    data = {"missed": len(missed), "values": [_plain(one) for one in found]}
+    tables = [] if output is not None else [("expected values", HEADS, list(rows(found)))]
+    sys.stdout.write(WRITERS[form](Sheet([told], tables, data)))
+    raise typer.Exit(1 if missed else 0)

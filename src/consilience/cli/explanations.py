@@ -1,0 +1,122 @@
+"""The entries of ``consilience explain``, from the tables beside this file, and the search among them."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass
+from difflib import get_close_matches
+from enum import StrEnum
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+from consilience.errors import InvalidInput
+
+
+class Kind(StrEnum):
+    """What can be explained, in the order of the list."""
+
+    VERDICT = "verdict"
+    RULE = "rule"
+    ROUTE = "route"
+    PROFILE = "profile"
+    QUESTION = "question"
+    TERM = "term"
+    TRAP = "trap"
+
+    @property
+    def title(self) -> str:  # type: ignore[override] # a heading, not the method of strings
+        """Heading of the list."""
+        return f"{self.value.capitalize()}s"
+
+
+TABLES = ("verdicts.toml", "terms.toml", "traps.toml")
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One thing that can be explained.
+
+    Attributes
+    ----------
+    kind : Kind
+    name : str
+        Unique among the entries of its kind.
+    rule : str
+        What decides, or what to do, in a sentence.
+    theory : str
+        Three lines.
+    met : tuple of str
+        Where users met it: threads of public trackers, each with its gist.
+    also : tuple of str
+        Other words for it.
+    see : str
+        Page of the documentation; empty for that of the kind.
+    number : int
+        Of a trap, as in `consilience.audit.mutate`; 0 for the others.
+    """
+
+    kind: Kind
+    name: str
+    rule: str
+    theory: str
+    met: tuple[str, ...] = ()
+    also: tuple[str, ...] = ()
+    see: str = ""
+    number: int = 0
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """Everything it can be asked for by."""
+        numbers = (str(self.number), f"trap {self.number}") if self.number else ()
+        return (self.name, *self.also, *numbers)
+
+    @property
+    def page(self) -> str:
+        """Page of the documentation that has more."""
+        return self.see or ("detection.md" if self.kind is Kind.TRAP else "verdicts.md")
+
+
+def _entry(kind: Kind, row: dict[str, Any]) -> Entry:
+    fields: dict[str, Any] = {name: tuple(value) if isinstance(value, list) else value for name, value in row.items()}
+    return Entry(kind, **fields)
+
+
+@cache
+def read_entries() -> tuple[Entry, ...]:
+    """All entries, by kind and in the order of their tables."""
+    found: list[Entry] = []
+    for table in TABLES:
+        text = files("consilience.cli").joinpath("explained", table).read_text(encoding="utf-8")
+        for kind, rows in tomllib.loads(text).items():
+            found += [_entry(Kind(kind), row) for row in rows]
+    return tuple(sorted(found, key=lambda entry: list(Kind).index(entry.kind)))
+
+
+def _key(text: str) -> str:
+    """Letters and digits alone count: case, hyphens and colons do not."""
+    return " ".join("".join(c if c.isalnum() else " " for c in text.lower()).split())
+
+
+def explained(asked: str) -> tuple[Entry, ...]:
+    """Entries of a name, a number of a trap, or a part of exactly one name.
+
+    Raises
+    ------
+    InvalidInput
+        Nothing is called so; the message has the nearest words.
+    """
+    wanted = _key(asked)
+    entries = read_entries()
+    same = tuple(entry for entry in entries if wanted in {_key(word) for word in entry.words})
+    if same:
+        return same
+    inside = tuple(entry for entry in entries if wanted and any(wanted in _key(word) for word in entry.words))
+    if len(inside) == 1:
+        return inside
+    words = {_key(word): word for entry in entries for word in entry.words}
+    near = [entry.name for entry in inside] or [
+        words[key] for key in get_close_matches(wanted, list(words), n=5, cutoff=0.5)
+    ]
+    remedy = f"Nearest: {', '.join(dict.fromkeys(near))}." if near else "`consilience explain` lists everything."
+    raise InvalidInput(f"explain '{asked}'", "nothing, or more than one thing, is called so", remedy)

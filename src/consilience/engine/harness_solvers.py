@@ -1,0 +1,69 @@
+"""What the harness lends to engines that bring no constraint solver or no integrator, and says so in the route.
+
+`solve_constrained` answers under `Route.HARNESS_SOLVE`, `runge_kutta_4` under `Route.HARNESS_INTEGRATOR`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from consilience.mechanism import RANK_TOLERANCE, Array
+
+
+def solve_constrained(M: Array, f: Array, J: Array, gamma: Array) -> tuple[Array, Array]:
+    """Solve ``M a = f + J^T lam``, ``J a = gamma`` with dependent rows allowed.
+
+    Parameters
+    ----------
+    M : ndarray, shape (n, n)
+        Symmetric positive definite mass matrix.
+    f : ndarray, shape (n,)
+    J : ndarray, shape (r, n)
+    gamma : ndarray, shape (r,)
+
+    Returns
+    -------
+    a : ndarray, shape (n,)
+        Unique, whatever the rank of J.
+    lam : ndarray, shape (r,)
+        Multipliers of least norm.
+    """
+    L = np.linalg.cholesky(M)
+    free = np.linalg.solve(L, f)
+    Y = np.linalg.solve(L, J.T)
+    U, s, Vt = np.linalg.svd(Y, full_matrices=False)
+    rank = int(np.sum(s > RANK_TOLERANCE * s[0])) if len(s) else 0
+    along = (Vt[:rank] @ (gamma - Y.T @ free)) / s[:rank]
+    a = np.linalg.solve(L.T, free + U[:, :rank] @ along)
+    return a, Vt[:rank].T @ (along / s[:rank])
+
+
+def runge_kutta_4(
+    derivative: Callable[[Array], Array], y: Array, step: float, count: int, record: Callable[[Array], None], every: int
+) -> Array:
+    """Integrate ``y' = derivative(y)`` by the classical fourth-order method with a fixed step.
+
+    Parameters
+    ----------
+    count : int
+        Number of steps.
+    record : callable
+        Called with y at the start and after every `every` steps.
+
+    Returns
+    -------
+    ndarray
+        The last y.
+    """
+    record(y)
+    for n in range(1, count + 1):
+        k1 = derivative(y)
+        k2 = derivative(y + 0.5 * step * k1)
+        k3 = derivative(y + 0.5 * step * k2)
+        k4 = derivative(y + step * k3)
+        y = y + (step / 6.0) * (k1 + 2.0 * (k2 + k3) + k4)
+        if n % every == 0:
+            record(y)
+    return y

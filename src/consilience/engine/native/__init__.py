@@ -1,0 +1,25 @@
+"""Native models: what an adapter builds, written so that a user goes on with the engine alone."""
+
+from __future__ import annotations
+
+from consilience.engine.native.elements import ELEMENTS, ROWS, SOLVE, Places, element_data, row_data
+from consilience.engine.native.parts import Law, Motion, Notes, Parts, Piece
+from consilience.engine.native.script import JET, function_data, literal, script
+
+__all__ = [
+    "ELEMENTS",
+    "JET",
+    "ROWS",
+    "SOLVE",
+    "Law",
+    "Motion",
+    "Notes",
+    "Parts",
+    "Piece",
+    "Places",
+    "element_data",
+    "function_data",
+    "literal",
+    "row_data",
+    "script",
+]

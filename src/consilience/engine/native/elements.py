@@ -1,0 +1,225 @@
+"""Elements of a mechanism as data and code of a script, for engines that have none of their own.
+
+The script says what its engine knows of a frame that moves (`owner`, by name; the ground has the name given):
+
+- ``pose(owner)``: origin and axes in the world;
+- ``jacobian(owner, p)``: of the velocity of a point in its axes, then of its angular velocity, world axes (6, n);
+- ``motion(owner, p)``: these velocities, shape (6,);
+- ``drift(owner, p)``: their rates if no coordinate accelerates, shape (6,);
+- ``coordinate(*place)``: value and rate of a joint coordinate, as the mechanism counts it, the coefficients (n,) of its
+  rate, and its second rate if no coordinate accelerates; the place is what `Places.axis` gives;
+- ``BODIES``: owner, origin and axes of each body in the axes of the owner; ``COUNT``: how many velocities there are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from consilience.engine.native.script import function_data
+from consilience.mechanism import Array, Function, Mechanism
+
+
+@dataclass(frozen=True)
+class Places:
+    """Where the engine has what elements refer to.
+
+    Attributes
+    ----------
+    point : callable
+        From body and point in its axes: owner, and the point in the axes of the owner.
+    turned : callable
+        From body and direction in its axes: the direction in the axes of the owner.
+    axis : callable
+        From joint and coordinate: what the script finds the coordinate by, often owner and the sign of counting.
+    own_springs : bool
+        The engine has the springs and dampers of joints; only their actuators are data.
+    """
+
+    point: Callable[[str, Array], list[Any]]
+    turned: Callable[[str, Array], Array]
+    axis: Callable[[str, str], list[Any]]
+    own_springs: bool = False
+
+
+def _law(function: Function | None) -> dict[str, Any] | None:
+    return None if function is None else function_data(function)
+
+
+def _forces(m: Mechanism, at: Places) -> dict[str, Any]:
+    springs = [
+        {
+            "from": at.point(s.predecessor, s.point_predecessor),
+            "to": at.point(s.successor, s.point_successor),
+            "stiffness": s.stiffness,
+            "damping": s.damping,
+            "free_length": s.free_length,
+            "f": _law(s.actuator),
+        }
+        for s in m.springs
+    ]
+    loads = [
+        {
+            "at": at.point(x.body, x.point),
+            "kind": x.kind,
+            "frame": x.frame,
+            "vector": at.turned(x.body, x.vector) if x.frame == "body" else x.vector,
+            "f": _law(x.history),
+        }
+        for x in m.loads
+    ]
+    return {"SPRINGS": springs, "LOADS": loads}
+
+
+def _efforts(m: Mechanism, at: Places) -> dict[str, Any]:
+    linear: list[dict[str, Any]] = []
+    for s in m.joint_springs:
+        own = {} if at.own_springs else {"k": s.stiffness, "c": s.damping, "rest": s.rest}
+        if own or s.actuator:
+            linear.append({"axis": at.axis(s.joint, s.coordinate), **own, "f": _law(s.actuator)})
+    linear += [
+        {"axis": at.axis(f.joint, f.coordinate), "c": f.viscous, "coulomb": f.coulomb, "speed": f.speed}
+        for f in m.frictions
+    ]
+    controls = [
+        {
+            "axis": at.axis(c.joint, c.coordinate),
+            "P": c.proportional,
+            "I": c.integral,
+            "D": c.derivative,
+            "f": function_data(c.target),
+        }
+        for c in m.controls
+    ]
+    return {"EFFORTS": linear, "CONTROLS": controls}
+
+
+def row_data(m: Mechanism, axis: Callable[[str, str], list[Any]]) -> dict[str, Any]:
+    """Constants of a script that has `ROWS`, but for the closed loops ``WELDS``."""
+    names = ("body", "center", "axis", "radius", "point", "normal", "rounding")
+    return {
+        "DRIVES": [[axis(d.joint, d.coordinate), function_data(d.motion)] for d in m.drives],
+        "COUPLINGS": [
+            [axis(c.joint, c.coordinate), axis(c.driver_joint, c.driver_coordinate), function_data(c.law)]
+            for c in m.couplings
+        ],
+        "ROLLINGS": [{name: getattr(r, name) for name in names} for r in m.rollings],
+        "SKATES": [{"body": s.body, "point": s.point, "lateral": s.lateral} for s in m.skates],
+    }
+
+
+def element_data(mechanism: Mechanism, at: Places) -> dict[str, Any]:
+    """Constants of a script that has `ELEMENTS`, but for the closed loops ``WELDS``: pairs of owner, origin, axes."""
+    return _forces(mechanism, at) | _efforts(mechanism, at) | row_data(mechanism, at.axis)
+
+
+_APPLIED = '''
+def applied(t, integrals):
+    """Generalised forces of springs, loads, efforts and control."""
+    tau = np.zeros(COUNT)
+    for s in SPRINGS:
+        ends = [(owner, np.array(p)) for owner, p in (s["from"], s["to"])]
+        places = [pose(owner)[0] + pose(owner)[1] @ p for owner, p in ends]
+        d = places[1] - places[0]
+        length = np.linalg.norm(d)
+        rate = (d / length) @ (motion(*ends[1]) - motion(*ends[0]))[:3]
+        tension = s["stiffness"] * (length - s["free_length"]) + s["damping"] * rate
+        tension -= jet(s["f"], t)[0] if s["f"] else 0.0
+        tau += (jacobian(*ends[0]) - jacobian(*ends[1]))[:3].T @ (tension * d / length)
+    for load in LOADS:
+        owner, p = load["at"]
+        R = pose(owner)[1] if load["frame"] == "body" else np.eye(3)
+        vector = R @ load["vector"] * (jet(load["f"], t)[0] if load["f"] else 1.0)
+        rows = slice(0, 3) if load["kind"] == "force" else slice(3, 6)
+        tau += jacobian(owner, np.array(p))[rows].T @ vector
+    for e in EFFORTS:
+        value, rate, row, _ = coordinate(*e["axis"])
+        effort = -e.get("k", 0.0) * (value - e.get("rest", 0.0)) - e.get("c", 0.0) * rate
+        effort += jet(e["f"], t)[0] if e.get("f") else 0.0
+        effort -= e["coulomb"] * math.tanh(rate / e["speed"]) if e.get("coulomb") else 0.0
+        tau += effort * row
+    for c, integral in zip(CONTROLS, integrals, strict=True):
+        value, rate, row, _ = coordinate(*c["axis"])
+        target, target_rate, _ = jet(c["f"], t)
+        effort = c["P"] * (target - value) + c["I"] * integral + c["D"] * (target_rate - rate)
+        tau += effort * row
+    return tau
+'''
+
+ROWS = '''
+def rolling_rows(r):
+    """Rows at the point of contact: along the normal and two directions of the plane."""
+    owner, p, R_body = BODIES[r["body"]]
+    R = pose(owner)[1] @ R_body
+    n, a, w = np.array(r["normal"]), R @ r["axis"], motion(owner, np.array(p))[3:]
+    rho, rho_dot = -r["rounding"] * n, np.zeros(3)
+    if r["radius"]:
+        a_dot = np.cross(w, a)
+        m, m_dot = n - (n @ a) * a, -(n @ a_dot) * a - (n @ a) * a_dot
+        e = m / np.linalg.norm(m)
+        rho = rho - r["radius"] * e
+        rho_dot = -r["radius"] * (m_dot - (e @ m_dot) * e) / np.linalg.norm(m)
+    across = np.cross(n, np.eye(3)[np.argmin(np.abs(n))])
+    across /= np.linalg.norm(across)
+    plane = np.array([n, across, np.cross(n, across)])
+    touch = np.array(p) + R_body @ (np.array(r["center"]) + R.T @ rho)
+    wanted = np.cross(w, np.cross(w, rho) - rho_dot)  # what touches now is at rest, and is not what touched before
+    return plane @ jacobian(owner, touch)[:3], plane @ (wanted - drift(owner, touch)[:3])
+
+
+def skate_rows(s):
+    """Row across a skate, whose direction turns with its body."""
+    owner, p, R_body = BODIES[s["body"]]
+    R_body = np.array(R_body)
+    point = np.array(p) + R_body @ s["point"]
+    lateral, moving = pose(owner)[1] @ R_body @ s["lateral"], motion(owner, point)
+    wanted = -np.cross(moving[3:], lateral) @ moving[:3]
+    return (lateral @ jacobian(owner, point)[:3])[None], np.array([wanted - lateral @ drift(owner, point)[:3]])
+
+
+def weld_rows(original, copy):
+    """Rows that hold two frames together."""
+    (first, p, _), (second, r, _) = original, copy
+    J = jacobian(second, np.array(r)) - jacobian(first, np.array(p))
+    return J, drift(first, np.array(p)) - drift(second, np.array(r))
+
+
+def drive_row(t, place, law):
+    """Row of a coordinate that moves as it is told."""
+    _, _, row, drifting = coordinate(*place)
+    return row[None], np.array([jet(law, t)[2] - drifting])
+
+
+def coupling_row(place, driver, law):
+    """Row of a coordinate that is a function of another."""
+    value, rate, driving, driver_drifting = coordinate(*driver)
+    _, slope, bend = jet(law, value)
+    _, _, row, drifting = coordinate(*place)
+    return (row - slope * driving)[None], np.array([bend * rate**2 + slope * driver_drifting - drifting])
+
+
+def held(t):
+    """``J a = gamma`` of everything that is held."""
+    found = [(np.zeros((0, COUNT)), np.zeros(0)), *(weld_rows(*weld) for weld in WELDS)]
+    found += [drive_row(t, *drive) for drive in DRIVES] + [coupling_row(*coupling) for coupling in COUPLINGS]
+    found += [rolling_rows(r) for r in ROLLINGS] + [skate_rows(s) for s in SKATES]
+    return np.vstack([rows for rows, _ in found]), np.concatenate([right for _, right in found])
+'''
+"""Source of ``held(t)`` of a script and of its rows one by one; it imports math and NumPy, and has `JET`."""
+
+ELEMENTS = _APPLIED + "\n" + ROWS
+"""Source of ``applied(t, integrals)`` and ``held(t)``."""
+
+SOLVE = '''
+def solve(M, f, J, gamma):
+    """Accelerations a of ``M a = f + J^T lam``, ``J a = gamma``, whatever the rank of J."""
+    L = np.linalg.cholesky(M)
+    free = np.linalg.solve(L, f)
+    Y = np.linalg.solve(L, J.T)
+    U, s, Vt = np.linalg.svd(Y, full_matrices=False)
+    rank = int(np.sum(s > TOLERANCE * s[0])) if len(s) else 0
+    along = (Vt[:rank] @ (gamma - Y.T @ free)) / s[:rank]
+    return np.linalg.solve(L.T, free + U[:, :rank] @ along)
+'''
+"""Source of a solution with dependent rows; ``TOLERANCE`` is that of the rank."""

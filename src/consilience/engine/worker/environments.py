@@ -1,0 +1,219 @@
+"""Where a worker lives: in this environment, or in one of its own that holds one version of one engine.
+
+An environment is built when it is first asked for, by uv where there is one and otherwise by venv and pip, and kept in
+the cache directory of the user. It holds what the adapter's ``worker-requirements.txt`` asks for, NumPy, and copies of
+the adapter and of the worker side of Consilience: the same adapter, so that what differs is the engine.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import importlib.util
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import sysconfig
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib.metadata import EntryPoint, version
+from pathlib import Path
+from typing import Any
+
+from consilience.engine.protocol import GROUP, installed, split_name
+from consilience.engine.worker.process import Launch
+
+WORKER_SIDE = ("__init__.py", "errors.py", "mechanism", "engine")
+"""Files and packages of Consilience that a worker and an adapter may import; they need NumPy alone."""
+
+REQUIREMENTS = "worker-requirements.txt"
+"""File in an adapter's package: the distribution that is the engine on its first line, without a version."""
+
+_VERSION = re.compile(r"[0-9][0-9A-Za-z.+!]*")
+
+LONGEST = 1800.0
+"""Time in s that an environment may take to build."""
+
+
+class NoEnvironment(Exception):
+    """An environment that cannot be built, and why."""
+
+
+def local_name(engine: str) -> str:
+    """Name of an engine in the worker that has its version: ``mujoco`` for ``mujoco@3.3.7``."""
+    return engine.partition("@")[0]
+
+
+def cache_directory() -> Path:
+    """Folder for environments: ``$XDG_CACHE_HOME/consilience``, usually ``~/.cache/consilience``."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "consilience"
+
+
+def launch_of(engine: str, stopped: Callable[[], bool]) -> Launch:
+    """How to start the worker of an engine; builds its environment if there is none yet.
+
+    Parameters
+    ----------
+    engine : str
+        ``NAME[:VARIANT][@VERSION]``; without a version the worker lives in this environment.
+    stopped : callable
+        Whether nobody waits any more.
+
+    Raises
+    ------
+    NoEnvironment
+        If there is no such version, no network, or no adapter that can live elsewhere.
+    """
+    base, _, asked = split_name(engine)
+    if not asked:
+        return Launch(sys.executable, tuple(folder or os.getcwd() for folder in sys.path))
+    known = installed()
+    if base not in known:
+        raise NoEnvironment(f"engine '{engine}': {base} is not installed; installed engines: {', '.join(known)}")
+    package = _package(engine, known[base])
+    needs = _requirements(engine, package, asked)
+    python, packages = _environment(f"{base}-{asked}", needs, stopped)
+    about = ", ".join(f"{name} {number}" for name, number in packages.items())
+    return Launch(str(python), (str(_sources(known[base], package)),), f"own environment: {about}")
+
+
+# ---------------------------------------------------------------- what it holds
+
+
+def _package(engine: str, point: EntryPoint) -> Path:
+    """Folder of an adapter that can live elsewhere; nothing is imported."""
+    spec = importlib.util.find_spec(point.module.partition(".")[0])
+    folders = spec.submodule_search_locations if spec is not None else None
+    if not folders or not (Path(folders[0]) / REQUIREMENTS).is_file():
+        raise NoEnvironment(f"engine '{engine}': its adapter has no {REQUIREMENTS}: it comes in one version only")
+    return Path(folders[0])
+
+
+def _requirements(engine: str, package: Path, asked: str) -> list[str]:
+    if not _VERSION.fullmatch(asked):
+        raise NoEnvironment(f"engine '{engine}': '{asked}' is no version; write one such as 3.3.7")
+    first, *others = (package / REQUIREMENTS).read_text(encoding="utf-8").split()
+    return [f"{first}=={asked}", *others, "numpy"]
+
+
+def _sources(point: EntryPoint, package: Path) -> Path:
+    """Folder with copies of the worker side and of the adapter, named by their content."""
+    here = Path(__file__).parents[2]
+    ours = [file for name in WORKER_SIDE for file in sorted((here / name).rglob("*.py")) or [here / name]]
+    files = {str(Path("consilience") / file.relative_to(here)): file for file in ours}
+    files |= {str(Path(package.name) / f.relative_to(package)): f for f in sorted(package.rglob("*.py"))}
+    contents = {name: file.read_bytes() for name, file in files.items()} | _metadata(point)
+    digest = hashlib.sha256(json.dumps([[n, c.hex()] for n, c in sorted(contents.items())]).encode()).hexdigest()
+    folder = cache_directory() / "sources" / digest[:20]
+    if not folder.is_dir():
+        draft = folder.with_name(f"{folder.name}.{os.getpid()}.{time.monotonic_ns()}")
+        for name, content in contents.items():
+            (draft / name).parent.mkdir(parents=True, exist_ok=True)
+            (draft / name).write_bytes(content)
+        try:
+            draft.rename(folder)
+        except OSError:  # another runner was faster
+            shutil.rmtree(draft)
+    return folder
+
+
+def _metadata(point: EntryPoint) -> dict[str, bytes]:
+    """What makes the copies a distribution with an entry point."""
+    number = version("consilience")
+    folder = f"consilience-{number}.dist-info"
+    return {
+        f"{folder}/METADATA": f"Metadata-Version: 2.1\nName: consilience\nVersion: {number}\n".encode(),
+        f"{folder}/entry_points.txt": f"[{GROUP}]\n{point.name} = {point.value}\n".encode(),
+    }
+
+
+# ---------------------------------------------------------------- how it is built
+
+
+def _environment(name: str, needs: list[str], stopped: Callable[[], bool]) -> tuple[Path, dict[str, str]]:
+    """Interpreter of an environment, and the versions of everything in it."""
+    tag = hashlib.sha256(
+        "\n".join([sys.base_prefix, sysconfig.get_platform(), sys.version, *needs]).encode()
+    ).hexdigest()
+    folder = cache_directory() / "environments" / f"{name}-{tag[:12]}"
+    record, python = folder / "consilience.json", folder / "bin" / "python"
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with _locked(folder.with_suffix(".lock"), stopped):
+        if not record.is_file():  # whatever is there was not finished
+            shutil.rmtree(folder, ignore_errors=True)
+            try:
+                _build(name, folder, python, needs, stopped)
+                packages = json.loads(_run(name, [str(python), "-c", _LIST], stopped))
+                record.write_text(json.dumps({"needs": needs, "packages": packages}), encoding="utf-8")
+            except BaseException:
+                shutil.rmtree(folder, ignore_errors=True)
+                raise
+        content: dict[str, Any] = json.loads(record.read_text(encoding="utf-8"))
+    return python, content["packages"]
+
+
+_LIST = (
+    "import importlib.metadata as m, json, platform;"
+    "print(json.dumps({'Python': platform.python_version()}"
+    " | {d.name: d.version for d in sorted(m.distributions(), key=lambda d: d.name.lower())"
+    " if d.name not in ('pip', 'setuptools')}))"
+)
+
+
+def _build(name: str, folder: Path, python: Path, needs: list[str], stopped: Callable[[], bool]) -> None:
+    uv = shutil.which("uv")
+    if uv is not None:
+        _run(name, [uv, "venv", "--quiet", "--python", sys.executable, str(folder)], stopped)
+        _run(name, [uv, "pip", "install", "--quiet", "--python", str(python), *needs], stopped)
+        return
+    ours = importlib.util.find_spec("pip") is not None  # then it needs none of its own, which takes longest to build
+    _run(name, [sys.executable, "-m", "venv", *(["--without-pip"] if ours else []), str(folder)], stopped)
+    pip = [sys.executable, "-m", "pip", "--python", str(python)] if ours else [str(python), "-m", "pip"]
+    _run(name, [*pip, "install", "--quiet", "--disable-pip-version-check", *needs], stopped)
+
+
+def _run(name: str, command: list[str], stopped: Callable[[], bool]) -> str:
+    """Output of a command that is given up when nobody waits any more.
+
+    Raises
+    ------
+    NoEnvironment
+        With the last thing it said that looks like a reason.
+    """
+    variables = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV")}
+    until = time.monotonic() + LONGEST
+    with subprocess.Popen(
+        command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=variables
+    ) as process:
+        while True:
+            try:
+                said, complaints = process.communicate(timeout=0.1)
+                break
+            except subprocess.TimeoutExpired:
+                if stopped() or time.monotonic() > until:
+                    process.kill()
+                    raise NoEnvironment(f"the environment of {name} was not built: it was stopped") from None
+    if process.returncode:
+        lines = [line for line in complaints.splitlines() if line.strip()]
+        telling = [line for line in lines if "error" in line.lower() or "×" in line] or lines[-3:]
+        raise NoEnvironment(f"the environment of {name} cannot be built: {' '.join(telling)[-1000:]}")
+    return said
+
+
+@contextmanager
+def _locked(file: Path, stopped: Callable[[], bool]) -> Iterator[None]:
+    """Hold a lock that ends with the process, whatever happens to it."""
+    with file.open("w") as handle:
+        while True:
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError:
+                if stopped():
+                    raise NoEnvironment("stopped before its environment was built") from None
+                time.sleep(0.1)
+        yield

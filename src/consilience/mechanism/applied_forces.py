@@ -1,0 +1,135 @@
+"""Applied forces as wrenches on the bodies, in plain NumPy.
+
+Every wrench is about the origin of its body, in world axes. Beside each stands its size: the sum of the lengths of what
+was added up, before anything cancels. Rounding errors are in proportion to the size, not to the sum.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from consilience.mechanism.constraints import joint_frames
+from consilience.mechanism.model import GROUND, Mechanism, State
+from consilience.mechanism.observables import body_point, joint_spring_motion
+from consilience.mechanism.spatial import Array, cross
+
+
+@dataclass(eq=False)
+class Wrenches:
+    """Sums of wrenches on the bodies of a mechanism.
+
+    Attributes
+    ----------
+    total : ndarray, shape (n_b, 6), N and N m
+        Force and torque about the body's origin, world axes.
+    size : ndarray, shape (n_b, 2), N and N m
+        Sums of the lengths of the forces and of the torques.
+    """
+
+    mechanism: Mechanism
+    state: State
+    total: Array = field(init=False)
+    size: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.total, self.size = np.zeros((len(self.mechanism.bodies), 6)), np.zeros((len(self.mechanism.bodies), 2))
+
+    def push(
+        self, body: str, force: Array, point_W: Array, torque: Array | None = None, size: float | None = None
+    ) -> None:
+        """Add a force at a point and a torque, all in world axes; `size` is that of the force if it is a difference."""
+        if body == GROUND:
+            return
+        i = self.mechanism.body_index[body]
+        arm = point_W - self.state.p_WB[i]
+        self.total[i, :3] += force
+        self.total[i, 3:] += cross(arm, force)
+        length = float(np.linalg.norm(force)) if size is None else size
+        self.size[i] += length, length * float(np.linalg.norm(arm))
+        if torque is not None:
+            self.total[i, 3:] += torque
+            self.size[i, 1] += float(np.linalg.norm(torque))
+
+
+def applied_wrenches(mechanism: Mechanism, state: State, t: float = 0.0) -> Wrenches:
+    """Gravity, springs, loads, friction and controls at a time; integrals of controllers are zero."""
+    sums = Wrenches(mechanism, state)
+    R = state.R_WB
+    for i, body in enumerate(mechanism.bodies):
+        sums.push(body.name, body.mass * mechanism.gravity, state.p_WB[i] + R[i] @ body.com)
+    _add_springs(sums, t)
+    _add_loads(sums, t)
+    for name, coordinate, effort, size in _joint_efforts(mechanism, state, t):
+        joint = mechanism.joints[mechanism.joint_index[name]]
+        axis = joint_frames(mechanism, state, joint).U[:, 2]
+        point, _ = body_point(mechanism, state, joint.successor, joint.M.p)
+        for end, sign in ((joint.successor, 1.0), (joint.predecessor, -1.0)):
+            if coordinate == "distance":
+                sums.push(end, sign * effort * axis, point, size=size)
+            else:
+                sums.push(end, np.zeros(3), point, sign * effort * axis)
+    return sums
+
+
+def _add_springs(sums: Wrenches, t: float) -> None:
+    mechanism, state = sums.mechanism, sums.state
+    for s in mechanism.springs:
+        p_i, v_i = body_point(mechanism, state, s.predecessor, s.point_predecessor)
+        p_j, v_j = body_point(mechanism, state, s.successor, s.point_successor)
+        length = float(np.linalg.norm(p_j - p_i))
+        e = (p_j - p_i) / length
+        rate, actuator = float(e @ (v_j - v_i)), float(s.actuator.at(t)[0]) if s.actuator else 0.0
+        force = (s.stiffness * (length - s.free_length) + s.damping * rate - actuator) * e
+        size = abs(s.stiffness) * (length + abs(s.free_length)) + abs(s.damping * rate) + abs(actuator)
+        sums.push(s.predecessor, force, p_i, size=size)
+        sums.push(s.successor, -force, p_j, size=size)
+
+
+def _add_loads(sums: Wrenches, t: float) -> None:
+    mechanism, state = sums.mechanism, sums.state
+    for load in mechanism.loads:
+        if load.body == GROUND:
+            continue
+        R = state.R_WB[mechanism.body_index[load.body]]
+        vector = load.vector if load.frame == "world" else R @ load.vector
+        vector = vector * (float(load.history.at(t)[0]) if load.history else 1.0)
+        point, _ = body_point(mechanism, state, load.body, load.point)
+        if load.kind == "force":
+            sums.push(load.body, vector, point)
+        else:
+            sums.push(load.body, np.zeros(3), point, vector)
+
+
+def _joint_efforts(mechanism: Mechanism, state: State, t: float) -> Iterator[tuple[str, str, float, float]]:
+    """Joint, coordinate, effort on the successor and its size, of springs, friction and controls of joints."""
+    for s in mechanism.joint_springs:
+        q, rate = joint_spring_motion(mechanism, state, s.joint, s.coordinate)
+        parts = [float(s.actuator.at(t)[0]) if s.actuator else 0.0, -s.stiffness * q, s.stiffness * s.rest]
+        yield s.joint, s.coordinate, *_sum([*parts, -s.damping * rate])
+    for f in mechanism.frictions:
+        _, rate = joint_spring_motion(mechanism, state, f.joint, f.coordinate)
+        yield f.joint, f.coordinate, *_sum([-f.viscous * rate, -f.coulomb * float(np.tanh(rate / f.speed))])
+    for c in mechanism.controls:
+        q, rate = joint_spring_motion(mechanism, state, c.joint, c.coordinate)
+        target, target_rate, _ = c.target.at(t)
+        parts = [c.proportional * float(target), -c.proportional * q]
+        yield c.joint, c.coordinate, *_sum([*parts, c.derivative * float(target_rate), -c.derivative * rate])
+
+
+def _sum(parts: list[float]) -> tuple[float, float]:
+    return sum(parts), sum(abs(part) for part in parts)
+
+
+def conservative_part(mechanism: Mechanism) -> Mechanism:
+    """The mechanism with only those forces whose potential energy is in `observe.potential_energy`."""
+    return replace(
+        mechanism,
+        springs=tuple(replace(s, damping=0.0, actuator=None) for s in mechanism.springs),
+        joint_springs=tuple(replace(s, damping=0.0, actuator=None) for s in mechanism.joint_springs),
+        loads=(),
+        frictions=(),
+        controls=(),
+    )

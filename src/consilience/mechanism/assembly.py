@@ -1,0 +1,321 @@
+"""Assembly and consistent initial conditions: Newton-Raphson with an SVD (minimum-norm) step [MASS].
+
+Some joint coordinates and rates are held at the values the user gives ("emphasised" in MASS); the drawing, or poses
+given for bodies, is the guess; everything else moves as little as possible to satisfy the joints.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from consilience.errors import CannotAssemble, InvalidInput
+from consilience.mechanism.constraints import (
+    RANK_TOLERANCE,
+    constraint_jacobian,
+    constraint_rates,
+    constraint_residual,
+    free_directions,
+    joint_coordinates,
+    joint_frames,
+    relative_motion,
+    row_jacobian,
+)
+from consilience.mechanism.model import GROUND, JOINT_KINDS, Frame, Joint, Mechanism, State
+from consilience.mechanism.spatial import (
+    Array,
+    quaternion_from_rotation,
+    quaternion_from_rotation_vector,
+    quaternion_product,
+    rotation_from_quaternion,
+    rotation_vector_from_quaternion,
+)
+
+_MAX_ITERATIONS = 30
+_CONVERGED = 1e-13
+_MOST_FAILED = 50
+"""Random steps in a row that may fail before the search for states ends; no shipped case fails one."""
+
+_SCALARS = {"distance": "Z", "x": "X", "y": "Y"}
+
+
+@dataclass(frozen=True)
+class Initial:
+    """Initial conditions a user asks for.
+
+    Attributes
+    ----------
+    coordinates, rates : mapping of joint name to mapping of coordinate name to value
+        Held joint coordinates and rates, by the names of `JOINT_KINDS`.
+    poses : mapping of body name to Frame
+        World poses that replace the drawing as the guess.
+    velocities : mapping of body name to (v_WB_W, w_WB_W)
+        Guess for the velocities; zero for bodies not named.
+    """
+
+    coordinates: Mapping[str, Mapping[str, ArrayLike]] = field(default_factory=dict)
+    rates: Mapping[str, Mapping[str, ArrayLike]] = field(default_factory=dict)
+    poses: Mapping[str, Frame] = field(default_factory=dict)
+    velocities: Mapping[str, tuple[ArrayLike, ArrayLike]] = field(default_factory=dict)
+
+
+def drawing_state(mechanism: Mechanism, poses: Mapping[str, Frame] | None = None) -> State:
+    """State of rest in the drawing, with some poses replaced."""
+    frames = [(poses or {}).get(b.name, b.drawing) for b in mechanism.bodies]
+    zeros = np.zeros((len(frames), 3))
+    return State(np.array([f.p for f in frames]), quaternion_from_rotation([f.R for f in frames]), zeros, zeros)
+
+
+def move(state: State, increments: Array) -> State:
+    """Displace every body by ``(dr, rotation vector)`` in world axes; `increments` has shape (6 n_b,)."""
+    steps = increments.reshape(-1, 6)
+    quats = quaternion_product(quaternion_from_rotation_vector(steps[:, 3:]), state.quat_WB)
+    unit = quats / np.linalg.norm(quats, axis=1, keepdims=True)
+    return State(state.p_WB + steps[:, :3], unit, state.v_WB_W, state.w_WB_W)
+
+
+def _joint(mechanism: Mechanism, name: str, field_name: str) -> Joint:
+    if name not in mechanism.joint_index:
+        known = ", ".join(mechanism.joint_index)
+        raise InvalidInput(f"initial.{field_name}", f"there is no joint '{name}'", f"Joints are: {known}.")
+    return mechanism.joints[mechanism.joint_index[name]]
+
+
+def _check_coordinate(joint: Joint, coordinate: str) -> None:
+    names = JOINT_KINDS[joint.kind].coordinates
+    if coordinate not in names:
+        known = ", ".join(names) or "none"
+        raise InvalidInput(
+            f"initial: joint '{joint.name}'", f"a {joint.kind} joint has no '{coordinate}'", f"It has: {known}."
+        )
+
+
+def _held_rows(mechanism: Mechanism, state: State, joint: Joint, coordinate: str) -> Array:
+    """Rows (n, 12) that give the rate of a joint coordinate from the velocities of the two bodies."""
+    f = joint_frames(mechanism, state, joint)
+    if coordinate in _SCALARS:
+        return row_jacobian(f, _SCALARS[coordinate])[None]
+    if coordinate == "position":
+        return np.array([row_jacobian(f, row) for row in "XYZ"])
+    axes = {"angle": f.U[:, 2:], "angle1": f.U[:, 2:], "angle2": f.W[:, :1], "orientation": f.U}[coordinate].T
+    zero = np.zeros_like(axes)
+    return np.hstack([zero, -axes, zero, axes])
+
+
+def _held_error(mechanism: Mechanism, state: State, joint: Joint, coordinate: str, target: ArrayLike) -> Array:
+    """Actual minus asked value of a joint coordinate; angles modulo a turn, orientations as rotation vectors."""
+    motion = relative_motion(mechanism, state, joint)
+    value = joint_coordinates(joint, motion)[coordinate]
+    if coordinate == "orientation":
+        asked = rotation_from_quaternion(np.asarray(target))
+        return rotation_vector_from_quaternion(quaternion_from_rotation(motion.R @ asked.T))
+    error = np.atleast_1d(value - np.asarray(target, dtype=float))
+    if coordinate.startswith("angle") and joint.kind != "screw":  # a screw tells its turns by its displacement
+        error = (error + np.pi) % (2 * np.pi) - np.pi
+    return error
+
+
+def _scatter(mechanism: Mechanism, joint: Joint, rows: Array) -> Array:
+    Q = np.zeros((len(rows), 6 * len(mechanism.bodies)))
+    for body, columns in ((joint.predecessor, rows[:, :6]), (joint.successor, rows[:, 6:])):
+        if body != GROUND:
+            i = mechanism.body_index[body]
+            Q[:, 6 * i : 6 * i + 6] = columns
+    return Q
+
+
+Held = list[tuple[Joint, str, ArrayLike]]
+
+
+def _held(mechanism: Mechanism, values: Mapping[str, Mapping[str, ArrayLike]], field_name: str) -> Held:
+    held: Held = []
+    for name, by_coordinate in values.items():
+        joint = _joint(mechanism, name, field_name)
+        for coordinate, value in by_coordinate.items():
+            _check_coordinate(joint, coordinate)
+            held.append((joint, coordinate, value))
+    return held
+
+
+def _row_names(mechanism: Mechanism, held: Held, velocities: bool) -> list[str]:
+    names = [f"joint '{j.name}', constraint {row}" for j in mechanism.joints for row in j.rows]
+    names += [f"drive '{d.name}'" for d in mechanism.drives] + [f"coupling '{c.name}'" for c in mechanism.couplings]
+    names += [f"rolling '{r.name}', contact" for r in mechanism.rollings]
+    if velocities:
+        names += [f"rolling '{r.name}', slip" for r in mechanism.rollings for _ in range(2)]
+        names += [f"skate '{s.name}'" for s in mechanism.skates]
+    for joint, coordinate, _ in held:
+        width = 3 if coordinate in ("position", "orientation") else 1
+        names += [f"joint '{joint.name}', held {coordinate}"] * width
+    return names
+
+
+def _system(mechanism: Mechanism, state: State, held: Held, t: float) -> tuple[Array, Array]:
+    residuals = [constraint_residual(mechanism, state, t)]
+    jacobians = [constraint_jacobian(mechanism, state, t=t)[: mechanism.holonomic_count]]
+    for joint, coordinate, target in held:
+        residuals.append(_held_error(mechanism, state, joint, coordinate, target))
+        jacobians.append(_scatter(mechanism, joint, _held_rows(mechanism, state, joint, coordinate)))
+    return np.concatenate(residuals), np.vstack(jacobians)
+
+
+def assemble_positions(mechanism: Mechanism, guess: State, held: Held | None = None, t: float = 0.0) -> State:
+    """Move the bodies as little as possible until every constraint and every held coordinate is satisfied.
+
+    Drives are at the time t, in s.
+
+    Raises
+    ------
+    CannotAssemble
+        Naming the constraint that stays violated and by how much, or the joint that closes flipped over.
+    """
+    held = held or []
+    state = guess
+    residual, jacobian = _system(mechanism, state, held, t)
+    error = _largest(residual)
+    for _ in range(_MAX_ITERATIONS):
+        if error == 0.0:
+            break
+        step = np.linalg.lstsq(jacobian, -residual, rcond=RANK_TOLERANCE)[0]
+        # a step of more than a radian or so leaves the region in which the linear model means anything
+        step *= min(1.0, 1.0 / max(_largest(step), 1e-300))
+        trial = move(state, step)
+        trial_residual, trial_jacobian = _system(mechanism, trial, held, t)
+        if error < _CONVERGED and _largest(trial_residual) >= error:
+            break
+        state, residual, jacobian, error = trial, trial_residual, trial_jacobian, _largest(trial_residual)
+    if error > _CONVERGED * max(1.0, _largest(state.p_WB)):
+        worst = int(np.argmax(np.abs(residual)))
+        raise CannotAssemble(
+            f"mechanism '{mechanism.name}': {_row_names(mechanism, held, velocities=False)[worst]}",
+            f"it stays violated by {abs(residual[worst]):.3g} after {_MAX_ITERATIONS} iterations",
+            "Draw the mechanism closer to an assembled pose, or hold fewer or other joint coordinates.",
+        )
+    _refuse_flipped(mechanism, state)
+    return state
+
+
+def _largest(values: Array) -> float:
+    return float(np.max(np.abs(values), initial=0.0))
+
+
+def _refuse_flipped(mechanism: Mechanism, state: State) -> None:
+    """``D_kl = 0`` also holds for the flipped frame, which is another mechanism."""
+    for joint in mechanism.joints:
+        f = joint_frames(mechanism, state, joint)
+        flipped = "D13" in joint.rows and f.U[:, 2] @ f.W[:, 2] < 0
+        flipped = flipped or ("D12" in joint.rows and f.U[:, 0] @ f.W[:, 0] < 0)
+        if flipped:
+            raise CannotAssemble(
+                f"mechanism '{mechanism.name}': joint '{joint.name}'",
+                "it closes only with frame M flipped over",
+                "Draw the mechanism closer to the pose you mean.",
+            )
+
+
+def assemble_velocities(mechanism: Mechanism, state: State, held: Held | None = None, t: float = 0.0) -> State:
+    """Change the velocities of `state` as little as possible until ``Q v = nu`` and the held rates are met.
+
+    nu holds the rates of the drives at the time t.
+
+    Raises
+    ------
+    CannotAssemble
+        If the held rates contradict the joints or each other.
+    """
+    held = held or []
+    jacobian = [constraint_jacobian(mechanism, state, t=t)]
+    target = [constraint_rates(mechanism, t)]
+    for joint, coordinate, value in held:
+        jacobian.append(_scatter(mechanism, joint, _held_rows(mechanism, state, joint, coordinate)))
+        target.append(np.atleast_1d(np.asarray(value, dtype=float)))
+    Q, asked = np.vstack(jacobian), np.concatenate(target)
+    v = np.hstack([state.v_WB_W, state.w_WB_W]).ravel()
+    for _ in range(2):  # the second pass removes the rounding of the first
+        v = v + np.linalg.lstsq(Q, asked - Q @ v, rcond=RANK_TOLERANCE)[0]
+    error = Q @ v - asked
+    if _largest(error) > 1e-10 * max(1.0, _largest(v)):
+        worst = int(np.argmax(np.abs(error)))
+        raise CannotAssemble(
+            f"mechanism '{mechanism.name}': {_row_names(mechanism, held, velocities=True)[worst]}",
+            f"its rate stays wrong by {abs(error[worst]):.3g}: the held rates contradict the joints",
+            "Hold no more rates than the mechanism has degrees of freedom.",
+        )
+    both = v.reshape(-1, 6)
+    return State(state.p_WB, state.quat_WB, both[:, :3], both[:, 3:])
+
+
+def initial_state(mechanism: Mechanism, initial: Initial | None = None, t: float = 0.0) -> State:
+    """Consistent state of a mechanism at the time t from what the user asked for."""
+    initial = initial or Initial()
+    for name in (*initial.poses, *initial.velocities):
+        if name not in mechanism.body_index or name == GROUND:
+            known = ", ".join(b.name for b in mechanism.bodies)
+            raise InvalidInput("initial.bodies", f"there is no body '{name}'", f"Bodies are: {known}.")
+    coordinates = _held(mechanism, initial.coordinates, "joints")
+    rates = _held(mechanism, initial.rates, "rates")
+    placed = assemble_positions(mechanism, drawing_state(mechanism, initial.poses), coordinates, t)
+    v, w = np.zeros_like(placed.v_WB_W), np.zeros_like(placed.w_WB_W)
+    for name, (v_body, w_body) in initial.velocities.items():
+        v[mechanism.body_index[name]], w[mechanism.body_index[name]] = v_body, w_body
+    return assemble_velocities(mechanism, State(placed.p_WB, placed.quat_WB, v, w), rates, t)
+
+
+def random_states(mechanism: Mechanism, start: State, count: int, seed: int, speed: float = 2.0) -> list[State]:
+    """Consistent states on the branch of `start`: a random walk along the constraint manifold, random velocities.
+
+    Parameters
+    ----------
+    speed : float
+        Standard deviation of the velocity components along the free directions (m/s and rad/s).
+    """
+    rng = np.random.default_rng(seed)
+    states: list[State] = []
+    state = start
+    failed = 0
+    while len(states) < count:
+        if failed == _MOST_FAILED:
+            raise CannotAssemble(
+                f"mechanism '{mechanism.name}'",
+                f"{failed} random steps away from a state of it led nowhere",
+                "Ask for fewer states (instant.states = 1 asks for the initial one alone).",
+            )
+        basis = free_directions(mechanism, state, holonomic=True)
+        step = basis @ rng.normal(size=basis.shape[1])
+        step *= 0.25 / max(_largest(step), 1e-300)
+        try:
+            state = assemble_positions(mechanism, move(state, step))
+        except CannotAssemble:
+            failed += 1
+            continue  # the step ran past the end of a link's reach: draw another one
+        failed = 0
+        free = free_directions(mechanism, state)
+        velocity = (free @ rng.normal(scale=speed, size=free.shape[1])).reshape(-1, 6)
+        moving = State(state.p_WB, state.quat_WB, velocity[:, :3], velocity[:, 3:])
+        states.append(assemble_velocities(mechanism, moving))
+    return states
+
+
+def displaced_states(mechanism: Mechanism, start: State, size: float, count: int, seed: int = 0) -> list[State]:
+    """Consistent states near `start`: positions and velocities displaced by `size` in random free directions.
+
+    Parameters
+    ----------
+    size : float
+        Length of a displacement, m and rad, and of a change of velocity, m/s and rad/s.
+    """
+    rng = np.random.default_rng(seed)
+    states = []
+    for _ in range(count):
+        basis = free_directions(mechanism, start, holonomic=True)
+        step = basis @ rng.normal(size=basis.shape[1])
+        placed = assemble_positions(mechanism, move(start, size * step / max(float(np.linalg.norm(step)), 1e-300)))
+        free = free_directions(mechanism, placed)
+        push = free @ rng.normal(size=free.shape[1])
+        change = (size * push / max(float(np.linalg.norm(push)), 1e-300)).reshape(-1, 6)
+        moving = State(placed.p_WB, placed.quat_WB, placed.v_WB_W + change[:, :3], placed.w_WB_W + change[:, 3:])
+        states.append(assemble_velocities(mechanism, moving))
+    return states

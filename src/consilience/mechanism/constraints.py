@@ -1,0 +1,253 @@
+"""Constraints of a mechanism from poses and velocities, and the coordinates of its joints, in plain NumPy.
+
+For whoever looks at a mechanism from outside: assembly, the observers, and adapters of engines that bring no
+closed-loop solver. The reference solver has compiled rows of its own about the *centres of mass*; the two are tested
+against each other. Rows of single joints are in `joint_rows`, those of drives, couplings and contacts in
+`element_rows`.
+
+Order of the rows: joints, drives, couplings, contacts of rolling bodies; then the non-holonomic ones, which have no
+value: slip of rolling bodies, skates.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from consilience.mechanism.element_rows import Angles, ElementRow, count_turns, holonomic_rows, non_holonomic_rows
+from consilience.mechanism.joint_rows import (
+    JointFrames,
+    coordinate_value,
+    full_turns,
+    joint_frames,
+    row_gamma,
+    row_jacobian,
+    row_jacobians,
+    row_target,
+    row_value,
+    side,
+)
+from consilience.mechanism.model import GROUND, JOINT_KINDS, Joint, Mechanism, State
+from consilience.mechanism.spatial import Array, cross, quaternion_from_rotation
+
+__all__ = [
+    "RANK_TOLERANCE",
+    "Angles",
+    "JointFrames",
+    "RelativeMotion",
+    "constraint_gamma",
+    "constraint_jacobian",
+    "constraint_rates",
+    "constraint_residual",
+    "coordinate_value",
+    "count_turns",
+    "free_directions",
+    "full_turns",
+    "joint_coordinates",
+    "joint_frames",
+    "joint_rates",
+    "reaction_in_F",
+    "relative_motion",
+    "row_gamma",
+    "row_jacobian",
+    "row_target",
+    "row_value",
+]
+
+RANK_TOLERANCE = 1e-8
+"""Singular values below this fraction of the largest count as zero: constraint rows off the manifold by a drift d
+show their dependence only to d, and true ranks of sound mechanisms stay far above it."""
+
+
+def _place(mechanism: Mechanism, joint: Joint, pairs: Array, width: int) -> Array:
+    """Scatter the (rows, 12) coefficients of one joint into (rows, 6 n_b) columns [v, w] per body."""
+    Q = np.zeros((len(pairs), width))
+    for body, columns in ((joint.predecessor, pairs[:, :6]), (joint.successor, pairs[:, 6:])):
+        if body != GROUND:
+            i = mechanism.body_index[body]
+            Q[:, 6 * i : 6 * i + 6] = columns
+    return Q
+
+
+def _elements(mechanism: Mechanism, state: State, t: float, angles: Angles | None) -> list[ElementRow]:
+    return holonomic_rows(mechanism, state, t, angles or {}) + non_holonomic_rows(mechanism, state)
+
+
+def constraint_residual(mechanism: Mechanism, state: State, t: float = 0.0, angles: Angles | None = None) -> Array:
+    """Violation g of every holonomic row, shape (holonomic_count,), in m, rad or dimensionless.
+
+    A state does not count turns: `angles` (see `count_turns`) tells those of joints that drive a coupling.
+    """
+    values = []
+    for joint in mechanism.joints:
+        frames = joint_frames(mechanism, state, joint)
+        values += [row_value(frames, row) - row_target(joint, row) for row in joint.rows]
+    values += [row.value for row in holonomic_rows(mechanism, state, t, angles or {})]
+    return np.array(values)
+
+
+def constraint_jacobian(
+    mechanism: Mechanism,
+    state: State,
+    joints: tuple[Joint, ...] | None = None,
+    t: float = 0.0,
+    angles: Angles | None = None,
+) -> Array:
+    """Jacobian Q of the rows with respect to ``(v_WB_W, w_WB_W)`` of each body, shape (q, 6 n_b).
+
+    Of all rows, or of some joints alone; `angles` as in `constraint_residual`.
+    """
+    width = 6 * len(mechanism.bodies)
+    blocks = [np.zeros((0, width))]
+    for joint in mechanism.joints if joints is None else joints:
+        if joint.rows:
+            frames = joint_frames(mechanism, state, joint)
+            blocks.append(_place(mechanism, joint, row_jacobians(frames, joint.rows), width))
+    if joints is None:
+        blocks += [row.Q[None] for row in _elements(mechanism, state, t, angles)]
+    return np.vstack(blocks)
+
+
+def constraint_rates(mechanism: Mechanism, t: float = 0.0) -> Array:
+    """Rates nu of all rows, ``Q v = nu``: those of the drives, zero for every other row, shape (q,)."""
+    rates = np.zeros(mechanism.constraint_count())
+    first = sum(len(joint.rows) for joint in mechanism.joints)
+    for n, drive in enumerate(mechanism.drives):
+        rates[first + n] = drive.motion.at(t)[1]
+    return rates
+
+
+def constraint_gamma(
+    mechanism: Mechanism,
+    state: State,
+    joints: tuple[Joint, ...] | None = None,
+    t: float = 0.0,
+    angles: Angles | None = None,
+) -> Array:
+    """Right-hand side gamma of ``Q a = gamma``, accelerations of the body origins, shape (q,).
+
+    `angles` as in `constraint_residual`.
+    """
+    values = []
+    for joint in mechanism.joints if joints is None else joints:
+        frames = joint_frames(mechanism, state, joint)
+        values += [row_gamma(frames, row) for row in joint.rows]
+    if joints is None:
+        values += [row.gamma for row in _elements(mechanism, state, t, angles)]
+    return np.array(values)
+
+
+def free_directions(mechanism: Mechanism, state: State, holonomic: bool = False, t: float = 0.0) -> Array:
+    """Orthonormal basis of the null space of Q: velocities the constraints allow, shape (6 n_b, freedom).
+
+    With `holonomic` the displacements they allow: non-holonomic rows hold velocities and no positions.
+    """
+    Q = constraint_jacobian(mechanism, state, t=t)
+    if holonomic:
+        Q = Q[: mechanism.holonomic_count]
+    if len(Q) == 0:
+        return np.eye(Q.shape[1])
+    _, singular, Vt = np.linalg.svd(Q)
+    rank = int(np.sum(singular > RANK_TOLERANCE * singular[0]))
+    return np.ascontiguousarray(Vt[rank:].T)
+
+
+@dataclass(frozen=True, eq=False)
+class RelativeMotion:
+    """Motion of M relative to F, in axes of F.
+
+    Attributes
+    ----------
+    p : ndarray, shape (3,), m
+    R : ndarray, shape (3, 3)
+    v : ndarray, shape (3,), m/s
+        Rate of `p` seen from F.
+    w : ndarray, shape (3,), rad/s
+        Angular velocity of M relative to F.
+    """
+
+    p: Array
+    R: Array
+    v: Array
+    w: Array
+
+
+def relative_motion(mechanism: Mechanism, state: State, joint: Joint) -> RelativeMotion:
+    """Pose and twist of frame M relative to frame F of a joint."""
+    f = joint_frames(mechanism, state, joint)
+    return RelativeMotion(
+        p=f.U.T @ f.d,
+        R=f.U.T @ f.W,
+        v=f.U.T @ (f.d_dot - cross(f.w_i, f.d)),
+        w=f.U.T @ (f.w_j - f.w_i),
+    )
+
+
+def joint_coordinates(joint: Joint, motion: RelativeMotion) -> dict[str, Array]:
+    """Joint coordinates of M relative to F, by the names of `JOINT_KINDS`; angles in (-pi, pi], but for the screw.
+
+    Universal: ``R = Rz(angle1) Rx(angle2)``; orientation: quaternion, scalar first.
+    """
+    R, p = motion.R, motion.p
+    angle = float(np.arctan2(R[1, 0], R[0, 0]))
+    values = {
+        "angle": full_turns(angle, 2 * np.pi * p[2] / joint.pitch) if joint.pitch else angle,
+        "distance": p[2],
+        "x": p[0],
+        "y": p[1],
+        "angle1": np.arctan2(R[1, 0], R[0, 0]),
+        "angle2": np.arctan2(R[2, 1], R[2, 2]),
+        "position": p,
+    }
+    names = JOINT_KINDS[joint.kind].coordinates
+    found = {n: np.asarray(values[n]) for n in names if n != "orientation"}
+    if "orientation" in names:
+        found["orientation"] = quaternion_from_rotation(R)
+    return found
+
+
+def joint_rates(joint: Joint, motion: RelativeMotion) -> dict[str, Array]:
+    """Rates of the joint coordinates; of an orientation: the angular velocity of M relative to F, in axes of F."""
+    R, v, w = motion.R, motion.v, motion.w
+    values = {
+        "angle": w[2],
+        "distance": v[2],
+        "x": v[0],
+        "y": v[1],
+        "angle1": w[2],  # w = angle1' z_F + angle2' x_M, and x_M has no z component
+        "angle2": R[:, 0] @ w,
+        "position": v,
+        "orientation": w,
+    }
+    return {n: np.asarray(values[n]) for n in JOINT_KINDS[joint.kind].coordinates}
+
+
+def reaction_in_F(
+    mechanism: Mechanism,
+    state: State,
+    joint: Joint,
+    force_W: Array,
+    torque_W: Array,
+    point_W: Array,
+    on_predecessor: bool = False,
+) -> tuple[Array, Array]:
+    """Bring a joint wrench into the one convention: on the successor, at the origin of M, in axes of F.
+
+    Parameters
+    ----------
+    force_W, torque_W : ndarray, shape (3,), N and N m
+        Wrench in world axes, the torque about `point_W`.
+    point_W : ndarray, shape (3,), m
+    on_predecessor : bool
+        The wrench is what the joint exerts on the predecessor; action and reaction turn it round.
+
+    Returns
+    -------
+    force_F, torque_F : ndarray, shape (3,)
+    """
+    U, _, p_F, _, _ = side(mechanism, state, joint.predecessor, joint.F)
+    p_M = p_F + joint_frames(mechanism, state, joint).d
+    sign = -1.0 if on_predecessor else 1.0
+    torque_at_M = torque_W + cross(point_W - p_M, force_W)
+    return sign * (U.T @ force_W), sign * (U.T @ torque_at_M)

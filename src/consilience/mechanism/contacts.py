@@ -1,0 +1,143 @@
+"""Contacts: pairs of shapes that may hit one another, with restitution and friction. Immutable data.
+
+A sphere or a corner on a plane, or two spheres. The normal points from `partner` to `body`, so the gap opens along it.
+Between impacts contacts do nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from consilience.errors import InvalidInput
+from consilience.mechanism.spatial import Array
+
+
+def _vector(where: str, value: Array) -> Array:
+    a = np.array(value, dtype=float)
+    if a.shape != (3,) or not np.all(np.isfinite(a)):
+        raise InvalidInput(where, "it is not three finite numbers", "Give a vector of shape (3,).")
+    a.setflags(write=False)
+    return a
+
+
+def _unit(where: str, value: Array) -> Array:
+    a = _vector(where, value)
+    length = float(np.linalg.norm(a))
+    if length == 0.0:
+        raise InvalidInput(where, "it is the zero vector", "Give the direction out of the solid half-space.")
+    return _vector(where, a / length)
+
+
+def _check(name: str, body: str, partner: str, restitution: float, friction: float, *radii: float) -> None:
+    where = f"contact '{name}'"
+    if body == partner:
+        raise InvalidInput(where, f"both sides are '{body}'", "Let two different bodies touch.")
+    if not 0.0 <= restitution <= 1.0:
+        raise InvalidInput(f"{where}: restitution", f"{restitution} is out of range", "Choose 0 to 1.")
+    if not 0.0 <= friction < np.inf:
+        raise InvalidInput(f"{where}: friction", f"{friction} is out of range", "Give a coefficient of at least 0.")
+    if not all(0.0 < radius < np.inf for radius in radii):
+        raise InvalidInput(f"{where}: radius", "it is not positive", "Give a radius above zero.")
+
+
+@dataclass(frozen=True, eq=False)
+class SpherePlane:
+    """A sphere on the boundary of a solid half-space.
+
+    Attributes
+    ----------
+    name : str
+    body, partner : str
+        Bodies that carry the sphere and the plane; either may be ``ground``.
+    center : ndarray, shape (3,), m
+        From the origin of `body`, in its axes.
+    radius : float, m
+    point : ndarray, shape (3,), m
+        A point of the plane, from the origin of `partner`, in its axes.
+    normal : ndarray, shape (3,)
+        Out of the half-space, in axes of `partner`; made a unit vector.
+    restitution : float
+        s of ``vn+ = -s vn-``, 0 to 1.
+    friction : float
+        Coefficient mu.
+    """
+
+    name: str
+    body: str
+    center: Array
+    radius: float
+    partner: str
+    point: Array
+    normal: Array
+    restitution: float
+    friction: float = 0.0
+
+    def __post_init__(self) -> None:
+        _check(self.name, self.body, self.partner, self.restitution, self.friction, self.radius)
+        where = f"contact '{self.name}'"
+        object.__setattr__(self, "center", _vector(f"{where}: center", self.center))
+        object.__setattr__(self, "point", _vector(f"{where}: point", self.point))
+        object.__setattr__(self, "normal", _unit(f"{where}: normal", self.normal))
+
+
+@dataclass(frozen=True, eq=False)
+class PointPlane:
+    """A corner, tip or other point of a body on the boundary of a solid half-space; attributes as `SpherePlane`.
+
+    Attributes
+    ----------
+    corner : ndarray, shape (3,), m
+        From the origin of `body`, in its axes.
+    """
+
+    name: str
+    body: str
+    corner: Array
+    partner: str
+    point: Array
+    normal: Array
+    restitution: float
+    friction: float = 0.0
+
+    def __post_init__(self) -> None:
+        _check(self.name, self.body, self.partner, self.restitution, self.friction)
+        where = f"contact '{self.name}'"
+        object.__setattr__(self, "corner", _vector(f"{where}: corner", self.corner))
+        object.__setattr__(self, "point", _vector(f"{where}: point", self.point))
+        object.__setattr__(self, "normal", _unit(f"{where}: normal", self.normal))
+
+    @property
+    def center(self) -> Array:
+        """Centre of the sphere of radius zero that the corner is."""
+        return self.corner
+
+    @property
+    def radius(self) -> float:
+        """Zero."""
+        return 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class SphereSphere:
+    """Two spheres, each outside the other; attributes as `SpherePlane`."""
+
+    name: str
+    body: str
+    center: Array
+    radius: float
+    partner: str
+    partner_center: Array
+    partner_radius: float
+    restitution: float
+    friction: float = 0.0
+
+    def __post_init__(self) -> None:
+        _check(self.name, self.body, self.partner, self.restitution, self.friction, self.radius, self.partner_radius)
+        where = f"contact '{self.name}'"
+        object.__setattr__(self, "center", _vector(f"{where}: center", self.center))
+        object.__setattr__(self, "partner_center", _vector(f"{where}: partner_center", self.partner_center))
+
+
+Contact = SpherePlane | PointPlane | SphereSphere

@@ -1,0 +1,361 @@
+"""A mechanism as a tree of elementary joints: the form that engines in minimal coordinates read.
+
+The mechanism is not changed: this is a second description of it. A spanning tree from the ground is chosen; each
+joint of it becomes a chain of elementary joints, each along or about **z** of its own frame:
+
+===========  =========================================================
+revolute     R
+prismatic    P
+cylindrical  P R
+universal    R R            (z of F, then x of M)
+planar       P P R          (x, y, then z of F)
+spherical    S
+free         F
+rigid        W
+rod          R R S          (a massless link: two axes across it, then a ball)
+on line      P S            (point on line)
+in plane     P P S          (point in plane: x, y of F)
+parallel     P P P R        (parallel axes: x, y, z of F)
+===========  =========================================================
+
+A screw couples two elementary joints and has no chain: whoever lowers one must refuse it first.
+
+All links of a chain but the last are massless. A joint that closes a loop is opened by *splitting* the body it leads
+to: a second copy hangs on the closing joint, the copies share the mass and inertia equally, and a `Weld` holds them
+together. The dynamics is exactly that of the mechanism, whatever the kind of the closing joint, and the wrench on
+the copy is the reaction of that joint.
+
+The two axes of a rod are x and y of F (of M where the tree passes it backwards), so the chain is singular when the rod
+lies along that x.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from consilience.errors import InvalidInput
+from consilience.mechanism.constraints import RelativeMotion, relative_motion
+from consilience.mechanism.model import GROUND, Frame, Joint, Mechanism, State
+from consilience.mechanism.spanning_tree import spanning_tree
+from consilience.mechanism.spatial import Array, elementary_rotation, quaternion_from_rotation
+
+ElementaryJoint = Literal["R", "P", "S", "F", "W"]
+
+_Z_TO_X = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # columns y, z, x: the new z is the old x
+_Z_TO_Y = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])  # columns z, x, y: the new z is the old y
+_SWAP_X_Z = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])
+_ONE = np.eye(3)
+
+# (elementary joint, axes of its frame in F, is it displaced by the rod's length along z of F)
+_CHAINS: dict[str, tuple[tuple[ElementaryJoint, Array], ...]] = {
+    "revolute": (("R", _ONE),),
+    "prismatic": (("P", _ONE),),
+    "cylindrical": (("P", _ONE), ("R", _ONE)),
+    "universal": (("R", _ONE), ("R", _Z_TO_X)),
+    "planar": (("P", _Z_TO_X), ("P", _Z_TO_Y), ("R", _ONE)),
+    "spherical": (("S", _ONE),),
+    "free": (("F", _ONE),),
+    "rigid": (("W", _ONE),),
+    "rod": (("R", _Z_TO_X), ("R", _Z_TO_Y), ("S", _ONE)),
+    "point_on_line": (("P", _ONE), ("S", _ONE)),
+    "point_in_plane": (("P", _Z_TO_X), ("P", _Z_TO_Y), ("S", _ONE)),
+    "parallel_axes": (("P", _Z_TO_X), ("P", _Z_TO_Y), ("P", _ONE), ("R", _ONE)),
+    # passed backwards the ball, on M, comes first; the weld turns the axes back to those of the ball
+    "point_on_line~": (("S", _ONE), ("P", _ONE)),
+    "point_in_plane~": (("S", _ONE), ("P", _Z_TO_X), ("P", _Z_TO_Y), ("W", _ONE)),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """One elementary joint and the (possibly massless) link it carries.
+
+    Attributes
+    ----------
+    name : str
+        Unique; the last link of a chain has the name of its body, a copy ``<body>~<joint>``.
+    parent : int
+        Index of the parent link; -1 is the ground. A link stands after its parent, in depth-first order.
+    elementary : {"R", "P", "S", "F", "W"}
+        Revolute about z, prismatic along z, spherical, free, welded.
+    placement : Frame
+        Joint frame in the frame of the parent link. The frame of this link coincides with it at zero coordinate.
+    joint : int
+        Index of the mechanism's joint the link belongs to.
+    reversed : bool
+        The tree passes the joint from its successor to its predecessor.
+    last : bool
+        Last link of its chain: the wrench on it through its elementary joint is the joint's reaction (on the
+        predecessor where `reversed`).
+    body : int
+        Index of the mechanism's body it carries; -1 for a massless link.
+    share : float
+        Fraction of the body's mass and inertia it carries.
+    body_frame : Frame
+        Frame B of the body in the frame of the link.
+    mass : float, kg
+    com : ndarray, shape (3,), m
+        Centre of mass in the frame of the link.
+    inertia : ndarray, shape (3, 3), kg m^2
+        About the centre of mass, in the axes of the link.
+    """
+
+    name: str
+    parent: int
+    elementary: ElementaryJoint
+    placement: Frame
+    joint: int
+    reversed: bool
+    last: bool
+    body: int
+    share: float
+    body_frame: Frame
+    mass: float
+    com: Array
+    inertia: Array
+
+
+@dataclass(frozen=True)
+class Weld:
+    """Two links that carry shares of one body: their body frames coincide. `joint` is the joint that closes."""
+
+    joint: int
+    original: int
+    copy: int
+
+
+@dataclass(frozen=True, eq=False)
+class Tree:
+    """Links in depth-first order, and the welds that close the loops."""
+
+    links: tuple[Link, ...]
+    welds: tuple[Weld, ...]
+
+    def carrier(self, body: int) -> int:
+        """Index of the link that carries the original of a body (-1 for the ground)."""
+        if body < 0:
+            return -1
+        return next(i for i, link in enumerate(self.links) if link.body == body and "~" not in link.name)
+
+    def reaction_link(self, joint: int) -> int:
+        """Index of the link on which the wrench of a joint of the mechanism acts."""
+        return next(i for i, link in enumerate(self.links) if link.joint == joint and link.last)
+
+
+@dataclass(frozen=True, eq=False)
+class Coordinate:
+    """Coordinate and rate of one elementary joint.
+
+    Attributes
+    ----------
+    q, rate : float
+        Of R (rad) and P (m).
+    p, v : ndarray, shape (3,), m
+        Of F: origin of the link in the joint frame, and its rate, in axes of the joint frame.
+    quat : ndarray, shape (4,)
+        Of S and F: orientation of the link in the joint frame, scalar first.
+    w : ndarray, shape (3,), rad/s
+        Of S and F: angular velocity of the link relative to the joint frame, **in axes of the link**.
+    """
+
+    q: float = 0.0
+    rate: float = 0.0
+    p: Array | None = None
+    v: Array | None = None
+    quat: Array | None = None
+    w: Array | None = None
+
+
+def _end_frames(joint: Joint, backward: bool) -> tuple[Frame, Frame]:
+    """Frames at the start and at the end of the chain of a joint, as the tree passes it."""
+    if not backward:
+        return joint.F, joint.M
+    if joint.kind == "universal":  # passed backwards its first axis is x of M, its second z of F
+        return Frame(joint.M.p, joint.M.R @ _SWAP_X_Z), Frame(joint.F.p, joint.F.R @ _SWAP_X_Z)
+    return joint.M, joint.F
+
+
+def _chain_of(joint: Joint, backward: bool) -> str:
+    """Key of `_CHAINS`."""
+    return f"{joint.kind}~" if backward and f"{joint.kind}~" in _CHAINS else joint.kind
+
+
+def _chain(mechanism: Mechanism, k: int, backward: bool, parent_frame: Frame, name: str) -> list[Link]:
+    """Links of joint k behind a link in which the body's frame is `parent_frame`; `lower` fills in the parents."""
+    joint = mechanism.joints[k]
+    start, end = _end_frames(joint, backward)
+    body = mechanism.body_index[joint.predecessor if backward else joint.successor]
+    p, R = parent_frame.p + parent_frame.R @ start.p, parent_frame.R @ start.R
+    links: list[Link] = []
+    axes_before = _ONE
+    chain = _CHAINS[_chain_of(joint, backward)]
+    for n, (elementary, axes) in enumerate(chain):
+        if elementary == "S" and joint.kind == "rod":
+            p = axes_before.T @ np.array([0.0, 0.0, joint.length])
+        last = n == len(chain) - 1
+        # B in the link: axes^T times (M in B)^-1
+        R_LB = axes.T @ end.R.T
+        links.append(
+            Link(
+                name=name if last else f"{name}:{n}",
+                parent=-1,
+                elementary=elementary,
+                placement=Frame(p, R @ axes),
+                joint=k,
+                reversed=backward,
+                last=last,
+                body=body if last else -1,
+                share=1.0 if last else 0.0,
+                body_frame=Frame(-R_LB @ end.p, R_LB) if last else Frame(np.zeros(3), _ONE),
+                mass=0.0,
+                com=np.zeros(3),
+                inertia=np.zeros((3, 3)),
+            )
+        )
+        p, R, axes_before = np.zeros(3), axes.T, axes
+    return links
+
+
+def lower(mechanism: Mechanism) -> Tree:
+    """Describe a mechanism as a tree of elementary joints with welds for its loops.
+
+    Raises
+    ------
+    InvalidInput
+        If a joint is a screw.
+    """
+    for joint in mechanism.joints:
+        if joint.kind not in _CHAINS:
+            raise InvalidInput(
+                f"joint '{joint.name}'", f"a {joint.kind} is no chain of elementary joints", "Use another description."
+            )
+    joints, closing = spanning_tree(mechanism)
+    links: list[Link] = []
+    carrier: dict[str, int] = {}
+    identity = Frame(np.zeros(3), _ONE)
+
+    def append(k: int, backward: bool, name: str) -> None:
+        """Hang the chain of joint k on the link of the body it comes from."""
+        joint = mechanism.joints[k]
+        from_body = joint.successor if backward else joint.predecessor
+        parent = carrier.get(from_body, -1)
+        chain = _chain(mechanism, k, backward, links[parent].body_frame if parent >= 0 else identity, name)
+        for n, link in enumerate(chain):
+            links.append(replace(link, parent=parent if n == 0 else len(links) - 1))
+
+    for k, backward in joints:
+        joint = mechanism.joints[k]
+        to_body = joint.predecessor if backward else joint.successor
+        append(k, backward, to_body)
+        carrier[to_body] = len(links) - 1
+    welds = []
+    for k in closing:
+        joint = mechanism.joints[k]
+        backward = joint.successor == GROUND
+        to_body = joint.predecessor if backward else joint.successor
+        append(k, backward, f"{to_body}~{joint.name}")
+        welds.append(Weld(joint=k, original=carrier[to_body], copy=len(links) - 1))
+    return _in_depth_first_order(_share_masses(mechanism, links), welds)
+
+
+def _share_masses(mechanism: Mechanism, links: list[Link]) -> list[Link]:
+    counts = [sum(link.body == b for link in links) for b in range(len(mechanism.bodies))]
+    shared = []
+    for link in links:
+        if link.body >= 0:
+            body, R, share = mechanism.bodies[link.body], link.body_frame.R, 1.0 / counts[link.body]
+            link = replace(  # noqa: PLW2901 - the loaded link takes the place of the bare one
+                link,
+                share=share,
+                mass=share * body.mass,
+                com=link.body_frame.p + R @ body.com,
+                inertia=share * R @ body.inertia @ R.T,
+            )
+        shared.append(link)
+    return shared
+
+
+def _in_depth_first_order(links: list[Link], welds: list[Weld]) -> Tree:
+    """Move the copies, appended last, to their place behind their parents."""
+    order: list[int] = []
+
+    def visit(parent: int) -> None:
+        for i, link in enumerate(links):
+            if link.parent == parent:
+                order.append(i)
+                visit(i)
+
+    visit(-1)
+    new = {old: n for n, old in enumerate(order)} | {-1: -1}
+    return Tree(
+        links=tuple(replace(links[i], parent=new[links[i].parent]) for i in order),
+        welds=tuple(Weld(w.joint, new[w.original], new[w.copy]) for w in welds),
+    )
+
+
+def coordinates(mechanism: Mechanism, tree: Tree, state: State) -> list[Coordinate]:
+    """Coordinates and rates of all elementary joints at a state, in the order of the links."""
+    result: list[Coordinate] = []
+    cache: dict[tuple[int, bool], list[Coordinate]] = {}
+    for link in tree.links:
+        key = (link.joint, link.reversed)
+        if not cache.get(key):
+            joint = mechanism.joints[link.joint]
+            start, end = _end_frames(joint, link.reversed)
+            if link.reversed:
+                passed = replace(joint, predecessor=joint.successor, successor=joint.predecessor, F=start, M=end)
+            else:
+                passed = joint
+            cache[key] = _chain_coordinates(_chain_of(joint, link.reversed), relative_motion(mechanism, state, passed))
+        result.append(cache[key].pop(0))
+    return result
+
+
+def _chain_coordinates(chain: str, motion: RelativeMotion) -> list[Coordinate]:
+    """Coordinates of the chain of one joint, from the motion of its end frame relative to its start frame."""
+    R, p, v, w = motion.R, motion.p, motion.v, motion.w
+    angle = Coordinate(q=float(np.arctan2(R[1, 0], R[0, 0])), rate=float(w[2]))
+    slide = [Coordinate(q=float(p[n]), rate=float(v[n])) for n in range(3)]
+    quat, w_link = quaternion_from_rotation(R), R.T @ w
+    ball = Coordinate(quat=quat, w=w_link)
+    p_seen, v_seen = R.T @ p, R.T @ (v - np.cross(w, p))  # in the axes of the end frame
+    seen = [Coordinate(q=float(p_seen[n]), rate=float(v_seen[n])) for n in range(3)]
+    chains = {
+        "revolute": lambda: [angle],
+        "prismatic": lambda: [slide[2]],
+        "cylindrical": lambda: [slide[2], angle],
+        "universal": lambda: [
+            angle,
+            Coordinate(q=float(np.arctan2(R[2, 1], R[2, 2])), rate=float(R[:, 0] @ w)),
+        ],
+        "planar": lambda: [slide[0], slide[1], angle],
+        "spherical": lambda: [ball],
+        "free": lambda: [Coordinate(p=p, v=v, quat=quat, w=w_link)],
+        "rigid": lambda: [Coordinate()],
+        "rod": lambda: _rod_coordinates(motion),
+        "point_on_line": lambda: [slide[2], ball],
+        "point_in_plane": lambda: [slide[0], slide[1], ball],
+        "parallel_axes": lambda: [*slide, angle],
+        "point_on_line~": lambda: [ball, seen[2]],
+        "point_in_plane~": lambda: [ball, seen[0], seen[1], Coordinate()],
+    }
+    return chains[chain]()
+
+
+def _rod_coordinates(motion: RelativeMotion) -> list[Coordinate]:
+    """Angles about x, then y, that turn z into the direction of the rod; then the ball on its end."""
+    p, v = motion.p, motion.v
+    across = np.hypot(p[1], p[2])
+    a, b = np.arctan2(-p[1], p[2]), np.arctan2(p[0], across)
+    a_dot = (p[1] * v[2] - p[2] * v[1]) / across**2
+    b_dot = v[0] / across - p[0] * (p @ v) / (across * (p @ p))
+    R_rod = elementary_rotation(0, a) @ elementary_rotation(1, b)
+    w_rod = a_dot * np.array([1.0, 0.0, 0.0]) + b_dot * elementary_rotation(0, a)[:, 1]
+    return [
+        Coordinate(q=float(a), rate=float(a_dot)),
+        Coordinate(q=float(b), rate=float(b_dot)),
+        Coordinate(quat=quaternion_from_rotation(R_rod.T @ motion.R), w=motion.R.T @ (motion.w - w_rod)),
+    ]

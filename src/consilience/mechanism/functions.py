@@ -1,0 +1,172 @@
+"""Functions given by data: of time for drives and loads, of a joint coordinate for gears and cams.
+
+    f(x) = sum_k c_k x^k + sum_n a_n sin(w_n x + phi_n) + table(x)
+
+Data and no code, so that a case file can hold them and a compiled kernel can evaluate them. A table is interpolated
+by a spline of degree five through its points: continuous to the fourth derivative, so that accelerations of what
+follows it are smooth.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from dataclasses import dataclass, field
+from functools import cached_property
+from math import cos, nan, sin
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from consilience.errors import InvalidInput
+from consilience.mechanism.spatial import Array, fixed_array
+
+_DEGREE = 5
+
+Jet = tuple[float, float, float]
+"""Value, first and second derivative."""
+
+
+def _horner(powers: list[float], x: float) -> Jet:
+    """Polynomial of coefficients from the highest power down, and its derivatives."""
+    value = rate = bend = 0.0
+    for coefficient in powers:
+        bend = bend * x + 2.0 * rate
+        rate = rate * x + value
+        value = value * x + coefficient
+    return value, rate, bend
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """A smooth curve through points.
+
+    Attributes
+    ----------
+    x, y : ndarray, shape (n,)
+        Points, at least six, x increasing.
+    periodic : bool
+        The curve repeats with the period ``x[-1] - x[0]``; then ``y[-1] = y[0]``, but for the
+        rounding of its digits. Otherwise it ends with the table:
+        outside it has no value (NaN).
+    """
+
+    x: Array
+    y: Array
+    periodic: bool = False
+
+    def __post_init__(self) -> None:
+        n = len(np.atleast_1d(np.asarray(self.x)))
+        object.__setattr__(self, "x", fixed_array(self.x, (n,)))
+        object.__setattr__(self, "y", fixed_array(self.y, (n,)))
+        if n < _DEGREE + 1:
+            raise InvalidInput("table", f"{n} points", f"Give at least {_DEGREE + 1} points: the spline has degree 5.")
+        if np.any(np.diff(self.x) <= 0):
+            raise InvalidInput("table: x", "the values do not increase", "Give increasing abscissas.")
+        if self.periodic:
+            if abs(self.y[0] - self.y[-1]) > 1e-12 * np.max(np.abs(self.y)):
+                ends = f"it starts at {self.y[0]:g} and ends at {self.y[-1]:g}"
+                raise InvalidInput("table: y", ends, "End a period where it starts.")
+            object.__setattr__(self, "y", fixed_array([*self.y[:-1], self.y[0]], (n,)))
+
+    @property
+    def period(self) -> float:
+        """Period, or zero."""
+        return float(self.x[-1] - self.x[0]) if self.periodic else 0.0
+
+    @cached_property
+    def pieces(self) -> Array:
+        """Polynomials of the spline, one a row: left end, right end, coefficients of ``(x - left)^0..5``."""
+        from scipy.interpolate import BSpline, PPoly, make_interp_spline  # noqa: PLC0415 - a worker has no SciPy
+
+        spline: BSpline = make_interp_spline(self.x, self.y, _DEGREE, bc_type="periodic" if self.periodic else None)
+        polynomial = PPoly.from_spline(spline)
+        inside = np.flatnonzero(np.diff(polynomial.x) > 0)
+        rows = [[polynomial.x[k], polynomial.x[k + 1], *polynomial.c[::-1, k]] for k in inside]
+        return np.array([row for row in rows if row[0] >= self.x[0] and row[1] <= self.x[-1]])
+
+    @cached_property
+    def _rows(self) -> tuple[list[float], list[list[float]]]:
+        rows = self.pieces.tolist()
+        return [row[1] for row in rows], [[row[0], *row[:1:-1]] for row in rows]
+
+    def jet(self, x: float) -> Jet:
+        """Value, first and second derivative; NaN outside a table that is not periodic."""
+        ends, rows = self._rows
+        first = float(self.x[0])
+        if self.periodic:
+            x = first + (x - first) % self.period
+        if not first <= x <= self.x[-1]:
+            return nan, nan, nan
+        left, *powers = rows[min(bisect_left(ends, x), len(rows) - 1)]
+        return _horner(powers, x - left)
+
+    def at(self, x: float) -> Array:
+        """Value, first and second derivative, shape (3,)."""
+        return np.array(self.jet(x))
+
+
+@dataclass(frozen=True, eq=False)
+class Function:
+    """A sum of powers, sines and a table.
+
+    Attributes
+    ----------
+    polynomial : ndarray, shape (n,)
+        Coefficients of 1, x, x^2, ...
+    harmonics : ndarray, shape (m, 3)
+        Amplitude, angular frequency and phase of each ``a sin(w x + phi)``.
+    table : Table or None
+    """
+
+    polynomial: Array = field(default_factory=lambda: np.zeros(0))
+    harmonics: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    table: Table | None = None
+
+    def __post_init__(self) -> None:
+        c = np.atleast_1d(np.asarray(self.polynomial, dtype=float))
+        h = np.asarray(self.harmonics, dtype=float).reshape(-1, 3)
+        object.__setattr__(self, "polynomial", fixed_array(c, c.shape))
+        object.__setattr__(self, "harmonics", fixed_array(h, h.shape))
+
+    @cached_property
+    def _terms(self) -> tuple[list[float], list[list[float]]]:
+        return self.polynomial.tolist()[::-1], self.harmonics.tolist()
+
+    def jet(self, x: float) -> Jet:
+        """Value, first and second derivative at a number, in plain numbers.
+
+        Adapters ask at every step of an integration, and arrays of one element are slow.
+        """
+        polynomial, harmonics = self._terms
+        value, rate, bend = _horner(polynomial, x)
+        for a, w, phi in harmonics:
+            s, c = a * sin(w * x + phi), a * w * cos(w * x + phi)
+            value, rate, bend = value + s, rate + c, bend - w * w * s
+        if self.table is not None:
+            v, r, b = self.table.jet(x)
+            value, rate, bend = value + v, rate + r, bend + b
+        return value, rate, bend
+
+    def at(self, x: float) -> Array:
+        """Value, first and second derivative, shape (3,)."""
+        return np.array(self.jet(x))
+
+
+def constant(value: float) -> Function:
+    """``f(x) = value``."""
+    return Function(polynomial=np.array([value]))
+
+
+def linear(ratio: float, offset: float = 0.0) -> Function:
+    """``f(x) = offset + ratio x``: a gear pair, or a rack (ratio: the radius) and pinion."""
+    return Function(polynomial=np.array([offset, ratio]))
+
+
+def sine(amplitude: float, frequency: float, phase: float = 0.0) -> Function:
+    """``f(x) = amplitude sin(frequency x + phase)``, frequency in rad/s for a function of time."""
+    return Function(harmonics=np.array([[amplitude, frequency, phase]]))
+
+
+def through(x: ArrayLike, y: ArrayLike, periodic: bool = False) -> Function:
+    """Smooth curve through points, such as the profile of a cam."""
+    return Function(table=Table(np.asarray(x, dtype=float), np.asarray(y, dtype=float), periodic))

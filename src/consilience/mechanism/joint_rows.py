@@ -1,0 +1,181 @@
+"""Rows of single joints from poses and velocities: values, Jacobian coefficients and gamma, in plain NumPy.
+
+On body *origins* and world angular velocities. Row formulas: docs/formulations.md, ``(X, Y, Z) = U^T d``, ``L = |d|``,
+``D_kl = u_k . w_l`` [MASS (9)-(12)]; H is the row of a screw, ``Z - pitch angle / 2 pi``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from consilience.mechanism.model import GROUND, Frame, Joint, Mechanism, State
+from consilience.mechanism.spatial import Array, cross, plain_cross
+
+TURN = 2 * np.pi
+
+
+@dataclass(frozen=True, eq=False)
+class JointFrames:
+    """Frames F and M of one joint in the world, with the arms from the body origins.
+
+    Attributes
+    ----------
+    U, W : ndarray, shape (3, 3)
+        Axes of F and of M as columns, in world components.
+    s_i, s_j : ndarray, shape (3,), m
+        From the origin of the predecessor (successor) to the origin of F (M), in world axes.
+    d : ndarray, shape (3,), m
+        From the origin of F to the origin of M, in world axes.
+    v_i, w_i, v_j, w_j : ndarray, shape (3,)
+        Velocities of the two bodies.
+    pitch : float, m
+        Of a screw; zero for every other joint.
+    """
+
+    U: Array
+    W: Array
+    s_i: Array
+    s_j: Array
+    d: Array
+    v_i: Array
+    w_i: Array
+    v_j: Array
+    w_j: Array
+    pitch: float = 0.0
+
+    @property
+    def d_dot(self) -> Array:
+        """Velocity of the origin of M relative to that of F, in world axes."""
+        return self.v_j + cross(self.w_j, self.s_j) - self.v_i - cross(self.w_i, self.s_i)
+
+    @property
+    def centripetal(self) -> Array:
+        """Part of the relative acceleration of the origins that is quadratic in the angular velocities."""
+        w_i, w_j = self.w_i, self.w_j
+        return cross(w_j, cross(w_j, self.s_j)) - cross(w_i, cross(w_i, self.s_i))
+
+    def rate_of(self, coefficients: Array) -> float:
+        """Rate with the given coefficients of ``(v_i, w_i, v_j, w_j)``."""
+        return float(coefficients @ np.concatenate([self.v_i, self.w_i, self.v_j, self.w_j]))
+
+    def rate(self, row: str) -> float:
+        """Rate of a basic constraint function."""
+        return self.rate_of(row_jacobian(self, row))
+
+
+def side(mechanism: Mechanism, state: State, body: str, frame: Frame) -> tuple[Array, Array, Array, Array, Array]:
+    """Axes, arm from the body's origin, position, and the body's velocities v, w of a frame on a body, world axes."""
+    if body == GROUND:
+        return frame.R, frame.p, frame.p, np.zeros(3), np.zeros(3)
+    i = mechanism.body_index[body]
+    R_WB = state.R_WB[i]
+    s = R_WB @ frame.p
+    return R_WB @ frame.R, s, state.p_WB[i] + s, state.v_WB_W[i], state.w_WB_W[i]
+
+
+def joint_frames(mechanism: Mechanism, state: State, joint: Joint) -> JointFrames:
+    """Place the frames of `joint` in the world."""
+    U, s_i, p_F, v_i, w_i = side(mechanism, state, joint.predecessor, joint.F)
+    W, s_j, p_M, v_j, w_j = side(mechanism, state, joint.successor, joint.M)
+    return JointFrames(U, W, s_i, s_j, p_M - p_F, v_i, w_i, v_j, w_j, joint.pitch)
+
+
+def full_turns(angle: float, near: float) -> float:
+    """The angle plus the full turns that bring it nearest to `near`."""
+    return angle + TURN * round((near - angle) / TURN)
+
+
+def coordinate_value(frames: JointFrames, coordinate: str, near: float = 0.0) -> float:
+    """``distance``: Z. ``angle``: the one with the tangent ``D21 / D11``, within half a turn of `near`.
+
+    The turns of a screw are those of its displacement, whatever `near` is.
+    """
+    if coordinate == "distance":
+        return row_value(frames, "Z")
+    if frames.pitch != 0.0:
+        near = TURN * row_value(frames, "Z") / frames.pitch
+    return full_turns(float(np.arctan2(row_value(frames, "D21"), row_value(frames, "D11"))), near)
+
+
+def coordinate_jacobian(frames: JointFrames, coordinate: str) -> Array:
+    """Coefficients of ``(v_i, w_i, v_j, w_j)`` in the rate of a coordinate, shape (12,)."""
+    if coordinate == "distance":
+        return row_jacobian(frames, "Z")
+    c, s = row_value(frames, "D11"), row_value(frames, "D21")
+    return (c * row_jacobian(frames, "D21") - s * row_jacobian(frames, "D11")) / (c * c + s * s)
+
+
+def coordinate_gamma(frames: JointFrames, coordinate: str) -> float:
+    """Gamma of a coordinate: its second rate is ``jacobian @ a - gamma``."""
+    if coordinate == "distance":
+        return row_gamma(frames, "Z")
+    c, s = row_value(frames, "D11"), row_value(frames, "D21")
+    c_dot, s_dot = frames.rate("D11"), frames.rate("D21")
+    angle_dot = frames.rate_of(coordinate_jacobian(frames, coordinate))
+    square = c * c + s * s
+    plain = c * row_gamma(frames, "D21") - s * row_gamma(frames, "D11")
+    return (plain + 2.0 * angle_dot * (c * c_dot + s * s_dot)) / square
+
+
+def row_value(frames: JointFrames, row: str) -> float:
+    """Value of a basic constraint function."""
+    if row in "XYZ":
+        return float(frames.U[:, "XYZ".index(row)] @ frames.d)
+    if row == "L":
+        return float(np.linalg.norm(frames.d))
+    if row == "H":
+        return row_value(frames, "Z") - frames.pitch * coordinate_value(frames, "angle") / TURN
+    return float(frames.U[:, int(row[1]) - 1] @ frames.W[:, int(row[2]) - 1])
+
+
+def row_jacobian(frames: JointFrames, row: str) -> Array:
+    """Coefficients of ``(v_i, w_i, v_j, w_j)`` in the rate of a basic constraint, shape (12,)."""
+    found: Array = row_jacobians(frames, (row,))[0]
+    return found
+
+
+def row_jacobians(frames: JointFrames, rows: Sequence[str]) -> Array:
+    """The same for several rows, shape (rows, 12): in plain numbers, which for so few are several times faster."""
+    U, W = frames.U.T.tolist(), frames.W.T.tolist()
+    arm, s_j = (frames.s_i + frames.d).tolist(), frames.s_j.tolist()
+    found = list[list[float]]()
+    for row in rows:
+        if row[0] == "D":
+            x, y, z = plain_cross(U[int(row[1]) - 1], W[int(row[2]) - 1])
+            found.append([0.0, 0.0, 0.0, x, y, z, 0.0, 0.0, 0.0, -x, -y, -z])
+        elif row in "XYZ":
+            u = U["XYZ".index(row)]
+            found.append([-u[0], -u[1], -u[2], *(-x for x in plain_cross(arm, u)), *u, *plain_cross(s_j, u)])
+        elif row == "L":
+            e = frames.d / np.linalg.norm(frames.d)
+            found.append([*-e, *-cross(frames.s_i, e), *e, *cross(frames.s_j, e)])
+        else:
+            turned = frames.pitch / TURN * coordinate_jacobian(frames, "angle")
+            found.append((row_jacobian(frames, "Z") - turned).tolist())
+    return np.array(found).reshape(-1, 12)
+
+
+def row_gamma(frames: JointFrames, row: str) -> float:
+    """Right-hand side of the acceleration equation ``Q a = gamma`` of a basic constraint held constant."""
+    w_i, w_j, d_dot = frames.w_i, frames.w_j, frames.d_dot
+    if row[0] == "D":
+        u, w = frames.U[:, int(row[1]) - 1], frames.W[:, int(row[2]) - 1]
+        u_dot, w_dot = cross(w_i, u), cross(w_j, w)
+        return -float(cross(w_i, u_dot) @ w + 2 * u_dot @ w_dot + u @ cross(w_j, w_dot))
+    if row == "L":
+        L = np.linalg.norm(frames.d)
+        e = frames.d / L
+        return -float((d_dot @ d_dot - (e @ d_dot) ** 2) / L + e @ frames.centripetal)
+    if row == "H":
+        return row_gamma(frames, "Z") - frames.pitch / TURN * coordinate_gamma(frames, "angle")
+    u = frames.U[:, "XYZ".index(row)]
+    u_dot = cross(w_i, u)
+    return -float(cross(w_i, u_dot) @ frames.d + 2 * u_dot @ d_dot + u @ frames.centripetal)
+
+
+def row_target(joint: Joint, row: str) -> float:
+    """Value at which the joint holds the row: the rod its length, every other row zero."""
+    return joint.length if row == "L" else 0.0

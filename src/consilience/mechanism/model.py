@@ -1,0 +1,379 @@
+"""The neutral mechanism: ground, bodies, joints, elements and gravity. Immutable; no state, no engine words.
+
+Conventions (docs/conventions.md): SI units, radians, right-handed frames. W is the world frame, fixed to the body
+called ``ground``. A joint joins frame F on its *predecessor* to frame M on its *successor*; the axis of a one-axis
+joint is +z of F. Inertia is about the centre of mass, in body axes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from consilience.errors import InvalidInput
+from consilience.mechanism.contacts import Contact
+from consilience.mechanism.elements import Control, Coupling, Drive, Friction, JointSpring, Load, Rolling, Skate, Spring
+from consilience.mechanism.joints import AXIS_COORDINATES, BASIC_CONSTRAINTS, JOINT_KINDS, JointKind
+from consilience.mechanism.spatial import Array, cross, fixed_array, rotation_from_quaternion
+
+__all__ = [
+    "BASIC_CONSTRAINTS",
+    "GROUND",
+    "JOINT_KINDS",
+    "Body",
+    "Control",
+    "Coupling",
+    "Drive",
+    "Frame",
+    "Friction",
+    "Joint",
+    "JointKind",
+    "JointSpring",
+    "Load",
+    "Mechanism",
+    "Rolling",
+    "Skate",
+    "Spring",
+    "State",
+    "check_inertia",
+]
+
+GROUND = "ground"
+_ONE = np.eye(3)
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """A frame fixed to a body (a joint coordinate system, or marker).
+
+    Attributes
+    ----------
+    p : ndarray, shape (3,), m
+        Origin from the body's origin, in body axes.
+    R : ndarray, shape (3, 3)
+        Rotation matrix, frame components to body components.
+    """
+
+    p: Array
+    R: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "p", fixed_array(self.p, (3,)))
+        object.__setattr__(self, "R", fixed_array(self.R, (3, 3)))
+        x, y, z = self.R.T
+        if np.max(np.abs(self.R.T @ self.R - _ONE)) > 1e-9 or cross(x, y) @ z < 0:
+            raise InvalidInput("frame", "the matrix is not a rotation", "Give an orthogonal matrix of determinant +1.")
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A rigid body.
+
+    Attributes
+    ----------
+    name : str
+    mass : float, kg
+        Positive.
+    com : ndarray, shape (3,), m
+        Centre of mass from the body's origin, in body axes (``p_BBcm_B``).
+    inertia : ndarray, shape (3, 3), kg m^2
+        Inertia tensor about the centre of mass in body axes (``I_BBcm_B``): ``I[0, 1] = -sum m x y``.
+    drawing : Frame
+        Pose of the body in the drawing, from the world origin (``p_WB``, ``R_WB``).
+    """
+
+    name: str
+    mass: float
+    com: Array
+    inertia: Array
+    drawing: Frame
+
+    def __post_init__(self) -> None:
+        where = f"body '{self.name}'"
+        object.__setattr__(self, "com", fixed_array(self.com, (3,)))
+        object.__setattr__(self, "inertia", fixed_array(self.inertia, (3, 3)))
+        if not (np.isfinite(self.mass) and self.mass > 0):
+            raise InvalidInput(f"{where}: mass", f"{self.mass} kg is not positive", "Give a mass above zero.")
+        check_inertia(self.inertia, f"{where}: inertia")
+
+
+def check_inertia(inertia: Array, where: str) -> None:
+    """Refuse a tensor no rigid body can have.
+
+    Raises
+    ------
+    InvalidInput
+        If it is not symmetric, not positive definite, or violates the triangle inequality of principal moments.
+    """
+    if np.max(np.abs(inertia - inertia.T)) > 1e-12 * np.max(np.abs(inertia)):
+        raise InvalidInput(where, "the tensor is not symmetric", "Give a symmetric 3 x 3 tensor.")
+    principal = np.linalg.eigvalsh(inertia)
+    text = ", ".join(f"{m:.6g}" for m in principal)
+    if principal[0] <= 0:
+        raise InvalidInput(
+            where,
+            f"principal moments {text} kg m^2 are not all positive",
+            "Give a three-dimensional body: all principal moments above zero.",
+        )
+    if principal[0] + principal[1] < principal[2] * (1 - 1e-12):
+        raise InvalidInput(
+            where,
+            f"principal moments {text} kg m^2 violate the triangle inequality: no mass distribution has them",
+            "The sum of any two principal moments must be at least the third; "
+            "check the signs of the products of inertia (Ixy = -sum m x y).",
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """A joint between frame F on the predecessor and frame M on the successor.
+
+    Attributes
+    ----------
+    name, kind : str
+        Kind is a key of `JOINT_KINDS`.
+    predecessor, successor : str
+        Body names; either may be ``ground``.
+    F, M : Frame
+        Frames in the axes of the predecessor and of the successor.
+    length : float, m
+        Distance of the origins of F and M that a rod holds; zero for every other kind.
+    pitch : float, m
+        Advance of a screw in a turn, positive for a right-handed one; zero for every other kind.
+    """
+
+    name: str
+    kind: str
+    predecessor: str
+    successor: str
+    F: Frame
+    M: Frame
+    length: float = 0.0
+    pitch: float = 0.0
+
+    def __post_init__(self) -> None:
+        where = f"joint '{self.name}'"
+        if self.kind not in JOINT_KINDS:
+            raise InvalidInput(
+                f"{where}: kind", f"'{self.kind}' is not a joint kind", f"Use one of {', '.join(JOINT_KINDS)}."
+            )
+        if self.predecessor == self.successor:
+            raise InvalidInput(where, f"both sides are '{self.successor}'", "Join two different bodies.")
+        if self.kind == "rod" and not self.length > 0:
+            raise InvalidInput(f"{where}: length", f"{self.length} m", "Draw the two ends of the rod apart.")
+        if (self.kind == "screw") != (self.pitch != 0.0) or not np.isfinite(self.pitch):
+            raise InvalidInput(f"{where}: pitch", f"{self.pitch} m", "Give a screw, and no other kind, its pitch.")
+
+    @property
+    def rows(self) -> tuple[str, ...]:
+        """Basic constraints of the joint."""
+        return JOINT_KINDS[self.kind].rows
+
+
+Element = Spring | JointSpring | Load | Friction | Control | Drive | Coupling | Rolling | Skate | Contact
+
+
+@dataclass(frozen=True, eq=False)
+class Mechanism:
+    """Bodies, joints, force elements and gravity.
+
+    Attributes
+    ----------
+    name : str
+    gravity : ndarray, shape (3,), m/s^2
+        In world axes; there is no default and no "up".
+    bodies, joints : tuple
+        In a fixed order; arrays that an engine returns follow it (ground is not a body of the list).
+    springs, joint_springs, loads, frictions, controls : tuple
+        Forces.
+    drives, couplings, rollings, skates : tuple
+        Constraints beside those of the joints.
+    contacts : tuple
+        Shapes that may hit one another.
+
+    Raises
+    ------
+    InvalidInput
+        Duplicate or unknown names, bodies that no chain of joints connects to the ground.
+    """
+
+    name: str
+    gravity: Array
+    bodies: tuple[Body, ...]
+    joints: tuple[Joint, ...]
+    springs: tuple[Spring, ...] = ()
+    joint_springs: tuple[JointSpring, ...] = ()
+    loads: tuple[Load, ...] = ()
+    frictions: tuple[Friction, ...] = ()
+    controls: tuple[Control, ...] = ()
+    drives: tuple[Drive, ...] = ()
+    couplings: tuple[Coupling, ...] = ()
+    rollings: tuple[Rolling, ...] = ()
+    skates: tuple[Skate, ...] = ()
+    contacts: tuple[Contact, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "gravity", fixed_array(self.gravity, (3,)))
+        if not self.bodies:
+            raise InvalidInput(f"mechanism '{self.name}': body", "there is no body", "Give at least one [[body]].")
+        self._check_names()
+        self._check_references()
+        self._check_connected()
+
+    @cached_property
+    def body_index(self) -> dict[str, int]:
+        """Position of each body in the arrays; ground is -1."""
+        return {GROUND: -1} | {body.name: i for i, body in enumerate(self.bodies)}
+
+    @cached_property
+    def joint_index(self) -> dict[str, int]:
+        """Position of each joint in the arrays."""
+        return {joint.name: i for i, joint in enumerate(self.joints)}
+
+    @property
+    def _elements(self) -> Iterator[tuple[str, Element]]:
+        """Every element that is neither body nor joint, with what a message calls it."""
+        for what, elements in (
+            ("spring", self.springs),
+            ("joint spring", self.joint_springs),
+            ("load", self.loads),
+            ("friction", self.frictions),
+            ("control", self.controls),
+            ("drive", self.drives),
+            ("coupling", self.couplings),
+            ("rolling", self.rollings),
+            ("skate", self.skates),
+            ("contact", self.contacts),
+        ):
+            for element in elements:
+                yield what, element
+
+    @cached_property
+    def features(self) -> dict[str, str]:
+        """Everything beyond bodies that an engine must know to represent the mechanism, with the first that has it.
+
+        Joint kinds as ``screw joint``, elements as ``drive`` or ``actuator``.
+        """
+        found: dict[str, str] = {}
+        for joint in self.joints:
+            found.setdefault(f"{joint.kind} joint", f"joint '{joint.name}'")
+        for what, element in self._elements:
+            found.setdefault(what, f"{what} '{element.name}'")
+            if isinstance(element, Spring | JointSpring) and element.actuator is not None:
+                found.setdefault("actuator", f"{what} '{element.name}'")
+            if isinstance(element, Load) and element.history is not None:
+                found.setdefault("load in time", f"{what} '{element.name}'")
+        return found
+
+    def _check_names(self) -> None:
+        groups: dict[str, list[str]] = {
+            "body": [GROUND, *(b.name for b in self.bodies)],
+            "joint": [j.name for j in self.joints],
+            "element": [element.name for _, element in self._elements],
+        }
+        for what, names in groups.items():
+            seen: set[str] = set()
+            for name in names:
+                if name in seen:
+                    raise InvalidInput(f"{what} '{name}'", "the name is used twice", "Give each its own name.")
+                seen.add(name)
+
+    def _check_references(self) -> None:
+        bodies = [(f"joint '{j.name}'", n) for j in self.joints for n in (j.predecessor, j.successor)]
+        for what, element in self._elements:
+            where = f"{what} '{element.name}'"
+            if isinstance(element, Spring):
+                bodies += [(where, element.predecessor), (where, element.successor)]
+            elif isinstance(element, Load | Rolling | Skate):
+                bodies.append((where, element.body))
+            elif isinstance(element, Contact):
+                bodies += [(where, element.body), (where, element.partner)]
+            else:
+                self._check_coordinate(where, element.joint, element.coordinate)
+            if isinstance(element, Coupling):
+                self._check_coordinate(where, element.driver_joint, element.driver_coordinate)
+        for where, name in bodies:
+            if name not in self.body_index:
+                known = ", ".join(self.body_index)
+                raise InvalidInput(where, f"there is no body '{name}'", f"Bodies are: {known}.")
+        guided: tuple[Rolling | Skate, ...] = (*self.rollings, *self.skates)
+        for rolls in guided:
+            if rolls.body == GROUND:
+                raise InvalidInput(
+                    f"{type(rolls).__name__.lower()} '{rolls.name}': body", "the ground does not move", "Name a body."
+                )
+
+    def _check_coordinate(self, where: str, joint: str, coordinate: str) -> None:
+        if joint not in self.joint_index:
+            raise InvalidInput(where, f"there is no joint '{joint}'", f"Joints are: {', '.join(self.joint_index)}.")
+        kind = self.joints[self.joint_index[joint]].kind
+        known = AXIS_COORDINATES.get(kind, ())
+        if not known:
+            raise InvalidInput(where, f"joint '{joint}' is {kind}", "Use a joint with one axis.")
+        if coordinate not in known:
+            raise InvalidInput(where, f"a {kind} joint has no '{coordinate}'", f"It has: {', '.join(known)}.")
+
+    def _check_connected(self) -> None:
+        beside: dict[str, list[str]] = {}
+        for j in self.joints:
+            beside.setdefault(j.predecessor, []).append(j.successor)
+            beside.setdefault(j.successor, []).append(j.predecessor)
+        reached, front = {GROUND}, [GROUND]
+        while front:
+            new = [name for name in beside.get(front.pop(), []) if name not in reached]
+            reached.update(new)
+            front += new
+        loose = [b.name for b in self.bodies if b.name not in reached]
+        if loose:
+            raise InvalidInput(
+                f"mechanism '{self.name}': body '{loose[0]}'",
+                "no chain of joints connects it to the ground",
+                "Add a joint (kind = 'free' for a body that floats).",
+            )
+
+    @property
+    def holonomic_count(self) -> int:
+        """Number of constraint rows at position level, redundant ones included."""
+        joints = sum(len(j.rows) for j in self.joints)
+        return joints + len(self.drives) + len(self.couplings) + len(self.rollings)
+
+    def constraint_count(self) -> int:
+        """Number of all constraint rows, redundant and non-holonomic ones included."""
+        return self.holonomic_count + 2 * len(self.rollings) + len(self.skates)
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Poses and velocities of all bodies (ground excluded) at one instant, in the mechanism's body order.
+
+    Attributes
+    ----------
+    p_WB : ndarray, shape (n_b, 3), m
+        Origins of the bodies.
+    quat_WB : ndarray, shape (n_b, 4)
+        Unit quaternions, scalar first.
+    v_WB_W : ndarray, shape (n_b, 3), m/s
+        Velocities of the origins, in world axes.
+    w_WB_W : ndarray, shape (n_b, 3), rad/s
+        Angular velocities, in world axes.
+    """
+
+    p_WB: Array
+    quat_WB: Array
+    v_WB_W: Array
+    w_WB_W: Array
+
+    def __post_init__(self) -> None:
+        n = len(self.p_WB)
+        for name, width in (("p_WB", 3), ("quat_WB", 4), ("v_WB_W", 3), ("w_WB_W", 3)):
+            object.__setattr__(self, name, fixed_array(getattr(self, name), (n, width)))
+        if n and np.max(np.abs(np.linalg.norm(self.quat_WB, axis=1) - 1.0)) > 1e-12:
+            raise InvalidInput("state: quat_WB", "a quaternion is not unit", "Normalise it before building a state.")
+
+    @cached_property
+    def R_WB(self) -> Array:
+        """Rotation matrices of the bodies, shape (n_b, 3, 3)."""
+        return rotation_from_quaternion(self.quat_WB)

@@ -1,0 +1,1 @@
+"""Descriptor form: arrays of bodies, constraint rows, applied forces, canonical states and their projection."""

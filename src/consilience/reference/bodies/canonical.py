@@ -1,0 +1,77 @@
+"""From what the solver computes at centres of mass to canonical observables."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from consilience.mechanism import Array, Mechanism, State, reaction_map, rotation_from_quaternion
+from consilience.reference.kernel.compiled import kernel
+from consilience.reference.kernel.vectors import cross, load, rotate, store, sub
+
+
+def at_origins(mechanism: Mechanism, y: Array, a: Array) -> tuple[Array, Array]:
+    """Accelerations of the body origins and angular accelerations, world axes, from those of the solver.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n_b + n_e, 13)
+    a : ndarray, shape (6 n_b,)
+        (dv/dt, dw'/dt) of all bodies.
+    """
+    y = y[: len(mechanism.bodies)]
+    A = rotation_from_quaternion(y[:, 3:7])
+    a = a.reshape(-1, 6)
+    alpha = np.einsum("bij,bj->bi", A, a[:, 3:])
+    w = np.einsum("bij,bj->bi", A, y[:, 10:13])
+    c = np.einsum("bij,bj->bi", A, np.array([b.com for b in mechanism.bodies]))
+    return a[:, :3] - np.cross(alpha, c) - np.cross(w, np.cross(w, c)), alpha
+
+
+def joint_wrenches(mechanism: Mechanism, state: State, lam: Array) -> Array:
+    """Joint wrenches of multipliers: on the successor, at the origin of M, axes of F, shape (n_j, 6).
+
+    Rows of drives, couplings and contacts stand behind those of the joints and are no part of their reactions.
+    """
+    wrenches, start = [], 0
+    for joint in mechanism.joints:
+        rows = slice(start, start + len(joint.rows))
+        start = rows.stop
+        wrenches.append(reaction_map(mechanism, state, joint) @ lam[rows])
+    return np.array(wrenches)
+
+
+def canonical_motion(com: Array, y: Array) -> tuple[Array, Array, Array, Array]:
+    """p_WB, quat_WB, v_WB_W, w_WB_W of a motion y, shape (n_t, n_b + n_e, 13), quaternions continuous in time.
+
+    Of bodies whose centres of mass are com, shape (n_b, 3), m, in their own frames.
+
+    What `unpack` and `continuous_in_time` do, compiled: of a short motion of few bodies they took longer than it.
+    """
+    shape = (len(y), len(com))
+    p, quat, v, w = np.empty((*shape, 3)), np.empty((*shape, 4)), np.empty((*shape, 3)), np.empty((*shape, 3))
+    _canonical(com, y, np.empty((3, 3)), p, quat, v, w)
+    return p, quat, v, w
+
+
+@kernel
+def _canonical(com: Array, y: Array, A: Array, p: Array, quat: Array, v: Array, w: Array) -> None:
+    """Fill p, quat, v and w; A is scratch, the rotation matrix of one body [MASS (2)]."""
+    for b in range(com.shape[0]):
+        for n in range(y.shape[0]):
+            e0, e1, e2, e3 = y[n, b, 3], y[n, b, 4], y[n, b, 5], y[n, b, 6]
+            A[0, 0] = e0 * e0 + e1 * e1 - e2 * e2 - e3 * e3
+            A[1, 1] = e0 * e0 - e1 * e1 + e2 * e2 - e3 * e3
+            A[2, 2] = e0 * e0 - e1 * e1 - e2 * e2 + e3 * e3
+            A[0, 1], A[1, 0] = 2 * (e1 * e2 - e0 * e3), 2 * (e1 * e2 + e0 * e3)
+            A[0, 2], A[2, 0] = 2 * (e1 * e3 + e0 * e2), 2 * (e1 * e3 - e0 * e2)
+            A[1, 2], A[2, 1] = 2 * (e2 * e3 - e0 * e1), 2 * (e2 * e3 + e0 * e1)
+            c, spin = rotate(A, load(com[b])), rotate(A, load(y[n, b, 10:13]))
+            store(p[n, b], sub(load(y[n, b, 0:3]), c), 1.0)
+            store(v[n, b], sub(load(y[n, b, 7:10]), cross(spin, c)), 1.0)
+            store(w[n, b], spin, 1.0)
+            near = e0 if n == 0 else 0.0
+            if n > 0:
+                for k in range(4):
+                    near += quat[n - 1, b, k] * y[n, b, 3 + k]
+            for k in range(4):
+                quat[n, b, k] = -y[n, b, 3 + k] if near < 0.0 else y[n, b, 3 + k]

@@ -1,0 +1,129 @@
+"""All constraint rows of a mechanism, compiled: values, Jacobian, gamma and rates at the state y.
+
+Order: joints, drives, couplings, contacts of rolling bodies; then the non-holonomic rows, which have no value: slip of
+rolling bodies, skates. Equations of the rows that are not joints': `consilience.mechanism.element_rows`.
+
+Jacobian columns of a body are its velocity v of the centre of mass in world axes and its angular velocity w' in
+**body** axes, so that the mass matrix they go with, ``diag(m 1, I')``, is constant.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from consilience.mechanism import Array
+from consilience.reference.bodies.arrays import Model
+from consilience.reference.bodies.joint_rows import Row, coordinate, joint_motion, joint_row, place
+from consilience.reference.bodies.motion import add_coefficients, arm, motion
+from consilience.reference.bodies.workspace import Workspace
+from consilience.reference.kernel import functions
+from consilience.reference.kernel.compiled import inlined, kernel
+from consilience.reference.kernel.vectors import add, cross, dot, load, scale, sub
+
+
+@inlined
+def _joints(model: Model, y: Array, ws: Workspace) -> int:
+    """Rows of all joints; the number of the next row."""
+    body_i, body_j, arm_i, arm_j = model.body_i, model.body_j, model.arm_i, model.arm_j
+    A, Q = ws.A, ws.Q
+    for k in range(model.body_i.shape[0]):
+        if model.first_row[k] == model.first_row[k + 1]:
+            continue
+        m = joint_motion(body_i, body_j, arm_i, arm_j, y, A, k)
+        axes_i, axes_j, pitch = model.axes_i[k], model.axes_j[k], model.pitch[k]
+        for n in range(model.first_row[k], model.first_row[k + 1]):
+            row: Row = joint_row(axes_i, axes_j, pitch, A, m, model.row_kind[n])
+            ws.value[n] = row.value - model.row_target[n]
+            ws.gamma[n] = row.gamma
+            place(Q, n, A, m.i, m.j, 1.0, row)
+    return model.row_kind.shape[0]
+
+
+@inlined
+def _drives(model: Model, t: float, y: Array, ws: Workspace, first: int) -> int:
+    """``q - f(t) = 0``."""
+    for n in range(model.drive.shape[0]):
+        f, f_dot, f_ddot = functions.evaluate(model.functions, model.drive[n, 1], t)
+        q = coordinate(model, y, ws.A, model.drive[n, 0], f)
+        ws.value[first + n] = q.value - f
+        ws.rate[first + n] = f_dot
+        ws.gamma[first + n] = q.row.gamma + f_ddot
+        place(ws.Q, first + n, ws.A, q.i, q.j, 1.0, q.row)
+    return first + model.drive.shape[0]
+
+
+@inlined
+def _couplings(model: Model, y: Array, memory: Array, ws: Workspace, first: int) -> int:
+    """``q - f(q_driver) = 0``."""
+    for n in range(model.coupling.shape[0]):
+        driver = coordinate(model, y, ws.A, model.coupling[n, 1], memory[model.coupling[n, 1]])
+        f, slope, bend = functions.evaluate(model.functions, model.coupling[n, 2], driver.value)
+        q = coordinate(model, y, ws.A, model.coupling[n, 0], f)
+        ws.value[first + n] = q.value - f
+        ws.gamma[first + n] = q.row.gamma - slope * driver.row.gamma + bend * driver.rate**2
+        place(ws.Q, first + n, ws.A, q.i, q.j, 1.0, q.row)
+        place(ws.Q, first + n, ws.A, driver.i, driver.j, -slope, driver.row)
+    return first + model.coupling.shape[0]
+
+
+@inlined
+def _rollings(model: Model, y: Array, ws: Workspace, first: int) -> int:
+    """Contacts, then two rows of slip for each rolling body."""
+    count = model.rolling_body.shape[0]
+    for k in range(count):
+        b = model.rolling_body[k]
+        R, r = model.rolling_radii[k]
+        p, _, w = motion(y, ws.A, b)
+        s, a = arm(ws.A, b, load(model.rolling_arm[k])), arm(ws.A, b, load(model.rolling_axis[k]))
+        n = load(model.rolling_plane[k, 0])
+        a_dot = cross(w, a)
+        m = sub(n, scale(dot(n, a), a))
+        m_dot = scale(-1.0, add(scale(dot(n, a_dot), a), scale(dot(n, a), a_dot)))
+        mu = np.sqrt(dot(m, m)) if R > 0.0 else 1.0
+        mu_dot = dot(m, m_dot) / mu
+        rho = sub(scale(-R / mu, m), scale(r, n))
+        rho_dot = scale(-R / mu, sub(m_dot, scale(mu_dot / mu, m)))
+        bias = add(cross(w, cross(w, s)), cross(w, rho_dot))
+        height = dot(n, sub(add(p, s), load(model.rolling_point[k]))) - R * mu - r
+        for axis in range(3):
+            row = first + k if axis == 0 else first + count + 2 * k + axis - 1
+            direction = load(model.rolling_plane[k, axis])
+            ws.value[row] = height if axis == 0 else 0.0
+            ws.gamma[row] = -dot(direction, bias)
+            add_coefficients(ws.Q, row, ws.A, b, 1.0, direction, cross(add(s, rho), direction))
+    return first + 3 * count
+
+
+@inlined
+def _skates(model: Model, y: Array, ws: Workspace, first: int) -> None:
+    """``l . (v + w x s) = 0``."""
+    for n in range(model.skate_body.shape[0]):
+        b = model.skate_body[n]
+        _, v, w = motion(y, ws.A, b)
+        s, lateral = arm(ws.A, b, load(model.skate_arm[n])), arm(ws.A, b, load(model.skate_lateral[n]))
+        ws.value[first + n] = 0.0
+        sideways = dot(cross(w, lateral), add(v, cross(w, s)))
+        ws.gamma[first + n] = -(sideways + dot(lateral, cross(w, cross(w, s))))
+        add_coefficients(ws.Q, first + n, ws.A, b, 1.0, lateral, cross(s, lateral))
+
+
+@kernel
+def evaluate(model: Model, t: float, y: Array, memory: Array, ws: Workspace) -> None:
+    """Fill ``ws.value`` (violation g), ``ws.Q``, ``ws.gamma`` and ``ws.rate`` (``Q v = rate``).
+
+    Parameters
+    ----------
+    t : float, s
+    memory : ndarray, shape (n_c,)
+        Joint coordinates that elements read a moment ago: turns are counted from them.
+    ws : Workspace
+        With the rotation matrices of y in ``ws.A``, from `bodies.rotations`.
+    """
+    ws.Q[:, :] = 0.0
+    ws.rate[:] = 0.0
+    row = _joints(model, y, ws)
+    if row < ws.rate.shape[0]:
+        row = _drives(model, t, y, ws, row)
+        row = _couplings(model, y, memory, ws, row)
+        row = _rollings(model, y, ws, row)
+        _skates(model, y, ws, row)

@@ -1,0 +1,154 @@
+"""Applied and gyroscopic forces, compiled [MASS (30)-(36)].
+
+The generalised force of a body goes with the velocities (v, w'): force at the centre of mass in world axes, torque
+about it in body axes, the latter with the gyroscopic term ``-w' x I' w'``. The effort of an element in a joint
+coordinate q acts by the coefficients of ``dq/dt`` in the velocities: its virtual power is the effort times dq/dt.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from consilience.mechanism import Array
+from consilience.reference.bodies.arrays import Model
+from consilience.reference.bodies.joint_rows import Coordinate, coordinate
+from consilience.reference.bodies.motion import ZERO, arm, motion, rotations
+from consilience.reference.bodies.workspace import Workspace
+from consilience.reference.kernel import functions
+from consilience.reference.kernel.compiled import inlined, inner, kernel
+from consilience.reference.kernel.vectors import (
+    Vector,
+    accumulate,
+    add,
+    cross,
+    dot,
+    load,
+    rotate,
+    rotate_back,
+    scale,
+    sub,
+)
+
+
+@inner
+def _push(f: Array, A: Array, body: int, force: Vector, s: Vector, torque: Vector) -> None:
+    """Add a force at the arm s from the centre of mass, and a torque, all in world axes; the ground takes anything."""
+    if body >= 0:
+        accumulate(f[6 * body : 6 * body + 3], force)
+        accumulate(f[6 * body + 3 : 6 * body + 6], rotate_back(A[body], add(torque, cross(s, force))))
+
+
+@inner
+def _exert(f: Array, A: Array, q: Coordinate, effort: float) -> None:
+    """Add an effort in a joint coordinate, the opposite on the predecessor."""
+    e = scale(effort, q.row.e)
+    _push(f, A, q.j, e, ZERO, scale(effort, q.row.c_j))
+    _push(f, A, q.i, scale(-1.0, e), ZERO, scale(effort, q.row.c_i))
+
+
+@inlined
+def _factor(model: Model, function: int, t: float, otherwise: float) -> float:
+    """Function of time, or a constant where there is none."""
+    return functions.evaluate(model.functions, function, t)[0] if function >= 0 else otherwise
+
+
+@inlined
+def _joint_elements(model: Model, t: float, y: Array, memory: Array, ws: Workspace) -> None:
+    """Springs, friction and controls of joints."""
+    for n in range(model.joint_spring.shape[0]):
+        c = model.joint_spring[n, 0]
+        q = coordinate(model, y, ws.A, c, memory[c])
+        stiffness, damping, rest = load(model.joint_spring_law[n])
+        actuator = _factor(model, model.joint_spring[n, 1], t, 0.0)
+        _exert(ws.f, ws.A, q, actuator - stiffness * (q.value - rest) - damping * q.rate)
+    for n in range(model.friction.shape[0]):
+        c = model.friction[n]
+        q = coordinate(model, y, ws.A, c, memory[c])
+        viscous, coulomb, speed = load(model.friction_law[n])
+        _exert(ws.f, ws.A, q, -viscous * q.rate - coulomb * np.tanh(q.rate / speed))
+    for n in range(model.control.shape[0]):
+        c = model.control[n, 0]
+        q = coordinate(model, y, ws.A, c, memory[c])
+        target, target_rate, _ = functions.evaluate(model.functions, model.control[n, 1], t)
+        P, I, D = load(model.control_law[n])
+        integral = y[model.mass.shape[0] + n // 13, n % 13]
+        _exert(ws.f, ws.A, q, P * (target - q.value) + I * integral + D * (target_rate - q.rate))
+
+
+@kernel
+def control_errors(model: Model, t: float, y: Array, memory: Array, ws: Workspace, dy: Array) -> None:
+    """Derivatives of the integrals of the controllers, ``target(t) - q``, into their rows of dy."""
+    for n in range(model.control.shape[0]):
+        c = model.control[n, 0]
+        target = functions.evaluate(model.functions, model.control[n, 1], t)[0]
+        q = coordinate(model, y, ws.A, c, memory[c])
+        dy[model.mass.shape[0] + n // 13, n % 13] = target - q.value
+
+
+@kernel
+def remember(model: Model, y: Array, ws: Workspace, memory: Array) -> None:
+    """Update the joint coordinates that elements read, turns counted."""
+    rotations(y, ws.A)
+    for n in range(memory.shape[0]):
+        memory[n] = coordinate(model, y, ws.A, n, memory[n]).value
+
+
+@kernel
+def read(model: Model, y: Array, A: Array, near: Array, value: Array, rate: Array) -> None:
+    """Joint coordinates that elements read, angles within half a turn of `near`, and their rates."""
+    for n in range(near.shape[0]):
+        q = coordinate(model, y, A, n, near[n])
+        value[n], rate[n] = q.value, q.rate
+
+
+@inlined
+def _springs(model: Model, t: float, y: Array, A: Array, f: Array) -> None:
+    """Add ``F = (k (L - L0) + c L' - f(t)) e`` on the predecessor, the opposite on the successor [MASS (31)]."""
+    for n in range(model.spring_body.shape[0]):
+        i, j = model.spring_body[n, 0], model.spring_body[n, 1]
+        s_i, s_j = arm(A, i, load(model.spring_arm[n, 0])), arm(A, j, load(model.spring_arm[n, 1]))
+        r_i, v_i, w_i = motion(y, A, i)
+        r_j, v_j, w_j = motion(y, A, j)
+        d = sub(add(r_j, s_j), add(r_i, s_i))
+        L = np.sqrt(dot(d, d))
+        e = scale(1.0 / L, d)
+        rate = dot(e, sub(add(v_j, cross(w_j, s_j)), add(v_i, cross(w_i, s_i))))
+        stiffness, damping, free_length = load(model.spring_law[n])
+        actuator = _factor(model, model.spring_function[n], t, 0.0)
+        force = scale(stiffness * (L - free_length) + damping * rate - actuator, e)
+        _push(f, A, i, force, s_i, ZERO)
+        _push(f, A, j, scale(-1.0, force), s_j, ZERO)
+
+
+@inlined
+def _loads(model: Model, t: float, A: Array, f: Array) -> None:
+    for n in range(model.load_body.shape[0]):
+        b = model.load_body[n]
+        vector = scale(_factor(model, model.load_function[n], t, 1.0), load(model.load_vector[n]))
+        if model.load_kind[n, 1] == 1:
+            vector = arm(A, b, vector)
+        if model.load_kind[n, 0] == 0:
+            _push(f, A, b, vector, arm(A, b, load(model.load_arm[n])), ZERO)
+        else:
+            _push(f, A, b, ZERO, ZERO, vector)
+
+
+@kernel
+def evaluate(model: Model, t: float, y: Array, memory: Array, ws: Workspace) -> None:
+    """Fill ``ws.f`` with all applied and gyroscopic forces, shape (6 n_b,).
+
+    Arguments as in `constraints.evaluate`; forces from outside the model are in ``ws.external``.
+    """
+    for n in range(ws.f.shape[0]):  # an assignment of arrays takes seconds to compile
+        ws.f[n] = ws.external[n]
+    gravity = load(model.gravity)
+    for b in range(model.mass.shape[0]):
+        w = load(y[b, 10:13])
+        accumulate(ws.f[6 * b : 6 * b + 3], scale(model.mass[b], gravity))
+        accumulate(ws.f[6 * b + 3 : 6 * b + 6], scale(-1.0, cross(w, rotate(model.inertia[b], w))))
+    if model.spring_body.shape[0]:
+        _springs(model, t, y, ws.A, ws.f)
+    if memory.shape[0]:
+        _joint_elements(model, t, y, memory, ws)
+    if model.load_body.shape[0]:
+        _loads(model, t, ws.A, ws.f)

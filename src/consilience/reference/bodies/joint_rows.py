@@ -1,0 +1,235 @@
+"""Rows and coordinates of single joints, compiled [MASS (9)-(29)].
+
+``(X, Y, Z) = U^T d`` (three), ``L = |d|`` (one), ``D_kl = u_k . w_l`` (nine), from the frames of a joint,
+
+    U = A_i A_Ji,  W = A_j A_Jj,  s = A s',  d = r_j + s_j - r_i - s_i.
+
+A row's rate has coefficients e of the velocity of the centre of mass of j (those of i are -e), c_i and c_j of the
+angular velocities, all in world axes. Functions that run for every row take the arrays they read and not the whole
+model: to pass a model is to copy the shapes of all its arrays. For that, too, what has one caller is `inlined`.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from consilience.mechanism import Array
+from consilience.reference.bodies.arrays import Model
+from consilience.reference.bodies.motion import ZERO, add_coefficients, arm, motion
+from consilience.reference.kernel.compiled import fused, inner, kernel
+from consilience.reference.kernel.vectors import Vector, add, column, cross, dot, load, scale, sub
+
+TURN = 2.0 * np.pi
+_D11, _D21, _Z = np.array([4, 7, 2])  # numbers of NumPy: see `relative.columns`
+
+
+class JointMotion(NamedTuple):
+    """Relative motion of the two frames of a joint, world axes."""
+
+    i: int
+    j: int
+    s_i: Vector
+    s_j: Vector
+    d: Vector
+    d_dot: Vector
+    centripetal: Vector
+    w_i: Vector
+    w_j: Vector
+
+
+class Row(NamedTuple):
+    """Value, gamma and coefficients of one row."""
+
+    value: float
+    gamma: float
+    e: Vector
+    c_i: Vector
+    c_j: Vector
+
+
+class Coordinate(NamedTuple):
+    """A joint coordinate: value, rate, gamma and coefficients, and the bodies it is between."""
+
+    value: float
+    rate: float
+    row: Row
+    i: int
+    j: int
+
+
+@fused
+def motion_between(
+    i: int,
+    j: int,
+    s_i: Vector,
+    s_j: Vector,
+    r_i: Vector,
+    r_j: Vector,
+    v_i: Vector,
+    v_j: Vector,
+    w_i: Vector,
+    w_j: Vector,
+) -> JointMotion:
+    """Relative motion of frames at arms s_i, s_j from the centres of mass of two bodies."""
+    d = sub(add(r_j, s_j), add(r_i, s_i))
+    d_dot = sub(add(v_j, cross(w_j, s_j)), add(v_i, cross(w_i, s_i)))
+    centripetal = sub(cross(w_j, cross(w_j, s_j)), cross(w_i, cross(w_i, s_i)))
+    return JointMotion(i, j, s_i, s_j, d, d_dot, centripetal, w_i, w_j)
+
+
+@inner
+def joint_motion(body_i: Array, body_j: Array, arm_i: Array, arm_j: Array, y: Array, A: Array, k: int) -> JointMotion:
+    """Relative motion of the frames of joint k."""
+    i, j = body_i[k], body_j[k]
+    s_i, s_j = arm(A, i, load(arm_i[k])), arm(A, j, load(arm_j[k]))
+    r_i, v_i, w_i = motion(y, A, i)
+    r_j, v_j, w_j = motion(y, A, j)
+    return motion_between(i, j, s_i, s_j, r_i, r_j, v_i, v_j, w_i, w_j)
+
+
+@fused
+def displacement_row(u: Vector, m: JointMotion) -> Row:
+    """``u . d`` of an axis u of body i."""
+    u_dot = cross(m.w_i, u)
+    gamma = -(dot(cross(m.w_i, u_dot), m.d) + 2.0 * dot(u_dot, m.d_dot) + dot(u, m.centripetal))
+    return Row(dot(u, m.d), gamma, u, scale(-1.0, cross(add(m.s_i, m.d), u)), cross(m.s_j, u))
+
+
+@fused
+def distance_row(m: JointMotion) -> Row:
+    """``|d|``."""
+    L = np.sqrt(dot(m.d, m.d))
+    e = scale(1.0 / L, m.d)
+    gamma = -((dot(m.d_dot, m.d_dot) - dot(e, m.d_dot) ** 2) / L + dot(e, m.centripetal))
+    return Row(L, gamma, e, scale(-1.0, cross(m.s_i, e)), cross(m.s_j, e))
+
+
+@fused
+def product_row(u: Vector, w: Vector, m: JointMotion) -> Row:
+    """``u . w`` of axes of bodies i and j."""
+    u_dot, w_dot = cross(m.w_i, u), cross(m.w_j, w)
+    normal = cross(u, w)
+    gamma = -(dot(cross(m.w_i, u_dot), w) + 2.0 * dot(u_dot, w_dot) + dot(u, cross(m.w_j, w_dot)))
+    return Row(dot(u, w), gamma, ZERO, normal, scale(-1.0, normal))
+
+
+@inner
+def basic_row(axes_i: Array, axes_j: Array, A: Array, m: JointMotion, kind: int) -> Row:
+    """One of the thirteen basic constraint functions of a joint with the axes A_Ji, A_Jj."""
+    if kind < 3:
+        return displacement_row(arm(A, m.i, column(axes_i, kind)), m)
+    if kind == 3:
+        return distance_row(m)
+    u = arm(A, m.i, column(axes_i, (kind - 4) // 3))
+    return product_row(u, arm(A, m.j, column(axes_j, (kind - 4) % 3)), m)
+
+
+@kernel
+def full_turns(angle: float, near: float) -> float:
+    """The angle plus the full turns that bring it nearest to `near`."""
+    return angle + TURN * np.round((near - angle) / TURN)
+
+
+@inner
+def row_of_angle(cos: Row, sin: Row, m: JointMotion, near: float) -> Row:
+    """The angle of this cosine and sine, times anything, within half a turn of `near`."""
+    square = cos.value**2 + sin.value**2
+    p, q = cos.value / square, sin.value / square
+    c_i = sub(scale(p, sin.c_i), scale(q, cos.c_i))
+    c_j = sub(scale(p, sin.c_j), scale(q, cos.c_j))
+    rate = dot(c_i, m.w_i) + dot(c_j, m.w_j)
+    cos_dot = dot(cos.c_i, m.w_i) + dot(cos.c_j, m.w_j)
+    sin_dot = dot(sin.c_i, m.w_i) + dot(sin.c_j, m.w_j)
+    gamma = p * sin.gamma - q * cos.gamma + 2.0 * rate * (p * cos_dot + q * sin_dot)
+    return Row(full_turns(np.arctan2(sin.value, cos.value), near), gamma, ZERO, c_i, c_j)
+
+
+@inner
+def row_of_screw(z: Row, turn: Row, pitch: float) -> Row:
+    """``Z - pitch angle / 2 pi``."""
+    h = pitch / TURN
+    return Row(
+        z.value - h * turn.value,
+        z.gamma - h * turn.gamma,
+        z.e,
+        sub(z.c_i, scale(h, turn.c_i)),
+        sub(z.c_j, scale(h, turn.c_j)),
+    )
+
+
+@inner
+def angle_row(axes_i: Array, axes_j: Array, A: Array, m: JointMotion, near: float) -> Row:
+    """The angle with the tangent ``D21 / D11``, within half a turn of `near`."""
+    return row_of_angle(basic_row(axes_i, axes_j, A, m, _D11), basic_row(axes_i, axes_j, A, m, _D21), m, near)
+
+
+@inner
+def screw_row(axes_i: Array, axes_j: Array, pitch: float, A: Array, m: JointMotion) -> Row:
+    """``Z - pitch angle / 2 pi``; the turns of the angle are those of Z."""
+    z = basic_row(axes_i, axes_j, A, m, _Z)
+    return row_of_screw(z, angle_row(axes_i, axes_j, A, m, TURN * z.value / pitch), pitch)
+
+
+@inner
+def joint_row(axes_i: Array, axes_j: Array, pitch: float, A: Array, m: JointMotion, kind: int) -> Row:
+    """A row of a joint by its number in `model.ROWS`."""
+    if kind == 13:
+        return screw_row(axes_i, axes_j, pitch, A, m)
+    return basic_row(axes_i, axes_j, A, m, kind)
+
+
+@inner
+def _coordinate(
+    body_i: Array,
+    body_j: Array,
+    arm_i: Array,
+    arm_j: Array,
+    axes_i: Array,
+    axes_j: Array,
+    pitch: float,
+    y: Array,
+    A: Array,
+    k: int,
+    kind: int,
+    near: float,
+) -> Coordinate:
+    """Coordinate of joint k, whose axes and pitch these are."""
+    m = joint_motion(body_i, body_j, arm_i, arm_j, y, A, k)
+    if kind == 1:
+        row = basic_row(axes_i, axes_j, A, m, _Z)
+        # the velocities of the centres of mass enter only through those of the frames' origins
+        rate = dot(row.e, m.d_dot) + dot(cross(m.w_i, row.e), m.d)
+        return Coordinate(row.value, rate, row, m.i, m.j)
+    if pitch != 0.0:
+        near = TURN * basic_row(axes_i, axes_j, A, m, _Z).value / pitch
+    row = angle_row(axes_i, axes_j, A, m, near)
+    return Coordinate(row.value, dot(row.c_i, m.w_i) + dot(row.c_j, m.w_j), row, m.i, m.j)
+
+
+@fused
+def coordinate(model: Model, y: Array, A: Array, n: int, near: float) -> Coordinate:
+    """Joint coordinate n of those that elements read; an angle within half a turn of `near`, a screw's by its Z."""
+    k = model.coordinate[n, 0]
+    return _coordinate(
+        model.body_i,
+        model.body_j,
+        model.arm_i,
+        model.arm_j,
+        model.axes_i[k],
+        model.axes_j[k],
+        model.pitch[k],
+        y,
+        A,
+        k,
+        model.coordinate[n, 1],
+        near,
+    )
+
+
+@inner
+def place(Q: Array, index: int, A: Array, i: int, j: int, factor: float, row: Row) -> None:
+    """Add a row between bodies i and j to row `index` of Q."""
+    add_coefficients(Q, index, A, i, -factor, row.e, scale(-1.0, row.c_i))
+    add_coefficients(Q, index, A, j, factor, row.e, row.c_j)

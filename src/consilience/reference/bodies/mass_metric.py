@@ -1,0 +1,82 @@
+"""Mass metric of all bodies: ``M = diag(m 1, I')`` and its Cholesky factor L, constant in body axes.
+
+``B = L^-1 Q^T`` is the constraint Jacobian in that metric; its rank-revealing QR gives the corrections of least M-norm.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from consilience.mechanism import Array
+from consilience.reference.bodies.arrays import Model
+from consilience.reference.bodies.workspace import Workspace
+from consilience.reference.kernel.compiled import allocating, inner, kernel
+from consilience.reference.kernel.factorisation import ordered_qr, pivoted_qr
+from consilience.reference.kernel.vectors import assign
+
+
+@allocating
+def mass_matrix(model: Model) -> Array:
+    """``M = diag(m 1, I')`` of all bodies, shape (6 n_b, 6 n_b)."""
+    n = model.mass.shape[0]
+    M = np.zeros((6 * n, 6 * n))
+    for b in range(n):
+        o = 6 * b
+        for k in range(3):
+            M[o + k, o + k] = model.mass[b]
+            for j in range(3):  # an assignment of parts takes seconds to compile
+                M[o + 3 + k, o + 3 + j] = model.inertia[b, k, j]
+    return M
+
+
+@inner
+def solve_factor(model: Model, x: Array) -> None:
+    """``x <- L^-1 x`` for a vector of generalised forces, in place."""
+    for b in range(model.mass.shape[0]):
+        s = 1.0 / np.sqrt(model.mass[b])
+        F = model.inertia_factor[b]
+        o = 6 * b
+        x[o] *= s
+        x[o + 1] *= s
+        x[o + 2] *= s
+        x[o + 3] = x[o + 3] / F[0, 0]
+        x[o + 4] = (x[o + 4] - F[1, 0] * x[o + 3]) / F[1, 1]
+        x[o + 5] = (x[o + 5] - F[2, 0] * x[o + 3] - F[2, 1] * x[o + 4]) / F[2, 2]
+
+
+@inner
+def solve_factor_transposed(model: Model, x: Array) -> None:
+    """``x <- L^-T x``, in place."""
+    for b in range(model.mass.shape[0]):
+        s = 1.0 / np.sqrt(model.mass[b])
+        F = model.inertia_factor[b]
+        o = 6 * b
+        x[o] *= s
+        x[o + 1] *= s
+        x[o + 2] *= s
+        x[o + 5] = x[o + 5] / F[2, 2]
+        x[o + 4] = (x[o + 4] - F[2, 1] * x[o + 5]) / F[1, 1]
+        x[o + 3] = (x[o + 3] - F[1, 0] * x[o + 4] - F[2, 0] * x[o + 5]) / F[0, 0]
+
+
+@kernel
+def factorise(model: Model, ws: Workspace) -> int:
+    """Factorise ``B = L^-1 Q^T`` of the Jacobian in the workspace; the numerical rank."""
+    q = ws.Q.shape[0]
+    for row in range(q):
+        assign(ws.z, ws.Q[row])
+        solve_factor(model, ws.z)
+        assign(ws.B[:, row], ws.z)
+    return pivoted_qr(ws.B, ws.tau, ws.pivot, ws.norms, 0.0, ws.limit[0])
+
+
+@inner
+def factorise_as_projected(model: Model, ws: Workspace) -> int:
+    """The same with the independent rows of the last projection, in its order; where there is a choice at all."""
+    if ws.best[0] == 0.0 or ws.limit[0] == ws.Q.shape[0]:
+        return factorise(model, ws)
+    for k in range(ws.limit[0]):
+        assign(ws.z, ws.Q[ws.pivot[k]])
+        solve_factor(model, ws.z)
+        assign(ws.B[:, k], ws.z)
+    return ordered_qr(ws.B, ws.tau, 0.0, ws.limit[0])

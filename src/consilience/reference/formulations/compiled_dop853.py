@@ -1,0 +1,177 @@
+"""Adaptive explicit Runge-Kutta method of order 8, with projection after every step.
+
+Step control after Hairer, Norsett and Wanner, section II.10: the error is estimated by
+
+    err = |h| |e5|^2 / sqrt(|e5|^2 + 0.01 |e3|^2),   e5 = sum E5_i k_i,  e3 = sum E3_i k_i,
+
+in the root mean square of components scaled by the tolerance times the size of their kind: positions by the length
+of the mechanism, Euler parameters by one, speeds by the fastest body. Steps end exactly on the sample times.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from consilience.mechanism import Array
+from consilience.reference.bodies.arrays import Model
+from consilience.reference.bodies.forces import remember
+from consilience.reference.bodies.projection import project
+from consilience.reference.bodies.workspace import Workspace
+from consilience.reference.formulations.compiled_choice import derivative
+from consilience.reference.integrators.coefficients import E3, E5, STAGES, A, B, C
+from consilience.reference.integrators.step_control import EVALUATIONS, LARGEST, REJECTED, SAFETY, STEPS, factor_of
+from consilience.reference.kernel.compiled import inlined, inner, kernel
+from consilience.reference.kernel.vectors import assign
+
+
+class Scratch(NamedTuple):
+    """What a run writes into."""
+
+    K: Array  # (12, n_b + n_e, 13) derivatives at the stages
+    trial: Array  # (n_b + n_e, 13) state of a stage, and the end of the step
+    a: Array  # (6 n_b,) accelerations
+    size: Array  # (13,) of the columns of a state
+
+
+def scratch_of(model: Model, y: Array) -> Scratch:
+    """Scratch of a run from the state y."""
+    return Scratch(np.zeros((STAGES, *y.shape)), np.empty_like(y), np.empty(6 * len(model.mass)), np.empty(13))
+
+
+@inner
+def _sizes(model: Model, y: Array, size: Array) -> None:
+    """Size of each column of y, shape (13,): what a relative tolerance refers to."""
+    r = v = w = 0.0
+    for b in range(model.mass.shape[0]):
+        for k in range(3):
+            r = max(r, abs(y[b, k]))
+            v = max(v, abs(y[b, 7 + k]))
+            w = max(w, abs(y[b, 10 + k]))
+    for k in range(13):
+        size[k] = 1.0
+    for k in range(3):
+        size[k] = max(r, model.length)
+        size[7 + k] = max(v, model.length)
+        size[10 + k] = max(w, 1.0)
+
+
+@inner
+def _error(K: Array, h: float, size: Array) -> float:
+    """Scaled error estimate of a step."""
+    e5 = e3 = 0.0
+    for b in range(K.shape[1]):
+        for c in range(13):
+            s5 = s3 = 0.0
+            for i in range(STAGES):
+                s5 += E5[i] * K[i, b, c]
+                s3 += E3[i] * K[i, b, c]
+            e5 += (s5 / size[c]) ** 2
+            e3 += (s3 / size[c]) ** 2
+    if e5 == 0.0 and e3 == 0.0:
+        return 0.0
+    return abs(h) * e5 / np.sqrt((e5 + 0.01 * e3) * 13 * K.shape[1])
+
+
+@inner
+def _copy(y: Array, into: Array) -> None:
+    """Keep a state."""
+    for b in range(y.shape[0]):
+        assign(into[b], y[b])
+
+
+@inlined
+def _stages(
+    formulation: int,
+    model: Model,
+    t: float,
+    y: Array,
+    h: float,
+    memory: Array,
+    ws: Workspace,
+    scratch: Scratch,
+) -> None:
+    """Evaluate stages 2 to 12 (stage 1 is given) and leave the end of the step in the scratch."""
+    K, trial = scratch.K, scratch.trial
+    for i in range(1, STAGES + 1):
+        _copy(y, trial)
+        for j in range(i):
+            weight = h * (A[i, j] if i < STAGES else B[j])
+            if weight != 0.0:
+                for b in range(y.shape[0]):
+                    for c in range(13):
+                        trial[b, c] += weight * K[j, b, c]
+        if i < STAGES:
+            derivative(formulation, model, t + C[i] * h, trial, memory, ws, scratch.a, K[i])
+
+
+@kernel
+def integrate(
+    formulation: int,
+    model: Model,
+    y: Array,
+    times: Array,
+    tolerance: float,
+    memory: Array,
+    ws: Workspace,
+    motion: Array,
+    counters: Array,
+    scratch: Scratch,
+) -> int:
+    """Integrate from ``times[0]`` and record the motion at all sample times.
+
+    Parameters
+    ----------
+    formulation : int
+        See `dynamics.FORMULATIONS`.
+    y : ndarray, shape (n_b + n_e, 13)
+        Initial state; overwritten by the last.
+    times : ndarray, shape (n_t,)
+    tolerance : float
+        Bound on the scaled local error of a step.
+    memory : ndarray, shape (n_c,)
+        Joint coordinates that elements read, turns counted; updated.
+    motion : ndarray, shape (n_t, n_b + n_e, 13)
+        Overwritten.
+    counters : ndarray of int, shape (3,)
+        Steps, rejected steps and evaluations of the derivative; overwritten.
+    scratch : Scratch
+
+    Returns
+    -------
+    int
+        Key of `STATUS`.
+    """
+    K, trial, a, size = scratch.K, scratch.trial, scratch.a, scratch.size
+    counters[:] = 0
+    _copy(y, motion[0])
+    t = times[0]
+    h, finite = 1e-2 * (times[-1] - times[0]) / max(1, times.shape[0] - 1), True
+    derivative(formulation, model, t, y, memory, ws, a, K[0])
+    for n in range(1, times.shape[0]):
+        while t < times[n]:
+            remaining = times[n] - t
+            # a remainder a little longer than the step is halved, so that no sliver of a step is left
+            step = remaining if h >= remaining else min(h, 0.5 * remaining) if h > 0.5 * remaining else h
+            if not step >= 1e-14 * max(1.0, abs(t)):
+                return 1 if finite else 2
+            _stages(formulation, model, t, y, step, memory, ws, scratch)
+            counters[EVALUATIONS] += STAGES
+            _sizes(model, y, size)
+            error = _error(K, step, size) / tolerance
+            finite = np.isfinite(error)  # a stage far from the motion may overflow: of no step that is short enough
+            factor = factor_of(error, SAFETY, LARGEST)
+            if not error <= 1.0:
+                counters[REJECTED] += 1
+                h = step * min(1.0, factor)
+                continue
+            counters[STEPS] += 1
+            _copy(trial, y)
+            t = times[n] if step == remaining else t + step
+            project(model, t, y, memory, ws)
+            remember(model, y, ws, memory)
+            derivative(formulation, model, t, y, memory, ws, a, K[0])
+            h = step * factor if step == h else max(h, step * factor)
+        _copy(y, motion[n])
+    return 0

@@ -1,0 +1,355 @@
+"""Implicit integration of the descriptor form as a differential-algebraic system: Radau IIA of order five.
+
+In the speeds v = (v, w') of every body and increments xi of its pose from that at the start of the step,
+``q = q_n exp(xi)``, xi = 0 there [EXU; Hairer & Wanner, Solving Ordinary Differential Equations II, chapter VII]:
+
+    index 3    xi' = T(xi)^-1 v,                    M v' = f + Q^T lam,    g = 0
+    index 2    xi' = T(xi)^-1 (v + M^-1 Q^T mu),    M v' = f + Q^T lam,    g = 0,    Q v = nu
+
+the second after Gear, Leimkuhler and Gupta [J. Comput. Appl. Math. 12-13, 1985, 77-90], with the second multiplier mu,
+zero along the exact motion, in the mass metric. Orientations are thus coordinates on the group, new ones at each step:
+no row for the norm of Euler parameters and no singular orientation. Rows that hold velocities only (rolling, skates)
+are ``Q v = nu`` in both. The last stage is the end of the step, so the constraints hold there to rounding: g, and for
+index 2 ``Q v - nu`` as well. Orders [Hairer, Lubich & Roche 1989; Hairer & Wanner II, VII.4 to VII.6], as measured:
+
+=======  =========  ======  ===========
+index    positions  speeds  multipliers
+=======  =========  ======  ===========
+2        5          5       3
+3        5          3       2
+=======  =========  ======  ===========
+
+**Newton's method**, simplified: one Jacobian of the right-hand side (difference quotients in xi, v and integrals; exact
+in the multipliers, which enter linearly), and after the transformation of RADAU5 one real and one complex
+factorisation. Rows and columns of index 2 and 3 are scaled by h and h^2 so that conditions and rounding do not grow as
+the step shrinks; in its tests, and in the error estimate, multipliers have no part: they follow from the others.
+Dependent rows: an independent set is picked by QR with column pivoting with each Jacobian; only it gets equations.
+
+**Error.** ``(gamma / h E - J)^-1 (F + E e Z / h)`` as in RADAU5, third order: of the increments and the speeds, the
+latter with the factor h for index 3. There positions keep to the tolerance; speeds, of third order only, do not.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from scipy.linalg import lu_factor, lu_solve
+
+from consilience.engine import TrajectoryAnswer
+from consilience.errors import InvalidInput, NumericalFailure
+from consilience.mechanism import Array, Mechanism, State, continuous_in_time
+from consilience.reference.bodies.arrays import pack, unpack
+from consilience.reference.bodies.lie_group import SPEEDS, displaced, increment_rates
+from consilience.reference.formulations.body_terms import BodyTerms, least_norm_multipliers
+from consilience.reference.integrators.tableaus import RADAU, root_mean_square
+
+Index = Literal[2, 3]
+
+_ITERATIONS, _FAST = 15, 5
+_GOAL = 1e-3
+"""Part of the tolerance that a change by Newton's method may have; as it converges, its error is smaller still."""
+
+_ROUNDING = 1e-12
+"""Changes that converge no more and are below this are rounding errors, in m, rad, m/s, rad/s."""
+
+_SAFETY, _SMALLEST, _LARGEST, _KEEP = 0.9, 0.2, 5.0, 1.2
+_RESOLVED = 1e-12
+_DIFFERENCE = 1e-7
+
+
+def _transformation() -> tuple[float, complex, Array, Array, Array, Array]:
+    """Eigenvalues of the inverse of A, a real one and one of the pair, with vectors and rows of their inverse."""
+    values, vectors = np.linalg.eig(np.linalg.inv(RADAU.A))
+    real, pair = int(np.argmin(np.abs(values.imag))), int(np.argmax(values.imag))
+    T = vectors[:, real].real, vectors[:, pair]
+    rows = np.linalg.inv(np.column_stack([T[0], T[1], T[1].conj()]))
+    return float(values[real].real), complex(values[pair]), T[0], T[1], rows[0].real, rows[1]
+
+
+_GAMMA, _PAIR, _T_REAL, _T_PAIR, _ROW_REAL, _ROW_PAIR = _transformation()
+_A_INVERSE = np.linalg.inv(RADAU.A)
+
+
+class _Matrix(NamedTuple):
+    """Factors for one length of step."""
+
+    h: float
+    scale: Array  # of rows and columns
+    real: Any
+    pair: Any
+
+
+class DescriptorDae:
+    """A motion under way, one step at a time.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    state : State
+        Consistent state at the time t.
+    t : float, s
+    index : int
+        2 or 3.
+    tolerance : float
+
+    Attributes
+    ----------
+    t : float, s
+    y : ndarray, shape (n_b + n_e, 13)
+        Packed state.
+    counters : dict
+        ``steps``, ``rejected``, ``evaluations``, ``jacobians``, ``factorisations``.
+    """
+
+    def __init__(self, mechanism: Mechanism, state: State, t: float, index: Index, tolerance: float) -> None:
+        self.t, self._index, self._tolerance = t, index, tolerance
+        self._terms = BodyTerms(mechanism)
+        self._n_b, self._n = len(mechanism.bodies), 6 * len(mechanism.bodies)
+        self._inverse_mass = np.linalg.inv(self._terms.mass)
+        names = ("steps", "rejected", "evaluations", "jacobians", "factorisations")
+        self.counters: dict[str, int | float] = dict.fromkeys(names, 0)
+        self.y = pack(mechanism, state)
+        self._angles = self._terms.count_turns(self.y, np.zeros(self._terms.angles))
+        terms = self._terms.evaluate(t, self.y, self._angles)
+        self._acceleration, self._lam = self._terms.accelerations(terms)
+        self._rows = self._terms.independent_rows()
+        self._limit, self._force = len(self._rows), terms.Q.T @ self._lam
+        self._Q = terms.Q.copy()
+        self._fresh, self._slow, self._J = False, False, np.empty((0, 0))
+        self._last: tuple[float, Array] | None = None
+        self._matrix: _Matrix | None = None
+        # which independent rows are held at position level
+        self._lengths()
+
+    def _lengths(self) -> None:
+        """Sizes of the parts of the unknowns: increments, speeds, integrals, lam, mu; and which are differential."""
+        self._held = self._rows[self._rows < self._terms.holonomic]
+        mu = len(self._held) if self._index == 2 else 0
+        self._parts = np.cumsum([self._n, self._n, self._terms.integrals, len(self._rows), mu])
+        self._differential = np.arange(self._parts[-1]) < self._parts[2]
+
+    # ------------------------------------------------------------ right-hand side
+
+    def _right(self, t: float, z: Array) -> Array:
+        """Rates of increments, speeds and integrals; then rows that are to vanish, as many as multipliers."""
+        self.counters["evaluations"] += 1
+        a, b, c, d, _ = self._parts
+        xi, v, lam, mu = z[:a], z[a:b], z[c:d], z[d:]
+        y = displaced(self.y, self._n_b, xi, v)
+        y[self._n_b :].reshape(-1)[: self._terms.integrals] = z[b:c]
+        terms = self._terms.evaluate(t, y, self._angles)
+        Q = terms.Q[self._rows]
+        speeds, slip = v, Q @ v - terms.rate[self._rows]
+        if self._index == 2:
+            speeds = v + self._inverse_mass @ (terms.Q[self._held].T @ mu)
+            rows = [slip, terms.value[self._held]]
+        else:
+            rows = [np.where(self._rows < self._terms.holonomic, terms.value[self._rows], slip)]
+        rates = self._inverse_mass @ (terms.f + Q.T @ lam)
+        return np.concatenate([increment_rates(xi, speeds), rates, terms.integral_rates, *rows])
+
+    def _start(self) -> Array:
+        """Unknowns at the start of a step."""
+        v = self.y[: self._n_b, SPEEDS].reshape(-1)
+        integrals = self.y[self._n_b :].reshape(-1)[: self._terms.integrals]
+        mu = np.zeros(self._parts[4] - self._parts[3])
+        return np.concatenate([np.zeros(self._n), v, integrals, self._lam[self._rows], mu])
+
+    def _linearise(self) -> None:
+        """Jacobian of the right-hand side at the start of a step, with a new set of independent rows."""
+        terms = self._terms.evaluate(self.t, self.y, self._angles)
+        self._lam = self._terms.accelerations(terms, self._limit)[1]
+        self._rows = self._terms.independent_rows(self._limit)
+        self._lengths()
+        z = self._start()
+        first = self._right(self.t, z)
+        J = np.zeros((len(z), len(z)))
+        for k in range(self._parts[2]):
+            moved = z.copy()
+            moved[k] += _DIFFERENCE * max(1.0, abs(z[k]))
+            J[:, k] = (self._right(self.t, moved) - first) / (moved[k] - z[k])
+        # multipliers enter linearly, and mu at no increment by what T is one for
+        Q, (a, b, c, d, _) = self._terms.evaluate(self.t, self.y, self._angles).Q, self._parts
+        J[a:b, c:d] = self._inverse_mass @ Q[self._rows].T
+        if self._index == 2:
+            J[:a, d:] = self._inverse_mass @ Q[self._held].T
+        self._J, self._matrix, self._fresh = J, None, True
+        self.counters["jacobians"] += 1
+
+    def _factorise(self, h: float) -> _Matrix:
+        if self._matrix is None or abs(self._matrix.h - h) > 1e-10 * h:
+            a, _, c, d, end = self._parts
+            scale = np.ones(end)
+            if self._index == 3:
+                scale[a : self._parts[1]] = 1.0 / h
+                scale[c:d] = 1.0 / h**2
+            else:
+                scale[c:] = 1.0 / h
+            E = np.diag(self._differential.astype(float))
+            # unknowns are scaled by columns; LU with partial pivoting scales its rows by their largest entry
+            matrices = [(eigenvalue / h * E - self._J) * scale for eigenvalue in (_GAMMA, _PAIR)]
+            rows = 1.0 / np.max(np.abs(matrices[0]), axis=1)
+            factors = [lu_factor(rows[:, None] * matrix) for matrix in matrices]
+            self._matrix = _Matrix(h, np.vstack([scale, rows]), *factors)
+            self.counters["factorisations"] += 2
+        return self._matrix
+
+    # ------------------------------------------------------------ one step
+
+    def _weights(self, z: Array) -> Array:
+        """Sizes that errors of the differential unknowns are compared with."""
+        return self._tolerance * (1.0 + np.abs(z[: self._parts[2]]))
+
+    def _stages(self, z: Array, h: float) -> tuple[Array, bool] | None:
+        """Differences of the stages to the start, shape (3, n), and whether it was slow; None without convergence."""
+        matrix = self._factorise(h)
+        scale, rows = matrix.scale
+        weights, c = self._weights(z), self._parts[2]
+        Z, before = self._guess(h, len(z)), 0.0
+        # speeds of index 3 are difference quotients of positions
+        floor = _ROUNDING if self._index == 2 else max(_ROUNDING, 0.1 * _ROUNDING / h)
+        for n in range(_ITERATIONS):
+            F = np.array([self._right(self.t + x * h, z + part) for x, part in zip(RADAU.c, Z, strict=True)])
+            residual = F - _A_INVERSE @ (Z * self._differential) / h
+            if not np.all(np.isfinite(residual)):
+                return None
+            real = scale * lu_solve(matrix.real, rows * (_ROW_REAL @ residual))
+            pair = scale * lu_solve(matrix.pair, rows * (_ROW_PAIR @ residual))
+            change = np.outer(_T_REAL, real) + 2.0 * np.outer(_T_PAIR, pair).real
+            Z = Z + change
+            size = root_mean_square(change[:, :c] / weights)
+            rounding = n > 0 and size > 0.3 * before and size * self._tolerance < floor
+            if size <= _GOAL or rounding:
+                self._last = h, Z
+                return Z, n > _FAST
+            if n and size > 2.0 * before:
+                return None
+            before = size
+        return None
+
+    def _guess(self, h: float, count: int) -> Array:
+        """Differences of the stages to the start that the polynomial of the last step leads on to, shape (3, n)."""
+        if self._last is None or self._last[1].shape[1] != count:
+            return np.zeros((3, count))
+        before, Z = self._last
+        nodes = np.concatenate([[0.0], RADAU.c])
+        at = 1.0 + RADAU.c * h / before
+        weights = np.array([np.prod([(at - m) / (n - m) for m in nodes if m != n], axis=0) for n in nodes[1:]])
+        return weights.T @ Z - Z[-1]
+
+    def attempt(self, h: float) -> tuple[Array | None, float]:
+        """Unknowns at the end of a step of length h and its scaled error; None and infinity where it failed."""
+        if not self._J.size:
+            self._linearise()
+        z = self._start()
+        found = self._stages(z, h)
+        if found is None and not self._fresh:
+            self._linearise()
+            z = self._start()
+            found = self._stages(z, h)
+        if found is None:
+            return None, np.inf
+        Z, self._slow = found
+        matrix, c = self._factorise(h), self._parts[2]
+        scale, rows = matrix.scale
+        right = self._right(self.t, z) + self._differential * (RADAU.e @ Z) / h
+        right[c:] = 0.0
+        error = scale * lu_solve(matrix.real, rows * right)
+        if self._index == 3:
+            error[self._n : 2 * self._n] *= h
+        return z + Z[-1], root_mean_square(error[:c] / self._weights(np.maximum(np.abs(z), np.abs(z + Z[-1]))))
+
+    def accept(self, h: float, z: Array) -> None:
+        """Go on to the end of a step."""
+        a, b, c, d, _ = self._parts
+        self.y = displaced(self.y, self._n_b, z[:a], z[a:b])
+        self.y[self._n_b :].reshape(-1)[: self._terms.integrals] = z[b:c]
+        self.t += h
+        terms = self._terms.evaluate(self.t, self.y, self._angles)
+        self._lam = np.zeros(len(terms.Q))
+        self._lam[self._rows] = z[c:d]
+        self._force, self._Q = terms.Q.T @ self._lam, terms.Q.copy()
+        self._angles = self._terms.count_turns(self.y, self._angles)
+        self._fresh = False
+        if self._slow:
+            self._J = np.empty((0, 0))
+        self.counters["steps"] += 1
+
+    def multipliers(self) -> Array:
+        """Multipliers lam of all rows, of least norm where rows depend on one another, shape (q,)."""
+        return least_norm_multipliers(self._Q, self._force)
+
+    def advance(self, target: float, h: float) -> float:
+        """Go on to the time `target` by steps of controlled length, the first of length h; the length to go on with.
+
+        Raises
+        ------
+        NumericalFailure
+            If the step size falls below what the time resolves.
+        """
+        grow = _LARGEST
+        while self.t < target:
+            left = target - self.t
+            length = left if h >= left else min(h, 0.5 * left)
+            if length < _RESOLVED * max(1.0, abs(self.t)):
+                why = "the step size fell below what the time resolves: the motion runs into a singular pose"
+                raise NumericalFailure(f"Radau IIA, index {self._index}: at t = {self.t:.6g} s {why}")
+            z, error = self.attempt(length)
+            factor = _SAFETY * error**-0.25 if 0.0 < error < np.inf else (_LARGEST if error == 0.0 else 0.5)
+            if z is None or error > 1.0:
+                self.counters["rejected"] += 1
+                h, grow = length * max(_SMALLEST, min(factor, 1.0)), 1.0
+                continue
+            self.accept(length, z)
+            factor, grow = min(factor, grow), _LARGEST
+            longer = length if 1.0 <= factor < _KEEP else length * max(_SMALLEST, factor)
+            h = max(h, longer) if length < h else longer
+            if length == left:
+                self.t = target
+        return h
+
+
+def integrate_dae(
+    mechanism: Mechanism, state: State, times: Array, tolerance: float = 1e-10, index: Index = 2
+) -> TrajectoryAnswer:
+    """Motion of a mechanism by Radau IIA on its equations of index 2 or 3.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    state : State
+        Consistent state at ``times[0]``.
+    times : ndarray, shape (n_t,), s
+        Increasing; steps end on them.
+    tolerance : float
+        Bound on the scaled error estimate of a step, 1e-12 to 1e-3.
+    index : int
+        2 (Gear, Leimkuhler and Gupta) or 3.
+
+    Returns
+    -------
+    TrajectoryAnswer
+        With the counters of `DescriptorDae`.
+
+    Raises
+    ------
+    InvalidInput
+        Tolerance, index or times that make no sense.
+    NumericalFailure
+        When and why it cannot go on.
+    """
+    times = np.asarray(times, dtype=float)
+    if not 1e-12 <= tolerance <= 1e-3:
+        raise InvalidInput("tolerance", f"{tolerance} is out of range", "Choose 1e-12 to 1e-3.")
+    if index not in (2, 3):
+        raise InvalidInput("index", f"{index}", "Choose 2 or 3.")
+    if times.ndim != 1 or len(times) < 1 or not np.all(np.isfinite(times)) or np.any(np.diff(times) <= 0):
+        raise InvalidInput("times", "they do not increase", "Give finite, increasing sample times.")
+    motion = DescriptorDae(mechanism, state, float(times[0]), index, tolerance)
+    samples, h = [motion.y], tolerance**0.25 * 0.1
+    for target in times[1:]:
+        h = motion.advance(float(target), h)
+        samples.append(motion.y)
+    p, quat, v, w = unpack(mechanism, np.array(samples))
+    return TrajectoryAnswer(times, p, continuous_in_time(quat), v, w, motion.counters)

@@ -1,0 +1,394 @@
+"""Orientation coordinates: what stands for the rotation of a body in the state, each kind one row of `ORIENTATIONS`.
+
+Every row gives the rotation matrix ``R_WB(x)`` and the matrix H of ``w = H x'``, ``dw/dt = H x'' + h(x, x')``
+[C4 (4.55)-(4.56)], with w = w_WB_W: the angular velocity of the body in the world, in world components, rad/s. Arrays
+are of shape (n,) for coordinates and their rates, with n = 4 for Euler parameters and n = 3 for the others. Angles and
+rotation vectors are in rad, Euler and Rodrigues parameters are pure numbers. Equation keys refer to
+`docs/formulations.md`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from math import atan, atan2, ceil, cos, factorial, hypot, pi, sin, sqrt
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from consilience.errors import ConsilienceError
+from consilience.mechanism import (
+    Array,
+    cross,
+    elementary_rotation,
+    quaternion_from_rotation,
+    quaternion_from_rotation_vector,
+    rotation_from_bryant_xyz,
+    rotation_from_euler_zxz,
+    rotation_from_quaternion,
+    rotation_vector_from_quaternion,
+    skew,
+)
+
+NEAR_SINGULAR = 1e-6
+"""Distances to a singularity below this are refused: rates lose more than six of their sixteen digits there.
+
+As an angle: 1e-6 rad for theta and beta, 2e-6 rad from a half turn for Rodrigues parameters, 6.3e-6 rad from a full
+turn for the rotation vector.
+"""
+
+
+class SingularOrientation(ConsilienceError):
+    """A body came to an orientation that its coordinates cannot describe.
+
+    Parameters
+    ----------
+    body : str
+        Name of the body.
+    coordinates : str
+        Which orientation coordinates failed, for example ``Euler angles z-x-z``.
+    angle : str
+        Which angle is at fault, for example ``theta``.
+    value, singular_value : float
+        The angle of the body, and the one nearest to it at which the coordinates are singular, rad.
+    """
+
+    def __init__(self, body: str, coordinates: str, angle: str, value: float, singular_value: float) -> None:
+        super().__init__(
+            f"{body}: {coordinates} are singular at {angle} = {singular_value:.6f} rad, and {angle} = {value:.9f} rad "
+            f"is {abs(value - singular_value):.1e} rad away. Euler parameters have no singular orientation."
+        )
+        self.body = body
+        self.coordinates = coordinates
+        self.angle = angle
+        self.value = value
+        self.singular_value = singular_value
+
+    def __reduce__(self) -> tuple[type[SingularOrientation], tuple[str, str, str, float, float]]:
+        """Survive the trip out of a worker process with all five parts."""
+        return type(self), (self.body, self.coordinates, self.angle, self.value, self.singular_value)
+
+
+@dataclass(frozen=True)
+class Singularity:
+    """Where a kind of coordinates fails: at the angles ``first + k period``, k whole.
+
+    Parameters
+    ----------
+    angle : str
+        Name of the angle.
+    value : callable
+        The angle at x, rad.
+    first, period : float
+        Angles of failure, rad.
+    distance : callable
+        Pure number at x, 1 at the best orientations and 0 at the angles of failure.
+    """
+
+    angle: str
+    value: Callable[[Array], float]
+    first: float
+    period: float
+    distance: Callable[[Array], float]
+
+
+@dataclass(frozen=True)
+class Orientation:
+    """One kind of orientation coordinates.
+
+    Parameters
+    ----------
+    name : str
+        Name in messages.
+    size : int
+        Number of coordinates n.
+    rotation : callable
+        ``rotation(x)`` is R_WB, shape (3, 3).
+    coordinates : callable
+        x of unit Euler parameters quat_WB, shape (4,) to (n,), unchecked: `from_quaternion` is what to call.
+    H : callable
+        ``H(x)``, shape (3, n), in ``w_WB_W = H x'``.
+    h : callable
+        ``h(x, x_dot)``, shape (3,), in ``dw/dt = H x'' + h``, rad/s^2, world components.
+    solve : callable
+        ``x' (x, w)``, unchecked: `rates` is what to call.
+    singularity : Singularity, optional
+        Where the coordinates fail; None if nowhere.
+    """
+
+    name: str
+    size: int
+    rotation: Callable[[Array], Array]
+    coordinates: Callable[[Array], Array]
+    H: Callable[[Array], Array]
+    h: Callable[[Array, Array], Array]
+    solve: Callable[[Array, Array], Array]
+    singularity: Singularity | None = None
+
+    def from_rotation(self, R_WB: ArrayLike, body: str = "a body") -> Array:
+        """Coordinates of a rotation matrix, shape (3, 3) to (n,); raises as `from_quaternion` does."""
+        return self.from_quaternion(quaternion_from_rotation(R_WB), body)
+
+    def from_quaternion(self, quat_WB: ArrayLike, body: str = "a body") -> Array:
+        """Coordinates of unit Euler parameters, scalar first, shape (4,) to (n,).
+
+        Angles come out in (-pi, pi], theta in [0, pi], beta in [-pi/2, pi/2], rotation vectors no longer than pi.
+
+        Raises
+        ------
+        SingularOrientation
+            If the coordinates are within `NEAR_SINGULAR` of failing there; `body` is the name to blame.
+        """
+        x = self.coordinates(np.asarray(quat_WB, dtype=float))
+        self._refuse_singular(x, body)
+        return x
+
+    def rates(self, x: Array, w_WB_W: Array, body: str = "a body") -> Array:
+        """Time derivatives x', shape (n,), 1/s, of a body that turns with w_WB_W, shape (3,), rad/s.
+
+        Raises
+        ------
+        SingularOrientation
+            If ``distance_to_singularity(x) < NEAR_SINGULAR``; `body` is the name to blame.
+        """
+        self._refuse_singular(x, body)
+        return self.solve(x, w_WB_W)
+
+    def distance_to_singularity(self, x: Array) -> float:
+        """Pure number, 0 where the coordinates fail and at most 1; always 1 for coordinates that never do."""
+        return 1.0 if self.singularity is None else self.singularity.distance(x)
+
+    def _refuse_singular(self, x: Array, body: str) -> None:
+        at = self.singularity
+        if at is not None and at.distance(x) < NEAR_SINGULAR:
+            value = at.value(x)
+            nearest = at.first + at.period * round((value - at.first) / at.period)
+            raise SingularOrientation(body, self.name, at.angle, value, nearest)
+
+
+def _parameters_H(p: Array) -> Array:
+    """``w = 2 E p'`` with ``E = [-e | e0 1 + ~e]``, the world's counterpart of G [MASS (38)]."""
+    return 2.0 * np.column_stack([-p[1:], p[0] * np.eye(3) + skew(p[1:])])
+
+
+def _parameters_h(_p: Array, _p_dot: Array) -> Array:
+    """Zero: ``E' p' = -e' e0' + e0' e' + e' x e' = 0``, as ``G' p' = 0`` [MASS (38)]."""
+    return np.zeros(3)
+
+
+def _parameters_rates(p: Array, w: Array) -> Array:
+    """``p' = 1/2 E^T w``, from ``E E^T = 1`` and ``E p = 0`` for ``p.p = 1`` and so ``p.p' = 0`` [MASS (38)]."""
+    return 0.25 * _parameters_H(p).T @ w
+
+
+def _turn_axes(sequence: tuple[int, int, int], x: Array) -> Array:
+    """H of three turns about carried axes: column k is the axis of turn k after the turns before it [C4 (4.55)].
+
+    Euler angles: ``[0 cos(phi) sin(phi) sin(theta); 0 sin(phi) -cos(phi) sin(theta); 1 0 cos(theta)]``.
+    Bryant angles: ``[1 0 sin(beta); 0 cos(alpha) -sin(alpha) cos(beta); 0 sin(alpha) cos(alpha) cos(beta)]``.
+    """
+    i, j, k = sequence
+    first = elementary_rotation(i, x[0])
+    return np.column_stack([np.eye(3)[i], first[:, j], first @ elementary_rotation(j, x[1])[:, k]])
+
+
+def _turn_h(sequence: tuple[int, int, int], x: Array, x_dot: Array) -> Array:
+    """``h = x2' (x1' a1 x a2) + x3' ((x1' a1 + x2' a2) x a3)``: each axis is carried by the turns before it."""
+    a1, a2, a3 = _turn_axes(sequence, x).T
+    d1, d2, d3 = x_dot
+    return d2 * cross(d1 * a1, a2) + d3 * cross(d1 * a1 + d2 * a2, a3)
+
+
+def _turn_rates(sequence: tuple[int, int, int], x: Array, w: Array) -> Array:
+    """Inverse of ``w = x1' a1 + x2' a2 + x3' a3``, where a2 is orthogonal to a1 and a3.
+
+    The divisor ``a1 x a2 . a3`` is -sin(theta) for Euler angles and cos(beta) for Bryant angles.
+    """
+    a1, a2, a3 = _turn_axes(sequence, x).T
+    d3 = (cross(a1, a2) @ w) / (cross(a1, a2) @ a3)
+    # a1 is a unit vector: no second division by the small divisor, and w is met even near the singularity
+    return np.array([a1 @ (w - d3 * a3), a2 @ w, d3])
+
+
+def _wrap(angle: float) -> float:
+    """The same angle in (-pi, pi]."""
+    return angle - 2.0 * pi * ceil((angle - pi) / (2.0 * pi))
+
+
+def _euler_angles(quat: Array) -> Array:
+    """(phi, theta, psi) by half angles: accurate to rounding as a rotation, however near to theta = 0 or pi.
+
+    ``(e0, e3) = cos(theta/2) (cos, sin)((phi + psi)/2)``, ``(e1, e2) = sin(theta/2) (cos, sin)((phi - psi)/2)``.
+    """
+    e0, e1, e2, e3 = quat.tolist()
+    half_sum, half_difference = atan2(e3, e0), atan2(e2, e1)
+    theta = 2.0 * atan2(hypot(e1, e2), hypot(e0, e3))
+    return np.array([_wrap(half_sum + half_difference), theta, _wrap(half_sum - half_difference)])
+
+
+def _bryant_angles(quat: Array) -> Array:
+    """(alpha, beta, gamma) by half angles: accurate to rounding as a rotation, however near to beta = +-pi/2.
+
+    ``(e0 + e2, e1 + e3) = sqrt(2) sin(beta/2 + pi/4) (cos, sin)((alpha + gamma)/2)``,
+    ``(e0 - e2, e1 - e3) = sqrt(2) cos(beta/2 + pi/4) (cos, sin)((alpha - gamma)/2)``.
+    """
+    e0, e1, e2, e3 = quat.tolist()
+    half_sum, half_difference = atan2(e1 + e3, e0 + e2), atan2(e1 - e3, e0 - e2)
+    beta = 2.0 * atan2(hypot(e0 + e2, e1 + e3), hypot(e0 - e2, e1 - e3)) - pi / 2.0
+    return np.array([_wrap(half_sum + half_difference), beta, _wrap(half_sum - half_difference)])
+
+
+def _rodrigues_rotation(g: Array) -> Array:
+    """Rotation matrix of the Euler parameters ``(1, g) / sqrt(1 + g.g)``."""
+    return rotation_from_quaternion(np.array([1.0, *g]) / sqrt(1.0 + g @ g))
+
+
+def _rodrigues_parameters(quat: Array) -> Array:
+    """``g = e / e0`` [C4 section 4.3.1]."""
+    # at the half turn itself a vector so long that the check for singularities names it, in place of 0/0
+    return quat[1:] / (quat[0] if abs(quat[0]) > 1e-150 else 1e-150)
+
+
+def _rodrigues_H(g: Array) -> Array:
+    """``w = 2 / (1 + g.g) (g' + g x g')``: Euler parameters with ``e = e0 g``, ``e0^2 = 1 / (1 + g.g)``."""
+    return 2.0 / (1.0 + g @ g) * (np.eye(3) + skew(g))
+
+
+def _rodrigues_h(g: Array, g_dot: Array) -> Array:
+    """``h = -2 g.g' / (1 + g.g) w``: only the factor of H changes, for ``g' x g' = 0``."""
+    return -2.0 * (g @ g_dot) / (1.0 + g @ g) * (_rodrigues_H(g) @ g_dot)
+
+
+def _rodrigues_rates(g: Array, w: Array) -> Array:
+    """``g' = 1/2 (w + g (g.w) - g x w)``."""
+    return 0.5 * (w + g * (g @ w) - cross(g, w))
+
+
+def _rotation_of_vector(phi: Array) -> Array:
+    return rotation_from_quaternion(quaternion_from_rotation_vector(phi))
+
+
+_TERMS = np.arange(15)
+_SERIES = np.array(
+    [
+        [(-1.0) ** k / factorial(2 * k + 2) for k in _TERMS],
+        [(-1.0) ** k / factorial(2 * k + 3) for k in _TERMS],
+        [(-1.0) ** (k + 1) * (2 * k + 2) / factorial(2 * k + 4) for k in _TERMS],
+        [(-1.0) ** (k + 1) * (2 * k + 2) / factorial(2 * k + 5) for k in _TERMS],
+    ]
+)
+"""Coefficients of ``f^(2 k)`` in a, b, a~, b~ of `_vector_coefficients`; what is left out is below 1e-18 up to pi."""
+
+
+def _vector_coefficients(phi: Array) -> tuple[float, float, float, float]:
+    """``a = (1 - cos f) / f^2``, ``b = (f - sin f) / f^3``, ``a~ = (da/df) / f``, ``b~ = (db/df) / f``, f = |phi|.
+
+    Up to half a turn by their series, which have no cancellation there and no seam at small angles:
+    ``a = 1/2 - f^2/24 + ..``, ``b = 1/6 - f^2/120 + ..``,
+    ``a~ = -1/12 + f^2/180 - ..``, ``b~ = -1/60 + f^2/1260 - ..``.
+    """
+    square = float(phi @ phi)
+    if square <= pi**2:
+        a, b, da, db = (_SERIES @ square**_TERMS).tolist()
+        return a, b, da, db
+    f = sqrt(square)
+    a, b = 2.0 * (sin(f / 2.0) / f) ** 2, (1.0 - sin(f) / f) / square
+    return a, b, (sin(f) / f - 2.0 * a) / square, (a - 3.0 * b) / square
+
+
+def _vector_H(phi: Array) -> Array:
+    """``H = 1 + a ~phi + b ~phi^2``, det H = 2 a."""
+    a, b, _, _ = _vector_coefficients(phi)
+    matrix = skew(phi)
+    return np.eye(3) + a * matrix + b * (matrix @ matrix)
+
+
+def _vector_h(phi: Array, phi_dot: Array) -> Array:
+    """``h = phi.phi' (a~ c + b~ phi x c) + b phi' x c`` with ``c = phi x phi'``."""
+    _, b, da, db = _vector_coefficients(phi)
+    c = cross(phi, phi_dot)
+    return (phi @ phi_dot) * (da * c + db * cross(phi, c)) + b * cross(phi_dot, c)
+
+
+def _vector_rates(phi: Array, w: Array) -> Array:
+    """``phi' = w - 1/2 phi x w + c phi x (phi x w)``, ``c = (1 - (f/2) cot(f/2)) / f^2 = -a~ / (2 a)``, f = |phi|."""
+    a, _, da, _ = _vector_coefficients(phi)
+    across = cross(phi, w)
+    return w - 0.5 * across - da / (2.0 * a) * cross(phi, across)
+
+
+def switch_chart(phi: Array, phi_dot: Array) -> tuple[Array, Array]:
+    """Rotation vector of at most half a turn, and its rates, for the same rotation and angular velocity.
+
+    ``phi (1 - 2 pi n / |phi|)`` with n the whole turns to take back, 0 up to pi and 1 up to 3 pi. Called after each
+    step of an integrator it keeps the vector away from its singularity at a full turn.
+
+    Parameters
+    ----------
+    phi, phi_dot : ndarray, shape (3,)
+        Rotation vector, rad, and its time derivative, rad/s.
+
+    Returns
+    -------
+    phi, phi_dot : ndarray, shape (3,)
+        The very arguments if the rotation is no more than half a turn.
+    """
+    f = sqrt(phi @ phi)
+    if f <= pi:
+        return phi, phi_dot
+    turns = 2.0 * pi * ceil((f - pi) / (2.0 * pi))
+    axis = phi / f
+    return axis * (f - turns), phi_dot - turns / f * (phi_dot - axis * (axis @ phi_dot))
+
+
+_ZXZ, _XYZ = (2, 0, 2), (0, 1, 2)
+
+ORIENTATIONS = {
+    "euler_parameters": Orientation(
+        "Euler parameters", 4, rotation_from_quaternion, np.copy, _parameters_H, _parameters_h, _parameters_rates
+    ),
+    "euler_angles": Orientation(
+        "Euler angles z-x-z",
+        3,
+        rotation_from_euler_zxz,
+        _euler_angles,
+        partial(_turn_axes, _ZXZ),
+        partial(_turn_h, _ZXZ),
+        partial(_turn_rates, _ZXZ),
+        Singularity("theta", lambda x: float(x[1]), 0.0, pi, lambda x: abs(sin(x[1]))),
+    ),
+    "bryant_angles": Orientation(
+        "Bryant angles x-y-z",
+        3,
+        rotation_from_bryant_xyz,
+        _bryant_angles,
+        partial(_turn_axes, _XYZ),
+        partial(_turn_h, _XYZ),
+        partial(_turn_rates, _XYZ),
+        Singularity("beta", lambda x: float(x[1]), pi / 2.0, pi, lambda x: abs(cos(x[1]))),
+    ),
+    "rodrigues_parameters": Orientation(
+        "Rodrigues parameters",
+        3,
+        _rodrigues_rotation,
+        _rodrigues_parameters,
+        _rodrigues_H,
+        _rodrigues_h,
+        _rodrigues_rates,
+        Singularity("|phi|", lambda g: 2.0 * atan(sqrt(g @ g)), pi, 2.0 * pi, lambda g: 1.0 / sqrt(1.0 + g @ g)),
+    ),
+    "rotation_vector": Orientation(
+        "rotation vector components",
+        3,
+        _rotation_of_vector,
+        rotation_vector_from_quaternion,
+        _vector_H,
+        _vector_h,
+        _vector_rates,
+        Singularity(
+            "|phi|", lambda v: sqrt(v @ v), 2.0 * pi, 2.0 * pi, lambda v: abs(float(np.sinc(sqrt(v @ v) / (2.0 * pi))))
+        ),
+    ),
+}
+"""Orientation coordinates by name."""

@@ -1,0 +1,197 @@
+"""All formulations of the reference solver by name. A module is imported when its formulation is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from importlib import import_module
+from typing import Any
+
+from consilience.engine import TrajectoryAnswer, Unsupported
+from consilience.errors import InvalidInput
+from consilience.mechanism import Mechanism
+from consilience.reference.formulations.protocol import Formulation
+
+_HOME = "consilience.reference"
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One formulation.
+
+    Attributes
+    ----------
+    title : str
+    source : str
+        Equations it follows, by the keys of docs/formulations.md.
+    module : str
+        Module of `consilience.reference`.
+    maker : str
+        Class or function of that module that makes it of a mechanism.
+    arguments : dict
+        Further arguments of `maker`.
+    """
+
+    title: str
+    source: str
+    module: str
+    maker: str
+    arguments: dict[str, Any]
+
+
+def _kernel(name: str, title: str, source: str) -> Entry:
+    return Entry(title, source, "formulations.body_velocities", "KernelFormulation", {"name": name})
+
+
+_ORIENTATIONS = {
+    "euler_parameters": "Euler parameters",
+    "euler_angles": "Euler angles z-x-z",
+    "bryant_angles": "Bryant angles x-y-z",
+    "rodrigues_parameters": "Rodrigues parameters",
+    "rotation_vector": "the rotation vector",
+}
+_MASSES = {"": "symmetrised", "_plain": "plain"}
+
+
+def _form(name: str, title: str) -> Entry:
+    return Entry(title, "C4 (4.55)-(4.97)", "formulations.coordinates", "form", {"name": name})
+
+
+FORMULATIONS: dict[str, Entry] = {
+    "relative": Entry(
+        "minimal form in relative joint coordinates, articulated bodies",
+        "C4 (4.99)-(4.110), Featherstone",
+        "tree.formulation",
+        "RelativeCoordinates",
+        {},
+    ),
+    "descriptor": _kernel("descriptor", "descriptor form, Euler parameters", "MASS (36)-(39), C4 (4.84)-(4.97)"),
+    "null_space": _kernel("null_space", "minimal form, null space by SVD", "C4 (4.99)-(4.110)"),
+    "null_space_qr": _kernel("null_space_qr", "minimal form, null space by QR", "C4 (4.99)-(4.110)"),
+    "coordinate_partitioning": _kernel(
+        "coordinate_partitioning", "minimal form, independent velocities", "C4 (4.99)-(4.110), Wehage and Haug 1982"
+    ),
+    "articulated_body": _kernel("articulated_body", "recursive, articulated bodies", "C4 (4.99)-(4.110), Featherstone"),
+    "composite_body": _kernel("composite_body", "recursive, composite bodies", "C4 (4.99)-(4.110), Featherstone"),
+    "lagrange": Entry("Lagrange, second kind", "C4 (4.111)-(4.116)", "formulations.lagrange", "Lagrange", {}),
+    "point_coordinates": Entry(
+        "point coordinates", "ATTIA (1)-(25)", "formulations.point_coordinates", "PointCoordinates", {}
+    ),
+    **{
+        f"descriptor_{kind}{suffix}": _form(f"descriptor_{kind}{suffix}", f"descriptor form in {title}, {mass}")
+        for kind, title in _ORIENTATIONS.items()
+        for suffix, mass in _MASSES.items()
+    },
+    "descriptor_baumgarte": _form("descriptor_baumgarte", "descriptor form, stabilised by Baumgarte's method"),
+    "descriptor_unprojected": _form("descriptor_unprojected", "descriptor form without stabilisation"),
+}
+"""Selectable formulations."""
+
+
+@dataclass(frozen=True)
+class System:
+    """A formulation whose constraints are equations of each step, integrated by a method of its own.
+
+    Its accelerations at an instant are those of index 1: the hidden constraints ``Q a = gamma``.
+
+    Attributes
+    ----------
+    title, source : str
+    integrator : str
+        Function of `consilience.reference`, as ``module.function``.
+    arguments : dict
+        Further arguments of that function.
+    order : int or None
+        Of a method with constant steps; None where a tolerance controls them.
+    """
+
+    title: str
+    source: str
+    integrator: str
+    arguments: dict[str, Any]
+    order: int | None = None
+
+
+SYSTEMS: dict[str, System] = {
+    "descriptor_index_2": System(
+        "descriptor form of index 2 after Gear, Leimkuhler and Gupta; Radau IIA",
+        "EXU",
+        "formulations.dae_radau.integrate_dae",
+        {"index": 2},
+    ),
+    "descriptor_index_3": System(
+        "descriptor form of index 3; Radau IIA", "EXU", "formulations.dae_radau.integrate_dae", {"index": 3}
+    ),
+    "generalised_alpha": System(
+        "descriptor form of index 3 on the group of poses; generalised-alpha",
+        "EXU",
+        "formulations.dae_generalised_alpha.generalised_alpha",
+        {},
+        order=2,
+    ),
+}
+"""Selectable formulations of index 2 and 3."""
+
+
+_SMOOTH = "a formulation has smooth equations of motion, without impacts"
+
+
+def entry(name: str) -> Entry:
+    """Entry of a formulation, of index 1 where its own is higher.
+
+    Raises
+    ------
+    InvalidInput
+        If there is none of that name.
+    """
+    if name in SYSTEMS:
+        return FORMULATIONS["descriptor"]
+    if name not in FORMULATIONS:
+        known = ", ".join((*FORMULATIONS, *SYSTEMS))
+        raise InvalidInput(f"formulation '{name}'", "there is none of that name", f"Formulations: {known}.")
+    return FORMULATIONS[name]
+
+
+def system(name: str) -> Callable[..., TrajectoryAnswer]:
+    """Integrate a formulation of `SYSTEMS`: a function of mechanism, state, times, and tolerance or step."""
+    chosen = SYSTEMS[name]
+    module, function = chosen.integrator.rsplit(".", 1)
+    found: Callable[..., TrajectoryAnswer] = getattr(import_module(f"{_HOME}.{module}"), function)
+    return partial(found, **chosen.arguments)
+
+
+def unsupported(name: str, mechanism: Mechanism) -> tuple[Unsupported, ...]:
+    """What of a mechanism a formulation cannot represent, and why; empty if it can."""
+    found: tuple[Unsupported, ...] = import_module(f"{_HOME}.{entry(name).module}").unsupported(mechanism)
+    return found + _impacts(mechanism)
+
+
+def _impacts(mechanism: Mechanism) -> tuple[Unsupported, ...]:
+    return tuple(Unsupported(f"contact '{c.name}'", _SMOOTH) for c in mechanism.contacts[:1])
+
+
+def refuse_contacts(mechanism: Mechanism) -> None:
+    """Refuse a mechanism with contacts, which smooth equations would leave out.
+
+    Raises
+    ------
+    InvalidInput
+    """
+    for refusal in _impacts(mechanism):
+        raise InvalidInput(refusal.feature, refusal.reason, "Use consilience.reference.impacts.simulate_with_impacts.")
+
+
+def formulation(name: str, mechanism: Mechanism) -> Formulation:
+    """Equations of motion of a mechanism in a formulation.
+
+    Raises
+    ------
+    InvalidInput
+        Unknown name, or a mechanism the formulation cannot represent.
+    """
+    chosen = entry(name)
+    refuse_contacts(mechanism)
+    make = getattr(import_module(f"{_HOME}.{chosen.module}"), chosen.maker)
+    made: Formulation = make(mechanism, **chosen.arguments)
+    return made

@@ -1,0 +1,30 @@
+"""Step size control of the compiled integrators: bounds, counters and status (Hairer, Norsett and Wanner, II.4)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from consilience.reference.kernel.compiled import inner
+
+SAFETY, SMALLEST, LARGEST = 0.9, 0.2, 6.0
+"""Safety factor and bounds of the change of the step size."""
+
+STATUS = {
+    0: "finished",
+    1: "the step size fell below what the time resolves: the motion runs into a singular pose or grows without bound",
+    2: "the accelerations are not finite",
+}
+"""Meaning of the status that `integrate` returns."""
+
+STEPS, REJECTED, EVALUATIONS = 0, 1, 2
+"""Entries of the counters."""
+
+
+@inner
+def factor_of(error: float, safety: float, most: float) -> float:
+    """Change of the step size that a scaled error asks for, `most` at most; the smallest where it is not finite."""
+    if error == 0.0:
+        return most
+    if not np.isfinite(error):
+        return SMALLEST
+    return min(most, max(SMALLEST, safety * error ** (-1.0 / 8.0)))

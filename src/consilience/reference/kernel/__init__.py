@@ -1,0 +1,1 @@
+"""Ground of the compiled solver: decorators, small vectors, factorisations, functions of time."""

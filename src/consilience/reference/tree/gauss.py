@@ -1,0 +1,191 @@
+"""Collocation at the Gauss points in the state z, of order 16: an integrator that shares nothing with `integrate`.
+
+With the nodes c of Gauss's quadrature of eight points, the stages obey [Hairer, Norsett, Wanner, section II.7]
+
+    K_i = f(t + c_i h, z + h sum_j a_ij K_j),     z_1 = z + h sum_i b_i K_i,
+
+a_ij the integral of Lagrange's polynomial j up to c_i. They are found by iteration, one stage after the other, from the
+polynomial of the step before. Its last divided difference, of order 7, tells how well a polynomial follows the motion;
+the error of the step is of the square of that. Steps end at samples, where the order is the full one.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.polynomial.legendre import leggauss, legvander
+
+from consilience.mechanism import Array
+from consilience.reference.integrators.step_control import EVALUATIONS, REJECTED, STEPS
+from consilience.reference.kernel.compiled import inlined, inner, kernel
+from consilience.reference.kernel.held import opened
+from consilience.reference.kernel.vectors import assign
+from consilience.reference.tree.arrays import Elements, Rest, Run, Space, Tree
+from consilience.reference.tree.dynamics import rates
+from consilience.reference.tree.projection import SEEN, arrive, begin, longest_now, note
+from consilience.reference.tree.step_control import sizes
+
+STAGES = 8
+MOST_ITERATIONS = 14
+"""Where they do not settle in so many, the step is halved."""
+
+LARGEST, SMALLEST, SAFETY = 3.0, 0.3, 0.9
+
+
+class Scratch(NamedTuple):
+    """What a run writes into."""
+
+    K: Array  # (8, n_z) stages of the last step
+    guess: Array  # (8, n_z) of the next one
+    trial: Array  # (n_z,) state of a stage
+    found: Array  # (n_z,) its derivative
+    size: Array  # (5,) of the kinds of components
+
+
+def gauss_scratch(z: Array, rest: Rest | None) -> Scratch:
+    """Scratch of a run from the state z."""
+    count = len(z)
+    return Scratch(np.zeros((STAGES, count)), np.zeros((STAGES, count)), np.empty(count), np.empty(count), np.empty(5))
+
+
+def integrals(x: Array, weights: Array) -> Array:
+    """Integrals of Lagrange's polynomials from -1 to each node: by Legendre's, in which nothing cancels."""
+    P = legvander(x, len(x))
+    total = np.outer(x + 1.0, np.ones_like(x))
+    for k in range(1, len(x)):
+        total += np.outer(P[:, k + 1] - P[:, k - 1], P[:, k])
+    return np.asarray(0.5 * total * weights)
+
+
+_NODES, _WEIGHTS = leggauss(STAGES)
+C, B, A = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS, 0.5 * integrals(_NODES, _WEIGHTS)
+DIFFERENCE = np.array([1.0 / np.prod(C[j] - np.delete(C, j)) for j in range(STAGES)])
+DIFFERENCE /= np.sum(np.abs(DIFFERENCE))
+"""Weights of the last divided difference of the stages, scaled to a mean."""
+
+
+@inner
+def _extrapolate(K: Array, ratio: float, guess: Array) -> None:
+    """Stages of the next step, `ratio` times as long, by the polynomial through those of the last one."""
+    for i in range(STAGES):
+        x = 1.0 + C[i] * ratio
+        guess[i, :] = 0.0
+        for j in range(STAGES):
+            weight = 1.0
+            for m in range(STAGES):
+                if m != j:
+                    weight *= (x - C[m]) / (C[j] - C[m])
+            for n in range(K.shape[1]):
+                guess[i, n] += weight * K[j, n]
+
+
+@inlined
+def _iterate(
+    tree: Tree,
+    rest: Rest | None,
+    space: Space | None,
+    elements: Elements | None,
+    t: float,
+    h: float,
+    z: Array,
+    counters: Array,
+    scratch: Scratch,
+) -> bool:
+    """Iterate the guessed stages in place; whether they settle to rounding."""
+    K, size, trial, found = scratch.guess, scratch.size, scratch.trial, scratch.found
+    last = np.inf
+    for _ in range(MOST_ITERATIONS):
+        change = 0.0
+        for i in range(STAGES):
+            assign(trial, z)
+            for j in range(STAGES):
+                for n in range(z.shape[0]):
+                    trial[n] += h * A[i, j] * K[j, n]
+            rates(tree, rest, space, elements, None, t + C[i] * h, trial, found)
+            for n in range(z.shape[0]):
+                change = max(change, h * abs(found[n] - K[i, n]) / size[tree.kind[n]])
+                K[i, n] = found[n]
+        counters[EVALUATIONS] += STAGES
+        if change <= 1e-16 or (change <= 1e-13 and change > 0.5 * last):
+            return True
+        if not change < 1e3:
+            return False
+        last = change
+    return False
+
+
+@inner
+def _roughness(kind: Array, K: Array, h: float, size: Array) -> float:
+    """Last divided difference of the stages, scaled: what a polynomial of lower degree would miss."""
+    largest = 0.0
+    for n in range(K.shape[1]):
+        total = 0.0
+        for i in range(STAGES):
+            total += DIFFERENCE[i] * K[i, n]
+        largest = max(largest, h * abs(total) / size[kind[n]])
+    return largest
+
+
+@inner
+def _integrate(
+    tree: Tree,
+    rest: Rest | None,
+    space: Space | None,
+    elements: Elements | None,
+    scratch: Scratch,
+    z: Array,
+    times: Array,
+    tolerance: float,
+    longest: float,
+    motion: Array,
+    counters: Array,
+) -> int:
+    """`integrate_gauss`, compiled for what a mechanism has."""
+    K, guess, size = scratch.K, scratch.guess, scratch.size
+    counters[:] = 0
+    begin(tree, rest, space, elements, None, times[0], z)
+    note(tree, space, None, motion[0])
+    allowed = np.sqrt(tolerance)
+    t, h, before = times[0], 1e-3 * (times[-1] - times[0]), 0.0
+    for sample in range(1, times.shape[0]):
+        while t < times[sample]:
+            remaining = times[sample] - t
+            free = min(h, longest_now(tree, elements, longest))
+            step = remaining if free >= remaining else min(free, 0.5 * remaining)
+            if step < 1e-14 * max(1.0, abs(t)):
+                return 1
+            sizes(tree.kind, tree.length, z, size)
+            if before > 0.0:
+                _extrapolate(K, step / before, guess)
+            if before == 0.0 or step > 2.0 * before:
+                guess[:] = 0.0
+            settled = _iterate(tree, rest, space, elements, t, step, z, counters, scratch)
+            rough = _roughness(tree.kind, guess, step, size) / allowed if settled else np.inf
+            if rough > 1.0:
+                counters[REJECTED] += 1
+                h = step * (max(SMALLEST, SAFETY * rough ** (-1.0 / STAGES)) if settled else 0.5)
+                continue
+            counters[STEPS] += 1
+            for i in range(STAGES):
+                for n in range(z.shape[0]):
+                    z[n] += step * B[i] * guess[i, n]
+            for i in range(STAGES):
+                assign(K[i], guess[i])
+            before = step
+            factor = LARGEST if rough == 0.0 else min(LARGEST, SAFETY * rough ** (-1.0 / STAGES))
+            h = step * factor if step == free else max(h, step * factor)
+            t = times[sample] if step == remaining else t + step
+            arrive(tree, rest, space, elements, None, t, z, SEEN)
+        note(tree, space, None, motion[sample])
+    return 0
+
+
+@kernel
+def integrate_gauss(
+    run: Run, z: Array, times: Array, tolerance: float, longest: float, motion: Array, counters: Array
+) -> int:
+    """Integrate from ``times[0]`` and record the bodies at all sample times; arguments as in `integrate.integrate`."""
+    on = opened(run)
+    tree, rest, space, elements = on.tree, on.rest, on.space, on.elements
+    return _integrate(tree, rest, space, elements, on.scratch, z, times, tolerance, longest, motion, counters)

@@ -1,0 +1,164 @@
+"""Where the rows that close loops act, found once from the topology, and the arrays of their factorisation.
+
+Rows that touch the same bodies form a group. In the whitened responses B of the tree (a row of B for each free
+direction, a column for each constraint row) a group has entries only at the directions between its bodies and the
+ground. The groups are ordered so that those which share directions are near each other (reverse Cuthill-McKee), and
+B is factorised from the first to the last, front by front: see `fronts`.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+
+from consilience.mechanism import Array
+from consilience.reference.bodies.arrays import Model, all_rows
+
+ROW, ROW_END, PATH, PATH_END, BATCH, BATCH_END, REACH, HEIGHT, AT, SHELF = range(10)
+"""Columns of `Loops.group`: first constraint row of the group and the one behind its last, the same of its part of
+`Loops.path` and `Loops.batch`, last group with entries in its front, largest number of rows of the front, first entry
+of the front in `Fronts.F`, and first of its rows in `Fronts.tau` and `Fronts.x`."""
+
+CHOSEN, USED, START, RANK, CARRIED, SQUEEZED = range(6)
+"""Columns of `Fronts.state`: rows of a group that are independent, where a projection has found it; its columns in the
+present factors, the first of them and how many of them are independent; rows of a front that come from the one before,
+reflections that only shorten what is carried on."""
+
+TOUCHED = 4
+"""Most bodies that a row acts on: those of the two joints of a coupling."""
+
+
+class Loops(NamedTuple):
+    """G groups of q rows in the order of elimination; N free directions."""
+
+    group: Array  # (G, 10)
+    touched: Array  # (q, 4) links that a row acts on, -1 for none
+    path: Array  # links between the bodies of a group and the ground, outermost first
+    batch: Array  # directions that a group is the first to have entries at
+    home: Array  # (N, 2) that group, -1 for none, and the place among its directions
+
+
+class Fronts(NamedTuple):
+    """Arrays that the kernels write into."""
+
+    W: Array  # (q, 4, 6) wrenches of a unit of each row on the links it touches, world axes, at centres of mass
+    wrench: Array  # (n_b, 6); of both, in a plane, the three numbers that are left
+    F: Array  # fronts behind each other, each column by column
+    tau: Array  # factors of the reflections
+    x: Array  # vectors of the fronts
+    y: Array  # (q,) by columns
+    order: Array  # (q,) rows, group by group, those first that count
+    state: Array  # (G + 1, 6) columns CHOSEN to SQUEEZED
+    wanted: Array  # (q,) whether a row is to be evaluated
+    target: Array  # (q,) what the rows are to change by
+
+
+def _touched(layout: Array, cut: Model) -> Array:
+    """Links that each row acts on, shape (q, 4)."""
+    link = np.full(len(cut.mass) + 1, -1)
+    link[layout[:, 2]] = np.arange(len(layout))
+    ends = [[int(link[i]), int(link[j])] for i, j in zip(cut.body_i, cut.body_j, strict=True)]
+    joint_of = cut.coordinate[:, 0]
+    rows = [ends[k] for k in range(len(ends)) for _ in range(cut.first_row[k], cut.first_row[k + 1])]
+    rows += [ends[joint_of[c]] for c in cut.drive[:, 0]]
+    rows += [ends[joint_of[one]] + ends[joint_of[two]] for one, two in cut.coupling[:, :2]]
+    rows += [[int(link[b])] for b in [*cut.rolling_body, *np.repeat(cut.rolling_body, 2), *cut.skate_body]]
+    table = np.full((all_rows(cut), TOUCHED), -1)
+    for row, links in enumerate(rows):
+        table[row, : len(links)] = [n if n not in links[:at] else -1 for at, n in enumerate(links)]
+    return table
+
+
+def _path(layout: Array, links: Array) -> list[int]:
+    """Links from some of them to the ground, outermost first: a link stands behind its parent."""
+    found = set[int]()
+    for tip in links.tolist():
+        link = tip
+        while link >= 0 and link not in found:
+            found.add(link)
+            link = int(layout[link, 0])
+    return sorted(found, reverse=True)
+
+
+def find_loops(layout: Array, free: int, cut: Model) -> Loops:
+    """Groups of rows of a tree.
+
+    Parameters
+    ----------
+    layout : ndarray of int, shape (n_b, 9)
+        Of `Links`.
+    free : int
+        Number N of directions.
+    cut : Model
+        With the rows that close loops.
+    """
+    touched = _touched(layout, cut)
+    ends = [n for n in range(1, len(touched)) if set(touched[n]) != set(touched[n - 1])]
+    ranges = list(zip([0, *ends], [*ends, len(touched)], strict=True)) if len(touched) else []
+    paths = [_path(layout, touched[first]) for first, _ in ranges]
+    directions = [[n for k in path for n in range(layout[k, 7], layout[k, 8])] for path in paths]
+    order = _order(directions, free)
+    group = np.zeros((len(ranges), 10), dtype=np.int64)
+    home, last = np.full((free, 2), -1), np.zeros(free, dtype=np.int64)
+    path, batch = list[int](), list[int]()
+    for g, n in enumerate(order):
+        new = [m for m in directions[n] if home[m, 0] < 0]
+        home[new, 0], home[new, 1], last[directions[n]] = g, np.arange(len(new)), g
+        group[g, :6] = *ranges[n], len(path), len(path) + len(paths[n]), len(batch), len(batch) + len(new)
+        path += paths[n]
+        batch += new
+    _shape(group, batch, last)
+    return Loops(group, touched, np.array(path, dtype=np.int64), np.array(batch, dtype=np.int64), home)
+
+
+def _order(directions: list[list[int]], free: int) -> list[int]:
+    """Order of groups in which those that share directions are near each other."""
+    if len(directions) < 3:
+        return list(range(len(directions)))
+    pointer = np.cumsum([0, *(len(d) for d in directions)])
+    entries = np.concatenate([np.array(d, dtype=np.int64) for d in directions])
+    at = scipy.sparse.csr_array((np.ones(len(entries)), entries, pointer), shape=(len(directions), free))
+    order: list[int] = scipy.sparse.csgraph.reverse_cuthill_mckee(
+        scipy.sparse.csr_array(at @ at.T), symmetric_mode=True
+    ).tolist()
+    return order
+
+
+def _shape(group: Array, batch: list[int], last: Array) -> None:
+    """Fill in how far the fronts reach, and how large they can be."""
+    reach = height = at = shelf = 0
+    for g, row in enumerate(group):
+        kept = min(height, _columns(group, g, reach)) if reach >= g else 0
+        reach = max([reach, g, *(int(last[n]) for n in batch[row[BATCH] : row[BATCH_END]])])
+        height = kept + int(row[BATCH_END] - row[BATCH])
+        row[REACH:] = reach, height, at, shelf
+        at += height * _columns(group, g, reach)
+        shelf += height
+
+
+def _columns(group: Array, first: int, last: int) -> int:
+    """Rows of constraints of some groups."""
+    return int(np.sum(group[first : last + 1, ROW_END] - group[first : last + 1, ROW]))
+
+
+def fronts(loops: Loops, bodies: int, width: int) -> Fronts:
+    """Scratch arrays; wrenches of so many numbers."""
+    G, q = len(loops.group), len(loops.touched)
+    rows = int(np.sum(loops.group[:, HEIGHT]))
+    size = sum(int(row[HEIGHT]) * _columns(loops.group, g, int(row[REACH])) for g, row in enumerate(loops.group))
+    state = np.zeros((G + 1, 6), dtype=np.int64)
+    state[:-1, CHOSEN] = loops.group[:, ROW_END] - loops.group[:, ROW]
+    return Fronts(
+        W=np.zeros((q, TOUCHED, width)),
+        wrench=np.zeros((bodies, width)),
+        F=np.zeros(size),
+        tau=np.zeros(rows),
+        x=np.zeros(rows),
+        y=np.zeros(q),
+        order=np.arange(q),
+        state=state,
+        wanted=np.ones(q, dtype=np.int64),
+        target=np.zeros(q),
+    )

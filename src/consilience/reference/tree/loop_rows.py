@@ -1,0 +1,168 @@
+"""Rows that close loops, as wrenches on the few links that each of them touches: no array of rows times bodies."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from consilience.mechanism import Array
+from consilience.reference.bodies.joint_rows import (
+    TURN,
+    JointMotion,
+    Row,
+    displacement_row,
+    distance_row,
+    motion_between,
+    product_row,
+    row_of_angle,
+    row_of_screw,
+)
+from consilience.reference.kernel.compiled import fused, inner, kernel
+from consilience.reference.kernel.vectors import Vector, dot, load, rotate, rotate_back, scale, store
+from consilience.reference.tree.arrays import BODY
+from consilience.reference.tree.cut_joints import (
+    ARM_I,
+    ARM_J,
+    AXES_I,
+    AXES_J,
+    FIRST_ROW,
+    LAST_ROW,
+    LINK_I,
+    LINK_J,
+    PITCH,
+)
+from consilience.reference.tree.inertia import combine
+from consilience.reference.tree.kinematics import matrix_at, vector_at
+from consilience.reference.tree.loop_groups import CHOSEN, ROW, TOUCHED
+from consilience.reference.tree.records import ACCELERATION, POSITION, SPIN, VELOCITY, X
+
+
+@kernel
+def want(group: Array, order: Array, state: Array, wanted: Array) -> None:
+    """Mark the rows chosen: those that depend on them enter no acceleration."""
+    for n in range(wanted.shape[0]):
+        wanted[n] = 0
+    for g in range(group.shape[0]):
+        for n in range(group[g, ROW], group[g, ROW] + state[g, CHOSEN]):
+            wanted[order[n]] = 1
+
+
+@fused
+def _axis(link: Array, k: int, joint: Array, m: int, at: int) -> Vector:
+    """Axis of a joint frame on a link, in the world."""
+    return combine(matrix_at(link, k, X), vector_at(joint, m, at))
+
+
+@fused
+def _motion(link: Array, joint: Array, m: int) -> JointMotion:
+    """Relative motion of the frames of a joint between links that are placed."""
+    i, j = int(joint[m, LINK_I]), int(joint[m, LINK_J])
+    return motion_between(
+        i,
+        j,
+        _axis(link, i, joint, m, ARM_I),
+        _axis(link, j, joint, m, ARM_J),
+        vector_at(link, i, POSITION),
+        vector_at(link, j, POSITION),
+        vector_at(link, i, VELOCITY),
+        vector_at(link, j, VELOCITY),
+        vector_at(link, i, SPIN),
+        vector_at(link, j, SPIN),
+    )
+
+
+@fused
+def _product(link: Array, joint: Array, n: int, motion: JointMotion, one: int, two: int) -> Row:
+    """Product of two axes of a joint."""
+    return product_row(
+        _axis(link, motion.i, joint, n, AXES_I + 3 * one), _axis(link, motion.j, joint, n, AXES_J + 3 * two), motion
+    )
+
+
+@inner
+def _row(link: Array, joint: Array, n: int, motion: JointMotion, kind: int) -> Row:
+    """A row of a joint by its number in `reference.model.ROWS`."""
+    if kind < 3:
+        return displacement_row(_axis(link, motion.i, joint, n, AXES_I + 3 * kind), motion)
+    if kind == 3:
+        return distance_row(motion)
+    if kind < 13:
+        return _product(link, joint, n, motion, (kind - 4) // 3, (kind - 4) % 3)
+    pitch, z = joint[n, PITCH], displacement_row(_axis(link, motion.i, joint, n, AXES_I + 6), motion)
+    cos, sin = _product(link, joint, n, motion, 0, 0), _product(link, joint, n, motion, 1, 0)
+    return row_of_screw(z, row_of_angle(cos, sin, motion, TURN * z.value / pitch), pitch)
+
+
+@fused
+def joint_rows(
+    joint: Array, kinds: Array, targets: Array, wanted: Array, link: Array, W: Array, value: Array, gamma: Array
+) -> None:
+    """Rows wanted of the joints that close loops: wrenches on predecessor and successor, values and gammas."""
+    for m in range(joint.shape[0]):
+        motion = _motion(link, joint, m)
+        for n in range(int(joint[m, FIRST_ROW]), int(joint[m, LAST_ROW])):
+            if not wanted[n]:
+                continue
+            row = _row(link, joint, m, motion, kinds[n])
+            value[n] = row.value - targets[n]
+            gamma[n] = row.gamma
+            store(W[n, 0, 0:3], row.e, -1.0)
+            store(W[n, 0, 3:6], row.c_i, 1.0)
+            store(W[n, 1, 0:3], row.e, 1.0)
+            store(W[n, 1, 3:6], row.c_j, 1.0)
+
+
+@inner
+def gather(touched: Array, layout: Array, Q: Array, A: Array, W: Array) -> None:
+    """Wrenches out of the rows of all bodies."""
+    for row in range(touched.shape[0]):
+        for n in range(TOUCHED):
+            link = touched[row, n]
+            if link >= 0:
+                b = layout[link, BODY]
+                at = 6 * b
+                store(W[row, n, 0:3], load(Q[row, at : at + 3]), 1.0)
+                store(W[row, n, 3:6], rotate(A[b], load(Q[row, at + 3 : at + 6])), 1.0)
+
+
+@inner
+def open_accelerations(touched: Array, W: Array, links: Array, gamma: Array, target: Array) -> None:
+    """``gamma - Q a`` of the accelerations of the links."""
+    _open(touched, W, links, ACCELERATION, ACCELERATION + 3, gamma, target)
+
+
+@inner
+def open_rates(touched: Array, W: Array, links: Array, rate: Array, target: Array) -> None:
+    """``rate - Q v`` of the velocities of the links."""
+    _open(touched, W, links, VELOCITY, SPIN, rate, target)
+
+
+@fused
+def _open(touched: Array, W: Array, links: Array, linear: int, angular: int, given: Array, target: Array) -> None:
+    for row in range(touched.shape[0]):
+        total = given[row]
+        for n in range(TOUCHED):
+            link = touched[row, n]
+            if link >= 0:
+                total -= dot(load(W[row, n, 0:3]), vector_at(links, link, linear))
+                total -= dot(load(W[row, n, 3:6]), vector_at(links, link, angular))
+        target[row] = total
+
+
+@inner
+def size_of_rows(mass: Array, inertia_factor: Array, touched: Array, layout: Array, W: Array, A: Array) -> float:
+    """Largest ``|L^-1 q|`` of a row for bodies without joints: what its response in the tree comes to at most."""
+    largest = 0.0
+    for row in range(touched.shape[0]):
+        total = 0.0
+        for n in range(TOUCHED):
+            link = touched[row, n]
+            if link >= 0:
+                b = layout[link, BODY]
+                force, torque = load(W[row, n, 0:3]), rotate_back(A[b], load(W[row, n, 3:6]))
+                L = inertia_factor[b]
+                w0 = torque[0] / L[0, 0]
+                w1 = (torque[1] - L[1, 0] * w0) / L[1, 1]
+                w2 = (torque[2] - L[2, 0] * w0 - L[2, 1] * w1) / L[2, 2]
+                total += dot(force, scale(1.0 / mass[b], force)) + w0 * w0 + w1 * w1 + w2 * w2
+        largest = max(largest, np.sqrt(total))
+    return largest

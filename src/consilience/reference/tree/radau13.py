@@ -1,0 +1,388 @@
+"""Radau IIA of seven stages, of order 13, in the state z: for stiff motions, in which an explicit method must crawl.
+
+With the right Radau nodes c, the stages ``Z_i = z_i - z`` obey [Hairer and Wanner, section IV.8]
+
+    Z_i = h sum_j a_ij f(t + c_j h, z + Z_j),      z_1 = z + Z_7,
+
+a_ij the integral of Lagrange's polynomial j up to c_i. Newton's method finds them, with the Jacobian J of f at the
+start of the step, by differences. As ``a^-1 = T diag(lambda) T^-1``, an iteration solves four systems of the size of z,
+
+    (lambda_k / h - J) W_k = lambda_k / h (T^-1 R)_k,   R_i = h sum_j a_ij f_j - Z_i,   Z += T W,
+
+the eigenvalues being a real one and three pairs. The step is controlled by the difference to a method of order seven
+
+    (lambda_0 / h - J) err = f(t, z) + sum_i e_i Z_i / h,
+
+that uses the derivative at the start [section IV.8], and samples come from the polynomial through the stages, which is
+of that order.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from consilience.mechanism import Array
+from consilience.reference.integrators.step_control import (
+    EVALUATIONS,
+    LARGEST,
+    REJECTED,
+    SMALLEST,
+    STEPS,
+    factor_of,
+)
+from consilience.reference.kernel.compiled import inlined, inner, kernel
+from consilience.reference.kernel.held import opened
+from consilience.reference.kernel.vectors import assign
+from consilience.reference.tree.arrays import Elements, Rest, Run, Space, Tree
+from consilience.reference.tree.dynamics import rates
+from consilience.reference.tree.explicit_rk import SECOND, between, record_within
+from consilience.reference.tree.plane import Plane
+from consilience.reference.tree.projection import arrive, begin, longest_now, note
+from consilience.reference.tree.radau_coefficients import ESTIMATE, IN, LAMBDA, NESTED, OUT, STAGES, A, C
+from consilience.reference.tree.step_control import first_length, length, sizes, within
+
+SAFETY = 0.8
+MOST_ITERATIONS = 12
+"""Where they do not settle in so many, the step is shortened."""
+
+SETTLED = 1e-2
+"""Part of the tolerance that may be left of the iterations."""
+
+DIFFERENCE = np.sqrt(np.finfo(float).eps)
+"""Relative step of the Jacobian."""
+
+SLOWEST = 0.1
+"""Steps are as long as each iteration takes the last change to this part of it, at most."""
+
+
+class Scratch(NamedTuple):
+    """What a run writes into."""
+
+    Z: Array  # (7, n_z) stages, less the start of the step
+    K: Array  # (7, n_z) their derivatives
+    J: Array  # (n_z, n_z) Jacobian
+    LU: Array  # (4, n_z, n_z) complex, factorised systems
+    pivot: Array  # (4, n_z) their rows
+    W: Array  # (4, n_z) complex, their solutions
+    f: Array  # (n_z,) derivative at the start
+    beside: Array  # (n_z,) derivative at a state beside it
+    end: Array  # (n_z,) end of the step
+    state: Array  # (n_z,) of a stage or sample
+    F: Array  # (7, n_z) dense output
+    size: Array  # (5,) of the kinds of components
+    order: Array  # rows chosen at the end of the step, while its samples are taken
+    chosen: Array
+
+
+def radau_scratch(z: Array, rest: Rest | None) -> Scratch:
+    """Scratch of a run from the state z."""
+    rows, groups = (0, 0) if rest is None else (len(rest.fronts.order), len(rest.fronts.state))
+    n, systems = len(z), len(LAMBDA)
+    return Scratch(
+        Z=np.zeros((STAGES, n)),
+        K=np.zeros((STAGES, n)),
+        J=np.empty((n, n)),
+        LU=np.empty((systems, n, n), dtype=complex),
+        pivot=np.empty((systems, n), dtype=np.int64),
+        W=np.empty((systems, n), dtype=complex),
+        f=np.empty(n),
+        beside=np.empty(n),
+        end=np.empty(n),
+        state=np.empty(n),
+        F=np.zeros((STAGES, n)),
+        size=np.empty(5),
+        order=np.empty(rows, dtype=np.int64),
+        chosen=np.empty(groups, dtype=np.int64),
+    )
+
+
+@inner
+def _exchange(LU: Array, k: int) -> int:
+    """Bring the largest entry left of column k into row k; the row that it comes from."""
+    best = k
+    for i in range(k + 1, LU.shape[0]):
+        if abs(LU[i, k]) > abs(LU[best, k]):
+            best = i
+    if best != k:
+        for j in range(LU.shape[0]):
+            LU[k, j], LU[best, j] = LU[best, j], LU[k, j]
+    return best
+
+
+@inner
+def _factorise(J: Array, shift: complex, LU: Array, pivot: Array) -> None:
+    """Factorise ``shift - J`` with partial pivoting."""
+    count = J.shape[0]
+    for i in range(count):
+        for j in range(count):
+            LU[i, j] = -J[i, j]
+        LU[i, i] += shift
+    for k in range(count):
+        pivot[k] = _exchange(LU, k)
+        for i in range(k + 1, count):
+            LU[i, k] /= LU[k, k]
+            if LU[i, k] != 0.0:
+                for j in range(k + 1, count):
+                    LU[i, j] -= LU[i, k] * LU[k, j]
+
+
+@inner
+def _solve(LU: Array, pivot: Array, x: Array) -> None:
+    """Solve a factorised system in place."""
+    count = LU.shape[0]
+    for k in range(count):
+        best = pivot[k]
+        x[k], x[best] = x[best], x[k]
+    for i in range(1, count):
+        for j in range(i):
+            x[i] -= LU[i, j] * x[j]
+    for i in range(count - 1, -1, -1):
+        for j in range(i + 1, count):
+            x[i] -= LU[i, j] * x[j]
+        x[i] /= LU[i, i]
+
+
+@inner
+def _derivative(
+    tree: Tree,
+    rest: Rest | None,
+    space: Space | None,
+    elements: Elements | None,
+    plane: Plane | None,
+    t: float,
+    z: Array,
+    dz: Array,
+) -> None:
+    """State derivative: compiled once, as it is long."""
+    rates(tree, rest, space, elements, plane, t, z, dz)
+
+
+@inlined
+def _linearise(
+    tree: Tree,
+    rest: Rest | None,
+    space: Space | None,
+    elements: Elements | None,
+    plane: Plane | None,
+    t: float,
+    z: Array,
+    counters: Array,
+    scratch: Scratch,
+) -> None:
+    """Derivative at the start of a step, and the Jacobian, by differences.
+
+    The derivative is asked for in one place.
+    """
+    f, found, state = scratch.f, scratch.beside, scratch.state
+    sizes(tree.kind, tree.length, z, scratch.size)
+    for m in range(-1, z.shape[0]):
+        assign(state, z)
+        if m >= 0:
+            state[m] += DIFFERENCE * scratch.size[tree.kind[m]]
+        _derivative(tree, rest, space, elements, plane, t, state, found)
+        if m < 0:
+            assign(f, found)
+        else:
+            for n in range(z.shape[0]):
+                scratch.J[n, m] = (found[n] - f[n]) / (state[m] - z[m])
+    counters[EVALUATIONS] += z.shape[0] + 1
+
+
+@inner
+def _residuals(h: float, Z: Array, K: Array, W: Array) -> None:
+    """Right sides of the systems."""
+    W[:, :] = 0.0
+    for n in range(Z.shape[1]):
+        for i in range(STAGES):
+            residual = -Z[i, n]
+            for j in range(STAGES):
+                residual += h * A[i, j] * K[j, n]
+            for k in range(W.shape[0]):
+                W[k, n] += LAMBDA[k] / h * IN[k, i] * residual
+
+
+@inner
+def _correct(kind: Array, W: Array, Z: Array, size: Array) -> float:
+    """Correct the stages by the solutions of the systems; the largest change."""
+    largest = 0.0
+    for n in range(Z.shape[1]):
+        for i in range(STAGES):
+            change = 0.0
+            for k in range(W.shape[0]):
+                change += (OUT[i, k] * W[k, n]).real
+            Z[i, n] += change
+            if not abs(change) <= largest * size[kind[n]]:  # what is not a number, too
+                largest = abs(change) / size[kind[n]]
+    return largest
+
+
+@inlined
+def _iterate(
+    tree: Tree,
+    rest: Rest | None,
+    space: Space | None,
+    elements: Elements | None,
+    plane: Plane | None,
+    t: float,
+    h: float,
+    z: Array,
+    tolerance: float,
+    counters: Array,
+    scratch: Scratch,
+) -> tuple[bool, float]:
+    """Iterate the guessed stages in place; whether they settle, and what an iteration leaves of the last change."""
+    Z, K, state, last, rate = scratch.Z, scratch.K, scratch.state, np.inf, 0.0
+    for left in range(MOST_ITERATIONS, 0, -1):
+        for i in range(STAGES):
+            for n in range(z.shape[0]):
+                state[n] = z[n] + Z[i, n]
+            _derivative(tree, rest, space, elements, plane, t + C[i] * h, state, K[i])
+        counters[EVALUATIONS] += STAGES
+        _residuals(h, Z, K, scratch.W)
+        for k in range(LAMBDA.shape[0]):
+            _solve(scratch.LU[k], scratch.pivot[k], scratch.W[k])
+        change = _correct(tree.kind, scratch.W, Z, scratch.size)
+        if not change < np.inf:
+            return False, 1.0
+        rate, last = change / last, change
+        if change * max(rate, SLOWEST) <= SETTLED * tolerance or (rate > 0.5 and change <= tolerance):
+            return True, rate
+        if not change * rate**left <= tolerance:
+            return False, rate
+    return False, rate
+
+
+@inner
+def _error(kind: Array, h: float, scratch: Scratch) -> float:
+    """Scaled error estimate of a step."""
+    Z, W, size = scratch.Z, scratch.W, scratch.size
+    for n in range(Z.shape[1]):
+        total = scratch.f[n]
+        for i in range(STAGES):
+            total += ESTIMATE[i] * Z[i, n] / h
+        W[0, n] = total
+    _solve(scratch.LU[0], scratch.pivot[0], W[0])
+    error = 0.0
+    for n in range(Z.shape[1]):
+        error += (W[0, n].real / size[kind[n]]) ** 2
+    return np.sqrt(error / Z.shape[1])
+
+
+@inner
+def _guess(z: Array, F: Array, ratio: float, Z: Array) -> None:
+    """Stages of a step `ratio` times as long as the last one, by its polynomial."""
+    for i in range(STAGES):
+        between(z, F, 1.0 + ratio * C[i], Z[i])
+        for n in range(z.shape[0]):
+            Z[i, n] -= z[n] + F[0, n]
+
+
+@inlined
+def _attempt(
+    tree: Tree,
+    rest: Rest | None,
+    space: Space | None,
+    elements: Elements | None,
+    plane: Plane | None,
+    t: float,
+    h: float,
+    z: Array,
+    tolerance: float,
+    counters: Array,
+    scratch: Scratch,
+) -> tuple[float, float]:
+    """Iterate the guessed stages of a step; its end into the scratch, its error by the tolerance, and their rate."""
+    for k in range(LAMBDA.shape[0]):
+        _factorise(scratch.J, LAMBDA[k] / h, scratch.LU[k], scratch.pivot[k])
+    settled, rate = _iterate(tree, rest, space, elements, plane, t, h, z, tolerance, counters, scratch)
+    if not settled:
+        return np.inf, rate
+    for n in range(z.shape[0]):
+        scratch.end[n] = z[n] + scratch.Z[STAGES - 1, n]
+    return _error(tree.kind, h, scratch) / tolerance, rate
+
+
+@inner
+def _factor(error: float, rate: float, most: float) -> float:
+    """Change of the step size by its error, unless that is infinite, and by the rate of the iterations."""
+    by_error = factor_of(error, SAFETY, LARGEST) if error < np.inf else 0.5
+    return max(SMALLEST, min(most, by_error, SLOWEST / rate))
+
+
+@inner
+def _interpolate(Z: Array, F: Array) -> None:
+    """Dense output of a step."""
+    for n in range(Z.shape[1]):
+        for i in range(STAGES):
+            total = 0.0
+            for j in range(STAGES):
+                total += NESTED[i, j] * Z[j, n]
+            F[i, n] = total
+
+
+@inner
+def _integrate(
+    tree: Tree,
+    rest: Rest | None,
+    space: Space | None,
+    elements: Elements | None,
+    plane: Plane | None,
+    scratch: Scratch,
+    z: Array,
+    times: Array,
+    tolerance: float,
+    longest: float,
+    motion: Array,
+    counters: Array,
+) -> int:
+    """`integrate_radau`, compiled for what a mechanism has."""
+    t, last, sample = times[0], times[-1], SECOND
+    counters[:], scratch.F[:] = 0, 0.0
+    begin(tree, rest, space, elements, plane, t, z)
+    note(tree, space, plane, motion[0])
+    if times.shape[0] == 1:
+        return 0
+    bound, h, before, most, arrived = longest_now(tree, elements, longest), 0.0, np.inf, LARGEST, True
+    while sample < times.shape[0]:
+        if arrived:
+            _linearise(tree, rest, space, elements, plane, t, z, counters, scratch)
+            h = h if h > 0.0 else first_length(tree.kind, scratch.f, last - t, tolerance, scratch.size)
+        step = length(min(h, bound), last - t)
+        if not step >= 1e-14 * max(1.0, abs(t)):
+            return 1
+        _guess(z, scratch.F, step / before, scratch.Z)
+        error, rate = _attempt(tree, rest, space, elements, plane, t, step, z, tolerance, counters, scratch)
+        factor, arrived = _factor(error, rate, most), error <= 1.0
+        if not arrived:
+            counters[REJECTED] += 1
+            h, most = step * factor, 1.0
+            continue
+        counters[STEPS] += 1
+        after = last if step == last - t else t + step
+        left = within(times, sample, after)
+        seen = left < times.shape[0] and times[left] == after
+        _interpolate(scratch.Z, scratch.F)
+        arrive(tree, rest, space, elements, plane, after, scratch.end, seen)
+        bound = longest_now(tree, elements, longest)
+        if seen:
+            note(tree, space, plane, motion[left])
+        if sample < left:
+            record_within(
+                tree, rest, space, elements, plane, z, t, step, times[sample:left], motion[sample:left], scratch
+            )
+        sample = left + 1 if seen else left
+        assign(z, scratch.end)
+        t, h, before, most = after, step * factor if step == h else max(h, step * factor), step, LARGEST
+    return 0
+
+
+@kernel
+def integrate_radau(
+    run: Run, z: Array, times: Array, tolerance: float, longest: float, motion: Array, counters: Array
+) -> int:
+    """Integrate from ``times[0]`` and record the bodies at all sample times; arguments as in `integrate.integrate`."""
+    on = opened(run)
+    tree, rest, space, elements, plane = on.tree, on.rest, on.space, on.elements, on.plane
+    return _integrate(tree, rest, space, elements, plane, on.scratch, z, times, tolerance, longest, motion, counters)

@@ -1,0 +1,44 @@
+"""Arrays of `null_space`."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from consilience.mechanism import Array
+
+DIRECTIONS = 24
+"""Most directions of a tree whose rows are eliminated like this."""
+
+
+class Reduced(NamedTuple):
+    """Arrays that the kernels write into; no entries where a tree has too many directions."""
+
+    moves: Array  # (n_b, N) whether a direction moves a link
+    at: Array  # (N, 6) S of the directions at a point that is the same for all
+    J: Array  # (q, N + 2) rows, and t of one problem or two
+    given: Array  # (q,) direction that a row gives, -1 where it depends on others
+    left: Array  # (N,) directions left, the first f
+    V: Array  # (N, n_b + 1, 6) motions of the links; the last row is the ground
+    G: Array  # (N, N + 1) reduced masses and forces
+
+
+def reduced(rows: int, layout: Array, directions: int) -> Reduced:
+    """Scratch arrays of a tree."""
+    if directions > DIRECTIONS:
+        rows = directions = 0
+        layout = layout[:0]
+    moves = np.zeros((len(layout) + 1, directions), dtype=np.int64)
+    for k, row in enumerate(layout):
+        moves[k] = moves[row[0]]  # of the ground: the last one, which nothing moves
+        moves[k, row[7] : row[8]] = 1
+    return Reduced(
+        moves=moves,
+        at=np.zeros((directions, 6)),
+        J=np.zeros((rows, directions + 2)),
+        given=np.zeros(rows, dtype=np.int64),
+        left=np.zeros(directions, dtype=np.int64),
+        V=np.zeros((directions, len(layout) + 1, 6)),
+        G=np.zeros((directions, directions + 1)),
+    )

@@ -1,0 +1,93 @@
+"""The state z of a canonical state, compiled: in Python it took longer than a short motion."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from consilience.mechanism import Array, State
+from consilience.reference.bodies.arrays import Model, P, R, V, W
+from consilience.reference.bodies.joint_rows import joint_motion
+from consilience.reference.bodies.motion import arm, rotations
+from consilience.reference.bodies.spanning_tree import TreeModel
+from consilience.reference.kernel.compiled import inner, kernel
+from consilience.reference.kernel.held import opened, words_of
+from consilience.reference.kernel.vectors import Vector, add, column, cross, dot, load, rotate, rotate_back, store, sub
+from consilience.reference.tree.arrays import ABOUT, ALONG, COORDINATE, FREE, Links
+from consilience.reference.tree.inertia import Columns
+from consilience.reference.tree.kinematics import euler_parameters
+
+
+class Packing(NamedTuple):
+    """What a state is packed by."""
+
+    links: Links
+    spanning: TreeModel
+    model: Model
+
+
+def pack_relative(links: Links, spanning: TreeModel, model: Model, state: State) -> Array:
+    """State z of a canonical state; integrals of controllers are zero."""
+    return pack_by(links, words_of(Packing(links, spanning, model)), state)
+
+
+def pack_by(links: Links, packing: Packing, state: State) -> Array:
+    """The same by the words of a packing, made once for many states."""
+    z, y, A = np.zeros(len(links.kind)), np.empty((len(links.com), 13)), np.empty((len(links.com), 3, 3))
+    y[:, R], y[:, P], y[:, V], y[:, W] = state.p_WB, state.quat_WB, state.v_WB_W, state.w_WB_W
+    _pack(packing, y, A, z)
+    return z
+
+
+@inner
+def _to_centres(com: Array, y: Array, A: Array) -> None:
+    """Turn canonical states of the bodies into those of the kernels, in place; fill A."""
+    rotations(y, A)
+    for b in range(com.shape[0]):
+        c, w = rotate(A[b], load(com[b])), load(y[b, 10:13])
+        store(y[b, 0:3], add(load(y[b, 0:3]), c), 1.0)
+        store(y[b, 7:10], add(load(y[b, 7:10]), cross(w, c)), 1.0)
+        store(y[b, 10:13], rotate_back(A[b], w), 1.0)
+
+
+@inner
+def _frame(axes: Array, A: Array, body: int) -> Columns:
+    """Axes of a frame on a body, in the world."""
+    return arm(A, body, column(axes, 0)), arm(A, body, column(axes, 1)), arm(A, body, column(axes, 2))
+
+
+@inner
+def _seen_from(F: Columns, a: Vector) -> Vector:
+    """A vector of the world in axes of F."""
+    return dot(F[0], a), dot(F[1], a), dot(F[2], a)
+
+
+@kernel
+def _pack(packing: Packing, y: Array, A: Array, z: Array) -> None:
+    """Fill z from y, whose rows are canonical states and will be those of the kernels."""
+    by = opened(packing)
+    links, spanning, model = by.links, by.spanning, by.model
+    layout, direction, speeds = links.layout, links.direction, links.speeds
+    body_i, body_j, arm_i, arm_j = model.body_i, model.body_j, model.arm_i, model.arm_j
+    _to_centres(links.com, y, A)
+    for k in range(layout.shape[0]):
+        n = spanning.joint[k]
+        m = joint_motion(body_i, body_j, arm_i, arm_j, y, A, n)
+        F, M = _frame(model.axes_i[n], A, m.i), _frame(model.axes_j[n], A, m.j)
+        X = _seen_from(F, M[0]), _seen_from(F, M[1]), _seen_from(F, M[2])
+        p, v = _seen_from(F, m.d), _seen_from(F, sub(m.d_dot, cross(m.w_i, m.d)))
+        w = _seen_from(F, sub(m.w_j, m.w_i))
+        at, free, about = layout[k, COORDINATE], layout[k, FREE], layout[k, ABOUT]
+        for r in range(layout[k, ALONG]):
+            axis = direction[free + r, 1]
+            z[at + r], z[speeds + free + r] = p[axis], v[axis]
+        at, free = at + layout[k, ALONG], speeds + free + layout[k, ALONG]
+        if about == 3:
+            e = euler_parameters(X)
+            z[at], z[at + 1], z[at + 2], z[at + 3] = e
+            z[free], z[free + 1], z[free + 2] = w
+        elif about:
+            z[at], z[free] = np.arctan2(X[0][1], X[0][0]), w[2]
+        if about == 2:
+            z[at + 1], z[free + 1] = np.arctan2(X[1][2], X[2][2]), dot(X[0], w)

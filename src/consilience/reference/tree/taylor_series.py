@@ -1,0 +1,264 @@
+"""Taylor coefficients of a motion in a plane: of `planar`, one order after the other.
+
+Everything a planar mechanism does follows from the direction ``e = exp(i theta)`` of each link, vectors of the plane
+written as complex numbers, by sums and products; and coefficients of those are, with w the angular velocity,
+
+    (a b)_m = sum_j a_j b_{m-j},        e_{m+1} = i / (m + 1) sum_j w_j e_{m-j}
+
+[Griewank and Walther, Evaluating Derivatives, 2008, chapter 13; Jorba and Zou, A software package for the numerical
+integration of ODEs by means of high-order Taylor methods, Experimental Mathematics 14, 2005, 99-117]. A joint brings
+the force F to its link at the arm e a, and takes it from the parent at the arm e_p a_p, which both turn; with * for the
+conjugate, forces and torques about the centre of mass r of a link are
+
+    F = m r'' - weight + sum of F of the joints it carries
+    J w' + Im(e* P) = 0 where all joints turn,        P = sum of a_p* F of the joints it carries - a* F.
+
+The accelerations of order m enter the equations of that order as those of order zero do theirs, with the same inertias,
+arms and axes: the articulated bodies and the fronts of a state, factorised once, solve for all orders. What is left of
+order m is known when its turn comes, and enters as biases: terms of Im(e* P) with F of lower order, and accelerations
+of the links in which those of the directions have no part.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from consilience.mechanism import Array
+from consilience.reference.kernel.compiled import fused
+from consilience.reference.tree.planar import (
+    Pair,
+    Three,
+    dot3,
+    inertia_at,
+    pair_at,
+    push,
+    put_pair,
+    put_three,
+    three_at,
+    turned,
+)
+from consilience.reference.tree.plane import (
+    ACCELERATION,
+    ARM,
+    ARM_PARENT,
+    BIAS,
+    COS,
+    DIRECTION,
+    FIRST,
+    LAST,
+    MASS,
+    PARENT,
+    PIVOT,
+    QUADRATIC,
+    SENSE,
+    SPIN,
+    STEP,
+    TURN,
+    WEIGHT,
+    S,
+    U,
+)
+from consilience.reference.tree.records import REST
+
+C, SN, W, FX, FY, PX, PY, SLOTS = np.arange(8)
+"""Series of a link: real and imaginary parts of e, w, of F, of P."""
+
+MOST = 32
+"""Highest order."""
+
+
+class Series(NamedTuple):
+    """Coefficients by order, the last index; N directions."""
+
+    link: Array  # (n_b + 1, SLOTS, MOST + 3); the last one is the ground
+    q: Array  # (N, MOST + 3) coordinates
+
+
+def series_arrays(links: int, directions: int) -> Series:
+    """Arrays of a mechanism."""
+    link = np.zeros((links + 1, int(SLOTS), MOST + 3))
+    link[-1, C, 0] = 1.0
+    return Series(link, np.zeros((directions, MOST + 3)))
+
+
+@fused
+def begin_series(link: Array, free: Array, of: Array, q: Array, speeds: int, z: Array, inverse: Array) -> None:
+    """Coefficients that a state says, of links placed there."""
+    for k in range(link.shape[0] - 1):
+        c, s = pair_at(link, k, COS)
+        w = link[k, SPIN]
+        of[k, C, 0], of[k, SN, 0], of[k, W, 0] = c, s, w
+        of[k, C, 1], of[k, SN, 1] = -w * s, w * c
+    for n in range(q.shape[0]):
+        q[n, 0], q[n, 1] = z[n], z[speeds + n]
+        inverse[n] = 1.0 / free[n, PIVOT]
+
+
+@fused
+def _carrier(link: Array, k: int) -> int:
+    """Link that the displacements of a joint move with."""
+    return int(link[k, PARENT]) if link[k, SENSE] > 0.0 else k
+
+
+@fused
+def _displacements(link: Array, k: int) -> int:
+    """The direction behind the displacements of a joint."""
+    return int(link[k, LAST]) - (1 if link[k, TURN] != 0.0 else 0)
+
+
+@fused
+def _slide_forces(link: Array, free: Array, of: Array, q: Array, k: int, m: int, rest: Array) -> None:
+    """What is known of P where a joint slides, and of the force along it, into the remaining joint forces."""
+    b, sense = _carrier(link, k), link[k, SENSE]
+    along = across = 0.0
+    for j in range(1, m + 1):
+        c, s, x, y = of[b, C, j], of[b, SN, j], of[k, FX, m - j], of[k, FY, m - j]
+        along += c * x + s * y
+        across += c * y - s * x
+    for n in range(int(link[k, FIRST]), _displacements(link, k)):
+        d = pair_at(free, n, DIRECTION)
+        rest[n] = -sense * (d[0] * along + d[1] * across)
+        x = y = 0.0
+        for j in range(1, m + 1):
+            x += q[n, j] * of[k, FX, m - j]
+            y += q[n, j] * of[k, FY, m - j]
+        press(of, b, m, d, sense * x, sense * y)
+
+
+@fused
+def press(of: Array, k: int, m: int, a: Pair, x: float, y: float) -> None:
+    """Add ``a* F`` to P: a force at the arm a, in axes of the link."""
+    of[k, PX, m] += a[0] * x + a[1] * y
+    of[k, PY, m] += a[0] * y - a[1] * x
+
+
+@fused
+def known_forces(link: Array, free: Array, of: Array, q: Array, m: int, rest: Array, torque: Array) -> None:
+    """What is known of the forces of order m and of P, but for rows, and of the remaining joint forces."""
+    for k in range(link.shape[0]):
+        torque[k] = 0.0
+        for slot in range(FX, SLOTS):
+            of[k, slot, m] = 0.0
+    if m == 0:
+        for k in range(link.shape[0] - 1):
+            of[k, FX, 0], of[k, FY, 0] = -link[k, WEIGHT], -link[k, WEIGHT + 1]
+    for n in range(free.shape[0]):
+        rest[n] = 0.0
+    for k in range(link.shape[0] - 1):
+        if _displacements(link, k) > int(link[k, FIRST]):
+            _slide_forces(link, free, of, q, k, m, rest)
+
+
+@fused
+def _turn_on(of: Array, k: int, m: int) -> float:
+    """``e_{m+2}`` but for the acceleration of order m; what is known of ``Im(e* P)`` of order m."""
+    x = y = one = two = 0.0
+    for j in range(m + 1):
+        w = of[k, W, j]
+        x += w * of[k, SN, m + 1 - j]
+        y += w * of[k, C, m + 1 - j]
+        one += of[k, C, j] * of[k, PY, m - j]
+        two += of[k, SN, j] * of[k, PX, m - j]
+    factor = 1.0 / (m + 2.0)
+    of[k, C, m + 2], of[k, SN, m + 2] = -factor * x, factor * y
+    return one - two
+
+
+@fused
+def known_turns(link: Array, free: Array, of: Array, q: Array, m: int, torque: Array) -> None:
+    """What is known of the directions and steps of order m + 2, and the biases of order m."""
+    scale = (m + 1.0) * (m + 2.0)
+    for k in range(link.shape[0] - 1):
+        p = int(link[k, PARENT])
+        put_three(link, k, BIAS, (of[k, FX, m], of[k, FY, m], torque[k] + _turn_on(of, k, m)))
+        e_p, e = (of[p, C, m + 2], of[p, SN, m + 2]), (of[k, C, m + 2], of[k, SN, m + 2])
+        s_p, s = turned(e_p, pair_at(link, k, ARM_PARENT)), turned(e, pair_at(link, k, ARM))
+        x, y = s_p[0] - s[0], s_p[1] - s[1]
+        behind = _displacements(link, k)
+        if behind > int(link[k, FIRST]):
+            b, sense = _carrier(link, k), link[k, SENSE]
+            for n in range(int(link[k, FIRST]), behind):
+                c = s_n = 0.0
+                for j in range(m + 2):
+                    c += q[n, j] * of[b, C, m + 2 - j]
+                    s_n += q[n, j] * of[b, SN, m + 2 - j]
+                away = turned((c, s_n), pair_at(free, n, DIRECTION))
+                x, y = x + sense * away[0], y + sense * away[1]
+        put_pair(link, k, QUADRATIC, (scale * x, scale * y))
+
+
+@fused
+def _carried(link: Array, free: Array, inverse: Array, k: int) -> Three:
+    """Wrench that the quadratic accelerations of a link ask of its parent, its own directions free."""
+    c = pair_at(link, k, QUADRATIC)
+    c = c[0], c[1], 0.0
+    x = push(inertia_at(link, k), c)
+    for n in range(int(link[k, LAST]) - 1, int(link[k, FIRST]) - 1, -1):
+        u = three_at(free, n, U)
+        part = dot3(u, c) * inverse[n]
+        x = x[0] - part * u[0], x[1] - part * u[1], x[2] - part * u[2]
+    return x
+
+
+@fused
+def sweep_biases(link: Array, free: Array, rest: Array, inverse: Array) -> None:
+    """The remaining joint forces of the biases and of `rest`, in a tree whose inertias are swept."""
+    for k in range(link.shape[0] - 2, -1, -1):
+        f = three_at(link, k, BIAS)
+        for n in range(int(link[k, LAST]) - 1, int(link[k, FIRST]) - 1, -1):
+            left = rest[n] - dot3(three_at(free, n, S), f)
+            free[n, REST] = left
+            u = three_at(free, n, U)
+            left *= inverse[n]
+            f = f[0] + left * u[0], f[1] + left * u[1], f[2] + left * u[2]
+        p = int(link[k, PARENT])
+        if p >= 0:
+            x, d = _carried(link, free, inverse, k), pair_at(link, k, STEP)
+            a, b = f[0] + x[0], f[1] + x[1]
+            link[p, BIAS] += a
+            link[p, BIAS + 1] += b
+            link[p, BIAS + 2] += f[2] + x[2] + d[0] * b - d[1] * a
+
+
+@fused
+def next_order(link: Array, free: Array, of: Array, q: Array, inverse: Array, m: int) -> None:
+    """Accelerations of order m, links outwards, and the coefficients that follow from them."""
+    one, two = 1.0 / (m + 1.0), 1.0 / (m + 2.0)
+    for k in range(link.shape[0] - 1):
+        a, d, c = (
+            three_at(link, int(link[k, PARENT]), ACCELERATION),
+            pair_at(link, k, STEP),
+            pair_at(link, k, QUADRATIC),
+        )
+        a = a[0] - a[2] * d[1] + c[0], a[1] + a[2] * d[0] + c[1], a[2]
+        for n in range(int(link[k, FIRST]), int(link[k, LAST])):
+            s = three_at(free, n, S)
+            u = (free[n, REST] - dot3(a, three_at(free, n, U))) * inverse[n]
+            q[n, m + 2] = u * one * two
+            a = a[0] + u * s[0], a[1] + u * s[1], a[2] + u * s[2]
+        put_three(link, k, ACCELERATION, a)
+        w = one * a[2]
+        of[k, W, m + 1] = w
+        of[k, C, m + 2] -= two * w * of[k, SN, 0]
+        of[k, SN, m + 2] += two * w * of[k, C, 0]
+        of[k, FX, m] += link[k, MASS] * a[0]
+        of[k, FY, m] += link[k, MASS] * a[1]
+
+
+@fused
+def joint_forces(link: Array, free: Array, of: Array, q: Array, m: int) -> None:
+    """Forces of order m that the joints bring, links inwards, and P."""
+    for k in range(link.shape[0] - 2, -1, -1):
+        p, x, y = int(link[k, PARENT]), of[k, FX, m], of[k, FY, m]
+        press(of, k, m, pair_at(link, k, ARM), -x, -y)
+        press(of, p, m, pair_at(link, k, ARM_PARENT), x, y)
+        of[p, FX, m] += x
+        of[p, FY, m] += y
+        behind = _displacements(link, k)
+        if behind > int(link[k, FIRST]):
+            b, sense = _carrier(link, k), link[k, SENSE]
+            for n in range(int(link[k, FIRST]), behind):
+                away = sense * q[n, 0]
+                press(of, b, m, pair_at(free, n, DIRECTION), away * x, away * y)

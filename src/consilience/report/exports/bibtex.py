@@ -1,0 +1,95 @@
+"""BibTeX of what a run rests on: the comparison, the engines and their methods, the sources of the cases.
+
+Which work belongs to what stands in ``literature.toml``; a source of a case that no entry of it knows becomes a note
+of its own, so that none is lost.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterator, Mapping
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+from consilience.report.exports.latex import escaped
+from consilience.report.record import Record
+
+CONDITIONS = ("engine", "question", "method", "source")
+_OWN = "All numbers are our own"
+"""Beginning of the source of a case that has none but the case file itself."""
+
+
+@cache
+def literature() -> dict[str, dict[str, str]]:
+    """Entries of ``literature.toml`` by key: type, conditions and fields."""
+    text = files("consilience.report.exports").joinpath("literature.toml").read_text(encoding="utf-8")
+    return tomllib.loads(text)
+
+
+def render(record: Record) -> str:
+    """BibTeX of a record; a line above each entry says what it is cited for."""
+    version = record.header["packages"]["consilience"]
+    own = {
+        "type": "misc",
+        "title": "{Consilience}",
+        "author": "{The Consilience authors}",
+        "note": f"Version {version}",
+    }
+    entries = [_entry("consilience", own, ["the comparison"])]
+    entries += [_entry(key, literature()[key], reasons) for key, reasons in cited(record).items()]
+    entries += [_entry(key, {"type": "misc", "note": escaped(text)}, reasons) for key, text, reasons in others(record)]
+    return "\n".join(entries)
+
+
+def cited(record: Record) -> dict[str, list[str]]:
+    """Keys of the literature that a record uses, each with what it is used for, in the order of the table."""
+    asked = {_asked(run) for run in record.runs if run["method"] and run["status"] != "unsupported"}
+    found: dict[str, list[str]] = {}
+    for key, entry in literature().items():
+        reasons = sorted({engine for engine, question, method in asked if _serves(entry, engine, question, method)})
+        pattern = entry.get("source")
+        reasons += [
+            case["name"] for case in record.cases if pattern and any(re.search(pattern, s) for s in case["sources"])
+        ]
+        if reasons:
+            found[key] = reasons
+    return found
+
+
+def _asked(run: Mapping[str, Any]) -> tuple[str, str, str]:
+    return run["engine"].partition(":")[0], run["question"], run["method"]["name"]
+
+
+def _serves(entry: Mapping[str, str], engine: str, question: str, method: str) -> bool:
+    """Whether all conditions hold that an entry has on runs; False where it has none."""
+    held = []
+    if "engine" in entry:
+        held.append(entry["engine"] == engine)
+    if "question" in entry:
+        held.append(entry["question"] == question)
+    if "method" in entry:
+        held.append(re.search(entry["method"], method) is not None)
+    return bool(held) and all(held)
+
+
+def others(record: Record) -> Iterator[tuple[str, str, list[str]]]:
+    """Sources of cases that the literature does not know: key, text, and the cases that name it."""
+    patterns = [entry["source"] for entry in literature().values() if "source" in entry]
+    found: dict[str, list[str]] = {}
+    for case in record.cases:
+        for text in case["sources"]:
+            if not text.startswith(_OWN) and not any(re.search(pattern, text) for pattern in patterns):
+                found.setdefault(text, []).append(case["name"])
+    taken: dict[str, int] = {}
+    for text, cases in found.items():
+        stem = re.sub(r"[^A-Za-z0-9_-]", "_", cases[0])
+        taken[stem] = taken.get(stem, 0) + 1
+        yield f"source-{stem}-{taken[stem]}", text, cases
+
+
+def _entry(key: str, entry: Mapping[str, str], reasons: list[str]) -> str:
+    fields = [f"  {name} = {{{value}}}," for name, value in entry.items() if name not in ("type", *CONDITIONS)]
+    about = ", ".join(reasons).replace("@", "at")
+    return "\n".join([f"% for: {about}", f"@{entry['type']}{{{key},", *fields, "}", ""])

@@ -1,0 +1,28 @@
+"""Suites: many cases, engines and questions, asked in parallel, kept, resumed and judged."""
+
+from __future__ import annotations
+
+from consilience.suite.engine_runs import (
+    FULL,
+    QUICK,
+    Effort,
+    ask_case,
+    ask_ladder,
+    open_plan,
+)
+from consilience.suite.store import Store
+from consilience.suite.suite import EngineFailure, Results, run_suite, simulate_case
+
+__all__ = [
+    "FULL",
+    "QUICK",
+    "Effort",
+    "EngineFailure",
+    "Results",
+    "Store",
+    "ask_case",
+    "ask_ladder",
+    "open_plan",
+    "run_suite",
+    "simulate_case",
+]

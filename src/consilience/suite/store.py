@@ -1,0 +1,200 @@
+"""Answers that are known already, by the content of what was asked: a database beside the report.
+
+The key of an answer is a digest of everything that decides it: engine and version, mechanism, states, times, question,
+method with its settings, step, and the sources of the harness and of the adapter. A changed case, engine or line of
+code asks anew; nothing is ever taken for the answer to another question.
+
+SQLite keeps each answer in a transaction of its own: whatever kills the process loses the jobs in flight, and no more.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import sqlite3
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, is_dataclass
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+import numpy as np
+
+from consilience.engine import Answer, EngineInfo, InstantAnswer, ModelAnswer, TrajectoryAnswer, installed, split_name
+from consilience.engine.worker.client import Request
+from consilience.errors import ConsilienceError
+
+FILE = "answers.sqlite"
+
+FAILED = "failed"
+"""Folder of the jobs that failed, beside it."""
+
+_KINDS: dict[str, type[Answer]] = {kind.__name__: kind for kind in (ModelAnswer, InstantAnswer, TrajectoryAnswer)}
+
+_LAYOUT = "CREATE TABLE IF NOT EXISTS answers (key TEXT PRIMARY KEY, about TEXT NOT NULL, arrays BLOB NOT NULL)"
+
+
+class StoreError(ConsilienceError):
+    """The store cannot be read or written."""
+
+
+@dataclass(frozen=True, eq=False)
+class Kept:
+    """An answer with what it cost and what the engine printed."""
+
+    answer: Answer
+    cpu: float
+    log: str
+
+
+def _pieces(value: Any) -> Iterator[bytes]:
+    """Bytes that tell values apart, whatever objects carry them."""
+    if is_dataclass(value) and not isinstance(value, type):
+        yield type(value).__name__.encode()
+        for item in fields(value):
+            yield item.name.encode()
+            yield from _pieces(getattr(value, item.name))
+    elif isinstance(value, np.ndarray):
+        yield f"{value.dtype.str}{value.shape}".encode()
+        yield np.ascontiguousarray(value).tobytes()
+    elif isinstance(value, Mapping):
+        yield f"{{{len(value)}".encode()
+        for key in sorted(value, key=repr):
+            yield repr(key).encode()
+            yield from _pieces(value[key])
+    elif isinstance(value, str | bytes | bool | int | float | None):
+        yield f"{type(value).__name__}:{value!r};".encode()
+    elif isinstance(value, Sequence):
+        yield f"[{len(value)}".encode()
+        for item in value:
+            yield from _pieces(item)
+    else:
+        raise TypeError(f"no digest of a {type(value).__name__}")
+
+
+def _digest(*values: Any) -> str:
+    digest = hashlib.sha256()
+    for value in values:
+        for piece in _pieces(value):
+            digest.update(len(piece).to_bytes(8, "little"))
+            digest.update(piece)
+    return digest.hexdigest()
+
+
+@cache
+def _sources(package: str) -> str:
+    """Digest of the Python sources of an installed package, which is not imported; empty if it has none."""
+    spec = find_spec(package)
+    if spec is None or spec.origin is None:
+        return ""
+    origin = Path(spec.origin)
+    files = sorted(origin.parent.rglob("*.py")) if spec.submodule_search_locations else [origin]
+    return _digest([(str(f.relative_to(origin.parent)), f.read_bytes()) for f in files])
+
+
+def _code(engine: str) -> tuple[str, str]:
+    """What stands for the code that answers: the harness's and the adapter's."""
+    entry = installed().get(engine.partition(":")[0])
+    return _sources("consilience"), _sources(entry.module.partition(".")[0]) if entry else ""
+
+
+def code_of(engines: Sequence[str]) -> str:
+    """Digest of the code that asks these engines and judges them: the harness's and the adapters'."""
+    return _digest(*(_code(split_name(engine)[0]) for engine in ("", *engines)))
+
+
+def _item(value: Any) -> Any:
+    """A NumPy scalar as Python's own."""
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f"no place for a {type(value).__name__} in the store")
+
+
+class Store:
+    """Answers in a folder.
+
+    Parameters
+    ----------
+    folder : Path
+        Created if it is missing.
+    fresh : bool
+        Forget what is there.
+
+    Raises
+    ------
+    StoreError
+        If there is no database at its place, or no room for one.
+    """
+
+    def __init__(self, folder: Path, fresh: bool = False) -> None:
+        self._file = folder / FILE
+        self._lock = Lock()
+        self._mechanism: tuple[object, str] = (None, "")
+        self._codes: dict[str, tuple[str, str]] = {}
+        folder.mkdir(parents=True, exist_ok=True)
+        try:
+            self._connection = sqlite3.connect(self._file, check_same_thread=False, isolation_level=None)
+        except sqlite3.Error as error:
+            raise StoreError(f"{self._file}: {error}") from None
+        self._do("PRAGMA journal_mode=WAL")
+        self._do("PRAGMA synchronous=NORMAL")
+        self._do(_LAYOUT)
+        if fresh:
+            self._do("DELETE FROM answers")
+
+    def _do(self, statement: str, values: tuple[object, ...] = ()) -> list[tuple[Any, ...]]:
+        with self._lock:
+            try:
+                return self._connection.execute(statement, values).fetchall()
+            except sqlite3.Error as error:
+                remedy = "Free some room, or remove it to begin anew."
+                raise StoreError(f"{self._file}: {error}. {remedy}") from None
+
+    def key(self, info: EngineInfo, request: Request) -> str:
+        """Digest of a job."""
+        known, digest = self._mechanism
+        if known is not request.mechanism:
+            digest = _digest(request.mechanism)
+            self._mechanism = (request.mechanism, digest)
+        asked = (request.question, request.method, request.states, request.times, request.step)
+        if info.name not in self._codes:  # what is installed is looked for on the disk: longer than many a job
+            self._codes[info.name] = _code(info.name)
+        return _digest(asdict(info), self._codes[info.name], digest, asked)
+
+    def find(self, key: str) -> Kept | None:
+        """What is kept under a key."""
+        rows = self._do("SELECT about, arrays FROM answers WHERE key = ?", (key,))
+        if not rows:
+            return None
+        about, arrays = json.loads(rows[0][0]), np.load(io.BytesIO(rows[0][1]), allow_pickle=False)
+        values = dict(about["values"]) | {name: arrays[name] for name in arrays.files}
+        return Kept(_KINDS[about["kind"]](**values), about["cpu"], about["log"])
+
+    def keep(self, key: str, kept: Kept) -> None:
+        """Add an answer."""
+        values = vars(kept.answer)
+        arrays = {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
+        others = {name: value for name, value in values.items() if name not in arrays}
+        about = {"kind": type(kept.answer).__name__, "values": others, "cpu": kept.cpu, "log": kept.log}
+        buffer = io.BytesIO()
+        np.savez(buffer, allow_pickle=False, **arrays)
+        row = (key, json.dumps(about, default=_item), buffer.getvalue())
+        self._do("INSERT OR REPLACE INTO answers VALUES (?, ?, ?)", row)
+
+    def keep_job(self, key: str, job: bytes) -> str:
+        """Write down a job that failed, as it was sent; its file, seen from the folder."""
+        file = self._file.parent / FAILED / f"{key[:20]}.frames"
+        try:
+            file.parent.mkdir(exist_ok=True)
+            file.write_bytes(job)
+        except OSError as error:
+            raise StoreError(f"{file}: {error.strerror}") from None
+        return f"{FAILED}/{file.name}"
+
+    def close(self) -> None:
+        """Let go of the file."""
+        with self._lock:
+            self._connection.close()
