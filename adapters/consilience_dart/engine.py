@@ -20,7 +20,7 @@ from consilience.engine import (
     Unsupported,
     beyond,
 )
-from consilience.mechanism import JOINT_KINDS, Array, Mechanism, State, lower
+from consilience.mechanism import JOINT_KINDS, Array, Mechanism, State, to_elementary_tree
 from consilience_dart import methods as ways
 from consilience_dart.dynamics import (
     body_accelerations,
@@ -116,7 +116,7 @@ class DartEngine:
 
     def manifest(self, mechanism: Mechanism) -> Manifest:
         """Say what the translation keeps exact and what it approximates."""
-        tree = lower(without_screws(mechanism))
+        tree = to_elementary_tree(without_screws(mechanism))
         exact = ["bodies, revolute, prismatic and rigid joints, gravity"]
         exact += dict.fromkeys(EXACT[feature] for feature in mechanism.features if feature in EXACT)
         approximated = list(dict.fromkeys(APPROXIMATED[f] for f in mechanism.features if f in APPROXIMATED))

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from consilience.engine import Method, Profile, Question, Route, Unsupported
-from consilience.mechanism import Mechanism, Tree, initial_state, lower
+from consilience.mechanism import Mechanism, Tree, initial_state, to_elementary_tree
 from consilience_dart.dynamics import constraint_rank
 from consilience_dart.state import from_state, send
 from consilience_dart.stepping import (
@@ -163,5 +163,5 @@ def methods(mechanism: Mechanism, question: Question) -> tuple[Method, ...]:
     """Methods for a question, the headline first."""
     if question is Question.MODEL:
         return (Method(MODEL, Route.NATIVE),)
-    tree = lower(without_screws(mechanism))
+    tree = to_elementary_tree(without_screws(mechanism))
     return _instant(mechanism, tree) if question is Question.INSTANT else _trajectory(mechanism, tree)

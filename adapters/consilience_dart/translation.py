@@ -28,7 +28,7 @@ from consilience.mechanism import (
     Rolling,
     Skate,
     Tree,
-    lower,
+    to_elementary_tree,
 )
 
 Z = np.array([0.0, 0.0, 1.0])
@@ -221,7 +221,7 @@ def _axes(mechanism: Mechanism, tree: Tree, joints: list[Any], start: list[int])
 def build(mechanism: Mechanism) -> Model:
     """Translate a mechanism. The skeleton has time step zero, so that its joint springs act at the state as it is."""
     lowered = without_screws(mechanism)
-    tree = lower(lowered)
+    tree = to_elementary_tree(lowered)
     skeleton = dartpy.dynamics.Skeleton(mechanism.name)
     skeleton.setGravity(mechanism.gravity)
     skeleton.setTimeStep(0.0)

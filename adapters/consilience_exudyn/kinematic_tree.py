@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from consilience.mechanism import GROUND, Array, Mechanism, State, Tree, coordinates, lower
+from consilience.mechanism import GROUND, Array, Mechanism, State, Tree, coordinates, to_elementary_tree
 from consilience_exudyn.efforts import Coordinate, Integrals, efforts_of, opposed
 from consilience_exudyn.forces import add_springs_and_loads, transformation
 from consilience_exudyn.library import exu, items
@@ -52,7 +52,7 @@ def is_one_axis_tree(mechanism: Mechanism) -> bool:
     """Whether the mechanism has no loop and only joints made of revolute and prismatic axes."""
     if _BEYOND & mechanism.features.keys():
         return False
-    tree = lower(mechanism)
+    tree = to_elementary_tree(mechanism)
     return not tree.welds and all(link.elementary in _JOINT_TYPES for link in tree.links)
 
 
@@ -72,7 +72,7 @@ def build_tree(mechanism: Mechanism, state: State, outputs: Sequence[str] = MOTI
     outputs : sequence of str
         Exudyn's output variables that sensors read at the origin of each body.
     """
-    tree = lower(mechanism)
+    tree = to_elementary_tree(mechanism)
     container = exu.SystemContainer()
     system = container.AddSystem()
     ground = system.AddObject(items.ObjectGround())

@@ -21,7 +21,7 @@ from consilience.engine import (
     Unsupported,
     beyond,
 )
-from consilience.mechanism import JOINT_KINDS, Array, Mechanism, State, Tree, continuous_in_time, lower
+from consilience.mechanism import JOINT_KINDS, Array, Mechanism, State, Tree, continuous_in_time, to_elementary_tree
 from consilience_mujoco.callback import answering
 from consilience_mujoco.evaluate import (
     accelerations,
@@ -172,7 +172,7 @@ class MujocoEngine:
     def _tree(self, mechanism: Mechanism) -> Tree:
         """Lower, unless it is the mechanism of last time."""
         if self._lowered is None or self._lowered[0] is not mechanism:
-            self._lowered = mechanism, lower(without_screws(mechanism))
+            self._lowered = mechanism, to_elementary_tree(without_screws(mechanism))
         return self._lowered[1]
 
     def _equalities(self, mechanism: Mechanism) -> Equalities:

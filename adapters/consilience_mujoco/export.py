@@ -15,7 +15,7 @@ import numpy as np
 
 from consilience.engine import Method, Question
 from consilience.engine.native import JET, function_data, script
-from consilience.mechanism import Mechanism, Rolling, Skate, State, lower
+from consilience.mechanism import Mechanism, Rolling, Skate, State, to_elementary_tree
 from consilience_mujoco.actuators import load_name
 from consilience_mujoco.callback import answering
 from consilience_mujoco.engine import MujocoEngine
@@ -216,7 +216,7 @@ def _signals(mechanism: Mechanism) -> list[dict[str, Any]]:
 
 def _rows(mechanism: Mechanism) -> list[dict[str, Any]]:
     """Drives and couplings: equality, joint and sign, those of the driver, function."""
-    tree = lower(without_screws(mechanism))
+    tree = to_elementary_tree(without_screws(mechanism))
 
     def axis(joint: str, coordinate: str) -> tuple[str, float]:
         link, sign = axis_link(mechanism, tree, joint, coordinate)

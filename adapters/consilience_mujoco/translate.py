@@ -15,7 +15,16 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from consilience.mechanism import Array, Frame, JointSpring, Link, Mechanism, Tree, lower, quaternion_from_rotation
+from consilience.mechanism import (
+    Array,
+    Frame,
+    JointSpring,
+    Link,
+    Mechanism,
+    Tree,
+    quaternion_from_rotation,
+    to_elementary_tree,
+)
 from consilience_mujoco.actuators import Signal, add_forces
 from consilience_mujoco.messages import warnings_raise
 from consilience_mujoco.places import ELEMENTARY, add_site, compose, inverse, link_name
@@ -217,7 +226,7 @@ def translate(mechanism: Mechanism) -> Translation:
         With the words of MuJoCo's compiler, if it refuses the model.
     """
     plain = without_screws(mechanism)
-    tree, spec = lower(plain), mujoco.MjSpec()
+    tree, spec = to_elementary_tree(plain), mujoco.MjSpec()
     spec.compiler.degree = False
     spec.option.gravity = mechanism.gravity
     add_site(spec.worldbody, "world axes", Frame(np.zeros(3), np.eye(3)))

@@ -1,6 +1,6 @@
 """Charts of rods: turning the frame at the start of a rod's chain, so that its two axes stay far from coinciding.
 
-The chain of a rod is a revolute about x, one about y and a ball (`lower`); the revolutes coincide when the
+The chain of a rod is a revolute about x, one about y and a ball (`to_elementary_tree`); the revolutes coincide when the
 rod lies along x of its start frame. A rod holds a distance only, so how that frame is turned is free: here it is
 turned until the rod lies along its z. The dynamics stays exactly the same, and so does every other coordinate.
 """

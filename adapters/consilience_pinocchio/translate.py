@@ -23,9 +23,9 @@ from consilience.mechanism import (
     Tree,
     coordinates,
     full_turns,
-    lower,
     relative_motion,
     rotation_from_quaternion,
+    to_elementary_tree,
 )
 
 WORLD_AXES = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
@@ -125,7 +125,7 @@ def translate(mechanism: Mechanism) -> Translation:
         If Pinocchio's own check of the model fails; with joints out of depth-first order `crba` is silently wrong.
     """
     plain = _without_screws(mechanism)
-    tree = lower(plain)
+    tree = to_elementary_tree(plain)
     model = pin.Model()
     model.gravity = pin.Motion(np.array(mechanism.gravity), np.zeros(3))
     seats: list[Seat] = []

@@ -20,7 +20,7 @@ from consilience.audit.fuzz.population import COMMON, SORTS, STATES, read_text, 
 from consilience.audit.fuzz.reductions import AS_IS, Part, knobs, parts, simplified, without
 from consilience.audit.fuzz.shrink import Shrinker
 from consilience.audit.fuzz.summary import markdown, outcome
-from consilience.audit.fuzz.workers import Panelist, Said, Sheet, Task
+from consilience.audit.fuzz.workers import MethodAnswer, Panelist, Sheet, Task
 from consilience.case import Case
 from consilience.case.file.reader import load_file
 from consilience.case.file.writer import case_table, table_text
@@ -101,7 +101,7 @@ def case():
 def honest(case):
     engine = ReferenceEngine()
     return {
-        question: Said(question, method, answer)
+        question: MethodAnswer(question, method, answer)
         for question, method, answer in (
             (MODEL, Method("m", Route.NATIVE), engine.model(case.mechanism, case.states[0], None)),
             (
@@ -159,7 +159,7 @@ def test_a_way_that_differs_from_another_is_told_once(case, honest):
 def test_ways_that_differ_are_an_alarm_where_there_is_no_reference(case, honest):
     """Without an answer of the reference the engine's own difference is what remains."""
     sheets = {
-        "reference": Sheet((Said(INSTANT, None, None, "lost"),)),
+        "reference": Sheet((MethodAnswer(INSTANT, None, None, "lost"),)),
         "x": Sheet((honest[INSTANT], off(honest[INSTANT]))),
     }
     found = judge(case, sheets)
@@ -222,9 +222,9 @@ def test_bars_grow_with_the_condition_and_no_further(case, honest, monkeypatch):
 @pytest.mark.parametrize(
     ("said", "kind"),
     [
-        (Said(INSTANT, Method("i", Route.NATIVE), None, "KeyError: 'b7'"), "KeyError"),
-        (Said(INSTANT, None, None, "the worker died: signal SIGSEGV"), "the worker died"),
-        (Said(INSTANT, Method("i", Route.NATIVE), "42"), "the answer is a str, not a InstantAnswer"),
+        (MethodAnswer(INSTANT, Method("i", Route.NATIVE), None, "KeyError: 'b7'"), "KeyError"),
+        (MethodAnswer(INSTANT, None, None, "the worker died: signal SIGSEGV"), "the worker died"),
+        (MethodAnswer(INSTANT, Method("i", Route.NATIVE), "42"), "the answer is a str, not a InstantAnswer"),
     ],
 )
 def test_no_sound_answer_is_a_failure(case, honest, said, kind):

@@ -10,7 +10,7 @@ import pytest
 from consilience.engine import EngineInfo, Manifest, Method, ModelAnswer, Question, Route, TrajectoryAnswer, Unsupported
 from consilience.engine.worker import codec, wire
 from consilience.engine.worker.messages import Held, job
-from consilience.engine.worker.requests import Plan, Request, Said, Survey
+from consilience.engine.worker.requests import AnswerSet, MethodAnswer, Plan, Request
 from consilience.engine.worker.server import Server, _Bytes, read_frames
 from consilience.engine.worker.wire import PREFIX, Form, Frame, ProtocolError, opened, pack, unpack
 from consilience.mechanism import Drive, Mechanism, through
@@ -88,7 +88,10 @@ VALUES = [
         {Question.INSTANT: (METHOD,), Question.TRAJECTORY: (METHOD,)},
         Manifest(("a",), ()),
     ),
-    Survey((Said(Question.MODEL, METHOD, 5.0), Said(Question.INSTANT, None, None, "why")), {Question.MODEL: ()}),
+    AnswerSet(
+        (MethodAnswer(Question.MODEL, METHOD, 5.0), MethodAnswer(Question.INSTANT, None, None, "why")),
+        {Question.MODEL: ()},
+    ),
     ModelAnswer(1.0, np.zeros(3), np.eye(3), 2),
     TrajectoryAnswer(np.arange(3.0), *(np.ones((3, 2, n)) for n in (3, 4, 3, 3)), {"steps": 5, "error": 0.1}),
     np.zeros((0, 3)),

@@ -17,7 +17,7 @@ from consilience.engine.worker.client import Request
 from consilience.engine.worker.server import replay
 from consilience.mechanism import Initial, Mechanism
 from consilience.suite import Store, run_suite
-from consilience.suite.engine_runs import Asked
+from consilience.suite.engine_runs import EngineCase
 from consilience.suite.store import FILE, Kept, StoreError
 from mechanisms import chain, states_of
 
@@ -40,7 +40,7 @@ def cases():
 def performed(monkeypatch):
     """Jobs that a worker was given, in order, and what became of them."""
     jobs = []
-    perform = Asked._perform
+    perform = EngineCase._perform
 
     def counted(self, run, request):
         done = perform(self, run, request)
@@ -48,7 +48,7 @@ def performed(monkeypatch):
         jobs.append((run.engine, run.case, *what, done.status))
         return done
 
-    monkeypatch.setattr(Asked, "_perform", counted)
+    monkeypatch.setattr(EngineCase, "_perform", counted)
     return jobs
 
 

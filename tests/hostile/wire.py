@@ -31,7 +31,7 @@ from consilience.engine import (
 from consilience.engine.worker import codec, wire
 from consilience.engine.worker.client import Reply, Request, _sound
 from consilience.engine.worker.messages import Held, job, loading
-from consilience.engine.worker.requests import Plan, Said, Survey, perform
+from consilience.engine.worker.requests import AnswerSet, MethodAnswer, Plan, perform
 from consilience.engine.worker.server import Server, _Bytes, read_frames
 from consilience.engine.worker.wire import MAGIC, PREFIX, VERSION, Incoming, ProtocolError
 from consilience.errors import visible
@@ -141,7 +141,9 @@ def wire_seeds():
         method, second = Held().need(request.method)
         sent = first + second + job(request, mechanism, method, 7)
         found += [(WORKER, sent), (RUNNER, _obeyed(sent))]
-    answered = Survey((Said(Question.MODEL, METHOD, None, "singular"),), {Question.INSTANT: (Unsupported("b", "c"),)})
+    answered = AnswerSet(
+        (MethodAnswer(Question.MODEL, METHOD, None, "singular"),), {Question.INSTANT: (Unsupported("b", "c"),)}
+    )
     tree, arrays = codec.encode(answered)
     told = {"kind": "reply", "reason": "", "strays": False, "value": tree}
     found.append((RUNNER, wire.pack(told, arrays, 7, 0.1)))
@@ -199,7 +201,7 @@ def _received(raw, folder):
         else nullcontext() as store
     ):
         list(ask_case(_Answers(value), case, list(Question), QUICK, store, info))
-    if not isinstance(value, Survey):
+    if not isinstance(value, AnswerSet):
         return True
     reference = perform(Still(), Request(case.mechanism, states=case.states, survey=tuple(Question)[:2]))
     judge(case, {"reference": _sheet(Reply(reference, True)), "still": _sheet(Reply(value, True))})

@@ -12,7 +12,7 @@ from consilience.compare.softness import SCALES
 from consilience.engine import Method, Profile, Question, Route
 from consilience.engine.worker.client import Plan, Reply
 from consilience.mechanism import Initial
-from consilience.suite.engine_runs import LEVEL_BUDGET, MOST_LEVELS, Asked
+from consilience.suite.engine_runs import LEVEL_BUDGET, MOST_LEVELS, EngineCase
 from situations import MECHANISM, SHAPE, SITUATIONS, SIZE, TIMES, TRUE, Situation, motion
 
 SAMPLE = float(TIMES[1])
@@ -39,7 +39,7 @@ def asked(error, soft=False, yard=YARD, cpu=0.0):
     """Substeps at the method's own softness, and what was asked at others."""
     worker = Known(error, cpu)
     method = Method("m", Route.NATIVE, 2, tuple(THREE), softness=1.0 if soft else None)
-    ladder = Asked(worker, CASE, Plan({}, {}, {}), yard=yard).ladder
+    ladder = EngineCase(worker, CASE, Plan({}, {}, {}), yard=yard).ladder
     list(ladder(Question.TRAJECTORY, method, [SAMPLE / n for n in THREE]))
     own = [n for n, s in worker.asked if s in (None, 1.0)]
     return own, [(n, s) for n, s in worker.asked if s not in (None, 1.0)]

@@ -15,10 +15,10 @@ from consilience.mechanism import (
     constraint_jacobian,
     drawing_state,
     initial_state,
-    magnification,
     random_states,
     rotation_from_quaternion,
     skew,
+    worst_condition,
 )
 from consilience.mechanism.conditioning import delassus_condition, free_condition, joint_space_condition
 from consilience.mechanism.observables import mass_matrix_condition
@@ -135,6 +135,6 @@ def test_a_screw_has_no_joint_space_and_the_others_count():
     screw = replace(joint("j", "revolute", GROUND, "b", bodies, np.zeros(3)), kind="screw", pitch=0.2)
     mechanism = Mechanism("screw", np.zeros(3), bodies, (screw,))
     state = drawing_state(mechanism)
-    assert magnification(mechanism, state) == max(
+    assert worst_condition(mechanism, state) == max(
         free_condition(mechanism, state), delassus_condition(mechanism, state)
     )

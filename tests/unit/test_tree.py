@@ -8,8 +8,8 @@ from consilience.mechanism import (
     constraint_residual,
     coordinates,
     elementary_rotation,
-    lower,
     rotation_from_quaternion,
+    to_elementary_tree,
 )
 from mechanisms import LOOPS, TREES, states_of
 
@@ -42,7 +42,7 @@ def forward_kinematics(tree, coords):
 @pytest.mark.parametrize("name", ALL)
 def test_forward_kinematics_of_the_tree_gives_the_state_back(name):
     mechanism = ALL[name]
-    tree = lower(mechanism)
+    tree = to_elementary_tree(mechanism)
     for state in states_of(mechanism):
         placed = forward_kinematics(tree, coordinates(mechanism, tree, state))
         for (R_L, p_L, w_L, v_L), link in zip(placed, tree.links, strict=True):
@@ -59,7 +59,7 @@ def test_forward_kinematics_of_the_tree_gives_the_state_back(name):
 @pytest.mark.parametrize("name", ALL)
 def test_links_stand_depth_first_and_carry_the_whole_mass(name):
     mechanism = ALL[name]
-    tree = lower(mechanism)
+    tree = to_elementary_tree(mechanism)
     open_path = [-1]
     for i, link in enumerate(tree.links):
         while open_path[-1] != link.parent:

@@ -34,7 +34,15 @@ from numpy.typing import ArrayLike, NDArray
 from consilience.compare.result import Comparison, Quantity, Verdict, digits_of
 from consilience.compare.softness import SCALES, Softness, of_accelerations
 from consilience.engine import InstantAnswer, Method, ModelAnswer, Question, Route
-from consilience.mechanism import Array, Mechanism, State, centres_of_mass, determinate_reactions, magnification, reach
+from consilience.mechanism import (
+    Array,
+    Mechanism,
+    State,
+    centres_of_mass,
+    characteristic_length,
+    determinate_reactions,
+    worst_condition,
+)
 
 EPS = float(np.finfo(float).eps)
 EXACT = 1e-12
@@ -64,13 +72,13 @@ class Instants:
     Attributes
     ----------
     condition : ndarray, shape (n_s,)
-        Of the equations of motion, see `conditioning.magnification`.
+        Of the equations of motion, see `worst_condition`.
     determined : ndarray of bool, shape (n_s, n_j, 6)
         Reaction components that equilibrium determines.
     mass : float, kg
         Of the whole mechanism.
     gravity : float, m/s^2
-    reach : float, m
+    characteristic_length : float, m
         Of a body.
     spin : float, rad/s
         Largest angular velocity at the states.
@@ -83,7 +91,7 @@ class Instants:
     determined: NDArray[np.bool_]
     mass: float
     gravity: float
-    reach: float
+    characteristic_length: float
     spin: float
     weights: float
     bodies: int
@@ -98,11 +106,11 @@ class Instants:
         """Examine the states of a case."""
         masses = np.array([b.mass for b in mechanism.bodies])
         return cls(
-            np.array([magnification(mechanism, s) for s in states]),
+            np.array([worst_condition(mechanism, s) for s in states]),
             np.array([determinate_reactions(mechanism, s) for s in states]),
             sum(b.mass for b in mechanism.bodies),
             float(np.linalg.norm(mechanism.gravity)),
-            reach(mechanism),
+            characteristic_length(mechanism),
             max(_largest(s.w_WB_W) for s in states),
             max(float(np.sum(np.abs(masses * (centres_of_mass(mechanism, s)[0] @ mechanism.gravity)))) for s in states),
             len(mechanism.bodies),
@@ -111,11 +119,11 @@ class Instants:
     @property
     def acceleration(self) -> float:
         """Size of the terms that an acceleration is the sum of: gravity, and turning at the reach of a body, m/s^2."""
-        return self.gravity + self.spin**2 * self.reach
+        return self.gravity + self.spin**2 * self.characteristic_length
 
     def inertial(self, reference: InstantAnswer) -> float:
         """Size of the inertial forces and weights that reactions might have had to bear, N."""
-        found = _largest(reference.a_WB_W) + _largest(reference.alpha_WB_W) * self.reach
+        found = _largest(reference.a_WB_W) + _largest(reference.alpha_WB_W) * self.characteristic_length
         return self.mass * (self.acceleration + found)
 
 

@@ -27,7 +27,7 @@ from consilience.compare.horizon import growth
 from consilience.compare.instant import Instants
 from consilience.compare.published import against_published, dispute, start_against_published
 from consilience.engine import InstantAnswer, ModelAnswer, Profile, Question, Run, Status, TrajectoryAnswer
-from consilience.mechanism import reach
+from consilience.mechanism import characteristic_length
 
 REFERENCE = "reference"
 
@@ -80,7 +80,7 @@ class _Judge:
     def __init__(self, case: Case, question: Question, references: list[Run], before: Sequence[Comparison]) -> None:
         self.case, self.question, self.references, self.before = case, question, references, before
         start = case.initial_state
-        self.length = max(float(np.max(np.abs(start.p_WB))), reach(case.mechanism))
+        self.length = max(float(np.max(np.abs(start.p_WB))), characteristic_length(case.mechanism))
         self.instants = Instants.of(case.mechanism, case.states) if question is Question.INSTANT else None
         self.known: tuple[Quantity, ...] = ()
         self.yard: Yardstick | None = None

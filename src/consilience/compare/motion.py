@@ -18,9 +18,9 @@ from consilience.mechanism import (
     Array,
     Mechanism,
     State,
+    characteristic_length,
     constraint_residual,
     count_turns,
-    reach,
     rotation_angle_between,
 )
 
@@ -35,7 +35,7 @@ def size_of_motion(mechanism: Mechanism, answer: TrajectoryAnswer) -> float:
 
     The reach matters where origins hardly move, as on a fixed axis: their rounding is no motion to compare with.
     """
-    return max(float(np.max(np.ptp(answer.p_WB, axis=0))), reach(mechanism))
+    return max(float(np.max(np.ptp(answer.p_WB, axis=0))), characteristic_length(mechanism))
 
 
 def difference_over_time(a: TrajectoryAnswer, b: TrajectoryAnswer, size: float) -> Array:

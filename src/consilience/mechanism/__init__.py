@@ -17,7 +17,7 @@ from consilience.mechanism.assembly import (
     move,
     random_states,
 )
-from consilience.mechanism.conditioning import magnification
+from consilience.mechanism.conditioning import worst_condition
 from consilience.mechanism.constraints import (
     RANK_TOLERANCE,
     Angles,
@@ -52,7 +52,7 @@ from consilience.mechanism.elementary_tree import (
     Link,
     Tree,
     coordinates,
-    lower,
+    to_elementary_tree,
 )
 from consilience.mechanism.elements import (
     Control,
@@ -87,13 +87,13 @@ from consilience.mechanism.model import (
 from consilience.mechanism.observables import (
     body_point,
     centres_of_mass,
+    characteristic_length,
     determinate_reactions,
     joint_spring_motion,
     kinetic_energy,
     mass_matrix,
     mass_properties,
     potential_energy,
-    reach,
     reaction_map,
     world_inertias,
 )
@@ -160,6 +160,7 @@ __all__ = [
     "assemble_velocities",
     "body_point",
     "centres_of_mass",
+    "characteristic_length",
     "check_inertia",
     "conservative_part",
     "constant",
@@ -186,8 +187,6 @@ __all__ = [
     "joint_spring_motion",
     "kinetic_energy",
     "linear",
-    "lower",
-    "magnification",
     "mass_matrix",
     "mass_properties",
     "move",
@@ -199,7 +198,6 @@ __all__ = [
     "quaternion_from_rotation_vector",
     "quaternion_product",
     "random_states",
-    "reach",
     "reaction_in_F",
     "reaction_map",
     "relative_motion",
@@ -219,5 +217,7 @@ __all__ = [
     "skew",
     "spanning_tree",
     "through",
+    "to_elementary_tree",
     "world_inertias",
+    "worst_condition",
 ]

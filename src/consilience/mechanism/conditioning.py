@@ -20,7 +20,7 @@ from __future__ import annotations
 import numpy as np
 
 from consilience.mechanism.constraints import RANK_TOLERANCE, constraint_jacobian, free_directions
-from consilience.mechanism.elementary_tree import Coordinate, Link, Tree, coordinates, lower
+from consilience.mechanism.elementary_tree import Coordinate, Link, Tree, coordinates, to_elementary_tree
 from consilience.mechanism.model import Mechanism, State
 from consilience.mechanism.observables import centres_of_mass, world_inertias
 from consilience.mechanism.spatial import Array, elementary_rotation, rotation_from_quaternion, skew
@@ -28,7 +28,7 @@ from consilience.mechanism.spatial import Array, elementary_rotation, rotation_f
 _FREEDOM = {"R": 1, "P": 1, "S": 3, "F": 6, "W": 0}
 
 
-def magnification(mechanism: Mechanism, state: State) -> float:
+def worst_condition(mechanism: Mechanism, state: State) -> float:
     """Largest of the condition numbers of the module's text.
 
     A mechanism with a screw is no tree of elementary joints: its joint coordinates are left out.
@@ -62,7 +62,7 @@ def free_condition(mechanism: Mechanism, state: State) -> float:
 
 def joint_space_condition(mechanism: Mechanism, state: State) -> float:
     """Condition number of the inertia matrix H of the tree of elementary joints, scaled to a unit diagonal."""
-    tree = lower(mechanism)
+    tree = to_elementary_tree(mechanism)
     width = sum(_FREEDOM[link.elementary] for link in tree.links)
     if width == 0:
         return 1.0

@@ -184,7 +184,7 @@ def _chain_of(joint: Joint, backward: bool) -> str:
 
 
 def _chain(mechanism: Mechanism, k: int, backward: bool, parent_frame: Frame, name: str) -> list[Link]:
-    """Links of joint k behind a link in which the body's frame is `parent_frame`; `lower` fills in the parents."""
+    """Links of joint k behind a link in which the body's frame is `parent_frame`; the caller fills in the parents."""
     joint = mechanism.joints[k]
     start, end = _end_frames(joint, backward)
     body = mechanism.body_index[joint.predecessor if backward else joint.successor]
@@ -219,7 +219,7 @@ def _chain(mechanism: Mechanism, k: int, backward: bool, parent_frame: Frame, na
     return links
 
 
-def lower(mechanism: Mechanism) -> Tree:
+def to_elementary_tree(mechanism: Mechanism) -> Tree:
     """Describe a mechanism as a tree of elementary joints with welds for its loops.
 
     Raises

@@ -114,7 +114,7 @@ def load_potential(mechanism: Mechanism, state: State) -> float:
     )
 
 
-def reach(mechanism: Mechanism) -> float:
+def characteristic_length(mechanism: Mechanism) -> float:
     """Longest rod, or arm from a body's origin to its centre of mass or a joint frame, m; 1 if there is none."""
     arms = [b.com for b in mechanism.bodies]
     arms += [j.F.p for j in mechanism.joints if j.predecessor != GROUND]
@@ -176,8 +176,8 @@ def determinate_reactions(mechanism: Mechanism, state: State) -> NDArray[np.bool
     for joint in mechanism.joints:
         rows = slice(start, start + len(joint.rows))
         start = rows.stop
-        reach = np.linalg.norm(reaction_map(mechanism, state, joint) @ free[rows], axis=1)
-        determined.append(reach < _REACH_TOLERANCE)
+        characteristic_length = np.linalg.norm(reaction_map(mechanism, state, joint) @ free[rows], axis=1)
+        determined.append(characteristic_length < _REACH_TOLERANCE)
     return np.array(determined)
 
 

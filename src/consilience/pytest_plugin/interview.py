@@ -12,7 +12,7 @@ from consilience.engine.worker.client import Request, Worker
 from consilience.errors import ConsilienceError
 from consilience.report.exports.digest import CODES
 from consilience.report.wording import RANK
-from consilience.suite import Effort, ask_case
+from consilience.suite import Thoroughness, ask_case
 
 
 class EngineMissing(ConsilienceError):
@@ -49,7 +49,7 @@ class Finding:
 class Interview:
     """Workers by engine, and the runs of the case that is being asked about."""
 
-    effort: Effort
+    effort: Thoroughness
     limit: float
     _workers: dict[str, Worker] = field(default_factory=dict)
     _infos: dict[str, EngineInfo] = field(default_factory=dict)

@@ -21,11 +21,11 @@ from consilience.mechanism import (
     State,
     body_point,
     centres_of_mass,
+    characteristic_length,
     constraint_jacobian,
     constraint_residual,
     determinate_reactions,
     joint_frames,
-    reach,
     world_inertias,
 )
 
@@ -103,7 +103,7 @@ def fastest(mechanism: Mechanism, state: State) -> tuple[float, str]:
     about the axis, of its bodies alone.
     """
     found = [(float(np.max(np.linalg.norm(state.w_WB_W, axis=1), initial=0.0)), "the spin at the start")]
-    found.append((float(np.sqrt(np.linalg.norm(mechanism.gravity) / reach(mechanism))), "gravity"))
+    found.append((float(np.sqrt(np.linalg.norm(mechanism.gravity) / characteristic_length(mechanism))), "gravity"))
     for spring in mechanism.springs:
         ends = ((spring.predecessor, spring.point_predecessor), (spring.successor, spring.point_successor))
         line = np.subtract(*(body_point(mechanism, state, name, point)[0] for name, point in ends))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from consilience.suite.engine_runs import (
     FULL,
     QUICK,
-    Effort,
+    Thoroughness,
     ask_case,
     ask_ladder,
     open_plan,
@@ -16,10 +16,10 @@ from consilience.suite.suite import EngineFailure, Results, run_suite, simulate_
 __all__ = [
     "FULL",
     "QUICK",
-    "Effort",
     "EngineFailure",
     "Results",
     "Store",
+    "Thoroughness",
     "ask_case",
     "ask_ladder",
     "open_plan",

@@ -26,7 +26,7 @@ from consilience.engine import (
     TrajectoryAnswer,
     defects,
 )
-from consilience.engine.worker.client import Asks, Plan, Request, alone
+from consilience.engine.worker.client import EngineHandle, Plan, Request, replayable_job
 from consilience.mechanism import State, displaced_states
 from consilience.suite.store import Kept, Store
 
@@ -44,7 +44,7 @@ _NO_LEVEL = "the method names no substeps and no tolerances: no level to run"
 
 
 @dataclass(frozen=True)
-class Effort:
+class Thoroughness:
     """How thoroughly a suite asks.
 
     Attributes
@@ -78,13 +78,13 @@ class Effort:
         return methods[: self.reference_methods if engine == REFERENCE else self.methods]
 
 
-FULL = Effort()
+FULL = Thoroughness()
 
-QUICK = Effort(methods=1, reference_methods=2, states=3, samples=5, closer=False)
+QUICK = Thoroughness(methods=1, reference_methods=2, states=3, samples=5, closer=False)
 """The first quarter of a second or so by the headline of each engine alone: enough to see that something is wrong."""
 
 
-def open_plan(worker: Asks, case: Case) -> Plan | str:
+def open_plan(worker: EngineHandle, case: Case) -> Plan | str:
     """What an engine says about a case before it is asked, or why it says nothing."""
     reply = worker.ask(Request(case.mechanism))
     return reply.value if isinstance(reply.value, Plan) else reply.reason
@@ -98,7 +98,7 @@ def levels_of(case: Case, question: Question, method: Method) -> list[float | No
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
+class EngineCase:
     """An engine that is asked about a case, with what it said of it.
 
     Parameters
@@ -111,10 +111,10 @@ class Asked:
         The reference's motion. Where it is known, a ladder ends as soon as its levels decide the verdict.
     """
 
-    worker: Asks
+    worker: EngineHandle
     case: Case
     plan: Plan
-    effort: Effort = FULL
+    effort: Thoroughness = FULL
     store: Store | None = None
     info: EngineInfo | None = None
     yard: Yardstick | None = None
@@ -236,26 +236,25 @@ class Asked:
 
 def _with_job(log: str, store: Store, key: str, engine: str, request: Request) -> str:
     """What an engine printed before it failed, and how to do the job again; the job is written down."""
+    job = store.keep_job(key, replayable_job(engine, request))
     lines = [log.rstrip("\n")] if log.strip() else []
-    return "\n".join(
-        [*lines, f"to do it again: python -m consilience.engine.worker {store.keep_job(key, alone(engine, request))}"]
-    )
+    return "\n".join([*lines, f"to do it again: python -m consilience.engine.worker {job}"])
 
 
 def ask_case(
-    worker: Asks,
+    worker: EngineHandle,
     case: Case,
     questions: Sequence[Question],
-    effort: Effort = FULL,
+    effort: Thoroughness = FULL,
     store: Store | None = None,
     info: EngineInfo | None = None,
     yard: Yardstick | None = None,
 ) -> Iterator[Run]:
-    """All runs of an engine about a case; `yard` as in `Asked`."""
+    """All runs of an engine about a case; `yard` as in `EngineCase`."""
     request = Request(case.mechanism)
     reply = worker.ask(request)
     if isinstance(reply.value, Plan):
-        asked = Asked(worker, case, reply.value, effort, store, info, yard)
+        asked = EngineCase(worker, case, reply.value, effort, store, info, yard)
         for question in questions:
             yield from asked.question(question)
         return
@@ -268,10 +267,10 @@ def ask_case(
 
 
 def ask_ladder(
-    worker: Asks, case: Case, plan: Plan, method: Method, steps: Sequence[float] | None = None
+    worker: EngineHandle, case: Case, plan: Plan, method: Method, steps: Sequence[float] | None = None
 ) -> Iterator[Run]:
     """Runs of a trajectory method at every level and at other softness; at the given steps alone, if any are given."""
-    asked = Asked(worker, case, plan)
+    asked = EngineCase(worker, case, plan)
     if steps is None:
         yield from asked.ladder(Question.TRAJECTORY, method, levels_of(case, Question.TRAJECTORY, method))
         return

@@ -22,9 +22,9 @@ from consilience.case import Case
 from consilience.compare import Comparison, Yardstick
 from consilience.compare.judge import REFERENCE, judge_case, yardstick
 from consilience.engine import EngineInfo, Question, Run, Status, TrajectoryAnswer
-from consilience.engine.worker.client import MEMORY, Asks, Here, Member, Request, Worker
+from consilience.engine.worker.client import MEMORY, EngineHandle, InProcessEngine, Request, Worker, WorkerHandle
 from consilience.errors import ConsilienceError
-from consilience.suite.engine_runs import FULL, Asked, Effort, ask_case, open_plan
+from consilience.suite.engine_runs import FULL, EngineCase, Thoroughness, ask_case, open_plan
 from consilience.suite.store import Store
 from consilience.suite.warm_up import compiled, compiled_beside
 
@@ -51,7 +51,7 @@ class Results:
     missing: dict[str, str] = field(default_factory=dict)
     runs: list[Run] = field(default_factory=list)
     comparisons: list[Comparison] = field(default_factory=list)
-    effort: Effort = FULL
+    effort: Thoroughness = FULL
 
 
 AHEAD = 2
@@ -114,7 +114,12 @@ class _Suite:
     """A suite at work: what threads share."""
 
     def __init__(
-        self, results: Results, workers: Mapping[str, Member], effort: Effort, store: Store | None, together: int
+        self,
+        results: Results,
+        workers: Mapping[str, WorkerHandle],
+        effort: Thoroughness,
+        store: Store | None,
+        together: int,
     ) -> None:
         self.results, self.workers, self.effort, self.store = results, workers, effort, store
         self.schedule = _Schedule(list(workers), len(results.cases), together)
@@ -167,7 +172,7 @@ def run_suite(
     jobs: int = 2,
     limit: float = 180.0,
     progress: Progress | None = None,
-    effort: Effort = FULL,
+    effort: Thoroughness = FULL,
     store: Store | None = None,
     memory: int = MEMORY,
     cluster: Cluster | None = None,
@@ -227,10 +232,10 @@ def _judged(case: Case, names: Sequence[str], number: int, found: dict[tuple[str
 @contextmanager
 def _workers(
     names: Sequence[str], limit: float, memory: int, cluster: Cluster | None
-) -> Iterator[Mapping[str, Member]]:
+) -> Iterator[Mapping[str, WorkerHandle]]:
     """A worker for each engine; none outlives the suite."""
     make = Worker if cluster is None else cluster.worker
-    workers: dict[str, Member] = {name: make(name, limit, memory) for name in names}
+    workers: dict[str, WorkerHandle] = {name: make(name, limit, memory) for name in names}
     try:
         yield workers
     finally:
@@ -271,7 +276,7 @@ def simulate_case(case: Case, engine: str, limit: float) -> tuple[TrajectoryAnsw
         If the engine cannot or did not answer, with its reason.
     """
     if engine.partition(":")[0] == REFERENCE:
-        run = _finest(Here(engine), case)  # ours: no shield is worth the time to start another process
+        run = _finest(InProcessEngine(engine), case)  # ours: no shield is worth the time to start another process
     else:
         with Worker(engine, limit) as worker:
             run = _finest(worker, case)
@@ -281,11 +286,11 @@ def simulate_case(case: Case, engine: str, limit: float) -> tuple[TrajectoryAnsw
     raise EngineFailure(f"engine '{engine}', case '{case.name}': {run.status}: {run.reason}")
 
 
-def _finest(worker: Asks, case: Case) -> Run:
+def _finest(worker: EngineHandle, case: Case) -> Run:
     plan = open_plan(worker, case)
     failed = Run(case.name, worker.engine, Question.TRAJECTORY, None, 0, None, Status.FAILED)
     if isinstance(plan, str):
         return replace(failed, reason=plan)
     if plan.unsupported[Question.TRAJECTORY]:
-        return next(Asked(worker, case, plan).question(Question.TRAJECTORY))
-    return Asked(worker, case, plan).finest(Question.TRAJECTORY)
+        return next(EngineCase(worker, case, plan).question(Question.TRAJECTORY))
+    return EngineCase(worker, case, plan).finest(Question.TRAJECTORY)

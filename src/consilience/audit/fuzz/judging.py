@@ -17,13 +17,13 @@ from itertools import combinations
 
 import numpy as np
 
-from consilience.audit.fuzz.workers import Said, Sheet
+from consilience.audit.fuzz.workers import MethodAnswer, Sheet
 from consilience.case import Case
 from consilience.compare import Verdict, compare_instant, compare_model
 from consilience.compare.instant import BARS, Bars, Instants
 from consilience.compare.judge import REFERENCE
 from consilience.engine import InstantAnswer, Method, ModelAnswer, Profile, Question, defects
-from consilience.mechanism import reach
+from consilience.mechanism import characteristic_length
 
 _LAST_WORDS = 300
 """Characters of what an engine printed that go with a failure."""
@@ -88,8 +88,8 @@ class _Judge:
         self.case = case
         mechanism, states = case.mechanism, case.states
         self.instants = Instants.of(mechanism, states)
-        self.length = max(float(np.max(np.abs(case.initial_state.p_WB))), reach(mechanism))
-        self.yard: dict[Question, Said] = {}
+        self.length = max(float(np.max(np.abs(case.initial_state.p_WB))), characteristic_length(mechanism))
+        self.yard: dict[Question, MethodAnswer] = {}
         for said in reference.said:
             if not self._defect(said):
                 self.yard.setdefault(said.question, said)
@@ -108,7 +108,7 @@ class _Judge:
             yield Entry(
                 engine, "", REFERENCE, Question.INSTANT, Profile.MATCHED, Verdict.UNSUPPORTED, why=refusal.reason
             )
-        sound: list[Said] = []
+        sound: list[MethodAnswer] = []
         for said in sheet.said:
             defect = self._defect(said)
             if defect:
@@ -123,21 +123,21 @@ class _Judge:
             if one.question is other.question and _profile(one) is _profile(other):
                 yield self._against_one_another(engine, one, other)
 
-    def _defect(self, said: Said) -> str:
+    def _defect(self, said: MethodAnswer) -> str:
         """Why there is no sound answer; empty if there is."""
         if said.reason or said.method is None:
             return said.reason or "it named no method"
         count = 1 if said.question is Question.MODEL else len(self.case.states)
         return "; ".join(defects(said.answer, said.question, self.case.mechanism, count))
 
-    def _against_reference(self, engine: str, said: Said) -> Entry:
+    def _against_reference(self, engine: str, said: MethodAnswer) -> Entry:
         yard = self.yard.get(said.question)
         if yard is None or said.question in self.uncertain:
             why = "the reference did not answer" if yard is None else "the reference differs from itself"
             return self._entry(engine, said, REFERENCE, Verdict.UNRESOLVED, "", why)
         return self._compared(engine, said, yard, REFERENCE)
 
-    def _against_one_another(self, engine: str, one: Said, other: Said) -> Entry:
+    def _against_one_another(self, engine: str, one: MethodAnswer, other: MethodAnswer) -> Entry:
         """The more lenient bars are those of the pair."""
         assert one.method is not None
         assert other.method is not None
@@ -146,7 +146,7 @@ class _Judge:
         assert other.method is not None
         return self._compared(engine, one, other, other.method.name)
 
-    def _compared(self, engine: str, said: Said, yard: Said, against: str) -> Entry:
+    def _compared(self, engine: str, said: MethodAnswer, yard: MethodAnswer, against: str) -> Entry:
         found, expected = said.answer, yard.answer
         assert said.method is not None
         if isinstance(found, ModelAnswer) and isinstance(expected, ModelAnswer):
@@ -165,12 +165,12 @@ class _Judge:
             excess=float(excess),
         )
 
-    def _entry(self, engine: str, said: Said, against: str, verdict: Verdict, quantity: str, why: str) -> Entry:
+    def _entry(self, engine: str, said: MethodAnswer, against: str, verdict: Verdict, quantity: str, why: str) -> Entry:
         name = said.method.name if said.method else ""
         return Entry(engine, name, against, said.question, _profile(said), verdict, quantity, why)
 
 
-def _profile(said: Said) -> Profile:
+def _profile(said: MethodAnswer) -> Profile:
     return said.method.profile if said.method else Profile.MATCHED
 
 

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 from consilience.engine import Question, Unsupported
 from consilience.engine.worker.client import Reply, Request, Worker
-from consilience.engine.worker.requests import Said, Survey
+from consilience.engine.worker.requests import AnswerSet, MethodAnswer
 from consilience.mechanism import Mechanism, State
 
-__all__ = ["Panelist", "Said", "Sheet", "Task"]
+__all__ = ["MethodAnswer", "Panelist", "Sheet", "Task"]
 
 QUESTIONS = (Question.MODEL, Question.INSTANT)
 
@@ -42,7 +42,7 @@ class Sheet:
         What it printed.
     """
 
-    said: tuple[Said, ...]
+    said: tuple[MethodAnswer, ...]
     unsupported: tuple[Unsupported, ...] = ()
     cpu: float = 0.0
     log: str = ""
@@ -61,7 +61,7 @@ class Panelist(Worker):
 
 
 def _sheet(reply: Reply) -> Sheet:
-    if not isinstance(reply.value, Survey):
-        return Sheet((Said(Question.INSTANT, None, None, reply.reason),), log=reply.log)
+    if not isinstance(reply.value, AnswerSet):
+        return Sheet((MethodAnswer(Question.INSTANT, None, None, reply.reason),), log=reply.log)
     unsupported = reply.value.unsupported.get(Question.INSTANT, ())
     return Sheet(reply.value.said, unsupported, reply.cpu, reply.log)

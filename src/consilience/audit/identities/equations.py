@@ -33,12 +33,12 @@ from consilience.mechanism import (
     Wrenches,
     applied_wrenches,
     centres_of_mass,
+    characteristic_length,
     constraint_gamma,
     constraint_jacobian,
     cross,
     determinate_reactions,
     joint_frames,
-    reach,
     reaction_map,
     skew,
     world_inertias,
@@ -86,7 +86,7 @@ class Equations:
     @cached_property
     def length(self) -> float:
         """Reach of the mechanism, m."""
-        return reach(self.mechanism)
+        return characteristic_length(self.mechanism)
 
     @cached_property
     def motion_scale(self) -> Array:

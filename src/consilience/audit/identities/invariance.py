@@ -22,9 +22,9 @@ from consilience.audit.identities.subject import Subject
 from consilience.engine import InstantAnswer, Question
 from consilience.mechanism import (
     Mechanism,
+    characteristic_length,
     kinetic_energy,
     quaternion_from_rotation_vector,
-    reach,
     rotation_from_quaternion,
 )
 
@@ -43,7 +43,7 @@ def _turned(mechanism: Mechanism) -> Description:
 
 
 def _moved(mechanism: Mechanism) -> Description:
-    return moved(mechanism, reach(mechanism) * _AWAY)
+    return moved(mechanism, characteristic_length(mechanism) * _AWAY)
 
 
 def _reordered(mechanism: Mechanism) -> Description:

@@ -13,14 +13,22 @@ from consilience.case import Case, load_case
 from consilience.compare import Yardstick, spread_over_time
 from consilience.compare.instant import EPS, Bars, Instants
 from consilience.engine import InstantAnswer, ModelAnswer, Question
-from consilience.mechanism import Array, Mechanism, State, drawing_state, magnification, random_states, reach
+from consilience.mechanism import (
+    Array,
+    Mechanism,
+    State,
+    characteristic_length,
+    drawing_state,
+    random_states,
+    worst_condition,
+)
 from consilience.reference.engine import ReferenceEngine
 
 INSTANTS = 3
 """States of each mechanism."""
 
 CLEAR = Bars().reaction / (4.0 * EPS)
-"""Largest `conditioning.magnification` of a random state that is judged, about 1e5: bars are up to eleven times those
+"""Largest `worst_condition` of a random state that is judged, about 1e5: bars are up to eleven times those
 of well-conditioned equations there. States nearer to a singular pose are the business of `consilience.audit.fuzz`."""
 
 CASES = ("double_pendulum", "four_bar", "rotating_end_pendulum", "slider_crank", "spatial_pendulum")
@@ -51,7 +59,7 @@ class Subject:
     @cached_property
     def size(self) -> float:
         """Size of the mechanism in m, as the suite takes it."""
-        return max(float(np.max(np.abs(self.states[0].p_WB))), reach(self.mechanism))
+        return max(float(np.max(np.abs(self.states[0].p_WB))), characteristic_length(self.mechanism))
 
     @cached_property
     def instants(self) -> Instants:
@@ -92,7 +100,7 @@ def random_subject(seed: int) -> Subject | None:
     """Random mechanism of a seed with moving states; None where a state is too near to a singular pose."""
     mechanism = random_mechanism(seed)
     states = random_states(mechanism, drawing_state(mechanism), INSTANTS, seed)
-    if max(magnification(mechanism, state) for state in states) > CLEAR:
+    if max(worst_condition(mechanism, state) for state in states) > CLEAR:
         return None
     return Subject(f"seed {seed}", mechanism, states)
 

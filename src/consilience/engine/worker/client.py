@@ -20,12 +20,23 @@ from consilience.engine.answers import EngineInfo
 from consilience.engine.protocol import Engine, load_engine
 from consilience.engine.worker import codec
 from consilience.engine.worker.environments import NoEnvironment, launch_of
-from consilience.engine.worker.messages import Held, alone, job, loading
+from consilience.engine.worker.messages import Held, job, loading, replayable_job
 from consilience.engine.worker.process import Fault, Launch, Process
 from consilience.engine.worker.requests import Plan, Raised, Request, attempt, perform, raised
 from consilience.engine.worker.wire import Frame, ProtocolError
 
-__all__ = ["MEMORY", "Asks", "Here", "Member", "Plan", "Reply", "Request", "Worker", "alone", "in_parallel"]
+__all__ = [
+    "MEMORY",
+    "EngineHandle",
+    "InProcessEngine",
+    "Plan",
+    "Reply",
+    "Request",
+    "Worker",
+    "WorkerHandle",
+    "in_parallel",
+    "replayable_job",
+]
 
 _T = TypeVar("_T")
 
@@ -65,7 +76,7 @@ class Reply:
     job: bytes = b""
 
 
-class Asks(Protocol):
+class EngineHandle(Protocol):
     """Something that does an engine's jobs, wherever the engine is."""
 
     engine: str
@@ -75,7 +86,7 @@ class Asks(Protocol):
         ...
 
 
-class Member(Asks, Protocol):
+class WorkerHandle(EngineHandle, Protocol):
     """The same, to be ended from another thread."""
 
     def cancel(self) -> None:
@@ -216,12 +227,12 @@ class Worker:
         except _NotStarted as failed:
             return Reply(None, False, str(failed), log=self._end())
         except Fault as fault:
-            return Reply(None, False, str(fault), log=self._end(), job=alone(self.engine, request))
+            return Reply(None, False, str(fault), log=self._end(), job=replayable_job(self.engine, request))
         except ProtocolError as error:
             return Reply(None, False, f"the message cannot be read: {error}", log=self._printed())
         log, reason = self._printed(), reply.form.told["reason"]
         if reason:
-            return Reply(None, False, reason, reply.cpu, log, alone(self.engine, request))
+            return Reply(None, False, reason, reply.cpu, log, replayable_job(self.engine, request))
         return Reply(self._labelled(value), True, cpu=reply.cpu, log=log)
 
     def _start(self) -> None:
@@ -299,7 +310,7 @@ class Worker:
         return "" if process is None else process.end()
 
 
-class Here:
+class InProcessEngine:
     """An engine in this process: no start-up, but no shield and no limits either.
 
     Parameters

@@ -32,7 +32,7 @@ from consilience.engine.answers import (
     TrajectoryAnswer,
     Unsupported,
 )
-from consilience.engine.worker.requests import Plan, Said, Survey
+from consilience.engine.worker.requests import AnswerSet, MethodAnswer, Plan
 from consilience.engine.worker.wire import Form, ProtocolError
 from consilience.mechanism import Array, Body, Frame, Joint, Mechanism, State, contacts, elements, functions
 
@@ -43,7 +43,18 @@ _MODEL = (
     *(contacts.SpherePlane, contacts.PointPlane, contacts.SphereSphere),
     *(functions.Function, functions.Table),
 )
-_ANSWERS = (ModelAnswer, InstantAnswer, TrajectoryAnswer, EngineInfo, Manifest, Method, Unsupported, Plan, Said, Survey)
+_ANSWERS = (
+    ModelAnswer,
+    InstantAnswer,
+    TrajectoryAnswer,
+    EngineInfo,
+    Manifest,
+    Method,
+    Unsupported,
+    Plan,
+    MethodAnswer,
+    AnswerSet,
+)
 CLASSES: dict[str, type] = {cls.__name__: cls for cls in (*_MODEL, *_ANSWERS)}
 ENUMS: dict[str, type[Enum]] = {cls.__name__: cls for cls in (Question, Route, Profile)}
 
@@ -56,8 +67,8 @@ CHECKED: dict[type, tuple[str, ...]] = {
     Method: ("name", "route", "order", "substeps", "tolerances", "settings", "profile", "softness"),
     Unsupported: ("feature", "reason"),
     Plan: ("unsupported", "methods", "manifest"),
-    Survey: ("said", "unsupported"),
-    Said: ("question", "method", "reason"),
+    AnswerSet: ("said", "unsupported"),
+    MethodAnswer: ("question", "method", "reason"),
     TrajectoryAnswer: ("counters",),
 }
 """Fields whose values must have the declared types before anybody uses them."""
@@ -145,14 +156,14 @@ def _object(value: object, arrays: list[Array]) -> Any:
     return tree
 
 
-def _said(value: Said, arrays: list[Array]) -> Any:
+def _said(value: MethodAnswer, arrays: list[Array]) -> Any:
     """One answer among many: what cannot be sent fails alone."""
     kept = len(arrays)
     try:
         return _object(value, arrays)
     except (ProtocolError, RecursionError) as error:
         del arrays[kept:]
-        return _object(Said(value.question, value.method, None, str(error)), arrays)
+        return _object(MethodAnswer(value.question, value.method, None, str(error)), arrays)
 
 
 _WRITERS: dict[type, Callable[[Any, list[Array]], Any]] = {
@@ -166,7 +177,7 @@ _WRITERS: dict[type, Callable[[Any, list[Array]], Any]] = {
     },
     **dict.fromkeys(ENUMS.values(), lambda value, _: {"@": type(value).__name__, "value": value.value}),
     **dict.fromkeys(CLASSES.values(), _object),
-    Said: _said,
+    MethodAnswer: _said,
 }
 
 

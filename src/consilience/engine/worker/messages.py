@@ -55,7 +55,7 @@ class Held:
         return key, frame
 
 
-def alone(engine: str, request: Request) -> bytes:
+def replayable_job(engine: str, request: Request) -> bytes:
     """All frames that an empty worker needs for a job: ``python -m consilience.engine.worker FILE`` does it."""
     mechanism, first = Held().need(request.mechanism)
     method, second = Held().need(request.method)

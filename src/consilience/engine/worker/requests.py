@@ -100,7 +100,7 @@ class Plan:
 
 
 @dataclass(frozen=True, eq=False)
-class Said:
+class MethodAnswer:
     """What an engine said to one question by one method.
 
     Attributes
@@ -121,10 +121,10 @@ class Said:
 
 
 @dataclass(frozen=True, eq=False)
-class Survey:
+class AnswerSet:
     """All an engine said to some questions about one mechanism, and what it cannot represent of each."""
 
-    said: tuple[Said, ...]
+    said: tuple[MethodAnswer, ...]
     unsupported: dict[Question, tuple[Unsupported, ...]]
 
 
@@ -173,24 +173,24 @@ def offer(
     return unsupported, () if unsupported else engine.methods(mechanism, question)
 
 
-def _survey(engine: Engine, mechanism: Mechanism, states: Sequence[State], questions: Sequence[Question]) -> Survey:
+def _survey(engine: Engine, mechanism: Mechanism, states: Sequence[State], questions: Sequence[Question]) -> AnswerSet:
     """Ask for what this is about alone: a whole plan would have the engine look into trajectories, too."""
-    said, refusals = list[Said](), dict[Question, tuple[Unsupported, ...]]()
+    said, refusals = list[MethodAnswer](), dict[Question, tuple[Unsupported, ...]]()
     for question in questions:
         offered = attempt(offer, engine, mechanism, question)
         if isinstance(offered, Raised):
-            said.append(Said(question, None, None, raised(offered.error)))
+            said.append(MethodAnswer(question, None, None, raised(offered.error)))
             continue
         refusals[question], methods = offered
         if not methods and not refusals[question]:
-            said.append(Said(question, None, None, "the adapter supports the question and offers no method"))
+            said.append(MethodAnswer(question, None, None, "the adapter supports the question and offers no method"))
         for method in methods:
             answer = attempt(_ask, engine, mechanism, Request(mechanism, question, method, states))
             if isinstance(answer, Raised):
-                said.append(Said(question, method, None, raised(answer.error)))
+                said.append(MethodAnswer(question, method, None, raised(answer.error)))
             else:
-                said.append(Said(question, method, answer))
-    return Survey(tuple(said), refusals)
+                said.append(MethodAnswer(question, method, answer))
+    return AnswerSet(tuple(said), refusals)
 
 
 _MOST_WORDS = 2000

@@ -27,10 +27,10 @@ from consilience.mechanism import (
     State,
     assemble_positions,
     body_point,
+    characteristic_length,
     constraint_jacobian,
     move,
     quaternion_product,
-    reach,
     rotation_vector_from_quaternion,
     skew,
 )
@@ -127,7 +127,14 @@ def inverse_kinematics(
     quat = None if orientation is None else _vector(orientation, 4, "orientation")
     if quat is not None and abs(float(np.linalg.norm(quat)) - 1.0) > 1e-9:
         raise InvalidInput("inverse kinematics: orientation", "the quaternion is not unit", "Normalise it.")
-    task = _Task(mechanism, body, _vector(point, 3, "point"), _vector(target, 3, "target"), quat, reach(mechanism))
+    task = _Task(
+        mechanism,
+        body,
+        _vector(point, 3, "point"),
+        _vector(target, 3, "target"),
+        quat,
+        characteristic_length(mechanism),
+    )
     start = assemble_positions(mechanism, guess)
     rng = np.random.default_rng(0)
     best = _pose(task, start)

@@ -27,9 +27,9 @@ from consilience.mechanism import (
     Array,
     Mechanism,
     State,
+    characteristic_length,
     free_directions,
     move,
-    reach,
     rotation_angle_between,
 )
 from consilience.reference.analyses.inverse import missing_forces
@@ -313,11 +313,11 @@ def _least_squares(S: Array, b: Array) -> Array:
 def _size(mechanism: Mechanism, step: Array) -> float:
     """Largest rotation (rad) or translation (lengths of the mechanism) of a step, shape (6 n_b,)."""
     motion = np.abs(step).reshape(-1, 6)
-    return max(float(np.max(motion[:, :3])) / reach(mechanism), float(np.max(motion[:, 3:])))
+    return max(float(np.max(motion[:, :3])) / characteristic_length(mechanism), float(np.max(motion[:, 3:])))
 
 
 def _distance(mechanism: Mechanism, one: State, other: State) -> float:
-    translation = float(np.max(np.abs(other.p_WB - one.p_WB))) / reach(mechanism)
+    translation = float(np.max(np.abs(other.p_WB - one.p_WB))) / characteristic_length(mechanism)
     return max(translation, float(np.max(rotation_angle_between(one.quat_WB, other.quat_WB))))
 
 

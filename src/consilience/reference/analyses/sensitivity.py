@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 
 from consilience.case import Case
 from consilience.errors import ConsilienceError, InvalidInput
-from consilience.mechanism import Array, Mechanism, reach
+from consilience.mechanism import Array, Mechanism, characteristic_length
 from consilience.reference.analyses.parameters import Subject, array_around, parameter, with_parameter
 
 _FIRST_STEP = 0.05
@@ -64,7 +64,7 @@ def parameter_scale(subject: Mechanism | Case, path: str) -> float:
         return largest
     mechanism = subject if isinstance(subject, Mechanism) else subject.mechanism
     is_point = path.partition("[")[0].endswith(_POINTS)
-    return reach(mechanism) if is_point else 1.0
+    return characteristic_length(mechanism) if is_point else 1.0
 
 
 def sensitivity(

@@ -54,8 +54,8 @@ from consilience.mechanism import (
     Contact,
     Mechanism,
     State,
+    characteristic_length,
     kinetic_energy,
-    reach,
     rotation_from_quaternion,
     skew,
 )
@@ -203,7 +203,7 @@ def _law(contacts: tuple[Contact, ...], motions: list[ContactMotion], response: 
 def fastest(mechanism: Mechanism, state: State) -> float:
     """Speed that rounding of velocities is relative to: of the fastest body, turning counted at its reach, m/s."""
     v, w = np.max(np.abs(state.v_WB_W)), np.max(np.abs(state.w_WB_W))
-    return float(max(v, reach(mechanism) * w))
+    return float(max(v, characteristic_length(mechanism) * w))
 
 
 def _check_energy(record: Impact) -> None:

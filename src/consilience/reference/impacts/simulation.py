@@ -24,7 +24,7 @@ import scipy
 
 from consilience.engine import TrajectoryAnswer
 from consilience.errors import InvalidInput, NumericalFailure
-from consilience.mechanism import Array, Contact, Mechanism, State, continuous_in_time, reach
+from consilience.mechanism import Array, Contact, Mechanism, State, characteristic_length, continuous_in_time
 from consilience.reference.impacts.geometry import check_contacts, contact_motion
 from consilience.reference.impacts.impact import AT_REST, Impact, fastest, solve_impact
 from consilience.reference.impacts.stepper import Stepper
@@ -99,7 +99,7 @@ class _Run:
         self.contacts = contacts
         self.stepper = stepper
         self.impacts: list[Impact] = []
-        self._length = max([reach(mechanism), *(c.radius for c in contacts if hasattr(c, "radius"))])
+        self._length = max([characteristic_length(mechanism), *(c.radius for c in contacts if hasattr(c, "radius"))])
         self._history: dict[str, list[tuple[float, float]]] = {c.name: [] for c in contacts}
 
     def refuse_overlap(self) -> None:
