@@ -17,7 +17,7 @@ from consilience.mechanism.assembly import (
     move,
     random_states,
 )
-from consilience.mechanism.conditioning import worst_condition
+from consilience.mechanism.conditioning import mass_matrix_condition, reaction_condition, worst_condition
 from consilience.mechanism.constraints import (
     RANK_TOLERANCE,
     Angles,
@@ -45,6 +45,7 @@ from consilience.mechanism.element_rows import (
     holonomic_rows,
     non_holonomic_rows,
     plane_axes,
+    rolling_contact,
     rolling_rows,
 )
 from consilience.mechanism.elementary_tree import (
@@ -64,6 +65,7 @@ from consilience.mechanism.elements import (
     Rolling,
     Skate,
     Spring,
+    friction_law,
 )
 from consilience.mechanism.functions import (
     Function,
@@ -178,6 +180,7 @@ __all__ = [
     "elementary_rotation",
     "euler_parameter_matrix",
     "free_directions",
+    "friction_law",
     "full_turns",
     "holonomic_rows",
     "initial_state",
@@ -188,6 +191,7 @@ __all__ = [
     "kinetic_energy",
     "linear",
     "mass_matrix",
+    "mass_matrix_condition",
     "mass_properties",
     "move",
     "non_holonomic_rows",
@@ -198,9 +202,11 @@ __all__ = [
     "quaternion_from_rotation_vector",
     "quaternion_product",
     "random_states",
+    "reaction_condition",
     "reaction_in_F",
     "reaction_map",
     "relative_motion",
+    "rolling_contact",
     "rolling_rows",
     "rotation_angle_between",
     "rotation_from_bryant_xyz",

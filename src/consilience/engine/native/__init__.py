@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from consilience.engine.native.elements import ELEMENTS, ROWS, SOLVE, Places, element_data, row_data
+from consilience.engine.native.elements import ELEMENTS, FRICTION, ROLLING, ROWS, SOLVE, Places, element_data, row_data
 from consilience.engine.native.parts import Law, Motion, Notes, Parts, Piece
 from consilience.engine.native.script import JET, function_data, literal, script
 
 __all__ = [
     "ELEMENTS",
+    "FRICTION",
     "JET",
+    "ROLLING",
     "ROWS",
     "SOLVE",
     "Law",

@@ -15,10 +15,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from inspect import getsource
 from typing import Any
 
 from consilience.engine.native.script import function_data
-from consilience.mechanism import Array, Function, Mechanism
+from consilience.mechanism import Array, Function, Mechanism, friction_law, rolling_contact
 
 
 @dataclass(frozen=True)
@@ -79,8 +80,7 @@ def _efforts(m: Mechanism, at: Places) -> dict[str, Any]:
         if own or s.actuator:
             linear.append({"axis": at.axis(s.joint, s.coordinate), **own, "f": _law(s.actuator)})
     linear += [
-        {"axis": at.axis(f.joint, f.coordinate), "c": f.viscous, "coulomb": f.coulomb, "speed": f.speed}
-        for f in m.frictions
+        {"axis": at.axis(f.joint, f.coordinate), "friction": [f.viscous, f.coulomb, f.speed]} for f in m.frictions
     ]
     controls = [
         {
@@ -114,6 +114,23 @@ def element_data(mechanism: Mechanism, at: Places) -> dict[str, Any]:
     return _forces(mechanism, at) | _efforts(mechanism, at) | row_data(mechanism, at.axis)
 
 
+FRICTION = "\n" + getsource(friction_law)
+"""Source of `friction_law`; a script that has it imports math."""
+
+ROLLING = (
+    "\nArray, cross = np.ndarray, np.cross\n\n\n"
+    + getsource(rolling_contact)
+    + '''
+
+def axes_of_plane(n):
+    """Normal and two directions of a plane as rows."""
+    across = np.cross(n, np.eye(3)[np.argmin(np.abs(n))])
+    across /= np.linalg.norm(across)
+    return np.array([n, across, np.cross(n, across)])
+'''
+)
+"""Source of `rolling_contact`, and of axes of a plane; a script that has it imports NumPy."""
+
 _APPLIED = '''
 def applied(t, integrals):
     """Generalised forces of springs, loads, efforts and control."""
@@ -137,7 +154,7 @@ def applied(t, integrals):
         value, rate, row, _ = coordinate(*e["axis"])
         effort = -e.get("k", 0.0) * (value - e.get("rest", 0.0)) - e.get("c", 0.0) * rate
         effort += jet(e["f"], t)[0] if e.get("f") else 0.0
-        effort -= e["coulomb"] * math.tanh(rate / e["speed"]) if e.get("coulomb") else 0.0
+        effort += friction_law(rate, *e["friction"])[0] if "friction" in e else 0.0
         tau += effort * row
     for c, integral in zip(CONTROLS, integrals, strict=True):
         value, rate, row, _ = coordinate(*c["axis"])
@@ -147,24 +164,19 @@ def applied(t, integrals):
     return tau
 '''
 
-ROWS = '''
+ROWS = (
+    ROLLING
+    + '''
+
 def rolling_rows(r):
     """Rows at the point of contact: along the normal and two directions of the plane."""
     owner, p, R_body = BODIES[r["body"]]
     R = pose(owner)[1] @ R_body
-    n, a, w = np.array(r["normal"]), R @ r["axis"], motion(owner, np.array(p))[3:]
-    rho, rho_dot = -r["rounding"] * n, np.zeros(3)
-    if r["radius"]:
-        a_dot = np.cross(w, a)
-        m, m_dot = n - (n @ a) * a, -(n @ a_dot) * a - (n @ a) * a_dot
-        e = m / np.linalg.norm(m)
-        rho = rho - r["radius"] * e
-        rho_dot = -r["radius"] * (m_dot - (e @ m_dot) * e) / np.linalg.norm(m)
-    across = np.cross(n, np.eye(3)[np.argmin(np.abs(n))])
-    across /= np.linalg.norm(across)
-    plane = np.array([n, across, np.cross(n, across)])
+    n, w = np.array(r["normal"]), motion(owner, np.array(p))[3:]
+    rho, rho_dot = rolling_contact(R @ r["axis"], n, w, r["radius"], r["rounding"])
+    plane = axes_of_plane(n)
     touch = np.array(p) + R_body @ (np.array(r["center"]) + R.T @ rho)
-    wanted = np.cross(w, np.cross(w, rho) - rho_dot)  # what touches now is at rest, and is not what touched before
+    wanted = np.cross(w, np.cross(w, rho) - rho_dot)  # the material point in contact is at rest, and changes
     return plane @ jacobian(owner, touch)[:3], plane @ (wanted - drift(owner, touch)[:3])
 
 
@@ -206,9 +218,10 @@ def held(t):
     found += [rolling_rows(r) for r in ROLLINGS] + [skate_rows(s) for s in SKATES]
     return np.vstack([rows for rows, _ in found]), np.concatenate([right for _, right in found])
 '''
+)
 """Source of ``held(t)`` of a script and of its rows one by one; it imports math and NumPy, and has `JET`."""
 
-ELEMENTS = _APPLIED + "\n" + ROWS
+ELEMENTS = FRICTION + "\n" + _APPLIED + "\n" + ROWS
 """Source of ``applied(t, integrals)`` and ``held(t)``."""
 
 SOLVE = '''
