@@ -8,12 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from consilience.engine import TrajectoryAnswer
-from consilience.mechanism import Array, Mechanism, State, rotation_from_quaternion
-from consilience.mechanism.observables import (
+from consilience.mechanism import (
+    Array,
+    Mechanism,
+    State,
     joint_spring_coordinates,
     kinetic_energies,
     load_potentials,
     potential_energies,
+    rotation_from_quaternion,
 )
 
 

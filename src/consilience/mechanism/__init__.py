@@ -1,12 +1,17 @@
-"""Mechanisms: bodies, joints, force elements and constraints, independent of any engine; NumPy alone.
+"""Mechanisms: bodies, joints, elements and constraints, independent of any engine; NumPy alone.
 
-A `Mechanism` is immutable data and a `State` its poses and velocities. The other modules answer questions about both:
-assembly, constraint rows, observables, the elementary tree that engines in minimal coordinates start from.
+A `Mechanism` is immutable data, a `State` the poses and velocities of its bodies. Read first: `model` (what a mechanism
+is), `joints` and `joint_rows` (what a joint holds), `constraints` (the equations), `assembly` (consistent states),
+`elementary_tree` (the form for engines in minimal coordinates). Conventions are in docs/conventions.md.
 """
 
 from __future__ import annotations
 
-from consilience.mechanism.applied_forces import Wrenches, applied_wrenches, conservative_part
+from consilience.mechanism.applied_forces import (
+    Wrenches,
+    applied_wrenches,
+    conservative_part,
+)
 from consilience.mechanism.assembly import (
     Initial,
     assemble_positions,
@@ -17,31 +22,34 @@ from consilience.mechanism.assembly import (
     move,
     random_states,
 )
-from consilience.mechanism.conditioning import mass_matrix_condition, reaction_condition, worst_condition
+from consilience.mechanism.conditioning import (
+    mass_matrix_condition,
+    reaction_condition,
+    worst_condition,
+)
 from consilience.mechanism.constraints import (
     RANK_TOLERANCE,
-    Angles,
     RelativeMotion,
     constraint_gamma,
     constraint_jacobian,
     constraint_rates,
     constraint_residual,
-    count_turns,
     free_directions,
-    full_turns,
     joint_coordinates,
-    joint_frames,
     joint_rates,
     reaction_in_F,
     relative_motion,
-    row_gamma,
-    row_jacobian,
-    row_target,
-    row_value,
 )
-from consilience.mechanism.contacts import Contact, PointPlane, SpherePlane, SphereSphere
+from consilience.mechanism.contacts import (
+    Contact,
+    PointPlane,
+    SpherePlane,
+    SphereSphere,
+)
 from consilience.mechanism.element_rows import (
+    Angles,
     ElementRow,
+    count_turns,
     holonomic_rows,
     non_holonomic_rows,
     plane_axes,
@@ -76,7 +84,20 @@ from consilience.mechanism.functions import (
     sine,
     through,
 )
-from consilience.mechanism.joints import AXIS_COORDINATES, BASIC_CONSTRAINTS, JOINT_KINDS, JointKind
+from consilience.mechanism.joint_rows import (
+    full_turns,
+    joint_frames,
+    row_gamma,
+    row_jacobian,
+    row_target,
+    row_value,
+)
+from consilience.mechanism.joints import (
+    AXIS_COORDINATES,
+    BASIC_CONSTRAINTS,
+    JOINT_KINDS,
+    JointKind,
+)
 from consilience.mechanism.model import (
     GROUND,
     Body,
@@ -91,15 +112,21 @@ from consilience.mechanism.observables import (
     centres_of_mass,
     characteristic_length,
     determinate_reactions,
+    joint_spring_coordinates,
     joint_spring_motion,
+    kinetic_energies,
     kinetic_energy,
+    load_potentials,
     mass_matrix,
     mass_properties,
+    potential_energies,
     potential_energy,
     reaction_map,
     world_inertias,
 )
-from consilience.mechanism.spanning_tree import spanning_tree
+from consilience.mechanism.spanning_tree import (
+    spanning_tree,
+)
 from consilience.mechanism.spatial import (
     Array,
     continuous_in_time,
@@ -187,9 +214,12 @@ __all__ = [
     "joint_coordinates",
     "joint_frames",
     "joint_rates",
+    "joint_spring_coordinates",
     "joint_spring_motion",
+    "kinetic_energies",
     "kinetic_energy",
     "linear",
+    "load_potentials",
     "mass_matrix",
     "mass_matrix_condition",
     "mass_properties",
@@ -197,6 +227,7 @@ __all__ = [
     "non_holonomic_rows",
     "orthogonal_triad",
     "plane_axes",
+    "potential_energies",
     "potential_energy",
     "quaternion_from_rotation",
     "quaternion_from_rotation_vector",

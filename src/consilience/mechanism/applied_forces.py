@@ -12,8 +12,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from consilience.mechanism.constraints import joint_frames
 from consilience.mechanism.elements import friction_law
+from consilience.mechanism.joint_rows import joint_frames
 from consilience.mechanism.model import GROUND, Mechanism, State
 from consilience.mechanism.observables import body_point, joint_spring_motion
 from consilience.mechanism.spatial import Array, cross

@@ -19,46 +19,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from consilience.mechanism.element_rows import Angles, ElementRow, count_turns, holonomic_rows, non_holonomic_rows
+from consilience.mechanism.element_rows import Angles, ElementRow, holonomic_rows, non_holonomic_rows
 from consilience.mechanism.joint_rows import (
-    JointFrames,
-    coordinate_value,
     full_turns,
     joint_frames,
     row_gamma,
-    row_jacobian,
     row_jacobians,
     row_target,
     row_value,
     scatter,
     side,
 )
-from consilience.mechanism.model import JOINT_KINDS, Joint, Mechanism, State
+from consilience.mechanism.joints import JOINT_KINDS
+from consilience.mechanism.model import Joint, Mechanism, State
 from consilience.mechanism.spatial import Array, cross, quaternion_from_rotation
-
-__all__ = [
-    "RANK_TOLERANCE",
-    "Angles",
-    "JointFrames",
-    "RelativeMotion",
-    "constraint_gamma",
-    "constraint_jacobian",
-    "constraint_rates",
-    "constraint_residual",
-    "coordinate_value",
-    "count_turns",
-    "free_directions",
-    "full_turns",
-    "joint_coordinates",
-    "joint_frames",
-    "joint_rates",
-    "reaction_in_F",
-    "relative_motion",
-    "row_gamma",
-    "row_jacobian",
-    "row_target",
-    "row_value",
-]
 
 RANK_TOLERANCE = 1e-8
 """Singular values below this fraction of the largest count as zero: constraint rows off the manifold by a drift d

@@ -20,6 +20,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from consilience.mechanism.elements import Rolling, Skate
 from consilience.mechanism.joint_rows import (
     coordinate_gamma,
     coordinate_jacobian,
@@ -27,7 +28,7 @@ from consilience.mechanism.joint_rows import (
     joint_frames,
     scatter,
 )
-from consilience.mechanism.model import Mechanism, Rolling, Skate, State
+from consilience.mechanism.model import Mechanism, State
 from consilience.mechanism.spatial import Array, cross, orthogonal_triad
 
 

@@ -17,13 +17,12 @@ from numpy.typing import NDArray
 from consilience.mechanism.constraints import (
     constraint_jacobian,
     joint_coordinates,
-    joint_frames,
     joint_rates,
     null_space,
     relative_motion,
-    row_jacobian,
 )
 from consilience.mechanism.elements import JointSpring, Spring
+from consilience.mechanism.joint_rows import joint_frames, row_jacobian
 from consilience.mechanism.model import GROUND, Joint, Mechanism, State
 from consilience.mechanism.spatial import Array, cross, skew
 

@@ -42,9 +42,10 @@ from consilience.mechanism import (
     constraint_jacobian,
     determinate_reactions,
     initial_state,
+    mass_matrix_condition,
     random_states,
+    reaction_condition,
 )
-from consilience.mechanism.conditioning import mass_matrix_condition, reaction_condition
 from consilience.reference.formulations import registry
 from consilience.reference.formulations.coordinates import VARIANTS
 from consilience.reference.formulations.orientations import ORIENTATIONS, SingularOrientation

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from consilience.audit.identities.result import NoAnswerError, NotApplicableError
+from consilience.audit.identities.result import NotApplicableError, UnansweredError
 from consilience.engine import InstantAnswer, Method, Question, TrajectoryAnswer, defects
 from consilience.engine.worker.client import Plan, Reply, Request
 from consilience.mechanism import Array, Mechanism, State
@@ -29,7 +29,7 @@ class Asker:
         """
         reply = self.ask(Request(mechanism))
         if not isinstance(reply.value, Plan):
-            raise NoAnswerError(reply.reason or f"the plan is a {type(reply.value).__name__}")
+            raise UnansweredError(reply.reason or f"the plan is a {type(reply.value).__name__}")
         return reply.value
 
     def methods(self, mechanism: Mechanism, question: Question) -> tuple[Method, ...]:
@@ -46,7 +46,7 @@ class Asker:
         if plan.unsupported[question]:
             raise NotApplicableError("; ".join(f"{u.feature}: {u.reason}" for u in plan.unsupported[question]))
         if not plan.methods[question]:
-            raise NoAnswerError("the adapter supports the question and offers no method")
+            raise UnansweredError("the adapter supports the question and offers no method")
         return plan.methods[question]
 
     def method(self, mechanism: Mechanism, question: Question, name: str) -> Method:
@@ -92,4 +92,4 @@ class Asker:
 def _refuse(reply: Reply, question: Question, mechanism: Mechanism, count: int) -> None:
     reason = "; ".join(defects(reply.value, question, mechanism, count)) if reply.returned else reply.reason
     if reason:
-        raise NoAnswerError(reason)
+        raise UnansweredError(reason)

@@ -9,13 +9,20 @@ from consilience.audit.identities import dynamics
 from consilience.audit.identities.asking import Ask, Asker
 from consilience.audit.identities.invariance import INVARIANCES
 from consilience.audit.identities.motion import SAMPLES, measure_drift
-from consilience.audit.identities.result import Finding, NoAnswerError, NotApplicableError, Outcome, Residual, worst
-from consilience.audit.identities.subject import Subject
+from consilience.audit.identities.result import (
+    Finding,
+    IdentityOutcome,
+    NotApplicableError,
+    Residual,
+    UnansweredError,
+    worst,
+)
+from consilience.audit.identities.subject import IdentitySubject
 from consilience.case import Case
 from consilience.engine import EngineInfo, Method, Profile, Question
 from consilience.engine.worker.client import Request, Worker, in_parallel
 
-Measure = Callable[[Subject], Iterable[Residual]]
+Measure = Callable[[IdentitySubject], Iterable[Residual]]
 
 
 @dataclass(frozen=True)
@@ -130,50 +137,50 @@ def check_case(ask: Ask, engine: str, case: Case, states: int) -> list[Finding]:
 
 
 def _at_instants(asker: Asker, engine: str, case: Case, states: int) -> Iterator[Finding]:
-    record = _Record(case.name, engine, Question.INSTANT)
+    record = _FindingContext(case.name, engine, Question.INSTANT)
     identities = [identity for identity in IDENTITIES if identity.measure is not None]
     methods, refused = _methods(asker, case, record, [i.name for i in identities])
     yield from refused
     for method in methods:
-        subject = Subject(case.mechanism, case.states[:states], asker, method)
+        subject = IdentitySubject(case.mechanism, case.states[:states], asker, method)
         for identity in identities:
             assert identity.measure is not None
             yield record.finding(identity.name, method, _measured(identity.measure, subject))
 
 
-def _measured(measure: Measure, subject: Subject) -> Residual | NotApplicableError | NoAnswerError:
+def _measured(measure: Measure, subject: IdentitySubject) -> Residual | NotApplicableError | UnansweredError:
     try:
         return worst(list(measure(subject)))
-    except (NotApplicableError, NoAnswerError) as reason:
+    except (NotApplicableError, UnansweredError) as reason:
         return reason
 
 
 def _along_a_motion(asker: Asker, engine: str, case: Case) -> Iterator[Finding]:
-    record = _Record(case.name, engine, Question.TRAJECTORY)
+    record = _FindingContext(case.name, engine, Question.TRAJECTORY)
     methods, refused = _methods(asker, case, record, ALONG_A_MOTION)
     yield from refused
     for method in methods:
-        found: Sequence[Residual | NotApplicableError | NoAnswerError]
+        found: Sequence[Residual | NotApplicableError | UnansweredError]
         try:
             found = measure_drift(asker, case.mechanism, case.initial_state, case.times[: SAMPLES + 1], method)
-        except (NotApplicableError, NoAnswerError) as reason:
+        except (NotApplicableError, UnansweredError) as reason:
             found = [reason] * len(ALONG_A_MOTION)
         for name, residual in zip(ALONG_A_MOTION, found, strict=True):
             yield record.finding(name, method, residual)
 
 
 def _methods(
-    asker: Asker, case: Case, record: _Record, names: Sequence[str]
+    asker: Asker, case: Case, record: _FindingContext, names: Sequence[str]
 ) -> tuple[tuple[Method, ...], list[Finding]]:
     """Ways to answer, or one finding for each identity that says why there are none."""
     try:
         return asker.methods(case.mechanism, record.question), []
-    except (NotApplicableError, NoAnswerError) as reason:
+    except (NotApplicableError, UnansweredError) as reason:
         return (), [record.finding(name, None, reason) for name in names]
 
 
 @dataclass(frozen=True)
-class _Record:
+class _FindingContext:
     """What all findings about one question have in common."""
 
     case: str
@@ -181,7 +188,7 @@ class _Record:
     question: Question
 
     def finding(
-        self, identity: str, method: Method | None, found: Residual | NotApplicableError | NoAnswerError
+        self, identity: str, method: Method | None, found: Residual | NotApplicableError | UnansweredError
     ) -> Finding:
         """What one identity gave by one method."""
         outcome, residual, bar, remark = _judged(found)
@@ -201,9 +208,14 @@ class _Record:
 
 
 def _judged(
-    found: Residual | NotApplicableError | NoAnswerError,
-) -> tuple[Outcome, float | None, float | None, str]:
+    found: Residual | NotApplicableError | UnansweredError,
+) -> tuple[IdentityOutcome, float | None, float | None, str]:
     if isinstance(found, Residual):
-        return Outcome.HOLDS if found.ratio <= 1.0 else Outcome.VIOLATED, found.value, found.bar, found.remark
-    outcome = Outcome.NO_ANSWER if isinstance(found, NoAnswerError) else Outcome.NOT_APPLICABLE
+        return (
+            IdentityOutcome.HOLDS if found.ratio <= 1.0 else IdentityOutcome.VIOLATED,
+            found.value,
+            found.bar,
+            found.remark,
+        )
+    outcome = IdentityOutcome.NO_ANSWER if isinstance(found, UnansweredError) else IdentityOutcome.NOT_APPLICABLE
     return outcome, None, None, str(found)

@@ -1,6 +1,6 @@
 """Identities between the answers about one mechanism: balance, power, momentum, response to loads.
 
-Each takes a `Subject` and gives a residual for every state. Vectors are scaled as in
+Each takes a `IdentitySubject` and gives a residual for every state. Vectors are scaled as in
 `consilience.audit.identities.equations`.
 """
 
@@ -10,9 +10,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from consilience.audit.identities.equations import EPS, Equations, Solution, by_body, largest
+from consilience.audit.identities.equations import EPS, Equations, ScaledSolution, by_body, largest
 from consilience.audit.identities.result import NotApplicableError, Residual, relative, worst
-from consilience.audit.identities.subject import Subject
+from consilience.audit.identities.subject import IdentitySubject
 from consilience.errors import CannotAssemble
 from consilience.mechanism import (
     GROUND,
@@ -28,7 +28,7 @@ from consilience.mechanism import (
 )
 
 
-def constraint(subject: Subject) -> Iterator[Residual]:
+def constraint(subject: IdentitySubject) -> Iterator[Residual]:
     """``Q x = gamma`` with the engine's accelerations, row by row."""
     if subject.mechanism.constraint_count() == 0:
         raise NotApplicableError("there are no constraints")
@@ -39,7 +39,7 @@ def constraint(subject: Subject) -> Iterator[Residual]:
         yield relative(left[k], allowed[k], largest(eq.solution.rows), f"state {n}, row {k}")
 
 
-def balance(subject: Subject) -> Iterator[Residual]:
+def balance(subject: IdentitySubject) -> Iterator[Residual]:
     """Newton and Euler for each body with the engine's accelerations and the reactions of its joints.
 
     What drives, couplings, contacts and skates do is not reported, and taken out by least squares.
@@ -60,12 +60,12 @@ def _without(columns: Array, vector: Array) -> Array:
     return vector - columns @ np.linalg.lstsq(columns, vector, rcond=None)[0]
 
 
-def _allowed_wrench(eq: Equations, subject: Subject) -> float:
+def _allowed_wrench(eq: Equations, subject: IdentitySubject) -> float:
     stated = largest(np.abs(eq.M).sum(axis=1)) * eq.stated_error(eq.solution, subject.route)
     return eq.guard * largest(eq.solution.terms) + stated
 
 
-def momentum(subject: Subject) -> Iterator[Residual]:
+def momentum(subject: IdentitySubject) -> Iterator[Residual]:
     """Rate of linear and angular momentum against outer forces and the reactions of the ground.
 
     Angular momentum is about the common centre of mass. Without a joint that holds to the ground the reactions are not
@@ -98,7 +98,7 @@ def _summation(eq: Equations) -> Array:
     return sums
 
 
-def power(subject: Subject) -> Iterator[Residual]:
+def power(subject: IdentitySubject) -> Iterator[Residual]:
     """``dT/dt``, which follows from the engine's accelerations, against the power of the applied forces."""
     _refuse_drives(subject)
     if all(eq.speed == 0.0 for eq in subject.equations):
@@ -111,12 +111,12 @@ def power(subject: Subject) -> Iterator[Residual]:
         yield relative(left, eq.guard * terms + stated, terms, f"state {n}")
 
 
-def _refuse_drives(subject: Subject) -> None:
+def _refuse_drives(subject: IdentitySubject) -> None:
     if subject.mechanism.drives:
         raise NotApplicableError("drives do work, and their effort is not reported")
 
 
-def energy(subject: Subject) -> Iterator[Residual]:
+def energy(subject: IdentitySubject) -> Iterator[Residual]:
     """Rate of the engine's own energy along its own accelerations, against the power of what is not conservative.
 
     The rate is a central difference over four states, ``(8 (E1 - E-1) - (E2 - E-2)) / 12 h``, which are assembled
@@ -143,7 +143,7 @@ def energy(subject: Subject) -> Iterator[Residual]:
         yield relative(abs(rate - lost), eq.guard / EPS**0.2 * size + stated, size, f"state {n}")
 
 
-def _along(subject: Subject, n: int, h: float) -> State:
+def _along(subject: IdentitySubject, n: int, h: float) -> State:
     """State a time h later, to second order, back on the constraints."""
     s, a, alpha = subject.states[n], subject.answer.a_WB_W[n], subject.answer.alpha_WB_W[n]
     ahead = move(s, np.hstack([h * s.v_WB_W + 0.5 * h**2 * a, h * s.w_WB_W + 0.5 * h**2 * alpha]).ravel())
@@ -155,7 +155,7 @@ def _along(subject: Subject, n: int, h: float) -> State:
         raise NotApplicableError(f"no state along these accelerations: {error}") from None
 
 
-def forward_after_inverse(subject: Subject) -> Iterator[Residual]:
+def forward_after_inverse(subject: IdentitySubject) -> Iterator[Residual]:
     """Loads that make chosen accelerations and reactions, by Newton and Euler; the engine must give both back.
 
     The accelerations are random in the free directions, as large as the mechanism's own; the reactions are those of
@@ -175,7 +175,7 @@ def forward_after_inverse(subject: Subject) -> Iterator[Residual]:
         yield worst(found)
 
 
-def _inverse(eq: Equations, rng: np.random.Generator) -> tuple[Solution, Array]:
+def _inverse(eq: Equations, rng: np.random.Generator) -> tuple[ScaledSolution, Array]:
     """Random consistent accelerations with random multipliers, and the scaled wrench that makes them."""
     own = eq.solution
     size = largest(own.x) or 1.0
@@ -187,26 +187,26 @@ def _inverse(eq: Equations, rng: np.random.Generator) -> tuple[Solution, Array]:
     return eq.sized(x, mu, load), load
 
 
-def symmetry(subject: Subject) -> Iterator[Residual]:
+def symmetry(subject: IdentitySubject) -> Iterator[Residual]:
     """The response of direction i to a load in direction j is that of j to i."""
     for n, m in enumerate(subject.mobility):
         yield relative(largest(m.W - m.W.T), 2.0 * m.allowed, largest(m.neutral), f"state {n}")
 
 
-def positivity(subject: Subject) -> Iterator[Residual]:
+def positivity(subject: IdentitySubject) -> Iterator[Residual]:
     """No load in a free direction is answered by a motion against it."""
     for n, m in enumerate(subject.mobility):
         lowest = float(np.linalg.eigvalsh(0.5 * (m.W + m.W.T))[0])
         yield relative(max(0.0, -lowest), m.allowed * len(m.W), largest(m.neutral), f"state {n}")
 
 
-def inverse_mass(subject: Subject) -> Iterator[Residual]:
+def inverse_mass(subject: IdentitySubject) -> Iterator[Residual]:
     """The response is the inverse of the mass matrix in the free directions."""
     for n, m in enumerate(subject.mobility):
         yield relative(largest(m.W - m.neutral), m.allowed, largest(m.neutral), f"state {n}")
 
 
-def linearity(subject: Subject) -> Iterator[Residual]:
+def linearity(subject: IdentitySubject) -> Iterator[Residual]:
     """Half of a load, and the same load the other way, make half of the response, and minus it."""
     for n in range(len(subject.states)):
         load = subject.push(n, subject.directions(n).sum(axis=1))

@@ -56,7 +56,7 @@ ROUTE_ERROR = {Route.EXTRAPOLATED: 1e-8}
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
+class ScaledSolution:
     """A solution of the equations, scaled, with what bounds its errors.
 
     Attributes
@@ -204,35 +204,35 @@ class Equations:
         from_gamma = pinv - mobility @ (self.M @ pinv)
         return mobility, from_gamma, pinv.T - pinv.T @ self.M @ mobility, -pinv.T @ self.M @ from_gamma
 
-    def sized(self, x: Array, mu: Array, load: Array | None = None) -> Solution:
+    def sized(self, x: Array, mu: Array, load: Array | None = None) -> ScaledSolution:
         """Accelerations and multipliers, with the sizes of the terms they make; `load` is added to the right side."""
         size_b = self.size_b if load is None else self.size_b + np.abs(load)
         terms = by_body(np.abs(self.M) @ by_body(x) + np.abs(self.Q.T) @ np.abs(mu) + size_b)
-        return Solution(x, mu, terms, np.linalg.norm(self.Q * by_body(x), axis=1) + self.size_gamma)
+        return ScaledSolution(x, mu, terms, np.linalg.norm(self.Q * by_body(x), axis=1) + self.size_gamma)
 
-    def solve(self, load: Array | None = None) -> Solution:
+    def solve(self, load: Array | None = None) -> ScaledSolution:
         """Dense solution, with a scaled wrench added to the right side."""
         b = self.b if load is None else self.b + load
         x_b, x_gamma, mu_b, mu_gamma = self._inverse
         return self.sized(x_b @ b + x_gamma @ self.gamma, mu_b @ b + mu_gamma @ self.gamma, load)
 
     @cached_property
-    def solution(self) -> Solution:
+    def solution(self) -> ScaledSolution:
         """Dense solution of the mechanism as it is; for sizes only."""
         return self.solve()
 
-    def acceleration_errors(self, solution: Solution, route: Route) -> Array:
+    def acceleration_errors(self, solution: ScaledSolution, route: Route) -> Array:
         """Errors of the scaled accelerations that are no fault, shape (6 n_b,)."""
         x_b, x_gamma, _, _ = self._inverse
         rounding = np.abs(x_b) @ solution.terms + np.abs(x_gamma) @ solution.rows + np.abs(solution.x)
         errors: Array = self.guard * rounding + self.stated_error(solution, route)
         return errors
 
-    def acceleration_error(self, solution: Solution, route: Route) -> float:
+    def acceleration_error(self, solution: ScaledSolution, route: Route) -> float:
         """Largest error of a scaled acceleration that is no fault."""
         return largest(self.acceleration_errors(solution, route))
 
-    def row_errors(self, solution: Solution, route: Route) -> Array:
+    def row_errors(self, solution: ScaledSolution, route: Route) -> Array:
         """Errors of ``Q x - gamma`` that are no fault, shape (q,).
 
         The rows are ours; an engine holds its own, and errors of accelerations that are no fault show in ours. Who
@@ -245,11 +245,11 @@ class Equations:
         return errors
 
     @staticmethod
-    def stated_error(solution: Solution, route: Route) -> float:
+    def stated_error(solution: ScaledSolution, route: Route) -> float:
         """What the route itself states, as a scaled acceleration."""
         return ROUTE_ERROR.get(route, 0.0) * largest(solution.x)
 
-    def reaction_error(self, solution: Solution) -> float:
+    def reaction_error(self, solution: ScaledSolution) -> float:
         """Largest error of a scaled joint reaction that is no fault."""
         _, _, mu_b, mu_gamma = self._inverse
         errors = np.abs(mu_b) @ solution.terms + np.abs(mu_gamma) @ solution.rows + np.abs(solution.mu)

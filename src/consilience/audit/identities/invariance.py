@@ -18,7 +18,7 @@ from consilience.audit.identities.descriptions import (
 )
 from consilience.audit.identities.equations import Equations, largest
 from consilience.audit.identities.result import NotApplicableError, Residual, relative, worst
-from consilience.audit.identities.subject import Subject
+from consilience.audit.identities.subject import IdentitySubject
 from consilience.engine import InstantAnswer, Question
 from consilience.mechanism import (
     Mechanism,
@@ -67,8 +67,8 @@ def _in_units(mechanism: Mechanism) -> Description:
 Describe = Callable[[Mechanism], Description]
 
 
-def _invariance(describe: Describe) -> Callable[[Subject], Iterator[Residual]]:
-    def measure(subject: Subject) -> Iterator[Residual]:
+def _invariance(describe: Describe) -> Callable[[IdentitySubject], Iterator[Residual]]:
+    def measure(subject: IdentitySubject) -> Iterator[Residual]:
         """At each state, the residual that differs most between the two descriptions."""
         description = describe(subject.mechanism)
         method = subject.asker.method(description.mechanism, Question.INSTANT, subject.method.name)
@@ -81,7 +81,7 @@ def _invariance(describe: Describe) -> Callable[[Subject], Iterator[Residual]]:
     return measure
 
 
-def _differences(subject: Subject, eq: Equations, told: InstantAnswer, n: int) -> Iterator[Residual]:
+def _differences(subject: IdentitySubject, eq: Equations, told: InstantAnswer, n: int) -> Iterator[Residual]:
     """Accelerations, determined reactions and energies of a state; both answers may err."""
     own, solution = subject.answer, eq.solution
     x = eq.motion(told.a_WB_W[n], told.alpha_WB_W[n])
@@ -100,7 +100,7 @@ def _differences(subject: Subject, eq: Equations, told: InstantAnswer, n: int) -
         yield relative(abs(change), 2.0 * eq.guard * size, size, f"state {n}, {name} energy")
 
 
-INVARIANCES: dict[str, Callable[[Subject], Iterator[Residual]]] = {
+INVARIANCES: dict[str, Callable[[IdentitySubject], Iterator[Residual]]] = {
     "rotated world": _invariance(_turned),
     "moved world": _invariance(_moved),
     "bodies and joints reordered": _invariance(_reordered),

@@ -11,7 +11,7 @@ import numpy as np
 from consilience.engine import Profile, Question, Route
 
 
-class Outcome(StrEnum):
+class IdentityOutcome(StrEnum):
     """How an identity came out, best first."""
 
     HOLDS = "holds"
@@ -24,7 +24,7 @@ class NotApplicableError(Exception):
     """The identity says nothing about this mechanism or method; the message says why."""
 
 
-class NoAnswerError(Exception):
+class UnansweredError(Exception):
     """The engine was asked what it says it can, and gave no sound answer; the message is the evidence."""
 
 
@@ -80,7 +80,7 @@ class Finding:
     route: Route | None
     profile: Profile
     identity: str
-    outcome: Outcome
+    outcome: IdentityOutcome
     residual: float | None = None
     bar: float | None = None
     remark: str = ""
@@ -92,6 +92,6 @@ def exit_code(findings: Sequence[Finding], missing: int = 0) -> int:
     What an engine does at its defaults is shown, and not judged: it was not told what the case means.
     """
     outcomes = {finding.outcome for finding in findings if finding.profile is Profile.MATCHED}
-    if Outcome.VIOLATED in outcomes:
+    if IdentityOutcome.VIOLATED in outcomes:
         return 1
-    return 3 if Outcome.NO_ANSWER in outcomes or missing else 0
+    return 3 if IdentityOutcome.NO_ANSWER in outcomes or missing else 0

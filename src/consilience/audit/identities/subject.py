@@ -38,7 +38,7 @@ class Mobility:
 
 
 @dataclass(frozen=True, eq=False)
-class Subject:
+class IdentitySubject:
     """A mechanism, some consistent states of it, and the engine and method that are asked about them."""
 
     mechanism: Mechanism

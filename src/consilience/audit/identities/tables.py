@@ -8,13 +8,18 @@ from dataclasses import asdict
 from pathlib import Path
 
 from consilience.audit.identities.check import IDENTITIES, Checks
-from consilience.audit.identities.result import Finding, Outcome, exit_code
+from consilience.audit.identities.result import Finding, IdentityOutcome, exit_code
 from consilience.engine import Profile
 from consilience.errors import InvalidInput
 
 FORMAT = 1
 
-_WORST_FIRST = (Outcome.VIOLATED, Outcome.NO_ANSWER, Outcome.HOLDS, Outcome.NOT_APPLICABLE)
+_WORST_FIRST = (
+    IdentityOutcome.VIOLATED,
+    IdentityOutcome.NO_ANSWER,
+    IdentityOutcome.HOLDS,
+    IdentityOutcome.NOT_APPLICABLE,
+)
 
 
 LEGEND = "a number: it holds, and that is the largest residual over cases and methods"
@@ -27,7 +32,7 @@ def cell(findings: Sequence[Finding]) -> str:
         if found:
             measured = [f.residual for f in found if f.residual is not None]
             number = f"{max(measured):.0e}" if measured else ""
-            if outcome in (Outcome.HOLDS, Outcome.NOT_APPLICABLE):
+            if outcome in (IdentityOutcome.HOLDS, IdentityOutcome.NOT_APPLICABLE):
                 return number or str(outcome)
             return f"{outcome} {len(found)} of {len(findings)}" + (f", {number}" if number else "")
     return "-"
@@ -43,7 +48,7 @@ def matrix(checks: Checks, profile: Profile) -> Iterator[tuple[str, list[str]]]:
 
 def blemishes(checks: Checks) -> Iterator[Finding]:
     """Findings that need a look: violated, or without an answer."""
-    return (f for f in checks.findings if f.outcome in (Outcome.VIOLATED, Outcome.NO_ANSWER))
+    return (f for f in checks.findings if f.outcome in (IdentityOutcome.VIOLATED, IdentityOutcome.NO_ANSWER))
 
 
 def sentence(finding: Finding) -> str:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from consilience.case.case import Case
 from consilience.case.families.chains import chain, mass_ratio, planar_chain
-from consilience.case.families.drawing import Table
 from consilience.case.families.loops import closed_ring, four_bar, parallel_rods, scissor, windows
 from consilience.case.families.parameters import (
     Family,
@@ -23,6 +22,7 @@ from consilience.case.families.parameters import (
 from consilience.case.families.single import single_joint, top
 from consilience.case.families.springs import spring_chain, stiff_spring
 from consilience.case.file.reader import cases_from_tables
+from consilience.case.file.values import TomlTable
 from consilience.errors import InvalidInput
 
 __all__ = [
@@ -62,7 +62,7 @@ def is_family(name: str) -> bool:
     return ":" in name or name in FAMILIES
 
 
-def family_table(name: str) -> tuple[str, Table]:
+def family_table(name: str) -> tuple[str, TomlTable]:
     """Name of a member, its parameters in order, and the tables of its case file.
 
     Parameters

@@ -8,10 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from consilience.case.file.values import TomlTable
 from consilience.mechanism import Array, elementary_rotation, quaternion_from_rotation, rotation_from_quaternion
-
-Table = dict[str, Any]
-"""A table of a case file: numbers, texts, lists and tables by name."""
 
 GRAVITY = 9.81
 
@@ -22,7 +20,7 @@ def numbers(values: ArrayLike) -> list[float]:
     return found
 
 
-class Plane:
+class SkewPlane:
     """A skew plane of planar mechanisms: x down the slope, y across it, z along its normal (-1, 2, 2) / 3.
 
     Parameters
@@ -62,7 +60,7 @@ class Plane:
 
     def joint(
         self, name: str, predecessor: str, successor: str, at: ArrayLike, kind: str = "revolute", angle: float = 0.0
-    ) -> Table:
+    ) -> TomlTable:
         """Revolute joint across the plane; a prismatic one along the direction of an angle."""
         axis = self.along(angle, 1.0) if kind == "prismatic" else self.R[:, 2]
         return joint(name, kind, predecessor, successor, at, axis)
@@ -74,7 +72,7 @@ def random_rotation(rng: np.random.Generator) -> Array:
     return rotation_from_quaternion(quat / np.linalg.norm(quat))
 
 
-def body(name: str, mass: float, at: ArrayLike, R: Array, com: ArrayLike, inertia: ArrayLike) -> Table:
+def body(name: str, mass: float, at: ArrayLike, R: Array, com: ArrayLike, inertia: ArrayLike) -> TomlTable:
     """Body of axes R; centre of mass and inertia (six entries: xx, yy, zz, xy, xz, yz, or a tensor) in body axes."""
     entries = np.asarray(inertia, dtype=float)
     if entries.ndim == 2:
@@ -99,7 +97,9 @@ def lumps(rng: np.random.Generator, mass: float, size: float) -> tuple[Array, Ar
     return com, (tensor + tensor.T) / 2
 
 
-def joint(name: str, kind: str, predecessor: str, successor: str, at: ArrayLike, axis: ArrayLike, **more: Any) -> Table:
+def joint(
+    name: str, kind: str, predecessor: str, successor: str, at: ArrayLike, axis: ArrayLike, **more: Any
+) -> TomlTable:
     """Joint with an axis."""
     table = {"name": name, "kind": kind, "predecessor": predecessor, "successor": successor, "at": numbers(at)}
     return table | {"axis": numbers(axis)} | more
@@ -107,7 +107,7 @@ def joint(name: str, kind: str, predecessor: str, successor: str, at: ArrayLike,
 
 def known(
     of: tuple[str, str], observable: str, time: float, value: ArrayLike, uncertainty: float, source: str
-) -> Table:
+) -> TomlTable:
     """Value of a closed form; `of` is ("body", name) or ("joint", name)."""
     return {
         of[0]: of[1],
@@ -133,11 +133,11 @@ def case_table(
     sources: Sequence[str],
     tags: Sequence[str],
     gravity: ArrayLike,
-    mechanism: Table,
-    initial: Table,
+    mechanism: TomlTable,
+    initial: TomlTable,
     span: tuple[float, float],
-    published: Sequence[Table] = (),
-) -> Table:
+    published: Sequence[TomlTable] = (),
+) -> TomlTable:
     """Tables of a case file.
 
     Parameters
@@ -147,7 +147,7 @@ def case_table(
     span : (float, float), s
         Duration and sample.
     """
-    table: Table = {
+    table: TomlTable = {
         "title": title,
         "sources": list(sources),
         "remarks": remarks.strip(),

@@ -9,10 +9,10 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-from consilience.case.families.drawing import Table
+from consilience.case.file.values import TomlTable
 from consilience.errors import InvalidInput
 
-Family = Callable[..., Table]
+Family = Callable[..., TomlTable]
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from consilience.case.case import Case
+from consilience.case.file.values import TomlTable
 from consilience.case.published import JOINT_AT_START, OF_A_JOINT
 from consilience.errors import InvalidInput
 from consilience.mechanism import (
@@ -32,9 +33,6 @@ from consilience.mechanism import (
     SphereSphere,
     quaternion_from_rotation,
 )
-
-Table = dict[str, Any]
-"""A table of TOML: numbers, texts, lists and tables by name."""
 
 _COINCIDE = 1e-9
 _WORLD = Frame(np.zeros(3), np.eye(3))
@@ -57,16 +55,16 @@ def case_text(case: Case, heading: str = "") -> str:
     return table_text(case_table(case), heading)
 
 
-def table_text(table: Table, heading: str = "") -> str:
+def table_text(table: TomlTable, heading: str = "") -> str:
     """Text of the tables of a case file."""
     lines = [f"# {line}".rstrip() for line in heading.splitlines()]
     return "\n".join([*lines, *_lines(table), ""])
 
 
-def case_table(case: Case) -> Table:
+def case_table(case: Case) -> TomlTable:
     """Tables of the case file, by the names of `caseschema`."""
     mechanism = case.mechanism
-    table: Table = {
+    table: TomlTable = {
         "title": case.title,
         "sources": list(case.sources) or ["written by Consilience"],
         **({"remarks": case.remarks} if case.remarks else {}),
@@ -86,11 +84,11 @@ def case_table(case: Case) -> Table:
 # ---------------------------------------------------------------- bodies and joints
 
 
-def _orientation(R: Array) -> Table:
+def _orientation(R: Array) -> TomlTable:
     return {} if np.array_equal(R, np.eye(3)) else {"orientation": {"quaternion": quaternion_from_rotation(R).tolist()}}
 
 
-def _body(body: Body) -> Table:
+def _body(body: Body) -> TomlTable:
     return {
         "name": body.name,
         "mass": body.mass,
@@ -117,11 +115,11 @@ def _direction(mechanism: Mechanism, body: str, direction: Array) -> list[float]
     return drawn
 
 
-def _joint(joint: Joint, mechanism: Mechanism) -> Table:
+def _joint(joint: Joint, mechanism: Mechanism) -> TomlTable:
     start, end = _place(mechanism, joint.predecessor), _place(mechanism, joint.successor)
     at, to = start.p + start.R @ joint.F.p, end.p + end.R @ joint.M.p
     axes, others = start.R @ joint.F.R, end.R @ joint.M.R
-    table: Table = {
+    table: TomlTable = {
         "name": joint.name,
         "kind": joint.kind,
         "predecessor": joint.predecessor,
@@ -149,8 +147,8 @@ def _joint(joint: Joint, mechanism: Mechanism) -> Table:
 # ---------------------------------------------------------------- elements
 
 
-def _function(function: Function) -> Table:
-    table: Table = {}
+def _function(function: Function) -> TomlTable:
+    table: TomlTable = {}
     if len(function.polynomial):
         table["polynomial"] = function.polynomial.tolist()
     if len(function.harmonics):
@@ -161,22 +159,22 @@ def _function(function: Function) -> Table:
     return table or {"polynomial": [0.0]}
 
 
-def _given(name: str, function: Function | None) -> Table:
+def _given(name: str, function: Function | None) -> TomlTable:
     return {} if function is None else {name: _function(function)}
 
 
-def _load(load: Load, mechanism: Mechanism) -> Table:
-    table: Table = {"name": load.name, "body": load.body, "vector": load.vector.tolist(), "frame": load.frame}
+def _load(load: Load, mechanism: Mechanism) -> TomlTable:
+    table: TomlTable = {"name": load.name, "body": load.body, "vector": load.vector.tolist(), "frame": load.frame}
     if load.kind == "force":
         table["at"] = _point(mechanism, load.body, load.point)
     return table | _given("history", load.history)
 
 
-def _coordinate(element: Any, *names: str) -> Table:
+def _coordinate(element: Any, *names: str) -> TomlTable:
     return {name: getattr(element, name) for name in ("name", "joint", "coordinate", *names)}
 
 
-def _elements(m: Mechanism) -> dict[str, list[Table]]:
+def _elements(m: Mechanism) -> dict[str, list[TomlTable]]:
     return {
         "spring": [
             {
@@ -229,8 +227,8 @@ def _elements(m: Mechanism) -> dict[str, list[Table]]:
     }
 
 
-def _contact(c: Contact, m: Mechanism) -> Table:
-    table: Table = {"name": c.name, "body": c.body, "partner": c.partner, "at": _point(m, c.body, c.center)}
+def _contact(c: Contact, m: Mechanism) -> TomlTable:
+    table: TomlTable = {"name": c.name, "body": c.body, "partner": c.partner, "at": _point(m, c.body, c.center)}
     if not isinstance(c, PointPlane):
         table["radius"] = c.radius
     if isinstance(c, SphereSphere):
@@ -243,16 +241,16 @@ def _contact(c: Contact, m: Mechanism) -> Table:
 # ---------------------------------------------------------------- initial state
 
 
-def _held(values: Mapping[str, Any], rates: bool) -> Table:
-    table: Table = {name: np.asarray(value, dtype=float).tolist() for name, value in values.items()}
+def _held(values: Mapping[str, Any], rates: bool) -> TomlTable:
+    table: TomlTable = {name: np.asarray(value, dtype=float).tolist() for name, value in values.items()}
     if "orientation" in table:
         orientation = table.pop("orientation")
         table |= {"angular_velocity": orientation} if rates else {"orientation": {"quaternion": orientation}}
     return table
 
 
-def _initial(initial: Initial) -> Table:
-    bodies: dict[str, Table] = {}
+def _initial(initial: Initial) -> TomlTable:
+    bodies: dict[str, TomlTable] = {}
     for name, frame in initial.poses.items():
         bodies[name] = {
             "at": frame.p.tolist(),
@@ -268,12 +266,12 @@ def _initial(initial: Initial) -> Table:
     }
 
 
-def _published(case: Case) -> list[Table]:
+def _published(case: Case) -> list[TomlTable]:
     """Components of one vector together, as the file has them."""
-    vectors: dict[tuple[object, ...], Table] = {}
+    vectors: dict[tuple[object, ...], TomlTable] = {}
     for known in case.published:
         joint = known.observable in OF_A_JOINT or known.observable in JOINT_AT_START
-        fields: Table = {"joint" if joint else "body": known.of}
+        fields: TomlTable = {"joint" if joint else "body": known.of}
         fields |= {name: getattr(known, name) for name in ("observable", "time", "uncertainty", "origin", "source")}
         fields |= {"second": known.second} if known.second else {}
         vector = vectors.setdefault(tuple(fields.values()), {**fields, "value": {}})
@@ -302,11 +300,11 @@ def _value(value: Any) -> str:
     return repr(value.item() if isinstance(value, np.generic) else value)
 
 
-def _entries(table: Table) -> Iterator[str]:
+def _entries(table: TomlTable) -> Iterator[str]:
     return (f"{name} = {_value(value)}" for name, value in table.items())
 
 
-def _lines(table: Table) -> Iterator[str]:
+def _lines(table: TomlTable) -> Iterator[str]:
     """Top-level values first, then a paragraph for each table and each entry of a list of tables."""
 
     def entries(value: Any) -> bool:

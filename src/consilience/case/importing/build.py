@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from consilience.case.importing.compound import recognise
-from consilience.engine.native import Law, Motion, Notes, Parts, Piece
+from consilience.engine.native import CoordinateLaw, NativeJoint, Notes, Parts, Piece
 from consilience.engine.native.parts import inertia_of_several
 from consilience.errors import InvalidInput
 from consilience.mechanism import (
@@ -151,7 +151,7 @@ class _Builder:
         self.notes.add(IDLE, *idle)
         return set(idle)
 
-    def _row(self, piece: Piece, shares: dict[str, tuple[float, Array, Array]]) -> tuple[str, tuple[Motion, ...]]:
+    def _row(self, piece: Piece, shares: dict[str, tuple[float, Array, Array]]) -> tuple[str, tuple[NativeJoint, ...]]:
         """Body that carries a piece and the motions from it, through pieces without mass."""
         motions, base = piece.motions, self._base(piece)
         while base and shares[base][0] == 0.0:
@@ -294,7 +294,7 @@ def _with_something(lump: list[tuple[float, Array, Array]]) -> list[tuple[float,
     return [share for share in lump if share[0] or np.any(share[2])] or lump
 
 
-def _coupling(name: str, law: Law, coordinates: dict[str, tuple[str, str, float]]) -> Coupling:
+def _coupling(name: str, law: CoordinateLaw, coordinates: dict[str, tuple[str, str, float]]) -> Coupling:
     joint, coordinate, sign = coordinates[law.motion]
     driver_joint, driver_coordinate, turn = coordinates[law.driver]
     powers = [sign * c * turn**k for k, c in enumerate(law.coefficients)]

@@ -42,7 +42,7 @@ class Imported:
     notes: Notes
 
 
-class _Tree(TreeBuilder):
+class _ModelTreeBuilder(TreeBuilder):
     """Refuses a file that declares a document type."""
 
     def doctype(self, name: str, pubid: str | None, system: str | None) -> None:
@@ -62,7 +62,7 @@ def _xml(path: Path) -> Element:
         raise InvalidInput(str(path), f"it cannot be read ({error.strerror})", "Give the path of a model.") from None
     if len(data) > _LARGEST:
         raise InvalidInput(str(path), f"it has {len(data)} bytes", f"Give a model of at most {_LARGEST}.")
-    parser = XMLParser(target=_Tree())
+    parser = XMLParser(target=_ModelTreeBuilder())
     try:
         parser.feed(data)
         root: Element = parser.close()

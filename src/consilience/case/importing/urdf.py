@@ -15,7 +15,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from consilience.engine.native import Law, Motion, Notes, Parts, Piece
+from consilience.engine.native import CoordinateLaw, NativeJoint, Notes, Parts, Piece
 from consilience.mechanism import Array, Frame, elementary_rotation
 
 STANDARD_GRAVITY = np.array([0.0, 0.0, -9.81])
@@ -51,7 +51,7 @@ COULOMB = "Coulomb friction: a case needs the speed that regularises it, and URD
 
 
 @dataclass(frozen=True, eq=False)
-class _Joint:
+class _UrdfJoint:
     name: str
     kind: str
     parent: str
@@ -61,7 +61,7 @@ class _Joint:
     damping: float
 
 
-class _Reader:
+class _UrdfReader:
     """Reads elements, with the place of each in what it says."""
 
     def __init__(self, where: str, notes: Notes) -> None:
@@ -112,7 +112,7 @@ class _Reader:
             self.notes.refuse(f"its mass is {mass:g} kg", what)
         return mass, frame.p, frame.R @ inertia @ frame.R.T
 
-    def joint(self, element: Element) -> _Joint:
+    def joint(self, element: Element) -> _UrdfJoint:
         """A joint with its frame in the parent link, its axis made a unit vector, and its damping."""
         name = self.text(element, "name", "joint")
         what = f"joint '{name}'"
@@ -128,7 +128,7 @@ class _Reader:
         dynamics = element.find("dynamics")
         if self.number(dynamics, "friction", "0", what):
             self.notes.add(COULOMB, name)
-        return _Joint(
+        return _UrdfJoint(
             name,
             _KINDS.get(kind, ""),
             self.text(element.find("parent"), "link", what),
@@ -138,14 +138,14 @@ class _Reader:
             self.number(dynamics, "damping", "0", what),
         )
 
-    def mimic(self, element: Element) -> Iterator[Law]:
+    def mimic(self, element: Element) -> Iterator[CoordinateLaw]:
         """The law ``offset + multiplier * driver`` of a joint that mimics another, if it does."""
         given, name = element.find("mimic"), element.get("name", "")
         if given is not None and element.get("type") != "fixed":
             what = f"joint '{name}'"
             offset = self.number(given, "offset", "0", what)
             ratio = self.number(given, "multiplier", "1", what)
-            yield Law(f"{name}_mimic", name, self.text(given, "joint", what), (offset, ratio))
+            yield CoordinateLaw(f"{name}_mimic", name, self.text(given, "joint", what), (offset, ratio))
 
     def unread(self, robot: Element) -> None:
         """Note all elements that were not used."""
@@ -167,7 +167,7 @@ def _unique(names: list[str], reason: str, notes: Notes) -> None:
         notes.refuse(reason, *twice)
 
 
-def _in_order(links: dict[str, Element], joints: list[_Joint], notes: Notes) -> list[str]:
+def _in_order(links: dict[str, Element], joints: list[_UrdfJoint], notes: Notes) -> list[str]:
     """Names of the links, carriers first."""
     for joint in joints:
         for end in (joint.parent, joint.child):
@@ -205,7 +205,7 @@ def read_urdf(robot: Element, path: Path, free_base: bool, notes: Notes) -> Part
     InvalidInput
         With everything that is wrong with the file.
     """
-    reader = _Reader(path.name, notes)
+    reader = _UrdfReader(path.name, notes)
     _unique([e.get("name", "") for e in robot.findall("link")], "two links have this name", notes)
     _unique([e.get("name", "") for e in robot.findall("joint")], "two joints have this name", notes)
     links = {reader.text(e, "name", "link"): e for e in robot.findall("link")}
@@ -224,7 +224,7 @@ def read_urdf(robot: Element, path: Path, free_base: bool, notes: Notes) -> Part
             motions, carrier = _motions(joint, frames[name]), joint.parent
         else:
             frames[name], carrier = _IDENTITY, ""
-            motions = (Motion("root", "F", np.zeros(3), np.array([0.0, 0.0, 1.0])),) if free_base else ()
+            motions = (NativeJoint("root", "F", np.zeros(3), np.array([0.0, 0.0, 1.0])),) if free_base else ()
         pieces.append(Piece(name, carrier, frames[name], motions, *reader.inertial(links[name], f"link '{name}'")))
     reader.unread(robot)
     notes.add(f"gravity, which URDF does not have, is {STANDARD_GRAVITY.tolist()} m/s^2", "mechanism")
@@ -232,14 +232,14 @@ def read_urdf(robot: Element, path: Path, free_base: bool, notes: Notes) -> Part
     return Parts(path.stem, STANDARD_GRAVITY, tuple(pieces), tuple(laws))
 
 
-def _check_drivers(laws: list[Law], joints: list[_Joint], notes: Notes) -> None:
+def _check_drivers(laws: list[CoordinateLaw], joints: list[_UrdfJoint], notes: Notes) -> None:
     names = {joint.name for joint in joints}
     for law in laws:
         if law.driver not in names or law.driver == law.motion or not math.isfinite(sum(law.coefficients)):
             notes.refuse(f"it mimics '{law.driver}', which is no other joint", f"joint '{law.motion}'")
 
 
-def _motions(joint: _Joint, frame: Frame) -> tuple[Motion, ...]:
+def _motions(joint: _UrdfJoint, frame: Frame) -> tuple[NativeJoint, ...]:
     if not joint.kind:
         return ()
-    return (Motion(joint.name, joint.kind, frame.p, frame.R @ joint.axis, damping=joint.damping),)
+    return (NativeJoint(joint.name, joint.kind, frame.p, frame.R @ joint.axis, damping=joint.damping),)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from consilience.engine.native.elements import ELEMENTS, FRICTION, ROLLING, ROWS, SOLVE, Places, element_data, row_data
-from consilience.engine.native.parts import Law, Motion, Notes, Parts, Piece
+from consilience.engine.native.parts import CoordinateLaw, NativeJoint, Notes, Parts, Piece
 from consilience.engine.native.script import JET, function_data, literal, script
 
 __all__ = [
@@ -13,8 +13,8 @@ __all__ = [
     "ROLLING",
     "ROWS",
     "SOLVE",
-    "Law",
-    "Motion",
+    "CoordinateLaw",
+    "NativeJoint",
     "Notes",
     "Parts",
     "Piece",

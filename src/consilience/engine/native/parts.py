@@ -16,7 +16,7 @@ from consilience.mechanism import Array, Frame, Joint, Spring
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class NativeJoint:
     """One joint of the file: what it lets a piece do relative to the one that carries it.
 
     Attributes
@@ -62,14 +62,14 @@ class Piece:
     name: str
     carrier: str
     frame: Frame
-    motions: tuple[Motion, ...]
+    motions: tuple[NativeJoint, ...]
     mass: float
     com: Array
     inertia: Array
 
 
 @dataclass(frozen=True)
-class Law:
+class CoordinateLaw:
     """A coordinate of the file as a polynomial of another one: ``q = sum c_k q_driver^k``."""
 
     name: str
@@ -131,7 +131,7 @@ class Parts:
     name: str
     gravity: Array
     pieces: tuple[Piece, ...]
-    laws: tuple[Law, ...] = ()
+    laws: tuple[CoordinateLaw, ...] = ()
     loops: tuple[Joint, ...] = ()
     springs: tuple[Spring, ...] = ()
 
