@@ -28,7 +28,7 @@ from consilience.mechanism import (
 from consilience.mechanism.assembly import (
     _CONVERGED,
     _MAX_ITERATIONS,
-    Held,
+    HeldCoordinates,
     _held_error,
     _held_rows,
     _largest,
@@ -77,7 +77,7 @@ def place(mechanism: Mechanism, guess: State, held: Values, near: Values) -> Sta
     CannotAssemble
         Naming the constraint that stays violated.
     """
-    wanted: Held = [(joint, coordinate, value) for (joint, coordinate), value in held.items()]
+    wanted: HeldCoordinates = [(joint, coordinate, value) for (joint, coordinate), value in held.items()]
     if not mechanism.couplings:
         return assemble_positions(mechanism, guess, wanted)
     state, error = guess, np.inf
