@@ -37,6 +37,7 @@ from consilience.mechanism.constraints import (
     free_directions,
     joint_coordinates,
     joint_rates,
+    null_space,
     reaction_in_F,
     relative_motion,
 )
@@ -225,6 +226,7 @@ __all__ = [
     "mass_properties",
     "move",
     "non_holonomic_rows",
+    "null_space",
     "orthogonal_triad",
     "plane_axes",
     "potential_energies",

@@ -1,4 +1,4 @@
-"""Oracles that need no second engine: identities that an engine's answers obey whatever the truth is."""
+"""Oracles without a second engine: identities that the answers of every sound engine satisfy."""
 
 from __future__ import annotations
 

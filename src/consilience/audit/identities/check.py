@@ -1,4 +1,4 @@
-"""All identities in one table, and every engine, case and method examined by them."""
+"""The table of identities, and the check of engines, cases and methods against the table."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ Measure = Callable[[IdentitySubject], Iterable[Residual]]
 
 @dataclass(frozen=True)
 class Identity:
-    """Something that holds whatever the truth is.
+    """An equation that the answers of every sound engine satisfy.
 
     Attributes
     ----------
     name : str
     shows : str
-        Errors that violate it.
+        Errors that violate the identity.
     measure : callable or None
-        Residuals over the states of a subject; None where it is about a motion.
+        Residuals over the states of a subject; None of an identity along a motion.
     """
 
     name: str
@@ -67,18 +67,15 @@ IDENTITIES: tuple[Identity, ...] = (
 
 ALONG_A_MOTION = tuple(identity.name for identity in IDENTITIES if identity.measure is None)
 
-Progress = Callable[[str, str], None]
-"""Called with the engine and the case it has just finished."""
-
 
 @dataclass
 class Checks:
-    """Everything that was found.
+    """Findings of all engines.
 
     Attributes
     ----------
     missing : dict
-        Engines that do not start, with the reason.
+        Reason by engine that does not start.
     """
 
     engines: dict[str, EngineInfo] = field(default_factory=dict)
@@ -92,24 +89,29 @@ def check_engines(
     states: int = 3,
     jobs: int = 2,
     limit: float = 180.0,
-    progress: Progress | None = None,
+    progress: Callable[[str, str], None] | None = None,
 ) -> Checks:
-    """Examine every engine on every case, each alone in its own worker.
+    """Check every engine on every case, each engine in a worker of its own.
 
     Parameters
     ----------
+    cases : sequence of Case
+    engines : sequence of str
+        Names of installed engines or variants.
     states : int
-        Number of states of the question `instant` that are looked at.
+        Number of states of the question `instant`.
     jobs : int
-        Number of engines that work at a time.
+        Number of engines that run at a time.
     limit : float, s
-        Time limit of one job.
+        Time limit of one request to a worker.
+    progress : callable, optional
+        Called with the names of engine and case after each case.
     """
     for case in cases:
-        _ = case.states  # assembled before any worker starts: what cannot be assembled is bad input
+        _ = case.states  # assembled before any worker starts: a failure is bad input
 
     def work(worker: Worker) -> tuple[object, str, list[Finding]]:
-        """All cases on one engine: what it says it is, why it says nothing, what was found."""
+        """Check one engine on all cases: its info, the reason if there is none, and the findings."""
         with worker:
             reply = worker.ask(Request())
             found: list[Finding] = []
@@ -131,7 +133,7 @@ def check_engines(
 
 
 def check_case(ask: Ask, engine: str, case: Case, states: int) -> list[Finding]:
-    """All identities for all methods of one engine on one case."""
+    """Check all identities for all methods of one engine on one case."""
     asker = Asker(ask)
     return [*_at_instants(asker, engine, case, states), *_along_a_motion(asker, engine, case)]
 
@@ -172,7 +174,7 @@ def _along_a_motion(asker: Asker, engine: str, case: Case) -> Iterator[Finding]:
 def _methods(
     asker: Asker, case: Case, record: _FindingContext, names: Sequence[str]
 ) -> tuple[tuple[Method, ...], list[Finding]]:
-    """Ways to answer, or one finding for each identity that says why there are none."""
+    """Methods, or one finding for each identity with the reason why there are none."""
     try:
         return asker.methods(case.mechanism, record.question), []
     except (NotApplicableError, UnansweredError) as reason:
@@ -181,7 +183,7 @@ def _methods(
 
 @dataclass(frozen=True)
 class _FindingContext:
-    """What all findings about one question have in common."""
+    """Common fields of all findings about one question."""
 
     case: str
     engine: str
@@ -190,7 +192,7 @@ class _FindingContext:
     def finding(
         self, identity: str, method: Method | None, found: Residual | NotApplicableError | UnansweredError
     ) -> Finding:
-        """What one identity gave by one method."""
+        """Return the finding of one identity and one method."""
         outcome, residual, bar, remark = _judged(found)
         return Finding(
             self.case,

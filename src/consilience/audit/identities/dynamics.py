@@ -1,6 +1,6 @@
 """Identities between the answers about one mechanism: balance, power, momentum, response to loads.
 
-Each takes a `IdentitySubject` and gives a residual for every state. Vectors are scaled as in
+Each identity takes a `IdentitySubject` and gives a residual for every state. Vectors are scaled as in
 `consilience.audit.identities.equations`.
 """
 
@@ -29,7 +29,7 @@ from consilience.mechanism import (
 
 
 def constraint(subject: IdentitySubject) -> Iterator[Residual]:
-    """``Q x = gamma`` with the engine's accelerations, row by row."""
+    """Check ``Q x = gamma`` with the engine's accelerations, row by row."""
     if subject.mechanism.constraint_count() == 0:
         raise NotApplicableError("there are no constraints")
     for n, eq in enumerate(subject.equations):
@@ -40,9 +40,9 @@ def constraint(subject: IdentitySubject) -> Iterator[Residual]:
 
 
 def balance(subject: IdentitySubject) -> Iterator[Residual]:
-    """Newton and Euler for each body with the engine's accelerations and the reactions of its joints.
+    """Check the Newton-Euler equations of each body with the engine's accelerations and joint reactions.
 
-    What drives, couplings, contacts and skates do is not reported, and taken out by least squares.
+    Forces of drives, couplings, contacts and skates are not reported: least squares remove them.
     """
     for n, eq in enumerate(subject.equations):
         wrenches = eq.joint_wrenches(*subject.reactions(n)).total.ravel() / eq.motion_scale
@@ -54,7 +54,7 @@ def balance(subject: IdentitySubject) -> Iterator[Residual]:
 
 
 def _without(columns: Array, vector: Array) -> Array:
-    """The part of a vector that the columns cannot make."""
+    """Part of a vector orthogonal to the columns."""
     if columns.shape[1] == 0:
         return vector
     return vector - columns @ np.linalg.lstsq(columns, vector, rcond=None)[0]
@@ -66,10 +66,10 @@ def _allowed_wrench(eq: Equations, subject: IdentitySubject) -> float:
 
 
 def momentum(subject: IdentitySubject) -> Iterator[Residual]:
-    """Rate of linear and angular momentum against outer forces and the reactions of the ground.
+    """Check the rates of linear and angular momentum against external forces and the reactions of the ground.
 
-    Angular momentum is about the common centre of mass. Without a joint that holds to the ground the reactions are not
-    needed: what floats conserves both but for outer forces.
+    Angular momentum is about the common centre of mass. A floating mechanism, without rows to the ground, needs no
+    reactions.
     """
     held = any(j.rows and GROUND in (j.predecessor, j.successor) for j in subject.mechanism.joints)
     for n, eq in enumerate(subject.equations):
@@ -87,7 +87,7 @@ def momentum(subject: IdentitySubject) -> Iterator[Residual]:
 
 
 def _summation(eq: Equations) -> Array:
-    """Total force and torque about the common centre of mass from the scaled wrenches, shape (6, 6 n_b)."""
+    """Matrix (6, 6 n_b) from scaled wrenches to total force and torque about the common centre of mass."""
     masses = np.array([b.mass for b in eq.mechanism.bodies])
     centre = masses @ centres_of_mass(eq.mechanism, eq.state)[0] / masses.sum()
     sums = np.zeros((6, 6 * len(masses)))
@@ -99,7 +99,7 @@ def _summation(eq: Equations) -> Array:
 
 
 def power(subject: IdentitySubject) -> Iterator[Residual]:
-    """``dT/dt``, which follows from the engine's accelerations, against the power of the applied forces."""
+    """Check ``dT/dt`` of the engine's accelerations against the power of the applied forces."""
     _refuse_drives(subject)
     if all(eq.speed == 0.0 for eq in subject.equations):
         raise NotApplicableError("nothing moves")
@@ -117,12 +117,11 @@ def _refuse_drives(subject: IdentitySubject) -> None:
 
 
 def energy(subject: IdentitySubject) -> Iterator[Residual]:
-    """Rate of the engine's own energy along its own accelerations, against the power of what is not conservative.
+    """Check the rate of the engine's energies along its own accelerations against the power of dissipation and loads.
 
-    The rate is a central difference over four states, ``(8 (E1 - E-1) - (E2 - E-2)) / 12 h``, which are assembled
-    anew: they lie on a smooth curve with the state's velocity and the engine's accelerations. With a step of
-    ``eps^(1/5)`` of the fastest rate of the state, rounding and what the difference leaves out are both about
-    ``eps^(4/5)`` of energy times rate, less by far than the roundings of an energy allow for.
+    The rate is a central difference over four states, ``(8 (E1 - E-1) - (E2 - E-2)) / 12 h``, assembled on a smooth
+    curve with the state's velocity and the engine's accelerations. With a step of ``eps^(1/5)`` over the fastest rate
+    of the state, rounding and truncation are both about ``eps^(4/5)`` of energy times rate, far below the bar.
     """
     _refuse_drives(subject)
     if subject.mechanism.rollings or subject.mechanism.skates:
@@ -144,7 +143,7 @@ def energy(subject: IdentitySubject) -> Iterator[Residual]:
 
 
 def _along(subject: IdentitySubject, n: int, h: float) -> State:
-    """State a time h later, to second order, back on the constraints."""
+    """State a time h later, to second order, projected onto the constraints."""
     s, a, alpha = subject.states[n], subject.answer.a_WB_W[n], subject.answer.alpha_WB_W[n]
     ahead = move(s, np.hstack([h * s.v_WB_W + 0.5 * h**2 * a, h * s.w_WB_W + 0.5 * h**2 * alpha]).ravel())
     try:
@@ -156,9 +155,9 @@ def _along(subject: IdentitySubject, n: int, h: float) -> State:
 
 
 def forward_after_inverse(subject: IdentitySubject) -> Iterator[Residual]:
-    """Loads that make chosen accelerations and reactions, by Newton and Euler; the engine must give both back.
+    """Choose accelerations and reactions, apply the loads that the Newton-Euler equations need, and ask for both back.
 
-    The accelerations are random in the free directions, as large as the mechanism's own; the reactions are those of
+    The accelerations are random in the free directions, as large as those without loads; the reactions are those of
     random multipliers.
     """
     for n, eq in enumerate(subject.equations):
@@ -176,7 +175,7 @@ def forward_after_inverse(subject: IdentitySubject) -> Iterator[Residual]:
 
 
 def _inverse(eq: Equations, rng: np.random.Generator) -> tuple[ScaledSolution, Array]:
-    """Random consistent accelerations with random multipliers, and the scaled wrench that makes them."""
+    """Random consistent accelerations with random multipliers, and the scaled wrench that causes both."""
     own = eq.solution
     size = largest(own.x) or 1.0
     free = eq.N @ rng.normal(size=eq.N.shape[1])
@@ -188,26 +187,26 @@ def _inverse(eq: Equations, rng: np.random.Generator) -> tuple[ScaledSolution, A
 
 
 def symmetry(subject: IdentitySubject) -> Iterator[Residual]:
-    """The response of direction i to a load in direction j is that of j to i."""
+    """Check that the response of direction i to a load in direction j is that of j to i."""
     for n, m in enumerate(subject.mobility):
         yield relative(largest(m.W - m.W.T), 2.0 * m.allowed, largest(m.neutral), f"state {n}")
 
 
 def positivity(subject: IdentitySubject) -> Iterator[Residual]:
-    """No load in a free direction is answered by a motion against it."""
+    """Check that no load in a free direction causes an acceleration against the load."""
     for n, m in enumerate(subject.mobility):
         lowest = float(np.linalg.eigvalsh(0.5 * (m.W + m.W.T))[0])
         yield relative(max(0.0, -lowest), m.allowed * len(m.W), largest(m.neutral), f"state {n}")
 
 
 def inverse_mass(subject: IdentitySubject) -> Iterator[Residual]:
-    """The response is the inverse of the mass matrix in the free directions."""
+    """Check that the response is the inverse of the mass matrix in the free directions."""
     for n, m in enumerate(subject.mobility):
         yield relative(largest(m.W - m.neutral), m.allowed, largest(m.neutral), f"state {n}")
 
 
 def linearity(subject: IdentitySubject) -> Iterator[Residual]:
-    """Half of a load, and the same load the other way, make half of the response, and minus it."""
+    """Check that half of a load causes half of the response, and the opposite load the opposite response."""
     for n in range(len(subject.states)):
         load = subject.push(n, subject.directions(n).sum(axis=1))
         whole, half, back = (subject.response(n, c * load) for c in (1.0, 0.5, -1.0))

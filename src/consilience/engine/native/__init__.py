@@ -1,4 +1,4 @@
-"""Native models: what an adapter builds, written so that a user goes on with the engine alone."""
+"""Native models: texts of runnable scripts for an engine alone, and parts of models of other formats."""
 
 from __future__ import annotations
 
