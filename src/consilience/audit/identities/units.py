@@ -135,6 +135,9 @@ def in_units(
                 new[name] = old * factor(units)
         return replace(element, **new)
 
+    elements: dict[str, Any] = {
+        group: tuple(convert(x, factors) for x in getattr(mechanism, group)) for group, factors in _FACTORS.items()
+    }
     return replace(
         mechanism,
         gravity=mechanism.gravity * length / time**2,
@@ -146,5 +149,5 @@ def in_units(
             replace(j, F=frame(j.F), M=frame(j.M), length=length * j.length, pitch=length * j.pitch)
             for j in mechanism.joints
         ),
-        **{group: tuple(convert(x, of) for x in getattr(mechanism, group)) for group, of in _FACTORS.items()},
+        **elements,
     )

@@ -132,27 +132,31 @@ def case_table(
     remarks: str,
     sources: Sequence[str],
     tags: Sequence[str],
-    gravity: ArrayLike,
     mechanism: TomlTable,
     initial: TomlTable,
     span: tuple[float, float],
     published: Sequence[TomlTable] = (),
 ) -> TomlTable:
-    """Tables of a case file.
+    """Return the tables of a case file.
 
     Parameters
     ----------
+    title, remarks : str
+    sources, tags : sequence of str
     mechanism : dict
-        Lists of tables: body, joint, spring, ...
+        Gravity (m/s^2, world axes), and lists of tables: body, joint, spring, ...
+    initial : dict
+        Held coordinates and rates.
     span : (float, float), s
         Duration and sample.
+    published : sequence of dict
+        Values in closed form, see `known`.
     """
     table: TomlTable = {
         "title": title,
         "sources": list(sources),
         "remarks": remarks.strip(),
         "tags": ["family", *tags],
-        "gravity": numbers(gravity),
         **mechanism,
         "initial": initial,
         "trajectory": {"duration": span[0], "sample": span[1], "digits": 8},

@@ -95,7 +95,6 @@ def spring_chain(
         "Drawn at rest; the first mass is pushed. Tests springs between points and prismatic joints.",
         [source.removeprefix("closed form: ")],
         ["prismatic", "spring", "closed form"],
-        GRAVITY_W,
         rail.tables(),
         {"rates": {"slide_1": {"distance": push}}},
         (100 * sample, sample),
@@ -166,7 +165,6 @@ rad/s and a fast one of {fast:.4g} rad/s. Tests stiffness. Known difficulties: e
 {2 / fast:.2g} s.""",
         [source.removeprefix("closed form: ")],
         ["prismatic", "spring", "stiff", "closed form"],
-        GRAVITY_W,
         rail.tables(),
         {"rates": {"slide_1": {"distance": start - speed / 2}, "slide_2": {"distance": start + speed / 2}}},
         (2.0, 0.02),
@@ -217,4 +215,4 @@ class _Rail:
             }
             for i in range(n + 1)
         ]
-        return {"body": bodies, "joint": joints, "spring": springs}
+        return {"gravity": numbers(GRAVITY_W), "body": bodies, "joint": joints, "spring": springs}

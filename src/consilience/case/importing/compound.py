@@ -1,8 +1,8 @@
-"""Motions in a row, without mass between them, as one joint of the joint table where they are one.
+"""Joints in a row, without mass in between, as one joint of the joint table.
 
-A joint is the set of relative poses it leaves; a row of motions that leaves the same set is that joint. `_RULES` has
-the letters of the motions, and for each the geometry they must have in the drawing. Where the axes of three hinges come
-to lie in one plane, the row locks and the ball does not.
+A joint is defined by the set of relative poses it allows; a row of joints that allows the same set is that joint.
+`_RULES` has the kinds in a row, and for each the check of the geometry in the drawing. Where the axes of three hinges
+come to lie in one plane, the row locks and the ball does not.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from consilience.engine.native import NativeJoint
 from consilience.mechanism import Array
 
 SQUARE = 1e-9
-"""How far from a right angle, from parallel (rad) or from one another (m) axes may be and count as what they seem."""
+"""Tolerance for axes to count as perpendicular, parallel (rad) or intersecting (m)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,9 +27,9 @@ class Recognised:
     ----------
     kind : str
     at, axis, second : ndarray, shape (3,)
-        Origin of F and M, z and x of them; `second` is None where it does not matter.
+        Origin (m), z and x of F and M in the drawing; `second` is None where x does not matter.
     coordinates : dict
-        Coordinate and sign of each motion that is a coordinate of the joint.
+        Coordinate and sign of each joint in the row that is a coordinate of the joint.
     """
 
     kind: str
@@ -48,7 +48,7 @@ def _on_line(point: Array, motion: NativeJoint) -> bool:
 
 
 def _meeting_point(motions: Sequence[NativeJoint]) -> Array | None:
-    """Point that lies on all axes, or None: least squares of the distances to the lines."""
+    """Point on all axes, or None, by least squares of the distances to the lines."""
     normal = sum((np.eye(3) - np.outer(m.axis, m.axis) for m in motions), np.zeros((3, 3)))
     right = sum(((np.eye(3) - np.outer(m.axis, m.axis)) @ m.at for m in motions), np.zeros(3))
     start = motions[0].at
@@ -123,11 +123,11 @@ _RULES: dict[str, Callable[[Sequence[NativeJoint]], Recognised | None]] = {
     "PPPS": _free,
     "PPPRRR": _free,
 }
-"""By the letters of the motions in their order."""
+"""By the kinds of the joints in a row."""
 
 
 def recognise(motions: Sequence[NativeJoint]) -> Recognised | None:
-    """The one joint that motions in a row are, or None."""
+    """Return the joint that joints in a row are equivalent to, or None."""
     if len(motions) == 1:
         return _single(motions)
     rule = _RULES.get("".join(m.kind for m in motions))
