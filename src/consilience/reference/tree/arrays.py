@@ -18,43 +18,43 @@ from consilience.mechanism import Array, Mechanism
 from consilience.reference.bodies.arrays import Model, all_rows, flatten
 from consilience.reference.bodies.spanning_tree import TreeModel, flatten_tree
 from consilience.reference.bodies.workspace import Workspace, workspace
-from consilience.reference.kernel.held import hold
+from consilience.reference.kernel.mechanism_record import record_of
 from consilience.reference.tree import records
 from consilience.reference.tree.cut_joints import CutJoints, cut_joints
-from consilience.reference.tree.loop_groups import Fronts, Loops, find_loops, fronts
-from consilience.reference.tree.plane import Plane
-from consilience.reference.tree.reduced import Reduced, reduced
+from consilience.reference.tree.loop_groups import Loops, MultifrontalQR, find_loop_groups, multifrontal_arrays
+from consilience.reference.tree.plane import PlanarArrays
+from consilience.reference.tree.reduced import EliminationArrays, elimination_arrays
 
 DISTANCE, ANGLE, SPEED, SPIN, INTEGRAL = range(5)
 """Kinds of the components of z: what a relative tolerance refers to."""
 
-PARENT, PARENT_BODY, BODY, FORWARD, COORDINATE, ALONG, ABOUT, FREE, FREE_END = range(9)
+PARENT, PARENT_BODY, BODY, FORWARD, COORDINATE, TRANSLATIONS, ROTATIONS, FREE, FREE_END = range(9)
 """Columns of `Links.layout`: parent link (-1: the ground), its body, the body of the link, whether the tree passes the
 joint from predecessor to successor, first coordinate, number of displacements, of directions about (3: a ball), first
 free direction and the one behind the last."""
 
-LARGEST_RANK, LEAST, PIVOT = np.array([0, 1, 2])
+LARGEST_RANK, LEAST_FRONT_PIVOT, ELIMINATION_PIVOT = np.array([0, 1, 2])
 """Entries of `Rest.best`: largest rank so far, and its largest least pivot, of the fronts and of `null_space`."""
 
 
-class Links(NamedTuple):
+class TreeLinks(NamedTuple):
     """The tree: n_b links, each behind its parent; N free directions."""
 
     layout: Array  # (n_b, 9)
-    real: Array  # (n_b, 31) constants of the links: columns NEAR to PLACED of `columns`
+    constants: Array  # (n_b, 31) constants of the links: columns NEAR to PLACED of `columns`
     direction: Array  # (N, 3) axis of F (0) or M (1); number of the axis; along it (0) or about it (1)
     kind: Array  # (n_z,) DISTANCE, ...
-    speeds: int  # first speed in z
-    integrals: int  # first integral in z
-    plain: bool  # no forces but gravity
-    free: bool  # that, and no rows to close: `articulated.free_accelerations` says all
+    first_speed: int  # first speed in z
+    first_integral: int  # first integral in z
+    gravity_only: bool  # no forces but gravity
+    bare_tree: bool  # that, and no rows to close: `articulated.free_accelerations` says all
     other_rows: int  # rows that are not joints'
-    held: int  # rows that hold positions; those of rolling and skates stand behind them
+    position_rows: int  # rows that hold positions; those of rolling and skates stand behind them
     loops: Loops
     com: Array  # (n_b, 3) of the bodies, from their origins
 
 
-class Tree(NamedTuple):
+class TreeArrays(NamedTuple):
     """What an integrator reads of a tree without elements."""
 
     layout: Array
@@ -63,11 +63,11 @@ class Tree(NamedTuple):
     free: Array  # (N, FREE_WIDTH) rows of the directions
     y: Array  # (n_b + n_e, 13) bodies, as the other kernels know them
     A: Array  # (n_b, 3, 3) rotation matrices
-    speeds: int
+    first_speed: int
     length: float  # of the mechanism, m
 
 
-class Space(NamedTuple):
+class SpatialArrays(NamedTuple):
     """What kernels of space read beside both: bodies as other kernels know them. In a plane there is `plane.Plane`.
 
     Where nothing reads them but samples, y and A are of the last sample.
@@ -78,97 +78,97 @@ class Space(NamedTuple):
     mass: Array
     inertia_factor: Array
     joints: CutJoints
-    reduced: Reduced
+    elimination: EliminationArrays
 
 
-class Rest(NamedTuple):
+class LoopClosure(NamedTuple):
     """What loops need beside the tree, and the arrays that their kernels write into; q cut rows."""
 
     layout: Array
     link: Array
     free: Array
-    speeds: int
+    first_speed: int
     length: float
-    held: int
+    position_rows: int
     loops: Loops
-    fronts: Fronts
+    qr: MultifrontalQR
     value: Array  # (q,) violations of the rows
     gamma: Array  # (q,)
     rate: Array  # (q,)
     u: Array  # (N,) accelerations, or displacements, of the directions
-    limit: Array  # (1,) rank of the cut rows, where a projection has found it
+    rank_limit: Array  # (1,) rank of the cut rows, where a projection has found it
     best: Array  # (3,) LARGEST_RANK, LEAST, PIVOT
-    size: Array  # (1,) largest size of a cut row
+    row_norm: Array  # (1,) largest size of a cut row
 
 
-class Elements(NamedTuple):
+class TreeElements(NamedTuple):
     """What elements and rows that are not joints' need beside both."""
 
     model: Model
     cut: Model
-    memory: Array  # joint coordinates that elements read, turns counted
+    turns: Array  # joint coordinates that elements read, turns counted
     rows: Workspace
-    integrals: int
-    plain: bool
+    first_integral: int
+    gravity_only: bool
     other_rows: int
 
 
-class System(NamedTuple):
+class TreeSystem(NamedTuple):
     """A mechanism for the kernels: they are compiled for trees, for linkages, for those with elements, and in a plane.
 
     Where an argument is None, Numba leaves out what is done only where it is not; the reverse it does not. So there is
     one argument for space and one for a plane, and one of them is None.
     """
 
-    tree: Tree
-    rest: Rest
-    space: Space | None
-    elements: Elements | None  # None where there are only joints and gravity, and in a plane
-    plane: Plane | None
+    tree: TreeArrays
+    closure: LoopClosure
+    spatial: SpatialArrays | None
+    elements: TreeElements | None  # None where there are only joints and gravity, and in a plane
+    planar: PlanarArrays | None
 
 
-class Run(NamedTuple):
+class KernelArguments(NamedTuple):
     """What an integrator reads and writes; kernels are given it `held`."""
 
-    tree: Tree
-    rest: Rest | None  # None where the tables of the tree (and of a plane) say all
-    space: Space | None
-    elements: Elements | None
-    plane: Plane | None
+    tree: TreeArrays
+    closure: LoopClosure | None  # None where the tables of the tree (and of a plane) say all
+    spatial: SpatialArrays | None
+    elements: TreeElements | None
+    planar: PlanarArrays | None
     scratch: NamedTuple  # of the integrator
 
 
-def flatten_relative(mechanism: Mechanism) -> tuple[Links, TreeModel, Model]:
+def flatten_relative(mechanism: Mechanism) -> tuple[TreeLinks, TreeModel, Model]:
     """Flat arrays of the tree, its coordinates, and the mechanism."""
     tree, model = flatten_tree(mechanism), flatten(mechanism)
-    index, kinds, speeds = [], list[int](), list[int]()
+    rows, kinds, speed_kinds = [], list[int](), list[int]()
     for k, body in enumerate(tree.body):
         first, last = int(tree.first_free[k]), int(tree.first_free[k + 1])
         turns = int(np.sum(tree.direction[first:last, 2]))
         along = last - first - turns
         parent = int(tree.parent[k])
         carrier = -1 if parent < 0 else int(tree.body[parent])
-        index.append([parent, carrier, int(body), bool(tree.sign[k] > 0), len(kinds), along, turns, first, last])
+        rows.append([parent, carrier, int(body), bool(tree.sign[k] > 0), len(kinds), along, turns, first, last])
         kinds += [DISTANCE] * along + [ANGLE] * (turns if turns < 3 else 4)
-        speeds += [SPEED] * along + [SPIN] * turns
+        speed_kinds += [SPEED] * along + [SPIN] * turns
     elements = (mechanism.springs, mechanism.joint_springs, mechanism.loads, mechanism.frictions, mechanism.controls)
     cut = tree.cut
-    layout = np.array(index, dtype=np.int64)
-    links = Links(
+    layout = np.array(rows, dtype=np.int64)
+    links = TreeLinks(
         layout=layout,
-        real=link_constants(tree, model),
+        constants=link_constants(tree, model),
         direction=tree.direction,
-        kind=np.array([*kinds, *speeds, *[INTEGRAL] * len(mechanism.controls)], dtype=np.int64),
-        speeds=len(kinds),
-        integrals=len(kinds) + len(speeds),
-        plain=not any(elements),
-        free=not any(elements) and not tree.cut_rows,
+        kind=np.array([*kinds, *speed_kinds, *[INTEGRAL] * len(mechanism.controls)], dtype=np.int64),
+        first_speed=len(kinds),
+        first_integral=len(kinds) + len(speed_kinds),
+        gravity_only=not any(elements),
+        bare_tree=not any(elements) and not tree.cut_rows,
         other_rows=int(tree.cut_rows - len(cut.row_kind)),
-        held=all_rows(cut) - 2 * len(cut.rolling_body) - len(cut.skate_body),
-        loops=find_loops(layout, len(speeds), cut),
+        position_rows=all_rows(cut) - 2 * len(cut.rolling_body) - len(cut.skate_body),
+        loops=find_loop_groups(layout, len(speed_kinds), cut),
         com=np.array([body.com for body in mechanism.bodies]),
     )
-    return hold(links), tree, model
+    return record_of(links), tree, model
 
 
 def link_constants(tree: TreeModel, model: Model) -> Array:
@@ -176,132 +176,134 @@ def link_constants(tree: TreeModel, model: Model) -> Array:
     forward = tree.sign > 0
     on_i, on_j = model.axes_i[tree.joint], model.axes_j[tree.joint]
     arm_i, arm_j = model.arm_i[tree.joint], model.arm_j[tree.joint]
-    near, own = np.where(forward[:, None, None], on_i, on_j), np.where(forward[:, None, None], on_j, on_i)
-    arm_near, arm_own = np.where(forward[:, None], arm_i, arm_j), np.where(forward[:, None], arm_j, arm_i)
+    inboard, outboard = np.where(forward[:, None, None], on_i, on_j), np.where(forward[:, None, None], on_j, on_i)
+    arm_inboard, arm_outboard = np.where(forward[:, None], arm_i, arm_j), np.where(forward[:, None], arm_j, arm_i)
     # a parent of -1 is the last one here, the ground
-    base = np.concatenate([own, np.eye(3)[None]])[tree.parent]
-    turned = np.swapaxes(own, 1, 2)
-    inertia = turned @ model.inertia[tree.body] @ own
+    base = np.concatenate([outboard, np.eye(3)[None]])[tree.parent]
+    turned = np.swapaxes(outboard, 1, 2)
+    inertia = turned @ model.inertia[tree.body] @ outboard
     parts = [
-        np.swapaxes(np.swapaxes(base, 1, 2) @ near, 1, 2).reshape(-1, 9),
-        np.einsum("kji,kj->ki", base, arm_near),
-        np.einsum("kij,kj->ki", turned, arm_own),
+        np.swapaxes(np.swapaxes(base, 1, 2) @ inboard, 1, 2).reshape(-1, 9),
+        np.einsum("kji,kj->ki", base, arm_inboard),
+        np.einsum("kij,kj->ki", turned, arm_outboard),
         model.mass[tree.body][:, None],
         inertia[:, *np.triu_indices(3)],
-        own.reshape(-1, 9),
+        outboard.reshape(-1, 9),
     ]
     return np.hstack(parts)
 
 
-def link_table(links: Links, gravity: Array) -> Array:
+def link_table(links: TreeLinks, gravity: Array) -> Array:
     """Rows of the links and of the ground, shape (n_b + 1, LINK_WIDTH), nothing placed yet."""
     table = np.zeros((len(links.layout) + 1, records.LINK_WIDTH))
     rows, layout = table[:-1], links.layout
     rows[:, records.PARENT] = layout[:, PARENT]
-    rows[:, records.ONE_TURN] = (layout[:, ALONG] == 0) & (layout[:, ABOUT] == 1)
+    rows[:, records.REVOLUTE] = (layout[:, TRANSLATIONS] == 0) & (layout[:, ROTATIONS] == 1)
     rows[:, records.SENSE] = 2.0 * layout[:, FORWARD] - 1.0
     rows[:, records.COORDINATE : records.LAST + 1] = layout[:, COORDINATE:]
-    rows[:, records.NEAR : records.PLACED] = links.real
+    rows[:, records.INBOARD_FRAME : records.CONSTANTS_END] = links.constants
     table[-1, records.GRAVITY : records.GRAVITY + 3] = gravity
-    table[-1, records.COORDINATE] = links.speeds
+    table[-1, records.COORDINATE] = links.first_speed
     table[-1, [records.X, records.X + 4, records.X + 8]] = 1.0
     return table
 
 
-def free_table(links: Links) -> Array:
+def free_table(links: TreeLinks) -> Array:
     """Rows of the directions, shape (N, FREE_WIDTH)."""
     table = np.zeros((len(links.direction), records.FREE_WIDTH))
     table[:, records.AXIS] = 3 * links.direction[:, 0] + links.direction[:, 1]
     return table
 
 
-def tree_arrays(links: Links, length: float, link: Array, free: Array, integrals: int) -> Tree:
+def tree_arrays(links: TreeLinks, length: float, link: Array, free: Array, controllers: int) -> TreeArrays:
     """What a tree without elements needs; link and free are its tables."""
     n = len(links.layout)
-    return Tree(
+    return TreeArrays(
         layout=links.layout,
         kind=links.kind,
         link=link,
         free=free,
-        y=np.zeros((n + -(-integrals // 13), 13)),
+        y=np.zeros((n + -(-controllers // 13), 13)),
         A=np.zeros((n, 3, 3)),
-        speeds=links.speeds,
+        first_speed=links.first_speed,
         length=length,
     )
 
 
-def closing_arrays(tree: Tree, loops: Loops, held: int, width: int) -> Rest:
+def loop_closure(tree: TreeArrays, loops: Loops, position_rows: int, width: int) -> LoopClosure:
     """What loops need beside the tree; wrenches and motions are of 6 numbers, or 3 in a plane."""
     q = len(loops.touched)
     value, gamma, rate = np.zeros((3, q))
-    return Rest(
-        *(tree.layout, tree.link, tree.free, tree.speeds, tree.length),
-        held=held,
+    return LoopClosure(
+        *(tree.layout, tree.link, tree.free, tree.first_speed, tree.length),
+        position_rows=position_rows,
         loops=loops,
-        fronts=fronts(loops, len(tree.layout), width),
+        qr=multifrontal_arrays(loops, len(tree.layout), width),
         value=value,
         gamma=gamma,
         rate=rate,
         u=np.zeros(len(tree.free)),
-        limit=np.array([q], dtype=np.int64),
+        rank_limit=np.array([q], dtype=np.int64),
         best=np.zeros(3),
-        size=np.zeros(1),
+        row_norm=np.zeros(1),
     )
 
 
-def system(mechanism: Mechanism, links: Links, spanning: TreeModel, model: Model) -> System:
+def tree_system(mechanism: Mechanism, links: TreeLinks, spanning: TreeModel, model: Model) -> TreeSystem:
     """Arrays of the kernels, those that they write into new."""
     cut = spanning.cut
     table = link_table(links, mechanism.gravity)
     tree = tree_arrays(links, model.length, table, free_table(links), len(mechanism.controls))
-    rest = closing_arrays(tree, links.loops, links.held, 6)
-    few = reduced(len(rest.value), tree.layout, len(tree.free))
-    space = Space(tree.y, tree.A, model.mass, model.inertia_factor, cut_joints(spanning, model), few)
-    if links.plain and not links.other_rows:
-        return System(tree, rest, space, None, None)
-    memory, rows = np.zeros(len(model.coordinate)), workspace(cut)._replace(A=tree.A)
-    rest = rest._replace(value=rows.value, gamma=rows.gamma, rate=rows.rate)
-    elements = Elements(model, cut, memory, rows, links.integrals, links.plain, links.other_rows)
-    return System(tree, rest, space, elements, None)
+    closure = loop_closure(tree, links.loops, links.position_rows, 6)
+    elimination = elimination_arrays(len(closure.value), tree.layout, len(tree.free))
+    spatial = SpatialArrays(tree.y, tree.A, model.mass, model.inertia_factor, cut_joints(spanning, model), elimination)
+    if links.gravity_only and not links.other_rows:
+        return TreeSystem(tree, closure, spatial, None, None)
+    turns, rows = np.zeros(len(model.coordinate)), workspace(cut)._replace(A=tree.A)
+    closure = closure._replace(value=rows.value, gamma=rows.gamma, rate=rows.rate)
+    elements = TreeElements(model, cut, turns, rows, links.first_integral, links.gravity_only, links.other_rows)
+    return TreeSystem(tree, closure, spatial, elements, None)
 
 
-def renewed(given: System) -> System:
+def with_own_arrays(given: TreeSystem) -> TreeSystem:
     """The same system with arrays of its own to write into, in the state in which they are given.
 
     It takes a third of the time that `system` does.
     """
     link, free, y, A = (array.copy() for array in given.tree[2:6])
     tree = given.tree._replace(link=link, free=free, y=y, A=A)
-    rest, elements = given.rest, given.elements
-    value, gamma, rate = rest.value.copy(), rest.gamma.copy(), rest.rate.copy()
+    closure, elements = given.closure, given.elements
+    value, gamma, rate = closure.value.copy(), closure.gamma.copy(), closure.rate.copy()
     if elements is not None:
         rows = Workspace(*(array.copy() for array in elements.rows))
         rows = rows._replace(A=A, value=value, gamma=gamma, rate=rate)
-        elements = elements._replace(memory=elements.memory.copy(), rows=rows)
-    rest = rest._replace(
+        elements = elements._replace(turns=elements.turns.copy(), rows=rows)
+    closure = closure._replace(
         link=link,
         free=free,
         value=value,
         gamma=gamma,
         rate=rate,
-        fronts=Fronts(*(array.copy() for array in rest.fronts)),
-        u=rest.u.copy(),
-        limit=rest.limit.copy(),
-        best=rest.best.copy(),
-        size=rest.size.copy(),
+        qr=MultifrontalQR(*(array.copy() for array in closure.qr)),
+        u=closure.u.copy(),
+        rank_limit=closure.rank_limit.copy(),
+        best=closure.best.copy(),
+        row_norm=closure.row_norm.copy(),
     )
-    space = given.space
-    if space is not None:
-        space = space._replace(y=y, A=A, reduced=Reduced(*(array.copy() for array in space.reduced)))
-    return System(tree, rest, space, elements, given.plane)
+    spatial = given.spatial
+    if spatial is not None:
+        spatial = spatial._replace(
+            y=y, A=A, elimination=EliminationArrays(*(array.copy() for array in spatial.elimination))
+        )
+    return TreeSystem(tree, closure, spatial, elements, given.planar)
 
 
-def lasting(used: System, given: System) -> list[tuple[Array, Array]]:
+def persistent_arrays(used: TreeSystem, given: TreeSystem) -> list[tuple[Array, Array]]:
     """What one motion would leave to the next, and as it was: rows chosen, what rows and pivots have been, turns."""
-    return list(zip(_lasting(used), _lasting(given), strict=True))
+    return list(zip(_persistent(used), _persistent(given), strict=True))
 
 
-def _lasting(arrays: System) -> list[Array]:
-    rest = arrays.rest
-    memory = [] if arrays.elements is None else [arrays.elements.memory]
-    return [rest.fronts.order, rest.fronts.state, rest.limit, rest.best, rest.size, *memory]
+def _persistent(arrays: TreeSystem) -> list[Array]:
+    closure = arrays.closure
+    turns = [] if arrays.elements is None else [arrays.elements.turns]
+    return [closure.qr.order, closure.qr.state, closure.rank_limit, closure.best, closure.row_norm, *turns]

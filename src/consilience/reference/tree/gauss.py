@@ -19,12 +19,12 @@ from numpy.polynomial.legendre import leggauss, legvander
 from consilience.mechanism import Array
 from consilience.reference.integrators.step_control import EVALUATIONS, REJECTED, STEPS
 from consilience.reference.kernel.compiled import inlined, inner, kernel
-from consilience.reference.kernel.held import opened
+from consilience.reference.kernel.mechanism_record import fields_of
 from consilience.reference.kernel.vectors import assign
-from consilience.reference.tree.arrays import Elements, Rest, Run, Space, Tree
-from consilience.reference.tree.dynamics import rates
-from consilience.reference.tree.projection import SEEN, arrive, begin, longest_now, note
-from consilience.reference.tree.step_control import sizes
+from consilience.reference.tree.arrays import KernelArguments, LoopClosure, SpatialArrays, TreeArrays, TreeElements
+from consilience.reference.tree.dynamics import state_derivative
+from consilience.reference.tree.projection import AT_SAMPLE, begin_motion, end_step, record_sample, step_limit
+from consilience.reference.tree.step_control import component_sizes
 
 STAGES = 8
 MOST_ITERATIONS = 14
@@ -33,7 +33,7 @@ MOST_ITERATIONS = 14
 LARGEST, SMALLEST, SAFETY = 3.0, 0.3, 0.9
 
 
-class Scratch(NamedTuple):
+class GaussScratch(NamedTuple):
     """What a run writes into."""
 
     K: Array  # (8, n_z) stages of the last step
@@ -43,13 +43,15 @@ class Scratch(NamedTuple):
     size: Array  # (5,) of the kinds of components
 
 
-def gauss_scratch(z: Array, rest: Rest | None) -> Scratch:
+def gauss_scratch(z: Array, closure: LoopClosure | None) -> GaussScratch:
     """Scratch of a run from the state z."""
     count = len(z)
-    return Scratch(np.zeros((STAGES, count)), np.zeros((STAGES, count)), np.empty(count), np.empty(count), np.empty(5))
+    return GaussScratch(
+        np.zeros((STAGES, count)), np.zeros((STAGES, count)), np.empty(count), np.empty(count), np.empty(5)
+    )
 
 
-def integrals(x: Array, weights: Array) -> Array:
+def lagrange_integrals(x: Array, weights: Array) -> Array:
     """Integrals of Lagrange's polynomials from -1 to each node: by Legendre's, in which nothing cancels."""
     P = legvander(x, len(x))
     total = np.outer(x + 1.0, np.ones_like(x))
@@ -59,7 +61,7 @@ def integrals(x: Array, weights: Array) -> Array:
 
 
 _NODES, _WEIGHTS = leggauss(STAGES)
-C, B, A = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS, 0.5 * integrals(_NODES, _WEIGHTS)
+C, B, A = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS, 0.5 * lagrange_integrals(_NODES, _WEIGHTS)
 DIFFERENCE = np.array([1.0 / np.prod(C[j] - np.delete(C, j)) for j in range(STAGES)])
 DIFFERENCE /= np.sum(np.abs(DIFFERENCE))
 """Weights of the last divided difference of the stages, scaled to a mean."""
@@ -82,15 +84,15 @@ def _extrapolate(K: Array, ratio: float, guess: Array) -> None:
 
 @inlined
 def _iterate(
-    tree: Tree,
-    rest: Rest | None,
-    space: Space | None,
-    elements: Elements | None,
+    tree: TreeArrays,
+    closure: LoopClosure | None,
+    spatial: SpatialArrays | None,
+    elements: TreeElements | None,
     t: float,
     h: float,
     z: Array,
     counters: Array,
-    scratch: Scratch,
+    scratch: GaussScratch,
 ) -> bool:
     """Iterate the guessed stages in place; whether they settle to rounding."""
     K, size, trial, found = scratch.guess, scratch.size, scratch.trial, scratch.found
@@ -102,7 +104,7 @@ def _iterate(
             for j in range(STAGES):
                 for n in range(z.shape[0]):
                     trial[n] += h * A[i, j] * K[j, n]
-            rates(tree, rest, space, elements, None, t + C[i] * h, trial, found)
+            state_derivative(tree, closure, spatial, elements, None, t + C[i] * h, trial, found)
             for n in range(z.shape[0]):
                 change = max(change, h * abs(found[n] - K[i, n]) / size[tree.kind[n]])
                 K[i, n] = found[n]
@@ -129,11 +131,11 @@ def _roughness(kind: Array, K: Array, h: float, size: Array) -> float:
 
 @inner
 def _integrate(
-    tree: Tree,
-    rest: Rest | None,
-    space: Space | None,
-    elements: Elements | None,
-    scratch: Scratch,
+    tree: TreeArrays,
+    closure: LoopClosure | None,
+    spatial: SpatialArrays | None,
+    elements: TreeElements | None,
+    scratch: GaussScratch,
     z: Array,
     times: Array,
     tolerance: float,
@@ -144,23 +146,23 @@ def _integrate(
     """`integrate_gauss`, compiled for what a mechanism has."""
     K, guess, size = scratch.K, scratch.guess, scratch.size
     counters[:] = 0
-    begin(tree, rest, space, elements, None, times[0], z)
-    note(tree, space, None, motion[0])
+    begin_motion(tree, closure, spatial, elements, None, times[0], z)
+    record_sample(tree, spatial, None, motion[0])
     allowed = np.sqrt(tolerance)
     t, h, before = times[0], 1e-3 * (times[-1] - times[0]), 0.0
     for sample in range(1, times.shape[0]):
         while t < times[sample]:
             remaining = times[sample] - t
-            free = min(h, longest_now(tree, elements, longest))
+            free = min(h, step_limit(tree, elements, longest))
             step = remaining if free >= remaining else min(free, 0.5 * remaining)
             if step < 1e-14 * max(1.0, abs(t)):
                 return 1
-            sizes(tree.kind, tree.length, z, size)
+            component_sizes(tree.kind, tree.length, z, size)
             if before > 0.0:
                 _extrapolate(K, step / before, guess)
             if before == 0.0 or step > 2.0 * before:
                 guess[:] = 0.0
-            settled = _iterate(tree, rest, space, elements, t, step, z, counters, scratch)
+            settled = _iterate(tree, closure, spatial, elements, t, step, z, counters, scratch)
             rough = _roughness(tree.kind, guess, step, size) / allowed if settled else np.inf
             if rough > 1.0:
                 counters[REJECTED] += 1
@@ -176,16 +178,16 @@ def _integrate(
             factor = LARGEST if rough == 0.0 else min(LARGEST, SAFETY * rough ** (-1.0 / STAGES))
             h = step * factor if step == free else max(h, step * factor)
             t = times[sample] if step == remaining else t + step
-            arrive(tree, rest, space, elements, None, t, z, SEEN)
-        note(tree, space, None, motion[sample])
+            end_step(tree, closure, spatial, elements, None, t, z, AT_SAMPLE)
+        record_sample(tree, spatial, None, motion[sample])
     return 0
 
 
 @kernel
 def integrate_gauss(
-    run: Run, z: Array, times: Array, tolerance: float, longest: float, motion: Array, counters: Array
+    run: KernelArguments, z: Array, times: Array, tolerance: float, longest: float, motion: Array, counters: Array
 ) -> int:
     """Integrate from ``times[0]`` and record the bodies at all sample times; arguments as in `integrate.integrate`."""
-    on = opened(run)
-    tree, rest, space, elements = on.tree, on.rest, on.space, on.elements
-    return _integrate(tree, rest, space, elements, on.scratch, z, times, tolerance, longest, motion, counters)
+    on = fields_of(run)
+    tree, closure, spatial, elements = on.tree, on.closure, on.spatial, on.elements
+    return _integrate(tree, closure, spatial, elements, on.scratch, z, times, tolerance, longest, motion, counters)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from consilience.mechanism import Array
 from consilience.reference.kernel.compiled import inner
 from consilience.reference.kernel.vectors import Vector, add, dot
-from consilience.reference.tree.records import STIFF
+from consilience.reference.tree.records import ARTICULATED_INERTIA
 
 Six = tuple[float, float, float, float, float, float]
 Nine = tuple[float, float, float, float, float, float, float, float, float]
@@ -18,7 +18,7 @@ Columns = tuple[Vector, Vector, Vector]
 
 
 @inner
-def combine(X: Columns, a: Vector) -> Vector:
+def matrix_times(X: Columns, a: Vector) -> Vector:
     """``X a``."""
     return (
         X[0][0] * a[0] + X[1][0] * a[1] + X[2][0] * a[2],
@@ -28,7 +28,7 @@ def combine(X: Columns, a: Vector) -> Vector:
 
 
 @inner
-def symmetric(J: Six, a: Vector) -> Vector:
+def symmetric_times(J: Six, a: Vector) -> Vector:
     """``J a``."""
     return (
         J[0] * a[0] + J[1] * a[1] + J[2] * a[2],
@@ -38,10 +38,14 @@ def symmetric(J: Six, a: Vector) -> Vector:
 
 
 @inner
-def rotated(X: Columns, J: Six) -> Six:
+def rotate_inertia(X: Columns, J: Six) -> Six:
     """``X J X^T``."""
     a, b, c = X
-    s, t, u = combine(X, (J[0], J[1], J[2])), combine(X, (J[1], J[3], J[4])), combine(X, (J[2], J[4], J[5]))
+    s, t, u = (
+        matrix_times(X, (J[0], J[1], J[2])),
+        matrix_times(X, (J[1], J[3], J[4])),
+        matrix_times(X, (J[2], J[4], J[5])),
+    )
     return (
         s[0] * a[0] + t[0] * b[0] + u[0] * c[0],
         s[0] * a[1] + t[0] * b[1] + u[0] * c[1],
@@ -57,31 +61,31 @@ def load_inertia(link: Array, k: int) -> Inertia:
     """Inertia in the row of a link."""
     return (
         (
-            link[k, STIFF],
-            link[k, STIFF + 1],
-            link[k, STIFF + 2],
-            link[k, STIFF + 3],
-            link[k, STIFF + 4],
-            link[k, STIFF + 5],
+            link[k, ARTICULATED_INERTIA],
+            link[k, ARTICULATED_INERTIA + 1],
+            link[k, ARTICULATED_INERTIA + 2],
+            link[k, ARTICULATED_INERTIA + 3],
+            link[k, ARTICULATED_INERTIA + 4],
+            link[k, ARTICULATED_INERTIA + 5],
         ),
         (
-            link[k, STIFF + 6],
-            link[k, STIFF + 7],
-            link[k, STIFF + 8],
-            link[k, STIFF + 9],
-            link[k, STIFF + 10],
-            link[k, STIFF + 11],
-            link[k, STIFF + 12],
-            link[k, STIFF + 13],
-            link[k, STIFF + 14],
+            link[k, ARTICULATED_INERTIA + 6],
+            link[k, ARTICULATED_INERTIA + 7],
+            link[k, ARTICULATED_INERTIA + 8],
+            link[k, ARTICULATED_INERTIA + 9],
+            link[k, ARTICULATED_INERTIA + 10],
+            link[k, ARTICULATED_INERTIA + 11],
+            link[k, ARTICULATED_INERTIA + 12],
+            link[k, ARTICULATED_INERTIA + 13],
+            link[k, ARTICULATED_INERTIA + 14],
         ),
         (
-            link[k, STIFF + 15],
-            link[k, STIFF + 16],
-            link[k, STIFF + 17],
-            link[k, STIFF + 18],
-            link[k, STIFF + 19],
-            link[k, STIFF + 20],
+            link[k, ARTICULATED_INERTIA + 15],
+            link[k, ARTICULATED_INERTIA + 16],
+            link[k, ARTICULATED_INERTIA + 17],
+            link[k, ARTICULATED_INERTIA + 18],
+            link[k, ARTICULATED_INERTIA + 19],
+            link[k, ARTICULATED_INERTIA + 20],
         ),
     )
 
@@ -91,14 +95,14 @@ def add_inertia(link: Array, k: int, I: Inertia) -> None:
     """Add to the inertia in the row of a link."""
     M, H, J = I
     for n in range(6):
-        link[k, STIFF + n] += M[n]
-        link[k, STIFF + 15 + n] += J[n]
+        link[k, ARTICULATED_INERTIA + n] += M[n]
+        link[k, ARTICULATED_INERTIA + 15 + n] += J[n]
     for n in range(9):
-        link[k, STIFF + 6 + n] += H[n]
+        link[k, ARTICULATED_INERTIA + 6 + n] += H[n]
 
 
 @inner
-def push(I: Inertia, linear: Vector, angular: Vector) -> tuple[Vector, Vector]:
+def inertia_times(I: Inertia, linear: Vector, angular: Vector) -> tuple[Vector, Vector]:
     """Force and torque ``I (linear, angular)``."""
     M, H, J = I
     force = (
@@ -111,11 +115,11 @@ def push(I: Inertia, linear: Vector, angular: Vector) -> tuple[Vector, Vector]:
         H[1] * linear[0] + H[4] * linear[1] + H[7] * linear[2],
         H[2] * linear[0] + H[5] * linear[1] + H[8] * linear[2],
     )
-    return add(symmetric(M, linear), force), add(torque, symmetric(J, angular))
+    return add(symmetric_times(M, linear), force), add(torque, symmetric_times(J, angular))
 
 
 @inner
-def reduced(I: Inertia, x: Vector, y: Vector, factor: float) -> Inertia:
+def rank_one_update(I: Inertia, x: Vector, y: Vector, factor: float) -> Inertia:
     """``I - factor U U^T``, U = (x, y)."""
     M, H, J = I
     a, b, c = factor * x[0], factor * x[1], factor * x[2]
@@ -138,7 +142,7 @@ def reduced(I: Inertia, x: Vector, y: Vector, factor: float) -> Inertia:
 
 
 @inner
-def shifted(I: Inertia, d: Vector) -> Inertia:
+def shift_inertia(I: Inertia, d: Vector) -> Inertia:
     """``X^T I X`` for X = [1 -~d; 0 1]: M, K = H - M ~d, J - H^T ~d + ~d K."""
     M, H, J = I
     d0, d1, d2 = d
@@ -165,6 +169,6 @@ def shifted(I: Inertia, d: Vector) -> Inertia:
 
 
 @inner
-def project_on(linear: Vector, angular: Vector, force: Vector, torque: Vector) -> float:
+def power(linear: Vector, angular: Vector, force: Vector, torque: Vector) -> float:
     """Power of a wrench in a motion."""
     return dot(linear, force) + dot(angular, torque)

@@ -16,35 +16,35 @@ from consilience.mechanism import Array
 from consilience.reference.bodies.motion import ZERO
 from consilience.reference.kernel.compiled import fused, inner, kernel
 from consilience.reference.kernel.vectors import Vector, add, column, cross, dot, scale, sub
-from consilience.reference.tree.arrays import ABOUT, ALONG, BODY, FREE
+from consilience.reference.tree.arrays import BODY, FREE, ROTATIONS, TRANSLATIONS
 from consilience.reference.tree.arrays import COORDINATE as FIRST_COORDINATE
-from consilience.reference.tree.inertia import Columns, combine
+from consilience.reference.tree.inertia import Columns, matrix_times
 from consilience.reference.tree.records import (
     ARM,
     ARM_PARENT,
     AXES,
     AXIS,
     COORDINATE,
-    DISPLACEMENTS,
     FIRST,
+    INBOARD_FRAME,
     LAST,
-    NEAR,
-    ONE_TURN,
+    N_ROTATIONS,
+    N_TRANSLATIONS,
+    OFFSET,
     PARENT,
     POSITION,
-    QUADRATIC,
+    REVOLUTE,
     SENSE,
     SPIN,
-    STEP,
-    TURNS,
     VELOCITY,
+    VELOCITY_PRODUCT,
     S,
     X,
 )
 
 
 @inner
-def _turned(q: Array, at: int, about: int) -> Columns:
+def _joint_rotation(q: Array, at: int, about: int) -> Columns:
     """Columns of the rotation from M to F at the coordinates of a joint."""
     if about == 0:
         return (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
@@ -64,13 +64,13 @@ def _turned(q: Array, at: int, about: int) -> Columns:
 
 
 @inner
-def vector_at(table: Array, k: int, at: int) -> Vector:
+def load_vector(table: Array, k: int, at: int) -> Vector:
     """Three numbers of a row."""
     return table[k, at], table[k, at + 1], table[k, at + 2]
 
 
 @inner
-def put(table: Array, k: int, at: int, a: Vector) -> None:
+def store_vector(table: Array, k: int, at: int, a: Vector) -> None:
     """Store three numbers in a row."""
     table[k, at] = a[0]
     table[k, at + 1] = a[1]
@@ -78,9 +78,9 @@ def put(table: Array, k: int, at: int, a: Vector) -> None:
 
 
 @inner
-def matrix_at(table: Array, k: int, at: int) -> Columns:
+def load_matrix(table: Array, k: int, at: int) -> Columns:
     """A matrix of a row, by columns."""
-    return vector_at(table, k, at), vector_at(table, k, at + 3), vector_at(table, k, at + 6)
+    return load_vector(table, k, at), load_vector(table, k, at + 3), load_vector(table, k, at + 6)
 
 
 @inner
@@ -89,11 +89,11 @@ def _transposed(A: Columns) -> Columns:
 
 
 @inner
-def _move(
+def _store_motion(
     link: Array,
     k: int,
     p: int,
-    far: Columns,
+    outboard: Columns,
     s_p: Vector,
     s: Vector,
     speed: Vector,
@@ -104,38 +104,38 @@ def _move(
 
     With arms to P: ``w = w_p + spin``, ``v + w x s = v_p + w_p x s_p + speed``; c is what is quadratic in the speeds.
     """
-    w_p = vector_at(link, p, SPIN)
+    w_p = load_vector(link, p, SPIN)
     w = add(w_p, spin)
     carried = sub(cross(w_p, s_p), cross(w, s))
     step = sub(s_p, s)
     for n in range(3):
-        put(link, k, X + 3 * n, far[n])
-    put(link, k, STEP, step)
-    put(link, k, POSITION, add(vector_at(link, p, POSITION), step))
-    put(link, k, VELOCITY, add(vector_at(link, p, VELOCITY), add(carried, speed)))
-    put(link, k, SPIN, w)
+        store_vector(link, k, X + 3 * n, outboard[n])
+    store_vector(link, k, OFFSET, step)
+    store_vector(link, k, POSITION, add(load_vector(link, p, POSITION), step))
+    store_vector(link, k, VELOCITY, add(load_vector(link, p, VELOCITY), add(carried, speed)))
+    store_vector(link, k, SPIN, w)
     linear = sub(cross(w_p, cross(w_p, s_p)), cross(w, cross(w, s)))
-    put(link, k, QUADRATIC, add(add(linear, c[0]), cross(s, c[1])))
-    put(link, k, QUADRATIC + 3, c[1])
+    store_vector(link, k, VELOCITY_PRODUCT, add(add(linear, c[0]), cross(s, c[1])))
+    store_vector(link, k, VELOCITY_PRODUCT + 3, c[1])
 
 
 @inner
-def _turn(link: Array, free: Array, k: int, q: Array, v: Array) -> None:
+def _place_revolute(link: Array, free: Array, k: int, q: Array, v: Array) -> None:
     """Place a link that turns about one axis: the same for both senses, but for the sign."""
     p, n, sign = int(link[k, PARENT]), int(link[k, FIRST]), link[k, SENSE]
-    base, angle, u = matrix_at(link, p, X), sign * q[int(link[k, COORDINATE])], sign * v[n]
+    base, angle, u = load_matrix(link, p, X), sign * q[int(link[k, COORDINATE])], sign * v[n]
     x, y, e = (
-        combine(base, vector_at(link, k, NEAR)),
-        combine(base, vector_at(link, k, NEAR + 3)),
-        combine(base, vector_at(link, k, NEAR + 6)),
+        matrix_times(base, load_vector(link, k, INBOARD_FRAME)),
+        matrix_times(base, load_vector(link, k, INBOARD_FRAME + 3)),
+        matrix_times(base, load_vector(link, k, INBOARD_FRAME + 6)),
     )
     c, s = np.cos(angle), np.sin(angle)
-    far = add(scale(c, x), scale(s, y)), sub(scale(c, y), scale(s, x)), e
-    s_p, s_k = combine(base, vector_at(link, k, ARM_PARENT)), combine(far, vector_at(link, k, ARM))
-    put(free, n, S, scale(sign, cross(s_k, e)))
-    put(free, n, S + 3, scale(sign, e))
-    e_dot = cross(vector_at(link, p, SPIN), e)
-    _move(link, k, p, far, s_p, s_k, ZERO, scale(u, e), (ZERO, scale(u, e_dot)))
+    outboard = add(scale(c, x), scale(s, y)), sub(scale(c, y), scale(s, x)), e
+    s_p, s_k = matrix_times(base, load_vector(link, k, ARM_PARENT)), matrix_times(outboard, load_vector(link, k, ARM))
+    store_vector(free, n, S, scale(sign, cross(s_k, e)))
+    store_vector(free, n, S + 3, scale(sign, e))
+    e_dot = cross(load_vector(link, p, SPIN), e)
+    _store_motion(link, k, p, outboard, s_p, s_k, ZERO, scale(u, e), (ZERO, scale(u, e_dot)))
 
 
 @inner
@@ -146,34 +146,34 @@ def _axis(free: Array, n: int, F: Columns, M: Columns) -> Vector:
 
 
 @inner
-def _join(link: Array, free: Array, k: int, q: Array, v: Array) -> None:
+def _place_joint(link: Array, free: Array, k: int, q: Array, v: Array) -> None:
     """Place a link on a joint of any kind."""
     p, first, last, sign = int(link[k, PARENT]), int(link[k, FIRST]), int(link[k, LAST]), link[k, SENSE]
-    at, along = int(link[k, COORDINATE]), int(link[k, DISPLACEMENTS])
-    base, turned = matrix_at(link, p, X), _turned(q, at + along, int(link[k, TURNS]))
+    at, along = int(link[k, COORDINATE]), int(link[k, N_TRANSLATIONS])
+    base, turned = load_matrix(link, p, X), _joint_rotation(q, at + along, int(link[k, N_ROTATIONS]))
     if sign < 0.0:
         turned = _transposed(turned)
-    near = (
-        combine(base, vector_at(link, k, NEAR)),
-        combine(base, vector_at(link, k, NEAR + 3)),
-        combine(base, vector_at(link, k, NEAR + 6)),
+    inboard = (
+        matrix_times(base, load_vector(link, k, INBOARD_FRAME)),
+        matrix_times(base, load_vector(link, k, INBOARD_FRAME + 3)),
+        matrix_times(base, load_vector(link, k, INBOARD_FRAME + 6)),
     )
-    far = combine(near, turned[0]), combine(near, turned[1]), combine(near, turned[2])
-    F, M = (near, far) if sign > 0.0 else (far, near)
-    s_p, s_k = combine(base, vector_at(link, k, ARM_PARENT)), combine(far, vector_at(link, k, ARM))
-    away, speed, spin = ZERO, ZERO, ZERO
+    outboard = matrix_times(inboard, turned[0]), matrix_times(inboard, turned[1]), matrix_times(inboard, turned[2])
+    F, M = (inboard, outboard) if sign > 0.0 else (outboard, inboard)
+    s_p, s_k = matrix_times(base, load_vector(link, k, ARM_PARENT)), matrix_times(outboard, load_vector(link, k, ARM))
+    displacement, speed, spin = ZERO, ZERO, ZERO
     for n in range(first, last):
         e, u = _axis(free, n, F, M), sign * v[n]
         if n - first < along:
-            away, speed = add(away, scale(q[at + n - first], e)), add(speed, scale(u, e))
+            displacement, speed = add(displacement, scale(q[at + n - first], e)), add(speed, scale(u, e))
         else:
             spin = add(spin, scale(u, e))
     # P is the origin of M: on the link, or on its parent with F's behind it by the displacement
     if sign > 0.0:
-        s_p = add(s_p, away)
+        s_p = add(s_p, displacement)
     else:
-        s_k = add(s_k, away)
-    w_p = vector_at(link, p, SPIN)
+        s_k = add(s_k, displacement)
+    w_p = load_vector(link, p, SPIN)
     # F moves with the predecessor, M with the successor
     w_F, w_M = (w_p, add(w_p, spin)) if sign > 0.0 else (add(w_p, spin), w_p)
     linear, angular = ZERO, ZERO
@@ -182,13 +182,13 @@ def _join(link: Array, free: Array, k: int, q: Array, v: Array) -> None:
         e_dot = cross(w_F if free[n, AXIS] < 3.0 else w_M, e)
         if n - first < along:
             linear = add(linear, scale(2.0 * u, e_dot))
-            put(free, n, S, scale(sign, e))
-            put(free, n, S + 3, ZERO)
+            store_vector(free, n, S, scale(sign, e))
+            store_vector(free, n, S + 3, ZERO)
         else:
             angular = add(angular, scale(u, e_dot))
-            put(free, n, S, scale(sign, cross(s_k, e)))
-            put(free, n, S + 3, scale(sign, e))
-    _move(link, k, p, far, s_p, s_k, speed, spin, (linear, angular))
+            store_vector(free, n, S, scale(sign, cross(s_k, e)))
+            store_vector(free, n, S + 3, scale(sign, e))
+    _store_motion(link, k, p, outboard, s_p, s_k, speed, spin, (linear, angular))
 
 
 @fused
@@ -198,38 +198,40 @@ def place_links(link: Array, free: Array, q: Array, v: Array) -> None:
     q may go on behind the coordinates, so that a whole state z will do.
     """
     for k in range(link.shape[0] - 1):
-        if link[k, ONE_TURN] == 1.0:
-            _turn(link, free, k, q, v)
+        if link[k, REVOLUTE] == 1.0:
+            _place_revolute(link, free, k, q, v)
         else:
-            _join(link, free, k, q, v)
+            _place_joint(link, free, k, q, v)
 
 
 @kernel
-def place_bodies(index: Array, link: Array, y: Array, A: Array) -> None:
+def place_bodies(layout: Array, link: Array, y: Array, A: Array) -> None:
     """Fill y (but for the Euler parameters) and A from links that are placed."""
-    for k in range(index.shape[0]):
-        b, base, w = index[k, BODY], matrix_at(link, k, X), vector_at(link, k, SPIN)
-        put(y, b, 0, vector_at(link, k, POSITION))
-        put(y, b, 7, vector_at(link, k, VELOCITY))
+    for k in range(layout.shape[0]):
+        b, base, w = layout[k, BODY], load_matrix(link, k, X), load_vector(link, k, SPIN)
+        store_vector(y, b, 0, load_vector(link, k, POSITION))
+        store_vector(y, b, 7, load_vector(link, k, VELOCITY))
         for n in range(3):
-            axis = combine(base, vector_at(link, k, AXES + 3 * n))
+            axis = matrix_times(base, load_vector(link, k, AXES + 3 * n))
             y[b, 10 + n] = dot(axis, w)
             A[b, 0, n], A[b, 1, n], A[b, 2, n] = axis
 
 
 @kernel
-def place(index: Array, link: Array, free: Array, first_speed: int, z: Array, y: Array, A: Array) -> None:
+def place_links_and_bodies(
+    layout: Array, link: Array, free: Array, first_speed: int, z: Array, y: Array, A: Array
+) -> None:
     """Place links and bodies at a state z."""
     place_links(link, free, z, z[first_speed:])
-    place_bodies(index, link, y, A)
+    place_bodies(layout, link, y, A)
 
 
 @inner
-def coordinate_rates(index: Array, first_speed: int, z: Array, dz: Array) -> None:
+def coordinate_rates(layout: Array, first_speed: int, z: Array, dz: Array) -> None:
     """Rates of the coordinates; of Euler parameters, ``p' = 1/2 (0, w) p`` with w in axes of F."""
-    for k in range(index.shape[0]):
-        along, about = index[k, ALONG], index[k, ABOUT]
-        at, n = index[k, FIRST_COORDINATE], first_speed + index[k, FREE]
+    for k in range(layout.shape[0]):
+        along, about = layout[k, TRANSLATIONS], layout[k, ROTATIONS]
+        at, n = layout[k, FIRST_COORDINATE], first_speed + layout[k, FREE]
         for m in range(along):
             dz[at + m] = z[n + m]
         at, n = at + along, n + along
@@ -246,11 +248,11 @@ def coordinate_rates(index: Array, first_speed: int, z: Array, dz: Array) -> Non
 
 
 @inner
-def displace(index: Array, z: Array, u: Array) -> None:
+def displace(layout: Array, z: Array, u: Array) -> None:
     """Move the coordinates by small displacements along the free directions; Euler parameters stay unit."""
-    for k in range(index.shape[0]):
-        along, about = index[k, ALONG], index[k, ABOUT]
-        at, n = index[k, FIRST_COORDINATE], index[k, FREE]
+    for k in range(layout.shape[0]):
+        along, about = layout[k, TRANSLATIONS], layout[k, ROTATIONS]
+        at, n = layout[k, FIRST_COORDINATE], layout[k, FREE]
         for m in range(along):
             z[at + m] += u[n + m]
         at, n = at + along, n + along
@@ -264,15 +266,15 @@ def displace(index: Array, z: Array, u: Array) -> None:
             z[at + 1] = e1 + h1 * e0 + h2 * e3 - h3 * e2
             z[at + 2] = e2 + h2 * e0 + h3 * e1 - h1 * e3
             z[at + 3] = e3 + h3 * e0 + h1 * e2 - h2 * e1
-    normalise(index, z)
+    normalise(layout, z)
 
 
 @inner
-def normalise(index: Array, z: Array) -> None:
+def normalise(layout: Array, z: Array) -> None:
     """Divide the Euler parameters of all balls by their norm."""
-    for k in range(index.shape[0]):
-        if index[k, ABOUT] == 3:
-            at = index[k, FIRST_COORDINATE] + index[k, ALONG]
+    for k in range(layout.shape[0]):
+        if layout[k, ROTATIONS] == 3:
+            at = layout[k, FIRST_COORDINATE] + layout[k, TRANSLATIONS]
             norm = np.sqrt(z[at] ** 2 + z[at + 1] ** 2 + z[at + 2] ** 2 + z[at + 3] ** 2)
             for n in range(4):
                 z[at + n] /= norm
@@ -299,16 +301,16 @@ def euler_parameters(X: Columns) -> tuple[float, float, float, float]:
 
 
 @kernel
-def orient(A: Array, y: Array) -> None:
+def fill_euler_parameters(A: Array, y: Array) -> None:
     """Euler parameters of all bodies from their rotation matrices, into y."""
     for b in range(A.shape[0]):
         y[b, 3], y[b, 4], y[b, 5], y[b, 6] = euler_parameters((column(A[b], 0), column(A[b], 1), column(A[b], 2)))
 
 
 @inner
-def record(A: Array, y: Array, motion: Array) -> None:
+def copy_sample(A: Array, y: Array, motion: Array) -> None:
     """Copy the bodies as they are placed, with their Euler parameters, into a sample of a motion."""
-    orient(A, y)
+    fill_euler_parameters(A, y)
     for b in range(y.shape[0]):
         for n in range(y.shape[1]):
             motion[b, n] = y[b, n]

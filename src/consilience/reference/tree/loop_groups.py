@@ -16,12 +16,12 @@ import scipy
 from consilience.mechanism import Array
 from consilience.reference.bodies.arrays import Model, all_rows
 
-ROW, ROW_END, PATH, PATH_END, BATCH, BATCH_END, REACH, HEIGHT, AT, SHELF = range(10)
+ROW, ROW_END, PATH, PATH_END, OWN, OWN_END, LAST_REACHED, FRONT_ROWS, FRONT_START, VECTOR_START = range(10)
 """Columns of `Loops.group`: first constraint row of the group and the one behind its last, the same of its part of
 `Loops.path` and `Loops.batch`, last group with entries in its front, largest number of rows of the front, first entry
 of the front in `Fronts.F`, and first of its rows in `Fronts.tau` and `Fronts.x`."""
 
-CHOSEN, USED, START, RANK, CARRIED, SQUEEZED = range(6)
+ACTIVE, USED, START, RANK, CARRIED, COMPRESSED = range(6)
 """Columns of `Fronts.state`: rows of a group that are independent, where a projection has found it; its columns in the
 present factors, the first of them and how many of them are independent; rows of a front that come from the one before,
 reflections that only shorten what is carried on."""
@@ -36,11 +36,11 @@ class Loops(NamedTuple):
     group: Array  # (G, 10)
     touched: Array  # (q, 4) links that a row acts on, -1 for none
     path: Array  # links between the bodies of a group and the ground, outermost first
-    batch: Array  # directions that a group is the first to have entries at
-    home: Array  # (N, 2) that group, -1 for none, and the place among its directions
+    own_directions: Array  # directions that a group is the first to have entries at
+    owner: Array  # (N, 2) that group, -1 for none, and the place among its directions
 
 
-class Fronts(NamedTuple):
+class MultifrontalQR(NamedTuple):
     """Arrays that the kernels write into."""
 
     W: Array  # (q, 4, 6) wrenches of a unit of each row on the links it touches, world axes, at centres of mass
@@ -51,7 +51,7 @@ class Fronts(NamedTuple):
     y: Array  # (q,) by columns
     order: Array  # (q,) rows, group by group, those first that count
     state: Array  # (G + 1, 6) columns CHOSEN to SQUEEZED
-    wanted: Array  # (q,) whether a row is to be evaluated
+    active: Array  # (q,) whether a row is to be evaluated
     target: Array  # (q,) what the rows are to change by
 
 
@@ -82,7 +82,7 @@ def _path(layout: Array, links: Array) -> list[int]:
     return sorted(found, reverse=True)
 
 
-def find_loops(layout: Array, free: int, cut: Model) -> Loops:
+def find_loop_groups(layout: Array, free: int, cut: Model) -> Loops:
     """Groups of rows of a tree.
 
     Parameters
@@ -99,21 +99,27 @@ def find_loops(layout: Array, free: int, cut: Model) -> Loops:
     ranges = list(zip([0, *ends], [*ends, len(touched)], strict=True)) if len(touched) else []
     paths = [_path(layout, touched[first]) for first, _ in ranges]
     directions = [[n for k in path for n in range(layout[k, 7], layout[k, 8])] for path in paths]
-    order = _order(directions, free)
+    order = _elimination_order(directions, free)
     group = np.zeros((len(ranges), 10), dtype=np.int64)
-    home, last = np.full((free, 2), -1), np.zeros(free, dtype=np.int64)
-    path, batch = list[int](), list[int]()
+    owner, last = np.full((free, 2), -1), np.zeros(free, dtype=np.int64)
+    path, own_directions = list[int](), list[int]()
     for g, n in enumerate(order):
-        new = [m for m in directions[n] if home[m, 0] < 0]
-        home[new, 0], home[new, 1], last[directions[n]] = g, np.arange(len(new)), g
-        group[g, :6] = *ranges[n], len(path), len(path) + len(paths[n]), len(batch), len(batch) + len(new)
+        new = [m for m in directions[n] if owner[m, 0] < 0]
+        owner[new, 0], owner[new, 1], last[directions[n]] = g, np.arange(len(new)), g
+        group[g, :6] = (
+            *ranges[n],
+            len(path),
+            len(path) + len(paths[n]),
+            len(own_directions),
+            len(own_directions) + len(new),
+        )
         path += paths[n]
-        batch += new
-    _shape(group, batch, last)
-    return Loops(group, touched, np.array(path, dtype=np.int64), np.array(batch, dtype=np.int64), home)
+        own_directions += new
+    _front_sizes(group, own_directions, last)
+    return Loops(group, touched, np.array(path, dtype=np.int64), np.array(own_directions, dtype=np.int64), owner)
 
 
-def _order(directions: list[list[int]], free: int) -> list[int]:
+def _elimination_order(directions: list[list[int]], free: int) -> list[int]:
     """Order of groups in which those that share directions are near each other."""
     if len(directions) < 3:
         return list(range(len(directions)))
@@ -126,14 +132,14 @@ def _order(directions: list[list[int]], free: int) -> list[int]:
     return order
 
 
-def _shape(group: Array, batch: list[int], last: Array) -> None:
+def _front_sizes(group: Array, own_directions: list[int], last: Array) -> None:
     """Fill in how far the fronts reach, and how large they can be."""
     reach = height = at = shelf = 0
     for g, row in enumerate(group):
         kept = min(height, _columns(group, g, reach)) if reach >= g else 0
-        reach = max([reach, g, *(int(last[n]) for n in batch[row[BATCH] : row[BATCH_END]])])
-        height = kept + int(row[BATCH_END] - row[BATCH])
-        row[REACH:] = reach, height, at, shelf
+        reach = max([reach, g, *(int(last[n]) for n in own_directions[row[OWN] : row[OWN_END]])])
+        height = kept + int(row[OWN_END] - row[OWN])
+        row[LAST_REACHED:] = reach, height, at, shelf
         at += height * _columns(group, g, reach)
         shelf += height
 
@@ -143,14 +149,16 @@ def _columns(group: Array, first: int, last: int) -> int:
     return int(np.sum(group[first : last + 1, ROW_END] - group[first : last + 1, ROW]))
 
 
-def fronts(loops: Loops, bodies: int, width: int) -> Fronts:
+def multifrontal_arrays(loops: Loops, bodies: int, width: int) -> MultifrontalQR:
     """Scratch arrays; wrenches of so many numbers."""
     G, q = len(loops.group), len(loops.touched)
-    rows = int(np.sum(loops.group[:, HEIGHT]))
-    size = sum(int(row[HEIGHT]) * _columns(loops.group, g, int(row[REACH])) for g, row in enumerate(loops.group))
+    rows = int(np.sum(loops.group[:, FRONT_ROWS]))
+    size = sum(
+        int(row[FRONT_ROWS]) * _columns(loops.group, g, int(row[LAST_REACHED])) for g, row in enumerate(loops.group)
+    )
     state = np.zeros((G + 1, 6), dtype=np.int64)
-    state[:-1, CHOSEN] = loops.group[:, ROW_END] - loops.group[:, ROW]
-    return Fronts(
+    state[:-1, ACTIVE] = loops.group[:, ROW_END] - loops.group[:, ROW]
+    return MultifrontalQR(
         W=np.zeros((q, TOUCHED, width)),
         wrench=np.zeros((bodies, width)),
         F=np.zeros(size),
@@ -159,6 +167,6 @@ def fronts(loops: Loops, bodies: int, width: int) -> Fronts:
         y=np.zeros(q),
         order=np.arange(q),
         state=state,
-        wanted=np.ones(q, dtype=np.int64),
+        active=np.ones(q, dtype=np.int64),
         target=np.zeros(q),
     )

@@ -30,26 +30,26 @@ from consilience.reference.tree.cut_joints import (
     LINK_J,
     PITCH,
 )
-from consilience.reference.tree.inertia import combine
-from consilience.reference.tree.kinematics import matrix_at, vector_at
-from consilience.reference.tree.loop_groups import CHOSEN, ROW, TOUCHED
+from consilience.reference.tree.inertia import matrix_times
+from consilience.reference.tree.kinematics import load_matrix, load_vector
+from consilience.reference.tree.loop_groups import ACTIVE, ROW, TOUCHED
 from consilience.reference.tree.records import ACCELERATION, POSITION, SPIN, VELOCITY, X
 
 
 @kernel
-def want(group: Array, order: Array, state: Array, wanted: Array) -> None:
+def mark_active_rows(group: Array, order: Array, state: Array, active: Array) -> None:
     """Mark the rows chosen: those that depend on them enter no acceleration."""
-    for n in range(wanted.shape[0]):
-        wanted[n] = 0
+    for n in range(active.shape[0]):
+        active[n] = 0
     for g in range(group.shape[0]):
-        for n in range(group[g, ROW], group[g, ROW] + state[g, CHOSEN]):
-            wanted[order[n]] = 1
+        for n in range(group[g, ROW], group[g, ROW] + state[g, ACTIVE]):
+            active[order[n]] = 1
 
 
 @fused
 def _axis(link: Array, k: int, joint: Array, m: int, at: int) -> Vector:
     """Axis of a joint frame on a link, in the world."""
-    return combine(matrix_at(link, k, X), vector_at(joint, m, at))
+    return matrix_times(load_matrix(link, k, X), load_vector(joint, m, at))
 
 
 @fused
@@ -61,12 +61,12 @@ def _motion(link: Array, joint: Array, m: int) -> JointMotion:
         j,
         _axis(link, i, joint, m, ARM_I),
         _axis(link, j, joint, m, ARM_J),
-        vector_at(link, i, POSITION),
-        vector_at(link, j, POSITION),
-        vector_at(link, i, VELOCITY),
-        vector_at(link, j, VELOCITY),
-        vector_at(link, i, SPIN),
-        vector_at(link, j, SPIN),
+        load_vector(link, i, POSITION),
+        load_vector(link, j, POSITION),
+        load_vector(link, i, VELOCITY),
+        load_vector(link, j, VELOCITY),
+        load_vector(link, i, SPIN),
+        load_vector(link, j, SPIN),
     )
 
 
@@ -93,14 +93,14 @@ def _row(link: Array, joint: Array, n: int, motion: JointMotion, kind: int) -> R
 
 
 @fused
-def joint_rows(
-    joint: Array, kinds: Array, targets: Array, wanted: Array, link: Array, W: Array, value: Array, gamma: Array
+def evaluate_joint_rows(
+    joint: Array, kinds: Array, targets: Array, active: Array, link: Array, W: Array, value: Array, gamma: Array
 ) -> None:
     """Rows wanted of the joints that close loops: wrenches on predecessor and successor, values and gammas."""
     for m in range(joint.shape[0]):
         motion = _motion(link, joint, m)
         for n in range(int(joint[m, FIRST_ROW]), int(joint[m, LAST_ROW])):
-            if not wanted[n]:
+            if not active[n]:
                 continue
             row = _row(link, joint, m, motion, kinds[n])
             value[n] = row.value - targets[n]
@@ -112,7 +112,7 @@ def joint_rows(
 
 
 @inner
-def gather(touched: Array, layout: Array, Q: Array, A: Array, W: Array) -> None:
+def wrenches_of_rows(touched: Array, layout: Array, Q: Array, A: Array, W: Array) -> None:
     """Wrenches out of the rows of all bodies."""
     for row in range(touched.shape[0]):
         for n in range(TOUCHED):
@@ -125,31 +125,31 @@ def gather(touched: Array, layout: Array, Q: Array, A: Array, W: Array) -> None:
 
 
 @inner
-def open_accelerations(touched: Array, W: Array, links: Array, gamma: Array, target: Array) -> None:
+def acceleration_residual(touched: Array, W: Array, links: Array, gamma: Array, target: Array) -> None:
     """``gamma - Q a`` of the accelerations of the links."""
-    _open(touched, W, links, ACCELERATION, ACCELERATION + 3, gamma, target)
+    _residual(touched, W, links, ACCELERATION, ACCELERATION + 3, gamma, target)
 
 
 @inner
-def open_rates(touched: Array, W: Array, links: Array, rate: Array, target: Array) -> None:
+def velocity_residual(touched: Array, W: Array, links: Array, rate: Array, target: Array) -> None:
     """``rate - Q v`` of the velocities of the links."""
-    _open(touched, W, links, VELOCITY, SPIN, rate, target)
+    _residual(touched, W, links, VELOCITY, SPIN, rate, target)
 
 
 @fused
-def _open(touched: Array, W: Array, links: Array, linear: int, angular: int, given: Array, target: Array) -> None:
+def _residual(touched: Array, W: Array, links: Array, linear: int, angular: int, given: Array, target: Array) -> None:
     for row in range(touched.shape[0]):
         total = given[row]
         for n in range(TOUCHED):
             link = touched[row, n]
             if link >= 0:
-                total -= dot(load(W[row, n, 0:3]), vector_at(links, link, linear))
-                total -= dot(load(W[row, n, 3:6]), vector_at(links, link, angular))
+                total -= dot(load(W[row, n, 0:3]), load_vector(links, link, linear))
+                total -= dot(load(W[row, n, 3:6]), load_vector(links, link, angular))
         target[row] = total
 
 
 @inner
-def size_of_rows(mass: Array, inertia_factor: Array, touched: Array, layout: Array, W: Array, A: Array) -> float:
+def largest_row(mass: Array, inertia_factor: Array, touched: Array, layout: Array, W: Array, A: Array) -> float:
     """Largest ``|L^-1 q|`` of a row for bodies without joints: what its response in the tree comes to at most."""
     largest = 0.0
     for row in range(touched.shape[0]):

@@ -33,31 +33,31 @@ from consilience.reference.integrators.step_control import (
     factor_of,
 )
 from consilience.reference.kernel.compiled import inlined, inner, kernel
-from consilience.reference.kernel.held import opened
+from consilience.reference.kernel.mechanism_record import fields_of
 from consilience.reference.kernel.vectors import assign
-from consilience.reference.tree.arrays import Elements, Rest, Run, Space, Tree
-from consilience.reference.tree.dynamics import rates
-from consilience.reference.tree.explicit_rk import SECOND, between, record_within
-from consilience.reference.tree.plane import Plane
-from consilience.reference.tree.projection import arrive, begin, longest_now, note
+from consilience.reference.tree.arrays import KernelArguments, LoopClosure, SpatialArrays, TreeArrays, TreeElements
+from consilience.reference.tree.dynamics import state_derivative
+from consilience.reference.tree.explicit_rk import SECOND, dense_output, record_samples_within
+from consilience.reference.tree.plane import PlanarArrays
+from consilience.reference.tree.projection import begin_motion, end_step, record_sample, step_limit
 from consilience.reference.tree.radau_coefficients import ESTIMATE, IN, LAMBDA, NESTED, OUT, STAGES, A, C
-from consilience.reference.tree.step_control import first_length, length, sizes, within
+from consilience.reference.tree.step_control import component_sizes, first_step_length, next_sample, step_length
 
 SAFETY = 0.8
 MOST_ITERATIONS = 12
 """Where they do not settle in so many, the step is shortened."""
 
-SETTLED = 1e-2
+NEWTON_TOLERANCE = 1e-2
 """Part of the tolerance that may be left of the iterations."""
 
-DIFFERENCE = np.sqrt(np.finfo(float).eps)
+DIFFERENCE_STEP = np.sqrt(np.finfo(float).eps)
 """Relative step of the Jacobian."""
 
-SLOWEST = 0.1
+SLOWEST_RATE = 0.1
 """Steps are as long as each iteration takes the last change to this part of it, at most."""
 
 
-class Scratch(NamedTuple):
+class RadauScratch(NamedTuple):
     """What a run writes into."""
 
     Z: Array  # (7, n_z) stages, less the start of the step
@@ -67,7 +67,7 @@ class Scratch(NamedTuple):
     pivot: Array  # (4, n_z) their rows
     W: Array  # (4, n_z) complex, their solutions
     f: Array  # (n_z,) derivative at the start
-    beside: Array  # (n_z,) derivative at a state beside it
+    perturbed: Array  # (n_z,) derivative at a state beside it
     end: Array  # (n_z,) end of the step
     state: Array  # (n_z,) of a stage or sample
     F: Array  # (7, n_z) dense output
@@ -76,11 +76,11 @@ class Scratch(NamedTuple):
     chosen: Array
 
 
-def radau_scratch(z: Array, rest: Rest | None) -> Scratch:
+def radau_scratch(z: Array, closure: LoopClosure | None) -> RadauScratch:
     """Scratch of a run from the state z."""
-    rows, groups = (0, 0) if rest is None else (len(rest.fronts.order), len(rest.fronts.state))
+    rows, groups = (0, 0) if closure is None else (len(closure.qr.order), len(closure.qr.state))
     n, systems = len(z), len(LAMBDA)
-    return Scratch(
+    return RadauScratch(
         Z=np.zeros((STAGES, n)),
         K=np.zeros((STAGES, n)),
         J=np.empty((n, n)),
@@ -88,7 +88,7 @@ def radau_scratch(z: Array, rest: Rest | None) -> Scratch:
         pivot=np.empty((systems, n), dtype=np.int64),
         W=np.empty((systems, n), dtype=complex),
         f=np.empty(n),
-        beside=np.empty(n),
+        perturbed=np.empty(n),
         end=np.empty(n),
         state=np.empty(n),
         F=np.zeros((STAGES, n)),
@@ -146,42 +146,42 @@ def _solve(LU: Array, pivot: Array, x: Array) -> None:
 
 @inner
 def _derivative(
-    tree: Tree,
-    rest: Rest | None,
-    space: Space | None,
-    elements: Elements | None,
-    plane: Plane | None,
+    tree: TreeArrays,
+    closure: LoopClosure | None,
+    spatial: SpatialArrays | None,
+    elements: TreeElements | None,
+    planar: PlanarArrays | None,
     t: float,
     z: Array,
     dz: Array,
 ) -> None:
     """State derivative: compiled once, as it is long."""
-    rates(tree, rest, space, elements, plane, t, z, dz)
+    state_derivative(tree, closure, spatial, elements, planar, t, z, dz)
 
 
 @inlined
 def _linearise(
-    tree: Tree,
-    rest: Rest | None,
-    space: Space | None,
-    elements: Elements | None,
-    plane: Plane | None,
+    tree: TreeArrays,
+    closure: LoopClosure | None,
+    spatial: SpatialArrays | None,
+    elements: TreeElements | None,
+    planar: PlanarArrays | None,
     t: float,
     z: Array,
     counters: Array,
-    scratch: Scratch,
+    scratch: RadauScratch,
 ) -> None:
     """Derivative at the start of a step, and the Jacobian, by differences.
 
     The derivative is asked for in one place.
     """
-    f, found, state = scratch.f, scratch.beside, scratch.state
-    sizes(tree.kind, tree.length, z, scratch.size)
+    f, found, state = scratch.f, scratch.perturbed, scratch.state
+    component_sizes(tree.kind, tree.length, z, scratch.size)
     for m in range(-1, z.shape[0]):
         assign(state, z)
         if m >= 0:
-            state[m] += DIFFERENCE * scratch.size[tree.kind[m]]
-        _derivative(tree, rest, space, elements, plane, t, state, found)
+            state[m] += DIFFERENCE_STEP * scratch.size[tree.kind[m]]
+        _derivative(tree, closure, spatial, elements, planar, t, state, found)
         if m < 0:
             assign(f, found)
         else:
@@ -220,17 +220,17 @@ def _correct(kind: Array, W: Array, Z: Array, size: Array) -> float:
 
 @inlined
 def _iterate(
-    tree: Tree,
-    rest: Rest | None,
-    space: Space | None,
-    elements: Elements | None,
-    plane: Plane | None,
+    tree: TreeArrays,
+    closure: LoopClosure | None,
+    spatial: SpatialArrays | None,
+    elements: TreeElements | None,
+    planar: PlanarArrays | None,
     t: float,
     h: float,
     z: Array,
     tolerance: float,
     counters: Array,
-    scratch: Scratch,
+    scratch: RadauScratch,
 ) -> tuple[bool, float]:
     """Iterate the guessed stages in place; whether they settle, and what an iteration leaves of the last change."""
     Z, K, state, last, rate = scratch.Z, scratch.K, scratch.state, np.inf, 0.0
@@ -238,7 +238,7 @@ def _iterate(
         for i in range(STAGES):
             for n in range(z.shape[0]):
                 state[n] = z[n] + Z[i, n]
-            _derivative(tree, rest, space, elements, plane, t + C[i] * h, state, K[i])
+            _derivative(tree, closure, spatial, elements, planar, t + C[i] * h, state, K[i])
         counters[EVALUATIONS] += STAGES
         _residuals(h, Z, K, scratch.W)
         for k in range(LAMBDA.shape[0]):
@@ -247,7 +247,7 @@ def _iterate(
         if not change < np.inf:
             return False, 1.0
         rate, last = change / last, change
-        if change * max(rate, SLOWEST) <= SETTLED * tolerance or (rate > 0.5 and change <= tolerance):
+        if change * max(rate, SLOWEST_RATE) <= NEWTON_TOLERANCE * tolerance or (rate > 0.5 and change <= tolerance):
             return True, rate
         if not change * rate**left <= tolerance:
             return False, rate
@@ -255,7 +255,7 @@ def _iterate(
 
 
 @inner
-def _error(kind: Array, h: float, scratch: Scratch) -> float:
+def _error(kind: Array, h: float, scratch: RadauScratch) -> float:
     """Scaled error estimate of a step."""
     Z, W, size = scratch.Z, scratch.W, scratch.size
     for n in range(Z.shape[1]):
@@ -274,29 +274,29 @@ def _error(kind: Array, h: float, scratch: Scratch) -> float:
 def _guess(z: Array, F: Array, ratio: float, Z: Array) -> None:
     """Stages of a step `ratio` times as long as the last one, by its polynomial."""
     for i in range(STAGES):
-        between(z, F, 1.0 + ratio * C[i], Z[i])
+        dense_output(z, F, 1.0 + ratio * C[i], Z[i])
         for n in range(z.shape[0]):
             Z[i, n] -= z[n] + F[0, n]
 
 
 @inlined
 def _attempt(
-    tree: Tree,
-    rest: Rest | None,
-    space: Space | None,
-    elements: Elements | None,
-    plane: Plane | None,
+    tree: TreeArrays,
+    closure: LoopClosure | None,
+    spatial: SpatialArrays | None,
+    elements: TreeElements | None,
+    planar: PlanarArrays | None,
     t: float,
     h: float,
     z: Array,
     tolerance: float,
     counters: Array,
-    scratch: Scratch,
+    scratch: RadauScratch,
 ) -> tuple[float, float]:
     """Iterate the guessed stages of a step; its end into the scratch, its error by the tolerance, and their rate."""
     for k in range(LAMBDA.shape[0]):
         _factorise(scratch.J, LAMBDA[k] / h, scratch.LU[k], scratch.pivot[k])
-    settled, rate = _iterate(tree, rest, space, elements, plane, t, h, z, tolerance, counters, scratch)
+    settled, rate = _iterate(tree, closure, spatial, elements, planar, t, h, z, tolerance, counters, scratch)
     if not settled:
         return np.inf, rate
     for n in range(z.shape[0]):
@@ -308,7 +308,7 @@ def _attempt(
 def _factor(error: float, rate: float, most: float) -> float:
     """Change of the step size by its error, unless that is infinite, and by the rate of the iterations."""
     by_error = factor_of(error, SAFETY, LARGEST) if error < np.inf else 0.5
-    return max(SMALLEST, min(most, by_error, SLOWEST / rate))
+    return max(SMALLEST, min(most, by_error, SLOWEST_RATE / rate))
 
 
 @inner
@@ -324,12 +324,12 @@ def _interpolate(Z: Array, F: Array) -> None:
 
 @inner
 def _integrate(
-    tree: Tree,
-    rest: Rest | None,
-    space: Space | None,
-    elements: Elements | None,
-    plane: Plane | None,
-    scratch: Scratch,
+    tree: TreeArrays,
+    closure: LoopClosure | None,
+    spatial: SpatialArrays | None,
+    elements: TreeElements | None,
+    planar: PlanarArrays | None,
+    scratch: RadauScratch,
     z: Array,
     times: Array,
     tolerance: float,
@@ -340,39 +340,39 @@ def _integrate(
     """`integrate_radau`, compiled for what a mechanism has."""
     t, last, sample = times[0], times[-1], SECOND
     counters[:], scratch.F[:] = 0, 0.0
-    begin(tree, rest, space, elements, plane, t, z)
-    note(tree, space, plane, motion[0])
+    begin_motion(tree, closure, spatial, elements, planar, t, z)
+    record_sample(tree, spatial, planar, motion[0])
     if times.shape[0] == 1:
         return 0
-    bound, h, before, most, arrived = longest_now(tree, elements, longest), 0.0, np.inf, LARGEST, True
+    bound, h, before, most, accepted = step_limit(tree, elements, longest), 0.0, np.inf, LARGEST, True
     while sample < times.shape[0]:
-        if arrived:
-            _linearise(tree, rest, space, elements, plane, t, z, counters, scratch)
-            h = h if h > 0.0 else first_length(tree.kind, scratch.f, last - t, tolerance, scratch.size)
-        step = length(min(h, bound), last - t)
+        if accepted:
+            _linearise(tree, closure, spatial, elements, planar, t, z, counters, scratch)
+            h = h if h > 0.0 else first_step_length(tree.kind, scratch.f, last - t, tolerance, scratch.size)
+        step = step_length(min(h, bound), last - t)
         if not step >= 1e-14 * max(1.0, abs(t)):
             return 1
         _guess(z, scratch.F, step / before, scratch.Z)
-        error, rate = _attempt(tree, rest, space, elements, plane, t, step, z, tolerance, counters, scratch)
-        factor, arrived = _factor(error, rate, most), error <= 1.0
-        if not arrived:
+        error, rate = _attempt(tree, closure, spatial, elements, planar, t, step, z, tolerance, counters, scratch)
+        factor, accepted = _factor(error, rate, most), error <= 1.0
+        if not accepted:
             counters[REJECTED] += 1
             h, most = step * factor, 1.0
             continue
         counters[STEPS] += 1
         after = last if step == last - t else t + step
-        left = within(times, sample, after)
-        seen = left < times.shape[0] and times[left] == after
+        left = next_sample(times, sample, after)
+        at_sample = left < times.shape[0] and times[left] == after
         _interpolate(scratch.Z, scratch.F)
-        arrive(tree, rest, space, elements, plane, after, scratch.end, seen)
-        bound = longest_now(tree, elements, longest)
-        if seen:
-            note(tree, space, plane, motion[left])
+        end_step(tree, closure, spatial, elements, planar, after, scratch.end, at_sample)
+        bound = step_limit(tree, elements, longest)
+        if at_sample:
+            record_sample(tree, spatial, planar, motion[left])
         if sample < left:
-            record_within(
-                tree, rest, space, elements, plane, z, t, step, times[sample:left], motion[sample:left], scratch
+            record_samples_within(
+                tree, closure, spatial, elements, planar, z, t, step, times[sample:left], motion[sample:left], scratch
             )
-        sample = left + 1 if seen else left
+        sample = left + 1 if at_sample else left
         assign(z, scratch.end)
         t, h, before, most = after, step * factor if step == h else max(h, step * factor), step, LARGEST
     return 0
@@ -380,9 +380,11 @@ def _integrate(
 
 @kernel
 def integrate_radau(
-    run: Run, z: Array, times: Array, tolerance: float, longest: float, motion: Array, counters: Array
+    run: KernelArguments, z: Array, times: Array, tolerance: float, longest: float, motion: Array, counters: Array
 ) -> int:
     """Integrate from ``times[0]`` and record the bodies at all sample times; arguments as in `integrate.integrate`."""
-    on = opened(run)
-    tree, rest, space, elements, plane = on.tree, on.rest, on.space, on.elements, on.plane
-    return _integrate(tree, rest, space, elements, plane, on.scratch, z, times, tolerance, longest, motion, counters)
+    on = fields_of(run)
+    tree, closure, spatial, elements, planar = on.tree, on.closure, on.spatial, on.elements, on.planar
+    return _integrate(
+        tree, closure, spatial, elements, planar, on.scratch, z, times, tolerance, longest, motion, counters
+    )

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.polynomial.legendre import legroots, legvander
 
 from consilience.mechanism import Array
-from consilience.reference.tree.gauss import integrals
+from consilience.reference.tree.gauss import lagrange_integrals
 
 STAGES = 7
 
@@ -33,7 +33,7 @@ def _nested(c: Array) -> Array:
 
 C = _nodes()
 B = _weights(C)
-A = 0.5 * integrals(2.0 * C - 1.0, 2.0 * B)
+A = 0.5 * lagrange_integrals(2.0 * C - 1.0, 2.0 * B)
 NESTED = _nested(C)
 
 _EIGENVALUES, _VECTORS = np.linalg.eig(np.linalg.inv(A))

@@ -12,26 +12,26 @@ from __future__ import annotations
 
 import numpy as np
 
-PARENT, ONE_TURN, SENSE, COORDINATE, DISPLACEMENTS, TURNS, FIRST, LAST = np.arange(8)
+PARENT, REVOLUTE, SENSE, COORDINATE, N_TRANSLATIONS, N_ROTATIONS, FIRST, LAST = np.arange(8)
 """Columns of a link: its parent (-1: the ground, whose row is the last one), whether it turns about a single axis and
 does nothing else, +1 or -1 where the tree passes the joint from successor to predecessor, first coordinate, number of
 displacements, of directions about (3: a ball), first free direction and the one behind the last."""
 
-NEAR, ARM_PARENT, ARM, MASS, INERTIA, AXES, PLACED = np.array([8, 17, 20, 23, 24, 30, 39])
+INBOARD_FRAME, ARM_PARENT, ARM, MASS, INERTIA, AXES, CONSTANTS_END = np.array([8, 17, 20, 23, 24, 30, 39])
 """Constants of a link, whose axes are those of the joint frame on it: axes of the joint frame on the parent and the arm
 to it from the parent's centre of mass, in axes of the parent; the arm from the centre of mass to the joint frame, mass,
 inertia (xx, xy, xz, yy, yz, zz) and the axes of the body, in its own."""
 
-GRAVITY = NEAR
+GRAVITY = INBOARD_FRAME
 """In the row of the ground gravity stands where the others have NEAR, and at COORDINATE their number."""
 
 X, POSITION, VELOCITY, SPIN = np.array([40, 49, 52, 55])
 """Of a link that is placed, in the world: its axes, centre of mass, its velocity, angular velocity."""
 
-QUADRATIC, STEP, STIFF, BIAS, ACCELERATION, LINK_WIDTH = np.array([58, 64, 67, 88, 94, 104])
+VELOCITY_PRODUCT, OFFSET, ARTICULATED_INERTIA, BIAS, ACCELERATION, LINK_WIDTH = np.array([58, 64, 67, 88, 94, 104])
 """Accelerations that are quadratic in velocities, way from the parent's centre of mass, articulated inertia (upper
 triangle of M, H row by row, upper triangle of J: `inertia`), articulated bias, acceleration; number of columns."""
 
-AXIS, PIVOT, S, U, REST, ROOT, FREE_WIDTH = np.array([0, 1, 2, 8, 14, 15, 16])
+AXIS, PIVOT, S, U, JOINT_FORCE, INVERSE_ROOT, FREE_WIDTH = np.array([0, 1, 2, 8, 14, 15, 16])
 """Columns of a direction: number of its axis (0 to 2 of F, 3 to 5 of M), D, S, U, remaining joint force, and
 ``1 / sqrt(D)`` where loops are closed."""

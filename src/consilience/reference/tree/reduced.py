@@ -12,19 +12,19 @@ DIRECTIONS = 24
 """Most directions of a tree whose rows are eliminated like this."""
 
 
-class Reduced(NamedTuple):
+class EliminationArrays(NamedTuple):
     """Arrays that the kernels write into; no entries where a tree has too many directions."""
 
     moves: Array  # (n_b, N) whether a direction moves a link
-    at: Array  # (N, 6) S of the directions at a point that is the same for all
+    S_origin: Array  # (N, 6) S of the directions at a point that is the same for all
     J: Array  # (q, N + 2) rows, and t of one problem or two
-    given: Array  # (q,) direction that a row gives, -1 where it depends on others
-    left: Array  # (N,) directions left, the first f
+    solved: Array  # (q,) direction that a row gives, -1 where it depends on others
+    independent: Array  # (N,) directions left, the first f
     V: Array  # (N, n_b + 1, 6) motions of the links; the last row is the ground
     G: Array  # (N, N + 1) reduced masses and forces
 
 
-def reduced(rows: int, layout: Array, directions: int) -> Reduced:
+def elimination_arrays(rows: int, layout: Array, directions: int) -> EliminationArrays:
     """Scratch arrays of a tree."""
     if directions > DIRECTIONS:
         rows = directions = 0
@@ -33,12 +33,12 @@ def reduced(rows: int, layout: Array, directions: int) -> Reduced:
     for k, row in enumerate(layout):
         moves[k] = moves[row[0]]  # of the ground: the last one, which nothing moves
         moves[k, row[7] : row[8]] = 1
-    return Reduced(
+    return EliminationArrays(
         moves=moves,
-        at=np.zeros((directions, 6)),
+        S_origin=np.zeros((directions, 6)),
         J=np.zeros((rows, directions + 2)),
-        given=np.zeros(rows, dtype=np.int64),
-        left=np.zeros(directions, dtype=np.int64),
+        solved=np.zeros(rows, dtype=np.int64),
+        independent=np.zeros(directions, dtype=np.int64),
         V=np.zeros((directions, len(layout) + 1, 6)),
         G=np.zeros((directions, directions + 1)),
     )

@@ -13,15 +13,24 @@ from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import Array, Mechanism, State
 from consilience.reference.bodies.arrays import Model
 from consilience.reference.bodies.canonical import canonical_motion
-from consilience.reference.kernel.held import words_of
-from consilience.reference.tree.arrays import Links, Rest, Run, System, flatten_relative, lasting, renewed, system
-from consilience.reference.tree.explicit_rk import LEFT, integrate, scratch
+from consilience.reference.kernel.mechanism_record import record_array
+from consilience.reference.tree.arrays import (
+    KernelArguments,
+    LoopClosure,
+    TreeLinks,
+    TreeSystem,
+    flatten_relative,
+    persistent_arrays,
+    tree_system,
+    with_own_arrays,
+)
+from consilience.reference.tree.explicit_rk import UNSUITABLE, integrate, scratch
 from consilience.reference.tree.gauss import gauss_scratch, integrate_gauss
-from consilience.reference.tree.methods import METHODS, Method
-from consilience.reference.tree.planar_detection import planar
+from consilience.reference.tree.methods import PAIRS, RungeKuttaPair
+from consilience.reference.tree.planar_detection import planar_system
 from consilience.reference.tree.radau13 import integrate_radau, radau_scratch
-from consilience.reference.tree.state import Packing, pack_by
-from consilience.reference.tree.taylor import STATUS, has_series, integrate_taylor, order_of, taylor_scratch
+from consilience.reference.tree.state import StatePacking, pack_state
+from consilience.reference.tree.taylor import STATUS, has_series, integrate_taylor, order_for, taylor_scratch
 
 _CLOSE = 3.0
 """Steps of this many points of a table, or of this part of the period of a harmonic, miss nothing of it."""
@@ -41,60 +50,68 @@ def longest_step(model: Model) -> float:
     return float(longest)
 
 
-class _Working(NamedTuple):
+class _WorkingArrays(NamedTuple):
     """Arrays that a motion writes into."""
 
-    arrays: Run
-    run: Run  # their words
-    lasting: list[tuple[Array, Array]]  # those that it would leave to the next, and what they were
+    arrays: KernelArguments
+    run: KernelArguments  # their words
+    persistent_arrays: list[tuple[Array, Array]]  # those that it would leave to the next, and what they were
 
 
-class _Prepared(NamedTuple):
+class _PreparedMechanism(NamedTuple):
     """What is the same in all motions of a mechanism."""
 
-    links: Links
-    packing: Packing  # its words
-    system: System  # nothing written into it yet
+    links: TreeLinks
+    packing: StatePacking  # its words
+    tree_system: TreeSystem  # nothing written into it yet
     tree_alone: bool  # whether the tables of the tree (and of a plane) say all
     longest: float  # step, s
-    usual: tuple[str, ...]  # integrators where none is asked for: the next one where one cannot go on
-    idle: dict[str, list[_Working]]  # of motions that have ended, by integrator: making them takes longer than a motion
+    default_integrators: tuple[str, ...]  # integrators where none is asked for: the next one where one cannot go on
+    idle: dict[
+        str, list[_WorkingArrays]
+    ]  # of motions that have ended, by integrator: making them takes longer than a motion
 
-    def working(self, integrator: str) -> _Working:
+    def working(self, integrator: str) -> _WorkingArrays:
         """Arrays that no other motion writes into."""
         try:
             taken = self.idle[integrator].pop()
         except IndexError:
-            arrays = renewed(self.system)
-            tree, closing, space, elements, plane = arrays
-            rest = None if self.tree_alone else closing
-            scratch_of = INTEGRATORS[integrator].scratch(np.zeros(len(self.links.kind)), arrays, rest)
-            run = Run(tree, rest, space, elements, plane, scratch_of)
-            return _Working(run, words_of(run), lasting(arrays, self.system))
-        for array, first in taken.lasting:
+            arrays = with_own_arrays(self.tree_system)
+            tree, closing, spatial, elements, planar = arrays
+            closure = None if self.tree_alone else closing
+            scratch_of = INTEGRATORS[integrator].scratch(np.zeros(len(self.links.kind)), arrays, closure)
+            run = KernelArguments(tree, closure, spatial, elements, planar, scratch_of)
+            return _WorkingArrays(run, record_array(run), persistent_arrays(arrays, self.tree_system))
+        for array, first in taken.persistent_arrays:
             array[...] = first
         return taken
 
 
 @lru_cache(maxsize=8)
-def _prepared(mechanism: Mechanism, in_space: bool) -> _Prepared:
+def _prepare(mechanism: Mechanism, in_space: bool) -> _PreparedMechanism:
     """Of the mechanisms asked last: making it takes as long as some thousand evaluations.
 
     In space even where they move in parallel planes, if that is asked for.
     """
     links, spanning, model = flatten_relative(mechanism)
-    arrays = None if in_space else planar(mechanism, links, spanning, model)
-    arrays = arrays or system(mechanism, links, spanning, model)
-    tree_alone = links.free if arrays.plane is None else not len(arrays.rest.loops.group)
+    arrays = None if in_space else planar_system(mechanism, links, spanning, model)
+    arrays = arrays or tree_system(mechanism, links, spanning, model)
+    tree_alone = links.bare_tree if arrays.planar is None else not len(arrays.closure.loops.group)
     explicit = "dop853" if len(model.functions.pieces) else "tp86"
-    usual = (*(["taylor"] if has_series(arrays, tree_alone) else []), explicit, "radau13")
-    idle: dict[str, list[_Working]] = {name: [] for name in INTEGRATORS}
-    return _Prepared(
-        links, words_of(Packing(links, spanning, model)), arrays, tree_alone, longest_step(model), usual, idle
+    default_integrators = (*(["taylor"] if has_series(arrays, tree_alone) else []), explicit, "radau13")
+    idle: dict[str, list[_WorkingArrays]] = {name: [] for name in INTEGRATORS}
+    return _PreparedMechanism(
+        links,
+        record_array(StatePacking(links, spanning, model)),
+        arrays,
+        tree_alone,
+        longest_step(model),
+        default_integrators,
+        idle,
     )
 
 
-class _Asked(NamedTuple):
+class _MotionRequest(NamedTuple):
     """What a motion is asked for, and what is filled: bodies at the samples, and counters."""
 
     z: Array
@@ -108,39 +125,39 @@ class _Asked(NamedTuple):
 class _Integrator(NamedTuple):
     """How an integrator is called."""
 
-    scratch: Callable[[Array, System, Rest | None], Any]
-    run: Callable[[Run, _Asked, bool], int]  # the status; may it leave a motion to another one?
+    scratch: Callable[[Array, TreeSystem, LoopClosure | None], Any]
+    run: Callable[[KernelArguments, _MotionRequest, bool], int]  # the status; may it leave a motion to another one?
 
 
-def _run_method(method: Method, run: Run, asked: _Asked, leaves: bool) -> int:
+def _run_explicit(pair: RungeKuttaPair, run: KernelArguments, request: _MotionRequest, stop_if_stiff: bool) -> int:
     """A motion by a Runge-Kutta method."""
-    return integrate(run, method, *asked, leaves)
+    return integrate(run, pair, *request, stop_if_stiff)
 
 
-def _run_gauss(run: Run, asked: _Asked, _leaves: bool) -> int:
+def _run_gauss(run: KernelArguments, request: _MotionRequest, _leaves: bool) -> int:
     """A motion by collocation."""
-    return integrate_gauss(run, *asked)
+    return integrate_gauss(run, *request)
 
 
-def _run_radau13(run: Run, asked: _Asked, _leaves: bool) -> int:
+def _run_radau13(run: KernelArguments, request: _MotionRequest, _leaves: bool) -> int:
     """A motion by an implicit Runge-Kutta method."""
-    return integrate_radau(run, *asked)
+    return integrate_radau(run, *request)
 
 
-def _run_taylor(run: Run, asked: _Asked, _leaves: bool) -> int:
+def _run_taylor(run: KernelArguments, request: _MotionRequest, _leaves: bool) -> int:
     """A motion by series."""
-    z, times, tolerance, *others = asked
-    return integrate_taylor(run, z, times, tolerance, order_of(tolerance), *others)
+    z, times, tolerance, *others = request
+    return integrate_taylor(run, z, times, tolerance, order_for(tolerance), *others)
 
 
 INTEGRATORS = {
     "taylor": _Integrator(taylor_scratch, _run_taylor),
     **{
-        name: _Integrator(lambda z, arrays, rest: scratch(z, rest), partial(_run_method, words_of(method)))
-        for name, method in METHODS.items()
+        name: _Integrator(lambda z, arrays, closure: scratch(z, closure), partial(_run_explicit, record_array(pair)))
+        for name, pair in PAIRS.items()
     },
-    "radau13": _Integrator(lambda z, arrays, rest: radau_scratch(z, rest), _run_radau13),
-    "gauss": _Integrator(lambda z, arrays, rest: gauss_scratch(z, rest), _run_gauss),
+    "radau13": _Integrator(lambda z, arrays, closure: radau_scratch(z, closure), _run_radau13),
+    "gauss": _Integrator(lambda z, arrays, closure: gauss_scratch(z, closure), _run_gauss),
 }
 """Compiled integrators of the relative form; the first is for mechanisms in a plane without elements."""
 
@@ -160,15 +177,15 @@ def simulate_relative(
     NumericalFailure
         With the status of the integrator.
     """
-    prepared = _prepared(mechanism, integrator == "gauss")
-    if integrator == "taylor" and "taylor" not in prepared.usual:
+    prepared = _prepare(mechanism, integrator == "gauss")
+    if integrator == "taylor" and "taylor" not in prepared.default_integrators:
         why = "it is for mechanisms that move in parallel planes by gravity alone, without drives, couplings and rods"
         raise InvalidInput("integrator", f"taylor cannot follow {mechanism.name}: {why}", "Use tp86, or leave it out.")
-    asked = pack_by(prepared.links, prepared.packing, state), times, float(tolerance)
-    names = prepared.usual if integrator is None else (integrator,)
+    request = pack_state(prepared.links, prepared.packing, state), times, float(tolerance)
+    names = prepared.default_integrators if integrator is None else (integrator,)
     for name in names:
-        status, motion, counters = _run(prepared, name, *asked, name != names[-1])
-        if status != LEFT:
+        status, motion, counters = _run(prepared, name, *request, name != names[-1])
+        if status != UNSUITABLE:
             break
     if status:
         raise NumericalFailure(f"reference, relative, {name}, tolerance {tolerance:g}: {STATUS[status]}")
@@ -179,13 +196,13 @@ def simulate_relative(
 
 
 def _run(
-    prepared: _Prepared, name: str, z: Array, times: Array, tolerance: float, leaves: bool
+    prepared: _PreparedMechanism, name: str, z: Array, times: Array, tolerance: float, stop_if_stiff: bool
 ) -> tuple[int, Array, Array]:
     """Status, bodies at the samples, and counters of an integrator from the state z."""
     working = prepared.working(name)
     motion, counters = np.empty((len(times), *working.arrays.tree.y.shape)), np.zeros(3, dtype=np.int64)
-    asked = _Asked(z.copy(), times, tolerance, prepared.longest, motion, counters)
-    status = INTEGRATORS[name].run(working.run, asked, leaves)
-    if status in (0, LEFT):  # a failure may leave what is not a number
+    request = _MotionRequest(z.copy(), times, tolerance, prepared.longest, motion, counters)
+    status = INTEGRATORS[name].run(working.run, request, stop_if_stiff)
+    if status in (0, UNSUITABLE):  # a failure may leave what is not a number
         prepared.idle[name].append(working)
     return status, motion, counters

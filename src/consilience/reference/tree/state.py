@@ -12,27 +12,27 @@ from consilience.reference.bodies.joint_rows import joint_motion
 from consilience.reference.bodies.motion import arm, rotations
 from consilience.reference.bodies.spanning_tree import TreeModel
 from consilience.reference.kernel.compiled import inner, kernel
-from consilience.reference.kernel.held import opened, words_of
+from consilience.reference.kernel.mechanism_record import fields_of, record_array
 from consilience.reference.kernel.vectors import Vector, add, column, cross, dot, load, rotate, rotate_back, store, sub
-from consilience.reference.tree.arrays import ABOUT, ALONG, COORDINATE, FREE, Links
+from consilience.reference.tree.arrays import COORDINATE, FREE, ROTATIONS, TRANSLATIONS, TreeLinks
 from consilience.reference.tree.inertia import Columns
 from consilience.reference.tree.kinematics import euler_parameters
 
 
-class Packing(NamedTuple):
+class StatePacking(NamedTuple):
     """What a state is packed by."""
 
-    links: Links
+    links: TreeLinks
     spanning: TreeModel
     model: Model
 
 
-def pack_relative(links: Links, spanning: TreeModel, model: Model, state: State) -> Array:
+def pack_relative(links: TreeLinks, spanning: TreeModel, model: Model, state: State) -> Array:
     """State z of a canonical state; integrals of controllers are zero."""
-    return pack_by(links, words_of(Packing(links, spanning, model)), state)
+    return pack_state(links, record_array(StatePacking(links, spanning, model)), state)
 
 
-def pack_by(links: Links, packing: Packing, state: State) -> Array:
+def pack_state(links: TreeLinks, packing: StatePacking, state: State) -> Array:
     """The same by the words of a packing, made once for many states."""
     z, y, A = np.zeros(len(links.kind)), np.empty((len(links.com), 13)), np.empty((len(links.com), 3, 3))
     y[:, R], y[:, P], y[:, V], y[:, W] = state.p_WB, state.quat_WB, state.v_WB_W, state.w_WB_W
@@ -58,31 +58,31 @@ def _frame(axes: Array, A: Array, body: int) -> Columns:
 
 
 @inner
-def _seen_from(F: Columns, a: Vector) -> Vector:
+def _components(F: Columns, a: Vector) -> Vector:
     """A vector of the world in axes of F."""
     return dot(F[0], a), dot(F[1], a), dot(F[2], a)
 
 
 @kernel
-def _pack(packing: Packing, y: Array, A: Array, z: Array) -> None:
+def _pack(packing: StatePacking, y: Array, A: Array, z: Array) -> None:
     """Fill z from y, whose rows are canonical states and will be those of the kernels."""
-    by = opened(packing)
+    by = fields_of(packing)
     links, spanning, model = by.links, by.spanning, by.model
-    layout, direction, speeds = links.layout, links.direction, links.speeds
+    layout, direction, first_speed = links.layout, links.direction, links.first_speed
     body_i, body_j, arm_i, arm_j = model.body_i, model.body_j, model.arm_i, model.arm_j
     _to_centres(links.com, y, A)
     for k in range(layout.shape[0]):
         n = spanning.joint[k]
         m = joint_motion(body_i, body_j, arm_i, arm_j, y, A, n)
         F, M = _frame(model.axes_i[n], A, m.i), _frame(model.axes_j[n], A, m.j)
-        X = _seen_from(F, M[0]), _seen_from(F, M[1]), _seen_from(F, M[2])
-        p, v = _seen_from(F, m.d), _seen_from(F, sub(m.d_dot, cross(m.w_i, m.d)))
-        w = _seen_from(F, sub(m.w_j, m.w_i))
-        at, free, about = layout[k, COORDINATE], layout[k, FREE], layout[k, ABOUT]
-        for r in range(layout[k, ALONG]):
+        X = _components(F, M[0]), _components(F, M[1]), _components(F, M[2])
+        p, v = _components(F, m.d), _components(F, sub(m.d_dot, cross(m.w_i, m.d)))
+        w = _components(F, sub(m.w_j, m.w_i))
+        at, free, about = layout[k, COORDINATE], layout[k, FREE], layout[k, ROTATIONS]
+        for r in range(layout[k, TRANSLATIONS]):
             axis = direction[free + r, 1]
-            z[at + r], z[speeds + free + r] = p[axis], v[axis]
-        at, free = at + layout[k, ALONG], speeds + free + layout[k, ALONG]
+            z[at + r], z[first_speed + free + r] = p[axis], v[axis]
+        at, free = at + layout[k, TRANSLATIONS], first_speed + free + layout[k, TRANSLATIONS]
         if about == 3:
             e = euler_parameters(X)
             z[at], z[at + 1], z[at + 2], z[at + 3] = e

@@ -9,7 +9,7 @@ from consilience.reference.kernel.compiled import inner
 
 
 @inner
-def sizes(kind: Array, model_length: float, z: Array, size: Array) -> None:
+def component_sizes(kind: Array, model_length: float, z: Array, size: Array) -> None:
     """Size of each kind of component, shape (5,)."""
     size[:] = 0.0
     for n in range(z.shape[0]):
@@ -22,13 +22,13 @@ def sizes(kind: Array, model_length: float, z: Array, size: Array) -> None:
 
 
 @inner
-def length(h: float, remaining: float) -> float:
+def step_length(h: float, remaining: float) -> float:
     """Length of the next step: a remainder a little longer than a step is halved, so that no sliver of one is left."""
     return remaining if h >= remaining else min(h, 0.5 * remaining)
 
 
 @inner
-def first_length(kind: Array, f: Array, span: float, tolerance: float, size: Array) -> float:
+def first_step_length(kind: Array, f: Array, span: float, tolerance: float, size: Array) -> float:
     """Length of the first step, in which z changes by ``tolerance ** (1/8)``, from its derivative f."""
     total = 0.0
     for n in range(f.shape[0]):
@@ -37,7 +37,7 @@ def first_length(kind: Array, f: Array, span: float, tolerance: float, size: Arr
 
 
 @inner
-def within(times: Array, sample: int, after: float) -> int:
+def next_sample(times: Array, sample: int, after: float) -> int:
     """Number of the first of the samples left that is not before a time."""
     while sample < times.shape[0] and times[sample] < after:
         sample += 1

@@ -29,15 +29,15 @@ from consilience.mechanism import Array
 from consilience.reference.kernel.compiled import fused
 from consilience.reference.tree.planar import (
     Pair,
-    Three,
-    dot3,
-    inertia_at,
-    pair_at,
-    push,
-    put_pair,
-    put_three,
-    three_at,
-    turned,
+    Triple,
+    inertia_times,
+    load_pair,
+    load_planar_inertia,
+    load_triple,
+    planar_power,
+    rotate_pair,
+    store_pair,
+    store_triple,
 )
 from consilience.reference.tree.plane import (
     ACCELERATION,
@@ -49,23 +49,23 @@ from consilience.reference.tree.plane import (
     FIRST,
     LAST,
     MASS,
+    OFFSET,
     PARENT,
     PIVOT,
-    QUADRATIC,
+    ROTATION_SENSE,
     SENSE,
     SPIN,
-    STEP,
-    TURN,
+    VELOCITY_PRODUCT,
     WEIGHT,
     S,
     U,
 )
-from consilience.reference.tree.records import REST
+from consilience.reference.tree.records import JOINT_FORCE
 
 C, SN, W, FX, FY, PX, PY, SLOTS = np.arange(8)
 """Series of a link: real and imaginary parts of e, w, of F, of P."""
 
-MOST = 32
+LARGEST_ORDER = 32
 """Highest order."""
 
 
@@ -78,21 +78,21 @@ class Series(NamedTuple):
 
 def series_arrays(links: int, directions: int) -> Series:
     """Arrays of a mechanism."""
-    link = np.zeros((links + 1, int(SLOTS), MOST + 3))
+    link = np.zeros((links + 1, int(SLOTS), LARGEST_ORDER + 3))
     link[-1, C, 0] = 1.0
-    return Series(link, np.zeros((directions, MOST + 3)))
+    return Series(link, np.zeros((directions, LARGEST_ORDER + 3)))
 
 
 @fused
-def begin_series(link: Array, free: Array, of: Array, q: Array, speeds: int, z: Array, inverse: Array) -> None:
+def begin_series(link: Array, free: Array, coef: Array, q: Array, first_speed: int, z: Array, inverse: Array) -> None:
     """Coefficients that a state says, of links placed there."""
     for k in range(link.shape[0] - 1):
-        c, s = pair_at(link, k, COS)
+        c, s = load_pair(link, k, COS)
         w = link[k, SPIN]
-        of[k, C, 0], of[k, SN, 0], of[k, W, 0] = c, s, w
-        of[k, C, 1], of[k, SN, 1] = -w * s, w * c
+        coef[k, C, 0], coef[k, SN, 0], coef[k, W, 0] = c, s, w
+        coef[k, C, 1], coef[k, SN, 1] = -w * s, w * c
     for n in range(q.shape[0]):
-        q[n, 0], q[n, 1] = z[n], z[speeds + n]
+        q[n, 0], q[n, 1] = z[n], z[first_speed + n]
         inverse[n] = 1.0 / free[n, PIVOT]
 
 
@@ -103,119 +103,119 @@ def _carrier(link: Array, k: int) -> int:
 
 
 @fused
-def _displacements(link: Array, k: int) -> int:
+def _translations_end(link: Array, k: int) -> int:
     """The direction behind the displacements of a joint."""
-    return int(link[k, LAST]) - (1 if link[k, TURN] != 0.0 else 0)
+    return int(link[k, LAST]) - (1 if link[k, ROTATION_SENSE] != 0.0 else 0)
 
 
 @fused
-def _slide_forces(link: Array, free: Array, of: Array, q: Array, k: int, m: int, rest: Array) -> None:
+def _slide_forces(link: Array, free: Array, coef: Array, q: Array, k: int, m: int, joint_force: Array) -> None:
     """What is known of P where a joint slides, and of the force along it, into the remaining joint forces."""
     b, sense = _carrier(link, k), link[k, SENSE]
     along = across = 0.0
     for j in range(1, m + 1):
-        c, s, x, y = of[b, C, j], of[b, SN, j], of[k, FX, m - j], of[k, FY, m - j]
+        c, s, x, y = coef[b, C, j], coef[b, SN, j], coef[k, FX, m - j], coef[k, FY, m - j]
         along += c * x + s * y
         across += c * y - s * x
-    for n in range(int(link[k, FIRST]), _displacements(link, k)):
-        d = pair_at(free, n, DIRECTION)
-        rest[n] = -sense * (d[0] * along + d[1] * across)
+    for n in range(int(link[k, FIRST]), _translations_end(link, k)):
+        d = load_pair(free, n, DIRECTION)
+        joint_force[n] = -sense * (d[0] * along + d[1] * across)
         x = y = 0.0
         for j in range(1, m + 1):
-            x += q[n, j] * of[k, FX, m - j]
-            y += q[n, j] * of[k, FY, m - j]
-        press(of, b, m, d, sense * x, sense * y)
+            x += q[n, j] * coef[k, FX, m - j]
+            y += q[n, j] * coef[k, FY, m - j]
+        add_moment(coef, b, m, d, sense * x, sense * y)
 
 
 @fused
-def press(of: Array, k: int, m: int, a: Pair, x: float, y: float) -> None:
+def add_moment(coef: Array, k: int, m: int, a: Pair, x: float, y: float) -> None:
     """Add ``a* F`` to P: a force at the arm a, in axes of the link."""
-    of[k, PX, m] += a[0] * x + a[1] * y
-    of[k, PY, m] += a[0] * y - a[1] * x
+    coef[k, PX, m] += a[0] * x + a[1] * y
+    coef[k, PY, m] += a[0] * y - a[1] * x
 
 
 @fused
-def known_forces(link: Array, free: Array, of: Array, q: Array, m: int, rest: Array, torque: Array) -> None:
+def known_forces(link: Array, free: Array, coef: Array, q: Array, m: int, joint_force: Array, torque: Array) -> None:
     """What is known of the forces of order m and of P, but for rows, and of the remaining joint forces."""
     for k in range(link.shape[0]):
         torque[k] = 0.0
         for slot in range(FX, SLOTS):
-            of[k, slot, m] = 0.0
+            coef[k, slot, m] = 0.0
     if m == 0:
         for k in range(link.shape[0] - 1):
-            of[k, FX, 0], of[k, FY, 0] = -link[k, WEIGHT], -link[k, WEIGHT + 1]
+            coef[k, FX, 0], coef[k, FY, 0] = -link[k, WEIGHT], -link[k, WEIGHT + 1]
     for n in range(free.shape[0]):
-        rest[n] = 0.0
+        joint_force[n] = 0.0
     for k in range(link.shape[0] - 1):
-        if _displacements(link, k) > int(link[k, FIRST]):
-            _slide_forces(link, free, of, q, k, m, rest)
+        if _translations_end(link, k) > int(link[k, FIRST]):
+            _slide_forces(link, free, coef, q, k, m, joint_force)
 
 
 @fused
-def _turn_on(of: Array, k: int, m: int) -> float:
+def _advance_direction(coef: Array, k: int, m: int) -> float:
     """``e_{m+2}`` but for the acceleration of order m; what is known of ``Im(e* P)`` of order m."""
     x = y = one = two = 0.0
     for j in range(m + 1):
-        w = of[k, W, j]
-        x += w * of[k, SN, m + 1 - j]
-        y += w * of[k, C, m + 1 - j]
-        one += of[k, C, j] * of[k, PY, m - j]
-        two += of[k, SN, j] * of[k, PX, m - j]
+        w = coef[k, W, j]
+        x += w * coef[k, SN, m + 1 - j]
+        y += w * coef[k, C, m + 1 - j]
+        one += coef[k, C, j] * coef[k, PY, m - j]
+        two += coef[k, SN, j] * coef[k, PX, m - j]
     factor = 1.0 / (m + 2.0)
-    of[k, C, m + 2], of[k, SN, m + 2] = -factor * x, factor * y
+    coef[k, C, m + 2], coef[k, SN, m + 2] = -factor * x, factor * y
     return one - two
 
 
 @fused
-def known_turns(link: Array, free: Array, of: Array, q: Array, m: int, torque: Array) -> None:
+def known_rotations(link: Array, free: Array, coef: Array, q: Array, m: int, torque: Array) -> None:
     """What is known of the directions and steps of order m + 2, and the biases of order m."""
     scale = (m + 1.0) * (m + 2.0)
     for k in range(link.shape[0] - 1):
         p = int(link[k, PARENT])
-        put_three(link, k, BIAS, (of[k, FX, m], of[k, FY, m], torque[k] + _turn_on(of, k, m)))
-        e_p, e = (of[p, C, m + 2], of[p, SN, m + 2]), (of[k, C, m + 2], of[k, SN, m + 2])
-        s_p, s = turned(e_p, pair_at(link, k, ARM_PARENT)), turned(e, pair_at(link, k, ARM))
+        store_triple(link, k, BIAS, (coef[k, FX, m], coef[k, FY, m], torque[k] + _advance_direction(coef, k, m)))
+        e_p, e = (coef[p, C, m + 2], coef[p, SN, m + 2]), (coef[k, C, m + 2], coef[k, SN, m + 2])
+        s_p, s = rotate_pair(e_p, load_pair(link, k, ARM_PARENT)), rotate_pair(e, load_pair(link, k, ARM))
         x, y = s_p[0] - s[0], s_p[1] - s[1]
-        behind = _displacements(link, k)
+        behind = _translations_end(link, k)
         if behind > int(link[k, FIRST]):
             b, sense = _carrier(link, k), link[k, SENSE]
             for n in range(int(link[k, FIRST]), behind):
                 c = s_n = 0.0
                 for j in range(m + 2):
-                    c += q[n, j] * of[b, C, m + 2 - j]
-                    s_n += q[n, j] * of[b, SN, m + 2 - j]
-                away = turned((c, s_n), pair_at(free, n, DIRECTION))
+                    c += q[n, j] * coef[b, C, m + 2 - j]
+                    s_n += q[n, j] * coef[b, SN, m + 2 - j]
+                away = rotate_pair((c, s_n), load_pair(free, n, DIRECTION))
                 x, y = x + sense * away[0], y + sense * away[1]
-        put_pair(link, k, QUADRATIC, (scale * x, scale * y))
+        store_pair(link, k, VELOCITY_PRODUCT, (scale * x, scale * y))
 
 
 @fused
-def _carried(link: Array, free: Array, inverse: Array, k: int) -> Three:
+def _carried(link: Array, free: Array, inverse: Array, k: int) -> Triple:
     """Wrench that the quadratic accelerations of a link ask of its parent, its own directions free."""
-    c = pair_at(link, k, QUADRATIC)
+    c = load_pair(link, k, VELOCITY_PRODUCT)
     c = c[0], c[1], 0.0
-    x = push(inertia_at(link, k), c)
+    x = inertia_times(load_planar_inertia(link, k), c)
     for n in range(int(link[k, LAST]) - 1, int(link[k, FIRST]) - 1, -1):
-        u = three_at(free, n, U)
-        part = dot3(u, c) * inverse[n]
+        u = load_triple(free, n, U)
+        part = planar_power(u, c) * inverse[n]
         x = x[0] - part * u[0], x[1] - part * u[1], x[2] - part * u[2]
     return x
 
 
 @fused
-def sweep_biases(link: Array, free: Array, rest: Array, inverse: Array) -> None:
+def sweep_biases(link: Array, free: Array, joint_force: Array, inverse: Array) -> None:
     """The remaining joint forces of the biases and of `rest`, in a tree whose inertias are swept."""
     for k in range(link.shape[0] - 2, -1, -1):
-        f = three_at(link, k, BIAS)
+        f = load_triple(link, k, BIAS)
         for n in range(int(link[k, LAST]) - 1, int(link[k, FIRST]) - 1, -1):
-            left = rest[n] - dot3(three_at(free, n, S), f)
-            free[n, REST] = left
-            u = three_at(free, n, U)
+            left = joint_force[n] - planar_power(load_triple(free, n, S), f)
+            free[n, JOINT_FORCE] = left
+            u = load_triple(free, n, U)
             left *= inverse[n]
             f = f[0] + left * u[0], f[1] + left * u[1], f[2] + left * u[2]
         p = int(link[k, PARENT])
         if p >= 0:
-            x, d = _carried(link, free, inverse, k), pair_at(link, k, STEP)
+            x, d = _carried(link, free, inverse, k), load_pair(link, k, OFFSET)
             a, b = f[0] + x[0], f[1] + x[1]
             link[p, BIAS] += a
             link[p, BIAS + 1] += b
@@ -223,42 +223,42 @@ def sweep_biases(link: Array, free: Array, rest: Array, inverse: Array) -> None:
 
 
 @fused
-def next_order(link: Array, free: Array, of: Array, q: Array, inverse: Array, m: int) -> None:
+def next_order(link: Array, free: Array, coef: Array, q: Array, inverse: Array, m: int) -> None:
     """Accelerations of order m, links outwards, and the coefficients that follow from them."""
     one, two = 1.0 / (m + 1.0), 1.0 / (m + 2.0)
     for k in range(link.shape[0] - 1):
         a, d, c = (
-            three_at(link, int(link[k, PARENT]), ACCELERATION),
-            pair_at(link, k, STEP),
-            pair_at(link, k, QUADRATIC),
+            load_triple(link, int(link[k, PARENT]), ACCELERATION),
+            load_pair(link, k, OFFSET),
+            load_pair(link, k, VELOCITY_PRODUCT),
         )
         a = a[0] - a[2] * d[1] + c[0], a[1] + a[2] * d[0] + c[1], a[2]
         for n in range(int(link[k, FIRST]), int(link[k, LAST])):
-            s = three_at(free, n, S)
-            u = (free[n, REST] - dot3(a, three_at(free, n, U))) * inverse[n]
+            s = load_triple(free, n, S)
+            u = (free[n, JOINT_FORCE] - planar_power(a, load_triple(free, n, U))) * inverse[n]
             q[n, m + 2] = u * one * two
             a = a[0] + u * s[0], a[1] + u * s[1], a[2] + u * s[2]
-        put_three(link, k, ACCELERATION, a)
+        store_triple(link, k, ACCELERATION, a)
         w = one * a[2]
-        of[k, W, m + 1] = w
-        of[k, C, m + 2] -= two * w * of[k, SN, 0]
-        of[k, SN, m + 2] += two * w * of[k, C, 0]
-        of[k, FX, m] += link[k, MASS] * a[0]
-        of[k, FY, m] += link[k, MASS] * a[1]
+        coef[k, W, m + 1] = w
+        coef[k, C, m + 2] -= two * w * coef[k, SN, 0]
+        coef[k, SN, m + 2] += two * w * coef[k, C, 0]
+        coef[k, FX, m] += link[k, MASS] * a[0]
+        coef[k, FY, m] += link[k, MASS] * a[1]
 
 
 @fused
-def joint_forces(link: Array, free: Array, of: Array, q: Array, m: int) -> None:
+def joint_forces(link: Array, free: Array, coef: Array, q: Array, m: int) -> None:
     """Forces of order m that the joints bring, links inwards, and P."""
     for k in range(link.shape[0] - 2, -1, -1):
-        p, x, y = int(link[k, PARENT]), of[k, FX, m], of[k, FY, m]
-        press(of, k, m, pair_at(link, k, ARM), -x, -y)
-        press(of, p, m, pair_at(link, k, ARM_PARENT), x, y)
-        of[p, FX, m] += x
-        of[p, FY, m] += y
-        behind = _displacements(link, k)
+        p, x, y = int(link[k, PARENT]), coef[k, FX, m], coef[k, FY, m]
+        add_moment(coef, k, m, load_pair(link, k, ARM), -x, -y)
+        add_moment(coef, p, m, load_pair(link, k, ARM_PARENT), x, y)
+        coef[p, FX, m] += x
+        coef[p, FY, m] += y
+        behind = _translations_end(link, k)
         if behind > int(link[k, FIRST]):
             b, sense = _carrier(link, k), link[k, SENSE]
             for n in range(int(link[k, FIRST]), behind):
                 away = sense * q[n, 0]
-                press(of, b, m, pair_at(free, n, DIRECTION), away * x, away * y)
+                add_moment(coef, b, m, load_pair(free, n, DIRECTION), away * x, away * y)

@@ -43,13 +43,13 @@ _WORD = 8
 
 T = TypeVar("T")
 
-_KINDS: dict[str, HeldType] = {}
+_RECORD_TYPES: dict[str, RecordType] = {}
 """Types of the words given to kernels, by name."""
 
 _NUMBERS = (types.int64, types.float64, types.boolean)
 
 
-class HeldType(types.Type):  # type: ignore[misc]
+class RecordType(types.Type):  # type: ignore[misc]
     """Type of what is held: names and types of the fields, and the word at which each begins.
 
     Symbols carry the name of every type of their arguments; it is short, where that of a tuple spells out all fields.
@@ -60,45 +60,45 @@ class HeldType(types.Type):  # type: ignore[misc]
         self.begins, self.words = {}, 0
         for field, kind in fields:
             self.begins[field] = self.words
-            self.words += _words_of(kind)
+            self.words += _word_count(kind)
         digest = hashlib.sha256(repr(fields).encode()).hexdigest()[:12]
         super().__init__(name=f"{name}.{digest}")
 
 
-def _words_of(kind: types.Type) -> int:
+def _word_count(kind: types.Type) -> int:
     if isinstance(kind, types.Array):
         return 1 + 2 * kind.ndim
-    return kind.words if isinstance(kind, HeldType) else int(kind in _NUMBERS)
+    return kind.words if isinstance(kind, RecordType) else int(kind in _NUMBERS)
 
 
 @lru_cache(maxsize=256)
-def _held_type(name: str, fields: tuple[str, ...], kinds: tuple[types.Type, ...]) -> HeldType:
-    return HeldType(name, tuple(zip(fields, kinds, strict=True)))
+def _record_type(name: str, fields: tuple[str, ...], kinds: tuple[types.Type, ...]) -> RecordType:
+    return RecordType(name, tuple(zip(fields, kinds, strict=True)))
 
 
 def _type_of(value: Any) -> types.Type:
-    if isinstance(value, Held):
+    if isinstance(value, MechanismRecord):
         return value.numba_type
     if isinstance(value, tuple):
-        return _held_type(type(value).__name__, type(value)._fields, tuple(map(_type_of, value)))  # type: ignore[attr-defined]
+        return _record_type(type(value).__name__, type(value)._fields, tuple(map(_type_of, value)))  # type: ignore[attr-defined]
     kind = typeof(value)
     if not (kind in _NUMBERS or isinstance(kind, types.Array | types.NoneType)):
         raise TypeError(f"{kind} cannot be held: give arrays, int, float, bool, None, or named tuples of them")
     return kind
 
 
-def words_of(value: T) -> T:
+def record_array(value: T) -> T:
     """Words of a named tuple, for kernels that say `opened`; they keep it alive."""
     if config.DISABLE_JIT:
         return value
     kind = _type_of(value)
     memory: Any = (c_int64 * kind.words)(*_words(value))
     memory.kept = value
-    _KINDS[kind.name] = kind
+    _RECORD_TYPES[kind.name] = kind
     return cast(T, np.frombuffer(memory, dtype=np.dtype([(kind.name, np.int64, (kind.words,))], align=True)))
 
 
-def opened(words: T) -> T:
+def fields_of(words: T) -> T:
     """In a kernel: the tuple whose words are given."""
     return words
 
@@ -111,17 +111,17 @@ def _open(context: Any, words: types.Array) -> tuple[Any, Any]:
         array = make_array(words)(context, builder, arguments[0])
         return builder.bitcast(array.data, cgutils.voidptr_t)
 
-    return _KINDS[name](words), generate
+    return _RECORD_TYPES[name](words), generate
 
 
-@overload(opened, inline="always")
-def _opened(words):  # type: ignore[no-untyped-def] # Numba compares this line with the next
+@overload(fields_of, inline="always")
+def _fields_of(words):  # type: ignore[no-untyped-def] # Numba compares this line with the next
     return lambda words: _open(words)  # noqa: PLW0108
 
 
 def _words(value: Any) -> Iterator[int]:
     """Words of a value, as integers."""
-    if isinstance(value, Held | tuple):
+    if isinstance(value, MechanismRecord | tuple):
         for one in value:
             yield from _words(one)
     elif isinstance(value, np.ndarray):
@@ -132,7 +132,7 @@ def _words(value: Any) -> Iterator[int]:
         yield int(np.float64(value).view(np.int64)) if isinstance(value, float) else int(value)
 
 
-class Held:
+class MechanismRecord:
     """What kernels read through one address; it keeps the arrays alive. Made by `hold`.
 
     Python reads fields as of the tuple, too.
@@ -158,7 +158,7 @@ class Held:
         return iter(self._tuple)
 
 
-def hold(value: T) -> T:
+def record_of(value: T) -> T:
     """A named tuple of arrays and numbers, for kernels; as it is where they are not compiled, and where it is None.
 
     Raises
@@ -166,21 +166,21 @@ def hold(value: T) -> T:
     TypeError, ValueError
         A field is neither an array, an int, float or bool, None, nor a named tuple of these.
     """
-    return value if value is None or config.DISABLE_JIT else cast(T, Held(cast(tuple[Any, ...], value)))
+    return value if value is None or config.DISABLE_JIT else cast(T, MechanismRecord(cast(tuple[Any, ...], value)))
 
 
-@typeof_impl.register(Held)
-def _typeof_held(value: Held, context: object) -> HeldType:
+@typeof_impl.register(MechanismRecord)
+def _typeof_record(value: MechanismRecord, context: object) -> RecordType:
     return value.numba_type
 
 
-@register_model(HeldType)
+@register_model(RecordType)
 class _Address(models.OpaqueModel):  # type: ignore[misc]
     """An address, to Numba."""
 
 
-@unbox(HeldType)
-def _unbox(kind: HeldType, value: Any, c: Any) -> NativeValue:
+@unbox(RecordType)
+def _unbox(kind: RecordType, value: Any, c: Any) -> NativeValue:
     number = c.pyapi.object_getattr_string(value, "address")
     address = c.pyapi.long_as_voidptr(number)
     c.pyapi.decref(number)
@@ -191,14 +191,14 @@ def _unbox(kind: HeldType, value: Any, c: Any) -> NativeValue:
 class _Fields(AttributeTemplate):  # type: ignore[misc]
     """Types of the fields, to Numba."""
 
-    key = HeldType
+    key = RecordType
 
-    def generic_resolve(self, kind: HeldType, field: str) -> types.Type | None:
+    def generic_resolve(self, kind: RecordType, field: str) -> types.Type | None:
         return kind.fields.get(field)
 
 
-@lower_getattr_generic(HeldType)
-def _field(context: Any, builder: Any, kind: HeldType, address: Any, field: str) -> Any:
+@lower_getattr_generic(RecordType)
+def _field(context: Any, builder: Any, kind: RecordType, address: Any, field: str) -> Any:
     """Instructions that load a field."""
     wanted, first = kind.fields[field], kind.begins[field]
 
@@ -208,7 +208,7 @@ def _field(context: Any, builder: Any, kind: HeldType, address: Any, field: str)
         word.set_metadata("invariant.load", builder.module.add_metadata([]))
         return word
 
-    if isinstance(wanted, HeldType):
+    if isinstance(wanted, RecordType):
         return builder.gep(address, [ir.Constant(ir.IntType(64), _WORD * first)])
     if isinstance(wanted, types.NoneType):
         return context.get_dummy_value()
