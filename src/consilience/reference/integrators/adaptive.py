@@ -42,12 +42,12 @@ import scipy
 
 from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import Array, State
+from consilience.reference.integrators.coefficients import DORMAND_PRINCE
 from consilience.reference.integrators.dense import Dense, Piece
+from consilience.reference.integrators.step_control import LARGEST, SAFETY, SMALLEST, STATUS
 from consilience.reference.integrators.tableaus import (
-    DORMAND_PRINCE,
     RADAU,
     RKF45,
-    TSITOURAS,
     Collocation,
     Explicit,
     OneStep,
@@ -55,9 +55,7 @@ from consilience.reference.integrators.tableaus import (
     difference_quotients,
     root_mean_square,
 )
-
-SAFETY, SMALLEST, LARGEST = 0.9, 0.2, 6.0
-"""Safety factor and bounds of the change of the step size."""
+from consilience.reference.integrators.tsitouras import TSITOURAS
 
 RESOLVED = 1e-14
 """Smallest step, as a part of the time (or of one second)."""
@@ -175,9 +173,7 @@ class _Run:
         return Motion(self.times, np.array(self.samples), tuple(self.states), self.counters, dense)
 
 
-TOO_SMALL = (
-    "the step size fell below what the time resolves: the motion runs into a singular pose or grows without bound"
-)
+TOO_SMALL = STATUS[1]
 NOT_FINITE = "the derivative is not finite"
 
 

@@ -33,44 +33,11 @@ import numpy as np
 from scipy.linalg import lu_factor, lu_solve
 
 from consilience.mechanism import Array
-from consilience.reference.integrators import coefficients, tsitouras
+from consilience.reference.integrators.coefficients import Explicit
 from consilience.reference.integrators.dense import Nested
 
 Derivative = Callable[[float, Array], Array]
 Jacobian = Callable[[float, Array, Array], Array]
-
-
-@dataclass(frozen=True, eq=False)
-class Explicit:
-    """An explicit Runge-Kutta method with error estimate and dense output.
-
-    Attributes
-    ----------
-    order : int
-        Of the solution that is carried on.
-    dense_order : int
-        Of the error of the dense output within one step.
-    estimate_order : int
-        The scaled error estimate of a step is proportional to ``h ** (estimate_order + 1)``.
-    c, A, b : ndarray, shapes (s,), (s, s), (s,)
-    E : ndarray, shape (1, s) or (2, s)
-        Weights of the error estimate; two rows are those of fifth and third order of DOP853.
-    c_dense, A_dense : ndarray, shapes (d,), (d, s + 1 + d)
-        Stages of the dense output, the end of the step being stage s + 1.
-    D : ndarray, shape (n, s + 1 + d)
-        Weights of F_3 and higher.
-    """
-
-    order: int
-    dense_order: int
-    estimate_order: int
-    c: Array
-    A: Array
-    b: Array
-    E: Array
-    c_dense: Array
-    A_dense: Array
-    D: Array
 
 
 def _quartic(b: Array, x: float) -> tuple[Array, Array]:
@@ -115,34 +82,6 @@ def _fehlberg() -> Explicit:
 
 RKF45 = _fehlberg()
 """Runge-Kutta-Fehlberg 4(5) [MASS]; the solution of order 5 is carried on, ``b - E`` is the one of order 4."""
-
-DORMAND_PRINCE = Explicit(
-    order=8,
-    dense_order=8,
-    estimate_order=7,
-    c=coefficients.C,
-    A=coefficients.A,
-    b=coefficients.B,
-    E=np.array([coefficients.E5, coefficients.E3]),
-    c_dense=coefficients.C_DENSE,
-    A_dense=coefficients.A_DENSE,
-    D=coefficients.D_DENSE,
-)
-"""Dormand-Prince 8(5,3) with the dense output by Hairer, Norsett and Wanner, a polynomial of degree seven."""
-
-TSITOURAS = Explicit(
-    order=8,
-    dense_order=8,
-    estimate_order=6,
-    c=tsitouras.C,
-    A=tsitouras.A,
-    b=tsitouras.B,
-    E=tsitouras.E[None],
-    c_dense=tsitouras.C_DENSE,
-    A_dense=tsitouras.A_DENSE,
-    D=tsitouras.D_DENSE,
-)
-"""Tsitouras-Papakostas 8(6) with a dense output of degree seven (`integrators.tsitouras`)."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from consilience.mechanism import Array
-from consilience.reference.integrators.coefficients import D_DENSE, STAGES
+from consilience.reference.integrators.coefficients import DORMAND_PRINCE, STAGES
 from consilience.reference.integrators.step_control import EVALUATIONS, LARGEST, REJECTED, STEPS, factor_of
 from consilience.reference.kernel.compiled import inlined, inner, kernel
 from consilience.reference.kernel.mechanism_record import fields_of
@@ -71,7 +71,7 @@ def scratch(z: Array, closure: LoopClosure | None) -> ExplicitScratch:
         K=np.zeros((STAGES_AT_MOST, len(z))),
         end=np.empty(len(z)),
         state=np.empty(len(z)),
-        F=np.empty((3 + len(D_DENSE), len(z))),
+        F=np.empty((3 + len(DORMAND_PRINCE.D), len(z))),
         size=np.empty(5),
         order=np.empty(rows, dtype=np.int64),
         chosen=np.empty(groups, dtype=np.int64),
