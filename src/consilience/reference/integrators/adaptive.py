@@ -42,14 +42,13 @@ import scipy
 
 from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import Array, State
-from consilience.reference.integrators.coefficients import DORMAND_PRINCE
+from consilience.reference.integrators.coefficients import DORMAND_PRINCE, Explicit
 from consilience.reference.integrators.dense import Dense, Piece
 from consilience.reference.integrators.step_control import LARGEST, SAFETY, SMALLEST, STATUS
 from consilience.reference.integrators.tableaus import (
     RADAU,
     RKF45,
     Collocation,
-    Explicit,
     OneStep,
     begin,
     difference_quotients,

@@ -10,7 +10,7 @@ Kernels are given these tuples `held`: one address each.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -113,6 +113,11 @@ class TreeElements(NamedTuple):
     other_rows: int
 
 
+Spatial: TypeAlias = SpatialArrays | None
+Planar: TypeAlias = PlanarArrays | None
+"""Arrays of kernels that serve both space and plane: one of the two is None."""
+
+
 class TreeSystem(NamedTuple):
     """A mechanism for the kernels: they are compiled for trees, for linkages, for those with elements, and in a plane.
 
@@ -122,9 +127,9 @@ class TreeSystem(NamedTuple):
 
     tree: TreeArrays
     closure: LoopClosure
-    spatial: SpatialArrays | None
+    spatial: Spatial
     elements: TreeElements | None  # None where there are only joints and gravity, and in a plane
-    planar: PlanarArrays | None
+    planar: Planar
 
 
 class KernelArguments(NamedTuple):
@@ -132,9 +137,9 @@ class KernelArguments(NamedTuple):
 
     tree: TreeArrays
     closure: LoopClosure | None  # None where the tables of the tree (and of a plane) say all
-    spatial: SpatialArrays | None
+    spatial: Spatial
     elements: TreeElements | None
-    planar: PlanarArrays | None
+    planar: Planar
     scratch: NamedTuple  # of the integrator
 
 

@@ -17,6 +17,7 @@ from __future__ import annotations
 from consilience.mechanism import Array
 from consilience.reference.kernel.compiled import fused, inner, kernel
 from consilience.reference.kernel.vectors import add, cross, rotate, scale
+from consilience.reference.tree import records as col
 from consilience.reference.tree.arrays import BODY
 from consilience.reference.tree.inertia import (
     add_inertia,
@@ -29,51 +30,32 @@ from consilience.reference.tree.inertia import (
     symmetric_times,
 )
 from consilience.reference.tree.kinematics import load_matrix, load_vector, place_links, store_vector
-from consilience.reference.tree.records import (
-    ACCELERATION,
-    ARTICULATED_INERTIA,
-    BIAS,
-    FIRST,
-    GRAVITY,
-    INERTIA,
-    JOINT_FORCE,
-    LAST,
-    MASS,
-    OFFSET,
-    PARENT,
-    PIVOT,
-    SPIN,
-    VELOCITY_PRODUCT,
-    S,
-    U,
-    X,
-)
 
 
 @kernel
 def rigid_inertias(link: Array) -> None:
     """``diag(m 1, I)`` of all links, in world axes, into their rows."""
     for k in range(link.shape[0] - 1):
-        m, at = link[k, MASS], INERTIA
+        m, at = link[k, col.MASS], col.INERTIA
         given = link[k, at], link[k, at + 1], link[k, at + 2], link[k, at + 3], link[k, at + 4], link[k, at + 5]
-        J = rotate_inertia(load_matrix(link, k, X), given)
+        J = rotate_inertia(load_matrix(link, k, col.X), given)
         for n in range(15):
-            link[k, ARTICULATED_INERTIA + n] = 0.0
-        link[k, ARTICULATED_INERTIA], link[k, ARTICULATED_INERTIA + 3], link[k, ARTICULATED_INERTIA + 5] = m, m, m
+            link[k, col.ARTICULATED + n] = 0.0
+        link[k, col.ARTICULATED], link[k, col.ARTICULATED + 3], link[k, col.ARTICULATED + 5] = (m, m, m)
         for n in range(6):
-            link[k, ARTICULATED_INERTIA + 15 + n] = J[n]
+            link[k, col.ARTICULATED + 15 + n] = J[n]
 
 
 @kernel
 def gravity_biases(link: Array) -> None:
     """Biases of gravity and gyroscopic torques alone, ``-(m g, -w x I w)``, from inertias of single bodies."""
     ground = link.shape[0] - 1
-    g = load_vector(link, ground, GRAVITY)
+    g = load_vector(link, ground, col.GRAVITY)
     for k in range(ground):
-        w, at = load_vector(link, k, SPIN), ARTICULATED_INERTIA + 15
+        w, at = load_vector(link, k, col.SPIN), col.ARTICULATED + 15
         J = link[k, at], link[k, at + 1], link[k, at + 2], link[k, at + 3], link[k, at + 4], link[k, at + 5]
-        store_vector(link, k, BIAS, scale(-link[k, MASS], g))
-        store_vector(link, k, BIAS + 3, cross(w, symmetric_times(J, w)))
+        store_vector(link, k, col.BIAS, scale(-link[k, col.MASS], g))
+        store_vector(link, k, col.BIAS + 3, cross(w, symmetric_times(J, w)))
 
 
 @inner
@@ -82,8 +64,8 @@ def force_biases(layout: Array, f: Array, A: Array, link: Array) -> None:
     for k in range(layout.shape[0]):
         b = layout[k, BODY]
         at = 6 * b
-        store_vector(link, k, BIAS, (-f[at], -f[at + 1], -f[at + 2]))
-        store_vector(link, k, BIAS + 3, scale(-1.0, rotate(A[b], (f[at + 3], f[at + 4], f[at + 5]))))
+        store_vector(link, k, col.BIAS, (-f[at], -f[at + 1], -f[at + 2]))
+        store_vector(link, k, col.BIAS + 3, scale(-1.0, rotate(A[b], (f[at + 3], f[at + 4], f[at + 5]))))
 
 
 @inner
@@ -91,42 +73,44 @@ def articulated_inertias(link: Array, free: Array) -> None:
     """Articulated inertias, U and D: what does not depend on forces or velocities."""
     for k in range(link.shape[0] - 2, -1, -1):
         I = load_inertia(link, k)
-        for n in range(int(link[k, LAST]) - 1, int(link[k, FIRST]) - 1, -1):
-            e, m = load_vector(free, n, S), load_vector(free, n, S + 3)
+        for n in range(int(link[k, col.LAST]) - 1, int(link[k, col.FIRST]) - 1, -1):
+            e, m = load_vector(free, n, col.S), load_vector(free, n, col.S + 3)
             x, y = inertia_times(I, e, m)
             pivot = power(e, m, x, y)
-            store_vector(free, n, U, x)
-            store_vector(free, n, U + 3, y)
-            free[n, PIVOT] = pivot
+            store_vector(free, n, col.U, x)
+            store_vector(free, n, col.U + 3, y)
+            free[n, col.PIVOT] = pivot
             I = rank_one_update(I, x, y, 1.0 / pivot)
-        p = int(link[k, PARENT])
+        p = int(link[k, col.PARENT])
         if p >= 0:
-            add_inertia(link, p, shift_inertia(I, load_vector(link, k, OFFSET)))
+            add_inertia(link, p, shift_inertia(I, load_vector(link, k, col.OFFSET)))
 
 
 @kernel
 def inward_sweep(link: Array, free: Array) -> None:
     """`articulate`, and the remaining joint forces of the biases, which are overwritten."""
     for k in range(link.shape[0] - 2, -1, -1):
-        I, force, torque = load_inertia(link, k), load_vector(link, k, BIAS), load_vector(link, k, BIAS + 3)
-        for n in range(int(link[k, LAST]) - 1, int(link[k, FIRST]) - 1, -1):
-            e, m = load_vector(free, n, S), load_vector(free, n, S + 3)
+        I, force, torque = load_inertia(link, k), load_vector(link, k, col.BIAS), load_vector(link, k, col.BIAS + 3)
+        for n in range(int(link[k, col.LAST]) - 1, int(link[k, col.FIRST]) - 1, -1):
+            e, m = load_vector(free, n, col.S), load_vector(free, n, col.S + 3)
             x, y = inertia_times(I, e, m)
             pivot, joint_force = power(e, m, x, y), -power(e, m, force, torque)
-            store_vector(free, n, U, x)
-            store_vector(free, n, U + 3, y)
-            free[n, PIVOT], free[n, JOINT_FORCE] = pivot, joint_force
+            store_vector(free, n, col.U, x)
+            store_vector(free, n, col.U + 3, y)
+            free[n, col.PIVOT], free[n, col.JOINT_FORCE] = pivot, joint_force
             inverse = 1.0 / pivot
             I = rank_one_update(I, x, y, inverse)
             force, torque = add(force, scale(joint_force * inverse, x)), add(torque, scale(joint_force * inverse, y))
-        p = int(link[k, PARENT])
+        p = int(link[k, col.PARENT])
         if p >= 0:
-            x, y = inertia_times(I, load_vector(link, k, VELOCITY_PRODUCT), load_vector(link, k, VELOCITY_PRODUCT + 3))
-            step, force = load_vector(link, k, OFFSET), add(force, x)
+            x, y = inertia_times(
+                I, load_vector(link, k, col.VELOCITY_PRODUCT), load_vector(link, k, col.VELOCITY_PRODUCT + 3)
+            )
+            step, force = load_vector(link, k, col.OFFSET), add(force, x)
             add_inertia(link, p, shift_inertia(I, step))
-            store_vector(link, p, BIAS, add(load_vector(link, p, BIAS), force))
+            store_vector(link, p, col.BIAS, add(load_vector(link, p, col.BIAS), force))
             store_vector(
-                link, p, BIAS + 3, add(load_vector(link, p, BIAS + 3), add(add(torque, y), cross(step, force)))
+                link, p, col.BIAS + 3, add(load_vector(link, p, col.BIAS + 3), add(add(torque, y), cross(step, force)))
             )
 
 
@@ -134,18 +118,18 @@ def inward_sweep(link: Array, free: Array) -> None:
 def outward_sweep(link: Array, free: Array, u: Array, velocity_terms: float) -> None:
     """Accelerations of the links and, into u, of the directions; moving: 1, at rest: 0."""
     for k in range(link.shape[0] - 1):
-        p = int(link[k, PARENT])
-        angular = load_vector(link, p, ACCELERATION + 3)
-        linear = add(load_vector(link, p, ACCELERATION), cross(angular, load_vector(link, k, OFFSET)))
-        linear = add(linear, scale(velocity_terms, load_vector(link, k, VELOCITY_PRODUCT)))
-        angular = add(angular, scale(velocity_terms, load_vector(link, k, VELOCITY_PRODUCT + 3)))
-        for n in range(int(link[k, FIRST]), int(link[k, LAST])):
-            taken = power(linear, angular, load_vector(free, n, U), load_vector(free, n, U + 3))
-            u[n] = (free[n, JOINT_FORCE] - taken) / free[n, PIVOT]
-            linear = add(linear, scale(u[n], load_vector(free, n, S)))
-            angular = add(angular, scale(u[n], load_vector(free, n, S + 3)))
-        store_vector(link, k, ACCELERATION, linear)
-        store_vector(link, k, ACCELERATION + 3, angular)
+        p = int(link[k, col.PARENT])
+        angular = load_vector(link, p, col.ACCELERATION + 3)
+        linear = add(load_vector(link, p, col.ACCELERATION), cross(angular, load_vector(link, k, col.OFFSET)))
+        linear = add(linear, scale(velocity_terms, load_vector(link, k, col.VELOCITY_PRODUCT)))
+        angular = add(angular, scale(velocity_terms, load_vector(link, k, col.VELOCITY_PRODUCT + 3)))
+        for n in range(int(link[k, col.FIRST]), int(link[k, col.LAST])):
+            taken = power(linear, angular, load_vector(free, n, col.U), load_vector(free, n, col.U + 3))
+            u[n] = (free[n, col.JOINT_FORCE] - taken) / free[n, col.PIVOT]
+            linear = add(linear, scale(u[n], load_vector(free, n, col.S)))
+            angular = add(angular, scale(u[n], load_vector(free, n, col.S + 3)))
+        store_vector(link, k, col.ACCELERATION, linear)
+        store_vector(link, k, col.ACCELERATION + 3, angular)
 
 
 @fused

@@ -7,7 +7,15 @@ from __future__ import annotations
 
 from consilience.mechanism import Array
 from consilience.reference.kernel.compiled import fused, inlined, inner
-from consilience.reference.tree.arrays import ELIMINATION_PIVOT, LARGEST_RANK, LoopClosure, SpatialArrays, TreeElements
+from consilience.reference.tree.arrays import (
+    ELIMINATION_PIVOT,
+    LARGEST_RANK,
+    LoopClosure,
+    Planar,
+    Spatial,
+    SpatialArrays,
+    TreeElements,
+)
 from consilience.reference.tree.articulated import rigid_inertias
 from consilience.reference.tree.either import (
     eliminate_rows,
@@ -27,7 +35,6 @@ from consilience.reference.tree.few_freedoms import (
     store_targets,
 )
 from consilience.reference.tree.kinematics import displace
-from consilience.reference.tree.plane import PlanarArrays
 
 NEWTON_STEPS = 3
 """Steps of Newton's method at most."""
@@ -47,12 +54,7 @@ def largest_entry(x: Array, count: int) -> float:
 
 @inner
 def row_violation(
-    closure: LoopClosure,
-    spatial: SpatialArrays | None,
-    elements: TreeElements | None,
-    planar: PlanarArrays | None,
-    t: float,
-    z: Array,
+    closure: LoopClosure, spatial: Spatial, elements: TreeElements | None, planar: Planar, t: float, z: Array
 ) -> float:
     """Cut rows of the bodies as they are placed; their violation."""
     closure.qr.active[:] = 1

@@ -12,7 +12,15 @@ from consilience.reference.bodies.joint_rows import coordinate
 from consilience.reference.kernel.compiled import fused, inlined, inner, kernel
 from consilience.reference.kernel.functions import evaluate as function_at
 from consilience.reference.tree import records
-from consilience.reference.tree.arrays import ELIMINATION_PIVOT, LoopClosure, SpatialArrays, TreeArrays, TreeElements
+from consilience.reference.tree.arrays import (
+    ELIMINATION_PIVOT,
+    LoopClosure,
+    Planar,
+    Spatial,
+    SpatialArrays,
+    TreeArrays,
+    TreeElements,
+)
 from consilience.reference.tree.articulated import (
     force_biases,
     gravity_biases,
@@ -52,8 +60,8 @@ def factorise_rows(
     link: Array,
     free: Array,
     qr: MultifrontalQR,
-    spatial: SpatialArrays | None,
-    planar: PlanarArrays | None,
+    spatial: Spatial,
+    planar: Planar,
     size: float,
 ) -> None:
     """Factors of the responses to the rows chosen, in a tree whose inertias are swept."""
@@ -76,12 +84,7 @@ def _element_biases(elements: TreeElements, layout: Array, y: Array, A: Array, t
 
 @inlined
 def _place_with_biases(
-    closure: LoopClosure,
-    spatial: SpatialArrays | None,
-    elements: TreeElements | None,
-    planar: PlanarArrays | None,
-    t: float,
-    z: Array,
+    closure: LoopClosure, spatial: Spatial, elements: TreeElements | None, planar: Planar, t: float, z: Array
 ) -> None:
     """Links at a state, their inertias, and biases of all forces."""
     link = closure.link
@@ -97,7 +100,7 @@ def _place_with_biases(
 
 
 @inlined
-def _solve_articulated(closure: LoopClosure, spatial: SpatialArrays | None, planar: PlanarArrays | None) -> None:
+def _solve_articulated(closure: LoopClosure, spatial: Spatial, planar: Planar) -> None:
     """Accelerations by articulated bodies and, where there are rows, by the fronts."""
     link, free, u, qr = closure.link, closure.free, closure.u, closure.qr
     if planar is not None:
@@ -147,12 +150,7 @@ def _solve_by_elimination(closure: LoopClosure, spatial: SpatialArrays) -> bool:
 
 @fused
 def accelerations(
-    closure: LoopClosure,
-    spatial: SpatialArrays | None,
-    elements: TreeElements | None,
-    planar: PlanarArrays | None,
-    t: float,
-    z: Array,
+    closure: LoopClosure, spatial: Spatial, elements: TreeElements | None, planar: Planar, t: float, z: Array
 ) -> None:
     """Fill ``rest.u``, accelerations of the free directions, and those of all links in their rows.
 
@@ -181,13 +179,7 @@ def _control_errors(elements: TreeElements, y: Array, A: Array, t: float, dz: Ar
 
 @inlined
 def loop_derivative(
-    closure: LoopClosure,
-    spatial: SpatialArrays | None,
-    elements: TreeElements | None,
-    planar: PlanarArrays | None,
-    t: float,
-    z: Array,
-    dz: Array,
+    closure: LoopClosure, spatial: Spatial, elements: TreeElements | None, planar: Planar, t: float, z: Array, dz: Array
 ) -> None:
     """State derivative, shape of z."""
     accelerations(closure, spatial, elements, planar, t, z)
@@ -225,9 +217,9 @@ def planar_derivative(
 def state_derivative(
     tree: TreeArrays,
     closure: LoopClosure | None,
-    spatial: SpatialArrays | None,
+    spatial: Spatial,
     elements: TreeElements | None,
-    planar: PlanarArrays | None,
+    planar: Planar,
     t: float,
     z: Array,
     dz: Array,

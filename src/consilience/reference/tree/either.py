@@ -9,7 +9,7 @@ from consilience.mechanism import Array
 from consilience.reference.bodies import constraints
 from consilience.reference.kernel.compiled import inlined
 from consilience.reference.tree import records
-from consilience.reference.tree.arrays import LoopClosure, SpatialArrays, TreeElements
+from consilience.reference.tree.arrays import LoopClosure, Planar, Spatial, TreeElements
 from consilience.reference.tree.articulated import articulated_inertias, outward_sweep, rigid_inertias
 from consilience.reference.tree.few_freedoms import ONE_TARGET, link_motions, solve_rows, store_targets
 from consilience.reference.tree.kinematics import place_bodies, place_links
@@ -34,17 +34,12 @@ from consilience.reference.tree.planar_rows import (
     planar_acceleration_residual,
     planar_velocity_residual,
 )
-from consilience.reference.tree.plane import PlanarArrays
 from consilience.reference.tree.reduced import EliminationArrays
 
 
 @inlined
 def place_state(
-    closure: LoopClosure,
-    spatial: SpatialArrays | None,
-    elements: TreeElements | None,
-    planar: PlanarArrays | None,
-    z: Array,
+    closure: LoopClosure, spatial: Spatial, elements: TreeElements | None, planar: Planar, z: Array
 ) -> None:
     """Place the links at a state, and the bodies where elements read them."""
     if spatial is not None:
@@ -57,12 +52,7 @@ def place_state(
 
 @inlined
 def evaluate_rows(
-    closure: LoopClosure,
-    spatial: SpatialArrays | None,
-    elements: TreeElements | None,
-    planar: PlanarArrays | None,
-    t: float,
-    z: Array,
+    closure: LoopClosure, spatial: Spatial, elements: TreeElements | None, planar: Planar, t: float, z: Array
 ) -> None:
     """Value, wrenches, gamma and rate of the cut rows of the links and bodies as they are placed."""
     touched, W, active, value, gamma = (
@@ -85,13 +75,7 @@ def evaluate_rows(
 
 @inlined
 def row_responses(
-    loops: Loops,
-    layout: Array,
-    qr: MultifrontalQR,
-    spatial: SpatialArrays | None,
-    planar: PlanarArrays | None,
-    link: Array,
-    free: Array,
+    loops: Loops, layout: Array, qr: MultifrontalQR, spatial: Spatial, planar: Planar, link: Array, free: Array
 ) -> float:
     """`respond` with the arrays of loops and fronts."""
     group, touched, path, owner, W, wrench, F = (
@@ -114,28 +98,12 @@ def row_responses(
 @inlined
 def add_row_forces(loops: Loops, qr: MultifrontalQR, free: Array) -> None:
     """`least_norm` for the target of the fronts."""
-    least_norm_forces(
-        loops.group,
-        loops.own_directions,
-        qr.order,
-        qr.state,
-        qr.F,
-        qr.tau,
-        qr.x,
-        qr.y,
-        qr.target,
-        free,
-    )
+    least_norm_forces(loops.group, loops.own_directions, qr.order, qr.state, qr.F, qr.tau, qr.x, qr.y, qr.target, free)
 
 
 @inlined
 def sweep_accelerations(
-    spatial: SpatialArrays | None,
-    planar: PlanarArrays | None,
-    link: Array,
-    free: Array,
-    u: Array,
-    velocity_terms: float,
+    spatial: Spatial, planar: Planar, link: Array, free: Array, u: Array, velocity_terms: float
 ) -> None:
     """`sweep_out`, in space or in a plane."""
     if spatial is not None:
@@ -145,7 +113,7 @@ def sweep_accelerations(
 
 
 @inlined
-def articulate_tree(spatial: SpatialArrays | None, planar: PlanarArrays | None, link: Array, free: Array) -> None:
+def articulate_tree(spatial: Spatial, planar: Planar, link: Array, free: Array) -> None:
     """Articulated inertias, links as they are placed, once for each placing."""
     if spatial is not None:
         rigid_inertias(link)
@@ -155,7 +123,7 @@ def articulate_tree(spatial: SpatialArrays | None, planar: PlanarArrays | None, 
 
 
 @inlined
-def measure_largest_row(closure: LoopClosure, spatial: SpatialArrays | None, planar: PlanarArrays | None) -> None:
+def measure_largest_row(closure: LoopClosure, spatial: Spatial, planar: Planar) -> None:
     """Size of the rows, once: what says which of them depend on others."""
     if closure.row_norm[0] == 0.0:
         touched, W = closure.loops.touched, closure.qr.W
@@ -169,7 +137,7 @@ def measure_largest_row(closure: LoopClosure, spatial: SpatialArrays | None, pla
 
 
 @inlined
-def loop_velocity_residual(closure: LoopClosure, spatial: SpatialArrays | None, planar: PlanarArrays | None) -> None:
+def loop_velocity_residual(closure: LoopClosure, spatial: Spatial, planar: Planar) -> None:
     """What the rows lack of their rates, into the target of the fronts."""
     touched, W, target = closure.loops.touched, closure.qr.W, closure.qr.target
     if spatial is not None:
@@ -180,12 +148,7 @@ def loop_velocity_residual(closure: LoopClosure, spatial: SpatialArrays | None, 
 
 @inlined
 def loop_acceleration_residual(
-    loops: Loops,
-    qr: MultifrontalQR,
-    spatial: SpatialArrays | None,
-    planar: PlanarArrays | None,
-    link: Array,
-    gamma: Array,
+    loops: Loops, qr: MultifrontalQR, spatial: Spatial, planar: Planar, link: Array, gamma: Array
 ) -> None:
     """What the rows lack of gamma in the accelerations of the links, into the target of the fronts."""
     if spatial is not None:

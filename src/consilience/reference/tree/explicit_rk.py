@@ -17,11 +17,10 @@ from consilience.reference.integrators.step_control import EVALUATIONS, LARGEST,
 from consilience.reference.kernel.compiled import inlined, inner, kernel
 from consilience.reference.kernel.mechanism_record import fields_of
 from consilience.reference.kernel.vectors import assign
-from consilience.reference.tree.arrays import KernelArguments, LoopClosure, SpatialArrays, TreeArrays, TreeElements
+from consilience.reference.tree.arrays import KernelArguments, LoopClosure, Planar, Spatial, TreeArrays, TreeElements
 from consilience.reference.tree.dynamics import state_derivative
 from consilience.reference.tree.loop_groups import ACTIVE
 from consilience.reference.tree.methods import STAGES_AT_MOST, RungeKuttaPair
-from consilience.reference.tree.plane import PlanarArrays
 from consilience.reference.tree.projection import (
     AT_SAMPLE,
     begin_motion,
@@ -113,9 +112,9 @@ def _stage(table: Array, z: Array, K: Array, h: float, i: int, trial: Array) -> 
 def _evaluate(
     tree: TreeArrays,
     closure: LoopClosure | None,
-    spatial: SpatialArrays | None,
+    spatial: Spatial,
     elements: TreeElements | None,
-    planar: PlanarArrays | None,
+    planar: Planar,
     pair: RungeKuttaPair,
     z: Array,
     end: Array,
@@ -163,9 +162,9 @@ def dense_output(z: Array, F: Array, x: float, state: Array) -> None:
 def record_samples_within(
     tree: TreeArrays,
     closure: LoopClosure | None,
-    spatial: SpatialArrays | None,
+    spatial: Spatial,
     elements: TreeElements | None,
-    planar: PlanarArrays | None,
+    planar: Planar,
     z: Array,
     t: float,
     step: float,
@@ -191,9 +190,9 @@ def record_samples_within(
 def _record_step(
     tree: TreeArrays,
     closure: LoopClosure | None,
-    spatial: SpatialArrays | None,
+    spatial: Spatial,
     elements: TreeElements | None,
-    planar: PlanarArrays | None,
+    planar: Planar,
     pair: RungeKuttaPair,
     z: Array,
     t: float,
@@ -249,9 +248,9 @@ def _advance(z: Array, end: Array, K: Array, first: int) -> None:
 def _attempt(
     tree: TreeArrays,
     closure: LoopClosure | None,
-    spatial: SpatialArrays | None,
+    spatial: Spatial,
     elements: TreeElements | None,
-    planar: PlanarArrays | None,
+    planar: Planar,
     pair: RungeKuttaPair,
     z: Array,
     t: float,
@@ -285,9 +284,9 @@ def _decay_rate(kind: Array, z: Array, f: Array, last_stage: Array, size: Array,
 def _integrate(
     tree: TreeArrays,
     closure: LoopClosure | None,
-    spatial: SpatialArrays | None,
+    spatial: Spatial,
     elements: TreeElements | None,
-    planar: PlanarArrays | None,
+    planar: Planar,
     scratch: ExplicitScratch,
     pair: RungeKuttaPair,
     z: Array,

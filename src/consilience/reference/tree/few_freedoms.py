@@ -187,7 +187,7 @@ def _subspace_at_origin(links: Array, free: Array, at: Array) -> None:
 @inner
 def _inertia(link: Array, k: int) -> Six:
     """Inertia of a link about its centre of mass, in the world."""
-    at = records.ARTICULATED_INERTIA + 15
+    at = records.ARTICULATED + 15
     return link[k, at], link[k, at + 1], link[k, at + 2], link[k, at + 3], link[k, at + 4], link[k, at + 5]
 
 

@@ -23,14 +23,14 @@ from consilience.reference.kernel.mechanism_record import record_of
 from consilience.reference.tree.arrays import (
     BODY,
     LoopClosure,
-    SpatialArrays,
+    Planar,
+    Spatial,
     TreeElements,
     flatten_relative,
     tree_system,
 )
 from consilience.reference.tree.dynamics import count_turns, loop_derivative
 from consilience.reference.tree.kinematics import fill_euler_parameters, place_bodies, place_links_and_bodies
-from consilience.reference.tree.plane import PlanarArrays
 from consilience.reference.tree.projection import AT_SAMPLE, find_rank, project
 from consilience.reference.tree.records import ACCELERATION
 from consilience.reference.tree.state import pack_relative
@@ -43,13 +43,7 @@ def unsupported(mechanism: Mechanism) -> tuple[Unsupported, ...]:
 
 @kernel
 def differentiate(
-    closure: LoopClosure,
-    spatial: SpatialArrays | None,
-    elements: TreeElements | None,
-    planar: PlanarArrays | None,
-    t: float,
-    z: Array,
-    dz: Array,
+    closure: LoopClosure, spatial: Spatial, elements: TreeElements | None, planar: Planar, t: float, z: Array, dz: Array
 ) -> None:
     """`derivative`, for Python."""
     loop_derivative(closure, spatial, elements, planar, t, z, dz)
@@ -58,9 +52,9 @@ def differentiate(
 @kernel
 def close(
     closure: LoopClosure,
-    spatial: SpatialArrays | None,
+    spatial: Spatial,
     elements: TreeElements | None,
-    planar: PlanarArrays | None,
+    planar: Planar,
     t: float,
     z: Array,
     at_sample: bool,

@@ -18,6 +18,7 @@ from consilience.reference.kernel.mechanism_record import record_of
 from consilience.reference.tree.arrays import (
     BODY,
     LoopClosure,
+    Spatial,
     SpatialArrays,
     TreeArrays,
     TreeElements,
@@ -277,7 +278,7 @@ class ForwardDynamics:
             raise InvalidInput("q, v", f"shapes {q.shape}, {v.shape}", f"Give ({self.n_q},) and ({self.n_v},).")
         return q, v
 
-    def _new_system(self) -> tuple[TreeArrays, LoopClosure, SpatialArrays | None, TreeElements | None]:
+    def _new_system(self) -> tuple[TreeArrays, LoopClosure, Spatial, TreeElements | None]:
         """The tree and, held, what else there is, with arrays of their own."""
         tree, closure, spatial, elements, _ = tree_system(self.mechanism, self._links, self._tree, self._model)
         return tree, record_of(closure), record_of(spatial), record_of(elements)

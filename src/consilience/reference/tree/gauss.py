@@ -21,7 +21,7 @@ from consilience.reference.integrators.step_control import EVALUATIONS, REJECTED
 from consilience.reference.kernel.compiled import inlined, inner, kernel
 from consilience.reference.kernel.mechanism_record import fields_of
 from consilience.reference.kernel.vectors import assign
-from consilience.reference.tree.arrays import KernelArguments, LoopClosure, SpatialArrays, TreeArrays, TreeElements
+from consilience.reference.tree.arrays import KernelArguments, LoopClosure, Spatial, TreeArrays, TreeElements
 from consilience.reference.tree.dynamics import state_derivative
 from consilience.reference.tree.projection import AT_SAMPLE, begin_motion, end_step, record_sample, step_limit
 from consilience.reference.tree.step_control import component_sizes
@@ -86,7 +86,7 @@ def _extrapolate(K: Array, ratio: float, guess: Array) -> None:
 def _iterate(
     tree: TreeArrays,
     closure: LoopClosure | None,
-    spatial: SpatialArrays | None,
+    spatial: Spatial,
     elements: TreeElements | None,
     t: float,
     h: float,
@@ -133,7 +133,7 @@ def _roughness(kind: Array, K: Array, h: float, size: Array) -> float:
 def _integrate(
     tree: TreeArrays,
     closure: LoopClosure | None,
-    spatial: SpatialArrays | None,
+    spatial: Spatial,
     elements: TreeElements | None,
     scratch: GaussScratch,
     z: Array,

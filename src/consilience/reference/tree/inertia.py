@@ -8,7 +8,7 @@ from __future__ import annotations
 from consilience.mechanism import Array
 from consilience.reference.kernel.compiled import inner
 from consilience.reference.kernel.vectors import Vector, add, dot
-from consilience.reference.tree.records import ARTICULATED_INERTIA
+from consilience.reference.tree.records import ARTICULATED
 
 Six = tuple[float, float, float, float, float, float]
 Nine = tuple[float, float, float, float, float, float, float, float, float]
@@ -61,31 +61,31 @@ def load_inertia(link: Array, k: int) -> Inertia:
     """Inertia in the row of a link."""
     return (
         (
-            link[k, ARTICULATED_INERTIA],
-            link[k, ARTICULATED_INERTIA + 1],
-            link[k, ARTICULATED_INERTIA + 2],
-            link[k, ARTICULATED_INERTIA + 3],
-            link[k, ARTICULATED_INERTIA + 4],
-            link[k, ARTICULATED_INERTIA + 5],
+            link[k, ARTICULATED],
+            link[k, ARTICULATED + 1],
+            link[k, ARTICULATED + 2],
+            link[k, ARTICULATED + 3],
+            link[k, ARTICULATED + 4],
+            link[k, ARTICULATED + 5],
         ),
         (
-            link[k, ARTICULATED_INERTIA + 6],
-            link[k, ARTICULATED_INERTIA + 7],
-            link[k, ARTICULATED_INERTIA + 8],
-            link[k, ARTICULATED_INERTIA + 9],
-            link[k, ARTICULATED_INERTIA + 10],
-            link[k, ARTICULATED_INERTIA + 11],
-            link[k, ARTICULATED_INERTIA + 12],
-            link[k, ARTICULATED_INERTIA + 13],
-            link[k, ARTICULATED_INERTIA + 14],
+            link[k, ARTICULATED + 6],
+            link[k, ARTICULATED + 7],
+            link[k, ARTICULATED + 8],
+            link[k, ARTICULATED + 9],
+            link[k, ARTICULATED + 10],
+            link[k, ARTICULATED + 11],
+            link[k, ARTICULATED + 12],
+            link[k, ARTICULATED + 13],
+            link[k, ARTICULATED + 14],
         ),
         (
-            link[k, ARTICULATED_INERTIA + 15],
-            link[k, ARTICULATED_INERTIA + 16],
-            link[k, ARTICULATED_INERTIA + 17],
-            link[k, ARTICULATED_INERTIA + 18],
-            link[k, ARTICULATED_INERTIA + 19],
-            link[k, ARTICULATED_INERTIA + 20],
+            link[k, ARTICULATED + 15],
+            link[k, ARTICULATED + 16],
+            link[k, ARTICULATED + 17],
+            link[k, ARTICULATED + 18],
+            link[k, ARTICULATED + 19],
+            link[k, ARTICULATED + 20],
         ),
     )
 
@@ -95,10 +95,10 @@ def add_inertia(link: Array, k: int, I: Inertia) -> None:
     """Add to the inertia in the row of a link."""
     M, H, J = I
     for n in range(6):
-        link[k, ARTICULATED_INERTIA + n] += M[n]
-        link[k, ARTICULATED_INERTIA + 15 + n] += J[n]
+        link[k, ARTICULATED + n] += M[n]
+        link[k, ARTICULATED + 15 + n] += J[n]
     for n in range(9):
-        link[k, ARTICULATED_INERTIA + 6 + n] += H[n]
+        link[k, ARTICULATED + 6 + n] += H[n]
 
 
 @inner

@@ -16,31 +16,10 @@ from consilience.mechanism import Array
 from consilience.reference.bodies.motion import ZERO
 from consilience.reference.kernel.compiled import fused, inner, kernel
 from consilience.reference.kernel.vectors import Vector, add, column, cross, dot, scale, sub
+from consilience.reference.tree import records as col
 from consilience.reference.tree.arrays import BODY, FREE, ROTATIONS, TRANSLATIONS
 from consilience.reference.tree.arrays import COORDINATE as FIRST_COORDINATE
 from consilience.reference.tree.inertia import Columns, matrix_times
-from consilience.reference.tree.records import (
-    ARM,
-    ARM_PARENT,
-    AXES,
-    AXIS,
-    COORDINATE,
-    FIRST,
-    INBOARD_FRAME,
-    LAST,
-    N_ROTATIONS,
-    N_TRANSLATIONS,
-    OFFSET,
-    PARENT,
-    POSITION,
-    REVOLUTE,
-    SENSE,
-    SPIN,
-    VELOCITY,
-    VELOCITY_PRODUCT,
-    S,
-    X,
-)
 
 
 @inner
@@ -104,63 +83,65 @@ def _store_motion(
 
     With arms to P: ``w = w_p + spin``, ``v + w x s = v_p + w_p x s_p + speed``; c is what is quadratic in the speeds.
     """
-    w_p = load_vector(link, p, SPIN)
+    w_p = load_vector(link, p, col.SPIN)
     w = add(w_p, spin)
     carried = sub(cross(w_p, s_p), cross(w, s))
     step = sub(s_p, s)
     for n in range(3):
-        store_vector(link, k, X + 3 * n, outboard[n])
-    store_vector(link, k, OFFSET, step)
-    store_vector(link, k, POSITION, add(load_vector(link, p, POSITION), step))
-    store_vector(link, k, VELOCITY, add(load_vector(link, p, VELOCITY), add(carried, speed)))
-    store_vector(link, k, SPIN, w)
+        store_vector(link, k, col.X + 3 * n, outboard[n])
+    store_vector(link, k, col.OFFSET, step)
+    store_vector(link, k, col.POSITION, add(load_vector(link, p, col.POSITION), step))
+    store_vector(link, k, col.VELOCITY, add(load_vector(link, p, col.VELOCITY), add(carried, speed)))
+    store_vector(link, k, col.SPIN, w)
     linear = sub(cross(w_p, cross(w_p, s_p)), cross(w, cross(w, s)))
-    store_vector(link, k, VELOCITY_PRODUCT, add(add(linear, c[0]), cross(s, c[1])))
-    store_vector(link, k, VELOCITY_PRODUCT + 3, c[1])
+    store_vector(link, k, col.VELOCITY_PRODUCT, add(add(linear, c[0]), cross(s, c[1])))
+    store_vector(link, k, col.VELOCITY_PRODUCT + 3, c[1])
 
 
 @inner
 def _place_revolute(link: Array, free: Array, k: int, q: Array, v: Array) -> None:
     """Place a link that turns about one axis: the same for both senses, but for the sign."""
-    p, n, sign = int(link[k, PARENT]), int(link[k, FIRST]), link[k, SENSE]
-    base, angle, u = load_matrix(link, p, X), sign * q[int(link[k, COORDINATE])], sign * v[n]
+    p, n, sign = int(link[k, col.PARENT]), int(link[k, col.FIRST]), link[k, col.SENSE]
+    base, angle, u = load_matrix(link, p, col.X), sign * q[int(link[k, col.COORDINATE])], sign * v[n]
     x, y, e = (
-        matrix_times(base, load_vector(link, k, INBOARD_FRAME)),
-        matrix_times(base, load_vector(link, k, INBOARD_FRAME + 3)),
-        matrix_times(base, load_vector(link, k, INBOARD_FRAME + 6)),
+        matrix_times(base, load_vector(link, k, col.INBOARD_FRAME)),
+        matrix_times(base, load_vector(link, k, col.INBOARD_FRAME + 3)),
+        matrix_times(base, load_vector(link, k, col.INBOARD_FRAME + 6)),
     )
     c, s = np.cos(angle), np.sin(angle)
     outboard = add(scale(c, x), scale(s, y)), sub(scale(c, y), scale(s, x)), e
-    s_p, s_k = matrix_times(base, load_vector(link, k, ARM_PARENT)), matrix_times(outboard, load_vector(link, k, ARM))
-    store_vector(free, n, S, scale(sign, cross(s_k, e)))
-    store_vector(free, n, S + 3, scale(sign, e))
-    e_dot = cross(load_vector(link, p, SPIN), e)
+    s_p = matrix_times(base, load_vector(link, k, col.ARM_PARENT))
+    s_k = matrix_times(outboard, load_vector(link, k, col.ARM))
+    store_vector(free, n, col.S, scale(sign, cross(s_k, e)))
+    store_vector(free, n, col.S + 3, scale(sign, e))
+    e_dot = cross(load_vector(link, p, col.SPIN), e)
     _store_motion(link, k, p, outboard, s_p, s_k, ZERO, scale(u, e), (ZERO, scale(u, e_dot)))
 
 
 @inner
 def _axis(free: Array, n: int, F: Columns, M: Columns) -> Vector:
     """Axis of a direction, in the world."""
-    number = int(free[n, AXIS])
+    number = int(free[n, col.AXIS])
     return F[number] if number < 3 else M[number - 3]
 
 
 @inner
 def _place_joint(link: Array, free: Array, k: int, q: Array, v: Array) -> None:
     """Place a link on a joint of any kind."""
-    p, first, last, sign = int(link[k, PARENT]), int(link[k, FIRST]), int(link[k, LAST]), link[k, SENSE]
-    at, along = int(link[k, COORDINATE]), int(link[k, N_TRANSLATIONS])
-    base, turned = load_matrix(link, p, X), _joint_rotation(q, at + along, int(link[k, N_ROTATIONS]))
+    p, first, last, sign = int(link[k, col.PARENT]), int(link[k, col.FIRST]), int(link[k, col.LAST]), link[k, col.SENSE]
+    at, along = int(link[k, col.COORDINATE]), int(link[k, col.N_TRANSLATIONS])
+    base, turned = load_matrix(link, p, col.X), _joint_rotation(q, at + along, int(link[k, col.N_ROTATIONS]))
     if sign < 0.0:
         turned = _transposed(turned)
     inboard = (
-        matrix_times(base, load_vector(link, k, INBOARD_FRAME)),
-        matrix_times(base, load_vector(link, k, INBOARD_FRAME + 3)),
-        matrix_times(base, load_vector(link, k, INBOARD_FRAME + 6)),
+        matrix_times(base, load_vector(link, k, col.INBOARD_FRAME)),
+        matrix_times(base, load_vector(link, k, col.INBOARD_FRAME + 3)),
+        matrix_times(base, load_vector(link, k, col.INBOARD_FRAME + 6)),
     )
     outboard = matrix_times(inboard, turned[0]), matrix_times(inboard, turned[1]), matrix_times(inboard, turned[2])
     F, M = (inboard, outboard) if sign > 0.0 else (outboard, inboard)
-    s_p, s_k = matrix_times(base, load_vector(link, k, ARM_PARENT)), matrix_times(outboard, load_vector(link, k, ARM))
+    s_p = matrix_times(base, load_vector(link, k, col.ARM_PARENT))
+    s_k = matrix_times(outboard, load_vector(link, k, col.ARM))
     displacement, speed, spin = ZERO, ZERO, ZERO
     for n in range(first, last):
         e, u = _axis(free, n, F, M), sign * v[n]
@@ -173,21 +154,21 @@ def _place_joint(link: Array, free: Array, k: int, q: Array, v: Array) -> None:
         s_p = add(s_p, displacement)
     else:
         s_k = add(s_k, displacement)
-    w_p = load_vector(link, p, SPIN)
+    w_p = load_vector(link, p, col.SPIN)
     # F moves with the predecessor, M with the successor
     w_F, w_M = (w_p, add(w_p, spin)) if sign > 0.0 else (add(w_p, spin), w_p)
     linear, angular = ZERO, ZERO
     for n in range(first, last):
         e, u = _axis(free, n, F, M), sign * v[n]
-        e_dot = cross(w_F if free[n, AXIS] < 3.0 else w_M, e)
+        e_dot = cross(w_F if free[n, col.AXIS] < 3.0 else w_M, e)
         if n - first < along:
             linear = add(linear, scale(2.0 * u, e_dot))
-            store_vector(free, n, S, scale(sign, e))
-            store_vector(free, n, S + 3, ZERO)
+            store_vector(free, n, col.S, scale(sign, e))
+            store_vector(free, n, col.S + 3, ZERO)
         else:
             angular = add(angular, scale(u, e_dot))
-            store_vector(free, n, S, scale(sign, cross(s_k, e)))
-            store_vector(free, n, S + 3, scale(sign, e))
+            store_vector(free, n, col.S, scale(sign, cross(s_k, e)))
+            store_vector(free, n, col.S + 3, scale(sign, e))
     _store_motion(link, k, p, outboard, s_p, s_k, speed, spin, (linear, angular))
 
 
@@ -198,7 +179,7 @@ def place_links(link: Array, free: Array, q: Array, v: Array) -> None:
     q may go on behind the coordinates, so that a whole state z will do.
     """
     for k in range(link.shape[0] - 1):
-        if link[k, REVOLUTE] == 1.0:
+        if link[k, col.REVOLUTE] == 1.0:
             _place_revolute(link, free, k, q, v)
         else:
             _place_joint(link, free, k, q, v)
@@ -208,11 +189,11 @@ def place_links(link: Array, free: Array, q: Array, v: Array) -> None:
 def place_bodies(layout: Array, link: Array, y: Array, A: Array) -> None:
     """Fill y (but for the Euler parameters) and A from links that are placed."""
     for k in range(layout.shape[0]):
-        b, base, w = layout[k, BODY], load_matrix(link, k, X), load_vector(link, k, SPIN)
-        store_vector(y, b, 0, load_vector(link, k, POSITION))
-        store_vector(y, b, 7, load_vector(link, k, VELOCITY))
+        b, base, w = layout[k, BODY], load_matrix(link, k, col.X), load_vector(link, k, col.SPIN)
+        store_vector(y, b, 0, load_vector(link, k, col.POSITION))
+        store_vector(y, b, 7, load_vector(link, k, col.VELOCITY))
         for n in range(3):
-            axis = matrix_times(base, load_vector(link, k, AXES + 3 * n))
+            axis = matrix_times(base, load_vector(link, k, col.AXES + 3 * n))
             y[b, 10 + n] = dot(axis, w)
             A[b, 0, n], A[b, 1, n], A[b, 2, n] = axis
 

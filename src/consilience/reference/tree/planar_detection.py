@@ -17,6 +17,7 @@ import numpy as np
 from consilience.mechanism import Array, Mechanism
 from consilience.reference.bodies.arrays import ANGLE, Model, all_rows
 from consilience.reference.bodies.spanning_tree import TreeModel
+from consilience.reference.tree import plane as col
 from consilience.reference.tree import records
 from consilience.reference.tree.arrays import (
     BODY,
@@ -31,53 +32,7 @@ from consilience.reference.tree.arrays import (
     tree_arrays,
 )
 from consilience.reference.tree.loop_groups import find_loop_groups
-from consilience.reference.tree.plane import (
-    ANGLE_INDEX,
-    ANGLE_SENSE,
-    ARM,
-    ARM_I,
-    ARM_J,
-    ARM_PARENT,
-    AXIS_DISPLACEMENT,
-    AXIS_I,
-    AXIS_J,
-    AXIS_PRODUCT,
-    BODY_FIXED,
-    CONTROL,
-    COS,
-    DIRECTION,
-    FIRST,
-    FORCE_ARM_I,
-    FORCE_ARM_J,
-    FORCE_I,
-    FORCE_J,
-    FORCE_KIND,
-    FORCE_WIDTH,
-    FRICTION,
-    FUNCTION,
-    INERTIA,
-    JOINT_ANGLE,
-    JOINT_SPRING,
-    KIND,
-    LAST,
-    LAW,
-    LINK_I,
-    LINK_J,
-    LOAD,
-    MASS,
-    NORMAL_DISTANCE,
-    PARENT,
-    PLANAR_WIDTH,
-    ROD_LENGTH,
-    ROTATION_SENSE,
-    ROW_WIDTH,
-    SENSE,
-    SPRING,
-    TARGET,
-    WEIGHT,
-    PlanarArrays,
-)
-from consilience.reference.tree.records import FREE_WIDTH
+from consilience.reference.tree.plane import PlanarArrays
 
 _ROUNDING_ANGLE = 1e-13
 """Sine of an angle that is rounding."""
@@ -167,28 +122,28 @@ def _orthogonal_to(axes: Array) -> Array:
 
 def _link_table(links: TreeLinks, mechanism: Mechanism, model: Model, zero: _ZeroPose, bases: Array) -> Array:
     layout, flat = links.layout, bases[:, :2]
-    table = np.zeros((len(layout) + 1, PLANAR_WIDTH))
+    table = np.zeros((len(layout) + 1, col.PLANAR_WIDTH))
     rows = table[:-1]
-    rows[:, PARENT], rows[:, SENSE] = layout[:, 0], 2.0 * layout[:, FORWARD] - 1.0
-    rows[:, FIRST], rows[:, LAST] = layout[:, FREE], layout[:, FREE_END]
+    rows[:, col.PARENT], rows[:, col.SENSE] = layout[:, 0], 2.0 * layout[:, FORWARD] - 1.0
+    rows[:, col.FIRST], rows[:, col.LAST] = layout[:, FREE], layout[:, FREE_END]
     axis = np.einsum("ki,ki->k", zero.joint[:, :, 2], bases[:, 2])
-    rows[:, ROTATION_SENSE] = rows[:, SENSE] * layout[:, ROTATIONS] * np.sign(axis)
-    rows[:, ARM_PARENT : ARM_PARENT + 2] = np.einsum("kij,kj->ki", flat, zero.arm_parent)
-    rows[:, ARM : ARM + 2] = np.einsum("kij,kj->ki", flat, zero.arm)
+    rows[:, col.ROTATION_SENSE] = rows[:, col.SENSE] * layout[:, ROTATIONS] * np.sign(axis)
+    rows[:, col.ARM_PARENT : col.ARM_PARENT + 2] = np.einsum("kij,kj->ki", flat, zero.arm_parent)
+    rows[:, col.ARM : col.ARM + 2] = np.einsum("kij,kj->ki", flat, zero.arm)
     body = layout[:, BODY]
-    rows[:, MASS] = model.mass[body]
+    rows[:, col.MASS] = model.mass[body]
     normals = np.einsum("kij,ki->kj", zero.R[:-1], bases[:, 2])
-    rows[:, INERTIA] = np.einsum("ki,kij,kj->k", normals, model.inertia[body], normals)
-    rows[:, WEIGHT : WEIGHT + 2] = rows[:, MASS, None] * (flat @ mechanism.gravity)
-    table[-1, COS] = 1.0
+    rows[:, col.INERTIA] = np.einsum("ki,kij,kj->k", normals, model.inertia[body], normals)
+    rows[:, col.WEIGHT : col.WEIGHT + 2] = rows[:, col.MASS, None] * (flat @ mechanism.gravity)
+    table[-1, col.COS] = 1.0
     return table
 
 
 def _free_table(links: TreeLinks, zero: _ZeroPose, bases: Array) -> Array:
-    table = np.zeros((len(links.direction), FREE_WIDTH))
+    table = np.zeros((len(links.direction), col.FREE_WIDTH))
     for k, row in enumerate(links.layout):
         first, last = row[FREE], row[FREE] + row[TRANSLATIONS]
-        table[first:last, DIRECTION : DIRECTION + 2] = _axes(links, zero, k, first, last) @ bases[k, :2].T
+        table[first:last, col.DIRECTION : col.DIRECTION + 2] = _axes(links, zero, k, first, last) @ bases[k, :2].T
     return table
 
 
@@ -220,9 +175,9 @@ class _RowCollector:
         R_i, R_j = self.zero.R[i], self.zero.R[j]
         arm_i, arm_j = R_i @ model.arm_i[joint], R_j @ model.arm_j[joint]
         height = float((self.zero.position[j] + arm_j - self.zero.position[i] - arm_i) @ normal)
-        row = np.zeros(ROW_WIDTH)
-        row[LINK_I], row[LINK_J] = i, j
-        row[ARM_I : ARM_I + 2], row[ARM_J : ARM_J + 2] = flat @ arm_i, flat @ arm_j
+        row = np.zeros(col.ROW_WIDTH)
+        row[col.LINK_I], row[col.LINK_J] = i, j
+        row[col.ARM_I : col.ARM_I + 2], row[col.ARM_J : col.ARM_J + 2] = flat @ arm_i, flat @ arm_j
         if kind < 3:
             u, w, level = R_i @ model.axes_i[joint][:, kind], normal, height
         elif kind == 3:
@@ -232,14 +187,14 @@ class _RowCollector:
             level = float(w @ normal)
         else:
             raise _NotPlanar
-        row[AXIS_I : AXIS_I + 2], row[AXIS_J : AXIS_J + 2] = flat @ u, flat @ w
+        row[col.AXIS_I : col.AXIS_I + 2], row[col.AXIS_J : col.AXIS_J + 2] = flat @ u, flat @ w
         # what the normal contributes does not change
-        row[TARGET] = target - level * float(u @ normal)
-        row[KIND] = AXIS_DISPLACEMENT if kind < 3 else ROD_LENGTH if kind == 3 else AXIS_PRODUCT
+        row[col.TARGET] = target - level * float(u @ normal)
+        row[col.KIND] = col.AXIS_DISPLACEMENT if kind < 3 else col.ROD_LENGTH if kind == 3 else col.AXIS_PRODUCT
         if kind == 3:
-            row[AXIS_J] = height
+            row[col.AXIS_J] = height
         elif min(np.linalg.norm(flat @ u), 1.0 if kind < 3 else np.linalg.norm(flat @ w)) <= _ROUNDING_ANGLE:
-            return self._holds(row[TARGET])
+            return self._holds(row[col.TARGET])
         self.rows.append(row)
         return True
 
@@ -254,11 +209,11 @@ class _RowCollector:
         link = np.flatnonzero(self.spanning.joint == joint)
         if not len(link) or self.links.layout[link[0], ROTATIONS] != 1:
             raise _NotPlanar
-        row = np.zeros(ROW_WIDTH)
-        row[KIND] = JOINT_ANGLE
-        row[LINK_I], row[LINK_J] = (self.zero.link[b[joint]] for b in (self.model.body_i, self.model.body_j))
-        row[ANGLE_INDEX] = self.links.layout[link[0], FREE_END] - 1
-        row[ANGLE_SENSE] = np.sign(self.zero.joint[link[0], :, 2] @ self.bases[link[0], 2])
+        row = np.zeros(col.ROW_WIDTH)
+        row[col.KIND] = col.JOINT_ANGLE
+        row[col.LINK_I], row[col.LINK_J] = (self.zero.link[b[joint]] for b in (self.model.body_i, self.model.body_j))
+        row[col.ANGLE_INDEX] = self.links.layout[link[0], FREE_END] - 1
+        row[col.ANGLE_SENSE] = np.sign(self.zero.joint[link[0], :, 2] @ self.bases[link[0], 2])
         self.rows.append(row)
 
 
@@ -269,10 +224,12 @@ def _springs(model: Model, zero: _ZeroPose, bases: Array) -> list[Array]:
         basis = _common_basis(bases, *links.tolist())
         arms = [zero.R[k] @ arm for k, arm in zip(links, model.spring_arm[n], strict=True)]
         apart = zero.position[links[1]] + arms[1] - zero.position[links[0]] - arms[0]
-        row = np.zeros(FORCE_WIDTH)
-        row[[FORCE_KIND, FORCE_I, FORCE_J, FUNCTION]] = SPRING, *links, model.spring_function[n]
-        row[LAW : LAW + 3], row[NORMAL_DISTANCE] = model.spring_law[n], apart @ basis[2]
-        row[FORCE_ARM_I : FORCE_ARM_I + 2], row[FORCE_ARM_J : FORCE_ARM_J + 2] = (basis[:2] @ a for a in arms)
+        row = np.zeros(col.FORCE_WIDTH)
+        row[[col.FORCE_KIND, col.FORCE_I, col.FORCE_J, col.FUNCTION]] = col.SPRING, *links, model.spring_function[n]
+        row[col.LAW : col.LAW + 3], row[col.NORMAL_DISTANCE] = model.spring_law[n], apart @ basis[2]
+        row[col.FORCE_ARM_I : col.FORCE_ARM_I + 2], row[col.FORCE_ARM_J : col.FORCE_ARM_J + 2] = (
+            basis[:2] @ a for a in arms
+        )
         rows.append(row)
     return rows
 
@@ -283,10 +240,10 @@ def _loads(model: Model, zero: _ZeroPose, bases: Array) -> list[Array]:
         link, (torque, along) = zero.link[body], model.load_kind[n]
         basis = bases[link]
         vector = basis @ (zero.R[link] @ model.load_vector[n] if along else model.load_vector[n])
-        row = np.zeros(FORCE_WIDTH)
-        row[[FORCE_KIND, FORCE_J, FUNCTION, BODY_FIXED]] = LOAD, link, model.load_function[n], along
-        row[LAW : LAW + 3] = (0.0, 0.0, vector[2]) if torque else (vector[0], vector[1], 0.0)
-        row[FORCE_ARM_J : FORCE_ARM_J + 2] = basis[:2] @ zero.R[link] @ model.load_arm[n]
+        row = np.zeros(col.FORCE_WIDTH)
+        row[[col.FORCE_KIND, col.FORCE_J, col.FUNCTION, col.BODY_FIXED]] = col.LOAD, link, model.load_function[n], along
+        row[col.LAW : col.LAW + 3] = (0.0, 0.0, vector[2]) if torque else (vector[0], vector[1], 0.0)
+        row[col.FORCE_ARM_J : col.FORCE_ARM_J + 2] = basis[:2] @ zero.R[link] @ model.load_arm[n]
         rows.append(row)
     return rows
 
@@ -294,17 +251,20 @@ def _loads(model: Model, zero: _ZeroPose, bases: Array) -> list[Array]:
 def _joint_forces(model: Model, first: int, first_integral: int) -> list[Array]:
     """Springs, friction and controls of joints; `first` is the form of the first coordinate."""
     given = [
-        *((JOINT_SPRING, c, 0, f, law) for (c, f), law in zip(model.joint_spring, model.joint_spring_law, strict=True)),
-        *((FRICTION, c, 0, -1, law) for c, law in zip(model.friction, model.friction_law, strict=True)),
         *(
-            (CONTROL, c, first_integral + n, f, law)
+            (col.JOINT_SPRING, c, 0, f, law)
+            for (c, f), law in zip(model.joint_spring, model.joint_spring_law, strict=True)
+        ),
+        *((col.FRICTION, c, 0, -1, law) for c, law in zip(model.friction, model.friction_law, strict=True)),
+        *(
+            (col.CONTROL, c, first_integral + n, f, law)
             for n, ((c, f), law) in enumerate(zip(model.control, model.control_law, strict=True))
         ),
     ]
-    rows = np.zeros((len(given), FORCE_WIDTH))
+    rows = np.zeros((len(given), col.FORCE_WIDTH))
     for row, (kind, coordinate, at, function, law) in zip(rows, given, strict=True):
-        row[[FORCE_KIND, FORCE_I, FORCE_J, FUNCTION]] = kind, first + coordinate, at, function
-        row[LAW : LAW + 3] = law
+        row[[col.FORCE_KIND, col.FORCE_I, col.FORCE_J, col.FUNCTION]] = kind, first + coordinate, at, function
+        row[col.LAW : col.LAW + 3] = law
     return list(rows)
 
 
@@ -342,9 +302,9 @@ def planar_system(mechanism: Mechanism, links: TreeLinks, spanning: TreeModel, m
     axes = (bases @ zero.R[:-1]).reshape(-1, 9), bases.reshape(-1, 9)
     planar = PlanarArrays(
         body=np.column_stack([links.layout[:, BODY], height, *axes]),
-        row_table=np.array(collector.rows).reshape(-1, ROW_WIDTH),
+        row_table=np.array(collector.rows).reshape(-1, col.ROW_WIDTH),
         driven=np.array(driven, dtype=np.int64).reshape(-1, 3),
-        force_table=np.array(efforts).reshape(-1, FORCE_WIDTH),
+        force_table=np.array(efforts).reshape(-1, col.FORCE_WIDTH),
         functions=model.functions,
     )
     tables = _link_table(links, mechanism, model, zero, bases), _free_table(links, zero, bases)

@@ -15,46 +15,10 @@ from consilience.reference.bodies.joint_rows import full_turns
 from consilience.reference.kernel import functions
 from consilience.reference.kernel.compiled import fused, inner, kernel
 from consilience.reference.kernel.functions import Functions
+from consilience.reference.tree import plane as col
 from consilience.reference.tree.loop_groups import TOUCHED
 from consilience.reference.tree.planar import Pair, Triple, load_pair, load_triple, planar_power, rotate_pair
-from consilience.reference.tree.plane import (
-    ACCELERATION,
-    ANGLE_INDEX,
-    ANGLE_SENSE,
-    ARM_I,
-    ARM_J,
-    AXIS_DISPLACEMENT,
-    AXIS_I,
-    AXIS_J,
-    AXIS_PRODUCT,
-    BIAS,
-    BODY_FIXED,
-    CONTROL,
-    COS,
-    FORCE_ARM_I,
-    FORCE_ARM_J,
-    FORCE_I,
-    FORCE_J,
-    FORCE_KIND,
-    FRICTION,
-    FUNCTION,
-    INERTIA,
-    JOINT_ANGLE,
-    JOINT_SPRING,
-    KIND,
-    LAW,
-    LINK_I,
-    LINK_J,
-    LOAD,
-    MASS,
-    NORMAL_DISTANCE,
-    POSITION,
-    SPIN,
-    SPRING,
-    TARGET,
-    VELOCITY,
-    PlanarArrays,
-)
+from consilience.reference.tree.plane import PlanarArrays
 
 
 class PlanarRow(NamedTuple):
@@ -83,12 +47,12 @@ def _dot(a: Pair, b: Pair) -> float:
 def _between(link: Array, i: int, j: int, s_i: Pair, s_j: Pair) -> tuple[Pair, Pair, Pair]:
     """From a point of i to one of j: way, velocity, and acceleration if both links turned steadily."""
     r_i, r_j, v_i, v_j = (
-        load_pair(link, i, POSITION),
-        load_pair(link, j, POSITION),
-        load_pair(link, i, VELOCITY),
-        load_pair(link, j, VELOCITY),
+        load_pair(link, i, col.POSITION),
+        load_pair(link, j, col.POSITION),
+        load_pair(link, i, col.VELOCITY),
+        load_pair(link, j, col.VELOCITY),
     )
-    w_i, w_j = link[i, SPIN], link[j, SPIN]
+    w_i, w_j = link[i, col.SPIN], link[j, col.SPIN]
     return (
         (r_j[0] + s_j[0] - r_i[0] - s_i[0], r_j[1] + s_j[1] - r_i[1] - s_i[1]),
         (v_j[0] - w_j * s_j[1] - v_i[0] + w_i * s_i[1], v_j[1] + w_j * s_j[0] - v_i[1] - w_i * s_i[0]),
@@ -99,28 +63,34 @@ def _between(link: Array, i: int, j: int, s_i: Pair, s_j: Pair) -> tuple[Pair, P
 @inner
 def evaluate_row(row_table: Array, n: int, link: Array, z: Array) -> PlanarRow:
     """A form of links that are placed."""
-    kind, i, j = row_table[n, KIND], int(row_table[n, LINK_I]), int(row_table[n, LINK_J])
-    w_i, w_j = link[i, SPIN], link[j, SPIN]
-    if kind == JOINT_ANGLE:
-        about = row_table[n, ANGLE_SENSE]
-        angle = z[int(row_table[n, ANGLE_INDEX])]
+    kind, i, j = row_table[n, col.KIND], int(row_table[n, col.LINK_I]), int(row_table[n, col.LINK_J])
+    w_i, w_j = link[i, col.SPIN], link[j, col.SPIN]
+    if kind == col.JOINT_ANGLE:
+        about = row_table[n, col.ANGLE_SENSE]
+        angle = z[int(row_table[n, col.ANGLE_INDEX])]
         return PlanarRow(angle, about * (w_j - w_i), 0.0, i, j, (0.0, 0.0, -about), (0.0, 0.0, about))
-    turn_i, turn_j = load_pair(link, i, COS), load_pair(link, j, COS)
-    u, w = rotate_pair(turn_i, load_pair(row_table, n, AXIS_I)), rotate_pair(turn_j, load_pair(row_table, n, AXIS_J))
-    apart, target = w_j - w_i, row_table[n, TARGET]
-    if kind == AXIS_PRODUCT:
+    turn_i, turn_j = load_pair(link, i, col.COS), load_pair(link, j, col.COS)
+    u, w = (
+        rotate_pair(turn_i, load_pair(row_table, n, col.AXIS_I)),
+        rotate_pair(turn_j, load_pair(row_table, n, col.AXIS_J)),
+    )
+    apart, target = w_j - w_i, row_table[n, col.TARGET]
+    if kind == col.AXIS_PRODUCT:
         product, torque = _dot(u, w), _cross(u, w)
         gamma = product * apart * apart
         return PlanarRow(product - target, -torque * apart, gamma, i, j, (0.0, 0.0, torque), (0.0, 0.0, -torque))
-    s_i, s_j = rotate_pair(turn_i, load_pair(row_table, n, ARM_I)), rotate_pair(turn_j, load_pair(row_table, n, ARM_J))
+    s_i, s_j = (
+        rotate_pair(turn_i, load_pair(row_table, n, col.ARM_I)),
+        rotate_pair(turn_j, load_pair(row_table, n, col.ARM_J)),
+    )
     d, v, c = _between(link, i, j, s_i, s_j)
     reach = s_i[0] + d[0], s_i[1] + d[1]
-    if kind == AXIS_DISPLACEMENT:
+    if kind == col.AXIS_DISPLACEMENT:
         rate = _dot(u, v) + w_i * _cross(u, d)
         gamma = w_i * w_i * _dot(u, d) - 2.0 * w_i * _cross(u, v) - _dot(u, c)
         value = _dot(u, d) - target
         return PlanarRow(value, rate, gamma, i, j, (-u[0], -u[1], -_cross(reach, u)), (u[0], u[1], _cross(s_j, u)))
-    h = row_table[n, AXIS_J]
+    h = row_table[n, col.AXIS_J]
     L = np.sqrt(_dot(d, d) + h * h)
     e = d[0] / L, d[1] / L
     rate = _dot(e, v)
@@ -204,20 +174,20 @@ def _driven_row(
         gamma[row] = q.gamma - slope * driver.gamma + bend * driver.rate * driver.rate
         _add_wrench(touched, W, row, driver.i, -slope, driver.on_i)
         _add_wrench(touched, W, row, driver.j, -slope, driver.on_j)
-    turning = row_table[driven[n, 0], KIND] == JOINT_ANGLE
+    turning = row_table[driven[n, 0], col.KIND] == col.JOINT_ANGLE
     value[row] = (full_turns(q.value, f) if turning else q.value) - f
 
 
 @inner
 def planar_acceleration_residual(touched: Array, W: Array, link: Array, gamma: Array, target: Array) -> None:
     """``gamma - Q a`` of the accelerations of the links."""
-    _residual(touched, W, link, ACCELERATION, gamma, target)
+    _residual(touched, W, link, col.ACCELERATION, gamma, target)
 
 
 @inner
 def planar_velocity_residual(touched: Array, W: Array, link: Array, rate: Array, target: Array) -> None:
     """``rate - Q v`` of the velocities of the links."""
-    _residual(touched, W, link, VELOCITY, rate, target)
+    _residual(touched, W, link, col.VELOCITY, rate, target)
 
 
 @fused
@@ -241,7 +211,7 @@ def largest_planar_row(touched: Array, W: Array, link: Array) -> float:
             k = touched[row, n]
             if k >= 0:
                 x, y, torque = W[row, n, 0], W[row, n, 1], W[row, n, 2]
-                total += (x * x + y * y) / link[k, MASS] + torque * torque / link[k, INERTIA]
+                total += (x * x + y * y) / link[k, col.MASS] + torque * torque / link[k, col.INERTIA]
         largest = max(largest, np.sqrt(total))
     return largest
 
@@ -254,19 +224,19 @@ def _add_to_bias(link: Array, k: int, factor: float, wrench: Triple) -> None:
     """Add a wrench to the bias of a link; the ground takes anything."""
     if k >= 0:
         for r in range(3):
-            link[k, BIAS + r] -= factor * wrench[r]
+            link[k, col.BIAS + r] -= factor * wrench[r]
 
 
 @inner
 def _spring(force_table: Array, n: int, link: Array, actuator: float) -> None:
     """``F = (k (L - L0) + c L' - f(t)) e`` on the predecessor, the opposite on the successor."""
-    i, j, h = int(force_table[n, FORCE_I]), int(force_table[n, FORCE_J]), force_table[n, NORMAL_DISTANCE]
-    s_i = rotate_pair(load_pair(link, i, COS), load_pair(force_table, n, FORCE_ARM_I))
-    s_j = rotate_pair(load_pair(link, j, COS), load_pair(force_table, n, FORCE_ARM_J))
+    i, j, h = int(force_table[n, col.FORCE_I]), int(force_table[n, col.FORCE_J]), force_table[n, col.NORMAL_DISTANCE]
+    s_i = rotate_pair(load_pair(link, i, col.COS), load_pair(force_table, n, col.FORCE_ARM_I))
+    s_j = rotate_pair(load_pair(link, j, col.COS), load_pair(force_table, n, col.FORCE_ARM_J))
     d, v, _ = _between(link, i, j, s_i, s_j)
     L = np.sqrt(_dot(d, d) + h * h)
     e = d[0] / L, d[1] / L
-    stiffness, damping, free_length = load_triple(force_table, n, LAW)
+    stiffness, damping, free_length = load_triple(force_table, n, col.LAW)
     force = stiffness * (L - free_length) + damping * _dot(e, v) - actuator
     _add_to_bias(link, i, force, (e[0], e[1], _cross(s_i, e)))
     _add_to_bias(link, j, -force, (e[0], e[1], _cross(s_j, e)))
@@ -275,24 +245,24 @@ def _spring(force_table: Array, n: int, link: Array, actuator: float) -> None:
 @inner
 def _load(force_table: Array, n: int, link: Array, factor: float) -> None:
     """A force and a torque on a link, in axes of the world or of the link."""
-    k = int(force_table[n, FORCE_J])
-    x, y, torque = load_triple(force_table, n, LAW)
-    turn = load_pair(link, k, COS)
-    force = rotate_pair(turn, (x, y)) if force_table[n, BODY_FIXED] else (x, y)
+    k = int(force_table[n, col.FORCE_J])
+    x, y, torque = load_triple(force_table, n, col.LAW)
+    turn = load_pair(link, k, col.COS)
+    force = rotate_pair(turn, (x, y)) if force_table[n, col.BODY_FIXED] else (x, y)
     _add_to_bias(
         link,
         k,
         factor,
-        (force[0], force[1], torque + _cross(rotate_pair(turn, load_pair(force_table, n, FORCE_ARM_J)), force)),
+        (force[0], force[1], torque + _cross(rotate_pair(turn, load_pair(force_table, n, col.FORCE_ARM_J)), force)),
     )
 
 
 @inner
 def _joint_force(kind: float, law: Triple, q: PlanarRow, given: Triple, integral: float) -> float:
     """Effort of a spring, of friction or of a controller in a joint coordinate; given: its function of time."""
-    if kind == JOINT_SPRING:
+    if kind == col.JOINT_SPRING:
         return given[0] - law[0] * (q.value - law[2]) - law[1] * q.rate
-    if kind == FRICTION:
+    if kind == col.FRICTION:
         return -law[0] * q.rate - law[1] * np.tanh(q.rate / law[2])
     return law[0] * (given[0] - q.value) + law[1] * integral + law[2] * (given[1] - q.rate)
 
@@ -302,17 +272,17 @@ def add_force_biases(planar: PlanarArrays, link: Array, t: float, z: Array) -> N
     """Add the efforts to the biases of links that are placed."""
     row_table, force_table = planar.row_table, planar.force_table
     for n in range(force_table.shape[0]):
-        kind, given = force_table[n, FORCE_KIND], (0.0, 0.0, 0.0)
-        if force_table[n, FUNCTION] >= 0.0:
-            given = functions.evaluate(planar.functions, int(force_table[n, FUNCTION]), t)
-        if kind == SPRING:
+        kind, given = force_table[n, col.FORCE_KIND], (0.0, 0.0, 0.0)
+        if force_table[n, col.FUNCTION] >= 0.0:
+            given = functions.evaluate(planar.functions, int(force_table[n, col.FUNCTION]), t)
+        if kind == col.SPRING:
             _spring(force_table, n, link, given[0])
-        elif kind == LOAD:
-            _load(force_table, n, link, given[0] if force_table[n, FUNCTION] >= 0.0 else 1.0)
+        elif kind == col.LOAD:
+            _load(force_table, n, link, given[0] if force_table[n, col.FUNCTION] >= 0.0 else 1.0)
         else:
-            q = evaluate_row(row_table, int(force_table[n, FORCE_I]), link, z)
-            integral = z[int(force_table[n, FORCE_J])] if kind == CONTROL else 0.0
-            found = _joint_force(kind, load_triple(force_table, n, LAW), q, given, integral)
+            q = evaluate_row(row_table, int(force_table[n, col.FORCE_I]), link, z)
+            integral = z[int(force_table[n, col.FORCE_J])] if kind == col.CONTROL else 0.0
+            found = _joint_force(kind, load_triple(force_table, n, col.LAW), q, given, integral)
             _add_to_bias(link, q.i, found, q.on_i)
             _add_to_bias(link, q.j, found, q.on_j)
 
@@ -324,7 +294,7 @@ def planar_coordinate_rates(planar: PlanarArrays, link: Array, first_speed: int,
         dz[n] = z[first_speed + n]
     force_table = planar.force_table
     for n in range(force_table.shape[0]):
-        if force_table[n, FORCE_KIND] == CONTROL:
-            target = functions.evaluate(planar.functions, int(force_table[n, FUNCTION]), t)[0]
-            q = evaluate_row(planar.row_table, int(force_table[n, FORCE_I]), link, z)
-            dz[int(force_table[n, FORCE_J])] = target - q.value
+        if force_table[n, col.FORCE_KIND] == col.CONTROL:
+            target = functions.evaluate(planar.functions, int(force_table[n, col.FUNCTION]), t)[0]
+            q = evaluate_row(planar.row_table, int(force_table[n, col.FORCE_I]), link, z)
+            dz[int(force_table[n, col.FORCE_J])] = target - q.value

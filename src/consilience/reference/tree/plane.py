@@ -19,11 +19,12 @@ COS, SIN, POSITION, VELOCITY, SPIN, VELOCITY_PRODUCT, OFFSET = np.array([11, 12,
 """Of a link that is placed: how it is turned, its centre of mass, its velocity, angular velocity, accelerations that
 are quadratic in velocities, way from the parent's centre of mass."""
 
-ARTICULATED_INERTIA, BIAS, ACCELERATION, WEIGHT, PLANAR_WIDTH = np.array([22, 28, 31, 34, 36])
+ARTICULATED, BIAS, ACCELERATION, WEIGHT, PLANAR_WIDTH = np.array([22, 28, 31, 34, 36])
 """Articulated inertia (xx, xy, yy, x and y with the angle, moment), bias, acceleration; the weight, which is constant;
 number of columns."""
 
 PIVOT, S, U, DIRECTION = records.PIVOT, records.S, records.U, records.S + 3
+JOINT_FORCE, INVERSE_ROOT, FREE_WIDTH = records.JOINT_FORCE, records.INVERSE_ROOT, records.FREE_WIDTH
 """Columns of a direction, as in `columns`: D, S and U of three numbers, and the axis of a displacement."""
 
 AXIS_DISPLACEMENT, AXIS_PRODUCT, ROD_LENGTH, JOINT_ANGLE = range(4)

@@ -15,7 +15,8 @@ from consilience.reference.tree.arrays import (
     LARGEST_RANK,
     LEAST_FRONT_PIVOT,
     LoopClosure,
-    SpatialArrays,
+    Planar,
+    Spatial,
     TreeArrays,
     TreeElements,
 )
@@ -48,7 +49,6 @@ from consilience.reference.tree.kinematics import (
 from consilience.reference.tree.loop_groups import ACTIVE, RANK, ROW, ROW_END, USED, Loops, MultifrontalQR
 from consilience.reference.tree.multifrontal import PIVOTING, factorise, rank_threshold
 from consilience.reference.tree.planar import place_planar_bodies, place_planar_links
-from consilience.reference.tree.plane import PlanarArrays
 from consilience.reference.tree.records import JOINT_FORCE
 
 _SINGULAR_PIVOT = 1e-4
@@ -65,13 +65,7 @@ _SINGULAR_VIOLATION = 1e-11
 
 @inner
 def _least_norm_displacements(
-    loops: Loops,
-    qr: MultifrontalQR,
-    spatial: SpatialArrays | None,
-    planar: PlanarArrays | None,
-    link: Array,
-    free: Array,
-    u: Array,
+    loops: Loops, qr: MultifrontalQR, spatial: Spatial, planar: Planar, link: Array, free: Array, u: Array
 ) -> None:
     """Displacements u of least M-norm that change the rows by the target of the fronts."""
     for n in range(free.shape[0]):
@@ -85,8 +79,8 @@ def _factorise_all_rows(
     loops: Loops,
     layout: Array,
     qr: MultifrontalQR,
-    spatial: SpatialArrays | None,
-    planar: PlanarArrays | None,
+    spatial: Spatial,
+    planar: Planar,
     link: Array,
     free: Array,
     smallest: float,
@@ -118,8 +112,8 @@ def _select_rows(
     loops: Loops,
     layout: Array,
     qr: MultifrontalQR,
-    spatial: SpatialArrays | None,
-    planar: PlanarArrays | None,
+    spatial: Spatial,
+    planar: Planar,
     link: Array,
     free: Array,
     size: float,
@@ -170,12 +164,7 @@ def _clear_velocity_rows(W: Array, position_rows: int) -> None:
 
 @kernel
 def find_rank(
-    closure: LoopClosure,
-    spatial: SpatialArrays | None,
-    elements: TreeElements | None,
-    planar: PlanarArrays | None,
-    t: float,
-    z: Array,
+    closure: LoopClosure, spatial: Spatial, elements: TreeElements | None, planar: Planar, t: float, z: Array
 ) -> None:
     """Independent rows of a state whose loops are closed, into ``rest.fronts``; places the bodies."""
     place_state(closure, spatial, elements, planar, z)
@@ -200,12 +189,7 @@ def find_rank(
 
 @inlined
 def _project_by_factorisation(
-    closure: LoopClosure,
-    spatial: SpatialArrays | None,
-    elements: TreeElements | None,
-    planar: PlanarArrays | None,
-    t: float,
-    z: Array,
+    closure: LoopClosure, spatial: Spatial, elements: TreeElements | None, planar: Planar, t: float, z: Array
 ) -> None:
     """`project` by the fronts, whatever the rows are and however far they are open."""
     loops, layout, qr, link, free, u = closure.loops, closure.layout, closure.qr, closure.link, closure.free, closure.u
@@ -251,9 +235,9 @@ def _project_by_factorisation(
 @inner
 def project(
     closure: LoopClosure,
-    spatial: SpatialArrays | None,
+    spatial: Spatial,
     elements: TreeElements | None,
-    planar: PlanarArrays | None,
+    planar: Planar,
     t: float,
     z: Array,
     at_sample: bool,
@@ -280,9 +264,9 @@ def project(
 def project_state(
     tree: TreeArrays,
     closure: LoopClosure | None,
-    spatial: SpatialArrays | None,
+    spatial: Spatial,
     elements: TreeElements | None,
-    planar: PlanarArrays | None,
+    planar: Planar,
     t: float,
     z: Array,
     at_sample: bool,
@@ -298,7 +282,7 @@ def project_state(
 
 
 @inlined
-def record_sample(tree: TreeArrays, spatial: SpatialArrays | None, planar: PlanarArrays | None, motion: Array) -> None:
+def record_sample(tree: TreeArrays, spatial: Spatial, planar: Planar, motion: Array) -> None:
     """Record the bodies of links that are placed, as a sample of a motion."""
     if planar is not None:
         place_planar_bodies(planar.body, tree.link, tree.y, tree.A)
@@ -329,9 +313,9 @@ def step_limit(tree: TreeArrays, elements: TreeElements | None, longest: float) 
 def end_step(
     tree: TreeArrays,
     closure: LoopClosure | None,
-    spatial: SpatialArrays | None,
+    spatial: Spatial,
     elements: TreeElements | None,
-    planar: PlanarArrays | None,
+    planar: Planar,
     t: float,
     z: Array,
     at_sample: bool,
@@ -346,9 +330,9 @@ def end_step(
 def begin_motion(
     tree: TreeArrays,
     closure: LoopClosure | None,
-    spatial: SpatialArrays | None,
+    spatial: Spatial,
     elements: TreeElements | None,
-    planar: PlanarArrays | None,
+    planar: Planar,
     t: float,
     z: Array,
 ) -> None:

@@ -24,21 +24,13 @@ from typing import NamedTuple
 import numpy as np
 
 from consilience.mechanism import Array
-from consilience.reference.integrators.step_control import (
-    EVALUATIONS,
-    LARGEST,
-    REJECTED,
-    SMALLEST,
-    STEPS,
-    factor_of,
-)
+from consilience.reference.integrators.step_control import EVALUATIONS, LARGEST, REJECTED, SMALLEST, STEPS, factor_of
 from consilience.reference.kernel.compiled import inlined, inner, kernel
 from consilience.reference.kernel.mechanism_record import fields_of
 from consilience.reference.kernel.vectors import assign
-from consilience.reference.tree.arrays import KernelArguments, LoopClosure, SpatialArrays, TreeArrays, TreeElements
+from consilience.reference.tree.arrays import KernelArguments, LoopClosure, Planar, Spatial, TreeArrays, TreeElements
 from consilience.reference.tree.dynamics import state_derivative
 from consilience.reference.tree.explicit_rk import SECOND, dense_output, record_samples_within
-from consilience.reference.tree.plane import PlanarArrays
 from consilience.reference.tree.projection import begin_motion, end_step, record_sample, step_limit
 from consilience.reference.tree.radau_coefficients import ESTIMATE, IN, LAMBDA, NESTED, OUT, STAGES, A, C
 from consilience.reference.tree.step_control import component_sizes, first_step_length, next_sample, step_length
@@ -148,9 +140,9 @@ def _solve(LU: Array, pivot: Array, x: Array) -> None:
 def _derivative(
     tree: TreeArrays,
     closure: LoopClosure | None,
-    spatial: SpatialArrays | None,
+    spatial: Spatial,
     elements: TreeElements | None,
-    planar: PlanarArrays | None,
+    planar: Planar,
     t: float,
     z: Array,
     dz: Array,
@@ -163,9 +155,9 @@ def _derivative(
 def _linearise(
     tree: TreeArrays,
     closure: LoopClosure | None,
-    spatial: SpatialArrays | None,
+    spatial: Spatial,
     elements: TreeElements | None,
-    planar: PlanarArrays | None,
+    planar: Planar,
     t: float,
     z: Array,
     counters: Array,
@@ -222,9 +214,9 @@ def _correct(kind: Array, W: Array, Z: Array, size: Array) -> float:
 def _iterate(
     tree: TreeArrays,
     closure: LoopClosure | None,
-    spatial: SpatialArrays | None,
+    spatial: Spatial,
     elements: TreeElements | None,
-    planar: PlanarArrays | None,
+    planar: Planar,
     t: float,
     h: float,
     z: Array,
@@ -283,9 +275,9 @@ def _guess(z: Array, F: Array, ratio: float, Z: Array) -> None:
 def _attempt(
     tree: TreeArrays,
     closure: LoopClosure | None,
-    spatial: SpatialArrays | None,
+    spatial: Spatial,
     elements: TreeElements | None,
-    planar: PlanarArrays | None,
+    planar: Planar,
     t: float,
     h: float,
     z: Array,
@@ -326,9 +318,9 @@ def _interpolate(Z: Array, F: Array) -> None:
 def _integrate(
     tree: TreeArrays,
     closure: LoopClosure | None,
-    spatial: SpatialArrays | None,
+    spatial: Spatial,
     elements: TreeElements | None,
-    planar: PlanarArrays | None,
+    planar: Planar,
     scratch: RadauScratch,
     z: Array,
     times: Array,

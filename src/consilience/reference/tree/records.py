@@ -28,7 +28,7 @@ GRAVITY = INBOARD_FRAME
 X, POSITION, VELOCITY, SPIN = np.array([40, 49, 52, 55])
 """Of a link that is placed, in the world: its axes, centre of mass, its velocity, angular velocity."""
 
-VELOCITY_PRODUCT, OFFSET, ARTICULATED_INERTIA, BIAS, ACCELERATION, LINK_WIDTH = np.array([58, 64, 67, 88, 94, 104])
+VELOCITY_PRODUCT, OFFSET, ARTICULATED, BIAS, ACCELERATION, LINK_WIDTH = np.array([58, 64, 67, 88, 94, 104])
 """Accelerations that are quadratic in velocities, way from the parent's centre of mass, articulated inertia (upper
 triangle of M, H row by row, upper triangle of J: `inertia`), articulated bias, acceleration; number of columns."""
 

@@ -27,6 +27,7 @@ import numpy as np
 
 from consilience.mechanism import Array
 from consilience.reference.kernel.compiled import fused
+from consilience.reference.tree import plane as col
 from consilience.reference.tree.planar import (
     Pair,
     Triple,
@@ -39,28 +40,6 @@ from consilience.reference.tree.planar import (
     store_pair,
     store_triple,
 )
-from consilience.reference.tree.plane import (
-    ACCELERATION,
-    ARM,
-    ARM_PARENT,
-    BIAS,
-    COS,
-    DIRECTION,
-    FIRST,
-    LAST,
-    MASS,
-    OFFSET,
-    PARENT,
-    PIVOT,
-    ROTATION_SENSE,
-    SENSE,
-    SPIN,
-    VELOCITY_PRODUCT,
-    WEIGHT,
-    S,
-    U,
-)
-from consilience.reference.tree.records import JOINT_FORCE
 
 C, SN, W, FX, FY, PX, PY, SLOTS = np.arange(8)
 """Series of a link: real and imaginary parts of e, w, of F, of P."""
@@ -87,38 +66,38 @@ def series_arrays(links: int, directions: int) -> Series:
 def begin_series(link: Array, free: Array, coef: Array, q: Array, first_speed: int, z: Array, inverse: Array) -> None:
     """Coefficients that a state says, of links placed there."""
     for k in range(link.shape[0] - 1):
-        c, s = load_pair(link, k, COS)
-        w = link[k, SPIN]
+        c, s = load_pair(link, k, col.COS)
+        w = link[k, col.SPIN]
         coef[k, C, 0], coef[k, SN, 0], coef[k, W, 0] = c, s, w
         coef[k, C, 1], coef[k, SN, 1] = -w * s, w * c
     for n in range(q.shape[0]):
         q[n, 0], q[n, 1] = z[n], z[first_speed + n]
-        inverse[n] = 1.0 / free[n, PIVOT]
+        inverse[n] = 1.0 / free[n, col.PIVOT]
 
 
 @fused
 def _carrier(link: Array, k: int) -> int:
     """Link that the displacements of a joint move with."""
-    return int(link[k, PARENT]) if link[k, SENSE] > 0.0 else k
+    return int(link[k, col.PARENT]) if link[k, col.SENSE] > 0.0 else k
 
 
 @fused
 def _translations_end(link: Array, k: int) -> int:
     """The direction behind the displacements of a joint."""
-    return int(link[k, LAST]) - (1 if link[k, ROTATION_SENSE] != 0.0 else 0)
+    return int(link[k, col.LAST]) - (1 if link[k, col.ROTATION_SENSE] != 0.0 else 0)
 
 
 @fused
 def _slide_forces(link: Array, free: Array, coef: Array, q: Array, k: int, m: int, joint_force: Array) -> None:
     """What is known of P where a joint slides, and of the force along it, into the remaining joint forces."""
-    b, sense = _carrier(link, k), link[k, SENSE]
+    b, sense = _carrier(link, k), link[k, col.SENSE]
     along = across = 0.0
     for j in range(1, m + 1):
         c, s, x, y = coef[b, C, j], coef[b, SN, j], coef[k, FX, m - j], coef[k, FY, m - j]
         along += c * x + s * y
         across += c * y - s * x
-    for n in range(int(link[k, FIRST]), _translations_end(link, k)):
-        d = load_pair(free, n, DIRECTION)
+    for n in range(int(link[k, col.FIRST]), _translations_end(link, k)):
+        d = load_pair(free, n, col.DIRECTION)
         joint_force[n] = -sense * (d[0] * along + d[1] * across)
         x = y = 0.0
         for j in range(1, m + 1):
@@ -143,11 +122,11 @@ def known_forces(link: Array, free: Array, coef: Array, q: Array, m: int, joint_
             coef[k, slot, m] = 0.0
     if m == 0:
         for k in range(link.shape[0] - 1):
-            coef[k, FX, 0], coef[k, FY, 0] = -link[k, WEIGHT], -link[k, WEIGHT + 1]
+            coef[k, FX, 0], coef[k, FY, 0] = -link[k, col.WEIGHT], -link[k, col.WEIGHT + 1]
     for n in range(free.shape[0]):
         joint_force[n] = 0.0
     for k in range(link.shape[0] - 1):
-        if _translations_end(link, k) > int(link[k, FIRST]):
+        if _translations_end(link, k) > int(link[k, col.FIRST]):
             _slide_forces(link, free, coef, q, k, m, joint_force)
 
 
@@ -171,32 +150,32 @@ def known_rotations(link: Array, free: Array, coef: Array, q: Array, m: int, tor
     """What is known of the directions and steps of order m + 2, and the biases of order m."""
     scale = (m + 1.0) * (m + 2.0)
     for k in range(link.shape[0] - 1):
-        p = int(link[k, PARENT])
-        store_triple(link, k, BIAS, (coef[k, FX, m], coef[k, FY, m], torque[k] + _advance_direction(coef, k, m)))
+        p = int(link[k, col.PARENT])
+        store_triple(link, k, col.BIAS, (coef[k, FX, m], coef[k, FY, m], torque[k] + _advance_direction(coef, k, m)))
         e_p, e = (coef[p, C, m + 2], coef[p, SN, m + 2]), (coef[k, C, m + 2], coef[k, SN, m + 2])
-        s_p, s = rotate_pair(e_p, load_pair(link, k, ARM_PARENT)), rotate_pair(e, load_pair(link, k, ARM))
+        s_p, s = rotate_pair(e_p, load_pair(link, k, col.ARM_PARENT)), rotate_pair(e, load_pair(link, k, col.ARM))
         x, y = s_p[0] - s[0], s_p[1] - s[1]
         behind = _translations_end(link, k)
-        if behind > int(link[k, FIRST]):
-            b, sense = _carrier(link, k), link[k, SENSE]
-            for n in range(int(link[k, FIRST]), behind):
+        if behind > int(link[k, col.FIRST]):
+            b, sense = _carrier(link, k), link[k, col.SENSE]
+            for n in range(int(link[k, col.FIRST]), behind):
                 c = s_n = 0.0
                 for j in range(m + 2):
                     c += q[n, j] * coef[b, C, m + 2 - j]
                     s_n += q[n, j] * coef[b, SN, m + 2 - j]
-                away = rotate_pair((c, s_n), load_pair(free, n, DIRECTION))
+                away = rotate_pair((c, s_n), load_pair(free, n, col.DIRECTION))
                 x, y = x + sense * away[0], y + sense * away[1]
-        store_pair(link, k, VELOCITY_PRODUCT, (scale * x, scale * y))
+        store_pair(link, k, col.VELOCITY_PRODUCT, (scale * x, scale * y))
 
 
 @fused
 def _carried(link: Array, free: Array, inverse: Array, k: int) -> Triple:
     """Wrench that the quadratic accelerations of a link ask of its parent, its own directions free."""
-    c = load_pair(link, k, VELOCITY_PRODUCT)
+    c = load_pair(link, k, col.VELOCITY_PRODUCT)
     c = c[0], c[1], 0.0
     x = inertia_times(load_planar_inertia(link, k), c)
-    for n in range(int(link[k, LAST]) - 1, int(link[k, FIRST]) - 1, -1):
-        u = load_triple(free, n, U)
+    for n in range(int(link[k, col.LAST]) - 1, int(link[k, col.FIRST]) - 1, -1):
+        u = load_triple(free, n, col.U)
         part = planar_power(u, c) * inverse[n]
         x = x[0] - part * u[0], x[1] - part * u[1], x[2] - part * u[2]
     return x
@@ -206,20 +185,20 @@ def _carried(link: Array, free: Array, inverse: Array, k: int) -> Triple:
 def sweep_biases(link: Array, free: Array, joint_force: Array, inverse: Array) -> None:
     """The remaining joint forces of the biases and of `rest`, in a tree whose inertias are swept."""
     for k in range(link.shape[0] - 2, -1, -1):
-        f = load_triple(link, k, BIAS)
-        for n in range(int(link[k, LAST]) - 1, int(link[k, FIRST]) - 1, -1):
-            left = joint_force[n] - planar_power(load_triple(free, n, S), f)
-            free[n, JOINT_FORCE] = left
-            u = load_triple(free, n, U)
+        f = load_triple(link, k, col.BIAS)
+        for n in range(int(link[k, col.LAST]) - 1, int(link[k, col.FIRST]) - 1, -1):
+            left = joint_force[n] - planar_power(load_triple(free, n, col.S), f)
+            free[n, col.JOINT_FORCE] = left
+            u = load_triple(free, n, col.U)
             left *= inverse[n]
             f = f[0] + left * u[0], f[1] + left * u[1], f[2] + left * u[2]
-        p = int(link[k, PARENT])
+        p = int(link[k, col.PARENT])
         if p >= 0:
-            x, d = _carried(link, free, inverse, k), load_pair(link, k, OFFSET)
+            x, d = _carried(link, free, inverse, k), load_pair(link, k, col.OFFSET)
             a, b = f[0] + x[0], f[1] + x[1]
-            link[p, BIAS] += a
-            link[p, BIAS + 1] += b
-            link[p, BIAS + 2] += f[2] + x[2] + d[0] * b - d[1] * a
+            link[p, col.BIAS] += a
+            link[p, col.BIAS + 1] += b
+            link[p, col.BIAS + 2] += f[2] + x[2] + d[0] * b - d[1] * a
 
 
 @fused
@@ -228,37 +207,37 @@ def next_order(link: Array, free: Array, coef: Array, q: Array, inverse: Array, 
     one, two = 1.0 / (m + 1.0), 1.0 / (m + 2.0)
     for k in range(link.shape[0] - 1):
         a, d, c = (
-            load_triple(link, int(link[k, PARENT]), ACCELERATION),
-            load_pair(link, k, OFFSET),
-            load_pair(link, k, VELOCITY_PRODUCT),
+            load_triple(link, int(link[k, col.PARENT]), col.ACCELERATION),
+            load_pair(link, k, col.OFFSET),
+            load_pair(link, k, col.VELOCITY_PRODUCT),
         )
         a = a[0] - a[2] * d[1] + c[0], a[1] + a[2] * d[0] + c[1], a[2]
-        for n in range(int(link[k, FIRST]), int(link[k, LAST])):
-            s = load_triple(free, n, S)
-            u = (free[n, JOINT_FORCE] - planar_power(a, load_triple(free, n, U))) * inverse[n]
+        for n in range(int(link[k, col.FIRST]), int(link[k, col.LAST])):
+            s = load_triple(free, n, col.S)
+            u = (free[n, col.JOINT_FORCE] - planar_power(a, load_triple(free, n, col.U))) * inverse[n]
             q[n, m + 2] = u * one * two
             a = a[0] + u * s[0], a[1] + u * s[1], a[2] + u * s[2]
-        store_triple(link, k, ACCELERATION, a)
+        store_triple(link, k, col.ACCELERATION, a)
         w = one * a[2]
         coef[k, W, m + 1] = w
         coef[k, C, m + 2] -= two * w * coef[k, SN, 0]
         coef[k, SN, m + 2] += two * w * coef[k, C, 0]
-        coef[k, FX, m] += link[k, MASS] * a[0]
-        coef[k, FY, m] += link[k, MASS] * a[1]
+        coef[k, FX, m] += link[k, col.MASS] * a[0]
+        coef[k, FY, m] += link[k, col.MASS] * a[1]
 
 
 @fused
 def joint_forces(link: Array, free: Array, coef: Array, q: Array, m: int) -> None:
     """Forces of order m that the joints bring, links inwards, and P."""
     for k in range(link.shape[0] - 2, -1, -1):
-        p, x, y = int(link[k, PARENT]), coef[k, FX, m], coef[k, FY, m]
-        add_moment(coef, k, m, load_pair(link, k, ARM), -x, -y)
-        add_moment(coef, p, m, load_pair(link, k, ARM_PARENT), x, y)
+        p, x, y = int(link[k, col.PARENT]), coef[k, FX, m], coef[k, FY, m]
+        add_moment(coef, k, m, load_pair(link, k, col.ARM), -x, -y)
+        add_moment(coef, p, m, load_pair(link, k, col.ARM_PARENT), x, y)
         coef[p, FX, m] += x
         coef[p, FY, m] += y
         behind = _translations_end(link, k)
-        if behind > int(link[k, FIRST]):
-            b, sense = _carrier(link, k), link[k, SENSE]
-            for n in range(int(link[k, FIRST]), behind):
+        if behind > int(link[k, col.FIRST]):
+            b, sense = _carrier(link, k), link[k, col.SENSE]
+            for n in range(int(link[k, col.FIRST]), behind):
                 away = sense * q[n, 0]
-                add_moment(coef, b, m, load_pair(free, n, DIRECTION), away * x, away * y)
+                add_moment(coef, b, m, load_pair(free, n, col.DIRECTION), away * x, away * y)
