@@ -80,7 +80,8 @@ def _type_of(value: Any) -> types.Type:
     if isinstance(value, MechanismRecord):
         return value.numba_type
     if isinstance(value, tuple):
-        return _record_type(type(value).__name__, type(value)._fields, tuple(map(_type_of, value)))  # type: ignore[attr-defined]
+        return _record_type(type(value).__name__, type(value)._fields, tuple(map(_type_of, value)))  # type:
+        ignore[attr - defined]
     kind = typeof(value)
     if not (kind in _NUMBERS or isinstance(kind, types.Array | types.NoneType)):
         raise TypeError(f"{kind} cannot be held: give arrays, int, float, bool, None, or named tuples of them")

@@ -1,11 +1,47 @@
-"""The state of the joints of a spanning tree, and the arrays of the kernels.
+"""State of the tree joints, arrays of the kernels, and the arguments that the kernels of this package share.
 
-The state z has three parts: coordinates, speeds of the N free directions, integrals of controllers. The coordinates of
-a tree joint are those of M relative to F: displacements along the free axes of F, then the angle about z of F
-(revolute), the angles about z of F and x of M (universal), or Euler parameters (ball). No chart of these is singular.
-Speeds are the rates of the first ones, and for a ball the angular velocity of M relative to F in axes of F.
+State. The vector z consists of coordinates, speeds of the N free directions, and integrals of controllers. The
+coordinates of a tree joint are those of frame M relative to frame F: displacements along the free axes of F, then the
+angle about z of F (revolute), the angles about z of F and x of M (universal), or Euler parameters (ball); none of these
+charts is singular. A speed is the rate of a coordinate; the speeds of a ball are the angular velocity of M relative to
+F in axes of F.
 
-Kernels are given these tuples `held`: one address each.
+Sizes. n_b links (one for each body), N free directions, n_z components of z, q rows that close loops (of cut joints,
+drives, couplings and contacts), G groups of such rows, n_e rows that hold integrals of controllers.
+
+Common arguments. Kernels take the groups of arrays below as `kernel.mechanism_record` records. Lengths are in m,
+angles in rad, forces in N, torques in N m. Motions and wrenches are (linear, angular) in world axes at the centre of
+mass of a link; in a plane they have three components in the axes e_1, e_2, n of `planar_detection`.
+
+tree : TreeArrays
+    Tables of links and free directions, and the bodies.
+closure : LoopClosure
+    Loops and the arrays that their kernels write; None for a tree with gravity alone (or any tree in a plane).
+spatial : SpatialArrays or None
+    Arrays of the kernels of space; None for a mechanism in a plane.
+elements : TreeElements or None
+    Force elements and rows of other constraints than joints; None without them, and in a plane.
+planar : PlanarArrays or None
+    Arrays of the kernels of a plane; None in space.
+link, free : ndarray, shapes (n_b + 1, LINK_WIDTH) and (N, FREE_WIDTH)
+    The tables of links (last row: the ground) and of free directions, columns by `records` or `plane`.
+layout : ndarray of int, shape (n_b, 9)
+    Topology of the tree: columns PARENT to FREE_END.
+loops, qr : Loops and MultifrontalQR
+    See `loop_groups`; their arrays group, touched, path, own_directions, owner and W, wrench, F, tau, x, y, order,
+    state, active, target are arguments of their own in inner kernels.
+elimination : EliminationArrays
+    See `reduced`.
+t, z, dz, u : float, ndarrays of shapes (n_z,), (n_z,), (N,)
+    Time in s, state, its derivative, accelerations (or displacements) of the free directions.
+first_speed : int
+    Index of the first speed in z.
+velocity_terms : float
+    Factor of the accelerations quadratic in velocities: 1 for accelerations, 0 for displacements.
+at_sample : bool
+    Whether the state is a sample, and its loops are to be closed to rounding.
+
+Numba prunes a branch ``if spatial is not None`` but not ``is None``: hence one argument for space, one for a plane.
 """
 
 from __future__ import annotations
@@ -26,19 +62,20 @@ from consilience.reference.tree.plane import PlanarArrays
 from consilience.reference.tree.reduced import EliminationArrays, elimination_arrays
 
 DISTANCE, ANGLE, SPEED, SPIN, INTEGRAL = range(5)
-"""Kinds of the components of z: what a relative tolerance refers to."""
+"""Kinds of the components of z; a relative tolerance refers to the size of a kind."""
 
 PARENT, PARENT_BODY, BODY, FORWARD, COORDINATE, TRANSLATIONS, ROTATIONS, FREE, FREE_END = range(9)
-"""Columns of `Links.layout`: parent link (-1: the ground), its body, the body of the link, whether the tree passes the
-joint from predecessor to successor, first coordinate, number of displacements, of directions about (3: a ball), first
-free direction and the one behind the last."""
+"""Columns of `TreeLinks.layout`: parent link (-1: ground), body of the parent, body of the link, whether the tree
+passes the joint from predecessor to successor, first coordinate, numbers of displacements and of rotations (3: ball),
+first free direction and the one behind the last.
+"""
 
 LARGEST_RANK, LEAST_FRONT_PIVOT, ELIMINATION_PIVOT = np.array([0, 1, 2])
-"""Entries of `Rest.best`: largest rank so far, and its largest least pivot, of the fronts and of `null_space`."""
+"""Entries of `LoopClosure.best`: largest rank so far, its largest least pivot in the fronts, and in `few_freedoms`."""
 
 
 class TreeLinks(NamedTuple):
-    """The tree: n_b links, each behind its parent; N free directions."""
+    """Spanning tree of n_b links, each behind its parent, with N free directions."""
 
     layout: Array  # (n_b, 9)
     constants: Array  # (n_b, 31) constants of the links: columns NEAR to PLACED of `columns`
@@ -55,7 +92,7 @@ class TreeLinks(NamedTuple):
 
 
 class TreeArrays(NamedTuple):
-    """What an integrator reads of a tree without elements."""
+    """Arrays of a tree, without force elements, for an integrator."""
 
     layout: Array
     kind: Array
@@ -68,9 +105,9 @@ class TreeArrays(NamedTuple):
 
 
 class SpatialArrays(NamedTuple):
-    """What kernels of space read beside both: bodies as other kernels know them. In a plane there is `plane.Plane`.
+    """Arrays that only kernels of space read: bodies as in `reference.bodies`, cut joints, elimination.
 
-    Where nothing reads them but samples, y and A are of the last sample.
+    Without elements y and A are those of the last sample.
     """
 
     y: Array
@@ -82,7 +119,7 @@ class SpatialArrays(NamedTuple):
 
 
 class LoopClosure(NamedTuple):
-    """What loops need beside the tree, and the arrays that their kernels write into; q cut rows."""
+    """The tree, its q rows that close loops, and the arrays that their kernels write."""
 
     layout: Array
     link: Array
@@ -102,7 +139,7 @@ class LoopClosure(NamedTuple):
 
 
 class TreeElements(NamedTuple):
-    """What elements and rows that are not joints' need beside both."""
+    """Data for force elements and for constraints other than joints."""
 
     model: Model
     cut: Model
@@ -115,15 +152,11 @@ class TreeElements(NamedTuple):
 
 Spatial: TypeAlias = SpatialArrays | None
 Planar: TypeAlias = PlanarArrays | None
-"""Arrays of kernels that serve both space and plane: one of the two is None."""
+"""Arrays of space and of a plane: one of the two is None."""
 
 
 class TreeSystem(NamedTuple):
-    """A mechanism for the kernels: they are compiled for trees, for linkages, for those with elements, and in a plane.
-
-    Where an argument is None, Numba leaves out what is done only where it is not; the reverse it does not. So there is
-    one argument for space and one for a plane, and one of them is None.
-    """
+    """All arrays of a mechanism; kernels are compiled once for each combination of those that are None."""
 
     tree: TreeArrays
     closure: LoopClosure
@@ -133,7 +166,7 @@ class TreeSystem(NamedTuple):
 
 
 class KernelArguments(NamedTuple):
-    """What an integrator reads and writes; kernels are given it `held`."""
+    """Record of the arguments of an integrator; see the module."""
 
     tree: TreeArrays
     closure: LoopClosure | None  # None where the tables of the tree (and of a plane) say all
@@ -144,7 +177,7 @@ class KernelArguments(NamedTuple):
 
 
 def flatten_relative(mechanism: Mechanism) -> tuple[TreeLinks, TreeModel, Model]:
-    """Flat arrays of the tree, its coordinates, and the mechanism."""
+    """Return the spanning tree, its coordinates and the mechanism as flat arrays."""
     tree, model = flatten_tree(mechanism), flatten(mechanism)
     rows, kinds, speed_kinds = [], list[int](), list[int]()
     for k, body in enumerate(tree.body):
@@ -177,7 +210,7 @@ def flatten_relative(mechanism: Mechanism) -> tuple[TreeLinks, TreeModel, Model]
 
 
 def link_constants(tree: TreeModel, model: Model) -> Array:
-    """Constants of the links, shape (n_b, 31): columns NEAR to PLACED of `columns`."""
+    """Return the constants of the links, shape (n_b, 31): columns INBOARD_FRAME to CONSTANTS_END of `records`."""
     forward = tree.sign > 0
     on_i, on_j = model.axes_i[tree.joint], model.axes_j[tree.joint]
     arm_i, arm_j = model.arm_i[tree.joint], model.arm_j[tree.joint]
@@ -199,7 +232,7 @@ def link_constants(tree: TreeModel, model: Model) -> Array:
 
 
 def link_table(links: TreeLinks, gravity: Array) -> Array:
-    """Rows of the links and of the ground, shape (n_b + 1, LINK_WIDTH), nothing placed yet."""
+    """Return the table of links and ground, shape (n_b + 1, LINK_WIDTH), with constants alone."""
     table = np.zeros((len(links.layout) + 1, records.LINK_WIDTH))
     rows, layout = table[:-1], links.layout
     rows[:, records.PARENT] = layout[:, PARENT]
@@ -214,14 +247,25 @@ def link_table(links: TreeLinks, gravity: Array) -> Array:
 
 
 def free_table(links: TreeLinks) -> Array:
-    """Rows of the directions, shape (N, FREE_WIDTH)."""
+    """Return the table of free directions, shape (N, FREE_WIDTH)."""
     table = np.zeros((len(links.direction), records.FREE_WIDTH))
     table[:, records.AXIS] = 3 * links.direction[:, 0] + links.direction[:, 1]
     return table
 
 
 def tree_arrays(links: TreeLinks, length: float, link: Array, free: Array, controllers: int) -> TreeArrays:
-    """What a tree without elements needs; link and free are its tables."""
+    """Return the arrays of a tree without elements.
+
+    Parameters
+    ----------
+    links : TreeLinks
+    length : float, m
+        Characteristic length of the mechanism.
+    link, free : ndarray
+        Tables of links and free directions; see the module.
+    controllers : int
+        Number of integrals, which y has rows of 13 numbers for.
+    """
     n = len(links.layout)
     return TreeArrays(
         layout=links.layout,
@@ -236,7 +280,7 @@ def tree_arrays(links: TreeLinks, length: float, link: Array, free: Array, contr
 
 
 def loop_closure(tree: TreeArrays, loops: Loops, position_rows: int, width: int) -> LoopClosure:
-    """What loops need beside the tree; wrenches and motions are of 6 numbers, or 3 in a plane."""
+    """Return the arrays of loop closure; a wrench or motion has `width` components, 6 in space and 3 in a plane."""
     q = len(loops.touched)
     value, gamma, rate = np.zeros((3, q))
     return LoopClosure(
@@ -255,7 +299,7 @@ def loop_closure(tree: TreeArrays, loops: Loops, position_rows: int, width: int)
 
 
 def tree_system(mechanism: Mechanism, links: TreeLinks, spanning: TreeModel, model: Model) -> TreeSystem:
-    """Arrays of the kernels, those that they write into new."""
+    """Return the arrays of a mechanism in space; those that kernels write are new."""
     cut = spanning.cut
     table = link_table(links, mechanism.gravity)
     tree = tree_arrays(links, model.length, table, free_table(links), len(mechanism.controls))
@@ -271,10 +315,7 @@ def tree_system(mechanism: Mechanism, links: TreeLinks, spanning: TreeModel, mod
 
 
 def with_own_arrays(given: TreeSystem) -> TreeSystem:
-    """The same system with arrays of its own to write into, in the state in which they are given.
-
-    It takes a third of the time that `system` does.
-    """
+    """Return the same system with copies of all arrays that kernels write."""
     link, free, y, A = (array.copy() for array in given.tree[2:6])
     tree = given.tree._replace(link=link, free=free, y=y, A=A)
     closure, elements = given.closure, given.elements
@@ -304,7 +345,7 @@ def with_own_arrays(given: TreeSystem) -> TreeSystem:
 
 
 def persistent_arrays(used: TreeSystem, given: TreeSystem) -> list[tuple[Array, Array]]:
-    """What one motion would leave to the next, and as it was: rows chosen, what rows and pivots have been, turns."""
+    """Return pairs of arrays that one motion would leave changed for the next, and their initial values."""
     return list(zip(_persistent(used), _persistent(given), strict=True))
 
 

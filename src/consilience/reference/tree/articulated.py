@@ -1,11 +1,11 @@
-"""Articulated bodies, one free direction eliminated after the other [Featherstone 2008, table 7.1].
+"""Articulated-body algorithm, one free direction eliminated after the other [Featherstone 2008, table 7.1].
 
-From the tips to the ground, for the directions of a link last to first,
+Inward, for the directions of a link from last to first,
 
     U = I^A s,   D = s . U,   r = -s . p^A,   I^A <- I^A - U U^T / D,   p^A <- p^A + U r / D,
 
 which for a joint of several directions is the block elimination of the table, and then, with c of the whole joint and
-X = [1 -~d; 0 1] to the parent, ``I^A_p += X^T I^A X``, ``p^A_p += X^T (p^A + I^A c)``. Outward again,
+X = [1 -~d; 0 1] to the parent, ``I^A_p += X^T I^A X``, ``p^A_p += X^T (p^A + I^A c)``. Outward,
 
     a' = X a_p + c,   u = (r - U . a') / D,   a' <- a' + s u.
 
@@ -34,7 +34,7 @@ from consilience.reference.tree.kinematics import load_matrix, load_vector, plac
 
 @kernel
 def rigid_inertias(link: Array) -> None:
-    """``diag(m 1, I)`` of all links, in world axes, into their rows."""
+    """Set the articulated inertia of all links to that of the rigid body, ``diag(m 1, J)``, in world axes."""
     for k in range(link.shape[0] - 1):
         m, at = link[k, col.MASS], col.INERTIA
         given = link[k, at], link[k, at + 1], link[k, at + 2], link[k, at + 3], link[k, at + 4], link[k, at + 5]
@@ -48,7 +48,7 @@ def rigid_inertias(link: Array) -> None:
 
 @kernel
 def gravity_biases(link: Array) -> None:
-    """Biases of gravity and gyroscopic torques alone, ``-(m g, -w x I w)``, from inertias of single bodies."""
+    """Set the biases to gravity and gyroscopic torques, ``-(m g, -w x J w)``, from inertias of rigid bodies."""
     ground = link.shape[0] - 1
     g = load_vector(link, ground, col.GRAVITY)
     for k in range(ground):
@@ -60,7 +60,7 @@ def gravity_biases(link: Array) -> None:
 
 @inner
 def force_biases(layout: Array, f: Array, A: Array, link: Array) -> None:
-    """Biases of the links from generalised forces (world, body axes) of the bodies."""
+    """Set the biases of the links from the generalised forces (world, body axes) of the bodies."""
     for k in range(layout.shape[0]):
         b = layout[k, BODY]
         at = 6 * b
@@ -70,7 +70,7 @@ def force_biases(layout: Array, f: Array, A: Array, link: Array) -> None:
 
 @inner
 def articulated_inertias(link: Array, free: Array) -> None:
-    """Articulated inertias, U and D: what does not depend on forces or velocities."""
+    """Compute articulated inertias, U and D, which do not depend on forces or velocities."""
     for k in range(link.shape[0] - 2, -1, -1):
         I = load_inertia(link, k)
         for n in range(int(link[k, col.LAST]) - 1, int(link[k, col.FIRST]) - 1, -1):
@@ -88,7 +88,7 @@ def articulated_inertias(link: Array, free: Array) -> None:
 
 @kernel
 def inward_sweep(link: Array, free: Array) -> None:
-    """`articulate`, and the remaining joint forces of the biases, which are overwritten."""
+    """Compute articulated inertias and biases, U, D and the remaining joint forces r; overwrites the biases."""
     for k in range(link.shape[0] - 2, -1, -1):
         I, force, torque = load_inertia(link, k), load_vector(link, k, col.BIAS), load_vector(link, k, col.BIAS + 3)
         for n in range(int(link[k, col.LAST]) - 1, int(link[k, col.FIRST]) - 1, -1):
@@ -116,7 +116,7 @@ def inward_sweep(link: Array, free: Array) -> None:
 
 @inner
 def outward_sweep(link: Array, free: Array, u: Array, velocity_terms: float) -> None:
-    """Accelerations of the links and, into u, of the directions; moving: 1, at rest: 0."""
+    """Compute the accelerations of the links and, into u, of the free directions; see `arrays` for `velocity_terms`."""
     for k in range(link.shape[0] - 1):
         p = int(link[k, col.PARENT])
         angular = load_vector(link, p, col.ACCELERATION + 3)
@@ -134,9 +134,15 @@ def outward_sweep(link: Array, free: Array, u: Array, velocity_terms: float) -> 
 
 @fused
 def tree_accelerations(link: Array, free: Array, q: Array, v: Array, u: Array) -> None:
-    """Accelerations u of the directions of a tree without elements, at coordinates q and speeds v.
+    """Compute the accelerations of the free directions of a tree with gravity alone.
 
-    q may go on behind the coordinates, so that a whole state z will do.
+    Parameters
+    ----------
+    link, free : see `arrays`
+    q, v : ndarray, shapes (n_q,) and (N,)
+        Coordinates and speeds; q may be longer, so that a whole state z will do.
+    u : ndarray, shape (N,)
+        Overwritten: accelerations, m/s^2 or rad/s^2.
     """
     place_links(link, free, q, v)
     rigid_inertias(link)

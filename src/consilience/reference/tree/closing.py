@@ -1,6 +1,8 @@
-"""Projection of a state that a step has left a little open, by elimination, compiled; in space alone. See `null_space`.
+"""Projection of a state onto the constraint manifold by elimination (`few_freedoms`), in space.
 
-Where it cannot be done, or does not close the loops, `settling.project` goes on with the fronts.
+Newton's method with displacements u of least M-norm, ``J u = -g(z)``, and speeds of least M-norm, ``J du' = rate - Q
+v`` [MASS, "assembling during integration"]. Where elimination is singular or does not close the loops,
+`projection.project` continues with the fronts.
 """
 
 from __future__ import annotations
@@ -37,15 +39,15 @@ from consilience.reference.tree.few_freedoms import (
 from consilience.reference.tree.kinematics import displace
 
 NEWTON_STEPS = 3
-"""Steps of Newton's method at most."""
+"""Largest number of Newton steps."""
 
 NEGLIGIBLE = 1e-9
-"""Correction of an angle, or of a length in m, whose square rounding hides: the next one would do nothing."""
+"""Correction, rad or m, whose square is lost in rounding: another Newton step would change nothing."""
 
 
 @inner
 def largest_entry(x: Array, count: int) -> float:
-    """Largest size of the first numbers of an array."""
+    """Return the largest magnitude of the first entries of an array."""
     found = 0.0
     for n in range(count):
         found = max(found, abs(x[n]))
@@ -56,7 +58,12 @@ def largest_entry(x: Array, count: int) -> float:
 def row_violation(
     closure: LoopClosure, spatial: Spatial, elements: TreeElements | None, planar: Planar, t: float, z: Array
 ) -> float:
-    """Cut rows of the bodies as they are placed; their violation."""
+    """Evaluate all rows at the placed links; return the largest violation over the length of the mechanism.
+
+    Parameters
+    ----------
+    closure, spatial, elements, planar, t, z : see `arrays`
+    """
     closure.qr.active[:] = 1
     evaluate_rows(closure, spatial, elements, planar, t, z)
     measure_largest_row(closure, spatial, planar)
@@ -65,9 +72,9 @@ def row_violation(
 
 @inlined
 def _is_regular(closure: LoopClosure, spatial: SpatialArrays) -> bool:
-    """Whether elimination will do: few directions are free, and all rows hold positions and have been independent.
+    """Return whether elimination may project: few freedoms, and only position rows, all independent so far.
 
-    Of rows that depend on others those are to be chosen anew after each step which are the most independent.
+    Dependent rows are excluded because their independent subset is selected anew after each step.
     """
     group, state, count = closure.loops.group, closure.qr.state, closure.qr.W.shape[0]
     return (
@@ -80,7 +87,7 @@ def _is_regular(closure: LoopClosure, spatial: SpatialArrays) -> bool:
 
 @inlined
 def record_pivot(closure: LoopClosure, spatial: SpatialArrays) -> None:
-    """The least pivot of the rows, once."""
+    """Record the least pivot of the rows once."""
     if closure.best[ELIMINATION_PIVOT] == 0.0 and _is_regular(closure, spatial):
         closure.best[ELIMINATION_PIVOT] = eliminate_rows(
             closure.loops, closure.qr, spatial.elimination, closure.link, closure.free
@@ -89,7 +96,7 @@ def record_pivot(closure: LoopClosure, spatial: SpatialArrays) -> None:
 
 @inner
 def _is_regular_pivot(least: float, best: Array) -> bool:
-    """Whether the least pivot is about as large as it has been."""
+    """Return whether the least pivot is about as large as it has been."""
     return REGULAR_PIVOT * best[ELIMINATION_PIVOT] <= least <= best[ELIMINATION_PIVOT]
 
 
@@ -97,11 +104,15 @@ def _is_regular_pivot(least: float, best: Array) -> bool:
 def project_by_elimination(
     closure: LoopClosure, spatial: SpatialArrays, elements: TreeElements | None, t: float, z: Array, at_sample: bool
 ) -> bool:
-    """`settling.project` by elimination, each time of coordinates and speeds at once.
+    """Project coordinates and speeds together, as `projection.project`; return whether the loops are closed.
 
-    The speeds are closed in the pose before its correction u, and open by about ``u v`` afterwards. Where the state is
-    seen, that is taken away by one time more, otherwise by the next step. False, with z closed as far as it came, where
-    the rows are not `_is_regular` or the least pivot is not `_is_sound`.
+    Speeds are projected with the Jacobian of the pose before its correction u; the error is O(u v). At a sample another
+    step removes this error, elsewhere the next time step does. Returns False, with z as close as it came, where the
+    rows are not `_is_regular` or the least pivot is not `_is_regular_pivot`.
+
+    Parameters
+    ----------
+    closure, spatial, elements, t, z, at_sample : see `arrays`
     """
     loops, qr, elimination, link, free, u = (
         closure.loops,

@@ -1,7 +1,8 @@
-"""Equations of motion in the state z, compiled, in space or in a plane.
+"""Accelerations and state derivative of a mechanism in joint coordinates, in space or in a plane.
 
-Cut rows ``Q a = gamma`` act with ``Q^T lam``. With the whitened responses B of the tree, the zeta of least norm in
-``B^T zeta = gamma - Q a_tree`` adds ``sqrt(D) zeta`` to the remaining joint forces, as in `formulations.recursive`.
+Rows ``Q a = gamma`` act on the tree with ``Q^T lam`` [C4 (4.84)-(4.97)]. With the whitened responses B of the tree, the
+zeta of least norm in ``B^T zeta = gamma - Q a_tree`` adds ``sqrt(D) zeta`` to the remaining joint forces, as in
+`formulations.recursive`. Linkages of few freedoms are solved by elimination instead: see `few_freedoms`.
 """
 
 from __future__ import annotations
@@ -64,7 +65,14 @@ def factorise_rows(
     planar: Planar,
     size: float,
 ) -> None:
-    """Factors of the responses to the rows chosen, in a tree whose inertias are swept."""
+    """Factorise the responses of the tree to the active rows, articulated inertias swept.
+
+    Parameters
+    ----------
+    loops, layout, link, free, qr, spatial, planar : see `arrays`
+    size : float
+        Largest norm of a row, ``closure.row_norm``.
+    """
     state = qr.state
     for g in range(loops.group.shape[0]):
         state[g, USED] = state[g, ACTIVE]
@@ -74,7 +82,7 @@ def factorise_rows(
 
 @fused
 def _element_biases(elements: TreeElements, layout: Array, y: Array, A: Array, t: float, z: Array, link: Array) -> None:
-    """Biases of the forces of elements."""
+    """Set the biases of the links to the forces of all elements."""
     model, first = elements.model, elements.first_integral
     for n in range(model.control.shape[0]):
         y[layout.shape[0] + n // 13, n % 13] = z[first + n]
@@ -86,7 +94,7 @@ def _element_biases(elements: TreeElements, layout: Array, y: Array, A: Array, t
 def _place_with_biases(
     closure: LoopClosure, spatial: Spatial, elements: TreeElements | None, planar: Planar, t: float, z: Array
 ) -> None:
-    """Links at a state, their inertias, and biases of all forces."""
+    """Place the links at a state, and set inertias and biases."""
     link = closure.link
     place_state(closure, spatial, elements, planar, z)
     if planar is not None and planar.force_table.shape[0]:
@@ -101,7 +109,7 @@ def _place_with_biases(
 
 @inlined
 def _solve_articulated(closure: LoopClosure, spatial: Spatial, planar: Planar) -> None:
-    """Accelerations by articulated bodies and, where there are rows, by the fronts."""
+    """Compute accelerations by articulated bodies and, with loops, by the fronts."""
     link, free, u, qr = closure.link, closure.free, closure.u, closure.qr
     if planar is not None:
         planar_inward_sweep(link, free, True)
@@ -117,13 +125,13 @@ def _solve_articulated(closure: LoopClosure, spatial: Spatial, planar: Planar) -
 
 @inner
 def _solve_articulated_apart(closure: LoopClosure, spatial: SpatialArrays) -> None:
-    """`_sweep`, not written out where it is called: most linkages in space go the other way."""
+    """Call `_solve_articulated` as a kernel of its own: most linkages in space are solved by elimination."""
     _solve_articulated(closure, spatial, None)
 
 
 @inlined
 def _solve_by_elimination(closure: LoopClosure, spatial: SpatialArrays) -> bool:
-    """Accelerations by elimination, if few directions are left and the least pivot is far from zero; whether it is."""
+    """Compute accelerations by elimination, if freedoms are few and the least pivot is regular; return whether."""
     link, free, u, loops, qr, elimination = (
         closure.link,
         closure.free,
@@ -152,9 +160,11 @@ def _solve_by_elimination(closure: LoopClosure, spatial: SpatialArrays) -> bool:
 def accelerations(
     closure: LoopClosure, spatial: Spatial, elements: TreeElements | None, planar: Planar, t: float, z: Array
 ) -> None:
-    """Fill ``rest.u``, accelerations of the free directions, and those of all links in their rows.
+    """Compute the accelerations of the free directions (``closure.u``) and of all links.
 
-    In a plane, elimination would be a tenth faster than the fronts, and take a third longer to compile.
+    Parameters
+    ----------
+    closure, spatial, elements, planar, t, z : see `arrays`
     """
     loops, qr = closure.loops, closure.qr
     _place_with_biases(closure, spatial, elements, planar, t, z)
@@ -169,7 +179,7 @@ def accelerations(
 
 @fused
 def _control_errors(elements: TreeElements, y: Array, A: Array, t: float, dz: Array) -> None:
-    """Derivatives of the integrals of controllers."""
+    """Compute the derivatives of the integrals of controllers."""
     model, turns, first = elements.model, elements.turns, elements.first_integral
     for n in range(model.control.shape[0]):
         target = function_at(model.functions, model.control[n, 1], t)[0]
@@ -181,7 +191,12 @@ def _control_errors(elements: TreeElements, y: Array, A: Array, t: float, dz: Ar
 def loop_derivative(
     closure: LoopClosure, spatial: Spatial, elements: TreeElements | None, planar: Planar, t: float, z: Array, dz: Array
 ) -> None:
-    """State derivative, shape of z."""
+    """Compute the state derivative of a mechanism with loops or elements.
+
+    Parameters
+    ----------
+    closure, spatial, elements, planar, t, z, dz : see `arrays`
+    """
     accelerations(closure, spatial, elements, planar, t, z)
     for n in range(closure.u.shape[0]):
         dz[closure.first_speed + n] = closure.u[n]
@@ -195,7 +210,12 @@ def loop_derivative(
 
 @inner
 def tree_derivative(layout: Array, link: Array, free: Array, first_speed: int, z: Array, dz: Array) -> None:
-    """`derivative` of a tree without elements."""
+    """Compute the state derivative of a tree with gravity alone.
+
+    Parameters
+    ----------
+    layout, link, free, first_speed, z, dz : see `arrays`
+    """
     tree_accelerations(link, free, z, z[first_speed:], dz[first_speed:])
     coordinate_rates(layout, first_speed, z, dz)
 
@@ -204,7 +224,12 @@ def tree_derivative(layout: Array, link: Array, free: Array, first_speed: int, z
 def planar_derivative(
     planar: PlanarArrays, link: Array, free: Array, first_speed: int, t: float, z: Array, dz: Array
 ) -> None:
-    """`derivative` of a tree in a plane."""
+    """Compute the state derivative of a tree in a plane.
+
+    Parameters
+    ----------
+    planar, link, free, first_speed, t, z, dz : see `arrays`
+    """
     place_planar_links(link, free, z, z[first_speed:])
     if planar.force_table.shape[0]:
         add_force_biases(planar, link, t, z)
@@ -224,7 +249,12 @@ def state_derivative(
     z: Array,
     dz: Array,
 ) -> None:
-    """State derivative of any mechanism."""
+    """Compute the state derivative of any mechanism.
+
+    Parameters
+    ----------
+    tree, closure, spatial, elements, planar, t, z, dz : see `arrays`
+    """
     if closure is not None:
         loop_derivative(closure, spatial, elements, planar, t, z, dz)
     elif planar is not None:
@@ -235,7 +265,7 @@ def state_derivative(
 
 @kernel
 def count_turns(elements: TreeElements, y: Array, A: Array) -> None:
-    """Update the joint coordinates that elements read, turns counted, of the bodies as they are placed."""
+    """Update the joint coordinates that elements read, turns counted, from the placed bodies."""
     model, turns = elements.model, elements.turns
     for n in range(turns.shape[0]):
         turns[n] = coordinate(model, y, A, n, turns[n]).value

@@ -1,6 +1,6 @@
-"""What is done alike in space and in a plane, by kernels of their own.
+"""Calls of the kernels of space or of a plane: the steps of the equations are the same.
 
-Where an argument is None, Numba leaves out what is done only where it is not: one of space and plane is None.
+Numba prunes ``is not None`` branches, not ``is None`` ones; one of `spatial` and `planar` is None.
 """
 
 from __future__ import annotations
@@ -41,7 +41,12 @@ from consilience.reference.tree.reduced import EliminationArrays
 def place_state(
     closure: LoopClosure, spatial: Spatial, elements: TreeElements | None, planar: Planar, z: Array
 ) -> None:
-    """Place the links at a state, and the bodies where elements read them."""
+    """Place the links at a state, and the bodies where elements read them.
+
+    Parameters
+    ----------
+    closure, spatial, elements, planar, z : see `arrays`
+    """
     if spatial is not None:
         place_links(closure.link, closure.free, z, z[closure.first_speed :])
         if elements is not None:
@@ -54,7 +59,12 @@ def place_state(
 def evaluate_rows(
     closure: LoopClosure, spatial: Spatial, elements: TreeElements | None, planar: Planar, t: float, z: Array
 ) -> None:
-    """Value, wrenches, gamma and rate of the cut rows of the links and bodies as they are placed."""
+    """Evaluate values, wrenches, gamma and rates of the active rows at the placed links and bodies.
+
+    Parameters
+    ----------
+    closure, spatial, elements, planar, t, z : see `arrays`
+    """
     touched, W, active, value, gamma = (
         closure.loops.touched,
         closure.qr.W,
@@ -77,7 +87,12 @@ def evaluate_rows(
 def row_responses(
     loops: Loops, layout: Array, qr: MultifrontalQR, spatial: Spatial, planar: Planar, link: Array, free: Array
 ) -> float:
-    """`respond` with the arrays of loops and fronts."""
+    """Fill the fronts with the whitened responses to the rows in use; return the largest squared norm of a column.
+
+    Parameters
+    ----------
+    loops, layout, qr, spatial, planar, link, free : see `arrays`
+    """
     group, touched, path, owner, W, wrench, F = (
         loops.group,
         loops.touched,
@@ -97,7 +112,7 @@ def row_responses(
 
 @inlined
 def add_row_forces(loops: Loops, qr: MultifrontalQR, free: Array) -> None:
-    """`least_norm` for the target of the fronts."""
+    """Add the joint forces of least norm for the target of the fronts (`least_norm_forces`)."""
     least_norm_forces(loops.group, loops.own_directions, qr.order, qr.state, qr.F, qr.tau, qr.x, qr.y, qr.target, free)
 
 
@@ -105,7 +120,12 @@ def add_row_forces(loops: Loops, qr: MultifrontalQR, free: Array) -> None:
 def sweep_accelerations(
     spatial: Spatial, planar: Planar, link: Array, free: Array, u: Array, velocity_terms: float
 ) -> None:
-    """`sweep_out`, in space or in a plane."""
+    """Compute the accelerations of links and free directions by the outward sweep.
+
+    Parameters
+    ----------
+    spatial, planar, link, free, u, velocity_terms : see `arrays`
+    """
     if spatial is not None:
         outward_sweep(link, free, u, velocity_terms)
     if planar is not None:
@@ -114,7 +134,7 @@ def sweep_accelerations(
 
 @inlined
 def articulate_tree(spatial: Spatial, planar: Planar, link: Array, free: Array) -> None:
-    """Articulated inertias, links as they are placed, once for each placing."""
+    """Compute the articulated inertias of placed links."""
     if spatial is not None:
         rigid_inertias(link)
         articulated_inertias(link, free)
@@ -124,7 +144,7 @@ def articulate_tree(spatial: Spatial, planar: Planar, link: Array, free: Array) 
 
 @inlined
 def measure_largest_row(closure: LoopClosure, spatial: Spatial, planar: Planar) -> None:
-    """Size of the rows, once: what says which of them depend on others."""
+    """Set ``closure.row_norm`` once: the scale below which rows count as dependent."""
     if closure.row_norm[0] == 0.0:
         touched, W = closure.loops.touched, closure.qr.W
         if spatial is not None:
@@ -138,7 +158,7 @@ def measure_largest_row(closure: LoopClosure, spatial: Spatial, planar: Planar) 
 
 @inlined
 def loop_velocity_residual(closure: LoopClosure, spatial: Spatial, planar: Planar) -> None:
-    """What the rows lack of their rates, into the target of the fronts."""
+    """Compute the velocity residual of the rows, ``rate - Q v``, into the target of the fronts."""
     touched, W, target = closure.loops.touched, closure.qr.W, closure.qr.target
     if spatial is not None:
         velocity_residual(touched, W, closure.link, closure.rate, target)
@@ -150,7 +170,13 @@ def loop_velocity_residual(closure: LoopClosure, spatial: Spatial, planar: Plana
 def loop_acceleration_residual(
     loops: Loops, qr: MultifrontalQR, spatial: Spatial, planar: Planar, link: Array, gamma: Array
 ) -> None:
-    """What the rows lack of gamma in the accelerations of the links, into the target of the fronts."""
+    """Compute the acceleration residual of the rows, ``gamma - Q a``, into the target of the fronts.
+
+    Parameters
+    ----------
+    loops, qr, spatial, planar, link : see `arrays`
+    gamma : ndarray, shape (q,)
+    """
     if spatial is not None:
         acceleration_residual(loops.touched, qr.W, link, gamma, qr.target)
     if planar is not None:
@@ -159,7 +185,7 @@ def loop_acceleration_residual(
 
 @inlined
 def bias_accelerations(link: Array, free: Array, u: Array) -> None:
-    """Accelerations of the links where u is zero."""
+    """Compute the accelerations of the links for u = 0."""
     for n in range(u.shape[0]):
         u[n] = 0.0
     link_motions(link, free, u, 1.0, link, records.ACCELERATION)
@@ -169,6 +195,11 @@ def bias_accelerations(link: Array, free: Array, u: Array) -> None:
 def eliminate_rows(
     loops: Loops, qr: MultifrontalQR, elimination: EliminationArrays, link: Array, free: Array
 ) -> tuple[int, int, float]:
-    """Solve the rows chosen for directions; rows, directions left, least pivot."""
+    """Solve the active rows by elimination; return the numbers of rows and freedoms, and the least pivot.
+
+    Parameters
+    ----------
+    loops, qr, elimination, link, free : see `arrays`
+    """
     store_targets(loops.group, qr.order, qr.state, qr.target, elimination.J, free.shape[0])
     return solve_rows(loops, qr, elimination, link, free, ONE_TARGET)

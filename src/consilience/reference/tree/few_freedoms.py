@@ -1,13 +1,13 @@
-"""Accelerations of a linkage of few freedoms, in the directions that its rows leave free [C4 (4.99)-(4.110)].
+"""Accelerations of a linkage of few freedoms, by elimination of its rows [C4 (4.99)-(4.110)].
 
-Rows of the directions, ``J u = t``, with t what gamma leaves of the accelerations that the links have where u is zero.
-Eliminated, they give ``u = b + T alpha`` with alpha the accelerations of the f directions that are left, and
+In the free directions the rows are ``J u = t``, with t the residual of the accelerations of the links for u = 0.
+Gauss-Jordan elimination gives ``u = b + T alpha``, alpha being the accelerations of the f independent directions, and
 
     T^T M T alpha = -T^T (M b + h).
 
-Neither the mass matrix M nor the articulated inertias of the tree are needed: a column of T moves the links with V_e,
-b with a, and ``(T^T M T)_ed = sum V_e . I V_d``, ``(T^T (M b + h))_e = sum V_e . (I a + p)``. That is less work than
-the responses of the tree to all rows while f is small.
+Neither the mass matrix M nor articulated inertias are formed: column e of T moves the links with V_e, b with a, and
+``(T^T M T)_ed = sum V_e . I V_d``, ``(T^T (M b + h))_e = sum V_e . (I a + p)``. For small f this needs less work than
+the whitened responses of the tree to all rows.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ from consilience.reference.tree.loop_groups import ACTIVE, ROW, TOUCHED, Loops, 
 from consilience.reference.tree.reduced import EliminationArrays
 
 FREEDOMS = 6
-"""Most directions that the rows may leave."""
+"""Largest number f of independent directions."""
 
 ONE_TARGET, TWO_TARGETS = np.array([1, 2])
-"""Numbers of right-hand sides. They are numbers of NumPy, as kernels are compiled anew for each Python number that is
-written out where they are called."""
+"""Numbers of right sides, as NumPy integers: see `records`."""
 
 REGULAR_PIVOT = 0.01
-"""Part of its largest value at which the least pivot is too small, and orthogonal reflections are taken: with 1e-4 a
-parallelogram loses two digits where it is flat."""
+"""Ratio of the least pivot to its largest value so far below which the fronts are used instead. A smaller ratio loses
+digits in a flat parallelogram.
+"""
 
 
 @inner
 def count_active_rows(group: Array, state: Array) -> int:
-    """Number of rows chosen."""
+    """Return the number of active rows."""
     rank = 0
     for g in range(group.shape[0]):
         rank += state[g, ACTIVE]
@@ -46,13 +46,13 @@ def count_active_rows(group: Array, state: Array) -> int:
 
 @kernel
 def has_few_freedoms(group: Array, state: Array, independent: Array) -> bool:
-    """Whether the rows chosen leave few of few directions free."""
+    """Return whether the active rows leave few of few directions free."""
     return independent.shape[0] > 0 and independent.shape[0] - count_active_rows(group, state) <= FREEDOMS
 
 
 @fused
 def _solve_row(J: Array, rows: int, columns: int, row: int, column: int) -> None:
-    """Solve a row for a direction, and put the solution into the others."""
+    """Solve a row for a direction, and substitute the solution into the other rows."""
     inverse = 1.0 / J[row, column]
     for c in range(columns):
         J[row, c] *= inverse
@@ -66,9 +66,23 @@ def _solve_row(J: Array, rows: int, columns: int, row: int, column: int) -> None
 
 @fused
 def gauss_jordan(J: Array, rows: int, columns: int, solved: Array, independent: Array) -> tuple[int, float]:
-    """Solve some rows for a direction each, that of their largest entry; how many are left, and the least pivot.
+    """Solve each row for the direction of its largest entry.
 
-    It is zero where a row depends on those before. Columns behind those of the directions are right-hand sides.
+    Parameters
+    ----------
+    J : ndarray, shape (q, N + 2)
+        Rows in the free directions; columns behind N are right sides. Overwritten.
+    rows, columns : int
+        Rows in use; directions and right sides in use.
+    solved : ndarray of int, shape (q,)
+        Overwritten: direction that a row is solved for, -1 for a dependent row.
+    independent : ndarray of int, shape (N,)
+        Overwritten: the first f entries are the independent directions.
+
+    Returns
+    -------
+    int, float
+        f, and the least pivot: zero where a row depends on the rows before.
     """
     count, largest, least, freedoms = independent.shape[0], 0.0, np.inf, 0
     for r in range(rows):
@@ -96,7 +110,7 @@ def gauss_jordan(J: Array, rows: int, columns: int, solved: Array, independent: 
 
 @fused
 def _spread(J: Array, rows: int, solved: Array, column: int, factor: float, u: Array) -> None:
-    """Into u, the directions that the rows give: a column of J times a factor."""
+    """Set the solved directions in u to a column of J times a factor."""
     for r in range(rows):
         if solved[r] >= 0:
             u[solved[r]] = factor * J[r, column]
@@ -104,7 +118,7 @@ def _spread(J: Array, rows: int, solved: Array, column: int, factor: float, u: A
 
 @inner
 def particular_solution(J: Array, rows: int, solved: Array, u: Array) -> None:
-    """The solution b of the rows in which what they leave is zero."""
+    """Compute the solution b, with zero in the independent directions."""
     for n in range(u.shape[0]):
         u[n] = 0.0
     _spread(J, rows, solved, u.shape[0], 1.0, u)
@@ -112,7 +126,15 @@ def particular_solution(J: Array, rows: int, solved: Array, u: Array) -> None:
 
 @fused
 def homogeneous_solution(J: Array, rows: int, solved: Array, direction: int, u: Array) -> None:
-    """The column of T of a direction that is left."""
+    """Compute the column of T of an independent direction.
+
+    Parameters
+    ----------
+    J, rows, solved : see `gauss_jordan`
+    direction : int
+    u : ndarray, shape (N,)
+        Overwritten.
+    """
     for n in range(u.shape[0]):
         u[n] = 0.0
     u[direction] = 1.0
@@ -121,7 +143,7 @@ def homogeneous_solution(J: Array, rows: int, solved: Array, direction: int, u: 
 
 @fused
 def _cholesky(G: Array, freedoms: int) -> None:
-    """Cholesky factor of the reduced masses, in place."""
+    """Factorise the reduced mass matrix in place."""
     for e in range(freedoms):
         for d in range(e):
             for c in range(d):
@@ -134,7 +156,7 @@ def _cholesky(G: Array, freedoms: int) -> None:
 
 @fused
 def _cholesky_solve(G: Array, freedoms: int) -> None:
-    """Solve the reduced equations, whose right-hand side stands behind the factor, in place."""
+    """Solve the reduced equations in place; the right side stands behind the factor."""
     for e in range(freedoms):
         for c in range(e):
             G[e, freedoms] -= G[e, c] * G[c, freedoms]
@@ -147,7 +169,17 @@ def _cholesky_solve(G: Array, freedoms: int) -> None:
 
 @fused
 def add_homogeneous(J: Array, rows: int, solved: Array, independent: Array, G: Array, freedoms: int, u: Array) -> None:
-    """``u = b + T alpha``; b is in u."""
+    """Add ``T alpha`` to b in u.
+
+    Parameters
+    ----------
+    J, rows, solved, independent : see `gauss_jordan`
+    G : ndarray, shape (N, N + 1)
+        Column `freedoms` holds alpha.
+    freedoms : int
+    u : ndarray, shape (N,)
+        Updated.
+    """
     for e in range(freedoms):
         alpha = G[e, freedoms]
         u[independent[e]] = alpha
@@ -158,7 +190,15 @@ def add_homogeneous(J: Array, rows: int, solved: Array, independent: Array, G: A
 
 @inner
 def link_motions(link: Array, free: Array, u: Array, velocity_terms: float, table: Array, at: int) -> None:
-    """Motions of the links that are placed, in columns of a table: accelerations (moving: 1), or velocities (0)."""
+    """Compute the motions of placed links for speeds or accelerations u of the free directions.
+
+    Parameters
+    ----------
+    link, free, u, velocity_terms : see `arrays`
+    table : ndarray, shape (n_b + 1, >= at + 6)
+        Overwritten in the columns `at` to `at` + 5; its last row is the motion of the ground.
+    at : int
+    """
     for k in range(link.shape[0] - 1):
         p = int(link[k, records.PARENT])
         angular = load_vector(table, p, at + 3)
@@ -174,7 +214,7 @@ def link_motions(link: Array, free: Array, u: Array, velocity_terms: float, tabl
 
 @fused
 def _subspace_at_origin(links: Array, free: Array, at: Array) -> None:
-    """Motions of the free directions, shape (N, 6), seen at the point of the first link."""
+    """Compute the motions s of the free directions, shape (N, 6), at the centre of mass of the first link."""
     O = load_vector(links, 0, records.POSITION)
     for k in range(links.shape[0] - 1):
         away = sub(load_vector(links, k, records.POSITION), O)
@@ -186,14 +226,14 @@ def _subspace_at_origin(links: Array, free: Array, at: Array) -> None:
 
 @inner
 def _inertia(link: Array, k: int) -> Six:
-    """Inertia of a link about its centre of mass, in the world."""
+    """Return the rotational inertia of a link about its centre of mass, world axes."""
     at = records.ARTICULATED + 15
     return link[k, at], link[k, at + 1], link[k, at + 2], link[k, at + 3], link[k, at + 4], link[k, at + 5]
 
 
 @inner
 def _inertial_wrench(link: Array, k: int, velocity_terms: float) -> tuple[Vector, Vector]:
-    """Force and torque that a link takes for its acceleration a."""
+    """Return force and torque ``I a + p`` of a link."""
     a, alpha = load_vector(link, k, records.ACCELERATION), load_vector(link, k, records.ACCELERATION + 3)
     force = add(scale(link[k, records.MASS], a), scale(velocity_terms, load_vector(link, k, records.BIAS)))
     return force, add(
@@ -203,7 +243,7 @@ def _inertial_wrench(link: Array, k: int, velocity_terms: float) -> tuple[Vector
 
 @fused
 def _reduced_forces(link: Array, freedoms: int, V: Array, G: Array) -> None:
-    """Reduced forces alone, of links at rest."""
+    """Compute the reduced forces alone, without velocity terms."""
     for e in range(freedoms):
         G[e, freedoms] = 0.0
     for k in range(link.shape[0] - 1):
@@ -214,7 +254,7 @@ def _reduced_forces(link: Array, freedoms: int, V: Array, G: Array) -> None:
 
 @fused
 def _reduced_equations(link: Array, freedoms: int, V: Array, G: Array, velocity_terms: float) -> None:
-    """Reduced masses and forces of links whose accelerations are a."""
+    """Compute the reduced mass matrix and forces for the accelerations a of the links."""
     for e in range(freedoms):
         for d in range(freedoms + 1):
             G[e, d] = 0.0
@@ -231,7 +271,17 @@ def _reduced_equations(link: Array, freedoms: int, V: Array, G: Array, velocity_
 
 @fused
 def add_link_accelerations(link: Array, at: int, freedoms: int, V: Array, G: Array) -> None:
-    """Accelerations of the links, in columns from `at` on: what alpha adds to a."""
+    """Add ``sum V_e alpha_e`` to the accelerations of the links.
+
+    Parameters
+    ----------
+    link : see `arrays`
+    at : int
+        First of the columns that are updated.
+    freedoms : int
+    V, G : ndarray
+        Fields of `reduced.EliminationArrays`.
+    """
     for e in range(freedoms):
         alpha = G[e, freedoms]
         for k in range(link.shape[0] - 1):
@@ -241,7 +291,14 @@ def add_link_accelerations(link: Array, at: int, freedoms: int, V: Array, G: Arr
 
 @inner
 def store_targets(group: Array, order: Array, state: Array, target: Array, J: Array, column: int) -> None:
-    """Targets of the rows chosen into a column of J."""
+    """Copy the targets of the active rows into a column of J.
+
+    Parameters
+    ----------
+    group, order, state, target : see `loop_groups.Loops`, `loop_groups.MultifrontalQR`
+    J : ndarray, shape (q, N + 2)
+    column : int
+    """
     row = 0
     for g in range(group.shape[0]):
         for number in range(group[g, ROW], group[g, ROW] + state[g, ACTIVE]):
@@ -253,9 +310,15 @@ def store_targets(group: Array, order: Array, state: Array, target: Array, J: Ar
 def solve_rows(
     loops: Loops, qr: MultifrontalQR, elimination: EliminationArrays, links: Array, free: Array, targets: int
 ) -> tuple[int, int, float]:
-    """Fill J with the rows chosen and solve it for directions; rows, directions left, least pivot.
+    """Fill J with the active rows and eliminate; return the numbers of rows and freedoms, and the least pivot.
 
-    Behind the directions it holds as many targets.
+    Parameters
+    ----------
+    loops, qr, elimination, free : see `arrays`
+    links : ndarray
+        Table of the links.
+    targets : int
+        Number of right sides that J holds behind the directions.
     """
     group, touched, order, state, W, J = loops.group, loops.touched, qr.order, qr.state, qr.W, elimination.J
     rows, count, O = 0, free.shape[0], load_vector(links, 0, records.POSITION)
@@ -286,9 +349,13 @@ def solve_rows(
 def solve_reduced(
     elimination: EliminationArrays, rows: int, freedoms: int, link: Array, free: Array, u: Array, velocity_terms: float
 ) -> None:
-    """Accelerations u where the rows are solved (moving: 1).
+    """Compute u after `solve_rows`: accelerations, or displacements of least M-norm without velocity terms.
 
-    At rest and without forces (0), displacements of least M-norm.
+    Parameters
+    ----------
+    elimination, link, free, u, velocity_terms : see `arrays`
+    rows, freedoms : int
+        Numbers from `solve_rows`.
     """
     for e in range(freedoms):
         homogeneous_solution(elimination.J, rows, elimination.solved, elimination.independent[e], u)
@@ -305,7 +372,14 @@ def solve_reduced(
 def solve_reduced_again(
     elimination: EliminationArrays, rows: int, freedoms: int, link: Array, free: Array, u: Array
 ) -> None:
-    """Displacements of least M-norm for the second targets, after `reduce_links` for the first."""
+    """Compute displacements of least M-norm for the second right side, after `solve_reduced` for the first.
+
+    Parameters
+    ----------
+    elimination, link, free, u : see `arrays`
+    rows, freedoms : int
+        Numbers from `solve_rows`.
+    """
     for row in range(rows):
         elimination.J[row, u.shape[0]] = elimination.J[row, u.shape[0] + 1]
     particular_solution(elimination.J, rows, elimination.solved, u)

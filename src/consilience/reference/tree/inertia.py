@@ -1,6 +1,8 @@
-"""Articulated inertias of a link about its centre of mass, world axes: three tuples, on the stack of a compiled kernel.
+"""Articulated inertias about the centre of mass of a link, in world axes, as three tuples.
 
 I = [M H; H^T J],   M and J symmetric (xx, xy, xz, yy, yz, zz),   H row by row.
+
+Tuples stay on the stack of a compiled kernel. Transformation rules: Featherstone 2008, chapters 2 and 7.
 """
 
 from __future__ import annotations
@@ -19,7 +21,7 @@ Columns = tuple[Vector, Vector, Vector]
 
 @inner
 def matrix_times(X: Columns, a: Vector) -> Vector:
-    """``X a``."""
+    """Return ``X a``."""
     return (
         X[0][0] * a[0] + X[1][0] * a[1] + X[2][0] * a[2],
         X[0][1] * a[0] + X[1][1] * a[1] + X[2][1] * a[2],
@@ -29,7 +31,7 @@ def matrix_times(X: Columns, a: Vector) -> Vector:
 
 @inner
 def symmetric_times(J: Six, a: Vector) -> Vector:
-    """``J a``."""
+    """Return ``J a``."""
     return (
         J[0] * a[0] + J[1] * a[1] + J[2] * a[2],
         J[1] * a[0] + J[3] * a[1] + J[4] * a[2],
@@ -39,7 +41,7 @@ def symmetric_times(J: Six, a: Vector) -> Vector:
 
 @inner
 def rotate_inertia(X: Columns, J: Six) -> Six:
-    """``X J X^T``."""
+    """Return ``X J X^T``."""
     a, b, c = X
     s, t, u = (
         matrix_times(X, (J[0], J[1], J[2])),
@@ -58,7 +60,7 @@ def rotate_inertia(X: Columns, J: Six) -> Six:
 
 @inner
 def load_inertia(link: Array, k: int) -> Inertia:
-    """Inertia in the row of a link."""
+    """Return the articulated inertia of a link."""
     return (
         (
             link[k, ARTICULATED],
@@ -92,7 +94,7 @@ def load_inertia(link: Array, k: int) -> Inertia:
 
 @inner
 def add_inertia(link: Array, k: int, I: Inertia) -> None:
-    """Add to the inertia in the row of a link."""
+    """Add to the articulated inertia of a link."""
     M, H, J = I
     for n in range(6):
         link[k, ARTICULATED + n] += M[n]
@@ -103,7 +105,7 @@ def add_inertia(link: Array, k: int, I: Inertia) -> None:
 
 @inner
 def inertia_times(I: Inertia, linear: Vector, angular: Vector) -> tuple[Vector, Vector]:
-    """Force and torque ``I (linear, angular)``."""
+    """Return force and torque ``I (linear, angular)``."""
     M, H, J = I
     force = (
         H[0] * angular[0] + H[1] * angular[1] + H[2] * angular[2],
@@ -120,7 +122,7 @@ def inertia_times(I: Inertia, linear: Vector, angular: Vector) -> tuple[Vector, 
 
 @inner
 def rank_one_update(I: Inertia, x: Vector, y: Vector, factor: float) -> Inertia:
-    """``I - factor U U^T``, U = (x, y)."""
+    """Return ``I - factor U U^T`` with U = (x, y)."""
     M, H, J = I
     a, b, c = factor * x[0], factor * x[1], factor * x[2]
     d, e, f = factor * y[0], factor * y[1], factor * y[2]
@@ -143,7 +145,7 @@ def rank_one_update(I: Inertia, x: Vector, y: Vector, factor: float) -> Inertia:
 
 @inner
 def shift_inertia(I: Inertia, d: Vector) -> Inertia:
-    """``X^T I X`` for X = [1 -~d; 0 1]: M, K = H - M ~d, J - H^T ~d + ~d K."""
+    """Return ``X^T I X`` for X = [1 -~d; 0 1]: M, K = H - M ~d, J - H^T ~d + ~d K."""
     M, H, J = I
     d0, d1, d2 = d
     K = (
@@ -170,5 +172,5 @@ def shift_inertia(I: Inertia, d: Vector) -> Inertia:
 
 @inner
 def power(linear: Vector, angular: Vector, force: Vector, torque: Vector) -> float:
-    """Power of a wrench in a motion."""
+    """Return the power of a wrench on a motion."""
     return dot(linear, force) + dot(angular, torque)

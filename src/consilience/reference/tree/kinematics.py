@@ -1,11 +1,12 @@
-"""Bodies from the state of the tree joints: poses, velocities, free directions and what is quadratic in velocities.
+"""Positions, velocities, free directions and velocity-product accelerations of the links at a state z.
 
-From the parent outward, with P the origin of M, s_i and s_j the arms to it from the centres of mass of predecessor i
-and successor j, e the free axes in the world and u their speeds,
+Outward from the ground, with P the origin of M, s_i and s_j the arms to P from the centres of mass of predecessor i and
+successor j, e the free axes in the world and u their speeds,
 
-    v_j + w_j x s_j = v_i + w_i x s_i + sum_along e u,     w_j = w_i + sum_about e u,
+    v_j + w_j x s_j = v_i + w_i x s_i + sum_translations e u,     w_j = w_i + sum_rotations e u,
 
-solved for the body that the tree leads to; where that is the predecessor, the sums change sign.
+solved for the body that the tree leads to; where that is the predecessor, the sums change sign [Featherstone 2008,
+section 4.4]. Inboard and outboard are the joint frames on the parent and on the link.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from consilience.reference.tree.inertia import Columns, matrix_times
 
 @inner
 def _joint_rotation(q: Array, at: int, about: int) -> Columns:
-    """Columns of the rotation from M to F at the coordinates of a joint."""
+    """Return the rotation matrix from M to F at the coordinates of a joint."""
     if about == 0:
         return (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
     if about < 3:
@@ -44,13 +45,13 @@ def _joint_rotation(q: Array, at: int, about: int) -> Columns:
 
 @inner
 def load_vector(table: Array, k: int, at: int) -> Vector:
-    """Three numbers of a row."""
+    """Return three numbers of a row, from column `at` on."""
     return table[k, at], table[k, at + 1], table[k, at + 2]
 
 
 @inner
 def store_vector(table: Array, k: int, at: int, a: Vector) -> None:
-    """Store three numbers in a row."""
+    """Store three numbers in a row, from column `at` on."""
     table[k, at] = a[0]
     table[k, at + 1] = a[1]
     table[k, at + 2] = a[2]
@@ -58,7 +59,7 @@ def store_vector(table: Array, k: int, at: int, a: Vector) -> None:
 
 @inner
 def load_matrix(table: Array, k: int, at: int) -> Columns:
-    """A matrix of a row, by columns."""
+    """Return a 3 x 3 matrix of a row by its columns."""
     return load_vector(table, k, at), load_vector(table, k, at + 3), load_vector(table, k, at + 6)
 
 
@@ -79,9 +80,9 @@ def _store_motion(
     spin: Vector,
     c: tuple[Vector, Vector],
 ) -> None:
-    """Store the motion of a link, of what its joint adds to that of its parent.
+    """Store the motion of a link, from the motion of its parent and of its joint.
 
-    With arms to P: ``w = w_p + spin``, ``v + w x s = v_p + w_p x s_p + speed``; c is what is quadratic in the speeds.
+    With arms to P: ``w = w_p + spin``, ``v + w x s = v_p + w_p x s_p + speed``; c is quadratic in the joint speeds.
     """
     w_p = load_vector(link, p, col.SPIN)
     w = add(w_p, spin)
@@ -100,7 +101,7 @@ def _store_motion(
 
 @inner
 def _place_revolute(link: Array, free: Array, k: int, q: Array, v: Array) -> None:
-    """Place a link that turns about one axis: the same for both senses, but for the sign."""
+    """Place a link on a revolute joint; both senses of the joint differ only in sign."""
     p, n, sign = int(link[k, col.PARENT]), int(link[k, col.FIRST]), link[k, col.SENSE]
     base, angle, u = load_matrix(link, p, col.X), sign * q[int(link[k, col.COORDINATE])], sign * v[n]
     x, y, e = (
@@ -120,7 +121,7 @@ def _place_revolute(link: Array, free: Array, k: int, q: Array, v: Array) -> Non
 
 @inner
 def _axis(free: Array, n: int, F: Columns, M: Columns) -> Vector:
-    """Axis of a direction, in the world."""
+    """Return the axis of a free direction in the world."""
     number = int(free[n, col.AXIS])
     return F[number] if number < 3 else M[number - 3]
 
@@ -174,9 +175,9 @@ def _place_joint(link: Array, free: Array, k: int, q: Array, v: Array) -> None:
 
 @fused
 def place_links(link: Array, free: Array, q: Array, v: Array) -> None:
-    """Fill the rows of all links and directions from X to STEP, and S, at coordinates q and speeds v.
+    """Fill columns X to OFFSET of all links, and S of all directions, at coordinates q and speeds v.
 
-    q may go on behind the coordinates, so that a whole state z will do.
+    q may be longer than the coordinates: a whole state z will do.
     """
     for k in range(link.shape[0] - 1):
         if link[k, col.REVOLUTE] == 1.0:
@@ -187,7 +188,7 @@ def place_links(link: Array, free: Array, q: Array, v: Array) -> None:
 
 @kernel
 def place_bodies(layout: Array, link: Array, y: Array, A: Array) -> None:
-    """Fill y (but for the Euler parameters) and A from links that are placed."""
+    """Fill y (except Euler parameters) and A of all bodies from placed links."""
     for k in range(layout.shape[0]):
         b, base, w = layout[k, BODY], load_matrix(link, k, col.X), load_vector(link, k, col.SPIN)
         store_vector(y, b, 0, load_vector(link, k, col.POSITION))
@@ -202,14 +203,23 @@ def place_bodies(layout: Array, link: Array, y: Array, A: Array) -> None:
 def place_links_and_bodies(
     layout: Array, link: Array, free: Array, first_speed: int, z: Array, y: Array, A: Array
 ) -> None:
-    """Place links and bodies at a state z."""
+    """Place links and bodies at a state z.
+
+    Parameters
+    ----------
+    layout, link, free, first_speed, z : see `arrays`
+    y : ndarray, shape (n_b + n_e, 13)
+        Overwritten: canonical rows of the bodies, Euler parameters excepted.
+    A : ndarray, shape (n_b, 3, 3)
+        Overwritten: rotation matrices of the bodies.
+    """
     place_links(link, free, z, z[first_speed:])
     place_bodies(layout, link, y, A)
 
 
 @inner
 def coordinate_rates(layout: Array, first_speed: int, z: Array, dz: Array) -> None:
-    """Rates of the coordinates; of Euler parameters, ``p' = 1/2 (0, w) p`` with w in axes of F."""
+    """Fill the rates of the coordinates; of Euler parameters ``p' = 1/2 (0, w) p`` with w in axes of F."""
     for k in range(layout.shape[0]):
         along, about = layout[k, TRANSLATIONS], layout[k, ROTATIONS]
         at, n = layout[k, FIRST_COORDINATE], first_speed + layout[k, FREE]
@@ -230,7 +240,7 @@ def coordinate_rates(layout: Array, first_speed: int, z: Array, dz: Array) -> No
 
 @inner
 def displace(layout: Array, z: Array, u: Array) -> None:
-    """Move the coordinates by small displacements along the free directions; Euler parameters stay unit."""
+    """Add small displacements u along the free directions to the coordinates; Euler parameters stay unit."""
     for k in range(layout.shape[0]):
         along, about = layout[k, TRANSLATIONS], layout[k, ROTATIONS]
         at, n = layout[k, FIRST_COORDINATE], layout[k, FREE]
@@ -263,7 +273,7 @@ def normalise(layout: Array, z: Array) -> None:
 
 @inner
 def euler_parameters(X: Columns) -> tuple[float, float, float, float]:
-    """Unit Euler parameters of a rotation matrix given by columns, the largest one positive [Shepperd 1978]."""
+    """Return unit Euler parameters of a rotation matrix, the largest one positive [Shepperd 1978]."""
     trace = X[0][0] + X[1][1] + X[2][2]
     p = (1.0 + trace, 1.0 + 2.0 * X[0][0] - trace, 1.0 + 2.0 * X[1][1] - trace, 1.0 + 2.0 * X[2][2] - trace)
     x, y, z = X[1][2] - X[2][1], X[2][0] - X[0][2], X[0][1] - X[1][0]
@@ -283,14 +293,14 @@ def euler_parameters(X: Columns) -> tuple[float, float, float, float]:
 
 @kernel
 def fill_euler_parameters(A: Array, y: Array) -> None:
-    """Euler parameters of all bodies from their rotation matrices, into y."""
+    """Fill the Euler parameters of all bodies in y from their rotation matrices."""
     for b in range(A.shape[0]):
         y[b, 3], y[b, 4], y[b, 5], y[b, 6] = euler_parameters((column(A[b], 0), column(A[b], 1), column(A[b], 2)))
 
 
 @inner
 def copy_sample(A: Array, y: Array, motion: Array) -> None:
-    """Copy the bodies as they are placed, with their Euler parameters, into a sample of a motion."""
+    """Copy the placed bodies, with their Euler parameters, into one sample of a motion."""
     fill_euler_parameters(A, y)
     for b in range(y.shape[0]):
         for n in range(y.shape[1]):

@@ -1,9 +1,9 @@
-"""Where the rows that close loops act, found once from the topology, and the arrays of their factorisation.
+"""Groups of the rows that close loops, found once from the topology, and the arrays of their factorisation.
 
-Rows that touch the same bodies form a group. In the whitened responses B of the tree (a row of B for each free
-direction, a column for each constraint row) a group has entries only at the directions between its bodies and the
-ground. The groups are ordered so that those which share directions are near each other (reverse Cuthill-McKee), and
-B is factorised from the first to the last, front by front: see `fronts`.
+Rows that act on the same links form a group. In the whitened responses B of the tree (one row for each free direction,
+one column for each constraint row), a group has entries only at the directions between its links and the ground.
+Groups that share directions are numbered near each other (reverse Cuthill-McKee), and B is factorised group by group,
+in fronts: see `multifrontal` [Davis, Direct Methods for Sparse Linear Systems, 2006, sections 5.4 and 7.3].
 """
 
 from __future__ import annotations
@@ -17,17 +17,19 @@ from consilience.mechanism import Array
 from consilience.reference.bodies.arrays import Model, all_rows
 
 ROW, ROW_END, PATH, PATH_END, OWN, OWN_END, LAST_REACHED, FRONT_ROWS, FRONT_START, VECTOR_START = range(10)
-"""Columns of `Loops.group`: first constraint row of the group and the one behind its last, the same of its part of
-`Loops.path` and `Loops.batch`, last group with entries in its front, largest number of rows of the front, first entry
-of the front in `Fronts.F`, and first of its rows in `Fronts.tau` and `Fronts.x`."""
+"""Columns of `Loops.group`: first constraint row of the group and the one behind its last; the same for its parts of
+`Loops.path` and `Loops.own_directions`; last group with entries in its front; largest number of rows of the front;
+first entry of the front in `MultifrontalQR.F`; first of its rows in `MultifrontalQR.tau` and `MultifrontalQR.x`.
+"""
 
 ACTIVE, USED, START, RANK, CARRIED, COMPRESSED = range(6)
-"""Columns of `Fronts.state`: rows of a group that are independent, where a projection has found it; its columns in the
-present factors, the first of them and how many of them are independent; rows of a front that come from the one before,
-reflections that only shorten what is carried on."""
+"""Columns of `MultifrontalQR.state`: number of independent rows of a group, found by a projection; columns of the group
+in the present factors, the first of them and their rank; rows of a front that come from the front before; reflections
+that only reduce the number of rows passed on.
+"""
 
 TOUCHED = 4
-"""Most bodies that a row acts on: those of the two joints of a coupling."""
+"""Largest number of links that a row acts on: those of the two joints of a coupling."""
 
 
 class Loops(NamedTuple):
@@ -41,7 +43,7 @@ class Loops(NamedTuple):
 
 
 class MultifrontalQR(NamedTuple):
-    """Arrays that the kernels write into."""
+    """Arrays of the factorisation by fronts, which kernels write."""
 
     W: Array  # (q, 4, 6) wrenches of a unit of each row on the links it touches, world axes, at centres of mass
     wrench: Array  # (n_b, 6); of both, in a plane, the three numbers that are left
@@ -56,7 +58,7 @@ class MultifrontalQR(NamedTuple):
 
 
 def _touched(layout: Array, cut: Model) -> Array:
-    """Links that each row acts on, shape (q, 4)."""
+    """Return the links that each row acts on, shape (q, 4)."""
     link = np.full(len(cut.mass) + 1, -1)
     link[layout[:, 2]] = np.arange(len(layout))
     ends = [[int(link[i]), int(link[j])] for i, j in zip(cut.body_i, cut.body_j, strict=True)]
@@ -72,7 +74,7 @@ def _touched(layout: Array, cut: Model) -> Array:
 
 
 def _path(layout: Array, links: Array) -> list[int]:
-    """Links from some of them to the ground, outermost first: a link stands behind its parent."""
+    """Return the links between some links and the ground, outermost first: a link stands behind its parent."""
     found = set[int]()
     for tip in links.tolist():
         link = tip
@@ -83,16 +85,16 @@ def _path(layout: Array, links: Array) -> list[int]:
 
 
 def find_loop_groups(layout: Array, free: int, cut: Model) -> Loops:
-    """Groups of rows of a tree.
+    """Return the groups of rows of a tree.
 
     Parameters
     ----------
     layout : ndarray of int, shape (n_b, 9)
-        Of `Links`.
+        Layout of `TreeLinks`.
     free : int
-        Number N of directions.
+        Number N of free directions.
     cut : Model
-        With the rows that close loops.
+        The mechanism with only the rows that close loops.
     """
     touched = _touched(layout, cut)
     ends = [n for n in range(1, len(touched)) if set(touched[n]) != set(touched[n - 1])]
@@ -120,7 +122,7 @@ def find_loop_groups(layout: Array, free: int, cut: Model) -> Loops:
 
 
 def _elimination_order(directions: list[list[int]], free: int) -> list[int]:
-    """Order of groups in which those that share directions are near each other."""
+    """Return an order of the groups in which groups that share directions are near each other."""
     if len(directions) < 3:
         return list(range(len(directions)))
     pointer = np.cumsum([0, *(len(d) for d in directions)])
@@ -133,7 +135,7 @@ def _elimination_order(directions: list[list[int]], free: int) -> list[int]:
 
 
 def _front_sizes(group: Array, own_directions: list[int], last: Array) -> None:
-    """Fill in how far the fronts reach, and how large they can be."""
+    """Fill in the columns LAST_REACHED to VECTOR_START of the groups."""
     reach = height = at = shelf = 0
     for g, row in enumerate(group):
         kept = min(height, _columns(group, g, reach)) if reach >= g else 0
@@ -145,12 +147,12 @@ def _front_sizes(group: Array, own_directions: list[int], last: Array) -> None:
 
 
 def _columns(group: Array, first: int, last: int) -> int:
-    """Rows of constraints of some groups."""
+    """Return the number of constraint rows of consecutive groups."""
     return int(np.sum(group[first : last + 1, ROW_END] - group[first : last + 1, ROW]))
 
 
 def multifrontal_arrays(loops: Loops, bodies: int, width: int) -> MultifrontalQR:
-    """Scratch arrays; wrenches of so many numbers."""
+    """Return new arrays for a factorisation; a wrench has `width` components."""
     G, q = len(loops.group), len(loops.touched)
     rows = int(np.sum(loops.group[:, FRONT_ROWS]))
     size = sum(

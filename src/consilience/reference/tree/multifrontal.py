@@ -1,12 +1,14 @@
 """Rank-revealing QR of the whitened responses of a tree to the rows that close its loops, front by front.
 
-Front g holds the directions that group g is the first to move, and what the front before has left; its columns are
-those of group g and of all groups up to its reach. Householder reflections [Golub and Van Loan, Matrix Computations,
-section 5.2] triangularise the columns of the group, then, where more rows are left than columns, those behind them;
-what is left goes into the next front. The multifrontal method [Davis, Direct Methods for Sparse Linear Systems, 2006,
-section 5.4] on a chain of fronts: cost grows with the number of loops times the square of the size of a front.
+The response to row n is the column ``B_n = D^(-1/2) S^T q`` of whitened joint forces, q being the wrenches of a unit
+multiplier carried to the ground. Front g holds the directions that group g is the first to move and the rows passed on
+by the front before; its columns are those of group g and of all groups up to LAST_REACHED. Householder reflections
+[Golub and Van Loan, Matrix Computations, section 5.2] triangularise the columns of the group, then, where more rows
+than columns remain, the columns behind; the remainder passes to the next front. This is the multifrontal method [Davis,
+Direct Methods for Sparse Linear Systems, 2006, section 5.4] on a chain of fronts: the cost grows with the number of
+loops times the square of the size of a front.
 
-It works on B itself, never on ``B^T B``, whose condition number is the square.
+B itself is factorised, never ``B^T B``, whose condition number is the square.
 """
 
 from __future__ import annotations
@@ -38,12 +40,12 @@ from consilience.reference.tree.loop_groups import (
 from consilience.reference.tree.records import INVERSE_ROOT, JOINT_FORCE, OFFSET, PIVOT, S, U
 
 PIVOTING, KEEP_ORDER = np.array([True, False])
-"""What `factorise` does with the order of the rows."""
+"""Whether `factorise` exchanges columns."""
 
 
 @fused
 def clear_fronts(group: Array, state: Array, F: Array) -> None:
-    """Number the columns used, and set their entries to zero."""
+    """Number the columns in use, and set their entries to zero."""
     for g in range(group.shape[0]):
         state[g + 1, START] = state[g, START] + state[g, USED]
     for g in range(group.shape[0]):
@@ -54,7 +56,7 @@ def clear_fronts(group: Array, state: Array, F: Array) -> None:
 
 @fused
 def _store_row(touched: Array, row: int, W: Array, path: Array, first: int, last: int, wrench: Array) -> None:
-    """Wrenches of a row on the links of a path."""
+    """Set the wrenches on the links of a path to those of a row."""
     for m in range(first, last):
         for r in range(6):
             wrench[path[m], r] = 0.0
@@ -80,7 +82,15 @@ def whitened_responses(
     links: Array,
     free: Array,
 ) -> float:
-    """Fill the fronts with the responses to the rows used; the largest squared norm of a column."""
+    """Fill the fronts with the responses of the tree to the rows in use; return the largest squared norm of a column.
+
+    Parameters
+    ----------
+    group, touched, path, owner, order, state, W, wrench, F : see `loop_groups.Loops`, `loop_groups.MultifrontalQR`
+    layout, free : see `arrays`
+    links : ndarray
+        Table of the links, articulated inertias swept.
+    """
     clear_fronts(group, state, F)
     for n in range(free.shape[0]):
         free[n, INVERSE_ROOT] = 1.0 / np.sqrt(free[n, PIVOT])
@@ -111,7 +121,7 @@ def _whitened_column(
     free: Array,
     F: Array,
 ) -> float:
-    """Whitened joint forces of wrenches on the links of a path, into a column of the fronts; their squared norm."""
+    """Fill a column of the fronts with the whitened joint forces of wrenches on a path; return the squared norm."""
     total = 0.0
     for m in range(first, last):
         k = path[m]
@@ -133,7 +143,7 @@ def _whitened_column(
 
 @fused
 def _square(F: Array, first: int, last: int) -> float:
-    """Sum of squares."""
+    """Return the sum of squares of consecutive entries."""
     total = 0.0
     for n in range(first, last):
         total += F[n] * F[n]
@@ -142,7 +152,7 @@ def _square(F: Array, first: int, last: int) -> float:
 
 @fused
 def _reflect(F: Array, at: int, height: int, row: int, rows: int, column: int, columns: int, norm: float) -> float:
-    """Zero a column of a front below a row, and update those behind it; the factor of the reflection."""
+    """Zero a column of a front below a row, update the columns behind, and return the factor tau of the reflection."""
     head_at = at + column * height + row
     alpha = -norm if F[head_at] > 0 else norm
     head = F[head_at] - alpha
@@ -172,7 +182,7 @@ def _exchange(F: Array, one: int, two: int, count: int) -> None:
 
 @inner
 def _pivot_longest(group: Array, order: Array, state: Array, F: Array, g: int, row: int, rows: int) -> None:
-    """Exchange column number `row` of a front with the longest of those behind it in its group."""
+    """Exchange column number `row` of a front with the longest column behind it in its group."""
     at, height, used = group[g, FRONT_START], group[g, FRONT_ROWS], state[g, USED]
     best, longest = row, -1.0
     for c in range(row, used):
@@ -194,16 +204,17 @@ def _pivot_longest(group: Array, order: Array, state: Array, F: Array, g: int, r
 
 @inner
 def factorise(group: Array, order: Array, state: Array, F: Array, tau: Array, smallest: float, pivoting: bool) -> float:
-    """Factorise the fronts; the least pivot.
+    """Factorise the fronts; return the least pivot.
 
     Parameters
     ----------
+    group, order, state, F, tau : see `loop_groups.Loops`, `loop_groups.MultifrontalQR`
     smallest : float
-        Columns of which no more than this square is left count as dependent.
-    choose : bool
-        Bring the longest column of a group first, into ``order``. Otherwise they stay in that order, as in the
-        stages of a step: off the manifold, rows that depend on others contradict them, and a choice made anew in each
-        stage would make the accelerations jump from stage to stage.
+        A column whose remaining squared norm is at most this counts as dependent.
+    pivoting : bool
+        Bring the longest column of a group first, and record the order. Without it the order stays, as in the stages of
+        a step: off the manifold dependent rows contradict the others, and a new selection in each stage would make the
+        accelerations jump from stage to stage.
     """
     least = np.inf
     for g in range(state.shape[0]):
@@ -233,7 +244,7 @@ def factorise(group: Array, order: Array, state: Array, F: Array, tau: Array, sm
 def _pass_remainder(
     group: Array, state: Array, F: Array, tau: Array, g: int, rank: int, rows: int, own: int, columns: int
 ) -> None:
-    """Put what a front leaves into the next one, shortened where it has more rows than columns."""
+    """Copy the remainder of a front into the next one, reduced where it has more rows than columns."""
     at, height, shelf = group[g, FRONT_START], group[g, FRONT_ROWS], group[g, VECTOR_START]
     behind, left = columns - own, rows - rank
     state[g, COMPRESSED] = 0
@@ -270,9 +281,17 @@ def least_norm_forces(
     target: Array,
     free: Array,
 ) -> None:
-    """Add ``sqrt(D) zeta`` to the joint forces, zeta of least norm in ``B^T zeta = target`` on the independent rows.
+    """Add ``sqrt(D) zeta`` to the joint forces, with zeta of least norm in ``B^T zeta = target`` on the independent rows.
 
-    ``R^T y = target`` from the first front to the last, then ``zeta = H [y; 0]`` back again.
+    ``R^T y = target`` from the first front to the last, then ``zeta = H [y; 0]`` backwards.
+
+    Parameters
+    ----------
+    group, own_directions, order, state, F, tau, x, y : see `loop_groups.Loops`, `loop_groups.MultifrontalQR`
+    target : ndarray, shape (q,)
+        Residual of the rows.
+    free : see `arrays`
+        Column JOINT_FORCE is updated.
     """
     _forward(group, order, state, F, target, y)
     for g in range(group.shape[0] - 1, -1, -1):
@@ -292,7 +311,7 @@ def least_norm_forces(
 
 @fused
 def _forward(group: Array, order: Array, state: Array, F: Array, target: Array, y: Array) -> None:
-    """The solution y of ``R^T y = target``."""
+    """Solve ``R^T y = target``."""
     for g in range(group.shape[0]):
         for column in range(state[g, USED]):
             y[state[g, START] + column] = target[order[group[g, ROW] + column]]
@@ -307,7 +326,15 @@ def _forward(group: Array, order: Array, state: Array, F: Array, target: Array, 
 
 @inner
 def multipliers(group: Array, order: Array, state: Array, F: Array, y: Array, lam: Array) -> None:
-    """Multipliers of the rows for which `least_norm` has found y: ``R lam = y``, zero where a row depends on others."""
+    """Solve ``R lam = y`` for the multipliers, with y from `least_norm_forces`; dependent rows get zero.
+
+    Parameters
+    ----------
+    group, order, state, F, y : see `loop_groups.Loops`, `loop_groups.MultifrontalQR`
+        y is overwritten.
+    lam : ndarray, shape (q,)
+        Overwritten: multipliers, N or N m.
+    """
     for n in range(lam.shape[0]):
         lam[n] = 0.0
     for g in range(group.shape[0] - 1, -1, -1):
@@ -322,7 +349,7 @@ def multipliers(group: Array, order: Array, state: Array, F: Array, y: Array, la
 
 @fused
 def _reflect_back(group: Array, state: Array, F: Array, tau: Array, x: Array, g: int, rows: int) -> None:
-    """``x <- H x`` for one front."""
+    """Compute ``x <- H x`` for one front."""
     shelf, rank, used = group[g, VECTOR_START], state[g, RANK], state[g, USED]
     for k in range(rank + state[g, COMPRESSED] - 1, -1, -1):
         column = k if k < rank else used + k - rank
@@ -338,5 +365,5 @@ def _reflect_back(group: Array, state: Array, F: Array, tau: Array, x: Array, g:
 
 @inner
 def rank_threshold(size: float, largest: float) -> float:
-    """Square below which a column counts as dependent, from the size of rows that count and the largest column."""
+    """Return the squared norm below which a column is dependent, from the size of rows and the largest column."""
     return max(RANK_TOLERANCE * RANK_TOLERANCE * largest, (RANK_TOLERANCE * size) ** 2)

@@ -1,4 +1,4 @@
-"""Arrays of `null_space`."""
+"""Arrays of `few_freedoms`."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import numpy as np
 from consilience.mechanism import Array
 
 DIRECTIONS = 24
-"""Most directions of a tree whose rows are eliminated like this."""
+"""Largest number of free directions of a tree whose rows are eliminated by `few_freedoms`."""
 
 
 class EliminationArrays(NamedTuple):
-    """Arrays that the kernels write into; no entries where a tree has too many directions."""
+    """Arrays that the kernels of `few_freedoms` write; empty for a tree of more than `DIRECTIONS` free directions."""
 
     moves: Array  # (n_b, N) whether a direction moves a link
     S_origin: Array  # (N, 6) S of the directions at a point that is the same for all
@@ -25,7 +25,7 @@ class EliminationArrays(NamedTuple):
 
 
 def elimination_arrays(rows: int, layout: Array, directions: int) -> EliminationArrays:
-    """Scratch arrays of a tree."""
+    """Return new arrays for some number of rows and free directions."""
     if directions > DIRECTIONS:
         rows = directions = 0
         layout = layout[:0]
