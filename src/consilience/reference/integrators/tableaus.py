@@ -41,9 +41,9 @@ Jacobian = Callable[[float, Array, Array], Array]
 
 
 def _quartic(b: Array, x: float) -> tuple[Array, Array]:
-    """Stage at `x` on the cubic through both ends of a step, and the weights of F_3 that its derivative gives.
+    """Return the stage at `x` on the cubic through both ends of a step, and the weights of F_3 from its derivative.
 
-    The cubic is in error by O(h^4), its stage by O(h^4) too, so the quartic with this derivative is in error by O(h^5).
+    The error of the cubic, and of its stage, is O(h^4); the quartic with this derivative is in error by O(h^5).
     """
     s = len(b)
     ends = np.eye(s + 2)
@@ -81,7 +81,7 @@ def _fehlberg() -> Explicit:
 
 
 RKF45 = _fehlberg()
-"""Runge-Kutta-Fehlberg 4(5) [MASS]; the solution of order 5 is carried on, ``b - E`` is the one of order 4."""
+"""Runge-Kutta-Fehlberg 4(5) [MASS]; the solution of order 5 is carried on, ``b - E`` are weights of order 4."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,8 +94,8 @@ class Collocation:
         As in `Explicit`.
     c, A : ndarray, shapes (s,), (s, s)
     e : ndarray, shape (s,)
-        The error is estimated by ``(gamma / h - J)^-1 (f + sum e_i Z_i / h)`` with ``Z_i = U_i - u`` and gamma the
-        real eigenvalue of the inverse of A.
+        The error is estimated by ``(gamma / h - J)^-1 (f + sum e_i Z_i / h)`` with ``Z_i = U_i - u`` and gamma the real
+        eigenvalue of the inverse of A.
     """
 
     order: int
@@ -125,16 +125,16 @@ RADAU = Collocation(
 """Radau IIA of order 5 [EXU]."""
 
 NEWTON_STEPS = 7
-"""Iterations after which Newton's method counts as not converging (as in RADAU5)."""
+"""Iterations after which Newton's method counts as divergent (as in RADAU5)."""
 
 
 def root_mean_square(x: Array) -> float:
-    """Root mean square of the components."""
+    """Return the root mean square of the components."""
     return float(np.linalg.norm(x) / np.sqrt(x.size))
 
 
 def difference_quotients(derivative: Derivative, t: float, u: Array, f: Array) -> Array:
-    """Derivative of f by u from forward differences, shape (n_u, n_u); for n_u evaluations."""
+    """Return the Jacobian of f by forward differences, shape (n_u, n_u), from n_u evaluations."""
     J = np.empty((len(u), len(u)))
     for j in range(len(u)):
         moved = u.copy()
@@ -159,7 +159,7 @@ class ExplicitStep:
         """Forget earlier steps."""
 
     def attempt(self, t: float, u: Array, f: Array, h: float) -> tuple[Array, float]:
-        """End of a step of length h, shape (n_u,), and its scaled error: not finite where the step failed."""
+        """Return the end of a step of length h, shape (n_u,), and its scaled error; not finite where it failed."""
         method = self.method
         s, d = len(method.b), len(method.c_dense)
         k = self._k = np.empty((s + 1 + d, len(u)))
@@ -176,7 +176,15 @@ class ExplicitStep:
         return end, error
 
     def piece(self, t: float, u: Array, h: float, end: Array, f_end: Array) -> Nested:
-        """Dense output of the step attempted last, to a settled end and its derivative."""
+        """Return the dense output of the last attempted step.
+
+        Parameters
+        ----------
+        t, h : float, s
+            Start and length of the step.
+        u, end, f_end : ndarray, shape (n_u,)
+            Start, settled end, and the derivative at the settled end.
+        """
         method, k = self.method, self._k
         s = len(method.b)
         k[s] = f_end
@@ -186,7 +194,7 @@ class ExplicitStep:
 
 
 def _hermite(u: Array, end: Array, hf: Array, hf_end: Array) -> Array:
-    """F_0 to F_2, shape (3, n_u)."""
+    """Return F_0 to F_2, shape (3, n_u)."""
     change = end - u
     return np.array([change, hf - change, 2 * change - hf - hf_end])
 
@@ -244,7 +252,7 @@ class CollocationStep:
         return self._factors[1:]
 
     def attempt(self, t: float, u: Array, f: Array, h: float) -> tuple[Array, float]:
-        """End of a step of length h, shape (n_u,), and its scaled error: not finite where the step failed."""
+        """Return the end of a step of length h, shape (n_u,), and its scaled error; not finite where it failed."""
         if not self._J.size or self._slow:
             self._linearise(t, u, f)
         Z = self._solve(t, u, h)
@@ -260,7 +268,7 @@ class CollocationStep:
         return end, root_mean_square(lu_solve(real, f + self.method.e @ Z / h) / scale)
 
     def _solve(self, t: float, u: Array, h: float) -> Array | None:
-        """Z of a step by simplified Newton iteration, shape (3, n_u); None where it does not converge."""
+        """Solve for Z of a step by simplified Newton iteration, shape (3, n_u); None where it diverges."""
         method, scale = self.method, self._tolerance * (1.0 + np.abs(u))
         real, pair = self._factorise(h)
         Z: Array = np.zeros((3, len(u))) if self._last is None else self._last(t + method.c * h) - u
@@ -284,7 +292,12 @@ class CollocationStep:
         return None
 
     def piece(self, t: float, u: Array, h: float, end: Array, f_end: Array) -> Nested:
-        """Dense output of the step attempted last, to a settled end and its derivative."""
+        """Return the dense output of the last attempted step; arguments as of `ExplicitStep.piece`.
+
+        Parameters
+        ----------
+        t, h, u, end, f_end : see `ExplicitStep.piece`
+        """
         x = self.method.c[0]
         F = _hermite(u, end, h * self._f, h * f_end)
         slope = F[0] + (1 - 2 * x) * F[1] + x * (2 - 3 * x) * F[2]
@@ -303,7 +316,18 @@ def begin(
     tolerance: float,
     counters: dict[str, int],
 ) -> OneStep:
-    """Steps of the method of these coefficients; the counters gain those that it has."""
+    """Return the stepper of a method.
+
+    Parameters
+    ----------
+    method : Explicit or Collocation
+    derivative, jacobian : callable
+        ``f(t, u)``, shape (n_u,), and its Jacobian ``J(t, u, f)``, shape (n_u, n_u).
+    tolerance : float
+        Bound on the scaled local error.
+    counters : dict
+        Updated: gains the counters of the method.
+    """
     if isinstance(method, Explicit):
         return ExplicitStep(method, derivative, tolerance, counters)
     return CollocationStep(method, derivative, jacobian, tolerance, counters)

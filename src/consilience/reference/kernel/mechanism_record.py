@@ -1,15 +1,14 @@
-"""Tuples of arrays that kernels read through one address.
+"""Records of named tuples of arrays, which kernels read through one address.
 
-Numba takes a tuple to pieces: every array of it comes out of its object at each call from Python, and goes on from
-kernel to kernel as seven numbers or more. A mechanism has some hundred and fifty arrays. What is held is written down
-once, as words of eight bytes that never change; Python gives a kernel its address, kernels hand that on, and a number
-or an array is loaded where it is used. LLVM is told that the words do not change, so that it may load them once.
+Numba unboxes every array of a tuple at each call from Python, and passes it between kernels as seven or more values; a
+mechanism has about 150 arrays. A record stores the fields once, as words of eight bytes that never change: an array as
+its address, shape and strides, a number as itself, a nested tuple as its words in place, None as nothing. Kernels pass
+the address of the words and load a field where it is used; the loads are marked invariant for LLVM.
 
-A field reads as that of the tuple does: ``rest.fronts.W`` is the same code for both. Tuples within the tuple are part
-of the same words; a field that is None is None.
+In a kernel a field of a record reads like a field of the tuple: ``closure.qr.W``.
 
-Numba asks Python for the type of an object that it does not know: two microseconds. Where that counts, the words
-themselves are given (`words_of`), an array whose type it knows at once, and the kernel says `opened`.
+Numba asks Python for the type of an unknown object, which takes microseconds. For frequent calls `record_array` wraps
+the words in a NumPy array, whose type Numba knows; the kernel then calls `fields_of`.
 """
 
 from __future__ import annotations
@@ -44,15 +43,15 @@ _WORD = 8
 T = TypeVar("T")
 
 _RECORD_TYPES: dict[str, RecordType] = {}
-"""Types of the words given to kernels, by name."""
+"""Types of the records given as arrays, by name."""
 
 _NUMBERS = (types.int64, types.float64, types.boolean)
 
 
 class RecordType(types.Type):  # type: ignore[misc]
-    """Type of what is held: names and types of the fields, and the word at which each begins.
+    """Numba type of a record: names and types of the fields, and the word at which each begins.
 
-    Symbols carry the name of every type of their arguments; it is short, where that of a tuple spells out all fields.
+    The name is a short digest, because symbols of kernels contain the names of all argument types.
     """
 
     def __init__(self, name: str, fields: tuple[tuple[str, types.Type], ...]) -> None:
@@ -80,8 +79,7 @@ def _type_of(value: Any) -> types.Type:
     if isinstance(value, MechanismRecord):
         return value.numba_type
     if isinstance(value, tuple):
-        return _record_type(type(value).__name__, type(value)._fields, tuple(map(_type_of, value)))  # type:
-        ignore[attr - defined]
+        return _record_type(type(value).__name__, type(value)._fields, tuple(map(_type_of, value)))  # type: ignore[attr-defined]
     kind = typeof(value)
     if not (kind in _NUMBERS or isinstance(kind, types.Array | types.NoneType)):
         raise TypeError(f"{kind} cannot be held: give arrays, int, float, bool, None, or named tuples of them")
@@ -89,7 +87,10 @@ def _type_of(value: Any) -> types.Type:
 
 
 def record_array(value: T) -> T:
-    """Words of a named tuple, for kernels that say `opened`; they keep it alive."""
+    """Return the words of a named tuple as an array, for kernels that call `fields_of`.
+
+    The array keeps the tuple alive.
+    """
     if config.DISABLE_JIT:
         return value
     kind = _type_of(value)
@@ -100,7 +101,7 @@ def record_array(value: T) -> T:
 
 
 def fields_of(words: T) -> T:
-    """In a kernel: the tuple whose words are given."""
+    """Return, in a kernel, the record whose words an array holds."""
     return words
 
 
@@ -121,7 +122,7 @@ def _fields_of(words):  # type: ignore[no-untyped-def] # Numba compares this lin
 
 
 def _words(value: Any) -> Iterator[int]:
-    """Words of a value, as integers."""
+    """Yield the words of a value as integers."""
     if isinstance(value, MechanismRecord | tuple):
         for one in value:
             yield from _words(one)
@@ -134,15 +135,15 @@ def _words(value: Any) -> Iterator[int]:
 
 
 class MechanismRecord:
-    """What kernels read through one address; it keeps the arrays alive. Made by `hold`.
+    """A named tuple that kernels read through one address; keeps its arrays alive. Made by `record_of`.
 
-    Python reads fields as of the tuple, too.
+    Python reads the fields like those of the tuple.
 
     Attributes
     ----------
     address : int
-        Of the words.
-    numba_type : HeldType
+        Address of the words.
+    numba_type : RecordType
     """
 
     __slots__ = ("_memory", "_tuple", "address", "numba_type")
@@ -160,7 +161,9 @@ class MechanismRecord:
 
 
 def record_of(value: T) -> T:
-    """A named tuple of arrays and numbers, for kernels; as it is where they are not compiled, and where it is None.
+    """Return the record of a named tuple of arrays and numbers.
+
+    None is returned as it is, and where Numba is disabled, any tuple.
 
     Raises
     ------
@@ -177,7 +180,7 @@ def _typeof_record(value: MechanismRecord, context: object) -> RecordType:
 
 @register_model(RecordType)
 class _Address(models.OpaqueModel):  # type: ignore[misc]
-    """An address, to Numba."""
+    """Numba's data model of a record: an address."""
 
 
 @unbox(RecordType)
@@ -190,7 +193,7 @@ def _unbox(kind: RecordType, value: Any, c: Any) -> NativeValue:
 
 @infer_getattr
 class _Fields(AttributeTemplate):  # type: ignore[misc]
-    """Types of the fields, to Numba."""
+    """Types of the fields of a record for Numba."""
 
     key = RecordType
 
@@ -200,7 +203,7 @@ class _Fields(AttributeTemplate):  # type: ignore[misc]
 
 @lower_getattr_generic(RecordType)
 def _field(context: Any, builder: Any, kind: RecordType, address: Any, field: str) -> Any:
-    """Instructions that load a field."""
+    """Generate the instructions that load a field."""
     wanted, first = kind.fields[field], kind.begins[field]
 
     def load(n: int, as_type: Any) -> Any:
@@ -221,7 +224,7 @@ def _field(context: Any, builder: Any, kind: RecordType, address: Any, field: st
 
 
 def _array(context: Any, builder: Any, kind: types.Array, load: Any) -> Any:
-    """An array that owns nothing, of words that `load` gives."""
+    """Generate an array without ownership from the words that `load` returns."""
     array = make_array(kind)(context, builder)
     item, size = context.get_data_type(kind.dtype), context.get_value_type(types.intp)
     shape = [load(1 + n, size) for n in range(kind.ndim)]

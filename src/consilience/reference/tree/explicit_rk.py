@@ -1,8 +1,11 @@
-"""Adaptive explicit Runge-Kutta methods of order 8 in the state z, with projection after every step.
+"""Adaptive explicit Runge-Kutta pairs of order 8 in the state z, with projection after every step.
 
-Step control as in `integrators.dop853`, every component scaled by the tolerance times the size of its kind. Samples do
-not shorten steps: they come from the dense output of the method [Hairer, Norsett, Wanner, section II.10], a polynomial
-of degree seven for three or four evaluations more in each step that holds samples, and are projected like the steps.
+The error estimate is that of `formulations.compiled_dop853`, each component scaled by the tolerance times the size of
+its kind [Hairer, Norsett, Wanner, section II.10]. Samples do not shorten steps: they are taken from the dense output, a
+polynomial of degree seven that costs three or four evaluations in a step with samples, and are projected.
+
+Stiffness: the last stage z_s of a step and its end z are two states at nearly one time, and ``|f(z) - f(z_s)| /
+|z - z_s|`` estimates the fastest rate of decay |lambda| [Hairer and Wanner, section IV.2].
 """
 
 from __future__ import annotations
@@ -32,26 +35,25 @@ from consilience.reference.tree.projection import (
 from consilience.reference.tree.step_control import component_sizes, first_step_length, next_sample, step_length
 
 BEGIN, SECOND, END = np.array([0, 1, STAGES])
-"""Stages: the first two, and that at the end of a step. They are numbers of NumPy, as kernels are compiled anew for
-each Python number that is written out where they are called."""
+"""First two stages, and the stage at the end of a step, as NumPy integers: see `records`."""
 
 UNSUITABLE = 3
-"""Status of a motion that is left to another integrator."""
+"""Status of a motion that another integrator has to take."""
 
 STIFF_STEP, STIFF_STEPS, FEWEST_STEPS_LEFT = 3.5, 15, 100
-"""A motion is stiff for a method where so many steps, less the others, times the fastest rate of decay are as long as
-this: longer than accuracy asks for, and close to what the method's stability allows, 6 [Hairer and Wanner, IV.2]. It is
-left to another method if there are more than so many steps to go."""
+"""Declare stiffness when h |lambda| exceeds 3.5 on 15 more steps than not, with more than 100 steps to go. The
+stability limit of the pairs is about 6; accuracy alone asks for shorter steps.
+"""
 
 LARGEST_FIRST = 1e4
-"""Largest growth of the step directly after the first one, which is a guess from a single slope."""
+"""Largest growth of the step after the first one, whose length is a guess from a single derivative."""
 
 SAFETY = 0.8
-"""Safety factor of the step size: with 0.9 a quarter of the steps of a pendulum or linkage are taken in vain."""
+"""Safety factor of the step size, chosen for few rejected steps."""
 
 
 class ExplicitScratch(NamedTuple):
-    """What a run writes into: made once, so that nothing else makes arrays."""
+    """Work arrays of an integration."""
 
     K: Array  # (17, n_z) derivatives at the stages
     end: Array  # (n_z,) end of the step
@@ -64,7 +66,7 @@ class ExplicitScratch(NamedTuple):
 
 
 def scratch(z: Array, closure: LoopClosure | None) -> ExplicitScratch:
-    """Scratch of a run from the state z."""
+    """Return work arrays for a motion from the state z."""
     rows, groups = (0, 0) if closure is None else (len(closure.qr.order), len(closure.qr.state))
     return ExplicitScratch(
         K=np.zeros((STAGES_AT_MOST, len(z))),
@@ -80,7 +82,7 @@ def scratch(z: Array, closure: LoopClosure | None) -> ExplicitScratch:
 
 @inner
 def _error(kind: Array, K: Array, h: float, size: Array, estimate: Array, power: float) -> float:
-    """Scaled error estimate of a step."""
+    """Return the scaled error estimate of a step."""
     error = lower = 0.0
     count = K.shape[1]
     for n in range(count):
@@ -98,7 +100,7 @@ def _error(kind: Array, K: Array, h: float, size: Array, estimate: Array, power:
 
 @inner
 def _stage(table: Array, z: Array, K: Array, h: float, i: int, trial: Array) -> None:
-    """State at which a stage is evaluated."""
+    """Compute the state at which a stage is evaluated."""
     for n in range(z.shape[0]):
         trial[n] = z[n]
     for j in range(i):
@@ -125,7 +127,7 @@ def _evaluate(
     last: int,
     state: Array,
 ) -> None:
-    """Derivatives of some stages of a step that begins at z and, where it is known, ends at `end`."""
+    """Evaluate stages `first` to `last` - 1 of a step from z; its end is `end`, where known."""
     for i in range(first, last):
         if i == END:
             assign(state, end)
@@ -136,7 +138,7 @@ def _evaluate(
 
 @kernel
 def _polynomial(dense: Array, z: Array, end: Array, K: Array, h: float, F: Array) -> None:
-    """Dense output of a step, F of shape (7, n_z), in the nested form of `integrators.tableaus`."""
+    """Compute the dense output of a step, F of shape (7, n_z), in the nested form of `integrators.tableaus`."""
     for n in range(z.shape[0]):
         F[0, n] = end[n] - z[n]
         F[1, n] = h * K[0, n] - F[0, n]
@@ -150,7 +152,7 @@ def _polynomial(dense: Array, z: Array, end: Array, K: Array, h: float, F: Array
 
 @kernel
 def dense_output(z: Array, F: Array, x: float, state: Array) -> None:
-    """State at the part x of a step."""
+    """Evaluate the dense output F at the fraction x of a step."""
     for n in range(z.shape[0]):
         total = 0.0
         for i in range(F.shape[0] - 1, -1, -1):
@@ -172,7 +174,19 @@ def record_samples_within(
     motion: Array,
     scratch: ExplicitScratch,
 ) -> None:
-    """Record the bodies at times within a step."""
+    """Record the bodies at times within a step, each state projected.
+
+    Parameters
+    ----------
+    tree, closure, spatial, elements, planar, z : see `arrays`
+    t, step : float, s
+        Start and length of the step.
+    times : ndarray, shape (n,), s
+    motion : ndarray, shape (n, n_b + n_e, 13)
+        Overwritten.
+    scratch : ExplicitScratch or RadauScratch
+        Holds the dense output F.
+    """
     if closure is not None:
         # the rows chosen at the end of the step are those for the next one
         assign(scratch.order, closure.qr.order)
@@ -205,9 +219,9 @@ def _record_step(
     first_after: int,
     scratch: ExplicitScratch,
 ) -> tuple[int, int]:
-    """Record the samples of a step, from the first; the number of the next one, and the next stage not known.
+    """Record the samples of a step; return the index of the next sample, and the first stage not yet known.
 
-    `inner` is the first that is not within the step; where its end is `seen`, it is there.
+    `first` is the next sample, `first_after` the first sample that is not within the step; at a sample, it is its end.
     """
     sample = first_after
     if at_sample:
@@ -237,7 +251,7 @@ def _record_step(
 
 @inner
 def _advance(z: Array, end: Array, K: Array, first: int) -> None:
-    """Go on to the end of a step, whose derivative is the first stage of the next one where that is known."""
+    """Replace z by the end of a step; its derivative, where known, becomes the first stage of the next step."""
     for n in range(z.shape[0]):
         z[n] = end[n]
         if first == SECOND:
@@ -260,7 +274,7 @@ def _attempt(
     counters: Array,
     scratch: ExplicitScratch,
 ) -> float:
-    """Evaluate stages `first` to `last` of a step; its end into the scratch, and its scaled error."""
+    """Evaluate stages `first` to `last` - 1 of a step; store its end in the scratch and return its scaled error."""
     K, size = scratch.K, scratch.size
     _evaluate(tree, closure, spatial, elements, planar, pair, z, z, K, t, step, first, last, scratch.state)
     counters[EVALUATIONS] += last - first
@@ -271,7 +285,7 @@ def _attempt(
 
 @inner
 def _decay_rate(kind: Array, z: Array, f: Array, last_stage: Array, size: Array, tolerance: float) -> float:
-    """Rate at which what is between a step's end and its last stage decays; none where they are as good as equal."""
+    """Return the rate of decay between the last stage of a step and its end; zero where they agree to rounding."""
     states = slopes = 0.0
     for n in range(z.shape[0]):
         states += ((z[n] - last_stage[0, n]) / size[kind[n]]) ** 2
@@ -297,7 +311,7 @@ def _integrate(
     counters: Array,
     stop_if_stiff: bool,
 ) -> int:
-    """`integrate`, compiled for what a mechanism has: where an argument is None, there is none."""
+    """Integrate as `integrate`, compiled for each combination of arguments that are None."""
     t, last, sample = times[0], times[-1], SECOND
     K, end = scratch.K, scratch.end
     counters[:] = 0
@@ -375,21 +389,26 @@ def integrate(
 
     Parameters
     ----------
-    run, method : Run and Method, their words
+    run, pair : KernelArguments and RungeKuttaPair
+        As record arrays (`record_array`).
     z : ndarray, shape (n_z,)
         Initial state; overwritten by the last.
     times : ndarray, shape (n_t,), s
-    tolerance, longest : float
-        Bounds on the scaled local error, and on the steps in s.
-    motion, counters : ndarray, shapes (n_t, n_b + n_e, 13) and (3,)
-        Overwritten; counters are accepted steps, rejected steps, evaluations.
-    leaves : bool
-        Whether a stiff motion is left to another method.
+    tolerance : float
+        Bound on the scaled local error.
+    longest : float, s
+        Bound on the steps.
+    motion : ndarray, shape (n_t, n_b + n_e, 13)
+        Overwritten: bodies as in `reference.bodies`.
+    counters : ndarray of int, shape (3,)
+        Overwritten: accepted steps, rejected steps, evaluations.
+    stop_if_stiff : bool
+        Whether to return UNSUITABLE once the motion is found stiff.
 
     Returns
     -------
     int
-        Key of `integrators.dop853.STATUS`, or `LEFT`.
+        Key of `integrators.step_control.STATUS`, or UNSUITABLE.
     """
     on, pair = fields_of(run), fields_of(pair)
     return _integrate(

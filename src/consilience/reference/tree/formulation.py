@@ -1,8 +1,7 @@
 """Minimal form in relative joint coordinates, as `consilience.reference.formulations.protocol.Formulation`.
 
-The kernels are those of `consilience.reference.tree`. Coordinates ``u = (z, angles, rank)``: the state z of the
-tree joints, the joint coordinates that elements read, turns counted, and the rank of the rows that close loops, as in
-`consilience.reference.formulations.body_velocities`.
+Coordinates ``u = (z, turns, rank)``: the state z of `arrays`, the joint coordinates that elements read, turns counted,
+and the rank of the rows that close loops, as in `consilience.reference.formulations.body_velocities`.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ from consilience.reference.tree.state import pack_relative
 
 
 def unsupported(mechanism: Mechanism) -> tuple[Unsupported, ...]:
-    """Nothing: the kernels know every joint and element."""
+    """Return no reason: the kernels support every joint and element."""
     return ()
 
 
@@ -45,7 +44,12 @@ def unsupported(mechanism: Mechanism) -> tuple[Unsupported, ...]:
 def differentiate(
     closure: LoopClosure, spatial: Spatial, elements: TreeElements | None, planar: Planar, t: float, z: Array, dz: Array
 ) -> None:
-    """`derivative`, for Python."""
+    """Call `loop_derivative` from Python.
+
+    Parameters
+    ----------
+    closure, spatial, elements, planar, t, z, dz : see `arrays`
+    """
     loop_derivative(closure, spatial, elements, planar, t, z, dz)
 
 
@@ -59,13 +63,18 @@ def close(
     z: Array,
     at_sample: bool,
 ) -> None:
-    """`project`, for Python."""
+    """Call `project` from Python.
+
+    Parameters
+    ----------
+    closure, spatial, elements, planar, t, z, at_sample : see `arrays`
+    """
     project(closure, spatial, elements, planar, t, z, at_sample)
 
 
 @kernel
 def _angle_rates(elements: TreeElements, y: Array, A: Array, turning: Array) -> None:
-    """Derivatives of the angles, bodies as they are placed."""
+    """Compute the rates of the joint coordinates that elements read, from the placed bodies."""
     for n in range(turning.shape[0]):
         turning[n] = coordinate(elements.model, y, A, n, elements.turns[n]).rate
 
@@ -84,7 +93,7 @@ class RelativeCoordinates:
         self._records = record_of(arrays.closure), record_of(arrays.spatial), record_of(arrays.elements), None
 
     def coordinates(self, state: State) -> Array:
-        """Coordinates u of a consistent state: angles within half a turn of zero, integrals of controllers zero."""
+        """Return u of a consistent state: angles within half a turn of zero, integrals of controllers zero."""
         z = pack_relative(self._links, self._tree, self._model, state)
         self._place(z)
         turns = self._count_turns(np.zeros(len(self._model.coordinate)))
@@ -92,13 +101,13 @@ class RelativeCoordinates:
         return np.concatenate([z, turns, self._rest.rank_limit])
 
     def state(self, u: Array) -> State:
-        """Canonical state of u."""
+        """Return the canonical state of u."""
         self._place(self._split(u)[0])
         fill_euler_parameters(self._space.A, self._space.y)
         return State(*unpack(self.mechanism, self._space.y.copy()))
 
     def derivative(self, t: float, u: Array) -> Array:
-        """``du/dt`` at the time t, shape (n_u,)."""
+        """Return ``du/dt`` at the time t, shape (n_u,)."""
         z, turns = self._split(u)
         du = np.zeros(len(u))
         dz, turning = self._split(du)
@@ -111,7 +120,7 @@ class RelativeCoordinates:
         return du
 
     def settle(self, t: float, u: Array) -> Array:
-        """New array: u projected onto the closed loops, with the angles and the rank found there."""
+        """Return u projected onto the constraint manifold, a new array, with the turns and the rank found there."""
         z, turns = self._split(np.array(u, dtype=float))
         if self._elements is not None:
             self._elements.turns[:] = turns
@@ -130,7 +139,7 @@ class RelativeCoordinates:
         return at_origins(self.mechanism, self._space.y, a)
 
     def reactions(self, state: State, t: float = 0.0) -> tuple[Array, Array]:
-        """Joint reactions from the equations of motion of the bodies, of least norm where rows leave them open."""
+        """Return joint reactions from the equations of motion of the bodies; of least norm where not determined."""
         a, ws = self._bodies(state, t), record_of(workspace(self._model)._replace(A=self._space.A))
         turns = self._count_turns(np.zeros(len(self._model.coordinate)))
         constraints.evaluate(self._model, t, self._space.y, turns, ws)
@@ -144,7 +153,7 @@ class RelativeCoordinates:
         return ws.f
 
     def _bodies(self, state: State, t: float) -> Array:
-        """Accelerations (dv/dt, dw'/dt) of all bodies, shape (6 n_b,), with the bodies placed at the state."""
+        """Return the accelerations (dv/dt, dw'/dt) of all bodies, shape (6 n_b,), and place the bodies at the state."""
         u = self.coordinates(state)
         self.derivative(t, u)
         place_bodies(self._links.layout, self._rest.link, self._space.y, self._space.A)
@@ -158,7 +167,7 @@ class RelativeCoordinates:
         return a.ravel()
 
     def _count_turns(self, turns: Array) -> Array:
-        """Angles that elements read, of the bodies as they are placed, their turns counted from those before."""
+        """Return the joint coordinates that elements read, from the placed bodies, with turns counted."""
         if self._elements is None:
             return turns
         self._elements.turns[:] = turns
@@ -170,6 +179,6 @@ class RelativeCoordinates:
         place_links_and_bodies(closure.layout, closure.link, closure.free, closure.first_speed, z, spatial.y, spatial.A)
 
     def _split(self, u: Array) -> tuple[Array, Array]:
-        """Views of u: z and the angles."""
+        """Return views of u: z and the turns."""
         count = len(self._links.kind)
         return u[:count], u[count:-1]

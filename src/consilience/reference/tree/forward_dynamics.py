@@ -1,4 +1,7 @@
-"""Forward dynamics in joint coordinates: accelerations at one state, at many states, for many sets of parameters."""
+"""Forward dynamics in joint coordinates: accelerations at one state, at many states, for many sets of parameters.
+
+Trees use the articulated-body algorithm [Featherstone 2008, table 7.1], loops the equations of `dynamics`.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +39,7 @@ from consilience.reference.tree.state import pack_relative
 
 @kernel
 def _tree_accelerations_at(link: Array, free: Array, q: Array, v: Array, out: Array) -> bool:
-    """Accelerations of a tree without elements; False if the numbers of coordinates are wrong."""
+    """Compute the accelerations of a tree; return False if the numbers of coordinates are wrong."""
     n = free.shape[0]
     if len(q) != link[link.shape[0] - 1, COORDINATE] or len(v) != n or len(out) != n:
         return False
@@ -46,7 +49,7 @@ def _tree_accelerations_at(link: Array, free: Array, q: Array, v: Array, out: Ar
 
 @threaded
 def _tree_accelerations_each(link: Array, free: Array, constants: Array, q: Array, v: Array, out: Array) -> None:
-    """`_at` of each row; of constants, shape (n, n_b + 1, 31), if there are any."""
+    """Compute the accelerations of a tree at each row of q and v, with row i of the constants if there are any."""
     for i in range(q.shape[0]):
         if constants.shape[0]:
             for k in range(link.shape[0]):
@@ -66,7 +69,7 @@ def _accelerations_each(
     z: Array,
     out: Array,
 ) -> None:
-    """Accelerations of any mechanism at each row, its independent rows chosen anew at each state."""
+    """Compute the accelerations of any mechanism at each row of q and v; select independent rows at each state."""
     for i in range(q.shape[0]):
         for n in range(q.shape[1]):
             z[n] = q[i, n]
@@ -84,7 +87,7 @@ def _accelerations_each(
 
 
 _PARTS = 8
-"""Parts that the states of a batch are divided into for each thread."""
+"""Number of parts into which the states of a batch are divided for each thread."""
 
 
 class ForwardDynamics:
@@ -279,12 +282,12 @@ class ForwardDynamics:
         return q, v
 
     def _new_system(self) -> tuple[TreeArrays, LoopClosure, Spatial, TreeElements | None]:
-        """The tree and, held, what else there is, with arrays of their own."""
+        """Return the tree and the records of all other arrays, with arrays of their own."""
         tree, closure, spatial, elements, _ = tree_system(self.mechanism, self._links, self._tree, self._model)
         return tree, record_of(closure), record_of(spatial), record_of(elements)
 
     def _fill(self, n: int, q: Array, v: Array, t: float, constants: Array, out: Array) -> None:
-        """Accelerations at rows of states, with the n-th set of working arrays."""
+        """Compute accelerations at rows of states, with the n-th set of work arrays."""
         tree, *others = self._systems[n]
         if self._is_tree:
             # constants of parameter sets must not stay behind
@@ -295,7 +298,7 @@ class ForwardDynamics:
 
 
 def _compile_once(link: Array, free: Array, n_q: int) -> None:
-    """Compile `_at` for contiguous arrays of floats, once, and for nothing else: others are converted instead."""
+    """Compile `_tree_accelerations_at` for contiguous arrays of floats alone: other arrays are converted."""
     _tree_accelerations_at(link, free, np.ones(n_q), np.zeros(len(free)), np.empty(len(free)))
     if hasattr(_tree_accelerations_at, "disable_compile"):  # without Numba's compiler it is a plain function
         _tree_accelerations_at.disable_compile()

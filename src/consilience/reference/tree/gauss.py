@@ -1,12 +1,12 @@
-"""Collocation at the Gauss points in the state z, of order 16: an integrator that shares nothing with `integrate`.
+"""Collocation at the Gauss points in the state z, of order 16: an integrator independent of `explicit_rk`.
 
-With the nodes c of Gauss's quadrature of eight points, the stages obey [Hairer, Norsett, Wanner, section II.7]
+With the nodes c of Gauss quadrature with eight points, the stages obey [Hairer, Norsett, Wanner, section II.7]
 
     K_i = f(t + c_i h, z + h sum_j a_ij K_j),     z_1 = z + h sum_i b_i K_i,
 
-a_ij the integral of Lagrange's polynomial j up to c_i. They are found by iteration, one stage after the other, from the
-polynomial of the step before. Its last divided difference, of order 7, tells how well a polynomial follows the motion;
-the error of the step is of the square of that. Steps end at samples, where the order is the full one.
+a_ij being the integral of Lagrange polynomial j up to c_i. The stages are found by Gauss-Seidel iteration from the
+polynomial of the step before. The last divided difference of the stages, of order 7, measures how well a polynomial
+follows the motion; the error of the step is proportional to its square. Steps end at samples, where the order is 16.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ from consilience.reference.tree.step_control import component_sizes
 
 STAGES = 8
 MOST_ITERATIONS = 14
-"""Where they do not settle in so many, the step is halved."""
+"""Iterations after which the step is halved."""
 
 LARGEST, SMALLEST, SAFETY = 3.0, 0.3, 0.9
 
 
 class GaussScratch(NamedTuple):
-    """What a run writes into."""
+    """Work arrays of an integration."""
 
     K: Array  # (8, n_z) stages of the last step
     guess: Array  # (8, n_z) of the next one
@@ -44,7 +44,7 @@ class GaussScratch(NamedTuple):
 
 
 def gauss_scratch(z: Array, closure: LoopClosure | None) -> GaussScratch:
-    """Scratch of a run from the state z."""
+    """Return work arrays for a motion from the state z."""
     count = len(z)
     return GaussScratch(
         np.zeros((STAGES, count)), np.zeros((STAGES, count)), np.empty(count), np.empty(count), np.empty(5)
@@ -52,7 +52,7 @@ def gauss_scratch(z: Array, closure: LoopClosure | None) -> GaussScratch:
 
 
 def lagrange_integrals(x: Array, weights: Array) -> Array:
-    """Integrals of Lagrange's polynomials from -1 to each node: by Legendre's, in which nothing cancels."""
+    """Return the integrals of the Lagrange polynomials from -1 to each node, by Legendre series."""
     P = legvander(x, len(x))
     total = np.outer(x + 1.0, np.ones_like(x))
     for k in range(1, len(x)):
@@ -63,13 +63,14 @@ def lagrange_integrals(x: Array, weights: Array) -> Array:
 _NODES, _WEIGHTS = leggauss(STAGES)
 C, B, A = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS, 0.5 * lagrange_integrals(_NODES, _WEIGHTS)
 DIFFERENCE = np.array([1.0 / np.prod(C[j] - np.delete(C, j)) for j in range(STAGES)])
+"""Weights of the last divided difference of the stages; their magnitudes sum to one."""
 DIFFERENCE /= np.sum(np.abs(DIFFERENCE))
 """Weights of the last divided difference of the stages, scaled to a mean."""
 
 
 @inner
 def _extrapolate(K: Array, ratio: float, guess: Array) -> None:
-    """Stages of the next step, `ratio` times as long, by the polynomial through those of the last one."""
+    """Extrapolate the stages of the next step, `ratio` times as long, from the polynomial through the last ones."""
     for i in range(STAGES):
         x = 1.0 + C[i] * ratio
         guess[i, :] = 0.0
@@ -94,7 +95,7 @@ def _iterate(
     counters: Array,
     scratch: GaussScratch,
 ) -> bool:
-    """Iterate the guessed stages in place; whether they settle to rounding."""
+    """Iterate the guessed stages in place; return whether they converge to rounding."""
     K, size, trial, found = scratch.guess, scratch.size, scratch.trial, scratch.found
     last = np.inf
     for _ in range(MOST_ITERATIONS):
@@ -119,7 +120,7 @@ def _iterate(
 
 @inner
 def _roughness(kind: Array, K: Array, h: float, size: Array) -> float:
-    """Last divided difference of the stages, scaled: what a polynomial of lower degree would miss."""
+    """Return the scaled last divided difference of the stages."""
     largest = 0.0
     for n in range(K.shape[1]):
         total = 0.0
@@ -143,7 +144,7 @@ def _integrate(
     motion: Array,
     counters: Array,
 ) -> int:
-    """`integrate_gauss`, compiled for what a mechanism has."""
+    """Integrate as `integrate_gauss`, compiled for each combination of arguments that are None."""
     K, guess, size = scratch.K, scratch.guess, scratch.size
     counters[:] = 0
     begin_motion(tree, closure, spatial, elements, None, times[0], z)
@@ -187,7 +188,17 @@ def _integrate(
 def integrate_gauss(
     run: KernelArguments, z: Array, times: Array, tolerance: float, longest: float, motion: Array, counters: Array
 ) -> int:
-    """Integrate from ``times[0]`` and record the bodies at all sample times; arguments as in `integrate.integrate`."""
+    """Integrate from ``times[0]`` and record the bodies at all sample times.
+
+    Parameters
+    ----------
+    run, z, times, tolerance, longest, motion, counters : see `explicit_rk.integrate`
+
+    Returns
+    -------
+    int
+        Key of `integrators.step_control.STATUS`.
+    """
     on = fields_of(run)
     tree, closure, spatial, elements = on.tree, on.closure, on.spatial, on.elements
     return _integrate(tree, closure, spatial, elements, on.scratch, z, times, tolerance, longest, motion, counters)

@@ -281,7 +281,7 @@ def least_norm_forces(
     target: Array,
     free: Array,
 ) -> None:
-    """Add ``sqrt(D) zeta`` to the joint forces, with zeta of least norm in ``B^T zeta = target`` on the independent rows.
+    """Add ``sqrt(D) zeta`` to the joint forces, zeta of least norm in ``B^T zeta = target`` on independent rows.
 
     ``R^T y = target`` from the first front to the last, then ``zeta = H [y; 0]`` backwards.
 

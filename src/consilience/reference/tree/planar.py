@@ -1,7 +1,8 @@
-"""Links that move in parallel planes: `kinematics`, `articulated` and the sweeps of `fronts` in three numbers.
+"""Kinematics, articulated bodies and whitened responses in a plane, with three components instead of six.
 
-Motions are (linear, angular), wrenches (force, torque), in the axes e_1, e_2 of `plane` at centres of mass. An angular
-velocity w takes an arm d to ``w (-d_2, d_1)``, and moves a link with what is written out there as a cross product.
+The equations are those of `kinematics`, `articulated` and `multifrontal` [Featherstone 2008, table 7.1]. Motions are
+(linear, angular), wrenches (force, torque), in the axes e_1, e_2, n of `planar_detection` at centres of mass. An
+angular velocity w moves the end of an arm d with ``w (-d_2, d_1)``.
 """
 
 from __future__ import annotations
@@ -24,37 +25,37 @@ PlanarInertia = tuple[float, float, float, float, float, float]
 
 @fused
 def load_pair(table: Array, k: int, at: int) -> Pair:
-    """Two numbers of a row."""
+    """Return two numbers of a row, from column `at` on."""
     return table[k, at], table[k, at + 1]
 
 
 @fused
 def load_triple(table: Array, k: int, at: int) -> Triple:
-    """Three numbers of a row."""
+    """Return three numbers of a row, from column `at` on."""
     return table[k, at], table[k, at + 1], table[k, at + 2]
 
 
 @fused
 def store_pair(table: Array, k: int, at: int, a: Pair) -> None:
-    """Store two numbers in a row."""
+    """Store two numbers in a row, from column `at` on."""
     table[k, at], table[k, at + 1] = a
 
 
 @fused
 def store_triple(table: Array, k: int, at: int, a: Triple) -> None:
-    """Store three numbers in a row."""
+    """Store three numbers in a row, from column `at` on."""
     table[k, at], table[k, at + 1], table[k, at + 2] = a
 
 
 @fused
 def rotate_pair(turn: Pair, a: Pair) -> Pair:
-    """A vector turned by an angle of this cosine and sine."""
+    """Rotate a vector by the angle of this cosine and sine."""
     return turn[0] * a[0] - turn[1] * a[1], turn[1] * a[0] + turn[0] * a[1]
 
 
 @fused
 def planar_power(a: Triple, b: Triple) -> float:
-    """Power of a wrench in a motion."""
+    """Return the power of a wrench on a motion."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
@@ -62,7 +63,7 @@ def planar_power(a: Triple, b: Triple) -> float:
 def _joint_displacement(
     link: Array, free: Array, k: int, q: Array, v: Array, turn: Pair, spin: float
 ) -> tuple[Pair, Pair, Pair]:
-    """Displacement of a joint, its speed, and what is quadratic in speeds; fills S of the directions."""
+    """Return displacement, velocity and velocity-product acceleration of a joint; fill S of its displacements."""
     sense, displacement, speed, bent = link[k, col.SENSE], (0.0, 0.0), (0.0, 0.0), (0.0, 0.0)
     for n in range(int(link[k, col.FIRST]), int(link[k, col.LAST]) - (1 if link[k, col.ROTATION_SENSE] != 0.0 else 0)):
         e, u = rotate_pair(turn, load_pair(free, n, col.DIRECTION)), sense * v[n]
@@ -75,9 +76,9 @@ def _joint_displacement(
 
 @inner
 def place_planar_links(link: Array, free: Array, q: Array, v: Array) -> None:
-    """Fill the rows of all links from COS to BIAS, and S, at coordinates q and speeds v; biases are of gravity alone.
+    """Fill columns COS to BIAS of all links, and S of all directions, at coordinates q and speeds v.
 
-    q may go on behind the coordinates, so that a whole state z will do.
+    Biases are of gravity alone. q may be longer than the coordinates: a whole state z will do.
     """
     for k in range(link.shape[0] - 1):
         p, sense, turn_sense, last = (
@@ -134,7 +135,7 @@ def place_planar_links(link: Array, free: Array, q: Array, v: Array) -> None:
 
 @fused
 def inertia_times(I: PlanarInertia, a: Triple) -> Triple:
-    """``I a``."""
+    """Return ``I a``."""
     return (
         I[0] * a[0] + I[1] * a[1] + I[3] * a[2],
         I[1] * a[0] + I[2] * a[1] + I[4] * a[2],
@@ -144,14 +145,14 @@ def inertia_times(I: PlanarInertia, a: Triple) -> Triple:
 
 @fused
 def _rank_one_update(I: PlanarInertia, x: Triple, factor: float) -> PlanarInertia:
-    """``I - factor x x^T``."""
+    """Return ``I - factor x x^T``."""
     a, b, c = factor * x[0], factor * x[1], factor * x[2]
     return I[0] - a * x[0], I[1] - a * x[1], I[2] - b * x[1], I[3] - a * x[2], I[4] - b * x[2], I[5] - c * x[2]
 
 
 @fused
 def load_planar_inertia(link: Array, k: int) -> PlanarInertia:
-    """Inertia in the row of a link."""
+    """Return the articulated inertia of a link."""
     return (
         link[k, col.ARTICULATED],
         link[k, col.ARTICULATED + 1],
@@ -177,7 +178,7 @@ def _add_shifted_inertia(link: Array, p: int, I: PlanarInertia, d: Pair) -> None
 
 @kernel
 def planar_inward_sweep(link: Array, free: Array, biased: bool) -> None:
-    """Articulated inertias, U and D, and where it is biased the remaining joint forces of the biases, overwritten."""
+    """Compute articulated inertias, U and D and, where `biased`, remaining joint forces; overwrites the biases."""
     for k in range(link.shape[0] - 2, -1, -1):
         I, f = load_planar_inertia(link, k), load_triple(link, k, col.BIAS)
         for n in range(int(link[k, col.LAST]) - 1, int(link[k, col.FIRST]) - 1, -1):
@@ -205,7 +206,7 @@ def planar_inward_sweep(link: Array, free: Array, biased: bool) -> None:
 
 @inner
 def planar_outward_sweep(link: Array, free: Array, u: Array, velocity_terms: float) -> None:
-    """Accelerations of the links and, into u, of the directions; moving: 1, at rest: 0."""
+    """Compute the accelerations of the links and, into u, of the free directions; see `arrays` for `velocity_terms`."""
     for k in range(link.shape[0] - 1):
         a, d, c = (
             load_triple(link, int(link[k, col.PARENT]), col.ACCELERATION),
@@ -223,7 +224,7 @@ def planar_outward_sweep(link: Array, free: Array, u: Array, velocity_terms: flo
 
 @fused
 def _store_row(touched: Array, row: int, W: Array, path: Array, first: int, last: int, wrench: Array) -> None:
-    """Wrenches of a row on the links of a path."""
+    """Set the wrenches on the links of a path to those of a row."""
     for m in range(first, last):
         store_triple(wrench, path[m], 0, (0.0, 0.0, 0.0))
     for at in range(TOUCHED):
@@ -248,7 +249,15 @@ def planar_responses(
     links: Array,
     free: Array,
 ) -> float:
-    """Fill the fronts with the responses to the rows used; the largest squared norm of a column."""
+    """Fill the fronts with the responses of the tree to the rows in use; return the largest squared norm of a column.
+
+    Parameters
+    ----------
+    group, touched, path, owner, order, state, W, wrench, F : see `loop_groups.Loops`, `loop_groups.MultifrontalQR`
+    layout, free : see `arrays`
+    links : ndarray
+        Table of the links, articulated inertias swept.
+    """
     clear_fronts(group, state, F)
     for n in range(free.shape[0]):
         free[n, col.INVERSE_ROOT] = 1.0 / np.sqrt(free[n, col.PIVOT])
@@ -280,7 +289,7 @@ def planar_responses(
 
 @kernel
 def place_planar_bodies(body: Array, link: Array, y: Array, A: Array) -> None:
-    """Fill y (but for the Euler parameters) and A from links that are placed."""
+    """Fill y (except Euler parameters) and A of all bodies from placed links."""
     for k in range(body.shape[0]):
         b, c, s, w = int(body[k, 0]), link[k, col.COS], link[k, col.SIN], link[k, col.SPIN]
         for r in range(3):

@@ -1,11 +1,11 @@
-"""Mechanisms that move in parallel planes: found once, and written down in the two coordinates that are left.
+"""Detection of mechanisms that move in parallel planes, and their arrays in the two coordinates of the plane.
 
-Where the axes of all turning joints on the way to the ground are parallel to a normal n, and all displacements
-orthogonal to it, a link keeps its distance from the plane and turns about n alone. Branches of the tree may have
-planes of their own if nothing but couplings of their coordinates connects them. Of its six equations of motion three
-remain, of a constraint row what it does in the plane; the others hold whatever the mechanism does. All vectors stand
-in the axes e_1, e_2 of the plane, those of a link as they are where all joint coordinates are zero: a link turned by
-the angle theta from there turns them by theta.
+Where the axes of all rotating joints between a link and the ground are parallel to a normal n, and all displacements
+are orthogonal to n, the link keeps its distance from the plane and rotates about n alone. Branches of the tree may have
+planes of their own if only couplings of their coordinates connect them. Three of the six equations of motion of a link
+remain, and of a constraint row its part in the plane; the other equations hold for every motion. All vectors are in the
+axes e_1, e_2 of the plane, vectors of a link as they are where all joint coordinates are zero: an angle theta of the
+link from there rotates them by theta.
 """
 
 from __future__ import annotations
@@ -35,17 +35,17 @@ from consilience.reference.tree.loop_groups import find_loop_groups
 from consilience.reference.tree.plane import PlanarArrays
 
 _ROUNDING_ANGLE = 1e-13
-"""Sine of an angle that is rounding."""
+"""Sine of an angle that counts as rounding."""
 ROUNDING_LENGTH = 1e-12
-"""Part of the length of a mechanism that is rounding, too."""
+"""Distance, as part of the length of a mechanism, that counts as rounding."""
 
 
 class _NotPlanar(Exception):
-    """Something moves out of the plane, or may."""
+    """Some link may move out of the plane."""
 
 
 class _ZeroPose(NamedTuple):
-    """Links and bodies where all joint coordinates are zero, world axes."""
+    """Links and bodies where all joint coordinates are zero, in world axes."""
 
     joint: Array  # (n_b, 3, 3) axes of the joint frame F, which are those of M there
     arm_parent: Array  # (n_b, 3)
@@ -74,12 +74,12 @@ def _zero_pose(links: TreeLinks) -> _ZeroPose:
 
 
 def _axes(links: TreeLinks, zero: _ZeroPose, k: int, first: int, last: int) -> Array:
-    """Axes of some directions of a link, as rows."""
+    """Return the axes of consecutive free directions of a link, as rows."""
     return np.asarray(zero.joint[k][:, links.direction[first:last, 1]].T)
 
 
 def _basis(normal: Array) -> Array:
-    """Axes of a plane and its normal, as rows."""
+    """Return two axes of a plane and its normal, as rows."""
     normal = normal / np.linalg.norm(normal)
     first = np.eye(3)[np.argmin(np.abs(normal))]
     first = first - (first @ normal) * normal
@@ -88,7 +88,7 @@ def _basis(normal: Array) -> Array:
 
 
 def _plane_bases(links: TreeLinks, zero: _ZeroPose) -> Array:
-    """Basis of the plane of each link, shape (n_b, 3, 3): the same for all links of a branch from the ground."""
+    """Return the basis of the plane of each link, shape (n_b, 3, 3): one for all links of a branch from the ground."""
     layout, count = links.layout, len(links.layout)
     root = np.arange(count)
     along, about = [np.zeros((0, 3)) for _ in range(count)], [np.zeros((0, 3)) for _ in range(count)]
@@ -116,7 +116,7 @@ def _plane_bases(links: TreeLinks, zero: _ZeroPose) -> Array:
 
 
 def _orthogonal_to(axes: Array) -> Array:
-    """A unit vector orthogonal to all axes, if there is one."""
+    """Return a unit vector orthogonal to all axes, if there is one."""
     return np.asarray(np.linalg.svd(np.vstack([np.zeros((3, 3)), axes]))[2][2])
 
 
@@ -148,14 +148,14 @@ def _free_table(links: TreeLinks, zero: _ZeroPose, bases: Array) -> Array:
 
 
 def _common_basis(bases: Array, i: int, j: int) -> Array:
-    """The plane of two links, one of which may be the ground (-1)."""
+    """Return the basis of the plane of two links, one of which may be the ground (-1)."""
     if min(i, j) >= 0 and not np.array_equal(bases[i], bases[j]):
         raise _NotPlanar
     return np.asarray(bases[max(i, j)])
 
 
 class _RowCollector:
-    """Collects forms, and the efforts that read them or act on links."""
+    """Collects the rows of a mechanism in a plane: constraint rows, then joint coordinates that elements read."""
 
     def __init__(self, links: TreeLinks, spanning: TreeModel, model: Model, zero: _ZeroPose, bases: Array) -> None:
         self.links, self.spanning, self.model, self.zero, self.bases = links, spanning, model, zero, bases
@@ -167,7 +167,7 @@ class _RowCollector:
         return False
 
     def add(self, joint: int, kind: int, target: float) -> bool:
-        """Add one of the basic constraint functions of a joint; False if it holds whatever the mechanism does."""
+        """Add a basic constraint function of a joint; return False if it holds for every motion in the plane."""
         model = self.model
         i, j = (int(self.zero.link[b[joint]]) for b in (model.body_i, model.body_j))
         basis = _common_basis(self.bases, i, j)
@@ -199,7 +199,7 @@ class _RowCollector:
         return True
 
     def coordinate(self, joint: int, kind: int) -> None:
-        """Add a joint coordinate that elements read. The turns of a joint that closes a loop are not counted."""
+        """Add a joint coordinate that elements read. Turns of a joint that closes a loop are not counted."""
         if self.model.pitch[joint]:
             raise _NotPlanar
         if kind != ANGLE:
@@ -249,7 +249,7 @@ def _loads(model: Model, zero: _ZeroPose, bases: Array) -> list[Array]:
 
 
 def _joint_forces(model: Model, first: int, first_integral: int) -> list[Array]:
-    """Springs, friction and controls of joints; `first` is the form of the first coordinate."""
+    """Return springs, friction and controls of joints; `first` is the row of the first joint coordinate."""
     given = [
         *(
             (col.JOINT_SPRING, c, 0, f, law)
@@ -269,12 +269,12 @@ def _joint_forces(model: Model, first: int, first_integral: int) -> list[Array]:
 
 
 def planar_system(mechanism: Mechanism, links: TreeLinks, spanning: TreeModel, model: Model) -> TreeSystem | None:
-    """Arrays of the kernels of a mechanism that moves in parallel planes, in place of those of `model.system`.
+    """Return the arrays of a mechanism in a plane, in place of those of `arrays.tree_system`.
 
     Returns
     -------
-    System or None
-        None if something moves out of the plane or may, rolls, or reads the turns of a joint that closes a loop.
+    TreeSystem or None
+        None if a link may move out of the plane or rolls, or an element reads the turns of a joint that closes a loop.
     """
     try:
         if len(model.rolling_body) or len(model.skate_body):

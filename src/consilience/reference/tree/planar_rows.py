@@ -1,7 +1,8 @@
-"""Rows and efforts of mechanisms that move in parallel planes: `joint_rows`, `constraints` and `forces` in the plane.
+"""Constraint rows and force elements of mechanisms that move in parallel planes.
 
-A form is a function of two links, with its rate and what is quadratic in the speeds. With u and w axes turned with
-their links, by the angles of the links to the power of one each, ``u'' = -w_i^2 u`` where a link turns steadily.
+They correspond to `bodies.joint_rows`, `bodies.constraints` and `bodies.forces` in space. A row is a function of two
+links with its rate and the right side gamma of ``Q a = gamma``. An axis u fixed to link i obeys ``u'' = -w_i^2 u`` at a
+constant angular velocity w_i; gamma collects these terms.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from consilience.reference.tree.plane import PlanarArrays
 
 
 class PlanarRow(NamedTuple):
-    """A form at a state: value, rate, gamma, and wrenches on its links i and j of a unit of it."""
+    """A row at a state: value, rate, gamma, and the wrenches of a unit multiplier on its links i and j."""
 
     value: float
     rate: float
@@ -45,7 +46,7 @@ def _dot(a: Pair, b: Pair) -> float:
 
 @fused
 def _between(link: Array, i: int, j: int, s_i: Pair, s_j: Pair) -> tuple[Pair, Pair, Pair]:
-    """From a point of i to one of j: way, velocity, and acceleration if both links turned steadily."""
+    """Return distance vector, velocity, and acceleration for constant w, from a point of i to a point of j."""
     r_i, r_j, v_i, v_j = (
         load_pair(link, i, col.POSITION),
         load_pair(link, j, col.POSITION),
@@ -62,7 +63,7 @@ def _between(link: Array, i: int, j: int, s_i: Pair, s_j: Pair) -> tuple[Pair, P
 
 @inner
 def evaluate_row(row_table: Array, n: int, link: Array, z: Array) -> PlanarRow:
-    """A form of links that are placed."""
+    """Evaluate a row at placed links."""
     kind, i, j = row_table[n, col.KIND], int(row_table[n, col.LINK_I]), int(row_table[n, col.LINK_J])
     w_i, w_j = link[i, col.SPIN], link[j, col.SPIN]
     if kind == col.JOINT_ANGLE:
@@ -106,7 +107,7 @@ def _store_wrench(W: Array, row: int, at: int, a: Triple) -> None:
 
 @inner
 def _add_wrench(touched: Array, W: Array, row: int, link: int, factor: float, wrench: Triple) -> None:
-    """Add a wrench on a link that may be touched by both coordinates of a coupling."""
+    """Add a wrench on a link, which both coordinates of a coupling may act on."""
     for at in range(TOUCHED):
         if link >= 0 and touched[row, at] == link:
             for r in range(3):
@@ -126,7 +127,16 @@ def evaluate_planar_rows(
     gamma: Array,
     rate: Array,
 ) -> None:
-    """Rows wanted: wrenches, values, gammas and rates. Those of joints, then those of drives and couplings."""
+    """Evaluate the active rows: first those of joints, then those of drives and couplings.
+
+    Parameters
+    ----------
+    planar, active, link, t, z : see `arrays`
+    touched, W : see `loop_groups.Loops`, `loop_groups.MultifrontalQR`
+        W is overwritten.
+    value, gamma, rate : ndarray, shape (q,)
+        Overwritten: violations, and right sides of ``Q a = gamma`` and ``Q v = rate``.
+    """
     row_table, driven = planar.row_table, planar.driven
     first = active.shape[0] - driven.shape[0]
     for n in range(first):
@@ -158,7 +168,7 @@ def _driven_row(
     gamma: Array,
     rate: Array,
 ) -> None:
-    """``q - f(t) = 0`` or ``q - f(q_driver) = 0``."""
+    """Evaluate ``q - f(t) = 0`` or ``q - f(q_driver) = 0``."""
     q, by = evaluate_row(row_table, driven[n, 0], link, z), driven[n, 1]
     for at in range(TOUCHED):
         for r in range(3):
@@ -180,18 +190,35 @@ def _driven_row(
 
 @inner
 def planar_acceleration_residual(touched: Array, W: Array, link: Array, gamma: Array, target: Array) -> None:
-    """``gamma - Q a`` of the accelerations of the links."""
+    """Compute ``gamma - Q a`` from the accelerations of the links.
+
+    Parameters
+    ----------
+    touched, W, link : see `arrays`
+    gamma : ndarray, shape (q,)
+    target : ndarray, shape (q,)
+        Overwritten: the residual.
+    """
     _residual(touched, W, link, col.ACCELERATION, gamma, target)
 
 
 @inner
 def planar_velocity_residual(touched: Array, W: Array, link: Array, rate: Array, target: Array) -> None:
-    """``rate - Q v`` of the velocities of the links."""
+    """Compute ``rate - Q v`` from the velocities of the links.
+
+    Parameters
+    ----------
+    touched, W, link : see `arrays`
+    rate : ndarray, shape (q,)
+    target : ndarray, shape (q,)
+        Overwritten: the residual.
+    """
     _residual(touched, W, link, col.VELOCITY, rate, target)
 
 
 @fused
 def _residual(touched: Array, W: Array, link: Array, at: int, given: Array, target: Array) -> None:
+    """Compute ``given - Q x`` for motions x of the links from column `at` on."""
     for row in range(touched.shape[0]):
         total = given[row]
         for n in range(TOUCHED):
@@ -203,7 +230,7 @@ def _residual(touched: Array, W: Array, link: Array, at: int, given: Array, targ
 
 @inner
 def largest_planar_row(touched: Array, W: Array, link: Array) -> float:
-    """Largest response of a row of links without joints: what its response in the tree comes to at most."""
+    """Return the largest ``|M^(-1/2) q|`` of a row q of free links: an upper bound of its response in the tree."""
     largest = 0.0
     for row in range(touched.shape[0]):
         total = 0.0
@@ -221,7 +248,7 @@ def largest_planar_row(touched: Array, W: Array, link: Array) -> float:
 
 @fused
 def _add_to_bias(link: Array, k: int, factor: float, wrench: Triple) -> None:
-    """Add a wrench to the bias of a link; the ground takes anything."""
+    """Add a wrench to the bias of a link that is not the ground."""
     if k >= 0:
         for r in range(3):
             link[k, col.BIAS + r] -= factor * wrench[r]
@@ -229,7 +256,7 @@ def _add_to_bias(link: Array, k: int, factor: float, wrench: Triple) -> None:
 
 @inner
 def _spring(force_table: Array, n: int, link: Array, actuator: float) -> None:
-    """``F = (k (L - L0) + c L' - f(t)) e`` on the predecessor, the opposite on the successor."""
+    """Apply ``F = (k (L - L0) + c L' - f(t)) e`` to the predecessor, its opposite to the successor."""
     i, j, h = int(force_table[n, col.FORCE_I]), int(force_table[n, col.FORCE_J]), force_table[n, col.NORMAL_DISTANCE]
     s_i = rotate_pair(load_pair(link, i, col.COS), load_pair(force_table, n, col.FORCE_ARM_I))
     s_j = rotate_pair(load_pair(link, j, col.COS), load_pair(force_table, n, col.FORCE_ARM_J))
@@ -244,7 +271,7 @@ def _spring(force_table: Array, n: int, link: Array, actuator: float) -> None:
 
 @inner
 def _load(force_table: Array, n: int, link: Array, factor: float) -> None:
-    """A force and a torque on a link, in axes of the world or of the link."""
+    """Apply a force and a torque to a link, in axes of the world or of the link."""
     k = int(force_table[n, col.FORCE_J])
     x, y, torque = load_triple(force_table, n, col.LAW)
     turn = load_pair(link, k, col.COS)
@@ -259,7 +286,10 @@ def _load(force_table: Array, n: int, link: Array, factor: float) -> None:
 
 @inner
 def _joint_force(kind: float, law: Triple, q: PlanarRow, given: Triple, integral: float) -> float:
-    """Effort of a spring, of friction or of a controller in a joint coordinate; given: its function of time."""
+    """Return the force of a spring, of friction or of a controller in a joint coordinate.
+
+    `given` holds value and rate of the element's function of time.
+    """
     if kind == col.JOINT_SPRING:
         return given[0] - law[0] * (q.value - law[2]) - law[1] * q.rate
     if kind == col.FRICTION:
@@ -269,7 +299,7 @@ def _joint_force(kind: float, law: Triple, q: PlanarRow, given: Triple, integral
 
 @kernel
 def add_force_biases(planar: PlanarArrays, link: Array, t: float, z: Array) -> None:
-    """Add the efforts to the biases of links that are placed."""
+    """Add the force elements to the biases of placed links."""
     row_table, force_table = planar.row_table, planar.force_table
     for n in range(force_table.shape[0]):
         kind, given = force_table[n, col.FORCE_KIND], (0.0, 0.0, 0.0)
@@ -289,7 +319,12 @@ def add_force_biases(planar: PlanarArrays, link: Array, t: float, z: Array) -> N
 
 @inner
 def planar_coordinate_rates(planar: PlanarArrays, link: Array, first_speed: int, t: float, z: Array, dz: Array) -> None:
-    """Rates of the coordinates, one for each direction, and of the integrals of controllers."""
+    """Fill the rates of the coordinates and of the integrals of controllers.
+
+    Parameters
+    ----------
+    planar, link, first_speed, t, z, dz : see `arrays`
+    """
     for n in range(first_speed):
         dz[n] = z[first_speed + n]
     force_table = planar.force_table

@@ -1,6 +1,8 @@
-"""Projection of the state z onto what closes the loops, and the choice of the rows that do, compiled.
+"""Projection of a state z onto the constraint manifold, and selection of independent rows, in space or in a plane.
 
-In space or in a plane: the steps are the same, the kernels that take them are not. See `dynamics`.
+Coordinates by Newton's method, ``J u = -g(z)``, then speeds, ``J du' = rate - Q v``, both of least M-norm [MASS,
+"assembling during integration"]. The rank is found where the constraints hold and kept until the next projection:
+docs/formulations.md, "Constraints along a motion".
 """
 
 from __future__ import annotations
@@ -52,22 +54,22 @@ from consilience.reference.tree.planar import place_planar_bodies, place_planar_
 from consilience.reference.tree.records import JOINT_FORCE
 
 _SINGULAR_PIVOT = 1e-4
-"""Part of its largest value at which the least independent pivot counts as passing through zero."""
+"""Ratio of the least independent pivot to its largest value below which a pose counts as singular."""
 _LARGEST_TURN = 1.5
-"""Most that an angle whose turns are counted may change in a step, rad: well below half a turn."""
+"""Largest change in a step, rad, of an angle whose turns are counted: well below half a turn."""
 
 AT_SAMPLE = np.array([True])[0]
-"""Of a state that is a sample, or that is kept."""
+"""Argument `at_sample` for a state that is a sample or is kept."""
 
 _SINGULAR_VIOLATION = 1e-11
-"""Violation that rows left out on the way through a singular pose may have."""
+"""Largest violation of rows that are left out near a singular pose."""
 
 
 @inner
 def _least_norm_displacements(
     loops: Loops, qr: MultifrontalQR, spatial: Spatial, planar: Planar, link: Array, free: Array, u: Array
 ) -> None:
-    """Displacements u of least M-norm that change the rows by the target of the fronts."""
+    """Compute the displacements u of least M-norm that change the rows by the target of the fronts."""
     for n in range(free.shape[0]):
         free[n, JOINT_FORCE] = 0.0
     add_row_forces(loops, qr, free)
@@ -86,7 +88,7 @@ def _factorise_all_rows(
     smallest: float,
     size: float,
 ) -> tuple[int, float, float]:
-    """Factorise the responses to all rows; rank, least pivot, and the square that counted as dependent."""
+    """Factorise the responses to all rows; return rank, least pivot, and the squared norm that counted as dependent."""
     group, state = loops.group, qr.state
     for g in range(group.shape[0]):
         state[g, USED] = group[g, ROW_END] - group[g, ROW]
@@ -101,7 +103,7 @@ def _factorise_all_rows(
 
 @inner
 def _set_active_rows(loops: Loops, qr: MultifrontalQR, rank: int, rank_limit: Array) -> None:
-    """Rows chosen until the next projection: those that are independent in the present factors."""
+    """Make the rows that are independent in the present factors active until the next projection."""
     for g in range(loops.group.shape[0]):
         qr.state[g, ACTIVE] = qr.state[g, RANK]
     rank_limit[0] = rank
@@ -121,12 +123,12 @@ def _select_rows(
     rank_limit: Array,
     violation: float,
 ) -> None:
-    """Choose the rows to work with until the next projection, and factorise the responses.
+    """Select the active rows until the next projection, and factorise the responses.
 
-    A linkage may pass through a pose in which its rows lose rank (a flat parallelogram). Close to it they have the
-    full rank still, but what they say of the accelerations drowns in rounding. There the rows that are about to become
-    dependent are left out, as in the pose itself: the motion so far has satisfied them, and does so on the way
-    through. Where it does not, in a linkage that comes near such a pose and turns, they are taken back.
+    A linkage may pass through a pose in which its rows lose rank (a flat parallelogram). Close to this pose the rows
+    still have full rank, but their effect on the accelerations is lost in rounding. Rows about to become dependent are
+    therefore left out, as in the pose itself, as long as the motion satisfies them. A linkage that comes near such a
+    pose and turns back violates them; they then become active again.
     """
     rank, least, smallest = _factorise_all_rows(loops, layout, qr, spatial, planar, link, free, 0.0, size)
     if rank > best[LARGEST_RANK]:
@@ -145,7 +147,7 @@ def _select_rows(
 
 @inner
 def _accept_factors(loops: Loops, qr: MultifrontalQR, rank: int, least: float, best: Array, rank_limit: Array) -> bool:
-    """Go on with the factors of a pose that is apart by rounding, if they have the rank so far, far from losing it."""
+    """Keep the factors of a pose that differs by rounding, if they have the full rank and a regular least pivot."""
     if rank != best[LARGEST_RANK] or least < REGULAR_PIVOT * best[LEAST_FRONT_PIVOT]:
         return False
     best[LEAST_FRONT_PIVOT] = max(best[LEAST_FRONT_PIVOT], least)
@@ -155,7 +157,7 @@ def _accept_factors(loops: Loops, qr: MultifrontalQR, rank: int, least: float, b
 
 @inner
 def _clear_velocity_rows(W: Array, position_rows: int) -> None:
-    """Take away the wrenches of the rows that hold no positions."""
+    """Set the wrenches of rows that hold no positions to zero."""
     for row in range(position_rows, W.shape[0]):
         for n in range(W.shape[1]):
             for r in range(W.shape[2]):
@@ -166,7 +168,12 @@ def _clear_velocity_rows(W: Array, position_rows: int) -> None:
 def find_rank(
     closure: LoopClosure, spatial: Spatial, elements: TreeElements | None, planar: Planar, t: float, z: Array
 ) -> None:
-    """Independent rows of a state whose loops are closed, into ``rest.fronts``; places the bodies."""
+    """Select the active rows of a state whose loops are closed, and place the bodies.
+
+    Parameters
+    ----------
+    closure, spatial, elements, planar, t, z : see `arrays`
+    """
     place_state(closure, spatial, elements, planar, z)
     if closure.loops.group.shape[0]:
         violation = row_violation(closure, spatial, elements, planar, t, z)
@@ -191,7 +198,7 @@ def find_rank(
 def _project_by_factorisation(
     closure: LoopClosure, spatial: Spatial, elements: TreeElements | None, planar: Planar, t: float, z: Array
 ) -> None:
-    """`project` by the fronts, whatever the rows are and however far they are open."""
+    """Project a state by the fronts, whatever its rows and violations."""
     loops, layout, qr, link, free, u = closure.loops, closure.layout, closure.qr, closure.link, closure.free, closure.u
     first_speed, position_rows, size = closure.first_speed, closure.position_rows, closure.row_norm
     W, target, value = qr.W, qr.target, closure.value
@@ -242,12 +249,15 @@ def project(
     z: Array,
     at_sample: bool,
 ) -> None:
-    """Bring z back to closed loops, in place: coordinates by Newton's method, then speeds, each of least M-norm.
+    """Project z onto the constraint manifold in place, coordinates before speeds, and place the bodies.
 
-    Newton's method goes on until rounding is reached: in a flat parallelogram, whose coordinates violate the rows by
-    their square, a violation of 1e-14 is a coordinate that is wrong by 1e-7. Leaves the bodies placed at the state it
-    ends with. A state that is not seen, no sample and nothing that is kept, may stay open by what the next step will
-    take away, and its bodies are placed only where elements read them.
+    Newton's method continues down to rounding: in a flat parallelogram, where the violation is the square of the error
+    of a coordinate, a violation of 1e-14 means an error of 1e-7. Between samples a residual remains that the next step
+    removes, and bodies are placed only where elements read them.
+
+    Parameters
+    ----------
+    closure, spatial, elements, planar, t, z, at_sample : see `arrays`
     """
     normalise(closure.layout, z)
     place_state(closure, spatial, elements, planar, z)
@@ -271,7 +281,12 @@ def project_state(
     z: Array,
     at_sample: bool,
 ) -> None:
-    """Bring a state back to closed loops, in place, and place the links at it: see `project`."""
+    """Project the state of any mechanism, and place its links: see `project`.
+
+    Parameters
+    ----------
+    tree, closure, spatial, elements, planar, t, z, at_sample : see `arrays`
+    """
     if closure is not None:
         project(closure, spatial, elements, planar, t, z, at_sample)
     elif planar is not None:
@@ -283,7 +298,7 @@ def project_state(
 
 @inlined
 def record_sample(tree: TreeArrays, spatial: Spatial, planar: Planar, motion: Array) -> None:
-    """Record the bodies of links that are placed, as a sample of a motion."""
+    """Record the bodies of placed links as a sample of a motion."""
     if planar is not None:
         place_planar_bodies(planar.body, tree.link, tree.y, tree.A)
     if spatial is not None:
@@ -293,7 +308,7 @@ def record_sample(tree: TreeArrays, spatial: Spatial, planar: Planar, motion: Ar
 
 @inlined
 def _turn_limit(model: Model, y: Array, A: Array, turns: Array) -> float:
-    """Longest step in which turns can be counted, from the rates of the bodies as they are placed."""
+    """Return the longest step, s, in which turns can be counted, from the rates of the placed bodies."""
     rate = 0.0
     for n in range(turns.shape[0]):
         if model.counted[n]:
@@ -303,7 +318,7 @@ def _turn_limit(model: Model, y: Array, A: Array, turns: Array) -> float:
 
 @inlined
 def step_limit(tree: TreeArrays, elements: TreeElements | None, longest: float) -> float:
-    """Longest step from where the bodies are placed."""
+    """Return the longest step, s, from the state at which the bodies are placed."""
     if elements is None:
         return longest
     return min(longest, _turn_limit(elements.model, tree.y, tree.A, elements.turns))
@@ -320,7 +335,12 @@ def end_step(
     z: Array,
     at_sample: bool,
 ) -> None:
-    """`settle` at the end of a step, and count the turns that elements read."""
+    """Project a state at the end of a step, and count the turns that elements read.
+
+    Parameters
+    ----------
+    tree, closure, spatial, elements, planar, t, z, at_sample : see `arrays`
+    """
     project_state(tree, closure, spatial, elements, planar, t, z, at_sample)
     if elements is not None:
         count_turns(elements, tree.y, tree.A)
@@ -336,7 +356,12 @@ def begin_motion(
     t: float,
     z: Array,
 ) -> None:
-    """`arrive` at the start of a motion, where angles that elements read are within half a turn of zero."""
+    """Project the first state of a motion; angles that elements read are within half a turn of zero.
+
+    Parameters
+    ----------
+    tree, closure, spatial, elements, planar, t, z : see `arrays`
+    """
     if elements is not None:
         place_links_and_bodies(tree.layout, tree.link, tree.free, tree.first_speed, z, tree.y, tree.A)
         count_turns(elements, tree.y, tree.A)

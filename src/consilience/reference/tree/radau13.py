@@ -1,20 +1,21 @@
-"""Radau IIA of seven stages, of order 13, in the state z: for stiff motions, in which an explicit method must crawl.
+"""Radau IIA of seven stages, of order 13, in the state z, for stiff motions.
 
 With the right Radau nodes c, the stages ``Z_i = z_i - z`` obey [Hairer and Wanner, section IV.8]
 
     Z_i = h sum_j a_ij f(t + c_j h, z + Z_j),      z_1 = z + Z_7,
 
-a_ij the integral of Lagrange's polynomial j up to c_i. Newton's method finds them, with the Jacobian J of f at the
-start of the step, by differences. As ``a^-1 = T diag(lambda) T^-1``, an iteration solves four systems of the size of z,
+a_ij being the integral of Lagrange polynomial j up to c_i. They are solved by Newton's method with the Jacobian J of f
+at the start of the step, by differences. As ``a^-1 = T diag(lambda) T^-1``, an iteration solves four systems of size
+n_z,
 
     (lambda_k / h - J) W_k = lambda_k / h (T^-1 R)_k,   R_i = h sum_j a_ij f_j - Z_i,   Z += T W,
 
-the eigenvalues being a real one and three pairs. The step is controlled by the difference to a method of order seven
+for the real eigenvalue and one of each of three pairs. The step is controlled by the difference to a method of order
+seven that uses the derivative at the start [section IV.8],
 
     (lambda_0 / h - J) err = f(t, z) + sum_i e_i Z_i / h,
 
-that uses the derivative at the start [section IV.8], and samples come from the polynomial through the stages, which is
-of that order.
+and samples come from the polynomial through the stages, also of order seven.
 """
 
 from __future__ import annotations
@@ -37,20 +38,20 @@ from consilience.reference.tree.step_control import component_sizes, first_step_
 
 SAFETY = 0.8
 MOST_ITERATIONS = 12
-"""Where they do not settle in so many, the step is shortened."""
+"""Iterations after which the step is shortened."""
 
 NEWTON_TOLERANCE = 1e-2
-"""Part of the tolerance that may be left of the iterations."""
+"""Error of the iterations, as part of the tolerance of a step."""
 
 DIFFERENCE_STEP = np.sqrt(np.finfo(float).eps)
-"""Relative step of the Jacobian."""
+"""Relative step of the differences in the Jacobian."""
 
 SLOWEST_RATE = 0.1
-"""Steps are as long as each iteration takes the last change to this part of it, at most."""
+"""Convergence rate of the iterations that the step size aims at, at most."""
 
 
 class RadauScratch(NamedTuple):
-    """What a run writes into."""
+    """Work arrays of an integration."""
 
     Z: Array  # (7, n_z) stages, less the start of the step
     K: Array  # (7, n_z) their derivatives
@@ -69,7 +70,7 @@ class RadauScratch(NamedTuple):
 
 
 def radau_scratch(z: Array, closure: LoopClosure | None) -> RadauScratch:
-    """Scratch of a run from the state z."""
+    """Return work arrays for a motion from the state z."""
     rows, groups = (0, 0) if closure is None else (len(closure.qr.order), len(closure.qr.state))
     n, systems = len(z), len(LAMBDA)
     return RadauScratch(
@@ -92,7 +93,7 @@ def radau_scratch(z: Array, closure: LoopClosure | None) -> RadauScratch:
 
 @inner
 def _exchange(LU: Array, k: int) -> int:
-    """Bring the largest entry left of column k into row k; the row that it comes from."""
+    """Bring the largest entry of column k, on or below the diagonal, into row k; return its former row."""
     best = k
     for i in range(k + 1, LU.shape[0]):
         if abs(LU[i, k]) > abs(LU[best, k]):
@@ -147,7 +148,7 @@ def _derivative(
     z: Array,
     dz: Array,
 ) -> None:
-    """State derivative: compiled once, as it is long."""
+    """Compute the state derivative; a kernel of its own, because the code is long."""
     state_derivative(tree, closure, spatial, elements, planar, t, z, dz)
 
 
@@ -163,9 +164,9 @@ def _linearise(
     counters: Array,
     scratch: RadauScratch,
 ) -> None:
-    """Derivative at the start of a step, and the Jacobian, by differences.
+    """Compute the derivative at the start of a step, and the Jacobian by differences.
 
-    The derivative is asked for in one place.
+    A single call in the loop evaluates all of them, so that the derivative is compiled into this kernel once.
     """
     f, found, state = scratch.f, scratch.perturbed, scratch.state
     component_sizes(tree.kind, tree.length, z, scratch.size)
@@ -184,7 +185,7 @@ def _linearise(
 
 @inner
 def _residuals(h: float, Z: Array, K: Array, W: Array) -> None:
-    """Right sides of the systems."""
+    """Compute the right sides of the systems."""
     W[:, :] = 0.0
     for n in range(Z.shape[1]):
         for i in range(STAGES):
@@ -197,7 +198,7 @@ def _residuals(h: float, Z: Array, K: Array, W: Array) -> None:
 
 @inner
 def _correct(kind: Array, W: Array, Z: Array, size: Array) -> float:
-    """Correct the stages by the solutions of the systems; the largest change."""
+    """Correct the stages by the solutions of the systems; return the largest scaled change."""
     largest = 0.0
     for n in range(Z.shape[1]):
         for i in range(STAGES):
@@ -224,7 +225,7 @@ def _iterate(
     counters: Array,
     scratch: RadauScratch,
 ) -> tuple[bool, float]:
-    """Iterate the guessed stages in place; whether they settle, and what an iteration leaves of the last change."""
+    """Iterate the guessed stages in place; return whether they converge, and the convergence rate."""
     Z, K, state, last, rate = scratch.Z, scratch.K, scratch.state, np.inf, 0.0
     for left in range(MOST_ITERATIONS, 0, -1):
         for i in range(STAGES):
@@ -248,7 +249,7 @@ def _iterate(
 
 @inner
 def _error(kind: Array, h: float, scratch: RadauScratch) -> float:
-    """Scaled error estimate of a step."""
+    """Return the scaled error estimate of a step."""
     Z, W, size = scratch.Z, scratch.W, scratch.size
     for n in range(Z.shape[1]):
         total = scratch.f[n]
@@ -264,7 +265,7 @@ def _error(kind: Array, h: float, scratch: RadauScratch) -> float:
 
 @inner
 def _guess(z: Array, F: Array, ratio: float, Z: Array) -> None:
-    """Stages of a step `ratio` times as long as the last one, by its polynomial."""
+    """Guess the stages of a step `ratio` times as long as the last one, from the polynomial of the last one."""
     for i in range(STAGES):
         dense_output(z, F, 1.0 + ratio * C[i], Z[i])
         for n in range(z.shape[0]):
@@ -285,7 +286,7 @@ def _attempt(
     counters: Array,
     scratch: RadauScratch,
 ) -> tuple[float, float]:
-    """Iterate the guessed stages of a step; its end into the scratch, its error by the tolerance, and their rate."""
+    """Attempt a step: store its end in the scratch; return its error over the tolerance, and the convergence rate."""
     for k in range(LAMBDA.shape[0]):
         _factorise(scratch.J, LAMBDA[k] / h, scratch.LU[k], scratch.pivot[k])
     settled, rate = _iterate(tree, closure, spatial, elements, planar, t, h, z, tolerance, counters, scratch)
@@ -298,14 +299,14 @@ def _attempt(
 
 @inner
 def _factor(error: float, rate: float, most: float) -> float:
-    """Change of the step size by its error, unless that is infinite, and by the rate of the iterations."""
+    """Return the change of the step size from the error of the step, 0.5 where infinite, and the convergence rate."""
     by_error = factor_of(error, SAFETY, LARGEST) if error < np.inf else 0.5
     return max(SMALLEST, min(most, by_error, SLOWEST_RATE / rate))
 
 
 @inner
 def _interpolate(Z: Array, F: Array) -> None:
-    """Dense output of a step."""
+    """Compute the dense output of a step."""
     for n in range(Z.shape[1]):
         for i in range(STAGES):
             total = 0.0
@@ -329,7 +330,7 @@ def _integrate(
     motion: Array,
     counters: Array,
 ) -> int:
-    """`integrate_radau`, compiled for what a mechanism has."""
+    """Integrate as `integrate_radau`, compiled for each combination of arguments that are None."""
     t, last, sample = times[0], times[-1], SECOND
     counters[:], scratch.F[:] = 0, 0.0
     begin_motion(tree, closure, spatial, elements, planar, t, z)
@@ -374,7 +375,17 @@ def _integrate(
 def integrate_radau(
     run: KernelArguments, z: Array, times: Array, tolerance: float, longest: float, motion: Array, counters: Array
 ) -> int:
-    """Integrate from ``times[0]`` and record the bodies at all sample times; arguments as in `integrate.integrate`."""
+    """Integrate from ``times[0]`` and record the bodies at all sample times.
+
+    Parameters
+    ----------
+    run, z, times, tolerance, longest, motion, counters : see `explicit_rk.integrate`
+
+    Returns
+    -------
+    int
+        Key of `integrators.step_control.STATUS`.
+    """
     on = fields_of(run)
     tree, closure, spatial, elements, planar = on.tree, on.closure, on.spatial, on.elements, on.planar
     return _integrate(

@@ -1,4 +1,4 @@
-"""The relative form behind canonical states and observables."""
+"""Motions in relative joint coordinates, from canonical states to canonical states."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ from consilience.reference.tree.state import StatePacking, pack_state
 from consilience.reference.tree.taylor import STATUS, has_series, integrate_taylor, order_for, taylor_scratch
 
 _CLOSE = 3.0
-"""Steps of this many points of a table, or of this part of the period of a harmonic, miss nothing of it."""
+"""Longest step, in points of a table or as part of the period of a harmonic, that misses no feature of a function."""
 
 
 def longest_step(model: Model) -> float:
-    """Longest step, in s, that cannot pass over what functions of time do: no sample stops it there."""
+    """Return the longest step, s, that cannot pass over a feature of a function of time."""
     functions, longest = model.functions, np.inf
     of_time = [*model.drive[:, 1], *model.spring_function, *model.joint_spring[:, 1], *model.load_function]
     for n in {*of_time, *model.control[:, 1]} - {-1}:
@@ -51,7 +51,7 @@ def longest_step(model: Model) -> float:
 
 
 class _WorkingArrays(NamedTuple):
-    """Arrays that a motion writes into."""
+    """Arrays that one motion writes."""
 
     arrays: KernelArguments
     run: KernelArguments  # their words
@@ -59,7 +59,7 @@ class _WorkingArrays(NamedTuple):
 
 
 class _PreparedMechanism(NamedTuple):
-    """What is the same in all motions of a mechanism."""
+    """Data common to all motions of a mechanism."""
 
     links: TreeLinks
     packing: StatePacking  # its words
@@ -72,7 +72,7 @@ class _PreparedMechanism(NamedTuple):
     ]  # of motions that have ended, by integrator: making them takes longer than a motion
 
     def working(self, integrator: str) -> _WorkingArrays:
-        """Arrays that no other motion writes into."""
+        """Return arrays that no other motion writes."""
         try:
             taken = self.idle[integrator].pop()
         except IndexError:
@@ -89,9 +89,9 @@ class _PreparedMechanism(NamedTuple):
 
 @lru_cache(maxsize=8)
 def _prepare(mechanism: Mechanism, in_space: bool) -> _PreparedMechanism:
-    """Of the mechanisms asked last: making it takes as long as some thousand evaluations.
+    """Prepare a mechanism; the last ones are kept, because this takes as long as some thousand evaluations.
 
-    In space even where they move in parallel planes, if that is asked for.
+    With `in_space` the kernels of space serve mechanisms in a plane, too.
     """
     links, spanning, model = flatten_relative(mechanism)
     arrays = None if in_space else planar_system(mechanism, links, spanning, model)
@@ -112,7 +112,7 @@ def _prepare(mechanism: Mechanism, in_space: bool) -> _PreparedMechanism:
 
 
 class _MotionRequest(NamedTuple):
-    """What a motion is asked for, and what is filled: bodies at the samples, and counters."""
+    """Arguments of a motion, and the arrays that it fills: bodies at the samples, and counters."""
 
     z: Array
     times: Array
@@ -130,22 +130,22 @@ class _Integrator(NamedTuple):
 
 
 def _run_explicit(pair: RungeKuttaPair, run: KernelArguments, request: _MotionRequest, stop_if_stiff: bool) -> int:
-    """A motion by a Runge-Kutta method."""
+    """Integrate by an explicit Runge-Kutta pair."""
     return integrate(run, pair, *request, stop_if_stiff)
 
 
 def _run_gauss(run: KernelArguments, request: _MotionRequest, _leaves: bool) -> int:
-    """A motion by collocation."""
+    """Integrate by collocation at the Gauss points."""
     return integrate_gauss(run, *request)
 
 
 def _run_radau13(run: KernelArguments, request: _MotionRequest, _leaves: bool) -> int:
-    """A motion by an implicit Runge-Kutta method."""
+    """Integrate by Radau IIA."""
     return integrate_radau(run, *request)
 
 
 def _run_taylor(run: KernelArguments, request: _MotionRequest, _leaves: bool) -> int:
-    """A motion by series."""
+    """Integrate by Taylor's method."""
     z, times, tolerance, *others = request
     return integrate_taylor(run, z, times, tolerance, order_for(tolerance), *others)
 
@@ -159,21 +159,27 @@ INTEGRATORS = {
     "radau13": _Integrator(lambda z, arrays, closure: radau_scratch(z, closure), _run_radau13),
     "gauss": _Integrator(lambda z, arrays, closure: gauss_scratch(z, closure), _run_gauss),
 }
-"""Compiled integrators of the relative form; the first is for mechanisms in a plane without elements."""
+"""Compiled integrators of the relative form; ``taylor`` serves planar mechanisms without elements."""
 
 
 def simulate_relative(
     mechanism: Mechanism, state: State, times: Array, tolerance: float, integrator: str | None = None
 ) -> TrajectoryAnswer:
-    """Motion of a mechanism; arguments as of `consilience.reference.simulate`, with one of `INTEGRATORS`.
+    """Return the motion of a mechanism in relative joint coordinates.
 
-    If none is given, ``taylor`` where the mechanism has series (`taylor.has_series`), elsewhere ``tp86``, or ``dop853``
-    where a function is a table; and ``radau13`` where that method finds the motion stiff.
+    If no integrator is given: ``taylor`` where the mechanism has series (`taylor.has_series`), elsewhere ``tp86``, or
+    ``dop853`` where a function is a table; ``radau13`` where that integrator finds the motion stiff.
+
+    Parameters
+    ----------
+    mechanism, state, times, tolerance : see `consilience.reference.simulate`
+    integrator : str, optional
+        Key of `INTEGRATORS`.
 
     Raises
     ------
     InvalidInput
-        A mechanism without series, if they are asked for.
+        The integrator is taylor and the mechanism has no series.
     NumericalFailure
         With the status of the integrator.
     """
@@ -198,7 +204,7 @@ def simulate_relative(
 def _run(
     prepared: _PreparedMechanism, name: str, z: Array, times: Array, tolerance: float, stop_if_stiff: bool
 ) -> tuple[int, Array, Array]:
-    """Status, bodies at the samples, and counters of an integrator from the state z."""
+    """Integrate from the state z; return status, bodies at the samples, and counters."""
     working = prepared.working(name)
     motion, counters = np.empty((len(times), *working.arrays.tree.y.shape)), np.zeros(3, dtype=np.int64)
     request = _MotionRequest(z.copy(), times, tolerance, prepared.longest, motion, counters)

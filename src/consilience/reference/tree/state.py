@@ -1,4 +1,8 @@
-"""The state z of a canonical state, compiled: in Python it took longer than a short motion."""
+"""State z of a canonical state, compiled: in Python the conversion would take longer than a short motion.
+
+Joint coordinates are those of M relative to F [docs/formulations.md, `relative`]: displacements ``F^T (r_M - r_F)``,
+angles from the columns of ``F^T M``, Euler parameters by Shepperd's method; speeds from the relative motion in F.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +24,7 @@ from consilience.reference.tree.kinematics import euler_parameters
 
 
 class StatePacking(NamedTuple):
-    """What a state is packed by."""
+    """Arrays from which `pack_state` reads the joints."""
 
     links: TreeLinks
     spanning: TreeModel
@@ -28,12 +32,12 @@ class StatePacking(NamedTuple):
 
 
 def pack_relative(links: TreeLinks, spanning: TreeModel, model: Model, state: State) -> Array:
-    """State z of a canonical state; integrals of controllers are zero."""
+    """Return the state z of a canonical state; integrals of controllers are zero."""
     return pack_state(links, record_array(StatePacking(links, spanning, model)), state)
 
 
 def pack_state(links: TreeLinks, packing: StatePacking, state: State) -> Array:
-    """The same by the words of a packing, made once for many states."""
+    """Return the state z of a canonical state, with a record of `StatePacking` that serves many states."""
     z, y, A = np.zeros(len(links.kind)), np.empty((len(links.com), 13)), np.empty((len(links.com), 3, 3))
     y[:, R], y[:, P], y[:, V], y[:, W] = state.p_WB, state.quat_WB, state.v_WB_W, state.w_WB_W
     _pack(packing, y, A, z)
@@ -42,7 +46,7 @@ def pack_state(links: TreeLinks, packing: StatePacking, state: State) -> Array:
 
 @inner
 def _to_centres(com: Array, y: Array, A: Array) -> None:
-    """Turn canonical states of the bodies into those of the kernels, in place; fill A."""
+    """Convert canonical rows of bodies, in place, to rows of the kernels (centres of mass, body axes); fill A."""
     rotations(y, A)
     for b in range(com.shape[0]):
         c, w = rotate(A[b], load(com[b])), load(y[b, 10:13])
@@ -53,19 +57,19 @@ def _to_centres(com: Array, y: Array, A: Array) -> None:
 
 @inner
 def _frame(axes: Array, A: Array, body: int) -> Columns:
-    """Axes of a frame on a body, in the world."""
+    """Return the axes of a frame on a body, in the world."""
     return arm(A, body, column(axes, 0)), arm(A, body, column(axes, 1)), arm(A, body, column(axes, 2))
 
 
 @inner
 def _components(F: Columns, a: Vector) -> Vector:
-    """A vector of the world in axes of F."""
+    """Return the components of a world vector in axes of F."""
     return dot(F[0], a), dot(F[1], a), dot(F[2], a)
 
 
 @kernel
 def _pack(packing: StatePacking, y: Array, A: Array, z: Array) -> None:
-    """Fill z from y, whose rows are canonical states and will be those of the kernels."""
+    """Fill z from y, whose canonical rows become rows of the kernels."""
     by = fields_of(packing)
     links, spanning, model = by.links, by.spanning, by.model
     layout, direction, first_speed = links.layout, links.direction, links.first_speed

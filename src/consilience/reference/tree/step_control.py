@@ -1,4 +1,8 @@
-"""Lengths of steps in the state z: what every integrator of the relative form asks."""
+"""Component sizes and step lengths in the state z, common to the integrators of this package.
+
+An error is measured as ``sqrt(mean((e_n / (tolerance size_n))^2))`` [Hairer, Norsett, Wanner, section II.4], with the
+size of the kind of component n (`arrays.DISTANCE` and so on).
+"""
 
 from __future__ import annotations
 
@@ -10,7 +14,7 @@ from consilience.reference.kernel.compiled import inner
 
 @inner
 def component_sizes(kind: Array, model_length: float, z: Array, size: Array) -> None:
-    """Size of each kind of component, shape (5,)."""
+    """Compute the size of each kind of component, shape (5,)."""
     size[:] = 0.0
     for n in range(z.shape[0]):
         size[kind[n]] = max(size[kind[n]], abs(z[n]))
@@ -23,13 +27,26 @@ def component_sizes(kind: Array, model_length: float, z: Array, size: Array) -> 
 
 @inner
 def step_length(h: float, remaining: float) -> float:
-    """Length of the next step: a remainder a little longer than a step is halved, so that no sliver of one is left."""
+    """Return the length of the next step, s; a remainder below two steps is halved, so that no tiny step is left."""
     return remaining if h >= remaining else min(h, 0.5 * remaining)
 
 
 @inner
 def first_step_length(kind: Array, f: Array, span: float, tolerance: float, size: Array) -> float:
-    """Length of the first step, in which z changes by ``tolerance ** (1/8)``, from its derivative f."""
+    """Return the length, s, of the first step, in which z changes by about ``tolerance ** (1/8)`` of its size.
+
+    Parameters
+    ----------
+    kind : ndarray of int, shape (n_z,)
+        Kinds of the components.
+    f : ndarray, shape (n_z,)
+        Derivative of z.
+    span : float, s
+        Duration of the motion.
+    tolerance : float
+    size : ndarray, shape (5,)
+        Sizes of the kinds.
+    """
     total = 0.0
     for n in range(f.shape[0]):
         total += (f[n] / size[kind[n]]) ** 2
@@ -38,7 +55,7 @@ def first_step_length(kind: Array, f: Array, span: float, tolerance: float, size
 
 @inner
 def next_sample(times: Array, sample: int, after: float) -> int:
-    """Number of the first of the samples left that is not before a time."""
+    """Return the index of the first sample, from `sample` on, that is not before a time."""
     while sample < times.shape[0] and times[sample] < after:
         sample += 1
     return sample

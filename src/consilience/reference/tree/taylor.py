@@ -1,12 +1,12 @@
-"""Taylor's method for mechanisms in a plane, in the state z, with projection after every step.
+"""Taylor's method for planar mechanisms in the state z, with projection after every step.
 
 The order p follows from the tolerance, the step h from the last coefficients [Jorba and Zou, A software package for
 the numerical integration of ODEs by means of high-order Taylor methods, Experimental Mathematics 14, 2005, 99-117,
-section 3]: with the largest component |z_m| of a coefficient, each scaled by the size of its kind,
+section 3]: with |z_m| the largest scaled component of coefficient m,
 
     h = (a tolerance)^(1/p) min |z_m|^(-1/m),    m = p - 3 ... p,
 
-so that the last term of the series is a small part a of the tolerance. No step is taken in vain, and samples come from
+so that the last term of the series is a small part a of the tolerance. No step is rejected, and samples are taken from
 the polynomial of a step.
 """
 
@@ -54,20 +54,20 @@ from consilience.reference.tree.taylor_series import (
 )
 
 RADIUS_COEFFICIENTS = 4
-"""Coefficients that say how long a step may be: of a motion that begins at rest every second one is zero."""
+"""Number of last coefficients that determine the step: in a motion from rest every second coefficient is zero."""
 
 LAST_TERM = 0.01
-"""Part of the tolerance that the last term may be: motions then are about as accurate as by the other methods."""
+"""The last term of the series, as part of the tolerance; motions are then about as accurate as by other integrators."""
 
 STATUS = {
     **step_control.STATUS,
     UNSUITABLE: "the loops pass a pose in which their rows lose rank, and series do not lead through it",
 }
-"""Meaning of the status that `integrate_taylor` returns: a series with fewer rows would leave the loops open."""
+"""Meaning of the status of `integrate_taylor`. A series with fewer rows would leave the loops open."""
 
 
 class TaylorScratch(NamedTuple):
-    """What a run writes into."""
+    """Work arrays of an integration."""
 
     series: Series
     rows: RowSeries
@@ -80,7 +80,7 @@ class TaylorScratch(NamedTuple):
 
 
 def has_series(arrays: TreeSystem, tree_alone: bool) -> bool:
-    """Whether a mechanism moves in parallel planes, by gravity alone, its loops closed by joints without rods."""
+    """Return whether a mechanism is planar, moved by gravity alone, its loops closed by joints other than rods."""
     planar = arrays.planar
     if planar is None or len(planar.force_table) or len(planar.driven):
         return False
@@ -88,7 +88,7 @@ def has_series(arrays: TreeSystem, tree_alone: bool) -> bool:
 
 
 def taylor_scratch(z: Array, arrays: TreeSystem, closure: LoopClosure | None) -> TaylorScratch:
-    """Scratch of a run from the state z, of a mechanism that has series."""
+    """Return work arrays for a motion from the state z of a mechanism that has series."""
     planar, n = arrays.planar, len(arrays.tree.free)
     assert planar is not None
     return TaylorScratch(
@@ -104,7 +104,7 @@ def taylor_scratch(z: Array, arrays: TreeSystem, closure: LoopClosure | None) ->
 
 
 def order_for(tolerance: float) -> int:
-    """Order of the series for a tolerance: steps are longer, and fewer, than with half as many; measured."""
+    """Return the order of the series for a tolerance."""
     return min(LARGEST_ORDER, math.ceil(1.0 - 0.7 * math.log(tolerance)))
 
 
@@ -112,7 +112,7 @@ def order_for(tolerance: float) -> int:
 def _begin_step(
     tree: TreeArrays, closure: LoopClosure | None, planar: PlanarArrays, scratch: TaylorScratch, t: float, z: Array
 ) -> None:
-    """Factorise what is the same in all orders, and begin the series at a state where `arrive` placed the links."""
+    """Factorise the matrices common to all orders, and begin the series, at a state where the links are placed."""
     planar_inward_sweep(tree.link, tree.free, False)
     begin_series(tree.link, tree.free, scratch.series.link, scratch.series.q, tree.first_speed, z, scratch.inverse)
     if closure is not None:
@@ -127,7 +127,7 @@ def _begin_step(
 def _solve_order(
     tree: TreeArrays, closure: LoopClosure | None, planar: PlanarArrays, scratch: TaylorScratch, m: int
 ) -> None:
-    """Coefficients of order m of the accelerations, and what follows from them."""
+    """Solve for the accelerations of order m, and compute the coefficients that follow from them."""
     link, free, coef, q = tree.link, tree.free, scratch.series.link, scratch.series.q
     known_forces(link, free, coef, q, m, scratch.along, scratch.torque)
     if closure is not None:
@@ -151,7 +151,7 @@ def _solve_order(
 
 @inner
 def _largest(kind: Array, q: Array, first_speed: int, m: int, size: Array) -> float:
-    """Largest scaled component of a coefficient of z; not a number if one of them is not."""
+    """Return the largest scaled component of a coefficient of z; not a number if one component is not."""
     largest = total = 0.0
     for n in range(q.shape[0]):
         at, rate = abs(q[n, m]) / size[kind[n]], (m + 1.0) * abs(q[n, m + 1]) / size[kind[first_speed + n]]
@@ -162,7 +162,7 @@ def _largest(kind: Array, q: Array, first_speed: int, m: int, size: Array) -> fl
 
 @inner
 def _radius(kind: Array, q: Array, first_speed: int, order: int, size: Array) -> float:
-    """Time in which no term that is known grows beyond the size of its kind; zero if one is not a number."""
+    """Return the time at which the last known terms reach the size of their kind; zero if a term is not a number."""
     least = np.inf
     for m in range(order - RADIUS_COEFFICIENTS + 1, order + 1):
         found = _largest(kind, q, first_speed, m, size)
@@ -175,13 +175,13 @@ def _radius(kind: Array, q: Array, first_speed: int, order: int, size: Array) ->
 
 @inlined
 def _rank(closure: LoopClosure | None) -> int:
-    """Rows that close the loops from here on."""
+    """Return the rank of the rows that close the loops."""
     return closure.rank_limit[0] if closure is not None else 0
 
 
 @inner
 def _evaluate_series(q: Array, first_speed: int, order: int, h: float, z: Array) -> None:
-    """The state at a time within a step."""
+    """Evaluate the state at a time h after the start of the series."""
     for n in range(q.shape[0]):
         value, rate = q[n, order + 1], 0.0
         for m in range(order, -1, -1):
@@ -204,7 +204,7 @@ def _integrate(
     motion: Array,
     counters: Array,
 ) -> int:
-    """`integrate_taylor`, compiled for what a mechanism has."""
+    """Integrate as `integrate_taylor`, compiled for each combination of arguments that are None."""
     t, last, sample = times[0], times[-1], 1
     q, end = scratch.series.q, scratch.end
     allowed = (LAST_TERM * tolerance) ** (1.0 / order)
@@ -253,12 +253,13 @@ def integrate_taylor(
     motion: Array,
     counters: Array,
 ) -> int:
-    """Integrate from ``times[0]`` and record the bodies at all sample times; arguments as in `integrate.integrate`.
+    """Integrate from ``times[0]`` and record the bodies at all sample times.
 
     Parameters
     ----------
+    run, z, times, tolerance, longest, motion, counters : see `explicit_rk.integrate`
     order : int
-        Of the series, MOST at most.
+        Order of the series, at most LARGEST_ORDER.
 
     Returns
     -------

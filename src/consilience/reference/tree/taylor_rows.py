@@ -1,8 +1,8 @@
-"""Taylor coefficients of the rows that close the loops of a mechanism in a plane: see `series`.
+"""Taylor coefficients of the rows that close the loops of a planar mechanism: see `taylor_series`.
 
-Two rows that hold two points together hold them whatever axes they are written in: those of the state that the series
-begin at, which do not turn. A row that keeps two links parallel is linear in their angles. One that leads a point along
-a line of a link is the product ``u . d`` of an axis of that link and of the way to the point, and its force ``u lam``.
+Two rows that hold two points together (a pin) may be written in constant axes: those of the state at which the series
+begin. A row that keeps two links parallel (a lock) is linear in their angles. A row that keeps a point on a line of a
+link is the product ``u . d`` of an axis of the link and the vector to the point; its force is ``u lam``.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ PIN, LOCK, LINE = np.arange(3)
 """Kinds of rows."""
 
 LAM, UX, UY, DX, DY, HX, HY, ROW_SLOTS = np.arange(8)
-"""Series of a row: its multiplier; of a line also the axis, the way, and the force."""
+"""Series of a row: multiplier; of a line also the axis u, the vector d, and the force."""
 
 
 class RowSeries(NamedTuple):
@@ -34,12 +34,12 @@ class RowSeries(NamedTuple):
 
 
 def knows_rows(row_table: Array) -> bool:
-    """Whether rows, shape (q, FORM_WIDTH), are of these kinds alone."""
+    """Return whether all rows, shape (q, ROW_WIDTH), are of these kinds."""
     return bool(np.all(np.isin(row_table[:, col.KIND], (col.AXIS_PRODUCT, col.AXIS_DISPLACEMENT))))
 
 
 def row_series(row_table: Array, length: float) -> RowSeries:
-    """Arrays of the rows of a mechanism of some length, m."""
+    """Return new arrays of the rows of a mechanism of some length, m."""
     kinds = np.where(row_table[:, col.KIND] == col.AXIS_PRODUCT, LOCK, LINE)
     ends = [col.LINK_I, col.LINK_J, *range(col.ARM_I, col.AXIS_I)]
     for n in range(len(row_table) - 1):
@@ -56,28 +56,37 @@ def row_series(row_table: Array, length: float) -> RowSeries:
 
 @fused
 def _arm(coef: Array, k: int, row_table: Array, n: int, at: int, m: int) -> tuple[float, float]:
-    """Coefficient of an arm or axis of a link."""
+    """Return the coefficient of order m of an arm or axis of a link."""
     a, c, s = load_pair(row_table, n, at), coef[k, C, m], coef[k, SN, m]
     return c * a[0] - s * a[1], s * a[0] + c * a[1]
 
 
 @fused
 def _between_arms(coef: Array, i: int, j: int, row_table: Array, n: int, m: int) -> tuple[float, float]:
-    """Coefficient of the arm on j less that on i."""
+    """Return the coefficient of order m of the arm on j less the arm on i."""
     s_i, s_j = _arm(coef, i, row_table, n, col.ARM_I, m), _arm(coef, j, row_table, n, col.ARM_J, m)
     return s_j[0] - s_i[0], s_j[1] - s_i[1]
 
 
 @fused
 def _put_line(row_coef: Array, n: int, m: int, u: tuple[float, float], d: tuple[float, float]) -> None:
-    """Coefficients of the axis and of the way of a line."""
+    """Store the coefficients of axis and vector of a line."""
     row_coef[n, UX, m], row_coef[n, UY, m] = u
     row_coef[n, DX, m], row_coef[n, DY, m] = d
 
 
 @fused
 def begin_rows(kind: Array, row_table: Array, row_coef: Array, link: Array, coef: Array) -> None:
-    """Coefficients that a state says, of links placed there."""
+    """Set the coefficients that are known from a state, at placed links.
+
+    Parameters
+    ----------
+    kind, row_table, row_coef : ndarray
+        Fields kind, row_table and coef of `RowSeries`; row_coef is updated.
+    link : see `arrays`
+    coef : ndarray
+        Field link of `taylor_series.Series`.
+    """
     for n in range(kind.shape[0]):
         if kind[n] == LINE:
             i, j = int(row_table[n, col.LINK_I]), int(row_table[n, col.LINK_J])
@@ -90,7 +99,7 @@ def begin_rows(kind: Array, row_table: Array, row_coef: Array, link: Array, coef
 
 @fused
 def _add_row_force(row_table: Array, n: int, coef: Array, m: int, x: float, y: float) -> None:
-    """Add a force on j, and its opposite on i, to what the joints have to bring there, and to P."""
+    """Add a force on link j, and its opposite on link i, to the series F and P."""
     i, j = int(row_table[n, col.LINK_I]), int(row_table[n, col.LINK_J])
     coef[j, FX, m] -= x
     coef[j, FY, m] -= y
@@ -104,7 +113,17 @@ def _add_row_force(row_table: Array, n: int, coef: Array, m: int, x: float, y: f
 def known_row_forces(
     kind: Array, row_table: Array, row_coef: Array, active: Array, coef: Array, m: int, torque: Array
 ) -> None:
-    """What is known of the forces of rows of order m, and torques on links that neither they nor P say."""
+    """Add the known parts of the row forces of order m, and the torques that F and P do not contain.
+
+    Parameters
+    ----------
+    kind, row_table, row_coef, coef : see `begin_rows`
+        row_coef and coef are updated.
+    active : ndarray of int, shape (q,)
+    m : int
+    torque : ndarray, shape (n_b + 1,)
+        Updated.
+    """
     for n in range(kind.shape[0]):
         if kind[n] == LINE and active[n]:
             x = y = turn = 0.0
@@ -122,7 +141,16 @@ def known_row_forces(
 def known_row_accelerations(
     kind: Array, row_table: Array, row_coef: Array, active: Array, W: Array, coef: Array, m: int, gamma: Array
 ) -> None:
-    """Accelerations ``Q a`` of order m that keep the rows closed."""
+    """Compute the right sides ``gamma = Q a`` of order m.
+
+    Parameters
+    ----------
+    kind, row_table, row_coef, coef : see `begin_rows`
+    active, W : see `loop_groups.MultifrontalQR`
+    m : int
+    gamma : ndarray, shape (q,)
+        Overwritten.
+    """
     scale = (m + 1.0) * (m + 2.0)
     for n in range(kind.shape[0]):
         gamma[n] = 0.0
@@ -152,7 +180,18 @@ def row_forces(
     m: int,
     lam: Array,
 ) -> None:
-    """Forces of order m that multipliers bring to the links, into F and P; what then is known of lines."""
+    """Add the forces of the multipliers of order m to F and P, and complete the series of lines.
+
+    Parameters
+    ----------
+    kind, row_table, row_coef, coef : see `begin_rows`
+        row_coef and coef are updated.
+    active, W : see `loop_groups.MultifrontalQR`
+    link : see `arrays`
+    m : int
+    lam : ndarray, shape (q,)
+        Multipliers of order m.
+    """
     scale = 1.0 / ((m + 1.0) * (m + 2.0))
     for n in range(kind.shape[0]):
         if not active[n] or kind[n] == LOCK:

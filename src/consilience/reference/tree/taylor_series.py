@@ -1,22 +1,21 @@
-"""Taylor coefficients of a motion in a plane: of `planar`, one order after the other.
+"""Taylor coefficients of the motion of a planar tree, one order after the other.
 
-Everything a planar mechanism does follows from the direction ``e = exp(i theta)`` of each link, vectors of the plane
-written as complex numbers, by sums and products; and coefficients of those are, with w the angular velocity,
+All quantities of a planar mechanism follow from the direction ``e = exp(i theta)`` of each link, with plane vectors as
+complex numbers, by sums and products. Their coefficients, with w the angular velocity, are
 
     (a b)_m = sum_j a_j b_{m-j},        e_{m+1} = i / (m + 1) sum_j w_j e_{m-j}
 
 [Griewank and Walther, Evaluating Derivatives, 2008, chapter 13; Jorba and Zou, A software package for the numerical
-integration of ODEs by means of high-order Taylor methods, Experimental Mathematics 14, 2005, 99-117]. A joint brings
-the force F to its link at the arm e a, and takes it from the parent at the arm e_p a_p, which both turn; with * for the
-conjugate, forces and torques about the centre of mass r of a link are
+integration of ODEs by means of high-order Taylor methods, Experimental Mathematics 14, 2005, 99-117]. A joint applies
+the force F to its link at the arm e a, and -F to the parent at the arm e_p a_p; both arms rotate. With * for the
+conjugate, forces, and torques about the centre of mass r of a link, are
 
-    F = m r'' - weight + sum of F of the joints it carries
-    J w' + Im(e* P) = 0 where all joints turn,        P = sum of a_p* F of the joints it carries - a* F.
+    F = m r'' - weight + sum of F of the joints on the link's outboard side
+    J w' + Im(e* P) = 0 where all joints rotate,        P = sum of a_p* F of these joints - a* F.
 
-The accelerations of order m enter the equations of that order as those of order zero do theirs, with the same inertias,
-arms and axes: the articulated bodies and the fronts of a state, factorised once, solve for all orders. What is left of
-order m is known when its turn comes, and enters as biases: terms of Im(e* P) with F of lower order, and accelerations
-of the links in which those of the directions have no part.
+The accelerations of order m enter the equations of order m as the accelerations of a state do, with the same inertias,
+arms and axes: articulated bodies and fronts, factorised once at the state, solve the equations of all orders. The other
+terms of order m are known from lower orders and enter as biases: terms of Im(e* P), and velocity products.
 """
 
 from __future__ import annotations
@@ -42,21 +41,21 @@ from consilience.reference.tree.planar import (
 )
 
 C, SN, W, FX, FY, PX, PY, SLOTS = np.arange(8)
-"""Series of a link: real and imaginary parts of e, w, of F, of P."""
+"""Series of a link: real and imaginary parts of e, w, of F, and of P."""
 
 LARGEST_ORDER = 32
-"""Highest order."""
+"""Highest order of a series."""
 
 
 class Series(NamedTuple):
-    """Coefficients by order, the last index; N directions."""
+    """Coefficients by order, the last index; N free directions."""
 
     link: Array  # (n_b + 1, SLOTS, MOST + 3); the last one is the ground
     q: Array  # (N, MOST + 3) coordinates
 
 
 def series_arrays(links: int, directions: int) -> Series:
-    """Arrays of a mechanism."""
+    """Return new arrays of series."""
     link = np.zeros((links + 1, int(SLOTS), LARGEST_ORDER + 3))
     link[-1, C, 0] = 1.0
     return Series(link, np.zeros((directions, LARGEST_ORDER + 3)))
@@ -64,7 +63,16 @@ def series_arrays(links: int, directions: int) -> Series:
 
 @fused
 def begin_series(link: Array, free: Array, coef: Array, q: Array, first_speed: int, z: Array, inverse: Array) -> None:
-    """Coefficients that a state says, of links placed there."""
+    """Set the coefficients that are known from a state, at placed links.
+
+    Parameters
+    ----------
+    link, free, first_speed, z : see `arrays`
+    coef, q : ndarray
+        Fields link and q of `Series`; overwritten in the orders 0 and 1.
+    inverse : ndarray, shape (N,)
+        Overwritten: reciprocals of the pivots D.
+    """
     for k in range(link.shape[0] - 1):
         c, s = load_pair(link, k, col.COS)
         w = link[k, col.SPIN]
@@ -77,19 +85,19 @@ def begin_series(link: Array, free: Array, coef: Array, q: Array, first_speed: i
 
 @fused
 def _carrier(link: Array, k: int) -> int:
-    """Link that the displacements of a joint move with."""
+    """Return the link that carries the axes of the displacements of a joint."""
     return int(link[k, col.PARENT]) if link[k, col.SENSE] > 0.0 else k
 
 
 @fused
 def _translations_end(link: Array, k: int) -> int:
-    """The direction behind the displacements of a joint."""
+    """Return the index behind the displacements of a joint."""
     return int(link[k, col.LAST]) - (1 if link[k, col.ROTATION_SENSE] != 0.0 else 0)
 
 
 @fused
 def _slide_forces(link: Array, free: Array, coef: Array, q: Array, k: int, m: int, joint_force: Array) -> None:
-    """What is known of P where a joint slides, and of the force along it, into the remaining joint forces."""
+    """Add the known part of P at a sliding joint, and compute the known joint force along it."""
     b, sense = _carrier(link, k), link[k, col.SENSE]
     along = across = 0.0
     for j in range(1, m + 1):
@@ -108,14 +116,37 @@ def _slide_forces(link: Array, free: Array, coef: Array, q: Array, k: int, m: in
 
 @fused
 def add_moment(coef: Array, k: int, m: int, a: Pair, x: float, y: float) -> None:
-    """Add ``a* F`` to P: a force at the arm a, in axes of the link."""
+    """Add ``a* F`` of order m to P of link k.
+
+    Parameters
+    ----------
+    coef : ndarray
+        Field link of `Series`; updated.
+    k, m : int
+    a : tuple of float, m
+        Arm in axes of the link.
+    x, y : float, N
+        Force.
+    """
     coef[k, PX, m] += a[0] * x + a[1] * y
     coef[k, PY, m] += a[0] * y - a[1] * x
 
 
 @fused
 def known_forces(link: Array, free: Array, coef: Array, q: Array, m: int, joint_force: Array, torque: Array) -> None:
-    """What is known of the forces of order m and of P, but for rows, and of the remaining joint forces."""
+    """Compute the known parts of the forces of order m and of P, without rows, and of the joint forces.
+
+    Parameters
+    ----------
+    link, free : see `arrays`
+    coef, q : ndarray
+        Fields link and q of `Series`; updated.
+    m : int
+    joint_force : ndarray, shape (N,)
+        Overwritten.
+    torque : ndarray, shape (n_b + 1,)
+        Overwritten with zero: see `known_rotations`.
+    """
     for k in range(link.shape[0]):
         torque[k] = 0.0
         for slot in range(FX, SLOTS):
@@ -132,7 +163,7 @@ def known_forces(link: Array, free: Array, coef: Array, q: Array, m: int, joint_
 
 @fused
 def _advance_direction(coef: Array, k: int, m: int) -> float:
-    """``e_{m+2}`` but for the acceleration of order m; what is known of ``Im(e* P)`` of order m."""
+    """Compute e of order m + 2 without the unknown acceleration of order m; return the known part of ``Im(e* P)``."""
     x = y = one = two = 0.0
     for j in range(m + 1):
         w = coef[k, W, j]
@@ -147,7 +178,17 @@ def _advance_direction(coef: Array, k: int, m: int) -> float:
 
 @fused
 def known_rotations(link: Array, free: Array, coef: Array, q: Array, m: int, torque: Array) -> None:
-    """What is known of the directions and steps of order m + 2, and the biases of order m."""
+    """Compute the known parts of the offsets of order m + 2, and the biases of order m.
+
+    Parameters
+    ----------
+    link, free : see `arrays`
+    coef, q : ndarray
+        Fields link and q of `Series`; updated.
+    m : int
+    torque : ndarray, shape (n_b + 1,)
+        Torques on the links that P does not contain.
+    """
     scale = (m + 1.0) * (m + 2.0)
     for k in range(link.shape[0] - 1):
         p = int(link[k, col.PARENT])
@@ -170,7 +211,7 @@ def known_rotations(link: Array, free: Array, coef: Array, q: Array, m: int, tor
 
 @fused
 def _carried(link: Array, free: Array, inverse: Array, k: int) -> Triple:
-    """Wrench that the quadratic accelerations of a link ask of its parent, its own directions free."""
+    """Return the wrench on the parent due to the velocity products of a link, with the link's directions free."""
     c = load_pair(link, k, col.VELOCITY_PRODUCT)
     c = c[0], c[1], 0.0
     x = inertia_times(load_planar_inertia(link, k), c)
@@ -183,7 +224,7 @@ def _carried(link: Array, free: Array, inverse: Array, k: int) -> Triple:
 
 @fused
 def sweep_biases(link: Array, free: Array, joint_force: Array, inverse: Array) -> None:
-    """The remaining joint forces of the biases and of `rest`, in a tree whose inertias are swept."""
+    """Compute the remaining joint forces from the biases and from known joint forces, articulated inertias swept."""
     for k in range(link.shape[0] - 2, -1, -1):
         f = load_triple(link, k, col.BIAS)
         for n in range(int(link[k, col.LAST]) - 1, int(link[k, col.FIRST]) - 1, -1):
@@ -203,7 +244,17 @@ def sweep_biases(link: Array, free: Array, joint_force: Array, inverse: Array) -
 
 @fused
 def next_order(link: Array, free: Array, coef: Array, q: Array, inverse: Array, m: int) -> None:
-    """Accelerations of order m, links outwards, and the coefficients that follow from them."""
+    """Compute accelerations of order m outward along the tree, and the coefficients that follow from them.
+
+    Parameters
+    ----------
+    link, free : see `arrays`
+    coef, q : ndarray
+        Fields link and q of `Series`; updated.
+    inverse : ndarray, shape (N,)
+        Reciprocals of the pivots D.
+    m : int
+    """
     one, two = 1.0 / (m + 1.0), 1.0 / (m + 2.0)
     for k in range(link.shape[0] - 1):
         a, d, c = (
@@ -228,7 +279,15 @@ def next_order(link: Array, free: Array, coef: Array, q: Array, inverse: Array, 
 
 @fused
 def joint_forces(link: Array, free: Array, coef: Array, q: Array, m: int) -> None:
-    """Forces of order m that the joints bring, links inwards, and P."""
+    """Compute the joint forces F of order m inward along the tree, and P.
+
+    Parameters
+    ----------
+    link, free : see `arrays`
+    coef, q : ndarray
+        Fields link and q of `Series`; coef is updated.
+    m : int
+    """
     for k in range(link.shape[0] - 2, -1, -1):
         p, x, y = int(link[k, col.PARENT]), coef[k, FX, m], coef[k, FY, m]
         add_moment(coef, k, m, load_pair(link, k, col.ARM), -x, -y)
