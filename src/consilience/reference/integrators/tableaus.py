@@ -1,26 +1,22 @@
-"""Runge-Kutta methods: coefficients as data, and one step with them, with the dense output that belongs to it.
+"""Runge-Kutta methods: coefficients, and single steps with their dense output.
 
-An explicit method of s stages advances ``u' = f(t, u)`` by
-
-    k_i = f(t + c_i h, u + h sum_j A_ij k_j),    u_1 = u + h sum_i b_i k_i.
-
-Dense output of every method has the nested form of Hairer, Norsett and Wanner, section II.6, in x = (time - t) / h,
+An explicit method of s stages advances ``u' = f(t, u)`` as in `coefficients`. The dense output of every method has the
+nested form of Hairer, Norsett and Wanner, section II.6, in x = (time - t) / h,
 
     u(x) = u + x (F_0 + (1 - x) (F_1 + x (F_2 + (1 - x) (F_3 + x (...))))),
     F_0 = u_1 - u,    F_1 = h f - F_0,    F_2 = 2 F_0 - h (f + f_1),    F_3.. = h sum_i D_i k_i,
 
-where k continues with f_1 = f(t + h, u_1) and with stages that only the dense output needs. F_0 to F_2 alone are cubic
+where k continues with f_1 = f(t + h, u_1) and with stages for the dense output alone. F_0 to F_2 alone are cubic
 Hermite interpolation.
 
-The collocation method solves ``U_i = u + h sum_j A_ij f(t + c_j h, U_j)`` by Newton's method with the Jacobian J of an
+The collocation method solves ``U_i = u + h sum_j A_ij f(t + c_j h, U_j)`` by Newton's method, with the Jacobian J of an
 earlier instant, in ``Z_i = U_i - u``. The eigenvectors of the inverse of A split the 3 n_u equations into a real and a
-complex system of n_u. Its dense output is the quartic with the derivatives f, k_1, k_2, k_3 at 0, c_1, c_2, 1: the
-nodes of Radau make its value at 1 come out as u_1.
+complex system of n_u. Its dense output is the quartic with the derivatives f, k_1, k_2, k_3 at 0, c_1, c_2, 1; at the
+nodes of Radau its value at 1 is u_1.
 
 Sources: Fehlberg, NASA TR R-315, 1969, and Hairer, Norsett, Wanner: Solving Ordinary Differential Equations I, 2nd
-ed., 1993, table II.5.1 (Runge-Kutta-Fehlberg 4(5)) and section II.10 (DOP853); Tsitouras, Papakostas: SIAM J. Sci.
-Comput. 20, 1999, 2067-2088 (NEW8(6)); Hairer, Wanner: Solving Ordinary Differential Equations II, 2nd ed., 1996, table
-IV.5.6 and section IV.8 (Radau IIA of order 5).
+ed., 1993, table II.5.1 (Runge-Kutta-Fehlberg 4(5)); Hairer, Wanner: Solving Ordinary Differential Equations II, 2nd
+ed., 1996, table IV.5.6 and section IV.8 (Radau IIA of order 5).
 """
 
 from __future__ import annotations

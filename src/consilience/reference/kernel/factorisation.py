@@ -50,7 +50,7 @@ def pivoted_qr(B: Array, tau: Array, pivot: Array, norms: Array, size: float, li
                 best = c
         if k == 0:
             smallest = max(smallest, RANK_TOLERANCE**2 * norms[best])
-        if norms[best] <= smallest:  # and on with what is not a number, so that it shows
+        if norms[best] <= smallest:  # false for NaN, which then shows in the result
             return k
         if best != k:
             pivot[k], pivot[best] = pivot[best], pivot[k]

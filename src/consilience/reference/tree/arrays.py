@@ -78,17 +78,17 @@ class TreeLinks(NamedTuple):
     """Spanning tree of n_b links, each behind its parent, with N free directions."""
 
     layout: Array  # (n_b, 9)
-    constants: Array  # (n_b, 31) constants of the links: columns NEAR to PLACED of `columns`
-    direction: Array  # (N, 3) axis of F (0) or M (1); number of the axis; along it (0) or about it (1)
-    kind: Array  # (n_z,) DISTANCE, ...
-    first_speed: int  # first speed in z
-    first_integral: int  # first integral in z
-    gravity_only: bool  # no forces but gravity
-    bare_tree: bool  # that, and no rows to close: `articulated.free_accelerations` says all
-    other_rows: int  # rows that are not joints'
-    position_rows: int  # rows that hold positions; those of rolling and skates stand behind them
+    constants: Array  # (n_b, 31) columns INBOARD_FRAME to CONSTANTS_END of `records`
+    direction: Array  # (N, 3) frame of the axis, F (0) or M (1); its number; displacement (0) or rotation (1)
+    kind: Array  # (n_z,) DISTANCE to INTEGRAL
+    first_speed: int  # index of the first speed in z
+    first_integral: int  # index of the first integral of a controller in z
+    gravity_only: bool  # no force elements
+    bare_tree: bool  # no force elements and no loops: `articulated.tree_accelerations` applies
+    other_rows: int  # number of rows of drives, couplings and contacts
+    position_rows: int  # number of rows that hold positions; velocity rows of rolling and skates follow
     loops: Loops
-    com: Array  # (n_b, 3) of the bodies, from their origins
+    com: Array  # (n_b, 3) centres of mass in axes of the bodies, m
 
 
 class TreeArrays(NamedTuple):
@@ -96,12 +96,12 @@ class TreeArrays(NamedTuple):
 
     layout: Array
     kind: Array
-    link: Array  # (n_b + 1, LINK_WIDTH) rows of the links and of the ground: see `columns`
-    free: Array  # (N, FREE_WIDTH) rows of the directions
-    y: Array  # (n_b + n_e, 13) bodies, as the other kernels know them
+    link: Array  # (n_b + 1, LINK_WIDTH) links and, last, the ground: see `records`
+    free: Array  # (N, FREE_WIDTH) free directions
+    y: Array  # (n_b + n_e, 13) bodies as in `reference.bodies`, then integrals of controllers
     A: Array  # (n_b, 3, 3) rotation matrices
     first_speed: int
-    length: float  # of the mechanism, m
+    length: float  # characteristic length of the mechanism, m
 
 
 class SpatialArrays(NamedTuple):
@@ -130,21 +130,21 @@ class LoopClosure(NamedTuple):
     loops: Loops
     qr: MultifrontalQR
     value: Array  # (q,) violations of the rows
-    gamma: Array  # (q,)
-    rate: Array  # (q,)
-    u: Array  # (N,) accelerations, or displacements, of the directions
-    rank_limit: Array  # (1,) rank of the cut rows, where a projection has found it
-    best: Array  # (3,) LARGEST_RANK, LEAST, PIVOT
-    row_norm: Array  # (1,) largest size of a cut row
+    gamma: Array  # (q,) right side of Q a = gamma
+    rate: Array  # (q,) right side of Q v = rate
+    u: Array  # (N,) accelerations, or displacements, of the free directions
+    rank_limit: Array  # (1,) rank of the rows from the last projection
+    best: Array  # (3,) LARGEST_RANK to ELIMINATION_PIVOT
+    row_norm: Array  # (1,) largest row, `loop_rows.largest_row`; zero before it is known
 
 
 class TreeElements(NamedTuple):
     """Data for force elements and for constraints other than joints."""
 
     model: Model
-    cut: Model
-    turns: Array  # joint coordinates that elements read, turns counted
-    rows: Workspace
+    cut: Model  # the mechanism with only the rows that close loops
+    turns: Array  # (n_c,) joint coordinates that elements read, turns counted
+    rows: Workspace  # of `cut`
     first_integral: int
     gravity_only: bool
     other_rows: int
@@ -161,7 +161,7 @@ class TreeSystem(NamedTuple):
     tree: TreeArrays
     closure: LoopClosure
     spatial: Spatial
-    elements: TreeElements | None  # None where there are only joints and gravity, and in a plane
+    elements: TreeElements | None
     planar: Planar
 
 
@@ -169,11 +169,11 @@ class KernelArguments(NamedTuple):
     """Record of the arguments of an integrator; see the module."""
 
     tree: TreeArrays
-    closure: LoopClosure | None  # None where the tables of the tree (and of a plane) say all
+    closure: LoopClosure | None
     spatial: Spatial
     elements: TreeElements | None
     planar: Planar
-    scratch: NamedTuple  # of the integrator
+    scratch: NamedTuple  # work arrays of the integrator
 
 
 def flatten_relative(mechanism: Mechanism) -> tuple[TreeLinks, TreeModel, Model]:
@@ -216,7 +216,7 @@ def link_constants(tree: TreeModel, model: Model) -> Array:
     arm_i, arm_j = model.arm_i[tree.joint], model.arm_j[tree.joint]
     inboard, outboard = np.where(forward[:, None, None], on_i, on_j), np.where(forward[:, None, None], on_j, on_i)
     arm_inboard, arm_outboard = np.where(forward[:, None], arm_i, arm_j), np.where(forward[:, None], arm_j, arm_i)
-    # a parent of -1 is the last one here, the ground
+    # parent -1 selects the last entry, the ground
     base = np.concatenate([outboard, np.eye(3)[None]])[tree.parent]
     turned = np.swapaxes(outboard, 1, 2)
     inertia = turned @ model.inertia[tree.body] @ outboard

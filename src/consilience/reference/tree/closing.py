@@ -136,7 +136,7 @@ def project_by_elimination(
         store_targets(group, order, state, target, elimination.J, u.shape[0])
         rows, freedoms, least = solve_rows(loops, qr, elimination, link, free, TWO_TARGETS)
         if not _is_regular_pivot(least, closure.best):
-            # the fronts have their own measure of it, which has to follow
+            # the fronts, which project instead, then update their largest least pivot, too
             closure.best[ELIMINATION_PIVOT] = max(closure.best[ELIMINATION_PIVOT], least)
             return False
         solve_reduced(elimination, rows, freedoms, link, free, u, 0.0)

@@ -32,7 +32,7 @@ def cut_joints(tree: TreeModel, model: Model) -> CutJoints:
     closing = np.flatnonzero(np.diff(cut.first_row))
     link = np.full(len(tree.body) + 1, -1)
     link[tree.body] = np.arange(len(tree.body))
-    # axes of a link are those of the joint frame on it; the ground, the last one, has those of the world
+    # a link has the axes of the joint frame on it; the ground, the last entry, those of the world
     own = np.where((tree.sign > 0)[:, None, None], model.axes_j[tree.joint], model.axes_i[tree.joint])
     to_link = np.concatenate([np.swapaxes(own, 1, 2), np.eye(3)[None]])
     table = np.zeros((len(closing), JOINT_WIDTH))

@@ -57,15 +57,15 @@ class ExplicitScratch(NamedTuple):
 
     K: Array  # (17, n_z) derivatives at the stages
     end: Array  # (n_z,) end of the step
-    state: Array  # (n_z,) of a stage or sample
+    state: Array  # (n_z,) state of a stage or sample
     F: Array  # (7, n_z) dense output
-    size: Array  # (5,) of the kinds of components
-    order: Array  # rows chosen at the end of the step, while its samples are taken
+    size: Array  # (5,) sizes of the kinds of components
+    order: Array  # (q,) order of the rows at the end of the step, kept while samples are projected
     chosen: Array
-    last_stage: Array  # (2, n_z) state and derivative of the last stage of the step before
+    last_stage: Array  # (2, n_z) state and derivative of the last stage of the last step
 
 
-def scratch(z: Array, closure: LoopClosure | None) -> ExplicitScratch:
+def explicit_scratch(z: Array, closure: LoopClosure | None) -> ExplicitScratch:
     """Return work arrays for a motion from the state z."""
     rows, groups = (0, 0) if closure is None else (len(closure.qr.order), len(closure.qr.state))
     return ExplicitScratch(
@@ -188,7 +188,7 @@ def record_samples_within(
         Holds the dense output F.
     """
     if closure is not None:
-        # the rows chosen at the end of the step are those for the next one
+        # projecting samples selects rows; the next step needs those of the end of this step
         assign(scratch.order, closure.qr.order)
         assign(scratch.chosen, closure.qr.state[:, ACTIVE])
     for n in range(times.shape[0]):
@@ -336,11 +336,11 @@ def _integrate(
             last_step, stiff_steps = 0.0, stiff_steps + 1 if long else max(0, stiff_steps - 1)
             if stiff_steps >= STIFF_STEPS and last - t > FEWEST_STEPS_LEFT * step:
                 return UNSUITABLE
-        finite = np.isfinite(error)  # a stage far from the motion may overflow: of no step that is short enough
+        finite = np.isfinite(error)  # a stage far from the motion may overflow; shorter steps end this
         factor = factor_of(error, SAFETY, most)
         if not error <= 1.0:
             counters[REJECTED] += 1
-            h, first, most = step * factor, SECOND, 1.0  # the first stage is still known
+            h, first, most = step * factor, SECOND, 1.0  # the first stage stays valid
             continue
         counters[STEPS] += 1
         assign(scratch.last_stage[0], scratch.state)

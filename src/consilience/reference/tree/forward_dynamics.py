@@ -169,7 +169,7 @@ class ForwardDynamics:
             try:
                 if _tree_accelerations_at(self._link, self._free, q, v, out):
                     return out
-            except TypeError:  # not the arrays it is compiled for
+            except TypeError:  # not contiguous arrays of floats
                 pass
         q, v = self._checked(q, v)
         if out.shape != (self.n_v,):
@@ -234,7 +234,7 @@ class ForwardDynamics:
         parts = iter([slice(first, last) for first, last in pairwise(bounds) if first < last])
 
         def work(n: int) -> None:
-            for part in parts:  # whoever is done takes the next one: threads are not equally fast
+            for part in parts:  # threads take parts in turn, because they are not equally fast
                 self._fill(n, q[part], v[part], t, constants[part], out[part])
 
         if count == 1:
@@ -290,7 +290,7 @@ class ForwardDynamics:
         """Compute accelerations at rows of states, with the n-th set of work arrays."""
         tree, *others = self._systems[n]
         if self._is_tree:
-            # constants of parameter sets must not stay behind
+            # the constants of parameter sets must not stay in the table
             link = tree.link.copy() if len(constants) else tree.link
             _tree_accelerations_each(link, tree.free, constants, q, v, out)
             return
@@ -300,5 +300,5 @@ class ForwardDynamics:
 def _compile_once(link: Array, free: Array, n_q: int) -> None:
     """Compile `_tree_accelerations_at` for contiguous arrays of floats alone: other arrays are converted."""
     _tree_accelerations_at(link, free, np.ones(n_q), np.zeros(len(free)), np.empty(len(free)))
-    if hasattr(_tree_accelerations_at, "disable_compile"):  # without Numba's compiler it is a plain function
+    if hasattr(_tree_accelerations_at, "disable_compile"):  # a plain function where Numba is disabled
         _tree_accelerations_at.disable_compile()

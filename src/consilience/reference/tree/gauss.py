@@ -37,10 +37,10 @@ class GaussScratch(NamedTuple):
     """Work arrays of an integration."""
 
     K: Array  # (8, n_z) stages of the last step
-    guess: Array  # (8, n_z) of the next one
+    guess: Array  # (8, n_z) stages of the next step
     trial: Array  # (n_z,) state of a stage
-    found: Array  # (n_z,) its derivative
-    size: Array  # (5,) of the kinds of components
+    found: Array  # (n_z,) derivative of a stage
+    size: Array  # (5,) sizes of the kinds of components
 
 
 def gauss_scratch(z: Array, closure: LoopClosure | None) -> GaussScratch:

@@ -150,7 +150,7 @@ def _place_joint(link: Array, free: Array, k: int, q: Array, v: Array) -> None:
             displacement, speed = add(displacement, scale(q[at + n - first], e)), add(speed, scale(u, e))
         else:
             spin = add(spin, scale(u, e))
-    # P is the origin of M: on the link, or on its parent with F's behind it by the displacement
+    # P is the origin of M; the origin of F lies behind it by the displacement
     if sign > 0.0:
         s_p = add(s_p, displacement)
     else:

@@ -37,24 +37,24 @@ class Loops(NamedTuple):
 
     group: Array  # (G, 10)
     touched: Array  # (q, 4) links that a row acts on, -1 for none
-    path: Array  # links between the bodies of a group and the ground, outermost first
-    own_directions: Array  # directions that a group is the first to have entries at
-    owner: Array  # (N, 2) that group, -1 for none, and the place among its directions
+    path: Array  # links between the links of a group and the ground, outermost first
+    own_directions: Array  # directions at which a group is the first to have entries
+    owner: Array  # (N, 2) that group of each direction, -1 for none, and the place among its own directions
 
 
 class MultifrontalQR(NamedTuple):
     """Arrays of the factorisation by fronts, which kernels write."""
 
-    W: Array  # (q, 4, 6) wrenches of a unit of each row on the links it touches, world axes, at centres of mass
-    wrench: Array  # (n_b, 6); of both, in a plane, the three numbers that are left
-    F: Array  # fronts behind each other, each column by column
-    tau: Array  # factors of the reflections
-    x: Array  # vectors of the fronts
-    y: Array  # (q,) by columns
-    order: Array  # (q,) rows, group by group, those first that count
-    state: Array  # (G + 1, 6) columns CHOSEN to SQUEEZED
-    active: Array  # (q,) whether a row is to be evaluated
-    target: Array  # (q,) what the rows are to change by
+    W: Array  # (q, 4, 6 or 3) wrenches of a unit multiplier on the links that a row acts on
+    wrench: Array  # (n_b, 6 or 3) wrenches on the links
+    F: Array  # fronts one behind the other, each column by column
+    tau: Array  # factors tau of the reflections
+    x: Array  # a vector in the rows of the fronts
+    y: Array  # (q,) a vector in the columns of the fronts
+    order: Array  # (q,) rows, group by group, independent rows first
+    state: Array  # (G + 1, 6) columns ACTIVE to COMPRESSED
+    active: Array  # (q,) 1 where a row is to be evaluated
+    target: Array  # (q,) residual of the rows
 
 
 def _touched(layout: Array, cut: Model) -> Array:

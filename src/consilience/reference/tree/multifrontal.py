@@ -194,7 +194,7 @@ def _pivot_longest(group: Array, order: Array, state: Array, F: Array, g: int, r
     first = group[g, ROW]
     order[first + row], order[first + best] = order[first + best], order[first + row]
     _exchange(F, at + row * height, at + best * height, rows)
-    # the fronts before have rows of R at these columns, too; below them are vectors of reflections, which stay
+    # fronts before also hold rows of R in these columns; the vectors of reflections below them stay
     f = g - 1
     while f >= 0 and group[f, LAST_REACHED] >= g:
         start = group[f, FRONT_START] + (state[g, START] - state[f, START]) * group[f, FRONT_ROWS]
@@ -229,7 +229,7 @@ def factorise(group: Array, order: Array, state: Array, F: Array, tau: Array, sm
                 _pivot_longest(group, order, state, F, g, rank, rows)
             first = at + rank * height
             total = _square(F, first + rank, first + rows)
-            if total <= smallest:  # and on with what is not a number, so that it shows
+            if total <= smallest:  # false for NaN, which then shows in the result
                 break
             norm = np.sqrt(total)
             least = min(least, norm)
@@ -262,7 +262,7 @@ def _pass_remainder(
     to, tall = group[g + 1, FRONT_START], group[g + 1, FRONT_ROWS]
     own_directions = group[g + 1, OWN_END] - group[g + 1, OWN]
     for c in range(behind):
-        # below the diagonal of a shortened front there are only the vectors of its reflections
+        # below the diagonal a reduced front holds only the vectors of its reflections
         full = min(left, c + 1) if state[g, COMPRESSED] else left
         for n in range(left):
             F[to + c * tall + own_directions + n] = F[at + (own + c) * height + rank + n] if n < full else 0.0

@@ -47,12 +47,12 @@ class _NotPlanar(Exception):
 class _ZeroPose(NamedTuple):
     """Links and bodies where all joint coordinates are zero, in world axes."""
 
-    joint: Array  # (n_b, 3, 3) axes of the joint frame F, which are those of M there
+    joint: Array  # (n_b, 3, 3) axes of the joint frames F and M, equal in this pose
     arm_parent: Array  # (n_b, 3)
     arm: Array  # (n_b, 3)
-    position: Array  # (n_b + 1, 3) centres of mass; the last one is the ground
+    position: Array  # (n_b + 1, 3) centres of mass; the ground is last
     R: Array  # (n_b + 1, 3, 3) axes of the bodies
-    link: Array  # (n_b + 1,) link of each body; of the ground -1
+    link: Array  # (n_b + 1,) link of each body; -1 for the ground
 
 
 def _zero_pose(links: TreeLinks) -> _ZeroPose:
@@ -67,7 +67,7 @@ def _zero_pose(links: TreeLinks) -> _ZeroPose:
         arms[0, k] = X[p] @ row[records.ARM_PARENT - at : records.ARM - at]
         arms[1, k] = X[k] @ row[records.ARM - at : records.MASS - at]
         position[k] = position[p] + arms[0, k] - arms[1, k]
-        # rows of AXES hold an axis of the body each, in axes of the link
+        # each row of AXES holds an axis of the body, in axes of the link
         R[k] = X[k] @ axes
         link[links.layout[k, BODY]] = k
     return _ZeroPose(X[:-1], arms[0], arms[1], position, R, link)
@@ -101,7 +101,7 @@ def _plane_bases(links: TreeLinks, zero: _ZeroPose) -> Array:
         about[root[k]] = np.vstack([about[root[k]], _axes(links, zero, k, middle, row[FREE_END])])
     found = list[Array]()
     bases = np.zeros((count, 3, 3))
-    # those that turn first: a branch that only slides may lie in their planes
+    # branches with rotations first: a branch that only slides may lie in one of their planes
     for k in sorted(set(root.tolist()), key=lambda k: -len(about[k])):
         choices = [basis[2] for basis in found] if not len(about[k]) else [about[k][0]]
         choices += [_orthogonal_to(along[k])] if not len(about[k]) else []
@@ -188,7 +188,7 @@ class _RowCollector:
         else:
             raise _NotPlanar
         row[col.AXIS_I : col.AXIS_I + 2], row[col.AXIS_J : col.AXIS_J + 2] = flat @ u, flat @ w
-        # what the normal contributes does not change
+        # the component along the normal is constant
         row[col.TARGET] = target - level * float(u @ normal)
         row[col.KIND] = col.AXIS_DISPLACEMENT if kind < 3 else col.ROD_LENGTH if kind == 3 else col.AXIS_PRODUCT
         if kind == 3:

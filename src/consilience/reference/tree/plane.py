@@ -58,8 +58,8 @@ distance of the ends of a spring along n; whether a load turns with its body.
 class PlanarArrays(NamedTuple):
     """Arrays that planar kernels read beside the tables of links and free directions."""
 
-    body: Array  # (n_b, 20) body, distance from the plane, axes of the body in e_1, e_2, n at zero; e_1, e_2, n
-    row_table: Array  # (n_f, FORM_WIDTH) rows of joints, then joint coordinates that elements read
-    driven: Array  # (m, 3) rows of drives and couplings: form, form of the driver (-1: time), function
-    force_table: Array  # (n_e, EFFORT_WIDTH)
+    body: Array  # (n_b, 20) body, height along n, axes of the body at zero in e_1, e_2, n; e_1, e_2, n in the world
+    row_table: Array  # (n_f, ROW_WIDTH) rows of joints, then joint coordinates that elements read
+    driven: Array  # (m, 3) drives and couplings: row, row of the driver (-1: time), function
+    force_table: Array  # (m, FORCE_WIDTH)
     functions: Functions

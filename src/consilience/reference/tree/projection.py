@@ -218,7 +218,7 @@ def _project_by_factorisation(
         last = largest_entry(u, u.shape[0]) < NEGLIGIBLE
         displace(layout, z, u)
         place_state(closure, spatial, elements, planar, z)
-    # where the first correction is that small, the speeds have as little to be corrected, and its factors will do
+    # after a negligible correction the factors of the first pose also serve the speeds
     if not (
         last
         and step == 1

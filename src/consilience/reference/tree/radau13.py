@@ -53,19 +53,19 @@ SLOWEST_RATE = 0.1
 class RadauScratch(NamedTuple):
     """Work arrays of an integration."""
 
-    Z: Array  # (7, n_z) stages, less the start of the step
-    K: Array  # (7, n_z) their derivatives
+    Z: Array  # (7, n_z) stages less the start of the step
+    K: Array  # (7, n_z) derivatives at the stages
     J: Array  # (n_z, n_z) Jacobian
     LU: Array  # (4, n_z, n_z) complex, factorised systems
-    pivot: Array  # (4, n_z) their rows
-    W: Array  # (4, n_z) complex, their solutions
+    pivot: Array  # (4, n_z) rows of the pivots
+    W: Array  # (4, n_z) complex, right sides and solutions
     f: Array  # (n_z,) derivative at the start
-    perturbed: Array  # (n_z,) derivative at a state beside it
+    perturbed: Array  # (n_z,) derivative at a perturbed state
     end: Array  # (n_z,) end of the step
-    state: Array  # (n_z,) of a stage or sample
+    state: Array  # (n_z,) state of a stage or sample
     F: Array  # (7, n_z) dense output
-    size: Array  # (5,) of the kinds of components
-    order: Array  # rows chosen at the end of the step, while its samples are taken
+    size: Array  # (5,) sizes of the kinds of components
+    order: Array  # (q,) order of the rows at the end of the step, kept while samples are projected
     chosen: Array
 
 
@@ -206,7 +206,7 @@ def _correct(kind: Array, W: Array, Z: Array, size: Array) -> float:
             for k in range(W.shape[0]):
                 change += (OUT[i, k] * W[k, n]).real
             Z[i, n] += change
-            if not abs(change) <= largest * size[kind[n]]:  # what is not a number, too
+            if not abs(change) <= largest * size[kind[n]]:  # true for NaN, too
                 largest = abs(change) / size[kind[n]]
     return largest
 

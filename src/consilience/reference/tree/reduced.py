@@ -15,13 +15,13 @@ DIRECTIONS = 24
 class EliminationArrays(NamedTuple):
     """Arrays that the kernels of `few_freedoms` write; empty for a tree of more than `DIRECTIONS` free directions."""
 
-    moves: Array  # (n_b, N) whether a direction moves a link
-    S_origin: Array  # (N, 6) S of the directions at a point that is the same for all
-    J: Array  # (q, N + 2) rows, and t of one problem or two
-    solved: Array  # (q,) direction that a row gives, -1 where it depends on others
-    independent: Array  # (N,) directions left, the first f
-    V: Array  # (N, n_b + 1, 6) motions of the links; the last row is the ground
-    G: Array  # (N, N + 1) reduced masses and forces
+    moves: Array  # (n_b + 1, N) 1 where a direction moves a link
+    S_origin: Array  # (N, 6) motions s of the directions at the centre of mass of the first link
+    J: Array  # (q, N + 2) rows in the free directions, and one or two right sides
+    solved: Array  # (q,) direction that a row is solved for, -1 for a dependent row
+    independent: Array  # (N,) the first f entries are the independent directions
+    V: Array  # (N, n_b + 1, 6) motions of the links for the columns of T; the ground is last
+    G: Array  # (N, N + 1) reduced mass matrix and forces
 
 
 def elimination_arrays(rows: int, layout: Array, directions: int) -> EliminationArrays:
@@ -31,7 +31,7 @@ def elimination_arrays(rows: int, layout: Array, directions: int) -> Elimination
         layout = layout[:0]
     moves = np.zeros((len(layout) + 1, directions), dtype=np.int64)
     for k, row in enumerate(layout):
-        moves[k] = moves[row[0]]  # of the ground: the last one, which nothing moves
+        moves[k] = moves[row[0]]  # the ground is the last row, all zero
         moves[k, row[7] : row[8]] = 1
     return EliminationArrays(
         moves=moves,

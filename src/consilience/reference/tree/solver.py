@@ -24,7 +24,7 @@ from consilience.reference.tree.arrays import (
     tree_system,
     with_own_arrays,
 )
-from consilience.reference.tree.explicit_rk import UNSUITABLE, integrate, scratch
+from consilience.reference.tree.explicit_rk import UNSUITABLE, explicit_scratch, integrate
 from consilience.reference.tree.gauss import gauss_scratch, integrate_gauss
 from consilience.reference.tree.methods import PAIRS, RungeKuttaPair
 from consilience.reference.tree.planar_detection import planar_system
@@ -54,22 +54,20 @@ class _WorkingArrays(NamedTuple):
     """Arrays that one motion writes."""
 
     arrays: KernelArguments
-    run: KernelArguments  # their words
-    persistent_arrays: list[tuple[Array, Array]]  # those that it would leave to the next, and what they were
+    run: KernelArguments  # its record array
+    persistent_arrays: list[tuple[Array, Array]]  # arrays to reset, and their initial values
 
 
 class _PreparedMechanism(NamedTuple):
     """Data common to all motions of a mechanism."""
 
     links: TreeLinks
-    packing: StatePacking  # its words
-    tree_system: TreeSystem  # nothing written into it yet
-    tree_alone: bool  # whether the tables of the tree (and of a plane) say all
-    longest: float  # step, s
-    default_integrators: tuple[str, ...]  # integrators where none is asked for: the next one where one cannot go on
-    idle: dict[
-        str, list[_WorkingArrays]
-    ]  # of motions that have ended, by integrator: making them takes longer than a motion
+    packing: StatePacking  # a record array
+    tree_system: TreeSystem  # in its initial state
+    tree_alone: bool  # without loops and, in space, without elements
+    longest: float  # longest step, s
+    default_integrators: tuple[str, ...]  # in this order, until one can go on
+    idle: dict[str, list[_WorkingArrays]]  # work arrays of ended motions, by integrator
 
     def working(self, integrator: str) -> _WorkingArrays:
         """Return arrays that no other motion writes."""
@@ -117,7 +115,7 @@ class _MotionRequest(NamedTuple):
     z: Array
     times: Array
     tolerance: float
-    longest: float  # step, s
+    longest: float  # longest step, s
     motion: Array
     counters: Array
 
@@ -126,7 +124,8 @@ class _Integrator(NamedTuple):
     """How an integrator is called."""
 
     scratch: Callable[[Array, TreeSystem, LoopClosure | None], Any]
-    run: Callable[[KernelArguments, _MotionRequest, bool], int]  # the status; may it leave a motion to another one?
+    run: Callable[[KernelArguments, _MotionRequest, bool], int]  # returns the status; the last argument is
+    stop_if_stiff
 
 
 def _run_explicit(pair: RungeKuttaPair, run: KernelArguments, request: _MotionRequest, stop_if_stiff: bool) -> int:
@@ -153,7 +152,9 @@ def _run_taylor(run: KernelArguments, request: _MotionRequest, _leaves: bool) ->
 INTEGRATORS = {
     "taylor": _Integrator(taylor_scratch, _run_taylor),
     **{
-        name: _Integrator(lambda z, arrays, closure: scratch(z, closure), partial(_run_explicit, record_array(pair)))
+        name: _Integrator(
+            lambda z, arrays, closure: explicit_scratch(z, closure), partial(_run_explicit, record_array(pair))
+        )
         for name, pair in PAIRS.items()
     },
     "radau13": _Integrator(lambda z, arrays, closure: radau_scratch(z, closure), _run_radau13),
@@ -209,6 +210,6 @@ def _run(
     motion, counters = np.empty((len(times), *working.arrays.tree.y.shape)), np.zeros(3, dtype=np.int64)
     request = _MotionRequest(z.copy(), times, tolerance, prepared.longest, motion, counters)
     status = INTEGRATORS[name].run(working.run, request, stop_if_stiff)
-    if status in (0, UNSUITABLE):  # a failure may leave what is not a number
+    if status in (0, UNSUITABLE):  # a failure may leave NaN in the arrays
         prepared.idle[name].append(working)
     return status, motion, counters

@@ -71,12 +71,12 @@ class TaylorScratch(NamedTuple):
 
     series: Series
     rows: RowSeries
-    inverse: Array  # (N,) of the pivots
-    along: Array  # (N,) joint forces that are known
-    torque: Array  # (n_b + 1,) on the links, what is known of them and P does not say
+    inverse: Array  # (N,) reciprocals of the pivots D
+    along: Array  # (N,) known joint forces
+    torque: Array  # (n_b + 1,) known torques on the links that P does not contain
     lam: Array  # (q,) multipliers of an order
-    end: Array  # (n_z,) of a step, or a sample
-    size: Array  # (5,) of the kinds of components
+    end: Array  # (n_z,) state at the end of a step, or at a sample
+    size: Array  # (5,) sizes of the kinds of components
 
 
 def has_series(arrays: TreeSystem, tree_alone: bool) -> bool:

@@ -29,8 +29,8 @@ class RowSeries(NamedTuple):
     """Coefficients of q rows by order, the last index."""
 
     kind: Array  # (q,)
-    row_table: Array  # (q, FORM_WIDTH) of `plane.Plane`
-    coef: Array  # (q, ROW_SLOTS, MOST + 3)
+    row_table: Array  # (q, ROW_WIDTH) of `plane.PlanarArrays`
+    coef: Array  # (q, ROW_SLOTS, LARGEST_ORDER + 3)
 
 
 def knows_rows(row_table: Array) -> bool:
@@ -91,7 +91,7 @@ def begin_rows(kind: Array, row_table: Array, row_coef: Array, link: Array, coef
         if kind[n] == LINE:
             i, j = int(row_table[n, col.LINK_I]), int(row_table[n, col.LINK_J])
             for m in range(2):
-                at = col.POSITION + 2 * m  # then the velocity
+                at = col.POSITION + 2 * m  # m = 1: VELOCITY
                 r_i, r_j, d = load_pair(link, i, at), load_pair(link, j, at), _between_arms(coef, i, j, row_table, n, m)
                 d = d[0] + r_j[0] - r_i[0], d[1] + r_j[1] - r_i[1]
                 _put_line(row_coef, n, m, _arm(coef, i, row_table, n, col.AXIS_I, m), d)

@@ -50,8 +50,8 @@ LARGEST_ORDER = 32
 class Series(NamedTuple):
     """Coefficients by order, the last index; N free directions."""
 
-    link: Array  # (n_b + 1, SLOTS, MOST + 3); the last one is the ground
-    q: Array  # (N, MOST + 3) coordinates
+    link: Array  # (n_b + 1, SLOTS, LARGEST_ORDER + 3); the ground is last
+    q: Array  # (N, LARGEST_ORDER + 3) coordinates
 
 
 def series_arrays(links: int, directions: int) -> Series:
