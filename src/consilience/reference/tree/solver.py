@@ -124,8 +124,7 @@ class _Integrator(NamedTuple):
     """How an integrator is called."""
 
     scratch: Callable[[Array, TreeSystem, LoopClosure | None], Any]
-    run: Callable[[KernelArguments, _MotionRequest, bool], int]  # returns the status; the last argument is
-    stop_if_stiff
+    run: Callable[[KernelArguments, _MotionRequest, bool], int]  # last argument: stop_if_stiff; returns the status
 
 
 def _run_explicit(pair: RungeKuttaPair, run: KernelArguments, request: _MotionRequest, stop_if_stiff: bool) -> int:
