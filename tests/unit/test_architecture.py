@@ -14,6 +14,7 @@ DOCS = ROOT / "docs"
 SOURCE = ROOT / "src" / "consilience"
 PAGE = (DOCS / "architecture.md").read_text(encoding="utf-8")
 GLOSSARY = (DOCS / "glossary.md").read_text(encoding="utf-8")
+CHANGELOG = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
 RECORDS = sorted(path for path in (DOCS / "decisions").glob("*.md") if path.name != "index.md")
 HEADINGS = ["Context", "Decision", "Consequences", "Evidence"]
 
@@ -145,3 +146,16 @@ def test_a_decision_record_has_its_parts(path):
     assert re.findall(r"^## (.+)$", text, re.MULTILINE) == HEADINGS
     assert len(text.splitlines()) <= 45, "longer than a screen"
     assert number == RECORDS.index(path) + 1
+
+
+# ---------------------------------------------------------------- changelog
+
+
+def test_new_import_paths_exist_and_old_ones_do_not():
+    rows = re.findall(r"^\| (`consilience[^|]+) \| (`consilience[^|]+) \|$", CHANGELOG, re.MULTILINE)
+    assert len(rows) > 15
+    for old, new in rows:
+        for name in re.findall(r"`([\w.]+)`", new):
+            importlib.import_module(name)
+        for name in re.findall(r"`([\w.]+)`", old):
+            assert importlib.util.find_spec(name) is None, name
