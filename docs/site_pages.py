@@ -84,12 +84,12 @@ def write(docs: Path) -> None:
 
 
 def cell(text: object) -> str:
-    """Text for a cell of a table."""
+    """Escape a text for a cell of a Markdown table."""
     return re.sub(r"([|<>\[\]*_`])", r"\\\1", str(text).replace("\n", " "))
 
 
 def library() -> str:
-    """Every shipped case and family."""
+    """Return the page of all shipped cases and families."""
     lines = ["# The cases", "", "Generated from the files. What a case file is: [The case library](../cases.md).", ""]
     group = ""
     for case in sorted(shipped_cases(), key=lambda c: (c.group, c.name)):
@@ -109,7 +109,7 @@ def library() -> str:
 
 
 def explained() -> str:
-    """Everything `consilience explain` knows."""
+    """Return the page of all entries of `consilience explain`."""
     lines = ["# Verdicts, terms and traps", "", "What `consilience explain` prints, all of it.", ""]
     for kind in Kind:
         lines += [f"## {kind.title}", ""]
@@ -122,7 +122,7 @@ def explained() -> str:
 
 
 def findings() -> dict[str, str]:
-    """The table of the findings, and a page for each with its script."""
+    """Return the overview of the findings, and a page for each with its script."""
     pages = {"findings/index.md": _linked(FINDINGS / "README.md")}
     names = sorted(path.parent.name for path in FINDINGS.glob("*/README.md"))
     toc = "\n".join(["", "```{toctree}", ":hidden:", "", *names, "```", ""])
@@ -135,12 +135,12 @@ def findings() -> dict[str, str]:
 
 
 def _linked(path: Path) -> str:
-    """The overview, its links to folders turned into links to pages."""
+    """Return the text of the overview, with links to pages in place of links to folders."""
     return re.sub(r"\((\w+)/README\.md\)", r"(\1.md)", path.read_text(encoding="utf-8"))
 
 
 def api() -> dict[str, str]:
-    """A page for each part of the library."""
+    """Return the pages of the API reference, one for each part of the library."""
     pages = {}
     for title, (name, modules) in API.items():
         text = "".join(
