@@ -14,10 +14,9 @@ from consilience.mechanism import GROUND, JOINT_KINDS, Mechanism, spanning_tree
 from consilience.mechanism.observables import mass_matrix_condition
 from consilience.reference import accelerations
 from consilience.reference.bodies import constraints
-from consilience.reference.bodies.arrays import flatten, pack
+from consilience.reference.bodies.arrays import flatten, pack, workspace
 from consilience.reference.bodies.motion import rotations
 from consilience.reference.bodies.spanning_tree import flatten_tree, free_axes, tree_rows
-from consilience.reference.bodies.workspace import workspace
 from consilience.reference.formulations import descriptor, recursive
 from consilience.reference.formulations.recursive import ROUTES, recursive_accelerations
 from mechanisms import ELEMENTS, GRAVITY, LOOPS, TREES, chain, drawn_joint, four_bar, rotation, states_of
@@ -66,10 +65,10 @@ def test_accelerations_are_those_of_the_descriptor_form(name, route):
 def test_rank_is_that_of_all_rows(name, route):
     mechanism = ALL[name]
     model, tree = flatten(mechanism), flatten_tree(mechanism)
-    ws, a, memory = workspace(model), np.empty(6 * len(mechanism.bodies)), np.zeros(len(model.coordinate))
+    ws, a, turns = workspace(model), np.empty(6 * len(mechanism.bodies)), np.zeros(len(model.coordinate))
     y = pack(mechanism, states(name)[0])
-    wanted = descriptor.accelerations(model, 0.0, y, memory, ws, a)
-    assert ROUTES[route](tree, model, 0.0, y, memory, ws, a) == wanted
+    wanted = descriptor.accelerations(model, 0.0, y, turns, ws, a)
+    assert ROUTES[route](tree, model, 0.0, y, turns, ws, a) == wanted
 
 
 def test_cut_joint_of_the_planar_four_bar_has_three_dependent_rows():

@@ -9,21 +9,19 @@ import numpy as np
 from consilience.engine import InstantAnswer, TrajectoryAnswer
 from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import Array, Mechanism, State, continuous_in_time, kinetic_energy, potential_energy
-from consilience.reference.bodies.arrays import Model, flatten, pack
+from consilience.reference.bodies.arrays import Model, Workspace, flatten, pack, workspace
 from consilience.reference.bodies.canonical import canonical_motion
-from consilience.reference.bodies.forces import remember
-from consilience.reference.bodies.workspace import Workspace, workspace
 from consilience.reference.formulations import compiled_choice, compiled_dop853, registry
-from consilience.reference.formulations.body_velocities import Forces, KernelFormulation, kernel_names
+from consilience.reference.formulations.body_velocities import AppliedForces, KernelFormulation, kernel_names
 from consilience.reference.integrators.step_control import STATUS
 from consilience.reference.tree.solver import INTEGRATORS, simulate_relative
 
 
-def _memory(model: Model, y: Array, ws: Workspace) -> Array:
+def _first_turns(model: Model, y: Array, ws: Workspace) -> Array:
     """Joint coordinates that elements read at a first state, angles within half a turn of zero."""
-    memory = np.zeros(len(model.coordinate))
-    remember(model, y, ws, memory)
-    return memory
+    turns = np.zeros(len(model.coordinate))
+    count_turns(model, y, ws, turns)
+    return turns
 
 
 def simulate(
@@ -33,7 +31,7 @@ def simulate(
     tolerance: float = 1e-12,
     formulation: str = "descriptor",
     integrator: str | None = None,
-    forces: Forces | None = None,
+    forces: AppliedForces | None = None,
 ) -> TrajectoryAnswer:
     """Motion of a mechanism by the reference solver.
 
@@ -115,9 +113,9 @@ def _compiled(mechanism: Mechanism, state: State, times: Array, tolerance: float
     ws, y = workspace(model), pack(mechanism, state)
     motion = np.empty((len(times), *y.shape))
     counters = np.zeros(3, dtype=np.int64)
-    number, memory = compiled_choice.FORMULATIONS[formulation], _memory(model, y, ws)
-    scratch = compiled_dop853.scratch_of(model, y)
-    status = compiled_dop853.integrate(number, model, y, times, float(tolerance), memory, ws, motion, counters, scratch)
+    number, turns = compiled_choice.FORMULATIONS[formulation], _first_turns(model, y, ws)
+    scratch = compiled_dop853.dop853_scratch(model, y)
+    status = compiled_dop853.integrate(number, model, y, times, float(tolerance), turns, ws, motion, counters, scratch)
     if status:
         raise NumericalFailure(f"reference, {formulation}, tolerance {tolerance:g}: {STATUS[status]}")
     p, quat, v, w = canonical_motion(np.array([b.com for b in mechanism.bodies]), motion)

@@ -17,13 +17,13 @@ from numpy.typing import ArrayLike
 from consilience.errors import CannotAssemble
 from consilience.mechanism import RANK_TOLERANCE, Mechanism, State, move
 from consilience.mechanism.assembly import (
-    _CONVERGED,
-    _MAX_ITERATIONS,
-    _held,
-    _largest,
-    _refuse_flipped,
-    _row_names,
-    _system,
+    CONVERGED,
+    MAX_ITERATIONS,
+    held_coordinates,
+    largest_residual,
+    linear_system,
+    refuse_flipped,
+    row_names,
 )
 
 
@@ -96,28 +96,28 @@ def assemble_with_history(
     InvalidInput
         Unknown joints or coordinates.
     """
-    held = _held(mechanism, emphasised or {}, "emphasised")
-    names = _row_names(mechanism, held, velocities=False)
+    held = held_coordinates(mechanism, emphasised or {}, "emphasised")
+    names = row_names(mechanism, held, velocities=False)
     state = guess
     history: list[Iteration] = []
-    residual, jacobian = _system(mechanism, state, held, 0.0)
+    residual, jacobian = linear_system(mechanism, state, held, 0.0)
 
     def note(step: float, scale: float) -> None:
         worst = names[int(np.argmax(np.abs(residual)))] if len(residual) else "none"
         norm = float(np.linalg.norm(residual))
-        history.append(Iteration(len(history), norm, _largest(residual), worst, step, scale))
+        history.append(Iteration(len(history), norm, largest_residual(residual), worst, step, scale))
 
     note(0.0, 1.0)
-    for _ in range(_MAX_ITERATIONS):
-        error = _largest(residual)
+    for _ in range(MAX_ITERATIONS):
+        error = largest_residual(residual)
         if error == 0.0:
             break
         step = np.linalg.lstsq(jacobian, -residual, rcond=RANK_TOLERANCE)[0]
-        longest = _largest(step)
+        longest = largest_residual(step)
         scale = min(1.0, 1.0 / max(longest, 1e-300))
         trial = move(state, scale * step)
-        trial_residual, trial_jacobian = _system(mechanism, trial, held, 0.0)
-        if error < _CONVERGED and _largest(trial_residual) >= error:
+        trial_residual, trial_jacobian = linear_system(mechanism, trial, held, 0.0)
+        if error < CONVERGED and largest_residual(trial_residual) >= error:
             break
         state, residual, jacobian = trial, trial_residual, trial_jacobian
         note(longest, scale)
@@ -125,14 +125,14 @@ def assemble_with_history(
 
 
 def _failure(mechanism: Mechanism, state: State, last: Iteration) -> CannotAssemble | None:
-    if last.largest > _CONVERGED * max(1.0, _largest(state.p_WB)):
+    if last.largest > CONVERGED * max(1.0, largest_residual(state.p_WB)):
         return CannotAssemble(
             f"mechanism '{mechanism.name}': {last.worst}",
             f"it stays violated by {last.largest:.3g} after {last.number} iterations",
             "Draw the mechanism closer to an assembled pose, or hold fewer or other joint coordinates.",
         )
     try:
-        _refuse_flipped(mechanism, state)
+        refuse_flipped(mechanism, state)
     except CannotAssemble as failure:
         return failure
     return None

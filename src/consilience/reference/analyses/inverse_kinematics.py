@@ -55,7 +55,7 @@ class Unreachable(ConsilienceError):
 
 
 @dataclass(frozen=True, eq=False)
-class _Task:
+class _PoseTask:
     """What is asked: a point of a body at p, its orientation at quat (or None); lengths divided by `length`."""
 
     mechanism: Mechanism
@@ -67,7 +67,7 @@ class _Task:
 
 
 @dataclass(frozen=True, eq=False)
-class _Pose:
+class _TaskPose:
     """A pose, scaled free directions N, task Jacobian J and error e."""
 
     state: State
@@ -127,7 +127,7 @@ def inverse_kinematics(
     quat = None if orientation is None else _vector(orientation, 4, "orientation")
     if quat is not None and abs(float(np.linalg.norm(quat)) - 1.0) > 1e-9:
         raise InvalidInput("inverse kinematics: orientation", "the quaternion is not unit", "Normalise it.")
-    task = _Task(
+    task = _PoseTask(
         mechanism,
         body,
         _vector(point, 3, "point"),
@@ -159,12 +159,12 @@ def _at_rest(state: State) -> State:
     return State(state.p_WB, state.quat_WB, zeros, zeros)
 
 
-def _scales(task: _Task) -> Array:
+def _scales(task: _PoseTask) -> Array:
     """Displacement (m, rad) per scaled one, shape (6 n_b,)."""
     return np.tile([task.length] * 3 + [1.0] * 3, len(task.mechanism.bodies))
 
 
-def _pose(task: _Task, state: State) -> _Pose:
+def _pose(task: _PoseTask, state: State) -> _TaskPose:
     mechanism, i = task.mechanism, task.mechanism.body_index[task.body]
     scales = _scales(task)
     Q = constraint_jacobian(mechanism, state) * scales
@@ -177,7 +177,7 @@ def _pose(task: _Task, state: State) -> _Pose:
     if task.quat is not None:
         rows.append(of_body[3:])
         errors.append(_turn(state.quat_WB[i], task.quat))
-    return _Pose(state, N, np.vstack(rows), np.concatenate(errors))
+    return _TaskPose(state, N, np.vstack(rows), np.concatenate(errors))
 
 
 def _turn(start: Array, end: Array) -> Array:
@@ -186,7 +186,7 @@ def _turn(start: Array, end: Array) -> Array:
     return rotation_vector_from_quaternion(quaternion_product(end, conjugate))
 
 
-def _stepped(task: _Task, pose: _Pose, y: Array) -> _Pose | None:
+def _stepped(task: _PoseTask, pose: _TaskPose, y: Array) -> _TaskPose | None:
     """The pose after a step, of at most half a radian, along the free directions; None if it cannot be assembled."""
     step = pose.N @ y
     step *= min(1.0, _LONGEST / max(float(np.max(np.abs(step), initial=0.0)), 1e-300))
@@ -196,7 +196,7 @@ def _stepped(task: _Task, pose: _Pose, y: Array) -> _Pose | None:
         return None
 
 
-def _shaken(task: _Task, start: State, rng: np.random.Generator) -> _Pose:
+def _shaken(task: _PoseTask, start: State, rng: np.random.Generator) -> _TaskPose:
     pose = _pose(task, start)
     for _ in range(_SHAKES):
         trial = _stepped(task, pose, np.asarray(rng.normal(scale=_SHAKE, size=pose.N.shape[1])))
@@ -204,7 +204,7 @@ def _shaken(task: _Task, start: State, rng: np.random.Generator) -> _Pose:
     return pose
 
 
-def _towards(task: _Task, pose: _Pose) -> _Pose:
+def _towards(task: _PoseTask, pose: _TaskPose) -> _TaskPose:
     """Levenberg-Marquardt until the task is met or no step makes it better."""
     mu = _DAMPING
     for _ in range(_STEPS):
@@ -224,13 +224,13 @@ def _towards(task: _Task, pose: _Pose) -> _Pose:
     return pose
 
 
-def _displacement(task: _Task, state: State, start: State) -> Array:
+def _displacement(task: _PoseTask, state: State, start: State) -> Array:
     """Scaled displacement of all bodies from a pose back to the guess, (6 n_b,)."""
     turns = np.array([_turn(a, b) for a, b in zip(state.quat_WB, start.quat_WB, strict=True)])
     return np.hstack([(start.p_WB - state.p_WB) / task.length, turns]).ravel()
 
 
-def _closest(task: _Task, pose: _Pose, start: State, tolerance: float) -> State:
+def _closest(task: _PoseTask, pose: _TaskPose, start: State, tolerance: float) -> State:
     """Along the poses that meet the task to the one closest to the guess."""
     d, size = _displacement(task, pose.state, start), 1.0
     for _ in range(_STEPS):
@@ -250,7 +250,7 @@ def _closest(task: _Task, pose: _Pose, start: State, tolerance: float) -> State:
     return pose.state
 
 
-def _remaining(task: _Task, pose: _Pose) -> str:
+def _remaining(task: _PoseTask, pose: _TaskPose) -> str:
     distance = task.length * float(np.linalg.norm(pose.e[:3]))
     angle = f" and {float(np.linalg.norm(pose.e[3:])):.6g} rad" if task.quat is not None else ""
     return (

@@ -25,9 +25,9 @@ from consilience.mechanism import (
     relative_motion,
     row_gamma,
 )
-from consilience.mechanism.assembly import _held_rows, _scatter
+from consilience.mechanism.assembly import held_rows, scatter
 
-Coordinate = tuple[Joint, str]
+JointCoordinate = tuple[Joint, str]
 
 _SPACES = {"position": ("X", "Y", "Z"), "distance": ("Z",), "x": ("X",), "y": ("Y",)}
 
@@ -37,7 +37,7 @@ def width(coordinate: str) -> int:
     return 3 if coordinate in ("position", "orientation") else 1
 
 
-def named_coordinate(mechanism: Mechanism, joint: str, coordinate: str, where: str) -> Coordinate:
+def named_coordinate(mechanism: Mechanism, joint: str, coordinate: str, where: str) -> JointCoordinate:
     """The coordinate of that name.
 
     Raises
@@ -57,17 +57,17 @@ def named_coordinate(mechanism: Mechanism, joint: str, coordinate: str, where: s
     return found, coordinate
 
 
-def all_coordinates(mechanism: Mechanism) -> list[Coordinate]:
+def all_coordinates(mechanism: Mechanism) -> list[JointCoordinate]:
     """All joint coordinates, in the order of the joints."""
     return [(joint, name) for joint in mechanism.joints for name in JOINT_KINDS[joint.kind].coordinates]
 
 
-def coordinate_rows(mechanism: Mechanism, state: State, wanted: Sequence[Coordinate]) -> tuple[Array, Array]:
+def coordinate_rows(mechanism: Mechanism, state: State, wanted: Sequence[JointCoordinate]) -> tuple[Array, Array]:
     """Rows R (m, 6 n_b) and drift (m,) of the wanted coordinates, those of a vector coordinate one below another."""
     rows, drift = [np.zeros((0, 6 * len(mechanism.bodies)))], [np.zeros(0)]
     for joint, coordinate in wanted:
-        pairs = _held_rows(mechanism, state, joint, coordinate)
-        rows.append(_scatter(mechanism, joint, pairs))
+        pairs = held_rows(mechanism, state, joint, coordinate)
+        rows.append(scatter(mechanism, joint, pairs))
         f = joint_frames(mechanism, state, joint)
         if coordinate in _SPACES:
             drift.append(-np.array([row_gamma(f, row) for row in _SPACES[coordinate]]))
@@ -81,9 +81,11 @@ def counted_on(value: float, near: float) -> float:
     return value + 2.0 * np.pi * round((near - value) / (2.0 * np.pi))
 
 
-def coordinate_values(mechanism: Mechanism, state: State, near: Mapping[Coordinate, Array]) -> dict[Coordinate, Array]:
+def coordinate_values(
+    mechanism: Mechanism, state: State, near: Mapping[JointCoordinate, Array]
+) -> dict[JointCoordinate, Array]:
     """Values of the coordinates that are keys of `near`, angles counted on from there."""
-    values: dict[Coordinate, Array] = {}
+    values: dict[JointCoordinate, Array] = {}
     for (joint, name), before in near.items():
         value = joint_coordinates(joint, relative_motion(mechanism, state, joint))[name]
         if name.startswith("angle"):

@@ -34,7 +34,7 @@ from consilience.mechanism import (
 )
 from consilience.reference.analyses.inverse import missing_forces
 from consilience.reference.analyses.joint_rows import (
-    Coordinate,
+    JointCoordinate,
     all_coordinates,
     coordinate_rows,
     coordinate_values,
@@ -121,7 +121,7 @@ class _Sample:
     t: float
     state: State
     a: Array
-    values: dict[Coordinate, Array]
+    values: dict[JointCoordinate, Array]
     margin: float
 
 
@@ -214,7 +214,9 @@ def _gathered(samples: Sequence[_Sample], names: tuple[tuple[str, str], ...]) ->
     )
 
 
-def _asked(driven: Mapping[Coordinate, DriveFunction], t: float) -> tuple[dict[Coordinate, Array], Array, Array]:
+def _asked(
+    driven: Mapping[JointCoordinate, DriveFunction], t: float
+) -> tuple[dict[JointCoordinate, Array], Array, Array]:
     """Values by coordinate, and rates and accelerations in the order of the rows."""
     values, rates, accelerations = {}, [np.zeros(0)], [np.zeros(0)]
     for (joint, name), function in driven.items():
@@ -233,7 +235,7 @@ def _asked(driven: Mapping[Coordinate, DriveFunction], t: float) -> tuple[dict[C
     return values, np.concatenate(rates), np.concatenate(accelerations)
 
 
-def _first(mechanism: Mechanism, driven: Mapping[Coordinate, DriveFunction], t: float, guess: State) -> _Sample:
+def _first(mechanism: Mechanism, driven: Mapping[JointCoordinate, DriveFunction], t: float, guess: State) -> _Sample:
     values, rates, accelerations = _asked(driven, t)
     unturned = {"orientation": np.array([1.0, 0.0, 0.0, 0.0])}
     near = {(j, c): values.get((j, c), unturned.get(c, np.zeros(()))) for j, c in all_coordinates(mechanism)}
@@ -258,7 +260,7 @@ def _check_count(mechanism: Mechanism, state: State, rows: int) -> None:
 
 
 def _next(
-    mechanism: Mechanism, driven: Mapping[Coordinate, DriveFunction], sample: _Sample, t: float
+    mechanism: Mechanism, driven: Mapping[JointCoordinate, DriveFunction], sample: _Sample, t: float
 ) -> _Sample | None:
     """The sample at a later time on the same branch, or None if it is too far away to be sure of that."""
     values, rates, accelerations = _asked(driven, t)
@@ -279,10 +281,10 @@ def _next(
 
 def _solved(
     mechanism: Mechanism,
-    driven: Mapping[Coordinate, DriveFunction],
+    driven: Mapping[JointCoordinate, DriveFunction],
     t: float,
     placed: State,
-    near: Mapping[Coordinate, Array],
+    near: Mapping[JointCoordinate, Array],
     rates: Array,
     accelerations: Array,
 ) -> _Sample:
@@ -321,7 +323,9 @@ def _distance(mechanism: Mechanism, one: State, other: State) -> float:
     return max(translation, float(np.max(rotation_angle_between(one.quat_WB, other.quat_WB))))
 
 
-def _weakest(mechanism: Mechanism, driven: Mapping[Coordinate, DriveFunction], t: float, Q: Array, rows: Array) -> str:
+def _weakest(
+    mechanism: Mechanism, driven: Mapping[JointCoordinate, DriveFunction], t: float, Q: Array, rows: Array
+) -> str:
     """The drive that determines least, and the body that it leaves free, for messages."""
     _, singular, Vt = np.linalg.svd(Q) if len(Q) else (None, np.zeros(0), np.eye(Q.shape[1]))
     N = Vt[int(np.sum(singular > _SINGULAR * np.max(singular, initial=0.0))) :].T
@@ -335,7 +339,7 @@ def _weakest(mechanism: Mechanism, driven: Mapping[Coordinate, DriveFunction], t
     )
 
 
-def _stuck(mechanism: Mechanism, driven: Mapping[Coordinate, DriveFunction], sample: _Sample) -> SingularDrive:
+def _stuck(mechanism: Mechanism, driven: Mapping[JointCoordinate, DriveFunction], sample: _Sample) -> SingularDrive:
     Q, _ = acceleration_rows(mechanism, sample.state, sample.values)
     rows, _ = coordinate_rows(mechanism, sample.state, list(driven))
     where = _weakest(mechanism, driven, sample.t, Q, rows)
@@ -391,7 +395,7 @@ def driven_dynamics(mechanism: Mechanism, motion: KinematicMotion) -> DrivenDyna
     return DrivenDynamics(_by_joint(driven, np.array(efforts)), of_couplings, wrench[..., :3], wrench[..., 3:])
 
 
-def _by_joint(driven: Sequence[Coordinate], tau: Array) -> dict[str, dict[str, Array]]:
+def _by_joint(driven: Sequence[JointCoordinate], tau: Array) -> dict[str, dict[str, Array]]:
     by_joint: dict[str, dict[str, Array]] = {}
     start = 0
     for joint, name in driven:

@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from consilience.errors import InvalidInput
 from consilience.mechanism import Array, Mechanism, State, assemble_positions, body_point, free_directions, move
 from consilience.reference.analyses.statics import require_equilibrium, require_static, solver_velocities
-from consilience.reference.bodies.arrays import flatten, pack
-from consilience.reference.bodies.forces import remember
+from consilience.reference.bodies.arrays import flatten, pack, workspace
+from consilience.reference.bodies.forces import count_turns
 from consilience.reference.bodies.mass_metric import mass_matrix
-from consilience.reference.bodies.workspace import workspace
 from consilience.reference.formulations import compiled_choice
 
 Complex = NDArray[np.complex128]
@@ -144,12 +143,12 @@ def _accelerations(mechanism: Mechanism, equilibrium: State, states: Sequence[St
     """
     model = flatten(mechanism)
     ws = workspace(model)
-    memory, a = np.zeros(len(model.coordinate)), np.empty(6 * len(mechanism.bodies))
-    remember(model, pack(mechanism, equilibrium), ws, memory)
+    turns, a = np.zeros(len(model.coordinate)), np.empty(6 * len(mechanism.bodies))
+    count_turns(model, pack(mechanism, equilibrium), ws, turns)
     found = []
     for state in states:
         y = pack(mechanism, state)
-        compiled_choice.accelerations(compiled_choice.FORMULATIONS["descriptor"], model, 0.0, y, memory.copy(), ws, a)
+        compiled_choice.accelerations(compiled_choice.FORMULATIONS["descriptor"], model, 0.0, y, turns.copy(), ws, a)
         found.append(np.linalg.solve(solver_velocities(mechanism, state), a))
     return np.array(found)
 

@@ -33,14 +33,14 @@ from consilience.mechanism import (
     quaternion_product,
 )
 
-Subject = TypeVar("Subject", bound=Mechanism | Case)
+T = TypeVar("T", bound=Mechanism | Case)
 
 _SINGULAR = {"bodies": "body"}
 _DIRECTIONS = (".axis", ".normal", ".lateral")
 _ONLY_OF = {"length": "rod", "pitch": "screw"}
 """Numbers that one kind of joint has and every other has not."""
 
-Step = tuple[str, Any]
+PathStep = tuple[str, Any]
 """One step from an object to a part of it: ("field", name), ("key", key), ("item", index), ("entry", indices) of an
 array, ("mirrored", indices) of a symmetric one, ("ends", None) of one that ends where it starts, ("turn", axis)."""
 
@@ -61,7 +61,7 @@ def parameter(subject: Mechanism | Case, path: str) -> float:
     return float(_part(subject, _steps(subject, path)))
 
 
-def with_parameter(subject: Subject, path: str, value: float) -> Subject:
+def with_parameter(subject: T, path: str, value: float) -> T:
     """The same mechanism or case with another value of one parameter.
 
     Parameters
@@ -78,7 +78,7 @@ def with_parameter(subject: Subject, path: str, value: float) -> Subject:
     InvalidInput
         Unknown path, with a list of what exists; a value that no mechanism can have.
     """
-    changed: Subject = _changed(subject, _steps(subject, path), float(value))
+    changed: T = _changed(subject, _steps(subject, path), float(value))
     return changed
 
 
@@ -89,7 +89,7 @@ def array_around(subject: Mechanism | Case, path: str) -> Array:
     return np.atleast_1d(np.asarray(_part(subject, whole), dtype=float))
 
 
-def _parameters(subject: Mechanism | Case) -> dict[str, tuple[Step, ...]]:
+def _parameters(subject: Mechanism | Case) -> dict[str, tuple[PathStep, ...]]:
     if isinstance(subject, Mechanism):
         return _inventory(subject)
     found = {path: (("field", "mechanism"), *steps) for path, steps in _inventory(subject.mechanism).items()}
@@ -97,12 +97,12 @@ def _parameters(subject: Mechanism | Case) -> dict[str, tuple[Step, ...]]:
 
 
 @lru_cache(maxsize=4)
-def _inventory(mechanism: Mechanism) -> dict[str, tuple[Step, ...]]:
+def _inventory(mechanism: Mechanism) -> dict[str, tuple[PathStep, ...]]:
     """All parameters of a mechanism, which is immutable and known by its identity."""
     return dict(_of_mechanism(mechanism))
 
 
-def _of_mechanism(mechanism: Mechanism) -> Iterator[tuple[str, tuple[Step, ...]]]:
+def _of_mechanism(mechanism: Mechanism) -> Iterator[tuple[str, tuple[PathStep, ...]]]:
     for field in fields(mechanism):
         value = getattr(mechanism, field.name)
         here = (("field", field.name),)
@@ -114,7 +114,7 @@ def _of_mechanism(mechanism: Mechanism) -> Iterator[tuple[str, tuple[Step, ...]]
             yield from _inside(value, field.name, here)
 
 
-def _inside(value: Any, path: str, steps: tuple[Step, ...]) -> Iterator[tuple[str, tuple[Step, ...]]]:
+def _inside(value: Any, path: str, steps: tuple[PathStep, ...]) -> Iterator[tuple[str, tuple[PathStep, ...]]]:
     """Paths of all numbers in a value: a number, an array, or what is made of them."""
     if isinstance(value, Frame):
         yield from _inside(value.p, f"{path}.p", (*steps, ("field", "p")))
@@ -137,7 +137,7 @@ def _inside(value: Any, path: str, steps: tuple[Step, ...]) -> Iterator[tuple[st
             yield from _inside(part, path + label, (*steps, step))
 
 
-def _children(value: Any) -> list[tuple[str, Step, Any]]:
+def _children(value: Any) -> list[tuple[str, PathStep, Any]]:
     """Parts of a value that is no number: label in the path, step, part."""
     if is_dataclass(value):
         kind = getattr(value, "kind", None)
@@ -150,7 +150,7 @@ def _children(value: Any) -> list[tuple[str, Step, Any]]:
     return []
 
 
-def _turns(path: str, steps: tuple[Step, ...]) -> Iterator[tuple[str, tuple[Step, ...]]]:
+def _turns(path: str, steps: tuple[PathStep, ...]) -> Iterator[tuple[str, tuple[PathStep, ...]]]:
     for axis in range(3):
         yield f"{path}.turn[{axis}]", (*steps, ("turn", axis))
 
@@ -163,7 +163,7 @@ def _is_numeric(value: Any) -> bool:
     return isinstance(value, (int, float, np.number)) or (isinstance(value, np.ndarray) and value.dtype.kind in "fi")
 
 
-def _steps(subject: Mechanism | Case, path: str) -> tuple[Step, ...]:
+def _steps(subject: Mechanism | Case, path: str) -> tuple[PathStep, ...]:
     known = _parameters(subject)
     wanted = path.replace(" ", "").replace("][", ",")
     head, bracket, tail = wanted.rpartition("[")
@@ -183,7 +183,7 @@ def _steps(subject: Mechanism | Case, path: str) -> tuple[Step, ...]:
     raise InvalidInput(f"parameter '{path}'", "there is none of that name", f"There are: {listed}.")
 
 
-def _part(value: Any, steps: tuple[Step, ...]) -> Any:
+def _part(value: Any, steps: tuple[PathStep, ...]) -> Any:
     for kind, which in steps:
         value = _READ[kind](value, which)
     return value
@@ -200,7 +200,7 @@ _READ: dict[str, Callable[[Any, Any], Any]] = {
 }
 
 
-def _changed(value: Any, steps: tuple[Step, ...], new: float) -> Any:
+def _changed(value: Any, steps: tuple[PathStep, ...], new: float) -> Any:
     if not steps:
         return new
     (kind, which), rest = steps[0], steps[1:]

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from consilience.case import Case
 from consilience.errors import ConsilienceError, InvalidInput
 from consilience.mechanism import Array, Mechanism, characteristic_length
-from consilience.reference.analyses.parameters import Subject, array_around, parameter, with_parameter
+from consilience.reference.analyses.parameters import T, array_around, parameter, with_parameter
 
 _FIRST_STEP = 0.05
 """First step, in scales of the parameter."""
@@ -68,8 +68,8 @@ def parameter_scale(subject: Mechanism | Case, path: str) -> float:
 
 
 def sensitivity(
-    subject: Subject,
-    result: Callable[[Subject], ArrayLike],
+    subject: T,
+    result: Callable[[T], ArrayLike],
     paths: Sequence[str],
     steps: Mapping[str, float] | None = None,
 ) -> Sensitivity:

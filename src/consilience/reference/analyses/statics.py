@@ -27,10 +27,9 @@ from consilience.mechanism import (
     skew,
 )
 from consilience.reference.bodies import forces
-from consilience.reference.bodies.arrays import DISTANCE, flatten, pack
-from consilience.reference.bodies.forces import remember
+from consilience.reference.bodies.arrays import DISTANCE, flatten, pack, workspace
+from consilience.reference.bodies.forces import count_turns
 from consilience.reference.bodies.motion import rotations
-from consilience.reference.bodies.workspace import workspace
 
 _DIFFERENCE = 1e-5
 """Step of the central differences of ``J^T f``, along unit free directions: it sets the speed, not the result."""
@@ -81,15 +80,15 @@ def applied_forces(mechanism: Mechanism, state: State, t: float = 0.0, near: Val
     """
     model = _model(mechanism)
     ws, y = workspace(model), pack(mechanism, state)
-    memory = np.zeros(len(model.coordinate))
+    turns = np.zeros(len(model.coordinate))
     if near is not None:
         names = [
             (mechanism.joints[j].name, "distance" if kind == DISTANCE else "angle") for j, kind in model.coordinate
         ]
-        memory[:] = [float(near[joint][name]) for joint, name in names]
-    remember(model, y, ws, memory)
+        turns[:] = [float(near[joint][name]) for joint, name in names]
+    count_turns(model, y, ws, turns)
     rotations(y, ws.A)
-    forces.evaluate(model, t, y, memory, ws)
+    forces.evaluate(model, t, y, turns, ws)
     return ws.f
 
 

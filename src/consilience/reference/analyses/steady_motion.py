@@ -37,7 +37,7 @@ from consilience.mechanism import (
     skew,
 )
 from consilience.reference.analyses.joint_rows import (
-    Coordinate,
+    JointCoordinate,
     all_coordinates,
     coordinate_rows,
     coordinate_values,
@@ -47,10 +47,9 @@ from consilience.reference.analyses.joint_rows import (
 from consilience.reference.analyses.linearisation import _DIFFERENCE, _NEUTRAL, Complex, _length
 from consilience.reference.analyses.placing import require_holonomic
 from consilience.reference.analyses.statics import force_scale
-from consilience.reference.bodies.arrays import flatten, pack
+from consilience.reference.bodies.arrays import flatten, pack, workspace
 from consilience.reference.bodies.canonical import at_origins
-from consilience.reference.bodies.forces import remember
-from consilience.reference.bodies.workspace import workspace
+from consilience.reference.bodies.forces import count_turns
 from consilience.reference.formulations import compiled_choice
 from consilience.reference.solver import simulate
 
@@ -109,14 +108,14 @@ class SteadyMotion:
 
 
 @dataclass(frozen=True, eq=False)
-class _Frame:
+class _SteadyPoint:
     """A mechanism in steady motion: all coordinates, their values, their rows' speeds, B and C by rows."""
 
     mechanism: Mechanism
     state: State
-    wanted: list[Coordinate]
+    wanted: list[JointCoordinate]
     cyclic: set[int]
-    values: dict[Coordinate, Array]
+    values: dict[JointCoordinate, Array]
     u: Array
     B: Array
     C: Array
@@ -157,15 +156,15 @@ def linearise_steady_motion(mechanism: Mechanism, state: State, cyclic: Sequence
     """
     why = "it holds velocities: perturbations of positions and of speeds differ in number"
     require_holonomic(mechanism, why, "Differentiate accelerations along the motion.")
-    frame = _frame(mechanism, state, [named_coordinate(mechanism, *name, "cyclic") for name in cyclic])
-    _require_steady(frame)
+    point = _frame(mechanism, state, [named_coordinate(mechanism, *name, "cyclic") for name in cyclic])
+    _require_steady(point)
     N = free_directions(mechanism, state)
-    rows = _independent(frame, N)
-    D, df_dq = _by_position(frame, N, rows)
-    df_du = _by_speed(frame, rows)
+    rows = _independent(point, N)
+    D, df_dq = _by_position(point, N, rows)
+    df_du = _by_speed(point, rows)
     block = np.ix_(rows, rows)
     df_dq = np.linalg.solve(D.T, df_dq.T).T
-    A = np.block([[frame.B[block], np.eye(len(rows))], [df_dq, df_du + frame.C[block]]])
+    A = np.block([[point.B[block], np.eye(len(rows))], [df_dq, df_du + point.C[block]]])
     values, vectors = np.linalg.eig(A) if len(A) else (np.zeros(0, complex), np.zeros((0, 0), complex))
     kept = np.flatnonzero(values.imag >= 0.0)
     kept = kept[np.argsort(np.abs(values[kept]), kind="stable")]
@@ -177,7 +176,7 @@ def linearise_steady_motion(mechanism: Mechanism, state: State, cyclic: Sequence
     modes = (N @ np.linalg.solve(D.astype(complex), shapes[:, : len(rows)].T)).T
     largest = np.argmax(np.abs(modes), axis=1)
     modes = modes / modes[np.arange(len(modes)), largest][:, None]
-    labels = _labels(frame.wanted)
+    labels = _labels(point.wanted)
     return SteadyMotion(
         tuple(labels[row] for row in rows),
         A,
@@ -189,7 +188,7 @@ def linearise_steady_motion(mechanism: Mechanism, state: State, cyclic: Sequence
     )
 
 
-def _labels(wanted: Sequence[Coordinate]) -> list[str]:
+def _labels(wanted: Sequence[JointCoordinate]) -> list[str]:
     return [
         f"{joint.name}.{name}" + (f"[{k}]" if width(name) == 3 else "")
         for joint, name in wanted
@@ -197,7 +196,7 @@ def _labels(wanted: Sequence[Coordinate]) -> list[str]:
     ]
 
 
-def _frame(mechanism: Mechanism, state: State, cyclic: list[Coordinate]) -> _Frame:
+def _frame(mechanism: Mechanism, state: State, cyclic: list[JointCoordinate]) -> _SteadyPoint:
     """The motion at the state, cyclic coordinates first."""
     wanted = [*cyclic, *(c for c in all_coordinates(mechanism) if c not in cyclic)]
     unturned = {"orientation": np.array([1.0, 0.0, 0.0, 0.0])}
@@ -214,7 +213,7 @@ def _frame(mechanism: Mechanism, state: State, cyclic: list[Coordinate]) -> _Fra
             precession, spin = _precession_and_spin(mechanism, joint.name, values[joint, name], u[here])
             B[here, here], C[here, here] = skew(spin), -skew(precession)
             expected[here] = np.cross(precession, u[here])
-    return _Frame(mechanism, state, wanted, cyclic_rows, values, u, B, C, expected)
+    return _SteadyPoint(mechanism, state, wanted, cyclic_rows, values, u, B, C, expected)
 
 
 def _precession_and_spin(mechanism: Mechanism, joint: str, quat: Array, w: Array) -> tuple[Array, Array]:
@@ -232,16 +231,16 @@ def _precession_and_spin(mechanism: Mechanism, joint: str, quat: Array, w: Array
     return parts[0] * axes[:, 0], parts[1] * axes[:, 1]
 
 
-def _require_steady(frame: _Frame) -> None:
-    mechanism, labels = frame.mechanism, _labels(frame.wanted)
-    fastest = float(np.max(np.abs(frame.u), initial=0.0))
-    for row, speed in enumerate(frame.u):
-        if row not in frame.cyclic and abs(speed) > _STEADY * fastest:
+def _require_steady(point: _SteadyPoint) -> None:
+    mechanism, labels = point.mechanism, _labels(point.wanted)
+    fastest = float(np.max(np.abs(point.u), initial=0.0))
+    for row, speed in enumerate(point.u):
+        if row not in point.cyclic and abs(speed) > _STEADY * fastest:
             raise NotSteady(f"mechanism '{mechanism.name}': '{labels[row]}' is not cyclic, but moves at {speed:.3g}.")
-    accelerations = _rates(frame, [frame.state])
-    free = force_scale(mechanism, frame.state) / sum(b.mass for b in mechanism.bodies)
+    accelerations = _rates(point, [point.state])
+    free = force_scale(mechanism, point.state) / sum(b.mass for b in mechanism.bodies)
     scale = max(float(np.max(np.abs(accelerations[1]))), fastest**2, free)
-    wrong = np.abs(accelerations[0][0] - frame.expected)
+    wrong = np.abs(accelerations[0][0] - point.expected)
     if np.max(wrong, initial=0.0) > _STEADY * scale:
         worst = int(np.argmax(wrong))
         raise NotSteady(
@@ -249,81 +248,81 @@ def _require_steady(frame: _Frame) -> None:
             f"{wrong[worst]:.3g} (m/s^2, rad/s^2), {wrong[worst] / scale:.3g} of the accelerations in it."
         )
     if fastest > 0.0:
-        _require_lasting(frame, 1.0 / fastest)
+        _require_lasting(point, 1.0 / fastest)
 
 
-def _require_lasting(frame: _Frame, span: float) -> None:
+def _require_lasting(point: _SteadyPoint, span: float) -> None:
     """The speeds are the same after a while, up to the precession of an orientation."""
-    run = simulate(frame.mechanism, frame.state, np.array([0.0, span]))
+    run = simulate(point.mechanism, point.state, np.array([0.0, span]))
     later = State(run.p_WB[-1], run.quat_WB[-1], run.v_WB_W[-1], run.w_WB_W[-1])
-    rows, _ = coordinate_rows(frame.mechanism, later, frame.wanted)
+    rows, _ = coordinate_rows(point.mechanism, later, point.wanted)
     u = rows @ np.hstack([later.v_WB_W, later.w_WB_W]).ravel()
-    asked = scipy.linalg.expm(-span * frame.C) @ frame.u
+    asked = scipy.linalg.expm(-span * point.C) @ point.u
     wrong = np.abs(u - asked)
-    if np.max(wrong) > _STEADY * float(np.max(np.abs(frame.u))):
+    if np.max(wrong) > _STEADY * float(np.max(np.abs(point.u))):
         worst = int(np.argmax(wrong))
         raise NotSteady(
-            f"mechanism '{frame.mechanism.name}': the motion is not steady: the speed of "
-            f"'{_labels(frame.wanted)[worst]}' has changed by {wrong[worst]:.3g} after {span:.3g} s. "
+            f"mechanism '{point.mechanism.name}': the motion is not steady: the speed of "
+            f"'{_labels(point.wanted)[worst]}' has changed by {wrong[worst]:.3g} after {span:.3g} s. "
             "The coordinates named are not cyclic."
         )
 
 
-def _independent(frame: _Frame, N: Array) -> Array:
+def _independent(point: _SteadyPoint, N: Array) -> Array:
     """Rows of coordinates that describe all free directions, the cyclic ones before all others."""
-    rows, _ = coordinate_rows(frame.mechanism, frame.state, frame.wanted)
-    G, n = rows @ N, len(frame.cyclic)
-    steady = np.linalg.svd(G[:n], compute_uv=False)
-    if n and (n > N.shape[1] or steady[-1] < _INDEPENDENT * steady[0]):
+    rows, _ = coordinate_rows(point.mechanism, point.state, point.wanted)
+    G, n = rows @ N, len(point.cyclic)
+    sizes = np.linalg.svd(G[:n], compute_uv=False)
+    if n and (n > N.shape[1] or sizes[-1] < _INDEPENDENT * sizes[0]):
         raise InvalidInput("cyclic", "the coordinates named depend on one another", "Name independent ones.")
     basis, _ = np.linalg.qr(G[:n].T)
     _, R, order = scipy.linalg.qr((G[n:] - (G[n:] @ basis) @ basis.T).T, mode="economic", pivoting=True)
     more = N.shape[1] - n
     if more and (len(order) < more or abs(R[more - 1, more - 1]) < _INDEPENDENT):
         raise InvalidInput(
-            f"mechanism '{frame.mechanism.name}'",
+            f"mechanism '{point.mechanism.name}'",
             f"its joint coordinates do not describe all of its {N.shape[1]} degrees of freedom",
             "Use a universal joint at one end of a link between two balls, joints in place of rods.",
         )
     return np.array([*range(n), *(n + np.sort(order[:more]))], dtype=int)
 
 
-def _moving(frame: _Frame, placed: State, rows: Array, u: Array) -> State:
+def _moving(point: _SteadyPoint, placed: State, rows: Array, u: Array) -> State:
     """The pose with given speeds of the independent coordinates."""
-    Q = constraint_jacobian(frame.mechanism, placed)
-    all_rows, _ = coordinate_rows(frame.mechanism, placed, frame.wanted)
+    Q = constraint_jacobian(point.mechanism, placed)
+    all_rows, _ = coordinate_rows(point.mechanism, placed, point.wanted)
     S, b = np.vstack([Q, all_rows[rows]]), np.concatenate([np.zeros(len(Q)), u])
     v = np.linalg.lstsq(S, b, rcond=None)[0]
     v = (v + np.linalg.lstsq(S, b - S @ v, rcond=None)[0]).reshape(-1, 6)
     return State(placed.p_WB, placed.quat_WB, v[:, :3], v[:, 3:])
 
 
-def _rates(frame: _Frame, states: Sequence[State]) -> tuple[Array, Array]:
+def _rates(point: _SteadyPoint, states: Sequence[State]) -> tuple[Array, Array]:
     """``u'`` of all coordinates, (n, rows), and accelerations of all bodies, (n, 6 n_b), world axes.
 
     The one place that calls the solver. Angles of joint springs are counted on from the steady motion.
     """
-    model = flatten(frame.mechanism)
+    model = flatten(point.mechanism)
     ws = workspace(model)
-    memory, a = np.zeros(len(model.coordinate)), np.empty(6 * len(frame.mechanism.bodies))
-    remember(model, pack(frame.mechanism, frame.state), ws, memory)
+    turns, a = np.zeros(len(model.coordinate)), np.empty(6 * len(point.mechanism.bodies))
+    count_turns(model, pack(point.mechanism, point.state), ws, turns)
     rates, bodies = [], []
     for state in states:
-        y = pack(frame.mechanism, state)
-        compiled_choice.accelerations(compiled_choice.FORMULATIONS["descriptor"], model, 0.0, y, memory.copy(), ws, a)
-        of_bodies = np.hstack(at_origins(frame.mechanism, y, a)).ravel()
-        rows, drift = coordinate_rows(frame.mechanism, state, frame.wanted)
+        y = pack(point.mechanism, state)
+        compiled_choice.accelerations(compiled_choice.FORMULATIONS["descriptor"], model, 0.0, y, turns.copy(), ws, a)
+        of_bodies = np.hstack(at_origins(point.mechanism, y, a)).ravel()
+        rows, drift = coordinate_rows(point.mechanism, state, point.wanted)
         rates.append(rows @ of_bodies + drift)
         bodies.append(of_bodies)
     return np.array(rates), np.array(bodies)
 
 
-def _displacement(frame: _Frame, state: State) -> Array:
+def _displacement(point: _SteadyPoint, state: State) -> Array:
     """Coordinates less those of the steady motion, by rows; of an orientation the rotation vector xi, axes of F."""
-    values = coordinate_values(frame.mechanism, state, frame.values)
+    values = coordinate_values(point.mechanism, state, point.values)
     parts = [np.zeros(0)]
-    for coordinate in frame.wanted:
-        now, before = values[coordinate], frame.values[coordinate]
+    for coordinate in point.wanted:
+        now, before = values[coordinate], point.values[coordinate]
         if coordinate[1] == "orientation":
             turn = quaternion_product(now, before * np.array([1.0, -1.0, -1.0, -1.0]))
             parts.append(rotation_vector_from_quaternion(turn))
@@ -332,9 +331,9 @@ def _displacement(frame: _Frame, state: State) -> Array:
     return np.concatenate(parts)
 
 
-def _by_position(frame: _Frame, N: Array, rows: Array) -> tuple[Array, Array]:
+def _by_position(point: _SteadyPoint, N: Array, rows: Array) -> tuple[Array, Array]:
     """Derivatives of the independent coordinates and of their accelerations along N, at fixed speeds, each (d, d)."""
-    length = _length(frame.mechanism, frame.state)
+    length = _length(point.mechanism, point.state)
     columns = []
     for direction in N.T:
         motion = np.abs(direction).reshape(-1, 6)
@@ -343,10 +342,10 @@ def _by_position(frame: _Frame, N: Array, rows: Array) -> tuple[Array, Array]:
         states = []
         for h in steps:
             for sign in (1.0, -1.0):
-                placed = assemble_positions(frame.mechanism, move(frame.state, sign * h * direction))
-                states.append(_moving(frame, placed, rows, frame.u[rows]))
-        rates = _rates(frame, states)[0][:, rows]
-        both = np.hstack([np.array([_displacement(frame, s)[rows] for s in states]), rates])
+                placed = assemble_positions(point.mechanism, move(point.state, sign * h * direction))
+                states.append(_moving(point, placed, rows, point.u[rows]))
+        rates = _rates(point, states)[0][:, rows]
+        both = np.hstack([np.array([_displacement(point, s)[rows] for s in states]), rates])
         coarse, middle, fine = ((both[2 * n] - both[2 * n + 1]) / (2 * h) for n, h in enumerate(steps))
         first, second = (4 * middle - coarse) / 3, (4 * fine - middle) / 3
         columns.append((16 * second - first) / 15)
@@ -355,12 +354,12 @@ def _by_position(frame: _Frame, N: Array, rows: Array) -> tuple[Array, Array]:
     return table[:d], table[d:]
 
 
-def _by_speed(frame: _Frame, rows: Array) -> Array:
+def _by_speed(point: _SteadyPoint, rows: Array) -> Array:
     """``df/du``, shape (d, d)."""
-    size = max(1.0, float(np.max(np.abs(frame.u), initial=0.0)))
+    size = max(1.0, float(np.max(np.abs(point.u), initial=0.0)))
     columns = []
     for direction in np.eye(len(rows)):
-        moving = [_moving(frame, frame.state, rows, frame.u[rows] + s * size * direction) for s in (1.0, -1.0)]
-        ahead, behind = _rates(frame, moving)[0][:, rows]
+        moving = [_moving(point, point.state, rows, point.u[rows] + s * size * direction) for s in (1.0, -1.0)]
+        ahead, behind = _rates(point, moving)[0][:, rows]
         columns.append((ahead - behind) / (2.0 * size))
     return np.array(columns).reshape(len(rows), len(rows)).T

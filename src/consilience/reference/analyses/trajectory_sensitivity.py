@@ -19,12 +19,11 @@ from scipy.integrate import DOP853
 from consilience.case import Case
 from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import Angles, Array, Mechanism, State, constraint_residual, move, quaternion_product
-from consilience.reference.analyses.parameters import Subject, parameter, with_parameter
+from consilience.reference.analyses.parameters import T, parameter, with_parameter
 from consilience.reference.analyses.sensitivity import parameter_scale, ridders
-from consilience.reference.bodies.arrays import ANGLE, Model, P, flatten, pack, unpack
-from consilience.reference.bodies.forces import remember
+from consilience.reference.bodies.arrays import ANGLE, Model, P, flatten, pack, unpack, workspace
+from consilience.reference.bodies.forces import count_turns
 from consilience.reference.bodies.projection import project
-from consilience.reference.bodies.workspace import workspace
 from consilience.reference.formulations import compiled_choice
 
 _STEP = 1e-3
@@ -58,7 +57,7 @@ class TrajectorySensitivity:
 
 
 @dataclass(frozen=True, eq=False)
-class _Parameter:
+class _VariedParameter:
     """Step h in a parameter, and mechanisms and models at the four offsets."""
 
     h: float
@@ -71,8 +70,8 @@ def _mechanism(subject: Mechanism | Case) -> Mechanism:
 
 
 def trajectory_sensitivity(
-    subject: Subject,
-    start: Callable[[Subject], State],
+    subject: T,
+    start: Callable[[T], State],
     times: ArrayLike,
     paths: Sequence[str],
     tolerance: float = 1e-11,
@@ -110,14 +109,14 @@ def trajectory_sensitivity(
     y0 = pack(mechanism, start(subject))
     first = [y0, *(_initial(subject, start, path, y0) for path in paths)]
     flow = _Flow(flatten(mechanism), parameters)
-    flow.remember(y0)
+    flow.count_turns(y0)
     u, found = np.array(first), []
     scales = np.array([1.0, *(_STEP / p.h for p in parameters)])
     for n, end in enumerate(t):
         if n:
             u = flow.advance(t[n - 1], u, end, tolerance, scales)
-        turns = flow.turns(mechanism)
-        found.append([_canonical(mechanism, p, end, turns, u[0], s) for p, s in zip(parameters, u[1:], strict=True)])
+        angles = flow.counted_angles(mechanism)
+        found.append([_canonical(mechanism, p, end, angles, u[0], s) for p, s in zip(parameters, u[1:], strict=True)])
     shape = (len(t), len(paths), 4, len(mechanism.bodies), 3)
     parts = np.array([[part[0] for part in row] for row in found]).reshape(shape)
     drift = np.array([[part[1] for part in row] for row in found]).reshape(shape[:2])
@@ -125,13 +124,13 @@ def trajectory_sensitivity(
     return TrajectorySensitivity(tuple(paths), t, p_WB, turn, v, w, drift.T)
 
 
-def _prepared(subject: Subject, path: str) -> _Parameter:
+def _prepared(subject: T, path: str) -> _VariedParameter:
     h, at = _STEP * parameter_scale(subject, path), parameter(subject, path)
     mechanisms = tuple(_mechanism(with_parameter(subject, path, at + c * h)) for c in _OFFSETS)
-    return _Parameter(h, mechanisms, tuple(flatten(m) for m in mechanisms))
+    return _VariedParameter(h, mechanisms, tuple(flatten(m) for m in mechanisms))
 
 
-def _initial(subject: Subject, start: Callable[[Subject], State], path: str, y0: Array) -> Array:
+def _initial(subject: T, start: Callable[[T], State], path: str, y0: Array) -> Array:
     """dy(0)/dp: the start assembles anew."""
     at = parameter(subject, path)
 
@@ -147,39 +146,39 @@ def _initial(subject: Subject, start: Callable[[Subject], State], path: str, y0:
 class _Flow:
     """The motion and its derivatives as one differential equation, u of shape (1 + k, n_b, 13)."""
 
-    def __init__(self, model: Model, parameters: Sequence[_Parameter]) -> None:
+    def __init__(self, model: Model, parameters: Sequence[_VariedParameter]) -> None:
         self.model, self.parameters = model, parameters
-        self.ws, self.memory = workspace(model), np.zeros(len(model.coordinate))
+        self.ws, self.turns = workspace(model), np.zeros(len(model.coordinate))
         self.a = np.empty(6 * len(model.mass))
 
-    def remember(self, y: Array) -> None:
-        remember(self.model, y, self.ws, self.memory)
+    def count_turns(self, y: Array) -> None:
+        count_turns(self.model, y, self.ws, self.turns)
 
-    def turns(self, mechanism: Mechanism) -> Angles:
+    def counted_angles(self, mechanism: Mechanism) -> Angles:
         """Angles that elements read, counted over full turns, by joint."""
-        angles = zip(self.model.coordinate, self.memory, strict=True)
-        return {mechanism.joints[joint].name: float(value) for (joint, kind), value in angles if kind == ANGLE}
+        numbered = zip(self.model.coordinate, self.turns, strict=True)
+        return {mechanism.joints[joint].name: float(value) for (joint, kind), value in numbered if kind == ANGLE}
 
     def rate(self, model: Model, t: float, y: Array) -> Array:
         """``f(y, p)``: the one place that calls the solver."""
         dy = np.empty_like(y)
         compiled_choice.derivative(
-            compiled_choice.FORMULATIONS["descriptor"], model, t, y, self.memory, self.ws, self.a, dy
+            compiled_choice.FORMULATIONS["descriptor"], model, t, y, self.turns, self.ws, self.a, dy
         )
         return dy
 
     def derivative(self, t: float, u: Array) -> Array:
         """Rates of the state u[0] and of its sensitivities u[1:], shape of u."""
         y, rates = u[0], [self.rate(self.model, t, u[0])]
-        for parameter_, s in zip(self.parameters, u[1:], strict=True):
+        for varied, s in zip(self.parameters, u[1:], strict=True):
             size = float(np.max(np.abs(s)))
             rate = np.zeros_like(y)
             if size > 0.0:
                 eps = _STEP / size
                 for c, weight in zip(_OFFSETS, _WEIGHTS, strict=True):
                     rate += weight / eps * self.rate(self.model, t, y + c * eps * s)
-            for model, weight in zip(parameter_.models, _WEIGHTS, strict=True):
-                rate += weight / parameter_.h * self.rate(model, t, y)
+            for model, weight in zip(varied.models, _WEIGHTS, strict=True):
+                rate += weight / varied.h * self.rate(model, t, y)
             rates.append(rate)
         return np.array(rates)
 
@@ -193,36 +192,38 @@ class _Flow:
             solver.step()
             if solver.status == "failed" or not np.all(np.isfinite(solver.y)):
                 raise NumericalFailure(f"sensitivity, tolerance {tolerance:g}: the integration stops at {solver.t:g} s")
-            self.remember(solver.y.reshape(u.shape)[0])
+            self.count_turns(solver.y.reshape(u.shape)[0])
         ended: Array = solver.y.reshape(u.shape).copy()
         y = np.ascontiguousarray(ended[0])
-        project(self.model, end, y, self.memory, self.ws)
+        project(self.model, end, y, self.turns, self.ws)
         ended[0] = y
         return ended
 
 
 def _canonical(
-    mechanism: Mechanism, parameter_: _Parameter, t: float, turns: Angles, y: Array, s: Array
+    mechanism: Mechanism, varied: _VariedParameter, t: float, angles: Angles, y: Array, s: Array
 ) -> tuple[Array, float]:
     """Derivatives of origins, orientations and velocities, (4, n_b, 3), and how far they violate the constraints."""
     p = np.zeros((len(y), 3))
     v, w, quat = np.zeros_like(p), np.zeros_like(p), np.zeros((len(y), 4))
-    h = parameter_.h * min(1.0, _STEP / max(parameter_.h * float(np.max(np.abs(s))), 1e-300))
+    h = varied.h * min(1.0, _STEP / max(varied.h * float(np.max(np.abs(s))), 1e-300))
     # mechanisms are prepared at offsets of the parameter's own step; the state's share is added apart from it
-    for c, weight, other in zip(_OFFSETS, _WEIGHTS, parameter_.mechanisms, strict=True):
-        for part, step in ((unpack(mechanism, y + c * h * s), h), (unpack(other, y), parameter_.h)):
+    for c, weight, other in zip(_OFFSETS, _WEIGHTS, varied.mechanisms, strict=True):
+        for part, step in ((unpack(mechanism, y + c * h * s), h), (unpack(other, y), varied.h)):
             p, quat, v, w = (total + weight / step * value for total, value in zip((p, quat, v, w), part, strict=True))
     conjugate = y[:, P] * np.array([1.0, -1.0, -1.0, -1.0])
     turn = 2.0 * quaternion_product(quat, conjugate)[:, 1:]
-    return np.array([p, turn, v, w]), _violation(mechanism, parameter_, t, turns, y, np.hstack([p, turn]))
+    return np.array([p, turn, v, w]), _violation(mechanism, varied, t, angles, y, np.hstack([p, turn]))
 
 
-def _violation(mechanism: Mechanism, parameter_: _Parameter, t: float, turns: Angles, y: Array, step: Array) -> float:
+def _violation(
+    mechanism: Mechanism, varied: _VariedParameter, t: float, angles: Angles, y: Array, step: Array
+) -> float:
     """``|Q s + g_p|``, largest row: the poses displaced by each offset, in the mechanism changed by it."""
     p, quat, v, w = unpack(mechanism, y)
     state = State(p, quat / np.linalg.norm(quat, axis=1)[:, None], v, w)
     g = np.zeros(mechanism.holonomic_count)
-    for c, weight, other in zip(_OFFSETS, _WEIGHTS, parameter_.mechanisms, strict=True):
-        moved = move(state, c * parameter_.h * step.ravel())
-        g += weight / parameter_.h * constraint_residual(other, moved, t, turns)
+    for c, weight, other in zip(_OFFSETS, _WEIGHTS, varied.mechanisms, strict=True):
+        moved = move(state, c * varied.h * step.ravel())
+        g += weight / varied.h * constraint_residual(other, moved, t, angles)
     return float(np.max(np.abs(g), initial=0.0))

@@ -12,10 +12,9 @@ from __future__ import annotations
 import numpy as np
 
 from consilience.mechanism import Array
-from consilience.reference.bodies.arrays import Model
+from consilience.reference.bodies.arrays import Model, Workspace
 from consilience.reference.bodies.joint_rows import Row, coordinate, joint_motion, joint_row, place
 from consilience.reference.bodies.motion import add_coefficients, arm, motion
-from consilience.reference.bodies.workspace import Workspace
 from consilience.reference.kernel import functions
 from consilience.reference.kernel.compiled import inlined, kernel
 from consilience.reference.kernel.vectors import add, cross, dot, load, scale, sub
@@ -53,10 +52,10 @@ def _drives(model: Model, t: float, y: Array, ws: Workspace, first: int) -> int:
 
 
 @inlined
-def _couplings(model: Model, y: Array, memory: Array, ws: Workspace, first: int) -> int:
+def _couplings(model: Model, y: Array, turns: Array, ws: Workspace, first: int) -> int:
     """``q - f(q_driver) = 0``."""
     for n in range(model.coupling.shape[0]):
-        driver = coordinate(model, y, ws.A, model.coupling[n, 1], memory[model.coupling[n, 1]])
+        driver = coordinate(model, y, ws.A, model.coupling[n, 1], turns[model.coupling[n, 1]])
         f, slope, bend = functions.evaluate(model.functions, model.coupling[n, 2], driver.value)
         q = coordinate(model, y, ws.A, model.coupling[n, 0], f)
         ws.value[first + n] = q.value - f
@@ -108,13 +107,13 @@ def _skates(model: Model, y: Array, ws: Workspace, first: int) -> None:
 
 
 @kernel
-def evaluate(model: Model, t: float, y: Array, memory: Array, ws: Workspace) -> None:
+def evaluate(model: Model, t: float, y: Array, turns: Array, ws: Workspace) -> None:
     """Fill ``ws.value`` (violation g), ``ws.Q``, ``ws.gamma`` and ``ws.rate`` (``Q v = rate``).
 
     Parameters
     ----------
     t : float, s
-    memory : ndarray, shape (n_c,)
+    turns : ndarray, shape (n_c,)
         Joint coordinates that elements read a moment ago: turns are counted from them.
     ws : Workspace
         With the rotation matrices of y in ``ws.A``, from `bodies.rotations`.
@@ -124,6 +123,6 @@ def evaluate(model: Model, t: float, y: Array, memory: Array, ws: Workspace) -> 
     row = _joints(model, y, ws)
     if row < ws.rate.shape[0]:
         row = _drives(model, t, y, ws, row)
-        row = _couplings(model, y, memory, ws, row)
+        row = _couplings(model, y, turns, ws, row)
         row = _rollings(model, y, ws, row)
         _skates(model, y, ws, row)

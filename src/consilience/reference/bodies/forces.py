@@ -10,10 +10,9 @@ from __future__ import annotations
 import numpy as np
 
 from consilience.mechanism import Array
-from consilience.reference.bodies.arrays import Model
-from consilience.reference.bodies.joint_rows import Coordinate, coordinate
+from consilience.reference.bodies.arrays import Model, Workspace
+from consilience.reference.bodies.joint_rows import CoordinateRow, coordinate
 from consilience.reference.bodies.motion import ZERO, arm, motion, rotations
-from consilience.reference.bodies.workspace import Workspace
 from consilience.reference.kernel import functions
 from consilience.reference.kernel.compiled import inlined, inner, kernel
 from consilience.reference.kernel.vectors import (
@@ -39,7 +38,7 @@ def _push(f: Array, A: Array, body: int, force: Vector, s: Vector, torque: Vecto
 
 
 @inner
-def _exert(f: Array, A: Array, q: Coordinate, effort: float) -> None:
+def _exert(f: Array, A: Array, q: CoordinateRow, effort: float) -> None:
     """Add an effort in a joint coordinate, the opposite on the predecessor."""
     e = scale(effort, q.row.e)
     _push(f, A, q.j, e, ZERO, scale(effort, q.row.c_j))
@@ -53,22 +52,22 @@ def _factor(model: Model, function: int, t: float, otherwise: float) -> float:
 
 
 @inlined
-def _joint_elements(model: Model, t: float, y: Array, memory: Array, ws: Workspace) -> None:
+def _joint_elements(model: Model, t: float, y: Array, turns: Array, ws: Workspace) -> None:
     """Springs, friction and controls of joints."""
     for n in range(model.joint_spring.shape[0]):
         c = model.joint_spring[n, 0]
-        q = coordinate(model, y, ws.A, c, memory[c])
+        q = coordinate(model, y, ws.A, c, turns[c])
         stiffness, damping, rest = load(model.joint_spring_law[n])
         actuator = _factor(model, model.joint_spring[n, 1], t, 0.0)
         _exert(ws.f, ws.A, q, actuator - stiffness * (q.value - rest) - damping * q.rate)
     for n in range(model.friction.shape[0]):
         c = model.friction[n]
-        q = coordinate(model, y, ws.A, c, memory[c])
+        q = coordinate(model, y, ws.A, c, turns[c])
         viscous, coulomb, speed = load(model.friction_law[n])
         _exert(ws.f, ws.A, q, -viscous * q.rate - coulomb * np.tanh(q.rate / speed))
     for n in range(model.control.shape[0]):
         c = model.control[n, 0]
-        q = coordinate(model, y, ws.A, c, memory[c])
+        q = coordinate(model, y, ws.A, c, turns[c])
         target, target_rate, _ = functions.evaluate(model.functions, model.control[n, 1], t)
         P, I, D = load(model.control_law[n])
         integral = y[model.mass.shape[0] + n // 13, n % 13]
@@ -76,21 +75,21 @@ def _joint_elements(model: Model, t: float, y: Array, memory: Array, ws: Workspa
 
 
 @kernel
-def control_errors(model: Model, t: float, y: Array, memory: Array, ws: Workspace, dy: Array) -> None:
+def control_errors(model: Model, t: float, y: Array, turns: Array, ws: Workspace, dy: Array) -> None:
     """Derivatives of the integrals of the controllers, ``target(t) - q``, into their rows of dy."""
     for n in range(model.control.shape[0]):
         c = model.control[n, 0]
         target = functions.evaluate(model.functions, model.control[n, 1], t)[0]
-        q = coordinate(model, y, ws.A, c, memory[c])
+        q = coordinate(model, y, ws.A, c, turns[c])
         dy[model.mass.shape[0] + n // 13, n % 13] = target - q.value
 
 
 @kernel
-def remember(model: Model, y: Array, ws: Workspace, memory: Array) -> None:
+def count_turns(model: Model, y: Array, ws: Workspace, turns: Array) -> None:
     """Update the joint coordinates that elements read, turns counted."""
     rotations(y, ws.A)
-    for n in range(memory.shape[0]):
-        memory[n] = coordinate(model, y, ws.A, n, memory[n]).value
+    for n in range(turns.shape[0]):
+        turns[n] = coordinate(model, y, ws.A, n, turns[n]).value
 
 
 @kernel
@@ -134,7 +133,7 @@ def _loads(model: Model, t: float, A: Array, f: Array) -> None:
 
 
 @kernel
-def evaluate(model: Model, t: float, y: Array, memory: Array, ws: Workspace) -> None:
+def evaluate(model: Model, t: float, y: Array, turns: Array, ws: Workspace) -> None:
     """Fill ``ws.f`` with all applied and gyroscopic forces, shape (6 n_b,).
 
     Arguments as in `constraints.evaluate`; forces from outside the model are in ``ws.external``.
@@ -148,7 +147,7 @@ def evaluate(model: Model, t: float, y: Array, memory: Array, ws: Workspace) -> 
         accumulate(ws.f[6 * b + 3 : 6 * b + 6], scale(-1.0, cross(w, rotate(model.inertia[b], w))))
     if model.spring_body.shape[0]:
         _springs(model, t, y, ws.A, ws.f)
-    if memory.shape[0]:
-        _joint_elements(model, t, y, memory, ws)
+    if turns.shape[0]:
+        _joint_elements(model, t, y, turns, ws)
     if model.load_body.shape[0]:
         _loads(model, t, ws.A, ws.f)

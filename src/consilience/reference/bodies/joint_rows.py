@@ -49,7 +49,7 @@ class Row(NamedTuple):
     c_j: Vector
 
 
-class Coordinate(NamedTuple):
+class CoordinateRow(NamedTuple):
     """A joint coordinate: value, rate, gamma and coefficients, and the bodies it is between."""
 
     value: float
@@ -194,22 +194,22 @@ def _coordinate(
     k: int,
     kind: int,
     near: float,
-) -> Coordinate:
+) -> CoordinateRow:
     """Coordinate of joint k, whose axes and pitch these are."""
     m = joint_motion(body_i, body_j, arm_i, arm_j, y, A, k)
     if kind == 1:
         row = basic_row(axes_i, axes_j, A, m, _Z)
         # the velocities of the centres of mass enter only through those of the frames' origins
         rate = dot(row.e, m.d_dot) + dot(cross(m.w_i, row.e), m.d)
-        return Coordinate(row.value, rate, row, m.i, m.j)
+        return CoordinateRow(row.value, rate, row, m.i, m.j)
     if pitch != 0.0:
         near = TURN * basic_row(axes_i, axes_j, A, m, _Z).value / pitch
     row = angle_row(axes_i, axes_j, A, m, near)
-    return Coordinate(row.value, dot(row.c_i, m.w_i) + dot(row.c_j, m.w_j), row, m.i, m.j)
+    return CoordinateRow(row.value, dot(row.c_i, m.w_i) + dot(row.c_j, m.w_j), row, m.i, m.j)
 
 
 @fused
-def coordinate(model: Model, y: Array, A: Array, n: int, near: float) -> Coordinate:
+def coordinate(model: Model, y: Array, A: Array, n: int, near: float) -> CoordinateRow:
     """Joint coordinate n of those that elements read; an angle within half a turn of `near`, a screw's by its Z."""
     k = model.coordinate[n, 0]
     return _coordinate(

@@ -8,8 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from consilience.mechanism import Array
-from consilience.reference.bodies.arrays import Model
-from consilience.reference.bodies.workspace import Workspace
+from consilience.reference.bodies.arrays import Model, Workspace
 from consilience.reference.kernel.compiled import allocating, inner, kernel
 from consilience.reference.kernel.factorisation import ordered_qr, pivoted_qr
 from consilience.reference.kernel.vectors import assign

@@ -13,10 +13,9 @@ import numpy as np
 
 from consilience.mechanism import Array
 from consilience.reference.bodies import constraints
-from consilience.reference.bodies.arrays import Model
+from consilience.reference.bodies.arrays import Model, Workspace
 from consilience.reference.bodies.mass_metric import factorise, solve_factor_transposed
 from consilience.reference.bodies.motion import rotations
-from consilience.reference.bodies.workspace import Workspace
 from consilience.reference.kernel.compiled import inner, kernel
 from consilience.reference.kernel.factorisation import least_norm
 
@@ -83,7 +82,7 @@ def rank_to_work_with(B: Array, best: Array, rank: int, violation: float) -> int
 
 
 @kernel
-def project(model: Model, t: float, y: Array, memory: Array, ws: Workspace) -> None:
+def project(model: Model, t: float, y: Array, turns: Array, ws: Workspace) -> None:
     """Project a state in place: positions by Newton's method until rounding is reached, then velocities."""
     count = model.mass.shape[0]
     normalise(y, count)
@@ -94,7 +93,7 @@ def project(model: Model, t: float, y: Array, memory: Array, ws: Workspace) -> N
     last = False
     for step in range(_POSITION_STEPS + 1):
         rotations(y, ws.A)
-        constraints.evaluate(model, t, y, memory, ws)
+        constraints.evaluate(model, t, y, turns, ws)
         if last or step == _POSITION_STEPS or _largest(ws.value) <= 2e-16 * max(1.0, model.length):
             break
         ws.Q[held:, :] = 0.0

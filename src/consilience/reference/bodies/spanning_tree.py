@@ -125,7 +125,7 @@ def flatten_tree(mechanism: Mechanism) -> TreeModel:
 # ---------------------------------------------------------------- one step along the tree, at a state
 
 
-class Links(NamedTuple):
+class TreeState(NamedTuple):
     """The tree at a state: n_b links, N free directions."""
 
     X: Array  # (n_b, 6, 6) from the motion of the parent to that of the link
@@ -148,7 +148,7 @@ def _transport(r: Vector, X: Array) -> None:
 
 
 @inner
-def _joint_step(tree: TreeModel, model: Model, y: Array, A: Array, k: int, links: Links) -> None:
+def _joint_step(tree: TreeModel, model: Model, y: Array, A: Array, k: int, links: TreeState) -> None:
     """X, S and c of the tree joint of link k, from the motion of M's origin P relative to F.
 
     With s from the centres of mass of predecessor i and successor j to P, e the free axes and q' their rates,
@@ -187,10 +187,10 @@ def _joint_step(tree: TreeModel, model: Model, y: Array, A: Array, k: int, links
 
 
 @allocating
-def kinematics(tree: TreeModel, model: Model, y: Array, A: Array) -> Links:
+def kinematics(tree: TreeModel, model: Model, y: Array, A: Array) -> TreeState:
     """All links at a state: the first loop of either route. Velocities are known, so the order does not matter."""
     n = tree.body.shape[0]
-    links = Links(np.zeros((n, 6, 6)), np.zeros((tree.first_free[n], 6)), np.zeros((n, 6)), np.zeros((n, 6, 6)))
+    links = TreeState(np.zeros((n, 6, 6)), np.zeros((tree.first_free[n], 6)), np.zeros((n, 6)), np.zeros((n, 6, 6)))
     for k in range(n):
         b = tree.body[k]
         _joint_step(tree, model, y, A, k, links)

@@ -17,12 +17,11 @@ import numpy as np
 
 from consilience.mechanism import RANK_TOLERANCE, Array, Mechanism
 from consilience.reference.bodies import constraints, forces
-from consilience.reference.bodies.arrays import Model, flatten, holonomic_rows
+from consilience.reference.bodies.arrays import Model, Workspace, flatten, holonomic_rows, workspace
 from consilience.reference.bodies.joint_rows import coordinate
 from consilience.reference.bodies.mass_metric import factorise
 from consilience.reference.bodies.motion import rotations
 from consilience.reference.bodies.projection import project
-from consilience.reference.bodies.workspace import Workspace, workspace
 from consilience.reference.kernel.compiled import kernel
 
 
@@ -133,7 +132,7 @@ class BodyTerms:
     def count_turns(self, y: Array, angles: Array) -> Array:
         """Joint coordinates that elements read at y, within half a turn of `angles`, shape (n_c,)."""
         counted = angles.copy()
-        forces.remember(self._model, y, self._ws, counted)
+        forces.count_turns(self._model, y, self._ws, counted)
         return counted
 
     def project(self, t: float, y: Array, angles: Array) -> int:

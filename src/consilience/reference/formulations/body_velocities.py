@@ -38,18 +38,17 @@ from consilience.engine import Unsupported
 from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import RANK_TOLERANCE, Array, Mechanism, State
 from consilience.reference.bodies import constraints
-from consilience.reference.bodies.arrays import Model, P, all_rows, flatten, pack, unpack
+from consilience.reference.bodies.arrays import Model, P, Workspace, all_rows, flatten, pack, unpack, workspace
 from consilience.reference.bodies.canonical import at_origins, joint_wrenches
-from consilience.reference.bodies.forces import control_errors, remember
+from consilience.reference.bodies.forces import control_errors, count_turns
 from consilience.reference.bodies.joint_rows import coordinate
 from consilience.reference.bodies.mass_metric import mass_matrix
 from consilience.reference.bodies.projection import project
 from consilience.reference.bodies.spanning_tree import TreeModel, flatten_tree
-from consilience.reference.bodies.workspace import Workspace, workspace
 from consilience.reference.formulations import descriptor, null_space, null_space_qr, partitioning, recursive
 from consilience.reference.kernel.compiled import kernel
 
-Forces = Callable[[float, State], Array]
+AppliedForces = Callable[[float, State], Array]
 
 KERNELS: dict[str, Callable[..., int]] = {
     "descriptor": descriptor.accelerations,
@@ -77,12 +76,12 @@ def unsupported(mechanism: Mechanism) -> tuple[Unsupported, ...]:
 
 
 @kernel
-def _rates(model: Model, t: float, y: Array, memory: Array, ws: Workspace, a: Array, dy: Array, turning: Array) -> None:
+def _rates(model: Model, t: float, y: Array, turns: Array, ws: Workspace, a: Array, dy: Array, turning: Array) -> None:
     """Derivatives of y and of the angles with the accelerations a: ``r' = v``, ``p' = 1/2 G^T w'`` [MASS (38)].
 
     The rotation matrices of y are in ``ws.A``.
     """
-    control_errors(model, t, y, memory, ws, dy)
+    control_errors(model, t, y, turns, ws, dy)
     for b in range(model.mass.shape[0]):
         e0, e1, e2, e3 = y[b, 3], y[b, 4], y[b, 5], y[b, 6]
         w1, w2, w3 = y[b, 10], y[b, 11], y[b, 12]
@@ -94,8 +93,8 @@ def _rates(model: Model, t: float, y: Array, memory: Array, ws: Workspace, a: Ar
         dy[b, 6] = 0.5 * (e0 * w3 + e1 * w2 - e2 * w1)
         for k in range(6):
             dy[b, 7 + k] = a[6 * b + k]
-    for n in range(memory.shape[0]):
-        turning[n] = coordinate(model, y, ws.A, n, memory[n]).rate
+    for n in range(turns.shape[0]):
+        turning[n] = coordinate(model, y, ws.A, n, turns[n]).rate
 
 
 class KernelFormulation:
@@ -116,7 +115,7 @@ class KernelFormulation:
         If there is no kernel of that name.
     """
 
-    def __init__(self, mechanism: Mechanism, name: str, forces: Forces | None = None) -> None:
+    def __init__(self, mechanism: Mechanism, name: str, forces: AppliedForces | None = None) -> None:
         if name not in KERNELS and name not in TREE_KERNELS:
             known = ", ".join([*KERNELS, *TREE_KERNELS])
             raise InvalidInput(f"formulation '{name}'", "there is no kernel of that name", f"Kernels: {known}.")
@@ -131,9 +130,9 @@ class KernelFormulation:
 
     def coordinates(self, state: State) -> Array:
         """Coordinates u of a consistent state: angles within half a turn of zero, integrals of controllers zero."""
-        y, memory = self._packed(state)
-        _, rank = self._solve(0.0, y, memory, self._rows)
-        return np.concatenate([y.ravel(), memory, [rank]])
+        y, turns = self._packed(state)
+        _, rank = self._solve(0.0, y, turns, self._rows)
+        return np.concatenate([y.ravel(), turns, [rank]])
 
     def state(self, u: Array) -> State:
         """Canonical state of u; Euler parameters are divided by their norm."""
@@ -141,20 +140,20 @@ class KernelFormulation:
 
     def derivative(self, t: float, u: Array) -> Array:
         """``du/dt`` at the time t, shape (n_u,)."""
-        y, memory = self._split(u)
+        y, turns = self._split(u)
         du = np.zeros(len(u))
         dy, turning = self._split(du)
-        a, _ = self._solve(t, y, memory, round(u[-1]))
-        _rates(self.model, t, y, memory, self._ws, a, dy, turning)
+        a, _ = self._solve(t, y, turns, round(u[-1]))
+        _rates(self.model, t, y, turns, self._ws, a, dy, turning)
         return du
 
     def settle(self, t: float, u: Array) -> Array:
         """New array: u projected onto the constraints, with the angles and the rank found there."""
         settled = np.array(u, dtype=float)
-        y, memory = self._split(settled)
+        y, turns = self._split(settled)
         self._ws.limit[0] = round(u[-1])
-        project(self.model, t, y, memory, self._ws)
-        remember(self.model, y, self._ws, memory)
+        project(self.model, t, y, turns, self._ws)
+        count_turns(self.model, y, self._ws, turns)
         settled[-1] = self._ws.limit[0]
         return settled
 
@@ -166,8 +165,8 @@ class KernelFormulation:
         NumericalFailure
             If they are not finite, for example at a spring of no length.
         """
-        y, memory = self._packed(state)
-        return at_origins(self.mechanism, y, self._finite(t, y, memory))
+        y, turns = self._packed(state)
+        return at_origins(self.mechanism, y, self._finite(t, y, turns))
 
     def reactions(self, state: State, t: float = 0.0) -> tuple[Array, Array]:
         """Joint reactions, on the successor, at the origin of M, axes of F, each shape (n_j, 3).
@@ -184,16 +183,16 @@ class KernelFormulation:
 
     def multipliers(self, state: State, t: float = 0.0) -> Array:
         """Multipliers of all rows, of least norm, shape (q,)."""
-        y, memory = self._packed(state)
-        ws, a = self._ws, self._finite(t, y, memory)
+        y, turns = self._packed(state)
+        ws, a = self._ws, self._finite(t, y, turns)
         if self.name == "descriptor":
-            return descriptor.multipliers(self.model, t, y, memory, ws, a)
-        constraints.evaluate(self.model, t, y, memory, ws)  # a kernel along a tree has left only its own rows there
+            return descriptor.multipliers(self.model, t, y, turns, ws, a)
+        constraints.evaluate(self.model, t, y, turns, ws)  # a kernel along a tree has left only its own rows there
         constraint_force = mass_matrix(self.model) @ a - ws.f
         lam: Array = np.linalg.lstsq(ws.Q.T, constraint_force, rcond=RANK_TOLERANCE)[0]
         return lam
 
-    def _solve(self, t: float, y: Array, memory: Array, limit: int) -> tuple[Array, int]:
+    def _solve(self, t: float, y: Array, turns: Array, limit: int) -> tuple[Array, int]:
         """Accelerations (dv/dt, dw'/dt) of all bodies, shape (6 n_b,), and the rank, which is `limit` at most."""
         a = np.empty(6 * len(self.mechanism.bodies))
         self._ws.limit[0] = limit
@@ -201,12 +200,12 @@ class KernelFormulation:
             self._ws.external[:] = self._external(self.forces, t, y)
         # the order of rows that a projection left is no part of u: the choice is made anew
         found, self._ws.best[0] = self._ws.best[0], 0.0
-        rank = self._kernel(*self._tree, self.model, t, y, memory, self._ws, a)
+        rank = self._kernel(*self._tree, self.model, t, y, turns, self._ws, a)
         self._ws.best[0] = found
         return a, rank
 
-    def _external(self, forces: Forces, t: float, y: Array) -> Array:
-        """Forces of the callback at the centres of mass, torques in body axes, shape (6 n_b,)."""
+    def _external(self, forces: AppliedForces, t: float, y: Array) -> Array:
+        """AppliedForces of the callback at the centres of mass, torques in body axes, shape (6 n_b,)."""
         state = self._state(y)
         wrench = np.asarray(forces(t, state), dtype=float)
         if wrench.shape != (len(self.mechanism.bodies), 6):
@@ -216,17 +215,17 @@ class KernelFormulation:
         torque = wrench[:, 3:] - np.cross(c, wrench[:, :3])
         return np.hstack([wrench[:, :3], np.einsum("bji,bj->bi", A, torque)]).ravel()
 
-    def _finite(self, t: float, y: Array, memory: Array) -> Array:
-        a, _ = self._solve(t, y, memory, self._rows)
+    def _finite(self, t: float, y: Array, turns: Array) -> Array:
+        a, _ = self._solve(t, y, turns, self._rows)
         if not np.all(np.isfinite(a)):
             raise NumericalFailure(f"reference, {self.name}: the accelerations are not finite")
         return a
 
     def _packed(self, state: State) -> tuple[Array, Array]:
         """Packed state y, and the angles that go with it."""
-        y, memory = pack(self.mechanism, state), np.zeros(len(self.model.coordinate))
-        remember(self.model, y, self._ws, memory)
-        return y, memory
+        y, turns = pack(self.mechanism, state), np.zeros(len(self.model.coordinate))
+        count_turns(self.model, y, self._ws, turns)
+        return y, turns
 
     def _state(self, y: Array) -> State:
         """Canonical state of y."""

@@ -7,9 +7,8 @@ argument is compiled again in every process, one that names it is cached.
 from __future__ import annotations
 
 from consilience.mechanism import Array
-from consilience.reference.bodies.arrays import Model
+from consilience.reference.bodies.arrays import Model, Workspace
 from consilience.reference.bodies.forces import control_errors
-from consilience.reference.bodies.workspace import Workspace
 from consilience.reference.formulations import descriptor, null_space
 from consilience.reference.kernel.compiled import inlined
 
@@ -18,21 +17,21 @@ FORMULATIONS = {"descriptor": 0, "null_space": 1}
 
 
 @inlined
-def accelerations(formulation: int, model: Model, t: float, y: Array, memory: Array, ws: Workspace, a: Array) -> int:
+def accelerations(formulation: int, model: Model, t: float, y: Array, turns: Array, ws: Workspace, a: Array) -> int:
     """Accelerations (dv/dt, dw'/dt), shape (6 n_b,), by the formulation of that number; the constraint rank."""
     if formulation == 0:
-        return descriptor.accelerations(model, t, y, memory, ws, a)
-    return null_space.accelerations(model, t, y, memory, ws, a)
+        return descriptor.accelerations(model, t, y, turns, ws, a)
+    return null_space.accelerations(model, t, y, turns, ws, a)
 
 
 @inlined
 def derivative(
-    formulation: int, model: Model, t: float, y: Array, memory: Array, ws: Workspace, a: Array, dy: Array
+    formulation: int, model: Model, t: float, y: Array, turns: Array, ws: Workspace, a: Array, dy: Array
 ) -> None:
     """State derivative: ``r' = v``, ``p' = 1/2 G^T w'`` [MASS (38)], and the accelerations, shape of y."""
-    accelerations(formulation, model, t, y, memory, ws, a)
+    accelerations(formulation, model, t, y, turns, ws, a)
     if model.control.shape[0]:
-        control_errors(model, t, y, memory, ws, dy)
+        control_errors(model, t, y, turns, ws, dy)
     for b in range(model.mass.shape[0]):
         e0, e1, e2, e3 = y[b, 3], y[b, 4], y[b, 5], y[b, 6]
         w1, w2, w3 = y[b, 10], y[b, 11], y[b, 12]

@@ -15,10 +15,9 @@ from typing import NamedTuple
 import numpy as np
 
 from consilience.mechanism import Array
-from consilience.reference.bodies.arrays import Model
-from consilience.reference.bodies.forces import remember
+from consilience.reference.bodies.arrays import Model, Workspace
+from consilience.reference.bodies.forces import count_turns
 from consilience.reference.bodies.projection import project
-from consilience.reference.bodies.workspace import Workspace
 from consilience.reference.formulations.compiled_choice import derivative
 from consilience.reference.integrators.coefficients import E3, E5, STAGES, A, B, C
 from consilience.reference.integrators.step_control import EVALUATIONS, LARGEST, REJECTED, SAFETY, STEPS, factor_of
@@ -26,7 +25,7 @@ from consilience.reference.kernel.compiled import inlined, inner, kernel
 from consilience.reference.kernel.vectors import assign
 
 
-class Scratch(NamedTuple):
+class Dop853Scratch(NamedTuple):
     """What a run writes into."""
 
     K: Array  # (12, n_b + n_e, 13) derivatives at the stages
@@ -35,9 +34,9 @@ class Scratch(NamedTuple):
     size: Array  # (13,) of the columns of a state
 
 
-def scratch_of(model: Model, y: Array) -> Scratch:
-    """Scratch of a run from the state y."""
-    return Scratch(np.zeros((STAGES, *y.shape)), np.empty_like(y), np.empty(6 * len(model.mass)), np.empty(13))
+def dop853_scratch(model: Model, y: Array) -> Dop853Scratch:
+    """Dop853Scratch of a run from the state y."""
+    return Dop853Scratch(np.zeros((STAGES, *y.shape)), np.empty_like(y), np.empty(6 * len(model.mass)), np.empty(13))
 
 
 @inner
@@ -88,9 +87,9 @@ def _stages(
     t: float,
     y: Array,
     h: float,
-    memory: Array,
+    turns: Array,
     ws: Workspace,
-    scratch: Scratch,
+    scratch: Dop853Scratch,
 ) -> None:
     """Evaluate stages 2 to 12 (stage 1 is given) and leave the end of the step in the scratch."""
     K, trial = scratch.K, scratch.trial
@@ -103,7 +102,7 @@ def _stages(
                     for c in range(13):
                         trial[b, c] += weight * K[j, b, c]
         if i < STAGES:
-            derivative(formulation, model, t + C[i] * h, trial, memory, ws, scratch.a, K[i])
+            derivative(formulation, model, t + C[i] * h, trial, turns, ws, scratch.a, K[i])
 
 
 @kernel
@@ -113,11 +112,11 @@ def integrate(
     y: Array,
     times: Array,
     tolerance: float,
-    memory: Array,
+    turns: Array,
     ws: Workspace,
     motion: Array,
     counters: Array,
-    scratch: Scratch,
+    scratch: Dop853Scratch,
 ) -> int:
     """Integrate from ``times[0]`` and record the motion at all sample times.
 
@@ -130,13 +129,13 @@ def integrate(
     times : ndarray, shape (n_t,)
     tolerance : float
         Bound on the scaled local error of a step.
-    memory : ndarray, shape (n_c,)
+    turns : ndarray, shape (n_c,)
         Joint coordinates that elements read, turns counted; updated.
     motion : ndarray, shape (n_t, n_b + n_e, 13)
         Overwritten.
     counters : ndarray of int, shape (3,)
         Steps, rejected steps and evaluations of the derivative; overwritten.
-    scratch : Scratch
+    scratch : Dop853Scratch
 
     Returns
     -------
@@ -148,7 +147,7 @@ def integrate(
     _copy(y, motion[0])
     t = times[0]
     h, finite = 1e-2 * (times[-1] - times[0]) / max(1, times.shape[0] - 1), True
-    derivative(formulation, model, t, y, memory, ws, a, K[0])
+    derivative(formulation, model, t, y, turns, ws, a, K[0])
     for n in range(1, times.shape[0]):
         while t < times[n]:
             remaining = times[n] - t
@@ -156,7 +155,7 @@ def integrate(
             step = remaining if h >= remaining else min(h, 0.5 * remaining) if h > 0.5 * remaining else h
             if not step >= 1e-14 * max(1.0, abs(t)):
                 return 1 if finite else 2
-            _stages(formulation, model, t, y, step, memory, ws, scratch)
+            _stages(formulation, model, t, y, step, turns, ws, scratch)
             counters[EVALUATIONS] += STAGES
             _sizes(model, y, size)
             error = _error(K, step, size) / tolerance
@@ -169,9 +168,9 @@ def integrate(
             counters[STEPS] += 1
             _copy(trial, y)
             t = times[n] if step == remaining else t + step
-            project(model, t, y, memory, ws)
-            remember(model, y, ws, memory)
-            derivative(formulation, model, t, y, memory, ws, a, K[0])
+            project(model, t, y, turns, ws)
+            count_turns(model, y, ws, turns)
+            derivative(formulation, model, t, y, turns, ws, a, K[0])
             h = step * factor if step == h else max(h, step * factor)
         _copy(y, motion[n])
     return 0

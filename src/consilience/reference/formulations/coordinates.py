@@ -76,7 +76,7 @@ def unsupported(_mechanism: Mechanism) -> tuple[Unsupported, ...]:
     return ()
 
 
-class _Motion(NamedTuple):
+class _BodyMotion(NamedTuple):
     """Motion of all bodies at coordinates u."""
 
     A: Array  # (n_b, 3, 3)
@@ -181,7 +181,7 @@ class DescriptorForm:
         A = np.array([self._orientation.rotation(part) for part in x_R])
         return A if self.chart[0] == 0 else A @ rotation_from_quaternion(self.chart[1])
 
-    def _motion(self, u: Array) -> _Motion:
+    def _motion(self, u: Array) -> _BodyMotion:
         n_b, kind = self._n_b, self._orientation
         x, x_dot = self._positions(u), self._speeds(u)
         H, h = np.empty((n_b, 3, kind.size)), np.empty((n_b, 3))
@@ -195,7 +195,7 @@ class DescriptorForm:
         y[:n_b, R], y[:n_b, V] = x[:, :3], x_dot[:, :3]
         y[:n_b, W] = np.einsum("bij,bj->bi", H, x_dot[:, 3:])
         y[n_b:].reshape(-1)[: len(integrals)] = integrals
-        return _Motion(A, H, h, y, u[2 * self._n + len(integrals) : -1], round(u[-1]))
+        return _BodyMotion(A, H, h, y, u[2 * self._n + len(integrals) : -1], round(u[-1]))
 
     def _packed(self, u: Array) -> tuple[Array, Array]:
         """Packed state with unit Euler parameters, and the angles."""
@@ -225,7 +225,7 @@ class DescriptorForm:
         second = self._solve(u, motion, terms)[0]
         return np.concatenate([u[self._n : 2 * self._n], second, terms.integral_rates, terms.angle_rates, [0.0]])
 
-    def _solve(self, u: Array, motion: _Motion, terms: Terms) -> tuple[Array, Array]:
+    def _solve(self, u: Array, motion: _BodyMotion, terms: Terms) -> tuple[Array, Array]:
         """x'', shape (n,), and ``M (H x'' + h) - f``, which is the constraint force ``Q^T lam``, shape (6 n_b,)."""
         n_b, n = self._n_b, self._n
         blocks = self._identity.copy()
@@ -277,7 +277,7 @@ class DescriptorForm:
         wrenches = joint_wrenches(self._mechanism, state, least_norm_multipliers(terms.Q, force))
         return wrenches[:, :3], wrenches[:, 3:]
 
-    def _at(self, state: State, t: float) -> tuple[_Motion, Array, Array, Terms]:
+    def _at(self, state: State, t: float) -> tuple[_BodyMotion, Array, Array, Terms]:
         """Motion, x'', constraint force and terms at a state."""
         u = self.coordinates(state)
         motion = self._motion(u)

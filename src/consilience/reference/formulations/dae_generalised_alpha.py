@@ -75,7 +75,7 @@ class Coefficients(NamedTuple):
         return cls(alpha_m, alpha_f, gamma, 0.25 * (gamma + 0.5) ** 2)
 
 
-class _Trial(NamedTuple):
+class _StepEnd(NamedTuple):
     """What the unknowns make of the end of a step."""
 
     y: Array
@@ -157,7 +157,7 @@ class GeneralisedAlpha:
 
     # ------------------------------------------------------------ one step
 
-    def _trial(self, a: Array, lam: Array) -> _Trial:
+    def _trial(self, a: Array, lam: Array) -> _StepEnd:
         """End of the step for the algorithmic accelerations and multipliers of independent rows."""
         h, (alpha_m, alpha_f, gamma, beta) = self._h, self._c
         v = self.y[: self._n_b, SPEEDS].reshape(-1)
@@ -175,7 +175,7 @@ class GeneralisedAlpha:
         slip = slice(self._terms.holonomic, None)
         held[slip] = beta * h / gamma * (terms.Q[slip] @ y[: self._n_b, SPEEDS].reshape(-1) - terms.rate[slip])
         residual = np.concatenate([beta * h**2 * (dv - force), held])
-        return _Trial(y, dv, terms, residual, self._angles)
+        return _StepEnd(y, dv, terms, residual, self._angles)
 
     def _linearise(self, a: Array, lam: Array) -> None:
         """Matrix of Newton's method in (beta h^2 a, beta h^2 lam)."""
@@ -192,7 +192,7 @@ class GeneralisedAlpha:
         self._factors = lu_factor(J)
         self.counters["jacobians"] += 1
 
-    def _newton(self, a: Array, lam: Array) -> tuple[_Trial, Array, Array, int] | None:
+    def _newton(self, a: Array, lam: Array) -> tuple[_StepEnd, Array, Array, int] | None:
         """End of the step, algorithmic accelerations, multipliers and iterations; None if it does not converge."""
         n, scale, before = len(a), self._c.beta * self._h**2, np.inf
         equations = np.concatenate([np.arange(n), n + self._rows])

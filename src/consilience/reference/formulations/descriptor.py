@@ -27,24 +27,23 @@ import numpy as np
 
 from consilience.mechanism import RANK_TOLERANCE, Array
 from consilience.reference.bodies import constraints, forces
-from consilience.reference.bodies.arrays import Model
+from consilience.reference.bodies.arrays import Model, Workspace
 from consilience.reference.bodies.mass_metric import factorise_as_projected, solve_factor, solve_factor_transposed
 from consilience.reference.bodies.motion import rotations
-from consilience.reference.bodies.workspace import Workspace
 from consilience.reference.kernel.compiled import kernel
 from consilience.reference.kernel.factorisation import least_norm
 from consilience.reference.kernel.vectors import assign
 
 
 @kernel
-def accelerations(model: Model, t: float, y: Array, memory: Array, ws: Workspace, a: Array) -> int:
+def accelerations(model: Model, t: float, y: Array, turns: Array, ws: Workspace, a: Array) -> int:
     """Accelerations (dv/dt, dw'/dt) of all bodies at a state.
 
     Parameters
     ----------
     t : float, s
     y : ndarray, shape (n_b + n_e, 13)
-    memory : ndarray, shape (n_c,)
+    turns : ndarray, shape (n_c,)
         Joint coordinates that elements read, a moment ago.
     a : ndarray, shape (6 n_b,)
         Overwritten.
@@ -55,13 +54,13 @@ def accelerations(model: Model, t: float, y: Array, memory: Array, ws: Workspace
         Rank of the constraints.
     """
     rotations(y, ws.A)
-    forces.evaluate(model, t, y, memory, ws)
+    forces.evaluate(model, t, y, turns, ws)
     assign(a, ws.f)
     solve_factor(model, a)
     if ws.Q.shape[0] == 0:
         solve_factor_transposed(model, a)
         return 0
-    constraints.evaluate(model, t, y, memory, ws)
+    constraints.evaluate(model, t, y, turns, ws)
     rank = factorise_as_projected(model, ws)
     assign(ws.z, a)
     solve_factor_transposed(model, ws.z)
@@ -94,12 +93,12 @@ def _whitened(model: Model, ws: Workspace, a: Array, B: Array) -> None:
     solve_factor(model, ws.z)
 
 
-def multipliers(model: Model, t: float, y: Array, memory: Array, ws: Workspace, a: Array) -> Array:
+def multipliers(model: Model, t: float, y: Array, turns: Array, ws: Workspace, a: Array) -> Array:
     """Multipliers of least norm from ``Q^T lam = M a - f``, in the metric of the factorisation, shape (q,).
 
     Fills `a` with the accelerations on the way. Only what is slow in Python is compiled: it is asked for once a state.
     """
-    accelerations(model, t, y, memory, ws, a)
+    accelerations(model, t, y, turns, ws, a)
     if len(ws.Q) == 0:
         return np.zeros(0)
     B = np.empty(ws.B.shape)

@@ -80,7 +80,7 @@ def _axial(S: Expression) -> Expression:
     return casadi().vertcat(S[2, 1], S[0, 2], S[1, 0])
 
 
-class _System:
+class _LagrangianSystem:
     """Energies, generalised forces and motion of a mechanism, as expressions of time and coordinates."""
 
     def __init__(self, mechanism: Mechanism, arrangement: Layout, released: bool = False) -> None:
@@ -94,10 +94,10 @@ class _System:
         self.w = ca.horzcat(*(_axial(R_dot[:, c] @ self.R[:, c].T) for c in columns))
         self.w_body = ca.horzcat(*(_axial(self.R[:, c].T @ R_dot[:, c]) for c in columns))
         self.turning = _turning_springs(mechanism, arrangement)
-        self.memory = ca.SX.sym("theta", len(self.turning))
+        self.turns = ca.SX.sym("theta", len(self.turning))
         self.counted = ca.vertcat(*(self._extension(spring) for spring in self.turning))
         self.momentum = ca.gradient(self.kinetic, self.poses.x_dot)
-        self.arguments = [self.poses.t, self.poses.x, self.poses.x_dot, self.poses.charts, self.memory]
+        self.arguments = [self.poses.t, self.poses.x, self.poses.x_dot, self.poses.charts, self.turns]
 
     @cached_property
     def kinetic(self) -> Expression:
@@ -125,8 +125,8 @@ class _System:
         if spring.coordinate == "distance":
             return p[2]
         angle = ca.arctan2(R[1, 0], R[0, 0])
-        turns = ca.floor((self.memory[self.turning.index(spring)] - angle) / (2 * np.pi) + 0.5)
-        return angle + 2 * np.pi * turns
+        whole = ca.floor((self.turns[self.turning.index(spring)] - angle) / (2 * np.pi) + 0.5)
+        return angle + 2 * np.pi * whole
 
     @cached_property
     def generalised_force(self) -> Expression:
@@ -173,7 +173,7 @@ class _System:
         return ca.sqrt(ca.sum1(ca.jacobian(ca.vertcat(*frames), self.poses.x) ** 2)).T
 
     def equations(self) -> Compiled:
-        """Function of (t, y, y', charts, memory) to the fields of `_Values`."""
+        """Function of (t, y, y', charts, turns) to the fields of `_LagrangianTerms`."""
         ca, poses = casadi(), self.poses
         h = poses.rate(self.momentum) - ca.gradient(self.kinetic, poses.x)
         g, g_dot = poses.closure, poses.rate(poses.closure)
@@ -191,17 +191,17 @@ class _System:
         return Compiled("equations", self.arguments, values)
 
     def motion(self) -> Compiled:
-        """Function of (t, y, y', charts, memory) to p_WB, R_WB, v_WB_W, w_WB_W, side by side, and counted angles."""
+        """Function of (t, y, y', charts, turns) to p_WB, R_WB, v_WB_W, w_WB_W, side by side, and counted angles."""
         return Compiled("motion", self.arguments, [self.p, self.R, self.v, self.w, self.counted])
 
     def acceleration(self) -> Compiled:
-        """Function of (t, y, y', charts, memory, y'') to a_WB_W and alpha_WB_W, side by side."""
+        """Function of (t, y, y', charts, turns, y'') to a_WB_W and alpha_WB_W, side by side."""
         x_ddot = casadi().SX.sym("x_ddot", self.poses.x.shape[0])
         values = [self._second_rate(velocity, x_ddot) for velocity in (self.v, self.w)]
         return Compiled("acceleration", [*self.arguments, x_ddot], values)
 
     def reaction(self) -> Compiled:
-        """Function of (t, x, x', charts, memory, x'', lam) to the wrenches of the joints, shape (6, n_j)."""
+        """Function of (t, x, x', charts, turns, x'', lam) to the wrenches of the joints, shape (6, n_j)."""
         ca, x, g = casadi(), self.poses.x, self.poses.closure
         x_ddot, lam = ca.SX.sym("x_ddot", x.shape[0]), ca.SX.sym("lam", g.shape[0])
         inertial = self._second_rate(self.momentum, x_ddot) - ca.gradient(self.kinetic, x)
@@ -224,7 +224,7 @@ def _turning_springs(mechanism: Mechanism, arrangement: Layout) -> list[JointSpr
     return [s for s in mechanism.joint_springs if s.joint in cut and s.coordinate == "angle"]
 
 
-class _Values(NamedTuple):
+class _LagrangianTerms(NamedTuple):
     """Terms of the equations at one instant."""
 
     M: Array  # (n, n)
@@ -241,7 +241,7 @@ class _Values(NamedTuple):
 class _Factors:
     """Factorisation of one system of the mixed form: ``M = L L^T`` and singular values of ``B = L^-1 Q^T``."""
 
-    def __init__(self, values: _Values) -> None:
+    def __init__(self, values: _LagrangianTerms) -> None:
         Q = values.Q
         self._L = np.linalg.cholesky(values.M)
         B = self.forward(Q.T) if len(Q) else Q.T
@@ -293,14 +293,14 @@ class Lagrange:
         if refused:
             raise InvalidInput(refused[0].feature, refused[0].reason, "Choose another formulation.")
         self._mechanism, self._layout = mechanism, layout(mechanism)
-        self._system = _System(mechanism, self._layout)
+        self._system = _LagrangianSystem(mechanism, self._layout)
         self._equations, self._motion = self._system.equations(), self._system.motion()
         self._acceleration = self._system.acceleration()
 
     @cached_property
     def _reaction(self) -> Compiled:
         """Built at first use: the released system is several times as large."""
-        return _System(self._mechanism, self._layout, released=True).reaction()
+        return _LagrangianSystem(self._mechanism, self._layout, released=True).reaction()
 
     def coordinates(self, state: State) -> Array:
         """Coordinates u of a consistent state, shape (n_u,): charts centred there, angles in (-pi, pi]."""
@@ -322,18 +322,18 @@ class Lagrange:
         SingularOrientation
             If a step went so far that an orientation left its chart.
         """
-        y, y_dot, charts, memory = self._split(u)
-        values = self._evaluate(t, y, y_dot, charts, memory)
+        y, y_dot, charts, turns = self._split(u)
+        values = self._evaluate(t, y, y_dot, charts, turns)
         y_ddot, _ = self._solve(y, values)
         return np.concatenate([y_dot, y_ddot, np.zeros(charts.size), values.counted_rate])
 
     def settle(self, t: float, u: Array) -> Array:
         """Project u onto the closed loops, in the metric of M, count turns, and choose new charts where due."""
-        y, y_dot, charts, memory = self._split(u)
+        y, y_dot, charts, turns = self._split(u)
         settled = u
         if self._layout.cut:
-            y, y_dot, memory = self._project(t, y, y_dot, charts, memory)
-            settled = np.concatenate([y, y_dot, charts.T.ravel(), memory])
+            y, y_dot, turns = self._project(t, y, y_dot, charts, turns)
+            settled = np.concatenate([y, y_dot, charts.T.ravel(), turns])
         far = [s for s in self._layout.charted if abs(np.cos(s.beta(y))) < np.cos(CHART_LIMIT)]
         if far:
             centred = self._layout.read(self._mechanism, self.state(settled))
@@ -341,35 +341,35 @@ class Lagrange:
             for slot in far:
                 y[slot.columns], y_dot[slot.columns] = centred[0][slot.columns], centred[1][slot.columns]
                 charts[:, slot.chart] = centred[2][:, slot.chart]
-            settled = np.concatenate([y, y_dot, charts.T.ravel(), memory])
+            settled = np.concatenate([y, y_dot, charts.T.ravel(), turns])
         return settled
 
     def accelerations(self, state: State, t: float = 0.0) -> tuple[Array, Array]:
         """Accelerations of the body origins and angular accelerations, world axes, each shape (n_b, 3)."""
-        y, y_dot, charts, memory = self._split(self.coordinates(state))
-        y_ddot, _ = self._solve(y, self._evaluate(t, y, y_dot, charts, memory))
-        a, alpha = self._acceleration(t, y, y_dot, charts, memory, y_ddot)
+        y, y_dot, charts, turns = self._split(self.coordinates(state))
+        y_ddot, _ = self._solve(y, self._evaluate(t, y, y_dot, charts, turns))
+        a, alpha = self._acceleration(t, y, y_dot, charts, turns, y_ddot)
         return a.T, alpha.T
 
     def reactions(self, state: State, t: float = 0.0) -> tuple[Array, Array]:
         """Constraint forces and torques on the successors, at the origin of M, axes of F, each shape (n_j, 3)."""
-        y, y_dot, charts, memory = self._split(self.coordinates(state))
-        y_ddot, lam = self._solve(y, self._evaluate(t, y, y_dot, charts, memory))
+        y, y_dot, charts, turns = self._split(self.coordinates(state))
+        y_ddot, lam = self._solve(y, self._evaluate(t, y, y_dot, charts, turns))
         z = np.zeros(6 * len(self._mechanism.joints))
         x, x_dot, x_ddot = (np.concatenate([part, z]) for part in (y, y_dot, y_ddot))
-        (wrench,) = self._reaction(t, x, x_dot, charts, memory, x_ddot, lam)
+        (wrench,) = self._reaction(t, x, x_dot, charts, turns, x_ddot, lam)
         return wrench[:3].T, wrench[3:].T
 
     def _split(self, u: Array) -> tuple[Array, Array, Array, Array]:
-        """y, y', charts (4, n_c) and memory of u."""
+        """y, y', charts (4, n_c) and turns of u."""
         n, c = self._layout.size, 4 * len(self._layout.charted)
         return u[:n], u[n : 2 * n], u[2 * n : 2 * n + c].reshape(-1, 4).T, u[2 * n + c :]
 
-    def _evaluate(self, t: float, y: Array, y_dot: Array, charts: Array, memory: Array) -> _Values:
-        M, f, g, Q, *rest = self._equations(t, y, y_dot, charts, memory)
-        return _Values(M, f[:, 0], g[:, 0], Q, *(value[:, 0] for value in rest))
+    def _evaluate(self, t: float, y: Array, y_dot: Array, charts: Array, turns: Array) -> _LagrangianTerms:
+        M, f, g, Q, *rest = self._equations(t, y, y_dot, charts, turns)
+        return _LagrangianTerms(M, f[:, 0], g[:, 0], Q, *(value[:, 0] for value in rest))
 
-    def _solve(self, y: Array, values: _Values) -> tuple[Array, Array]:
+    def _solve(self, y: Array, values: _LagrangianTerms) -> tuple[Array, Array]:
         """``y''`` and lam; not finite where the terms are not."""
         for slot in self._layout.charted:
             beta = slot.beta(y)
@@ -381,13 +381,13 @@ class Lagrange:
             return np.full(len(y), np.nan), np.full(len(values.g), np.nan)
         return _Factors(values).solve(values.f, values.gamma)
 
-    def _project(self, t: float, y: Array, y_dot: Array, charts: Array, memory: Array) -> tuple[Array, Array, Array]:
+    def _project(self, t: float, y: Array, y_dot: Array, charts: Array, turns: Array) -> tuple[Array, Array, Array]:
         """Newton's method to ``g = 0`` until it gains no more, then the least change of y' to ``g' = 0``."""
-        values = self._evaluate(t, y, y_dot, charts, memory)
+        values = self._evaluate(t, y, y_dot, charts, turns)
         factors = _Factors(values)
         for _ in range(_POSITION_STEPS):
             moved = y + factors.step(-values.g)
-            trial = self._evaluate(t, moved, y_dot, charts, memory)
+            trial = self._evaluate(t, moved, y_dot, charts, turns)
             if np.max(np.abs(trial.g)) >= 0.5 * np.max(np.abs(values.g)):
                 break
             y, values, factors = moved, trial, _Factors(trial)

@@ -108,19 +108,19 @@ class Compiled:
         return [part.reshape(shape, order="F") for part, shape in zip(parts, self._shapes, strict=True)]
 
 
-class Pose(NamedTuple):
+class PoseExpression(NamedTuple):
     """Origin (3) and rotation matrix (3, 3) of one frame in another, as expressions."""
 
     p: Expression
     R: Expression
 
-    def then(self, next_pose: Pose) -> Pose:
-        """Pose of a frame given in this one."""
-        return Pose(self.p + self.R @ next_pose.p, self.R @ next_pose.R)
+    def then(self, next_pose: PoseExpression) -> PoseExpression:
+        """PoseExpression of a frame given in this one."""
+        return PoseExpression(self.p + self.R @ next_pose.p, self.R @ next_pose.R)
 
-    def inverse(self) -> Pose:
-        """Pose the other way round."""
-        return Pose(-(self.R.T @ self.p), self.R.T)
+    def inverse(self) -> PoseExpression:
+        """PoseExpression the other way round."""
+        return PoseExpression(-(self.R.T @ self.p), self.R.T)
 
 
 # ---------------------------------------------------------------- steps
@@ -136,14 +136,14 @@ def turn(axis: int, angle: Expression) -> Expression:
     return R
 
 
-def _along(axis: int, distance: Expression) -> Pose:
+def _along(axis: int, distance: Expression) -> PoseExpression:
     p = casadi().SX.zeros(3)
     p[axis] = distance
-    return Pose(p, casadi().SX.eye(3))
+    return PoseExpression(p, casadi().SX.eye(3))
 
 
-def _about(axis: int, angle: Expression) -> Pose:
-    return Pose(casadi().SX.zeros(3), turn(axis, angle))
+def _about(axis: int, angle: Expression) -> PoseExpression:
+    return PoseExpression(casadi().SX.zeros(3), turn(axis, angle))
 
 
 def _reference(chart: Expression) -> Expression:
@@ -152,13 +152,13 @@ def _reference(chart: Expression) -> Expression:
     return (e0 * e0 - ca.dot(e, e)) * ca.SX.eye(3) + 2 * e @ e.T + 2 * e0 * ca.skew(e)
 
 
-def _direction(x: Expression, chart: Expression, length: float) -> Pose:
+def _direction(x: Expression, chart: Expression, length: float) -> PoseExpression:
     ca = casadi()
-    return Pose(length * _reference(chart) @ turn(0, x[0]) @ turn(1, x[1])[:, 2], ca.SX.eye(3))
+    return PoseExpression(length * _reference(chart) @ turn(0, x[0]) @ turn(1, x[1])[:, 2], ca.SX.eye(3))
 
 
-def _orientation(x: Expression, chart: Expression, _length: float) -> Pose:
-    return Pose(casadi().SX.zeros(3), _reference(chart) @ turn(0, x[0]) @ turn(1, x[1]) @ turn(2, x[2]))
+def _orientation(x: Expression, chart: Expression, _length: float) -> PoseExpression:
+    return PoseExpression(casadi().SX.zeros(3), _reference(chart) @ turn(0, x[0]) @ turn(1, x[1]) @ turn(2, x[2]))
 
 
 def _read_direction(motion: RelativeMotion) -> tuple[Array, Array, Array]:
@@ -174,7 +174,7 @@ def _read_orientation(motion: RelativeMotion) -> tuple[Array, Array, Array]:
 
 
 @dataclass(frozen=True)
-class Step:
+class JointStep:
     """One step of a joint.
 
     Attributes
@@ -189,20 +189,20 @@ class Step:
     """
 
     size: int
-    pose: Callable[[Expression, Expression, float], Pose]
+    pose: Callable[[Expression, Expression, float], PoseExpression]
     read: Callable[[RelativeMotion], tuple[Array, Array, Array]] | None = None
 
 
-STEPS: dict[str, Step] = {
-    "angle": Step(1, lambda x, _c, _l: _about(2, x)),
-    "angle1": Step(1, lambda x, _c, _l: _about(2, x)),
-    "angle2": Step(1, lambda x, _c, _l: _about(0, x)),
-    "distance": Step(1, lambda x, _c, _l: _along(2, x)),
-    "x": Step(1, lambda x, _c, _l: _along(0, x)),
-    "y": Step(1, lambda x, _c, _l: _along(1, x)),
-    "position": Step(3, lambda x, _c, _l: Pose(x, casadi().SX.eye(3))),
-    "orientation": Step(3, _orientation, _read_orientation),
-    "direction": Step(2, _direction, _read_direction),
+STEPS: dict[str, JointStep] = {
+    "angle": JointStep(1, lambda x, _c, _l: _about(2, x)),
+    "angle1": JointStep(1, lambda x, _c, _l: _about(2, x)),
+    "angle2": JointStep(1, lambda x, _c, _l: _about(0, x)),
+    "distance": JointStep(1, lambda x, _c, _l: _along(2, x)),
+    "x": JointStep(1, lambda x, _c, _l: _along(0, x)),
+    "y": JointStep(1, lambda x, _c, _l: _along(1, x)),
+    "position": JointStep(3, lambda x, _c, _l: PoseExpression(x, casadi().SX.eye(3))),
+    "orientation": JointStep(3, _orientation, _read_orientation),
+    "direction": JointStep(2, _direction, _read_direction),
 }
 """Steps by the names of the joint coordinates."""
 
@@ -315,9 +315,9 @@ def unsupported_joints(mechanism: Mechanism) -> tuple[Unsupported, ...]:
 # ---------------------------------------------------------------- expressions
 
 
-def _frame(frame: Frame) -> Pose:
+def _frame(frame: Frame) -> PoseExpression:
     ca = casadi()
-    return Pose(ca.SX(ca.DM(frame.p)), ca.SX(ca.DM(frame.R)))
+    return PoseExpression(ca.SX(ca.DM(frame.p)), ca.SX(ca.DM(frame.R)))
 
 
 class Poses:
@@ -339,7 +339,7 @@ class Poses:
     x, x_dot : symbol, shape (n,), or (n + 6 n_j,) if released
         Joint coordinates y, then z, and their rates.
     charts : symbol, shape (4, n_c)
-    bodies : list of Pose
+    bodies : list of PoseExpression
         Of the bodies in the world.
     """
 
@@ -349,8 +349,8 @@ class Poses:
         size = layout.size + (6 * len(mechanism.joints) if released else 0)
         self.t, self.x, self.x_dot = SX.sym("t"), SX.sym("x", size), SX.sym("x_dot", size)
         self.charts = SX.sym("c", 4, len(layout.charted))
-        self._ground = Pose(SX.zeros(3), SX.eye(3))
-        found: dict[str, Pose] = {GROUND: self._ground}
+        self._ground = PoseExpression(SX.zeros(3), SX.eye(3))
+        found: dict[str, PoseExpression] = {GROUND: self._ground}
         for k, backward in layout.joints:
             joint = mechanism.joints[k]
             F, M, across = _frame(joint.F), _frame(joint.M), self._across(k)
@@ -360,12 +360,12 @@ class Poses:
                 found[joint.successor] = found[joint.predecessor].then(F).then(across).then(M.inverse())
         self.bodies = [found[body.name] for body in mechanism.bodies]
 
-    def body(self, name: str) -> Pose:
-        """Pose of a body, or of the ground, in the world."""
+    def body(self, name: str) -> PoseExpression:
+        """PoseExpression of a body, or of the ground, in the world."""
         return self._ground if name == GROUND else self.bodies[self._mechanism.body_index[name]]
 
-    def _across(self, joint: int) -> Pose:
-        """Pose of M in F of a tree joint."""
+    def _across(self, joint: int) -> PoseExpression:
+        """PoseExpression of M in F of a tree joint."""
         pose = self._ground
         for slot in self._layout.slots:
             if slot.joint == joint:
@@ -374,16 +374,16 @@ class Poses:
                 pose = pose.then(STEPS[slot.step].pose(self.x[slot.columns], chart, length))
         return self._release(joint, pose)
 
-    def _release(self, joint: int, pose: Pose) -> Pose:
+    def _release(self, joint: int, pose: PoseExpression) -> PoseExpression:
         """Displace M by the z of the joint."""
         if not self._released:
             return pose
         ca, first = casadi(), self._layout.size + 6 * joint
         shift, tilt = self.x[first : first + 3], self.x[first + 3 : first + 6]
-        return Pose(pose.p + shift, (ca.SX.eye(3) + ca.skew(tilt)) @ pose.R)
+        return PoseExpression(pose.p + shift, (ca.SX.eye(3) + ca.skew(tilt)) @ pose.R)
 
-    def relative(self, joint: int) -> Pose:
-        """Pose of M in F of any joint, from the poses of its bodies."""
+    def relative(self, joint: int) -> PoseExpression:
+        """PoseExpression of M in F of any joint, from the poses of its bodies."""
         j = self._mechanism.joints[joint]
         F = self.body(j.predecessor).then(_frame(j.F))
         return F.inverse().then(self.body(j.successor).then(_frame(j.M)))

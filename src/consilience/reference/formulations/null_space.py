@@ -14,10 +14,9 @@ import numpy as np
 
 from consilience.mechanism import RANK_TOLERANCE, Array
 from consilience.reference.bodies import constraints, forces
-from consilience.reference.bodies.arrays import Model
+from consilience.reference.bodies.arrays import Model, Workspace
 from consilience.reference.bodies.mass_metric import mass_matrix
 from consilience.reference.bodies.motion import rotations
-from consilience.reference.bodies.workspace import Workspace
 from consilience.reference.kernel.compiled import allocating
 
 
@@ -40,11 +39,11 @@ def basis(Q: Array, gamma: Array, limit: int) -> tuple[Array, Array]:
 
 
 @allocating
-def accelerations(model: Model, t: float, y: Array, memory: Array, ws: Workspace, a: Array) -> int:
+def accelerations(model: Model, t: float, y: Array, turns: Array, ws: Workspace, a: Array) -> int:
     """Accelerations (dv/dt, dw'/dt) of all bodies at a state; arguments and return as in `descriptor`."""
     rotations(y, ws.A)
-    forces.evaluate(model, t, y, memory, ws)
-    constraints.evaluate(model, t, y, memory, ws)
+    forces.evaluate(model, t, y, turns, ws)
+    constraints.evaluate(model, t, y, turns, ws)
     if not (np.all(np.isfinite(ws.Q)) and np.all(np.isfinite(ws.f))):
         a[:] = np.nan  # a decomposition would raise; the integrator reports it
         return 0

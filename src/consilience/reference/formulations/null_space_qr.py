@@ -16,10 +16,9 @@ import numpy as np
 
 from consilience.mechanism import Array
 from consilience.reference.bodies import constraints, forces
-from consilience.reference.bodies.arrays import Model
+from consilience.reference.bodies.arrays import Model, Workspace
 from consilience.reference.bodies.mass_metric import mass_matrix
 from consilience.reference.bodies.motion import rotations
-from consilience.reference.bodies.workspace import Workspace
 from consilience.reference.kernel.compiled import allocating
 from consilience.reference.kernel.factorisation import least_norm, pivoted_qr
 
@@ -74,11 +73,11 @@ def solve_reduced(model: Model, f: Array, J: Array, abar: Array, a: Array) -> in
 
 
 @allocating
-def accelerations(model: Model, t: float, y: Array, memory: Array, ws: Workspace, a: Array) -> int:
+def accelerations(model: Model, t: float, y: Array, turns: Array, ws: Workspace, a: Array) -> int:
     """Accelerations (dv/dt, dw'/dt) of all bodies at a state; arguments and return as in `descriptor`."""
     rotations(y, ws.A)
-    forces.evaluate(model, t, y, memory, ws)
-    constraints.evaluate(model, t, y, memory, ws)
+    forces.evaluate(model, t, y, turns, ws)
+    constraints.evaluate(model, t, y, turns, ws)
     if not np.all(np.isfinite(ws.Q)):
         a[:] = np.nan  # the factorisation would leave such rows out; the integrator reports it
         return 0

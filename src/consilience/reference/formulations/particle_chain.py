@@ -48,7 +48,7 @@ VECTORS = {
 """The two vectors whose product a basic constraint holds."""
 
 SHARED: tuple[frozenset[str], ...] = (frozenset("XYZ"), frozenset(("D13", "D23")), frozenset(("D12",)))
-"""Rows that sharing one more particle satisfies."""
+"""ChainConstraints that sharing one more particle satisfies."""
 
 FREE_MOMENTS: dict[frozenset[str], tuple[int, ...]] = {
     frozenset(): (U, U + 1, U + 2),
@@ -251,7 +251,7 @@ def _frames(mechanism: Mechanism, drawn: Array) -> Array:
 
 
 def _rows(mechanism: Mechanism, outer: Array) -> tuple[Array, Array]:
-    """Rows that sharing does not satisfy, and their targets."""
+    """ChainConstraints that sharing does not satisfy, and their targets."""
     rows: list[tuple[int, int, int]] = []
     target: list[float] = []
     for k, joint in enumerate(mechanism.joints):
@@ -308,14 +308,14 @@ def motion(model: ChainModel, x: Array, rate: Array) -> ChainMotion:
     return ChainMotion(G, DG, vectors(marks), vectors(D_marks), arms, marks)
 
 
-class Rows(NamedTuple):
+class ChainConstraints(NamedTuple):
     """Constraints at a motion: distances, then joint rows; n of them."""
 
     value: Array  # (n,) s . t - const
     D: Array  # (n, n_x + 2) [Q | rate | -gamma]
 
 
-def constraint_rows(model: ChainModel, m: ChainMotion) -> Rows:
+def constraint_rows(model: ChainModel, m: ChainMotion) -> ChainConstraints:
     """All constraints, each divided by the size its row of Q has if s and t turn in the worst direction.
 
     Not by the length of the row itself: a row that nothing can violate is zero but for rounding, and has to stay so.
@@ -331,7 +331,7 @@ def constraint_rows(model: ChainModel, m: ChainMotion) -> Rows:
     value = np.sum(s * t, axis=1) - np.concatenate([model.distance_target, model.target])
     size = np.hypot(_length(t) * _size(Ds), _length(s) * _size(Dt))
     size[size == 0.0] = 1.0  # neither side can move
-    return Rows(value / size, rows / size[:, None])
+    return ChainConstraints(value / size, rows / size[:, None])
 
 
 def _length(a: Array) -> Array:

@@ -28,9 +28,8 @@ import numpy as np
 
 from consilience.mechanism import RANK_TOLERANCE, Array
 from consilience.reference.bodies import constraints, forces
-from consilience.reference.bodies.arrays import Model
+from consilience.reference.bodies.arrays import Model, Workspace
 from consilience.reference.bodies.motion import rotations
-from consilience.reference.bodies.workspace import Workspace
 from consilience.reference.formulations.null_space_qr import solve_reduced
 from consilience.reference.kernel.compiled import allocating, inner, kernel
 
@@ -120,10 +119,10 @@ def basis(Q: Array, gamma: Array, limit: int) -> tuple[Array, Array]:
 
 
 @allocating
-def accelerations(model: Model, t: float, y: Array, memory: Array, ws: Workspace, a: Array) -> int:
+def accelerations(model: Model, t: float, y: Array, turns: Array, ws: Workspace, a: Array) -> int:
     """Accelerations (dv/dt, dw'/dt) of all bodies at a state; arguments and return as in `descriptor`."""
     rotations(y, ws.A)
-    forces.evaluate(model, t, y, memory, ws)
-    constraints.evaluate(model, t, y, memory, ws)
+    forces.evaluate(model, t, y, turns, ws)
+    constraints.evaluate(model, t, y, turns, ws)
     J, abar = basis(ws.Q, ws.gamma, ws.limit[0])
     return solve_reduced(model, ws.f, J, abar, a)

@@ -52,8 +52,7 @@ from consilience.mechanism import (
     rotation_from_quaternion,
 )
 from consilience.reference.bodies import forces
-from consilience.reference.bodies.arrays import flatten, pack
-from consilience.reference.bodies.workspace import workspace
+from consilience.reference.bodies.arrays import flatten, pack, workspace
 from consilience.reference.formulations.particle_chain import (
     VECTORS,
     ChainMotion,
@@ -87,7 +86,7 @@ def unsupported(mechanism: Mechanism) -> tuple[Unsupported, ...]:
 
 
 @dataclass(frozen=True, eq=False)
-class _Solution:
+class _PointSolution:
     """Second rates and multipliers, with what they come from."""
 
     motion: ChainMotion
@@ -204,13 +203,13 @@ class PointCoordinates:
         axes = m.marks[:n_j, 0, 1:]
         return np.einsum("jak,jk->ja", axes, force), np.einsum("jak,jk->ja", axes, moment)
 
-    def _at(self, state: State, t: float) -> _Solution:
+    def _at(self, state: State, t: float) -> _PointSolution:
         u, n_x = self.coordinates(state), self.model.size
         return self._solve(t, motion(self.model, u[:n_x], u[n_x : 2 * n_x]), state, u[2 * n_x :])
 
     # ---------------------------------------------------------------- equations
 
-    def _solve(self, t: float, m: ChainMotion, state: State, extra: Array) -> _Solution:
+    def _solve(self, t: float, m: ChainMotion, state: State, extra: Array) -> _PointSolution:
         """Solve ``A x'' = b + C lam``, ``Q x'' = gamma``, and balance all bodies further out than each one."""
         model, n_x = self.model, self.model.size
         rows = constraint_rows(model, m)
@@ -226,7 +225,7 @@ class PointCoordinates:
         xdd = _least_squares(np.vstack([Z.T @ A, rows.D[:, :n_x]]), np.concatenate([Z.T @ b, -rows.D[:, -1]]))
         lam = lam_of @ (A @ xdd - b)
         chain = balance @ np.concatenate([xdd, lam, [1.0]])
-        return _Solution(m, xdd, lam[:, None, None] * on_joints, chain)
+        return _PointSolution(m, xdd, lam[:, None, None] * on_joints, chain)
 
     def _momentum_rates(self, m: ChainMotion) -> Array:
         """D array of linear and angular momentum about the world's origin, shape (n_b, 6, n_x + 2) [ATTIA (5)-(8)].
@@ -269,8 +268,8 @@ class PointCoordinates:
         The compiled forces act at the centre of mass, moments in body axes and with ``-w' x I' w'``; the particles
         bring that term themselves.
         """
-        y, memory = self._packed(state, extra)
-        forces.evaluate(self._flat, t, y, memory, self._ws)
+        y, turns = self._packed(state, extra)
+        forces.evaluate(self._flat, t, y, turns, self._ws)
         r, w = y[: len(self.mechanism.bodies), :3], y[: len(self.mechanism.bodies), 10:13]
         wrench = self._ws.f.reshape(-1, 6)
         Iw = np.einsum("bij,bj->bi", self._flat.inertia, w)
@@ -294,11 +293,11 @@ class PointCoordinates:
 
     def _extra_rates(self, t: float, state: State, extra: Array) -> Array:
         """Rates of the joint coordinates, and control errors, which the controllers integrate."""
-        y, memory = self._packed(state, extra)
+        y, turns = self._packed(state, extra)
         errors = np.zeros_like(y)
-        forces.control_errors(self._flat, t, y, memory, self._ws, errors)
+        forces.control_errors(self._flat, t, y, turns, self._ws, errors)
         count, n_b = len(self._flat.control), len(self.mechanism.bodies)
-        return np.concatenate([self._read(state, memory)[1], errors[n_b:].reshape(-1)[:count]])
+        return np.concatenate([self._read(state, turns)[1], errors[n_b:].reshape(-1)[:count]])
 
 
 def _least_squares(rows: Array, values: Array) -> Array:

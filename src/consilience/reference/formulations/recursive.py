@@ -31,18 +31,17 @@ import numpy as np
 
 from consilience.mechanism import Array, Mechanism, State, rotation_from_quaternion
 from consilience.reference.bodies import constraints, forces
-from consilience.reference.bodies.arrays import Model, flatten, pack
+from consilience.reference.bodies.arrays import Model, Workspace, flatten, pack, workspace
 from consilience.reference.bodies.mass_metric import solve_factor
 from consilience.reference.bodies.motion import rotations
 from consilience.reference.bodies.spanning_tree import (
-    Links,
     TreeModel,
+    TreeState,
     flatten_tree,
     kinematics,
     world_wrenches,
     write_accelerations,
 )
-from consilience.reference.bodies.workspace import Workspace, workspace
 from consilience.reference.kernel.compiled import allocating, inner
 from consilience.reference.kernel.factorisation import least_norm, pivoted_qr
 
@@ -91,7 +90,7 @@ def _solve_lower_transposed(G: Array, x: Array) -> None:
 
 
 @allocating
-def articulate(tree: TreeModel, links: Links) -> Articulated:
+def articulate(tree: TreeModel, links: TreeState) -> Articulated:
     """Articulated inertias, from the tips to the ground: the part of the second loop that no force enters."""
     n = tree.body.shape[0]
     art = Articulated(np.zeros((n, 6, 6)), np.zeros(links.S.shape), links.inertia.copy())
@@ -111,7 +110,7 @@ def articulate(tree: TreeModel, links: Links) -> Articulated:
 
 
 @allocating
-def innovations(tree: TreeModel, links: Links, art: Articulated, wrench: Array, c: Array) -> Array:
+def innovations(tree: TreeModel, links: TreeState, art: Articulated, wrench: Array, c: Array) -> Array:
     """Whitened joint forces e of wrenches on the links, shape (N,): the rest of the second loop.
 
     ``p^A = -wrench``, ``L e = -S^T p^A``, ``p^a = p^A + I^a c + W^T e``, and the parent gets ``X^T p^a``.
@@ -132,7 +131,7 @@ def innovations(tree: TreeModel, links: Links, art: Articulated, wrench: Array, 
 
 
 @allocating
-def accelerate(tree: TreeModel, links: Links, art: Articulated, e: Array) -> Array:
+def accelerate(tree: TreeModel, links: TreeState, art: Articulated, e: Array) -> Array:
     """Accelerations of the links from the ground to the tips, shape (n_b, 6): the third loop.
 
     ``a' = X a_p + c``, ``L^T u = e - W a'``, ``a = a' + S u``.
@@ -155,7 +154,7 @@ def accelerate(tree: TreeModel, links: Links, art: Articulated, e: Array) -> Arr
 
 
 @allocating
-def composite_mass_matrix(tree: TreeModel, links: Links) -> Array:
+def composite_mass_matrix(tree: TreeModel, links: TreeState) -> Array:
     """``H = J^T M J`` by composite bodies, shape (N, N), lower triangle and diagonal blocks only.
 
     ``I^c_p += X^T I^c X``; ``F = I^c S``, carried to the ground, gives ``H_kp = F^T S_p`` with every ancestor p.
@@ -179,7 +178,7 @@ def composite_mass_matrix(tree: TreeModel, links: Links) -> Array:
 
 
 @allocating
-def joint_forces(tree: TreeModel, links: Links, wrench: Array) -> Array:
+def joint_forces(tree: TreeModel, links: TreeState, wrench: Array) -> Array:
     """``tau = J^T wrench``, shape (N,): wrenches carried from the tips to the ground, projected on the way."""
     total, tau = wrench.copy(), np.empty(links.S.shape[0])
     for k in range(tree.body.shape[0] - 1, -1, -1):
@@ -192,7 +191,7 @@ def joint_forces(tree: TreeModel, links: Links, wrench: Array) -> Array:
 
 
 @allocating
-def joint_motion(tree: TreeModel, links: Links, u: Array) -> Array:
+def joint_motion(tree: TreeModel, links: TreeState, u: Array) -> Array:
     """``J u + abar``, shape (n_b, 6), link by link."""
     acc = links.c.copy()
     for k in range(tree.body.shape[0]):
@@ -205,7 +204,7 @@ def joint_motion(tree: TreeModel, links: Links, u: Array) -> Array:
 
 
 @allocating
-def newton_euler(tree: TreeModel, links: Links, wrench: Array) -> Array:
+def newton_euler(tree: TreeModel, links: TreeState, wrench: Array) -> Array:
     """``J^T (f - M abar)``, shape (N,): recursive Newton-Euler at u = 0."""
     acc = joint_motion(tree, links, np.zeros(links.S.shape[0]))
     rest = wrench.copy()
@@ -215,7 +214,7 @@ def newton_euler(tree: TreeModel, links: Links, wrench: Array) -> Array:
 
 
 @allocating
-def _from_whitened(tree: TreeModel, links: Links, G: Array, e: Array) -> Array:
+def _from_whitened(tree: TreeModel, links: TreeState, G: Array, e: Array) -> Array:
     """Accelerations of the links, ``u = G^-T e``."""
     u = e.copy()
     _solve_lower_transposed(G, u)
@@ -241,9 +240,9 @@ def close_loops(B: Array, Q: Array, gamma: Array, a: Array, e: Array, size: floa
 
 
 @allocating
-def _cut_rows(tree: TreeModel, t: float, y: Array, memory: Array, ws: Workspace) -> tuple[Array, Array]:
+def _cut_rows(tree: TreeModel, t: float, y: Array, turns: Array, ws: Workspace) -> tuple[Array, Array]:
     """Q, shape (q_cut, 6 n_b), and gamma of the rows that the tree leaves open; views of the workspace."""
-    constraints.evaluate(tree.cut, t, y, memory, ws)
+    constraints.evaluate(tree.cut, t, y, turns, ws)
     q = tree.cut_rows
     return ws.Q[:q], ws.gamma[:q]
 
@@ -266,10 +265,10 @@ def largest_row(model: Model, Q: Array) -> float:
 
 
 @allocating
-def accelerations(tree: TreeModel, model: Model, t: float, y: Array, memory: Array, ws: Workspace, a: Array) -> int:
+def accelerations(tree: TreeModel, model: Model, t: float, y: Array, turns: Array, ws: Workspace, a: Array) -> int:
     """Accelerations (dv/dt, dw'/dt) by articulated bodies; other arguments and return as in `descriptor`."""
     rotations(y, ws.A)
-    forces.evaluate(model, t, y, memory, ws)
+    forces.evaluate(model, t, y, turns, ws)
     links = kinematics(tree, model, y, ws.A)
     art = articulate(tree, links)
     e = innovations(tree, links, art, world_wrenches(tree, ws.A, ws.f), links.c)
@@ -277,7 +276,7 @@ def accelerations(tree: TreeModel, model: Model, t: float, y: Array, memory: Arr
     tree_rank = a.shape[0] - e.shape[0]
     if tree.cut_rows == 0:
         return tree_rank
-    Q, gamma = _cut_rows(tree, t, y, memory, ws)
+    Q, gamma = _cut_rows(tree, t, y, turns, ws)
     B, rest = np.empty((e.shape[0], Q.shape[0])), np.zeros(links.c.shape)
     for row in range(Q.shape[0]):
         B[:, row] = innovations(tree, links, art, world_wrenches(tree, ws.A, Q[row]), rest)
@@ -288,11 +287,11 @@ def accelerations(tree: TreeModel, model: Model, t: float, y: Array, memory: Arr
 
 @allocating
 def composite_accelerations(
-    tree: TreeModel, model: Model, t: float, y: Array, memory: Array, ws: Workspace, a: Array
+    tree: TreeModel, model: Model, t: float, y: Array, turns: Array, ws: Workspace, a: Array
 ) -> int:
     """Accelerations (dv/dt, dw'/dt) by composite bodies; arguments and return as in `accelerations`."""
     rotations(y, ws.A)
-    forces.evaluate(model, t, y, memory, ws)
+    forces.evaluate(model, t, y, turns, ws)
     links = kinematics(tree, model, y, ws.A)
     G = composite_mass_matrix(tree, links)
     _cholesky(G)
@@ -302,7 +301,7 @@ def composite_accelerations(
     tree_rank = a.shape[0] - e.shape[0]
     if tree.cut_rows == 0:
         return tree_rank
-    Q, gamma = _cut_rows(tree, t, y, memory, ws)
+    Q, gamma = _cut_rows(tree, t, y, turns, ws)
     B = np.empty((e.shape[0], Q.shape[0]))
     for row in range(Q.shape[0]):
         B[:, row] = joint_forces(tree, links, world_wrenches(tree, ws.A, Q[row]))
@@ -321,9 +320,9 @@ def recursive_accelerations(
     """Accelerations a_WB_W of the body origins (m/s^2) and alpha_WB_W (rad/s^2), world axes, each (n_b, 3)."""
     tree, model, y = flatten_tree(mechanism), flatten(mechanism), pack(mechanism, state)
     ws, a = workspace(model), np.empty(6 * len(mechanism.bodies))
-    memory = np.zeros(len(model.coordinate))
-    forces.remember(model, y, ws, memory)
-    ROUTES[route](tree, model, t, y, memory, ws, a)
+    turns = np.zeros(len(model.coordinate))
+    forces.count_turns(model, y, ws, turns)
+    ROUTES[route](tree, model, t, y, turns, ws, a)
     A = rotation_from_quaternion(state.quat_WB)
     com = np.einsum("bij,bj->bi", A, np.array([b.com for b in mechanism.bodies]))
     alpha = np.einsum("bij,bj->bi", A, a.reshape(-1, 6)[:, 3:])

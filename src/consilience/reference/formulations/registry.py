@@ -17,7 +17,7 @@ _HOME = "consilience.reference"
 
 
 @dataclass(frozen=True)
-class Entry:
+class FormulationEntry:
     """One formulation.
 
     Attributes
@@ -40,8 +40,8 @@ class Entry:
     arguments: dict[str, Any]
 
 
-def _kernel(name: str, title: str, source: str) -> Entry:
-    return Entry(title, source, "formulations.body_velocities", "KernelFormulation", {"name": name})
+def _kernel(name: str, title: str, source: str) -> FormulationEntry:
+    return FormulationEntry(title, source, "formulations.body_velocities", "KernelFormulation", {"name": name})
 
 
 _ORIENTATIONS = {
@@ -54,12 +54,12 @@ _ORIENTATIONS = {
 _MASSES = {"": "symmetrised", "_plain": "plain"}
 
 
-def _form(name: str, title: str) -> Entry:
-    return Entry(title, "C4 (4.55)-(4.97)", "formulations.coordinates", "form", {"name": name})
+def _form(name: str, title: str) -> FormulationEntry:
+    return FormulationEntry(title, "C4 (4.55)-(4.97)", "formulations.coordinates", "form", {"name": name})
 
 
-FORMULATIONS: dict[str, Entry] = {
-    "relative": Entry(
+FORMULATIONS: dict[str, FormulationEntry] = {
+    "relative": FormulationEntry(
         "minimal form in relative joint coordinates, articulated bodies",
         "C4 (4.99)-(4.110), Featherstone",
         "tree.formulation",
@@ -74,8 +74,10 @@ FORMULATIONS: dict[str, Entry] = {
     ),
     "articulated_body": _kernel("articulated_body", "recursive, articulated bodies", "C4 (4.99)-(4.110), Featherstone"),
     "composite_body": _kernel("composite_body", "recursive, composite bodies", "C4 (4.99)-(4.110), Featherstone"),
-    "lagrange": Entry("Lagrange, second kind", "C4 (4.111)-(4.116)", "formulations.lagrange", "Lagrange", {}),
-    "point_coordinates": Entry(
+    "lagrange": FormulationEntry(
+        "Lagrange, second kind", "C4 (4.111)-(4.116)", "formulations.lagrange", "Lagrange", {}
+    ),
+    "point_coordinates": FormulationEntry(
         "point coordinates", "ATTIA (1)-(25)", "formulations.point_coordinates", "PointCoordinates", {}
     ),
     **{
@@ -90,7 +92,7 @@ FORMULATIONS: dict[str, Entry] = {
 
 
 @dataclass(frozen=True)
-class System:
+class DaeSystem:
     """A formulation whose constraints are equations of each step, integrated by a method of its own.
 
     Its accelerations at an instant are those of index 1: the hidden constraints ``Q a = gamma``.
@@ -113,17 +115,17 @@ class System:
     order: int | None = None
 
 
-SYSTEMS: dict[str, System] = {
-    "descriptor_index_2": System(
+SYSTEMS: dict[str, DaeSystem] = {
+    "descriptor_index_2": DaeSystem(
         "descriptor form of index 2 after Gear, Leimkuhler and Gupta; Radau IIA",
         "EXU",
         "formulations.dae_radau.integrate_dae",
         {"index": 2},
     ),
-    "descriptor_index_3": System(
+    "descriptor_index_3": DaeSystem(
         "descriptor form of index 3; Radau IIA", "EXU", "formulations.dae_radau.integrate_dae", {"index": 3}
     ),
-    "generalised_alpha": System(
+    "generalised_alpha": DaeSystem(
         "descriptor form of index 3 on the group of poses; generalised-alpha",
         "EXU",
         "formulations.dae_generalised_alpha.generalised_alpha",
@@ -137,8 +139,8 @@ SYSTEMS: dict[str, System] = {
 _SMOOTH = "a formulation has smooth equations of motion, without impacts"
 
 
-def entry(name: str) -> Entry:
-    """Entry of a formulation, of index 1 where its own is higher.
+def entry(name: str) -> FormulationEntry:
+    """FormulationEntry of a formulation, of index 1 where its own is higher.
 
     Raises
     ------

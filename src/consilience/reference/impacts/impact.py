@@ -61,7 +61,7 @@ from consilience.mechanism import (
 )
 from consilience.reference.bodies.arrays import Model, unpack
 from consilience.reference.impacts.geometry import ContactMotion, check_contacts, contact_motion
-from consilience.reference.impacts.modes import Contacts, solve_modes
+from consilience.reference.impacts.modes import ClosedContacts, solve_modes
 from consilience.reference.impacts.stepper import constraint_rows, joint_wrenches
 
 AT_REST = 1e-10
@@ -122,7 +122,7 @@ def solve_impact(
     state: State,
     contacts: tuple[Contact, ...],
     time: float = 0.0,
-    memory: Array | None = None,
+    turns: Array | None = None,
 ) -> Impact:
     """Velocities and impulses of the impact of contacts that are closed at a state.
 
@@ -135,7 +135,7 @@ def solve_impact(
         Closed ones; whether their gap is zero is for the caller to see to. Those that separate are left out.
     time : float, s
         For the record, for messages, and for joints that depend on it.
-    memory : ndarray, optional
+    turns : ndarray, optional
         Joint coordinates that elements read, turns counted, as the solver keeps them along a motion.
 
     Returns
@@ -154,7 +154,7 @@ def solve_impact(
     at_rest = AT_REST * fastest(mechanism, state)
     active = [n for n, m in enumerate(motions) if m.rate <= at_rest]
     contacts, motions = tuple(contacts[n] for n in active), [motions[n] for n in active]
-    model, y, Q = constraint_rows(mechanism, state, time, memory)
+    model, y, Q = constraint_rows(mechanism, state, time, turns)
     response = _Response(mechanism, model, y, Q, contacts, motions)
     law = _law(contacts, motions, response, at_rest)
     modes, p, after = solve_modes(law, time)
@@ -186,9 +186,11 @@ def solve_impact(
     return record
 
 
-def _law(contacts: tuple[Contact, ...], motions: list[ContactMotion], response: _Response, at_rest: float) -> Contacts:
+def _law(
+    contacts: tuple[Contact, ...], motions: list[ContactMotion], response: _Response, at_rest: float
+) -> ClosedContacts:
     rate = np.array([m.rate for m in motions])
-    return Contacts(
+    return ClosedContacts(
         names=tuple(c.name for c in contacts),
         normal=np.array([m.normal for m in motions]).reshape(-1, 3),
         friction=np.array([c.friction for c in contacts]),

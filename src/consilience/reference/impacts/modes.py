@@ -28,11 +28,11 @@ _SLACK = 1e-9
 """Violation of a condition of a mode that rounding may cause, relative to the velocities or impulses at hand."""
 
 _MOST = 5
-"""Contacts of which all combinations of modes are tried (at most 5 modes each)."""
+"""ClosedContacts of which all combinations of modes are tried (at most 5 modes each)."""
 
 
 @dataclass(frozen=True, eq=False)
-class Contacts:
+class ClosedContacts:
     """Closed contacts and how they answer to impulses.
 
     Attributes
@@ -72,7 +72,7 @@ class _Solved:
 
 
 @dataclass(frozen=True)
-class _View:
+class _ContactView:
     """One contact of a trial: scalars and tangential vectors that the conditions of its mode speak of."""
 
     normal: float  # N
@@ -87,7 +87,7 @@ class _View:
     v_slack: float
 
 
-def _violations(view: _View) -> dict[str, tuple[tuple[bool, str], ...]]:
+def _violations(view: _ContactView) -> dict[str, tuple[tuple[bool, str], ...]]:
     """Conditions of each mode, whether violated, and the mode to try next.
 
     ``first`` stands for the preferred mode of the contact, ``beyond`` for what it does where it cannot stick.
@@ -111,10 +111,10 @@ Solution = tuple[tuple[str, ...], Array, Array]
 """Modes, impulses and velocities after."""
 
 
-class _Trial:
-    """Contacts with their tangential frames, for solving with given modes."""
+class _ModeTrial:
+    """ClosedContacts with their tangential frames, for solving with given modes."""
 
-    def __init__(self, law: Contacts) -> None:
+    def __init__(self, law: ClosedContacts) -> None:
         self.law = law
         n = law.normal
         self.vt_before = law.before - np.sum(law.before * n, axis=1)[:, None] * n
@@ -202,7 +202,7 @@ class _Trial:
         parallel = float(np.max(np.abs(across(guess)))) <= _SLACK * scale
         return _Solved(solved.p, solved.after, solved.consistent and parallel)
 
-    def views(self, solved: _Solved) -> list[_View]:
+    def views(self, solved: _Solved) -> list[_ContactView]:
         """What the conditions need of every contact."""
         law, p, after = self.law, solved.p, solved.after
         p_slack = _SLACK * float(np.max(np.abs(p)))
@@ -212,7 +212,7 @@ class _Trial:
             N, vn = float(n @ p[k]), float(n @ after[k])
             pt, vt = p[k] - N * n, after[k] - vn * n
             found.append(
-                _View(
+                _ContactView(
                     normal=N,
                     pt=pt,
                     vt=vt,
@@ -238,8 +238,8 @@ def _at(vector: Array, k: int, count: int) -> Array:
     return row
 
 
-def _exchanges(trial: _Trial, modes: tuple[str, ...], solved: _Solved) -> Iterator[tuple[int, str]]:
-    """Contacts whose mode is violated, with the mode to try next; normal conditions before tangential ones."""
+def _exchanges(trial: _ModeTrial, modes: tuple[str, ...], solved: _Solved) -> Iterator[tuple[int, str]]:
+    """ClosedContacts whose mode is violated, with the mode to try next; normal conditions before tangential ones."""
     views = trial.views(solved)
     if not solved.consistent:
         yield _loosened(trial, modes, views)
@@ -252,7 +252,7 @@ def _exchanges(trial: _Trial, modes: tuple[str, ...], solved: _Solved) -> Iterat
                     yield k, {"first": first, "beyond": beyond}.get(following, following)
 
 
-def solve_modes(law: Contacts, time: float) -> Solution:
+def solve_modes(law: ClosedContacts, time: float) -> Solution:
     """Find admissible modes.
 
     Returns
@@ -270,7 +270,7 @@ def solve_modes(law: Contacts, time: float) -> Solution:
     """
     if not law.names:
         return (), np.zeros((0, 3)), np.zeros((0, 3))
-    trial = _Trial(law)
+    trial = _ModeTrial(law)
     for search in (_by_exchange, _by_enumeration):
         found = search(trial)
         if found is not None:
@@ -281,7 +281,7 @@ def solve_modes(law: Contacts, time: float) -> Solution:
     )
 
 
-def _loosened(trial: _Trial, modes: tuple[str, ...], views: list[_View]) -> tuple[int, str]:
+def _loosened(trial: _ModeTrial, modes: tuple[str, ...], views: list[_ContactView]) -> tuple[int, str]:
     """Which contact gives way where the equations contradict each other: friction first, then the most open one."""
     for k, mode in enumerate(modes):
         if mode == "sticking":
@@ -292,7 +292,7 @@ def _loosened(trial: _Trial, modes: tuple[str, ...], views: list[_View]) -> tupl
     return max(held, key=lambda k: views[k].excess), "released"
 
 
-def _by_exchange(trial: _Trial) -> Solution | None:
+def _by_exchange(trial: _ModeTrial) -> Solution | None:
     modes = tuple(trial.choices(k)[0] for k in range(len(trial.law.names)))
     seen: set[tuple[str, ...]] = set()
     while modes not in seen:
@@ -306,7 +306,7 @@ def _by_exchange(trial: _Trial) -> Solution | None:
     return None
 
 
-def _by_enumeration(trial: _Trial) -> Solution | None:
+def _by_enumeration(trial: _ModeTrial) -> Solution | None:
     if len(trial.law.names) > _MOST:
         return None
     for modes in product(*(trial.choices(k) for k in range(len(trial.law.names)))):

@@ -79,7 +79,7 @@ def simulate_with_impacts(
     if times.ndim != 1 or len(times) < 1 or not np.all(np.isfinite(times)) or np.any(np.diff(times) <= 0):
         raise InvalidInput("times", "they do not increase", "Give finite, increasing sample times.")
     check_contacts(mechanism, contacts)
-    run = _Run(mechanism, contacts, Stepper(mechanism, state, float(times[0]), tolerance))
+    run = _ImpactSimulation(mechanism, contacts, Stepper(mechanism, state, float(times[0]), tolerance))
     run.refuse_overlap()
     samples = []
     for sample in times:
@@ -91,7 +91,7 @@ def simulate_with_impacts(
     return answer, tuple(run.impacts)
 
 
-class _Run:
+class _ImpactSimulation:
     """A simulation under way."""
 
     def __init__(self, mechanism: Mechanism, contacts: tuple[Contact, ...], stepper: Stepper) -> None:
@@ -183,7 +183,7 @@ class _Run:
             if not any(m.gap <= GRAZING * self._length for m in approaching):
                 return len(self.impacts) > first
             closed = tuple(c for c, m in zip(self.contacts, motions, strict=True) if m.gap <= TOUCHING * self._length)
-            record = solve_impact(self.mechanism, state, closed, self.stepper.t, self.stepper.memory)
+            record = solve_impact(self.mechanism, state, closed, self.stepper.t, self.stepper.turns)
             self.impacts.append(record)
             self._watch(record)
             self.stepper.place(record.after, self.stepper.t)
