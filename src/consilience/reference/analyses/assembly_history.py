@@ -1,9 +1,9 @@
-"""Assembly with emphasised coordinates, and how Newton's method went: residual, step and worst row of each iteration.
+"""Assembly with emphasised coordinates and the history of Newton's method: residual, step and worst row.
 
     x <- x + s (Q; R)^+ -(g; q - q_d)
 
-with the rows R of the emphasised coordinates, held at q_d [MASS, "kinematical assembling"]: the same iteration as
-`consilience.mechanism.assemble_positions`, traced. Near the solution residuals square from one iteration to the next.
+with the rows R of the emphasised coordinates, held at q_d [MASS, "kinematical assembling"], as in
+`consilience.mechanism.assemble_positions`. Near the solution convergence is quadratic.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from consilience.mechanism.assembly import (
 
 @dataclass(frozen=True)
 class Iteration:
-    """One iterate of the assembly.
+    """One iterate of an assembly.
 
     Attributes
     ----------
@@ -42,9 +42,9 @@ class Iteration:
     worst : str
         Name of that row.
     step : float
-        Largest component of the Newton step that led here (m and rad), before it was shortened; 0 for the guess.
+        Largest component (m and rad) of the Newton step to this iterate before shortening; 0 for the guess.
     scale : float
-        Fraction of the step that was taken: below 1 where it would have exceeded a metre or a radian.
+        Fraction of the step taken: below 1 if the step exceeded a metre or a radian.
     """
 
     number: int
@@ -57,12 +57,12 @@ class Iteration:
 
 @dataclass(frozen=True, eq=False)
 class Assembly:
-    """An assembled state and the way to it.
+    """Assembled state and history of the iteration.
 
     Attributes
     ----------
     state : State
-        The last iterate; consistent unless there is a failure. Velocities are those of the guess.
+        Last iterate, consistent unless `failure` is set. Velocities are those of the guess.
     history : tuple of Iteration
     failure : CannotAssemble or None
         Why the mechanism could not be assembled.
@@ -76,20 +76,20 @@ class Assembly:
 def assemble_with_history(
     mechanism: Mechanism, guess: State, emphasised: Mapping[str, Mapping[str, ArrayLike]] | None = None
 ) -> Assembly:
-    """Assemble as `consilience.mechanism.assembly.assemble_positions` does, and keep the history.
+    """Assemble as `consilience.mechanism.assemble_positions`, and record the history.
 
     Parameters
     ----------
     mechanism : Mechanism
     guess : State
-        For example `consilience.mechanism.assembly.drawing_state`.
+        For example `consilience.mechanism.drawing_state`.
     emphasised : mapping of joint name to mapping of coordinate name to value
-        Joint coordinates that are held (m, rad, quaternions); everything else moves as little as possible.
+        Joint coordinates to hold (m, rad, quaternions); all bodies move as little as possible.
 
     Returns
     -------
     Assembly
-        Whether or not the iteration converged: the history is what explains a failure.
+        Also if the iteration did not converge.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""Constraint rows and assembly with couplings over full turns, for analyses that follow a motion.
+"""Constraint rows and assembly with couplings over full turns, for analyses along a motion.
 
-A pose tells an angle only up to full turns, and a coupling ``q = f(q_driver)`` depends on them. Here the turns are told
-by values of the joint coordinates from which angles are counted.
+A pose determines an angle up to full turns, on which a coupling ``q = f(q_driver)`` depends. Full turns are counted
+from given values of the joint coordinates.
 """
 
 from __future__ import annotations
@@ -42,20 +42,21 @@ CoordinateValues = Mapping[JointCoordinate, Array]
 
 
 def _angles(values: CoordinateValues) -> dict[str, float]:
+    """Return the angles of the values by joint name."""
     return {joint.name: float(value) for (joint, name), value in values.items() if name == "angle"}
 
 
 def require_holonomic(mechanism: Mechanism, why: str, remedy: str) -> None:
-    """Refuse rolling bodies and skates, whose rows hold velocities."""
+    """Refuse rolling bodies and skates, whose rows are non-holonomic."""
     for what, elements in (("rolling", mechanism.rollings), ("skate", mechanism.skates)):
         if elements:
             raise InvalidInput(f"{what} '{elements[0].name}'", why, remedy)
 
 
 def acceleration_rows(mechanism: Mechanism, state: State, near: CoordinateValues) -> tuple[Array, Array]:
-    """Q, shape (q, 6 n_b), and gamma, shape (q,), of all holonomic rows of a mechanism without drives.
+    """Return Q, shape (q, 6 n_b), and gamma, shape (q,), of all holonomic rows of a mechanism without drives.
 
-    Angles that couplings read are those within half a turn of `near`.
+    Angles that couplings read are within half a turn of `near`.
     """
     elements = holonomic_rows(mechanism, state, 0.0, _angles(near))
     Q = [constraint_jacobian(mechanism, state, mechanism.joints), *(row.Q[None] for row in elements)]
@@ -64,18 +65,18 @@ def acceleration_rows(mechanism: Mechanism, state: State, near: CoordinateValues
 
 
 def _joint_residual(mechanism: Mechanism, state: State) -> Array:
-    """Violation of the rows of all joints."""
+    """Return the violation of all joint rows."""
     frames = ((joint, joint_frames(mechanism, state, joint)) for joint in mechanism.joints)
     return np.array([row_value(f, row) - row_target(joint, row) for joint, f in frames for row in joint.rows])
 
 
 def place(mechanism: Mechanism, guess: State, held: CoordinateValues, near: CoordinateValues) -> State:
-    """`consilience.mechanism.assembly.assemble_positions` of a mechanism without drives, couplings counted from `near`.
+    """Assemble a mechanism without drives as `assemble_positions`, angles of couplings counted from `near`.
 
     Raises
     ------
     CannotAssemble
-        Naming the constraint that stays violated.
+        With the constraint that stays violated.
     """
     wanted: Held = [(joint, coordinate, value) for (joint, coordinate), value in held.items()]
     if not mechanism.couplings:

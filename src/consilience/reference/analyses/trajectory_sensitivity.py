@@ -1,10 +1,10 @@
-"""Direct sensitivity of a motion: the variational equations, integrated together with the motion.
+"""Sensitivity of a motion by variational equations, integrated with the motion.
 
     y' = f(y, p),    s' = f_y s + f_p,    s(0) = dy(0)/dp,
 
-one s for every parameter p, y the state of the reference solver. ``f_y s`` and ``f_p`` are directional derivatives of
-the compiled f, by central differences of the fourth order. In contrast to differences of whole trajectories, the
-error is that of an integration: it is bounded by the tolerance and does not depend on a step in p.
+y: packed state of the reference solver, one s for every parameter p. ``f_y s`` and ``f_p`` are directional derivatives
+of the compiled f by central differences of fourth order. The tolerance bounds the error; it does not depend on a step
+in p, unlike differences of whole trajectories.
 """
 
 from __future__ import annotations
@@ -17,24 +17,25 @@ from numpy.typing import ArrayLike
 from scipy.integrate import DOP853
 
 from consilience.case import Case
-from consilience.errors import InvalidInput, NumericalFailure
+from consilience.errors import NumericalFailure
 from consilience.mechanism import Angles, Array, Mechanism, State, constraint_residual, move, quaternion_product
 from consilience.reference.analyses.parameters import T, parameter, with_parameter
 from consilience.reference.analyses.sensitivity import parameter_scale, ridders
 from consilience.reference.bodies.arrays import ANGLE, Model, P, flatten, pack, unpack, workspace
+from consilience.reference.bodies.canonical import sample_times
 from consilience.reference.bodies.forces import count_turns
 from consilience.reference.bodies.projection import project
 from consilience.reference.formulations import compiled_choice
 
 _STEP = 1e-3
-"""Step of the differences, in scales: its fourth power is the truncation, its inverse multiplies the rounding."""
+"""Step of the differences, in scales: truncation is its fourth power, rounding is divided by it."""
 _OFFSETS = (1.0, -1.0, 2.0, -2.0)
 _WEIGHTS = (8.0 / 12.0, -8.0 / 12.0, -1.0 / 12.0, 1.0 / 12.0)
 
 
 @dataclass(frozen=True, eq=False)
 class TrajectorySensitivity:
-    """Derivatives of a motion to parameters, k of them, at n_t times.
+    """Derivatives of a motion with respect to k parameters, at n_t times.
 
     Attributes
     ----------
@@ -44,7 +45,7 @@ class TrajectorySensitivity:
         Derivatives of the origins (m), the orientations (as rotation vectors, world axes, rad) and the velocities
         (m/s, rad/s), each over the unit of the parameter.
     drift : ndarray, shape (k, n_t)
-        Largest violation of the differentiated constraints ``Q s + g_p = 0``: the error that can be seen from outside.
+        Largest violation of the differentiated constraints ``Q s + g_p = 0``, a measure of the error.
     """
 
     paths: tuple[str, ...]
@@ -58,7 +59,7 @@ class TrajectorySensitivity:
 
 @dataclass(frozen=True, eq=False)
 class _VariedParameter:
-    """Step h in a parameter, and mechanisms and models at the four offsets."""
+    """Parameter with its step h, and mechanisms and models at the four offsets."""
 
     h: float
     mechanisms: tuple[Mechanism, ...]
@@ -76,19 +77,19 @@ def trajectory_sensitivity(
     paths: Sequence[str],
     tolerance: float = 1e-11,
 ) -> TrajectorySensitivity:
-    """Derivatives of the motion of a mechanism to parameters.
+    """Differentiate the motion of a mechanism with respect to parameters.
 
     Parameters
     ----------
     subject : Mechanism or Case
     start : function of the subject to State
-        Consistent state at ``times[0]``; for example `consilience.mechanism.assembly.initial_state`.
+        Consistent state at ``times[0]``, for example `consilience.mechanism.initial_state`.
     times : array_like, shape (n_t,), s
         Increasing.
     paths : sequence of str
         See `consilience.reference.analyses.parameters`.
     tolerance : float
-        Bound on the scaled local error of a step, of motion and derivatives alike.
+        Bound on the scaled local error of a step, for motion and derivatives.
 
     Returns
     -------
@@ -99,11 +100,9 @@ def trajectory_sensitivity(
     InvalidInput
         Unknown paths, times that do not increase.
     NumericalFailure
-        If the integration cannot go on.
+        If the integration fails.
     """
-    t = np.asarray(times, dtype=float)
-    if t.ndim != 1 or len(t) < 1 or not np.all(np.isfinite(t)) or np.any(np.diff(t) <= 0):
-        raise InvalidInput("times", "they do not increase", "Give finite, increasing sample times.")
+    t = sample_times(times)
     mechanism = _mechanism(subject)
     parameters = [_prepared(subject, path) for path in paths]
     y0 = pack(mechanism, start(subject))
@@ -131,7 +130,7 @@ def _prepared(subject: T, path: str) -> _VariedParameter:
 
 
 def _initial(subject: T, start: Callable[[T], State], path: str, y0: Array) -> Array:
-    """dy(0)/dp: the start assembles anew."""
+    """Return dy(0)/dp, including the assembly of the start."""
     at = parameter(subject, path)
 
     def packed(h: float) -> Array:
@@ -144,7 +143,7 @@ def _initial(subject: T, start: Callable[[T], State], path: str, y0: Array) -> A
 
 
 class _Flow:
-    """The motion and its derivatives as one differential equation, u of shape (1 + k, n_b, 13)."""
+    """Differential equation of the motion and its derivatives, u of shape (1 + k, n_b + n_e, 13)."""
 
     def __init__(self, model: Model, parameters: Sequence[_VariedParameter]) -> None:
         self.model, self.parameters = model, parameters
@@ -152,15 +151,16 @@ class _Flow:
         self.a = np.empty(6 * len(model.mass))
 
     def count_turns(self, y: Array) -> None:
+        """Count full turns at y."""
         count_turns(self.model, y, self.ws, self.turns)
 
     def counted_angles(self, mechanism: Mechanism) -> Angles:
-        """Angles that elements read, counted over full turns, by joint."""
+        """Return the angles that elements read, counted over full turns, by joint name."""
         numbered = zip(self.model.coordinate, self.turns, strict=True)
         return {mechanism.joints[joint].name: float(value) for (joint, kind), value in numbered if kind == ANGLE}
 
     def rate(self, model: Model, t: float, y: Array) -> Array:
-        """``f(y, p)``: the one place that calls the solver."""
+        """Evaluate ``f(y, p)`` with the model of p."""
         dy = np.empty_like(y)
         compiled_choice.derivative(
             compiled_choice.FORMULATIONS["descriptor"], model, t, y, self.turns, self.ws, self.a, dy
@@ -168,7 +168,7 @@ class _Flow:
         return dy
 
     def derivative(self, t: float, u: Array) -> Array:
-        """Rates of the state u[0] and of its sensitivities u[1:], shape of u."""
+        """Return the rates of the state u[0] and of its sensitivities u[1:], shape of u."""
         y, rates = u[0], [self.rate(self.model, t, u[0])]
         for varied, s in zip(self.parameters, u[1:], strict=True):
             size = float(np.max(np.abs(s)))
@@ -183,7 +183,16 @@ class _Flow:
         return np.array(rates)
 
     def advance(self, t: float, u: Array, end: float, tolerance: float, scales: Array) -> Array:
-        """From one sample time to the next, projected there."""
+        """Integrate from t to the sample time `end` and project the state.
+
+        Parameters
+        ----------
+        t, end : float, s
+        u : ndarray, shape (1 + k, n_b + n_e, 13)
+        tolerance : float
+        scales : ndarray, shape (1 + k,)
+            Scales of the absolute tolerances of state and sensitivities.
+        """
         atol = np.broadcast_to(tolerance * scales[:, None, None], u.shape).ravel()
         solver = DOP853(
             lambda t, x: self.derivative(t, x.reshape(u.shape)).ravel(), t, u.ravel(), end, rtol=tolerance, atol=atol
@@ -203,11 +212,11 @@ class _Flow:
 def _canonical(
     mechanism: Mechanism, varied: _VariedParameter, t: float, angles: Angles, y: Array, s: Array
 ) -> tuple[Array, float]:
-    """Derivatives of origins, orientations and velocities, (4, n_b, 3), and how far they violate the constraints."""
+    """Return derivatives of origins, orientations and velocities, (4, n_b, 3), and their constraint violation."""
     p = np.zeros((len(y), 3))
     v, w, quat = np.zeros_like(p), np.zeros_like(p), np.zeros((len(y), 4))
     h = varied.h * min(1.0, _STEP / max(varied.h * float(np.max(np.abs(s))), 1e-300))
-    # mechanisms are prepared at offsets of the parameter's own step; the state's share is added apart from it
+    # total derivative: along s at the step h, plus along p at the step of the parameter
     for c, weight, other in zip(_OFFSETS, _WEIGHTS, varied.mechanisms, strict=True):
         for part, step in ((unpack(mechanism, y + c * h * s), h), (unpack(other, y), varied.h)):
             p, quat, v, w = (total + weight / step * value for total, value in zip((p, quat, v, w), part, strict=True))
@@ -219,7 +228,7 @@ def _canonical(
 def _violation(
     mechanism: Mechanism, varied: _VariedParameter, t: float, angles: Angles, y: Array, step: Array
 ) -> float:
-    """``|Q s + g_p|``, largest row: the poses displaced by each offset, in the mechanism changed by it."""
+    """Return the largest row of ``|Q s + g_p|`` by differences along the displacement `step` and the parameter."""
     p, quat, v, w = unpack(mechanism, y)
     state = State(p, quat / np.linalg.norm(quat, axis=1)[:, None], v, w)
     g = np.zeros(mechanism.holonomic_count)

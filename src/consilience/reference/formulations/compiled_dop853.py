@@ -1,11 +1,11 @@
-"""Adaptive explicit Runge-Kutta method of order 8, with projection after every step.
+"""Dormand-Prince 8(5,3), compiled with a formulation, with projection after every step.
 
-Step control after Hairer, Norsett and Wanner, section II.10: the error is estimated by
+Error estimate [Hairer, Norsett and Wanner, section II.10]:
 
     err = |h| |e5|^2 / sqrt(|e5|^2 + 0.01 |e3|^2),   e5 = sum E5_i k_i,  e3 = sum E3_i k_i,
 
-in the root mean square of components scaled by the tolerance times the size of their kind: positions by the length
-of the mechanism, Euler parameters by one, speeds by the fastest body. Steps end exactly on the sample times.
+root mean square of the components, each over the tolerance and the size of its kind: positions over the length of the
+mechanism, Euler parameters over one, velocities over the largest of any body. Steps end exactly on the sample times.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from consilience.reference.kernel.vectors import assign
 
 
 class Dop853Scratch(NamedTuple):
-    """What a run writes into."""
+    """Work arrays of an integration."""
 
     K: Array  # (12, n_b + n_e, 13) derivatives at the stages
     trial: Array  # (n_b + n_e, 13) state of a stage, and the end of the step
@@ -35,13 +35,13 @@ class Dop853Scratch(NamedTuple):
 
 
 def dop853_scratch(model: Model, y: Array) -> Dop853Scratch:
-    """Dop853Scratch of a run from the state y."""
+    """Allocate the work arrays of an integration from the state y."""
     return Dop853Scratch(np.zeros((STAGES, *y.shape)), np.empty_like(y), np.empty(6 * len(model.mass)), np.empty(13))
 
 
 @inner
 def _sizes(model: Model, y: Array, size: Array) -> None:
-    """Size of each column of y, shape (13,): what a relative tolerance refers to."""
+    """Compute the size of each column of y, shape (13,), which scales errors."""
     r = v = w = 0.0
     for b in range(model.mass.shape[0]):
         for k in range(3):
@@ -58,7 +58,7 @@ def _sizes(model: Model, y: Array, size: Array) -> None:
 
 @inner
 def _error(K: Array, h: float, size: Array) -> float:
-    """Scaled error estimate of a step."""
+    """Return the scaled error estimate of a step."""
     e5 = e3 = 0.0
     for b in range(K.shape[1]):
         for c in range(13):
@@ -75,7 +75,7 @@ def _error(K: Array, h: float, size: Array) -> float:
 
 @inner
 def _copy(y: Array, into: Array) -> None:
-    """Keep a state."""
+    """Copy a state."""
     for b in range(y.shape[0]):
         assign(into[b], y[b])
 
@@ -91,7 +91,10 @@ def _stages(
     ws: Workspace,
     scratch: Dop853Scratch,
 ) -> None:
-    """Evaluate stages 2 to 12 (stage 1 is given) and leave the end of the step in the scratch."""
+    """Evaluate stages 2 to 12 of a step of length h; the end of the step is left in ``scratch.trial``.
+
+    Parameters as in `integrate`; ``scratch.K[0]`` holds stage 1.
+    """
     K, trial = scratch.K, scratch.trial
     for i in range(1, STAGES + 1):
         _copy(y, trial)
@@ -123,18 +126,20 @@ def integrate(
     Parameters
     ----------
     formulation : int
-        See `dynamics.FORMULATIONS`.
+        Number in `compiled_choice.FORMULATIONS`.
+    model : Model
     y : ndarray, shape (n_b + n_e, 13)
-        Initial state; overwritten by the last.
-    times : ndarray, shape (n_t,)
+        Initial state; overwritten by the last one.
+    times : ndarray, shape (n_t,), s
     tolerance : float
         Bound on the scaled local error of a step.
     turns : ndarray, shape (n_c,)
-        Joint coordinates that elements read, turns counted; updated.
+        Joint coordinates that elements read, full turns counted (m, rad); updated.
+    ws : Workspace
     motion : ndarray, shape (n_t, n_b + n_e, 13)
         Overwritten.
     counters : ndarray of int, shape (3,)
-        Steps, rejected steps and evaluations of the derivative; overwritten.
+        Accepted steps, rejected steps, evaluations of the derivative; overwritten.
     scratch : Dop853Scratch
 
     Returns
@@ -151,7 +156,7 @@ def integrate(
     for n in range(1, times.shape[0]):
         while t < times[n]:
             remaining = times[n] - t
-            # a remainder a little longer than the step is halved, so that no sliver of a step is left
+            # halve a remainder of less than two steps, to avoid a very short last step
             step = remaining if h >= remaining else min(h, 0.5 * remaining) if h > 0.5 * remaining else h
             if not step >= 1e-14 * max(1.0, abs(t)):
                 return 1 if finite else 2
@@ -159,7 +164,7 @@ def integrate(
             counters[EVALUATIONS] += STAGES
             _sizes(model, y, size)
             error = _error(K, step, size) / tolerance
-            finite = np.isfinite(error)  # a stage far from the motion may overflow: of no step that is short enough
+            finite = np.isfinite(error)  # an overflow in a stage is a failure only at the shortest step
             factor = factor_of(error, SAFETY, LARGEST)
             if not error <= 1.0:
                 counters[REJECTED] += 1

@@ -1,6 +1,6 @@
-"""Joint coordinates of a spanning tree, and the poses of all bodies as expressions of them, for `lagrange`.
+"""Joint coordinates of a spanning tree and the poses of all bodies as CasADi expressions, for `lagrange`.
 
-A tree joint is a sequence of steps from F to M, one per coordinate of the joint table, in its order:
+A tree joint is a sequence of steps from F to M, one for each coordinate of the joint table, in its order:
 
 ============  =======================  ==================================================
 step          coordinates              pose of the end in the start
@@ -13,15 +13,15 @@ orientation   alpha, beta, gamma       C Rx(alpha) Ry(beta) Rz(gamma)
 direction     alpha, beta              at l C Rx(alpha) Ry(beta) e_z, not turned
 ============  =======================  ==================================================
 
-A rod of length l is a direction, then an orientation. Where the tree passes a joint from successor to predecessor the
-pose is inverted; coordinates are those of M relative to F all the same.
+A rod of length l is a direction, then an orientation. If the tree passes a joint from successor to predecessor, the
+pose is inverted; coordinates are still those of M relative to F.
 
-Orientations need a **chart**, for no three numbers describe all of them: Bryant angles x-y-z [C4 (4.55)] from a
-constant reference rotation C, singular where beta is a quarter turn from it. C is the orientation itself when a chart
-is chosen, so that all angles start from zero, and is chosen anew when beta has gone `CHART_LIMIT`. It is a parameter
-of the expressions, as Euler parameters, not a constant in them: a change of chart differentiates nothing anew.
+Orientations use **charts**: Bryant angles x-y-z [C4 (4.55)] relative to a constant rotation C, singular at a quarter
+turn of beta. C is the orientation at which the chart is chosen, so that angles start at zero; a new chart is chosen at
+beta = `CHART_LIMIT`. C enters the expressions as a parameter (Euler parameters), so that a change of chart needs no new
+differentiation.
 
-Cut joints keep their rows of the joint table; from the pose (p, R) of M in F, in axes of F,
+Rows of cut joints, with the pose (p, R) of M in F, in axes of F:
 ``(X, Y, Z) = p``, ``L = |p|``, ``D_kl = R_kl`` [MASS (9)-(12)].
 """
 
@@ -55,20 +55,14 @@ from consilience.mechanism import (
 )
 
 CHART_LIMIT = 0.25 * np.pi
-"""Angle beta at which a new chart is chosen, rad: rates have lost a factor 1 / cos(beta) = 1.4 there."""
+"""Angle beta at which a new chart is chosen, rad; the condition 1 / cos(beta) of the rates is 1.4 there."""
 
 Expression = Any
-"""An SX expression of CasADi, which carries no types."""
+"""SX expression of CasADi, which has no type information."""
 
 
 def casadi() -> Any:
-    """Import CasADi where it is needed: it is an optional extra of the project.
-
-    Raises
-    ------
-    InvalidInput
-        If it is not installed.
-    """
+    """Import CasADi, an optional dependency; raise `InvalidInput` if it is missing."""
     try:
         return import_module("casadi")
     except ImportError as error:
@@ -80,14 +74,7 @@ def casadi() -> Any:
 
 
 class Compiled:
-    """Function of arrays to arrays, evaluated by CasADi's virtual machine in memory shared with NumPy.
-
-    Parameters
-    ----------
-    name : str
-    arguments : list of symbol
-    values : list of expression
-    """
+    """Function of symbols to expressions, evaluated by CasADi's virtual machine in buffers shared with NumPy."""
 
     def __init__(self, name: str, arguments: list[Expression], values: list[Expression]) -> None:
         ca = casadi()
@@ -101,7 +88,7 @@ class Compiled:
         self._buffer.set_res(0, self._out.data)
 
     def __call__(self, *arguments: Array | float) -> list[Array]:
-        """Values as matrices; a vector is a single column."""
+        """Evaluate; return matrices, vectors as single columns."""
         np.concatenate([np.ravel(argument, order="F") for argument in arguments], out=self._in)
         self._run()
         parts = np.split(self._out.copy(), self._ends[:-1])
@@ -109,17 +96,17 @@ class Compiled:
 
 
 class PoseExpression(NamedTuple):
-    """Origin (3) and rotation matrix (3, 3) of one frame in another, as expressions."""
+    """Pose of one frame in another as expressions: origin (3) and rotation matrix (3, 3)."""
 
     p: Expression
     R: Expression
 
     def then(self, next_pose: PoseExpression) -> PoseExpression:
-        """PoseExpression of a frame given in this one."""
+        """Return the pose of a frame that is given in this one."""
         return PoseExpression(self.p + self.R @ next_pose.p, self.R @ next_pose.R)
 
     def inverse(self) -> PoseExpression:
-        """PoseExpression the other way round."""
+        """Return the inverse pose."""
         return PoseExpression(-(self.R.T @ self.p), self.R.T)
 
 
@@ -127,7 +114,7 @@ class PoseExpression(NamedTuple):
 
 
 def turn(axis: int, angle: Expression) -> Expression:
-    """Rotation matrix of a turn about coordinate axis 0, 1 or 2."""
+    """Return the rotation matrix about coordinate axis 0, 1 or 2."""
     ca = casadi()
     b, d = (axis + 1) % 3, (axis + 2) % 3
     R = ca.SX.eye(3)
@@ -147,7 +134,7 @@ def _about(axis: int, angle: Expression) -> PoseExpression:
 
 
 def _reference(chart: Expression) -> Expression:
-    """C of its Euler parameters [MASS (2)]."""
+    """Return C from its Euler parameters [MASS (2)]."""
     e0, e, ca = chart[0], chart[1:], casadi()
     return (e0 * e0 - ca.dot(e, e)) * ca.SX.eye(3) + 2 * e @ e.T + 2 * e0 * ca.skew(e)
 
@@ -162,30 +149,29 @@ def _orientation(x: Expression, chart: Expression, _length: float) -> PoseExpres
 
 
 def _read_direction(motion: RelativeMotion) -> tuple[Array, Array, Array]:
-    """Where alpha and beta are zero, ``d/dt (l C Rx Ry e_z) = l C (beta', -alpha', 0)``."""
+    """Return angles, rates and C at alpha = beta = 0: ``d/dt (l C Rx Ry e_z) = l C (beta', -alpha', 0)``."""
     C = rotation_with_z_axis(motion.p)
     across = C.T @ motion.v / np.linalg.norm(motion.p)
     return np.zeros(2), np.array([-across[1], across[0]]), quaternion_from_rotation(C)
 
 
 def _read_orientation(motion: RelativeMotion) -> tuple[Array, Array, Array]:
-    """Where the angles are zero, their rates are the angular velocity in axes of M."""
+    """Return angles, rates and C at zero angles, where the rates are the angular velocity in axes of M."""
     return np.zeros(3), motion.R.T @ motion.w, quaternion_from_rotation(motion.R)
 
 
 @dataclass(frozen=True)
 class JointStep:
-    """One step of a joint.
+    """Step of a joint.
 
     Attributes
     ----------
     size : int
         Number of coordinates.
     pose : callable
-        ``pose(x, chart, length)`` of the end in the start, with the Euler parameters of C for a chart.
+        ``pose(x, chart, length)`` of the end in the start; chart: Euler parameters of C.
     read : callable, optional
-        Coordinates at the centre of a new chart, their rates and the chart, of the motion of M relative to F; None
-        for a step without chart.
+        Coordinates, rates and chart at the centre of a new chart, from the motion of M relative to F.
     """
 
     size: int
@@ -204,14 +190,14 @@ STEPS: dict[str, JointStep] = {
     "orientation": JointStep(3, _orientation, _read_orientation),
     "direction": JointStep(2, _direction, _read_direction),
 }
-"""Steps by the names of the joint coordinates."""
+"""Steps by name of the joint coordinate."""
 
 _STEPS_OF_KIND = {"rod": ("direction", "orientation")}
-"""Steps of kinds for which the joint table has no coordinates."""
+"""Steps of joint kinds without coordinates in the joint table."""
 
 
 def steps_of(kind: str) -> tuple[str, ...]:
-    """Names of the steps from F to M."""
+    """Return the names of the steps of a joint kind from F to M."""
     return _STEPS_OF_KIND.get(kind, JOINT_KINDS[kind].coordinates)
 
 
@@ -219,7 +205,7 @@ def steps_of(kind: str) -> tuple[str, ...]:
 
 
 class Slot(NamedTuple):
-    """Where one step of a tree joint has its coordinates, and its chart (-1 for none)."""
+    """Position of the coordinates of a step of a tree joint in y, and its chart (-1 for none)."""
 
     step: str
     joint: int
@@ -228,31 +214,21 @@ class Slot(NamedTuple):
 
     @property
     def columns(self) -> slice:
-        """Its coordinates in y."""
+        """Columns of the coordinates in y."""
         return slice(self.first, self.first + STEPS[self.step].size)
 
     def beta(self, y: Array) -> float:
-        """The angle at which its chart fails, rad."""
+        """Return the angle beta of the chart, rad."""
         return float(y[self.first + 1])
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Arrangement of the joint coordinates y of a mechanism.
+    """Arrangement of the joint coordinates y of a mechanism."""
 
-    Attributes
-    ----------
-    joints : tuple of (int, bool)
-        Tree joints from the ground outwards; whether passed from successor to predecessor.
-    cut : tuple of int
-        Joints that close loops.
-    slots : tuple of Slot
-        All steps of the tree joints.
-    """
-
-    joints: tuple[tuple[int, bool], ...]
-    cut: tuple[int, ...]
-    slots: tuple[Slot, ...]
+    joints: tuple[tuple[int, bool], ...]  # tree joints from the ground outwards; passed from successor to predecessor
+    cut: tuple[int, ...]  # joints that close loops
+    slots: tuple[Slot, ...]  # all steps of the tree joints
 
     @property
     def size(self) -> int:
@@ -261,15 +237,15 @@ class Layout:
 
     @property
     def charted(self) -> tuple[Slot, ...]:
-        """Slots with a chart, by its number."""
+        """Slots with a chart, in the order of the charts."""
         return tuple(slot for slot in self.slots if slot.chart >= 0)
 
     def column(self, joint: int, step: str) -> int:
-        """Index in y of the first coordinate of a step of a tree joint."""
+        """Return the index in y of the first coordinate of a step of a tree joint."""
         return next(slot.first for slot in self.slots if (slot.joint, slot.step) == (joint, step))
 
     def read(self, mechanism: Mechanism, state: State) -> tuple[Array, Array, Array]:
-        """Coordinates y and rates y', shape (n,), and new charts, shape (4, n_c), of a state."""
+        """Return y and y', shape (n,), and new charts, shape (4, n_c), of a state."""
         y, y_dot, charts = np.empty(self.size), np.empty(self.size), np.empty((4, len(self.charted)))
         for slot in self.slots:
             joint = mechanism.joints[slot.joint]
@@ -298,7 +274,7 @@ def layout(mechanism: Mechanism) -> Layout:
 
 
 def unsupported_joints(mechanism: Mechanism) -> tuple[Unsupported, ...]:
-    """Tree joints that are no sequence of steps, and cut joints with rows that are not basic."""
+    """List tree joints that are not a sequence of steps, and cut joints with rows that are not basic constraints."""
     found = []
     joints, cut = spanning_tree(mechanism)
     for k in [*(k for k, _ in joints), *cut]:
@@ -321,16 +297,15 @@ def _frame(frame: Frame) -> PoseExpression:
 
 
 class Poses:
-    """Symbols of the coordinates, and poses of bodies and joints as expressions of them.
+    """Symbols of the coordinates, and poses of bodies and joints as expressions.
 
     Parameters
     ----------
     mechanism : Mechanism
     layout : Layout
     released : bool
-        Give every joint six coordinates z more, which stand for virtual displacements of M relative to F: along and
-        about the axes of F, at the origin of M. They have meaning at z = 0 and to first order only, which is what
-        the force in a released joint needs.
+        Add six virtual displacements z of M relative to F for every joint, along and about the axes of F at the origin
+        of M, valid to first order at z = 0.
 
     Attributes
     ----------
@@ -340,7 +315,7 @@ class Poses:
         Joint coordinates y, then z, and their rates.
     charts : symbol, shape (4, n_c)
     bodies : list of PoseExpression
-        Of the bodies in the world.
+        Poses of the bodies in the world.
     """
 
     def __init__(self, mechanism: Mechanism, layout: Layout, released: bool = False) -> None:
@@ -361,11 +336,11 @@ class Poses:
         self.bodies = [found[body.name] for body in mechanism.bodies]
 
     def body(self, name: str) -> PoseExpression:
-        """PoseExpression of a body, or of the ground, in the world."""
+        """Return the pose of a body, or of the ground, in the world."""
         return self._ground if name == GROUND else self.bodies[self._mechanism.body_index[name]]
 
     def _across(self, joint: int) -> PoseExpression:
-        """PoseExpression of M in F of a tree joint."""
+        """Return the pose of M in F of a tree joint."""
         pose = self._ground
         for slot in self._layout.slots:
             if slot.joint == joint:
@@ -383,14 +358,14 @@ class Poses:
         return PoseExpression(pose.p + shift, (ca.SX.eye(3) + ca.skew(tilt)) @ pose.R)
 
     def relative(self, joint: int) -> PoseExpression:
-        """PoseExpression of M in F of any joint, from the poses of its bodies."""
+        """Return the pose of M in F of any joint, from the poses of its bodies."""
         j = self._mechanism.joints[joint]
         F = self.body(j.predecessor).then(_frame(j.F))
         return F.inverse().then(self.body(j.successor).then(_frame(j.M)))
 
     @cached_property
     def closure(self) -> Expression:
-        """``g(y)``: rows of all cut joints, minus the values at which they are held, shape (q,)."""
+        """Residual ``g(y)`` of all rows of cut joints, shape (q,)."""
         ca, rows = casadi(), []
         for k in self._layout.cut:
             joint = self._mechanism.joints[k]
@@ -405,6 +380,6 @@ class Poses:
         return ca.vertcat(*rows) if rows else ca.SX.zeros(0, 1)
 
     def rate(self, expression: Expression) -> Expression:
-        """Total time derivative of a function of t and x."""
+        """Return the total time derivative of a function of t and x."""
         ca = casadi()
         return ca.jtimes(expression, ca.vertcat(self.t, self.x), ca.vertcat(1, self.x_dot))

@@ -1,4 +1,4 @@
-"""All formulations of the reference solver by name. A module is imported when its formulation is asked for."""
+"""Registry of all formulations by name; the module of a formulation is imported at its first use."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ _HOME = "consilience.reference"
 
 @dataclass(frozen=True)
 class FormulationEntry:
-    """One formulation.
+    """Registered formulation.
 
     Attributes
     ----------
     title : str
     source : str
-        Equations it follows, by the keys of docs/formulations.md.
+        Source of the equations, by the keys of docs/formulations.md.
     module : str
         Module of `consilience.reference`.
     maker : str
-        Class or function of that module that makes it of a mechanism.
+        Class or function of the module, called with a mechanism.
     arguments : dict
         Further arguments of `maker`.
     """
@@ -88,14 +88,14 @@ FORMULATIONS: dict[str, FormulationEntry] = {
     "descriptor_baumgarte": _form("descriptor_baumgarte", "descriptor form, stabilised by Baumgarte's method"),
     "descriptor_unprojected": _form("descriptor_unprojected", "descriptor form without stabilisation"),
 }
-"""Selectable formulations."""
+"""Formulations of index 1 and minimal form, for every integrator."""
 
 
 @dataclass(frozen=True)
 class DaeSystem:
-    """A formulation whose constraints are equations of each step, integrated by a method of its own.
+    """Registered differential-algebraic system of index 2 or 3, with its own integrator.
 
-    Its accelerations at an instant are those of index 1: the hidden constraints ``Q a = gamma``.
+    Accelerations at an instant are those of index 1, from the hidden constraints ``Q a = gamma``.
 
     Attributes
     ----------
@@ -103,9 +103,9 @@ class DaeSystem:
     integrator : str
         Function of `consilience.reference`, as ``module.function``.
     arguments : dict
-        Further arguments of that function.
+        Further arguments of the integrator.
     order : int or None
-        Of a method with constant steps; None where a tolerance controls them.
+        Order of a method with constant steps; None if a tolerance controls the steps.
     """
 
     title: str
@@ -133,19 +133,19 @@ SYSTEMS: dict[str, DaeSystem] = {
         order=2,
     ),
 }
-"""Selectable formulations of index 2 and 3."""
+"""Formulations of index 2 and 3."""
 
 
 _SMOOTH = "a formulation has smooth equations of motion, without impacts"
 
 
 def entry(name: str) -> FormulationEntry:
-    """FormulationEntry of a formulation, of index 1 where its own is higher.
+    """Return the entry of a formulation; of a `DaeSystem` that of its index-1 form.
 
     Raises
     ------
     InvalidInput
-        If there is none of that name.
+        If there is no such formulation.
     """
     if name in SYSTEMS:
         return FORMULATIONS["descriptor"]
@@ -156,7 +156,7 @@ def entry(name: str) -> FormulationEntry:
 
 
 def system(name: str) -> Callable[..., TrajectoryAnswer]:
-    """Integrate a formulation of `SYSTEMS`: a function of mechanism, state, times, and tolerance or step."""
+    """Return the integrator of a formulation of `SYSTEMS`: function of mechanism, state, times, tolerance or step."""
     chosen = SYSTEMS[name]
     module, function = chosen.integrator.rsplit(".", 1)
     found: Callable[..., TrajectoryAnswer] = getattr(import_module(f"{_HOME}.{module}"), function)
@@ -164,7 +164,7 @@ def system(name: str) -> Callable[..., TrajectoryAnswer]:
 
 
 def unsupported(name: str, mechanism: Mechanism) -> tuple[Unsupported, ...]:
-    """What of a mechanism a formulation cannot represent, and why; empty if it can."""
+    """List the features of a mechanism that a formulation cannot represent, with reasons."""
     found: tuple[Unsupported, ...] = import_module(f"{_HOME}.{entry(name).module}").unsupported(mechanism)
     return found + _impacts(mechanism)
 
@@ -174,7 +174,7 @@ def _impacts(mechanism: Mechanism) -> tuple[Unsupported, ...]:
 
 
 def refuse_contacts(mechanism: Mechanism) -> None:
-    """Refuse a mechanism with contacts, which smooth equations would leave out.
+    """Refuse a mechanism with contacts: smooth equations of motion have no impacts.
 
     Raises
     ------
@@ -185,12 +185,12 @@ def refuse_contacts(mechanism: Mechanism) -> None:
 
 
 def formulation(name: str, mechanism: Mechanism) -> Formulation:
-    """Equations of motion of a mechanism in a formulation.
+    """Return the equations of motion of a mechanism in a formulation.
 
     Raises
     ------
     InvalidInput
-        Unknown name, or a mechanism the formulation cannot represent.
+        Unknown name, or a mechanism that the formulation cannot represent.
     """
     chosen = entry(name)
     refuse_contacts(mechanism)

@@ -1,7 +1,7 @@
-"""The compiled solver as this package uses it: constraint rows at a state, and steps with dense output.
+"""Integration between impacts with dense output, and constraint rows at a state, by the compiled kernels.
 
-The only place here that calls the compiled kernels. Steps are those of SciPy's Dormand-Prince 8(5,3); after each,
-positions and velocities are projected onto the constraints and the interpolant is taken between the projected ends.
+Steps are those of SciPy's Dormand-Prince 8(5,3); after each step positions and velocities are projected onto the
+constraints, and the interpolant connects the projected ends.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import numpy as np
 import scipy
 
 from consilience.errors import NumericalFailure
-from consilience.mechanism import Array, Mechanism, State, reaction_map
+from consilience.mechanism import Array, Mechanism, State
 from consilience.reference.bodies import constraints
 from consilience.reference.bodies.arrays import Model, flatten, pack, unpack, workspace
 from consilience.reference.bodies.forces import count_turns
@@ -20,12 +20,12 @@ from consilience.reference.formulations.compiled_choice import FORMULATIONS, der
 
 
 def constraint_rows(mechanism: Mechanism, state: State, t: float, turns: Array | None) -> tuple[Model, Array, Array]:
-    """Model, solver state y (n_b, 13), and Jacobian Q (q, 6 n_b) of all rows in the velocities (v, w').
+    """Return model, packed state (n_b, 13), and Jacobian Q (q, 6 n_b) of all rows.
 
     Parameters
     ----------
     turns : ndarray, shape (n_c,), or None
-        Joint coordinates that elements read, turns counted; None: angles within half a turn of zero.
+        Joint coordinates that elements read, full turns counted; None: angles within half a turn of zero.
     """
     model = flatten(mechanism)
     ws, y = workspace(model), pack(mechanism, state)
@@ -37,18 +37,8 @@ def constraint_rows(mechanism: Mechanism, state: State, t: float, turns: Array |
     return model, y[: len(mechanism.bodies)], ws.Q
 
 
-def joint_wrenches(mechanism: Mechanism, state: State, lam: Array) -> Array:
-    """Wrenches of multipliers of all rows: on the successor, at the origin of M, axes of F, shape (n_j, 6)."""
-    wrenches, start = np.zeros((len(mechanism.joints), 6)), 0
-    for k, joint in enumerate(mechanism.joints):
-        end = start + len(joint.rows)
-        wrenches[k] = reaction_map(mechanism, state, joint) @ lam[start:end]
-        start = end
-    return wrenches
-
-
 class Stepper:
-    """Motion between impacts, step by step.
+    """Integrator of the motion between impacts, step by step.
 
     Attributes
     ----------
@@ -74,10 +64,10 @@ class Stepper:
         self.place(state, t)
 
     def place(self, state: State, t: float) -> None:
-        """Go on from another state, for example the one after an impact."""
+        """Continue from another state, for example after an impact."""
         self.t = self.started = t
         y, count = pack(self._mechanism, state), len(self._mechanism.bodies)
-        y[count:] = self._y[count:]  # integrals of controllers go on
+        y[count:] = self._y[count:]  # integrals of controllers are continuous
         self._y = y
         count_turns(self._model, self._y, self._ws, self._turns)
         self._before = (t, self._y.copy(), self._turns.copy())
@@ -85,6 +75,7 @@ class Stepper:
         self._h: float | None = None
 
     def _derivative(self, t: float, y: Array) -> Array:
+        """Return ``dy/dt``, flat."""
         dy = np.zeros_like(self._y)
         y = np.ascontiguousarray(y).reshape(dy.shape)
         derivative(FORMULATIONS["descriptor"], self._model, float(t), y, self._turns, self._ws, self._a, dy)
@@ -92,12 +83,12 @@ class Stepper:
         return dy.ravel()
 
     def advance(self, bound: float) -> None:
-        """Take one accepted step, not past the time `bound`.
+        """Take one accepted step, at most to the time `bound`.
 
         Raises
         ------
         NumericalFailure
-            If the step size falls below what the time resolves.
+            If the step size falls below the resolution of the time.
         """
         if self._solver is None or self._solver.t_bound != bound:
             first = None if self._h is None else min(self._h, bound - self.t)
@@ -127,7 +118,7 @@ class Stepper:
         self.counters["steps"] += 1
 
     def go_back_to(self, t: float) -> None:
-        """Undo the last step and end a shorter one at t, between its start and its end."""
+        """Repeat the last step so that it ends at t, between its start and its end."""
         start, y, turns = self._before
         self.t, self._y, self._turns, self._solver = start, y.copy(), turns.copy(), None
         while self.t < t:
@@ -137,15 +128,15 @@ class Stepper:
 
     @property
     def turns(self) -> Array:
-        """Joint coordinates that elements read, turns counted, at the time t."""
+        """Joint coordinates that elements read, full turns counted, at the time t."""
         return self._turns.copy()
 
     def state(self) -> State:
-        """State at the time t."""
+        """Return the state at the time t."""
         return State(*unpack(self._mechanism, self._y))
 
     def between(self, t: float) -> State:
-        """State within the last step, from the interpolant of order 7."""
+        """Return a state within the last step by the interpolant of order 7."""
         y = np.array(self._dense(t)).reshape(self._y.shape)
         normalise(y, len(self._mechanism.bodies))
         return State(*unpack(self._mechanism, y))
