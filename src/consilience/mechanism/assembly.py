@@ -110,7 +110,16 @@ def held_rows(mechanism: Mechanism, state: State, joint: Joint, coordinate: str)
 
 
 def held_error(mechanism: Mechanism, state: State, joint: Joint, coordinate: str, target: ArrayLike) -> Array:
-    """Return actual minus held value of a joint coordinate, angles modulo a turn, orientations as rotation vectors."""
+    """Return the actual minus the held value of a joint coordinate, shape (1,) or (3,).
+
+    Parameters
+    ----------
+    coordinate : str
+        Name of the coordinate in `JOINT_KINDS`.
+    target : array_like, m or rad
+        Held value; angles are compared modulo a turn. Of an orientation, a quaternion; the difference is then a
+        rotation vector in axes of F.
+    """
     motion = relative_motion(mechanism, state, joint)
     value = joint_coordinates(joint, motion)[coordinate]
     if coordinate == "orientation":

@@ -24,6 +24,8 @@ from consilience.engine.worker.client import Request, Worker, in_parallel
 
 Measure = Callable[[IdentitySubject], Iterable[Residual]]
 
+_Measured = Residual | NotApplicableError | UnansweredError
+
 
 @dataclass(frozen=True)
 class Identity:
@@ -150,7 +152,7 @@ def _at_instants(asker: Asker, engine: str, case: Case, states: int) -> Iterator
             yield record.finding(identity.name, method, _measured(identity.measure, subject))
 
 
-def _measured(measure: Measure, subject: IdentitySubject) -> Residual | NotApplicableError | UnansweredError:
+def _measured(measure: Measure, subject: IdentitySubject) -> _Measured:
     try:
         return worst(list(measure(subject)))
     except (NotApplicableError, UnansweredError) as reason:
@@ -162,7 +164,7 @@ def _along_a_motion(asker: Asker, engine: str, case: Case) -> Iterator[Finding]:
     methods, refused = _methods(asker, case, record, ALONG_A_MOTION)
     yield from refused
     for method in methods:
-        found: Sequence[Residual | NotApplicableError | UnansweredError]
+        found: Sequence[_Measured]
         try:
             found = measure_drift(asker, case.mechanism, case.initial_state, case.times[: SAMPLES + 1], method)
         except (NotApplicableError, UnansweredError) as reason:
@@ -189,35 +191,13 @@ class _FindingContext:
     engine: str
     question: Question
 
-    def finding(
-        self, identity: str, method: Method | None, found: Residual | NotApplicableError | UnansweredError
-    ) -> Finding:
+    def finding(self, identity: str, method: Method | None, found: _Measured) -> Finding:
         """Return the finding of one identity and one method."""
-        outcome, residual, bar, remark = _judged(found)
-        return Finding(
-            self.case,
-            self.engine,
-            self.question,
-            method.name if method else "",
-            method.route if method else None,
-            method.profile if method else Profile.MATCHED,
-            identity,
-            outcome,
-            residual,
-            bar,
-            remark,
-        )
-
-
-def _judged(
-    found: Residual | NotApplicableError | UnansweredError,
-) -> tuple[IdentityOutcome, float | None, float | None, str]:
-    if isinstance(found, Residual):
-        return (
-            IdentityOutcome.HOLDS if found.ratio <= 1.0 else IdentityOutcome.VIOLATED,
-            found.value,
-            found.bar,
-            found.remark,
-        )
-    outcome = IdentityOutcome.NO_ANSWER if isinstance(found, UnansweredError) else IdentityOutcome.NOT_APPLICABLE
-    return outcome, None, None, str(found)
+        asked = (method.name, method.route, method.profile) if method else ("", None, Profile.MATCHED)
+        common = (self.case, self.engine, self.question, *asked, identity)
+        if isinstance(found, Residual):
+            outcome = IdentityOutcome.HOLDS if found.ratio <= 1.0 else IdentityOutcome.VIOLATED
+            return Finding(*common, outcome, found.value, found.bar, found.remark)
+        unanswered = isinstance(found, UnansweredError)
+        outcome = IdentityOutcome.NO_ANSWER if unanswered else IdentityOutcome.NOT_APPLICABLE
+        return Finding(*common, outcome, remark=str(found))

@@ -14,13 +14,8 @@ from consilience.errors import InvalidInput
 
 FORMAT = 1
 
-_WORST_FIRST = (
-    IdentityOutcome.VIOLATED,
-    IdentityOutcome.NO_ANSWER,
-    IdentityOutcome.HOLDS,
-    IdentityOutcome.NOT_APPLICABLE,
-)
-
+_HARMLESS = (IdentityOutcome.HOLDS, IdentityOutcome.NOT_APPLICABLE)
+_WORST_FIRST = (IdentityOutcome.VIOLATED, IdentityOutcome.NO_ANSWER, *_HARMLESS)
 
 LEGEND = "a number: it holds, and that is the largest residual over cases and methods"
 
@@ -32,7 +27,7 @@ def cell(findings: Sequence[Finding]) -> str:
         if found:
             measured = [f.residual for f in found if f.residual is not None]
             number = f"{max(measured):.0e}" if measured else ""
-            if outcome in (IdentityOutcome.HOLDS, IdentityOutcome.NOT_APPLICABLE):
+            if outcome in _HARMLESS:
                 return number or str(outcome)
             return f"{outcome} {len(found)} of {len(findings)}" + (f", {number}" if number else "")
     return "-"
@@ -48,7 +43,7 @@ def matrix(checks: Checks, profile: Profile) -> Iterator[tuple[str, list[str]]]:
 
 def blemishes(checks: Checks) -> Iterator[Finding]:
     """Return the findings that are violated or have no answer."""
-    return (f for f in checks.findings if f.outcome in (IdentityOutcome.VIOLATED, IdentityOutcome.NO_ANSWER))
+    return (f for f in checks.findings if f.outcome not in _HARMLESS)
 
 
 def sentence(finding: Finding) -> str:

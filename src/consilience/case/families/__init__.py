@@ -1,8 +1,8 @@
 """Parametric families of cases: mechanisms of any size, stiffness or distance from a singular pose.
 
-A member is named ``family`` or ``family:parameter=value,parameter=value`` wherever the name of a case is asked for.
-Every family is a function of documented parameters that returns the tables of a case file, with values in closed form
-where there is one. The same parameters give the same case.
+``family`` or ``family:parameter=value,parameter=value`` is the name of a case everywhere. Every family is a function of
+documented parameters that returns the tables of a case file, with values of a closed form if there is one. The same
+parameters give the same case.
 """
 
 from __future__ import annotations
@@ -54,21 +54,21 @@ FAMILIES: dict[str, Family] = {
         single_joint,
     )
 }
-"""Functions by the name of the family."""
+"""Families by name."""
 
 
 def is_family(name: str) -> bool:
-    """Whether a name is one of a family's members, whatever its parameters say."""
+    """Tell whether a name has the form of a member of a family; parameters are not checked."""
     return ":" in name or name in FAMILIES
 
 
 def family_table(name: str) -> tuple[str, TomlTable]:
-    """Name of a member, its parameters in order, and the tables of its case file.
+    """Return the name of a member, parameters in order, and the tables of its case file.
 
     Parameters
     ----------
     name : str
-        ``family`` or ``family:parameter=value,...``; parameters left out have their defaults.
+        ``family`` or ``family:parameter=value,...``; missing parameters have their defaults.
 
     Raises
     ------
@@ -85,6 +85,6 @@ def family_table(name: str) -> tuple[str, TomlTable]:
 
 
 def family_cases(name: str) -> list[Case]:
-    """Case of a member of a family; see `family_table`."""
+    """Return the case of a member of a family; see `family_table`."""
     full, table = family_table(name)
     return cases_from_tables(full, full, table)

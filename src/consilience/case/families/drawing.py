@@ -1,4 +1,4 @@
-"""What families draw with: tables of bodies, joints and known values by the names of `consilience.case.file.schema`."""
+"""Tables of bodies, joints and known values of families, with the fields of `consilience.case.file.schema`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ GRAVITY = 9.81
 
 
 def numbers(values: ArrayLike) -> list[float]:
-    """Plain list of numbers."""
+    """Return a list of numbers."""
     found: list[float] = np.asarray(values, dtype=float).tolist()
     return found
 
@@ -47,33 +47,57 @@ class SkewPlane:
         self.slope = 0.0 if level else float(down @ self.gravity)
 
     def point(self, x: float, y: float, z: float = 0.0) -> Array:
-        """Point of the world."""
+        """Return the point of the world with coordinates in the plane, m."""
         return self.origin + self.R @ np.array([x, y, z])
 
     def along(self, angle: float, length: float) -> Array:
-        """Vector of the world in the plane, its angle counted from x towards y."""
+        """Return the vector in world axes at an angle in the plane, from x towards y."""
         return self.R @ np.array([length * np.cos(angle), length * np.sin(angle), 0.0])
 
     def turned(self, angle: float) -> Array:
-        """Axes with x at an angle from x of the plane, z along the normal."""
+        """Return axes (3, 3) with x at an angle from x of the plane, z along the normal."""
         return self.R @ elementary_rotation(2, angle)
 
     def joint(
         self, name: str, predecessor: str, successor: str, at: ArrayLike, kind: str = "revolute", angle: float = 0.0
     ) -> TomlTable:
-        """Revolute joint across the plane; a prismatic one along the direction of an angle."""
+        """Return a revolute joint across the plane, or a prismatic joint along a direction in the plane.
+
+        Parameters
+        ----------
+        name, predecessor, successor : str
+        at : array_like, shape (3,), m
+            Origin of F and M, in the world.
+        kind : {"revolute", "prismatic"}
+        angle : float, rad
+            Direction of a prismatic joint, from x of the plane.
+        """
         axis = self.along(angle, 1.0) if kind == "prismatic" else self.R[:, 2]
         return joint(name, kind, predecessor, successor, at, axis)
 
 
 def random_rotation(rng: np.random.Generator) -> Array:
-    """Rotation matrix, all orientations equally likely."""
+    """Return a random rotation matrix, all orientations equally likely."""
     quat = rng.normal(size=4)
     return rotation_from_quaternion(quat / np.linalg.norm(quat))
 
 
 def body(name: str, mass: float, at: ArrayLike, R: Array, com: ArrayLike, inertia: ArrayLike) -> TomlTable:
-    """Body of axes R; centre of mass and inertia (six entries: xx, yy, zz, xy, xz, yz, or a tensor) in body axes."""
+    """Return the table of a body.
+
+    Parameters
+    ----------
+    name : str
+    mass : float, kg
+    at : array_like, shape (3,), m
+        Origin in the world.
+    R : ndarray, shape (3, 3)
+        Axes of the body as columns, in the world.
+    com : array_like, shape (3,), m
+        Centre of mass in body axes, from the origin.
+    inertia : array_like, shape (6,) or (3, 3), kg m^2
+        About the centre of mass, body axes: xx, yy, zz, xy, xz, yz, or the tensor.
+    """
     entries = np.asarray(inertia, dtype=float)
     if entries.ndim == 2:
         entries = entries[(0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)]
@@ -88,7 +112,7 @@ def body(name: str, mass: float, at: ArrayLike, R: Array, com: ArrayLike, inerti
 
 
 def lumps(rng: np.random.Generator, mass: float, size: float) -> tuple[Array, Array]:
-    """Centre of mass (3,) and inertia about it (3, 3) of twelve equal lumps, some `size` apart: full, and possible."""
+    """Return centre of mass (3,) and inertia (3, 3) about it of twelve equal random lumps in a cloud of a size in m."""
     points = rng.normal(scale=0.4 * size, size=(12, 3)) * np.array([1.0, 0.7, 1.3])
     com = points.mean(axis=0)
     arms = points - com
@@ -100,7 +124,18 @@ def lumps(rng: np.random.Generator, mass: float, size: float) -> tuple[Array, Ar
 def joint(
     name: str, kind: str, predecessor: str, successor: str, at: ArrayLike, axis: ArrayLike, **more: Any
 ) -> TomlTable:
-    """Joint with an axis."""
+    """Return the table of a joint.
+
+    Parameters
+    ----------
+    name, kind, predecessor, successor : str
+    at : array_like, shape (3,), m
+        Origin of F and M, in the world.
+    axis : array_like, shape (3,)
+        Along z of F and M, in the world.
+    **more
+        Further fields.
+    """
     table = {"name": name, "kind": kind, "predecessor": predecessor, "successor": successor, "at": numbers(at)}
     return table | {"axis": numbers(axis)} | more
 
@@ -108,7 +143,21 @@ def joint(
 def known(
     of: tuple[str, str], observable: str, time: float, value: ArrayLike, uncertainty: float, source: str
 ) -> TomlTable:
-    """Value of a closed form; `of` is ("body", name) or ("joint", name)."""
+    """Return the table of a value in closed form.
+
+    Parameters
+    ----------
+    of : (str, str)
+        ("body", name) or ("joint", name).
+    observable : str
+    time : float, s
+    value : array_like
+        SI units; vectors in world axes.
+    uncertainty : float
+        Of each component.
+    source : str
+        The formula.
+    """
     return {
         of[0]: of[1],
         "observable": observable,
@@ -121,7 +170,7 @@ def known(
 
 
 def round_step(longest: float) -> float:
-    """Largest of 0.05, 0.02, 0.01, 0.005, ... s that is not above `longest`, s."""
+    """Return the largest of 0.05, 0.02, 0.01, 0.005, ... s that is not above `longest`, in s."""
     exponent = np.floor(np.log10(min(longest, 0.05)))
     steps = [float(f"{d}e{exponent:.0f}") for d in (1, 2, 5)]
     return max(step for step in steps if step <= min(longest, 0.05) * (1 + 1e-12))

@@ -33,7 +33,7 @@ def _printable(text: str) -> str:
 
 Finite = Annotated[float, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, le=LARGEST, allow_inf_nan=False)]
-Vector3 = Annotated[list[Finite], Field(min_length=3, max_length=3)]
+Triple = Annotated[list[Finite], Field(min_length=3, max_length=3)]
 Quaternion = Annotated[list[Finite], Field(min_length=4, max_length=4)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=64)]
 Text = Annotated[str, Field(max_length=20_000), AfterValidator(_printable)]
@@ -51,11 +51,11 @@ class Orientation(TableModel):
     quaternion: Quaternion | None = Field(
         None, description="Unit quaternion, scalar first; unit to 1e-9, the rounding of its digits is removed."
     )
-    euler_zxz: Vector3 | None = Field(
+    euler_zxz: Triple | None = Field(
         None, description="Euler angles (phi, theta, psi) in rad: Rz(phi) Rx(theta) Rz(psi)."
     )
-    bryant_xyz: Vector3 | None = Field(None, description="Bryant angles (alpha, beta, gamma) in rad: Rx Ry Rz.")
-    three_points: Annotated[list[Vector3], Field(min_length=3, max_length=3)] | None = Field(
+    bryant_xyz: Triple | None = Field(None, description="Bryant angles (alpha, beta, gamma) in rad: Rx Ry Rz.")
+    three_points: Annotated[list[Triple], Field(min_length=3, max_length=3)] | None = Field(
         None, description="Points O, P, Q in the world: origin, a point on x, a point in the xy plane."
     )
 
@@ -103,7 +103,7 @@ class FunctionTable(TableModel):
     polynomial: Annotated[list[Finite], Field(min_length=1, max_length=32)] | None = Field(
         None, description="Coefficients of 1, x, x^2, ..."
     )
-    harmonics: Annotated[list[Vector3], Field(min_length=1, max_length=1_000)] | None = Field(
+    harmonics: Annotated[list[Triple], Field(min_length=1, max_length=1_000)] | None = Field(
         None, description="Amplitude, angular frequency and phase (rad) of each sine."
     )
     table: CurveTable | None = None

@@ -76,7 +76,18 @@ class _UrdfReader:
         return value
 
     def numbers(self, element: Element | None, attribute: str, count: int, default: str, what: str) -> Array:
-        """Return the numbers of an attribute; if wrong, note a refusal and return zeros."""
+        """Return the numbers of an attribute; if wrong, note a refusal and return zeros.
+
+        Parameters
+        ----------
+        element : Element or None
+            None: the default applies.
+        attribute, default : str
+        count : int
+            Number of numbers.
+        what : str
+            Name of the joint or link, for the note.
+        """
         given = default if element is None else element.get(attribute, default)
         try:
             values = np.array([float(word) for word in given.split()])
