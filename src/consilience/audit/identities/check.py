@@ -193,8 +193,9 @@ class _FindingContext:
 
     def finding(self, identity: str, method: Method | None, found: _Measured) -> Finding:
         """Return the finding of one identity and one method."""
-        asked = (method.name, method.route, method.profile) if method else ("", None, Profile.MATCHED)
-        common = (self.case, self.engine, self.question, *asked, identity)
+        name, route = (method.name, method.route) if method else ("", None)
+        profile = method.profile if method else Profile.MATCHED
+        common = (self.case, self.engine, self.question, name, route, profile, identity)
         if isinstance(found, Residual):
             outcome = IdentityOutcome.HOLDS if found.ratio <= 1.0 else IdentityOutcome.VIOLATED
             return Finding(*common, outcome, found.value, found.bar, found.remark)
