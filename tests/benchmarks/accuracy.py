@@ -101,7 +101,7 @@ def _faster(found: Found, best: dict[str, Found], group: str) -> None:
 
 
 def _known(case: Case) -> tuple[Case, Array] | None:
-    """Return the case over 5 s, or over its own duration where 5 s are too long or too sensitive; its true positions."""
+    """Return the case over 5 s, or over its own duration where that is too long or sensitive; its true positions."""
     for span in (SPAN, case.duration):
         if span == case.duration or SHORTEST * span <= case.duration:
             of_span = with_observable_origins(over(case, span))

@@ -42,7 +42,7 @@ def cpu_of(process):
 
 
 def measured(here, worker, request):
-    """Return medians of the time here, of the time in the worker, and of the cost; least cost; CPU time of the cost, in ms."""
+    """Return medians in ms of the time here, the time in the worker and the cost; least cost; CPU time of the cost."""
     near, far, own = [], [], []
     for _ in range(WARM):
         worker.ask(request)

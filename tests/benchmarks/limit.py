@@ -122,7 +122,7 @@ def _components(r: Pair, s: Pair, v: Pair) -> Pair:
 
 
 def linkage(case: Case) -> Minimal:
-    """Return ``J q'' + h q'^2 = Q`` in the crank angle, with the loop closed by two circles (see `oracles.four_bar`)."""
+    """Return ``J q'' + h q'^2 = Q`` in the crank angle; two circles close the loop (see `oracles.four_bar`)."""
     plane = Plane(case.mechanism, "crank_pivot")
     A, B0, C0, D = (plane.pin(name) for name in ("crank_pivot", "crank_pin", "rocker_pin", "rocker_pivot"))
     coupler, rocker = C0 - B0, C0 - D

@@ -88,7 +88,7 @@ def setup(case: Case, formulation: str) -> Callable[[], object]:
 
 
 def weights(counts: Sequence[int], orders: Sequence[int]) -> Array:
-    """Return weights that remove terms ``h^p`` of given orders from results with given numbers of steps (Richardson)."""
+    """Return weights that remove terms ``h^p`` of given orders from results with several numbers of steps."""
     system = np.vstack([np.ones(len(counts)), *(np.array(counts, dtype=float) ** -p for p in orders)])
     return np.linalg.solve(system, np.eye(len(counts))[0])
 
