@@ -411,12 +411,13 @@ def integrate(
         Key of `integrators.step_control.STATUS`, or UNSUITABLE.
     """
     on, pair = fields_of(run), fields_of(pair)
+    tree, closure, spatial, elements, planar = on.tree, on.closure, on.spatial, on.elements, on.planar
     return _integrate(
-        on.tree,
-        on.closure,
-        on.spatial,
-        on.elements,
-        on.planar,
+        tree,
+        closure,
+        spatial,
+        elements,
+        planar,
         on.scratch,
         pair,
         z,
