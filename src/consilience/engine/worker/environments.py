@@ -54,8 +54,8 @@ def local_name(engine: str) -> str:
 
 
 def cache_directory() -> Path:
-    """Return the folder for environments: ``$XDG_CACHE_SOURCES/consilience``, usually ``~/.cache/consilience``."""
-    return Path(os.environ.get("XDG_CACHE_SOURCES") or Path.home() / ".cache") / "consilience"
+    """Return the folder for environments: ``$XDG_CACHE_HOME/consilience``, usually ``~/.cache/consilience``."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "consilience"
 
 
 def launch_of(engine: str, stopped: Callable[[], bool]) -> Launch:
@@ -106,15 +106,8 @@ def _requirements(engine: str, package: Path, asked: str) -> list[str]:
 
 
 def _sources(point: EntryPoint, package: Path) -> Path:
-<<<<<<< HEAD
     """Return a folder with copies of the worker side and of the adapter, named by a digest of their content."""
-    here = Path(__file__).parents[2]
-    ours = [file for name in WORKER_SIDE for file in sorted((here / name).rglob("*.py")) or [here / name]]
-    files = {str(Path("consilience") / file.relative_to(here)): file for file in ours}
-=======
-    """Folder with copies of the worker side and of the adapter, named by their content."""
     files = {str(Path("consilience") / file.relative_to(SOURCES)): file for file in WORKER_SIDE}
->>>>>>> main
     files |= {str(Path(package.name) / f.relative_to(package)): f for f in sorted(package.rglob("*.py"))}
     contents = {name: file.read_bytes() for name, file in files.items()} | _metadata(point)
     digest = hashlib.sha256(json.dumps([[n, c.hex()] for n, c in sorted(contents.items())]).encode()).hexdigest()
@@ -196,7 +189,7 @@ def _run(name: str, command: list[str], stopped: Callable[[], bool]) -> str:
     NoEnvironment
         With the lines of its error output that name an error.
     """
-    variables = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "PYTHONSOURCES", "VIRTUAL_ENV")}
+    variables = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV")}
     until = time.monotonic() + LONGEST
     with subprocess.Popen(
         command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=variables
