@@ -13,6 +13,8 @@ from consilience.engine.answers import (
     ModelAnswer,
     Profile,
     Route,
+    Run,
+    Status,
     TrajectoryAnswer,
     Unsupported,
 )
@@ -28,7 +30,6 @@ from consilience.engine.protocol import (
     split_name,
 )
 from consilience.engine.questions import Answer, Question, defects, load_named
-from consilience.engine.runs import Run, Status
 
 __all__ = [
     "Answer",

@@ -1,4 +1,4 @@
-"""Answers of engines in canonical observables, and what an engine says about itself and its methods.
+"""Answers of engines in canonical observables, the table of questions, descriptions of engines and methods, runs.
 
 Arrays follow the order of bodies and joints in the mechanism, without the ground. Vectors have world components,
 quaternions are scalar-first, angular and linear parts are separate arrays.
@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
+from consilience.engine.questions import Answer, Question
 from consilience.mechanism import Array, State
 
 
@@ -32,6 +33,14 @@ class Profile(StrEnum):
 
     DEFAULT = "default"
     """The engine's own settings, which a user gets who sets nothing."""
+
+
+class Status(StrEnum):
+    """How a run ended."""
+
+    ANSWERED = "answered"
+    UNSUPPORTED = "unsupported"
+    FAILED = "failed"
 
 
 @dataclass(frozen=True)
@@ -162,3 +171,83 @@ class TrajectoryAnswer:
     def state(self, sample: int) -> State:
         """Return the state of all bodies at a sample."""
         return State(self.p_WB[sample], self.quat_WB[sample], self.v_WB_W[sample], self.w_WB_W[sample])
+
+
+# ---------------------------------------------------------------- the table of questions
+
+Question.MODEL = Question.add(
+    "model",
+    description="mass, centre of mass, inertia and freedom, read back from the translated model (relative)",
+    arguments=("state", "method"),
+    answer=ModelAnswer,
+    shapes={"mass": (), "com": (3,), "inertia": (3, 3), "freedom": ()},
+    judge="consilience.compare.judges:ModelJudge",
+    facts="consilience.report.facts:model_facts",
+)
+
+Question.INSTANT = Question.add(
+    "instant",
+    description="accelerations, joint reactions and energies at given states; relative to the largest component",
+    arguments=("states", "method"),
+    answer=InstantAnswer,
+    shapes={
+        **dict.fromkeys(("a_WB_W", "alpha_WB_W"), ("count", "bodies", 3)),
+        **dict.fromkeys(("force_F", "torque_F"), ("count", "joints", 3)),
+        **dict.fromkeys(("kinetic", "potential"), ("count",)),
+    },
+    judge="consilience.compare.judges:InstantJudge",
+    facts="consilience.report.facts:instant_facts",
+)
+
+Question.TRAJECTORY = Question.add(
+    "trajectory",
+    description="the motion over time, at several step sizes",
+    arguments=("state", "times", "method", "step"),
+    answer=TrajectoryAnswer,
+    shapes={
+        "time": ("count",),
+        "p_WB": ("count", "bodies", 3),
+        "quat_WB": ("count", "bodies", 4),
+        "v_WB_W": ("count", "bodies", 3),
+        "w_WB_W": ("count", "bodies", 3),
+    },
+    judge="consilience.compare.judges:TrajectoryJudge",
+    facts="consilience.report.facts:trajectory_facts",
+)
+
+STANDARD = tuple(Question)
+"""Questions that every process knows; others are added at run time."""
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """Answer of one engine to one question by one method at one level, or why there is none.
+
+    Attributes
+    ----------
+    level : int
+        Index into `Method.substeps` or `Method.tolerances`; 0 for questions without levels.
+    step : float or None
+        Step size of a trajectory in s, or its tolerance where the method is adaptive.
+    answer : Answer or None
+        None unless `status` is ``answered``.
+    reason : str
+        Why the question is unsupported or the run failed, with the evidence.
+    cpu : float, s
+        CPU time of the worker for the answer.
+    log : str
+        Output of the engine.
+    """
+
+    case: str
+    engine: str
+    question: Question
+    method: Method | None
+    level: int
+    step: float | None
+    status: Status
+    answer: Answer = None
+    reason: str = ""
+    manifest: Manifest | None = None
+    cpu: float = 0.0
+    log: str = ""

@@ -1,7 +1,7 @@
-"""Table of the questions that are put to engines: one row a question.
+"""Questions that are put to engines: the rows of one table, and the check of an answer against its row.
 
 A row says what an engine is asked, what its answer must be, and who compares and shows the answer. The requests, the
-codec, the store, the suite, the judge and the report read this table; docs/add-a-question.md shows how a row is added.
+codec, the store, the suite, the judge and the report read the table; docs/add-a-question.md shows how a row is added.
 This room imports NumPy alone: a row names its comparison and its display as ``module:name``, imported where needed.
 """
 
@@ -15,7 +15,6 @@ from typing import Any, ClassVar, get_args, get_type_hints
 
 import numpy as np
 
-from consilience.engine.answers import InstantAnswer, ModelAnswer, TrajectoryAnswer
 from consilience.mechanism import Mechanism
 
 UNIT = 1e-9
@@ -139,50 +138,6 @@ def load_named(name: str | Callable[..., Any]) -> Any:
         return name
     module, _, attribute = name.partition(":")
     return getattr(import_module(module), attribute)
-
-
-Question.MODEL = Question.add(
-    "model",
-    description="mass, centre of mass, inertia and freedom, read back from the translated model (relative)",
-    arguments=("state", "method"),
-    answer=ModelAnswer,
-    shapes={"mass": (), "com": (3,), "inertia": (3, 3), "freedom": ()},
-    judge="consilience.compare.judges:ModelJudge",
-    facts="consilience.report.facts:model_facts",
-)
-
-Question.INSTANT = Question.add(
-    "instant",
-    description="accelerations, joint reactions and energies at given states; relative to the largest component",
-    arguments=("states", "method"),
-    answer=InstantAnswer,
-    shapes={
-        **dict.fromkeys(("a_WB_W", "alpha_WB_W"), ("count", "bodies", 3)),
-        **dict.fromkeys(("force_F", "torque_F"), ("count", "joints", 3)),
-        **dict.fromkeys(("kinetic", "potential"), ("count",)),
-    },
-    judge="consilience.compare.judges:InstantJudge",
-    facts="consilience.report.facts:instant_facts",
-)
-
-Question.TRAJECTORY = Question.add(
-    "trajectory",
-    description="the motion over time, at several step sizes",
-    arguments=("state", "times", "method", "step"),
-    answer=TrajectoryAnswer,
-    shapes={
-        "time": ("count",),
-        "p_WB": ("count", "bodies", 3),
-        "quat_WB": ("count", "bodies", 4),
-        "v_WB_W": ("count", "bodies", 3),
-        "w_WB_W": ("count", "bodies", 3),
-    },
-    judge="consilience.compare.judges:TrajectoryJudge",
-    facts="consilience.report.facts:trajectory_facts",
-)
-
-STANDARD = tuple(Question)
-"""Questions that every process knows; others are added at run time."""
 
 
 @cache

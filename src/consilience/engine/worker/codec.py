@@ -19,8 +19,8 @@ from typing import Any, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-from consilience.engine.answers import EngineInfo, Manifest, Method, Profile, Route, Unsupported
-from consilience.engine.questions import ANSWERS, STANDARD, Question
+from consilience.engine.answers import STANDARD, EngineInfo, Manifest, Method, Profile, Route, Unsupported
+from consilience.engine.questions import ANSWERS, Question
 from consilience.engine.worker.requests import AnswerSet, MethodAnswer, Plan
 from consilience.engine.worker.wire import MessageHeader, ProtocolError
 from consilience.mechanism import Array, Body, Frame, Joint, Mechanism, State, contacts, elements, functions
