@@ -28,9 +28,8 @@ from consilience.mechanism import (
 from consilience.mechanism.observables import mass_matrix_condition
 from consilience.reference import NumericalFailure, simulate
 from consilience.reference.bodies import constraints
-from consilience.reference.bodies.arrays import flatten, pack
+from consilience.reference.bodies.arrays import flatten, pack, workspace
 from consilience.reference.bodies.motion import rotations
-from consilience.reference.bodies.workspace import workspace
 from consilience.reference.formulations import null_space, null_space_qr, partitioning
 from consilience.reference.formulations.body_velocities import KERNELS, TREE_KERNELS, KernelFormulation, unsupported
 from consilience.reference.integrators.adaptive import integrate
