@@ -9,7 +9,7 @@ import pytest
 import truth
 from consilience.errors import InvalidInput
 from consilience.mechanism import GROUND, Mechanism, rotation_angle_between, rotation_from_quaternion
-from consilience.mechanism.observables import mass_matrix_condition
+from consilience.mechanism.conditioning import mass_matrix_condition
 from consilience.reference import ForwardDynamics
 from consilience.reference.bodies.arrays import workspace
 from consilience.reference.tree.arrays import flatten_relative, tree_system

@@ -25,7 +25,7 @@ from consilience.mechanism import (
     rotation_from_quaternion,
     world_inertias,
 )
-from consilience.mechanism.observables import mass_matrix_condition
+from consilience.mechanism.conditioning import mass_matrix_condition
 from consilience.reference import NumericalFailure, simulate
 from consilience.reference.bodies import constraints
 from consilience.reference.bodies.arrays import flatten, pack, workspace

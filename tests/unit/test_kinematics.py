@@ -37,7 +37,7 @@ from consilience.mechanism import (
     row_jacobian,
     row_value,
 )
-from consilience.mechanism.constraints import row_jacobians
+from consilience.mechanism.joint_rows import row_jacobians
 from consilience.reference.bodies import constraints, forces
 from consilience.reference.bodies.arrays import flatten, pack, workspace
 from consilience.reference.bodies.motion import rotations

@@ -6,7 +6,7 @@ import pytest
 import truth
 from consilience.case import load_case
 from consilience.mechanism import State, constraint_jacobian, constraint_rates, constraint_residual
-from consilience.mechanism.observables import mass_matrix_condition, reaction_condition
+from consilience.mechanism.conditioning import mass_matrix_condition, reaction_condition
 from consilience.reference import simulate
 from consilience.reference.bodies.arrays import unpack
 from consilience.reference.bodies.canonical import at_origins

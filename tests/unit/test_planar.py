@@ -15,7 +15,7 @@ from consilience.mechanism import (
     quaternion_from_rotation_vector,
     rotation_from_quaternion,
 )
-from consilience.mechanism.observables import mass_matrix_condition
+from consilience.mechanism.conditioning import mass_matrix_condition
 from consilience.reference import simulate
 from consilience.reference.bodies.arrays import unpack
 from consilience.reference.bodies.canonical import at_origins

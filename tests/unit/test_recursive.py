@@ -11,7 +11,7 @@ import pytest
 
 import truth
 from consilience.mechanism import GROUND, JOINT_KINDS, Mechanism, spanning_tree
-from consilience.mechanism.observables import mass_matrix_condition
+from consilience.mechanism.conditioning import mass_matrix_condition
 from consilience.reference import accelerations
 from consilience.reference.bodies import constraints
 from consilience.reference.bodies.arrays import flatten, pack, workspace

@@ -34,13 +34,8 @@ from consilience.mechanism import (
     rotation_angle_between,
     rotation_from_quaternion,
 )
-from consilience.mechanism.observables import (
-    angular_momentum,
-    is_conservative,
-    linear_momentum,
-    load_potential,
-    mass_matrix_condition,
-)
+from consilience.mechanism.conditioning import mass_matrix_condition
+from consilience.mechanism.observables import angular_momentum, is_conservative, linear_momentum, load_potential
 from consilience.reference import NumericalFailure, accelerations, simulate
 from consilience.reference.bodies import constraints, forces
 from consilience.reference.bodies.arrays import flatten, pack, unpack, workspace

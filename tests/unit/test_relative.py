@@ -6,7 +6,7 @@ import pytest
 import truth
 from consilience.case import load_case
 from consilience.mechanism import constraint_jacobian, constraint_rates, constraint_residual, rotation_angle_between
-from consilience.mechanism.observables import mass_matrix_condition
+from consilience.mechanism.conditioning import mass_matrix_condition
 from consilience.reference import formulation, simulate
 from mechanisms import ELEMENTS, LOOPS, TREES, states_of
 

@@ -23,7 +23,7 @@ from consilience.mechanism import (
     rotation_from_quaternion,
     through,
 )
-from consilience.mechanism.observables import mass_matrix_condition
+from consilience.mechanism.conditioning import mass_matrix_condition
 from consilience.reference import NumericalFailure, formulation, simulate
 from consilience.reference.tree.arrays import flatten_relative
 from consilience.reference.tree.explicit_rk import END, _polynomial, dense_output

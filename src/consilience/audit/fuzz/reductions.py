@@ -16,7 +16,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from consilience.case.file.writer import Table
+from consilience.case.file.values import TomlTable
 from consilience.mechanism import AXIS_COORDINATES, GROUND, Mechanism, spanning_tree
 
 ELEMENTS = (
@@ -53,7 +53,7 @@ class Part:
     name: str
 
 
-def parts(table: Table, mechanism: Mechanism) -> list[Part]:
+def parts(table: TomlTable, mechanism: Mechanism) -> list[Part]:
     """Elements, joints that close loops, then bodies in depth-first order of the tree."""
     found = [Part(group, entry["name"]) for group in ELEMENTS for entry in table.get(group, [])]
     tree, closing = spanning_tree(mechanism)
@@ -65,7 +65,7 @@ def _child(mechanism: Mechanism, joint: int, backward: bool) -> str:
     return getattr(mechanism.joints[joint], _SIDES[not backward])
 
 
-def without(table: Table, mechanism: Mechanism, gone: Sequence[Part]) -> Table:
+def without(table: TomlTable, mechanism: Mechanism, gone: Sequence[Part]) -> TomlTable:
     """The table without some of its parts."""
     new = copy.deepcopy(table)
     for part in gone:
@@ -87,7 +87,7 @@ def without(table: Table, mechanism: Mechanism, gone: Sequence[Part]) -> Table:
     return tidy(new)
 
 
-def tidy(table: Table) -> Table:
+def tidy(table: TomlTable) -> TomlTable:
     """Take away elements that have lost what they act on, in place."""
     kinds = {joint["name"]: joint["kind"] for joint in table["joint"]}
 
@@ -104,7 +104,7 @@ def tidy(table: Table) -> Table:
     return table
 
 
-def without_rest(table: Table) -> Table:
+def without_rest(table: TomlTable) -> TomlTable:
     """Take away guesses of velocities that say nothing, in place: bodies are at rest anyway."""
     guesses = table.get("initial", {}).get("bodies", {})
     for name in [name for name, guess in guesses.items() if not any(any(v) for v in guess.values())]:
@@ -118,11 +118,11 @@ def _ends(entry: Mapping[str, Any]) -> tuple[str, str]:
 
 # ---------------------------------------------------------------- simpler
 
-Knob = Callable[[Table, int], None]
+Knob = Callable[[TomlTable, int], None]
 """Changes a table in place, by a choice from 0 (simplest) to `AS_IS`, which changes nothing."""
 
 
-def simplified(table: Table, choices: Sequence[int]) -> Table:
+def simplified(table: TomlTable, choices: Sequence[int]) -> TomlTable:
     """The table by one choice for each of its `knobs`."""
     new = copy.deepcopy(table)
     for knob, choice in zip(knobs(table), choices, strict=True):
@@ -131,7 +131,7 @@ def simplified(table: Table, choices: Sequence[int]) -> Table:
     return tidy(new)
 
 
-def knobs(table: Table) -> list[Knob]:
+def knobs(table: TomlTable) -> list[Knob]:
     """What can be made simpler, the most telling first."""
     found: list[Knob] = [_states]
     joints, bodies = range(len(table["joint"])), range(len(table["body"]))
@@ -144,8 +144,8 @@ def knobs(table: Table) -> list[Knob]:
     return found
 
 
-def _entry(group: str, number: int, change: Callable[[Table, int], None]) -> Knob:
-    def knob(table: Table, choice: int) -> None:
+def _entry(group: str, number: int, change: Callable[[TomlTable, int], None]) -> Knob:
+    def knob(table: TomlTable, choice: int) -> None:
         change(table[group][number], choice)
 
     return knob
@@ -169,13 +169,13 @@ def _nearest_axis(v: Sequence[float], taken: int = -1) -> list[float]:
     return [math.copysign(1.0, v[k]) if k == n else 0.0 for k in range(3)]
 
 
-def _states(table: Table, choice: int) -> None:
+def _states(table: TomlTable, choice: int) -> None:
     """Ask at the initial state alone."""
     if choice < 2:
         table["instant"] = {**table["instant"], "states": 1}
 
 
-def _kind(joint: Table, choice: int) -> None:
+def _kind(joint: TomlTable, choice: int) -> None:
     if joint["kind"] == "rod":
         joint.setdefault("axis", [b - a for a, b in zip(joint["at"], joint["to"], strict=True)])
         joint.setdefault("second_axis", _nearest_axis(joint["axis"][1:] + joint["axis"][:1]))
@@ -187,13 +187,13 @@ def _kind(joint: Table, choice: int) -> None:
     joint["kind"] = _SIMPLE_KINDS[choice]
 
 
-def _sides(joint: Table, choice: int) -> None:
+def _sides(joint: TomlTable, choice: int) -> None:
     """From the ground outwards."""
     if choice == 0 and joint["successor"] == GROUND:
         joint["predecessor"], joint["successor"] = joint["successor"], joint["predecessor"]
 
 
-def _axes(joint: Table, choice: int) -> None:
+def _axes(joint: TomlTable, choice: int) -> None:
     """Those of the world; coordinate axes; one decimal."""
     if joint["kind"] == "rod" or "axis" not in joint:
         joint.pop("second_axis", None)
@@ -210,30 +210,30 @@ def _axes(joint: Table, choice: int) -> None:
         joint["axis"], joint["second_axis"] = _vector(joint["axis"], 2), _vector(joint["second_axis"], 2)
 
 
-def _places(entry: Table, choice: int) -> None:
+def _places(entry: TomlTable, choice: int) -> None:
     for field in ("at", "to"):
         if field in entry:
             entry[field] = _vector(entry[field], choice)
 
 
-def _gravity(table: Table, choice: int) -> None:
+def _gravity(table: TomlTable, choice: int) -> None:
     table["gravity"] = ([0.0, 0.0, 0.0], [0.0, 0.0, -10.0], _vector(table["gravity"], 1))[choice]
 
 
 def _guess(name: str) -> Knob:
-    def knob(table: Table, choice: int) -> None:
+    def knob(table: TomlTable, choice: int) -> None:
         guess = table["initial"]["bodies"][name]
         table["initial"]["bodies"][name] = {field: _vector(v, choice) for field, v in guess.items()}
 
     return knob
 
 
-def _axes_of_body(body: Table, choice: int) -> None:
+def _axes_of_body(body: TomlTable, choice: int) -> None:
     if choice == 0:
         body.pop("orientation", None)
 
 
-def _inertia(body: Table, choice: int) -> None:
+def _inertia(body: TomlTable, choice: int) -> None:
     """That of a ball; principal axes along those of the body; two digits."""
     I = body["inertia"]
     if choice == 0:
@@ -244,19 +244,19 @@ def _inertia(body: Table, choice: int) -> None:
         body["inertia"] = {name: float(f"{value:.1e}") for name, value in I.items()}
 
 
-def _com(body: Table, choice: int) -> None:
+def _com(body: TomlTable, choice: int) -> None:
     body["com"] = _vector(body["com"], choice)
 
 
-def _mass(body: Table, choice: int) -> None:
+def _mass(body: TomlTable, choice: int) -> None:
     body["mass"] = _number(body["mass"], choice)
 
 
-def _at(body: Table, choice: int) -> None:
+def _at(body: TomlTable, choice: int) -> None:
     body["at"] = _vector(body["at"], choice)
 
 
-def _element(entry: Table, choice: int) -> None:
+def _element(entry: TomlTable, choice: int) -> None:
     _places(entry, choice)
     for field in _NUMBERS:
         if field in entry:

@@ -18,7 +18,8 @@ from typing import Any
 from consilience.audit.fuzz.population import read_text
 from consilience.audit.fuzz.reductions import AS_IS, knobs, parts, simplified, without
 from consilience.audit.random_mechanisms import GAP, rank_of
-from consilience.case.file.writer import Table, table_text
+from consilience.case.file.values import TomlTable
+from consilience.case.file.writer import table_text
 from consilience.errors import ConsilienceError, InvalidInput
 from consilience.mechanism import RANK_TOLERANCE, Mechanism
 
@@ -127,7 +128,7 @@ class Shrinker:
     def _over(self) -> bool:
         return time.monotonic() > self._end
 
-    def _read(self) -> tuple[Table, Mechanism]:
+    def _read(self) -> tuple[TomlTable, Mechanism]:
         return tomllib.loads(self.text), read_text(self.text, "shrunk").mechanism
 
     def _asked(self, text: str) -> bool:
@@ -149,7 +150,7 @@ class Shrinker:
         except ConsilienceError:
             return False
 
-    def _minimise(self, count: int, most: int, build: Callable[[Sequence[int]], Table]) -> None:
+    def _minimise(self, count: int, most: int, build: Callable[[Sequence[int]], TomlTable]) -> None:
         """Let Hypothesis find the least choices, of 0 to `most` each, that show it still."""
         from hypothesis import HealthCheck, Phase, Verbosity, given, settings  # noqa: PLC0415 - an extra
         from hypothesis import strategies as st  # noqa: PLC0415

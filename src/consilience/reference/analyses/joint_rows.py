@@ -25,7 +25,8 @@ from consilience.mechanism import (
     relative_motion,
     row_gamma,
 )
-from consilience.mechanism.assembly import held_rows, scatter
+from consilience.mechanism.assembly import held_rows
+from consilience.mechanism.joint_rows import scatter
 
 JointCoordinate = tuple[Joint, str]
 

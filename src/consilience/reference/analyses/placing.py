@@ -28,14 +28,14 @@ from consilience.mechanism import (
 from consilience.mechanism.assembly import (
     CONVERGED,
     MAX_ITERATIONS,
-    Held,
+    HeldCoordinates,
     held_error,
     held_rows,
     largest_residual,
     refuse_flipped,
     row_names,
-    scatter,
 )
+from consilience.mechanism.joint_rows import scatter
 from consilience.reference.analyses.joint_rows import JointCoordinate
 
 CoordinateValues = Mapping[JointCoordinate, Array]
@@ -78,7 +78,7 @@ def place(mechanism: Mechanism, guess: State, held: CoordinateValues, near: Coor
     CannotAssemble
         With the constraint that stays violated.
     """
-    wanted: Held = [(joint, coordinate, value) for (joint, coordinate), value in held.items()]
+    wanted: HeldCoordinates = [(joint, coordinate, value) for (joint, coordinate), value in held.items()]
     if not mechanism.couplings:
         return assemble_positions(mechanism, guess, wanted)
     state, error = guess, np.inf
