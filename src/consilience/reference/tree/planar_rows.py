@@ -19,7 +19,7 @@ from consilience.reference.kernel.compiled import fused, inner, kernel
 from consilience.reference.kernel.functions import Functions
 from consilience.reference.tree import plane as col
 from consilience.reference.tree.loop_groups import TOUCHED
-from consilience.reference.tree.planar import Pair, Triple, load_pair, load_triple, planar_power, rotate_pair
+from consilience.reference.tree.planar import Pair, PlanarVector, load_pair, load_triple, planar_power, rotate_pair
 from consilience.reference.tree.plane import PlanarArrays
 
 
@@ -31,8 +31,8 @@ class PlanarRow(NamedTuple):
     gamma: float
     i: int
     j: int
-    on_i: Triple
-    on_j: Triple
+    on_i: PlanarVector
+    on_j: PlanarVector
 
 
 @fused
@@ -101,13 +101,13 @@ def evaluate_row(row_table: Array, n: int, link: Array, z: Array) -> PlanarRow:
 
 
 @fused
-def _store_wrench(W: Array, row: int, at: int, a: Triple) -> None:
+def _store_wrench(W: Array, row: int, at: int, a: PlanarVector) -> None:
     """Store a wrench of a row."""
     W[row, at, 0], W[row, at, 1], W[row, at, 2] = a
 
 
 @inner
-def _add_wrench(touched: Array, W: Array, row: int, link: int, factor: float, wrench: Triple) -> None:
+def _add_wrench(touched: Array, W: Array, row: int, link: int, factor: float, wrench: PlanarVector) -> None:
     """Add a wrench on a link, which both coordinates of a coupling may act on."""
     for at in range(TOUCHED):
         if link >= 0 and touched[row, at] == link:
@@ -248,7 +248,7 @@ def largest_planar_row(touched: Array, W: Array, link: Array) -> float:
 
 
 @fused
-def _add_to_bias(link: Array, k: int, factor: float, wrench: Triple) -> None:
+def _add_to_bias(link: Array, k: int, factor: float, wrench: PlanarVector) -> None:
     """Add a wrench to the bias of a link that is not the ground."""
     if k >= 0:
         for r in range(3):
@@ -286,7 +286,7 @@ def _load(force_table: Array, n: int, link: Array, factor: float) -> None:
 
 
 @inner
-def _joint_force(kind: float, law: Triple, q: PlanarRow, given: Triple, integral: float) -> float:
+def _joint_force(kind: float, law: PlanarVector, q: PlanarRow, given: PlanarVector, integral: float) -> float:
     """Return the force of a spring, of friction or of a controller in a joint coordinate.
 
     `given` holds value and rate of the element's function of time.
