@@ -81,9 +81,11 @@ class Table:
         from scipy.interpolate import make_interp_spline  # noqa: PLC0415 - a worker has no SciPy
 
         spline = make_interp_spline(self.x, self.y, _DEGREE, bc_type="periodic" if self.periodic else None)
-        left = self.x[:-1]
-        terms = [spline(left, k) / factorial(k) for k in range(1, _DEGREE + 1)]
-        return np.column_stack([left, self.x[1:], self.y[:-1], *terms])
+        left, right = self.x[:-1], self.x[1:]
+        terms = [spline(left, k) / factorial(k) for k in range(1, _DEGREE)]
+        # constant in a piece, with jumps at the points: taken in the middle, whatever the rounding of a period
+        terms.append(spline((left + right) / 2, _DEGREE) / factorial(_DEGREE))
+        return np.column_stack([left, right, self.y[:-1], *terms])
 
     @cached_property
     def _rows(self) -> tuple[list[float], list[list[float]]]:
