@@ -11,7 +11,7 @@ from consilience.errors import InvalidInput
 from consilience.mechanism import GROUND, Mechanism, rotation_angle_between, rotation_from_quaternion
 from consilience.mechanism.observables import mass_matrix_condition
 from consilience.reference import ForwardDynamics
-from consilience.reference.bodies.workspace import workspace
+from consilience.reference.bodies.arrays import workspace
 from consilience.reference.tree.arrays import flatten_relative, tree_system
 from mechanisms import ELEMENTS, GRAVITY, LOOPS, TREES, chain, drawn_joint, lumpy_body, rotation, states_of
 

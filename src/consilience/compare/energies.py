@@ -1,4 +1,4 @@
-"""Energies along a motion, all samples at once: those of `observe`, in arrays."""
+"""Kinetic and potential energy along a motion, for all samples at once."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from consilience.mechanism import GROUND, Array, Mechanism, State, joint_spring_
 
 
 class _Samples:
-    """Poses and velocities of all bodies at some samples of a motion."""
+    """Poses and velocities of all bodies at selected samples of a motion."""
 
     def __init__(self, mechanism: Mechanism, answer: TrajectoryAnswer, samples: Sequence[int]) -> None:
         kept = list(samples)
@@ -22,14 +22,14 @@ class _Samples:
         self.R = rotation_from_quaternion(self.quat)
 
     def point(self, body: str, point: Array) -> Array:
-        """World position of a point given in body axes, shape (n_t, 3)."""
+        """Return the world positions of a body-fixed point, shape (n_t, 3)."""
         if body == GROUND:
             return np.broadcast_to(point, (len(self.p), 3))
         b = self.mechanism.body_index[body]
         return np.asarray(self.p[:, b] + self.R[:, b] @ point)
 
     def state(self, n: int) -> State:
-        """One of them."""
+        """Return the state at a sample."""
         return State(self.p[n], self.quat[n], self.v[n], self.w[n])
 
 
@@ -62,9 +62,9 @@ def _of_loads(s: _Samples) -> Array:
 
 
 def energies_over_time(mechanism: Mechanism, answer: TrajectoryAnswer, samples: Sequence[int]) -> tuple[Array, Array]:
-    """Kinetic energy, and potential energy of gravity, springs and constant forces, each shape (n_samples,), J.
+    """Return kinetic energy, and potential energy of gravity, springs and constant forces, shape (n_samples,), J.
 
-    Angles of joint springs are in (-pi, pi].
+    Angles of joint springs lie in (-pi, pi].
     """
     s = _Samples(mechanism, answer, samples)
     masses = np.array([b.mass for b in mechanism.bodies])

@@ -34,8 +34,8 @@ from consilience.mechanism.spatial import (
     rotation_vector_from_quaternion,
 )
 
-_MAX_ITERATIONS = 30
-_CONVERGED = 1e-13
+MAX_ITERATIONS = 30
+CONVERGED = 1e-13
 _MOST_FAILED = 50
 """Random steps in a row that may fail before the search for states ends; no shipped case fails one."""
 
@@ -93,7 +93,7 @@ def _check_coordinate(joint: Joint, coordinate: str) -> None:
         )
 
 
-def _held_rows(mechanism: Mechanism, state: State, joint: Joint, coordinate: str) -> Array:
+def held_rows(mechanism: Mechanism, state: State, joint: Joint, coordinate: str) -> Array:
     """Rows (n, 12) that give the rate of a joint coordinate from the velocities of the two bodies."""
     f = joint_frames(mechanism, state, joint)
     if coordinate in _SCALARS:
@@ -105,7 +105,7 @@ def _held_rows(mechanism: Mechanism, state: State, joint: Joint, coordinate: str
     return np.hstack([zero, -axes, zero, axes])
 
 
-def _held_error(mechanism: Mechanism, state: State, joint: Joint, coordinate: str, target: ArrayLike) -> Array:
+def held_error(mechanism: Mechanism, state: State, joint: Joint, coordinate: str, target: ArrayLike) -> Array:
     """Actual minus asked value of a joint coordinate; angles modulo a turn, orientations as rotation vectors."""
     motion = relative_motion(mechanism, state, joint)
     value = joint_coordinates(joint, motion)[coordinate]
@@ -118,7 +118,8 @@ def _held_error(mechanism: Mechanism, state: State, joint: Joint, coordinate: st
     return error
 
 
-def _scatter(mechanism: Mechanism, joint: Joint, rows: Array) -> Array:
+def scatter(mechanism: Mechanism, joint: Joint, rows: Array) -> Array:
+    """Place the columns (n, 12) of a joint's two bodies among those of all bodies, shape (n, 6 n_b)."""
     Q = np.zeros((len(rows), 6 * len(mechanism.bodies)))
     for body, columns in ((joint.predecessor, rows[:, :6]), (joint.successor, rows[:, 6:])):
         if body != GROUND:
@@ -130,7 +131,8 @@ def _scatter(mechanism: Mechanism, joint: Joint, rows: Array) -> Array:
 Held = list[tuple[Joint, str, ArrayLike]]
 
 
-def _held(mechanism: Mechanism, values: Mapping[str, Mapping[str, ArrayLike]], field_name: str) -> Held:
+def held_coordinates(mechanism: Mechanism, values: Mapping[str, Mapping[str, ArrayLike]], field_name: str) -> Held:
+    """List the joint coordinates that `values` names; refuse unknown joints and coordinates."""
     held: Held = []
     for name, by_coordinate in values.items():
         joint = _joint(mechanism, name, field_name)
@@ -140,7 +142,8 @@ def _held(mechanism: Mechanism, values: Mapping[str, Mapping[str, ArrayLike]], f
     return held
 
 
-def _row_names(mechanism: Mechanism, held: Held, velocities: bool) -> list[str]:
+def row_names(mechanism: Mechanism, held: Held, velocities: bool) -> list[str]:
+    """Name the constraint rows and the held coordinates in the order of the linear system."""
     names = [f"joint '{j.name}', constraint {row}" for j in mechanism.joints for row in j.rows]
     names += [f"drive '{d.name}'" for d in mechanism.drives] + [f"coupling '{c.name}'" for c in mechanism.couplings]
     names += [f"rolling '{r.name}', contact" for r in mechanism.rollings]
@@ -153,12 +156,13 @@ def _row_names(mechanism: Mechanism, held: Held, velocities: bool) -> list[str]:
     return names
 
 
-def _system(mechanism: Mechanism, state: State, held: Held, t: float) -> tuple[Array, Array]:
+def linear_system(mechanism: Mechanism, state: State, held: Held, t: float) -> tuple[Array, Array]:
+    """Return the residual and the Jacobian of all holonomic rows and held coordinates at the time t."""
     residuals = [constraint_residual(mechanism, state, t)]
     jacobians = [constraint_jacobian(mechanism, state, t=t)[: mechanism.holonomic_count]]
     for joint, coordinate, target in held:
-        residuals.append(_held_error(mechanism, state, joint, coordinate, target))
-        jacobians.append(_scatter(mechanism, joint, _held_rows(mechanism, state, joint, coordinate)))
+        residuals.append(held_error(mechanism, state, joint, coordinate, target))
+        jacobians.append(scatter(mechanism, joint, held_rows(mechanism, state, joint, coordinate)))
     return np.concatenate(residuals), np.vstack(jacobians)
 
 
@@ -174,36 +178,37 @@ def assemble_positions(mechanism: Mechanism, guess: State, held: Held | None = N
     """
     held = held or []
     state = guess
-    residual, jacobian = _system(mechanism, state, held, t)
-    error = _largest(residual)
-    for _ in range(_MAX_ITERATIONS):
+    residual, jacobian = linear_system(mechanism, state, held, t)
+    error = largest_residual(residual)
+    for _ in range(MAX_ITERATIONS):
         if error == 0.0:
             break
         step = np.linalg.lstsq(jacobian, -residual, rcond=RANK_TOLERANCE)[0]
         # a step of more than a radian or so leaves the region in which the linear model means anything
-        step *= min(1.0, 1.0 / max(_largest(step), 1e-300))
+        step *= min(1.0, 1.0 / max(largest_residual(step), 1e-300))
         trial = move(state, step)
-        trial_residual, trial_jacobian = _system(mechanism, trial, held, t)
-        if error < _CONVERGED and _largest(trial_residual) >= error:
+        trial_residual, trial_jacobian = linear_system(mechanism, trial, held, t)
+        if error < CONVERGED and largest_residual(trial_residual) >= error:
             break
-        state, residual, jacobian, error = trial, trial_residual, trial_jacobian, _largest(trial_residual)
-    if error > _CONVERGED * max(1.0, _largest(state.p_WB)):
+        state, residual, jacobian, error = trial, trial_residual, trial_jacobian, largest_residual(trial_residual)
+    if error > CONVERGED * max(1.0, largest_residual(state.p_WB)):
         worst = int(np.argmax(np.abs(residual)))
         raise CannotAssemble(
-            f"mechanism '{mechanism.name}': {_row_names(mechanism, held, velocities=False)[worst]}",
-            f"it stays violated by {abs(residual[worst]):.3g} after {_MAX_ITERATIONS} iterations",
+            f"mechanism '{mechanism.name}': {row_names(mechanism, held, velocities=False)[worst]}",
+            f"it stays violated by {abs(residual[worst]):.3g} after {MAX_ITERATIONS} iterations",
             "Draw the mechanism closer to an assembled pose, or hold fewer or other joint coordinates.",
         )
-    _refuse_flipped(mechanism, state)
+    refuse_flipped(mechanism, state)
     return state
 
 
-def _largest(values: Array) -> float:
+def largest_residual(values: Array) -> float:
+    """Return the largest magnitude; zero of no values."""
     return float(np.max(np.abs(values), initial=0.0))
 
 
-def _refuse_flipped(mechanism: Mechanism, state: State) -> None:
-    """``D_kl = 0`` also holds for the flipped frame, which is another mechanism."""
+def refuse_flipped(mechanism: Mechanism, state: State) -> None:
+    """Refuse joints assembled with frame M flipped: ``D_kl = 0`` holds there, too, but it is another mechanism."""
     for joint in mechanism.joints:
         f = joint_frames(mechanism, state, joint)
         flipped = "D13" in joint.rows and f.U[:, 2] @ f.W[:, 2] < 0
@@ -230,17 +235,17 @@ def assemble_velocities(mechanism: Mechanism, state: State, held: Held | None = 
     jacobian = [constraint_jacobian(mechanism, state, t=t)]
     target = [constraint_rates(mechanism, t)]
     for joint, coordinate, value in held:
-        jacobian.append(_scatter(mechanism, joint, _held_rows(mechanism, state, joint, coordinate)))
+        jacobian.append(scatter(mechanism, joint, held_rows(mechanism, state, joint, coordinate)))
         target.append(np.atleast_1d(np.asarray(value, dtype=float)))
     Q, asked = np.vstack(jacobian), np.concatenate(target)
     v = np.hstack([state.v_WB_W, state.w_WB_W]).ravel()
     for _ in range(2):  # the second pass removes the rounding of the first
         v = v + np.linalg.lstsq(Q, asked - Q @ v, rcond=RANK_TOLERANCE)[0]
     error = Q @ v - asked
-    if _largest(error) > 1e-10 * max(1.0, _largest(v)):
+    if largest_residual(error) > 1e-10 * max(1.0, largest_residual(v)):
         worst = int(np.argmax(np.abs(error)))
         raise CannotAssemble(
-            f"mechanism '{mechanism.name}': {_row_names(mechanism, held, velocities=True)[worst]}",
+            f"mechanism '{mechanism.name}': {row_names(mechanism, held, velocities=True)[worst]}",
             f"its rate stays wrong by {abs(error[worst]):.3g}: the held rates contradict the joints",
             "Hold no more rates than the mechanism has degrees of freedom.",
         )
@@ -255,8 +260,8 @@ def initial_state(mechanism: Mechanism, initial: Initial | None = None, t: float
         if name not in mechanism.body_index or name == GROUND:
             known = ", ".join(b.name for b in mechanism.bodies)
             raise InvalidInput("initial.bodies", f"there is no body '{name}'", f"Bodies are: {known}.")
-    coordinates = _held(mechanism, initial.coordinates, "joints")
-    rates = _held(mechanism, initial.rates, "rates")
+    coordinates = held_coordinates(mechanism, initial.coordinates, "joints")
+    rates = held_coordinates(mechanism, initial.rates, "rates")
     placed = assemble_positions(mechanism, drawing_state(mechanism, initial.poses), coordinates, t)
     v, w = np.zeros_like(placed.v_WB_W), np.zeros_like(placed.w_WB_W)
     for name, (v_body, w_body) in initial.velocities.items():
@@ -285,7 +290,7 @@ def random_states(mechanism: Mechanism, start: State, count: int, seed: int, spe
             )
         basis = free_directions(mechanism, state, holonomic=True)
         step = basis @ rng.normal(size=basis.shape[1])
-        step *= 0.25 / max(_largest(step), 1e-300)
+        step *= 0.25 / max(largest_residual(step), 1e-300)
         try:
             state = assemble_positions(mechanism, move(state, step))
         except CannotAssemble:

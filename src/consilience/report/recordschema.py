@@ -10,7 +10,17 @@ from collections.abc import Iterator, Sequence
 from datetime import datetime
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    PlainValidator,
+    TypeAdapter,
+    ValidationError,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError
 
 from consilience.compare import Verdict
 from consilience.engine import Profile, Question, Route, Status
@@ -29,9 +39,19 @@ def _moment(text: str) -> str:
     return text
 
 
+def _question(name: str) -> Question:
+    try:
+        return Question(name)
+    except ValueError:
+        *names, last = (repr(str(question)) for question in Question)
+        expected = f"{', '.join(names)} or {last}"
+        raise PydanticCustomError("enum", "Input should be {expected}", {"expected": expected}) from None
+
+
+QuestionField = Annotated[Question, PlainValidator(_question)]
+
 # words of the format: JSON has them as strings, which is what members of these enumerations are
 _WORD = Field(strict=False)
-Asked = Annotated[Question, _WORD]
 Judged = Annotated[Verdict, _WORD]
 Way = Annotated[Route, _WORD]
 Whose = Annotated[Profile, _WORD]
@@ -71,7 +91,7 @@ class Header(_Table):
     packages: dict[Short, Short]
     engines: dict[Short, EngineTable]
     missing: dict[Short, Text]
-    questions: list[Asked]
+    questions: list[QuestionField]
     quick: bool | None = None
     """Whether the headlines alone were asked, briefly; earlier records do not tell."""
 
@@ -133,7 +153,7 @@ class RunLine(_Table):
     record: Literal["run"]
     case: Short
     engine: Short
-    question: Asked
+    question: QuestionField
     method: MethodTable | None
     level: Count
     step: Number | None
@@ -197,7 +217,7 @@ class ComparisonLine(_Table):
     record: Literal["comparison"]
     case: Short
     engine: Short
-    question: Asked
+    question: QuestionField
     method: Short
     route: Way | None
     verdict: Judged

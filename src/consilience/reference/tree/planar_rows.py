@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from consilience.mechanism import Array
+from consilience.reference.bodies.forces import friction_effort
 from consilience.reference.bodies.joint_rows import full_turns
 from consilience.reference.kernel import functions
 from consilience.reference.kernel.compiled import fused, inner, kernel
@@ -293,7 +294,7 @@ def _joint_force(kind: float, law: PlanarVector, q: PlanarRow, given: PlanarVect
     if kind == col.JOINT_SPRING:
         return given[0] - law[0] * (q.value - law[2]) - law[1] * q.rate
     if kind == col.FRICTION:
-        return -law[0] * q.rate - law[1] * np.tanh(q.rate / law[2])
+        return friction_effort(law, q.rate)
     return law[0] * (given[0] - q.value) + law[1] * integral + law[2] * (given[1] - q.rate)
 
 

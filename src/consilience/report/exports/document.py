@@ -6,7 +6,8 @@ field that changes its meaning makes another `FORMAT`; new fields do not.
 
 from __future__ import annotations
 
-from typing import Any, TypeVar
+from enum import StrEnum
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -18,6 +19,13 @@ from consilience.report.selection import judged_largest, levels_of
 
 FORMAT = 1
 SCHEMA_ID = "urn:consilience:schema:results:1"
+
+
+if TYPE_CHECKING:
+    _QuestionName = Question
+else:
+    _QuestionName = StrEnum("Question", {name.upper(): str(name) for name in Question})
+    _QuestionName.__doc__ = "What can be asked of an engine."
 
 
 class _Table(BaseModel):
@@ -76,7 +84,7 @@ class ComparisonTable(_Table):
 
     case: str
     engine: str
-    question: Question
+    question: _QuestionName
     method: str
     route: str | None = Field(description="How much of the answer is the engine's own; null without a method.")
     profile: Profile = Field(description="Only `matched` decides the exit code.")
@@ -106,7 +114,7 @@ class Document(_Table):
     platform: str
     python: str
     packages: dict[str, str]
-    questions: list[Question]
+    questions: list[_QuestionName]
     exit_code: int = Field(description="0 agree, 1 some differ in the model, 3 incomplete.")
     engines: dict[str, EngineTable]
     missing: dict[str, str] = Field(description="Engines that did not start, and why.")
