@@ -33,9 +33,9 @@ def defined(tree):
 
 
 def is_name_of_a_type(name):
-    """Whether a name is in capitals as those of classes are; one of a constant is in capitals throughout."""
+    """Whether a name is in capitals as those of classes are; constants and type variables are in capitals alone."""
     word = name.lstrip("_")
-    return word[:1].isupper() and (word != word.upper() or len(word) == 1)
+    return word[:1].isupper() and word != word.upper()
 
 
 def homes():
@@ -58,6 +58,12 @@ def test_no_private_class_has_the_name_of_a_core_noun():
 
 
 def test_classes_and_aliases_are_seen():
-    kept = ("class A: ...", "B = dict[str, A]", "C = A | None", "E = TypeVar('E')", "_G: TypeAlias = tuple[A, ...]")
-    other = ("D = {}", "FULL = A | B", "H = x[0]", "K = A(1)")
-    assert list(defined(ast.parse("\n".join((*kept, *other))))) == ["A", "B", "C", "E", "_G"]
+    kept = (
+        "class Aa: ...",
+        "Bb = dict[str, Aa]",
+        "Cc = Aa | None",
+        "Ee = TypeVar('Ee')",
+        "_Gg: Alias = tuple[Aa, ...]",
+    )
+    other = ("Dd = {}", "FULL = Aa | Bb", "Hh = x[0]", "Kk = Aa(1)", "T = TypeVar('T')")
+    assert list(defined(ast.parse("\n".join((*kept, *other))))) == ["Aa", "Bb", "Cc", "Ee", "_Gg"]

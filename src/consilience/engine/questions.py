@@ -31,14 +31,14 @@ ANSWERS: dict[str, type] = {}
 """Classes of answers by their names."""
 
 
-class _Table(type):
+class _QuestionTable(type):
     """Iterate over the rows of a class, in the order in which the questions are asked and judged."""
 
     def __iter__(cls) -> Iterator[Question]:
         return iter(tuple(_ROWS.values()))
 
 
-class Question(str, metaclass=_Table):
+class Question(str, metaclass=_QuestionTable):
     """A question to engines: its name, with its row of the table.
 
     ``Question("instant")`` is the row of that name, ``Question.add`` adds a row, and iteration over the class gives all
