@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import lu_factor, lu_solve
 
 from consilience.mechanism import Array
-from consilience.reference.tree.radau13 import DIFFERENCE, MOST_ITERATIONS, SAFETY, SETTLED, SLOWEST
+from consilience.reference.tree.radau13 import DIFFERENCE_STEP, MOST_ITERATIONS, NEWTON_TOLERANCE, SAFETY, SLOWEST_RATE
 from consilience.reference.tree.radau_coefficients import ESTIMATE, IN, LAMBDA, OUT, STAGES, A, C
 
 Derivative = Callable[[float, Array], Array]
@@ -19,7 +19,7 @@ def _jacobian(derivative: Derivative, t: float, y: Array, f: Array, size: Array)
     columns = []
     for n in range(len(y)):
         moved = y.copy()
-        moved[n] += DIFFERENCE * size[n]
+        moved[n] += DIFFERENCE_STEP * size[n]
         columns.append((derivative(t, moved) - f) / (moved[n] - y[n]))
     return np.array(columns).T
 
@@ -40,7 +40,7 @@ def _step(
         if not change < np.inf:
             return Z, np.inf, 1.0
         rate, last = change / last, change
-        if change * max(rate, SLOWEST) <= SETTLED * tolerance or (rate > 0.5 and change <= tolerance):
+        if change * max(rate, SLOWEST_RATE) <= NEWTON_TOLERANCE * tolerance or (rate > 0.5 and change <= tolerance):
             scaled = lu_solve(systems[0], f + ESTIMATE @ Z / h, check_finite=False).real / size
             return Z, float(np.sqrt(scaled @ scaled / len(y))) / tolerance, rate
         if not change * rate**left <= tolerance:
@@ -71,7 +71,7 @@ def radau13(derivative: Derivative, y: Array, times: Array, tolerance: float) ->
             guess = np.vander(x, STAGES + 1, increasing=True) @ powers - powers.sum(axis=0)
             Z, error, rate = _step(derivative, t, step, y, f, J, guess, size, tolerance)
             by_error = min(6.0, SAFETY * max(error, 1e-16) ** -0.125) if error < np.inf else 0.5
-            factor = max(0.2, min(most, by_error, SLOWEST / max(rate, 1e-16)))
+            factor = max(0.2, min(most, by_error, SLOWEST_RATE / max(rate, 1e-16)))
             if not error <= 1.0:
                 h, most = step * factor, 1.0
                 continue

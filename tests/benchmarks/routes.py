@@ -16,7 +16,7 @@ from consilience.case import Case
 from consilience.errors import ConsilienceError
 from consilience.mechanism import Array
 from consilience.reference import simulate
-from consilience.reference.integrators import tsitouras
+from consilience.reference.integrators.tsitouras import TSITOURAS
 
 SPAN, INTERVALS = 5.0, 5
 """Length of a motion in s, and between how many samples: few, so that taking them costs no one anything."""
@@ -131,7 +131,7 @@ def dop853(derivative: Callable[[float, Array], Array], y: Array, times: Array, 
 Integrator = Callable[[Callable[[float, Array], Array], Array, Array, float], Array]
 """Of a derivative, an initial y, times and a tolerance: y at these."""
 
-_A, _B, _E, _C = tsitouras.A, tsitouras.B, tsitouras.E, tsitouras.C.tolist()
+_A, _B, _E, _C = TSITOURAS.A, TSITOURAS.b, TSITOURAS.E[0], TSITOURAS.c.tolist()
 
 
 def tp86(derivative: Callable[[float, Array], Array], y: Array, times: Array, tolerance: float) -> Array:

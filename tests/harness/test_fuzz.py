@@ -95,7 +95,8 @@ def test_the_extremes_are_extreme(specimens):
 
 @pytest.fixture(scope="module")
 def case():
-    return specimen(8).case
+    """A mechanism whose torques weigh as much as its forces: an error in either is far above its bar."""
+    return specimen(33).case
 
 
 @pytest.fixture(scope="module")

@@ -258,7 +258,9 @@ ANSWER = InstantAnswer(
     *(RNG.normal(size=(2, 2, 3)) for _ in range(4)), kinetic=np.array([2.0, 5.0]), potential=np.array([-3.0, 4.0])
 )
 KNOWN = np.ones((2, 2, 6), dtype=bool)
-INSTANTS = Instants(np.array([1.0, 1.0]), KNOWN, mass=2.0, gravity=9.81, reach=1.0, spin=0.0, weights=0.0, bodies=2)
+INSTANTS = Instants(
+    np.array([1.0, 1.0]), KNOWN, mass=2.0, gravity=9.81, characteristic_length=1.0, spin=0.0, weights=0.0, bodies=2
+)
 
 
 def shifted(name, by, index=(1, 0, 2)):

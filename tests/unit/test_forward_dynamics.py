@@ -12,7 +12,7 @@ from consilience.mechanism import GROUND, Mechanism, rotation_angle_between, rot
 from consilience.mechanism.observables import mass_matrix_condition
 from consilience.reference import ForwardDynamics
 from consilience.reference.bodies.workspace import workspace
-from consilience.reference.tree.arrays import flatten_relative, system
+from consilience.reference.tree.arrays import flatten_relative, tree_system
 from mechanisms import ELEMENTS, GRAVITY, LOOPS, TREES, chain, drawn_joint, lumpy_body, rotation, states_of
 
 ALL = TREES | LOOPS | ELEMENTS
@@ -183,5 +183,5 @@ def test_the_memory_of_a_chain_is_that_of_the_number_of_its_bodies():
     for count in (20, 40):
         mechanism = chain(*["revolute"] * count)
         links, tree, model = flatten_relative(mechanism)
-        sizes.append(all_bytes([links, tree, model, system(mechanism, links, tree, model), workspace(tree.cut)]))
+        sizes.append(all_bytes([links, tree, model, tree_system(mechanism, links, tree, model), workspace(tree.cut)]))
     assert sizes[1] < 2.05 * sizes[0]

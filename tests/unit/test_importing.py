@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from consilience.case.file.reader import load_file
-from consilience.case.importing import Motion, import_model, imported_text
+from consilience.case.importing import import_model, imported_text
 from consilience.case.importing.compound import recognise
 from consilience.cli.commands.import_model import import_
+from consilience.engine.native import Motion
 from consilience.engine.native.parts import inertia_of_several
 from consilience.errors import InvalidInput
 

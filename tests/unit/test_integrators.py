@@ -11,7 +11,9 @@ from consilience.errors import InvalidInput
 from consilience.mechanism import rotation_angle_between
 from consilience.reference import formulation
 from consilience.reference.integrators.adaptive import METHODS, integrate, state_at
-from consilience.reference.integrators.tableaus import DORMAND_PRINCE, RADAU, RKF45, TSITOURAS
+from consilience.reference.integrators.coefficients import DORMAND_PRINCE
+from consilience.reference.integrators.tableaus import RADAU, RKF45
+from consilience.reference.integrators.tsitouras import TSITOURAS
 from consilience.reference.solver import NumericalFailure, simulate
 from mechanisms import LOOPS, TREES, states_of
 from oracles.simple_pendulum import swing

@@ -10,13 +10,13 @@ from consilience.mechanism.observables import mass_matrix_condition, reaction_co
 from consilience.reference import simulate
 from consilience.reference.bodies.arrays import unpack
 from consilience.reference.bodies.canonical import at_origins
-from consilience.reference.kernel.held import hold
+from consilience.reference.kernel.mechanism_record import record_of
 from consilience.reference.tree import records
-from consilience.reference.tree.arrays import BODY, PIVOT, flatten_relative, system
-from consilience.reference.tree.few_freedoms import SOUND
+from consilience.reference.tree.arrays import BODY, ELIMINATION_PIVOT, flatten_relative, tree_system
+from consilience.reference.tree.few_freedoms import REGULAR_PIVOT
 from consilience.reference.tree.formulation import close, differentiate
-from consilience.reference.tree.kinematics import orient, place, place_bodies
-from consilience.reference.tree.projection import SEEN
+from consilience.reference.tree.kinematics import fill_euler_parameters, place_bodies, place_links_and_bodies
+from consilience.reference.tree.projection import AT_SAMPLE
 from consilience.reference.tree.state import pack_relative
 from mechanisms import driven, four_bar, powered, spatial_loop, states_of
 
@@ -55,23 +55,23 @@ class InSpace:
     def __init__(self, mechanism):
         self.mechanism = mechanism
         self.links, self.tree, self.model = flatten_relative(mechanism)
-        arrays = system(mechanism, self.links, self.tree, self.model)
-        self.placed, self.rest, self.space, self.elements, _ = map(hold, arrays)
+        arrays = tree_system(mechanism, self.links, self.tree, self.model)
+        self.placed, self.closure, self.spatial, self.elements, _ = map(record_of, arrays)
 
-    def close(self, z, seen=SEEN):
+    def close(self, z, at_sample=AT_SAMPLE):
         """Settled in place; whether by elimination."""
-        self.rest.fronts.F[:] = np.nan
-        close(self.rest, self.space, self.elements, None, 0.0, z, seen)
-        return bool(np.all(np.isnan(self.rest.fronts.F)))
+        self.closure.qr.F[:] = np.nan
+        close(self.closure, self.spatial, self.elements, None, 0.0, z, at_sample)
+        return bool(np.all(np.isnan(self.closure.qr.F)))
 
     def accelerations(self, z):
         """Of the origins and angular, and whether by elimination."""
-        self.rest.fronts.F[:] = np.nan
-        differentiate(self.rest, self.space, self.elements, None, 0.0, z, np.empty_like(z))
-        eliminated = bool(np.all(np.isnan(self.rest.fronts.F)))
-        A, y, link = self.space.A, self.space.y, self.rest.link
+        self.closure.qr.F[:] = np.nan
+        differentiate(self.closure, self.spatial, self.elements, None, 0.0, z, np.empty_like(z))
+        eliminated = bool(np.all(np.isnan(self.closure.qr.F)))
+        A, y, link = self.spatial.A, self.spatial.y, self.closure.link
         place_bodies(self.links.layout, link, y, A)
-        orient(A, y)
+        fill_euler_parameters(A, y)
         a = np.empty((len(self.mechanism.bodies), 6))
         a[self.links.layout[:, BODY]] = link[:-1, records.ACCELERATION : records.ACCELERATION + 6]
         a[:, 3:] = np.einsum("bji,bj->bi", A, a[:, 3:])
@@ -79,7 +79,15 @@ class InSpace:
 
     def violation(self, z):
         """Of the constraints and of their rates, at most."""
-        place(self.links.layout, self.rest.link, self.rest.free, self.rest.speeds, z, self.space.y, self.space.A)
+        place_links_and_bodies(
+            self.links.layout,
+            self.closure.link,
+            self.closure.free,
+            self.closure.first_speed,
+            z,
+            self.spatial.y,
+            self.spatial.A,
+        )
         found = self.state()
         rates = constraint_jacobian(self.mechanism, found) @ np.hstack([found.v_WB_W, found.w_WB_W]).ravel()
         residual = constraint_residual(self.mechanism, found)
@@ -87,9 +95,9 @@ class InSpace:
 
     def state(self):
         """The canonical state of the links as they are placed."""
-        place_bodies(self.links.layout, self.rest.link, self.space.y, self.space.A)
-        orient(self.space.A, self.space.y)
-        return State(*unpack(self.mechanism, self.space.y.copy()))
+        place_bodies(self.links.layout, self.closure.link, self.spatial.y, self.spatial.A)
+        fill_euler_parameters(self.spatial.A, self.spatial.y)
+        return State(*unpack(self.mechanism, self.spatial.y.copy()))
 
 
 @pytest.mark.parametrize("name", LINKAGES)
@@ -98,13 +106,13 @@ def test_accelerations_are_those_of_the_dense_equations_and_of_the_fronts(name):
     equations = InSpace(mechanism)
     for state in states:
         z = pack_relative(equations.links, equations.tree, equations.model, state)
-        equations.rest.best[:] = 0.0
+        equations.closure.best[:] = 0.0
         assert not equations.close(z)
-        pivot = equations.rest.best[PIVOT]
+        pivot = equations.closure.best[ELIMINATION_PIVOT]
         assert pivot > 0.0
         found, eliminated = equations.accelerations(z)
         assert eliminated
-        equations.rest.best[PIVOT] = 1.01 * pivot / SOUND
+        equations.closure.best[ELIMINATION_PIVOT] = 1.01 * pivot / REGULAR_PIVOT
         other, eliminated = equations.accelerations(z)
         assert not eliminated
         a, alpha, _, _ = truth.solve(mechanism, state)
@@ -124,11 +132,13 @@ def test_what_a_step_leaves_open_is_closed_by_elimination(name, size):
     equations, rng = InSpace(mechanism), np.random.default_rng(2)
     z = pack_relative(equations.links, equations.tree, equations.model, states[-1])
     assert not equations.close(z)
-    pivot = equations.rest.best[PIVOT]
+    pivot = equations.closure.best[ELIMINATION_PIVOT]
     closed = z.copy()
     for _ in range(3):
         z[:] = closed + size * rng.normal(size=len(z))
-        equations.rest.best[PIVOT] = 1.01 * pivot  # not larger than it has been: the fronts would note that
+        equations.closure.best[ELIMINATION_PIVOT] = (
+            1.01 * pivot
+        )  # not larger than it has been: the fronts would note that
         assert equations.close(z)
         found = equations.state()
         rates = constraint_jacobian(mechanism, found) @ np.hstack([found.v_WB_W, found.w_WB_W]).ravel()
@@ -142,11 +152,11 @@ def test_what_nobody_sees_is_open_in_speeds_alone_and_by_the_size_of_its_correct
     equations, rng = InSpace(mechanism), np.random.default_rng(3)
     z = pack_relative(equations.links, equations.tree, equations.model, states[-1])
     assert not equations.close(z)
-    pivot, closed, left = equations.rest.best[PIVOT], z.copy(), []
+    pivot, closed, left = equations.closure.best[ELIMINATION_PIVOT], z.copy(), []
     for size in (1e-12, 1e-10):
         z[:] = closed + size * rng.normal(size=len(z))
-        equations.rest.best[PIVOT] = 1.01 * pivot
-        assert equations.close(z, ~SEEN)
+        equations.closure.best[ELIMINATION_PIVOT] = 1.01 * pivot
+        assert equations.close(z, ~AT_SAMPLE)
         position, rate = equations.violation(z)
         assert position < 1e-13
         assert rate < 1e-12 + 100.0 * size * np.max(np.abs(z))
@@ -167,7 +177,7 @@ def test_rows_that_depend_on_others_or_hold_no_positions_are_left_to_the_fronts(
         z = pack_relative(equations.links, equations.tree, equations.model, state)
         for _ in range(2):
             equations.close(z)
-            assert equations.rest.best[PIVOT] == 0.0
+            assert equations.closure.best[ELIMINATION_PIVOT] == 0.0
 
 
 @pytest.mark.parametrize(

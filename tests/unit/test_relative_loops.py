@@ -26,9 +26,9 @@ from consilience.mechanism import (
 from consilience.mechanism.observables import mass_matrix_condition
 from consilience.reference import NumericalFailure, formulation, simulate
 from consilience.reference.tree.arrays import flatten_relative
-from consilience.reference.tree.explicit_rk import END, _polynomial, between
-from consilience.reference.tree.loop_groups import BATCH, BATCH_END, HEIGHT, REACH, ROW, ROW_END
-from consilience.reference.tree.methods import METHODS
+from consilience.reference.tree.explicit_rk import END, _polynomial, dense_output
+from consilience.reference.tree.loop_groups import FRONT_ROWS, LAST_REACHED, OWN, OWN_END, ROW, ROW_END
+from consilience.reference.tree.methods import PAIRS
 
 MANY_LOOPS = (
     "windows:count=6",
@@ -62,9 +62,9 @@ def test_work_on_loops_in_a_row_grows_with_their_number():
     for count in (20, 40, 80):
         group = loops_of(f"windows:count={count}").group
         rows = group[:, ROW_END] - group[:, ROW]
-        columns = np.array([rows[g : reach + 1].sum() for g, reach in enumerate(group[:, REACH])])
-        entries.append(np.sum(group[:, HEIGHT] * columns))
-        touched.append(np.sum(group[:, HEIGHT] * columns * rows))
+        columns = np.array([rows[g : reach + 1].sum() for g, reach in enumerate(group[:, LAST_REACHED])])
+        entries.append(np.sum(group[:, FRONT_ROWS] * columns))
+        touched.append(np.sum(group[:, FRONT_ROWS] * columns * rows))
     for work in (entries, touched):
         growth = np.diff(np.log2(work))
         assert np.all(growth < 1.1), growth
@@ -77,16 +77,16 @@ def test_every_direction_and_every_row_has_one_place(name):
     rows = sorted(n for row in loops.group for n in range(row[ROW], row[ROW_END]))
     assert rows == list(range(len(loops.touched)))
     for g, row in enumerate(loops.group):
-        for place, n in enumerate(loops.batch[row[BATCH] : row[BATCH_END]]):
-            assert tuple(loops.home[n]) == (g, place)
-    assert len(loops.batch) == len(set(loops.batch.tolist()))
-    assert np.all(np.diff(loops.group[:, REACH]) >= 0)
+        for place, n in enumerate(loops.own_directions[row[OWN] : row[OWN_END]]):
+            assert tuple(loops.owner[n]) == (g, place)
+    assert len(loops.own_directions) == len(set(loops.own_directions.tolist()))
+    assert np.all(np.diff(loops.group[:, LAST_REACHED]) >= 0)
 
 
 @pytest.mark.parametrize(("degree", "exact"), [(1, True), (4, True), (7, True), (8, False)])
 @pytest.mark.parametrize(("name", "rounding"), [("dop853", 1e-15), ("tp86", 2e-15)])  # weights to 528 and 830
 def test_dense_output_is_exact_for_motions_up_to_degree_seven(name, rounding, degree, exact):
-    h, x, method = 0.7, np.linspace(0.0, 1.0, 9), METHODS[name]
+    h, x, method = 0.7, np.linspace(0.0, 1.0, 9), PAIRS[name]
     at = h * method.nodes
     K = (degree * at ** (degree - 1))[:, None]
     assert at[END] == h
@@ -94,7 +94,7 @@ def test_dense_output_is_exact_for_motions_up_to_degree_seven(name, rounding, de
     _polynomial(method.dense, z, end, K, h, F)
     found = np.empty((len(x), 1))
     for n, part in enumerate(x):
-        between(z, F, part, found[n])
+        dense_output(z, F, part, found[n])
     error = np.max(np.abs(found[:, 0] - (h * x) ** degree))
     assert error < rounding if exact else error > 1e-6
 

@@ -8,11 +8,11 @@ from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import constraint_jacobian, constraint_rates, constraint_residual
 from consilience.reference import simulate
 from consilience.reference.bodies.canonical import canonical_motion
-from consilience.reference.tree.solver import _prepared
-from consilience.reference.tree.state import pack_by
-from consilience.reference.tree.taylor import integrate_taylor, order_of
+from consilience.reference.tree.solver import _prepare
+from consilience.reference.tree.state import pack_state
+from consilience.reference.tree.taylor import integrate_taylor, order_for
 from consilience.reference.tree.taylor_rows import LINE, LOCK, PIN
-from consilience.reference.tree.taylor_series import MOST
+from consilience.reference.tree.taylor_series import LARGEST_ORDER
 from flat import PLANAR
 from mechanisms import states_of
 
@@ -26,9 +26,9 @@ LENGTHS = {1: 0.01, 2: 0.02, 3: 0.03, 5: 0.06, 8: 0.05}
 
 def one_step(mechanism, state, h, order):
     """Speeds of the bodies, stacked, after one step by a series of some order."""
-    prepared = _prepared(mechanism, False)
+    prepared = _prepare(mechanism, False)
     working = prepared.working("taylor")
-    z = pack_by(prepared.links, prepared.packing, state)
+    z = pack_state(prepared.links, prepared.packing, state)
     motion, counters = np.empty((2, *working.arrays.tree.y.shape)), np.zeros(3, dtype=np.int64)
     anything = 1e60
     asked = z, np.array([0.0, h]), anything, order, np.inf
@@ -54,7 +54,7 @@ def test_a_step_leaves_out_what_comes_behind_its_order(name, order):
 
 
 def test_loops_are_closed_by_rows_of_every_kind():
-    kinds = {name: set(_prepared(PLANAR[name], False).working("taylor").arrays.scratch.rows.kind) for name in SERIES}
+    kinds = {name: set(_prepare(PLANAR[name], False).working("taylor").arrays.scratch.rows.kind) for name in SERIES}
     assert kinds["closed_revolute"] == {PIN}
     assert kinds["closed_prismatic"] == {LINE, LOCK}
     assert kinds["closed_point_on_line"] == {LINE}
@@ -105,10 +105,10 @@ def test_samples_cost_no_steps_and_are_closed():
 
 def test_order_grows_with_the_digits():
     """The last term of a geometric series of ratio x is x^p: with half a percent more for each digit."""
-    orders = [order_of(10.0**-digits) for digits in range(3, 15)]
+    orders = [order_for(10.0**-digits) for digits in range(3, 15)]
     assert orders == sorted(orders)
     assert (orders[0], orders[-1]) == (6, 24)
-    assert orders[-1] <= MOST
+    assert orders[-1] <= LARGEST_ORDER
 
 
 def test_a_pose_that_loses_rank_is_left_to_the_other_method():

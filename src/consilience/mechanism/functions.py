@@ -12,7 +12,7 @@ from __future__ import annotations
 from bisect import bisect_left
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import cos, nan, sin
+from math import cos, factorial, nan, sin
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -75,14 +75,16 @@ class Table:
 
     @cached_property
     def pieces(self) -> Array:
-        """Polynomials of the spline, one a row: left end, right end, coefficients of ``(x - left)^0..5``."""
-        from scipy.interpolate import BSpline, PPoly, make_interp_spline  # noqa: PLC0415 - a worker has no SciPy
+        """Polynomials of the spline, one a row: left end, right end, coefficients of ``(x - left)^0..5``.
 
-        spline: BSpline = make_interp_spline(self.x, self.y, _DEGREE, bc_type="periodic" if self.periodic else None)
-        polynomial = PPoly.from_spline(spline)
-        inside = np.flatnonzero(np.diff(polynomial.x) > 0)
-        rows = [[polynomial.x[k], polynomial.x[k + 1], *polynomial.c[::-1, k]] for k in inside]
-        return np.array([row for row in rows if row[0] >= self.x[0] and row[1] <= self.x[-1]])
+        One polynomial from each point to the next: a longer one sums terms that cancel, and misses the points by more.
+        """
+        from scipy.interpolate import make_interp_spline  # noqa: PLC0415 - a worker has no SciPy
+
+        spline = make_interp_spline(self.x, self.y, _DEGREE, bc_type="periodic" if self.periodic else None)
+        left = self.x[:-1]
+        terms = [spline(left, k) / factorial(k) for k in range(1, _DEGREE + 1)]
+        return np.column_stack([left, self.x[1:], self.y[:-1], *terms])
 
     @cached_property
     def _rows(self) -> tuple[list[float], list[list[float]]]:

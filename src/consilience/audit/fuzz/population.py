@@ -139,7 +139,8 @@ def replay(seed: int) -> str:
 def in_motion(mechanism: Mechanism, rng: np.random.Generator) -> Initial:
     """Draw random velocities along the free directions; assembly projects them onto the constraints."""
     free = free_directions(mechanism, drawing_state(mechanism))
-    velocity = (free @ rng.normal(scale=SPEED, size=free.shape[1])).reshape(-1, 6)
+    # a projection is the same for every basis of the null space; which basis an SVD returns depends on the machine
+    velocity = (free @ (free.T @ rng.normal(scale=SPEED, size=len(free)))).reshape(-1, 6)
     return Initial(velocities={b.name: (v[:3], v[3:]) for b, v in zip(mechanism.bodies, velocity, strict=True)})
 
 

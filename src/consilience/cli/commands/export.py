@@ -4,34 +4,46 @@ from __future__ import annotations
 
 import json
 import sys
+from enum import StrEnum
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from click import Choice
 
 from consilience.cli.options import writing
 from consilience.errors import InvalidInput
-from consilience.report.exports.plot import FORMATS, PLOTS, plotted
+from consilience.report.exports.plot import FORMATS, plotted
 from consilience.report.record import read_record, write_atomically
 
-MODULES = {
-    "junit": "junit",
-    "csv": "spreadsheet",
-    "json": "document",
-    "latex": "latex",
-    "bibtex": "bibtex",
-    "badge": "badge",
-}
-"""Module of `consilience.report.exports` whose ``render`` writes a format."""
+
+class ExportFormat(StrEnum):
+    """Formats of an export."""
+
+    JUNIT = "junit"
+    CSV = "csv"
+    JSON = "json"
+    LATEX = "latex"
+    BIBTEX = "bibtex"
+    BADGE = "badge"
+
+
+class PlotName(StrEnum):
+    """Keys of `plot.PLOTS`."""
+
+    DIFFERENCE = "difference"
+    CONVERGENCE = "convergence"
+    ENERGY = "energy"
+    WORK_PRECISION = "work-precision"
+
+
+MODULES = {ExportFormat.CSV: "spreadsheet", ExportFormat.JSON: "document"}
+"""Modules of `consilience.report.exports` whose names differ from the names of their formats."""
 
 
 def export(
     run: Annotated[Path | None, typer.Argument(metavar="RUN", help="Folder that `consilience run` wrote.")] = None,
-    form: Annotated[
-        str | None, typer.Option("-f", "--format", click_type=Choice(list(MODULES)), help="What to write.")
-    ] = None,
+    form: Annotated[ExportFormat | None, typer.Option("-f", "--format", help="What to write.")] = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="FILE", help="File; default: standard output.")
     ] = None,
@@ -48,9 +60,9 @@ def export(
     elif run is None:
         raise InvalidInput("export", "no run is named", "Name a folder that `consilience run` wrote.")
     elif form is None:
-        raise InvalidInput("export", "no format is named", f"Give --format and one of: {', '.join(MODULES)}.")
+        raise InvalidInput("export", "no format is named", f"Give --format and one of: {', '.join(ExportFormat)}.")
     else:
-        text = import_module(f"consilience.report.exports.{MODULES[form]}").render(read_record(run))
+        text = import_module(f"consilience.report.exports.{MODULES.get(form, form)}").render(read_record(run))
     if output is None:
         sys.stdout.write(text)
     else:
@@ -61,7 +73,7 @@ def export(
 def plot(
     run: Annotated[Path, typer.Argument(help="Folder that `consilience run` wrote.")],
     case: Annotated[str, typer.Argument(help="Name of a case of the run.")],
-    what: Annotated[str, typer.Option("--what", click_type=Choice(list(PLOTS)), help="What to draw.")] = "difference",
+    what: Annotated[PlotName, typer.Option("--what", help="What to draw.")] = PlotName.DIFFERENCE,
     output: Annotated[
         Path | None,
         typer.Option("-o", "--output", metavar="FILE", help="File: .svg, .pdf or .png; default: CASE-WHAT.svg."),

@@ -27,8 +27,17 @@ from typing import Any
 from consilience.engine.protocol import GROUP, installed, split_name
 from consilience.engine.worker.process import Launch
 
-WORKER_SIDE = ("__init__.py", "errors.py", "mechanism", "engine")
-"""Files and packages of Consilience that a worker and an adapter may import; they need NumPy alone."""
+HOME = Path(__file__).parents[2]
+
+WORKER_SIDE = (
+    *(HOME / "__init__.py", HOME / "errors.py", *sorted((HOME / "mechanism").rglob("*.py"))),
+    *(
+        file
+        for file in sorted((HOME / "engine").rglob("*.py"))
+        if file.stem not in ("client", "process", "environments")
+    ),
+)
+"""Files of Consilience that a worker and an adapter may import; they need NumPy alone."""
 
 REQUIREMENTS = "worker-requirements.txt"
 """File in an adapter's package: the distribution that is the engine on its first line, without a version."""
@@ -102,9 +111,7 @@ def _requirements(engine: str, package: Path, asked: str) -> list[str]:
 
 def _sources(point: EntryPoint, package: Path) -> Path:
     """Folder with copies of the worker side and of the adapter, named by their content."""
-    here = Path(__file__).parents[2]
-    ours = [file for name in WORKER_SIDE for file in sorted((here / name).rglob("*.py")) or [here / name]]
-    files = {str(Path("consilience") / file.relative_to(here)): file for file in ours}
+    files = {str(Path("consilience") / file.relative_to(HOME)): file for file in WORKER_SIDE}
     files |= {str(Path(package.name) / f.relative_to(package)): f for f in sorted(package.rglob("*.py"))}
     contents = {name: file.read_bytes() for name, file in files.items()} | _metadata(point)
     digest = hashlib.sha256(json.dumps([[n, c.hex()] for n, c in sorted(contents.items())]).encode()).hexdigest()

@@ -25,7 +25,7 @@ from consilience.mechanism import (
     rotation_from_quaternion,
 )
 from consilience.reference.kernel.functions import Functions, flatten_functions
-from consilience.reference.kernel.held import hold
+from consilience.reference.kernel.mechanism_record import record_of
 
 R, P, V, W = slice(0, 3), slice(3, 7), slice(7, 10), slice(10, 13)
 """Columns of y."""
@@ -229,7 +229,7 @@ def flatten(mechanism: Mechanism) -> Model:
     elements = {**_force_arrays(mechanism, number), **_constraint_arrays(mechanism, number)}
     inertia = np.array([b.inertia for b in mechanism.bodies])
     coordinate = _indices([list(key) for key in number.coordinates], 2)
-    return hold(
+    return record_of(
         Model(
             gravity=np.array(mechanism.gravity),
             mass=np.array([b.mass for b in mechanism.bodies]),

@@ -17,7 +17,7 @@ from consilience.mechanism import JOINT_KINDS, Array, Mechanism, spanning_tree
 from consilience.reference.bodies.arrays import Model, all_rows, flatten
 from consilience.reference.bodies.motion import arm, motion
 from consilience.reference.kernel.compiled import allocating, inner
-from consilience.reference.kernel.held import hold
+from consilience.reference.kernel.mechanism_record import record_of
 from consilience.reference.kernel.vectors import (
     Vector,
     add,
@@ -108,7 +108,7 @@ def flatten_tree(mechanism: Mechanism) -> TreeModel:
         body.append(end)
         directions.append(free_axes(joint.kind))
     cut = _open_rows(mechanism, closing)
-    return hold(
+    return record_of(
         TreeModel(
             body=np.array(body, dtype=np.int64),
             parent=np.array(parent, dtype=np.int64),

@@ -8,7 +8,7 @@ import numpy as np
 
 from consilience.mechanism import Array
 from consilience.reference.bodies.arrays import Model, all_rows
-from consilience.reference.kernel.held import hold
+from consilience.reference.kernel.mechanism_record import record_of
 
 
 class Workspace(NamedTuple):
@@ -33,7 +33,7 @@ class Workspace(NamedTuple):
 def workspace(model: Model) -> Workspace:
     """Scratch arrays of the size a model needs."""
     n, q = 6 * len(model.mass), all_rows(model)
-    return hold(
+    return record_of(
         Workspace(
             A=np.zeros((len(model.mass), 3, 3)),
             f=np.zeros(n),

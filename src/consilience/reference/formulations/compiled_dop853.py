@@ -20,10 +20,13 @@ from consilience.reference.bodies.forces import remember
 from consilience.reference.bodies.projection import project
 from consilience.reference.bodies.workspace import Workspace
 from consilience.reference.formulations.compiled_choice import derivative
-from consilience.reference.integrators.coefficients import E3, E5, STAGES, A, B, C
+from consilience.reference.integrators.coefficients import DORMAND_PRINCE, STAGES
 from consilience.reference.integrators.step_control import EVALUATIONS, LARGEST, REJECTED, SAFETY, STEPS, factor_of
 from consilience.reference.kernel.compiled import inlined, inner, kernel
 from consilience.reference.kernel.vectors import assign
+
+A, B, C = DORMAND_PRINCE.A, DORMAND_PRINCE.b, DORMAND_PRINCE.c
+E5, E3 = DORMAND_PRINCE.E
 
 
 class Scratch(NamedTuple):
