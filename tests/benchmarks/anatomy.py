@@ -2,7 +2,7 @@
 
     python tests/benchmarks/anatomy.py [case ...]
 
-Each part is what an evaluation takes up to its end less what it takes up to its beginning, the least of some runs.
+The time of a part is the time of an evaluation up to its end less that up to its beginning, the least of some runs.
 """
 
 import sys
@@ -46,7 +46,7 @@ DURATION, TOLERANCE = 5.0, 1e-10
 
 @inlined
 def push(closure, spatial, elements, planar, z):
-    """Inertias (in a plane they are part of placing) and forces."""
+    """Set inertias (in a plane placing does this) and force biases."""
     if spatial is not None:
         rigid_inertias(closure.link)
         if elements is not None and not elements.gravity_only:
@@ -59,7 +59,7 @@ def push(closure, spatial, elements, planar, z):
 
 @inlined
 def sweep(closure, spatial, planar):
-    """Along the tree and back."""
+    """Sweep inward and outward along the tree."""
     if spatial is not None:
         inward_sweep(closure.link, closure.free)
     if planar is not None:
@@ -69,8 +69,8 @@ def sweep(closure, spatial, planar):
 
 @inlined
 def along(closure, spatial, planar, small):
-    """Accelerations of the tree."""
-    if spatial is not None:  # noqa: SIM102 - Numba leaves out what is done where it is not None alone
+    """Compute the accelerations of the tree without loops."""
+    if spatial is not None:  # noqa: SIM102 - Numba prunes `is not None` alone
         if small:
             bias_accelerations(closure.link, closure.free, closure.u)
     if not small:
@@ -79,7 +79,7 @@ def along(closure, spatial, planar, small):
 
 @inlined
 def close(closure, spatial, planar, small):
-    """What the rows do to the accelerations of the tree."""
+    """Add the effect of the rows to the accelerations of the tree."""
     loops, qr, link, free, u = closure.loops, closure.qr, closure.link, closure.free, closure.u
     loop_acceleration_residual(loops, qr, spatial, planar, link, closure.gamma)
     if spatial is not None:  # noqa: SIM102 - as above
@@ -95,7 +95,7 @@ def close(closure, spatial, planar, small):
 
 @kernel
 def up_to(depth, closure, spatial, elements, planar, z, n):
-    """The first parts of an evaluation, n times."""
+    """Run the first parts of an evaluation n times."""
     group, qr, small = closure.loops.group, closure.qr, False
     if spatial is not None:
         small = closure.best[ELIMINATION_PIVOT] > 0.0 and has_few_freedoms(
@@ -116,14 +116,14 @@ def up_to(depth, closure, spatial, elements, planar, z, n):
 
 @kernel
 def whole(tree, closure, spatial, elements, planar, z, dz, n):
-    """An evaluation, n times."""
+    """Run an evaluation n times."""
     for _ in range(n):
         state_derivative(tree, closure, spatial, elements, planar, 0.0, z, dz)
 
 
 @kernel
 def step_end(tree, closure, spatial, elements, planar, z, apart, target, n):
-    """The projection of a state that is a little apart from closed loops and no sample, n times."""
+    """Project, n times, a state slightly off the constraint manifold that is not a sample."""
     for _ in range(n):
         for k in range(z.shape[0]):
             target[k] = z[k] + apart[k]
@@ -131,7 +131,7 @@ def step_end(tree, closure, spatial, elements, planar, z, apart, target, n):
 
 
 def least(calls, count):
-    """Least CPU time of each of some calls, taken in turns, in microseconds for one of `count`."""
+    """Return the least CPU time of each of some calls, taken in turns, in microseconds for one of `count`."""
     found = []
     for _ in range(REPEATS):
         found.append([])
@@ -143,7 +143,7 @@ def least(calls, count):
 
 
 def row(case):
-    """What the table says of a case."""
+    """Return the row of a case in the table."""
     links, spanning, model = flatten_relative(case.mechanism)
     given = case.mechanism, links, spanning, model
     arrays = tuple(map(record_of, planar_system(*given) or tree_system(*given)))

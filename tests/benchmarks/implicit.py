@@ -1,4 +1,4 @@
-"""The implicit method of the reference, in NumPy, for the accelerations of an engine."""
+"""Radau IIA of order 13, as in the reference, in NumPy, for the accelerations of an engine."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def _jacobian(derivative: Derivative, t: float, y: Array, f: Array, size: Array)
 def _step(
     derivative: Derivative, t: float, h: float, y: Array, f: Array, J: Array, Z: Array, size: Array, tolerance: float
 ) -> tuple[Array, float, float]:
-    """Stages, error by the tolerance (infinite where they do not settle), and rate of the iterations."""
+    """Return stages, error over the tolerance (infinite where the iterations diverge), and convergence rate."""
     systems = [lu_factor(shift / h * np.eye(len(y)) - J, check_finite=False) for shift in LAMBDA]
     last, rate = np.inf, 0.0
     for left in range(MOST_ITERATIONS, 0, -1):
@@ -49,12 +49,12 @@ def _step(
 
 
 def radau13(derivative: Derivative, y: Array, times: Array, tolerance: float) -> Array:
-    """Integrate by Radau IIA of seven stages, controlled as in the reference; y at the times.
+    """Integrate by Radau IIA of seven stages with the step control of the reference; return y at the times.
 
     Raises
     ------
     RuntimeError
-        If it gives up.
+        The step size became too small.
     """
     y, t, motion, before, most = np.array(y, dtype=float), float(times[0]), [np.array(y, dtype=float)], 0.0, 6.0
     powers, f = np.zeros((STAGES + 1, len(y))), derivative(t, y).copy()

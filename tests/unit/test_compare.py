@@ -7,8 +7,8 @@ import pytest
 
 from consilience.compare import (
     Quantity,
+    ReferenceMotion,
     Verdict,
-    Yardstick,
     compare_instant,
     compare_model,
     compare_trajectory,
@@ -68,7 +68,7 @@ def judge(errors, order=2, digits=8, spread=0.0, turns=None):
         Run("c", "e", Question.TRAJECTORY, method, n, h, Status.ANSWERED, motion(size * e, turn), cpu=1.0 + n)
         for n, (h, e, turn) in enumerate(zip(STEPS, errors, turns, strict=False))
     ]
-    return compare_trajectory(MECHANISM, runs, Yardstick(REFERENCE, np.full(len(TIMES), spread), digits))
+    return compare_trajectory(MECHANISM, runs, ReferenceMotion(REFERENCE, np.full(len(TIMES), spread), digits))
 
 
 def powers(constant, order, plateau=0.0):

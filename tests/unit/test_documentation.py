@@ -28,8 +28,8 @@ from pages import LANGUAGES, MARKED, PAGES, ROOT, SITE, Block, blocks, mark
 from truth import solve
 
 BLOCKS = [block for page in PAGES for block in blocks(page)]
-RUN_ELSEWHERE = ("README.md", "docs/tutorials/")
-"""Pages whose Python blocks other tests run: test_readme.py, test_tutorials.py."""
+RUN_ELSEWHERE = ("README.md", "docs/tutorials/", "docs/add-a-question.md")
+"""Pages whose Python blocks other tests run: test_readme.py, test_tutorials.py, test_add_a_question.py."""
 
 PROGRAMS = ("dask", "for", "pip", "python", "python3", ".venv/bin/pip", ".", "pytest")
 CHEAP = ("consilience explain", "consilience schema", "consilience new", "consilience show ", "consilience list")

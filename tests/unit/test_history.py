@@ -19,7 +19,7 @@ from consilience.suite import QUICK, run_suite
 def run(tmp_path_factory):
     """Lines of a report of the reference and one engine."""
     folder = tmp_path_factory.mktemp("run")
-    write_record(run_suite([load_case("double_pendulum")], ["pinocchio"], effort=QUICK), 1.0, folder)
+    write_record(run_suite([load_case("double_pendulum")], ["pinocchio"], thoroughness=QUICK), 1.0, folder)
     return [json.loads(line) for line in (folder / "report.jsonl").read_text(encoding="utf-8").splitlines()]
 
 

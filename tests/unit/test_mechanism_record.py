@@ -1,4 +1,4 @@
-"""What is held reads in a kernel as the tuple does, and lives as long as it is read."""
+"""Records: a field reads in a kernel as the field of the tuple does, and the arrays live as long as the record."""
 
 import gc
 from typing import Any, NamedTuple
@@ -31,7 +31,7 @@ class Outer(NamedTuple):
 
 
 def example():
-    """A tuple of fields of every sort, no two numbers alike; one array is a part of another."""
+    """Return a tuple with fields of every type, no two numbers alike; one array is a view of another."""
     whole = np.arange(40.0).reshape(5, 8) + 100.0
     inside = Inner(np.arange(6, dtype=np.int64).reshape(2, 3) - 7, -12, 0.3, True)
     return Outer(np.array([0.1, -0.2]), inside, None, np.arange(24.0).reshape(2, 3, 4) * 1.7, whole[1::2, 2:7:2], False)
@@ -39,7 +39,7 @@ def example():
 
 @inner
 def read(record, nothing, out):
-    """All numbers of the fields, one after the other; None is told from what is there."""
+    """Copy all numbers of the fields, one after the other; None is distinguished from a tuple."""
     n = 0
     for i in range(record.first.shape[0]):
         out[n] = record.first[i]
@@ -77,13 +77,13 @@ def read_array(words, out):
 
 @kernel
 def double(record):
-    """Arrays are those of Python: what is written is seen there."""
+    """Write into an array: Python sees the change."""
     for i in range(record.first.shape[0]):
         record.first[i] *= 2.0
 
 
 def numbers(fields):
-    """What `read` is to find."""
+    """Return the numbers that `read` has to find."""
     inside = fields.inner
     parts = [fields.first, inside.table, [inside.count, inside.factor, inside.yes, fields.no], fields.cube, fields.part]
     return np.concatenate([np.ravel(part) for part in parts]).astype(float)
@@ -102,7 +102,7 @@ def test_every_field_reads_as_that_of_the_tuple(make, call):
     assert rubbish
 
 
-def test_fields_within_fields_may_be_held_already():
+def test_a_field_may_be_a_record_already():
     fields = example()
     out = np.empty(len(numbers(fields)))
     read_record(record_of(fields._replace(inner=record_of(fields.inner))), out)
@@ -131,18 +131,18 @@ def test_one_compilation_serves_all_tuples_of_the_same_fields():
     assert len({str(record.numba_type) for record in (one, flat, there)}) == 3
 
 
-def test_nothing_is_held_as_nothing():
+def test_the_record_of_none_is_none():
     assert record_of(None) is None
 
 
 @pytest.mark.parametrize("field", ["text", [1.0], {1: 2}, object()])
-def test_what_no_kernel_could_read_is_refused(field):
+def test_fields_that_no_kernel_can_read_are_refused(field):
     with pytest.raises((TypeError, ValueError)):
         record_of(example()._replace(first=field))
 
 
-def test_only_what_python_calls_becomes_machine_code():
-    """Instructions of the inner kernel are in its caller, which gives the numbers above."""
+def test_only_kernels_that_python_calls_become_machine_code():
+    """The bitcode of the inner kernel is part of its caller, which returns the numbers above."""
     read_record(record_of(example()), np.empty(64))
     (of_kernel, *_), (of_inner, *_) = read_record.overloads.values(), read.overloads.values()
     assert isinstance(of_inner.library, InnerLibrary)

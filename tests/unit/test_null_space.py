@@ -1,4 +1,4 @@
-"""Linkages of few freedoms: accelerations and closing by elimination, against dense equations and the fronts."""
+"""Linkages of few freedoms: accelerations and projection by elimination, against dense equations and the fronts."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import pytest
 import truth
 from consilience.case import load_case
 from consilience.mechanism import State, constraint_jacobian, constraint_rates, constraint_residual
-from consilience.mechanism.observables import mass_matrix_condition, reaction_condition
+from consilience.mechanism.conditioning import mass_matrix_condition, reaction_condition
 from consilience.reference import simulate
 from consilience.reference.bodies.arrays import unpack
 from consilience.reference.bodies.canonical import at_origins
@@ -24,7 +24,7 @@ EPS = np.finfo(float).eps
 
 
 def library(name):
-    """A case's mechanism, and states on its way."""
+    """Return the mechanism of a case, and states on its motion."""
     case = load_case(name)
     motion = simulate(case.mechanism, case.initial_state, np.linspace(0.0, 1.0, 4), 1e-12, "relative")
     return case.mechanism, [motion.state(n) for n in range(4)]
@@ -50,7 +50,7 @@ UNCHANGING = {"a screw that is cut", "drives alone"}
 
 
 class InSpace:
-    """A mechanism by the kernels of space; which way they went shows in the fronts, not numbers before."""
+    """A mechanism on the kernels of space; NaN in the fronts shows that elimination was used."""
 
     def __init__(self, mechanism):
         self.mechanism = mechanism
@@ -59,13 +59,13 @@ class InSpace:
         self.placed, self.closure, self.spatial, self.elements, _ = map(record_of, arrays)
 
     def close(self, z, at_sample=AT_SAMPLE):
-        """Settled in place; whether by elimination."""
+        """Project z in place; return whether by elimination."""
         self.closure.qr.F[:] = np.nan
         close(self.closure, self.spatial, self.elements, None, 0.0, z, at_sample)
         return bool(np.all(np.isnan(self.closure.qr.F)))
 
     def accelerations(self, z):
-        """Of the origins and angular, and whether by elimination."""
+        """Return accelerations of the origins and angular accelerations, and whether by elimination."""
         self.closure.qr.F[:] = np.nan
         differentiate(self.closure, self.spatial, self.elements, None, 0.0, z, np.empty_like(z))
         eliminated = bool(np.all(np.isnan(self.closure.qr.F)))
@@ -78,7 +78,7 @@ class InSpace:
         return np.hstack(at_origins(self.mechanism, y, a.ravel())), eliminated
 
     def violation(self, z):
-        """Of the constraints and of their rates, at most."""
+        """Return the largest violation of the constraints and of their rates."""
         place_links_and_bodies(
             self.links.layout,
             self.closure.link,
@@ -94,7 +94,7 @@ class InSpace:
         return np.max(np.abs(residual)), np.max(np.abs(rates - constraint_rates(self.mechanism)))
 
     def state(self):
-        """The canonical state of the links as they are placed."""
+        """Return the canonical state of the placed links."""
         place_bodies(self.links.layout, self.closure.link, self.spatial.y, self.spatial.A)
         fill_euler_parameters(self.spatial.A, self.spatial.y)
         return State(*unpack(self.mechanism, self.spatial.y.copy()))
@@ -127,7 +127,7 @@ def test_accelerations_are_those_of_the_dense_equations_and_of_the_fronts(name):
 
 @pytest.mark.parametrize("size", [1e-12, 1e-9, 1e-6])
 @pytest.mark.parametrize("name", LINKAGES)
-def test_what_a_step_leaves_open_is_closed_by_elimination(name, size):
+def test_elimination_projects_the_error_of_a_step(name, size):
     mechanism, states = LINKAGES[name]()
     equations, rng = InSpace(mechanism), np.random.default_rng(2)
     z = pack_relative(equations.links, equations.tree, equations.model, states[-1])
@@ -147,7 +147,8 @@ def test_what_a_step_leaves_open_is_closed_by_elimination(name, size):
 
 
 @pytest.mark.parametrize("name", LINKAGES)
-def test_what_nobody_sees_is_open_in_speeds_alone_and_by_the_size_of_its_correction(name):
+def test_between_samples_only_a_velocity_residual_of_the_size_of_the_correction_remains(name):
+    """Between samples the projection leaves a velocity residual of the size of its correction alone."""
     mechanism, states = LINKAGES[name]()
     equations, rng = InSpace(mechanism), np.random.default_rng(3)
     z = pack_relative(equations.links, equations.tree, equations.model, states[-1])
@@ -171,7 +172,7 @@ def test_what_nobody_sees_is_open_in_speeds_alone_and_by_the_size_of_its_correct
     [four_bar(), powered(), load_case("bricard").mechanism, load_case("rolling_disc").mechanism],
     ids=["a flat loop in space", "a tree", "five rows of rank four", "rolling"],
 )
-def test_rows_that_depend_on_others_or_hold_no_positions_are_left_to_the_fronts(mechanism):
+def test_dependent_rows_and_velocity_rows_use_the_fronts(mechanism):
     equations = InSpace(mechanism)
     for state in states_of(mechanism, 1):
         z = pack_relative(equations.links, equations.tree, equations.model, state)
@@ -183,8 +184,8 @@ def test_rows_that_depend_on_others_or_hold_no_positions_are_left_to_the_fronts(
 @pytest.mark.parametrize(
     "name", ["four_bar", "rsur_four_bar", "parallelogram", "double_pendulum", "acrobot", "bricard"]
 )
-def test_a_motion_leaves_nothing_to_the_next(name):
-    """Their arrays are used again: what is computed is the same to the last bit."""
+def test_a_motion_does_not_depend_on_the_one_before(name):
+    """Work arrays are reused: the results are equal to the last bit."""
     case = load_case(name)
     times = np.linspace(0.0, 1.0, 5)
     first, _, again = (

@@ -1,4 +1,4 @@
-"""Mechanisms that move in parallel planes: their own kernels against dense equations and those of space."""
+"""Mechanisms that move in parallel planes: their kernels against dense equations and the kernels of space."""
 
 from dataclasses import replace
 
@@ -15,7 +15,7 @@ from consilience.mechanism import (
     quaternion_from_rotation_vector,
     rotation_from_quaternion,
 )
-from consilience.mechanism.observables import mass_matrix_condition
+from consilience.mechanism.conditioning import mass_matrix_condition
 from consilience.reference import simulate
 from consilience.reference.bodies.arrays import unpack
 from consilience.reference.bodies.canonical import at_origins
@@ -35,12 +35,12 @@ EPS = np.finfo(float).eps
 
 
 def find_rank_of(equations, z):
-    """Rows chosen at a state."""
+    """Select the rows at a state."""
     find_rank(equations.closure, None, None, equations.planar, 0.0, z)
 
 
 class InPlane:
-    """A mechanism by the kernels of the plane."""
+    """A mechanism on the kernels of the plane."""
 
     def __init__(self, mechanism):
         self.mechanism = mechanism
@@ -65,7 +65,7 @@ class InPlane:
         return at_origins(self.mechanism, placed.y, a.ravel())
 
     def state(self):
-        """Arrays of the canonical state of the links as they are placed."""
+        """Return the arrays of the canonical state of the placed links."""
         place_planar_bodies(self.planar.body, self.closure.link, self.placed.y, self.placed.A)
         fill_euler_parameters(self.placed.A, self.placed.y)
         return unpack(self.mechanism, self.placed.y.copy())
@@ -95,8 +95,8 @@ def test_a_state_comes_back_from_its_coordinates(name):
 
 @pytest.mark.parametrize("size", [1e-4, 1e-7])
 @pytest.mark.parametrize("name", [n for n in PLANAR if n.startswith("closed")] + ["two_loops", "driven", "branches"])
-def test_settling_closes_what_was_torn_open(name, size):
-    """Twice, as sound factors are known by those before."""
+def test_projection_closes_open_loops(name, size):
+    """Twice, because regular factors are recognised by those before."""
     mechanism, rng = PLANAR[name], np.random.default_rng(5)
     equations = InPlane(mechanism)
     (state,) = states_of(mechanism, 1)
@@ -123,7 +123,7 @@ def test_motions_are_those_of_space_by_another_integrator(name):
 
 
 def tilted(mechanism, joint, angle):
-    """The mechanism with both frames of a joint turned about its first axis."""
+    """Return the mechanism with both frames of a joint rotated about its first axis."""
     turn = rotation_from_quaternion(quaternion_from_rotation_vector(angle * np.array([1.0, 0.0, 0.0])))
     joints = [
         replace(j, F=replace(j.F, R=j.F.R @ turn), M=replace(j.M, R=j.M.R @ turn)) if j.name == joint else j
@@ -133,7 +133,7 @@ def tilted(mechanism, joint, angle):
 
 
 def raised(mechanism, joint, height):
-    """The mechanism with a joint's frame on its successor moved along its axis: what it closes is open by that."""
+    """Return the mechanism with a joint's frame on its successor moved along its axis, which opens the loop by that."""
     joints = [
         replace(j, M=replace(j.M, p=j.M.p + height * j.M.R[:, 2])) if j.name == joint else j for j in mechanism.joints
     ]
@@ -154,9 +154,9 @@ def raised(mechanism, joint, height):
     ],
     ids=lambda m: m.name,
 )
-def test_what_leaves_the_plane_is_left_to_the_kernels_of_space(mechanism):
+def test_mechanisms_that_leave_the_plane_use_the_kernels_of_space(mechanism):
     assert planar_system(mechanism, *flatten_relative(mechanism)) is None
 
 
-def test_a_mechanism_tilted_by_rounding_is_planar_still():
+def test_a_mechanism_tilted_by_rounding_is_planar():
     assert planar_system(*(m := tilted(PLANAR["chain"], "j4", 1e-16),), *flatten_relative(m)) is not None

@@ -34,21 +34,15 @@ from consilience.mechanism import (
     rotation_angle_between,
     rotation_from_quaternion,
 )
-from consilience.mechanism.observables import (
-    angular_momentum,
-    is_conservative,
-    linear_momentum,
-    load_potential,
-    mass_matrix_condition,
-)
+from consilience.mechanism.conditioning import mass_matrix_condition
+from consilience.mechanism.observables import angular_momentum, is_conservative, linear_momentum, load_potential
 from consilience.reference import NumericalFailure, accelerations, simulate
 from consilience.reference.bodies import constraints, forces
-from consilience.reference.bodies.arrays import flatten, pack, unpack
+from consilience.reference.bodies.arrays import flatten, pack, unpack, workspace
 from consilience.reference.bodies.joint_rows import full_turns
 from consilience.reference.bodies.mass_metric import mass_matrix
 from consilience.reference.bodies.motion import rotations
 from consilience.reference.bodies.projection import project
-from consilience.reference.bodies.workspace import workspace
 from consilience.reference.formulations import descriptor
 from consilience.reference.formulations.compiled_choice import FORMULATIONS
 from consilience.reference.formulations.null_space import basis
@@ -126,9 +120,9 @@ def test_multipliers_satisfy_the_equations_and_have_least_norm(name):
     model = flatten(mechanism)
     ws, a = workspace(model), np.empty(6 * len(mechanism.bodies))
     y = pack(mechanism, states_of(mechanism)[2])
-    memory = np.zeros(len(model.coordinate))
-    forces.remember(model, y, ws, memory)
-    lam = descriptor.multipliers(model, 0.0, y, memory, ws, a)
+    turns = np.zeros(len(model.coordinate))
+    forces.count_turns(model, y, ws, turns)
+    lam = descriptor.multipliers(model, 0.0, y, turns, ws, a)
     M, size = mass_matrix(model), max(1.0, np.max(np.abs(a)))
     np.testing.assert_allclose(M @ a, ws.f + ws.Q.T @ lam, rtol=0, atol=1e-11 * size)
     np.testing.assert_allclose(ws.Q @ a, ws.gamma, rtol=0, atol=1e-11 * size)

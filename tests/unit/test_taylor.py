@@ -1,4 +1,4 @@
-"""Taylor's method in the plane: its coefficients, its steps, and what it leaves to other methods."""
+"""Taylor's method in the plane: coefficients, steps, and motions that other integrators take."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ LENGTHS = {1: 0.01, 2: 0.02, 3: 0.03, 5: 0.06, 8: 0.05}
 
 
 def one_step(mechanism, state, h, order):
-    """Speeds of the bodies, stacked, after one step by a series of some order."""
+    """Return the velocities of the bodies, stacked, after one step by a series of some order."""
     prepared = _prepare(mechanism, False)
     working = prepared.working("taylor")
     z = pack_state(prepared.links, prepared.packing, state)
@@ -40,7 +40,7 @@ def one_step(mechanism, state, h, order):
 
 @pytest.mark.parametrize("order", LENGTHS)
 @pytest.mark.parametrize("name", SERIES)
-def test_a_step_leaves_out_what_comes_behind_its_order(name, order):
+def test_the_error_of_a_step_has_the_order_of_the_series_plus_one(name, order):
     """Against collocation in space: the error of speeds goes with the order plus one, or a term happens to be small."""
     mechanism = PLANAR[name]
     (state,) = states_of(mechanism, 1)
@@ -62,7 +62,7 @@ def test_loops_are_closed_by_rows_of_every_kind():
 
 @pytest.mark.parametrize("tolerance", 10.0 ** -np.arange(3, 14.1, 0.5))
 def test_a_motion_from_rest_is_as_accurate_as_asked(tolerance):
-    """Every second coefficient is zero then, and of the others one may be small at any order."""
+    """Every second coefficient is zero, and another one may be small at any order."""
     case = load_case("chrono_double_pendulum")
     asked = case.mechanism, case.initial_state, np.linspace(0.0, 2.0, 3)
     found, fine = simulate(*asked, tolerance, "relative", "taylor"), simulate(*asked, 1e-14, "relative", "dop853")
@@ -104,14 +104,14 @@ def test_samples_cost_no_steps_and_are_closed():
 
 
 def test_order_grows_with_the_digits():
-    """The last term of a geometric series of ratio x is x^p: with half a percent more for each digit."""
+    """The last term of a geometric series of ratio x is x^p."""
     orders = [order_for(10.0**-digits) for digits in range(3, 15)]
     assert orders == sorted(orders)
     assert (orders[0], orders[-1]) == (6, 24)
     assert orders[-1] <= LARGEST_ORDER
 
 
-def test_a_pose_that_loses_rank_is_left_to_the_other_method():
+def test_another_integrator_takes_motions_through_poses_that_lose_rank():
     case = load_case("parallelogram")
     asked = case.mechanism, case.initial_state, np.linspace(0.0, 1.0, 5), 1e-12, "relative"
     usual, other = simulate(*asked), simulate(*asked, "tp86")
@@ -120,8 +120,8 @@ def test_a_pose_that_loses_rank_is_left_to_the_other_method():
         simulate(*asked, "taylor")
 
 
-def test_a_motion_that_was_left_leaves_nothing_behind():
-    """Its arrays serve the next one: a motion before and one after are the same to the last bit."""
+def test_an_abandoned_motion_does_not_change_the_next():
+    """Work arrays are reused: a motion before and one after are equal to the last bit."""
     case = load_case("parallelogram")
     asked = case.mechanism, case.initial_state, np.linspace(0.0, 1.0, 5)
     before, left, after, again = (simulate(*asked, tol, "relative") for tol in (1e-10, 1e-12, 1e-10, 1e-12))
@@ -131,7 +131,7 @@ def test_a_motion_that_was_left_leaves_nothing_behind():
 
 
 @pytest.mark.parametrize("name", ["spatial_slider_crank", "acrobot", "four_bar_driven", "rolling_disc"])
-def test_who_has_no_series_is_told_so(name):
+def test_a_mechanism_without_series_is_refused(name):
     case = load_case(name)
     with pytest.raises(InvalidInput, match=r"taylor cannot follow .* planes by gravity alone"):
         simulate(case.mechanism, case.initial_state, np.array([0.0, 1.0]), 1e-9, "relative", "taylor")

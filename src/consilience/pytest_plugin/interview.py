@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from consilience.case import Case
 from consilience.compare import CODES, Comparison
-from consilience.compare.judge import REFERENCE, judge_case, yardstick
+from consilience.compare.judge import REFERENCE, judge_case, reference_motion
 from consilience.engine import EngineInfo, Profile, Question, Run
 from consilience.engine.worker.client import Request, Worker
 from consilience.errors import ConsilienceError
@@ -49,7 +49,7 @@ class JudgedQuestion:
 class Interview:
     """Workers by engine, and the runs of the current case."""
 
-    effort: Thoroughness
+    thoroughness: Thoroughness
     limit: float
     _workers: dict[str, Worker] = field(default_factory=dict)
     _infos: dict[str, EngineInfo] = field(default_factory=dict)
@@ -67,7 +67,7 @@ class Interview:
         if case is not self._case:
             self._case, self._runs = case, {}  # tests come case by case: the runs of one case are kept
         info = self._info(engine)
-        questions = list(Question) if question is Question.TRAJECTORY else [question]
+        questions = [q for q in Question if q is question or (question.over_time and not q.over_time)]
         names = dict.fromkeys((REFERENCE, engine))
         runs = [run for name in names for q in questions for run in self._asked(case, name, q)]
         found = [c for c in judge_case(case, runs) if (c.engine, c.question) == (engine, question)]
@@ -77,8 +77,9 @@ class Interview:
     def _asked(self, case: Case, engine: str, question: Question) -> list[Run]:
         if (engine, question) not in self._runs:
             worker = self._worker(engine)
-            yard = yardstick(case, self._runs.get((REFERENCE, question), []))
-            self._runs[engine, question] = list(ask_case(worker, case, [question], self.effort, yard=yard))
+            motion = reference_motion(case, self._runs.get((REFERENCE, question), []))
+            runs = ask_case(worker, case, [question], self.thoroughness, reference_motion=motion)
+            self._runs[engine, question] = list(runs)
         return self._runs[engine, question]
 
     def _info(self, engine: str) -> EngineInfo:

@@ -17,6 +17,7 @@ from consilience.compare import CODES, Verdict
 from consilience.engine import Question
 from consilience.errors import InvalidInput
 from consilience.report.fields import first_problem
+from consilience.report.recordschema import QuestionField
 
 _REMEDY = "Entries are tables [[known]] with case, engine, question and reason, and if need be verdict."
 
@@ -36,7 +37,7 @@ class KnownDifference(BaseModel):
 
     case: str
     engine: str
-    question: Question
+    question: QuestionField
     reason: str = Field(min_length=1)
     verdict: Verdict = Verdict.MODEL
 

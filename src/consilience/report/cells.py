@@ -8,9 +8,10 @@ from typing import Any
 
 from consilience.compare import Verdict
 from consilience.compare.judge import REFERENCE
+from consilience.engine import Question
 from consilience.report.answers import AnswerView, answer_view
 from consilience.report.record import Record
-from consilience.report.wording import DASH, LOOKS, NOT_ASKED, QUESTIONS, RANK, YARDSTICK, Look, cell_anchor
+from consilience.report.wording import DASH, LOOKS, NOT_ASKED, RANK, YARDSTICK, Look, cell_anchor
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,7 @@ class Cell:
     @property
     def layers(self) -> list[Layer]:
         """Layers of the questions asked: an error in one layer leads to errors in the next."""
-        found = [(q, text, [a for a in self.answers if a.question == q]) for q, text in QUESTIONS.items()]
+        found = [(q, q.description, [a for a in self.answers if a.question == q]) for q in Question]
         asked = [(q, text, answers, _decisive(answers)) for q, text, answers in found if answers]
         open_ones = [n for n, (_, _, _, a) in enumerate(asked) if a and a.look is not LOOKS[Verdict.AGREES]]
         return [
@@ -74,7 +75,7 @@ class Cell:
     @property
     def look_of(self) -> dict[str, str]:
         """Style of the worst verdict of each question."""
-        return {q: worst([a.look for a in self.matched if a.question == q], NOT_ASKED).key for q in QUESTIONS}
+        return {q: worst([a.look for a in self.matched if a.question == q], NOT_ASKED).key for q in Question}
 
     @property
     def decisive(self) -> AnswerView | None:
@@ -94,7 +95,7 @@ class Cell:
     @property
     def figures(self) -> bool:
         """Whether there are levels to plot."""
-        return any(a.question == "trajectory" and a.tables for a in self.answers)
+        return any(Question(a.question).over_time and a.tables for a in self.answers)
 
     @property
     def label(self) -> str:

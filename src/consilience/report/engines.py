@@ -9,9 +9,10 @@ from functools import cache
 from pathlib import Path
 
 from consilience.compare import Verdict
+from consilience.engine import Question
 from consilience.report.cells import Cell
 from consilience.report.facts import Fact
-from consilience.report.wording import LOOKS, QUESTIONS, RANK, Look, anchor, counted
+from consilience.report.wording import LOOKS, RANK, Look, anchor, counted
 
 
 @dataclass(frozen=True)
@@ -62,12 +63,10 @@ def engine_view(name: str, facts: Sequence[Fact], cells: Sequence[Cell]) -> Engi
     """Make the view of an engine from its cells."""
     answers = [(cell, a) for cell in cells for a in cell.matched]
     return EngineView(
-        anchor=anchor(
-            "page", "engine", name
-        ),  # three names: the identifier of a cell has two, and a case may be called "engine"
+        anchor=anchor("page", "engine", name),  # an identifier of a cell has two names
         name=name,
         facts=tuple(facts),
-        tallies=tuple((q, _tally(a.look for _, a in answers if a.question == q)) for q in QUESTIONS),
+        tallies=tuple((q, _tally(a.look for _, a in answers if a.question == q)) for q in Question),
         unsupported=_grouped((reason, None, cell) for cell, a in answers for reason in a.unsupported),
         differing=_grouped(
             (f"{a.question}, {a.title}: {a.cause}", a.look, cell)

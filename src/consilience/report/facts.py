@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from consilience.engine import Question, load_named
 from consilience.report.selection import softness_of
 from consilience.report.wording import UNITS, digits_text, nested, number, order_text, seconds
 
@@ -36,12 +37,8 @@ def facts_of(
     reference : dict or None
         The reference's answer to the question `model`.
     """
-    if comparison["question"] == "model":
-        yield from _account(levels, reference)
-    elif comparison["question"] == "instant":
-        yield Fact("states", str(case["instants"]), "the initial state, then random consistent ones")
-    elif comparison["levels"]:
-        yield from _convergence(comparison, case, declared_text(comparison, levels[0]["method"]))
+    named = Question(comparison["question"]).facts
+    yield from load_named(named)(comparison, levels, case, reference) if named else ()
     # the table of levels has the times of a motion
     if not comparison["levels"] and any(r["status"] == "answered" for r in levels):
         yield Fact("CPU time", seconds(sum(r["cpu"] for r in levels)))
@@ -57,8 +54,13 @@ def horizon_text(comparison: dict[str, Any], case: dict[str, Any]) -> str:
     )
 
 
-def _account(levels: Sequence[dict[str, Any]], reference: dict[str, Any] | None) -> Iterator[Fact]:
-    """Compare the engine's account of the model with the account of the reference."""
+def model_facts(
+    comparison: dict[str, Any],
+    levels: Sequence[dict[str, Any]],
+    case: dict[str, Any],
+    reference: dict[str, Any] | None,
+) -> Iterator[Fact]:
+    """Give mass properties and degrees of freedom beside those of the reference; arguments as of `facts_of`."""
     names = {"mass": "total mass", "com": "centre of mass", "inertia": "inertia", "freedom": "degrees of freedom"}
     answer = next((r["answer"] for r in levels if r["answer"]), None)
     if answer is None:
@@ -74,13 +76,30 @@ def declared_text(comparison: dict[str, Any], method: dict[str, Any]) -> str:
     return f"{comparison['declared_order']}{' in the tolerance' if method.get('tolerances') else ''}"
 
 
-def _convergence(comparison: dict[str, Any], case: dict[str, Any], declared: str) -> Iterator[Fact]:
-    """State digits, orders and uncertainty of a motion."""
+def instant_facts(
+    comparison: dict[str, Any],
+    levels: Sequence[dict[str, Any]],
+    case: dict[str, Any],
+    reference: dict[str, Any] | None,
+) -> Iterator[Fact]:
+    """Give the number of states; arguments as of `facts_of`."""
+    yield Fact("states", str(case["instants"]), "the initial state, then random consistent ones")
+
+
+def trajectory_facts(
+    comparison: dict[str, Any],
+    levels: Sequence[dict[str, Any]],
+    case: dict[str, Any],
+    reference: dict[str, Any] | None,
+) -> Iterator[Fact]:
+    """Give digits, orders and uncertainty of a motion; arguments as of `facts_of`."""
+    if not comparison["levels"]:
+        return
     yield Fact("digits", digits_text(comparison["digits"]), f"at the finest level; asked {case['digits']}")
     if comparison["declared_order"] is not None:
         hidden = "hidden by rounding" if comparison["order"] is None else "the finest levels against the reference"
         among = "hidden by rounding" if comparison["self_order"] is None else "the levels, without the reference"
-        yield Fact("declared order", declared)
+        yield Fact("declared order", declared_text(comparison, levels[0]["method"]))
         yield Fact("observed order", order_text(comparison["order"]), hidden)
         yield Fact("self order", order_text(comparison["self_order"]), among)
         yield Fact("limit digits", digits_text(comparison["limit_digits"]), "of the Richardson limit")

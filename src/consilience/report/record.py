@@ -25,7 +25,7 @@ from pydantic_core import from_json
 from consilience.case import Case
 from consilience.case.bounded_reading import bounded_text
 from consilience.compare import exit_code as exit_code_of
-from consilience.engine import Profile, Question, Run, TrajectoryAnswer
+from consilience.engine import Profile, Question, Run
 from consilience.errors import InvalidInput
 from consilience.mechanism import determinate_reactions
 from consilience.report.recordschema import FORMAT, checked, contradictions
@@ -112,7 +112,7 @@ def header(results: Results, elapsed: float) -> dict[str, Any]:
         "engines": {name: asdict(info) for name, info in results.engines.items()},
         "missing": results.missing,
         "questions": [str(q) for q in results.questions],
-        "quick": results.effort == QUICK,
+        "quick": results.thoroughness == QUICK,
     }
 
 
@@ -154,11 +154,9 @@ def _undetermined(case: Case) -> dict[str, list[int]]:
 
 
 def _run(run: Run) -> dict[str, Any]:
-    answer = run.answer
-    if isinstance(answer, TrajectoryAnswer):
-        shown: Any = {"counters": answer.counters, "samples": len(answer.time)}
-    else:
-        shown = answer
+    answer = shown = run.answer
+    if run.question.over_time and answer is not None:
+        shown = {"counters": answer.counters, "samples": len(answer.time)}
     return {**vars(run), "record": "run", "answer": shown}
 
 
@@ -206,11 +204,11 @@ def _write_arrays(results: Results, folder: Path) -> None:
     folder.mkdir(exist_ok=True)
     numbers: dict[tuple[str, str], int] = {}
     for run in results.runs:
-        if isinstance(run.answer, TrajectoryAnswer):
+        if run.question.over_time and run.answer is not None:
             key = (run.case, run.engine)
             numbers[key] = numbers.get(key, 0) + 1
             a = run.answer
-            arrays = {"p_WB": a.p_WB, "quat_WB": a.quat_WB, "v_WB_W": a.v_WB_W, "w_WB_W": a.w_WB_W}
+            arrays = {name: getattr(a, name) for name in run.question.shapes if name != "time"}
             method = run.method.name if run.method else ""
             # softness 0 stands for hard constraints: an NPZ holds no None
             softness = (run.method.softness if run.method else None) or 0.0

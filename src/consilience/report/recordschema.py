@@ -9,7 +9,16 @@ from collections.abc import Iterator, Sequence
 from datetime import datetime
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
+from pydantic import (
+    AfterValidator,
+    ConfigDict,
+    Field,
+    PlainValidator,
+    TypeAdapter,
+    ValidationError,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError
 
 from consilience.compare import Verdict
 from consilience.engine import Profile, Question, Route, Status
@@ -29,9 +38,19 @@ def _moment(text: str) -> str:
     return text
 
 
+def _question(name: str) -> Question:
+    try:
+        return Question(name)
+    except ValueError:
+        *names, last = (repr(str(question)) for question in Question)
+        expected = f"{', '.join(names)} or {last}"
+        raise PydanticCustomError("enum", "Input should be {expected}", {"expected": expected}) from None
+
+
+QuestionField = Annotated[Question, PlainValidator(_question)]
+
 # JSON holds members of these enumerations as strings
 _WORD = Field(strict=False)
-QuestionField = Annotated[Question, _WORD]
 VerdictField = Annotated[Verdict, _WORD]
 RouteField = Annotated[Route, _WORD]
 ProfileField = Annotated[Profile, _WORD]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from consilience.compare import Verdict
-from consilience.engine import Profile, Question, Route
+from consilience.engine import Profile, Route
 
 DASH = "\N{EM DASH}"
 
@@ -112,12 +112,6 @@ ROUTES: dict[str, tuple[str, str]] = {
     Route.REFERENCE: ("reference", "the reference solver itself"),
 }
 """Short name and meaning of each route."""
-
-QUESTIONS: dict[str, str] = {
-    Question.MODEL: "mass, centre of mass, inertia and freedom, read back from the translated model (relative)",
-    Question.INSTANT: "accelerations, joint reactions and energies at given states; relative to the largest component",
-    Question.TRAJECTORY: "the motion over time, at several step sizes",
-}
 
 EXIT_CODES: dict[int, str] = {
     0: "with matched settings no engine differs in the model, and none is missing, failed or unresolved",

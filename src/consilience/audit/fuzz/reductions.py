@@ -16,7 +16,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from consilience.case.file.writer import Table as TomlTable
+from consilience.case.file.values import TomlTable
 from consilience.mechanism import AXIS_COORDINATES, GROUND, Mechanism, spanning_tree
 
 ELEMENTS = (

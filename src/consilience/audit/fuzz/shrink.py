@@ -18,7 +18,7 @@ from typing import Any
 from consilience.audit.fuzz.population import read_text
 from consilience.audit.fuzz.reductions import AS_IS, knobs, parts, simplified, without
 from consilience.audit.random_mechanisms import GAP, rank_of
-from consilience.case.file.writer import Table as TomlTable
+from consilience.case.file.values import TomlTable
 from consilience.case.file.writer import table_text
 from consilience.errors import ConsilienceError, InvalidInput
 from consilience.mechanism import RANK_TOLERANCE, Mechanism

@@ -76,7 +76,7 @@ def run(
             jobs=jobs,
             limit=limit,
             progress=progress,
-            effort=QUICK if quick else FULL,
+            thoroughness=QUICK if quick else FULL,
             store=store,
             memory=int(memory * 2**30),
             cluster=cluster,

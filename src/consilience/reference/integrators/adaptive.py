@@ -43,7 +43,7 @@ import scipy
 from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import Array, State
 from consilience.reference.integrators.coefficients import DORMAND_PRINCE, Explicit
-from consilience.reference.integrators.dense import Dense, Piece
+from consilience.reference.integrators.dense import Dense, StepPolynomial
 from consilience.reference.integrators.step_control import LARGEST, SAFETY, SMALLEST, STATUS
 from consilience.reference.integrators.tableaus import (
     RADAU,
@@ -135,7 +135,7 @@ class _Integration:
     samples: list[Array] = field(default_factory=list)
     states: list[State] = field(default_factory=list)
     ends: list[float] = field(default_factory=list)
-    pieces: list[Piece] = field(default_factory=list)
+    pieces: list[StepPolynomial] = field(default_factory=list)
     charts: list[object] = field(default_factory=list)
 
     def derivative(self, t: float, u: Array) -> Array:
@@ -155,7 +155,7 @@ class _Integration:
         self.samples.append(u)
         self.states.append(self.formulation.state(u))
 
-    def accept(self, t: float, piece: Piece, chart: object) -> None:
+    def accept(self, t: float, piece: StepPolynomial, chart: object) -> None:
         """Record the dense output of a step that ends at t."""
         self.counters["steps"] += 1
         self.ends.append(t)
@@ -282,7 +282,7 @@ def _multistep(run: _Integration, u: Array) -> None:
     run.counters["factorisations"] = sum(solver.nlu for solver in solvers)
 
 
-def _transposed(dense: Callable[[Array], Array]) -> Piece:
+def _transposed(dense: Callable[[Array], Array]) -> StepPolynomial:
     return lambda t: dense(t).T
 
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from consilience.errors import InvalidInput
 from consilience.mechanism import Array
 
-Piece = Callable[[Array], Array]
+StepPolynomial = Callable[[Array], Array]
 """Dense output of one step: from times of shape (n,) to coordinates of shape (n, n_u)."""
 
 
@@ -52,13 +52,13 @@ class Dense:
     ----------
     ends : ndarray, shape (n_s + 1,), s
         Start of the first step and the ends of all steps.
-    pieces : tuple of Piece
+    pieces : tuple of StepPolynomial
     charts : tuple
         Chart of the polynomial of each step; None for a formulation with a single chart.
     """
 
     ends: Array
-    pieces: tuple[Piece, ...]
+    pieces: tuple[StepPolynomial, ...]
     charts: tuple[object, ...]
 
     def step(self, t: ArrayLike) -> Array:

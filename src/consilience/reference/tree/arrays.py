@@ -51,9 +51,8 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from consilience.mechanism import Array, Mechanism
-from consilience.reference.bodies.arrays import Model, all_rows, flatten
+from consilience.reference.bodies.arrays import Model, Workspace, all_rows, flatten, workspace
 from consilience.reference.bodies.spanning_tree import TreeModel, flatten_tree
-from consilience.reference.bodies.workspace import Workspace, workspace
 from consilience.reference.kernel.mechanism_record import record_of
 from consilience.reference.tree import records
 from consilience.reference.tree.cut_joints import CutJoints, cut_joints

@@ -114,14 +114,8 @@ def project_by_elimination(
     ----------
     closure, spatial, elements, t, z, at_sample : see `arrays`
     """
-    loops, qr, elimination, link, free, u = (
-        closure.loops,
-        closure.qr,
-        spatial.elimination,
-        closure.link,
-        closure.free,
-        closure.u,
-    )
+    loops, qr, elimination = closure.loops, closure.qr, spatial.elimination
+    link, free, u = closure.link, closure.free, closure.u
     group, order, state, value, target = loops.group, qr.order, qr.state, closure.value, qr.target
     if closure.best[ELIMINATION_PIVOT] == 0.0 or not _is_regular(closure, spatial):
         return False

@@ -132,14 +132,8 @@ def _solve_articulated_apart(closure: LoopClosure, spatial: SpatialArrays) -> No
 @inlined
 def _solve_by_elimination(closure: LoopClosure, spatial: SpatialArrays) -> bool:
     """Compute accelerations by elimination, if freedoms are few and the least pivot is regular; return whether."""
-    link, free, u, loops, qr, elimination = (
-        closure.link,
-        closure.free,
-        closure.u,
-        closure.loops,
-        closure.qr,
-        spatial.elimination,
-    )
+    link, free, u = closure.link, closure.free, closure.u
+    loops, qr, elimination = closure.loops, closure.qr, spatial.elimination
     found = (
         loops.group.shape[0] > 0
         and closure.best[ELIMINATION_PIVOT] > 0.0

@@ -65,13 +65,8 @@ def evaluate_rows(
     ----------
     closure, spatial, elements, planar, t, z : see `arrays`
     """
-    touched, W, active, value, gamma = (
-        closure.loops.touched,
-        closure.qr.W,
-        closure.qr.active,
-        closure.value,
-        closure.gamma,
-    )
+    touched, W, active = closure.loops.touched, closure.qr.W, closure.qr.active
+    value, gamma = closure.value, closure.gamma
     if planar is not None:
         evaluate_planar_rows(planar, touched, active, closure.link, t, z, W, value, gamma, closure.rate)
     if spatial is not None:
@@ -93,16 +88,8 @@ def row_responses(
     ----------
     loops, layout, qr, spatial, planar, link, free : see `arrays`
     """
-    group, touched, path, owner, W, wrench, F = (
-        loops.group,
-        loops.touched,
-        loops.path,
-        loops.owner,
-        qr.W,
-        qr.wrench,
-        qr.F,
-    )
-    order, state, largest = qr.order, qr.state, 0.0
+    group, touched, path, owner = loops.group, loops.touched, loops.path, loops.owner
+    order, state, W, wrench, F, largest = qr.order, qr.state, qr.W, qr.wrench, qr.F, 0.0
     if spatial is not None:
         largest = whitened_responses(group, touched, path, owner, order, state, layout, W, wrench, F, link, free)
     if planar is not None:

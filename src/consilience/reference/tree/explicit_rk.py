@@ -42,7 +42,7 @@ UNSUITABLE = 3
 
 STIFF_STEP, STIFF_STEPS, FEWEST_STEPS_LEFT = 3.5, 15, 100
 """Declare stiffness when h |lambda| exceeds 3.5 on 15 more steps than not, with more than 100 steps to go. The
-stability limit of the pairs is about 6; accuracy alone asks for shorter steps.
+stability limit of the pairs is about 6; steps that accuracy limits are shorter.
 """
 
 LARGEST_FIRST = 1e4
@@ -411,12 +411,13 @@ def integrate(
         Key of `integrators.step_control.STATUS`, or UNSUITABLE.
     """
     on, pair = fields_of(run), fields_of(pair)
+    tree, closure, spatial, elements, planar = on.tree, on.closure, on.spatial, on.elements, on.planar
     return _integrate(
-        on.tree,
-        on.closure,
-        on.spatial,
-        on.elements,
-        on.planar,
+        tree,
+        closure,
+        spatial,
+        elements,
+        planar,
         on.scratch,
         pair,
         z,

@@ -12,11 +12,10 @@ from consilience.engine import Unsupported
 from consilience.errors import NumericalFailure
 from consilience.mechanism import RANK_TOLERANCE, Array, Mechanism, State
 from consilience.reference.bodies import constraints, forces
-from consilience.reference.bodies.arrays import unpack
+from consilience.reference.bodies.arrays import Workspace, unpack, workspace
 from consilience.reference.bodies.canonical import at_origins, joint_wrenches
 from consilience.reference.bodies.joint_rows import coordinate
 from consilience.reference.bodies.mass_metric import mass_matrix
-from consilience.reference.bodies.workspace import Workspace, workspace
 from consilience.reference.kernel.compiled import kernel
 from consilience.reference.kernel.mechanism_record import record_of
 from consilience.reference.tree.arrays import (

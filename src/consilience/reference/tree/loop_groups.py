@@ -3,7 +3,7 @@
 Rows that act on the same links form a group. In the whitened responses B of the tree (one row for each free direction,
 one column for each constraint row), a group has entries only at the directions between its links and the ground.
 Groups that share directions are numbered near each other (reverse Cuthill-McKee), and B is factorised group by group,
-in fronts: see `multifrontal` [Davis, Direct Methods for Sparse Linear Systems, 2006, sections 5.4 and 7.3].
+in fronts: see `multifrontal`.
 """
 
 from __future__ import annotations

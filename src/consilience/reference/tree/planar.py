@@ -18,7 +18,9 @@ from consilience.reference.tree.loop_groups import FRONT_ROWS, FRONT_START, PATH
 from consilience.reference.tree.multifrontal import clear_fronts
 
 Pair = tuple[float, float]
-Triple = tuple[float, float, float]
+PlanarVector = tuple[float, float, float]
+"""A motion (linear, angular) or wrench (force, torque) in a plane."""
+
 PlanarInertia = tuple[float, float, float, float, float, float]
 """Articulated inertia: xx, xy, yy, x and y with the angle, moment."""
 
@@ -30,7 +32,7 @@ def load_pair(table: Array, k: int, at: int) -> Pair:
 
 
 @fused
-def load_triple(table: Array, k: int, at: int) -> Triple:
+def load_triple(table: Array, k: int, at: int) -> PlanarVector:
     """Return three numbers of a row, from column `at` on."""
     return table[k, at], table[k, at + 1], table[k, at + 2]
 
@@ -42,7 +44,7 @@ def store_pair(table: Array, k: int, at: int, a: Pair) -> None:
 
 
 @fused
-def store_triple(table: Array, k: int, at: int, a: Triple) -> None:
+def store_triple(table: Array, k: int, at: int, a: PlanarVector) -> None:
     """Store three numbers in a row, from column `at` on."""
     table[k, at], table[k, at + 1], table[k, at + 2] = a
 
@@ -54,7 +56,7 @@ def rotate_pair(turn: Pair, a: Pair) -> Pair:
 
 
 @fused
-def planar_power(a: Triple, b: Triple) -> float:
+def planar_power(a: PlanarVector, b: PlanarVector) -> float:
     """Return the power of a wrench on a motion."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
@@ -134,7 +136,7 @@ def place_planar_links(link: Array, free: Array, q: Array, v: Array) -> None:
 
 
 @fused
-def inertia_times(I: PlanarInertia, a: Triple) -> Triple:
+def inertia_times(I: PlanarInertia, a: PlanarVector) -> PlanarVector:
     """Return ``I a``."""
     return (
         I[0] * a[0] + I[1] * a[1] + I[3] * a[2],
@@ -144,7 +146,7 @@ def inertia_times(I: PlanarInertia, a: Triple) -> Triple:
 
 
 @fused
-def _rank_one_update(I: PlanarInertia, x: Triple, factor: float) -> PlanarInertia:
+def _rank_one_update(I: PlanarInertia, x: PlanarVector, factor: float) -> PlanarInertia:
     """Return ``I - factor x x^T``."""
     a, b, c = factor * x[0], factor * x[1], factor * x[2]
     return I[0] - a * x[0], I[1] - a * x[1], I[2] - b * x[1], I[3] - a * x[2], I[4] - b * x[2], I[5] - c * x[2]

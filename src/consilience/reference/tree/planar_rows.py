@@ -12,13 +12,14 @@ from typing import NamedTuple
 import numpy as np
 
 from consilience.mechanism import Array
+from consilience.reference.bodies.forces import friction_effort
 from consilience.reference.bodies.joint_rows import full_turns
 from consilience.reference.kernel import functions
 from consilience.reference.kernel.compiled import fused, inner, kernel
 from consilience.reference.kernel.functions import Functions
 from consilience.reference.tree import plane as col
 from consilience.reference.tree.loop_groups import TOUCHED
-from consilience.reference.tree.planar import Pair, Triple, load_pair, load_triple, planar_power, rotate_pair
+from consilience.reference.tree.planar import Pair, PlanarVector, load_pair, load_triple, planar_power, rotate_pair
 from consilience.reference.tree.plane import PlanarArrays
 
 
@@ -30,8 +31,8 @@ class PlanarRow(NamedTuple):
     gamma: float
     i: int
     j: int
-    on_i: Triple
-    on_j: Triple
+    on_i: PlanarVector
+    on_j: PlanarVector
 
 
 @fused
@@ -100,13 +101,13 @@ def evaluate_row(row_table: Array, n: int, link: Array, z: Array) -> PlanarRow:
 
 
 @fused
-def _store_wrench(W: Array, row: int, at: int, a: Triple) -> None:
+def _store_wrench(W: Array, row: int, at: int, a: PlanarVector) -> None:
     """Store a wrench of a row."""
     W[row, at, 0], W[row, at, 1], W[row, at, 2] = a
 
 
 @inner
-def _add_wrench(touched: Array, W: Array, row: int, link: int, factor: float, wrench: Triple) -> None:
+def _add_wrench(touched: Array, W: Array, row: int, link: int, factor: float, wrench: PlanarVector) -> None:
     """Add a wrench on a link, which both coordinates of a coupling may act on."""
     for at in range(TOUCHED):
         if link >= 0 and touched[row, at] == link:
@@ -247,7 +248,7 @@ def largest_planar_row(touched: Array, W: Array, link: Array) -> float:
 
 
 @fused
-def _add_to_bias(link: Array, k: int, factor: float, wrench: Triple) -> None:
+def _add_to_bias(link: Array, k: int, factor: float, wrench: PlanarVector) -> None:
     """Add a wrench to the bias of a link that is not the ground."""
     if k >= 0:
         for r in range(3):
@@ -285,7 +286,7 @@ def _load(force_table: Array, n: int, link: Array, factor: float) -> None:
 
 
 @inner
-def _joint_force(kind: float, law: Triple, q: PlanarRow, given: Triple, integral: float) -> float:
+def _joint_force(kind: float, law: PlanarVector, q: PlanarRow, given: PlanarVector, integral: float) -> float:
     """Return the force of a spring, of friction or of a controller in a joint coordinate.
 
     `given` holds value and rate of the element's function of time.
@@ -293,7 +294,7 @@ def _joint_force(kind: float, law: Triple, q: PlanarRow, given: Triple, integral
     if kind == col.JOINT_SPRING:
         return given[0] - law[0] * (q.value - law[2]) - law[1] * q.rate
     if kind == col.FRICTION:
-        return -law[0] * q.rate - law[1] * np.tanh(q.rate / law[2])
+        return friction_effort(law, q.rate)
     return law[0] * (given[0] - q.value) + law[1] * integral + law[2] * (given[1] - q.rate)
 
 

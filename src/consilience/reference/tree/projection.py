@@ -92,8 +92,8 @@ def _factorise_all_rows(
     group, state = loops.group, qr.state
     for g in range(group.shape[0]):
         state[g, USED] = group[g, ROW_END] - group[g, ROW]
-    largest_entry = row_responses(loops, layout, qr, spatial, planar, link, free)
-    smallest = max(smallest, rank_threshold(size, largest_entry))
+    largest = row_responses(loops, layout, qr, spatial, planar, link, free)
+    smallest = max(smallest, rank_threshold(size, largest))
     least = factorise(group, qr.order, state, qr.F, qr.tau, smallest, PIVOTING)
     rank = 0
     for g in range(group.shape[0]):
@@ -136,8 +136,8 @@ def _select_rows(
     elif rank == best[LARGEST_RANK]:
         best[LEAST_FRONT_PIVOT] = max(best[LEAST_FRONT_PIVOT], least)
     if violation <= _SINGULAR_VIOLATION and least < _SINGULAR_PIVOT * best[LEAST_FRONT_PIVOT]:
-        passing = (_SINGULAR_PIVOT * best[LEAST_FRONT_PIVOT]) ** 2
-        fewer = _factorise_all_rows(loops, layout, qr, spatial, planar, link, free, passing, size)[0]
+        singular = (_SINGULAR_PIVOT * best[LEAST_FRONT_PIVOT]) ** 2
+        fewer = _factorise_all_rows(loops, layout, qr, spatial, planar, link, free, singular, size)[0]
         if fewer:
             rank = fewer
         else:
@@ -178,20 +178,9 @@ def find_rank(
     if closure.loops.group.shape[0]:
         violation = row_violation(closure, spatial, elements, planar, t, z)
         articulate_tree(spatial, planar, closure.link, closure.free)
-        loops, qr, link, free = closure.loops, closure.qr, closure.link, closure.free
-        _select_rows(
-            loops,
-            closure.layout,
-            qr,
-            spatial,
-            planar,
-            link,
-            free,
-            closure.row_norm[0],
-            closure.best,
-            closure.rank_limit,
-            violation,
-        )
+        loops, layout, qr, link, free = closure.loops, closure.layout, closure.qr, closure.link, closure.free
+        norm, best, rank_limit = closure.row_norm[0], closure.best, closure.rank_limit
+        _select_rows(loops, layout, qr, spatial, planar, link, free, norm, best, rank_limit, violation)
 
 
 @inlined

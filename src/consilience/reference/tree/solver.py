@@ -32,7 +32,7 @@ from consilience.reference.tree.radau13 import integrate_radau, radau_scratch
 from consilience.reference.tree.state import StatePacking, pack_state
 from consilience.reference.tree.taylor import STATUS, has_series, integrate_taylor, order_for, taylor_scratch
 
-_CLOSE = 3.0
+_RESOLUTION = 3.0
 """Longest step, in points of a table or as part of the period of a harmonic, that misses no feature of a function."""
 
 
@@ -44,9 +44,9 @@ def longest_step(model: Model) -> float:
         _, harmonic, piece = functions.first[n]
         _, harmonic_end, piece_end = functions.first[n + 1]
         for w in functions.harmonics[harmonic:harmonic_end, 1]:
-            longest = min(longest, 2.0 * np.pi / (_CLOSE * abs(w)) if w else np.inf)
+            longest = min(longest, 2.0 * np.pi / (_RESOLUTION * abs(w)) if w else np.inf)
         for left, right in functions.pieces[piece:piece_end, :2]:
-            longest = min(longest, _CLOSE * (right - left))
+            longest = min(longest, _RESOLUTION * (right - left))
     return float(longest)
 
 
@@ -77,8 +77,8 @@ class _PreparedMechanism(NamedTuple):
             arrays = with_own_arrays(self.tree_system)
             tree, closing, spatial, elements, planar = arrays
             closure = None if self.tree_alone else closing
-            scratch_of = INTEGRATORS[integrator].scratch(np.zeros(len(self.links.kind)), arrays, closure)
-            run = KernelArguments(tree, closure, spatial, elements, planar, scratch_of)
+            scratch = INTEGRATORS[integrator].scratch(np.zeros(len(self.links.kind)), arrays, closure)
+            run = KernelArguments(tree, closure, spatial, elements, planar, scratch)
             return _WorkingArrays(run, record_array(run), persistent_arrays(arrays, self.tree_system))
         for array, first in taken.persistent_arrays:
             array[...] = first
@@ -87,7 +87,7 @@ class _PreparedMechanism(NamedTuple):
 
 @lru_cache(maxsize=8)
 def _prepare(mechanism: Mechanism, in_space: bool) -> _PreparedMechanism:
-    """Prepare a mechanism; the last ones are kept, because this takes as long as some thousand evaluations.
+    """Prepare a mechanism; the last mechanisms are kept, because preparation is slow.
 
     With `in_space` the kernels of space serve mechanisms in a plane, too.
     """

@@ -29,7 +29,7 @@ from consilience.reference.kernel.compiled import fused
 from consilience.reference.tree import plane as col
 from consilience.reference.tree.planar import (
     Pair,
-    Triple,
+    PlanarVector,
     inertia_times,
     load_pair,
     load_planar_inertia,
@@ -210,7 +210,7 @@ def known_rotations(link: Array, free: Array, coef: Array, q: Array, m: int, tor
 
 
 @fused
-def _carried(link: Array, free: Array, inverse: Array, k: int) -> Triple:
+def _carried(link: Array, free: Array, inverse: Array, k: int) -> PlanarVector:
     """Return the wrench on the parent due to the velocity products of a link, with the link's directions free."""
     c = load_pair(link, k, col.VELOCITY_PRODUCT)
     c = c[0], c[1], 0.0

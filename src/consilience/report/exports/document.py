@@ -6,7 +6,8 @@ this document is stable. A field with a new meaning makes another `FORMAT`; a ne
 
 from __future__ import annotations
 
-from typing import Any, TypeVar
+from enum import StrEnum
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -18,6 +19,13 @@ from consilience.report.selection import judged_largest, levels_of
 
 FORMAT = 1
 SCHEMA_ID = "urn:consilience:schema:results:1"
+
+
+if TYPE_CHECKING:
+    _QuestionName = Question
+else:
+    _QuestionName = StrEnum("Question", {name.upper(): str(name) for name in Question})
+    _QuestionName.__doc__ = "What can be asked of an engine."
 
 
 class _DocumentModel(BaseModel):
@@ -79,7 +87,7 @@ class ComparisonTable(_DocumentModel):
 
     case: str
     engine: str
-    question: Question
+    question: _QuestionName
     method: str
     route: str | None = Field(description="How much of the answer is the engine's own; null without a method.")
     profile: Profile = Field(description="Only `matched` decides the exit code.")
@@ -109,7 +117,7 @@ class Document(_DocumentModel):
     platform: str
     python: str
     packages: dict[str, str]
-    questions: list[Question]
+    questions: list[_QuestionName]
     exit_code: int = Field(description="0 agree, 1 some differ in the model, 3 incomplete.")
     engines: dict[str, EngineTable]
     missing: dict[str, str] = Field(description="Engines that did not start, and why.")
