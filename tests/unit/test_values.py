@@ -20,7 +20,7 @@ def test_a_value_that_is_missed_is_marked_and_ends_with_one(monkeypatch, tmp_pat
     rows = values.table(found).splitlines()
     assert "**missed**" in rows[2]
     assert not any("**missed**" in row for row in rows[3:])
-    monkeypatch.setattr(values, "load_cases", lambda _: [replace(case, published=(wrong,))])
+    monkeypatch.setattr(values, "chosen_cases", lambda _: [replace(case, published=(wrong,))])
     with pytest.raises(Exit) as ended:
         values.values(["simple_pendulum-small"], tmp_path / "values.md")
     assert ended.value.exit_code == 1
