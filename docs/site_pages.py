@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
+from itertools import groupby
 from pathlib import Path
 
 import draw_architecture
 
 from consilience.case import shipped_cases
 from consilience.case.families import FAMILIES, shown_parameters
-from consilience.cli.explanations import Kind, read_entries
+from consilience.cli.commands.list_ import joints_of
+from consilience.cli.explanations import Topic, read_explanations
+from consilience.compare import markdown_table
 from consilience.engine import installed
 
 FINDINGS = Path(__file__).parents[1] / "reports" / "findings"
@@ -90,20 +92,17 @@ def cell(text: object) -> str:
 
 def library() -> str:
     """Return the page of all shipped cases and families."""
+    heads = ("case", "bodies", "joints", "duration in s", "digits", "what", "sources")
     lines = ["# The cases", "", "Generated from the files. What a case file is: [The case library](../cases.md).", ""]
-    group = ""
-    for case in sorted(shipped_cases(), key=lambda c: (c.group, c.name)):
-        if case.group != group:
-            group = case.group
-            lines += ["", f"## {group}", "", "| case | bodies | joints | duration in s | digits | what | sources |"]
-            lines += ["|---|---|---|---|---|---|---|"]
-        kinds = Counter(joint.kind for joint in case.mechanism.joints)
-        joints = ", ".join(f"{n} {kind}" if n > 1 else kind for kind, n in kinds.items())
-        row = (case.name, len(case.mechanism.bodies), joints, f"{case.duration:g}", case.digits, case.title)
-        lines.append("| " + " | ".join(cell(c) for c in (*row, "; ".join(case.sources))) + " |")
+    for group, cases in groupby(sorted(shipped_cases(), key=lambda c: (c.group, c.name)), key=lambda c: c.group):
+        rows = []
+        for case in cases:
+            size = (len(case.mechanism.bodies), joints_of(case), f"{case.duration:g}", case.digits)
+            rows.append((case.name, *size, case.title, "; ".join(case.sources)))
+        lines += ["", f"## {group}", "", *markdown_table(heads, rows, escape=cell)]
+    families = [(name, shown_parameters(family)) for name, family in FAMILIES.items()]
     lines += ["", "## Families", "", "[Their parameters](../families.md) in a name make a case.", ""]
-    lines += ["| family | parameters and defaults |", "|---|---|"]
-    lines += [f"| {cell(name)} | {cell(shown_parameters(family))} |" for name, family in FAMILIES.items()]
+    lines += markdown_table(("family", "parameters and defaults"), families, escape=cell)
     lines += ["", f"Engines here: {', '.join(installed())}.", ""]
     return "\n".join(lines)
 
@@ -111,9 +110,9 @@ def library() -> str:
 def explained() -> str:
     """Return the page of all entries of `consilience explain`."""
     lines = ["# Verdicts, terms and traps", "", "What `consilience explain` prints, all of it.", ""]
-    for kind in Kind:
+    for kind in Topic:
         lines += [f"## {kind.title}", ""]
-        for entry in read_entries():
+        for entry in read_explanations():
             if entry.kind is kind:
                 lines += [f"### {cell(entry.name)}", "", f"**{cell(entry.rule)}**", "", cell(entry.theory), ""]
                 if entry.met:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from consilience.case import Case
-from consilience.cli.campaign_options import log_to_stderr
+from consilience.cli.terminal import log_to_stderr
 from consilience.engine import EngineInfo, Method, Question, Route, Run, Status
 from consilience.engine.worker.client import Request
 from consilience.engine.worker.server import replay

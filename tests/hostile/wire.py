@@ -14,7 +14,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 from consilience.audit.fuzz.judging import judge
-from consilience.audit.fuzz.workers import _sheet
+from consilience.audit.fuzz.workers import batch_of
 from consilience.case import load_case
 from consilience.engine import (
     EngineInfo,
@@ -204,7 +204,7 @@ def _received(raw, folder):
     if not isinstance(value, AnswerSet):
         return True
     reference = perform(Still(), Request(case.mechanism, states=case.states, survey=tuple(Question)[:2]))
-    judge(case, {"reference": _sheet(Reply(reference, True)), "still": _sheet(Reply(value, True))})
+    judge(case, {"reference": batch_of(Reply(reference, True)), "still": batch_of(Reply(value, True))})
     return True
 
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from consilience.case import Case
+from consilience.compare import markdown_table
 from consilience.compare.motion import OBSERVABLES, Scales
 from consilience.compare.uncertainty import declared_order, estimates
 from consilience.engine import Method, Question, Run, TrajectoryAnswer
@@ -132,16 +133,25 @@ def table(found: Sequence[Trial | Skipped]) -> str:
     groups: dict[tuple[str, str], list[Trial]] = {}
     for t in done:
         groups.setdefault((t.engine, t.method), []).append(t)
-    lines = ["| engine | method | trials | covered | band / error, median |", "|---|---|---:|---:|---:|"]
+    heads = ("engine", "method", "trials", "covered", "band / error, median")
+    rows = []
     for (engine, method), group in [*groups.items(), (("all", ""), done)]:
         part, width = coverage(group)
-        lines.append(f"| {engine} | {method} | {len(group)} | {100 * part:.1f} % | {width:.2g} |")
-    missed = [t for t in done if not t.covered]
-    lines += ["", "| case | engine | method | observable | order | error | band |", "|---|---|---|---|---:|---:|---:|"]
-    for t in missed:
-        order = "hidden" if t.order is None else f"{t.order:.2f}"
-        cells = (t.case, t.engine, t.method, t.observable, order, f"{t.error:.2e}", f"{t.band:.2e}")
-        lines.append(f"| {' | '.join(cells)} |")
+        rows.append((engine, method, len(group), f"{100 * part:.1f} %", f"{width:.2g}"))
+    missed = [
+        (
+            *(t.case, t.engine, t.method, t.observable),
+            *("hidden" if t.order is None else f"{t.order:.2f}", f"{t.error:.2e}", f"{t.band:.2e}"),
+        )
+        for t in done
+        if not t.covered
+    ]
     skipped = [s for s in found if isinstance(s, Skipped)]
-    lines += ["", *(f"- {s.case}, {s.engine}, {s.method or 'all methods'}: {s.reason}" for s in skipped)]
+    lines = [
+        *markdown_table(heads, rows, "llrrr"),
+        "",
+        *markdown_table(("case", "engine", "method", "observable", "order", "error", "band"), missed, "llllrrr"),
+        "",
+        *(f"- {s.case}, {s.engine}, {s.method or 'all methods'}: {s.reason}" for s in skipped),
+    ]
     return "\n".join(lines) + "\n"

@@ -1,4 +1,4 @@
-"""The entries of ``consilience explain``, from the tables beside this file, and the search among them."""
+"""The explanations of ``consilience explain``: tables beside this file, and the search among them."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from typing import Any
 from consilience.errors import InvalidInput
 
 
-class Kind(StrEnum):
-    """What can be explained, in the order of the list."""
+class Topic(StrEnum):
+    """Kinds of explanations, in the order of the list."""
 
     VERDICT = "verdict"
     RULE = "rule"
@@ -34,29 +34,29 @@ TABLES = ("verdicts.toml", "terms.toml", "traps.toml")
 
 
 @dataclass(frozen=True)
-class Entry:
-    """One thing that can be explained.
+class Explanation:
+    """The explanation of a name.
 
     Attributes
     ----------
-    kind : Kind
+    kind : Topic
     name : str
-        Unique among the entries of its kind.
+        Unique among the explanations of a kind.
     rule : str
-        What decides, or what to do, in a sentence.
+        A sentence: what decides, or what to do.
     theory : str
         Three lines.
     met : tuple of str
-        Where users met it: threads of public trackers, each with its gist.
+        Threads of public trackers, each with its gist.
     also : tuple of str
-        Other words for it.
+        Other names.
     see : str
-        Page of the documentation; empty for that of the kind.
+        Page of the documentation; empty for the page of the kind.
     number : int
-        Of a trap, as in `consilience.audit.mutate`; 0 for the others.
+        Number of a trap, as in `consilience.audit.mutate`; 0 for the other kinds.
     """
 
-    kind: Kind
+    kind: Topic
     name: str
     rule: str
     theory: str
@@ -67,47 +67,46 @@ class Entry:
 
     @property
     def words(self) -> tuple[str, ...]:
-        """Everything it can be asked for by."""
+        """All names and numbers by which the explanation is found."""
         numbers = (str(self.number), f"trap {self.number}") if self.number else ()
         return (self.name, *self.also, *numbers)
 
     @property
     def page(self) -> str:
-        """Page of the documentation that has more."""
-        return self.see or ("detection.md" if self.kind is Kind.TRAP else "verdicts.md")
-
-
-def _entry(kind: Kind, row: dict[str, Any]) -> Entry:
-    fields: dict[str, Any] = {name: tuple(value) if isinstance(value, list) else value for name, value in row.items()}
-    return Entry(kind, **fields)
+        """Page of the documentation that says more."""
+        return self.see or ("detection.md" if self.kind is Topic.TRAP else "verdicts.md")
 
 
 @cache
-def read_entries() -> tuple[Entry, ...]:
-    """All entries, by kind and in the order of their tables."""
-    found: list[Entry] = []
+def read_explanations() -> tuple[Explanation, ...]:
+    """Read all explanations, sorted by kind, each kind in the order of its table."""
+    found = []
     for table in TABLES:
         text = files("consilience.cli").joinpath("explained", table).read_text(encoding="utf-8")
         for kind, rows in tomllib.loads(text).items():
-            found += [_entry(Kind(kind), row) for row in rows]
-    return tuple(sorted(found, key=lambda entry: list(Kind).index(entry.kind)))
+            for row in rows:
+                fields: dict[str, Any] = {
+                    name: tuple(value) if isinstance(value, list) else value for name, value in row.items()
+                }
+                found.append(Explanation(Topic(kind), **fields))
+    return tuple(sorted(found, key=lambda entry: list(Topic).index(entry.kind)))
 
 
 def _key(text: str) -> str:
-    """Letters and digits alone count: case, hyphens and colons do not."""
+    """Letters and digits of a text, in lower case, words separated by single blanks."""
     return " ".join("".join(c if c.isalnum() else " " for c in text.lower()).split())
 
 
-def explained(asked: str) -> tuple[Entry, ...]:
-    """Entries of a name, a number of a trap, or a part of exactly one name.
+def find_explanations(asked: str) -> tuple[Explanation, ...]:
+    """Find the explanations of a name, of the number of a trap, or of a part of exactly one name.
 
     Raises
     ------
     InvalidInput
-        Nothing is called so; the message has the nearest words.
+        If there is none; the message has the nearest names.
     """
     wanted = _key(asked)
-    entries = read_entries()
+    entries = read_explanations()
     same = tuple(entry for entry in entries if wanted in {_key(word) for word in entry.words})
     if same:
         return same

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from consilience.compare.campaigns import CODES, exit_code, markdown_table, write_campaign
 from consilience.compare.instant import compare_instant, compare_model, relative_difference
 from consilience.compare.result import Comparison, Level, Quantity, Verdict, compare_by_bars
 from consilience.compare.trajectory import (
@@ -16,6 +17,7 @@ from consilience.compare.trajectory import (
 )
 
 __all__ = [
+    "CODES",
     "Comparison",
     "Level",
     "Prospect",
@@ -26,7 +28,10 @@ __all__ = [
     "compare_instant",
     "compare_model",
     "compare_trajectory",
+    "exit_code",
+    "markdown_table",
     "reference_spread",
     "relative_difference",
     "spread_over_time",
+    "write_campaign",
 ]

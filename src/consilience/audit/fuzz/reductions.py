@@ -1,11 +1,11 @@
-"""Ways to make a case smaller or simpler, each a choice from the simplest (0) to as it is.
+"""Reductions of a case: removal of parts, and simplification of parts by choices from 0 (simplest) to `AS_IS`.
 
-They work on the tables of its case file. There a mechanism is drawn: a joint is a place and a direction in the world,
-so that whatever is taken away or moved, what is left is assembled. What is no mechanism any more (a body that hangs on
-nothing, a rod of no length) is refused when it is read, as any bad case file is.
+Reductions change the tables of a case file. The file draws the mechanism: a joint is a place and a direction in the
+world, so that a reduced mechanism is still assembled. A reduced case that is no mechanism (a body without a joint, a
+rod of length zero) is refused by the reader of case files.
 
-A body that goes hands its joints and elements over to the body it hangs on; joints and elements that thereby join a
-body to itself, or act on the ground, go with it.
+When a body is removed, its joints and elements move to its parent in the spanning tree; joints and elements that then
+connect a body to itself, or act on the ground alone, are removed, too.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _NUMBERS = ("stiffness", "damping", "free_length", "rest", "viscous", "coulomb",
 _FUNCTIONS = ("actuator", "history", "target", "motion", "law")
 
 AS_IS = 3
-"""Choice that changes nothing."""
+"""Choice that leaves a part unchanged."""
 
 
 # ---------------------------------------------------------------- smaller
@@ -47,14 +47,14 @@ AS_IS = 3
 
 @dataclass(frozen=True)
 class Part:
-    """Something that can be taken away: the list of the table it is in, and its name."""
+    """A removable part of a case: the list of its table, and its name."""
 
     group: str
     name: str
 
 
 def parts(table: TomlTable, mechanism: Mechanism) -> list[Part]:
-    """Elements, joints that close loops, then bodies in depth-first order of the tree."""
+    """List the removable parts: elements, joints that close loops, then bodies in depth-first order of the tree."""
     found = [Part(group, entry["name"]) for group in ELEMENTS for entry in table.get(group, [])]
     tree, closing = spanning_tree(mechanism)
     found += [Part("joint", mechanism.joints[k].name) for k in closing]
@@ -66,7 +66,7 @@ def _child(mechanism: Mechanism, joint: int, backward: bool) -> str:
 
 
 def without(table: TomlTable, mechanism: Mechanism, gone: Sequence[Part]) -> TomlTable:
-    """The table without some of its parts."""
+    """Return a copy of the table without the given parts."""
     new = copy.deepcopy(table)
     for part in gone:
         new[part.group] = [entry for entry in new[part.group] if entry["name"] != part.name]
@@ -88,7 +88,7 @@ def without(table: TomlTable, mechanism: Mechanism, gone: Sequence[Part]) -> Tom
 
 
 def tidy(table: TomlTable) -> TomlTable:
-    """Take away elements that have lost what they act on, in place."""
+    """Remove elements without a joint or body to act on, in place."""
     kinds = {joint["name"]: joint["kind"] for joint in table["joint"]}
 
     def stands(entry: Mapping[str, Any]) -> bool:
@@ -105,7 +105,7 @@ def tidy(table: TomlTable) -> TomlTable:
 
 
 def without_rest(table: TomlTable) -> TomlTable:
-    """Take away guesses of velocities that say nothing, in place: bodies are at rest anyway."""
+    """Remove initial velocities of zero, in place: zero is the default."""
     guesses = table.get("initial", {}).get("bodies", {})
     for name in [name for name, guess in guesses.items() if not any(any(v) for v in guess.values())]:
         del guesses[name]
@@ -119,11 +119,11 @@ def _ends(entry: Mapping[str, Any]) -> tuple[str, str]:
 # ---------------------------------------------------------------- simpler
 
 Knob = Callable[[TomlTable, int], None]
-"""Changes a table in place, by a choice from 0 (simplest) to `AS_IS`, which changes nothing."""
+"""Function that simplifies a table in place by a choice from 0 (simplest) to `AS_IS` - 1."""
 
 
 def simplified(table: TomlTable, choices: Sequence[int]) -> TomlTable:
-    """The table by one choice for each of its `knobs`."""
+    """Return a copy of the table, simplified by one choice for each of its `knobs`."""
     new = copy.deepcopy(table)
     for knob, choice in zip(knobs(table), choices, strict=True):
         if choice < AS_IS:
@@ -132,7 +132,7 @@ def simplified(table: TomlTable, choices: Sequence[int]) -> TomlTable:
 
 
 def knobs(table: TomlTable) -> list[Knob]:
-    """What can be made simpler, the most telling first."""
+    """List the simplifications of a table, the most telling first."""
     found: list[Knob] = [_states]
     joints, bodies = range(len(table["joint"])), range(len(table["body"]))
     found += [_entry("joint", n, change) for change in (_kind, _sides, _axes, _places) for n in joints]
@@ -152,25 +152,25 @@ def _entry(group: str, number: int, change: Callable[[TomlTable, int], None]) ->
 
 
 def _number(x: float, choice: int) -> float:
-    """One (or zero), one digit, two digits."""
+    """Round a number: to one (or zero), to one digit, to two digits."""
     if choice == 0:
         return 1.0 if x else 0.0
     return float(f"{x:.{choice - 1}e}")
 
 
 def _vector(v: Sequence[float], choice: int) -> list[float]:
-    """Zero, whole numbers, one decimal."""
+    """Round a vector: to zero, to integers, to one decimal."""
     return [0.0 if choice == 0 else round(x, choice - 1) + 0.0 for x in v]
 
 
 def _nearest_axis(v: Sequence[float], taken: int = -1) -> list[float]:
-    """Coordinate axis nearest to a direction, another than the one that is taken."""
+    """Return the coordinate axis nearest to a direction, axis number `taken` excluded."""
     n = max((k for k in range(3) if k != taken), key=lambda k: abs(v[k]))
     return [math.copysign(1.0, v[k]) if k == n else 0.0 for k in range(3)]
 
 
 def _states(table: TomlTable, choice: int) -> None:
-    """Ask at the initial state alone."""
+    """Keep the initial state as the only state."""
     if choice < 2:
         table["instant"] = {**table["instant"], "states": 1}
 
@@ -188,13 +188,13 @@ def _kind(joint: TomlTable, choice: int) -> None:
 
 
 def _sides(joint: TomlTable, choice: int) -> None:
-    """From the ground outwards."""
+    """Make the ground the predecessor."""
     if choice == 0 and joint["successor"] == GROUND:
         joint["predecessor"], joint["successor"] = joint["successor"], joint["predecessor"]
 
 
 def _axes(joint: TomlTable, choice: int) -> None:
-    """Those of the world; coordinate axes; one decimal."""
+    """Replace the axes of a joint: by those of the world, by coordinate axes, by one decimal."""
     if joint["kind"] == "rod" or "axis" not in joint:
         joint.pop("second_axis", None)
         return
@@ -234,7 +234,7 @@ def _axes_of_body(body: TomlTable, choice: int) -> None:
 
 
 def _inertia(body: TomlTable, choice: int) -> None:
-    """That of a ball; principal axes along those of the body; two digits."""
+    """Simplify an inertia: to a ball, to principal axes along those of the body, to two digits."""
     I = body["inertia"]
     if choice == 0:
         body["inertia"] = {"xx": 1.0, "yy": 1.0, "zz": 1.0}

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from consilience.audit.identities.check import IDENTITIES, Checks
 from consilience.audit.identities.result import Finding, IdentityOutcome, exit_code
+from consilience.compare import markdown_table
 from consilience.engine import Profile
 from consilience.errors import InvalidInput
 
@@ -62,8 +63,8 @@ def markdown(checks: Checks) -> str:
         if not any(f.profile is profile for f in checks.findings):
             continue
         lines += [f"## Settings: {profile}", ""]
-        lines += [_row(["identity", *checks.engines]), _row(["---"] * (1 + len(checks.engines)))]
-        lines += [_row([name, *cells]) for name, cells in matrix(checks, profile)]
+        rows = [(name, *cells) for name, cells in matrix(checks, profile)]
+        lines += markdown_table(("identity", *checks.engines), rows, spaced=True, escape=_escaped)
         lines += ["", f"{LEGEND[0].upper()}{LEGEND[1:]}.", ""]
     found = list(blemishes(checks))
     if found or checks.missing:
@@ -72,10 +73,6 @@ def markdown(checks: Checks) -> str:
         lines += [f"- {_escaped(sentence(finding))}" for finding in found]
         lines.append("")
     return "\n".join(lines)
-
-
-def _row(cells: Sequence[str]) -> str:
-    return "| " + " | ".join(_escaped(c) for c in cells) + " |"
 
 
 def _escaped(text: str) -> str:
