@@ -248,10 +248,10 @@ def test_formulations_follow_the_same_motion():
     case = load_case("double_pendulum")
     names = ("null_space", "composite_body", "lagrange", "descriptor_rotation_vector", "descriptor_unprojected")
     found = follow(case.name, case.mechanism, case.initial_state, names, duration=1.0, samples=5)
-    assert [path.formulation for path in found.paths] == list(names)
-    assert all(path.agrees and path.steps > 1 for path in found.paths)
-    assert all(path.error <= BAR and path.violation < 1e-12 for path in found.paths)
-    assert {path.formulation for path in found.paths if path.bar == np.inf} == DRIFTING & set(names)
+    assert [path.formulation for path in found.motions] == list(names)
+    assert all(path.agrees and path.steps > 1 for path in found.motions)
+    assert all(path.error <= BAR and path.violation < 1e-12 for path in found.motions)
+    assert {path.formulation for path in found.motions if path.bar == np.inf} == DRIFTING & set(names)
     assert "| `descriptor_unprojected` |" in drift_table([found])
     assert "| *amplification* |" in table([found])
 
@@ -268,9 +268,9 @@ def test_coordinates_that_fail_on_the_way_are_an_exception_with_its_reason(monke
     case = load_case("four_bar")
     names = ("descriptor_bryant_angles", "descriptor_rotation_vector", "null_space")
     found = follow(case.name, case.mechanism, case.initial_state, names, 0.2, 3)
-    assert [path.exempt for path in found.paths] == [True, False, False]
-    assert [path.agrees for path in found.paths] == [True, False, False]
-    assert "passes its singular orientations" in found.paths[0].refusal
+    assert [path.exempt for path in found.motions] == [True, False, False]
+    assert [path.agrees for path in found.motions] == [True, False, False]
+    assert "passes its singular orientations" in found.motions[0].refusal
     assert exceptions([found]).count("**failed**") == 2
     assert "singular" in table([found])
 
@@ -279,8 +279,8 @@ def test_coordinates_that_fail_at_once_are_an_exception_with_its_reason():
     """The arm starts with theta = 0."""
     case = load_case("rotating_end_pendulum")
     found = follow(case.name, case.mechanism, case.initial_state, ("descriptor_euler_angles",), 0.2, 3)
-    assert found.paths[0].exempt
-    assert "theta = 0.0" in found.paths[0].refusal
+    assert found.motions[0].exempt
+    assert "theta = 0.0" in found.motions[0].refusal
     assert "theta" in exceptions([found])
 
 
@@ -288,8 +288,8 @@ def test_a_mechanism_that_is_refused_has_the_reason():
     mechanism = ELEMENTS["driven"]
     (state,) = states_of(mechanism, 1)
     found = follow("driven", mechanism, state, ("lagrange",), 0.1, 2)
-    assert found.paths[0].exempt
-    assert "turn" in found.paths[0].refusal
+    assert found.motions[0].exempt
+    assert "turn" in found.motions[0].refusal
 
 
 @pytest.mark.parametrize(("error", "agrees"), [(1e-10, True), (1e-8, False)])
@@ -301,8 +301,8 @@ def test_a_motion_that_is_wrong_is_found(monkeypatch, error, agrees):
     monkeypatch.setattr(trajectories, "simulate", bent)
     case = load_case("spatial_pendulum")
     found = follow(case.name, case.mechanism, case.initial_state, ("null_space",), 0.2, 3)
-    assert found.paths[0].bar == BAR
-    assert found.paths[0].agrees == agrees
+    assert found.motions[0].bar == BAR
+    assert found.motions[0].agrees == agrees
     assert ("**" in table([found])) != agrees
 
 
@@ -331,7 +331,8 @@ def test_the_bar_is_the_longer_one_where_the_motion_amplifies_more():
     mechanism = replace(chain("free", seed=3), gravity=np.zeros(3))
     state = replace(initial_state(mechanism), p_WB=np.zeros((1, 3)))
     bars = [
-        follow("x", mechanism, state, ("null_space",), T, 3).paths[0].bar for T in (0.9 * AMPLIFYING, 1.1 * AMPLIFYING)
+        follow("x", mechanism, state, ("null_space",), T, 3).motions[0].bar
+        for T in (0.9 * AMPLIFYING, 1.1 * AMPLIFYING)
     ]
     assert bars == [BAR, LONG_BAR]
 

@@ -1,1 +1,1 @@
-"""Cross-checks: every formulation of the reference against every other on random mechanisms and shipped cases."""
+"""Cross-checks of all formulations of the reference on random mechanisms and shipped cases."""

@@ -1,26 +1,26 @@
 """Cross-check of all formulations at single states: accelerations and determinate reactions of random mechanisms.
 
-At each state every formulation that can represent the mechanism answers on its own. Answers are compared each with
-each: the largest difference of two answers in any component is that of the largest from the least, and it must keep
+At each state all formulations that can represent the mechanism are evaluated independently. The largest difference of
+any two answers in a component is the difference of the largest and the least answer; the bar is
 
     max - min  <=  (1e-10 + 10 eps cond) * largest component
 
-with cond of the matrix that is solved: for accelerations the mass matrix in free directions
-(`mass_matrix_condition`), for reactions ``Q M^-1 Q^T`` (`reaction_condition`). Accelerations are a_WB_W
-and alpha_WB_W of all bodies, reactions the components that equilibrium determines. What a single formulation is worth
-is its distance from the median of all, component by component: one that is wrong is found out, not those that agree.
+cond: condition number of the mass matrix in free directions (accelerations; `mass_matrix_condition`) or of
+``Q M^-1 Q^T`` (reactions; `reaction_condition`). Accelerations are a_WB_W and alpha_WB_W of all bodies,
+reactions the components that equilibrium determines. The error of a formulation is its distance from the median of all,
+by component.
 
-Not compared, and listed with its reason:
+Not compared, but listed with the reason:
 
-- a state at which a formulation's coordinates are singular;
-- a formulation above the bar at a distance d (a pure number) from a singularity of its orientation coordinates, as long
-  as its error is no more than the rounding of two factors 1/d, one for rates and one for their derivatives;
-- the same forms near a singular pose, where the accelerations of their saddle-point system carry the condition of the
-  reactions, above `STEEP`; others keep accelerations apart from reactions by orthogonal factors and are compared;
-- a state near a singular pose of the mechanism (a singular value of its constraints between `ROUNDING` and `SINGULAR`
-  of the largest), where accelerations or reactions are not defined to that accuracy.
+- a state at which the coordinates of a formulation are singular;
+- a formulation above the bar at a distance d (a pure number) from a singularity of its orientation coordinates, if its
+  error is at most the rounding times two factors 1/d, of rates and their derivatives;
+- the same forms near a singular pose: accelerations of their saddle-point system have the condition number of the
+  reactions, above `STEEP`; formulations with orthogonal factors do not, and are compared;
+- a state near a singular pose of the mechanism (a singular value of the constraints between `ROUNDING` and `SINGULAR`
+  times the largest), where accelerations or reactions are not defined to this accuracy.
 
-``consilience crosscheck`` runs the whole campaign, and examines mechanism N again with ``--mechanisms 1 --seed N``.
+``consilience crosscheck`` runs the campaign; ``--mechanisms 1 --seed N`` repeats mechanism N.
 """
 
 from __future__ import annotations
@@ -55,18 +55,18 @@ BAR = 1e-10
 CONDITION = 10 * float(np.finfo(float).eps)
 ROUNDING, SINGULAR = 1e-11, 1e-6
 NEAR, LOST = 1e-2, 1e3 * float(np.finfo(float).eps)
-"""Distance d from a singularity of coordinates below which that is a reason, and rounding that grows with 1/d^2."""
+"""Largest distance d from a singularity of coordinates that excuses an error, and the rounding, times 1/d^2."""
 
 STEEP = 1e8
-"""Condition of reactions above which accelerations of a saddle-point system are not expected to be good to ten digits:
-`CONDITION` times it is a thousand times the bar."""
+"""Condition number of reactions above which a saddle-point system is excused: rounding exceeds the bar a thousand
+times."""
 
 QUANTITIES = ("accelerations", "reactions")
 
 
 @dataclass(frozen=True)
 class Difference:
-    """Answers to one question at one state against one another.
+    """Comparison of the answers of all formulations at one state.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class Difference:
         Largest difference of two answers, relative to the largest component of the median.
     bar : float
     distances : dict of str to float
-        Distance of each formulation from the median of all, relative to the same.
+        Distance of each formulation from the median, on the same scale.
     """
 
     seed: int
@@ -90,7 +90,7 @@ class Difference:
 
     @property
     def agrees(self) -> bool:
-        """Whether each agrees with each."""
+        """Whether all formulations agree."""
         return self.spread <= self.bar
 
     @property
@@ -101,7 +101,7 @@ class Difference:
 
 @dataclass(frozen=True)
 class Exempt:
-    """A state that is not compared, for a formulation or (empty) for all, and why; a failure if for no good reason."""
+    """A state not compared for one formulation, or (empty) all, with the reason; `failure` if nothing excuses it."""
 
     seed: int
     state: int
@@ -112,7 +112,7 @@ class Exempt:
 
 @dataclass(frozen=True)
 class Examination:
-    """All formulations at all states of one mechanism.
+    """Comparison of all formulations at all states of one mechanism.
 
     Attributes
     ----------
@@ -121,7 +121,7 @@ class Examination:
     features : tuple of str
         See `Mechanism.features`.
     refusals : dict of str to tuple of str
-        What each formulation cannot represent, empty if it can.
+        Features that each formulation cannot represent.
     """
 
     seed: int
@@ -135,15 +135,15 @@ class Examination:
 
 
 def examine(seed: int, states: int, names: Sequence[str] = tuple(registry.FORMULATIONS)) -> Examination:
-    """Compare the formulations named, keys of `registry.FORMULATIONS`, on the random mechanism of a seed."""
+    """Compare formulations, keys of `registry.FORMULATIONS`, on the random mechanism of a seed."""
     mechanism = random_mechanism(seed)
     return compare(mechanism, random_states(mechanism, initial_state(mechanism), states, seed), names, seed)
 
 
 def compare(mechanism: Mechanism, states: Sequence[State], names: Sequence[str], seed: int) -> Examination:
-    """Compare formulations on a mechanism at consistent states at the time zero.
+    """Compare formulations on a mechanism at consistent states.
 
-    Loads and actuators are at zero where drives bind the states to that time, and at ``0.1 seed`` modulo 2 s otherwise.
+    The time is zero with drives, which fix the states to a time, else ``0.1 seed`` modulo 2 s.
     """
     refusals = {name: tuple(r.feature for r in registry.unsupported(name, mechanism)) for name in names}
     able = {name: registry.formulation(name, mechanism) for name in names if not refusals[name]}
@@ -175,7 +175,7 @@ def compare(mechanism: Mechanism, states: Sequence[State], names: Sequence[str],
 
 
 def _small_singular_value(mechanism: Mechanism, state: State) -> float:
-    """Relative singular value of the constraints that is neither rounding nor clear of zero; zero if there is none."""
+    """Return the least relative singular value of the constraints between `ROUNDING` and `SINGULAR`, or zero."""
     Q = constraint_jacobian(mechanism, state)
     if len(Q) == 0:
         return 0.0
@@ -191,7 +191,7 @@ _Answer = tuple[Array, Array | None]
 def _answers(
     able: dict[str, Formulation], state: State, t: float, seed: int, n: int
 ) -> tuple[dict[str, _Answer], list[Exempt]]:
-    """Accelerations (6 n_b,) and reactions (n_j, 6) of each formulation, and those that have none."""
+    """Evaluate accelerations (6 n_b,) and reactions (n_j, 6) of each formulation; list missing answers."""
     answers: dict[str, _Answer] = {}
     missing = []
     for name, equations in able.items():
@@ -208,12 +208,12 @@ def _answers(
 
 
 def _carried(mechanism: Mechanism) -> NDArray[np.bool_]:
-    """Joints that can have a reaction at all, shape (n_j, 1); a zero is no answer to compare."""
+    """Mark joints that have constraint rows, shape (n_j, 1); others have no reaction to compare."""
     return np.array([bool(joint.rows) for joint in mechanism.joints])[:, None]
 
 
 def _compared(answers: dict[str, _Answer], determined: NDArray[np.bool_]) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Vectors to compare, for each of `QUANTITIES`."""
+    """Return the vectors to compare for each of `QUANTITIES`."""
     accelerations = {name: answer[0] for name, answer in answers.items()}
     reactions = {name: answer[1][determined] for name, answer in answers.items() if answer[1] is not None}
     return accelerations, reactions
@@ -226,7 +226,6 @@ def _difference(seed: int, n: int, quantity: str, values: dict[str, Array], bar:
         return Difference(seed, n, quantity, np.inf, bar, dict.fromkeys(values, np.inf))
     median = np.median(finite, axis=0)
     scale = float(np.max(np.abs(median))) or 1.0
-    # what is not finite is as far away as can be
     distances = np.nan_to_num(np.max(np.abs(stacked - median), axis=1) / scale, nan=np.inf, posinf=np.inf)
     spread = np.inf if len(finite) < len(stacked) else float(np.max(np.ptp(stacked, axis=0)) / scale)
     return Difference(seed, n, quantity, spread, bar, dict(zip(values, distances.tolist(), strict=True)))
@@ -235,7 +234,7 @@ def _difference(seed: int, n: int, quantity: str, values: dict[str, Array], bar:
 def _without_excused(
     difference: Difference, values: dict[str, Array], state: State, reaction_cond: float
 ) -> tuple[Difference, list[Exempt]]:
-    """A difference above its bar again, without the formulations that have a reason to be off."""
+    """Remove excused formulations from a difference above its bar."""
     exempt = []
     while not difference.agrees and len(difference.distances) > 2:
         name, error = difference.farthest, difference.distances[difference.farthest]
@@ -250,7 +249,7 @@ def _without_excused(
 
 
 def _excuse(name: str, error: float, state: State, reaction_cond: float) -> str:
-    """Reason of a descriptor form in orientation coordinates to be off by an error, empty if there is none."""
+    """Return the excuse of a descriptor form in orientation coordinates for an error, or an empty string."""
     if name not in VARIANTS:
         return ""
     d = _distance_to_singular(name, state)
@@ -262,7 +261,7 @@ def _excuse(name: str, error: float, state: State, reaction_cond: float) -> str:
 
 
 def _distance_to_singular(name: str, state: State) -> float:
-    """Least distance of any body from a singularity of the orientation coordinates of a descriptor form."""
+    """Return the least distance of any body from a singularity of the orientation coordinates of a form."""
     kind = ORIENTATIONS[VARIANTS[name].orientation]
     return min(kind.distance_to_singularity(kind.coordinates(quat)) for quat in state.quat_WB)
 
@@ -270,7 +269,7 @@ def _distance_to_singular(name: str, state: State) -> float:
 def campaign(
     seeds: Sequence[int], states: int, names: Sequence[str] = tuple(registry.FORMULATIONS), jobs: int = 1
 ) -> Iterator[Examination]:
-    """Examine the random mechanisms of all seeds, in their order, in so many processes."""
+    """Examine the random mechanisms of all seeds, in order, in `jobs` processes."""
     work: Callable[[int], Examination] = partial(examine, states=states, names=tuple(names))
     if jobs == 1:
         yield from map(work, seeds)
@@ -279,19 +278,19 @@ def campaign(
         yield from pool.map(work, seeds)
 
 
-# ---------------------------------------------------------------- what a campaign found
+# ---------------------------------------------------------------- results of a campaign
 
 
 def disagreements(examinations: Sequence[Examination]) -> list[Difference]:
-    """All differences above their bar."""
+    """Return all differences above their bar."""
     return [d for e in examinations for d in e.differences if not d.agrees]
 
 
 def failures(examinations: Sequence[Examination]) -> list[Exempt]:
-    """Answers that failed for no reason of coordinates or pose."""
+    """Return all failures that nothing excuses."""
     return [x for e in examinations for x in e.exempt if x.failure]
 
 
 def agrees(examinations: Sequence[Examination]) -> bool:
-    """Whether each agrees with each at all states compared."""
+    """Tell whether all formulations agree at all compared states."""
     return not disagreements(examinations) and not failures(examinations)

@@ -1,4 +1,4 @@
-"""What a cross-check of formulations found, as Markdown tables, and the command that runs it."""
+"""Markdown tables of a cross-check of formulations, and its command."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from consilience.reference.formulations import registry
 
 
 def formulation_table(examinations: Sequence[Examination]) -> str:
-    """Markdown: for each formulation mechanisms and states, and the worst distance from the median, with its place."""
+    """Tabulate mechanisms, states and the worst distance from the median of each formulation."""
     names = list(dict.fromkeys(name for e in examinations for name in e.refusals))
     heads = ("formulation", "mechanisms", "refused", "states without answer", "worst accelerations", "worst reactions")
     rows = []
@@ -28,7 +28,7 @@ def formulation_table(examinations: Sequence[Examination]) -> str:
 
 
 def _worst(examinations: Sequence[Examination], name: str, quantity: str) -> str:
-    """Worst distance from the median relative to the bar: value, ratio, and where."""
+    """Describe the worst distance from the median relative to the bar."""
     found = [d for e in examinations for d in e.differences if d.quantity == quantity and name in d.distances]
     if not found:
         return "none"
@@ -38,7 +38,7 @@ def _worst(examinations: Sequence[Examination], name: str, quantity: str) -> str
 
 
 def summary(examinations: Sequence[Examination]) -> str:
-    """Markdown: what was examined, each with each, by kind of mechanism."""
+    """Tabulate the largest differences by kind of mechanism."""
     groups: dict[str, Callable[[Examination], bool]] = {
         "trees": lambda e: e.loops == 0,
         "loops": lambda e: e.loops > 0,
@@ -70,7 +70,7 @@ def _widest(found: Sequence[Difference]) -> str:
 
 
 def exceptions(examinations: Sequence[Examination]) -> str:
-    """Markdown: refusals and states not compared, counted with their reasons, then every disagreement and failure."""
+    """Tabulate refusals, states not compared with reasons, disagreements and failures."""
     refused = Counter(
         (name, _feature_kind(feature))
         for e in examinations
@@ -100,13 +100,13 @@ def exceptions(examinations: Sequence[Examination]) -> str:
 
 
 def _feature_kind(feature: str) -> str:
-    """A feature without the name of the one that has it: ``joint 'j1': screw`` to ``joint: screw``."""
+    """Remove the element's name from a feature: ``joint 'j1': screw`` becomes ``joint: screw``."""
     parts = feature.split("'")
     return feature if len(parts) < 3 else (parts[0].strip() + parts[2]).strip()
 
 
 def report(examinations: Sequence[Examination]) -> str:
-    """Markdown: all tables of a campaign."""
+    """Return all tables of a campaign."""
     return "\n\n".join([summary(examinations), formulation_table(examinations), exceptions(examinations)]) + "\n"
 
 

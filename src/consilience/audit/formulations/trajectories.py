@@ -1,12 +1,12 @@
-"""Cross-check of all formulations by motions: each against the compiled descriptor form, over the same time.
+"""Cross-check of all formulations by motions, each compared with the compiled descriptor form.
 
-Every formulation integrates the mechanism in its own coordinates with the same tolerance. The largest difference of
-positions, quaternions, velocities and angular velocities over all samples counts relative to the largest value of its
-kind, or to one where that is less. Bars: `BAR`, and `LONG_BAR` where the motion amplifies an error of its initial state
-by more than `AMPLIFYING`. The amplification is measured: the initial state is displaced by `DISPLACEMENT` along
-every free direction and given a change of velocity along every free direction, one after the other.
+Every formulation integrates in its own coordinates with the same tolerance. Errors are the largest differences of
+positions, quaternions, velocities and angular velocities over all samples, relative to the largest value of the kind or
+to one. Bars: `BAR`, and `LONG_BAR` if the motion amplifies errors of its initial state by more than `AMPLIFYING`. The
+amplification is computed by displacing the initial state, and changing its velocities, by `DISPLACEMENT` along each
+free direction.
 
-Forms without projection drift off their constraints; the violation is measured for all. They have no bar to meet.
+Forms without projection drift off the constraints and have no bar; the constraint violation is computed for all.
 """
 
 from __future__ import annotations
@@ -38,35 +38,35 @@ from consilience.reference.solver import simulate
 BAR, LONG_BAR, AMPLIFYING = 1e-9, 1e-8, 100.0
 DISPLACEMENT = 1e-8
 FINEST = 1e-13
-"""Tolerance of the motion that all are compared with."""
+"""Tolerance of the motion to compare with."""
 
 DRIFTING = frozenset({"descriptor_baumgarte", "descriptor_unprojected"})
-"""Formulations that do not return to the constraints after a step."""
+"""Formulations without projection."""
 
 PASSING, PASSING_SAMPLES = 0.02, 1001
-"""Distance from a singular orientation, as a pure number, below which a motion passes it; samples to measure it."""
+"""Distance from a singular orientation (pure number) that counts as passing it; samples to compute the distance."""
 
 KINDS = ("p_WB", "quat_WB", "v_WB_W", "w_WB_W")
 
 
 @dataclass(frozen=True)
-class Path:
-    """One formulation along the motion of one case.
+class FormulationMotion:
+    """Motion of one case in one formulation, compared.
 
     Attributes
     ----------
     errors : dict of str to float
-        Largest difference for each of `KINDS`; empty if there is no motion.
+        Largest difference of each of `KINDS`; empty without motion.
     violation : float
         Largest violation of a constraint at a sample, m, rad or dimensionless.
     steps : int
         Steps of the integrator.
     bar : float
-        Infinite for a formulation that has none to meet.
+        Infinite for a formulation without bar.
     refusal : str
-        Why there is no motion: what the formulation cannot represent, or what stopped it.
+        Reason if there is no motion.
     exempt : bool
-        The refusal is a property of the coordinates and no failure.
+        The refusal is due to the coordinates and not a failure.
     """
 
     case: str
@@ -85,21 +85,21 @@ class Path:
 
     @property
     def agrees(self) -> bool:
-        """Whether the formulation keeps its bar, or has a reason of its coordinates to have no motion."""
+        """Whether the error is below the bar, or the coordinates excuse a missing motion."""
         return self.exempt if self.refusal else self.error <= self.bar
 
 
 @dataclass(frozen=True)
-class CasePaths:
-    """All formulations along the motion of one case, and how much the motion amplifies errors."""
+class CaseMotions:
+    """Motions of one case in all formulations, and the amplification of initial errors."""
 
     case: str
     amplification: float
-    paths: tuple[Path, ...]
+    motions: tuple[FormulationMotion, ...]
 
 
 def differences(found: TrajectoryAnswer, wanted: TrajectoryAnswer) -> dict[str, float]:
-    """Largest difference of each kind, relative to the largest value of that kind or to one."""
+    """Return the largest difference of each kind, relative to the largest value of the kind or to one."""
     return {
         kind: float(np.max(np.abs(getattr(found, kind) - getattr(wanted, kind))) / _scale(getattr(wanted, kind)))
         for kind in KINDS
@@ -111,7 +111,7 @@ def _scale(values: Array) -> float:
 
 
 def amplification(mechanism: Mechanism, state: State, times: Array, wanted: TrajectoryAnswer) -> float:
-    """Largest relative difference over the motion per unit of a change of the initial state."""
+    """Return the largest relative difference of motions per unit of a change of the initial state."""
     return max(
         max(differences(simulate(mechanism, near, times, FINEST), wanted).values()) / DISPLACEMENT
         for near in _neighbours(mechanism, state)
@@ -119,7 +119,7 @@ def amplification(mechanism: Mechanism, state: State, times: Array, wanted: Traj
 
 
 def _neighbours(mechanism: Mechanism, state: State) -> Iterator[State]:
-    """States displaced along each free direction, then states with a change of velocity along each."""
+    """Yield states displaced along each free direction, then states with changed velocities along each."""
     for direction in free_directions(mechanism, state, holonomic=True).T:
         placed = assemble_positions(mechanism, move(state, DISPLACEMENT * direction))
         yield assemble_velocities(mechanism, placed)
@@ -129,7 +129,7 @@ def _neighbours(mechanism: Mechanism, state: State) -> Iterator[State]:
 
 
 def violation(mechanism: Mechanism, motion: TrajectoryAnswer) -> float:
-    """Largest violation of a holonomic constraint at any sample; turns of couplings are counted between samples."""
+    """Return the largest violation of a holonomic constraint at any sample, full turns counted between samples."""
     largest, angles = 0.0, dict[str, float]()
     for k, t in enumerate(motion.time):
         state = motion.state(k)
@@ -146,13 +146,13 @@ def follow(
     duration: float = 5.0,
     samples: int = 51,
     tolerance: float = 1e-12,
-) -> CasePaths:
-    """Motion of one case in all formulations named.
+) -> CaseMotions:
+    """Integrate one case in several formulations and compare the motions.
 
     Parameters
     ----------
     case : str
-        Its name.
+        Name of the case.
     mechanism : Mechanism
     state : State
         Consistent initial state.
@@ -160,40 +160,40 @@ def follow(
         Keys of `registry.FORMULATIONS`.
     duration : float, s
     samples : int
-        Times at which motions are compared, the initial one included.
+        Number of equidistant times, the initial one included.
     tolerance : float
-        Of the integrators; that of the motion to compare with is `FINEST`.
+        Tolerance of the integrators; that of the motion to compare with is `FINEST`.
     """
     times = np.linspace(0.0, duration, samples)
     wanted = simulate(mechanism, state, times, FINEST)
     growth = amplification(mechanism, state, times, wanted)
     bar = LONG_BAR if growth > AMPLIFYING else BAR
-    paths = tuple(_path(case, mechanism, state, name, wanted, tolerance, bar) for name in names)
-    return CasePaths(case, growth, paths)
+    motions = tuple(_compared_motion(case, mechanism, state, name, wanted, tolerance, bar) for name in names)
+    return CaseMotions(case, growth, motions)
 
 
-def _path(
+def _compared_motion(
     case: str, mechanism: Mechanism, state: State, name: str, wanted: TrajectoryAnswer, tolerance: float, bar: float
-) -> Path:
+) -> FormulationMotion:
     refused = registry.unsupported(name, mechanism)
     if refused:
-        return Path(case, name, {}, 0.0, 0, bar, f"{refused[0].feature}: {refused[0].reason}", True)
+        return FormulationMotion(case, name, {}, 0.0, 0, bar, f"{refused[0].feature}: {refused[0].reason}", True)
     try:
         motion = simulate(mechanism, state, wanted.time, tolerance, name)
     except SingularOrientation as error:
-        return Path(case, name, {}, 0.0, 0, bar, str(error), True)
+        return FormulationMotion(case, name, {}, 0.0, 0, bar, str(error), True)
     except NumericalFailure as error:
         passing = _closest_to_singular(mechanism, state, name, wanted.time)
         singular = f"; the motion passes its singular orientations at a distance of {passing:.1g}"
         exempt = passing < PASSING
-        return Path(case, name, {}, 0.0, 0, bar, f"{error}{singular if exempt else ''}", exempt)
+        return FormulationMotion(case, name, {}, 0.0, 0, bar, f"{error}{singular if exempt else ''}", exempt)
     own = np.inf if name in DRIFTING else bar
     steps = int(motion.counters["steps"])
-    return Path(case, name, differences(motion, wanted), violation(mechanism, motion), steps, own)
+    return FormulationMotion(case, name, differences(motion, wanted), violation(mechanism, motion), steps, own)
 
 
 def _closest_to_singular(mechanism: Mechanism, state: State, name: str, times: Array) -> float:
-    """Least distance to a singularity of the orientation coordinates of a descriptor form, along the motion."""
+    """Return the least distance of a motion from a singularity of the orientation coordinates of a form."""
     if name not in VARIANTS:
         return 1.0
     kind = ORIENTATIONS[VARIANTS[name].orientation]
@@ -202,39 +202,39 @@ def _closest_to_singular(mechanism: Mechanism, state: State, name: str, times: A
     return min(kind.distance_to_singularity(kind.coordinates(quat)) for quat in motion.quat_WB.reshape(-1, 4))
 
 
-def table(cases: Sequence[CasePaths]) -> str:
-    """Markdown: one row a formulation, one column a case, the largest relative difference in each."""
-    names = list(dict.fromkeys(path.formulation for case in cases for path in case.paths))
-    found = {(path.case, path.formulation): path for case in cases for path in case.paths}
+def table(cases: Sequence[CaseMotions]) -> str:
+    """Tabulate the largest relative difference by formulation (rows) and case (columns)."""
+    names = list(dict.fromkeys(one.formulation for case in cases for one in case.motions))
+    found = {(one.case, one.formulation): one for case in cases for one in case.motions}
     titles = [case.case for case in cases]
     rows = [["*amplification*", *(f"{case.amplification:.2g}" for case in cases)]]
     rows += [[f"`{name}`", *(_cell(found.get((case, name))) for case in titles)] for name in names]
     return "\n".join(markdown_table(("formulation", *titles), rows, "l" + "r" * len(titles)))
 
 
-def _cell(path: Path | None) -> str:
-    if path is None:
+def _cell(one: FormulationMotion | None) -> str:
+    if one is None:
         return ""
-    if path.refusal:
-        return "singular" if path.exempt else "**failed**"
-    return f"{path.error:.1e}" if path.agrees else f"**{path.error:.1e}**"
+    if one.refusal:
+        return "singular" if one.exempt else "**failed**"
+    return f"{one.error:.1e}" if one.agrees else f"**{one.error:.1e}**"
 
 
-def drift_table(cases: Sequence[CasePaths]) -> str:
-    """Markdown: largest violation of a constraint, of each form that drifts and of all others together."""
-    names = list(dict.fromkeys(path.formulation for case in cases for path in case.paths))
+def drift_table(cases: Sequence[CaseMotions]) -> str:
+    """Tabulate the largest constraint violation of each drifting form and of all others together."""
+    names = list(dict.fromkeys(one.formulation for case in cases for one in case.motions))
     groups = {f"`{name}`": {name} for name in names if name in DRIFTING}
     groups["all others"] = set(names) - DRIFTING
     rows = []
     for title, members in groups.items():
-        found = ([p.violation for p in case.paths if p.formulation in members] for case in cases)
+        found = ([p.violation for p in case.motions if p.formulation in members] for case in cases)
         rows.append([title, *(f"{max(values):.1e}" for values in found)])
     return "\n".join(markdown_table(("formulation", *(case.case for case in cases)), rows, "l" + "r" * len(cases)))
 
 
-def exceptions(cases: Sequence[CasePaths]) -> str:
-    """Markdown: every formulation without a motion, and why."""
-    missing = [path for case in cases for path in case.paths if path.refusal]
+def exceptions(cases: Sequence[CaseMotions]) -> str:
+    """Tabulate the formulations without a motion, with reasons."""
+    missing = [one for case in cases for one in case.motions if one.refusal]
     rows = [(p.case, f"`{p.formulation}`", f"{'' if p.exempt else '**failed**: '}{p.refusal}") for p in missing]
     lines = markdown_table(("case", "formulation", "no motion because"), rows)
     return "\n".join(lines)

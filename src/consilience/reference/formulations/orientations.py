@@ -32,7 +32,7 @@ from consilience.mechanism import (
 )
 
 NEAR_SINGULAR = 1e-6
-"""Distances to a singularity below this are refused: rates lose more than six of their sixteen digits there.
+"""Smallest accepted distance to a singularity; rates lose six of sixteen digits there.
 
 As an angle: 1e-6 rad for theta and beta, 2e-6 rad from a half turn for Rodrigues parameters, 6.3e-6 rad from a full
 turn for the rotation vector.
@@ -40,18 +40,18 @@ turn for the rotation vector.
 
 
 class SingularOrientation(ConsilienceError):
-    """A body came to an orientation that its coordinates cannot describe.
+    """The orientation of a body is singular in its coordinates.
 
     Parameters
     ----------
     body : str
         Name of the body.
     coordinates : str
-        Which orientation coordinates failed, for example ``Euler angles z-x-z``.
+        Orientation coordinates, for example ``Euler angles z-x-z``.
     angle : str
-        Which angle is at fault, for example ``theta``.
+        Singular angle, for example ``theta``.
     value, singular_value : float
-        The angle of the body, and the one nearest to it at which the coordinates are singular, rad.
+        Angle of the body, and the nearest singular angle, rad.
     """
 
     def __init__(self, body: str, coordinates: str, angle: str, value: float, singular_value: float) -> None:
@@ -66,24 +66,24 @@ class SingularOrientation(ConsilienceError):
         self.singular_value = singular_value
 
     def __reduce__(self) -> tuple[type[SingularOrientation], tuple[str, str, str, float, float]]:
-        """Survive the trip out of a worker process with all five parts."""
+        """Pickle the error with its five arguments."""
         return type(self), (self.body, self.coordinates, self.angle, self.value, self.singular_value)
 
 
 @dataclass(frozen=True)
 class Singularity:
-    """Where a kind of coordinates fails: at the angles ``first + k period``, k whole.
+    """Singularities of orientation coordinates: at the angles ``first + k period``, k integer.
 
     Parameters
     ----------
     angle : str
         Name of the angle.
     value : callable
-        The angle at x, rad.
+        Function of x: the angle, rad.
     first, period : float
-        Angles of failure, rad.
+        Singular angles, rad.
     distance : callable
-        Pure number at x, 1 at the best orientations and 0 at the angles of failure.
+        Function of x: pure number, at most 1, 0 at the singular angles.
     """
 
     angle: str
@@ -95,7 +95,7 @@ class Singularity:
 
 @dataclass(frozen=True)
 class Orientation:
-    """One kind of orientation coordinates.
+    """Kind of orientation coordinates.
 
     Parameters
     ----------
@@ -106,15 +106,15 @@ class Orientation:
     rotation : callable
         ``rotation(x)`` is R_WB, shape (3, 3).
     coordinates : callable
-        x of unit Euler parameters quat_WB, shape (4,) to (n,), unchecked: `from_quaternion` is what to call.
+        x from unit Euler parameters quat_WB, shape (4,) to (n,), unchecked; call `from_quaternion`.
     H : callable
         ``H(x)``, shape (3, n), in ``w_WB_W = H x'``.
     h : callable
         ``h(x, x_dot)``, shape (3,), in ``dw/dt = H x'' + h``, rad/s^2, world components.
     solve : callable
-        ``x' (x, w)``, unchecked: `rates` is what to call.
+        ``x' (x, w)``, unchecked; call `rates`.
     singularity : Singularity, optional
-        Where the coordinates fail; None if nowhere.
+        Singularities; None without singularities.
     """
 
     name: str
@@ -127,36 +127,36 @@ class Orientation:
     singularity: Singularity | None = None
 
     def from_rotation(self, R_WB: ArrayLike, body: str = "a body") -> Array:
-        """Coordinates of a rotation matrix, shape (3, 3) to (n,); raises as `from_quaternion` does."""
+        """Convert a rotation matrix, shape (3, 3), to coordinates, shape (n,); raises as `from_quaternion`."""
         return self.from_quaternion(quaternion_from_rotation(R_WB), body)
 
     def from_quaternion(self, quat_WB: ArrayLike, body: str = "a body") -> Array:
-        """Coordinates of unit Euler parameters, scalar first, shape (4,) to (n,).
+        """Convert unit Euler parameters, scalar first, shape (4,), to coordinates, shape (n,).
 
-        Angles come out in (-pi, pi], theta in [0, pi], beta in [-pi/2, pi/2], rotation vectors no longer than pi.
+        Angles are in (-pi, pi], theta in [0, pi], beta in [-pi/2, pi/2], rotation vectors at most pi long.
 
         Raises
         ------
         SingularOrientation
-            If the coordinates are within `NEAR_SINGULAR` of failing there; `body` is the name to blame.
+            If ``distance_to_singularity(x) < NEAR_SINGULAR``; with the name `body`.
         """
         x = self.coordinates(np.asarray(quat_WB, dtype=float))
         self._refuse_singular(x, body)
         return x
 
     def rates(self, x: Array, w_WB_W: Array, body: str = "a body") -> Array:
-        """Time derivatives x', shape (n,), 1/s, of a body that turns with w_WB_W, shape (3,), rad/s.
+        """Return x', shape (n,), 1/s, for the angular velocity w_WB_W, shape (3,), rad/s.
 
         Raises
         ------
         SingularOrientation
-            If ``distance_to_singularity(x) < NEAR_SINGULAR``; `body` is the name to blame.
+            If ``distance_to_singularity(x) < NEAR_SINGULAR``; with the name `body`.
         """
         self._refuse_singular(x, body)
         return self.solve(x, w_WB_W)
 
     def distance_to_singularity(self, x: Array) -> float:
-        """Pure number, 0 where the coordinates fail and at most 1; always 1 for coordinates that never do."""
+        """Return the distance to a singularity, a pure number from 0 (singular) to 1; 1 without singularities."""
         return 1.0 if self.singularity is None else self.singularity.distance(x)
 
     def _refuse_singular(self, x: Array, body: str) -> None:
@@ -168,22 +168,22 @@ class Orientation:
 
 
 def _parameters_H(p: Array) -> Array:
-    """``w = 2 E p'`` with ``E = [-e | e0 1 + ~e]``, the world's counterpart of G [MASS (38)]."""
+    """Return ``H = 2 E``, ``E = [-e | e0 1 + ~e]``, the counterpart of G in world axes [MASS (38)]."""
     return 2.0 * np.column_stack([-p[1:], p[0] * np.eye(3) + skew(p[1:])])
 
 
 def _parameters_h(_p: Array, _p_dot: Array) -> Array:
-    """Zero: ``E' p' = -e' e0' + e0' e' + e' x e' = 0``, as ``G' p' = 0`` [MASS (38)]."""
+    """Return zero: ``E' p' = -e' e0' + e0' e' + e' x e' = 0``, as ``G' p' = 0`` [MASS (38)]."""
     return np.zeros(3)
 
 
 def _parameters_rates(p: Array, w: Array) -> Array:
-    """``p' = 1/2 E^T w``, from ``E E^T = 1`` and ``E p = 0`` for ``p.p = 1`` and so ``p.p' = 0`` [MASS (38)]."""
+    """Return ``p' = 1/2 E^T w``, from ``E E^T = 1`` and ``E p = 0`` for ``p.p = 1`` and so ``p.p' = 0`` [MASS (38)]."""
     return 0.25 * _parameters_H(p).T @ w
 
 
 def _turn_axes(sequence: tuple[int, int, int], x: Array) -> Array:
-    """H of three turns about carried axes: column k is the axis of turn k after the turns before it [C4 (4.55)].
+    """Return H of three successive rotations: column k is the axis of rotation k after those before it [C4 (4.55)].
 
     Euler angles: ``[0 cos(phi) sin(phi) sin(theta); 0 sin(phi) -cos(phi) sin(theta); 1 0 cos(theta)]``.
     Bryant angles: ``[1 0 sin(beta); 0 cos(alpha) -sin(alpha) cos(beta); 0 sin(alpha) cos(alpha) cos(beta)]``.
@@ -194,30 +194,30 @@ def _turn_axes(sequence: tuple[int, int, int], x: Array) -> Array:
 
 
 def _turn_h(sequence: tuple[int, int, int], x: Array, x_dot: Array) -> Array:
-    """``h = x2' (x1' a1 x a2) + x3' ((x1' a1 + x2' a2) x a3)``: each axis is carried by the turns before it."""
+    """Return ``h = x2' (x1' a1 x a2) + x3' ((x1' a1 + x2' a2) x a3)``: the earlier rotations move each axis."""
     a1, a2, a3 = _turn_axes(sequence, x).T
     d1, d2, d3 = x_dot
     return d2 * cross(d1 * a1, a2) + d3 * cross(d1 * a1 + d2 * a2, a3)
 
 
 def _turn_rates(sequence: tuple[int, int, int], x: Array, w: Array) -> Array:
-    """Inverse of ``w = x1' a1 + x2' a2 + x3' a3``, where a2 is orthogonal to a1 and a3.
+    """Solve ``w = x1' a1 + x2' a2 + x3' a3``, a2 orthogonal to a1 and a3.
 
     The divisor ``a1 x a2 . a3`` is -sin(theta) for Euler angles and cos(beta) for Bryant angles.
     """
     a1, a2, a3 = _turn_axes(sequence, x).T
     d3 = (cross(a1, a2) @ w) / (cross(a1, a2) @ a3)
-    # a1 is a unit vector: no second division by the small divisor, and w is met even near the singularity
+    # a1 is a unit vector: no second division by the small divisor near the singularity
     return np.array([a1 @ (w - d3 * a3), a2 @ w, d3])
 
 
 def _wrap(angle: float) -> float:
-    """The same angle in (-pi, pi]."""
+    """Return the angle in (-pi, pi]."""
     return angle - 2.0 * pi * ceil((angle - pi) / (2.0 * pi))
 
 
 def _euler_angles(quat: Array) -> Array:
-    """(phi, theta, psi) by half angles: accurate to rounding as a rotation, however near to theta = 0 or pi.
+    """Return (phi, theta, psi) by half angles, an accurate rotation also near theta = 0 or pi.
 
     ``(e0, e3) = cos(theta/2) (cos, sin)((phi + psi)/2)``, ``(e1, e2) = sin(theta/2) (cos, sin)((phi - psi)/2)``.
     """
@@ -228,7 +228,7 @@ def _euler_angles(quat: Array) -> Array:
 
 
 def _bryant_angles(quat: Array) -> Array:
-    """(alpha, beta, gamma) by half angles: accurate to rounding as a rotation, however near to beta = +-pi/2.
+    """Return (alpha, beta, gamma) by half angles, an accurate rotation also near beta = +-pi/2.
 
     ``(e0 + e2, e1 + e3) = sqrt(2) sin(beta/2 + pi/4) (cos, sin)((alpha + gamma)/2)``,
     ``(e0 - e2, e1 - e3) = sqrt(2) cos(beta/2 + pi/4) (cos, sin)((alpha - gamma)/2)``.
@@ -240,28 +240,28 @@ def _bryant_angles(quat: Array) -> Array:
 
 
 def _rodrigues_rotation(g: Array) -> Array:
-    """Rotation matrix of the Euler parameters ``(1, g) / sqrt(1 + g.g)``."""
+    """Return the rotation matrix of the Euler parameters ``(1, g) / sqrt(1 + g.g)``."""
     return rotation_from_quaternion(np.array([1.0, *g]) / sqrt(1.0 + g @ g))
 
 
 def _rodrigues_parameters(quat: Array) -> Array:
-    """``g = e / e0`` [C4 section 4.3.1]."""
-    # at the half turn itself a vector so long that the check for singularities names it, in place of 0/0
+    """Return ``g = e / e0`` [C4 section 4.3.1]."""
+    # at a half turn a very long vector, which the singularity check refuses, instead of 0/0
     return quat[1:] / (quat[0] if abs(quat[0]) > 1e-150 else 1e-150)
 
 
 def _rodrigues_H(g: Array) -> Array:
-    """``w = 2 / (1 + g.g) (g' + g x g')``: Euler parameters with ``e = e0 g``, ``e0^2 = 1 / (1 + g.g)``."""
+    """Return H of ``w = 2 / (1 + g.g) (g' + g x g')``: Euler parameters with ``e = e0 g``, ``e0^2 = 1 / (1 + g.g)``."""
     return 2.0 / (1.0 + g @ g) * (np.eye(3) + skew(g))
 
 
 def _rodrigues_h(g: Array, g_dot: Array) -> Array:
-    """``h = -2 g.g' / (1 + g.g) w``: only the factor of H changes, for ``g' x g' = 0``."""
+    """Return ``h = -2 g.g' / (1 + g.g) w``: only the factor of H changes, since ``g' x g' = 0``."""
     return -2.0 * (g @ g_dot) / (1.0 + g @ g) * (_rodrigues_H(g) @ g_dot)
 
 
 def _rodrigues_rates(g: Array, w: Array) -> Array:
-    """``g' = 1/2 (w + g (g.w) - g x w)``."""
+    """Return ``g' = 1/2 (w + g (g.w) - g x w)``."""
     return 0.5 * (w + g * (g @ w) - cross(g, w))
 
 
@@ -278,13 +278,13 @@ _SERIES = np.array(
         [(-1.0) ** (k + 1) * (2 * k + 2) / factorial(2 * k + 5) for k in _TERMS],
     ]
 )
-"""Coefficients of ``f^(2 k)`` in a, b, a~, b~ of `_vector_coefficients`; what is left out is below 1e-18 up to pi."""
+"""Coefficients of ``f^(2 k)`` in a, b, a~, b~ of `_vector_coefficients`; truncation error below 1e-18 up to pi."""
 
 
 def _vector_coefficients(phi: Array) -> tuple[float, float, float, float]:
-    """``a = (1 - cos f) / f^2``, ``b = (f - sin f) / f^3``, ``a~ = (da/df) / f``, ``b~ = (db/df) / f``, f = |phi|.
+    """Return ``a = (1 - cos f) / f^2``, ``b = (f - sin f) / f^3``, ``a~ = a' / f``, ``b~ = b' / f``, f = |phi|.
 
-    Up to half a turn by their series, which have no cancellation there and no seam at small angles:
+    Up to half a turn by series without cancellation:
     ``a = 1/2 - f^2/24 + ..``, ``b = 1/6 - f^2/120 + ..``,
     ``a~ = -1/12 + f^2/180 - ..``, ``b~ = -1/60 + f^2/1260 - ..``.
     """
@@ -298,31 +298,31 @@ def _vector_coefficients(phi: Array) -> tuple[float, float, float, float]:
 
 
 def _vector_H(phi: Array) -> Array:
-    """``H = 1 + a ~phi + b ~phi^2``, det H = 2 a."""
+    """Return ``H = 1 + a ~phi + b ~phi^2``, det H = 2 a."""
     a, b, _, _ = _vector_coefficients(phi)
     matrix = skew(phi)
     return np.eye(3) + a * matrix + b * (matrix @ matrix)
 
 
 def _vector_h(phi: Array, phi_dot: Array) -> Array:
-    """``h = phi.phi' (a~ c + b~ phi x c) + b phi' x c`` with ``c = phi x phi'``."""
+    """Return ``h = phi.phi' (a~ c + b~ phi x c) + b phi' x c`` with ``c = phi x phi'``."""
     _, b, da, db = _vector_coefficients(phi)
     c = cross(phi, phi_dot)
     return (phi @ phi_dot) * (da * c + db * cross(phi, c)) + b * cross(phi_dot, c)
 
 
 def _vector_rates(phi: Array, w: Array) -> Array:
-    """``phi' = w - 1/2 phi x w + c phi x (phi x w)``, ``c = (1 - (f/2) cot(f/2)) / f^2 = -a~ / (2 a)``, f = |phi|."""
+    """Return ``phi' = w - phi x w / 2 + c phi x (phi x w)``, ``c = (1 - (f/2) cot(f/2)) / f^2 = -a~ / (2 a)``."""
     a, _, da, _ = _vector_coefficients(phi)
     across = cross(phi, w)
     return w - 0.5 * across - da / (2.0 * a) * cross(phi, across)
 
 
 def switch_chart(phi: Array, phi_dot: Array) -> tuple[Array, Array]:
-    """Rotation vector of at most half a turn, and its rates, for the same rotation and angular velocity.
+    """Return the rotation vector of at most half a turn, and its rates, of the same rotation and angular velocity.
 
-    ``phi (1 - 2 pi n / |phi|)`` with n the whole turns to take back, 0 up to pi and 1 up to 3 pi. Called after each
-    step of an integrator it keeps the vector away from its singularity at a full turn.
+    ``phi (1 - 2 pi n / |phi|)`` with n full turns, 0 up to pi and 1 up to 3 pi. After each step of an integrator it
+    keeps the vector away from its singularity at a full turn.
 
     Parameters
     ----------
@@ -332,7 +332,7 @@ def switch_chart(phi: Array, phi_dot: Array) -> tuple[Array, Array]:
     Returns
     -------
     phi, phi_dot : ndarray, shape (3,)
-        The very arguments if the rotation is no more than half a turn.
+        The arguments themselves up to half a turn.
     """
     f = sqrt(phi @ phi)
     if f <= pi:
