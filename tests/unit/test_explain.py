@@ -7,9 +7,9 @@ import subprocess
 import sys
 
 import pytest
+from consilience.audit.mutate.traps import TRAPS
 from typer.testing import CliRunner
 
-from consilience.audit.mutate.traps import TRAPS
 from consilience.cli.explanations import Entry, Kind, explained, read_entries
 from consilience.cli.main import app
 from consilience.compare import Verdict

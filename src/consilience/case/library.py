@@ -14,8 +14,8 @@ from consilience.errors import InvalidInput
 
 def case_folder() -> Path:
     """Folder of the shipped cases: inside the installed package, or beside ``src`` in a checkout."""
-    packaged = Path(__file__).parent / "cases"
-    return packaged if packaged.is_dir() else Path(__file__).parents[2] / "cases"
+    packaged = Path(__file__).parents[1] / "cases"
+    return packaged if packaged.is_dir() else Path(__file__).parents[3] / "cases"
 
 
 def case_names() -> list[str]:
