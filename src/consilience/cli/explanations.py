@@ -1,4 +1,9 @@
-"""The entries of ``consilience explain``, from the tables beside this file, and the search among them."""
+"""Entries of ``consilience explain``, and the search among them.
+
+Entries stand in the tables of the folder ``explained``. An adapter adds what belongs to its engine in a file
+``explained.toml`` of its package: ``[KIND.NAME]`` with ``met`` and ``also``, as in an entry, and ``engines``, a
+sentence in place of ``{engines}`` in the theory.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +15,7 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
+from consilience.engine import adapter_file, installed
 from consilience.errors import InvalidInput
 
 
@@ -82,14 +88,33 @@ def _entry(kind: Kind, row: dict[str, Any]) -> Entry:
     return Entry(kind, **fields)
 
 
+def _of_adapters() -> list[dict[str, dict[str, dict[str, Any]]]]:
+    """Read what adapters add: kind, name and fields."""
+    paths = [adapter_file(point, "explained.toml") for point in installed().values()]
+    return [tomllib.loads(path.read_text(encoding="utf-8")) for path in paths if path]
+
+
+def _extended(row: dict[str, Any], additions: list[dict[str, Any]]) -> dict[str, Any]:
+    """Add to an entry what adapters know of their engines."""
+    lists = {
+        name: [*row.get(name, ()), *(x for one in additions for x in one.get(name, ()))] for name in ("met", "also")
+    }
+    engines = " ".join(one["engines"] for one in additions if "engines" in one)
+    lines = [line.replace("{engines}", engines).strip() for line in row["theory"].splitlines()]
+    return row | lists | {"theory": "\n".join(line for line in lines if line)}
+
+
 @cache
 def read_entries() -> tuple[Entry, ...]:
-    """All entries, by kind and in the order of their tables."""
+    """Read all entries, by kind and in the order of their tables."""
     found: list[Entry] = []
+    own = _of_adapters()
     for table in TABLES:
         text = files("consilience.cli").joinpath("explained", table).read_text(encoding="utf-8")
         for kind, rows in tomllib.loads(text).items():
-            found += [_entry(Kind(kind), row) for row in rows]
+            for row in rows:
+                additions = [one[kind][row["name"]] for one in own if row["name"] in one.get(kind, {})]
+                found.append(_entry(Kind(kind), _extended(row, additions)))
     return tuple(sorted(found, key=lambda entry: list(Kind).index(entry.kind)))
 
 

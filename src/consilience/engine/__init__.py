@@ -22,6 +22,7 @@ from consilience.engine.answers import (
     defects,
 )
 from consilience.engine.harness_solvers import runge_kutta_4, solve_constrained
+from consilience.engine.installation import adapter_file, engine_distribution, lacks_engine, pip_requirement
 from consilience.engine.protocol import (
     Engine,
     beside_adapter,
@@ -48,12 +49,16 @@ __all__ = [
     "Status",
     "TrajectoryAnswer",
     "Unsupported",
+    "adapter_file",
     "beside_adapter",
     "beyond",
     "defects",
+    "engine_distribution",
     "engines_like",
     "installed",
+    "lacks_engine",
     "load_engine",
+    "pip_requirement",
     "require_installed",
     "runge_kutta_4",
     "solve_constrained",

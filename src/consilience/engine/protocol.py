@@ -6,11 +6,10 @@ state and a method, never a case: expected values cannot reach it.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import contextmanager
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
-from importlib.util import find_spec
-from pathlib import Path
 from types import ModuleType
 from typing import Protocol
 
@@ -24,6 +23,7 @@ from consilience.engine.answers import (
     TrajectoryAnswer,
     Unsupported,
 )
+from consilience.engine.installation import adapter_file, lacks_engine, pip_requirement
 from consilience.errors import InvalidInput
 from consilience.mechanism import Array, Mechanism, State
 
@@ -81,12 +81,23 @@ class Engine(Protocol):
 
 def beside_adapter(point: EntryPoint, name: str) -> ModuleType | None:
     """A module of an adapter's package beside the engine; None where it has none, or is a single file."""
-    package = point.module.partition(".")[0]
-    spec = find_spec(package)
-    folders = (spec.submodule_search_locations or ()) if spec else ()
     # looked for as a file: to ask for it by name imports the package, whose engine may not be there
-    there = any((Path(folder) / f"{name}.py").exists() for folder in folders)
-    return import_module(f"{package}.{name}") if there else None
+    if adapter_file(point, f"{name}.py") is None:
+        return None
+    with _engine_needed(point):
+        return import_module(f"{point.module.partition('.')[0]}.{name}")
+
+
+@contextmanager
+def _engine_needed(point: EntryPoint) -> Iterator[None]:
+    """Say how to get an engine whose package is missing, in place of the error of the import."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        if not lacks_engine(point):
+            raise
+        remedy = f"Install it: pip install '{pip_requirement(point)}'"
+        raise InvalidInput(f"engine '{point.name}'", f"its package is not here ({error})", remedy) from None
 
 
 def engines_like(incomplete: str) -> list[str]:
@@ -110,13 +121,15 @@ def load_engine(name: str) -> Engine:
     Raises
     ------
     InvalidInput
-        If no engine of that name is installed, or it has no such variant.
+        If no engine of that name is installed, its package is missing, or it has no such variant.
     ImportError
         If its package does not import.
     """
     require_installed(name)
     base, variant, _ = split_name(name)
-    make = installed()[base].load()
+    point = installed()[base]
+    with _engine_needed(point):
+        make = point.load()
     if not variant:
         plain: Engine = make()
         return plain

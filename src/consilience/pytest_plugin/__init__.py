@@ -1,4 +1,4 @@
-"""pytest plug-in: ``pytest --consilience-engine mujoco cases/`` collects case files as tests (docs/pytest.md).
+"""pytest plug-in: ``pytest --consilience-engine ENGINE cases/`` collects case files as tests (docs/pytest.md).
 
 Nothing but pytest is imported here, and nothing is done without the option: the plug-in is loaded in every test run of
 an environment that Consilience is installed in.

@@ -8,9 +8,8 @@ from dataclasses import replace
 from consilience.audit.mutate.campaign import MutationTask, SubjectKey, tasks_of
 from consilience.audit.mutate.mutants import Mutant
 from consilience.audit.mutate.subjects import CASES, MOTIONS, random_subjects
-from consilience.audit.mutate.synthetic import NAME as SYNTHETIC
 from consilience.audit.mutate.table import HOSTS, MUTANTS
-from consilience.engine import Question, require_installed
+from consilience.engine import Question, beside_adapter, installed
 from consilience.errors import InvalidInput
 
 FIRST_SEED = 1000
@@ -51,13 +50,11 @@ def hosts_named(names: Sequence[str]) -> list[str]:
     InvalidInput
     """
     for name in names:
+        if name in installed():
+            beside_adapter(installed()[name], "mutants")  # says how to get an engine that is missing
         if name not in HOSTS:
             raise InvalidInput(f"engine '{name}'", "nothing is planted in it", f"Hosts: {', '.join(HOSTS)}.")
-    chosen = list(names or HOSTS)
-    for name in chosen:
-        if name != SYNTHETIC:
-            require_installed(name)
-    return chosen
+    return list(names or HOSTS)
 
 
 def full(

@@ -9,19 +9,19 @@ from types import ModuleType
 from consilience.audit.mutate.common_mutants import COMMON
 from consilience.audit.mutate.mutants import Mutant
 from consilience.audit.mutate.synthetic import NAME as SYNTHETIC
-from consilience.engine import beside_adapter, installed
+from consilience.engine import adapter_file, beside_adapter, installed, lacks_engine
 
 
 def adapters_with_mutants() -> dict[str, ModuleType]:
-    """Modules ``mutants`` of the installed adapters whose engine can be imported, by the engine's name."""
+    """Return the modules ``mutants`` of the adapters whose engine is installed, by the engine's name."""
     found = {}
     for name, point in installed().items():
-        try:
-            module = beside_adapter(point, "mutants")
-        except ImportError:  # its engine is not here: `consilience doctor` says so
+        if lacks_engine(point) or adapter_file(point, "mutants.py") is None:
             continue
-        if module is not None:
-            found[name] = module
+        try:
+            found[name] = beside_adapter(point, "mutants") or ModuleType(name)
+        except ImportError:  # the campaign says of each host why it does not start
+            found[name] = ModuleType(name)
     return found
 
 
@@ -41,7 +41,7 @@ def table_of(adapters: Mapping[str, ModuleType]) -> dict[str, Mutant]:
     """
     solving = tuple(name for name, module in adapters.items() if hasattr(module, "SOLVER"))
     mutants = [replace(m, hosts=solving if m.solver else (SYNTHETIC, *adapters)) for m in COMMON]
-    mutants += [replace(m, hosts=(name,)) for name, module in adapters.items() for m in module.MUTANTS]
+    mutants += [replace(m, hosts=(name,)) for name, module in adapters.items() for m in getattr(module, "MUTANTS", ())]
     table = {mutant.name: mutant for mutant in mutants}
     if len(table) < len(mutants):
         names = [mutant.name for mutant in mutants]

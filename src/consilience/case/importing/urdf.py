@@ -2,7 +2,7 @@
 
 What the file says is taken as the format defines it (<http://wiki.ros.org/urdf/XML>): a joint's frame is that of its
 child at zero, ``rpy`` turns about fixed axes (Rz(yaw) Ry(pitch) Rx(roll)), an inertia is about the centre of mass in
-the axes of the inertial's own frame. A type ``spherical`` is MuJoCo's addition.
+the axes of the inertial's own frame. A type ``spherical`` is an addition to URDF that some engines read.
 """
 
 from __future__ import annotations

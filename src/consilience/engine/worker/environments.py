@@ -24,14 +24,12 @@ from importlib.metadata import EntryPoint, version
 from pathlib import Path
 from typing import Any
 
+from consilience.engine.installation import REQUIREMENTS, adapter_file
 from consilience.engine.protocol import GROUP, installed, split_name
 from consilience.engine.worker.process import Launch
 
 WORKER_SIDE = ("__init__.py", "errors.py", "mechanism", "engine")
 """Files and packages of Consilience that a worker and an adapter may import; they need NumPy alone."""
-
-REQUIREMENTS = "worker-requirements.txt"
-"""File in an adapter's package: the distribution that is the engine on its first line, without a version."""
 
 _VERSION = re.compile(r"[0-9][0-9A-Za-z.+!]*")
 
@@ -44,7 +42,7 @@ class NoEnvironment(Exception):
 
 
 def local_name(engine: str) -> str:
-    """Name of an engine in the worker that has its version: ``mujoco`` for ``mujoco@3.3.7``."""
+    """Return the name of an engine in the worker that has its version: ``NAME`` for ``NAME@VERSION``."""
     return engine.partition("@")[0]
 
 
@@ -86,11 +84,10 @@ def launch_of(engine: str, stopped: Callable[[], bool]) -> Launch:
 
 def _package(engine: str, point: EntryPoint) -> Path:
     """Folder of an adapter that can live elsewhere; nothing is imported."""
-    spec = importlib.util.find_spec(point.module.partition(".")[0])
-    folders = spec.submodule_search_locations if spec is not None else None
-    if not folders or not (Path(folders[0]) / REQUIREMENTS).is_file():
+    path = adapter_file(point, REQUIREMENTS)
+    if path is None:
         raise NoEnvironment(f"engine '{engine}': its adapter has no {REQUIREMENTS}: it comes in one version only")
-    return Path(folders[0])
+    return path.parent
 
 
 def _requirements(engine: str, package: Path, asked: str) -> list[str]:

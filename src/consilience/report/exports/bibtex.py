@@ -1,6 +1,6 @@
 """BibTeX of what a run rests on: the comparison, the engines and their methods, the sources of the cases.
 
-Which work belongs to what stands in ``literature.toml``; a source of a case that no entry of it knows becomes a note
+Which work belongs to what stands in ``literature.toml``, here and beside an adapter; a source of a case that no entry of it knows becomes a note
 of its own, so that none is lost.
 """
 
@@ -13,6 +13,7 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
+from consilience.engine import adapter_file, installed
 from consilience.report.exports.latex import escaped
 from consilience.report.record import Record
 
@@ -23,9 +24,11 @@ _OWN = "All numbers are our own"
 
 @cache
 def literature() -> dict[str, dict[str, str]]:
-    """Entries of ``literature.toml`` by key: type, conditions and fields."""
-    text = files("consilience.report.exports").joinpath("literature.toml").read_text(encoding="utf-8")
-    return tomllib.loads(text)
+    """Return the entries by key, type, conditions and fields: of ``literature.toml`` here, then of those of adapters."""
+    texts = [files("consilience.report.exports").joinpath("literature.toml").read_text(encoding="utf-8")]
+    paths = [adapter_file(point, "literature.toml") for point in installed().values()]
+    texts += [path.read_text(encoding="utf-8") for path in paths if path]
+    return {key: entry for text in texts for key, entry in tomllib.loads(text).items()}
 
 
 def render(record: Record) -> str:
