@@ -16,7 +16,8 @@ extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 exclude_patterns = ["build", "generated/_*", "example_engine"]
 html_theme = "furo"
 html_title = "Consilience"
-html_static_path: list[str] = []
+html_static_path = ["site.css"]
+html_css_files = ["site.css"]
 html_copy_source = False
 nitpicky = False
 myst_enable_extensions = ["colon_fence"]
@@ -34,13 +35,13 @@ autodoc_preserve_defaults = True
 
 
 def setup(app: Sphinx) -> None:
-    """Write the pages that are made of what there is: cases, findings, modules."""
+    """Write the generated pages before the site is read: cases, findings, API, drawings."""
     app.connect("builder-inited", lambda built: site_pages.write(Path(built.srcdir)))
     app.connect("autodoc-process-docstring", escaped, priority=1)  # before napoleon
 
 
 def escaped(app: Sphinx, what: str, name: str, thing: object, options: object, lines: list[str]) -> None:
-    """Docstrings say |p| and x* and mean it: outside of code no bar, asterisk or trailing underscore is markup."""
+    """Escape bars, asterisks and trailing underscores outside code: in docstrings they are mathematics, not markup."""
     for n, line in enumerate(lines):
         parts = re.split(r"(`+[^`]*`+)", line)
         lines[n] = "".join(p if p.startswith("`") else re.sub(r"([|*]|(?<=\w)_(?=\W|$))", r"\\\1", p) for p in parts)

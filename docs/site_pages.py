@@ -3,58 +3,76 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
+from itertools import groupby
 from pathlib import Path
+
+import draw_architecture
 
 from consilience.case import shipped_cases
 from consilience.case.families import FAMILIES, shown_parameters
-from consilience.cli.explanations import Kind, read_entries
+from consilience.cli.commands.list_ import joints_of
+from consilience.cli.explanations import Topic, read_explanations
+from consilience.compare import markdown_table
 from consilience.engine import installed
 
 FINDINGS = Path(__file__).parents[1] / "reports" / "findings"
 
-OFFERS = ("consilience.reference", "consilience.reference.analyses", "consilience.reference.impacts")
+OFFERS = ("reference", "reference.analyses", "reference.impacts")
 """Packages whose names come from their modules."""
 
 API: dict[str, tuple[str, tuple[str, ...]]] = {
-    "Mechanisms and cases": (
+    "Mechanisms": (
         "mechanisms",
+        tuple(f"mechanism.{name}" for name in ("model", "elements", "contacts", "functions", "joints", "assembly")),
+    ),
+    "Cases": (
+        "cases",
+        ("case.case", "case.file.reader", "case.file.writer", "case.library", "case.published", "errors"),
+    ),
+    "Engines": (
+        "engines",
+        (
+            *("engine.protocol", "engine.answers", "engine.harness_solvers", "engine.worker.client"),
+            *("engine.worker.requests", "mechanism.elementary_tree"),
+        ),
+    ),
+    "Suites": ("suites", ("suite.suite", "suite.engine_runs", "suite.store")),
+    "Comparison": (
+        "comparison",
         tuple(
-            f"consilience.{name}"
+            f"compare.{name}"
             for name in (
-                *("mechanism", "elements", "contacts", "functions", "joints", "assembly"),
-                *("case", "casefile", "casewriter", "library", "published", "errors"),
+                "result",
+                "rules",
+                "uncertainty",
+                "softness",
+                "horizon",
+                "motion",
+                "instant",
+                "trajectory",
+                "judge",
             )
         ),
     ),
     "Reference solver": ("reference", OFFERS),
-    "Engines and runs": (
-        "engines",
-        tuple(f"consilience.{name}" for name in ("engine", "run", "harness", "tree", "suite", "store", "worker")),
-    ),
-    "Comparison": (
-        "comparison",
-        tuple(
-            f"consilience.compare.{name}"
-            for name in ("result", "rules", "uncertainty", "softness", "horizon", "motion", "instant", "trajectory")
-        ),
-    ),
     "Mechanics": (
         "mechanics",
-        tuple(
-            f"consilience.{name}" for name in ("spatial", "rows", "kinematics", "observe", "energies", "conditioning")
+        (
+            *("mechanism.spatial", "mechanism.joint_rows", "mechanism.constraints", "mechanism.observables"),
+            *("mechanism.applied_forces", "mechanism.conditioning", "compare.energies"),
         ),
     ),
     "Files and frames": (
         "files",
-        tuple(f"consilience.report.{name}" for name in ("trajectory_files", "dataframes", "record")),
+        ("report.trajectory_files", "report.dataframes", "report.record"),
     ),
 }
-"""Pages of the reference: title, file, modules."""
+"""Pages of the reference: title, file, modules of `consilience`."""
 
 
 def write(docs: Path) -> None:
-    """Write all generated pages into `docs/generated`, which git does not keep."""
+    """Write all generated pages into `docs/generated`, which git does not keep, and the drawings beside the pages."""
+    draw_architecture.write()
     folder = docs / "generated"
     pages = {"library.md": library(), "explained.md": explained(), **findings(), **api()}
     for name, text in pages.items():
@@ -68,36 +86,33 @@ def write(docs: Path) -> None:
 
 
 def cell(text: object) -> str:
-    """Text for a cell of a table."""
+    """Escape a text for a cell of a Markdown table."""
     return re.sub(r"([|<>\[\]*_`])", r"\\\1", str(text).replace("\n", " "))
 
 
 def library() -> str:
-    """Every shipped case and family."""
+    """Return the page of all shipped cases and families."""
+    heads = ("case", "bodies", "joints", "duration in s", "digits", "what", "sources")
     lines = ["# The cases", "", "Generated from the files. What a case file is: [The case library](../cases.md).", ""]
-    group = ""
-    for case in sorted(shipped_cases(), key=lambda c: (c.group, c.name)):
-        if case.group != group:
-            group = case.group
-            lines += ["", f"## {group}", "", "| case | bodies | joints | duration in s | digits | what | sources |"]
-            lines += ["|---|---|---|---|---|---|---|"]
-        kinds = Counter(joint.kind for joint in case.mechanism.joints)
-        joints = ", ".join(f"{n} {kind}" if n > 1 else kind for kind, n in kinds.items())
-        row = (case.name, len(case.mechanism.bodies), joints, f"{case.duration:g}", case.digits, case.title)
-        lines.append("| " + " | ".join(cell(c) for c in (*row, "; ".join(case.sources))) + " |")
+    for group, cases in groupby(sorted(shipped_cases(), key=lambda c: (c.group, c.name)), key=lambda c: c.group):
+        rows = []
+        for case in cases:
+            size = (len(case.mechanism.bodies), joints_of(case), f"{case.duration:g}", case.digits)
+            rows.append((case.name, *size, case.title, "; ".join(case.sources)))
+        lines += ["", f"## {group}", "", *markdown_table(heads, rows, escape=cell)]
+    families = [(name, shown_parameters(family)) for name, family in FAMILIES.items()]
     lines += ["", "## Families", "", "[Their parameters](../families.md) in a name make a case.", ""]
-    lines += ["| family | parameters and defaults |", "|---|---|"]
-    lines += [f"| {cell(name)} | {cell(shown_parameters(family))} |" for name, family in FAMILIES.items()]
+    lines += markdown_table(("family", "parameters and defaults"), families, escape=cell)
     lines += ["", f"Engines here: {', '.join(installed())}.", ""]
     return "\n".join(lines)
 
 
 def explained() -> str:
-    """Everything `consilience explain` knows."""
+    """Return the page of all entries of `consilience explain`."""
     lines = ["# Verdicts, terms and traps", "", "What `consilience explain` prints, all of it.", ""]
-    for kind in Kind:
+    for kind in Topic:
         lines += [f"## {kind.title}", ""]
-        for entry in read_entries():
+        for entry in read_explanations():
             if entry.kind is kind:
                 lines += [f"### {cell(entry.name)}", "", f"**{cell(entry.rule)}**", "", cell(entry.theory), ""]
                 if entry.met:
@@ -106,7 +121,7 @@ def explained() -> str:
 
 
 def findings() -> dict[str, str]:
-    """The table of the findings, and a page for each with its script."""
+    """Return the overview of the findings, and a page for each with its script."""
     pages = {"findings/index.md": _linked(FINDINGS / "README.md")}
     names = sorted(path.parent.name for path in FINDINGS.glob("*/README.md"))
     toc = "\n".join(["", "```{toctree}", ":hidden:", "", *names, "```", ""])
@@ -119,18 +134,18 @@ def findings() -> dict[str, str]:
 
 
 def _linked(path: Path) -> str:
-    """The overview, its links to folders turned into links to pages."""
+    """Return the text of the overview, with links to pages in place of links to folders."""
     return re.sub(r"\((\w+)/README\.md\)", r"(\1.md)", path.read_text(encoding="utf-8"))
 
 
 def api() -> dict[str, str]:
-    """A page for each part of the library."""
+    """Return the pages of the API reference, one for each part of the library."""
     pages = {}
     for title, (name, modules) in API.items():
         text = "".join(
-            f"\n## {module}\n\n```{{eval-rst}}\n.. automodule:: {module}\n   :members:\n{extra}```\n"
+            f"\n## consilience.{module}\n\n```{{eval-rst}}\n.. automodule:: consilience.{module}\n"
+            f"   :members:\n{'   :imported-members:' if module in OFFERS else ''}\n```\n"
             for module in modules
-            for extra in ["   :imported-members:\n" if module in OFFERS else ""]
         )
         pages[f"api/{name}.md"] = f"# {title}\n{text}"
     toc = "\n".join(["```{toctree}", ":maxdepth: 1", "", *(name for name, _ in API.values()), "```", ""])

@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 
 from consilience.case import load_case, shipped_cases
+from consilience.cli.native_files import native_files, write_native
 from consilience.engine import Question, load_engine
-from consilience.engine.native import native_files, write_native
 from consilience.errors import ConsilienceError
 
 ALONE = "import runpy, sys; sys.modules['consilience'] = None; runpy.run_path(sys.argv[1], run_name='__main__')"

@@ -1,6 +1,7 @@
-"""A newcomer's path, timed: the commands of three pages in the environment that runs this, nothing else.
+"""A newcomer's path, timed: the commands of three pages, in the environment that runs this script.
 
-``.venv/bin/python tests/newcomer.py [--before S]`` in an environment with Consilience alone; installing took S seconds.
+``.venv/bin/python tests/newcomer.py [--before S]`` in an environment with Consilience alone, whose installation took
+S seconds.
 """
 
 from __future__ import annotations
@@ -18,11 +19,11 @@ PATHS = (
     ("write a case", "docs/write-a-case.md", 600.0),
     ("add the example engine", "docs/add-an-engine.md", 900.0),
 )
-"""What is done, the page that says how, and the longest it should take in s."""
+"""Step of the path, its page, and its time limit in s."""
 
 
 def main() -> None:
-    """Walk the paths and say how long each takes; exit code 1 if a command fails."""
+    """Execute the pages and print the time of each; exit code 1 if a command fails."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--before", type=float, default=0.0, help="s that the installation took")
     before = parser.parse_args().before

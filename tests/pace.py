@@ -1,19 +1,23 @@
-"""What must happen within seconds is meant for a machine that does nothing else: others are slow, and stand still."""
+"""Deadlines of tests, in proportion to the speed of the machine.
+
+A deadline is meant for a fast machine that does nothing else. A slow one gets more time, and time during which the
+machine stood still does not count.
+"""
 
 import math
 import time
 
 _ADDITIONS = 500_000
 _TIME = 0.05
-"""Of so many additions on such a machine, s."""
+"""Time of these additions on a fast machine, s."""
 
 _PAUSE = 0.02
 _LAP = 0.1
-"""Longest that a look and a pause take where the machine does not stand still, s."""
+"""Longest time between two evaluations of a condition on a machine that does not stand still, s."""
 
 
 def slowness():
-    """How many times slower than such a machine it is, a whole number; 1 where it is as fast or faster."""
+    """Return how many times slower this machine is than a fast one, as an integer of at least 1."""
     start, total = time.perf_counter(), 0
     for n in range(_ADDITIONS):
         total += n * n
@@ -21,7 +25,7 @@ def slowness():
 
 
 def soon(condition, within=2.0):
-    """Whether a condition comes true within some seconds, of which those that the machine stood still do not count."""
+    """Return whether a condition comes true within a deadline in s; see the module for what counts."""
     left, last = within * slowness(), time.monotonic()
     while not condition():
         if left <= 0.0:

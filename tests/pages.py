@@ -1,7 +1,7 @@
-"""The pages of the documentation: their code blocks, what is done with each, their links.
+"""Code blocks of the documentation, and which of them are executed.
 
 ``python tests/pages.py [PAGE ...]`` executes every block of the pages from top to bottom, each page in a folder of its
-own, as a reader would: minutes, with engines. `tests/unit/test_documentation.py` does the short part of it every day.
+own, as a reader would: minutes, with engines. `tests/unit/test_documentation.py` has the short version.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ LANGUAGES = ("sh", "python", "toml", "yaml", "text")
 """``text`` is output, a formula or a sketch of folders: nothing that could run."""
 
 SITE = ("{toctree}",)
-"""Directives of the site: no code either."""
+"""Directives of the site, which are no code."""
 
 INSTALLS = "installs: .ci/run does it in fresh environments (the README's commands, tests/newcomer.py)"
 LONG = "a campaign of hours; its short version is among the tests"
@@ -99,7 +99,7 @@ FILES: dict[str, dict[str, str]] = {
 <inertial pos="0 0 -0.2" mass="1" diaginertia="0.01 0.012 0.004"/></body></worldbody></mujoco>""",
     },
 }
-"""What a page takes for given in its folder."""
+"""Files that a page expects in its folder."""
 
 CODES: dict[str, tuple[int, ...]] = {
     "consilience run": (0, 1, 3),
@@ -107,7 +107,7 @@ CODES: dict[str, tuple[int, ...]] = {
     "consilience trend": (0, 1),
     "consilience mutate": (0, 1, 3),
 }
-"""Exit codes that are answers, by the beginning of a command; 0 for the others."""
+"""Exit codes that are no failure, by the beginning of a command; 0 for all others."""
 
 
 @dataclass(frozen=True)
@@ -121,18 +121,18 @@ class Block:
 
     @property
     def commands(self) -> list[str]:
-        """Lines of a block of shell commands."""
+        """Commands of a shell block, one a line."""
         return [line for line in self.text.splitlines() if line.strip()]
 
     @property
     def file(self) -> str:
-        """Name of the file it is, if its first line says so."""
+        """File name in the first line, or an empty string."""
         found = re.match(r"# ([\w./-]+\.(?:toml|py))$", self.text.partition("\n")[0])
         return found[1] if found else ""
 
 
 def blocks(page: Path) -> list[Block]:
-    """Code blocks of a page in order; indented ones have no language."""
+    """Return the code blocks of a page in order; indented blocks have no language."""
     name = str(page.relative_to(ROOT))
     tokens = MarkdownIt("commonmark").parse(page.read_text(encoding="utf-8"))
     return [
@@ -143,26 +143,26 @@ def blocks(page: Path) -> list[Block]:
 
 
 def mark(page: str, text: str) -> str:
-    """Reason why a command or block is not executed; empty if it is."""
+    """Return why a command or block is not executed; an empty string if it is."""
     return next((why for (where, start), why in MARKED.items() if where == page and text.startswith(start)), "")
 
 
 def environment(folder: Path) -> dict[str, str]:
-    """Where a page's commands find `consilience`, `python` and `pytest` of this environment."""
+    """Return environment variables with which commands find this environment's `consilience`, `python` and `pytest`."""
     programs = folder / ".programs"
     programs.mkdir(exist_ok=True)
     for name, module in (("consilience", "consilience.cli.main"), ("pytest", "")):
         call = f"from {module} import main; main()" if module else "import sys, pytest; sys.exit(pytest.main())"
         (programs / name).write_text(f'#!/bin/sh\nexec {shlex.quote(sys.executable)} -c "{call}" "$@"\n')
         (programs / name).chmod(0o755)
-    # no link: Python looks for its packages beside the name it is called by
+    # a script and no link: Python looks for packages beside the path it is called by
     (programs / "python").write_text(f'#!/bin/sh\nexec {shlex.quote(sys.executable)} "$@"\n')
     (programs / "python").chmod(0o755)
     return os.environ | {"PATH": f"{programs}:{Path(sys.executable).parent}:{os.environ['PATH']}", "COLUMNS": "120"}
 
 
 def execute(page: Path, folder: Path, skip_marked: bool = True) -> list[str]:
-    """Execute the blocks of a page in a folder; what went wrong."""
+    """Execute the blocks of a page in a folder; return the failures."""
     found, names = [], {"__name__": page.stem}
     for name in ("tests", "cases", "reports"):
         if not (folder / name).exists():
@@ -203,7 +203,7 @@ def _python(block: Block, folder: Path, names: dict[str, object], where: str) ->
 
 
 def main() -> None:
-    """Execute pages; exit code 1 if anything does not do what the page says."""
+    """Execute pages; exit code 1 if a block fails."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("pages", nargs="*", help="such as docs/runs.md; default: all")
     chosen = [ROOT / name for name in parser.parse_args().pages] or PAGES

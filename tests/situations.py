@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from consilience.compare import Comparison, Verdict, Yardstick, compare_trajectory
+from consilience.compare import Comparison, ReferenceMotion, Verdict, compare_trajectory
 from consilience.compare.motion import size_of_motion
 from consilience.compare.softness import SCALES
 from consilience.engine import Method, Profile, Question, Route, Run, Status, TrajectoryAnswer
@@ -74,7 +74,7 @@ class Situation:
             self._run(replace(method, softness=s), len(runs) - 1, self.steps[-1], s)
             for s in (SCALES[self.profile] if self.soft else ())
         ]
-        yard = Yardstick(TRUE, np.full(len(TIMES), self.spread), self.digits, self.growth, self.dispute)
+        yard = ReferenceMotion(TRUE, np.full(len(TIMES), self.spread), self.digits, self.growth, self.dispute)
         return compare_trajectory(MECHANISM, runs, yard, softer, self.earlier)
 
     def _run(self, method: Method, level: int, h: float, s: float) -> Run:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from consilience.mechanism import Array, Control, Friction, JointSpring
+from consilience.mechanism import Array, Control, Friction, JointSpring, friction_law
 from consilience_dart.translation import Axis, Model
 
 Law = Callable[[float, float, float], tuple[float, float]]
@@ -46,12 +46,7 @@ def _actuator(spring: JointSpring) -> Law:
 
 
 def _friction(friction: Friction) -> Law:
-    def law(t: float, q: float, rate: float) -> tuple[float, float]:
-        part = np.tanh(rate / friction.speed)
-        steepness = friction.viscous + friction.coulomb / friction.speed * (1.0 - part**2)
-        return -friction.viscous * rate - friction.coulomb * part, steepness
-
-    return law
+    return lambda t, q, rate: friction_law(rate, friction.viscous, friction.coulomb, friction.speed)
 
 
 def _control(control: Control, integrals: Array, n: int) -> Law:

@@ -6,14 +6,13 @@ controllers are rates of coordinates without mechanical meaning, so that Exudyn'
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from consilience.mechanism import Array, Control, Friction, Jet, JointSpring, Mechanism
+from consilience.mechanism import Array, Control, Friction, Jet, JointSpring, Mechanism, friction_law
 from consilience_exudyn.library import exu, items
 
 Law = Callable[[float], Jet]
@@ -44,7 +43,7 @@ class Effort:
         """Torque about, or force along, +z of F on the successor."""
         total = sum(actuator(t)[0] for actuator in self.actuators)
         for f in self.frictions:
-            total -= f.viscous * rate + f.coulomb * math.tanh(rate / f.speed)
+            total += friction_law(rate, f.viscous, f.coulomb, f.speed)[0]
         for c, target, place in self.controls:
             wanted, wanted_rate, _ = target(t)
             total += c.proportional * (wanted - q) + c.derivative * (wanted_rate - rate)

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from consilience.engine.native import JET, ROWS, SOLVE, function_data, row_data, script
+from consilience.engine.native import FRICTION, JET, ROWS, SOLVE, function_data, row_data, script
 from consilience.mechanism import GROUND, RANK_TOLERANCE, Joint, Mechanism, State, linear
 from consilience_exudyn.constraints import Added
 from consilience_exudyn.efforts import efforts_of
@@ -221,4 +221,4 @@ def export_model(title: str, mechanism: Mechanism, state: State) -> dict[str, st
         "import json\nimport math\nimport os\nfrom functools import reduce\n\n"
         'os.environ["EXUDYN_NO_USER_SETTINGS"] = "1"  # read at import\n\nimport exudyn as exu\nimport numpy as np'
     )
-    return {"run.py": script(about, imports, constants, JET, SOLVE, CONNECTIONS, ROWS, CODE)}
+    return {"run.py": script(about, imports, constants, JET, FRICTION, SOLVE, CONNECTIONS, ROWS, CODE)}

@@ -71,8 +71,8 @@ def gap(place, wanted):
 def height(r):
     """Height of the point of contact over its plane."""
     (p, R), n = pose(r["body"]), np.array(r["normal"])
-    a = R @ r["axis"]
-    return n @ (p + R @ r["center"] - r["point"]) - r["radius"] * np.linalg.norm(n - (n @ a) * a) - r["rounding"]
+    rho, _ = rolling_contact(R @ r["axis"], n, np.zeros(3), r["radius"], r["rounding"])
+    return n @ (p + R @ r["center"] + rho - r["point"])
 
 
 EQUATIONS = {  # coefficients; values, none where velocities alone are held; rates: of row n of a kind, at a time

@@ -29,8 +29,7 @@ def effort(law):
 
     def force(_, t, __, q, rate, *more):
         total = sum(jet(f, t)[0] for f in law["actuators"])
-        for viscous, coulomb, speed in law["frictions"]:
-            total -= viscous * rate + coulomb * math.tanh(rate / speed)
+        total += sum(friction_law(rate, *friction)[0] for friction in law["frictions"])
         for c in law["controls"]:
             target, target_rate, _bend = jet(c["f"], t)
             total += c["P"] * (target - q) + c["D"] * (target_rate - rate)
@@ -158,11 +157,7 @@ def look():
 def contact(disc):
     """Acceleration that the accelerations of the body's origin and of its angle must make up for at the contact."""
     R, _, w = body_state(disc["body"])
-    n, a = np.array(disc["normal"]), R @ disc["axis"]
-    a_dot = np.cross(w, a)
-    m, m_dot = n - (n @ a) * a, -(n @ a_dot) * a - (n @ a) * a_dot
-    e = m / np.linalg.norm(m)
-    rho, rho_dot = -disc["radius"] * e, -disc["radius"] * (m_dot - (e @ m_dot) * e) / np.linalg.norm(m)
+    rho, rho_dot = rolling_contact(R @ disc["axis"], np.array(disc["normal"]), w, disc["radius"], 0.0)
     return np.cross(w, np.cross(w, rho) - rho_dot) - np.cross(w, np.cross(w, R @ disc["center"] + rho))
 
 

@@ -30,6 +30,7 @@ from consilience.mechanism import (
     joint_frames,
     non_holonomic_rows,
     plane_axes,
+    rolling_contact,
     row_gamma,
 )
 
@@ -291,10 +292,8 @@ class SkateRow(Row):
 
 def lever(rolling: Rolling, pose: Pose) -> tuple[Array, Array]:
     """From the body's origin to the centre, and from there to the point of contact, world axes."""
-    a, n = pose.R @ rolling.axis, rolling.normal
-    m = n - (n @ a) * a
-    mu = math.sqrt(m @ m) if rolling.radius else 1.0  # a ball has no axis that could stand upright
-    return pose.R @ rolling.center, -(rolling.radius / mu) * m - rolling.rounding * n
+    rho, _ = rolling_contact(pose.R @ rolling.axis, rolling.normal, np.zeros(3), rolling.radius, rolling.rounding)
+    return pose.R @ rolling.center, rho
 
 
 def _point_velocity(directions: Array, arm: Array) -> Array:

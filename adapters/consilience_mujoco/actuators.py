@@ -18,7 +18,6 @@ control, I           joint              target - q                  its integral
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -26,7 +25,18 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from consilience.mechanism import Array, Control, Friction, Function, JointSpring, Load, Mechanism, Spring, Tree
+from consilience.mechanism import (
+    Array,
+    Control,
+    Friction,
+    Function,
+    JointSpring,
+    Load,
+    Mechanism,
+    Spring,
+    Tree,
+    friction_law,
+)
 from consilience_mujoco.functions import jet_of
 from consilience_mujoco.places import add_point, axis_link, link_name
 
@@ -114,7 +124,7 @@ def _add_friction(spec: Any, mechanism: Mechanism, tree: Tree, friction: Frictio
         return []
     name, force, speed = f"friction {friction.name}", friction.coulomb, friction.speed
     _add_on_joint(spec, mechanism, tree, friction, name)
-    return [Signal(name, lambda _, __, rate: -force * math.tanh(rate / speed))]
+    return [Signal(name, lambda _, __, rate: friction_law(rate, 0.0, force, speed)[0])]
 
 
 def _add_control(spec: Any, mechanism: Mechanism, tree: Tree, control: Control) -> list[Signal]:

@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 
 from consilience.engine import Method, Question
-from consilience.engine.native import JET, function_data, script
+from consilience.engine.native import FRICTION, JET, ROLLING, function_data, script
 from consilience.mechanism import Mechanism, Rolling, Skate, State, to_elementary_tree
 from consilience_mujoco.actuators import load_name
 from consilience_mujoco.callback import answering
@@ -290,5 +290,5 @@ def export_model(title: str, mechanism: Mechanism, state: State) -> dict[str, st
     imports = "import json\nimport math\nfrom pathlib import Path\n\nimport mujoco\nimport numpy as np"
     return {
         "model.xml": _Writer(translation.model, title).write(method, translation.data),
-        "run.py": script(about, imports, constants, JET, CODE),
+        "run.py": script(about, imports, constants, JET, FRICTION, ROLLING, CODE),
     }

@@ -9,7 +9,7 @@ for name, factor in FACTORS.items():  # how soft constraints are: no attribute o
 def control_of(signal, t, length, rate):
     """Control of an actuator."""
     if signal["kind"] == "coulomb":
-        return -signal["force"] * math.tanh(rate / signal["speed"])
+        return friction_law(rate, 0.0, signal["force"], signal["speed"])[0]
     value, slope, _ = jet(signal["f"], t)
     if signal["kind"] == "servo":
         return signal["P"] * value + signal["D"] * slope
@@ -59,19 +59,8 @@ def contact_of(guide, p, R, v, w):
         arm, lateral = R @ guide["point"], R @ guide["lateral"]
         return arm, lateral[None], np.zeros(1), np.array([-np.cross(w, lateral) @ (v + np.cross(w, arm))])
     n = np.array(guide["normal"])
-    rho, rho_dot = -guide["rounding"] * n, np.zeros(3)
-    if guide["radius"] > 0.0:
-        a = R @ guide["axis"]
-        a_dot = np.cross(w, a)
-        m, m_dot = n - (n @ a) * a, -(n @ a_dot) * a - (n @ a) * a_dot
-        size = np.linalg.norm(m)
-        e = m / size
-        rho = rho - guide["radius"] * e
-        rho_dot = -guide["radius"] * (m_dot - (e @ m_dot) * e) / size
-    arm = R @ guide["center"] + rho
-    across = np.cross(n, np.eye(3)[np.argmin(np.abs(n))])
-    across /= np.linalg.norm(across)
-    plane = np.array([n, across, np.cross(n, across)])
+    rho, rho_dot = rolling_contact(R @ guide["axis"], n, w, guide["radius"], guide["rounding"])
+    arm, plane = R @ guide["center"] + rho, axes_of_plane(n)
     height = n @ (p + arm - guide["point"])
     return arm, plane, np.array([height, 0.0, 0.0]), plane @ np.cross(w, np.cross(w, rho) - rho_dot)
 

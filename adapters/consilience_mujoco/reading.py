@@ -14,7 +14,7 @@ from xml.etree.ElementTree import Element
 import mujoco
 import numpy as np
 
-from consilience.engine.native import Law, Motion, Notes, Parts, Piece
+from consilience.engine.native import CoordinateLaw, NativeJoint, Notes, Parts, Piece
 from consilience.errors import InvalidInput
 from consilience.mechanism import Array, Frame, Joint, Spring, rotation_from_quaternion
 
@@ -84,14 +84,14 @@ class _Model:
                 (R * model.body_inertia[body]) @ R.T,
             )
 
-    def motion(self, joint: int) -> Motion:
+    def motion(self, joint: int) -> NativeJoint:
         """One joint of the engine: anchor (3,) in m and axis (3,) in world axes, spring, damper, rest."""
         model, dof, at = self.model, self.model.jnt_dofadr[joint], self.model.jnt_qposadr[joint]
         letter = _LETTERS[int(model.jnt_type[joint])]
         width = {"S": 3, "F": 6}.get(letter, 1)
         damping = 0.0 if self.off(_OFF.mjDSBL_DAMPER) else float(np.max(model.dof_damping[dof : dof + width]))
         rest = float(model.qpos_spring[at] - model.qpos0[at]) if width == 1 else 0.0
-        return Motion(
+        return NativeJoint(
             self.joint_name(joint),
             letter,
             np.array(self.data.xanchor[joint]),
@@ -109,7 +109,7 @@ class _Model:
             if model.eq_type[row] in types and model.eq_active0[row] and not self.off(_OFF.mjDSBL_EQUALITY):
                 yield name_of(model, _OBJ.mjOBJ_EQUALITY, row), row
 
-    def laws(self) -> Iterator[Law]:
+    def laws(self) -> Iterator[CoordinateLaw]:
         """Equalities between two joints, as polynomials of the driver's coordinate; those of one joint are refused."""
         for name, row in self._active(_JOINT):
             driver = int(self.model.eq_obj2id[row])
@@ -117,7 +117,7 @@ class _Model:
                 self.notes.refuse("it holds a joint at a constant", name)
                 continue
             powers = tuple(float(c) for c in self.model.eq_data[row, :5])
-            yield Law(name, self.joint_name(self.model.eq_obj1id[row]), self.joint_name(driver), powers)
+            yield CoordinateLaw(name, self.joint_name(self.model.eq_obj1id[row]), self.joint_name(driver), powers)
 
     def loops(self) -> Iterator[Joint]:
         """Equalities that tie two bodies, as spherical or rigid joints that close loops."""

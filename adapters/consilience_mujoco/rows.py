@@ -31,7 +31,18 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from consilience.mechanism import Array, Frame, Function, Mechanism, Rolling, Skate, Tree, cross, orthogonal_triad
+from consilience.mechanism import (
+    Array,
+    Frame,
+    Function,
+    Mechanism,
+    Rolling,
+    Skate,
+    Tree,
+    cross,
+    plane_axes,
+    rolling_contact,
+)
 from consilience_mujoco.functions import Jet, jet_of
 from consilience_mujoco.places import add_point, add_site, axis_link, link_name
 
@@ -200,20 +211,11 @@ class Rows:
 
 
 def _rolling(rolling: Rolling) -> Hold:
-    n, R, r = rolling.normal, rolling.radius, rolling.rounding
-    plane = np.array([n, *(x / np.linalg.norm(x) for x in orthogonal_triad(n))])
+    n, plane = rolling.normal, plane_axes(rolling)
 
     def hold(p: Array, R_WB: Array, _: Array, w: Array) -> Held:
         """The point of contact of a body at `p` (3,) in m, turned by `R_WB` (3, 3) at `w` (3,) in rad/s."""
-        rho, rho_dot = -r * n, np.zeros(3)
-        if R > 0.0:
-            a = R_WB @ rolling.axis
-            a_dot = cross(w, a)
-            m, m_dot = n - (n @ a) * a, -(n @ a_dot) * a - (n @ a) * a_dot
-            size = np.sqrt(m @ m)
-            e = m / size
-            rho = rho - R * e
-            rho_dot = -R * (m_dot - (e @ m_dot) * e) / size
+        rho, rho_dot = rolling_contact(R_WB @ rolling.axis, n, w, rolling.radius, rolling.rounding)
         arm = R_WB @ rolling.center + rho
         height = n @ (p + arm - rolling.point)
         return arm, plane, np.array([height, 0.0, 0.0]), plane @ cross(w, cross(w, rho) - rho_dot)

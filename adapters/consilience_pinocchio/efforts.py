@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from consilience.mechanism import AXIS_COORDINATES, Array, Function
+from consilience.mechanism import AXIS_COORDINATES, Array, Function, friction_law
 from consilience_pinocchio.translate import Translation
 
 
@@ -113,7 +113,7 @@ class Efforts:
             value, slope, _ = law.jet(t)
             tau[i] += gain * value + rate_gain * slope
         for i, coulomb, speed in self._coulomb:
-            tau[i] -= coulomb * math.tanh(v[i] / speed)
+            tau[i] += friction_law(v[i], 0.0, coulomb, speed)[0]
         return np.asarray(tau)
 
     def control_errors(self, q: Array, t: float) -> Array:

@@ -2,10 +2,8 @@
 
 - Drive ``q = f(t)``: ``a_q = f''``. Coupling ``q = f(p)``: ``a_q - f' a_p = f'' p'^2``. Both are rows of single joint
   coordinates: minimal coordinates have them as they are.
-- Rolling: the point of contact is at rho from the centre, ``rho = -R m / |m| - r n``, ``m = n - (n.a) a``, all in body
-  axes, where the normal n of the plane turns by ``n' = -w x n``. The material point P that touches has no velocity,
-  whichever it is; so the one that touches now has the acceleration ``a_P = -w x rho'``, rho' being how fast the contact
-  wanders over the body.
+- Rolling: the point of contact is at rho from the centre (`mechanism.rolling_contact`). The material point P in contact
+  has no velocity at any time, so the acceleration ``a_P = w x (w x rho - rho')``.
 - Skate, at a point P of the body: ``l . a_P = -(w x l) . v_P``.
 """
 
@@ -17,7 +15,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from consilience.mechanism import Array, Function, Rolling, Skate, cross, orthogonal_triad
+from consilience.mechanism import Array, Function, Rolling, Skate, cross, plane_axes, rolling_contact
 from consilience_pinocchio.efforts import Axis, axis
 from consilience_pinocchio.translate import WORLD_AXES, Translation
 
@@ -64,24 +62,16 @@ class Rolls(_Guided):
     def __init__(self, translation: Translation, rolling: Rolling) -> None:
         super().__init__(translation, rolling.body)
         self._rolling = rolling
-        triad = np.array([rolling.normal, *orthogonal_triad(rolling.normal)])
-        self._directions = triad / np.linalg.norm(triad, axis=1)[:, None]
+        self._directions = plane_axes(rolling)
         self.count = 3
 
     def touch(self) -> tuple[Array, Array]:
         """Point P of contact, from the body's origin, and acceleration of the material there, both in body axes."""
         r = self._rolling
-        R_WB, _, w = self.motion()
-        n = R_WB.T @ r.normal
-        n_dot = cross(n, w)
-        rho, rho_dot = -r.rounding * n, -r.rounding * n_dot
-        if r.radius:
-            m, m_dot = n - (n @ r.axis) * r.axis, n_dot - (n_dot @ r.axis) * r.axis
-            size = np.sqrt(m @ m)
-            e = m / size
-            rho = rho - r.radius * e
-            rho_dot = rho_dot - r.radius * (m_dot - (e @ m_dot) * e) / size
-        return r.center + rho, cross(rho_dot, w)
+        R_WB, _, w_B = self.motion()
+        w = R_WB @ w_B
+        rho, rho_dot = rolling_contact(R_WB @ r.axis, r.normal, w, r.radius, r.rounding)
+        return r.center + R_WB.T @ rho, R_WB.T @ cross(w, cross(w, rho) - rho_dot)
 
     def contact(self) -> _Contact:
         """Rows at the point of contact."""

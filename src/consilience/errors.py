@@ -1,4 +1,4 @@
-"""Errors a caller can act on: bad input is an exception, a numerical failure is a value in a `Run`."""
+"""Errors that a caller can act on; bad input raises, a numerical failure of an engine is a value in a `Run`."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ import re
 _UNSEEN = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff\ufffe\uffff]"
 )
-"""Characters that steer a terminal or turn the direction of text, halves of surrogate pairs, no characters."""
+"""Characters that control a terminal or the direction of text, halves of surrogate pairs, and noncharacters."""
 
 LONGEST = 8_000
-"""Characters of one part of a message at most."""
+"""Largest number of characters of one part of a message."""
 
 
 def visible(text: str) -> str:
-    """Text that a terminal shows as it is: what would steer it is written out as an escape sequence of Python's."""
+    """Replace characters that control a terminal by escape sequences of Python."""
     return _UNSEEN.sub(lambda found: found.group().encode("unicode_escape", "surrogatepass").decode(), text)
 
 
@@ -24,18 +24,18 @@ def _part(text: str) -> str:
 
 
 class ConsilienceError(Exception):
-    """Anything wrong with what the user gave; the command line prints it and exits with 2."""
+    """Base of all errors of this package; the command line prints the error and exits with 2."""
 
 
 class InvalidInput(ConsilienceError):
-    """A case file, a mechanism or an argument that cannot be used.
+    """Case file, mechanism or argument that cannot be used.
 
     Parameters
     ----------
     where : str
-        File, field or name that is wrong, for example ``four_bar.toml: body[1].mass``.
+        File, field or name, for example ``four_bar.toml: body[1].mass``.
     what : str
-        What is wrong with it.
+        What is wrong there.
     remedy : str
         What would be right.
     """
@@ -45,13 +45,13 @@ class InvalidInput(ConsilienceError):
         super().__init__(f"{self.where}: {self.what}. {self.remedy}")
 
     def __reduce__(self) -> tuple[type[InvalidInput], tuple[str, str, str]]:
-        """Survive the trip out of a worker process with all three parts."""
+        """Pickle all three parts: errors travel from worker processes."""
         return type(self), (self.where, self.what, self.remedy)
 
 
 class CannotAssemble(InvalidInput):
-    """The mechanism has no configuration that satisfies its joints, or none was found from the drawing."""
+    """No configuration satisfies the joints of a mechanism, or none was found from the drawing."""
 
 
 class NumericalFailure(ConsilienceError):
-    """A computation cannot go on; the message says when and why."""
+    """Computation that cannot go on; the message says when and why."""

@@ -21,7 +21,7 @@ sys.path.append(str(FOLDER.parent))  # the oracles
 
 
 def main() -> int:
-    """Run what is asked for, print each table as it is done, and write its part of the page."""
+    """Run the chosen benchmarks, print each table when it is done, and write its part of the page."""
     known = [name for name in BENCHMARKS if (FOLDER / f"{name}.py").exists()]
     parser = argparse.ArgumentParser(prog="python tests/benchmarks", description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"one of {', '.join(known)}; default: all")

@@ -1,4 +1,4 @@
-"""Time for a motion to an accuracy: the reference against the fastest way of any engine that gets there."""
+"""Time for a motion to an accuracy: the reference against the fastest route of any engine that reaches it."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import route_dart
 import route_exudyn
 import route_mujoco
 import route_pinocchio
+from observable_origins import with_observable_origins
 from routes import SPAN, TOLERANCES, Found, Route, over, setup, sweep
-from seen import seen
 from tables import Table
 from timing import ROUNDS, Sample, less, race, ratio, seconds
 
@@ -22,7 +22,7 @@ from consilience.mechanism import Array, spanning_tree
 from consilience.reference import simulate
 
 TARGETS = (1e-6, 1e-9)
-"""Largest error of the position of any body at any sample in m; of a point that moves (`seen`)."""
+"""Largest error of the position of any body at any sample in m; of a point that moves (`observable_origins`)."""
 
 LARGEST = 10
 """Bodies of a case at most."""
@@ -56,7 +56,7 @@ BARS = {"loop": 10.0, "tree": 3.0}
 
 @dataclass
 class Outcome:
-    """What was found for a case."""
+    """Result of a case."""
 
     case: Case
     kind: str
@@ -78,7 +78,7 @@ def _chosen(short: bool) -> Iterator[Case]:
 
 
 def _truth(case: Case) -> Array | None:
-    """Positions at the samples, or None where two formulations do not agree on them closely enough."""
+    """Return positions at the samples, or None where two formulations do not agree on them closely enough."""
     try:
         one, two = (simulate(case.mechanism, case.initial_state, case.times, tol, form).p_WB for form, tol in TRUTHS)
     except ConsilienceError:
@@ -101,10 +101,10 @@ def _faster(found: Found, best: dict[str, Found], group: str) -> None:
 
 
 def _known(case: Case) -> tuple[Case, Array] | None:
-    """The case over 5 s, or where that goes beyond its problem or is too sensitive, over its own time; its truth."""
+    """Return the case over 5 s, or over its own duration where that is too long or sensitive; its true positions."""
     for span in (SPAN, case.duration):
         if span == case.duration or SHORTEST * span <= case.duration:
-            of_span = seen(over(case, span))
+            of_span = with_observable_origins(over(case, span))
             truth = _truth(of_span)
             if truth is not None:
                 return of_span, truth
@@ -142,22 +142,22 @@ def _row(outcome: Outcome, target: float, group: str) -> list[str]:
 
 
 def run(short: bool) -> Iterator[Table]:
-    """One table for each accuracy; interrupted, of the cases up to there."""
+    """Yield one table for each accuracy; after an interrupt, of the cases so far."""
     columns = ("case", "kind", "bodies", "over", "reference", "of it translation", "how", "engine", "how")
     columns += ("engine / reference", "without translation")
     abouts = {
         (
             1e-9,
             "any",
-        ): "Bars: 10 on every loop, 3 on every tree. The fastest way of any engine: its own integrator, raw or "
+        ): "Bars: 10 on every loop, 3 on every tree. The fastest route of any engine: its own integrator, raw or "
         "extrapolated over steps, or its accelerations under DOP853 of SciPy or the methods of the reference "
-        "(TP86 and RADAU13, in NumPy). Its model is built before the clock starts. The "
+        "(TP86 and RADAU13, in NumPy). The engine's model is built before the clock starts. The "
         "time of the reference is that of the whole call of `simulate`, translation of the state and the answer "
-        "included; in the last column it starts from its model as well. A way is given up where "
-        f"one run takes {PATIENCE:g} times as long as the fastest way found, or {HOPELESS:g} times as long as the "
-        "reference. Where origins say nothing of turning, as of a top on its tip or a free body, other points of the "
-        "bodies are asked for. A problem of less than 0.5 s, and a motion too sensitive for 5 s, is taken over its own "
-        "time.",
+        "included; in the last column the reference starts from its model, too. A route is abandoned where "
+        f"one run takes {PATIENCE:g} times as long as the fastest route so far, or {HOPELESS:g} times as long as the "
+        "reference. Where origins do not show rotation, as of a top on its tip or a free body, other points of the "
+        "bodies are compared. A problem of less than 0.5 s, and a motion too sensitive for 5 s, runs over its own "
+        "duration.",
         (1e-6, "native"): "Bar: 1. The fastest integrator of any engine, raw or extrapolated over steps.",
     }
     tables = {
@@ -183,7 +183,7 @@ def run(short: bool) -> Iterator[Table]:
 
 
 def _measure(case: Case, tables: Mapping[tuple[float, str], Table], rounds: int) -> bool:
-    """Add the rows of a case; False if it is too sensitive."""
+    """Add the rows of a case; return False if it is too sensitive."""
     start, known = time.perf_counter(), _known(case)
     if known is None:
         return False

@@ -2,7 +2,7 @@
 
     python tests/benchmarks/anatomy.py [case ...]
 
-Each part is what an evaluation takes up to its end less what it takes up to its beginning, the least of some runs.
+The time of a part is the time of an evaluation up to its end less that up to its beginning, the least of some runs.
 """
 
 import sys
@@ -13,23 +13,31 @@ import numpy as np
 from consilience.case import load_case
 from consilience.reference import simulate
 from consilience.reference.kernel.compiled import inlined, kernel
-from consilience.reference.kernel.held import hold
+from consilience.reference.kernel.mechanism_record import record_of
 from consilience.reference.tree import records
-from consilience.reference.tree.arrays import PIVOT, flatten_relative, system
-from consilience.reference.tree.articulated import free_biases, inertias, sweep_in
-from consilience.reference.tree.dynamics import _push, factorise_rows, rates
-from consilience.reference.tree.either import accelerate, coast, cut_rows, eliminate, force_rows, open_links, place_at
-from consilience.reference.tree.few_freedoms import add_to_links, is_small, reduce_links
-from consilience.reference.tree.loop_rows import want
-from consilience.reference.tree.planar import sweep_in_planar
-from consilience.reference.tree.planar_detection import planar
-from consilience.reference.tree.planar_rows import push_efforts
-from consilience.reference.tree.projection import SEEN, arrive
+from consilience.reference.tree.arrays import ELIMINATION_PIVOT, flatten_relative, tree_system
+from consilience.reference.tree.articulated import gravity_biases, inward_sweep, rigid_inertias
+from consilience.reference.tree.dynamics import _element_biases, factorise_rows, state_derivative
+from consilience.reference.tree.either import (
+    add_row_forces,
+    bias_accelerations,
+    eliminate_rows,
+    evaluate_rows,
+    loop_acceleration_residual,
+    place_state,
+    sweep_accelerations,
+)
+from consilience.reference.tree.few_freedoms import add_link_accelerations, has_few_freedoms, solve_reduced
+from consilience.reference.tree.loop_rows import mark_active_rows
+from consilience.reference.tree.planar import planar_inward_sweep
+from consilience.reference.tree.planar_detection import planar_system
+from consilience.reference.tree.planar_rows import add_force_biases
+from consilience.reference.tree.projection import AT_SAMPLE, end_step
 from consilience.reference.tree.state import pack_relative
 
 CASES = ("four_bar", "slider_crank", "manipulator", "spatial_slider_crank", "rssr_four_bar", "furuta_pendulum")
 PARTS = ("placing", "inertias, forces", "rows", "tree", "closing", "rates")
-REPEATS, COUNT, APART = 15, 2000, 1e-7
+REPEATS, COUNT, DISPLACEMENT = 15, 2000, 1e-7
 """Repetitions, calls in each, and how far a step of a second leaves a state open: 1e-12 or so in a step of the
 tolerance below, which one correction closes."""
 
@@ -37,91 +45,93 @@ DURATION, TOLERANCE = 5.0, 1e-10
 
 
 @inlined
-def push(rest, space, elements, plane, z):
-    """Inertias (in a plane they are part of placing) and forces."""
-    if space is not None:
-        inertias(rest.link)
-        if elements is not None and not elements.plain:
-            _push(elements, rest.layout, space.y, space.A, 0.0, z, rest.link)
+def push(closure, spatial, elements, planar, z):
+    """Set inertias (in a plane placing does this) and force biases."""
+    if spatial is not None:
+        rigid_inertias(closure.link)
+        if elements is not None and not elements.gravity_only:
+            _element_biases(elements, closure.layout, spatial.y, spatial.A, 0.0, z, closure.link)
         else:
-            free_biases(rest.link)
-    if plane is not None and plane.effort.shape[0]:
-        push_efforts(plane, rest.link, 0.0, z)
+            gravity_biases(closure.link)
+    if planar is not None and planar.force_table.shape[0]:
+        add_force_biases(planar, closure.link, 0.0, z)
 
 
 @inlined
-def sweep(rest, space, plane):
-    """Along the tree and back."""
-    if space is not None:
-        sweep_in(rest.link, rest.free)
-    if plane is not None:
-        sweep_in_planar(rest.link, rest.free, True)
-    accelerate(space, plane, rest.link, rest.free, rest.u, 1.0)
+def sweep(closure, spatial, planar):
+    """Sweep inward and outward along the tree."""
+    if spatial is not None:
+        inward_sweep(closure.link, closure.free)
+    if planar is not None:
+        planar_inward_sweep(closure.link, closure.free, True)
+    sweep_accelerations(spatial, planar, closure.link, closure.free, closure.u, 1.0)
 
 
 @inlined
-def along(rest, space, plane, small):
-    """Accelerations of the tree."""
-    if space is not None:  # noqa: SIM102 - Numba leaves out what is done where it is not None alone
+def along(closure, spatial, planar, small):
+    """Compute the accelerations of the tree without loops."""
+    if spatial is not None:  # noqa: SIM102 - Numba prunes `is not None` alone
         if small:
-            coast(rest.link, rest.free, rest.u)
+            bias_accelerations(closure.link, closure.free, closure.u)
     if not small:
-        sweep(rest, space, plane)
+        sweep(closure, spatial, planar)
 
 
 @inlined
-def close(rest, space, plane, small):
-    """What the rows do to the accelerations of the tree."""
-    loops, fronts, link, free, u = rest.loops, rest.fronts, rest.link, rest.free, rest.u
-    open_links(loops, fronts, space, plane, link, rest.gamma)
-    if space is not None:  # noqa: SIM102 - as above
+def close(closure, spatial, planar, small):
+    """Add the effect of the rows to the accelerations of the tree."""
+    loops, qr, link, free, u = closure.loops, closure.qr, closure.link, closure.free, closure.u
+    loop_acceleration_residual(loops, qr, spatial, planar, link, closure.gamma)
+    if spatial is not None:  # noqa: SIM102 - as above
         if small:
-            rows, freedoms, _ = eliminate(loops, fronts, space.reduced, link, free)
-            reduce_links(space.reduced, rows, freedoms, link, free, u, 1.0)
-            add_to_links(link, records.ACCELERATION, freedoms, space.reduced.V, space.reduced.G)
+            rows, freedoms, _ = eliminate_rows(loops, qr, spatial.elimination, link, free)
+            solve_reduced(spatial.elimination, rows, freedoms, link, free, u, 1.0)
+            add_link_accelerations(link, records.ACCELERATION, freedoms, spatial.elimination.V, spatial.elimination.G)
     if not small:
-        factorise_rows(loops, rest.layout, link, free, fronts, space, plane, rest.size[0])
-        force_rows(loops, fronts, free)
-        accelerate(space, plane, link, free, u, 1.0)
+        factorise_rows(loops, closure.layout, link, free, qr, spatial, planar, closure.row_norm[0])
+        add_row_forces(loops, qr, free)
+        sweep_accelerations(spatial, planar, link, free, u, 1.0)
 
 
 @kernel
-def up_to(depth, rest, space, elements, plane, z, n):
-    """The first parts of an evaluation, n times."""
-    group, fronts, small = rest.loops.group, rest.fronts, False
-    if space is not None:
-        small = rest.best[PIVOT] > 0.0 and is_small(group, fronts.state, space.reduced.left)
+def up_to(depth, closure, spatial, elements, planar, z, n):
+    """Run the first parts of an evaluation n times."""
+    group, qr, small = closure.loops.group, closure.qr, False
+    if spatial is not None:
+        small = closure.best[ELIMINATION_PIVOT] > 0.0 and has_few_freedoms(
+            group, qr.state, spatial.elimination.independent
+        )
     for _ in range(n):
-        place_at(rest, space, elements, plane, z)
+        place_state(closure, spatial, elements, planar, z)
         if depth > 0:
-            push(rest, space, elements, plane, z)
+            push(closure, spatial, elements, planar, z)
         if depth > 1 and group.shape[0]:
-            want(group, fronts.order, fronts.state, fronts.wanted)
-            cut_rows(rest, space, elements, plane, 0.0, z)
+            mark_active_rows(group, qr.order, qr.state, qr.active)
+            evaluate_rows(closure, spatial, elements, planar, 0.0, z)
         if depth > 2:
-            along(rest, space, plane, small)
+            along(closure, spatial, planar, small)
         if depth > 3 and group.shape[0]:
-            close(rest, space, plane, small)
+            close(closure, spatial, planar, small)
 
 
 @kernel
-def whole(tree, rest, space, elements, plane, z, dz, n):
-    """An evaluation, n times."""
+def whole(tree, closure, spatial, elements, planar, z, dz, n):
+    """Run an evaluation n times."""
     for _ in range(n):
-        rates(tree, rest, space, elements, plane, 0.0, z, dz)
+        state_derivative(tree, closure, spatial, elements, planar, 0.0, z, dz)
 
 
 @kernel
-def arriving(tree, rest, space, elements, plane, z, apart, target, n):
-    """The projection of a state that is a little apart from closed loops and no sample, n times."""
+def step_end(tree, closure, spatial, elements, planar, z, apart, target, n):
+    """Project, n times, a state slightly off the constraint manifold that is not a sample."""
     for _ in range(n):
         for k in range(z.shape[0]):
             target[k] = z[k] + apart[k]
-        arrive(tree, rest, space, elements, plane, 0.0, target, not SEEN)
+        end_step(tree, closure, spatial, elements, planar, 0.0, target, not AT_SAMPLE)
 
 
 def least(calls, count):
-    """Least CPU time of each of some calls, taken in turns, in microseconds for one of `count`."""
+    """Return the least CPU time of each of some calls, taken in turns, in microseconds for one of `count`."""
     found = []
     for _ in range(REPEATS):
         found.append([])
@@ -133,17 +143,17 @@ def least(calls, count):
 
 
 def row(case):
-    """What the table says of a case."""
+    """Return the row of a case in the table."""
     links, spanning, model = flatten_relative(case.mechanism)
     given = case.mechanism, links, spanning, model
-    arrays = tuple(map(hold, planar(*given) or system(*given)))
+    arrays = tuple(map(record_of, planar_system(*given) or tree_system(*given)))
     z = pack_relative(links, spanning, model, case.initial_state)
     dz, target = np.zeros_like(z), z.copy()
-    arriving(*arrays, z, dz, target, 1)
+    step_end(*arrays, z, dz, target, 1)
     whole(*arrays, z, dz, 1)
     calls = [lambda depth=depth: up_to(depth, *arrays[1:], z, COUNT) for depth in range(len(PARTS) - 1)]
     calls.append(lambda: whole(*arrays, z, dz, COUNT))
-    calls.append(lambda: arriving(*arrays, z, APART * dz, target, COUNT))
+    calls.append(lambda: step_end(*arrays, z, DISPLACEMENT * dz, target, COUNT))
     *ends, projection = least(calls, COUNT)
     times = np.linspace(0.0, DURATION, 2)
     motion = simulate(case.mechanism, case.initial_state, times, TOLERANCE, "relative", "tp86")

@@ -40,13 +40,13 @@ def timed(call, count):
 
 
 def in_turns(calls, turns=TURNS):
-    """Seconds of a call in each turn, shape (turns, n)."""
+    """Return the time of a call in s in each turn, shape (turns, n)."""
     counts = [max(1, int(SLICE / max(timed(call, 1) for _ in range(3)))) for call in calls]
     return np.array([[timed(call, count) for call, count in zip(calls, counts, strict=True)] for _ in range(turns)])
 
 
 def pinocchio_model(mechanism):
-    """The chain in Pinocchio, each joint at M."""
+    """Return the chain as a model of Pinocchio, each joint at M."""
     model, end = pin.Model(), pin.SE3.Identity()
     model.gravity.linear = mechanism.gravity
     for n, (joint, body) in enumerate(zip(mechanism.joints, mechanism.bodies, strict=True)):
@@ -62,7 +62,7 @@ def spatial_chain(count):
 
 
 def against_pinocchio():
-    """Both into an array that is there (as `aba` writes into its data), and ours into a new one."""
+    """Compare with `aba`, which writes into its data: the reference into a given array, and into a new one."""
     print("| bodies | ours, us | into a new array, us | aba, us | ratio | of the new array | difference |")
     print("|---|---|---|---|---|---|---|")
     for count in (2, 10, 50, 200):
@@ -112,7 +112,7 @@ def batch():
 
 
 def _scaling(call):
-    """Work done in a second by two processes that share nothing, each with one thread, against one, in each turn."""
+    """Return the work of two independent processes of one thread each, relative to one, in each turn."""
     context = multiprocessing.get_context("fork")
     both = np.empty(7)
     for n in range(len(both)):

@@ -2,7 +2,7 @@
 
     python tests/benchmarks/growth.py [family]
 
-Prints ratios to the smallest mechanism and the exponents between neighbours, each time the least of some runs.
+Prints ratios to the smallest mechanism and the exponents between neighbours, each from the least time of some runs.
 """
 
 import sys
@@ -18,7 +18,7 @@ REPEATS = 7
 
 
 def least(call, count):
-    """Processor time of a call, s: the least mean of some runs."""
+    """Return the CPU time of a call in s: the least mean of some runs."""
     found = []
     for _ in range(REPEATS):
         began = time.process_time()

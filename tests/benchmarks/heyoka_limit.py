@@ -1,7 +1,7 @@
-"""Time that heyoka takes for minimal equations written by hand: the limit for a trajectory of a pendulum and a linkage.
+"""Time of heyoka for minimal equations written by hand: the limit for a trajectory of a pendulum and a linkage.
 
-Run by `trajectories.py` in a Python that has heyoka; constants come in, and times go out, as JSON. Planar vectors are
-pairs (along, across) of expressions; the equations are those of `tests/oracles`.
+`trajectories.py` runs this in a Python that has heyoka; constants are passed in, and times out, as JSON. Planar vectors
+are pairs (along, across) of expressions; the equations are those of `tests/oracles`.
 """
 
 import json
@@ -62,7 +62,7 @@ def double_pendulum(c):
 
 
 def components(one, two, of):
-    """Factors a, b in ``a one + b two = of``."""
+    """Return a, b in ``a one + b two = of``."""
     det = one[0] * two[1] - one[1] * two[0]
     return (of[0] * two[1] - of[1] * two[0]) / det, (one[0] * of[1] - one[1] * of[0]) / det
 
@@ -100,7 +100,7 @@ SYSTEMS = {"physical_pendulum-large": pendulum, "double_pendulum": double_pendul
 
 
 def main():
-    """For every system: its last state, and the least time of a run with all samples, s."""
+    """Print for every system its last state, and the least time in s of a run with all samples."""
     out = {}
     for name, given in json.load(sys.stdin).items():
         solver = hy.taylor_adaptive(SYSTEMS[name](given["constants"]), given["start"], tol=given["tolerance"])

@@ -1,4 +1,4 @@
-"""The implicit method of the reference, in NumPy, for the accelerations of an engine."""
+"""Radau IIA of order 13, as in the reference, in NumPy, for the accelerations of an engine."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import lu_factor, lu_solve
 
 from consilience.mechanism import Array
-from consilience.reference.tree.radau13 import DIFFERENCE, MOST_ITERATIONS, SAFETY, SETTLED, SLOWEST
+from consilience.reference.tree.radau13 import DIFFERENCE_STEP, MOST_ITERATIONS, NEWTON_TOLERANCE, SAFETY, SLOWEST_RATE
 from consilience.reference.tree.radau_coefficients import ESTIMATE, IN, LAMBDA, OUT, STAGES, A, C
 
 Derivative = Callable[[float, Array], Array]
@@ -19,7 +19,7 @@ def _jacobian(derivative: Derivative, t: float, y: Array, f: Array, size: Array)
     columns = []
     for n in range(len(y)):
         moved = y.copy()
-        moved[n] += DIFFERENCE * size[n]
+        moved[n] += DIFFERENCE_STEP * size[n]
         columns.append((derivative(t, moved) - f) / (moved[n] - y[n]))
     return np.array(columns).T
 
@@ -27,7 +27,7 @@ def _jacobian(derivative: Derivative, t: float, y: Array, f: Array, size: Array)
 def _step(
     derivative: Derivative, t: float, h: float, y: Array, f: Array, J: Array, Z: Array, size: Array, tolerance: float
 ) -> tuple[Array, float, float]:
-    """Stages, error by the tolerance (infinite where they do not settle), and rate of the iterations."""
+    """Return stages, error over the tolerance (infinite where the iterations diverge), and convergence rate."""
     systems = [lu_factor(shift / h * np.eye(len(y)) - J, check_finite=False) for shift in LAMBDA]
     last, rate = np.inf, 0.0
     for left in range(MOST_ITERATIONS, 0, -1):
@@ -40,7 +40,7 @@ def _step(
         if not change < np.inf:
             return Z, np.inf, 1.0
         rate, last = change / last, change
-        if change * max(rate, SLOWEST) <= SETTLED * tolerance or (rate > 0.5 and change <= tolerance):
+        if change * max(rate, SLOWEST_RATE) <= NEWTON_TOLERANCE * tolerance or (rate > 0.5 and change <= tolerance):
             scaled = lu_solve(systems[0], f + ESTIMATE @ Z / h, check_finite=False).real / size
             return Z, float(np.sqrt(scaled @ scaled / len(y))) / tolerance, rate
         if not change * rate**left <= tolerance:
@@ -49,12 +49,12 @@ def _step(
 
 
 def radau13(derivative: Derivative, y: Array, times: Array, tolerance: float) -> Array:
-    """Integrate by Radau IIA of seven stages, controlled as in the reference; y at the times.
+    """Integrate by Radau IIA of seven stages with the step control of the reference; return y at the times.
 
     Raises
     ------
     RuntimeError
-        If it gives up.
+        The step size became too small.
     """
     y, t, motion, before, most = np.array(y, dtype=float), float(times[0]), [np.array(y, dtype=float)], 0.0, 6.0
     powers, f = np.zeros((STAGES + 1, len(y))), derivative(t, y).copy()
@@ -71,7 +71,7 @@ def radau13(derivative: Derivative, y: Array, times: Array, tolerance: float) ->
             guess = np.vander(x, STAGES + 1, increasing=True) @ powers - powers.sum(axis=0)
             Z, error, rate = _step(derivative, t, step, y, f, J, guess, size, tolerance)
             by_error = min(6.0, SAFETY * max(error, 1e-16) ** -0.125) if error < np.inf else 0.5
-            factor = max(0.2, min(most, by_error, SLOWEST / max(rate, 1e-16)))
+            factor = max(0.2, min(most, by_error, SLOWEST_RATE / max(rate, 1e-16)))
             if not error <= 1.0:
                 h, most = step * factor, 1.0
                 continue

@@ -1,9 +1,9 @@
-"""What it costs to have an engine in a process of its own: small jobs there and here, in blocks by turns.
+"""Cost of an engine in a process of its own: small jobs in the worker and in this process, in alternating blocks.
 
     python tests/benchmarks/isolation.py [ENGINE]...
 
-Cost is the time that a job takes less the CPU time that the engine needs for it in its worker. Its last column is all
-CPU time of both processes less that of the engine: it depends least on who else uses the machine.
+The cost is the time of a job less the CPU time of the engine in its worker. The last column is all CPU time of both
+processes less that of the engine, which depends least on other load of the machine.
 """
 
 import statistics
@@ -22,7 +22,7 @@ CASES = ("double_pendulum", "four_bar")
 
 
 def requests_of(engine, case):
-    """Small jobs: what it is, its mass, its accelerations at one state."""
+    """Return small jobs: the engine's name, a mass, accelerations at one state."""
     mechanism, states = case.mechanism, case.states[:1]
     yield "info", Request()
     for question in (Question.MODEL, Question.INSTANT):
@@ -42,7 +42,7 @@ def cpu_of(process):
 
 
 def measured(here, worker, request):
-    """Medians of the time here, of that in the worker, and of the cost; least cost; CPU time of the cost. All in ms."""
+    """Return medians in ms of the time here, the time in the worker and the cost; least cost; CPU time of the cost."""
     near, far, own = [], [], []
     for _ in range(WARM):
         worker.ask(request)

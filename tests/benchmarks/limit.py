@@ -1,4 +1,4 @@
-"""The reference against heyoka, Taylor's method on minimal equations written by hand: the limit of what can be had."""
+"""The reference against heyoka: Taylor's method on minimal equations written by hand, as a limit of the speed."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ Pair = tuple[Any, Any]
 
 @dataclass(frozen=True)
 class Minimal:
-    """Equations of a case for heyoka.
+    """Minimal equations of a case for heyoka.
 
     Attributes
     ----------
@@ -63,17 +63,17 @@ def _dot(a: Pair, b: Pair) -> Any:
 
 
 def _turned(z: complex, angle: Any) -> Pair:
-    """``z exp(i angle)``."""
+    """Return ``z exp(i angle)``."""
     return _times(_pair(z), (hy.cos(angle), hy.sin(angle)))
 
 
 def _left(z: Pair) -> Pair:
-    """``i z``."""
+    """Return ``i z``."""
     return -1.0 * z[1], z[0]
 
 
 def pendulum(case: Case) -> Minimal:
-    """``J q'' = Q(q)``, the moment of the weight about the hinge."""
+    """Return ``J q'' = Q(q)`` with the moment Q of the weight about the hinge."""
     plane = Plane(case.mechanism, "hinge")
     A, (body,) = plane.pin("hinge"), plane.bodies()
     q, r = hy.make_vars("q", "r")
@@ -87,7 +87,7 @@ def pendulum(case: Case) -> Minimal:
 
 
 def double(case: Case) -> Minimal:
-    """Lagrange's equations in two absolute angles, solved for the accelerations."""
+    """Return Lagrange's equations in two absolute angles, solved for the accelerations."""
     plane = Plane(case.mechanism, "shoulder")
     A, B = plane.pin("shoulder"), plane.pin("elbow")
     k, start = double_pendulum.pendulum(case)
@@ -116,13 +116,13 @@ def double(case: Case) -> Minimal:
 
 
 def _components(r: Pair, s: Pair, v: Pair) -> Pair:
-    """Real x and y of ``x r + y s = v``."""
+    """Return x and y of ``x r + y s = v``."""
     determinant = r[0] * s[1] - s[0] * r[1]
     return (v[0] * s[1] - s[0] * v[1]) / determinant, (r[0] * v[1] - v[0] * r[1]) / determinant
 
 
 def linkage(case: Case) -> Minimal:
-    """``J q'' + h q'^2 = Q`` in the angle of the crank, the loop closed by two circles (see `oracles.four_bar`)."""
+    """Return ``J q'' + h q'^2 = Q`` in the crank angle; two circles close the loop (see `oracles.four_bar`)."""
     plane = Plane(case.mechanism, "crank_pivot")
     A, B0, C0, D = (plane.pin(name) for name in ("crank_pivot", "crank_pin", "rocker_pin", "rocker_pivot"))
     coupler, rocker = C0 - B0, C0 - D
@@ -166,7 +166,7 @@ CASES = {"physical_pendulum-rotating": pendulum, "double_pendulum": double, "fou
 
 
 def _taylor(minimal: Minimal, times: Array, tolerances: tuple[float, ...]) -> Route:
-    """Propagation alone is timed: the equations are compiled by the first run."""
+    """Return a run of heyoka; the first run compiles the equations, and only propagation is timed."""
 
     @cache
     def compiled(tolerance: float) -> Any:
@@ -186,7 +186,7 @@ def _first(route: Route, truth: Array) -> Any:
 
 
 def run(short: bool) -> Iterator[Table]:
-    """One table; empty, and saying why, without heyoka."""
+    """Yield one table; empty, with the reason, without heyoka."""
     about = "Bar: 5. heyoka propagates hand-written minimal equations, compiled before the clock starts. The reference "
     about += "takes the case as it is, a spatial mechanism, and translates it within the call."
     table = Table(f"The limit: 5 s of motion to {TARGET:.0e} m against heyoka", about, ())

@@ -1,9 +1,9 @@
-"""What the harness adds: a suite of cases against the time that the engines spend on their answers.
+"""Overhead of the harness: a suite of cases against the time that the engines spend on their answers.
 
     python tests/benchmarks overhead
     python tests/benchmarks/overhead.py [--tag TAG] [CASE]...
 
-The second form takes the cases of a tag, or those named.
+The second form takes the cases of a tag, or the named cases.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ CASES = (
 
 @dataclass
 class Asked:
-    """What asking workers came to: number of jobs, CPU time in s of the engines and of all but them on both sides."""
+    """Jobs of workers: their number, CPU time in s of the engines and of both sides without the engines."""
 
     jobs: int = 0
     engines: float = 0.0
@@ -56,7 +56,7 @@ def _cpu(*who: int) -> float:
 
 @contextmanager
 def _asked() -> Iterator[Asked]:
-    """Count what is asked meanwhile; workers have ended when it ends."""
+    """Count the jobs of workers in this context; workers have ended when it ends."""
     found, ask, before = Asked(), Worker.ask, _cpu(resource.RUSAGE_CHILDREN)
 
     def counted(worker: Worker, request: Request) -> Reply:
@@ -76,7 +76,7 @@ def _asked() -> Iterator[Asked]:
 
 
 def _started(engines: Sequence[str]) -> Asked:
-    """What it takes to start all engines and to ask who they are."""
+    """Return the cost of starting all engines and asking for their names."""
     with _asked() as found:
         for engine in engines:
             with Worker(engine) as worker:
@@ -85,7 +85,7 @@ def _started(engines: Sequence[str]) -> Asked:
 
 
 def measured(cases: Sequence[Case]) -> Table:
-    """One table, of one suite: its parts are the many measurements."""
+    """Return the table of one suite."""
     both, names = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN), list(installed())
     start = _started([REFERENCE, *(name for name in names if name != REFERENCE)])
     began, before = time.perf_counter(), _cpu(*both)
@@ -118,12 +118,12 @@ def _share(part: float, whole: float) -> str:
 
 
 def run(short: bool) -> Iterator[Table]:
-    """The table of the page."""
+    """Yield the table of the page."""
     yield measured([load_case(name) for name in (SHORT if short else CASES)])
 
 
 def main() -> None:
-    """The same for the cases of the command line."""
+    """Print the table for the cases of the command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*", metavar="CASE")
     parser.add_argument("--tag", help="cases of this tag")

@@ -26,7 +26,7 @@ def _origins(model) -> Array:
 
 
 def _stepped(case: Case) -> Route:
-    """The semi-implicit Euler method of `World.step`, of order one."""
+    """Run the semi-implicit Euler method of `World.step`, of order one."""
     stepping = stepper(case.mechanism, case.initial_state)
     start = from_state(stepping.model, case.initial_state)
     stepping.reduction = ERROR_REDUCTION_TRAJECTORY
@@ -46,7 +46,7 @@ def _stepped(case: Case) -> Route:
 
 
 def _high_order(case: Case) -> Iterator[Route]:
-    """Accelerations in joint coordinates under integrators of high order, for skeletons without rotation vectors."""
+    """Integrate accelerations in joint coordinates by methods of high order, for skeletons without rotation vectors."""
     model = build(case.mechanism)
     skeleton, forces, start = model.skeleton, appliers(model), from_state(model, case.initial_state)
     n = skeleton.getNumDofs()
@@ -84,7 +84,7 @@ def _high_order(case: Case) -> Iterator[Route]:
 
 
 def routes(case: Case) -> Iterator[Route]:
-    """Routes for a case."""
+    """Return the routes of a case."""
     if DartEngine().unsupported(case.mechanism, Question.TRAJECTORY) or case.mechanism.controls:
         return
     if not unstepped(case.mechanism):

@@ -35,7 +35,7 @@ SMALLEST_STEP = 1e-6
 
 
 def _fixed(case: Case, system: Any, sensors: list[Any], integration: Integration) -> Route:
-    """One run over all samples, positions read from its sensors at the end."""
+    """Run over all samples with constant steps; positions are read from the sensors at the end."""
 
     def run(count: int) -> Array:
         solve(system, integration, case.times, case.sample / count)
@@ -45,7 +45,7 @@ def _fixed(case: Case, system: Any, sensors: list[Any], integration: Integration
 
 
 def _adaptive(case: Case, model: Any) -> Route:
-    """DOPRI5 with Exudyn's control of the step, from sample to sample."""
+    """Run DOPRI5 with Exudyn's step control, from sample to sample."""
     system, data = model.system, model.system.systemData
     initial, current = exu.ConfigurationType.Initial, exu.ConfigurationType.Current
     sensors = [four[0] for four in model.sensors]
@@ -92,7 +92,7 @@ def _maximal(case: Case) -> Iterator[Route]:
 
 
 def routes(case: Case) -> Iterator[Route]:
-    """Routes for a case."""
+    """Return the routes of a case."""
     if ExudynEngine().unsupported(case.mechanism, Question.TRAJECTORY) or case.mechanism.controls:
         return
     if is_one_axis_tree(case.mechanism):

@@ -22,7 +22,7 @@ from consilience_mujoco.translate import Translation, translate
 
 
 def _quaternions(model) -> list[tuple[int, int]]:
-    """Places in qpos and qvel of each quaternion and the angular velocity that belongs to it, in axes of the body."""
+    """Return the places in qpos and qvel of each quaternion and its angular velocity, in axes of the body."""
     first = {mujoco.mjtJoint.mjJNT_BALL: 0, mujoco.mjtJoint.mjJNT_FREE: 3}
     return [
         (int(model.jnt_qposadr[j]) + first[kind], int(model.jnt_dofadr[j]) + first[kind])
@@ -100,7 +100,7 @@ class Motion:
 
 
 def routes(case: Case) -> Iterator[Route]:
-    """Routes for a case."""
+    """Return the routes of a case."""
     engine = MujocoEngine()
     if engine.unsupported(case.mechanism, Question.TRAJECTORY) or case.mechanism.controls:
         return

@@ -1,4 +1,4 @@
-"""Ways in which an engine reaches an accuracy: a run at a level, its positions, levels from coarse to fine."""
+"""Routes by which an engine reaches an accuracy: a run at a level, its positions, levels from coarse to fine."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from consilience.case import Case
 from consilience.errors import ConsilienceError
 from consilience.mechanism import Array
 from consilience.reference import simulate
-from consilience.reference.integrators import tsitouras
+from consilience.reference.integrators.tsitouras import TSITOURAS
 
 SPAN, INTERVALS = 5.0, 5
 """Length of a motion in s, and between how many samples: few, so that taking them costs no one anything."""
@@ -33,19 +33,19 @@ FAILURES = (ConsilienceError, RuntimeError, ValueError, ArithmeticError, np.lina
 
 @dataclass(frozen=True, eq=False)
 class Route:
-    """A way to a motion.
+    """A route to a motion.
 
     Attributes
     ----------
     engine, name : str
     native : bool
-        Whether the engine's own integrator does all of it.
+        Whether the engine's own integrator does all of the integration.
     levels : sequence of float
         Tolerances, or steps between samples, from coarse to fine.
     run : callable
-        ``run(level)``: what is timed.
+        ``run(level)``: the timed call.
     positions : callable
-        Of what `run` returned: p_WB at the samples, shape (n_t, n_b, 3). Not timed.
+        From the result of `run` to p_WB at the samples, shape (n_t, n_b, 3). Not timed.
     """
 
     engine: str
@@ -73,28 +73,28 @@ class Found:
 
 
 def over(case: Case, span: float) -> Case:
-    """The case over a span in s, with few samples."""
+    """Return the case over a span in s, with few samples."""
     return replace(case, duration=span, sample=span / INTERVALS, published=())
 
 
 def steps(case: Case) -> list[int]:
-    """Steps between samples, from coarse to fine: `STEPS`, for which at least one has room."""
+    """Return steps between samples, from coarse to fine: `STEPS`, where there is room for at least one."""
     return sorted({max(1, round(per_second * case.sample)) for per_second in STEPS})
 
 
 def setup(case: Case, formulation: str) -> Callable[[], object]:
-    """A call of the reference for its first sample alone: what it spends before and after it integrates."""
+    """Return a call of the reference for the first sample alone: its time before and after the integration."""
     return lambda: simulate(case.mechanism, case.initial_state, case.times[:1], 1e-6, formulation)
 
 
 def weights(counts: Sequence[int], orders: Sequence[int]) -> Array:
-    """Weights that take terms ``h^p`` of the given orders out of results with so many steps (Richardson)."""
+    """Return weights that remove terms ``h^p`` of given orders from results with several numbers of steps."""
     system = np.vstack([np.ones(len(counts)), *(np.array(counts, dtype=float) ** -p for p in orders)])
     return np.linalg.solve(system, np.eye(len(counts))[0])
 
 
 def extrapolated(route: Route, counts: Sequence[int], orders: Sequence[int]) -> Route:
-    """Richardson extrapolation of a route over steps: `counts` times the level, one order less each."""
+    """Return the Richardson extrapolation of a route over steps: `counts` times the level, one order less each."""
     factors = weights(counts, orders)
 
     def run(level: float) -> list[Any]:
@@ -109,12 +109,12 @@ def extrapolated(route: Route, counts: Sequence[int], orders: Sequence[int]) -> 
 
 
 def dop853(derivative: Callable[[float, Array], Array], y: Array, times: Array, tolerance: float) -> Array:
-    """Integrate by the compiled DOP853 of SciPy; y at the times.
+    """Integrate by the compiled DOP853 of SciPy; return y at the times.
 
     Raises
     ------
     RuntimeError
-        If it gives up.
+        The integrator failed.
     """
     solver = ode(derivative).set_integrator("dop853", rtol=tolerance, atol=tolerance, nsteps=1_000_000)
     solver.set_initial_value(y, times[0])
@@ -131,16 +131,16 @@ def dop853(derivative: Callable[[float, Array], Array], y: Array, times: Array, 
 Integrator = Callable[[Callable[[float, Array], Array], Array, Array, float], Array]
 """Of a derivative, an initial y, times and a tolerance: y at these."""
 
-_A, _B, _E, _C = tsitouras.A, tsitouras.B, tsitouras.E, tsitouras.C.tolist()
+_A, _B, _E, _C = TSITOURAS.A, TSITOURAS.b, TSITOURAS.E[0], TSITOURAS.c.tolist()
 
 
 def tp86(derivative: Callable[[float, Array], Array], y: Array, times: Array, tolerance: float) -> Array:
-    """Integrate by the pair of the reference, controlled as there; y at the times.
+    """Integrate by the pair and step control of the reference; return y at the times.
 
     Raises
     ------
     RuntimeError
-        If it gives up.
+        The step size became too small.
     """
     K = np.empty((len(_B), len(y)))
     motion, t = [y], float(times[0])
@@ -179,12 +179,12 @@ HIGH_ORDER = {"DOP853": dop853, "TP86": tp86, "RADAU13": radau13}
 def sweep(
     route: Route, truth: Array, targets: Sequence[float], worth: Callable[[float], float]
 ) -> Iterator[tuple[float, Found]]:
-    """For each accuracy, from coarse to fine, the coarsest level that reaches it.
+    """Return, for each accuracy from coarse to fine, the coarsest level that reaches it.
 
     Parameters
     ----------
     worth : callable
-        Of an accuracy: CPU time in s beyond which a run is of no interest any more.
+        From an accuracy to the CPU time in s beyond which a run is of no interest.
     """
     left = sorted(targets, reverse=True)
     for level in route.levels:

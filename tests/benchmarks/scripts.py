@@ -1,4 +1,4 @@
-"""Benchmarks that print their own tables: each part in a process of its own, what it prints as a section."""
+"""Benchmarks that print their own tables: each part runs in a process of its own, its output becomes a section."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ FOLDER = Path(__file__).parent
 
 @dataclass(frozen=True)
 class Section:
-    """A part of the page as it was printed."""
+    """A part of the page as printed."""
 
     title: str
     text: str
@@ -37,7 +37,7 @@ SCRIPTS = {
 
 
 def run(name: str, short: bool) -> Iterator[Section]:
-    """One section for each part."""
+    """Yield one section for each part."""
     for title, arguments, quick in SCRIPTS[name]:
         if short and not quick:
             continue

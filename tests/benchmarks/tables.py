@@ -1,4 +1,4 @@
-"""Tables of results, and the machine they were measured on."""
+"""Tables of results, and a description of the machine."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Table:
     Attributes
     ----------
     title, about : str
-        What is compared, and how to read it.
+        Subject, and how to read the table.
     columns : sequence of str
     rows : list of sequence of str
     """
@@ -48,7 +48,7 @@ def _cpu() -> str:
 
 
 def machine() -> str:
-    """CPU, cores, Python and packages; no host name."""
+    """Return CPU, cores, Python and packages; no host name."""
     known = []
     for name in PACKAGES:
         try:
@@ -69,23 +69,23 @@ _MARK = "<!-- benchmark: {} -->"
 
 
 def block(name: str, tables: Sequence[Part], short: bool) -> str:
-    """Everything that one benchmark found, as a part of the page."""
+    """Return all results of one benchmark as a part of the page."""
     kind = " The short set: too few rounds and cases to be quoted." if short else ""
     measured = f"*Measured on {date.today():%Y-%m-%d}: {machine()}{kind}*\n"
     return "\n".join([_MARK.format(name), measured, *(table.markdown() for table in tables)])
 
 
 def page(blocks: Mapping[str, str], names: Sequence[str], old: str) -> str:
-    """All benchmarks as one page of the documentation.
+    """Return all benchmarks as one page of the documentation.
 
     Parameters
     ----------
     blocks : mapping
-        New ones by name; of the others, those of the old page stay.
+        New parts by name; the other parts stay as in the old page.
     names : sequence of str
         All benchmarks, in order.
     old : str
-        The page as it is, or nothing.
+        The present page, or an empty string.
     """
     known = {}
     for part in old.split(_MARK.partition("{}")[0])[1:]:

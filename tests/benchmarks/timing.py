@@ -1,4 +1,4 @@
-"""Time several ways of doing the same work, side by side in one run."""
+"""CPU times of several ways to do the same work, side by side in one run."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ROUNDS = 7
 
 @dataclass(frozen=True)
 class Sample:
-    """CPU time of one call in s, once for each round."""
+    """CPU time of one call in s, for each round."""
 
     times: tuple[float, ...]
 
@@ -39,18 +39,18 @@ class Ratio:
 
 
 def ratio(numerator: Sample, denominator: Sample) -> Ratio:
-    """What one sample takes in units of the other, from neighbours in time, so that a slow spell hits both."""
+    """Return the ratio of two samples, from neighbouring runs, so that slow periods affect both."""
     low, median, high = np.percentile(np.array(numerator.times) / np.array(denominator.times), (25, 50, 75))
     return Ratio(float(median), float(low), float(high))
 
 
 def less(whole: Sample, part: Sample) -> Sample:
-    """What is left of a sample without a part, round by round."""
+    """Return a sample less another one, round by round."""
     return Sample(tuple(w - p for w, p in zip(whole.times, part.times, strict=True)))
 
 
 def race(contenders: Mapping[str, Callable[[], object]], rounds: int = ROUNDS) -> dict[str, Sample]:
-    """CPU time of each contender, warm, in turns; each round begins with another one."""
+    """Return the CPU time of each contender, warm, in turns; each round begins with another contender."""
     repeats = {}
     for name, work in contenders.items():
         work()
@@ -71,7 +71,7 @@ def _once(work: Callable[[], object], repeats: int) -> float:
 
 
 def seconds(value: float) -> str:
-    """A time in the unit that suits it."""
+    """Return a time as text in a suitable unit."""
     for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
         if value >= size:
             return f"{value / size:.3g} {unit}"

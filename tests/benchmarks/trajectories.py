@@ -3,9 +3,9 @@
     python tests/benchmarks/trajectories.py [--heyoka PYTHON] [case ...]
 
 For each case of the library, over 5 s in 101 samples: the loosest tolerance that gives the position of every body to
-1e-6, 1e-9 and 1e-12 m at every sample, the evaluations, and the processor time of the fastest of some runs, all of
-`simulate` included. What is right is a run of another integrator at 1e-14; of Taylor's method coefficients are counted.
-With a Python that has heyoka, the same motion of minimal equations written by hand stands beside it.
+1e-6, 1e-9 and 1e-12 m at every sample, the evaluations, and the CPU time of the fastest of some runs of `simulate`. The
+true motion is a run of another integrator at 1e-14; for Taylor's method coefficients are counted as evaluations. With a
+Python that has heyoka, the same motion of minimal equations written by hand is listed beside it.
 """
 
 import argparse
@@ -41,12 +41,12 @@ SAMPLES, DURATION, REPEATS = 101, 5.0, 5
 
 
 def times_of(case):
-    """Samples over five seconds, or over the whole motion where it is shorter."""
+    """Return samples over five seconds, or over the whole motion where it is shorter."""
     return np.linspace(0.0, min(DURATION, case.duration), SAMPLES)
 
 
 def work(case):
-    """For each tolerance: error, evaluations, seconds."""
+    """Return error, evaluations and seconds for each tolerance."""
     times = times_of(case)
     right = simulate(case.mechanism, case.initial_state, times, 1e-14, "relative", "dop853").p_WB
     for tolerance in TOLERANCES:
@@ -116,7 +116,7 @@ CONSTANTS = {
 
 
 def limit(python, names):
-    """What `heyoka_limit.py` makes of the cases it knows, at a tolerance of 1e-12."""
+    """Return the results of `heyoka_limit.py` for the cases that it has, at a tolerance of 1e-12."""
     jobs = {}
     for name in set(names) & set(CONSTANTS):
         case = load_case(name)

@@ -1,10 +1,10 @@
-"""Versions of MuJoCo side by side: the sparse Newton solver of 4.0.0 differs, nothing else does.
+"""Versions of MuJoCo side by side: only the sparse Newton solver of 4.0.0 differs.
 
     python tests/benchmarks/versions.py
 
-A branched tree of six bodies whose two loops lock it. At MuJoCo's own softness the problem has one solution, by
-whatever path it is computed; by the sparse path 4.0.0 gives another one (`reports/findings/mujoco_sparse_newton`).
-Builds the environments if there are none.
+A branched tree of six bodies, locked by two loops. At MuJoCo's own softness the problem has one solution, whatever the
+path of computation; the sparse path of 4.0.0 gives another one (`reports/findings/mujoco_sparse_newton`). Builds the
+environments if there are none.
 """
 
 import sys
@@ -24,7 +24,7 @@ SEED = 264
 
 
 def locked_tree():
-    """Six bodies on hinges, two ball joints that close loops."""
+    """Return six bodies on hinges, with two ball joints that close loops."""
     rng = np.random.default_rng(SEED)
     count = int(rng.integers(6, 13))
     before = [int(rng.integers(-1, i)) for i in range(count)]

@@ -1,4 +1,8 @@
-"""Engines of the conformance suite, and their known differences: one strict xfail for each, with its reason."""
+"""Every installed engine answers correctly, or says what it cannot represent.
+
+Tests that take `engine` or `engine_name` are run for each installed engine, or for those of ``--engine``. A difference
+that the adapter's ``known_differences.toml`` lists is a strict xfail with the reason that stands there.
+"""
 
 import tomllib
 from importlib.util import find_spec

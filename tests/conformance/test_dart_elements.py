@@ -41,7 +41,7 @@ from consilience.mechanism import (
     sine,
     through,
 )
-from consilience.mechanism.observables import mass_matrix_condition
+from consilience.mechanism.conditioning import mass_matrix_condition
 from consilience.reference import simulate
 from consilience_dart import DartEngine
 from consilience_dart.efforts import efforts

@@ -24,7 +24,7 @@ from consilience.mechanism import (
     rotation_angle_between,
     rotation_from_quaternion,
 )
-from consilience.mechanism.observables import mass_matrix_condition
+from consilience.mechanism.conditioning import mass_matrix_condition
 from consilience.suite.engine_runs import MOST_LEVELS
 from mechanisms import ELEMENTS, LOOPS, TREES, states_of
 

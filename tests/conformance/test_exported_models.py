@@ -14,7 +14,8 @@ import exported
 import truth
 from consilience.case import load_case
 from consilience.cli.commands.translate import translate
-from consilience.engine.native import JET, exporter, function_data, literal, native_files, script, write_native
+from consilience.cli.native_files import exporter, native_files, write_native
+from consilience.engine.native import JET, function_data, literal, script
 from consilience.errors import InvalidInput
 from consilience.mechanism import (
     State,

@@ -35,7 +35,7 @@ from consilience.mechanism import (
     sine,
     through,
 )
-from consilience.mechanism.observables import mass_matrix_condition
+from consilience.mechanism.conditioning import mass_matrix_condition
 from consilience.reference import simulate
 from mechanisms import (
     ELEMENTS,

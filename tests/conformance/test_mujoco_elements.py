@@ -34,7 +34,7 @@ from consilience.mechanism import (
     sine,
     through,
 )
-from consilience.mechanism.observables import reaction_condition
+from consilience.mechanism.conditioning import reaction_condition
 from consilience.reference import simulate
 from mechanisms import (
     ELEMENTS,

@@ -33,7 +33,7 @@ from consilience.mechanism import (
     sine,
     through,
 )
-from consilience.mechanism.observables import mass_matrix_condition
+from consilience.mechanism.conditioning import mass_matrix_condition
 from consilience.reference import simulate
 from consilience_pinocchio import PinocchioEngine
 from consilience_pinocchio.dynamics import PROXIMAL

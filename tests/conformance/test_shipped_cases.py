@@ -6,8 +6,8 @@ import pytest
 
 from consilience.case import load_case
 from consilience.compare import (
+    ReferenceMotion,
     Verdict,
-    Yardstick,
     compare_instant,
     compare_model,
     compare_trajectory,
@@ -42,7 +42,7 @@ def reference_motion(name):
         simulate(case.mechanism, case.initial_state, case.times, tolerance, formulation)
         for tolerance, formulation in ((1e-13, "descriptor"), (1e-12, "descriptor"), (1e-12, "null_space"))
     ]
-    return Yardstick(runs[0], spread_over_time(case.mechanism, runs), case.digits)
+    return ReferenceMotion(runs[0], spread_over_time(case.mechanism, runs), case.digits)
 
 
 def matched(engine, case, question):

@@ -1,6 +1,7 @@
-"""The miniature engines of `plugins` are installed while these tests run, and only then.
+"""The harness against engines that crash, hang, lie or flood, and against suites that are killed.
 
-They are found as any third party's are: a folder on the path with a ``.dist-info`` that names entry points.
+The miniature engines of `plugins` are installed while these tests run, and only then. They are found as any third
+party's are: a folder on the path with a ``.dist-info`` that names entry points.
 """
 
 import sys

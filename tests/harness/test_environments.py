@@ -147,12 +147,15 @@ def imported(path):
 
 
 ENGINE = {"exudyn": {"exudyn", "scipy"}, "pinocchio": {"pinocchio"}, "mujoco": {"mujoco"}, "dart": {"dartpy"}}
-KNOWN = {f"consilience.{name.removesuffix('/__init__').replace('/', '.')}" for name in WORKER_SIDE} | {"consilience"}
+KNOWN = {
+    ".".join(("consilience", *file.relative_to(SOURCE).with_suffix("").parts)).removesuffix(".__init__")
+    for file in WORKER_SIDE
+}
 
 
-@pytest.mark.parametrize("name", WORKER_SIDE)
-def test_the_worker_side_needs_numpy_alone(name):
-    for module in imported(SOURCE / f"{name}.py"):
+@pytest.mark.parametrize("file", WORKER_SIDE, ids=lambda file: str(file.relative_to(SOURCE)))
+def test_the_worker_side_needs_numpy_alone(file):
+    for module in imported(file):
         if module.startswith("consilience"):
             assert module in KNOWN or module.rpartition(".")[0] in KNOWN
         else:

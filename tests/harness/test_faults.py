@@ -211,7 +211,7 @@ def test_a_hang_is_stopped_at_the_limit_and_the_next_question_answered(cases):
 
 def test_a_suite_without_a_reference_answer_is_unresolved(cases, monkeypatch):
     """`reference` shadowed by an engine that dies: nothing may agree with nothing."""
-    monkeypatch.setattr("consilience.suite.REFERENCE", "aborts")
+    monkeypatch.setattr("consilience.suite.suite.REFERENCE", "aborts")
     results = run_suite(cases[:1], ["honest"], [INSTANT])
     assert verdict(results, "aborts", "first", INSTANT).verdict is Verdict.FAILED
     found = verdict(results, "honest", "first", INSTANT)

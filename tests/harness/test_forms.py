@@ -53,7 +53,7 @@ def test_answers_that_are_alike_are_not_taken_for_one_another():
     for number, answer in enumerate(answers):
         frame = received(server.handle(received(job(Request(), None, None, number))))
         assert frame.job == number
-        value = codec.value_of(frame.form, frame.arrays)
+        value = codec.value_of(frame.header, frame.arrays)
         assert same(value, answer)
         assert repr(value) == repr(answer)  # -0.0 is the same as 0.0 otherwise
 
@@ -67,18 +67,18 @@ def test_the_header_of_an_answer_like_an_earlier_one_is_not_written_again(monkey
     monkeypatch.setattr(codec, "encode", lambda answer: pytest.fail("it is written again"))
     replies.append(server.handle(received(job(Request(), None, None, 2))))
     first, second = map(received, replies)
-    assert first.form is second.form
-    assert same(codec.value_of(second.form, second.arrays), ALIKE[1])
+    assert first.header is second.header
+    assert same(codec.value_of(second.header, second.arrays), ALIKE[1])
 
 
 def test_what_is_read_by_a_remembered_form_is_nobody_elses():
     data = pack({"value": codec.encode({"a": [1, {"b": (2, [3])}]})[0]})
     first, second = received(data), received(data)
-    assert first.form is second.form
-    value = codec.value_of(first.form, first.arrays)
+    assert first.header is second.header
+    value = codec.value_of(first.header, first.arrays)
     value["a"][1]["b"][1].append(4)
     value["a"].clear()
-    assert codec.value_of(second.form, second.arrays) == {"a": [1, {"b": (2, [3])}]}
+    assert codec.value_of(second.header, second.arrays) == {"a": [1, {"b": (2, [3])}]}
 
 
 def kept(key, mechanism):
@@ -97,11 +97,11 @@ def test_a_job_asked_again_is_about_what_is_held_now():
     assert same(server.request.mechanism, OTHER)
     server.handle(received(pack({"kind": "forget", "key": "key"})))
     refused = received(server.handle(asked))
-    assert refused.form.told["reason"] == "the job refers to a Mechanism that was not sent"
+    assert refused.header.entries["reason"] == "the job refers to a Mechanism that was not sent"
 
 
 def test_a_worker_remembers_a_limited_number_of_forms():
     server = Asked()
     for n in range(3 * _REMEMBERED):
         server.handle(received(job(Request(step=float(n)), None, None, n)))
-    assert len(server._asked) <= _REMEMBERED
+    assert len(server._requests) <= _REMEMBERED

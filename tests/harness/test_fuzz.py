@@ -13,20 +13,21 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from consilience.audit.fuzz.campaign import Campaign, Judged, Panel, run_campaign
-from consilience.audit.fuzz.findings import exit_code, find
+from consilience.audit.fuzz.campaign import EnginePanel, FuzzCampaign, JudgedMechanism, run_campaign
+from consilience.audit.fuzz.findings import exit_code, shrink_disagreements
 from consilience.audit.fuzz.judging import alarms, judge
 from consilience.audit.fuzz.population import COMMON, SORTS, STATES, read_text, specimen
 from consilience.audit.fuzz.reductions import AS_IS, Part, knobs, parts, simplified, without
 from consilience.audit.fuzz.shrink import Shrinker
 from consilience.audit.fuzz.summary import markdown, outcome
-from consilience.audit.fuzz.workers import MethodAnswer, Panelist, Sheet, Task
+from consilience.audit.fuzz.workers import AnswerBatch, EngineStream
 from consilience.case import Case
 from consilience.case.file.reader import load_file
 from consilience.case.file.writer import case_table, table_text
 from consilience.cli.commands.fuzz import fuzz
 from consilience.compare import Verdict
 from consilience.engine import Method, Profile, Question, Route, Unsupported
+from consilience.engine.worker.requests import MethodAnswer
 from consilience.errors import ConsilienceError
 from consilience.mechanism import Initial, constraint_jacobian, constraint_residual, drawing_state
 from consilience.reference.engine import ReferenceEngine
@@ -94,7 +95,8 @@ def test_the_extremes_are_extreme(specimens):
 
 @pytest.fixture(scope="module")
 def case():
-    return specimen(8).case
+    """A mechanism whose torques weigh as much as its forces: an error in either is far above its bar."""
+    return specimen(33).case
 
 
 @pytest.fixture(scope="module")
@@ -120,7 +122,7 @@ def off(said, name="off", by=1e-6, field="a_WB_W", **method):
 
 
 def entries_of(case, honest, *said, unsupported=(), reference=()):
-    sheets = {"reference": Sheet((*honest.values(), *reference)), "x": Sheet(said, unsupported)}
+    sheets = {"reference": AnswerBatch((*honest.values(), *reference)), "x": AnswerBatch(said, unsupported)}
     return [e for e in judge(case, sheets) if e.engine == "x"]
 
 
@@ -159,8 +161,8 @@ def test_a_way_that_differs_from_another_is_told_once(case, honest):
 def test_ways_that_differ_are_an_alarm_where_there_is_no_reference(case, honest):
     """Without an answer of the reference the engine's own difference is what remains."""
     sheets = {
-        "reference": Sheet((MethodAnswer(INSTANT, None, None, "lost"),)),
-        "x": Sheet((honest[INSTANT], off(honest[INSTANT]))),
+        "reference": AnswerBatch((MethodAnswer(INSTANT, None, None, "lost"),)),
+        "x": AnswerBatch((honest[INSTANT], off(honest[INSTANT]))),
     }
     found = judge(case, sheets)
     assert [(e.engine, e.verdict) for e in found if e.against == "reference"] == [
@@ -172,7 +174,10 @@ def test_ways_that_differ_are_an_alarm_where_there_is_no_reference(case, honest)
 
 
 def test_a_reference_that_differs_from_itself_judges_nobody(case, honest):
-    sheets = {"reference": Sheet((*honest.values(), off(honest[INSTANT]))), "x": Sheet((off(honest[INSTANT]),))}
+    sheets = {
+        "reference": AnswerBatch((*honest.values(), off(honest[INSTANT]))),
+        "x": AnswerBatch((off(honest[INSTANT]),)),
+    }
     found = judge(case, sheets)
     assert [(e.engine, e.verdict) for e in found] == [("reference", Verdict.MODEL), ("x", Verdict.UNRESOLVED)]
 
@@ -212,7 +217,7 @@ def test_bars_grow_with_the_condition_and_no_further(case, honest, monkeypatch):
     said = off(honest[INSTANT], by=1e-9)
     verdicts = []
     for kappa in (1.0, 1e7):
-        monkeypatch.setattr("consilience.compare.instant.magnification", lambda *_, k=kappa: k)
+        monkeypatch.setattr("consilience.compare.instant.worst_condition", lambda *_, k=kappa: k)
         verdicts.append(entries_of(case, honest, said)[0].verdict)
         reactions = off(honest[INSTANT], by=1e-8, field="force_F")
         verdicts.append(entries_of(case, honest, reactions)[0].verdict)
@@ -243,8 +248,7 @@ def test_what_is_unsupported_is_no_alarm(case, honest):
 
 def task(name, seed):
     mechanism = replace(chain("revolute", "spherical", seed=seed), name=name)
-    case = Case(name, f"{name}.toml", name, mechanism, Initial(rates={"j0": {"angle": 1.0}}), 0.2, 0.05, 8, 3, 1)
-    return Task(mechanism, case.states)
+    return Case(name, f"{name}.toml", name, mechanism, Initial(rates={"j0": {"angle": 1.0}}), 0.2, 0.05, 8, 3, 1)
 
 
 @pytest.mark.parametrize(
@@ -262,22 +266,22 @@ def test_a_fault_costs_its_mechanism_and_no_other(engine, evidence):
     """The faults show at the mechanism called ``first``, which is in the middle of the message."""
     tasks = [task("a", 1), task("first", 2), task("b", 3)]
     limit = 12.0 * slowness()
-    with Panelist(engine, limit) as member:
-        sheets = member.sheets(member.submit_many(tasks))
-        again = member.sheets(member.submit_many(tasks[:1]))
-    bad = [[said.reason for said in sheet.said if said.reason] for sheet in (*sheets, *again)]
+    with EngineStream(engine, limit) as member:
+        sheets = member.collect(member.submit_cases(tasks))
+        again = member.collect(member.submit_cases(tasks[:1]))
+    bad = [[said.reason for said in sheet.answers if said.reason] for sheet in (*sheets, *again)]
     assert [len(reasons) > 0 for reasons in bad] == [False, True, False, False]
     assert evidence.format(limit=limit) in bad[1][0]
     for sheet in (sheets[0], sheets[2], again[0]):
-        assert {said.question for said in sheet.said if said.answer is not None} == {MODEL, INSTANT}
+        assert {said.question for said in sheet.answers if said.answer is not None} == {MODEL, INSTANT}
 
 
 def test_what_is_declared_unsupported_is_said_and_not_asked():
-    with Panelist("selective", 60.0) as member:
+    with EngineStream("selective", 60.0) as member:
         tasks = [task("first", 1), task("second", 2)]
-        refused, asked = member.sheets(member.submit_many(tasks))
+        refused, asked = member.collect(member.submit_cases(tasks))
     assert [u.reason for u in refused.unsupported] == ["this engine knows no spherical joints"]
-    assert not [said for said in refused.said if said.question is INSTANT]
+    assert not [said for said in refused.answers if said.question is INSTANT]
     assert not asked.unsupported
 
 
@@ -403,9 +407,9 @@ PLANTED = ("dropped_product", "reaction_axes", "body_axes_velocity", "centre_of_
 @pytest.fixture(scope="module")
 def campaign(tmp_path_factory):
     folder = tmp_path_factory.mktemp("fuzz")
-    with Panel(["honest", *PLANTED], 180.0) as panel:
+    with EnginePanel(["honest", *PLANTED], 180.0) as panel:
         found = run_campaign(panel, range(1, 9))
-        return found, find(found, panel, folder, 60.0), folder
+        return found, shrink_disagreements(found, panel, folder, 60.0), folder
 
 
 def test_the_correct_engine_raises_no_alarm(campaign):
@@ -466,8 +470,8 @@ def test_the_outcome_has_everything_in_it(campaign):
 
 
 def synthetic(case, *entries):
-    campaign = Campaign()
-    campaign.judged = [Judged(replace(specimen(8), case=case), list(entries))]
+    campaign = FuzzCampaign()
+    campaign.judged = [JudgedMechanism(replace(specimen(8), case=case), list(entries))]
     return campaign
 
 

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 import consilience.audit.identities
 from consilience.audit.identities.check import ALONG_A_MOTION, IDENTITIES, Checks, check_case
 from consilience.audit.identities.equations import Equations
-from consilience.audit.identities.result import Finding, Outcome, exit_code
+from consilience.audit.identities.result import Finding, IdentityOutcome, exit_code
 from consilience.audit.identities.tables import write
 from consilience.case import Case, load_case
 from consilience.cli.commands.check import check
@@ -59,7 +59,7 @@ def outcomes(engine, mechanism, states=2, rates=None):
 
 
 def violated(findings):
-    return {name for name, finding in findings.items() if finding.outcome is Outcome.VIOLATED}
+    return {name for name, finding in findings.items() if finding.outcome is IdentityOutcome.VIOLATED}
 
 
 # ---------------------------------------------------------------- an honest engine
@@ -76,9 +76,9 @@ CHOSEN = [
 def test_an_honest_engine_obeys_every_identity_that_applies(name):
     findings = outcomes(load_engine("honest"), ALL[name])
     assert list(findings) == NAMES
-    assert not [f for f in findings.values() if f.outcome in (Outcome.VIOLATED, Outcome.NO_ANSWER)]
-    assert all(f.remark for f in findings.values() if f.outcome is Outcome.NOT_APPLICABLE)
-    assert sum(f.outcome is Outcome.HOLDS for f in findings.values()) >= 14
+    assert not [f for f in findings.values() if f.outcome in (IdentityOutcome.VIOLATED, IdentityOutcome.NO_ANSWER)]
+    assert all(f.remark for f in findings.values() if f.outcome is IdentityOutcome.NOT_APPLICABLE)
+    assert sum(f.outcome is IdentityOutcome.HOLDS for f in findings.values()) >= 14
 
 
 def test_what_does_not_apply_says_why():
@@ -91,7 +91,7 @@ def test_what_does_not_apply_says_why():
     for name, expected in reasons.items():
         findings = outcomes(load_engine("honest"), ALL[name], states=1)
         for identity, why in expected.items():
-            assert findings[identity].outcome is Outcome.NOT_APPLICABLE
+            assert findings[identity].outcome is IdentityOutcome.NOT_APPLICABLE
             assert why in findings[identity].remark
 
 
@@ -287,7 +287,7 @@ def test_an_error_is_caught_by_the_identities_that_show_it(judged, name):
 
 def test_the_engine_they_descend_from_obeys_all_of_them_on_the_same_mechanism():
     findings = outcomes(Crooked(), subject(), 1, MOVING)
-    assert {f.outcome for f in findings.values()} == {Outcome.HOLDS}
+    assert {f.outcome for f in findings.values()} == {IdentityOutcome.HOLDS}
 
 
 @pytest.mark.parametrize("identity", NAMES)
@@ -379,8 +379,8 @@ def test_identities_do_not_know_the_reference():
 def test_installed_engines_obey_the_identities_on_shipped_cases(engine, name):
     case = load_case(name).with_span(0.05, None)
     findings = check_case(asked(load_engine(engine)), engine, case, 2)
-    assert not [f for f in findings if f.outcome in (Outcome.VIOLATED, Outcome.NO_ANSWER)]
-    assert sum(f.outcome is Outcome.HOLDS for f in findings) >= 15
+    assert not [f for f in findings if f.outcome in (IdentityOutcome.VIOLATED, IdentityOutcome.NO_ANSWER)]
+    assert sum(f.outcome is IdentityOutcome.HOLDS for f in findings) >= 15
 
 
 def finding(outcome, profile=Profile.MATCHED):
@@ -391,11 +391,11 @@ def finding(outcome, profile=Profile.MATCHED):
     ("findings", "missing", "code"),
     [
         ([], 0, 0),
-        ([finding(Outcome.HOLDS), finding(Outcome.NOT_APPLICABLE)], 0, 0),
-        ([finding(Outcome.HOLDS)], 1, 3),
-        ([finding(Outcome.NO_ANSWER)], 0, 3),
-        ([finding(Outcome.NO_ANSWER), finding(Outcome.VIOLATED)], 1, 1),
-        ([finding(Outcome.VIOLATED, Profile.DEFAULT), finding(Outcome.HOLDS)], 0, 0),
+        ([finding(IdentityOutcome.HOLDS), finding(IdentityOutcome.NOT_APPLICABLE)], 0, 0),
+        ([finding(IdentityOutcome.HOLDS)], 1, 3),
+        ([finding(IdentityOutcome.NO_ANSWER)], 0, 3),
+        ([finding(IdentityOutcome.NO_ANSWER), finding(IdentityOutcome.VIOLATED)], 1, 1),
+        ([finding(IdentityOutcome.VIOLATED, Profile.DEFAULT), finding(IdentityOutcome.HOLDS)], 0, 0),
     ],
 )
 def test_exit_codes(findings, missing, code):
@@ -437,8 +437,8 @@ def test_an_engine_that_raises_gives_no_answer_and_the_evidence(tmp_path):
     case = case_of(TREES["single_revolute"])
     checks.findings = check_case(asked(Crooked(instant=trips)), "test", case, 1)
     of_instants = [f for f in checks.findings if f.identity not in ALONG_A_MOTION]
-    assert {f.outcome for f in of_instants} == {Outcome.NO_ANSWER, Outcome.NOT_APPLICABLE}
-    assert {f.remark for f in of_instants if f.outcome is Outcome.NO_ANSWER} == {"the mass matrix is singular"}
+    assert {f.outcome for f in of_instants} == {IdentityOutcome.NO_ANSWER, IdentityOutcome.NOT_APPLICABLE}
+    assert {f.remark for f in of_instants if f.outcome is IdentityOutcome.NO_ANSWER} == {"the mass matrix is singular"}
     write(checks, tmp_path / "found.md")
     text = (tmp_path / "found.md").read_text()
     assert "the mass matrix is singular" in text

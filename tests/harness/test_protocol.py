@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from consilience.engine import EngineInfo, Manifest, Method, ModelAnswer, Question, Route, TrajectoryAnswer, Unsupported
+from consilience.engine.questions import ANSWERS
 from consilience.engine.worker import codec, wire
-from consilience.engine.worker.messages import Held, job
+from consilience.engine.worker.messages import RecentlySent, job
 from consilience.engine.worker.requests import AnswerSet, MethodAnswer, Plan, Request
 from consilience.engine.worker.server import Server, _Bytes, read_frames
-from consilience.engine.worker.wire import PREFIX, Form, Frame, ProtocolError, opened, pack, unpack
+from consilience.engine.worker.wire import PREFIX, Message, MessageHeader, ProtocolError, pack, read_prefix, unpack
 from consilience.mechanism import Drive, Mechanism, through
 from consilience.reference.engine import ReferenceEngine
 from mechanisms import ELEMENTS, LOOPS, TREES, chain, states_of
@@ -25,7 +26,7 @@ def sent(value):
     """The value after its way over the wire."""
     tree, arrays = codec.encode(value)
     data = pack({"value": tree}, arrays)
-    header, body, *_ = opened(data)
+    header, body, *_ = read_prefix(data)
     assert len(data) == PREFIX.size + header + body
     text, rest = data[PREFIX.size : PREFIX.size + header], bytearray(data[PREFIX.size + header :])
     return codec.value_of(*unpack(text, rest))
@@ -115,11 +116,13 @@ def test_a_value_arrives(value):
         Request(states=states_of(MECHANISMS[LAST], 3), question=Question.INSTANT, method=METHOD),
         Request(states=states_of(MECHANISMS[LAST], 1), times=np.linspace(0.0, 1.0, 5), step=0.1, method=METHOD),
         Request(MECHANISMS[LAST], survey=(Question.MODEL, Question.INSTANT)),
+        Request(MECHANISMS[LAST], states=states_of(MECHANISMS[LAST], 2), parameters={"a": np.eye(3), "n": (1, 0.5)}),
+        Request(MECHANISMS[LAST], parameters={"about": "the origin"}),
     ],
 )
 def test_a_job_arrives_to_the_last_bit(asked):
-    mechanism, first = Held().need(asked.mechanism)
-    method, second = Held().need(asked.method)
+    mechanism, first = RecentlySent().need(asked.mechanism)
+    method, second = RecentlySent().need(asked.method)
     server, found = Asked(), read_frames(_Bytes(first + second + job(asked, mechanism, method, 7)))
     replies = [server.handle(frame) for frame in found]
     assert all(reply is None for reply in replies[:-1])
@@ -157,7 +160,7 @@ def test_what_no_message_can_hold_is_refused(value):
 
 
 def told(tree, *arrays):
-    return codec.value_of(Form({"value": json.loads(json.dumps(tree))}), arrays)
+    return codec.value_of(MessageHeader({"value": json.loads(json.dumps(tree))}), arrays)
 
 
 INFO = {"@": "EngineInfo", "name": "e", "version": "1", "adapter": "a", "remarks": ""}
@@ -225,7 +228,7 @@ NONSENSE = {
 @pytest.mark.parametrize("header", NONSENSE.values(), ids=NONSENSE)
 def test_a_worker_refuses_frames_that_are_none_of_ours(header):
     with pytest.raises(ProtocolError):
-        Server().handle(Frame(Form(header), []))
+        Server().handle(Message(MessageHeader(header), []))
 
 
 def test_deep_nesting_is_refused():
@@ -233,7 +236,7 @@ def test_deep_nesting_is_refused():
     for _ in range(100_000):
         tree = [tree]
     with pytest.raises(ProtocolError, match="nested too deeply"):
-        codec.value_of(Form({"value": tree}), [])
+        codec.value_of(MessageHeader({"value": tree}), [])
     with pytest.raises(ProtocolError, match="no JSON"):
         unpack(b"[" * 100_000, bytearray())
 
@@ -266,8 +269,8 @@ def test_arrays_that_do_not_fill_the_body_are_refused(listed, body):
 
 @pytest.mark.parametrize("text", [b"", b"\xff", b"[]", b"5", b"{", b"{}", b'{"arrays":[]} x', b"9" * 5000])
 def test_a_header_that_is_none_is_refused(text):
-    form, arrays = unpack(b'{"arrays":[]}', bytearray())
-    assert form.told == {}
+    parsed, arrays = unpack(b'{"arrays":[]}', bytearray())
+    assert parsed.entries == {}
     assert arrays == []
     with pytest.raises(ProtocolError):
         unpack(text, bytearray())
@@ -290,22 +293,22 @@ def test_every_single_byte_changed_is_refused_or_a_value():
 
 def _read(data):
     try:
-        header, body, *_ = opened(data)
+        header, body, *_ = read_prefix(data)
         if len(data) != PREFIX.size + header + body:
             return "refused"
-        form, arrays = unpack(data[PREFIX.size : PREFIX.size + header], bytearray(data[PREFIX.size + header :]))
-        if "value" in form.told:
-            codec.value_of(form, arrays)
+        parsed, arrays = unpack(data[PREFIX.size : PREFIX.size + header], bytearray(data[PREFIX.size + header :]))
+        if "value" in parsed.entries:
+            codec.value_of(parsed, arrays)
     except ProtocolError:
         return "refused"
     return "read"
 
 
 def test_every_class_of_the_table_has_its_own_name():
-    everything = [*codec.CLASSES.values(), *codec.ENUMS.values()]
+    everything = [*codec.CLASSES.values(), *ANSWERS.values(), *codec.WORDS.values()]
     assert len({cls.__name__ for cls in everything}) == len(everything)
-    assert all(is_dataclass(cls) for cls in codec.CLASSES.values())
-    assert all(issubclass(cls, Enum) for cls in codec.ENUMS.values())
+    assert all(is_dataclass(cls) for cls in (*codec.CLASSES.values(), *ANSWERS.values()))
+    assert all(issubclass(cls, Enum | Question) for cls in codec.WORDS.values())
 
 
 def test_a_frame_too_large_is_not_packed():

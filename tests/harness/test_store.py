@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 
 from consilience.case import Case
-from consilience.cli.campaign_options import log_to_stderr
+from consilience.cli.terminal import log_to_stderr
 from consilience.engine import EngineInfo, Method, Question, Route, Run, Status
 from consilience.engine.worker.client import Request
 from consilience.engine.worker.server import replay
 from consilience.mechanism import Initial, Mechanism
 from consilience.suite import Store, run_suite
 from consilience.suite.engine_runs import EngineCase
-from consilience.suite.store import FILE, Kept, StoreError
+from consilience.suite.store import FILE, StoredAnswer, StoreError
 from mechanisms import chain, states_of
 
 INFO = EngineInfo("mujoco", "4.0.0", "1")
@@ -141,7 +141,7 @@ def test_what_is_kept_comes_back_bit_by_bit(cases, tmp_path):
     store = Store(tmp_path)
     for n, run in enumerate(results.runs):
         assert isinstance(run, Run)
-        store.keep(str(n), Kept(run.answer, run.cpu, run.log))
+        store.keep(str(n), StoredAnswer(run.answer, run.cpu, run.log))
         found = store.find(str(n))
         assert (type(found.answer), found.cpu, found.log) == (type(run.answer), run.cpu, run.log)
         for name, value in vars(run.answer).items():

@@ -47,7 +47,7 @@ def case_seeds():
 
 def report_seed(folder):
     """A record of one case, really run on the reference and one engine that needs no other program."""
-    write_record(run_suite([load_case("double_pendulum")], ["mujoco"], effort=QUICK), 1.0, folder)
+    write_record(run_suite([load_case("double_pendulum")], ["mujoco"], thoroughness=QUICK), 1.0, folder)
     return read_seed(folder)
 
 

@@ -14,10 +14,9 @@ import numpy as np
 from hypothesis import strategies as st
 
 from consilience.audit.fuzz.judging import judge
-from consilience.audit.fuzz.workers import _sheet
+from consilience.audit.fuzz.workers import batch_of
 from consilience.case import load_case
 from consilience.engine import (
-    Answer,
     EngineInfo,
     InstantAnswer,
     Manifest,
@@ -28,9 +27,10 @@ from consilience.engine import (
     TrajectoryAnswer,
     Unsupported,
 )
+from consilience.engine.questions import ANSWERS
 from consilience.engine.worker import codec, wire
 from consilience.engine.worker.client import Reply, Request, _sound
-from consilience.engine.worker.messages import Held, job, loading
+from consilience.engine.worker.messages import RecentlySent, job, loading
 from consilience.engine.worker.requests import AnswerSet, MethodAnswer, Plan, perform
 from consilience.engine.worker.server import Server, _Bytes, read_frames
 from consilience.engine.worker.wire import MAGIC, PREFIX, VERSION, Incoming, ProtocolError
@@ -137,8 +137,8 @@ def wire_seeds():
     """Frames to a worker, and its replies."""
     found = []
     for request in _requests():
-        mechanism, first = Held().need(request.mechanism)
-        method, second = Held().need(request.method)
+        mechanism, first = RecentlySent().need(request.mechanism)
+        method, second = RecentlySent().need(request.method)
         sent = first + second + job(request, mechanism, method, 7)
         found += [(WORKER, sent), (RUNNER, _obeyed(sent))]
     answered = AnswerSet(
@@ -193,18 +193,18 @@ def _received(raw, folder):
     frame = coming.take()
     if not _sound(frame) or frame.job != 7:
         return False
-    value, case = codec.value_of(frame.form, frame.arrays), _case()
+    value, case = codec.value_of(frame.header, frame.arrays), _case()
     info = value if isinstance(value, EngineInfo) else Still().info()
     with (
         closing(Store(folder / "store", fresh=True))
-        if isinstance(value, EngineInfo | Answer)
+        if isinstance(value, (EngineInfo, *ANSWERS.values()))
         else nullcontext() as store
     ):
         list(ask_case(_Answers(value), case, list(Question), QUICK, store, info))
     if not isinstance(value, AnswerSet):
         return True
     reference = perform(Still(), Request(case.mechanism, states=case.states, survey=tuple(Question)[:2]))
-    judge(case, {"reference": _sheet(Reply(reference, True)), "still": _sheet(Reply(value, True))})
+    judge(case, {"reference": batch_of(Reply(reference, True)), "still": batch_of(Reply(value, True))})
     return True
 
 

@@ -13,7 +13,8 @@ from consilience.mechanism import (
     random_states,
     rotation_angle_between,
 )
-from consilience.mechanism.observables import is_conservative, load_potential, mass_matrix_condition
+from consilience.mechanism.conditioning import mass_matrix_condition
+from consilience.mechanism.observables import is_conservative, load_potential
 from consilience.reference import accelerations, simulate
 from oracles.shipped import TRAJECTORIES
 

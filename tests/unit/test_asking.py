@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from consilience.case import Case
-from consilience.compare import Yardstick
+from consilience.compare import ReferenceMotion
 from consilience.compare.rules import RULES
 from consilience.compare.softness import SCALES
 from consilience.engine import Method, Profile, Question, Route
@@ -17,7 +17,7 @@ from situations import MECHANISM, SHAPE, SITUATIONS, SIZE, TIMES, TRUE, Situatio
 
 SAMPLE = float(TIMES[1])
 CASE = Case("c", "c.toml", "a body on a circle", MECHANISM, Initial(), float(TIMES[-1]), SAMPLE, 8, 1, 1)
-YARD = Yardstick(TRUE, np.zeros(len(TIMES)), CASE.digits)
+YARD = ReferenceMotion(TRUE, np.zeros(len(TIMES)), CASE.digits)
 THREE = [10, 20, 40]
 
 
@@ -39,7 +39,7 @@ def asked(error, soft=False, yard=YARD, cpu=0.0):
     """Substeps at the method's own softness, and what was asked at others."""
     worker = Known(error, cpu)
     method = Method("m", Route.NATIVE, 2, tuple(THREE), softness=1.0 if soft else None)
-    ladder = EngineCase(worker, CASE, Plan({}, {}, {}), yard=yard).ladder
+    ladder = EngineCase(worker, CASE, Plan({}, {}, {}), reference_motion=yard).ladder
     list(ladder(Question.TRAJECTORY, method, [SAMPLE / n for n in THREE]))
     own = [n for n, s in worker.asked if s in (None, 1.0)]
     return own, [(n, s) for n, s in worker.asked if s not in (None, 1.0)]

@@ -194,14 +194,14 @@ def children(process, least, within):
 
 
 def test_a_tag_or_a_group_chooses_cases_and_one_that_none_has_is_refused():
-    from consilience.cli.main import _tagged
+    from consilience.cli.options import tagged_cases
 
     cases = [Namespace(name="a", group="joints", tags=("lumpy",)), Namespace(name="b", group="hard", tags=("tour",))]
-    assert [case.name for case in _tagged(cases, None)] == ["a", "b"]
-    assert [case.name for case in _tagged(cases, ["joints"])] == ["a"]
-    assert [case.name for case in _tagged(cases, ["tour", "lumpy"])] == ["a", "b"]
+    assert [case.name for case in tagged_cases(cases, None)] == ["a", "b"]
+    assert [case.name for case in tagged_cases(cases, ["joints"])] == ["a"]
+    assert [case.name for case in tagged_cases(cases, ["tour", "lumpy"])] == ["a", "b"]
     with pytest.raises(InvalidInput, match=r"tag 'soft': no chosen case has it\. Tags and groups: hard, joints"):
-        _tagged(cases, ["soft"])
+        tagged_cases(cases, ["soft"])
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,8 @@ import pytest
 
 from consilience.compare import (
     Quantity,
+    ReferenceMotion,
     Verdict,
-    Yardstick,
     compare_instant,
     compare_model,
     compare_trajectory,
@@ -68,7 +68,7 @@ def judge(errors, order=2, digits=8, spread=0.0, turns=None):
         Run("c", "e", Question.TRAJECTORY, method, n, h, Status.ANSWERED, motion(size * e, turn), cpu=1.0 + n)
         for n, (h, e, turn) in enumerate(zip(STEPS, errors, turns, strict=False))
     ]
-    return compare_trajectory(MECHANISM, runs, Yardstick(REFERENCE, np.full(len(TIMES), spread), digits))
+    return compare_trajectory(MECHANISM, runs, ReferenceMotion(REFERENCE, np.full(len(TIMES), spread), digits))
 
 
 def powers(constant, order, plateau=0.0):
@@ -258,7 +258,9 @@ ANSWER = InstantAnswer(
     *(RNG.normal(size=(2, 2, 3)) for _ in range(4)), kinetic=np.array([2.0, 5.0]), potential=np.array([-3.0, 4.0])
 )
 KNOWN = np.ones((2, 2, 6), dtype=bool)
-INSTANTS = Instants(np.array([1.0, 1.0]), KNOWN, mass=2.0, gravity=9.81, reach=1.0, spin=0.0, weights=0.0, bodies=2)
+INSTANTS = Instants(
+    np.array([1.0, 1.0]), KNOWN, mass=2.0, gravity=9.81, characteristic_length=1.0, spin=0.0, weights=0.0, bodies=2
+)
 
 
 def shifted(name, by, index=(1, 0, 2)):

@@ -1,4 +1,4 @@
-"""Kernels that do not count references keep no array for ever."""
+"""Kernels without reference counting leak no array."""
 
 import ast
 import gc
@@ -25,7 +25,7 @@ TIMES = np.linspace(0.0, 0.05, 4)
 
 
 def alive():
-    """Arrays that kernels made and nobody freed."""
+    """Return the number of arrays that kernels made and nobody freed."""
     gc.collect()
     stats = rtsys.get_allocation_stats()
     return stats.alloc - stats.free
@@ -43,7 +43,7 @@ def _counting():
 
 
 def motions(mechanism, state):
-    """Calls of every compiled integrator, and of the accelerations of every formulation over kernels."""
+    """Yield calls of every compiled integrator, and of the accelerations of every formulation on kernels."""
     for formulation in ("relative", "descriptor", "null_space"):
         yield lambda name=formulation: simulate(mechanism, state, TIMES, 1e-8, name)
     yield lambda: simulate(mechanism, state, TIMES, 1e-8, "relative", "gauss")
@@ -56,7 +56,7 @@ def motions(mechanism, state):
 
 
 @pytest.mark.parametrize("name", MECHANISMS)
-def test_no_array_stays(name):
+def test_no_array_leaks(name):
     (state,) = states_of(MECHANISMS[name], 1)
     for call in motions(MECHANISMS[name], state):
         call()  # compiled, constants made
@@ -66,7 +66,7 @@ def test_no_array_stays(name):
         assert alive() == before
 
 
-def test_the_counter_sees_an_array_that_stays():
+def test_the_counter_sees_a_leaked_array():
     @numba.njit
     def make():
         return np.zeros(3)
@@ -88,23 +88,23 @@ def test_a_compiled_motion_in_canonical_terms_is_the_plain_one():
 
 
 def marks(node):
-    """Names of the decorators of a function."""
+    """Return the names of the decorators of a function."""
     return {d.id for d in node.decorator_list if isinstance(d, ast.Name)}
 
 
 def module_of(path):
-    """Module that a file is, if it is part of the library."""
+    """Return the module of a file of the library."""
     parts = path.relative_to(ROOT).with_suffix("").parts
     return ".".join(parts[1:]) if parts[0] == "src" else ""
 
 
 def kernels_in(tree, kinds):
-    """Names of the kernels of some kinds in a module."""
+    """Return the names of the kernels of some kinds in a module."""
     return {node.name for node in tree.body if isinstance(node, ast.FunctionDef) and marks(node) & kinds}
 
 
 def named_by_python(tree, names, modules):
-    """Those of some names, or of attributes of modules, that code that is not compiled reads."""
+    """Return the names, and attributes of modules, that uncompiled code reads."""
     found, todo = set(), [tree]
     while todo:
         node = todo.pop()
@@ -119,7 +119,7 @@ def named_by_python(tree, names, modules):
 
 
 def wrongly_named(folders):
-    """What code that is not compiled names of the kernels that Python must not call."""
+    """Yield inner kernels that uncompiled code names."""
     trees = {path: ast.parse(path.read_text()) for folder in folders for path in (ROOT / folder).rglob("*.py")}
     inner = {module_of(path): kernels_in(tree, {"inner", "fused"}) for path, tree in trees.items()}
     assert sum(map(len, inner.values())) > 100  # there are such

@@ -20,8 +20,12 @@ from consilience.mechanism import (
     skew,
     worst_condition,
 )
-from consilience.mechanism.conditioning import delassus_condition, free_condition, joint_space_condition
-from consilience.mechanism.observables import mass_matrix_condition
+from consilience.mechanism.conditioning import (
+    delassus_condition,
+    free_condition,
+    joint_space_condition,
+    mass_matrix_condition,
+)
 
 E = np.eye(3)
 

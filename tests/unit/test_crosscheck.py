@@ -27,7 +27,7 @@ from consilience.case import load_case
 from consilience.engine import TrajectoryAnswer
 from consilience.errors import NumericalFailure
 from consilience.mechanism import GROUND, Mechanism, determinate_reactions, initial_state
-from consilience.mechanism.observables import reaction_condition
+from consilience.mechanism.conditioning import reaction_condition
 from consilience.reference import FORMULATIONS, formulation, simulate
 from consilience.reference.formulations import registry
 from consilience.reference.formulations.coordinates import VARIANTS

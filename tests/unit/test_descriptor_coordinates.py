@@ -17,7 +17,7 @@ from consilience.mechanism import (
     rotation_from_bryant_xyz,
     rotation_from_euler_zxz,
 )
-from consilience.mechanism.observables import mass_matrix_condition
+from consilience.mechanism.conditioning import mass_matrix_condition
 from consilience.reference.formulations.coordinates import VARIANTS, form
 from consilience.reference.formulations.orientations import ORIENTATIONS, SingularOrientation
 from consilience.reference.formulations.stabilisation import ALPHA, BETA

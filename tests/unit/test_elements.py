@@ -52,9 +52,8 @@ from consilience.mechanism import (
     world_inertias,
 )
 from consilience.reference.bodies import constraints
-from consilience.reference.bodies.arrays import flatten, pack
+from consilience.reference.bodies.arrays import flatten, pack, workspace
 from consilience.reference.bodies.motion import rotations
-from consilience.reference.bodies.workspace import workspace
 from consilience.reference.formulations import compiled_choice, descriptor
 from consilience.reference.solver import accelerations, simulate
 from mechanisms import ELEMENTS, PITCH, chain, drawn_joint, rotation, states_of
@@ -349,9 +348,9 @@ def multipliers(mechanism, state, t):
     """Multipliers of all rows; those of drives and couplings are efforts on the successor."""
     model = flatten(mechanism)
     ws, y, a = workspace(model), pack(mechanism, state), np.empty(6 * len(mechanism.bodies))
-    memory = np.zeros(len(model.coordinate))
-    compiled_choice.accelerations(0, model, t, y, memory, ws, a)
-    return np.array(descriptor.multipliers(model, t, y, memory, ws, a))
+    turns = np.zeros(len(model.coordinate))
+    compiled_choice.accelerations(0, model, t, y, turns, ws, a)
+    return np.array(descriptor.multipliers(model, t, y, turns, ws, a))
 
 
 def test_a_driven_pendulum_does_as_told_and_needs_the_torque_of_inverse_dynamics():

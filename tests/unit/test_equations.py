@@ -97,7 +97,7 @@ def test_every_formulation_is_on_its_page():
 
 def test_names_that_do_not_exist_are_noticed():
     with pytest.raises(AttributeError):
-        found("spatial.no_such_function")
+        found("mechanism.spatial.no_such_function")
     with pytest.raises(ModuleNotFoundError):
         import_module("consilience.no_such_module")
     assert numbers("INTRO force analysis, C4 (4.69)-(4.72), (4.80)", "C4") == {69, 70, 71, 72, 80}

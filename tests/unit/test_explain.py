@@ -7,10 +7,10 @@ import subprocess
 import sys
 
 import pytest
-from consilience.audit.mutate.traps import TRAPS
 from typer.testing import CliRunner
 
-from consilience.cli.explanations import Entry, Kind, explained, read_entries
+from consilience.audit.mutate.mutants import TRAPS
+from consilience.cli.explanations import Explanation, Topic, find_explanations, read_explanations
 from consilience.cli.main import app
 from consilience.compare import Verdict
 from consilience.compare.rules import RULES
@@ -22,24 +22,24 @@ from situations import SITUATIONS
 
 
 def names(kind):
-    return {entry.name for entry in read_entries() if entry.kind is kind}
+    return {entry.name for entry in read_explanations() if entry.kind is kind}
 
 
 def test_everything_that_reports_name_is_explained():
-    assert names(Kind.VERDICT) == {str(verdict) for verdict in Verdict}
-    assert names(Kind.ROUTE) == {str(route) for route in Route}
-    assert names(Kind.PROFILE) == {str(profile) for profile in Profile}
-    assert names(Kind.QUESTION) == {str(question) for question in Question}
-    assert {situation.rule for situation in SITUATIONS} | set(CAUSES) <= names(Kind.RULE)
-    assert len(names(Kind.TERM)) >= 25
+    assert names(Topic.VERDICT) == {str(verdict) for verdict in Verdict}
+    assert names(Topic.ROUTE) == {str(route) for route in Route}
+    assert names(Topic.PROFILE) == {str(profile) for profile in Profile}
+    assert names(Topic.QUESTION) == {str(question) for question in Question}
+    assert {situation.rule for situation in SITUATIONS} | set(CAUSES) <= names(Topic.RULE)
+    assert len(names(Topic.TERM)) >= 25
 
 
 def test_rules_and_traps_are_those_of_the_code():
-    assert {(e.name, e.rule) for e in read_entries() if e.kind is Kind.RULE} == {(r.name, r.when) for r in RULES}
-    assert {e.number: e.name for e in read_entries() if e.kind is Kind.TRAP} == TRAPS
+    assert {(e.name, e.rule) for e in read_explanations() if e.kind is Topic.RULE} == {(r.name, r.when) for r in RULES}
+    assert {e.number: e.name for e in read_explanations() if e.kind is Topic.TRAP} == TRAPS
 
 
-@pytest.mark.parametrize("entry", read_entries(), ids=lambda e: f"{e.kind}-{e.name}")
+@pytest.mark.parametrize("entry", read_explanations(), ids=lambda e: f"{e.kind}-{e.name}")
 def test_an_entry_is_a_rule_three_lines_and_places(entry):
     assert entry.rule
     assert len(entry.theory.splitlines()) == 3
@@ -47,19 +47,19 @@ def test_an_entry_is_a_rule_three_lines_and_places(entry):
     for place in entry.met:
         assert re.match(r"[\w./-]+( tracker \d+|[:#])", place), place
     assert entry.page.startswith("generated/") or (ROOT / "docs" / entry.page).exists()
-    assert entry.kind is not Kind.TRAP or entry.met
+    assert entry.kind is not Topic.TRAP or entry.met
 
 
 @pytest.mark.parametrize(
     ("asked", "kinds"),
     [
-        ("regularization", {Kind.VERDICT}),
-        ("DIFFERS MODEL", {Kind.VERDICT}),
-        ("horizon", {Kind.RULE, Kind.TERM}),
-        ("trap 12", {Kind.TRAP}),
-        ("20", {Kind.TRAP}),
-        ("armature", {Kind.TRAP}),
-        ("native, extrapolated", {Kind.ROUTE}),
+        ("regularization", {Topic.VERDICT}),
+        ("DIFFERS MODEL", {Topic.VERDICT}),
+        ("horizon", {Topic.RULE, Topic.TERM}),
+        ("trap 12", {Topic.TRAP}),
+        ("20", {Topic.TRAP}),
+        ("armature", {Topic.TRAP}),
+        ("native, extrapolated", {Topic.ROUTE}),
         ("lyapunov", None),
         ("28", None),
         ("", None),
@@ -68,9 +68,9 @@ def test_an_entry_is_a_rule_three_lines_and_places(entry):
 def test_names_numbers_and_other_words_are_found(asked, kinds):
     if kinds is None:
         with pytest.raises(InvalidInput):
-            explained(asked)
+            find_explanations(asked)
     else:
-        assert {entry.kind for entry in explained(asked)} == kinds
+        assert {entry.kind for entry in find_explanations(asked)} == kinds
 
 
 @pytest.mark.parametrize(
@@ -78,7 +78,7 @@ def test_names_numbers_and_other_words_are_found(asked, kinds):
 )
 def test_an_unknown_word_is_answered_with_the_nearest(wrong, near):
     with pytest.raises(InvalidInput, match=near):
-        explained(wrong)
+        find_explanations(wrong)
 
 
 def test_formats():
@@ -87,13 +87,13 @@ def test_formats():
     document = json.loads(CliRunner().invoke(app, ["explain", "17", "-f", "json"]).output)
     assert [entry["number"] for entry in document] == [17]
     assert CliRunner().invoke(app, ["explain", "17", "-f", "markdown"]).output.startswith("### ")
-    assert all(entry.name in CliRunner().invoke(app, ["explain"]).output for entry in read_entries())
+    assert all(entry.name in CliRunner().invoke(app, ["explain"]).output for entry in read_explanations())
 
 
 def test_entries_of_one_kind_have_different_names():
-    keys = [(entry.kind, entry.name) for entry in read_entries()]
+    keys = [(entry.kind, entry.name) for entry in read_explanations()]
     assert len(set(keys)) == len(keys)
-    assert Entry(Kind.TERM, "n", "r", "t").page == "verdicts.md"
+    assert Explanation(Topic.TERM, "n", "r", "t").page == "verdicts.md"
 
 
 def shown_on_a_terminal(tmp_path, **environment):

@@ -1,4 +1,4 @@
-"""Accelerations in joint coordinates: against dense equations, Pinocchio, and the same one by one."""
+"""Accelerations in joint coordinates: against dense equations and Pinocchio, one state and many."""
 
 from dataclasses import replace
 
@@ -9,10 +9,10 @@ import pytest
 import truth
 from consilience.errors import InvalidInput
 from consilience.mechanism import GROUND, Mechanism, rotation_angle_between, rotation_from_quaternion
-from consilience.mechanism.observables import mass_matrix_condition
+from consilience.mechanism.conditioning import mass_matrix_condition
 from consilience.reference import ForwardDynamics
-from consilience.reference.bodies.workspace import workspace
-from consilience.reference.tree.arrays import flatten_relative, system
+from consilience.reference.bodies.arrays import workspace
+from consilience.reference.tree.arrays import flatten_relative, tree_system
 from mechanisms import ELEMENTS, GRAVITY, LOOPS, TREES, chain, drawn_joint, lumpy_body, rotation, states_of
 
 ALL = TREES | LOOPS | ELEMENTS
@@ -25,7 +25,7 @@ def relative(a, b):
 
 
 def drawn_states(dynamics, count, seed=0):
-    """Coordinates and speeds of a tree, drawn at random."""
+    """Return random coordinates and speeds of a tree."""
     rng = np.random.default_rng(seed)
     return rng.normal(size=(count, dynamics.n_q)), rng.normal(size=(count, dynamics.n_v))
 
@@ -55,7 +55,7 @@ def test_a_state_comes_back_from_its_coordinates(name):
 
 
 def branched_tree(count, seed):
-    """Revolute and spherical joints at random, each body on a random one before it."""
+    """Return a tree of random revolute and spherical joints, each body on a random earlier body."""
     rng = np.random.default_rng(seed)
     bodies = {f"b{n}": lumpy_body(f"b{n}", rng) for n in range(count)}
     names, joints = [GROUND, *bodies], []
@@ -66,7 +66,7 @@ def branched_tree(count, seed):
 
 
 def pinocchio_model(mechanism, joints):
-    """The same tree, each joint of Pinocchio at M."""
+    """Return the same tree in Pinocchio, each of its joints at M."""
     model, number, end = pin.Model(), {GROUND: 0}, {GROUND: pin.SE3.Identity()}
     model.gravity.linear = mechanism.gravity
     for name in joints:
@@ -108,7 +108,7 @@ def test_accelerations_are_those_of_pinocchio(count, seed):
 
 
 @pytest.mark.parametrize("name", ["long_chain", "floating_chain", "four_bar", "forced_chain", "powered", "driven"])
-def test_many_states_are_answered_as_one_by_one(name):
+def test_many_states_give_the_accelerations_of_single_states(name):
     mechanism = ALL[name]
     dynamics = ForwardDynamics(mechanism)
     pairs = [dynamics.coordinates(state) for state in states_of(mechanism, 5)]
@@ -119,7 +119,7 @@ def test_many_states_are_answered_as_one_by_one(name):
     assert dynamics.accelerations_of(q[:0], v[:0]).shape == (0, dynamics.n_v)
 
 
-def test_sets_of_parameters_are_answered_as_mechanisms_of_their_own():
+def test_sets_of_parameters_give_the_accelerations_of_their_mechanisms():
     rng = np.random.default_rng(8)
 
     def changed(mechanism):
@@ -155,7 +155,7 @@ def test_sets_of_parameters_are_of_the_same_tree():
         dynamics.accelerations_of(q, v, dynamics.parameters([FREE_TREE]))
 
 
-def test_any_numbers_will_do_and_wrong_shapes_are_refused():
+def test_any_number_type_is_accepted_and_wrong_shapes_are_refused():
     dynamics = ForwardDynamics(FREE_TREE)
     (q,), (v,) = drawn_states(dynamics, 1)
     found, strided = dynamics.accelerations(q, v), np.repeat(q, 2)[::2]
@@ -183,5 +183,5 @@ def test_the_memory_of_a_chain_is_that_of_the_number_of_its_bodies():
     for count in (20, 40):
         mechanism = chain(*["revolute"] * count)
         links, tree, model = flatten_relative(mechanism)
-        sizes.append(all_bytes([links, tree, model, system(mechanism, links, tree, model), workspace(tree.cut)]))
+        sizes.append(all_bytes([links, tree, model, tree_system(mechanism, links, tree, model), workspace(tree.cut)]))
     assert sizes[1] < 2.05 * sizes[0]

@@ -6,12 +6,12 @@ import json
 import pytest
 
 from consilience.case import load_case
-from consilience.cli.commands.history import diff_sheet, renamed
+from consilience.cli.commands.history import diff_statement, renamed
 from consilience.errors import InvalidInput
 from consilience.report.history.changes import changes
-from consilience.report.history.series import read_series, series_sheet
-from consilience.report.history.show import WRITERS, Sheet
+from consilience.report.history.series import read_series, series_statement
 from consilience.report.record import read_record, write_record
+from consilience.report.statement import WRITERS, Statement
 from consilience.suite import QUICK, run_suite
 
 
@@ -19,7 +19,7 @@ from consilience.suite import QUICK, run_suite
 def run(tmp_path_factory):
     """Lines of a report of the reference and one engine."""
     folder = tmp_path_factory.mktemp("run")
-    write_record(run_suite([load_case("double_pendulum")], ["pinocchio"], effort=QUICK), 1.0, folder)
+    write_record(run_suite([load_case("double_pendulum")], ["pinocchio"], thoroughness=QUICK), 1.0, folder)
     return [json.loads(line) for line in (folder / "report.jsonl").read_text(encoding="utf-8").splitlines()]
 
 
@@ -55,7 +55,7 @@ def told(found):
 
 def test_a_report_does_not_differ_from_itself(written):
     record = written()
-    sheet = diff_sheet(record, record, {}, 0.5)
+    sheet = diff_statement(record, record, {}, 0.5)
     assert sheet.data["changes"] == []
     assert "0 worse, 0 better, 0 other changes" in WRITERS["text"](sheet)
 
@@ -159,7 +159,7 @@ def test_every_format_takes_any_text_as_text(written):
     def spoil(lines):
         comparison(lines, "instant").update(verdict="failed", digits=None, why=hostile)
 
-    sheet = diff_sheet(written(), written(spoil, "new"), {}, 0.5)
+    sheet = diff_statement(written(), written(spoil, "new"), {}, 0.5)
     assert "\x1b" not in WRITERS["text"](sheet)
     assert "[red]" in WRITERS["text"](sheet).replace("\n", "")
     markdown = WRITERS["markdown"](sheet)
@@ -186,7 +186,7 @@ def test_a_series_is_in_the_order_of_its_dates_and_leaves_out_what_is_cut_off(wr
     series, unread = read_series(tmp_path)
     assert [name for name, _ in series] == ["b", "c", "a"]
     assert "cut off" in unread["d"]
-    sheet = series_sheet(series, unread, 0.5)
+    sheet = series_statement(series, unread, 0.5)
     assert [step["worse"] for step in sheet.data["changes"]] == [0, 1]
     assert sheet.data["worse"] == 1
     points = next(s["points"] for s in sheet.data["series"] if (s["engine"], s["question"]) == ("pinocchio", "instant"))
@@ -199,7 +199,7 @@ def test_a_series_is_in_the_order_of_its_dates_and_leaves_out_what_is_cut_off(wr
 
 def test_names_in_a_table_for_the_terminal_are_not_broken_while_there_is_room(monkeypatch):
     rows = [("closed_forms", "physical_pendulum-rotating", "1", "revolute", "a title of quite a number of words")]
-    sheet = Sheet([], [("cases", ("group", "name", "bodies", "joints", "title"), rows)], {})
+    sheet = Statement([], [("cases", ("group", "name", "bodies", "joints", "title"), rows)], {})
     monkeypatch.setenv("COLUMNS", "80")
     shown = WRITERS["text"](sheet)
     assert " physical_pendulum-rotating " in shown

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from consilience.case.file.reader import load_file
-from consilience.case.importing import Motion, import_model, imported_text
+from consilience.case.importing import import_model, imported_text
 from consilience.case.importing.compound import recognise
 from consilience.cli.commands.import_model import import_
+from consilience.engine.native import NativeJoint
 from consilience.engine.native.parts import inertia_of_several
 from consilience.errors import InvalidInput
 
@@ -18,7 +19,7 @@ HERE, THERE = np.array([0.3, -0.2, 0.5]), np.array([0.1, 0.4, -0.6])
 
 
 def motions(*rows):
-    return [Motion(f"m{n}", kind, at, axis) for n, (kind, at, axis) in enumerate(rows)]
+    return [NativeJoint(f"m{n}", kind, at, axis) for n, (kind, at, axis) in enumerate(rows)]
 
 
 SKEW = np.array([0.6, 0.0, 0.8])

@@ -11,7 +11,9 @@ from consilience.errors import InvalidInput
 from consilience.mechanism import rotation_angle_between
 from consilience.reference import formulation
 from consilience.reference.integrators.adaptive import METHODS, integrate, state_at
-from consilience.reference.integrators.tableaus import DORMAND_PRINCE, RADAU, RKF45, TSITOURAS
+from consilience.reference.integrators.coefficients import DORMAND_PRINCE
+from consilience.reference.integrators.tableaus import RADAU, RKF45
+from consilience.reference.integrators.tsitouras import TSITOURAS
 from consilience.reference.solver import NumericalFailure, simulate
 from mechanisms import LOOPS, TREES, states_of
 from oracles.simple_pendulum import swing
@@ -20,7 +22,7 @@ ONE_STEP = [name for name, tableau in METHODS.items() if tableau is not None]
 
 
 class Ode:
-    """A plain differential equation as a formulation: nothing to settle, coordinates for a state."""
+    """A plain differential equation as a formulation: settling does nothing, the coordinates are the state."""
 
     def __init__(self, derivative):
         self.derivative = derivative
@@ -88,12 +90,12 @@ PROBLEMS = {"torque-free body": torque_free_body, "pendulum": pendulum, "driven"
 
 
 def order(sizes, errors):
-    """Exponent of the step size in the error, by least squares on logarithms."""
+    """Return the exponent of the step size in the error, by least squares on logarithms."""
     return np.polyfit(np.log(sizes), np.log(errors), 1)[0]
 
 
 def errors_of(formulation, closed, method, step, span):
-    """Largest errors on the step ends and between them, at steps of constant length."""
+    """Return the largest errors at the ends of steps and between them, for steps of constant length."""
     motion = integrate(formulation, closed(0.0), np.array([0.0, span]), 1e-12, method, step=step)
     ends, between = motion.dense.ends, np.linspace(0.0, span, 1013)
     return [np.max(np.abs(motion.dense(t) - closed(t))) for t in (ends, between)]
@@ -151,7 +153,7 @@ def test_radau_is_collocation_at_the_nodes_of_radau():
 
 @pytest.mark.parametrize("k", [1, 2, 3, 4, 5])
 def test_the_formula_of_bdf_of_order_k_converges_with_order_k(k):
-    """SciPy's BDF held at order k and constant steps, from the history of the closed form."""
+    """SciPy's BDF held at order k with constant steps, from the history of the closed form."""
     formulation, closed = torque_free_body()
 
     def error(count):
@@ -174,7 +176,7 @@ def test_the_formula_of_bdf_of_order_k_converges_with_order_k(k):
 
 
 def test_bdf_works_at_order_five_where_the_tolerance_is_tight():
-    """Step size left to the method: a local error of order 6 makes the number of steps grow as tolerance^(-1/6)."""
+    """With step control a local error of order 6 makes the number of steps grow as tolerance^(-1/6)."""
     formulation, closed = torque_free_body()
     tolerances, times = np.geomspace(1e-7, 1e-12, 6), np.array([0.0, 10.0])
     steps = [integrate(formulation, closed(0.0), times, tol, "bdf").counters["steps"] for tol in tolerances]
@@ -212,7 +214,7 @@ def test_accuracy_follows_the_tolerance_on_samples_and_between(method, problem):
 
 @pytest.mark.parametrize("method", ONE_STEP)
 def test_the_step_size_follows_the_problem(method):
-    """A narrow peak in the rate: small steps there, some refused on the way in, and wide ones away from it."""
+    """A narrow peak in the rate: small steps in the peak, some rejected before it, and long steps elsewhere."""
     width = 1e-3
     formulation = Ode(lambda t, u: np.array([width / (width**2 + (t - 1.0) ** 2)]))
     motion = integrate(formulation, np.array([0.0]), np.array([0.0, 2.0]), 1e-8, method)
@@ -234,7 +236,7 @@ def test_implicit_methods_take_wide_steps_where_the_problem_is_stiff(method):
 
 
 def test_radau_renews_its_jacobian_where_the_stiffness_changes():
-    """Van der Pol's equation, mu = 1000, through a relaxation: the value and about the work of SciPy's Radau."""
+    """Van der Pol's equation, mu = 1000, through a relaxation: the value, and about the work, of SciPy's Radau."""
     formulation = Ode(lambda t, u: np.array([u[1], 1000.0 * (1 - u[0] ** 2) * u[1] - u[0]]))
     motion = integrate(formulation, np.array([2.0, 0.0]), np.array([0.0, 1000.0]), 1e-6, "radau")
     other = solve_ivp(formulation.derivative, (0.0, 1000.0), [2.0, 0.0], method="Radau", rtol=1e-6, atol=1e-6)
@@ -296,7 +298,7 @@ def test_a_single_time_asks_for_no_step():
 
 
 class Circle(Ode):
-    """A point that goes round the unit circle at unit rate, in the plane: the norm drifts unless it is settled."""
+    """A point that moves on the unit circle at unit rate: without settling its norm drifts."""
 
     def __init__(self, settles):
         super().__init__(lambda t, u: np.array([-u[1], u[0]]))
@@ -347,7 +349,7 @@ def test_bdf_keeps_its_order_and_its_cost_when_it_is_settled():
 
 
 class OverTheTop(Ode):
-    """A pendulum that goes round, in Rodrigues' parameter of its angle, singular at a half turn: two charts.
+    """A pendulum that rotates, in Rodrigues' parameter of its angle, singular at a half turn: two charts.
 
     ``phi = chart pi + 2 arctan(g)``, ``g' = (1 + g^2) w / 2``, ``w' = -9.81 sin(phi)``; the chart changes at |g| > 1.
     From hanging at w = 9: ``phi = 2 am(9 t / 2, k^2)`` with ``k = 2 sqrt(9.81) / 9``.
@@ -395,7 +397,7 @@ def test_a_formulation_may_change_its_chart(method):
 
 
 def differences(states, answer):
-    """Largest differences of positions, angles, velocities and angular velocities."""
+    """Return the largest differences of positions, angles, velocities and angular velocities."""
     p, quat, v, w = (np.array([getattr(s, n) for s in states]) for n in ("p_WB", "quat_WB", "v_WB_W", "w_WB_W"))
     return [
         np.max(np.abs(p - answer.p_WB)),
@@ -443,7 +445,7 @@ def test_mechanisms_move_as_by_the_compiled_solver(name, method, tolerance, boun
         ({"step": -0.1}, "step"),
     ],
 )
-def test_what_cannot_be_asked_is_refused(change, where):
+def test_invalid_arguments_are_refused(change, where):
     formulation, closed = pendulum()
     asked = {"times": np.array([0.0, 1.0]), "tolerance": 1e-8, "method": "dop853"} | change
     with pytest.raises(InvalidInput) as refusal:

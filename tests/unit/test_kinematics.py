@@ -37,11 +37,10 @@ from consilience.mechanism import (
     row_jacobian,
     row_value,
 )
-from consilience.mechanism.constraints import row_jacobians
+from consilience.mechanism.joint_rows import row_jacobians
 from consilience.reference.bodies import constraints, forces
-from consilience.reference.bodies.arrays import flatten, pack
+from consilience.reference.bodies.arrays import flatten, pack, workspace
 from consilience.reference.bodies.motion import rotations
-from consilience.reference.bodies.workspace import workspace
 from mechanisms import ELEMENTS, GRAVITY, LOOPS, TREES, chain, drawn_joint, lumpy_body, rotation, states_of
 
 ALL = TREES | LOOPS | ELEMENTS
@@ -203,8 +202,8 @@ def test_compiled_forces_are_the_wrenches_of_numpy(name, n):
     model = flatten(mechanism)
     ws, y = workspace(model), pack(mechanism, state)
     rotations(y, ws.A)
-    memory = np.zeros(len(model.coordinate))
-    forces.evaluate(model, t, y, memory, ws)
+    turns = np.zeros(len(model.coordinate))
+    forces.evaluate(model, t, y, turns, ws)
     T, _ = change_of_columns(mechanism, state)
     expected = (T.T @ truth.applied_wrenches(mechanism, state, t).ravel()).reshape(-1, 6)
     for b, body in enumerate(mechanism.bodies):

@@ -34,7 +34,7 @@ from consilience.mechanism import (
     skew,
     spanning_tree,
 )
-from consilience.mechanism.observables import mass_matrix_condition
+from consilience.mechanism.conditioning import mass_matrix_condition
 from consilience.reference import simulate
 from consilience.reference.formulations import lagrange_kinematics
 from consilience.reference.formulations.lagrange import Lagrange, unsupported

@@ -1,4 +1,4 @@
-"""Linkages of few freedoms: accelerations and closing by elimination, against dense equations and the fronts."""
+"""Linkages of few freedoms: accelerations and projection by elimination, against dense equations and the fronts."""
 
 import numpy as np
 import pytest
@@ -6,17 +6,17 @@ import pytest
 import truth
 from consilience.case import load_case
 from consilience.mechanism import State, constraint_jacobian, constraint_rates, constraint_residual
-from consilience.mechanism.observables import mass_matrix_condition, reaction_condition
+from consilience.mechanism.conditioning import mass_matrix_condition, reaction_condition
 from consilience.reference import simulate
 from consilience.reference.bodies.arrays import unpack
 from consilience.reference.bodies.canonical import at_origins
-from consilience.reference.kernel.held import hold
+from consilience.reference.kernel.mechanism_record import record_of
 from consilience.reference.tree import records
-from consilience.reference.tree.arrays import BODY, PIVOT, flatten_relative, system
-from consilience.reference.tree.few_freedoms import SOUND
+from consilience.reference.tree.arrays import BODY, ELIMINATION_PIVOT, flatten_relative, tree_system
+from consilience.reference.tree.few_freedoms import REGULAR_PIVOT
 from consilience.reference.tree.formulation import close, differentiate
-from consilience.reference.tree.kinematics import orient, place, place_bodies
-from consilience.reference.tree.projection import SEEN
+from consilience.reference.tree.kinematics import fill_euler_parameters, place_bodies, place_links_and_bodies
+from consilience.reference.tree.projection import AT_SAMPLE
 from consilience.reference.tree.state import pack_relative
 from mechanisms import driven, four_bar, powered, spatial_loop, states_of
 
@@ -24,7 +24,7 @@ EPS = np.finfo(float).eps
 
 
 def library(name):
-    """A case's mechanism, and states on its way."""
+    """Return the mechanism of a case, and states on its motion."""
     case = load_case(name)
     motion = simulate(case.mechanism, case.initial_state, np.linspace(0.0, 1.0, 4), 1e-12, "relative")
     return case.mechanism, [motion.state(n) for n in range(4)]
@@ -50,46 +50,54 @@ UNCHANGING = {"a screw that is cut", "drives alone"}
 
 
 class InSpace:
-    """A mechanism by the kernels of space; which way they went shows in the fronts, not numbers before."""
+    """A mechanism on the kernels of space; NaN in the fronts shows that elimination was used."""
 
     def __init__(self, mechanism):
         self.mechanism = mechanism
         self.links, self.tree, self.model = flatten_relative(mechanism)
-        arrays = system(mechanism, self.links, self.tree, self.model)
-        self.placed, self.rest, self.space, self.elements, _ = map(hold, arrays)
+        arrays = tree_system(mechanism, self.links, self.tree, self.model)
+        self.placed, self.closure, self.spatial, self.elements, _ = map(record_of, arrays)
 
-    def close(self, z, seen=SEEN):
-        """Settled in place; whether by elimination."""
-        self.rest.fronts.F[:] = np.nan
-        close(self.rest, self.space, self.elements, None, 0.0, z, seen)
-        return bool(np.all(np.isnan(self.rest.fronts.F)))
+    def close(self, z, at_sample=AT_SAMPLE):
+        """Project z in place; return whether by elimination."""
+        self.closure.qr.F[:] = np.nan
+        close(self.closure, self.spatial, self.elements, None, 0.0, z, at_sample)
+        return bool(np.all(np.isnan(self.closure.qr.F)))
 
     def accelerations(self, z):
-        """Of the origins and angular, and whether by elimination."""
-        self.rest.fronts.F[:] = np.nan
-        differentiate(self.rest, self.space, self.elements, None, 0.0, z, np.empty_like(z))
-        eliminated = bool(np.all(np.isnan(self.rest.fronts.F)))
-        A, y, link = self.space.A, self.space.y, self.rest.link
+        """Return accelerations of the origins and angular accelerations, and whether by elimination."""
+        self.closure.qr.F[:] = np.nan
+        differentiate(self.closure, self.spatial, self.elements, None, 0.0, z, np.empty_like(z))
+        eliminated = bool(np.all(np.isnan(self.closure.qr.F)))
+        A, y, link = self.spatial.A, self.spatial.y, self.closure.link
         place_bodies(self.links.layout, link, y, A)
-        orient(A, y)
+        fill_euler_parameters(A, y)
         a = np.empty((len(self.mechanism.bodies), 6))
         a[self.links.layout[:, BODY]] = link[:-1, records.ACCELERATION : records.ACCELERATION + 6]
         a[:, 3:] = np.einsum("bji,bj->bi", A, a[:, 3:])
         return np.hstack(at_origins(self.mechanism, y, a.ravel())), eliminated
 
     def violation(self, z):
-        """Of the constraints and of their rates, at most."""
-        place(self.links.layout, self.rest.link, self.rest.free, self.rest.speeds, z, self.space.y, self.space.A)
+        """Return the largest violation of the constraints and of their rates."""
+        place_links_and_bodies(
+            self.links.layout,
+            self.closure.link,
+            self.closure.free,
+            self.closure.first_speed,
+            z,
+            self.spatial.y,
+            self.spatial.A,
+        )
         found = self.state()
         rates = constraint_jacobian(self.mechanism, found) @ np.hstack([found.v_WB_W, found.w_WB_W]).ravel()
         residual = constraint_residual(self.mechanism, found)
         return np.max(np.abs(residual)), np.max(np.abs(rates - constraint_rates(self.mechanism)))
 
     def state(self):
-        """The canonical state of the links as they are placed."""
-        place_bodies(self.links.layout, self.rest.link, self.space.y, self.space.A)
-        orient(self.space.A, self.space.y)
-        return State(*unpack(self.mechanism, self.space.y.copy()))
+        """Return the canonical state of the placed links."""
+        place_bodies(self.links.layout, self.closure.link, self.spatial.y, self.spatial.A)
+        fill_euler_parameters(self.spatial.A, self.spatial.y)
+        return State(*unpack(self.mechanism, self.spatial.y.copy()))
 
 
 @pytest.mark.parametrize("name", LINKAGES)
@@ -98,13 +106,13 @@ def test_accelerations_are_those_of_the_dense_equations_and_of_the_fronts(name):
     equations = InSpace(mechanism)
     for state in states:
         z = pack_relative(equations.links, equations.tree, equations.model, state)
-        equations.rest.best[:] = 0.0
+        equations.closure.best[:] = 0.0
         assert not equations.close(z)
-        pivot = equations.rest.best[PIVOT]
+        pivot = equations.closure.best[ELIMINATION_PIVOT]
         assert pivot > 0.0
         found, eliminated = equations.accelerations(z)
         assert eliminated
-        equations.rest.best[PIVOT] = 1.01 * pivot / SOUND
+        equations.closure.best[ELIMINATION_PIVOT] = 1.01 * pivot / REGULAR_PIVOT
         other, eliminated = equations.accelerations(z)
         assert not eliminated
         a, alpha, _, _ = truth.solve(mechanism, state)
@@ -119,16 +127,18 @@ def test_accelerations_are_those_of_the_dense_equations_and_of_the_fronts(name):
 
 @pytest.mark.parametrize("size", [1e-12, 1e-9, 1e-6])
 @pytest.mark.parametrize("name", LINKAGES)
-def test_what_a_step_leaves_open_is_closed_by_elimination(name, size):
+def test_elimination_projects_the_error_of_a_step(name, size):
     mechanism, states = LINKAGES[name]()
     equations, rng = InSpace(mechanism), np.random.default_rng(2)
     z = pack_relative(equations.links, equations.tree, equations.model, states[-1])
     assert not equations.close(z)
-    pivot = equations.rest.best[PIVOT]
+    pivot = equations.closure.best[ELIMINATION_PIVOT]
     closed = z.copy()
     for _ in range(3):
         z[:] = closed + size * rng.normal(size=len(z))
-        equations.rest.best[PIVOT] = 1.01 * pivot  # not larger than it has been: the fronts would note that
+        equations.closure.best[ELIMINATION_PIVOT] = (
+            1.01 * pivot
+        )  # not larger than it has been: the fronts would note that
         assert equations.close(z)
         found = equations.state()
         rates = constraint_jacobian(mechanism, found) @ np.hstack([found.v_WB_W, found.w_WB_W]).ravel()
@@ -137,16 +147,17 @@ def test_what_a_step_leaves_open_is_closed_by_elimination(name, size):
 
 
 @pytest.mark.parametrize("name", LINKAGES)
-def test_what_nobody_sees_is_open_in_speeds_alone_and_by_the_size_of_its_correction(name):
+def test_between_samples_only_a_velocity_residual_of_the_size_of_the_correction_remains(name):
+    """Between samples the projection leaves a velocity residual of the size of its correction alone."""
     mechanism, states = LINKAGES[name]()
     equations, rng = InSpace(mechanism), np.random.default_rng(3)
     z = pack_relative(equations.links, equations.tree, equations.model, states[-1])
     assert not equations.close(z)
-    pivot, closed, left = equations.rest.best[PIVOT], z.copy(), []
+    pivot, closed, left = equations.closure.best[ELIMINATION_PIVOT], z.copy(), []
     for size in (1e-12, 1e-10):
         z[:] = closed + size * rng.normal(size=len(z))
-        equations.rest.best[PIVOT] = 1.01 * pivot
-        assert equations.close(z, ~SEEN)
+        equations.closure.best[ELIMINATION_PIVOT] = 1.01 * pivot
+        assert equations.close(z, ~AT_SAMPLE)
         position, rate = equations.violation(z)
         assert position < 1e-13
         assert rate < 1e-12 + 100.0 * size * np.max(np.abs(z))
@@ -161,20 +172,20 @@ def test_what_nobody_sees_is_open_in_speeds_alone_and_by_the_size_of_its_correct
     [four_bar(), powered(), load_case("bricard").mechanism, load_case("rolling_disc").mechanism],
     ids=["a flat loop in space", "a tree", "five rows of rank four", "rolling"],
 )
-def test_rows_that_depend_on_others_or_hold_no_positions_are_left_to_the_fronts(mechanism):
+def test_dependent_rows_and_velocity_rows_use_the_fronts(mechanism):
     equations = InSpace(mechanism)
     for state in states_of(mechanism, 1):
         z = pack_relative(equations.links, equations.tree, equations.model, state)
         for _ in range(2):
             equations.close(z)
-            assert equations.rest.best[PIVOT] == 0.0
+            assert equations.closure.best[ELIMINATION_PIVOT] == 0.0
 
 
 @pytest.mark.parametrize(
     "name", ["four_bar", "rsur_four_bar", "parallelogram", "double_pendulum", "acrobot", "bricard"]
 )
-def test_a_motion_leaves_nothing_to_the_next(name):
-    """Their arrays are used again: what is computed is the same to the last bit."""
+def test_a_motion_does_not_depend_on_the_one_before(name):
+    """Work arrays are reused: the results are equal to the last bit."""
     case = load_case(name)
     times = np.linspace(0.0, 1.0, 5)
     first, _, again = (

@@ -12,9 +12,9 @@ import jsonschema
 import pytest
 
 from consilience.case import shipped_cases
-from consilience.compare import Verdict
+from consilience.compare import CODES, Verdict
 from consilience.report.exports import badge, bibtex, document, junit, latex, spreadsheet
-from consilience.report.exports.digest import CODES, cells, deciding
+from consilience.report.exports.digest import cells, deciding
 from records import LONG, case_of, comparison, quantity, record_of
 
 

@@ -27,7 +27,7 @@ def moving():
     )
 
 
-@pytest.mark.parametrize("what", plot.KINDS)
+@pytest.mark.parametrize("what", plot.PLOTS)
 def test_a_plot_is_one_svg_the_same_for_the_same_record(moving, what):
     drawn = plot.plotted(moving, "one", what, "svg")
     assert drawn == plot.plotted(moving, "one", what, "svg")
@@ -39,16 +39,16 @@ def test_a_plot_is_one_svg_the_same_for_the_same_record(moving, what):
 
 
 def test_lines_of_a_plot_hold_the_numbers_of_the_record(moving):
-    lines = dict(plot.lines(moving, moving.cases[0], plot.KINDS["convergence"]))
+    lines = dict(plot.lines(moving, moving.cases[0], plot.PLOTS["convergence"]))
     # the first engine is judged up to its horizon of 1 s, the second to the end
     assert (lines[0].x, lines[0].y) == ((0.02, 0.01), (1e-5, 1e-6))
     assert (lines[1].x, lines[1].y) == ((0.02, 0.01), (1e-4, 0.5))
     assert lines[0].label == "alpha: RK4, order 3.98"
-    energy = dict(plot.lines(moving, moving.cases[0], plot.KINDS["energy"]))
+    energy = dict(plot.lines(moving, moving.cases[0], plot.PLOTS["energy"]))
     assert (energy[0].x, energy[0].y) == ((1.0, 2.0), (1e-9, 2e-9))
-    work = dict(plot.lines(moving, moving.cases[0], plot.KINDS["work-precision"]))
+    work = dict(plot.lines(moving, moving.cases[0], plot.PLOTS["work-precision"]))
     assert work[1].x == (50.0, 100.0)
-    assert len(plot.lines(moving, moving.cases[0], plot.KINDS["difference"])) == 2
+    assert len(plot.lines(moving, moving.cases[0], plot.PLOTS["difference"])) == 2
 
 
 @pytest.mark.parametrize("most", [0.3, 4.2, 40.0])
@@ -56,7 +56,9 @@ def test_numbers_along_a_short_axis_do_not_run_into_one_another(most):
     with rc_context(plot.SETTINGS):
         figure = Figure(figsize=(plot.WIDTH, plot.HEIGHT))
         axes = FigureCanvasAgg(figure).figure.subplots()
-        plot._draw(axes, plot.KINDS["work-precision"], [(0, plot.Line("alpha: RK4", (0.13, most), (1e-2, 1e-8)))])
+        plot._draw(
+            axes, plot.PLOTS["work-precision"], [(0, plot.PlottedMotion("alpha: RK4", (0.13, most), (1e-2, 1e-8)))]
+        )
         figure.canvas.draw()
         low, high = axes.get_xlim()
         ticks = sorted(

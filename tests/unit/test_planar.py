@@ -1,4 +1,4 @@
-"""Mechanisms that move in parallel planes: their own kernels against dense equations and those of space."""
+"""Mechanisms that move in parallel planes: their kernels against dense equations and the kernels of space."""
 
 from dataclasses import replace
 
@@ -15,18 +15,18 @@ from consilience.mechanism import (
     quaternion_from_rotation_vector,
     rotation_from_quaternion,
 )
-from consilience.mechanism.observables import mass_matrix_condition
+from consilience.mechanism.conditioning import mass_matrix_condition
 from consilience.reference import simulate
 from consilience.reference.bodies.arrays import unpack
 from consilience.reference.bodies.canonical import at_origins
-from consilience.reference.kernel.held import hold
+from consilience.reference.kernel.mechanism_record import record_of
 from consilience.reference.tree.arrays import flatten_relative
 from consilience.reference.tree.formulation import close, differentiate
-from consilience.reference.tree.kinematics import orient
+from consilience.reference.tree.kinematics import fill_euler_parameters
 from consilience.reference.tree.planar import place_planar_bodies
-from consilience.reference.tree.planar_detection import planar
+from consilience.reference.tree.planar_detection import planar_system
 from consilience.reference.tree.plane import ACCELERATION
-from consilience.reference.tree.projection import SEEN, find_rank
+from consilience.reference.tree.projection import AT_SAMPLE, find_rank
 from consilience.reference.tree.state import pack_relative
 from flat import PLANAR, flat_chain
 from mechanisms import states_of
@@ -35,39 +35,39 @@ EPS = np.finfo(float).eps
 
 
 def find_rank_of(equations, z):
-    """Rows chosen at a state."""
-    find_rank(equations.rest, None, None, equations.plane, 0.0, z)
+    """Select the rows at a state."""
+    find_rank(equations.closure, None, None, equations.planar, 0.0, z)
 
 
 class InPlane:
-    """A mechanism by the kernels of the plane."""
+    """A mechanism on the kernels of the plane."""
 
     def __init__(self, mechanism):
         self.mechanism = mechanism
         self.links, self.tree, self.model = flatten_relative(mechanism)
-        system = planar(mechanism, self.links, self.tree, self.model)
-        self.placed, self.rest, self.plane = system.tree, hold(system.rest), hold(system.plane)
+        system = planar_system(mechanism, self.links, self.tree, self.model)
+        self.placed, self.closure, self.planar = system.tree, record_of(system.closure), record_of(system.planar)
 
     def packed(self, state):
         return pack_relative(self.links, self.tree, self.model, state)
 
     def accelerations(self, state, t=0.0):
-        rest, placed, z = self.rest, self.placed, self.packed(state)
-        find_rank(rest, None, None, self.plane, t, z)
-        differentiate(rest, None, None, self.plane, t, z, np.empty_like(z))
-        place_planar_bodies(self.plane.body, rest.link, placed.y, placed.A)
-        orient(placed.A, placed.y)
+        closure, placed, z = self.closure, self.placed, self.packed(state)
+        find_rank(closure, None, None, self.planar, t, z)
+        differentiate(closure, None, None, self.planar, t, z, np.empty_like(z))
+        place_planar_bodies(self.planar.body, closure.link, placed.y, placed.A)
+        fill_euler_parameters(placed.A, placed.y)
         a = np.empty((len(self.mechanism.bodies), 6))
-        for row, found in zip(self.plane.body, rest.link, strict=False):
+        for row, found in zip(self.planar.body, closure.link, strict=False):
             basis, acceleration = row[11:].reshape(3, 3), found[ACCELERATION : ACCELERATION + 3]
             b = int(row[0])
             a[b, :3], a[b, 3:] = acceleration[:2] @ basis[:2], placed.A[b].T @ basis[2] * acceleration[2]
         return at_origins(self.mechanism, placed.y, a.ravel())
 
     def state(self):
-        """Arrays of the canonical state of the links as they are placed."""
-        place_planar_bodies(self.plane.body, self.rest.link, self.placed.y, self.placed.A)
-        orient(self.placed.A, self.placed.y)
+        """Return the arrays of the canonical state of the placed links."""
+        place_planar_bodies(self.planar.body, self.closure.link, self.placed.y, self.placed.A)
+        fill_euler_parameters(self.placed.A, self.placed.y)
         return unpack(self.mechanism, self.placed.y.copy())
 
 
@@ -95,17 +95,17 @@ def test_a_state_comes_back_from_its_coordinates(name):
 
 @pytest.mark.parametrize("size", [1e-4, 1e-7])
 @pytest.mark.parametrize("name", [n for n in PLANAR if n.startswith("closed")] + ["two_loops", "driven", "branches"])
-def test_settling_closes_what_was_torn_open(name, size):
-    """Twice, as sound factors are known by those before."""
+def test_projection_closes_open_loops(name, size):
+    """Twice, because regular factors are recognised by those before."""
     mechanism, rng = PLANAR[name], np.random.default_rng(5)
     equations = InPlane(mechanism)
     (state,) = states_of(mechanism, 1)
     z = equations.packed(state)
-    count = 2 * len(equations.rest.u)
+    count = 2 * len(equations.closure.u)
     find_rank_of(equations, z)
     for _ in range(2):
         z[:count] += size * rng.normal(size=count)
-        close(equations.rest, None, None, equations.plane, 0.0, z, SEEN)
+        close(equations.closure, None, None, equations.planar, 0.0, z, AT_SAMPLE)
         found = State(*equations.state())
         rates = constraint_jacobian(mechanism, found) @ np.hstack([found.v_WB_W, found.w_WB_W]).ravel()
         assert np.max(np.abs(constraint_residual(mechanism, found))) < 1e-13
@@ -123,7 +123,7 @@ def test_motions_are_those_of_space_by_another_integrator(name):
 
 
 def tilted(mechanism, joint, angle):
-    """The mechanism with both frames of a joint turned about its first axis."""
+    """Return the mechanism with both frames of a joint rotated about its first axis."""
     turn = rotation_from_quaternion(quaternion_from_rotation_vector(angle * np.array([1.0, 0.0, 0.0])))
     joints = [
         replace(j, F=replace(j.F, R=j.F.R @ turn), M=replace(j.M, R=j.M.R @ turn)) if j.name == joint else j
@@ -133,7 +133,7 @@ def tilted(mechanism, joint, angle):
 
 
 def raised(mechanism, joint, height):
-    """The mechanism with a joint's frame on its successor moved along its axis: what it closes is open by that."""
+    """Return the mechanism with a joint's frame on its successor moved along its axis, which opens the loop by that."""
     joints = [
         replace(j, M=replace(j.M, p=j.M.p + height * j.M.R[:, 2])) if j.name == joint else j for j in mechanism.joints
     ]
@@ -154,9 +154,9 @@ def raised(mechanism, joint, height):
     ],
     ids=lambda m: m.name,
 )
-def test_what_leaves_the_plane_is_left_to_the_kernels_of_space(mechanism):
-    assert planar(mechanism, *flatten_relative(mechanism)) is None
+def test_mechanisms_that_leave_the_plane_use_the_kernels_of_space(mechanism):
+    assert planar_system(mechanism, *flatten_relative(mechanism)) is None
 
 
-def test_a_mechanism_tilted_by_rounding_is_planar_still():
-    assert planar(*(m := tilted(PLANAR["chain"], "j4", 1e-16),), *flatten_relative(m)) is not None
+def test_a_mechanism_tilted_by_rounding_is_planar():
+    assert planar_system(*(m := tilted(PLANAR["chain"], "j4", 1e-16),), *flatten_relative(m)) is not None

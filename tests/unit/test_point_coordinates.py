@@ -24,7 +24,8 @@ from consilience.mechanism import (
     rotation_from_quaternion,
     skew,
 )
-from consilience.mechanism.observables import angular_momentum, linear_momentum, mass_matrix_condition
+from consilience.mechanism.conditioning import mass_matrix_condition
+from consilience.mechanism.observables import angular_momentum, linear_momentum
 from consilience.reference import simulate
 from consilience.reference.formulations import particle_chain, particles
 from consilience.reference.formulations.point_coordinates import PointCoordinates, unsupported

@@ -4,12 +4,12 @@ import io
 
 from rich.console import Console
 
-from consilience.cli.progress import per_engine
+from consilience.cli.terminal import progress_per_engine
 
 
 def test_each_engine_has_a_line_of_its_own_with_the_time_left():
     text = io.StringIO()
-    with per_engine(["reference", "mine"], 4, Console(file=text, width=120)) as advance:
+    with progress_per_engine(["reference", "mine"], 4, Console(file=text, width=120)) as advance:
         for case in ("one", "two", "three", "four"):
             advance("reference", case)
         advance("mine", "one")

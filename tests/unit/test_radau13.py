@@ -1,4 +1,4 @@
-"""The implicit method for stiff motions: its coefficients, its motions, and when a motion is left to it."""
+"""The implicit integrator for stiff motions: coefficients, motions, and detection of stiffness."""
 
 from dataclasses import replace
 
@@ -21,7 +21,7 @@ STIFFNESS, DAMPING = 4e5, 2e4
 
 
 def stiff(mechanism):
-    """The mechanism, with such springs in its joints in place of what is there."""
+    """Return the mechanism with such springs in its joints instead of its own."""
     held = [j for j in mechanism.joints if j.kind in ("revolute", "prismatic")]
     coordinate = {"revolute": "angle", "prismatic": "distance"}
     springs = [JointSpring(f"k_{j.name}", j.name, coordinate[j.kind], STIFFNESS, DAMPING, 0.1) for j in held]
@@ -46,7 +46,7 @@ def test_eigenvectors_make_the_inverse_diagonal():
         np.testing.assert_allclose((OUT * LAMBDA**power @ IN).real, matrix, atol=1e-11)
 
 
-def test_the_estimate_sees_the_highest_power_alone():
+def test_the_estimate_measures_the_highest_power_alone():
     """With ``f = c^k`` and ``Z = c^(k+1) / (k+1)``, it is zero up to the order of the stages."""
     for k in range(STAGES):
         assert abs(0.0**k + ESTIMATE @ C ** (k + 1) / (k + 1)) < 1e-11
@@ -63,7 +63,7 @@ def test_the_dense_output_is_the_polynomial_through_the_stages():
 
 @pytest.mark.parametrize("name", KINDS)
 def test_motions_agree_with_those_of_the_explicit_method(name):
-    """At a coarse tolerance, too: there samples stand within steps."""
+    """Also at a coarse tolerance, where samples lie within steps."""
     mechanism = KINDS[name]
     state = states_of(mechanism, 2)[1]
     times = np.linspace(0.0, 0.5, 26)
@@ -76,8 +76,8 @@ def test_motions_agree_with_those_of_the_explicit_method(name):
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-5, 1e-7, 1e-9, 1e-11])
-def test_a_slide_on_a_stiff_spring_settles_as_by_hand(tolerance):
-    """``m x'' + c x' + k (x - x0) = m g`` along the axis: two exponentials, one a thousand times as fast."""
+def test_a_slider_on_a_stiff_spring_follows_the_closed_form(tolerance):
+    """``m x'' + c x' + k (x - x0) = m g`` along the axis: two exponentials, with rates a thousand apart."""
     mechanism = stiff(chain("prismatic", seed=4))
     (state,) = states_of(mechanism, 1)
     (joint,), (body,) = mechanism.joints, mechanism.bodies
@@ -94,7 +94,7 @@ def test_a_slide_on_a_stiff_spring_settles_as_by_hand(tolerance):
 
 
 @pytest.mark.parametrize("name", KINDS)
-def test_a_stiff_mechanism_is_left_to_it_and_a_soft_one_is_not(name):
+def test_radau13_takes_stiff_mechanisms_alone(name):
     mechanism = KINDS[name]
     state, times = states_of(mechanism, 2)[1], np.linspace(0.0, 0.3, 7)
     soft, explicit = (simulate(mechanism, state, times, 1e-7, "relative", by) for by in (None, "tp86"))
@@ -111,7 +111,7 @@ def test_a_stiff_mechanism_is_left_to_it_and_a_soft_one_is_not(name):
 
 
 def test_the_stiff_governor_over_ten_seconds():
-    """Heights of its sleeve integrated elsewhere in long double (remarks of the case)."""
+    """Heights of the sleeve, integrated elsewhere in long double (remarks of the case)."""
     case = load_case("flyball_governor")
     motion = simulate(case.mechanism, case.initial_state, np.array([0.0, 0.5, 1.0, 10.0]), 1e-10, "relative")
     sleeve = [b.name for b in case.mechanism.bodies].index("sleeve")

@@ -11,15 +11,14 @@ import pytest
 
 import truth
 from consilience.mechanism import GROUND, JOINT_KINDS, Mechanism, spanning_tree
-from consilience.mechanism.observables import mass_matrix_condition
+from consilience.mechanism.conditioning import mass_matrix_condition
 from consilience.reference import accelerations
 from consilience.reference.bodies import constraints
-from consilience.reference.bodies.arrays import flatten, pack
+from consilience.reference.bodies.arrays import flatten, pack, workspace
 from consilience.reference.bodies.motion import rotations
 from consilience.reference.bodies.spanning_tree import flatten_tree, free_axes, tree_rows
-from consilience.reference.bodies.workspace import workspace
 from consilience.reference.formulations import descriptor, recursive
-from consilience.reference.formulations.recursive import ROUTES, recursive_accelerations
+from consilience.reference.formulations.body_velocities import TREE_KERNELS, KernelFormulation
 from mechanisms import ELEMENTS, GRAVITY, LOOPS, TREES, chain, drawn_joint, four_bar, rotation, states_of
 
 ALL = TREES | LOOPS | ELEMENTS
@@ -38,38 +37,38 @@ def worst_ratio(mechanism, state, found, wanted):
     return np.max(np.abs(found - wanted)) / np.max(np.abs(wanted)) / bar
 
 
-@pytest.mark.parametrize("route", ROUTES)
+@pytest.mark.parametrize("route", TREE_KERNELS)
 @pytest.mark.parametrize("name", ALL)
 def test_accelerations_are_those_of_dense_numpy(name, route):
     mechanism = ALL[name]
     ratios = [
-        worst_ratio(mechanism, s, recursive_accelerations(mechanism, s, route), truth.solve(mechanism, s)[:2])
+        worst_ratio(mechanism, s, KernelFormulation(mechanism, route).accelerations(s), truth.solve(mechanism, s)[:2])
         for s in states(name)
     ]
     assert np.max(ratios) < 1.0
 
 
-@pytest.mark.parametrize("route", ROUTES)
+@pytest.mark.parametrize("route", TREE_KERNELS)
 @pytest.mark.parametrize("name", ALL)
 def test_accelerations_are_those_of_the_descriptor_form(name, route):
     mechanism = ALL[name]
     answer = accelerations(mechanism, states(name), "descriptor")
     ratios = [
-        worst_ratio(mechanism, s, recursive_accelerations(mechanism, s, route), (a, alpha))
+        worst_ratio(mechanism, s, KernelFormulation(mechanism, route).accelerations(s), (a, alpha))
         for s, a, alpha in zip(states(name), answer.a_WB_W, answer.alpha_WB_W, strict=True)
     ]
     assert np.max(ratios) < 1.0
 
 
-@pytest.mark.parametrize("route", ROUTES)
+@pytest.mark.parametrize("route", TREE_KERNELS)
 @pytest.mark.parametrize("name", ALL)
 def test_rank_is_that_of_all_rows(name, route):
     mechanism = ALL[name]
     model, tree = flatten(mechanism), flatten_tree(mechanism)
-    ws, a, memory = workspace(model), np.empty(6 * len(mechanism.bodies)), np.zeros(len(model.coordinate))
+    ws, a, turns = workspace(model), np.empty(6 * len(mechanism.bodies)), np.zeros(len(model.coordinate))
     y = pack(mechanism, states(name)[0])
-    wanted = descriptor.accelerations(model, 0.0, y, memory, ws, a)
-    assert ROUTES[route](tree, model, 0.0, y, memory, ws, a) == wanted
+    wanted = descriptor.accelerations(model, 0.0, y, turns, ws, a)
+    assert TREE_KERNELS[route](tree, model, 0.0, y, turns, ws, a) == wanted
 
 
 def test_cut_joint_of_the_planar_four_bar_has_three_dependent_rows():
@@ -145,10 +144,10 @@ def test_composite_bodies_give_the_projected_mass_matrix(name):
     np.testing.assert_allclose(np.tril(H), np.tril(wanted), rtol=0, atol=1e-13 * np.max(np.abs(wanted)))
 
 
-@pytest.mark.parametrize("route", ROUTES)
+@pytest.mark.parametrize("route", TREE_KERNELS)
 def test_bodies_that_cannot_move_do_not_accelerate(route):
     mechanism = chain("rigid", "rigid", seed=73)
-    for found in recursive_accelerations(mechanism, states_of(mechanism, 1)[0], route):
+    for found in KernelFormulation(mechanism, route).accelerations(states_of(mechanism, 1)[0]):
         np.testing.assert_array_equal(found, np.zeros((2, 3)))
 
 
@@ -169,12 +168,12 @@ def test_a_rod_that_closes_a_loop_is_a_cut_joint():
 # ---------------------------------------------------------------- long chains, and what they cost
 
 
-@pytest.mark.parametrize("route", ROUTES)
+@pytest.mark.parametrize("route", TREE_KERNELS)
 def test_fifty_links_agree_with_the_descriptor_form(route):
     mechanism = chain(*(("revolute", "universal", "prismatic", "spherical", "cylindrical") * 10), seed=70)
     state = states_of(mechanism, 1)[0]
     answer = accelerations(mechanism, [state], "descriptor")
-    found = recursive_accelerations(mechanism, state, route)
+    found = KernelFormulation(mechanism, route).accelerations(state)
     assert worst_ratio(mechanism, state, found, (answer.a_WB_W[0], answer.alpha_WB_W[0])) < 1.0
 
 
@@ -207,7 +206,7 @@ def lines_of(route, mechanism):
         return trace
 
     sys.settrace(trace)
-    ROUTES[route](tree, model, 0.0, y, np.zeros(0), ws, a)
+    TREE_KERNELS[route](tree, model, 0.0, y, np.zeros(0), ws, a)
     sys.settrace(None)
     return count
 

@@ -34,25 +34,20 @@ from consilience.mechanism import (
     rotation_angle_between,
     rotation_from_quaternion,
 )
-from consilience.mechanism.observables import (
-    angular_momentum,
-    is_conservative,
-    linear_momentum,
-    load_potential,
-    mass_matrix_condition,
-)
+from consilience.mechanism.conditioning import mass_matrix_condition
+from consilience.mechanism.observables import angular_momentum, is_conservative, linear_momentum, load_potential
 from consilience.reference import NumericalFailure, accelerations, simulate
 from consilience.reference.bodies import constraints, forces
-from consilience.reference.bodies.arrays import flatten, pack, unpack
+from consilience.reference.bodies.arrays import flatten, pack, unpack, workspace
 from consilience.reference.bodies.joint_rows import full_turns
 from consilience.reference.bodies.mass_metric import mass_matrix
 from consilience.reference.bodies.motion import rotations
 from consilience.reference.bodies.projection import project
-from consilience.reference.bodies.workspace import workspace
 from consilience.reference.formulations import descriptor
 from consilience.reference.formulations.compiled_choice import FORMULATIONS
 from consilience.reference.formulations.null_space import basis
-from consilience.reference.integrators import coefficients, tsitouras
+from consilience.reference.integrators.coefficients import DORMAND_PRINCE
+from consilience.reference.integrators.tsitouras import TSITOURAS
 from consilience.reference.kernel.factorisation import least_norm, pivoted_qr
 from mechanisms import ELEMENTS, GRAVITY, LOOPS, TREES, chain, drawn_joint, lumpy_body, rotation, states_of
 
@@ -125,9 +120,9 @@ def test_multipliers_satisfy_the_equations_and_have_least_norm(name):
     model = flatten(mechanism)
     ws, a = workspace(model), np.empty(6 * len(mechanism.bodies))
     y = pack(mechanism, states_of(mechanism)[2])
-    memory = np.zeros(len(model.coordinate))
-    forces.remember(model, y, ws, memory)
-    lam = descriptor.multipliers(model, 0.0, y, memory, ws, a)
+    turns = np.zeros(len(model.coordinate))
+    forces.count_turns(model, y, ws, turns)
+    lam = descriptor.multipliers(model, 0.0, y, turns, ws, a)
     M, size = mass_matrix(model), max(1.0, np.max(np.abs(a)))
     np.testing.assert_allclose(M @ a, ws.f + ws.Q.T @ lam, rtol=0, atol=1e-11 * size)
     np.testing.assert_allclose(ws.Q @ a, ws.gamma, rtol=0, atol=1e-11 * size)
@@ -264,7 +259,7 @@ def weights(tree, A):
     return np.prod([A @ weights(t, A) for t in tree], axis=0) if tree else np.ones(len(A))
 
 
-PAIRS = {"dop853": coefficients, "tp86": tsitouras}
+PAIRS = {"dop853": DORMAND_PRINCE, "tp86": TSITOURAS}
 
 
 # 1, 1, 2, 4, 9, 20, 48, 115 trees [Hairer, Norsett, Wanner, table II.2.1]
@@ -273,19 +268,23 @@ PAIRS = {"dop853": coefficients, "tp86": tsitouras}
 def test_pairs_of_order_eight_satisfy_every_order_condition(pair, order, count):
     trees = rooted_trees(order)
     assert len(trees) == len(set(trees)) == count
-    errors = [pair.B @ weights(tree, pair.A) - float(Fraction(1, density(tree))) for tree in trees]
+    errors = [pair.b @ weights(tree, pair.A) - float(Fraction(1, density(tree))) for tree in trees]
     assert np.max(np.abs(errors)) < 3e-14
 
 
 @pytest.mark.parametrize("pair", PAIRS.values(), ids=PAIRS)
 def test_pairs_of_order_eight_are_not_of_order_nine(pair):
-    errors = [pair.B @ weights(tree, pair.A) - 1.0 / density(tree) for tree in rooted_trees(9)]
+    errors = [pair.b @ weights(tree, pair.A) - 1.0 / density(tree) for tree in rooted_trees(9)]
     assert np.max(np.abs(errors)) > 1e-7
 
 
 @pytest.mark.parametrize(
     ("pair", "estimate", "order"),
-    [(coefficients, coefficients.E3, 3), (coefficients, coefficients.E5, 5), (tsitouras, tsitouras.E, 6)],
+    [
+        (DORMAND_PRINCE, DORMAND_PRINCE.E[1], 3),
+        (DORMAND_PRINCE, DORMAND_PRINCE.E[0], 5),
+        (TSITOURAS, TSITOURAS.E[0], 6),
+    ],
     ids=["dop853, E3", "dop853, E5", "tp86"],
 )
 def test_error_estimates_are_differences_to_methods_of_their_order(pair, estimate, order):
@@ -297,18 +296,18 @@ def test_error_estimates_are_differences_to_methods_of_their_order(pair, estimat
 
 def all_stages(pair):
     """Stages of a step, its end, and those of the dense output."""
-    s = len(pair.B)
-    A = np.zeros((pair.ALL_STAGES, pair.ALL_STAGES))
-    A[:s, :s], A[s, :s], A[s + 1 :] = pair.A, pair.B, pair.A_DENSE
+    s = len(pair.b)
+    A = np.zeros((len(pair.D[0]), len(pair.D[0])))
+    A[:s, :s], A[s, :s], A[s + 1 :] = pair.A, pair.b, pair.A_dense
     return A
 
 
 def dense_weights(pair, x):
     """Weights of all stages in the dense output at the part x of a step, by its nested form."""
-    ends, step = np.eye(pair.ALL_STAGES), np.append(pair.B, np.zeros(pair.ALL_STAGES - len(pair.B)))
-    first, last = ends[0], ends[len(pair.B)]
-    total = np.zeros(pair.ALL_STAGES)
-    for i, row in reversed(list(enumerate([step, first - step, 2 * step - first - last, *pair.D_DENSE]))):
+    ends, step = np.eye(len(pair.D[0])), np.append(pair.b, np.zeros(len(pair.D[0]) - len(pair.b)))
+    first, last = ends[0], ends[len(pair.b)]
+    total = np.zeros(len(pair.D[0]))
+    for i, row in reversed(list(enumerate([step, first - step, 2 * step - first - last, *pair.D]))):
         total = (total + row) * (1 - x if i % 2 else x)
     return total
 
@@ -317,7 +316,7 @@ def dense_weights(pair, x):
 @pytest.mark.parametrize("pair", PAIRS.values(), ids=PAIRS)
 def test_dense_outputs_satisfy_every_condition_of_order_seven(pair, x):
     A = all_stages(pair)
-    np.testing.assert_allclose(A.sum(axis=1), [*pair.C, 1.0, *pair.C_DENSE], rtol=0, atol=3e-14)
+    np.testing.assert_allclose(A.sum(axis=1), [*pair.c, 1.0, *pair.c_dense], rtol=0, atol=3e-14)
     w = dense_weights(pair, x)
     errors = [
         [w @ weights(tree, A) - x**order / density(tree) for tree in rooted_trees(order)] for order in range(1, 9)
@@ -330,17 +329,17 @@ def test_tp86_nodes_are_those_of_the_paper():
     """Fractions as published, but c9 and the twelfth; c4 = 3/2 c3 [Tsitouras and Papakostas 1999, NEW8(6)]."""
     c4 = Fraction(12257, 79497)
     fractions = [0, Fraction(9, 142), c4 * 2 / 3, c4, *map(Fraction, ("50/129", "34/73", "23/148", "142/141"))]
-    np.testing.assert_allclose(tsitouras.C[:8], [float(f) for f in fractions], rtol=0, atol=3e-14)
-    np.testing.assert_allclose(tsitouras.C[9:], [83 / 91, 143 / 149, 1.0], rtol=0, atol=3e-14)
-    assert np.all(np.triu(tsitouras.A) == 0)
+    np.testing.assert_allclose(TSITOURAS.c[:8], [float(f) for f in fractions], rtol=0, atol=3e-14)
+    np.testing.assert_allclose(TSITOURAS.c[9:], [83 / 91, 143 / 149, 1.0], rtol=0, atol=3e-14)
+    assert np.all(np.triu(TSITOURAS.A) == 0)
 
 
 def test_dop853_nodes_are_those_of_the_book():
     """Row sums: c4, c5 = (6 -+ sqrt 6)/30, c3 = 2/3 c4, c2 = 2/3 c3, then fractions [HNW section II.5, II.10]."""
     c4, c5 = (6 - np.sqrt(6)) / 30, (6 + np.sqrt(6)) / 30
     fractions = [1 / 3, 1 / 4, 4 / 13, 127 / 195, 3 / 5, 6 / 7, 1]
-    np.testing.assert_allclose(coefficients.C, [0, 4 / 9 * c4, 2 / 3 * c4, c4, c5, *fractions], rtol=0, atol=3e-14)
-    assert np.all(np.triu(coefficients.A) == 0)
+    np.testing.assert_allclose(DORMAND_PRINCE.c, [0, 4 / 9 * c4, 2 / 3 * c4, c4, c5, *fractions], rtol=0, atol=3e-14)
+    assert np.all(np.triu(DORMAND_PRINCE.A) == 0)
 
 
 # ---------------------------------------------------------------- projection

@@ -7,7 +7,7 @@ import truth
 from consilience.engine import Question, Route, load_engine
 from consilience.errors import InvalidInput
 from consilience.mechanism import Load, rotation_from_quaternion
-from consilience.mechanism.observables import mass_matrix_condition
+from consilience.mechanism.conditioning import mass_matrix_condition
 from consilience.reference import FORMULATIONS, accelerations, formulation, simulate, unsupported
 from mechanisms import ELEMENTS, LOOPS, TREES, chain, states_of
 

@@ -1,4 +1,4 @@
-"""Relative joint coordinates: against dense equations, another formulation's motions, and identities of its own."""
+"""Relative joint coordinates against dense equations, motions of another formulation, and identities."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import pytest
 import truth
 from consilience.case import load_case
 from consilience.mechanism import constraint_jacobian, constraint_rates, constraint_residual, rotation_angle_between
-from consilience.mechanism.observables import mass_matrix_condition
+from consilience.mechanism.conditioning import mass_matrix_condition
 from consilience.reference import formulation, simulate
 from mechanisms import ELEMENTS, LOOPS, TREES, states_of
 
@@ -19,7 +19,7 @@ def relative(a, b):
 
 
 def violation(mechanism, state):
-    """Largest of the constraints on poses, and on velocities."""
+    """Return the largest violation of the constraints on poses, and on velocities."""
     rates = constraint_jacobian(mechanism, state) @ np.hstack([state.v_WB_W, state.w_WB_W]).ravel()
     rates = np.max(np.abs(rates - constraint_rates(mechanism)))
     return np.max(np.abs(constraint_residual(mechanism, state))), rates
@@ -50,7 +50,7 @@ def test_a_state_comes_back_from_its_coordinates(name):
 
 @pytest.mark.parametrize("name", [*LOOPS, "driven", "coupled", "rolling_torus", "skating", "single_screw"])
 @pytest.mark.parametrize("size", [1e-4, 1e-7])
-def test_settling_closes_what_was_torn_open(name, size):
+def test_projection_closes_open_loops(name, size):
     mechanism, rng = ALL[name], np.random.default_rng(5)
     equations = formulation("relative", mechanism)
     (state,) = states_of(mechanism, 1)
@@ -76,8 +76,8 @@ def test_motions_are_those_of_the_null_space(name):
 
 
 @pytest.mark.parametrize("form", ["descriptor", "relative"])
-def test_redundant_rows_cost_no_digits_through_a_step(form):
-    """Of 14 rows 11 are independent; chosen anew in each stage, off the manifold, they cost the angle 1e-9."""
+def test_redundant_rows_cost_no_digits_within_a_step(form):
+    """Of 14 rows 11 are independent; a new selection in each stage, off the manifold, costs the angle 1e-9."""
     case = load_case("hookes_joint_free")
     times = np.array([0.0, 0.5, 1.0])
     one, two = (simulate(case.mechanism, case.initial_state, times, 1e-12, f) for f in (form, "null_space"))
@@ -85,8 +85,8 @@ def test_redundant_rows_cost_no_digits_through_a_step(form):
     assert np.max(rotation_angle_between(one.quat_WB, two.quat_WB)) < 1e-11
 
 
-def test_a_first_step_that_is_too_careful_does_not_hold_up_the_next():
-    """A spin of constant acceleration, ``500 t^2`` rad: three steps take what a method of order eight does exactly."""
+def test_steps_grow_fast_after_a_short_first_step():
+    """A rotation of constant acceleration, ``500 t^2`` rad, is exact at order eight: three steps suffice."""
     case = load_case("seven_axis_arm_upright")
     times = np.linspace(0.0, 0.2, 6)
     motion = simulate(case.mechanism, case.initial_state, times, 1e-3, "relative")

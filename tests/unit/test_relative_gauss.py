@@ -1,4 +1,4 @@
-"""Collocation at Gauss points: its coefficients by what they integrate, its motions by those of another method."""
+"""Collocation at Gauss points: coefficients by the powers that they integrate, motions against another integrator."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ def test_coefficients_integrate_powers():
         np.testing.assert_allclose(A @ C**k, C ** (k + 1) / (k + 1), atol=2e-15)
 
 
-def test_the_last_difference_sees_the_highest_power_alone():
+def test_the_last_difference_measures_the_highest_power_alone():
     for k in range(STAGES - 1):
         assert abs(DIFFERENCE @ C**k) < 1e-15
     assert abs(DIFFERENCE @ C ** (STAGES - 1)) > 1e-6

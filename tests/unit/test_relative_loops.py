@@ -1,4 +1,4 @@
-"""Loops and samples of the relative form: structure of the factors, dense output, steps that no sample stops."""
+"""Loops and samples of the relative form: structure of the factors, dense output, steps independent of samples."""
 
 from dataclasses import replace
 
@@ -23,12 +23,12 @@ from consilience.mechanism import (
     rotation_from_quaternion,
     through,
 )
-from consilience.mechanism.observables import mass_matrix_condition
+from consilience.mechanism.conditioning import mass_matrix_condition
 from consilience.reference import NumericalFailure, formulation, simulate
 from consilience.reference.tree.arrays import flatten_relative
-from consilience.reference.tree.explicit_rk import END, _polynomial, between
-from consilience.reference.tree.loop_groups import BATCH, BATCH_END, HEIGHT, REACH, ROW, ROW_END
-from consilience.reference.tree.methods import METHODS
+from consilience.reference.tree.explicit_rk import END, _polynomial, dense_output
+from consilience.reference.tree.loop_groups import FRONT_ROWS, LAST_REACHED, OWN, OWN_END, ROW, ROW_END
+from consilience.reference.tree.methods import PAIRS
 
 MANY_LOOPS = (
     "windows:count=6",
@@ -56,15 +56,15 @@ def test_many_loops_have_the_accelerations_of_the_dense_equations(name):
     assert np.max(np.abs(found - right)) < bar * max(1.0, np.max(np.abs(right)))
 
 
-def test_work_on_loops_in_a_row_grows_with_their_number():
-    """Entries of the factors, and entries times columns, which is what the reflections touch."""
+def test_work_on_a_row_of_loops_grows_linearly():
+    """Entries of the factors, and entries times columns, which the reflections touch."""
     entries, touched = [], []
     for count in (20, 40, 80):
         group = loops_of(f"windows:count={count}").group
         rows = group[:, ROW_END] - group[:, ROW]
-        columns = np.array([rows[g : reach + 1].sum() for g, reach in enumerate(group[:, REACH])])
-        entries.append(np.sum(group[:, HEIGHT] * columns))
-        touched.append(np.sum(group[:, HEIGHT] * columns * rows))
+        columns = np.array([rows[g : reach + 1].sum() for g, reach in enumerate(group[:, LAST_REACHED])])
+        entries.append(np.sum(group[:, FRONT_ROWS] * columns))
+        touched.append(np.sum(group[:, FRONT_ROWS] * columns * rows))
     for work in (entries, touched):
         growth = np.diff(np.log2(work))
         assert np.all(growth < 1.1), growth
@@ -77,16 +77,16 @@ def test_every_direction_and_every_row_has_one_place(name):
     rows = sorted(n for row in loops.group for n in range(row[ROW], row[ROW_END]))
     assert rows == list(range(len(loops.touched)))
     for g, row in enumerate(loops.group):
-        for place, n in enumerate(loops.batch[row[BATCH] : row[BATCH_END]]):
-            assert tuple(loops.home[n]) == (g, place)
-    assert len(loops.batch) == len(set(loops.batch.tolist()))
-    assert np.all(np.diff(loops.group[:, REACH]) >= 0)
+        for place, n in enumerate(loops.own_directions[row[OWN] : row[OWN_END]]):
+            assert tuple(loops.owner[n]) == (g, place)
+    assert len(loops.own_directions) == len(set(loops.own_directions.tolist()))
+    assert np.all(np.diff(loops.group[:, LAST_REACHED]) >= 0)
 
 
 @pytest.mark.parametrize(("degree", "exact"), [(1, True), (4, True), (7, True), (8, False)])
 @pytest.mark.parametrize(("name", "rounding"), [("dop853", 1e-15), ("tp86", 2e-15)])  # weights to 528 and 830
 def test_dense_output_is_exact_for_motions_up_to_degree_seven(name, rounding, degree, exact):
-    h, x, method = 0.7, np.linspace(0.0, 1.0, 9), METHODS[name]
+    h, x, method = 0.7, np.linspace(0.0, 1.0, 9), PAIRS[name]
     at = h * method.nodes
     K = (degree * at ** (degree - 1))[:, None]
     assert at[END] == h
@@ -94,7 +94,7 @@ def test_dense_output_is_exact_for_motions_up_to_degree_seven(name, rounding, de
     _polynomial(method.dense, z, end, K, h, F)
     found = np.empty((len(x), 1))
     for n, part in enumerate(x):
-        between(z, F, part, found[n])
+        dense_output(z, F, part, found[n])
     error = np.max(np.abs(found[:, 0] - (h * x) ** degree))
     assert error < rounding if exact else error > 1e-6
 
@@ -118,7 +118,7 @@ def test_samples_within_steps_are_as_good_as_the_ends_of_steps(name, span):
 
 @pytest.mark.parametrize("tolerance", [1e-12, 1e-13])
 def test_flat_poses_of_parallelograms_cost_no_digits(tolerance):
-    """They violate their rows by the square of a coordinate: closed to 1e-14 only, they are wrong by 3e-6 here."""
+    """The violation is the square of a coordinate: a violation of 1e-14 means an error of 3e-6 here."""
     case = load_case("n_four_bar_two-long")
     motion = simulate(case.mechanism, case.initial_state, np.array([0.0, 10.0]), tolerance, "relative")
     expected = [
@@ -133,7 +133,7 @@ def test_flat_poses_of_parallelograms_cost_no_digits(tolerance):
 @pytest.mark.parametrize("tolerance", [1e-7, 4e-9, 1e-9, 6e-12])
 @pytest.mark.parametrize("name", ["four_bar", "stewart_platform", "windows:count=3", "rolling_disc"])
 def test_samples_close_the_loops_to_rounding(name, tolerance):
-    """Where loops share bodies, whatever rows are chosen first: the others have entries in the fronts before."""
+    """Where loops share bodies, for any order of the rows: other rows have entries in the fronts before."""
     case = load_case(name)
     mechanism = case.mechanism
     motion = simulate(mechanism, case.initial_state, np.linspace(0.0, 1.0, 41), tolerance, "relative")
@@ -160,7 +160,7 @@ AXES = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
 
 def pushed(push):
-    """A slider of 2 kg on a rail, and a force along the rail."""
+    """Return a slider of 2 kg on a rail, with a force along the rail."""
     ground = Frame(np.zeros(3), np.eye(3))
     return Mechanism(
         name="pushed",
@@ -171,8 +171,8 @@ def pushed(push):
     )
 
 
-def test_a_pushbetween_samples_is_not_passed_over():
-    """A bump of a tenth of a second on 2 kg at rest: its impulse is the momentum."""
+def test_a_pulse_between_samples_is_not_passed_over():
+    """A force pulse of 0.1 s on 2 kg at rest: its impulse equals the momentum."""
     x = np.linspace(0.0, 6.0, 601)
     push = through(x, np.where((x > 3.0) & (x < 3.1), np.sin(np.pi * (x - 3.0) / 0.1) ** 6, 0.0))
     mechanism = pushed(push)
@@ -198,8 +198,8 @@ def test_a_motion_may_end_where_a_table_ends():
     ("formulation", "integrator", "span"),
     [("relative", "tp86", 0.5), ("relative", "dop853", 0.5), ("descriptor", "dop853", 10.0)],
 )
-def test_a_trial_that_overflows_is_a_step_too_long_and_no_end(formulation, integrator, span):
-    """The first trials of a stiff motion at a loose tolerance lie so far outside that its forces overflow."""
+def test_a_stage_that_overflows_rejects_the_step(formulation, integrator, span):
+    """The first attempts of a stiff motion at a loose tolerance lie so far off that their forces overflow."""
     case = load_case("flyball_governor")
     asked = (case.mechanism, case.initial_state, np.array([0.0, span]))
     loose, fine = simulate(*asked, 1e-4, formulation, integrator), simulate(*asked, 1e-10, "relative")
@@ -211,7 +211,7 @@ def test_a_trial_that_overflows_is_a_step_too_long_and_no_end(formulation, integ
     ("name", "method"),
     [("double_pendulum", "taylor"), ("four_bar", "taylor"), ("spatial_pendulum", "tp86"), ("rsur_four_bar", "tp86")],
 )
-def test_the_usual_method_is_taylor_in_a_plane_and_tp86_in_space_and_another_one_agrees(name, method):
+def test_the_default_integrator_is_taylor_in_a_plane_and_tp86_in_space_and_another_one_agrees(name, method):
     case = load_case(name)
     asked = (case.mechanism, case.initial_state, np.linspace(0.0, 1.0, 5), 1e-11, "relative")
     motion, one, other = simulate(*asked), *(simulate(*asked, integrator=by) for by in (method, "dop853"))
@@ -220,8 +220,8 @@ def test_the_usual_method_is_taylor_in_a_plane_and_tp86_in_space_and_another_one
     np.testing.assert_allclose(motion.p_WB, other.p_WB, rtol=0, atol=1e-9)
 
 
-def test_angles_that_nothing_reads_shorten_no_steps():
-    """The last link of the arm turns by 500 t^2; on springs, however soft, turns are counted, a step at most a half."""
+def test_angles_that_no_element_reads_shorten_no_steps():
+    """The last link of the arm rotates by 500 t^2; with springs, however soft, turns are counted and steps limited."""
     case = load_case("seven_axis_arm_upright")
     springs = tuple(replace(s, stiffness=1e-30) for s in case.mechanism.joint_springs)
     found, counted = (

@@ -1,4 +1,4 @@
-"""Taylor's method in the plane: its coefficients, its steps, and what it leaves to other methods."""
+"""Taylor's method in the plane: coefficients, steps, and motions that other integrators take."""
 
 import numpy as np
 import pytest
@@ -8,11 +8,11 @@ from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import constraint_jacobian, constraint_rates, constraint_residual
 from consilience.reference import simulate
 from consilience.reference.bodies.canonical import canonical_motion
-from consilience.reference.tree.solver import _prepared
-from consilience.reference.tree.state import pack_by
-from consilience.reference.tree.taylor import integrate_taylor, order_of
+from consilience.reference.tree.solver import _prepare
+from consilience.reference.tree.state import pack_state
+from consilience.reference.tree.taylor import integrate_taylor, order_for
 from consilience.reference.tree.taylor_rows import LINE, LOCK, PIN
-from consilience.reference.tree.taylor_series import MOST
+from consilience.reference.tree.taylor_series import LARGEST_ORDER
 from flat import PLANAR
 from mechanisms import states_of
 
@@ -25,10 +25,10 @@ LENGTHS = {1: 0.01, 2: 0.02, 3: 0.03, 5: 0.06, 8: 0.05}
 
 
 def one_step(mechanism, state, h, order):
-    """Speeds of the bodies, stacked, after one step by a series of some order."""
-    prepared = _prepared(mechanism, False)
+    """Return the velocities of the bodies, stacked, after one step by a series of some order."""
+    prepared = _prepare(mechanism, False)
     working = prepared.working("taylor")
-    z = pack_by(prepared.links, prepared.packing, state)
+    z = pack_state(prepared.links, prepared.packing, state)
     motion, counters = np.empty((2, *working.arrays.tree.y.shape)), np.zeros(3, dtype=np.int64)
     anything = 1e60
     asked = z, np.array([0.0, h]), anything, order, np.inf
@@ -40,7 +40,7 @@ def one_step(mechanism, state, h, order):
 
 @pytest.mark.parametrize("order", LENGTHS)
 @pytest.mark.parametrize("name", SERIES)
-def test_a_step_leaves_out_what_comes_behind_its_order(name, order):
+def test_the_error_of_a_step_has_the_order_of_the_series_plus_one(name, order):
     """Against collocation in space: the error of speeds goes with the order plus one, or a term happens to be small."""
     mechanism = PLANAR[name]
     (state,) = states_of(mechanism, 1)
@@ -54,7 +54,7 @@ def test_a_step_leaves_out_what_comes_behind_its_order(name, order):
 
 
 def test_loops_are_closed_by_rows_of_every_kind():
-    kinds = {name: set(_prepared(PLANAR[name], False).working("taylor").arrays.scratch.rows.kind) for name in SERIES}
+    kinds = {name: set(_prepare(PLANAR[name], False).working("taylor").arrays.scratch.rows.kind) for name in SERIES}
     assert kinds["closed_revolute"] == {PIN}
     assert kinds["closed_prismatic"] == {LINE, LOCK}
     assert kinds["closed_point_on_line"] == {LINE}
@@ -62,7 +62,7 @@ def test_loops_are_closed_by_rows_of_every_kind():
 
 @pytest.mark.parametrize("tolerance", 10.0 ** -np.arange(3, 14.1, 0.5))
 def test_a_motion_from_rest_is_as_accurate_as_asked(tolerance):
-    """Every second coefficient is zero then, and of the others one may be small at any order."""
+    """Every second coefficient is zero, and another one may be small at any order."""
     case = load_case("chrono_double_pendulum")
     asked = case.mechanism, case.initial_state, np.linspace(0.0, 2.0, 3)
     found, fine = simulate(*asked, tolerance, "relative", "taylor"), simulate(*asked, 1e-14, "relative", "dop853")
@@ -104,14 +104,14 @@ def test_samples_cost_no_steps_and_are_closed():
 
 
 def test_order_grows_with_the_digits():
-    """The last term of a geometric series of ratio x is x^p: with half a percent more for each digit."""
-    orders = [order_of(10.0**-digits) for digits in range(3, 15)]
+    """The last term of a geometric series of ratio x is x^p."""
+    orders = [order_for(10.0**-digits) for digits in range(3, 15)]
     assert orders == sorted(orders)
     assert (orders[0], orders[-1]) == (6, 24)
-    assert orders[-1] <= MOST
+    assert orders[-1] <= LARGEST_ORDER
 
 
-def test_a_pose_that_loses_rank_is_left_to_the_other_method():
+def test_another_integrator_takes_motions_through_poses_that_lose_rank():
     case = load_case("parallelogram")
     asked = case.mechanism, case.initial_state, np.linspace(0.0, 1.0, 5), 1e-12, "relative"
     usual, other = simulate(*asked), simulate(*asked, "tp86")
@@ -120,8 +120,8 @@ def test_a_pose_that_loses_rank_is_left_to_the_other_method():
         simulate(*asked, "taylor")
 
 
-def test_a_motion_that_was_left_leaves_nothing_behind():
-    """Its arrays serve the next one: a motion before and one after are the same to the last bit."""
+def test_an_abandoned_motion_does_not_change_the_next():
+    """Work arrays are reused: a motion before and one after are equal to the last bit."""
     case = load_case("parallelogram")
     asked = case.mechanism, case.initial_state, np.linspace(0.0, 1.0, 5)
     before, left, after, again = (simulate(*asked, tol, "relative") for tol in (1e-10, 1e-12, 1e-10, 1e-12))
@@ -131,7 +131,7 @@ def test_a_motion_that_was_left_leaves_nothing_behind():
 
 
 @pytest.mark.parametrize("name", ["spatial_slider_crank", "acrobot", "four_bar_driven", "rolling_disc"])
-def test_who_has_no_series_is_told_so(name):
+def test_a_mechanism_without_series_is_refused(name):
     case = load_case(name)
     with pytest.raises(InvalidInput, match=r"taylor cannot follow .* planes by gravity alone"):
         simulate(case.mechanism, case.initial_state, np.array([0.0, 1.0]), 1e-9, "relative", "taylor")

@@ -12,7 +12,7 @@ from consilience.case.families import family_cases
 from consilience.case.file.reader import cases_from_tables, load_file
 from consilience.cli.commands.new import starter_text
 from consilience.cli.commands.validate import examine, load_all, text, validate, validate_cases
-from consilience.cli.formats import Format
+from consilience.cli.options import OutputFormat
 from consilience.mechanism import initial_state
 from consilience.report.anatomy import anatomy, expected_lines, fastest, listed, warnings
 
@@ -169,14 +169,14 @@ def test_methods_come_with_route_and_order_and_refusals_with_their_reason():
 
 def test_json_is_what_was_found_and_the_exit_code_tells_validity(files, capsys):
     with pytest.raises(typer.Exit) as ended:
-        validate(files[:2], engine=["reference"], form=Format.JSON, limit=120.0)
+        validate(files[:2], engine=["reference"], form=OutputFormat.JSON, limit=120.0)
     assert ended.value.exit_code == 2
     good, bad = json.loads(capsys.readouterr().out)["cases"]
     assert (good["valid"], bad["valid"]) == (True, False)
     assert good["freedom"] == 2
     assert good["engines"]["reference"]["questions"]["model"]["verdict"] == "exact"
     with pytest.raises(typer.Exit) as ended:
-        validate(files[:1], engine=["reference"], form=Format.JSON, limit=120.0)
+        validate(files[:1], engine=["reference"], form=OutputFormat.JSON, limit=120.0)
     assert ended.value.exit_code == 0
 
 

@@ -8,7 +8,7 @@ from typer import Exit
 
 from consilience.case import load_case
 from consilience.cli.commands import values
-from consilience.cli.formats import Format
+from consilience.cli.options import OutputFormat
 
 
 def test_a_value_that_is_missed_is_marked_and_ends_with_one(monkeypatch, tmp_path):
@@ -20,7 +20,7 @@ def test_a_value_that_is_missed_is_marked_and_ends_with_one(monkeypatch, tmp_pat
     rows = values.table(found).splitlines()
     assert "**missed**" in rows[2]
     assert not any("**missed**" in row for row in rows[3:])
-    monkeypatch.setattr(values, "load_cases", lambda _: [replace(case, published=(wrong,))])
+    monkeypatch.setattr(values, "chosen_cases", lambda _: [replace(case, published=(wrong,))])
     with pytest.raises(Exit) as ended:
         values.values(["simple_pendulum-small"], tmp_path / "values.md")
     assert ended.value.exit_code == 1
@@ -30,14 +30,14 @@ def test_a_value_that_is_missed_is_marked_and_ends_with_one(monkeypatch, tmp_pat
 def test_values_are_written_in_the_format_that_is_asked_for(capsys):
     known = load_case("simple_pendulum-small").published
     with pytest.raises(Exit) as ended:
-        values.values(["simple_pendulum-small"], None, Format.JSON)
+        values.values(["simple_pendulum-small"], None, OutputFormat.JSON)
     assert ended.value.exit_code == 0
     told = json.loads(capsys.readouterr().out)
     assert told["missed"] == 0
     assert [one["expected"] for one in told["values"]] == [one.value for one in known]
     assert all(abs(one["ours"] - one["expected"]) <= one["uncertainty"] + 1e-9 for one in told["values"])
     with pytest.raises(Exit):
-        values.values(["simple_pendulum-small"], None, Format.MARKDOWN)
+        values.values(["simple_pendulum-small"], None, OutputFormat.MARKDOWN)
     printed = capsys.readouterr().out
     assert printed.count("| simple_pendulum-small |") == len(known)
     assert f"{len(known)} values of 1 cases, 0 missed" in printed

@@ -1,8 +1,8 @@
-"""Whether the stated uncertainty of motions holds: bands of ladders against the errors of far finer runs.
+"""Coverage of the uncertainty of motions: bands of ladders against the errors to far finer runs.
 
-Every engine runs its ladder on every case as in a suite; then it runs once more with far smaller steps. The difference
-of the ladder's finest level to that run is its true discretisation error, whatever the reference says; the band of the
-same level, from the ladder alone, should be larger, and not by much. One observable of one ladder is one trial.
+Every engine runs its ladder on every case as in a suite, and once more with far smaller steps. The difference of the
+ladder's finest level to the finer run is the true discretisation error, whatever the reference says; the band of that
+level, from the ladder alone, should be larger, and not by much. One observable of one ladder is one trial.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from consilience.case import Case
+from consilience.compare import markdown_table
 from consilience.compare.motion import OBSERVABLES, Scales
 from consilience.compare.uncertainty import declared_order, estimates
 from consilience.engine import Method, Question, Run, TrajectoryAnswer
@@ -20,10 +21,10 @@ from consilience.engine.worker.client import Plan, Worker
 from consilience.suite import ask_ladder, open_plan
 
 ASKED_COVERAGE, WIDEST = 0.95, 20.0
-"""Part of the bands that must hold, and ratio of band to error that their median may have at most."""
+"""Fraction of the bands that must hold, and largest allowed median of band over error."""
 
 FINER = (32, 16, 8, 4)
-"""How many times smaller the steps of the finer run are: the most that `BUDGET` affords."""
+"""Ratios of steps for the finer run, the first that `BUDGET` affords."""
 
 BUDGET = 10.0
 """CPU time in s for a finer run."""
@@ -71,7 +72,10 @@ class Skipped:
 
 
 def trials(cases: Sequence[Case], engine: str, limit: float = 300.0) -> Iterator[Trial | Skipped]:
-    """All trials of one engine on the cases."""
+    """Yield the trials of one engine on the cases.
+
+    The time limit of a request to the worker is in s.
+    """
     with Worker(engine, limit) as worker:
         for case in cases:
             plan = open_plan(worker, case)
@@ -100,7 +104,7 @@ def _trials(worker: Worker, case: Case, plan: Plan, method: Method, runs: list[R
 
 
 def _finer(worker: Worker, case: Case, plan: Plan, method: Method, finest: Run) -> TrajectoryAnswer | str:
-    """The motion at far smaller steps, or why there is none."""
+    """Motion at far smaller steps, or the reason why there is none."""
     assert finest.step is not None
     factor = next((f for f in FINER if f * finest.cpu <= BUDGET), FINER[-1])
     if method.tolerances:
@@ -110,12 +114,12 @@ def _finer(worker: Worker, case: Case, plan: Plan, method: Method, finest: Run) 
 
 
 def coverage(found: Sequence[Trial]) -> tuple[float, float]:
-    """Part of the trials whose band holds, and the median of band over error."""
+    """Return the fraction of trials whose band holds, and the median of band over error."""
     return float(np.mean([t.covered for t in found])), float(np.median([t.ratio for t in found]))
 
 
 def exit_code(found: Sequence[Trial | Skipped]) -> int:
-    """Whether the bands hold and are not too wide: 0 yes, 1 no, 3 without any trial."""
+    """Return 0 if the bands hold and are not too wide, 1 if not, 3 without any trial."""
     done = [t for t in found if isinstance(t, Trial)]
     if not done:
         return 3
@@ -124,21 +128,30 @@ def exit_code(found: Sequence[Trial | Skipped]) -> int:
 
 
 def table(found: Sequence[Trial | Skipped]) -> str:
-    """Markdown: coverage and width by engine and method, then every band that does not hold, then what was skipped."""
+    """Return Markdown: coverage and width by engine and method, bands that do not hold, skipped ladders."""
     done = [t for t in found if isinstance(t, Trial)]
     groups: dict[tuple[str, str], list[Trial]] = {}
     for t in done:
         groups.setdefault((t.engine, t.method), []).append(t)
-    lines = ["| engine | method | trials | covered | band / error, median |", "|---|---|---:|---:|---:|"]
+    heads = ("engine", "method", "trials", "covered", "band / error, median")
+    rows = []
     for (engine, method), group in [*groups.items(), (("all", ""), done)]:
         part, width = coverage(group)
-        lines.append(f"| {engine} | {method} | {len(group)} | {100 * part:.1f} % | {width:.2g} |")
-    missed = [t for t in done if not t.covered]
-    lines += ["", "| case | engine | method | observable | order | error | band |", "|---|---|---|---|---:|---:|---:|"]
-    for t in missed:
-        order = "hidden" if t.order is None else f"{t.order:.2f}"
-        cells = (t.case, t.engine, t.method, t.observable, order, f"{t.error:.2e}", f"{t.band:.2e}")
-        lines.append(f"| {' | '.join(cells)} |")
+        rows.append((engine, method, len(group), f"{100 * part:.1f} %", f"{width:.2g}"))
+    missed = [
+        (
+            *(t.case, t.engine, t.method, t.observable),
+            *("hidden" if t.order is None else f"{t.order:.2f}", f"{t.error:.2e}", f"{t.band:.2e}"),
+        )
+        for t in done
+        if not t.covered
+    ]
     skipped = [s for s in found if isinstance(s, Skipped)]
-    lines += ["", *(f"- {s.case}, {s.engine}, {s.method or 'all methods'}: {s.reason}" for s in skipped)]
+    lines = [
+        *markdown_table(heads, rows, "llrrr"),
+        "",
+        *markdown_table(("case", "engine", "method", "observable", "order", "error", "band"), missed, "llllrrr"),
+        "",
+        *(f"- {s.case}, {s.engine}, {s.method or 'all methods'}: {s.reason}" for s in skipped),
+    ]
     return "\n".join(lines) + "\n"

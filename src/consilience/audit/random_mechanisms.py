@@ -1,14 +1,13 @@
 """Random mechanisms, assembled as drawn: the same seed gives the same mechanism.
 
-Bodies are lumpy (mass off the origin, full inertia of a cloud of points, so that it is a possible one), frames are
-skew, bodies and joints are listed in any order, and predecessors and successors are exchanged at will. A mechanism
-grows as a tree from the ground; then joints of any kind close loops in the drawn pose. Besides, whole linkages with
-dependent rows hang on the ground or on a body: planar ones, whose axes are parallel, and spherical ones, whose axes
-meet in a point.
+Bodies are lumpy (mass off the origin, the full inertia of a cloud of points), frames are skew, bodies and joints are
+listed in random order, and either side of a joint may be the predecessor. A mechanism grows as a tree from the ground;
+then joints of any kind close loops in the drawn pose. Linkages with dependent rows hang on the ground or on a body:
+planar linkages, whose axes are parallel, and spherical linkages, whose axes meet in a point.
 
-What is added to a tree must leave a degree of freedom, and the constraints clearly of one rank or another: the
-singular values of their Jacobian in the drawn pose are zero or above `GAP` of the largest. Half of the mechanisms have
-no elements but springs, joint springs and constant loads, which every formulation knows. A `Recipe` decides some of it.
+Every addition leaves a degree of freedom and a clear rank of the constraints: singular values of the Jacobian in the
+drawn pose are zero or above `GAP` of the largest. Half of the mechanisms have no elements but springs, joint springs
+and constant loads, which every formulation supports. A `Recipe` fixes some of the choices.
 """
 
 from __future__ import annotations
@@ -47,7 +46,6 @@ from consilience.mechanism import (
 )
 
 GAP = 1e-4
-
 MOST_BODIES = 12
 
 TREE_KINDS = {
@@ -65,41 +63,41 @@ TREE_KINDS = {
     "point_in_plane": 1,
     "parallel_axes": 1,
 }
-"""How often a joint of the tree is of each kind, in proportion."""
+"""Weights of the kinds of joints of the tree."""
 
 CLOSING_KINDS = {kind: 1.0 for kind in TREE_KINDS if kind != "free"} | {"spherical": 3.0, "rod": 3.0, "universal": 2.0}
-"""The same of a joint that closes a loop."""
+"""Weights of the kinds of joints that close loops."""
 
 LINKAGES = {
     "planar": ("revolute", "revolute", "revolute", "revolute"),
     "slider": ("revolute", "revolute", "revolute", "prismatic"),
     "spherical": ("revolute", "revolute", "revolute", "revolute"),
 }
-"""Linkages of three bodies with dependent rows: kinds of their four joints, from base to base."""
+"""Linkages of three bodies with dependent rows: kinds of the four joints, from base to base."""
 
 _LOCKING = 0.15
-"""Part of the loops that lock (their joints leave less freedom than the closing joint takes) that are kept."""
+"""Fraction kept of the loops that lock: the closing joint has rows that depend on the others."""
 
 _WORLD = Frame(np.zeros(3), np.eye(3))
 
 
 @dataclass(frozen=True)
 class Recipe:
-    """What of a random mechanism is not left to chance.
+    """Choices for a random mechanism.
 
     Attributes
     ----------
     kinds : collection of str
-        Joint kinds it may have.
+        Kinds of joints allowed.
     plain : bool or None
-        No elements but springs, joint springs and constant loads; None: so every other time.
+        No elements but springs, joint springs and constant loads; None: at random, one half.
     chain : bool
-        Every body hangs on the one before it.
+        Every body hangs on the body before.
     linkages : float
-        Part of the occasions at which a linkage is hung on the tree rather than a body.
+        Probability that a linkage, not a body, is hung on the tree.
     flat : float
-        Height of the linkages, in proportion to the usual one. Near zero they are near the singular pose in which all
-        their joints lie on a line, or all their axes in a plane, and one constraint gets lost.
+        Height of the linkages over the usual height. Near zero linkages are near the singular pose in which all joints
+        lie on a line, or all axes in a plane, and one constraint is lost.
     """
 
     kinds: Collection[str] = tuple(JOINT_KINDS)
@@ -110,11 +108,11 @@ class Recipe:
 
     @property
     def gap(self) -> float:
-        """Least singular value of the constraints, over the largest, that does not count as zero."""
+        """Least singular value of the constraints, over the largest, that counts as nonzero."""
         return GAP * min(1.0, self.flat)
 
     def kind(self, weights: Mapping[str, float], rng: np.random.Generator) -> str:
-        """One of its joint kinds at random, by their weights."""
+        """Return a kind of joint at random, by weights."""
         known = {kind: weight for kind, weight in weights.items() if kind in self.kinds}
         return str(rng.choice(list(known), p=np.array(list(known.values())) / sum(known.values())))
 
@@ -123,13 +121,13 @@ USUAL = Recipe()
 
 
 def random_mechanism(seed: int, bodies: int | None = None, recipe: Recipe = USUAL) -> Mechanism:
-    """Random mechanism of a seed, assembled in its drawing at the time zero, with a degree of freedom at least.
+    """Return the random mechanism of a seed, assembled in the drawing at time zero, with at least one freedom.
 
     Parameters
     ----------
     seed : int
     bodies : int, optional
-        Number of bodies; 1 to `MOST_BODIES` at random if not given.
+        Number of bodies; default: 1 to `MOST_BODIES` at random.
     recipe : Recipe, optional
     """
     rng = np.random.default_rng(seed)
@@ -151,7 +149,7 @@ def random_mechanism(seed: int, bodies: int | None = None, recipe: Recipe = USUA
 
 
 class _Draft:
-    """A mechanism that grows."""
+    """A mechanism under construction."""
 
     def __init__(self, name: str, rng: np.random.Generator, recipe: Recipe) -> None:
         self.name, self.rng, self.recipe = name, rng, recipe
@@ -161,12 +159,12 @@ class _Draft:
         self.elements: dict[str, list[Any]] = {}
 
     def mechanism(self, joints: list[Joint], elements: Mapping[str, list[Any]]) -> Mechanism:
-        """The mechanism with these joints and elements."""
+        """Return the mechanism with the given joints and elements."""
         groups = {name: tuple(group) for name, group in elements.items()}
         return Mechanism(self.name, self.gravity, tuple(self.bodies.values()), tuple(joints), **groups)
 
     def shuffled(self) -> Mechanism:
-        """The mechanism, bodies and joints listed in any order."""
+        """Return the mechanism with bodies and joints in random order."""
         names = self.rng.permutation(list(self.bodies))
         self.bodies = {str(name): self.bodies[str(name)] for name in names}
         order = self.rng.permutation(len(self.joints))
@@ -185,12 +183,12 @@ class _Draft:
         return name
 
     def _base(self) -> str:
-        """What the next body hangs on: the last one most often, so that chains are long, or any other."""
+        """Body that the next body hangs on: often the last, so that chains are long, or any other."""
         known = [GROUND, *self.bodies]
         return known[-1] if self.recipe.chain or self.rng.random() < 0.5 else str(self.rng.choice(known))
 
     def _joint(self, kind: str, i: str, j: str, at: Array, axes: Array, to: Array | None = None) -> Joint:
-        """Joint drawn in the world, F at `at` and M at `to` or there, too; either end may be the predecessor."""
+        """Joint drawn in the world, F at `at`, M at `to` (default: at F); either body may be the predecessor."""
         to = at if to is None else to
         if self.rng.random() < 0.4:
             i, j = j, i
@@ -202,7 +200,7 @@ class _Draft:
         return Joint(f"j{len(self.joints)}", kind, i, j, F, M, length, pitch)
 
     def _between(self, kind: str, i: str, j: str) -> Joint:
-        """Joint of any place and direction between two bodies."""
+        """Joint at a random place and direction between two bodies."""
         at = 0.5 * (self._place(i).p + self._place(j).p) + self.rng.normal(scale=0.2, size=3)
         to = at + self.rng.uniform(0.3, 0.9) * _direction(self.rng) if kind == "rod" else None
         return self._joint(kind, i, j, at, _rotation(self.rng), to)
@@ -214,7 +212,7 @@ class _Draft:
         self.joints.append(self._between(self.recipe.kind(TREE_KINDS, self.rng), base, name))
 
     def free_something(self) -> None:
-        """Where all joints are rigid or locked, exchange one of the tree for a ball."""
+        """Make the last joint spherical if all joints are rigid or locked."""
         if not rank_of(self.mechanism(self.joints, {}))[0]:
             last = self.joints[-1]
             self.joints[-1] = replace(last, kind="spherical", length=0.0, pitch=0.0)
@@ -237,7 +235,7 @@ class _Draft:
                 points.append(center + R @ np.array([*corner, self.rng.normal(scale=0.3)]))
             if kind == "prismatic":  # along a direction of the plane
                 angle = self.rng.uniform(-0.4, 0.4)
-                if self.recipe.flat != 1.0:  # across the line of the others: so they lose a constraint
+                if self.recipe.flat != 1.0:  # across the line of the other joints: a constraint is lost
                     angle = 0.5 * np.pi + self.recipe.flat * angle
                 axes = _with_z(R @ np.array([np.cos(angle), np.sin(angle), 0.0]), self.rng)
             frames.append(axes)
@@ -246,7 +244,7 @@ class _Draft:
             self.joints.append(self._joint(kind, ends[n], ends[n + 1], points[n], frames[n]))
 
     def close_loop(self) -> None:
-        """Join two bodies that are not neighbours, if that leaves a degree of freedom."""
+        """Add a joint between two bodies without a joint, if a degree of freedom remains."""
         known = [GROUND, *self.bodies]
         taken = {frozenset((joint.predecessor, joint.successor)) for joint in self.joints}
         pairs = [(i, j) for n, i in enumerate(known) for j in known[n + 1 :] if frozenset((i, j)) not in taken]
@@ -266,28 +264,28 @@ class _Draft:
         self.elements.setdefault(group, []).append(element)
 
     def _axes(self) -> list[tuple[str, str]]:
-        """Coordinates of joints with one axis, in any order."""
+        """Coordinates of joints with one axis, in random order."""
         found = [(j.name, coordinate) for j in self.joints for coordinate in AXIS_COORDINATES.get(j.kind, ())]
         return [found[k] for k in self.rng.permutation(len(found))]
 
     def _function(self) -> Function:
-        """A smooth function of time of the order of one."""
+        """Smooth function of time of order one."""
         rng = self.rng
         if rng.random() < 0.3:
             return through(np.linspace(-1.0, 11.0, 13), rng.normal(size=13))
         return Function(rng.normal(scale=0.5, size=2), np.array([[1.0, rng.uniform(1.0, 5.0), rng.uniform(0.0, 6.0)]]))
 
     def _history(self, plain: bool) -> Function | None:
-        """A function every other time, none if plain."""
+        """Function with probability one half, None if plain."""
         return self._function() if not plain and self.rng.random() < 0.5 else None
 
     def _motion(self) -> Function:
-        """A smooth function that is zero at zero, with a slope and a curvature there."""
+        """Smooth function, zero at zero, with slope and curvature there."""
         a, w, phi = self.rng.uniform(0.1, 0.4), self.rng.uniform(1.0, 4.0), self.rng.uniform(0.2, 6.0)
         return Function(np.array([-a * np.sin(phi), self.rng.normal()]), np.array([[a, w, phi]]))
 
     def add_forces(self, plain: bool) -> None:
-        """Springs, joint springs and loads; if not plain, also in time, friction and control."""
+        """Add springs, joint springs and loads; if not plain, also functions of time, friction and control."""
         rng, known = self.rng, [GROUND, *self.bodies]
         for n in range(rng.integers(0, 3)):
             i, j = rng.permutation(known)[:2]
@@ -296,28 +294,23 @@ class _Draft:
             self._add("springs", Spring(f"spring{n}", str(i), str(j), *points, k, c, rest, self._history(plain)))
         for n in range(rng.integers(0, 3)):
             kind, frame = str(rng.choice(["force", "torque"])), str(rng.choice(["world", "body"]))
-            body, vector, point = (
-                str(rng.choice(known[1:])),
-                rng.normal(scale=3.0, size=3),
-                rng.normal(scale=0.3, size=3),
-            )
+            body, vector = str(rng.choice(known[1:])), rng.normal(scale=3.0, size=3)
+            point = rng.normal(scale=0.3, size=3)
             self._add("loads", Load(f"load{n}", kind, body, vector, frame, point, self._history(plain)))  # type: ignore[arg-type]
-        for joint, coordinate in self._axes():
+        for axis in self._axes():
+            name = "_".join(axis)
             if rng.random() < 0.3:
                 k, c, rest = rng.uniform(1.0, 10.0), rng.uniform(0.0, 1.0), rng.normal(scale=0.3)
-                self._add(
-                    "joint_springs",
-                    JointSpring(f"k_{joint}_{coordinate}", joint, coordinate, k, c, rest, self._history(plain)),
-                )
+                self._add("joint_springs", JointSpring(f"k_{name}", *axis, k, c, rest, self._history(plain)))
             if not plain and rng.random() < 0.2:
                 d, coulomb, v = rng.uniform(0.0, 0.5), rng.uniform(0.0, 2.0), rng.uniform(0.2, 0.5)
-                self._add("frictions", Friction(f"f_{joint}_{coordinate}", joint, coordinate, d, coulomb, v))
+                self._add("frictions", Friction(f"f_{name}", *axis, d, coulomb, v))
             if not plain and rng.random() < 0.15:
                 gains = (rng.uniform(5.0, 30.0), rng.uniform(0.0, 5.0), rng.uniform(0.0, 3.0))
-                self._add("controls", Control(f"c_{joint}_{coordinate}", joint, coordinate, self._function(), *gains))
+                self._add("controls", Control(f"c_{name}", *axis, self._function(), *gains))
 
     def add_constraints(self) -> None:
-        """Drives, couplings, rolling bodies and skates, as many as leave a degree of freedom."""
+        """Add drives, couplings, rolling bodies and skates while a degree of freedom remains."""
         rng = self.rng
         axes = self._axes()
         if axes and rng.random() < 0.35:
@@ -331,7 +324,7 @@ class _Draft:
             self._try("skates", Skate("skate", body, point, _direction(rng)), 1)
 
     def _try(self, group: str, element: Any, rows: int) -> None:
-        """Add a constraint if its rows are independent of all others and leave a degree of freedom."""
+        """Add a constraint if its rows are independent of all others and a degree of freedom remains."""
         before, _ = rank_of(self.mechanism(self.joints, self.elements))
         more = self.elements | {group: [*self.elements.get(group, []), element]}
         after, clear = rank_of(self.mechanism(self.joints, more), self.recipe.gap)
@@ -339,7 +332,7 @@ class _Draft:
             self.elements = more
 
     def _law(self, driver: str) -> Function:
-        """A gear or rack, or a cam: periodic in an angle, of second order in a distance."""
+        """Law of a gear or rack, or of a cam: periodic in an angle, quadratic in a distance."""
         ratio = self.rng.choice([-1, 1]) * self.rng.uniform(0.3, 2.0)
         if self.rng.random() < 0.5:
             return Function(np.array([0.0, ratio]))
@@ -350,10 +343,10 @@ class _Draft:
         return through(x, [*lift[:-1], lift[0]], periodic=True)
 
     def _rolling(self, body: str) -> Rolling:
-        """A disc, torus or ball on a plane that touches it in the drawing."""
+        """Disc, torus or ball on a plane that touches the body in the drawing."""
         rng, pose = self.rng, self.bodies[body].drawing
         normal, center = _direction(rng), rng.normal(scale=0.1, size=3)
-        # leaning, but far from lying flat, where the point of contact would not be one
+        # leaning, but far from lying flat, where the contact is no point
         lean = rng.uniform(0.0, 0.9)
         across = _with_z(normal, rng)[:, 0]
         axis = np.cos(lean) * across + np.sin(lean) * normal
@@ -364,7 +357,7 @@ class _Draft:
 
 
 def lumpy_body(name: str, drawing: Frame, rng: np.random.Generator) -> Body:
-    """Body of eight random points, of one to two kg and some 0.3 m."""
+    """Return a body of eight random points, of one to two kg and some 0.3 m."""
     points = rng.normal(scale=0.3, size=(8, 3))
     masses = rng.uniform(0.1, 0.3, size=8)
     com = masses @ points / masses.sum()
@@ -374,9 +367,9 @@ def lumpy_body(name: str, drawing: Frame, rng: np.random.Generator) -> Body:
 
 
 def rank_of(mechanism: Mechanism, gap: float = GAP) -> tuple[int, bool]:
-    """Degrees of freedom in the drawing, and whether its constraints are clearly of one rank or another.
+    """Return the degrees of freedom in the drawing, and whether the rank of the constraints is clear.
 
-    They are if no singular value is below `gap` of the largest without being zero.
+    The rank is clear if no nonzero singular value is below `gap` of the largest.
     """
     Q = constraint_jacobian(mechanism, drawing_state(mechanism))
     if len(Q) == 0:
@@ -398,7 +391,7 @@ def _rotation(rng: np.random.Generator) -> Array:
 
 
 def _with_z(z: Array, rng: np.random.Generator) -> Array:
-    """Rotation matrix with that unit vector as its third column, turned about it at random."""
+    """Rotation matrix with the unit vector z as third column, turned about z at random."""
     x = np.cross(_direction(rng), z)
     x /= np.linalg.norm(x)
     return np.column_stack([x, np.cross(z, x), z])

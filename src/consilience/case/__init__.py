@@ -1,17 +1,26 @@
-"""Cases: a mechanism with its initial state, the questions to ask and what is known of the answers."""
+"""Cases: a mechanism with its initial state, the questions to ask and what is known of the answers.
+
+Names of the library of cases are imported when first used: case files and families need Pydantic and SciPy, a `Case`
+needs NumPy alone.
+"""
 
 from __future__ import annotations
 
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from consilience.case.case import Case
-from consilience.case.library import (
-    case_files,
-    case_names,
-    cases_like,
-    load_case,
-    load_cases,
-    shipped_cases,
-)
 from consilience.case.published import Published, read_motion, read_start, scale_of
+
+if TYPE_CHECKING:
+    from consilience.case.library import (
+        case_files,
+        case_names,
+        cases_like,
+        load_case,
+        load_cases,
+        shipped_cases,
+    )
 
 __all__ = [
     "Case",
@@ -26,3 +35,9 @@ __all__ = [
     "scale_of",
     "shipped_cases",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in __all__:
+        raise AttributeError(f"module 'consilience.case' has no attribute '{name}'")
+    return getattr(import_module("consilience.case.library"), name)

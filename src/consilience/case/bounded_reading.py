@@ -1,7 +1,7 @@
-"""Reading of files that somebody else wrote: they are data, so their size, their nesting and their numbers are bounded.
+"""Bounded reading of files from elsewhere: size, nesting and numbers have limits.
 
-A TOML or JSON file of a few kilobytes can keep a parser busy for minutes, or end it with an error of its own; here it
-is refused with a sentence.
+A TOML or JSON file of a few kilobytes can occupy a parser for minutes, or end the parser with an error of its own; such
+files are refused with a sentence.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ from typing import Any
 from consilience.errors import InvalidInput
 
 DEEPEST_KEY = 16
-"""Parts of a dotted key at most: the parser of the standard library takes time with the square of their number."""
+"""Largest number of parts of a dotted key: the parser of the standard library is quadratic in that number."""
 
 _KEY = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
 _DEEP_KEY = re.compile(rf"(?<![\w-])(?:{_KEY}[ \t]*+\.[ \t]*+){{{DEEPEST_KEY}}}")
 
 
 def bounded_text(path: Path, largest: int) -> str:
-    """Text of a regular file of bounded size.
+    """Return the text of a regular file of bounded size.
 
     Parameters
     ----------
     largest : int
-        Size in bytes up to which it is read.
+        Largest size in bytes.
 
     Raises
     ------
@@ -50,17 +50,17 @@ def bounded_text(path: Path, largest: int) -> str:
 
 
 def toml_tables(text: str, where: str) -> dict[str, Any]:
-    """Tables of a TOML text.
+    """Return the tables of a TOML text.
 
     Parameters
     ----------
     where : str
-        What messages call it.
+        Name of the text in messages.
 
     Raises
     ------
     InvalidInput
-        No valid TOML, or nested so deeply, or with numbers so long, that nobody means it.
+        No valid TOML, nested too deeply, or with numbers too long.
     """
     deep = _DEEP_KEY.search(text)
     if deep:

@@ -1,4 +1,4 @@
-"""A case: a mechanism, its initial state, what to ask, and where it comes from."""
+"""A case: a mechanism, its initial state, the questions to ask, and the sources."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from consilience.errors import InvalidInput
 from consilience.mechanism import Array, Initial, Mechanism, State, initial_state, random_states
 
 LARGEST_MOTION = 2_000_000
-"""Samples times bodies of a trajectory at most: an answer of 200 MB."""
+"""Largest number of samples times bodies of a trajectory: an answer of 200 MB."""
 
 
 @dataclass(frozen=True)
@@ -28,13 +28,15 @@ class Case:
     group : str
         Folder of the library; empty for a file from elsewhere.
     call : str
-        What it is asked for by, on the command line, where that is not its name: a path, a member of a family.
+        Name of the case on the command line if that is not `name`: a path, or a member of a family.
     duration, sample : float, s
         Span of the trajectory and its uniform sampling interval.
     digits : int
-        Correct digits asked of a trajectory.
+        Correct digits that a trajectory should have.
     instants : int
-        Number of states of the question `instant`: the initial state, then random consistent ones from `seed`.
+        Number of states of the question `instant`: the initial state, then random consistent states of `seed`.
+    published : tuple of Published
+        Expected values.
     """
 
     name: str
@@ -70,7 +72,7 @@ class Case:
         Raises
         ------
         InvalidInput, CannotAssemble
-            With the case's file in front.
+            The message starts with the case's file.
         """
         try:
             return initial_state(self.mechanism, self.initial)
@@ -89,12 +91,12 @@ class Case:
         return np.arange(round(self.duration / self.sample) + 1) * self.sample
 
     def with_span(self, duration: float | None, sample: float | None) -> Case:
-        """The same case over another span, with the expected values that lie on its grid.
+        """Return the case with another duration or sample, in s, and the expected values on the new grid.
 
         Raises
         ------
         InvalidInput
-            If the sample does not divide the duration.
+            The sample does not divide the duration.
         """
         span = self.duration if duration is None else duration
         step = self.sample if sample is None else sample

@@ -1,4 +1,4 @@
-"""The shipped case library, and how a case is found by name or path."""
+"""The library of shipped cases, and the search for a case by name or path."""
 
 from __future__ import annotations
 
@@ -13,23 +13,24 @@ from consilience.errors import InvalidInput
 
 
 def case_folder() -> Path:
-    """Folder of the shipped cases: inside the installed package, or beside ``src`` in a checkout."""
-    packaged = Path(__file__).parents[1] / "cases"
-    return packaged if packaged.is_dir() else Path(__file__).parents[3] / "cases"
+    """Return the folder of the shipped cases: in the installed package, or beside ``src`` in a checkout."""
+    package = Path(__file__).parents[1]
+    packaged = package / "cases"
+    return packaged if packaged.is_dir() else package.parents[1] / "cases"
 
 
 def case_names() -> list[str]:
-    """Names of all shipped cases, variants spelled out."""
+    """Return the names of all shipped cases, one for each variant."""
     return [case.name for case in shipped_cases()]
 
 
 def case_files() -> list[Path]:
-    """Files of the shipped cases, one folder a group, sorted by group and name."""
+    """Return the files of the shipped cases, sorted by group (folder) and name."""
     return sorted(case_folder().glob("*/*.toml"))
 
 
 def shipped_cases() -> list[Case]:
-    """All shipped cases, sorted by group and file."""
+    """Return all shipped cases, sorted by group and file."""
     return [case for path in case_files() for case in _shipped(path)]
 
 
@@ -38,20 +39,20 @@ def _shipped(path: Path) -> list[Case]:
 
 
 def cases_like(incomplete: str) -> list[str]:
-    """Names that begin so, of shipped files and of families, for a shell that completes; no file is read."""
+    """Return the names of shipped files and families with a beginning, for completion in a shell; reads no file."""
     names = dict.fromkeys((*(path.stem for path in case_files()), *FAMILIES))
     return [name for name in names if name.startswith(incomplete)]
 
 
 def load_cases(name: str) -> list[Case]:
-    """Cases that a user means by a name: a shipped case or all its variants, a member of a family, or a case file.
+    """Return the cases of a name: a shipped case or all its variants, a member of a family, or the path of a file.
 
     In the name of a shipped case ``-`` and ``_`` are the same.
 
     Raises
     ------
     InvalidInput
-        If there is no such case.
+        There is no such case.
     """
     if name.endswith(".toml") or "/" in name:
         return [replace(case, call=name) for case in load_file(Path(name))]
@@ -76,12 +77,12 @@ def load_cases(name: str) -> list[Case]:
 
 
 def load_case(name: str) -> Case:
-    """One case by name or path.
+    """Return one case by name or path.
 
     Raises
     ------
     InvalidInput
-        If there is no such case, or the name stands for several variants.
+        There is no such case, or the name stands for several variants.
     """
     cases = load_cases(name)
     if len(cases) > 1:

@@ -1,4 +1,4 @@
-"""Expected values of a case: what is known from elsewhere, with an uncertainty of its own, and how it is read off.
+"""Expected values of a case, each with an uncertainty and a source, and the same quantities of an answer.
 
 Values of a motion are read at a sample time. Accelerations and reactions are those of the initial state.
 """
@@ -27,7 +27,7 @@ Origin = Literal["printed", "closed form", "computed"]
 """A source prints the value; a formula gives it; or two independent computations agree on it."""
 
 Scale = Literal["size", "speed", "spin", ""]
-"""Which scale of a motion an uncertainty that is a pure number has to be multiplied with; none for an angle."""
+"""Scale of a motion by which an uncertainty without unit is multiplied; none for an angle."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Published:
     observable : str
         A name of `OF_A_BODY`, `OF_A_JOINT`, `BODY_AT_START` or `JOINT_AT_START`.
     of : str
-        The body or joint.
+        Name of the body or joint.
     component : int
         0, 1 or 2 of a vector; 0 of a scalar.
     time : float, s
@@ -50,7 +50,7 @@ class Published:
         A closed form, a publication, a computation.
     origin : {"printed", "closed form", "computed"}
     second : str
-        The second, independent computation of a value that no source prints.
+        Second, independent computation of a computed value.
     """
 
     observable: str
@@ -65,7 +65,7 @@ class Published:
 
     @property
     def at_start(self) -> bool:
-        """Whether it is a value of the equations at the initial state, and not of the motion."""
+        """Whether the value belongs to the equations at the initial state, not to the motion."""
         return self.observable in BODY_AT_START or self.observable in JOINT_AT_START
 
     @property
@@ -75,7 +75,7 @@ class Published:
         return f"{self.observable} of {self.of}{axis} at {self.time:g} s"
 
     def off(self, found: float) -> float:
-        """Difference of a found value to this one; angles modulo full turns."""
+        """Return the distance of a found value to the expected value; angles modulo full turns."""
         difference = found - self.value
         if self.observable in ("angle", "angle1", "angle2"):
             difference = float(np.remainder(difference + np.pi, 2.0 * np.pi) - np.pi)
@@ -112,10 +112,10 @@ OF_A_JOINT: dict[str, tuple[str, Scale]] = {
     **{name: (name, "" if name.startswith("angle") else "size") for name in _COORDINATES},
     **{f"{name}_rate": (name, "spin" if name.startswith("angle") else "speed") for name in _COORDINATES},
 }
-"""Scalars of a joint in a motion: the coordinate that each is, or is the rate of."""
+"""Scalars of a joint in a motion: the coordinate, of which each is the value or the rate, and the scale."""
 
 BODY_AT_START = ("a_WB_W", "alpha_WB_W")
-"""Accelerations of a body: of its origin, and angular."""
+"""Acceleration of the origin of a body, and its angular acceleration."""
 
 JOINT_AT_START = ("force_F", "torque_F")
 """Reaction of a joint on the successor, at the origin of M, in axes of F."""
@@ -124,17 +124,17 @@ VECTORS_OF_A_BODY = (*OF_A_BODY, *BODY_AT_START)
 
 
 def has_coordinate(mechanism: Mechanism, joint: str, observable: str) -> bool:
-    """Whether a joint has the coordinate of an observable of `OF_A_JOINT`."""
+    """Tell whether a joint has the coordinate of an observable of `OF_A_JOINT`."""
     return OF_A_JOINT[observable][0] in JOINT_KINDS[mechanism.joints[mechanism.joint_index[joint]].kind].coordinates
 
 
 def scale_of(observable: str) -> Scale:
-    """Scale of an observable of a motion."""
+    """Return the scale of an observable of a motion."""
     return OF_A_BODY[observable][1] if observable in OF_A_BODY else OF_A_JOINT[observable][1]
 
 
 def read_motion(mechanism: Mechanism, known: Published, motion: TrajectoryAnswer) -> float:
-    """Value a motion has for an expected one that is not `at_start`."""
+    """Return the value of a motion for an expected value that is not `at_start`."""
     state = motion.state(int(abs(motion.time - motion.time[0] - known.time).argmin()))
     if known.observable in OF_A_BODY:
         read, _ = OF_A_BODY[known.observable]
@@ -146,7 +146,7 @@ def read_motion(mechanism: Mechanism, known: Published, motion: TrajectoryAnswer
 
 
 def read_start(mechanism: Mechanism, known: Published, answer: InstantAnswer) -> Array:
-    """Vector that the answer at the initial state, the first of an `InstantAnswer`, has for one that is `at_start`."""
+    """Return the vector of an answer, first state, for an expected value that is `at_start`; NaN without answer."""
     index = mechanism.body_index if known.observable in BODY_AT_START else mechanism.joint_index
     values = getattr(answer, known.observable)
     return np.full(3, np.nan) if values is None else np.asarray(values[0, index[known.of]])

@@ -1,4 +1,4 @@
-"""Examples at the end of the help of every command; a test parses them all. Names in capitals are the reader's to fill."""
+"""Examples at the end of the help of every command; a test parses them all. The reader fills in names in capitals."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Entries of ``consilience explain``, and the search among them.
+"""The explanations of ``consilience explain``, and the search among them.
 
-Entries stand in the tables of the folder ``explained``. An adapter adds what belongs to its engine in a file
-``explained.toml`` of its package: ``[KIND.NAME]`` with ``met`` and ``also``, as in an entry, and ``engines``, a
-sentence in place of ``{engines}`` in the theory.
+The tables are in the folder ``explained``. An adapter adds facts about its engine in a file ``explained.toml`` of its
+package: ``[KIND.NAME]`` with ``met`` and ``also``, as in the tables, and ``engines``, a sentence in place of
+``{engines}`` in the theory.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from consilience.engine import adapter_file, installed
 from consilience.errors import InvalidInput
 
 
-class Kind(StrEnum):
-    """What can be explained, in the order of the list."""
+class Topic(StrEnum):
+    """Kinds of explanations, in the order of the list."""
 
     VERDICT = "verdict"
     RULE = "rule"
@@ -40,29 +40,29 @@ TABLES = ("verdicts.toml", "terms.toml", "traps.toml")
 
 
 @dataclass(frozen=True)
-class Entry:
-    """One thing that can be explained.
+class Explanation:
+    """The explanation of a name.
 
     Attributes
     ----------
-    kind : Kind
+    kind : Topic
     name : str
-        Unique among the entries of its kind.
+        Unique among the explanations of a kind.
     rule : str
-        What decides, or what to do, in a sentence.
+        A sentence: what decides, or what to do.
     theory : str
         Three lines.
     met : tuple of str
-        Where users met it: threads of public trackers, each with its gist.
+        Threads of public trackers, each with its gist.
     also : tuple of str
-        Other words for it.
+        Other names.
     see : str
-        Page of the documentation; empty for that of the kind.
+        Page of the documentation; empty for the page of the kind.
     number : int
-        Of a trap, as in `consilience.audit.mutate`; 0 for the others.
+        Number of a trap, as in `consilience.audit.mutate`; 0 for the other kinds.
     """
 
-    kind: Kind
+    kind: Topic
     name: str
     rule: str
     theory: str
@@ -73,19 +73,14 @@ class Entry:
 
     @property
     def words(self) -> tuple[str, ...]:
-        """Everything it can be asked for by."""
+        """All names and numbers by which the explanation is found."""
         numbers = (str(self.number), f"trap {self.number}") if self.number else ()
         return (self.name, *self.also, *numbers)
 
     @property
     def page(self) -> str:
-        """Page of the documentation that has more."""
-        return self.see or ("detection.md" if self.kind is Kind.TRAP else "verdicts.md")
-
-
-def _entry(kind: Kind, row: dict[str, Any]) -> Entry:
-    fields: dict[str, Any] = {name: tuple(value) if isinstance(value, list) else value for name, value in row.items()}
-    return Entry(kind, **fields)
+        """Page of the documentation that says more."""
+        return self.see or ("detection.md" if self.kind is Topic.TRAP else "verdicts.md")
 
 
 def _of_adapters() -> list[dict[str, dict[str, dict[str, Any]]]]:
@@ -95,7 +90,7 @@ def _of_adapters() -> list[dict[str, dict[str, dict[str, Any]]]]:
 
 
 def _extended(row: dict[str, Any], additions: list[dict[str, Any]]) -> dict[str, Any]:
-    """Add to an entry what adapters know of their engines."""
+    """Add the facts of adapters about their engines to an explanation."""
     lists = {
         name: [*row.get(name, ()), *(x for one in additions for x in one.get(name, ()))] for name in ("met", "also")
     }
@@ -105,34 +100,37 @@ def _extended(row: dict[str, Any], additions: list[dict[str, Any]]) -> dict[str,
 
 
 @cache
-def read_entries() -> tuple[Entry, ...]:
-    """Read all entries, by kind and in the order of their tables."""
-    found: list[Entry] = []
-    own = _of_adapters()
+def read_explanations() -> tuple[Explanation, ...]:
+    """Read all explanations, sorted by kind, each kind in the order of its table."""
+    found, own = list[Explanation](), _of_adapters()
     for table in TABLES:
         text = files("consilience.cli").joinpath("explained", table).read_text(encoding="utf-8")
         for kind, rows in tomllib.loads(text).items():
             for row in rows:
                 additions = [one[kind][row["name"]] for one in own if row["name"] in one.get(kind, {})]
-                found.append(_entry(Kind(kind), _extended(row, additions)))
-    return tuple(sorted(found, key=lambda entry: list(Kind).index(entry.kind)))
+                fields: dict[str, Any] = {
+                    name: tuple(value) if isinstance(value, list) else value
+                    for name, value in _extended(row, additions).items()
+                }
+                found.append(Explanation(Topic(kind), **fields))
+    return tuple(sorted(found, key=lambda entry: list(Topic).index(entry.kind)))
 
 
 def _key(text: str) -> str:
-    """Letters and digits alone count: case, hyphens and colons do not."""
+    """Letters and digits of a text, in lower case, words separated by single blanks."""
     return " ".join("".join(c if c.isalnum() else " " for c in text.lower()).split())
 
 
-def explained(asked: str) -> tuple[Entry, ...]:
-    """Entries of a name, a number of a trap, or a part of exactly one name.
+def find_explanations(asked: str) -> tuple[Explanation, ...]:
+    """Find the explanations of a name, of the number of a trap, or of a part of exactly one name.
 
     Raises
     ------
     InvalidInput
-        Nothing is called so; the message has the nearest words.
+        If there is none; the message has the nearest names.
     """
     wanted = _key(asked)
-    entries = read_entries()
+    entries = read_explanations()
     same = tuple(entry for entry in entries if wanted in {_key(word) for word in entry.words})
     if same:
         return same

@@ -1,4 +1,4 @@
-"""Files of a native model: which adapter writes them, and what lies beside them."""
+"""Files of a native model: the adapter's export, with a manifest."""
 
 from __future__ import annotations
 
@@ -6,24 +6,25 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from consilience.case import Case
+from consilience.cli.options import writing
 from consilience.engine import Question, beside_adapter, installed, load_engine, require_installed
 from consilience.errors import InvalidInput
 from consilience.mechanism import Mechanism, State
 
 Exporter = Callable[[str, Mechanism, State], Mapping[str, str]]
-"""From a title, a mechanism and its state to the texts of files by their names.
+"""Function from a title, a mechanism and its state to the texts of files by their names.
 
-An adapter's package may have one, ``export_model`` in a module ``export``.
+An adapter's package may have such a function, ``export_model`` in a module ``export``.
 """
 
 
 def exporter(engine: str) -> Exporter:
-    """What writes native models of an engine.
+    """Find the function of an adapter that writes native models.
 
     Raises
     ------
     InvalidInput
-        If the engine is not installed, or its adapter writes none.
+        If the engine is not installed, or its adapter writes no native models.
     """
     require_installed(engine)
     point = installed()[engine.partition(":")[0]]
@@ -35,17 +36,19 @@ def exporter(engine: str) -> Exporter:
 
 
 def native_files(case: Case, engine: str, state: State | None = None) -> dict[str, str]:
-    """Texts of the native model of a case, by the names of the files.
+    """Write the native model of a case for an engine: texts by the names of the files.
 
     Parameters
     ----------
+    case : Case
+    engine : str
     state : State, optional
-        Where it starts; the initial state of the case if not given.
+        State at the start; by default the initial state of the case.
 
     Raises
     ------
     InvalidInput
-        If the engine cannot represent the case, or its adapter cannot write it down.
+        If the engine cannot represent the case, or its adapter cannot write the case.
     """
     write = exporter(engine)
     adapter = load_engine(engine)
@@ -66,12 +69,11 @@ def write_native(files: Mapping[str, str], folder: Path) -> None:
     Raises
     ------
     InvalidInput
+        If the folder holds anything, or cannot be written.
     """
-    try:
+    with writing(folder, "Name another folder."):
         folder.mkdir(parents=True, exist_ok=True)
         if any(folder.iterdir()):
             raise InvalidInput(str(folder), "there is something in it", "Name a new folder: nothing is overwritten.")
         for name, text in files.items():
             (folder / name).write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise InvalidInput(str(folder), f"it cannot be written ({error.strerror})", "Name another folder.") from None

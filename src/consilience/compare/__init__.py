@@ -1,21 +1,37 @@
-"""Runs in, verdicts out. Knows answers and the mechanism, never an engine."""
+"""Comparison of answers with the reference: runs in, verdicts out. No engine is known by name here.
+
+`judge` and `judges` are imported by name: they import the cases, which these functions do not need.
+"""
 
 from __future__ import annotations
 
-from consilience.compare.instant import compare_instant, compare_model
-from consilience.compare.result import Comparison, Level, Quantity, Verdict
-from consilience.compare.trajectory import Prospect, Yardstick, compare_trajectory, reference_spread, spread_over_time
+from consilience.compare.campaigns import CODES, exit_code, markdown_table, write_campaign
+from consilience.compare.instant import compare_instant, compare_model, relative_difference
+from consilience.compare.result import Comparison, Level, Quantity, Verdict, compare_by_bars
+from consilience.compare.trajectory import (
+    Prospect,
+    ReferenceMotion,
+    compare_trajectory,
+    reference_spread,
+    spread_over_time,
+)
 
 __all__ = [
+    "CODES",
     "Comparison",
     "Level",
     "Prospect",
     "Quantity",
+    "ReferenceMotion",
     "Verdict",
-    "Yardstick",
+    "compare_by_bars",
     "compare_instant",
     "compare_model",
     "compare_trajectory",
+    "exit_code",
+    "markdown_table",
     "reference_spread",
+    "relative_difference",
     "spread_over_time",
+    "write_campaign",
 ]

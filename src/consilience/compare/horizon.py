@@ -1,14 +1,14 @@
-"""How far a motion can be judged at all: the growth of small perturbations along the reference.
+"""Horizon: the time up to which a motion can be judged, from the growth of small perturbations of the reference.
 
-The reference moves from states displaced by `PERTURBATION` in random directions that the constraints allow, positions
-and velocities alike. The growth g(t) is the largest difference to the undisturbed motion, so far, over that at the
-start. One rounding error, eps, committed at the start by whoever computes, is g(t) eps at the time t: where that
-reaches the digits asked lies the horizon, and nothing is judged beyond. It is the finite-time counterpart of a
-Lyapunov exponent [Benettin et al. 1980].
+The reference is integrated from states displaced by `PERTURBATION` in random directions that the constraints allow, in
+positions and velocities. The growth g(t) is the largest difference to the undisturbed motion up to t, divided by the
+difference at the start. A rounding error eps at the start of any integration has grown to g(t) eps at the time t. The
+horizon is the time at which g(t) eps reaches the digits asked; nothing is judged beyond. The logarithmic rate of g is a
+finite-time Lyapunov exponent [Benettin et al. 1980].
 
-A perturbation that has grown to `LINEAR` grows no more as small ones do; from there on g is continued at the mean
-exponential rate so far. The reference has errors of its own, of its tolerance, which grow likewise: where g is above
-`AMPLIFYING` and the uncertainty of the reference reaches the digits asked, the horizon lies as well.
+A perturbation above `LINEAR` no longer grows linearly: from there on g is extrapolated at its mean exponential rate.
+Errors of the reference, of the size of its tolerance, grow in the same way: the horizon also lies where g exceeds
+`AMPLIFYING` and the uncertainty of the reference reaches the digits asked.
 
 G. Benettin, L. Galgani, A. Giorgilli, J.-M. Strelcyn, Meccanica 15 (1980) 9-20.
 """
@@ -24,19 +24,19 @@ from consilience.engine import TrajectoryAnswer
 from consilience.mechanism import Array, Mechanism
 
 PERTURBATION = 1e-8
-"""Displacement in m and rad, velocity in m/s and rad/s: far above the errors of the reference, far below `LINEAR`."""
+"""Displacement in m and rad, and in m/s and rad/s: far above the errors of the reference, far below `LINEAR`."""
 
 LINEAR = 1e-3
-"""Difference of two motions up to which growth is read: its square is what is not linear."""
+"""Difference of two motions up to which growth is linear: the quadratic terms are of the size of its square."""
 
 AMPLIFYING = 1e3
-"""Growth above which the uncertainty of the reference is that of the motion and not of the reference."""
+"""Growth above which the uncertainty of the reference is due to the motion, not to the integration."""
 
 EPS = float(np.finfo(float).eps)
 
 
 def growth(mechanism: Mechanism, reference: TrajectoryAnswer, disturbed: Sequence[TrajectoryAnswer]) -> Array:
-    """Growth of perturbations up to each sample, shape (n_t,); ones where nothing can be displaced."""
+    """Return the growth of perturbations up to each sample, shape (n_t,); ones if no state can be displaced."""
     size = size_of_motion(mechanism, reference)
     found = [np.ones(len(reference.time))]
     for motion in disturbed:
@@ -47,7 +47,7 @@ def growth(mechanism: Mechanism, reference: TrajectoryAnswer, disturbed: Sequenc
 
 
 def _continued(time: Array, largest: Array, start: float) -> Array:
-    """Growth from the largest difference so far, continued where it is not small any more."""
+    """Return the growth from the largest difference up to each sample, extrapolated beyond `LINEAR`."""
     grown = largest / start
     beyond = np.flatnonzero(largest > LINEAR)
     if not len(beyond) or beyond[0] == 0:
@@ -58,14 +58,16 @@ def _continued(time: Array, largest: Array, start: float) -> Array:
 
 
 def judged_samples(growing: Array, spread: Array, digits: int) -> int:
-    """Number of samples before the horizon of so many digits.
+    """Return the number of samples before the horizon.
 
     Parameters
     ----------
     growing : ndarray, shape (n_t,)
-        As from `growth`.
+        Growth of perturbations, as from `growth`.
     spread : ndarray, shape (n_t,)
         Uncertainty of the reference up to each sample.
+    digits : int
+        Digits asked.
     """
     asked = 10.0**-digits
     beyond = np.flatnonzero(~(EPS * growing < asked) | ((growing > AMPLIFYING) & ~(spread <= asked)))

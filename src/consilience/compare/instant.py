@@ -1,4 +1,6 @@
-"""`model` and `instant`: differences relative to the largest component of the compared vector, against fixed bars.
+"""Comparison of answers to `model` and `instant`: relative differences of vectors, against bars.
+
+A difference is relative to the largest component of the reference's vector.
 
 The bars (docs/verdicts.md):
 
@@ -10,17 +12,17 @@ energies, mass, centre of mass        1e-12
 inertia of the whole                  1e-12
 ====================================  ==========================================================
 
-Those of accelerations and reactions are for well-conditioned equations. At each state they grow by the factor
-``1 + 4 eps kappa / 1e-11``, kappa the largest condition number of the equations at hand, in whichever way they are
-solved (`consilience.mechanism.conditioning`).
+The bars of accelerations and reactions hold for well-conditioned equations. At each state they grow by the factor
+``1 + 4 eps kappa / 1e-11``, where kappa is the worst condition number of the equations of motion in any usual form
+(`consilience.mechanism.conditioning`).
 
 Accelerations and reactions are compared state by state. Where the whole vector is small (a rod without load at the
-moment of release, a mechanism near equilibrium), a relative difference would be rounding over rounding: it is taken
-relative to `FLOOR` at least of the largest component over all states, and of the terms it is a sum of: gravity and
-turning at the reach of a body for accelerations, the mass times that and the accelerations for reactions, the other
-energy for an energy. The potential energy of gravity is a sum whose terms may cancel, and is relative to
-the sum of their sizes. The pose of a body carries the rounding of all joints on the way to it: for more than `MANY`
-bodies the bars of energies grow in proportion.
+moment of release, a mechanism near equilibrium), a relative difference would be rounding over rounding. The divisor is
+therefore at least `FLOOR` times the largest component over all states, and `FLOOR` times the terms of the sum: for
+accelerations gravity and the centripetal acceleration at the characteristic length of a body; for reactions the mass
+times these and the accelerations; for an energy the other energy. The potential energy of gravity is a sum whose terms
+may cancel, and is relative to the sum of their magnitudes. The pose of a body carries the rounding of all joints
+between it and the ground: for more than `MANY` bodies the bars of energies grow in proportion.
 """
 
 from __future__ import annotations
@@ -31,7 +33,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from consilience.compare.result import Comparison, Quantity, Verdict, digits_of
+from consilience.compare.result import Comparison, Quantity, Verdict, compare_by_bars
 from consilience.compare.softness import SCALES, Softness, of_accelerations
 from consilience.engine import InstantAnswer, Method, ModelAnswer, Question, Route
 from consilience.mechanism import (
@@ -47,7 +49,7 @@ from consilience.mechanism import (
 EPS = float(np.finfo(float).eps)
 EXACT = 1e-12
 SOFTENED = frozenset({"accelerations", "reactions"})
-"""Quantities that the softness of constraints changes at an instant."""
+"""Quantities of an instant that depend on the softness of constraints."""
 
 FLOOR = 1e-2
 MANY = 10
@@ -55,35 +57,35 @@ MANY = 10
 
 @dataclass(frozen=True)
 class Bars:
-    """Bars of a route."""
+    """Bars of accelerations and reactions for a route."""
 
     acceleration: float = 1e-11
     reaction: float = 1e-10
 
 
 BARS: dict[Route, Bars] = {Route.EXTRAPOLATED: Bars(acceleration=1e-8, reaction=1e-7)}
-"""Routes with bars of their own."""
+"""Bars of the routes that differ from the usual ones."""
 
 
 @dataclass(frozen=True, eq=False)
 class Instants:
-    """What the harness knows of the asked states.
+    """Properties of mechanism and states on which the bars of `instant` depend.
 
     Attributes
     ----------
     condition : ndarray, shape (n_s,)
-        Of the equations of motion, see `worst_condition`.
+        Condition number of the equations of motion, see `worst_condition`.
     determined : ndarray of bool, shape (n_s, n_j, 6)
         Reaction components that equilibrium determines.
     mass : float, kg
-        Of the whole mechanism.
+        Mass of the whole mechanism.
     gravity : float, m/s^2
     characteristic_length : float, m
-        Of a body.
+        Characteristic length of a body.
     spin : float, rad/s
         Largest angular velocity at the states.
     weights : float, J
-        Largest sum of the sizes of all potential energies of gravity, about the world origin.
+        Largest sum of the magnitudes of all potential energies of gravity, about the world origin.
     bodies : int
     """
 
@@ -98,12 +100,12 @@ class Instants:
 
     @property
     def rounding(self) -> Array:
-        """Factor that bars grow by at each state, shape (n_s,)."""
+        """Factor of the bars at each state, shape (n_s,)."""
         return 1.0 + 4.0 * EPS * self.condition / Bars().acceleration
 
     @classmethod
     def of(cls, mechanism: Mechanism, states: Sequence[State]) -> Instants:
-        """Examine the states of a case."""
+        """Compute the properties of the states of a mechanism."""
         masses = np.array([b.mass for b in mechanism.bodies])
         return cls(
             np.array([worst_condition(mechanism, s) for s in states]),
@@ -118,17 +120,17 @@ class Instants:
 
     @property
     def acceleration(self) -> float:
-        """Size of the terms that an acceleration is the sum of: gravity, and turning at the reach of a body, m/s^2."""
+        """Magnitude of the terms of an acceleration: gravity and the centripetal acceleration of a body, m/s^2."""
         return self.gravity + self.spin**2 * self.characteristic_length
 
     def inertial(self, reference: InstantAnswer) -> float:
-        """Size of the inertial forces and weights that reactions might have had to bear, N."""
+        """Return the magnitude of the inertial forces and weights that reactions may have to bear, N."""
         found = _largest(reference.a_WB_W) + _largest(reference.alpha_WB_W) * self.characteristic_length
         return self.mass * (self.acceleration + found)
 
 
 def relative_difference(found: ArrayLike, expected: ArrayLike, floor: float = 0.0) -> float:
-    """Largest difference over the largest component of `expected`, or over `floor` if that is larger."""
+    """Return the largest difference divided by the largest component of `expected`, or by `floor` if larger."""
     found, expected = np.asarray(found, dtype=float), np.asarray(expected, dtype=float)
     size = max(_largest(expected), floor)
     difference = _largest(found - expected)
@@ -142,23 +144,23 @@ def _largest(values: ArrayLike) -> float:
 
 
 def _floor(largest: float, scale: float) -> float:
-    """Least size a difference is taken relative to, by the module's text."""
+    """Return the least divisor of a difference, see the text of the module."""
     return FLOOR * max(largest, scale)
 
 
 def _stacked(answer: InstantAnswer) -> Array:
-    """Linear and angular accelerations, shape (n_s, n_b, 6)."""
+    """Return linear and angular accelerations, shape (n_s, n_b, 6)."""
     return np.concatenate([answer.a_WB_W, answer.alpha_WB_W], axis=2)
 
 
 def _sizes(expected: Sequence[Array] | Array, scale: float) -> Array:
-    """What a difference is relative to at each state, shape (n_s,)."""
+    """Return the divisor of a difference at each state, shape (n_s,)."""
     floor = _floor(max(_largest(e) for e in expected), scale)
     return np.array([max(_largest(e), floor) for e in expected])
 
 
 def _by_state(found: Sequence[Array], expected: Sequence[Array], scale: float) -> list[float]:
-    """Relative difference at each state; `scale` is what the quantity might have been."""
+    """Return the relative difference at each state; `scale` is the magnitude of the terms of the quantity."""
     floor = _floor(max(_largest(e) for e in expected), scale)
     return [relative_difference(f, e, floor) for f, e in zip(found, expected, strict=True)]
 
@@ -166,7 +168,16 @@ def _by_state(found: Sequence[Array], expected: Sequence[Array], scale: float) -
 def compare_model(
     case: str, engine: str, method: Method, answer: ModelAnswer, reference: ModelAnswer, length: float
 ) -> Comparison:
-    """Compare accounts of the model; `length` is the size of the mechanism in m."""
+    """Compare mass properties and degrees of freedom.
+
+    Parameters
+    ----------
+    case, engine : str
+    method : Method
+    answer, reference : ModelAnswer
+    length : float, m
+        Size of the mechanism, to which the centre of mass is relative.
+    """
     freedom = float(abs(answer.freedom - reference.freedom))
     quantities = (
         Quantity("total mass", relative_difference(answer.mass, reference.mass), EXACT, 1),
@@ -174,7 +185,7 @@ def compare_model(
         Quantity("inertia of the whole", relative_difference(answer.inertia, reference.inertia), EXACT, 9),
         Quantity("degrees of freedom", freedom, 0.0, 1, f"{answer.freedom}, reference {reference.freedom}"),
     )
-    return _verdict(case, engine, Question.MODEL, method, quantities)
+    return compare_by_bars(case, engine, Question.MODEL, method, quantities)
 
 
 def compare_instant(
@@ -188,13 +199,22 @@ def compare_instant(
 ) -> Comparison:
     """Compare accelerations, determined reactions and energies at all states.
 
-    Where a bar of accelerations or reactions is missed, and the accelerations go to the reference with the engine's
-    softness, it differs by regularisation. `softer` are the answers at the scales of `softness.SCALES`.
+    The verdict is regularisation where only accelerations or reactions miss their bars, and the accelerations converge
+    to the reference as the softness of the engine's constraints decreases.
+
+    Parameters
+    ----------
+    case, engine : str
+    method : Method
+    answer, reference : InstantAnswer
+    instants : Instants
+    softer : sequence of InstantAnswer
+        Answers at the scales of `softness.SCALES`, or none.
     """
     bars = BARS.get(method.route, Bars())
     energies = {"kinetic": _largest(reference.kinetic), "potential": _largest(reference.potential)}
     most, terms = max(energies.values()), {"kinetic": 0.0, "potential": instants.weights}
-    compared = _verdict(
+    compared = compare_by_bars(
         case,
         engine,
         Question.INSTANT,
@@ -222,7 +242,7 @@ def compare_instant(
 
 
 def _with_softness(compared: Comparison, soft: Softness) -> Comparison:
-    """The same comparison, put down to regularisation where that explains all that differs."""
+    """Change the verdict to regularisation where softness explains all missed bars."""
     missed = {q.name for q in compared.quantities if not q.met}
     found = next(q for q in compared.quantities if q.name == "accelerations")
     compared = replace(compared, softness=soft)
@@ -239,7 +259,7 @@ def _with_softness(compared: Comparison, soft: Softness) -> Comparison:
 
 
 def _worst(differences: Sequence[float], bars: Sequence[float]) -> int:
-    """State that comes nearest to its bar, or passes it furthest; one that is not a number before all."""
+    """Return the state with the largest ratio of difference to bar; a difference that is not a number comes first."""
     ratios = np.array(differences) / np.array(bars)
     return int(np.argmax(np.where(np.isnan(ratios), np.inf, ratios)))
 
@@ -270,24 +290,3 @@ def _reactions(answer: InstantAnswer, reference: InstantAnswer, instants: Instan
     bars = bar * instants.rounding
     n = _worst(differences, list(bars))
     return Quantity("reactions", differences[n], float(bars[n]), int(np.sum(determined)), remark)
-
-
-def _verdict(
-    case: str, engine: str, question: Question, method: Method, quantities: tuple[Quantity, ...]
-) -> Comparison:
-    missed = [q for q in quantities if not q.met]
-    largest = float(np.max([q.difference for q in quantities]))
-    worst = missed[0] if missed else max(quantities, key=lambda q: q.difference)
-    relation = "above" if missed else "within"
-    return Comparison(
-        case=case,
-        engine=engine,
-        question=question,
-        method=method.name,
-        route=method.route,
-        profile=method.profile,
-        verdict=Verdict.MODEL if missed else Verdict.AGREES,
-        why=f"{worst.name}: difference {worst.difference:.2g}, {relation} the bar {worst.bar:.2g}",
-        digits=digits_of(largest),
-        quantities=quantities,
-    )

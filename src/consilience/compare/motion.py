@@ -1,8 +1,8 @@
-"""Two motions against one another: what is measured, in which units, over time.
+"""Difference of two motions over time, and observables of one motion: energy, violation of joints.
 
-The difference of two motions at a time is the largest, over the bodies, of the distance of the origins divided by the
-size of the motion and of the angle between the orientations in rad. Every observable of `OBSERVABLES` has a difference
-of its own; velocities are relative to the largest of the motion, energies to the largest kinetic energy.
+The difference of two motions at a time is the largest value over the bodies of the distance of the origins divided by
+the size of the motion, and of the angle between the orientations in rad. Each observable of `OBSERVABLES` has a
+difference of its own; velocities are relative to the largest velocity, energies to the largest kinetic energy.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ from consilience.mechanism import (
 )
 
 KEPT_SAMPLES = 101
-"""Samples of a plot, and of the observers that are costly."""
+"""Number of samples of a plot, and of observables that are costly."""
 
 TINY = float(np.finfo(float).tiny)
 
 
 def size_of_motion(mechanism: Mechanism, answer: TrajectoryAnswer) -> float:
-    """Largest distance between two positions of any one body along any axis, m; at least the reach of a body.
+    """Return the widest travel of a body along an axis, m, but at least the characteristic length of a body.
 
-    The reach matters where origins hardly move, as on a fixed axis: their rounding is no motion to compare with.
+    The characteristic length matters where origins hardly move, as on a fixed axis, and their travel is rounding.
     """
     return max(float(np.max(np.ptp(answer.p_WB, axis=0))), characteristic_length(mechanism))
 
 
 def difference_over_time(a: TrajectoryAnswer, b: TrajectoryAnswer, size: float) -> Array:
-    """Difference of two motions at every sample, shape (n_t,), dimensionless or rad."""
+    """Return the difference of two motions at each sample, shape (n_t,), dimensionless or rad."""
     distance = np.max(np.linalg.norm(a.p_WB - b.p_WB, axis=2), axis=1) / size
     angle = np.max(rotation_angle_between(a.quat_WB, b.quat_WB), axis=1)
     return np.maximum(distance, angle)
@@ -47,7 +47,7 @@ def difference_over_time(a: TrajectoryAnswer, b: TrajectoryAnswer, size: float) 
 
 @dataclass(frozen=True)
 class Scales:
-    """What differences of observables are relative to, from the reference motion.
+    """Divisors of the differences of observables, from the reference motion.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class Scales:
 
     @classmethod
     def of(cls, mechanism: Mechanism, reference: TrajectoryAnswer) -> Scales:
-        """Scales of a motion; a speed is at least what moves the size of the motion in its whole time."""
+        """Return the scales of a motion; a speed is at least the size of the motion divided by its duration."""
         size = size_of_motion(mechanism, reference)
         time = max(float(np.ptp(reference.time)), TINY)
         return cls(
@@ -85,16 +85,16 @@ OBSERVABLES: dict[str, Observable] = {
     "velocity": lambda a, b, s: _largest_norm(a.v_WB_W - b.v_WB_W, s.speed),
     "angular velocity": lambda a, b, s: _largest_norm(a.w_WB_W - b.w_WB_W, s.spin),
 }
-"""Difference of two motions at every sample, shape (n_t,), in each observable."""
+"""Difference of two motions at each sample, shape (n_t,), by observable."""
 
 
 def _align(quat: Array, like: Array) -> Array:
-    """Quaternions with the signs of `like`, so that they can be combined linearly."""
+    """Return quaternions with the signs of `like`, so that linear combinations are meaningful."""
     return quat * np.where(np.sum(quat * like, axis=-1, keepdims=True) < 0, -1.0, 1.0)
 
 
 def extrapolated(coarse: TrajectoryAnswer, fine: TrajectoryAnswer, weight: float) -> TrajectoryAnswer:
-    """``fine + weight (fine - coarse)``; quaternions are brought back to unit length."""
+    """Return ``fine + weight (fine - coarse)``, with unit quaternions."""
     quat = fine.quat_WB + weight * (fine.quat_WB - _align(coarse.quat_WB, fine.quat_WB))
     return TrajectoryAnswer(
         fine.time,
@@ -106,7 +106,7 @@ def extrapolated(coarse: TrajectoryAnswer, fine: TrajectoryAnswer, weight: float
 
 
 def energy_over_time(mechanism: Mechanism, answer: TrajectoryAnswer, samples: Sequence[int]) -> Array:
-    """Change of the total energy since the start over the largest kinetic energy, recomputed from the motion."""
+    """Return the change of the total energy since the start, relative to the largest kinetic energy."""
     kinetic, potential = energies_over_time(mechanism, answer, samples)
     total = kinetic + potential
     return np.asarray((total - total[0]) / max(float(np.max(kinetic)), TINY))
@@ -118,7 +118,7 @@ def _state(answer: TrajectoryAnswer, n: int) -> State:
 
 
 def largest_residual(mechanism: Mechanism, answer: TrajectoryAnswer, samples: Sequence[int]) -> float:
-    """Largest violation of a joint at the samples, m or dimensionless."""
+    """Return the largest violation of a joint at the samples, m or dimensionless."""
     largest, angles, kept = 0.0, dict[str, float](), set(samples)
     for n in range(len(answer.time)) if mechanism.couplings else samples:
         state = _state(answer, n)
@@ -130,5 +130,5 @@ def largest_residual(mechanism: Mechanism, answer: TrajectoryAnswer, samples: Se
 
 
 def kept_samples(count: int, most: int = KEPT_SAMPLES) -> list[int]:
-    """Evenly spread sample indices for plots and for the costlier observers, first and last included."""
+    """Return evenly spread indices of samples, the first and the last included."""
     return sorted({int(n) for n in np.linspace(0, count - 1, min(count, most))})

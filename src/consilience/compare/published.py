@@ -1,7 +1,6 @@
-"""The reference against what is known from elsewhere: closed forms and published values, each with its uncertainty.
+"""Comparison of the reference with closed forms and published values, each with its uncertainty.
 
-A value may contradict the reference only beyond both uncertainties together. Then the reference is disputed, and may
-not fail an engine.
+A value that differs by more than both uncertainties together disputes the reference, which then fails no engine.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from consilience.mechanism import Array, Mechanism
 def against_published(
     mechanism: Mechanism, published: Sequence[Published], motion: TrajectoryAnswer, spread: Array
 ) -> tuple[Quantity, ...]:
-    """Difference of a motion to every value known of it; the bar is the sum of both uncertainties, in its unit."""
+    """Compare a motion with all published values; the bar is the sum of both uncertainties, in its unit."""
     scales = Scales.of(mechanism, motion)
     found = []
     for known in published:
@@ -37,7 +36,7 @@ def against_published(
 def start_against_published(
     mechanism: Mechanism, published: Sequence[Published], answer: InstantAnswer, instants: Instants
 ) -> tuple[Quantity, ...]:
-    """Difference of the answer at the initial state to every value known of it; bars of `instant` beside its own."""
+    """Compare the answer at the initial state with all published values; their uncertainty is added to the bar."""
     found = []
     for known in published:
         if not known.at_start:
@@ -55,7 +54,7 @@ def _quantity(known: Published, value: float, bar: float) -> Quantity:
 
 
 def dispute(quantities: Sequence[Quantity]) -> str:
-    """First value that contradicts the reference, in words; empty if none does."""
+    """Describe the first value that contradicts the reference; empty if none does."""
     missed = next((q for q in quantities if not q.met), None)
     if missed is None:
         return ""

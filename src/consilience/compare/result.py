@@ -1,4 +1,4 @@
-"""What a comparison says."""
+"""Result of a comparison: verdict, compared quantities, levels of a motion."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from consilience.compare.softness import Softness
 from consilience.compare.uncertainty import Estimate
-from consilience.engine import Profile, Question, Route
+from consilience.engine import Method, Profile, Question, Route
 
 
 class Verdict(StrEnum):
@@ -33,7 +33,7 @@ class Quantity:
     difference : float
         Largest difference relative to the largest component of the compared vector.
     bar : float
-        What was asked: the difference may not be larger.
+        Largest difference that is allowed.
     count : int
         Number of values compared.
     remark : str
@@ -53,16 +53,16 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Level:
-    """One step size (or tolerance) of a trajectory.
+    """A motion at one step size or tolerance, compared with the reference.
 
     Attributes
     ----------
     difference : tuple of float
-        To the reference over time, on `Comparison.times`.
+        Difference to the reference on `Comparison.times`.
     largest, rms : float
-        Of `difference` over all samples up to the horizon, not only the kept ones.
+        Largest value and root mean square of the difference over all samples up to the horizon.
     energy : tuple of float
-        Change of the total energy since the start, over the largest kinetic energy, on `Comparison.times`.
+        Change of the total energy since the start, relative to the largest kinetic energy, on `Comparison.times`.
     residual : float
         Largest violation of a joint, m or dimensionless.
     """
@@ -79,7 +79,7 @@ class Level:
 
 @dataclass(frozen=True)
 class Comparison:
-    """One engine, question and method against the reference.
+    """Comparison of an engine's answer to one question by one method with the reference.
 
     Attributes
     ----------
@@ -94,15 +94,15 @@ class Comparison:
     band : float or None
         Uncertainty of the finest level by the grid convergence index.
     why : str
-        The rule that decided, in numbers.
+        Reason of the verdict, in numbers.
     rule : str
-        Its name in `rules.RULES`; empty for questions with bars.
+        Name of the rule in `rules.RULES` that decided; empty for questions with bars.
     profile : Profile
-        Whose settings the engine ran with.
+        Settings with which the engine ran.
     horizon : float or None, s
         Time up to which a trajectory is judged; None where that is its end.
     softness : Softness or None
-        How the difference moves with the engine's own softness.
+        Dependence of the difference on the softness of the engine's constraints.
     observables : tuple of Estimate
         Order and band of each observable of a trajectory.
     growth : tuple of float
@@ -135,5 +135,36 @@ class Comparison:
 
 
 def digits_of(difference: float) -> float:
-    """Correct digits of a relative difference: 16 for none at all, 0 where nothing is right."""
+    """Return the correct digits of a relative difference, from 0 to 16."""
     return float(np.clip(-np.log10(max(difference, 1e-16)), 0.0, 16.0))
+
+
+def compare_by_bars(
+    case: str, engine: str, question: Question, method: Method, quantities: tuple[Quantity, ...]
+) -> Comparison:
+    """Return the comparison of an answer by its quantities: a missed bar is a difference of the model.
+
+    Parameters
+    ----------
+    case, engine : str
+    question : Question
+    method : Method
+    quantities : tuple of Quantity
+        The compared quantities, one at least.
+    """
+    missed = [q for q in quantities if not q.met]
+    largest = float(np.max([q.difference for q in quantities]))
+    worst = missed[0] if missed else max(quantities, key=lambda q: q.difference)
+    relation = "above" if missed else "within"
+    return Comparison(
+        case=case,
+        engine=engine,
+        question=question,
+        method=method.name,
+        route=method.route,
+        profile=method.profile,
+        verdict=Verdict.MODEL if missed else Verdict.AGREES,
+        why=f"{worst.name}: difference {worst.difference:.2g}, {relation} the bar {worst.bar:.2g}",
+        digits=digits_of(largest),
+        quantities=quantities,
+    )

@@ -1,8 +1,7 @@
-"""The rules of the verdicts on motions, in the order in which they are asked: the first that holds decides.
+"""Rules of the verdicts on motions, in order: the first rule that holds decides.
 
-One table, and the numbers it rests on in one place each: the window of orders and the safety factors in `uncertainty`,
-what softness must explain in `softness`, the rounding error of the horizon in `horizon`; the digits asked are the
-case's. docs/verdicts.md repeats the table for readers.
+The window of orders and the safety factors are in `uncertainty`, the share that softness must explain in `softness`,
+the rounding error of the horizon in `horizon`; the case gives the digits asked. docs/verdicts.md repeats the table.
 """
 
 from __future__ import annotations
@@ -15,40 +14,40 @@ from consilience.compare.softness import Softness
 from consilience.compare.uncertainty import ROUNDING
 
 FASTER = 1e3
-"""How much larger the relative difference of velocities may be than that of poses: an error that swings a thousand
-times faster than the motion would show so."""
+"""Largest ratio of the relative difference of velocities to that of poses: an oscillating error a thousand times faster
+than the motion has this ratio."""
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """What is known when a motion is judged; differences are to the reference, up to the horizon.
+    """Numbers by which a motion is judged; differences are to the reference, up to the horizon.
 
     Attributes
     ----------
     asked : float
         ``10^-digits`` of the case.
     judged, duration : float, s
-        Time up to the horizon, and of the motion.
+        Time up to the horizon, and duration of the motion.
     reference : float
         Uncertainty of the reference.
     dispute : str
-        What contradicts the reference beyond both uncertainties, empty if nothing does.
+        Published value that contradicts the reference beyond both uncertainties; empty if none does.
     finest : float
         Difference of the finest level.
     limit, band : float or None
         Difference of the Richardson limit, and the uncertainty of the finest level; None without a ladder.
     order : float or None
-        Observed among the levels.
+        Order observed among the levels.
     declared : int or None
     asymptotic : bool
         Whether the levels converge with the declared order.
     softness : Softness or None
-        None where the engine's constraints are hard.
+        None if the engine's constraints are hard.
     earlier : str
-        What the same engine already differs in at `model` or `instant`, empty if nothing.
+        Difference of the same engine at `model` or `instant`, in words; empty if there is none.
     velocities : float
-        Difference of the velocities, relative to the largest: of the finest level, or of their limit at order one, as a
-        method may be of lower order in them than in poses.
+        Relative difference of the velocities: of the finest level, or of the limit at order one if smaller, because a
+        method may have a lower order in velocities than in poses.
     """
 
     asked: float
@@ -68,29 +67,29 @@ class Evidence:
 
     @property
     def allowed(self) -> float:
-        """Difference that is as good as none."""
+        """Largest difference that counts as agreement."""
         return self.asked + self.reference
 
     @property
     def converges_here(self) -> bool:
-        """Whether smaller steps lead to the reference, as far as the band can tell."""
+        """Whether the levels converge to the reference within the band."""
         if self.limit is None or self.band is None:
             return False
         return self.asymptotic and self.limit <= self.band + self.reference
 
     @property
     def observed(self) -> str:
-        """The observed order in words."""
+        """Observed order, in words."""
         return "hidden by rounding" if self.order is None else f"{self.order:.2f}"
 
     @property
     def until(self) -> str:
-        """Up to when, where that is not the end."""
+        """Horizon in words; empty if the motion is judged to its end."""
         return "" if self.judged >= self.duration else f" up to the horizon at {self.judged:.3g} s"
 
     @property
     def limit_text(self) -> str:
-        """Limit, band and order in words."""
+        """Limit, band and order, in words."""
         assert self.limit is not None
         assert self.band is not None
         return f"the limit differs by {self.limit:.2g}, band {self.band:.2g}, order {self.observed}"
@@ -98,19 +97,19 @@ class Evidence:
 
 @dataclass(frozen=True)
 class Rule:
-    """One row of the table.
+    """A rule: condition, verdict, and words for the reader.
 
     Attributes
     ----------
     name : str
     verdict : Verdict
     when : str
-        The condition in words, as in docs/verdicts.md.
+        Condition in words, as in docs/verdicts.md.
     holds : callable
     why : callable
-        The decision in numbers.
+        Function that describes the decision in numbers.
     final : bool
-        Whether it holds whatever else the engine is asked: no finer step and no other softness would be heard.
+        Whether finer steps and other softness cannot change the verdict, so that none need be asked.
     """
 
     name: str
@@ -234,6 +233,6 @@ RULES: tuple[Rule, ...] = (
 
 
 def decide(evidence: Evidence) -> tuple[Rule, str]:
-    """First rule that holds, and the decision in numbers."""
+    """Return the first rule that holds, and its decision in numbers."""
     rule = next(rule for rule in RULES if rule.holds(evidence))
     return rule, rule.why(evidence)

@@ -1,13 +1,13 @@
-"""How a difference moves with an engine's own regularisation of constraints.
+"""Dependence of a difference on the softness of an engine's constraints, its own regularisation.
 
-The same question at three softnesses s, each half the one before, is a ladder as steps are (`uncertainty`): answers
-that converge with some order in s have a limit without softness. The order is not declared, it depends on what the
-engine softens; it has to be seen, between `LEAST` and `MOST`. A difference is put down to regularisation if the limit
-is nearer to the reference by the factor `EXPLAINED`, or as near as is asked. If softness moves an answer by as much,
-but not there, nothing can be said.
+Answers to the same question at three softnesses s, each half the previous, form a ladder like answers at three steps
+(`uncertainty`): if they converge with some order in s, they have a limit without softness. The order depends on the
+engine and is observed; it must lie between `LEAST` and `MOST`. A difference is due to regularisation if the limit is
+nearer to the reference by the factor `EXPLAINED`, or within what is allowed. If softness changes an answer by as much
+as the difference, but not towards the reference, the cause stays open.
 
-Settings that are matched stand at the hard end of the engine's knob, and the ladder leads from softer ones to them.
-Defaults are so soft that answers are not in proportion to s any more: the ladder stands at far harder ones.
+Matched settings are at the hard end of the engine's range, and the ladder leads from softer settings to them. Default
+settings are so soft that answers are no longer proportional to s: their ladder is at far harder settings.
 """
 
 from __future__ import annotations
@@ -22,26 +22,26 @@ from consilience.engine import InstantAnswer, Profile, TrajectoryAnswer
 from consilience.mechanism import Array
 
 SCALES: dict[Profile, tuple[float, ...]] = {Profile.MATCHED: (2.0, 4.0), Profile.DEFAULT: (0.01, 0.005, 0.0025)}
-"""Softness asked besides that of the method, which is one. Three make a ladder: the hardest of all answers."""
+"""Factors of the softness of a method, which itself has the factor one. The three hardest answers form the ladder."""
 
 LEAST, MOST = 0.5, 3.5
-"""Orders in s that are believed: below, answers do not settle as s shrinks; above, they hardly depend on it."""
+"""Range of believable orders in s: below, answers do not converge as s decreases; above, they hardly depend on s."""
 
 EXPLAINED = 0.25
-"""Part of a difference that may remain without softness, if softness is to be its cause: what a safety factor of 1.25
-grants a Richardson limit. Softness that moves an answer by less than this part has no say in it."""
+"""Share of a difference that may remain in the limit, if softness is its cause: a safety factor of 1.25 allows as much
+for a Richardson limit. Softness that changes an answer by a smaller share of the difference is no cause."""
 
 
 @dataclass(frozen=True)
 class Softness:
-    """What a ladder of softness says.
+    """Result of a ladder of softness.
 
     Attributes
     ----------
     order : float or None
-        Observed in s; None where answers do not change with it.
+        Order observed in s; None if answers do not depend on s.
     shift : float
-        Difference of the answer in question to the limit.
+        Difference of the judged answer to the limit.
     limit : float
         Difference of the limit without softness to the reference.
     """
@@ -51,22 +51,22 @@ class Softness:
     limit: float
 
     def explains(self, difference: float, allowed: float) -> bool:
-        """Whether a difference to the reference goes away with the softness, up to what is allowed."""
+        """Whether a difference to the reference vanishes with the softness, up to what is allowed."""
         settled = self.order is not None and LEAST <= self.order <= MOST
         return settled and self.limit <= max(EXPLAINED * difference, allowed)
 
     def matters(self, difference: float) -> bool:
-        """Whether softness moves the answer by a good part of a difference, wherever to."""
+        """Whether softness changes the answer by a good share of a difference, in any direction."""
         return self.shift >= EXPLAINED * difference
 
 
 def _order(hard: float, soft: float) -> float | None:
-    """Order in s from the changes between the two hardest and the two softest answers."""
+    """Return the order in s from the changes between the two hardest and the two softest answers."""
     return float(np.log2(soft / hard)) if hard > 0.0 and soft > 0.0 else None
 
 
 def _ladder(scales: Sequence[float]) -> list[int]:
-    """Positions of the three hardest answers among those at one and at these scales, hard to soft."""
+    """Return the indices of the three hardest answers among those at the scales 1 and `scales`, hard to soft."""
     return [int(n) for n in np.argsort([1.0, *scales])[:3]]
 
 
@@ -77,7 +77,19 @@ def of_motions(
     scales: Scales,
     judged: slice,
 ) -> Softness:
-    """Softness from the motion in question, the first, and those at these scales."""
+    """Return the dependence on softness from motions at several softnesses.
+
+    Parameters
+    ----------
+    answers : sequence of TrajectoryAnswer
+        The judged motion, then those at other softness.
+    softness : sequence of float
+        Factors of the softness of the other motions.
+    reference : TrajectoryAnswer
+    scales : Scales
+    judged : slice
+        Samples before the horizon.
+    """
 
     def largest(a: TrajectoryAnswer, b: TrajectoryAnswer) -> float:
         return float(np.max(difference_over_time(a, b, scales.size)[judged]))
@@ -92,12 +104,17 @@ def of_motions(
 def of_accelerations(
     answers: Sequence[InstantAnswer], softness: Sequence[float], reference: InstantAnswer, sizes: Array
 ) -> Softness:
-    """Softness from the accelerations in question, the first, and those at these scales.
+    """Return the dependence on softness from accelerations at several softnesses.
 
     Parameters
     ----------
+    answers : sequence of InstantAnswer
+        The judged answer, then those at other softness.
+    softness : sequence of float
+        Factors of the softness of the other answers.
+    reference : InstantAnswer
     sizes : ndarray, shape (n_s,)
-        What differences at each state are relative to.
+        Divisors of the differences at each state.
     """
     found, expected = [_accelerations(a) for a in answers], _accelerations(reference)
 

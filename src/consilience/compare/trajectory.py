@@ -1,11 +1,11 @@
-"""`trajectory`: differences to the reference over time, uncertainty of the levels, and a verdict with its cause.
+"""Comparison of motions: differences to the reference over time, uncertainty of the levels, verdict and cause.
 
-What is measured is in `motion`, the uncertainty of a ladder in `uncertainty`, how far a motion can be judged in
-`horizon`, and the rules in `rules`.
+Differences are in `motion`, the uncertainty of the levels in `uncertainty`, the horizon in `horizon`, the rules in
+`rules`.
 
-Whether the levels are asymptotic is judged by the order among themselves (by that against the reference only where
-there are two levels or rounding hides it): a plateau, levels that converge cleanly to something else, spoils the order
-against the reference and must not pass for steps that are too coarse.
+Whether the levels are asymptotic follows from the order among themselves, or from the order against the reference with
+two levels only or below rounding. Levels that converge to another motion have no clear order against the reference, and
+must not be taken for too coarse steps.
 """
 
 from __future__ import annotations
@@ -37,32 +37,32 @@ RESIDUAL_SAMPLES = 21
 
 
 def spread_over_time(mechanism: Mechanism, answers: Sequence[TrajectoryAnswer]) -> Array:
-    """Largest difference, up to each sample, of the reference's other answers to its first one, shape (n_t,)."""
+    """Return the largest difference of the other motions to the first up to each sample, shape (n_t,)."""
     size = size_of_motion(mechanism, answers[0])
     differences = [difference_over_time(a, answers[0], size) for a in answers[1:]]
     return np.maximum.accumulate(np.max([np.zeros(len(answers[0].time)), *differences], axis=0))
 
 
 def reference_spread(mechanism: Mechanism, answers: Sequence[TrajectoryAnswer]) -> float:
-    """Largest difference of the reference's other answers to its first one."""
+    """Return the largest difference of the other motions to the first."""
     return float(spread_over_time(mechanism, answers)[-1])
 
 
 @dataclass(frozen=True, eq=False)
-class Yardstick:
-    """The reference motion of a case and what is known about it.
+class ReferenceMotion:
+    """Reference motion of a case with its uncertainty and horizon.
 
     Attributes
     ----------
     answer : TrajectoryAnswer
     spread : ndarray, shape (n_t,)
-        Uncertainty up to each sample: spread over formulations, integrators and tolerances.
+        Uncertainty up to each sample: the spread over formulations, integrators and tolerances.
     digits : int
         Digits the case asks.
     growth : ndarray, shape (n_t,), or None
-        Growth of perturbations (`horizon.growth`); None where it was not measured: then nothing is past the horizon.
+        Growth of perturbations (`horizon.growth`); None if unknown: then there is no horizon.
     dispute : str
-        What contradicts the reference beyond both uncertainties.
+        Published value that contradicts the reference beyond both uncertainties; empty if none does.
     """
 
     answer: TrajectoryAnswer
@@ -89,7 +89,7 @@ class _Ladder:
 
     @property
     def settled(self) -> float | None:
-        """Order that says whether the levels are asymptotic: among themselves, so that a plateau does not hide it."""
+        """Order that decides whether the levels are asymptotic: preferably the order among themselves."""
         return self.order if self.self_order is None else self.self_order
 
     @property
@@ -97,55 +97,60 @@ class _Ladder:
         return self.declared is not None and uncertainty.settled(self.settled, self.declared)
 
 
-def _ladder(runs: Sequence[Run], answers: Sequence[TrajectoryAnswer], size: float, yard: Yardstick) -> _Ladder:
+def _ladder(
+    runs: Sequence[Run], answers: Sequence[TrajectoryAnswer], size: float, reference_motion: ReferenceMotion
+) -> _Ladder:
     method = runs[0].method
     assert method is not None
-    declared, judged = uncertainty.declared_order(method), slice(yard.judged)
-    if declared is None or len(answers) < 2 or yard.judged < 1:
+    declared, judged = uncertainty.declared_order(method), slice(reference_motion.judged)
+    if declared is None or len(answers) < 2 or reference_motion.judged < 1:
         return _Ladder()
     ratio = uncertainty.ratio_of([run.step for run in runs])
-    errors = [difference_over_time(a, yard.answer, size)[judged] for a in answers]
+    errors = [difference_over_time(a, reference_motion.answer, size)[judged] for a in answers]
     changes = [difference_over_time(a, b, size)[judged] for a, b in pairwise(answers)]
     limit = uncertainty.richardson(answers[-2], answers[-1], declared, ratio)
     found = _Ladder(
         order=uncertainty.finest_order([uncertainty.rms(e) for e in errors], ratio),
         self_order=uncertainty.finest_order([uncertainty.rms(c) for c in changes], ratio),
-        limit=float(np.max(difference_over_time(limit, yard.answer, size)[judged])),
+        limit=float(np.max(difference_over_time(limit, reference_motion.answer, size)[judged])),
         declared=declared,
     )
     wide = uncertainty.band(float(np.max(changes[-1])), found.settled, declared, ratio, 0.0)
     return _Ladder(found.order, found.self_order, wide, found.limit, declared)
 
 
-# A motion that blew up has squares beyond what a number holds: they are infinite, which is what they are compared as.
+# squares of a motion that diverges overflow: they are compared as infinite
 _BLOWN_UP = np.errstate(over="ignore", invalid="ignore")
 
 
 @_BLOWN_UP
 def compare_trajectory(
-    mechanism: Mechanism, runs: Sequence[Run], yard: Yardstick, softer: Sequence[Run] = (), earlier: str = ""
+    mechanism: Mechanism,
+    runs: Sequence[Run],
+    reference_motion: ReferenceMotion,
+    softer: Sequence[Run] = (),
+    earlier: str = "",
 ) -> Comparison:
     """Judge the levels of one method, coarse to fine.
 
     Parameters
     ----------
     runs : sequence of Run
-        All answered, of one case, engine and method.
-    yard : Yardstick
+        Answered runs of one case, engine and method.
+    reference_motion : Yardstick
     softer : sequence of Run
-        The finest level again at the scales of `softness.SCALES`, where the engine has a softness.
+        Runs of the finest level at the scales of `softness.SCALES`, if the engine has a softness.
     earlier : str
-        What the engine already differs in at `model` or `instant`.
+        Difference of the engine at `model` or `instant`, in words.
     """
-    answers = [run.answer for run in runs if isinstance(run.answer, TrajectoryAnswer)]
-    method, reference = runs[0].method, yard.answer
+    answers = [run.answer for run in runs]
+    method, reference = runs[0].method, reference_motion.answer
     assert method is not None
-    assert len(answers) == len(runs)
     scales = Scales.of(mechanism, reference)
-    ladder = _ladder(runs, answers, scales.size, yard)
-    levels = _levels(mechanism, runs, answers, yard, scales.size)
-    soft = _softness(answers[-1], softer, yard, scales)
-    evidence = replace(_evidence(runs, answers, yard, scales, ladder), softness=soft, earlier=earlier)
+    ladder = _ladder(runs, answers, scales.size, reference_motion)
+    levels = _levels(mechanism, runs, answers, reference_motion, scales.size)
+    soft = _softness(answers[-1], softer, reference_motion, scales)
+    evidence = replace(_evidence(runs, answers, reference_motion, scales, ladder), softness=soft, earlier=earlier)
     rule, why = decide(evidence)
     samples = kept_samples(len(reference.time))
     return Comparison(
@@ -158,32 +163,32 @@ def compare_trajectory(
         verdict=rule.verdict,
         rule=rule.name,
         why=why,
-        digits=digits_of(evidence.finest) if yard.judged > 1 else None,
+        digits=digits_of(evidence.finest) if reference_motion.judged > 1 else None,
         limit_digits=None if ladder.limit is None else digits_of(ladder.limit),
         declared_order=ladder.declared,
         order=ladder.order,
         self_order=ladder.self_order,
         band=ladder.band,
         reference_spread=evidence.reference,
-        horizon=evidence.judged if yard.judged < len(reference.time) else None,
+        horizon=evidence.judged if reference_motion.judged < len(reference.time) else None,
         softness=soft,
         observables=uncertainty.estimates(answers, method, [run.step for run in runs], scales),
         times=tuple(float(t) for t in reference.time[samples]),
-        growth=() if yard.growth is None else tuple(float(g) for g in yard.growth[samples]),
+        growth=() if reference_motion.growth is None else tuple(float(g) for g in reference_motion.growth[samples]),
         levels=levels,
     )
 
 
 @dataclass(frozen=True)
 class Prospect:
-    """What more answers of a method would do for its verdict.
+    """Effect of further levels of a method on its verdict.
 
     Attributes
     ----------
     decided : bool
-        The levels say all that can be said: neither finer ones nor other softness would be heard.
+        Neither finer levels nor other softness would change the verdict.
     next_agrees : bool
-        The levels converge to the reference, and the next one is expected to be as near as is asked.
+        The levels converge to the reference, and the next level is expected to agree.
     """
 
     decided: bool
@@ -191,11 +196,13 @@ class Prospect:
 
     @classmethod
     @_BLOWN_UP
-    def of(cls, mechanism: Mechanism, runs: Sequence[Run], yard: Yardstick) -> Prospect:
-        """From levels that are all answered."""
-        answers = [run.answer for run in runs if isinstance(run.answer, TrajectoryAnswer)]
-        scales = Scales.of(mechanism, yard.answer)
-        evidence = _evidence(runs, answers, yard, scales, _ladder(runs, answers, scales.size, yard))
+    def of(cls, mechanism: Mechanism, runs: Sequence[Run], reference_motion: ReferenceMotion) -> Prospect:
+        """Return the prospect of answered levels."""
+        answers = [run.answer for run in runs]
+        scales = Scales.of(mechanism, reference_motion.answer)
+        evidence = _evidence(
+            runs, answers, reference_motion, scales, _ladder(runs, answers, scales.size, reference_motion)
+        )
         rule, _ = decide(evidence)
         if rule.verdict is not Verdict.DISCRETISATION:
             return cls(rule.final, False)
@@ -206,57 +213,72 @@ class Prospect:
 
 
 def _evidence(
-    runs: Sequence[Run], answers: Sequence[TrajectoryAnswer], yard: Yardstick, scales: Scales, ladder: _Ladder
+    runs: Sequence[Run],
+    answers: Sequence[TrajectoryAnswer],
+    reference_motion: ReferenceMotion,
+    scales: Scales,
+    ladder: _Ladder,
 ) -> Evidence:
-    """What the levels alone say."""
-    reference = yard.answer
+    """Return the evidence of the levels, without softness and earlier differences."""
+    reference = reference_motion.answer
     return Evidence(
-        asked=10.0**-yard.digits,
-        judged=float(reference.time[max(yard.judged - 1, 0)] - reference.time[0]),
+        asked=10.0**-reference_motion.digits,
+        judged=float(reference.time[max(reference_motion.judged - 1, 0)] - reference.time[0]),
         duration=float(np.ptp(reference.time)),
-        reference=float(yard.spread[max(yard.judged - 1, 0)]),
-        dispute=yard.dispute,
-        finest=float(np.max(difference_over_time(answers[-1], reference, scales.size)[: yard.judged], initial=0.0)),
+        reference=float(reference_motion.spread[max(reference_motion.judged - 1, 0)]),
+        dispute=reference_motion.dispute,
+        finest=float(
+            np.max(difference_over_time(answers[-1], reference, scales.size)[: reference_motion.judged], initial=0.0)
+        ),
         limit=ladder.limit,
         band=ladder.band,
         order=ladder.settled,
         declared=ladder.declared,
         asymptotic=ladder.asymptotic,
-        velocities=_velocities(runs, answers, yard, scales),
+        velocities=_velocities(runs, answers, reference_motion, scales),
     )
 
 
-def _velocities(runs: Sequence[Run], answers: Sequence[TrajectoryAnswer], yard: Yardstick, scales: Scales) -> float:
-    """Difference of the velocities of the finest level, or of their limit at order one, the least that converges."""
+def _velocities(
+    runs: Sequence[Run], answers: Sequence[TrajectoryAnswer], reference_motion: ReferenceMotion, scales: Scales
+) -> float:
+    """Return the difference of the velocities of the finest level, or of the limit at order one if smaller."""
     candidates = [answers[-1]]
     steps = [run.step for run in runs[-2:]]
     if len(steps) == 2 and steps[0] and steps[1] and steps[0] > steps[1]:
         candidates.append(extrapolated(answers[-2], answers[-1], steps[1] / (steps[0] - steps[1])))
     names = ("velocity", "angular velocity")
     return min(
-        max(float(np.max(OBSERVABLES[name](motion, yard.answer, scales)[: yard.judged], initial=0.0)) for name in names)
+        max(
+            float(
+                np.max(
+                    OBSERVABLES[name](motion, reference_motion.answer, scales)[: reference_motion.judged], initial=0.0
+                )
+            )
+            for name in names
+        )
         for motion in candidates
     )
 
 
 def _softness(
-    finest: TrajectoryAnswer, softer: Sequence[Run], yard: Yardstick, scales: Scales
+    finest: TrajectoryAnswer, softer: Sequence[Run], reference_motion: ReferenceMotion, scales: Scales
 ) -> softness.Softness | None:
-    answers = [finest, *(run.answer for run in softer if isinstance(run.answer, TrajectoryAnswer))]
-    if len(answers) < 3 or yard.judged < 2:
+    answers = [finest, *(run.answer for run in softer)]
+    if len(answers) < 3 or reference_motion.judged < 2:
         return None
     found = [run.method.softness or 1.0 for run in softer if run.method is not None]
-    return softness.of_motions(answers, found, yard.answer, scales, slice(yard.judged))
+    return softness.of_motions(answers, found, reference_motion.answer, scales, slice(reference_motion.judged))
 
 
 def _levels(
     mechanism: Mechanism,
     runs: Sequence[Run],
     answers: Sequence[TrajectoryAnswer],
-    yard: Yardstick,
+    reference_motion: ReferenceMotion,
     size: float,
 ) -> tuple[Level, ...]:
-    reference, judged = yard.answer, slice(max(yard.judged, 1))
+    reference, judged = reference_motion.answer, slice(max(reference_motion.judged, 1))
     samples = kept_samples(len(reference.time))
     few = kept_samples(len(reference.time), RESIDUAL_SAMPLES)
     differences = [difference_over_time(a, reference, size) for a in answers]

@@ -1,12 +1,12 @@
-"""Uncertainty of a computed motion from a ladder of steps or tolerances: the grid convergence index.
+"""Uncertainty of a computed motion from several steps or tolerances: the grid convergence index.
 
 From levels with steps ``h_1 > h_2 > ... > h_n`` and the ratio r of the last two:
 
-- observed order ``p = ln(|x_1 - x_2| / |x_2 - x_3|) / ln r`` of the finest three levels that rounding does not hide;
+- observed order ``p = ln(|x_1 - x_2| / |x_2 - x_3|) / ln r`` of the finest three levels above rounding;
 - limit ``x = x_n + (x_n - x_{n-1}) / (r^P - 1)``, P the declared order [Richardson 1911];
 - band ``u = F |x_n - x_{n-1}| / (r^q - 1)`` [Roache 1994; ASME V&V 20-2009, section 2].
 
-F and q follow what has been observed [Roache 1998; Oberkampf and Roy 2010, section 8.6.3]:
+F and q depend on the observed order [Roache 1998; Oberkampf and Roy 2010, section 8.6.3]:
 
 =====================================  ====  =============================
 observed order                         F     q
@@ -15,9 +15,9 @@ within `WINDOW` of the declared one    1.25  p, but no more than P
 not, or hidden by rounding, or absent  3     p within [1/2, P]; P if unseen
 =====================================  ====  =============================
 
-A method of controlled error takes a ladder of tolerances: its error is asked to be proportional to the tolerance,
-which is order one with the tolerance for h. Where a quantity does not converge at all the band is as wide as the last
-difference many times over, and says so. To every band the rounding of the steps is added: one unit in each.
+A method with error control has levels of tolerances: its error should be proportional to the tolerance, which is order
+one with the tolerance for h. The band of a quantity that does not converge is several times the last difference. The
+rounding of the steps is added to each band: one unit a step.
 
 P. J. Roache, J. Fluids Eng. 116 (1994) 405-413; P. J. Roache, Verification and Validation in Computational Science and
 Engineering, 1998; W. L. Oberkampf, C. J. Roy, Verification and Validation in Scientific Computing, 2010; L. F.
@@ -37,29 +37,29 @@ from consilience.engine import Method, TrajectoryAnswer
 from consilience.mechanism import Array
 
 WINDOW = 0.5
-"""Distance of the observed order from the declared one up to which levels count as asymptotic: halfway to the next."""
+"""Largest distance of the observed from the declared order of asymptotic levels: halfway to the next order."""
 
 SAFE, CAUTIOUS = 1.25, 3.0
-"""Roache's safety factors: for three levels of the expected order, and for everything else."""
+"""Safety factors of Roache: for three levels with the expected order, and for all other ladders."""
 
 LEAST_ORDER = 0.5
-"""Least order a band is made with where the observed one is lower [Oberkampf and Roy 2010]."""
+"""Least order in a band; a lower observed order is raised to it [Oberkampf and Roy 2010]."""
 
 ROUNDING = 1e-11
-"""Differences below this are made of rounding, not of steps: no order can be read from them."""
+"""Differences below this are rounding errors, which show no order."""
 
 EPS = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """What a ladder says about one observable.
+    """Observed order and uncertainty of one observable.
 
     Attributes
     ----------
     name : str
     order : float or None
-        Observed among the levels themselves; None where rounding hides it or there are fewer than three.
+        Order observed among the levels; None below rounding or with fewer than three levels.
     band : float
         Uncertainty of the finest level.
     change : float
@@ -73,12 +73,12 @@ class Estimate:
 
 
 def declared_order(method: Method) -> int | None:
-    """Order of the error in what distinguishes the levels: steps, or tolerances."""
+    """Return the declared order of a method, in its steps or in its tolerances."""
     return 1 if method.tolerances else method.order
 
 
 def ratio_of(steps: Sequence[float | None]) -> float:
-    """Ratio of the two finest steps or tolerances."""
+    """Return the ratio of the two finest steps or tolerances."""
     coarse, fine = steps[-2:]
     assert coarse is not None
     assert fine is not None
@@ -86,12 +86,12 @@ def ratio_of(steps: Sequence[float | None]) -> float:
 
 
 def rms(values: Array) -> float:
-    """Root of the mean square."""
+    """Return the root mean square."""
     return float(np.sqrt(np.mean(values**2)))
 
 
 def finest_order(errors: Sequence[float], ratio: float) -> float | None:
-    """Observed order from the finest pair of errors that rounding does not hide."""
+    """Return the observed order from the finest pair of errors above rounding; None if there is none."""
     for coarse, fine in reversed(list(pairwise(errors))):
         if coarse > 2 * ROUNDING and fine > ROUNDING:
             return float(np.log(coarse / fine) / np.log(ratio))
@@ -99,12 +99,26 @@ def finest_order(errors: Sequence[float], ratio: float) -> float | None:
 
 
 def settled(order: float | None, declared: int) -> bool:
-    """Whether an observed order is that of the method."""
+    """Whether an observed order agrees with the declared one."""
     return order is not None and abs(order - declared) <= WINDOW
 
 
 def band(change: float, order: float | None, declared: int, ratio: float, steps: float) -> float:
-    """Uncertainty of the finest level from its change to the one before, by the module's table."""
+    """Return the uncertainty of the finest level, by the table of the module.
+
+    Parameters
+    ----------
+    change : float
+        Difference of the two finest levels.
+    order : float or None
+        Observed order.
+    declared : int
+        Declared order.
+    ratio : float
+        Ratio of the two finest steps.
+    steps : float
+        Number of steps of the finest level, for the rounding.
+    """
     factor = SAFE if settled(order, declared) else CAUTIOUS
     exponent = float(declared) if order is None else min(max(order, LEAST_ORDER), float(declared))
     return factor * change / (ratio**exponent - 1.0) + EPS * steps
@@ -113,7 +127,7 @@ def band(change: float, order: float | None, declared: int, ratio: float, steps:
 def estimates(
     answers: Sequence[TrajectoryAnswer], method: Method, steps: Sequence[float | None], scales: Scales
 ) -> tuple[Estimate, ...]:
-    """Order and band of every observable, from the levels of one run alone; none from a single level."""
+    """Return order and band of each observable, from the levels alone; none from a single level."""
     declared = declared_order(method)
     if declared is None or len(answers) < 2:
         return ()
@@ -128,7 +142,7 @@ def estimates(
 
 
 def _steps_taken(answer: TrajectoryAnswer, step: float | None) -> float:
-    """Steps of a run, by its own count where it has one."""
+    """Return the number of steps of a motion, by the engine's count if there is one."""
     counted = answer.counters.get("steps")
     if counted:
         return float(counted)
@@ -136,9 +150,9 @@ def _steps_taken(answer: TrajectoryAnswer, step: float | None) -> float:
 
 
 def needs_another_level(answers: Sequence[TrajectoryAnswer], method: Method, steps: Sequence[float | None]) -> bool:
-    """Whether the observed order has not settled yet, so that a finer level would say more.
+    """Whether the observed order differs from the declared one, so that a finer level may show it.
 
-    Not where rounding hides the order: no finer level will show it.
+    Below rounding no finer level shows an order.
     """
     declared = declared_order(method)
     if declared is None or len(answers) < 2:
@@ -152,5 +166,5 @@ def needs_another_level(answers: Sequence[TrajectoryAnswer], method: Method, ste
 
 
 def richardson(coarse: TrajectoryAnswer, fine: TrajectoryAnswer, order: float, ratio: float = 2.0) -> TrajectoryAnswer:
-    """Limit of two levels."""
+    """Return the Richardson limit of two levels."""
     return extrapolated(coarse, fine, 1.0 / (ratio**order - 1.0))

@@ -1,25 +1,22 @@
-"""Engines: the protocol of an adapter, its answers in canonical observables, and how adapters are found.
+"""Engines: the protocol of an adapter, the table of questions, answers in canonical observables, installed engines.
 
-What an adapter needs beside this package is in `consilience.mechanism`; NumPy and the standard library alone.
+An adapter needs nothing beyond this package and `consilience.mechanism`. Both import NumPy and the standard library.
 """
 
 from __future__ import annotations
 
 from consilience.engine.answers import (
-    Answer,
     EngineInfo,
     InstantAnswer,
     Manifest,
     Method,
     ModelAnswer,
     Profile,
-    Question,
     Route,
     Run,
     Status,
     TrajectoryAnswer,
     Unsupported,
-    defects,
 )
 from consilience.engine.harness_solvers import runge_kutta_4, solve_constrained
 from consilience.engine.installation import adapter_file, engine_distribution, lacks_engine, pip_requirement
@@ -33,6 +30,7 @@ from consilience.engine.protocol import (
     require_installed,
     split_name,
 )
+from consilience.engine.questions import Answer, Question, defects, load_named
 
 __all__ = [
     "Answer",
@@ -58,6 +56,7 @@ __all__ = [
     "installed",
     "lacks_engine",
     "load_engine",
+    "load_named",
     "pip_requirement",
     "require_installed",
     "runge_kutta_4",

@@ -1,7 +1,7 @@
-"""What one engine answered to one question of one case at one setting, in canonical observables.
+"""Answers of engines in canonical observables, the table of questions, descriptions of engines and methods, runs.
 
-Arrays follow the body and joint order of the mechanism; the ground is not in them. Frames as everywhere:
-world components, scalar-first quaternions, angular and linear parts apart.
+Arrays follow the order of bodies and joints in the mechanism, without the ground. Vectors have world components,
+quaternions are scalar-first, angular and linear parts are separate arrays.
 """
 
 from __future__ import annotations
@@ -10,21 +10,12 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
-import numpy as np
-
-from consilience.mechanism import Array, Mechanism, State
-
-
-class Question(StrEnum):
-    """What can be asked of an engine."""
-
-    MODEL = "model"
-    INSTANT = "instant"
-    TRAJECTORY = "trajectory"
+from consilience.engine.questions import Answer, Question
+from consilience.mechanism import Array, State
 
 
 class Route(StrEnum):
-    """How much of an answer is the engine's own. A route that borrows never passes for the engine's own."""
+    """Share of an answer that is the engine's own. An answer made with parts of the harness is never called native."""
 
     NATIVE = "native"
     TUNED = "native, tuned"
@@ -38,10 +29,10 @@ class Profile(StrEnum):
     """Whose settings an engine runs with."""
 
     MATCHED = "matched"
-    """Translated so that the engine means the same as the case."""
+    """Settings that give the case the same meaning in the engine."""
 
     DEFAULT = "default"
-    """As the engine comes out of the box: what a user gets who sets nothing."""
+    """The engine's own settings, which a user gets who sets nothing."""
 
 
 class Status(StrEnum):
@@ -54,7 +45,7 @@ class Status(StrEnum):
 
 @dataclass(frozen=True)
 class Unsupported:
-    """One thing of a mechanism or question an engine cannot represent, and why."""
+    """A feature of a mechanism, or a question, that an engine cannot represent, and why."""
 
     feature: str
     reason: str
@@ -62,7 +53,7 @@ class Unsupported:
 
 @dataclass(frozen=True)
 class EngineInfo:
-    """Name and version of an engine, and of whatever else decides its answers."""
+    """Name and version of an engine and of its adapter; remarks name other software that decides its answers."""
 
     name: str
     version: str
@@ -72,7 +63,7 @@ class EngineInfo:
 
 @dataclass(frozen=True)
 class Manifest:
-    """What a translation kept exact, what it approximated, and what the reader should know."""
+    """Features of a mechanism that a translation keeps exact, and those that it approximates."""
 
     exact: tuple[str, ...] = ()
     approximated: tuple[str, ...] = ()
@@ -80,12 +71,12 @@ class Manifest:
 
 @dataclass(frozen=True)
 class Method:
-    """One way in which an engine answers a question.
+    """A way in which an engine answers a question.
 
     Attributes
     ----------
     name : str
-        In the engine's own words, for example ``RK4`` or ``constraintDynamics``.
+        Name of the engine's own algorithm, for example ``RK4`` or ``constraintDynamics``.
     route : Route
     order : int or None
         Declared order of a fixed-step integrator.
@@ -94,13 +85,13 @@ class Method:
     tolerances : tuple of float
         Trajectory at adaptive steps: tolerance on each level, coarse to fine.
     settings : dict
-        Every knob that is not at the engine's default.
+        Every setting that is not at the engine's default.
     profile : Profile
         A method of the profile ``default`` has its first level at the engine's own step, or near it.
     softness : float or None
-        Scale of the engine's own regularisation of constraints: 1 for these settings, 2 for twice as soft, by the
-        knob the engine has; None where its constraints are hard. The harness asks again with another scale to see
-        whether a difference moves with it.
+        Scale of the engine's own regularisation of constraints: 1 for these settings, 2 for twice as soft; None where
+        the constraints are hard. The harness asks again with another scale to see whether a difference to the
+        reference depends on the regularisation.
     """
 
     name: str
@@ -115,17 +106,17 @@ class Method:
 
 @dataclass(frozen=True, eq=False)
 class ModelAnswer:
-    """The engine's own account of the translated model.
+    """Mass properties and degrees of freedom of the translated model, as the engine computes them.
 
     Attributes
     ----------
     mass : float, kg
     com : ndarray, shape (3,), m
-        Centre of mass of the whole mechanism at the asked state, in the world.
+        Centre of mass of the whole mechanism at the given state, in the world frame.
     inertia : ndarray, shape (3, 3), kg m^2
-        Of the whole mechanism about that point, in world axes.
+        Inertia of the whole mechanism about its centre of mass, in world axes.
     freedom : int
-        Degrees of freedom, dependent constraints not counted twice.
+        Degrees of freedom: dependent constraints count once.
     """
 
     mass: float
@@ -146,7 +137,7 @@ class InstantAnswer:
         Reaction of each joint: on the successor, at the origin of M, in axes of F, constraint forces only
         (no joint springs). Zero for a free joint. None where the method gives no reactions.
     kinetic, potential : ndarray, shape (n_s,), J
-        By the engine's own account; the potential energy of gravity is zero at the world origin.
+        Energies as the engine computes them; the potential energy of gravity is zero at the world origin.
     """
 
     a_WB_W: Array
@@ -159,7 +150,7 @@ class InstantAnswer:
 
 @dataclass(frozen=True, eq=False)
 class TrajectoryAnswer:
-    """Motion on the asked time grid.
+    """Motion of all bodies, sampled on the given time grid.
 
     Attributes
     ----------
@@ -167,7 +158,7 @@ class TrajectoryAnswer:
     p_WB, v_WB_W, w_WB_W : ndarray, shape (n_t, n_b, 3)
     quat_WB : ndarray, shape (n_t, n_b, 4)
     counters : dict
-        Work: steps, evaluations of the accelerations, whatever the engine counts.
+        Work of the integration: steps, evaluations of the accelerations, and other counts of the engine.
     """
 
     time: Array
@@ -178,91 +169,74 @@ class TrajectoryAnswer:
     counters: dict[str, int | float] = field(default_factory=dict)
 
     def state(self, sample: int) -> State:
-        """State of a sample."""
+        """Return the state of all bodies at a sample."""
         return State(self.p_WB[sample], self.quat_WB[sample], self.v_WB_W[sample], self.w_WB_W[sample])
 
 
-UNIT = 1e-9
-"""How far the norm of a quaternion in an answer may be from one."""
+# ---------------------------------------------------------------- the table of questions
 
-Answer = ModelAnswer | InstantAnswer | TrajectoryAnswer
+Question.MODEL = Question.add(
+    "model",
+    description="mass, centre of mass, inertia and freedom, read back from the translated model (relative)",
+    arguments=("state", "method"),
+    answer=ModelAnswer,
+    shapes={"mass": (), "com": (3,), "inertia": (3, 3), "freedom": ()},
+    judge="consilience.compare.judges:ModelJudge",
+    facts="consilience.report.facts:model_facts",
+)
 
+Question.INSTANT = Question.add(
+    "instant",
+    description="accelerations, joint reactions and energies at given states; relative to the largest component",
+    arguments=("states", "method"),
+    answer=InstantAnswer,
+    shapes={
+        **dict.fromkeys(("a_WB_W", "alpha_WB_W"), ("count", "bodies", 3)),
+        **dict.fromkeys(("force_F", "torque_F"), ("count", "joints", 3)),
+        **dict.fromkeys(("kinetic", "potential"), ("count",)),
+    },
+    judge="consilience.compare.judges:InstantJudge",
+    facts="consilience.report.facts:instant_facts",
+)
 
-def defects(answer: object, question: Question, mechanism: Mechanism, count: int) -> list[str]:
-    """What is wrong with the form of an answer: type, shapes, counts, values that are not finite.
+Question.TRAJECTORY = Question.add(
+    "trajectory",
+    description="the motion over time, at several step sizes",
+    arguments=("state", "times", "method", "step"),
+    answer=TrajectoryAnswer,
+    shapes={
+        "time": ("count",),
+        "p_WB": ("count", "bodies", 3),
+        "quat_WB": ("count", "bodies", 4),
+        "v_WB_W": ("count", "bodies", 3),
+        "w_WB_W": ("count", "bodies", 3),
+    },
+    judge="consilience.compare.judges:TrajectoryJudge",
+    facts="consilience.report.facts:trajectory_facts",
+)
 
-    Parameters
-    ----------
-    count : int
-        Number of states asked (`instant`) or of samples (`trajectory`).
-    """
-    n_b, n_j = len(mechanism.bodies), len(mechanism.joints)
-    expected: dict[Question, tuple[type, dict[str, tuple[int, ...]]]] = {
-        Question.MODEL: (ModelAnswer, {"mass": (), "com": (3,), "inertia": (3, 3), "freedom": ()}),
-        Question.INSTANT: (
-            InstantAnswer,
-            {
-                "a_WB_W": (count, n_b, 3),
-                "alpha_WB_W": (count, n_b, 3),
-                "force_F": (count, n_j, 3),
-                "torque_F": (count, n_j, 3),
-                "kinetic": (count,),
-                "potential": (count,),
-            },
-        ),
-        Question.TRAJECTORY: (
-            TrajectoryAnswer,
-            {
-                "time": (count,),
-                "p_WB": (count, n_b, 3),
-                "quat_WB": (count, n_b, 4),
-                "v_WB_W": (count, n_b, 3),
-                "w_WB_W": (count, n_b, 3),
-            },
-        ),
-    }
-    kind, shapes = expected[question]
-    if not isinstance(answer, kind):
-        return [f"the answer is a {type(answer).__name__}, not a {kind.__name__}"]
-    found = []
-    for name, shape in shapes.items():
-        value = getattr(answer, name)
-        if value is None and name in ("force_F", "torque_F"):
-            continue
-        try:
-            array = np.asarray(value)
-        except ValueError as error:
-            found.append(f"{name} is no array: {error}")
-            continue
-        if array.dtype.kind not in "fi":
-            found.append(f"{name} holds {array.dtype}, not numbers")
-        elif array.shape != shape:
-            found.append(f"{name} has shape {array.shape}, not {shape}")
-        elif not np.all(np.isfinite(array)):
-            found.append(f"{name} has {int(np.sum(~np.isfinite(array)))} values that are not finite")
-        elif name == "quat_WB" and np.max(np.abs(np.linalg.norm(array, axis=-1) - 1.0), initial=0.0) > UNIT:
-            found.append(f"{name} holds quaternions that are not unit to {UNIT:g}")
-    return found
+STANDARD = tuple(Question)
+"""Questions that every process knows; others are added at run time."""
 
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """The record of one engine, question, method and level.
+    """Answer of one engine to one question by one method at one level, or why there is none.
 
     Attributes
     ----------
     level : int
-        Index into `Method.substeps` or `Method.tolerances`; 0 for the other questions.
+        Index into `Method.substeps` or `Method.tolerances`; 0 for questions without levels.
     step : float or None
         Step size of a trajectory in s, or its tolerance where the method is adaptive.
     answer : Answer or None
         None unless `status` is ``answered``.
     reason : str
-        Why it is unsupported or failed, with the evidence.
+        Why the question is unsupported or the run failed, with the evidence.
     cpu : float, s
         CPU time of the worker for the answer.
     log : str
-        What the engine printed.
+        Output of the engine.
     """
 
     case: str
@@ -272,7 +246,7 @@ class Run:
     level: int
     step: float | None
     status: Status
-    answer: Answer | None = None
+    answer: Answer = None
     reason: str = ""
     manifest: Manifest | None = None
     cpu: float = 0.0

@@ -1,6 +1,7 @@
-"""What the harness lends to engines that bring no constraint solver or no integrator, and says so in the route.
+"""Constraint solver and integrator of the harness, for engines that have none.
 
-`solve_constrained` answers under `Route.HARNESS_SOLVE`, `runge_kutta_4` under `Route.HARNESS_INTEGRATOR`.
+Answers by `solve_constrained` have the route `Route.HARNESS_SOLVE`, those by `runge_kutta_4` the route
+`Route.HARNESS_INTEGRATOR`.
 """
 
 from __future__ import annotations
@@ -47,15 +48,20 @@ def runge_kutta_4(
 
     Parameters
     ----------
+    derivative : callable
+    y : ndarray, shape (n,)
+        Initial value.
+    step : float
     count : int
         Number of steps.
     record : callable
         Called with y at the start and after every `every` steps.
+    every : int
 
     Returns
     -------
     ndarray
-        The last y.
+        Final value of y.
     """
     record(y)
     for n in range(1, count + 1):

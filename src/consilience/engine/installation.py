@@ -40,10 +40,8 @@ def pip_requirement(point: EntryPoint) -> str:
     requirement is the engine's distribution.
     """
     wanted = engine_distribution(point)
-    for text in (point.dist.requires or ()) if point.dist and wanted else ():
-        found = re.fullmatch(
-            rf"{re.escape(wanted)}\b[^;\[]*;.*\bextra\s*==\s*['\"]([\w.-]+)['\"].*", text, re.IGNORECASE
-        )
-        if found:
-            return f"{point.dist.name}[{found[1]}]"
-    return wanted
+    if not wanted or point.dist is None:
+        return wanted
+    extra = re.compile(rf"{re.escape(wanted)}\b[^;\[]*;.*\bextra\s*==\s*['\"]([\w.-]+)['\"].*", re.IGNORECASE)
+    found = [match[1] for text in point.dist.requires or () if (match := extra.fullmatch(text))]
+    return f"{point.dist.name}[{found[0]}]" if found else wanted

@@ -1,7 +1,7 @@
-"""The protocol an engine's adapter follows, and how adapters are found.
+"""Protocol of an engine's adapter, and search for installed adapters.
 
-An adapter is a plug-in package with an entry point in the group ``consilience.engines``. It sees a mechanism, a
-state and a method, never a case: expected values cannot reach it.
+An adapter is a plug-in package with an entry point in the group ``consilience.engines``. An adapter receives a
+mechanism, states and a method, never a case: expected values cannot reach it.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from consilience.engine.answers import (
     Manifest,
     Method,
     ModelAnswer,
-    Question,
     TrajectoryAnswer,
     Unsupported,
 )
 from consilience.engine.installation import adapter_file, lacks_engine, pip_requirement
+from consilience.engine.questions import Question
 from consilience.errors import InvalidInput
 from consilience.mechanism import Array, Mechanism, State
 
@@ -31,50 +31,61 @@ GROUP = "consilience.engines"
 
 
 class Engine(Protocol):
-    """What the harness asks of an engine. Constructed without arguments, in the worker that owns it.
+    """Protocol of an adapter; an instance is constructed without arguments, in the worker of the engine.
 
-    A class with variants has a static method ``variants()`` that names them, and takes one as its only argument; an
-    engine is then asked for as ``name:variant``, or by its name alone for the usual one.
+    A class with variants has a static method ``variants()`` that returns their names; its constructor takes the name of
+    a variant as its only argument, and users write ``name:variant``, or ``name`` for the usual variant.
+
+    The engine answers a question of the table (`consilience.engine.questions`) by its method of the same name. A
+    question without such a method is unsupported, so that an adapter need not know every question.
 
     Rules for an implementer:
 
-    1. Return canonical observables only (`consilience.engine.answers`); no generalised coordinate crosses the boundary.
-    2. Map coordinates from and to body poses and velocities.
-    3. Say what cannot be represented in `unsupported`, with the reason; never approximate in silence.
-    4. Label each method with its route; name every knob that is not at its default in `Method.settings`.
-    5. Fail by raising: the worker turns it into one failed run.
+    1. Return canonical observables only (`consilience.engine.answers`), no generalised coordinates.
+    2. Convert between the engine's coordinates and the poses and velocities of bodies.
+    3. Name every feature that cannot be represented in `unsupported`, with the reason; never approximate silently.
+    4. Label each method with its route; list every setting that is not at its default in `Method.settings`.
+    5. Fail by raising: the worker turns an exception into one failed run.
     """
 
     def info(self) -> EngineInfo:
-        """Name and version."""
+        """Return name and version of the engine."""
         ...
 
     def unsupported(self, mechanism: Mechanism, question: Question) -> tuple[Unsupported, ...]:
-        """Everything of the mechanism and question the engine cannot represent; empty if it can."""
+        """Return all features of mechanism and question that the engine cannot represent; empty if there are none."""
         ...
 
     def methods(self, mechanism: Mechanism, question: Question) -> tuple[Method, ...]:
-        """Ways to answer the question, the headline first."""
+        """Return the methods that answer the question, the headline method first."""
         ...
 
     def manifest(self, mechanism: Mechanism) -> Manifest:
-        """What the translation keeps exact and what it approximates."""
+        """Return the features that the translation keeps exact, and those that it approximates."""
         ...
 
     def model(self, mechanism: Mechanism, state: State, method: Method) -> ModelAnswer:
-        """Report mass, centre of mass, inertia and freedom of the translated model at a state."""
+        """Return mass, centre of mass, inertia and degrees of freedom of the translated model at a state."""
         ...
 
     def instant(self, mechanism: Mechanism, states: Sequence[State], method: Method) -> InstantAnswer:
-        """Accelerations, joint reactions and energies at consistent states."""
+        """Return accelerations, joint reactions and energies at consistent states."""
         ...
 
     def trajectory(
         self, mechanism: Mechanism, state: State, times: Array, method: Method, step: float
     ) -> TrajectoryAnswer:
-        """Motion from `state` at ``times[0]``, sampled on the uniform grid `times`.
+        """Integrate the motion from a state at ``times[0]``.
 
-        `step` is the step size and divides the sample interval; of an adaptive method it is the tolerance.
+        Parameters
+        ----------
+        mechanism : Mechanism
+        state : State
+        times : ndarray, shape (n_t,), s
+            Uniform grid of samples.
+        method : Method
+        step : float
+            Step size in s, which divides the sample interval; the tolerance of an adaptive method.
         """
         ...
 
@@ -101,12 +112,12 @@ def _engine_needed(point: EntryPoint) -> Iterator[None]:
 
 
 def engines_like(incomplete: str) -> list[str]:
-    """Names of installed engines that begin so, for a shell that completes; none is started."""
+    """Return names of installed engines that begin so, for completion in a shell; no engine is imported."""
     return [name for name in installed() if name.startswith(incomplete)]
 
 
 def installed() -> dict[str, EntryPoint]:
-    """Entry points of all installed engines by name; nothing is imported."""
+    """Return the entry points of all installed engines by name; no engine is imported."""
     return {point.name: point for point in sorted(entry_points(group=GROUP), key=lambda p: p.name)}
 
 
@@ -116,14 +127,14 @@ def load_engine(name: str) -> Engine:
     Parameters
     ----------
     name : str
-        ``name`` or ``name:variant``; another version than the installed one needs a worker (`engine.worker`).
+        ``name`` or ``name:variant``; a version that is not installed here needs a worker (`engine.worker`).
 
     Raises
     ------
     InvalidInput
         If no engine of that name is installed, its package is missing, or it has no such variant.
     ImportError
-        If its package does not import.
+        If the package of the engine cannot be imported.
     """
     require_installed(name)
     base, variant, _ = split_name(name)
@@ -142,14 +153,14 @@ def load_engine(name: str) -> Engine:
 
 
 def split_name(name: str) -> tuple[str, str, str]:
-    """Name, variant and version of ``NAME[:VARIANT][@VERSION]``; empty where there is none."""
+    """Return name, variant and version of ``NAME[:VARIANT][@VERSION]``; absent parts are empty."""
     engine, _, version = name.partition("@")
     base, _, variant = engine.partition(":")
     return base, variant, version
 
 
 def require_installed(name: str) -> None:
-    """Refuse an engine without an installed adapter; nothing is imported, variant and version are not looked at.
+    """Refuse an engine without an installed adapter; no engine is imported, variant and version are not checked.
 
     Raises
     ------
@@ -161,14 +172,14 @@ def require_installed(name: str) -> None:
 
 
 def beyond(mechanism: Mechanism, known: Collection[str], name: str) -> tuple[Unsupported, ...]:
-    """Features of a mechanism (`Mechanism.features`) that an adapter has no translation for.
+    """Return the features of a mechanism (`Mechanism.features`) for which an adapter has no translation.
 
     Parameters
     ----------
     known : collection of str
-        What the adapter translates.
+        Features that the adapter translates.
     name : str
-        The engine's name, for the reason.
+        Name of the engine, for the reason.
     """
     return tuple(
         Unsupported(where, f"the adapter of {name} has no translation for: {feature}")

@@ -1,12 +1,17 @@
-"""Mechanisms: bodies, joints, force elements and constraints, independent of any engine; NumPy alone.
+"""Mechanisms: bodies, joints, elements and constraints, independent of any engine; NumPy alone.
 
-A `Mechanism` is immutable data and a `State` its poses and velocities. The other modules answer questions about both:
-assembly, constraint rows, observables, the elementary tree that engines in minimal coordinates start from.
+A `Mechanism` is immutable data, a `State` the poses and velocities of its bodies. Read first: `model` (what a mechanism
+is), `joints` and `joint_rows` (what a joint holds), `constraints` (the equations), `assembly` (consistent states),
+`elementary_tree` (the form for engines in minimal coordinates). Conventions are in docs/conventions.md.
 """
 
 from __future__ import annotations
 
-from consilience.mechanism.applied_forces import Wrenches, applied_wrenches, conservative_part
+from consilience.mechanism.applied_forces import (
+    Wrenches,
+    applied_wrenches,
+    conservative_part,
+)
 from consilience.mechanism.assembly import (
     Initial,
     assemble_positions,
@@ -17,34 +22,39 @@ from consilience.mechanism.assembly import (
     move,
     random_states,
 )
-from consilience.mechanism.conditioning import worst_condition
+from consilience.mechanism.conditioning import (
+    mass_matrix_condition,
+    reaction_condition,
+    worst_condition,
+)
 from consilience.mechanism.constraints import (
     RANK_TOLERANCE,
-    Angles,
     RelativeMotion,
     constraint_gamma,
     constraint_jacobian,
     constraint_rates,
     constraint_residual,
-    count_turns,
     free_directions,
-    full_turns,
     joint_coordinates,
-    joint_frames,
     joint_rates,
+    null_space,
     reaction_in_F,
     relative_motion,
-    row_gamma,
-    row_jacobian,
-    row_target,
-    row_value,
 )
-from consilience.mechanism.contacts import Contact, PointPlane, SpherePlane, SphereSphere
+from consilience.mechanism.contacts import (
+    Contact,
+    PointPlane,
+    SpherePlane,
+    SphereSphere,
+)
 from consilience.mechanism.element_rows import (
+    Angles,
     ElementRow,
+    count_turns,
     holonomic_rows,
     non_holonomic_rows,
     plane_axes,
+    rolling_contact,
     rolling_rows,
 )
 from consilience.mechanism.elementary_tree import (
@@ -64,6 +74,7 @@ from consilience.mechanism.elements import (
     Rolling,
     Skate,
     Spring,
+    friction_law,
 )
 from consilience.mechanism.functions import (
     Function,
@@ -74,7 +85,20 @@ from consilience.mechanism.functions import (
     sine,
     through,
 )
-from consilience.mechanism.joints import AXIS_COORDINATES, BASIC_CONSTRAINTS, JOINT_KINDS, JointKind
+from consilience.mechanism.joint_rows import (
+    full_turns,
+    joint_frames,
+    row_gamma,
+    row_jacobian,
+    row_target,
+    row_value,
+)
+from consilience.mechanism.joints import (
+    AXIS_COORDINATES,
+    BASIC_CONSTRAINTS,
+    JOINT_KINDS,
+    JointKind,
+)
 from consilience.mechanism.model import (
     GROUND,
     Body,
@@ -89,15 +113,21 @@ from consilience.mechanism.observables import (
     centres_of_mass,
     characteristic_length,
     determinate_reactions,
+    joint_spring_coordinates,
     joint_spring_motion,
+    kinetic_energies,
     kinetic_energy,
+    load_potentials,
     mass_matrix,
     mass_properties,
+    potential_energies,
     potential_energy,
     reaction_map,
     world_inertias,
 )
-from consilience.mechanism.spanning_tree import spanning_tree
+from consilience.mechanism.spanning_tree import (
+    spanning_tree,
+)
 from consilience.mechanism.spatial import (
     Array,
     continuous_in_time,
@@ -178,29 +208,38 @@ __all__ = [
     "elementary_rotation",
     "euler_parameter_matrix",
     "free_directions",
+    "friction_law",
     "full_turns",
     "holonomic_rows",
     "initial_state",
     "joint_coordinates",
     "joint_frames",
     "joint_rates",
+    "joint_spring_coordinates",
     "joint_spring_motion",
+    "kinetic_energies",
     "kinetic_energy",
     "linear",
+    "load_potentials",
     "mass_matrix",
+    "mass_matrix_condition",
     "mass_properties",
     "move",
     "non_holonomic_rows",
+    "null_space",
     "orthogonal_triad",
     "plane_axes",
+    "potential_energies",
     "potential_energy",
     "quaternion_from_rotation",
     "quaternion_from_rotation_vector",
     "quaternion_product",
     "random_states",
+    "reaction_condition",
     "reaction_in_F",
     "reaction_map",
     "relative_motion",
+    "rolling_contact",
     "rolling_rows",
     "rotation_angle_between",
     "rotation_from_bryant_xyz",

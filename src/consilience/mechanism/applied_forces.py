@@ -1,7 +1,8 @@
-"""Applied forces as wrenches on the bodies, in plain NumPy.
+"""Applied forces of a mechanism as wrenches on its bodies, in plain NumPy.
 
-Every wrench is about the origin of its body, in world axes. Beside each stands its size: the sum of the lengths of what
-was added up, before anything cancels. Rounding errors are in proportion to the size, not to the sum.
+A wrench is a force in N and a torque in N m about the origin of the body, in axes of the world. Beside each sum of
+wrenches stands its *size*: the sum of the lengths of all terms, before anything cancels. Rounding errors of the sum are
+in proportion to the size.
 """
 
 from __future__ import annotations
@@ -11,7 +12,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from consilience.mechanism.constraints import joint_frames
+from consilience.mechanism.elements import friction_law
+from consilience.mechanism.joint_rows import joint_frames
 from consilience.mechanism.model import GROUND, Mechanism, State
 from consilience.mechanism.observables import body_point, joint_spring_motion
 from consilience.mechanism.spatial import Array, cross
@@ -19,7 +21,7 @@ from consilience.mechanism.spatial import Array, cross
 
 @dataclass(eq=False)
 class Wrenches:
-    """Sums of wrenches on the bodies of a mechanism.
+    """Sums of wrenches on the bodies of a mechanism at a state.
 
     Attributes
     ----------
@@ -40,7 +42,17 @@ class Wrenches:
     def push(
         self, body: str, force: Array, point_W: Array, torque: Array | None = None, size: float | None = None
     ) -> None:
-        """Add a force at a point and a torque, all in world axes; `size` is that of the force if it is a difference."""
+        """Add a force at a point and a torque to a body.
+
+        Parameters
+        ----------
+        force, torque : ndarray, shape (3,), N and N m
+            World axes.
+        point_W : ndarray, shape (3,), m
+            Point of application of the force, in the world.
+        size : float, N, optional
+            Size of the force if the force is a difference; default: its length.
+        """
         if body == GROUND:
             return
         i = self.mechanism.body_index[body]
@@ -55,7 +67,7 @@ class Wrenches:
 
 
 def applied_wrenches(mechanism: Mechanism, state: State, t: float = 0.0) -> Wrenches:
-    """Gravity, springs, loads, friction and controls at a time; integrals of controllers are zero."""
+    """Return the wrenches of gravity, springs, loads, friction and controls; integrals of controllers are zero."""
     sums = Wrenches(mechanism, state)
     R = state.R_WB
     for i, body in enumerate(mechanism.bodies):
@@ -104,14 +116,15 @@ def _add_loads(sums: Wrenches, t: float) -> None:
 
 
 def _joint_efforts(mechanism: Mechanism, state: State, t: float) -> Iterator[tuple[str, str, float, float]]:
-    """Joint, coordinate, effort on the successor and its size, of springs, friction and controls of joints."""
+    """Joint, coordinate, effort on the successor and its size, of joint springs, friction and controls."""
     for s in mechanism.joint_springs:
         q, rate = joint_spring_motion(mechanism, state, s.joint, s.coordinate)
         parts = [float(s.actuator.at(t)[0]) if s.actuator else 0.0, -s.stiffness * q, s.stiffness * s.rest]
         yield s.joint, s.coordinate, *_sum([*parts, -s.damping * rate])
     for f in mechanism.frictions:
         _, rate = joint_spring_motion(mechanism, state, f.joint, f.coordinate)
-        yield f.joint, f.coordinate, *_sum([-f.viscous * rate, -f.coulomb * float(np.tanh(rate / f.speed))])
+        effort, _ = friction_law(rate, f.viscous, f.coulomb, f.speed)
+        yield f.joint, f.coordinate, effort, abs(effort)
     for c in mechanism.controls:
         q, rate = joint_spring_motion(mechanism, state, c.joint, c.coordinate)
         target, target_rate, _ = c.target.at(t)
@@ -124,7 +137,7 @@ def _sum(parts: list[float]) -> tuple[float, float]:
 
 
 def conservative_part(mechanism: Mechanism) -> Mechanism:
-    """The mechanism with only those forces whose potential energy is in `observe.potential_energy`."""
+    """Return the mechanism with only those forces whose energy is in `observables.potential_energy`."""
     return replace(
         mechanism,
         springs=tuple(replace(s, damping=0.0, actuator=None) for s in mechanism.springs),

@@ -1,7 +1,11 @@
-"""Assembly and consistent initial conditions: Newton-Raphson with an SVD (minimum-norm) step [MASS].
+"""Assembly: consistent initial positions and velocities.
 
-Some joint coordinates and rates are held at the values the user gives ("emphasised" in MASS); the drawing, or poses
-given for bodies, is the guess; everything else moves as little as possible to satisfy the joints.
+Positions satisfy ``g(p, R, t) = 0`` by Newton-Raphson's method with minimum-norm (SVD) steps [MASS], velocities
+``Q v = nu`` by least squares. Joint coordinates and rates that a user gives are *held* ("emphasised" in MASS): rows of
+their own beside those of the constraints. The drawing, or poses given for bodies, is the guess, and all else moves as
+little as possible, m and rad counted alike.
+
+A displacement of a body is ``(dr, phi)``: of the origin in m, and a rotation vector in rad, both in axes of the world.
 """
 
 from __future__ import annotations
@@ -20,11 +24,11 @@ from consilience.mechanism.constraints import (
     constraint_residual,
     free_directions,
     joint_coordinates,
-    joint_frames,
     relative_motion,
-    row_jacobian,
 )
-from consilience.mechanism.model import GROUND, JOINT_KINDS, Frame, Joint, Mechanism, State
+from consilience.mechanism.joint_rows import joint_frames, row_jacobian, scatter
+from consilience.mechanism.joints import JOINT_KINDS
+from consilience.mechanism.model import GROUND, Frame, Joint, Mechanism, State
 from consilience.mechanism.spatial import (
     Array,
     quaternion_from_rotation,
@@ -34,24 +38,24 @@ from consilience.mechanism.spatial import (
     rotation_vector_from_quaternion,
 )
 
-_MAX_ITERATIONS = 30
-_CONVERGED = 1e-13
+MAX_ITERATIONS = 30
+CONVERGED = 1e-13
 _MOST_FAILED = 50
-"""Random steps in a row that may fail before the search for states ends; no shipped case fails one."""
+"""Random steps in a row that may fail before the search for states ends."""
 
 _SCALARS = {"distance": "Z", "x": "X", "y": "Y"}
 
 
 @dataclass(frozen=True)
 class Initial:
-    """Initial conditions a user asks for.
+    """Initial conditions that a user gives.
 
     Attributes
     ----------
     coordinates, rates : mapping of joint name to mapping of coordinate name to value
-        Held joint coordinates and rates, by the names of `JOINT_KINDS`.
+        HeldCoordinates joint coordinates and rates, by the names of `JOINT_KINDS`.
     poses : mapping of body name to Frame
-        World poses that replace the drawing as the guess.
+        Poses in the world, the guess in place of the drawing.
     velocities : mapping of body name to (v_WB_W, w_WB_W)
         Guess for the velocities; zero for bodies not named.
     """
@@ -63,14 +67,14 @@ class Initial:
 
 
 def drawing_state(mechanism: Mechanism, poses: Mapping[str, Frame] | None = None) -> State:
-    """State of rest in the drawing, with some poses replaced."""
+    """Return the state of rest in the drawing, with poses of some bodies replaced."""
     frames = [(poses or {}).get(b.name, b.drawing) for b in mechanism.bodies]
     zeros = np.zeros((len(frames), 3))
     return State(np.array([f.p for f in frames]), quaternion_from_rotation([f.R for f in frames]), zeros, zeros)
 
 
 def move(state: State, increments: Array) -> State:
-    """Displace every body by ``(dr, rotation vector)`` in world axes; `increments` has shape (6 n_b,)."""
+    """Displace every body by ``(dr, phi)``, m and rad in world axes; `increments` has shape (6 n_b,)."""
     steps = increments.reshape(-1, 6)
     quats = quaternion_product(quaternion_from_rotation_vector(steps[:, 3:]), state.quat_WB)
     unit = quats / np.linalg.norm(quats, axis=1, keepdims=True)
@@ -93,8 +97,8 @@ def _check_coordinate(joint: Joint, coordinate: str) -> None:
         )
 
 
-def _held_rows(mechanism: Mechanism, state: State, joint: Joint, coordinate: str) -> Array:
-    """Rows (n, 12) that give the rate of a joint coordinate from the velocities of the two bodies."""
+def held_rows(mechanism: Mechanism, state: State, joint: Joint, coordinate: str) -> Array:
+    """Return the coefficients (n, 12) of the rate of a joint coordinate, of ``(v_i, w_i, v_j, w_j)``."""
     f = joint_frames(mechanism, state, joint)
     if coordinate in _SCALARS:
         return row_jacobian(f, _SCALARS[coordinate])[None]
@@ -105,33 +109,37 @@ def _held_rows(mechanism: Mechanism, state: State, joint: Joint, coordinate: str
     return np.hstack([zero, -axes, zero, axes])
 
 
-def _held_error(mechanism: Mechanism, state: State, joint: Joint, coordinate: str, target: ArrayLike) -> Array:
-    """Actual minus asked value of a joint coordinate; angles modulo a turn, orientations as rotation vectors."""
+def held_error(mechanism: Mechanism, state: State, joint: Joint, coordinate: str, target: ArrayLike) -> Array:
+    """Return the actual minus the held value of a joint coordinate, shape (1,) or (3,).
+
+    Parameters
+    ----------
+    coordinate : str
+        Name of the coordinate in `JOINT_KINDS`.
+    target : array_like, m or rad
+        Held value; angles are compared modulo a turn. Of an orientation, a quaternion; the difference is then a
+        rotation vector in axes of F.
+    """
     motion = relative_motion(mechanism, state, joint)
     value = joint_coordinates(joint, motion)[coordinate]
     if coordinate == "orientation":
-        asked = rotation_from_quaternion(np.asarray(target))
-        return rotation_vector_from_quaternion(quaternion_from_rotation(motion.R @ asked.T))
+        R_held = rotation_from_quaternion(np.asarray(target))
+        return rotation_vector_from_quaternion(quaternion_from_rotation(motion.R @ R_held.T))
     error = np.atleast_1d(value - np.asarray(target, dtype=float))
-    if coordinate.startswith("angle") and joint.kind != "screw":  # a screw tells its turns by its displacement
+    if coordinate.startswith("angle") and joint.kind != "screw":  # the displacement of a screw tells its turns
         error = (error + np.pi) % (2 * np.pi) - np.pi
     return error
 
 
-def _scatter(mechanism: Mechanism, joint: Joint, rows: Array) -> Array:
-    Q = np.zeros((len(rows), 6 * len(mechanism.bodies)))
-    for body, columns in ((joint.predecessor, rows[:, :6]), (joint.successor, rows[:, 6:])):
-        if body != GROUND:
-            i = mechanism.body_index[body]
-            Q[:, 6 * i : 6 * i + 6] = columns
-    return Q
+HeldCoordinates = list[tuple[Joint, str, ArrayLike]]
+"""Joint, name of the coordinate, and the value at which the coordinate (or its rate) is held."""
 
 
-Held = list[tuple[Joint, str, ArrayLike]]
-
-
-def _held(mechanism: Mechanism, values: Mapping[str, Mapping[str, ArrayLike]], field_name: str) -> Held:
-    held: Held = []
+def held_coordinates(
+    mechanism: Mechanism, values: Mapping[str, Mapping[str, ArrayLike]], field_name: str
+) -> HeldCoordinates:
+    """Return the held joint coordinates of a mapping by names; refuse unknown joints and coordinates."""
+    held: HeldCoordinates = []
     for name, by_coordinate in values.items():
         joint = _joint(mechanism, name, field_name)
         for coordinate, value in by_coordinate.items():
@@ -140,7 +148,8 @@ def _held(mechanism: Mechanism, values: Mapping[str, Mapping[str, ArrayLike]], f
     return held
 
 
-def _row_names(mechanism: Mechanism, held: Held, velocities: bool) -> list[str]:
+def row_names(mechanism: Mechanism, held: HeldCoordinates, velocities: bool) -> list[str]:
+    """Return the names of constraint rows and held coordinates, in the order of the linear system."""
     names = [f"joint '{j.name}', constraint {row}" for j in mechanism.joints for row in j.rows]
     names += [f"drive '{d.name}'" for d in mechanism.drives] + [f"coupling '{c.name}'" for c in mechanism.couplings]
     names += [f"rolling '{r.name}', contact" for r in mechanism.rollings]
@@ -153,57 +162,67 @@ def _row_names(mechanism: Mechanism, held: Held, velocities: bool) -> list[str]:
     return names
 
 
-def _system(mechanism: Mechanism, state: State, held: Held, t: float) -> tuple[Array, Array]:
+def linear_system(mechanism: Mechanism, state: State, held: HeldCoordinates, t: float) -> tuple[Array, Array]:
+    """Return residual and Jacobian of all holonomic rows and held coordinates at the time t."""
     residuals = [constraint_residual(mechanism, state, t)]
     jacobians = [constraint_jacobian(mechanism, state, t=t)[: mechanism.holonomic_count]]
     for joint, coordinate, target in held:
-        residuals.append(_held_error(mechanism, state, joint, coordinate, target))
-        jacobians.append(_scatter(mechanism, joint, _held_rows(mechanism, state, joint, coordinate)))
+        residuals.append(held_error(mechanism, state, joint, coordinate, target))
+        jacobians.append(scatter(mechanism, joint, held_rows(mechanism, state, joint, coordinate)))
     return np.concatenate(residuals), np.vstack(jacobians)
 
 
-def assemble_positions(mechanism: Mechanism, guess: State, held: Held | None = None, t: float = 0.0) -> State:
-    """Move the bodies as little as possible until every constraint and every held coordinate is satisfied.
+def assemble_positions(
+    mechanism: Mechanism, guess: State, held: HeldCoordinates | None = None, t: float = 0.0
+) -> State:
+    """Project poses onto the constraints and the held coordinates with the least displacement of the bodies.
 
-    Drives are at the time t, in s.
+    Parameters
+    ----------
+    guess : State
+        Its velocities are kept.
+    held : list of (Joint, str, array_like), optional
+    t : float, s
+        Time at which drives are evaluated.
 
     Raises
     ------
     CannotAssemble
-        Naming the constraint that stays violated and by how much, or the joint that closes flipped over.
+        No solution; the message names the constraint that stays violated, or the joint that closes flipped over.
     """
     held = held or []
     state = guess
-    residual, jacobian = _system(mechanism, state, held, t)
-    error = _largest(residual)
-    for _ in range(_MAX_ITERATIONS):
+    residual, jacobian = linear_system(mechanism, state, held, t)
+    error = largest_residual(residual)
+    for _ in range(MAX_ITERATIONS):
         if error == 0.0:
             break
         step = np.linalg.lstsq(jacobian, -residual, rcond=RANK_TOLERANCE)[0]
-        # a step of more than a radian or so leaves the region in which the linear model means anything
-        step *= min(1.0, 1.0 / max(_largest(step), 1e-300))
+        # beyond a radian or so the linear model is meaningless
+        step *= min(1.0, 1.0 / max(largest_residual(step), 1e-300))
         trial = move(state, step)
-        trial_residual, trial_jacobian = _system(mechanism, trial, held, t)
-        if error < _CONVERGED and _largest(trial_residual) >= error:
+        trial_residual, trial_jacobian = linear_system(mechanism, trial, held, t)
+        if error < CONVERGED and largest_residual(trial_residual) >= error:
             break
-        state, residual, jacobian, error = trial, trial_residual, trial_jacobian, _largest(trial_residual)
-    if error > _CONVERGED * max(1.0, _largest(state.p_WB)):
+        state, residual, jacobian, error = trial, trial_residual, trial_jacobian, largest_residual(trial_residual)
+    if error > CONVERGED * max(1.0, largest_residual(state.p_WB)):
         worst = int(np.argmax(np.abs(residual)))
         raise CannotAssemble(
-            f"mechanism '{mechanism.name}': {_row_names(mechanism, held, velocities=False)[worst]}",
-            f"it stays violated by {abs(residual[worst]):.3g} after {_MAX_ITERATIONS} iterations",
+            f"mechanism '{mechanism.name}': {row_names(mechanism, held, velocities=False)[worst]}",
+            f"it stays violated by {abs(residual[worst]):.3g} after {MAX_ITERATIONS} iterations",
             "Draw the mechanism closer to an assembled pose, or hold fewer or other joint coordinates.",
         )
-    _refuse_flipped(mechanism, state)
+    refuse_flipped(mechanism, state)
     return state
 
 
-def _largest(values: Array) -> float:
+def largest_residual(values: Array) -> float:
+    """Return the largest magnitude; zero of an empty array."""
     return float(np.max(np.abs(values), initial=0.0))
 
 
-def _refuse_flipped(mechanism: Mechanism, state: State) -> None:
-    """``D_kl = 0`` also holds for the flipped frame, which is another mechanism."""
+def refuse_flipped(mechanism: Mechanism, state: State) -> None:
+    """Refuse a joint with M turned by half a turn: ``D_kl = 0`` holds there, too, but the mechanism is another one."""
     for joint in mechanism.joints:
         f = joint_frames(mechanism, state, joint)
         flipped = "D13" in joint.rows and f.U[:, 2] @ f.W[:, 2] < 0
@@ -216,31 +235,40 @@ def _refuse_flipped(mechanism: Mechanism, state: State) -> None:
             )
 
 
-def assemble_velocities(mechanism: Mechanism, state: State, held: Held | None = None, t: float = 0.0) -> State:
-    """Change the velocities of `state` as little as possible until ``Q v = nu`` and the held rates are met.
+def assemble_velocities(
+    mechanism: Mechanism, state: State, held: HeldCoordinates | None = None, t: float = 0.0
+) -> State:
+    """Project velocities onto ``Q v = nu`` and the held rates with the least change.
 
-    nu holds the rates of the drives at the time t.
+    Parameters
+    ----------
+    state : State
+        Consistent poses, and velocities as the guess.
+    held : list of (Joint, str, array_like), optional
+        Rates; of an orientation, the angular velocity of M relative to F in axes of F, rad/s.
+    t : float, s
+        Time at which the rates nu of drives are evaluated.
 
     Raises
     ------
     CannotAssemble
-        If the held rates contradict the joints or each other.
+        The held rates contradict the joints or each other.
     """
     held = held or []
     jacobian = [constraint_jacobian(mechanism, state, t=t)]
     target = [constraint_rates(mechanism, t)]
     for joint, coordinate, value in held:
-        jacobian.append(_scatter(mechanism, joint, _held_rows(mechanism, state, joint, coordinate)))
+        jacobian.append(scatter(mechanism, joint, held_rows(mechanism, state, joint, coordinate)))
         target.append(np.atleast_1d(np.asarray(value, dtype=float)))
-    Q, asked = np.vstack(jacobian), np.concatenate(target)
+    Q, nu = np.vstack(jacobian), np.concatenate(target)
     v = np.hstack([state.v_WB_W, state.w_WB_W]).ravel()
     for _ in range(2):  # the second pass removes the rounding of the first
-        v = v + np.linalg.lstsq(Q, asked - Q @ v, rcond=RANK_TOLERANCE)[0]
-    error = Q @ v - asked
-    if _largest(error) > 1e-10 * max(1.0, _largest(v)):
+        v = v + np.linalg.lstsq(Q, nu - Q @ v, rcond=RANK_TOLERANCE)[0]
+    error = Q @ v - nu
+    if largest_residual(error) > 1e-10 * max(1.0, largest_residual(v)):
         worst = int(np.argmax(np.abs(error)))
         raise CannotAssemble(
-            f"mechanism '{mechanism.name}': {_row_names(mechanism, held, velocities=True)[worst]}",
+            f"mechanism '{mechanism.name}': {row_names(mechanism, held, velocities=True)[worst]}",
             f"its rate stays wrong by {abs(error[worst]):.3g}: the held rates contradict the joints",
             "Hold no more rates than the mechanism has degrees of freedom.",
         )
@@ -249,14 +277,14 @@ def assemble_velocities(mechanism: Mechanism, state: State, held: Held | None = 
 
 
 def initial_state(mechanism: Mechanism, initial: Initial | None = None, t: float = 0.0) -> State:
-    """Consistent state of a mechanism at the time t from what the user asked for."""
+    """Return the consistent state of a mechanism at the time t, in s, for given initial conditions."""
     initial = initial or Initial()
     for name in (*initial.poses, *initial.velocities):
         if name not in mechanism.body_index or name == GROUND:
             known = ", ".join(b.name for b in mechanism.bodies)
             raise InvalidInput("initial.bodies", f"there is no body '{name}'", f"Bodies are: {known}.")
-    coordinates = _held(mechanism, initial.coordinates, "joints")
-    rates = _held(mechanism, initial.rates, "rates")
+    coordinates = held_coordinates(mechanism, initial.coordinates, "joints")
+    rates = held_coordinates(mechanism, initial.rates, "rates")
     placed = assemble_positions(mechanism, drawing_state(mechanism, initial.poses), coordinates, t)
     v, w = np.zeros_like(placed.v_WB_W), np.zeros_like(placed.w_WB_W)
     for name, (v_body, w_body) in initial.velocities.items():
@@ -265,12 +293,16 @@ def initial_state(mechanism: Mechanism, initial: Initial | None = None, t: float
 
 
 def random_states(mechanism: Mechanism, start: State, count: int, seed: int, speed: float = 2.0) -> list[State]:
-    """Consistent states on the branch of `start`: a random walk along the constraint manifold, random velocities.
+    """Return consistent states on the branch of `start`: a random walk on the constraint manifold, random velocities.
 
     Parameters
     ----------
-    speed : float
-        Standard deviation of the velocity components along the free directions (m/s and rad/s).
+    start : State
+        Consistent state of the mechanism.
+    count, seed : int
+        The same seed gives the same states.
+    speed : float, m/s and rad/s
+        Standard deviation of the velocity along each free direction.
     """
     rng = np.random.default_rng(seed)
     states: list[State] = []
@@ -285,12 +317,12 @@ def random_states(mechanism: Mechanism, start: State, count: int, seed: int, spe
             )
         basis = free_directions(mechanism, state, holonomic=True)
         step = basis @ rng.normal(size=basis.shape[1])
-        step *= 0.25 / max(_largest(step), 1e-300)
+        step *= 0.25 / max(largest_residual(step), 1e-300)
         try:
             state = assemble_positions(mechanism, move(state, step))
         except CannotAssemble:
             failed += 1
-            continue  # the step ran past the end of a link's reach: draw another one
+            continue  # no pose near there: draw another step
         failed = 0
         free = free_directions(mechanism, state)
         velocity = (free @ rng.normal(scale=speed, size=free.shape[1])).reshape(-1, 6)
@@ -300,12 +332,16 @@ def random_states(mechanism: Mechanism, start: State, count: int, seed: int, spe
 
 
 def displaced_states(mechanism: Mechanism, start: State, size: float, count: int, seed: int = 0) -> list[State]:
-    """Consistent states near `start`: positions and velocities displaced by `size` in random free directions.
+    """Return consistent states near `start`: poses and velocities changed in random free directions.
 
     Parameters
     ----------
-    size : float
-        Length of a displacement, m and rad, and of a change of velocity, m/s and rad/s.
+    start : State
+        Consistent state of the mechanism.
+    size : float, m and rad, m/s and rad/s
+        Length of the displacement, and of the change of velocity.
+    count, seed : int
+        The same seed gives the same states.
     """
     rng = np.random.default_rng(seed)
     states = []

@@ -1,18 +1,20 @@
-"""How far the equations of motion of a mechanism magnify rounding at a state, however they are solved.
+"""Condition numbers: how far the equations of motion of a mechanism magnify rounding at a state.
 
-An engine may choose how it solves them, and rounding does not tell a wrong engine from a right one. Three condition
-numbers stand for what engines do:
+Rounding does not tell a wrong engine from a right one, and an engine may choose how it solves the equations. With the
+mass matrix M of all bodies and the constraint Jacobian Q, five condition numbers stand for what engines do:
 
-    N^T M N a' = N^T f  in free directions N: the largest eigenvalue of M over the least of N^T M N, because forces on
-                        heavy bodies that do not move leak, by the rounding of N, into light ones that do
-    H q'' = tau         in joint coordinates: H the inertia of the tree of `elementary_tree`, whose links without mass
-                        have coordinates of their own, near singular where a chain of joints is in its singular pose
-    A lam = b           for the constraint forces first: A = Q M^-1 Q^T, near singular where constraints nearly depend
-                        on one another (a linkage at its dead point)
+    N^T M N a' = N^T f  in orthonormal free directions N (`mass_matrix_condition`); or the largest eigenvalue of M over
+                        the least of N^T M N (`free_condition`), because forces on heavy bodies that cannot move leak,
+                        by the rounding of N, into light bodies that can
+    H q'' = tau         in joint coordinates, H the inertia of the elementary tree (`joint_space_condition`): links
+                        without mass have coordinates of their own, near singular where a chain of joints is
+    A lam = b           for the constraint forces first, A = Q M^-1 Q^T (`reaction_condition`, and in unit-diagonal form
+                        `delassus_condition`): near singular where constraints nearly depend on one another, such as
+                        those of a linkage at its dead point
 
-The error of a solution is some eps times the condition number of its matrix; of H and A in unit-diagonal form, whatever
-the units of the coordinates [J. Demmel 1989; N. J. Higham, Accuracy and Stability of Numerical Algorithms, 2002,
-theorem 10.6]. That of A is the square of what a method pays that does not form it.
+The error of a solution is some eps times the condition number of its matrix; for H and A in unit-diagonal form,
+whatever the units of the coordinates [J. Demmel 1989; N. J. Higham, Accuracy and Stability of Numerical Algorithms,
+2002, theorem 10.6]. The condition number of A is the square of what a method pays that does not form A.
 """
 
 from __future__ import annotations
@@ -29,9 +31,9 @@ _FREEDOM = {"R": 1, "P": 1, "S": 3, "F": 6, "W": 0}
 
 
 def worst_condition(mechanism: Mechanism, state: State) -> float:
-    """Largest of the condition numbers of the module's text.
+    """Return the largest of `free_condition`, `delassus_condition` and `joint_space_condition`.
 
-    A mechanism with a screw is no tree of elementary joints: its joint coordinates are left out.
+    A mechanism with a screw is no tree of elementary joints: its `joint_space_condition` is left out.
     """
     found = [free_condition(mechanism, state), delassus_condition(mechanism, state)]
     if not any(joint.kind == "screw" for joint in mechanism.joints):
@@ -39,7 +41,7 @@ def worst_condition(mechanism: Mechanism, state: State) -> float:
     return max(found)
 
 
-def _roots(mechanism: Mechanism, state: State) -> list[Array]:
+def _mass_roots(mechanism: Mechanism, state: State) -> list[Array]:
     """Root B (6, 6) of the mass matrix of every body about its origin, ``M = B^T B``."""
     arms = centres_of_mass(mechanism, state)[0] - state.p_WB
     roots = []
@@ -49,25 +51,39 @@ def _roots(mechanism: Mechanism, state: State) -> list[Array]:
     return roots
 
 
-def free_condition(mechanism: Mechanism, state: State) -> float:
-    """Largest eigenvalue of the mass matrix over the least in orthonormal free directions; 1 where nothing can move."""
-    roots = _roots(mechanism, state)
+def _free_singular_values(mechanism: Mechanism, state: State) -> tuple[Array, list[Array]]:
+    """Singular values of B N, the roots of the eigenvalues of ``N^T M N``, falling; and the roots B of all bodies."""
+    roots = _mass_roots(mechanism, state)
     N = free_directions(mechanism, state)
-    if not N.shape[1]:
-        return 1.0
     moving = np.vstack([B @ N[6 * i : 6 * i + 6] for i, B in enumerate(roots)])
-    least = np.linalg.svd(moving, compute_uv=False)[-1]
-    return float((max(np.linalg.norm(B, 2) for B in roots) / least) ** 2)
+    return np.linalg.svd(moving, compute_uv=False), roots
+
+
+def free_condition(mechanism: Mechanism, state: State) -> float:
+    """Return the largest eigenvalue of M over the least of ``N^T M N``; 1 where nothing can move."""
+    singular, roots = _free_singular_values(mechanism, state)
+    if not len(singular):
+        return 1.0
+    return float((max(np.linalg.norm(B, 2) for B in roots) / singular[-1]) ** 2)
+
+
+def mass_matrix_condition(mechanism: Mechanism, state: State) -> float:
+    """Return the condition number of ``N^T M N``; 1 where nothing can move.
+
+    Rounding errors of any method that inverts the mass matrix grow with this number.
+    """
+    singular, _ = _free_singular_values(mechanism, state)
+    return float((singular[0] / singular[-1]) ** 2) if len(singular) else 1.0
 
 
 def joint_space_condition(mechanism: Mechanism, state: State) -> float:
-    """Condition number of the inertia matrix H of the tree of elementary joints, scaled to a unit diagonal."""
+    """Return the condition number of the inertia matrix H of the elementary tree, scaled to a unit diagonal."""
     tree = to_elementary_tree(mechanism)
     width = sum(_FREEDOM[link.elementary] for link in tree.links)
     if width == 0:
         return 1.0
     H = np.zeros((width, width))
-    for link, (R, J) in zip(tree.links, _placed(tree, coordinates(mechanism, tree, state), width), strict=True):
+    for link, (R, J) in zip(tree.links, _link_jacobians(tree, coordinates(mechanism, tree, state), width), strict=True):
         if link.mass:
             Jv, Jw = J[:3] - skew(R @ link.com) @ J[3:], J[3:]
             H += link.mass * Jv.T @ Jv + Jw.T @ (R @ link.inertia @ R.T) @ Jw
@@ -76,13 +92,13 @@ def joint_space_condition(mechanism: Mechanism, state: State) -> float:
     return float(eigenvalues[-1] / max(eigenvalues[0], np.finfo(float).tiny))
 
 
-def _placed(tree: Tree, motion: list[Coordinate], width: int) -> list[tuple[Array, Array]]:
+def _link_jacobians(tree: Tree, motion: list[Coordinate], width: int) -> list[tuple[Array, Array]]:
     """Axes of every link, and the Jacobian (6, width) of its origin's velocity and its angular velocity."""
     placed: list[tuple[Array, Array, Array]] = []
     column = 0
     for link, q in zip(tree.links, motion, strict=True):
         p, R, J = placed[link.parent] if link.parent >= 0 else (np.zeros(3), np.eye(3), np.zeros((6, width)))
-        arm, R, own = _joint(link, q, R)
+        arm, R, own = _across_joint(link, q, R)
         J = np.vstack([J[:3] - skew(arm) @ J[3:], J[3:]])
         J[:, column : column + own.shape[1]] += own
         column += own.shape[1]
@@ -90,7 +106,7 @@ def _placed(tree: Tree, motion: list[Coordinate], width: int) -> list[tuple[Arra
     return [(R, J) for _, R, J in placed]
 
 
-def _joint(link: Link, q: Coordinate, R_parent: Array) -> tuple[Array, Array, Array]:
+def _across_joint(link: Link, q: Coordinate, R_parent: Array) -> tuple[Array, Array, Array]:
     """Arm from the parent's origin, axes of the link, and its own columns of the Jacobian, in the world."""
     R = R_parent @ link.placement.R
     arm = R_parent @ link.placement.p
@@ -107,16 +123,26 @@ def _joint(link: Link, q: Coordinate, R_parent: Array) -> tuple[Array, Array, Ar
     return arm if q.p is None else arm + R @ q.p, R @ rotation_from_quaternion(q.quat), own
 
 
-def delassus_condition(mechanism: Mechanism, state: State) -> float:
-    """Condition number of ``A = Q M^-1 Q^T`` in unit-diagonal form, dependent rows left out; 1 without constraints.
-
-    From the singular values of ``M^-1/2 Q^T``, so that A is not formed.
-    """
+def _constraint_condition(mechanism: Mechanism, state: State, unit_diagonal: bool) -> float:
+    """Condition number of ``A = Q M^-1 Q^T`` on its rank, from the singular values of ``M^-1/2 Q^T``."""
     Q = constraint_jacobian(mechanism, state)
     if len(Q) == 0:
         return 1.0
-    roots = _roots(mechanism, state)
+    roots = _mass_roots(mechanism, state)
     Y = np.hstack([np.linalg.solve(B.T, Q[:, 6 * i : 6 * i + 6].T).T for i, B in enumerate(roots)])
-    singular = np.linalg.svd(Y / np.linalg.norm(Y, axis=1, keepdims=True), compute_uv=False)
+    singular = np.linalg.svd(Y / np.linalg.norm(Y, axis=1, keepdims=True) if unit_diagonal else Y, compute_uv=False)
     singular = singular[singular > RANK_TOLERANCE * singular[0]]
     return float((singular[0] / singular[-1]) ** 2)
+
+
+def delassus_condition(mechanism: Mechanism, state: State) -> float:
+    """Return the condition number of ``A = Q M^-1 Q^T`` in unit-diagonal form, on its rank; 1 without constraints."""
+    return _constraint_condition(mechanism, state, unit_diagonal=True)
+
+
+def reaction_condition(mechanism: Mechanism, state: State) -> float:
+    """Return the condition number of ``A = Q M^-1 Q^T``, on its rank; 1 without constraints.
+
+    Rounding errors of reactions grow with this number: the multipliers solve ``A lam = gamma - Q M^-1 f``.
+    """
+    return _constraint_condition(mechanism, state, unit_diagonal=False)

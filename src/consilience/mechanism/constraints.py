@@ -1,12 +1,16 @@
-"""Constraints of a mechanism from poses and velocities, and the coordinates of its joints, in plain NumPy.
+"""Constraint equations of a mechanism, its free directions, and the coordinates of its joints, in plain NumPy.
 
-For whoever looks at a mechanism from outside: assembly, the observers, and adapters of engines that bring no
-closed-loop solver. The reference solver has compiled rows of its own about the *centres of mass*; the two are tested
-against each other. Rows of single joints are in `joint_rows`, those of drives, couplings and contacts in
-`element_rows`.
+    g(p, R, t) = 0,   Q v = nu,   Q a = gamma
 
-Order of the rows: joints, drives, couplings, contacts of rolling bodies; then the non-holonomic ones, which have no
-value: slip of rolling bodies, skates.
+The unknowns are ``v = (v_WB_W, w_WB_W)`` and ``a = (a_WB_W, alpha_WB_W)`` of each body in turn, six columns a body:
+velocity and acceleration of the body's *origin*, angular velocity and acceleration, all in axes of the world. Rows of
+lengths are in m, of angles in rad, of direction cosines without unit.
+
+Order of the rows: joints (`joint_rows`), drives, couplings, contacts of rolling bodies (`element_rows`); then the
+non-holonomic rows, which have no value: slip of rolling bodies, skates. Redundant rows are kept.
+
+Assembly, observables and adapters of engines without a closed-loop solver use these rows. The reference solver has
+compiled rows of its own, which are tested against these.
 """
 
 from __future__ import annotations
@@ -15,59 +19,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from consilience.mechanism.element_rows import Angles, ElementRow, count_turns, holonomic_rows, non_holonomic_rows
+from consilience.mechanism.element_rows import Angles, ElementRow, holonomic_rows, non_holonomic_rows
 from consilience.mechanism.joint_rows import (
-    JointFrames,
-    coordinate_value,
     full_turns,
     joint_frames,
     row_gamma,
-    row_jacobian,
     row_jacobians,
     row_target,
     row_value,
+    scatter,
     side,
 )
-from consilience.mechanism.model import GROUND, JOINT_KINDS, Joint, Mechanism, State
+from consilience.mechanism.joints import JOINT_KINDS
+from consilience.mechanism.model import Joint, Mechanism, State
 from consilience.mechanism.spatial import Array, cross, quaternion_from_rotation
-
-__all__ = [
-    "RANK_TOLERANCE",
-    "Angles",
-    "JointFrames",
-    "RelativeMotion",
-    "constraint_gamma",
-    "constraint_jacobian",
-    "constraint_rates",
-    "constraint_residual",
-    "coordinate_value",
-    "count_turns",
-    "free_directions",
-    "full_turns",
-    "joint_coordinates",
-    "joint_frames",
-    "joint_rates",
-    "reaction_in_F",
-    "relative_motion",
-    "row_gamma",
-    "row_jacobian",
-    "row_target",
-    "row_value",
-]
 
 RANK_TOLERANCE = 1e-8
 """Singular values below this fraction of the largest count as zero: constraint rows off the manifold by a drift d
 show their dependence only to d, and true ranks of sound mechanisms stay far above it."""
-
-
-def _place(mechanism: Mechanism, joint: Joint, pairs: Array, width: int) -> Array:
-    """Scatter the (rows, 12) coefficients of one joint into (rows, 6 n_b) columns [v, w] per body."""
-    Q = np.zeros((len(pairs), width))
-    for body, columns in ((joint.predecessor, pairs[:, :6]), (joint.successor, pairs[:, 6:])):
-        if body != GROUND:
-            i = mechanism.body_index[body]
-            Q[:, 6 * i : 6 * i + 6] = columns
-    return Q
 
 
 def _elements(mechanism: Mechanism, state: State, t: float, angles: Angles | None) -> list[ElementRow]:
@@ -75,9 +44,9 @@ def _elements(mechanism: Mechanism, state: State, t: float, angles: Angles | Non
 
 
 def constraint_residual(mechanism: Mechanism, state: State, t: float = 0.0, angles: Angles | None = None) -> Array:
-    """Violation g of every holonomic row, shape (holonomic_count,), in m, rad or dimensionless.
+    """Return the violation g of every holonomic row, shape (holonomic_count,), in m, rad or dimensionless.
 
-    A state does not count turns: `angles` (see `count_turns`) tells those of joints that drive a coupling.
+    A state does not count turns: `angles` (see `count_turns`) are the previous angles of joints that drive a coupling.
     """
     values = []
     for joint in mechanism.joints:
@@ -94,23 +63,29 @@ def constraint_jacobian(
     t: float = 0.0,
     angles: Angles | None = None,
 ) -> Array:
-    """Jacobian Q of the rows with respect to ``(v_WB_W, w_WB_W)`` of each body, shape (q, 6 n_b).
+    """Return the constraint Jacobian Q, shape (q, 6 n_b).
 
-    Of all rows, or of some joints alone; `angles` as in `constraint_residual`.
+    Parameters
+    ----------
+    joints : tuple of Joint, optional
+        Rows of these joints alone; default: all rows.
+    t : float, s
+        Time at which drives are evaluated.
+    angles : mapping of joint name to float, rad, optional
+        See `constraint_residual`.
     """
-    width = 6 * len(mechanism.bodies)
-    blocks = [np.zeros((0, width))]
+    blocks = [np.zeros((0, 6 * len(mechanism.bodies)))]
     for joint in mechanism.joints if joints is None else joints:
         if joint.rows:
             frames = joint_frames(mechanism, state, joint)
-            blocks.append(_place(mechanism, joint, row_jacobians(frames, joint.rows), width))
+            blocks.append(scatter(mechanism, joint, row_jacobians(frames, joint.rows)))
     if joints is None:
         blocks += [row.Q[None] for row in _elements(mechanism, state, t, angles)]
     return np.vstack(blocks)
 
 
 def constraint_rates(mechanism: Mechanism, t: float = 0.0) -> Array:
-    """Rates nu of all rows, ``Q v = nu``: those of the drives, zero for every other row, shape (q,)."""
+    """Return the right-hand side nu of ``Q v = nu``: rates of the drives, zero for every other row, shape (q,)."""
     rates = np.zeros(mechanism.constraint_count())
     first = sum(len(joint.rows) for joint in mechanism.joints)
     for n, drive in enumerate(mechanism.drives):
@@ -125,9 +100,12 @@ def constraint_gamma(
     t: float = 0.0,
     angles: Angles | None = None,
 ) -> Array:
-    """Right-hand side gamma of ``Q a = gamma``, accelerations of the body origins, shape (q,).
+    """Return the right-hand side gamma of ``Q a = gamma``, shape (q,).
 
-    `angles` as in `constraint_residual`.
+    Parameters
+    ----------
+    joints, t, angles
+        See `constraint_jacobian`.
     """
     values = []
     for joint in mechanism.joints if joints is None else joints:
@@ -139,23 +117,26 @@ def constraint_gamma(
 
 
 def free_directions(mechanism: Mechanism, state: State, holonomic: bool = False, t: float = 0.0) -> Array:
-    """Orthonormal basis of the null space of Q: velocities the constraints allow, shape (6 n_b, freedom).
+    """Return an orthonormal basis of the velocities that the constraints allow, shape (6 n_b, freedom).
 
-    With `holonomic` the displacements they allow: non-holonomic rows hold velocities and no positions.
+    With `holonomic`, of the displacements that they allow: non-holonomic rows hold velocities and no positions.
     """
     Q = constraint_jacobian(mechanism, state, t=t)
-    if holonomic:
-        Q = Q[: mechanism.holonomic_count]
-    if len(Q) == 0:
-        return np.eye(Q.shape[1])
-    _, singular, Vt = np.linalg.svd(Q)
+    return null_space(Q[: mechanism.holonomic_count] if holonomic else Q)
+
+
+def null_space(A: Array) -> Array:
+    """Return an orthonormal basis of the null space of a matrix (m, n) as columns, shape (n, n - rank)."""
+    if 0 in A.shape:
+        return np.eye(A.shape[1])
+    _, singular, Vt = np.linalg.svd(A)
     rank = int(np.sum(singular > RANK_TOLERANCE * singular[0]))
     return np.ascontiguousarray(Vt[rank:].T)
 
 
 @dataclass(frozen=True, eq=False)
 class RelativeMotion:
-    """Motion of M relative to F, in axes of F.
+    """Motion of frame M relative to frame F, in axes of F.
 
     Attributes
     ----------
@@ -174,7 +155,7 @@ class RelativeMotion:
 
 
 def relative_motion(mechanism: Mechanism, state: State, joint: Joint) -> RelativeMotion:
-    """Pose and twist of frame M relative to frame F of a joint."""
+    """Return pose and twist of frame M relative to frame F of a joint."""
     f = joint_frames(mechanism, state, joint)
     return RelativeMotion(
         p=f.U.T @ f.d,
@@ -185,7 +166,9 @@ def relative_motion(mechanism: Mechanism, state: State, joint: Joint) -> Relativ
 
 
 def joint_coordinates(joint: Joint, motion: RelativeMotion) -> dict[str, Array]:
-    """Joint coordinates of M relative to F, by the names of `JOINT_KINDS`; angles in (-pi, pi], but for the screw.
+    """Return the joint coordinates of M relative to F by the names of `JOINT_KINDS`.
+
+    Angles are in (-pi, pi], but that of a screw counts the turns of the displacement.
 
     Universal: ``R = Rz(angle1) Rx(angle2)``; orientation: quaternion, scalar first.
     """
@@ -208,7 +191,7 @@ def joint_coordinates(joint: Joint, motion: RelativeMotion) -> dict[str, Array]:
 
 
 def joint_rates(joint: Joint, motion: RelativeMotion) -> dict[str, Array]:
-    """Rates of the joint coordinates; of an orientation: the angular velocity of M relative to F, in axes of F."""
+    """Return the rates of the joint coordinates; of an orientation, the angular velocity of M relative to F in F."""
     R, v, w = motion.R, motion.v, motion.w
     values = {
         "angle": w[2],
@@ -236,11 +219,12 @@ def reaction_in_F(
 
     Parameters
     ----------
+    joint : Joint
     force_W, torque_W : ndarray, shape (3,), N and N m
         Wrench in world axes, the torque about `point_W`.
     point_W : ndarray, shape (3,), m
     on_predecessor : bool
-        The wrench is what the joint exerts on the predecessor; action and reaction turn it round.
+        The wrench is exerted on the predecessor: its sign is reversed.
 
     Returns
     -------

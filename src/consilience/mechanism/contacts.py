@@ -1,7 +1,7 @@
 """Contacts: pairs of shapes that may hit one another, with restitution and friction. Immutable data.
 
-A sphere or a corner on a plane, or two spheres. The normal points from `partner` to `body`, so the gap opens along it.
-Between impacts contacts do nothing.
+A sphere or a corner on a plane, or two spheres. The normal points from `partner` to `body`, so that the gap opens along
+the normal. Between impacts contacts exert no force.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def _check(name: str, body: str, partner: str, restitution: float, friction: flo
 
 @dataclass(frozen=True, eq=False)
 class SpherePlane:
-    """A sphere on the boundary of a solid half-space.
+    """A sphere of one body and a solid half-space of another.
 
     Attributes
     ----------
@@ -59,9 +59,9 @@ class SpherePlane:
     normal : ndarray, shape (3,)
         Out of the half-space, in axes of `partner`; made a unit vector.
     restitution : float
-        s of ``vn+ = -s vn-``, 0 to 1.
+        Newton's coefficient s of ``vn+ = -s vn-``, 0 to 1.
     friction : float
-        Coefficient mu.
+        Coulomb's coefficient mu during an impact.
     """
 
     name: str
@@ -84,7 +84,7 @@ class SpherePlane:
 
 @dataclass(frozen=True, eq=False)
 class PointPlane:
-    """A corner, tip or other point of a body on the boundary of a solid half-space; attributes as `SpherePlane`.
+    """A corner, tip or other point of one body and a solid half-space of another; attributes as `SpherePlane`.
 
     Attributes
     ----------
@@ -110,7 +110,7 @@ class PointPlane:
 
     @property
     def center(self) -> Array:
-        """Centre of the sphere of radius zero that the corner is."""
+        """The corner: a sphere of radius zero."""
         return self.corner
 
     @property

@@ -1,10 +1,15 @@
-"""Constraint rows of drives, couplings, rolling bodies and skates, in plain NumPy, on body origins.
+"""Constraint rows of drives, couplings, rolling bodies and skates, in plain NumPy.
+
+All vectors are in axes of the world; v and w are the velocities of a body's *origin* and its angular velocity. A row
+has a value g (m or rad; zero where it holds a velocity alone), coefficients Q of all body velocities and gamma, the
+right-hand side of ``Q a = gamma``.
 
 - Drive: ``q - f(t) = 0``. Coupling: ``q - f(q_driver) = 0``.
-- Rolling: centre c, axis a, normal n of the plane, ``m = n - (n.a) a``, ``mu = |m|``. The point of contact is at
-  ``rho = -R m / mu - r n`` from c; it is in the plane, ``n . (c - point) - R mu - r = 0``, and its velocity
-  ``v_c + w x rho`` vanishes along two directions of the plane (along n that is the rate of the first).
-- Skate: ``l . (v + w x s) = 0`` at the arm s, l fixed to the body.
+- Rolling: circle of radius R about centre c with axis a, thickened by r, on a plane with normal n. The point of contact
+  is at ``rho = -R m / |m| - r n`` from c, ``m = n - (n.a) a`` (`rolling_contact`). It lies in the plane,
+  ``n . (c + rho - point) = 0``, and its velocity ``v_c + w x rho`` vanishes along two directions of the plane; along n
+  that velocity is the rate of the first row.
+- Skate: ``l . (v + w x s) = 0`` at the arm s, the direction l fixed to the body.
 """
 
 from __future__ import annotations
@@ -15,14 +20,21 @@ from functools import lru_cache
 
 import numpy as np
 
-from consilience.mechanism.joint_rows import coordinate_gamma, coordinate_jacobian, coordinate_value, joint_frames
-from consilience.mechanism.model import GROUND, Joint, Mechanism, Rolling, Skate, State
+from consilience.mechanism.elements import Rolling, Skate
+from consilience.mechanism.joint_rows import (
+    coordinate_gamma,
+    coordinate_jacobian,
+    coordinate_value,
+    joint_frames,
+    scatter,
+)
+from consilience.mechanism.model import Mechanism, State
 from consilience.mechanism.spatial import Array, cross, orthogonal_triad
 
 
 @dataclass(frozen=True, eq=False)
 class ElementRow:
-    """One row: value (zero for a non-holonomic one), coefficients of all body velocities (6 n_b,), and gamma."""
+    """One row: value (zero for a non-holonomic row), coefficients of all body velocities (6 n_b,), and gamma."""
 
     value: float
     Q: Array
@@ -30,26 +42,26 @@ class ElementRow:
 
 
 Angles = Mapping[str, float]
-"""Angle of joints a moment ago, by name, from which turns are counted; a joint not in it is within half a turn of 0."""
+"""Previous angles of joints by name, rad, from which turns are counted; default: within half a turn of zero."""
 
 
 def _coordinate(
     mechanism: Mechanism, state: State, name: str, coordinate: str, near: float
 ) -> tuple[float, Array, float, float]:
-    """Value, coefficients (6 n_b,), gamma and rate of a joint coordinate."""
-    joint: Joint = mechanism.joints[mechanism.joint_index[name]]
+    """Value, coefficients (6 n_b,), gamma and rate of a coordinate of the joint of a name."""
+    joint = mechanism.joints[mechanism.joint_index[name]]
     frames = joint_frames(mechanism, state, joint)
     pair = coordinate_jacobian(frames, coordinate)
-    Q = np.zeros(6 * len(mechanism.bodies))
-    for body, columns in ((joint.predecessor, pair[:6]), (joint.successor, pair[6:])):
-        if body != GROUND:
-            i = mechanism.body_index[body]
-            Q[6 * i : 6 * i + 6] = columns
-    return coordinate_value(frames, coordinate, near), Q, coordinate_gamma(frames, coordinate), frames.rate_of(pair)
+    return (
+        coordinate_value(frames, coordinate, near),
+        scatter(mechanism, joint, pair),
+        coordinate_gamma(frames, coordinate),
+        frames.rate_of(pair),
+    )
 
 
 def holonomic_rows(mechanism: Mechanism, state: State, t: float, angles: Angles) -> list[ElementRow]:
-    """Rows of drives, couplings and contacts of rolling bodies, in that order."""
+    """Return the rows of drives, couplings and contacts of rolling bodies, in that order."""
     rows = []
     for drive in mechanism.drives:
         f = drive.motion.at(t)
@@ -68,7 +80,7 @@ def holonomic_rows(mechanism: Mechanism, state: State, t: float, angles: Angles)
 
 
 def count_turns(mechanism: Mechanism, state: State, angles: Angles) -> dict[str, float]:
-    """Angles of the joints that drive a coupling, turns counted from the angles a moment ago."""
+    """Return the angles of joints that drive a coupling, over full turns, each nearest to its previous angle."""
     counted = {}
     for coupling in mechanism.couplings:
         if coupling.driver_coordinate == "angle":
@@ -79,34 +91,58 @@ def count_turns(mechanism: Mechanism, state: State, angles: Angles) -> dict[str,
 
 
 def non_holonomic_rows(mechanism: Mechanism, state: State) -> list[ElementRow]:
-    """Two rows of slip for each rolling body, one for each skate."""
+    """Return two rows of slip for each rolling body, then one row for each skate."""
     rows = []
     for rolling in mechanism.rollings:
         rows += list(rolling_rows(mechanism, state, rolling))[1:]
     return rows + [_skate_row(mechanism, state, skate) for skate in mechanism.skates]
 
 
-@lru_cache(maxsize=64)  # fixed to the ground, and asked for in every evaluation of a row
+@lru_cache(maxsize=64)  # constant, and needed in every evaluation of a row
 def plane_axes(rolling: Rolling) -> Array:
-    """Axes of the plane as rows: normal and two directions in the plane, shape (3, 3), read-only."""
+    """Return the axes of the plane as rows: normal and two directions in the plane, shape (3, 3), read-only."""
     along, across = orthogonal_triad(rolling.normal)
     axes = np.array([rolling.normal, along / np.linalg.norm(along), across / np.linalg.norm(across)])
     axes.flags.writeable = False
     return axes
 
 
+def rolling_contact(axis: Array, normal: Array, w: Array, radius: float, rounding: float) -> tuple[Array, Array]:
+    """Return the arm rho from the centre of a rolling body to its point of contact, and the rate of rho.
+
+    ``rho = -R m / |m| - r n``, ``m = n - (n.a) a``. The material point in contact has the acceleration
+    ``a_P = w x (w x rho - rho')``. Exported scripts contain the text of this function.
+
+    Parameters
+    ----------
+    axis, normal : ndarray, shape (3,)
+        Unit vectors in world axes: axis a of the circle, normal n of the plane towards the body.
+    w : ndarray, shape (3,), rad/s
+        Angular velocity of the body in world axes.
+    radius, rounding : float, m
+        Radius R of the circle, zero for a ball, and r of the tube about the circle.
+
+    Returns
+    -------
+    rho, rho_dot : ndarray, shape (3,), m and m/s
+        In world axes.
+    """
+    if not radius:
+        return -rounding * normal, np.zeros(3)
+    along, axis_dot = normal @ axis, cross(w, axis)
+    m, m_dot = normal - along * axis, -(normal @ axis_dot) * axis - along * axis_dot
+    size = np.sqrt(m @ m)
+    e = m / size
+    return -radius * e - rounding * normal, -radius * (m_dot - (e @ m_dot) * e) / size
+
+
 def rolling_rows(mechanism: Mechanism, state: State, rolling: Rolling) -> Iterator[ElementRow]:
-    """Contact, and the two of slip."""
+    """Yield the row of contact, then the two rows of slip."""
     i = mechanism.body_index[rolling.body]
-    R_WB, w = state.R_WB[i], state.w_WB_W[i]
-    s, a, n = R_WB @ rolling.center, R_WB @ rolling.axis, rolling.normal
-    a_dot = cross(w, a)
-    m, m_dot = n - (n @ a) * a, -(n @ a_dot) * a - (n @ a) * a_dot
-    mu = float(np.linalg.norm(m)) if rolling.radius else 1.0  # a ball has no axis that could stand upright
-    mu_dot = m @ m_dot / mu
-    rho = -rolling.radius * m / mu - rolling.rounding * n
-    rho_dot = -rolling.radius * (m_dot / mu - m * mu_dot / mu**2)
-    height = n @ (state.p_WB[i] + s - rolling.point) - rolling.radius * mu - rolling.rounding
+    R_WB, w, n = state.R_WB[i], state.w_WB_W[i], rolling.normal
+    s = R_WB @ rolling.center
+    rho, rho_dot = rolling_contact(R_WB @ rolling.axis, n, w, rolling.radius, rolling.rounding)
+    height = n @ (state.p_WB[i] + s + rho - rolling.point)
     bias = cross(w, cross(w, s)) + cross(w, rho_dot)
     for k, direction in enumerate(plane_axes(rolling)):
         Q = np.zeros(6 * len(mechanism.bodies))

@@ -1,7 +1,7 @@
-"""A mechanism as a tree of elementary joints: the form that engines in minimal coordinates read.
+"""Elementary tree of a mechanism: the description that engines in minimal coordinates start from.
 
-The mechanism is not changed: this is a second description of it. A spanning tree from the ground is chosen; each
-joint of it becomes a chain of elementary joints, each along or about **z** of its own frame:
+A spanning tree from the ground is chosen, and each joint of the tree becomes a chain of elementary joints, each along
+or about **z** of its own frame:
 
 ===========  =========================================================
 revolute     R
@@ -18,15 +18,18 @@ in plane     P P S          (point in plane: x, y of F)
 parallel     P P P R        (parallel axes: x, y, z of F)
 ===========  =========================================================
 
-A screw couples two elementary joints and has no chain: whoever lowers one must refuse it first.
+A screw couples two elementary joints and has no chain.
 
-All links of a chain but the last are massless. A joint that closes a loop is opened by *splitting* the body it leads
-to: a second copy hangs on the closing joint, the copies share the mass and inertia equally, and a `Weld` holds them
-together. The dynamics is exactly that of the mechanism, whatever the kind of the closing joint, and the wrench on
-the copy is the reaction of that joint.
+All links of a chain but the last are massless. A joint that closes a loop is opened by *splitting* the body behind the
+joint: a copy of the body hangs on the closing joint, the copies share mass and inertia equally, and a `Weld` holds the
+copies together. The dynamics is exactly that of the mechanism, whatever the kind of the closing joint, and the wrench
+on the copy is the reaction of that joint.
 
-The two axes of a rod are x and y of F (of M where the tree passes it backwards), so the chain is singular when the rod
-lies along that x.
+The two axes of a rod are x and y of F (of M where the tree passes the rod backwards): the chain is singular where the
+rod lies along that x.
+
+Conventions are those of `model`: SI units, rad, quaternions scalar first. The frame of a link coincides with its joint
+frame where its coordinate is zero; the inertia of a link is about its centre of mass, in its axes.
 """
 
 from __future__ import annotations
@@ -49,7 +52,7 @@ _Z_TO_Y = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])  # colum
 _SWAP_X_Z = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])
 _ONE = np.eye(3)
 
-# (elementary joint, axes of its frame in F, is it displaced by the rod's length along z of F)
+# elementary joints of a chain, with the axes of their frames in F (in M where the tree passes a joint backwards)
 _CHAINS: dict[str, tuple[tuple[ElementaryJoint, Array], ...]] = {
     "revolute": (("R", _ONE),),
     "prismatic": (("P", _ONE),),
@@ -63,7 +66,7 @@ _CHAINS: dict[str, tuple[tuple[ElementaryJoint, Array], ...]] = {
     "point_on_line": (("P", _ONE), ("S", _ONE)),
     "point_in_plane": (("P", _Z_TO_X), ("P", _Z_TO_Y), ("S", _ONE)),
     "parallel_axes": (("P", _Z_TO_X), ("P", _Z_TO_Y), ("P", _ONE), ("R", _ONE)),
-    # passed backwards the ball, on M, comes first; the weld turns the axes back to those of the ball
+    # passed backwards, the ball on M comes first; the weld W turns the axes back to those of the ball
     "point_on_line~": (("S", _ONE), ("P", _ONE)),
     "point_in_plane~": (("S", _ONE), ("P", _Z_TO_X), ("P", _Z_TO_Y), ("W", _ONE)),
 }
@@ -71,29 +74,29 @@ _CHAINS: dict[str, tuple[tuple[ElementaryJoint, Array], ...]] = {
 
 @dataclass(frozen=True, eq=False)
 class Link:
-    """One elementary joint and the (possibly massless) link it carries.
+    """One elementary joint and the (possibly massless) link behind the joint.
 
     Attributes
     ----------
     name : str
         Unique; the last link of a chain has the name of its body, a copy ``<body>~<joint>``.
     parent : int
-        Index of the parent link; -1 is the ground. A link stands after its parent, in depth-first order.
+        Index of the parent link; -1 is the ground. Links are in depth-first order, parents first.
     elementary : {"R", "P", "S", "F", "W"}
         Revolute about z, prismatic along z, spherical, free, welded.
     placement : Frame
-        Joint frame in the frame of the parent link. The frame of this link coincides with it at zero coordinate.
+        Joint frame in the frame of the parent link.
     joint : int
-        Index of the mechanism's joint the link belongs to.
+        Index of the mechanism's joint that the link belongs to.
     reversed : bool
-        The tree passes the joint from its successor to its predecessor.
+        The tree passes the joint backwards, from successor to predecessor.
     last : bool
-        Last link of its chain: the wrench on it through its elementary joint is the joint's reaction (on the
+        Last link of its chain: the wrench on the link through its elementary joint is the joint's reaction (on the
         predecessor where `reversed`).
     body : int
-        Index of the mechanism's body it carries; -1 for a massless link.
+        Index of the mechanism's body that the link carries; -1 for a massless link.
     share : float
-        Fraction of the body's mass and inertia it carries.
+        Fraction of the body's mass and inertia that the link carries.
     body_frame : Frame
         Frame B of the body in the frame of the link.
     mass : float, kg
@@ -120,7 +123,7 @@ class Link:
 
 @dataclass(frozen=True)
 class Weld:
-    """Two links that carry shares of one body: their body frames coincide. `joint` is the joint that closes."""
+    """Two links that carry shares of one body: their body frames coincide. `joint` is the closing joint."""
 
     joint: int
     original: int
@@ -135,13 +138,13 @@ class Tree:
     welds: tuple[Weld, ...]
 
     def carrier(self, body: int) -> int:
-        """Index of the link that carries the original of a body (-1 for the ground)."""
+        """Return the index of the link that carries a body, not one of its copies; -1 for the ground."""
         if body < 0:
             return -1
         return next(i for i, link in enumerate(self.links) if link.body == body and "~" not in link.name)
 
     def reaction_link(self, joint: int) -> int:
-        """Index of the link on which the wrench of a joint of the mechanism acts."""
+        """Return the index of the link on which the wrench of a joint of the mechanism acts."""
         return next(i for i, link in enumerate(self.links) if link.joint == joint and link.last)
 
 
@@ -158,7 +161,7 @@ class Coordinate:
     quat : ndarray, shape (4,)
         Of S and F: orientation of the link in the joint frame, scalar first.
     w : ndarray, shape (3,), rad/s
-        Of S and F: angular velocity of the link relative to the joint frame, **in axes of the link**.
+        Of S and F: angular velocity of the link relative to the joint frame, in axes **of the link**.
     """
 
     q: float = 0.0
@@ -173,7 +176,7 @@ def _end_frames(joint: Joint, backward: bool) -> tuple[Frame, Frame]:
     """Frames at the start and at the end of the chain of a joint, as the tree passes it."""
     if not backward:
         return joint.F, joint.M
-    if joint.kind == "universal":  # passed backwards its first axis is x of M, its second z of F
+    if joint.kind == "universal":  # passed backwards, its first axis is x of M, its second z of F
         return Frame(joint.M.p, joint.M.R @ _SWAP_X_Z), Frame(joint.F.p, joint.F.R @ _SWAP_X_Z)
     return joint.M, joint.F
 
@@ -184,7 +187,19 @@ def _chain_of(joint: Joint, backward: bool) -> str:
 
 
 def _chain(mechanism: Mechanism, k: int, backward: bool, parent_frame: Frame, name: str) -> list[Link]:
-    """Links of joint k behind a link in which the body's frame is `parent_frame`; the caller fills in the parents."""
+    """Links of joint k, without parents.
+
+    Parameters
+    ----------
+    k : int
+        Index of the joint.
+    backward : bool
+        The tree passes the joint from successor to predecessor.
+    parent_frame : Frame
+        Frame B of the body before the joint, in the frame of its link.
+    name : str
+        Name of the last link.
+    """
     joint = mechanism.joints[k]
     start, end = _end_frames(joint, backward)
     body = mechanism.body_index[joint.predecessor if backward else joint.successor]
@@ -220,12 +235,12 @@ def _chain(mechanism: Mechanism, k: int, backward: bool, parent_frame: Frame, na
 
 
 def to_elementary_tree(mechanism: Mechanism) -> Tree:
-    """Describe a mechanism as a tree of elementary joints with welds for its loops.
+    """Return the elementary tree of a mechanism, with welds for its loops.
 
     Raises
     ------
     InvalidInput
-        If a joint is a screw.
+        A joint is a screw.
     """
     for joint in mechanism.joints:
         if joint.kind not in _CHAINS:
@@ -238,7 +253,7 @@ def to_elementary_tree(mechanism: Mechanism) -> Tree:
     identity = Frame(np.zeros(3), _ONE)
 
     def append(k: int, backward: bool, name: str) -> None:
-        """Hang the chain of joint k on the link of the body it comes from."""
+        """Append the chain of joint k to the link of the body before the joint."""
         joint = mechanism.joints[k]
         from_body = joint.successor if backward else joint.predecessor
         parent = carrier.get(from_body, -1)
@@ -279,7 +294,7 @@ def _share_masses(mechanism: Mechanism, links: list[Link]) -> list[Link]:
 
 
 def _in_depth_first_order(links: list[Link], welds: list[Weld]) -> Tree:
-    """Move the copies, appended last, to their place behind their parents."""
+    """Sort links in depth-first order: copies, appended last, move behind their parents."""
     order: list[int] = []
 
     def visit(parent: int) -> None:
@@ -297,7 +312,7 @@ def _in_depth_first_order(links: list[Link], welds: list[Weld]) -> Tree:
 
 
 def coordinates(mechanism: Mechanism, tree: Tree, state: State) -> list[Coordinate]:
-    """Coordinates and rates of all elementary joints at a state, in the order of the links."""
+    """Return coordinates and rates of all elementary joints at a state, in the order of the links."""
     result: list[Coordinate] = []
     cache: dict[tuple[int, bool], list[Coordinate]] = {}
     for link in tree.links:

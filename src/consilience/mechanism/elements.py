@@ -1,12 +1,14 @@
-"""What acts on a mechanism beside its joints: forces, drives, couplings and rolling contacts. Immutable data.
+"""Elements of a mechanism other than bodies and joints: forces, drives, couplings, rolling bodies. Immutable data.
 
-Joint coordinates are those of `joints.AXIS_COORDINATES`. Where an element reads an ``angle``, it is counted
-over full turns from the initial state, where it is within half a turn of zero; the angle of a screw follows its
-displacement from there on.
+An element in a joint coordinate names the joint and one of `joints.AXIS_COORDINATES`: ``angle`` in rad about, or
+``distance`` in m along, +z of F. Its effort, N m or N, acts on the successor, and the opposite on the predecessor. An
+``angle`` is counted over full turns from the initial state, where the angle is within half a turn of zero; that of a
+screw follows the displacement from there on.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -23,7 +25,7 @@ def _fix(element: object, *names: str) -> None:
 
 
 def _unit(element: object, where: str, name: str) -> None:
-    """Normalise a direction."""
+    """Make a direction a unit vector."""
     direction = fixed_array(getattr(element, name), (3,))
     norm = float(np.linalg.norm(direction))
     if norm == 0.0:
@@ -36,8 +38,18 @@ class Spring:
     """Spring-damper-actuator between two points.
 
     ``F = (k (L - L0) + c dL/dt - f(t)) e`` on the predecessor, e from predecessor to successor [MASS (30)-(32)]: a
-    positive f pushes the points apart. Points are in the axes of their bodies, from the bodies' origins, in m; k in
-    N/m, c in N s/m, L0 in m, f in N.
+    positive f pushes the points apart.
+
+    Attributes
+    ----------
+    point_predecessor, point_successor : ndarray, shape (3,), m
+        From the origins of the bodies, in body axes.
+    stiffness, damping : float, N/m and N s/m
+        k and c.
+    free_length : float, m
+        L0.
+    actuator : Function or None
+        f in N over time in s.
     """
 
     name: str
@@ -56,9 +68,18 @@ class Spring:
 
 @dataclass(frozen=True, eq=False)
 class JointSpring:
-    """Spring-damper-actuator about or along the axis of a joint: ``-(k (q - q0) + c dq/dt) + f(t)`` on the successor.
+    """Spring-damper-actuator in a joint coordinate: ``-(k (q - q0) + c dq/dt) + f(t)`` [MASS (33)-(35)].
 
-    [MASS (33)-(35)], k in N m/rad or N/m. `coordinate` is ``angle`` or ``distance``.
+    Attributes
+    ----------
+    stiffness : float, N m/rad or N/m
+        k.
+    damping : float, N m s/rad or N s/m
+        c.
+    rest : float, rad or m
+        q0.
+    actuator : Function or None
+        f in N m or N over time in s.
     """
 
     name: str
@@ -70,19 +91,29 @@ class JointSpring:
     actuator: Function | None = None
 
 
+def friction_law(rate: float, viscous: float, coulomb: float, speed: float) -> tuple[float, float]:
+    """Return the effort of regularised friction, ``-(d q' + F tanh(q' / v))``, and its damping, minus the slope.
+
+    Exported scripts contain the text of this function. The reference solver has the law in kernels of its own.
+    """
+    part = math.tanh(rate / speed)
+    return -(viscous * rate + coulomb * part), viscous + coulomb / speed * (1.0 - part**2)
+
+
 @dataclass(frozen=True, eq=False)
 class Friction:
-    """Friction in a joint, ``-(d q' + F tanh(q' / v))`` on the successor: viscous, and **regularised** Coulomb.
+    """Viscous and **regularised** Coulomb friction in a joint coordinate (`friction_law`).
 
-    The Coulomb part is regularised: below the speed v it is a stiff damper, and a joint that ought to stick creeps.
+    Below the speed v the Coulomb part is a stiff damper: a joint that ought to stick creeps.
 
     Attributes
     ----------
     viscous : float, N m s/rad or N s/m
+        d.
     coulomb : float, N m or N
-        Friction torque or force of sliding.
+        F, torque or force of sliding.
     speed : float, rad/s or m/s
-        Speed v at which the friction has 76 % of its value.
+        v, at which the Coulomb part is 76 % of F.
     """
 
     name: str
@@ -102,9 +133,9 @@ class Friction:
 
 @dataclass(frozen=True, eq=False)
 class Control:
-    """PID control of a joint coordinate: ``P e + I int e dt + D e'`` on the successor, ``e = target(t) - q``.
+    """PID control of a joint coordinate: ``P e + I int e dt + D e'``, ``e = target(t) - q``.
 
-    The integral is zero at the initial state.
+    The integral is zero at the initial state. P is in N m/rad or N/m, I and D in these units per s and times s.
     """
 
     name: str
@@ -118,7 +149,7 @@ class Control:
 
 @dataclass(frozen=True, eq=False)
 class Load:
-    """A force at a point of a body, or a torque on it, fixed in the world or following the body.
+    """A force at a point of a body, or a torque on the body, fixed in the world or in the body.
 
     Attributes
     ----------
@@ -145,7 +176,7 @@ class Load:
 
 @dataclass(frozen=True, eq=False)
 class Drive:
-    """A joint coordinate as a function of time, ``q = f(t)``: a rheonomic constraint."""
+    """Rheonomic constraint: a joint coordinate as a function of time, ``q = f(t)``, in rad or m, t in s."""
 
     name: str
     joint: str
@@ -155,7 +186,7 @@ class Drive:
 
 @dataclass(frozen=True, eq=False)
 class Coupling:
-    """A joint coordinate as a function of another one, ``q = f(q_driver)``.
+    """Constraint between two joint coordinates, ``q = f(q_driver)``.
 
     Linear for a gear pair or a rack (distance) and pinion (angle), a profile for a cam and its follower.
     """
@@ -178,8 +209,8 @@ class Rolling:
     """A disc, torus or ball that rolls without slipping on a plane fixed to the ground.
 
     The body has a circle of radius R about `center`, in the plane across `axis`, thickened to a torus of tube radius
-    r: a sharp-edged disc has r = 0, a ball R = 0. One holonomic row keeps it on the plane, two non-holonomic rows hold
-    the velocity of the point of contact.
+    r: a sharp-edged disc has r = 0, a ball R = 0. One holonomic row keeps the body on the plane, two non-holonomic rows
+    hold the velocity of the point of contact (`element_rows`).
 
     Attributes
     ----------
@@ -211,7 +242,10 @@ class Rolling:
 
 @dataclass(frozen=True, eq=False)
 class Skate:
-    """A knife edge: a point of a body does not move along `lateral`, a direction fixed to the body. Non-holonomic."""
+    """Knife edge: a point of a body has no velocity along `lateral`, a direction fixed to the body. Non-holonomic.
+
+    Point (m, from the body's origin) and direction are in body axes.
+    """
 
     name: str
     body: str

@@ -2,9 +2,9 @@
 
     f(x) = sum_k c_k x^k + sum_n a_n sin(w_n x + phi_n) + table(x)
 
-Data and no code, so that a case file can hold them and a compiled kernel can evaluate them. A table is interpolated
-by a spline of degree five through its points: continuous to the fourth derivative, so that accelerations of what
-follows it are smooth.
+Functions are data: a case file holds them and a compiled kernel evaluates them. A table is interpolated by a spline of
+degree five through its points, continuous to the fourth derivative, so that accelerations of what follows the table are
+smooth.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from __future__ import annotations
 from bisect import bisect_left
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import cos, nan, sin
+from math import cos, factorial, nan, sin
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,7 +27,7 @@ Jet = tuple[float, float, float]
 
 
 def _horner(powers: list[float], x: float) -> Jet:
-    """Polynomial of coefficients from the highest power down, and its derivatives."""
+    """Value and two derivatives of a polynomial of coefficients from the highest power down."""
     value = rate = bend = 0.0
     for coefficient in powers:
         bend = bend * x + 2.0 * rate
@@ -45,9 +45,8 @@ class Table:
     x, y : ndarray, shape (n,)
         Points, at least six, x increasing.
     periodic : bool
-        The curve repeats with the period ``x[-1] - x[0]``; then ``y[-1] = y[0]``, but for the
-        rounding of its digits. Otherwise it ends with the table:
-        outside it has no value (NaN).
+        The curve repeats with the period ``x[-1] - x[0]``; then ``y[-1] = y[0]`` but for rounding. Otherwise the
+        curve has no value (NaN) outside the table.
     """
 
     x: Array
@@ -70,19 +69,23 @@ class Table:
 
     @property
     def period(self) -> float:
-        """Period, or zero."""
+        """Period; zero of a curve that is not periodic."""
         return float(self.x[-1] - self.x[0]) if self.periodic else 0.0
 
     @cached_property
     def pieces(self) -> Array:
-        """Polynomials of the spline, one a row: left end, right end, coefficients of ``(x - left)^0..5``."""
-        from scipy.interpolate import BSpline, PPoly, make_interp_spline  # noqa: PLC0415 - a worker has no SciPy
+        """Polynomials of the spline as rows: left end, right end, coefficients of ``(x - left)^0..5``.
 
-        spline: BSpline = make_interp_spline(self.x, self.y, _DEGREE, bc_type="periodic" if self.periodic else None)
-        polynomial = PPoly.from_spline(spline)
-        inside = np.flatnonzero(np.diff(polynomial.x) > 0)
-        rows = [[polynomial.x[k], polynomial.x[k + 1], *polynomial.c[::-1, k]] for k in inside]
-        return np.array([row for row in rows if row[0] >= self.x[0] and row[1] <= self.x[-1]])
+        One polynomial from each point to the next: terms of longer polynomials cancel, and miss the points by more.
+        """
+        from scipy.interpolate import make_interp_spline  # noqa: PLC0415 - a worker has no SciPy
+
+        spline = make_interp_spline(self.x, self.y, _DEGREE, bc_type="periodic" if self.periodic else None)
+        left, right = self.x[:-1], self.x[1:]
+        terms = [spline(left, k) / factorial(k) for k in range(1, _DEGREE)]
+        # constant in a piece, with jumps at the points: taken in the middle, whatever the rounding of a period
+        terms.append(spline((left + right) / 2, _DEGREE) / factorial(_DEGREE))
+        return np.column_stack([left, right, self.y[:-1], *terms])
 
     @cached_property
     def _rows(self) -> tuple[list[float], list[list[float]]]:
@@ -90,7 +93,7 @@ class Table:
         return [row[1] for row in rows], [[row[0], *row[:1:-1]] for row in rows]
 
     def jet(self, x: float) -> Jet:
-        """Value, first and second derivative; NaN outside a table that is not periodic."""
+        """Return value, first and second derivative; NaN outside a table that is not periodic."""
         ends, rows = self._rows
         first = float(self.x[0])
         if self.periodic:
@@ -101,7 +104,7 @@ class Table:
         return _horner(powers, x - left)
 
     def at(self, x: float) -> Array:
-        """Value, first and second derivative, shape (3,)."""
+        """Return value, first and second derivative, shape (3,)."""
         return np.array(self.jet(x))
 
 
@@ -133,10 +136,7 @@ class Function:
         return self.polynomial.tolist()[::-1], self.harmonics.tolist()
 
     def jet(self, x: float) -> Jet:
-        """Value, first and second derivative at a number, in plain numbers.
-
-        Adapters ask at every step of an integration, and arrays of one element are slow.
-        """
+        """Return value, first and second derivative as numbers; adapters evaluate functions at every step."""
         polynomial, harmonics = self._terms
         value, rate, bend = _horner(polynomial, x)
         for a, w, phi in harmonics:
@@ -148,25 +148,25 @@ class Function:
         return value, rate, bend
 
     def at(self, x: float) -> Array:
-        """Value, first and second derivative, shape (3,)."""
+        """Return value, first and second derivative, shape (3,)."""
         return np.array(self.jet(x))
 
 
 def constant(value: float) -> Function:
-    """``f(x) = value``."""
+    """Return ``f(x) = value``."""
     return Function(polynomial=np.array([value]))
 
 
 def linear(ratio: float, offset: float = 0.0) -> Function:
-    """``f(x) = offset + ratio x``: a gear pair, or a rack (ratio: the radius) and pinion."""
+    """Return ``f(x) = offset + ratio x``: a gear pair, or a rack (ratio: the radius) and pinion."""
     return Function(polynomial=np.array([offset, ratio]))
 
 
 def sine(amplitude: float, frequency: float, phase: float = 0.0) -> Function:
-    """``f(x) = amplitude sin(frequency x + phase)``, frequency in rad/s for a function of time."""
+    """Return ``f(x) = amplitude sin(frequency x + phase)``, the frequency in rad/s for a function of time."""
     return Function(harmonics=np.array([[amplitude, frequency, phase]]))
 
 
 def through(x: ArrayLike, y: ArrayLike, periodic: bool = False) -> Function:
-    """Smooth curve through points, such as the profile of a cam."""
+    """Return a smooth curve through points, such as the profile of a cam."""
     return Function(table=Table(np.asarray(x, dtype=float), np.asarray(y, dtype=float), periodic))

@@ -1,7 +1,16 @@
-"""Rows of single joints from poses and velocities: values, Jacobian coefficients and gamma, in plain NumPy.
+"""Constraint rows of single joints: values, Jacobian coefficients and gamma, in plain NumPy.
 
-On body *origins* and world angular velocities. Row formulas: docs/formulations.md, ``(X, Y, Z) = U^T d``, ``L = |d|``,
-``D_kl = u_k . w_l`` [MASS (9)-(12)]; H is the row of a screw, ``Z - pitch angle / 2 pi``.
+Frame F with axes U is fixed to the predecessor i, frame M with axes W to the successor j; d is the vector from the
+origin of F to that of M, all in axes of the world. The basic constraints are ``(X, Y, Z) = U^T d``, ``L = |d|`` and
+``D_kl = u_k . w_l`` [MASS (9)-(12)]; a screw has the row ``H = Z - pitch angle / 2 pi``. Lengths are in m, angles in
+rad, D without unit.
+
+Coefficients of a row multiply ``(v_i, w_i, v_j, w_j)``: velocities of the body *origins* and angular velocities, in
+world axes. Gamma is the right-hand side of ``row . (a_i, alpha_i, a_j, alpha_j) = gamma``.
+
+The reference solver has compiled rows of its own, about the *centres of mass* (`reference.bodies.joint_rows`). The two
+share no code on purpose: tests compare one with the other. A test that takes its rows from here is not independent of
+an adapter that does.
 """
 
 from __future__ import annotations
@@ -53,21 +62,21 @@ class JointFrames:
 
     @property
     def centripetal(self) -> Array:
-        """Part of the relative acceleration of the origins that is quadratic in the angular velocities."""
+        """Part of the relative acceleration of the origins of F and M that is quadratic in the angular velocities."""
         w_i, w_j = self.w_i, self.w_j
         return cross(w_j, cross(w_j, self.s_j)) - cross(w_i, cross(w_i, self.s_i))
 
     def rate_of(self, coefficients: Array) -> float:
-        """Rate with the given coefficients of ``(v_i, w_i, v_j, w_j)``."""
+        """Return the rate of a row from its coefficients, shape (12,)."""
         return float(coefficients @ np.concatenate([self.v_i, self.w_i, self.v_j, self.w_j]))
 
     def rate(self, row: str) -> float:
-        """Rate of a basic constraint function."""
+        """Return the rate of a basic constraint."""
         return self.rate_of(row_jacobian(self, row))
 
 
 def side(mechanism: Mechanism, state: State, body: str, frame: Frame) -> tuple[Array, Array, Array, Array, Array]:
-    """Axes, arm from the body's origin, position, and the body's velocities v, w of a frame on a body, world axes."""
+    """Return axes, arm from the body's origin and position of a frame on a body, and the body's v and w, world axes."""
     if body == GROUND:
         return frame.R, frame.p, frame.p, np.zeros(3), np.zeros(3)
     i = mechanism.body_index[body]
@@ -77,21 +86,21 @@ def side(mechanism: Mechanism, state: State, body: str, frame: Frame) -> tuple[A
 
 
 def joint_frames(mechanism: Mechanism, state: State, joint: Joint) -> JointFrames:
-    """Place the frames of `joint` in the world."""
+    """Return frames F and M of a joint in the world."""
     U, s_i, p_F, v_i, w_i = side(mechanism, state, joint.predecessor, joint.F)
     W, s_j, p_M, v_j, w_j = side(mechanism, state, joint.successor, joint.M)
     return JointFrames(U, W, s_i, s_j, p_M - p_F, v_i, w_i, v_j, w_j, joint.pitch)
 
 
 def full_turns(angle: float, near: float) -> float:
-    """The angle plus the full turns that bring it nearest to `near`."""
+    """Add to an angle the full turns that bring it nearest to `near`, rad."""
     return angle + TURN * round((near - angle) / TURN)
 
 
 def coordinate_value(frames: JointFrames, coordinate: str, near: float = 0.0) -> float:
-    """``distance``: Z. ``angle``: the one with the tangent ``D21 / D11``, within half a turn of `near`.
+    """Return a coordinate of a one-axis joint: ``distance`` is Z, ``angle`` has the tangent ``D21 / D11``.
 
-    The turns of a screw are those of its displacement, whatever `near` is.
+    The angle is within half a turn of `near`; that of a screw counts the turns of the displacement, whatever `near` is.
     """
     if coordinate == "distance":
         return row_value(frames, "Z")
@@ -101,7 +110,7 @@ def coordinate_value(frames: JointFrames, coordinate: str, near: float = 0.0) ->
 
 
 def coordinate_jacobian(frames: JointFrames, coordinate: str) -> Array:
-    """Coefficients of ``(v_i, w_i, v_j, w_j)`` in the rate of a coordinate, shape (12,)."""
+    """Return the coefficients of the rate of a coordinate, shape (12,)."""
     if coordinate == "distance":
         return row_jacobian(frames, "Z")
     c, s = row_value(frames, "D11"), row_value(frames, "D21")
@@ -109,7 +118,7 @@ def coordinate_jacobian(frames: JointFrames, coordinate: str) -> Array:
 
 
 def coordinate_gamma(frames: JointFrames, coordinate: str) -> float:
-    """Gamma of a coordinate: its second rate is ``jacobian @ a - gamma``."""
+    """Return gamma of a coordinate: its second rate is ``coefficients @ (a_i, alpha_i, a_j, alpha_j) - gamma``."""
     if coordinate == "distance":
         return row_gamma(frames, "Z")
     c, s = row_value(frames, "D11"), row_value(frames, "D21")
@@ -121,7 +130,7 @@ def coordinate_gamma(frames: JointFrames, coordinate: str) -> float:
 
 
 def row_value(frames: JointFrames, row: str) -> float:
-    """Value of a basic constraint function."""
+    """Return the value of a basic constraint."""
     if row in "XYZ":
         return float(frames.U[:, "XYZ".index(row)] @ frames.d)
     if row == "L":
@@ -132,13 +141,14 @@ def row_value(frames: JointFrames, row: str) -> float:
 
 
 def row_jacobian(frames: JointFrames, row: str) -> Array:
-    """Coefficients of ``(v_i, w_i, v_j, w_j)`` in the rate of a basic constraint, shape (12,)."""
+    """Return the coefficients of a basic constraint, shape (12,)."""
     found: Array = row_jacobians(frames, (row,))[0]
     return found
 
 
 def row_jacobians(frames: JointFrames, rows: Sequence[str]) -> Array:
-    """The same for several rows, shape (rows, 12): in plain numbers, which for so few are several times faster."""
+    """Return the coefficients of several basic constraints, shape (rows, 12)."""
+    # lists of numbers: for so few, arrays are several times slower
     U, W = frames.U.T.tolist(), frames.W.T.tolist()
     arm, s_j = (frames.s_i + frames.d).tolist(), frames.s_j.tolist()
     found = list[list[float]]()
@@ -159,7 +169,7 @@ def row_jacobians(frames: JointFrames, rows: Sequence[str]) -> Array:
 
 
 def row_gamma(frames: JointFrames, row: str) -> float:
-    """Right-hand side of the acceleration equation ``Q a = gamma`` of a basic constraint held constant."""
+    """Return gamma of a basic constraint."""
     w_i, w_j, d_dot = frames.w_i, frames.w_j, frames.d_dot
     if row[0] == "D":
         u, w = frames.U[:, int(row[1]) - 1], frames.W[:, int(row[2]) - 1]
@@ -177,5 +187,15 @@ def row_gamma(frames: JointFrames, row: str) -> float:
 
 
 def row_target(joint: Joint, row: str) -> float:
-    """Value at which the joint holds the row: the rod its length, every other row zero."""
+    """Return the value at which a joint holds a row: the rod at its length, every other row at zero."""
     return joint.length if row == "L" else 0.0
+
+
+def scatter(mechanism: Mechanism, joint: Joint, coefficients: Array) -> Array:
+    """Spread coefficients (..., 12) of the two bodies of a joint over the columns of all bodies, (..., 6 n_b)."""
+    Q = np.zeros((*coefficients.shape[:-1], 6 * len(mechanism.bodies)))
+    for body, columns in ((joint.predecessor, coefficients[..., :6]), (joint.successor, coefficients[..., 6:])):
+        if body != GROUND:
+            i = mechanism.body_index[body]
+            Q[..., 6 * i : 6 * i + 6] = columns
+    return Q

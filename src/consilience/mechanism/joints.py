@@ -1,4 +1,9 @@
-"""The joint table: which basic constraints each kind of joint holds, and which coordinates it leaves."""
+"""The joint table: which basic constraints each kind of joint holds, and which coordinates stay free.
+
+Frame F is fixed to the predecessor, frame M to the successor. Basic constraints are functions of the pose of M relative
+to F (`joint_rows`): components X, Y, Z of the vector from F to M in axes of F, its length L, and the direction cosines
+D_kl of axis k of F and axis l of M.
+"""
 
 from __future__ import annotations
 
@@ -10,12 +15,12 @@ BASIC_CONSTRAINTS = ("X", "Y", "Z", "L", "D11", "D12", "D13", "D21", "D22", "D23
 
 @dataclass(frozen=True)
 class JointKind:
-    """One row of the joint table: which basic constraints hold, and which coordinates stay free.
+    """One row of the joint table.
 
     Attributes
     ----------
     rows : tuple of str
-        Basic constraints, held at the value they have where F and M coincide (the rod: at its length).
+        Basic constraints, held at their values where F and M coincide (L of the rod: at the rod's length).
     coordinates : tuple of str
         Scalar joint coordinates of M relative to F, in the order in which the motion is composed from F to M.
     """

@@ -1,8 +1,9 @@
-"""The neutral mechanism: ground, bodies, joints, elements and gravity. Immutable; no state, no engine words.
+"""The neutral mechanism (ground, bodies, joints, elements, gravity) and its state: immutable data, no word of engines.
 
 Conventions (docs/conventions.md): SI units, radians, right-handed frames. W is the world frame, fixed to the body
-called ``ground``. A joint joins frame F on its *predecessor* to frame M on its *successor*; the axis of a one-axis
-joint is +z of F. Inertia is about the centre of mass, in body axes.
+called ``ground``; B is the frame of a body. ``p_WB`` is the position of the origin of B from that of W in axes of W,
+``R_WB`` maps components, ``v_W = R_WB @ v_B``. A joint connects frame F on its *predecessor* with frame M on its
+*successor*; the axis of a one-axis joint is +z of F. Inertia is about the centre of mass, in body axes.
 """
 
 from __future__ import annotations
@@ -16,30 +17,8 @@ import numpy as np
 from consilience.errors import InvalidInput
 from consilience.mechanism.contacts import Contact
 from consilience.mechanism.elements import Control, Coupling, Drive, Friction, JointSpring, Load, Rolling, Skate, Spring
-from consilience.mechanism.joints import AXIS_COORDINATES, BASIC_CONSTRAINTS, JOINT_KINDS, JointKind
+from consilience.mechanism.joints import AXIS_COORDINATES, JOINT_KINDS
 from consilience.mechanism.spatial import Array, cross, fixed_array, rotation_from_quaternion
-
-__all__ = [
-    "BASIC_CONSTRAINTS",
-    "GROUND",
-    "JOINT_KINDS",
-    "Body",
-    "Control",
-    "Coupling",
-    "Drive",
-    "Frame",
-    "Friction",
-    "Joint",
-    "JointKind",
-    "JointSpring",
-    "Load",
-    "Mechanism",
-    "Rolling",
-    "Skate",
-    "Spring",
-    "State",
-    "check_inertia",
-]
 
 GROUND = "ground"
 _ONE = np.eye(3)
@@ -47,7 +26,7 @@ _ONE = np.eye(3)
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """A frame fixed to a body (a joint coordinate system, or marker).
+    """A frame fixed to a body: joint coordinate system, or marker.
 
     Attributes
     ----------
@@ -101,12 +80,13 @@ class Body:
 
 
 def check_inertia(inertia: Array, where: str) -> None:
-    """Refuse a tensor no rigid body can have.
+    """Refuse an inertia tensor that no rigid body can have.
 
     Raises
     ------
     InvalidInput
-        If it is not symmetric, not positive definite, or violates the triangle inequality of principal moments.
+        If the tensor is not symmetric, not positive definite, or violates the triangle inequality of its principal
+        moments.
     """
     if np.max(np.abs(inertia - inertia.T)) > 1e-12 * np.max(np.abs(inertia)):
         raise InvalidInput(where, "the tensor is not symmetric", "Give a symmetric 3 x 3 tensor.")
@@ -138,9 +118,9 @@ class Joint:
     predecessor, successor : str
         Body names; either may be ``ground``.
     F, M : Frame
-        Frames in the axes of the predecessor and of the successor.
+        Frames on the predecessor and on the successor, in body axes.
     length : float, m
-        Distance of the origins of F and M that a rod holds; zero for every other kind.
+        Distance that a rod holds between the origins of F and M; zero for every other kind.
     pitch : float, m
         Advance of a screw in a turn, positive for a right-handed one; zero for every other kind.
     """
@@ -169,11 +149,25 @@ class Joint:
 
     @property
     def rows(self) -> tuple[str, ...]:
-        """Basic constraints of the joint."""
+        """Names of the basic constraints that the joint holds."""
         return JOINT_KINDS[self.kind].rows
 
 
 Element = Spring | JointSpring | Load | Friction | Control | Drive | Coupling | Rolling | Skate | Contact
+
+_ELEMENT_KINDS = {
+    "springs": "spring",
+    "joint_springs": "joint spring",
+    "loads": "load",
+    "frictions": "friction",
+    "controls": "control",
+    "drives": "drive",
+    "couplings": "coupling",
+    "rollings": "rolling",
+    "skates": "skate",
+    "contacts": "contact",
+}
+"""Fields of `Mechanism` that hold elements, with the name of one element in messages."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,18 +180,18 @@ class Mechanism:
     gravity : ndarray, shape (3,), m/s^2
         In world axes; there is no default and no "up".
     bodies, joints : tuple
-        In a fixed order; arrays that an engine returns follow it (ground is not a body of the list).
+        Arrays of an answer follow this order. The ground is not in the list of bodies.
     springs, joint_springs, loads, frictions, controls : tuple
-        Forces.
+        Force elements.
     drives, couplings, rollings, skates : tuple
-        Constraints beside those of the joints.
+        Constraints other than joints.
     contacts : tuple
         Shapes that may hit one another.
 
     Raises
     ------
     InvalidInput
-        Duplicate or unknown names, bodies that no chain of joints connects to the ground.
+        Duplicate or unknown names, or bodies that no chain of joints connects to the ground.
     """
 
     name: str
@@ -225,37 +219,26 @@ class Mechanism:
 
     @cached_property
     def body_index(self) -> dict[str, int]:
-        """Position of each body in the arrays; ground is -1."""
+        """Index of each body in the arrays; the ground has -1."""
         return {GROUND: -1} | {body.name: i for i, body in enumerate(self.bodies)}
 
     @cached_property
     def joint_index(self) -> dict[str, int]:
-        """Position of each joint in the arrays."""
+        """Index of each joint in the arrays."""
         return {joint.name: i for i, joint in enumerate(self.joints)}
 
     @property
     def _elements(self) -> Iterator[tuple[str, Element]]:
-        """Every element that is neither body nor joint, with what a message calls it."""
-        for what, elements in (
-            ("spring", self.springs),
-            ("joint spring", self.joint_springs),
-            ("load", self.loads),
-            ("friction", self.frictions),
-            ("control", self.controls),
-            ("drive", self.drives),
-            ("coupling", self.couplings),
-            ("rolling", self.rollings),
-            ("skate", self.skates),
-            ("contact", self.contacts),
-        ):
-            for element in elements:
+        """Every element that is neither body nor joint, with its kind as messages name it."""
+        for group, what in _ELEMENT_KINDS.items():
+            for element in getattr(self, group):
                 yield what, element
 
     @cached_property
     def features(self) -> dict[str, str]:
-        """Everything beyond bodies that an engine must know to represent the mechanism, with the first that has it.
+        """Features beyond bodies that an engine must represent, each with the first joint or element that has it.
 
-        Joint kinds as ``screw joint``, elements as ``drive`` or ``actuator``.
+        Features are joint kinds, such as ``screw joint``, and kinds of elements, such as ``drive`` or ``actuator``.
         """
         found: dict[str, str] = {}
         for joint in self.joints:
@@ -336,12 +319,12 @@ class Mechanism:
 
     @property
     def holonomic_count(self) -> int:
-        """Number of constraint rows at position level, redundant ones included."""
+        """Number of constraint rows at position level, redundant rows included."""
         joints = sum(len(j.rows) for j in self.joints)
         return joints + len(self.drives) + len(self.couplings) + len(self.rollings)
 
     def constraint_count(self) -> int:
-        """Number of all constraint rows, redundant and non-holonomic ones included."""
+        """Number of all constraint rows, redundant and non-holonomic rows included."""
         return self.holonomic_count + 2 * len(self.rollings) + len(self.skates)
 
 

@@ -1,49 +1,75 @@
-"""Energy, momentum and mass properties from poses and velocities: the same code for every engine.
+"""Energy, momentum, mass properties and determined reactions of a mechanism from its motion alone.
 
-An engine's own account of its energies is an answer to be compared; what is plotted and judged over a trajectory is
-recomputed here from the motion alone.
+The same functions serve every engine: what is plotted and judged over a trajectory is computed here from poses and
+velocities. The energies an engine states for itself are an answer, and are compared with these.
+
+All vectors are in axes of the world W. A body's velocity ``v_WB_W`` is that of its origin B, in m/s; the velocity of
+its centre of mass c at the arm ``s = R_WB com`` is ``v + w x s``. SI units throughout.
 """
 
 from __future__ import annotations
+
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from consilience.mechanism.constraints import (
-    RANK_TOLERANCE,
-    RelativeMotion,
     constraint_jacobian,
-    free_directions,
     joint_coordinates,
-    joint_frames,
     joint_rates,
+    null_space,
     relative_motion,
-    row_jacobian,
 )
-from consilience.mechanism.model import GROUND, Joint, JointSpring, Mechanism, Spring, State
+from consilience.mechanism.elements import JointSpring, Spring
+from consilience.mechanism.joint_rows import joint_frames, row_jacobian
+from consilience.mechanism.model import GROUND, Joint, Mechanism, State
 from consilience.mechanism.spatial import Array, cross, skew
 
-_REACH_TOLERANCE = 1e-6
-"""A null vector of unit length that moves a component by less than this does not reach it: far above the rounding of
-the null space (1e-14 over the rank gap), far below the order one of a component it does reach."""
+_DETERMINED_TOLERANCE = 1e-6
+"""Largest component of a unit null vector that counts as zero: far above the rounding of a null space (1e-14 over the
+gap of the rank), far below the order of one of a component that the null space does reach."""
 
 
-def centres_of_mass(mechanism: Mechanism, state: State) -> tuple[Array, Array]:
-    """Positions and velocities of the bodies' centres of mass, each shape (n_b, 3), world axes."""
-    R = state.R_WB
-    arms = np.einsum("bij,bj->bi", R, np.array([b.com for b in mechanism.bodies]))
-    return state.p_WB + arms, state.v_WB_W + np.cross(state.w_WB_W, arms)
+class BodyMotion(Protocol):
+    """Poses and velocities of all bodies at one instant (a `State`) or, with leading axes, at several."""
+
+    @property
+    def p_WB(self) -> Array:
+        """Origins of the bodies, shape (..., n_b, 3), m."""
+
+    @property
+    def R_WB(self) -> Array:
+        """Rotation matrices, shape (..., n_b, 3, 3)."""
+
+    @property
+    def v_WB_W(self) -> Array:
+        """Velocities of the origins, shape (..., n_b, 3), m/s."""
+
+    @property
+    def w_WB_W(self) -> Array:
+        """Angular velocities, shape (..., n_b, 3), rad/s."""
 
 
-def world_inertias(mechanism: Mechanism, state: State) -> Array:
-    """Inertia tensors about the bodies' centres of mass in world axes, ``A I' A^T``, shape (n_b, 3, 3)."""
-    R = state.R_WB
-    return R @ np.array([b.inertia for b in mechanism.bodies]) @ np.swapaxes(R, 1, 2)
+def _masses(mechanism: Mechanism) -> Array:
+    return np.array([b.mass for b in mechanism.bodies])
+
+
+def centres_of_mass(mechanism: Mechanism, motion: BodyMotion) -> tuple[Array, Array]:
+    """Return positions and velocities of the bodies' centres of mass, each shape (..., n_b, 3), world axes."""
+    arms = np.einsum("...bij,bj->...bi", motion.R_WB, np.array([b.com for b in mechanism.bodies]))
+    return motion.p_WB + arms, motion.v_WB_W + np.cross(motion.w_WB_W, arms)
+
+
+def world_inertias(mechanism: Mechanism, motion: BodyMotion) -> Array:
+    """Return inertia tensors about the centres of mass in world axes, ``R I R^T``, shape (..., n_b, 3, 3)."""
+    R = motion.R_WB
+    return R @ np.array([b.inertia for b in mechanism.bodies]) @ np.swapaxes(R, -1, -2)
 
 
 def mass_properties(mechanism: Mechanism, state: State) -> tuple[float, Array, Array]:
-    """Total mass, centre of mass (3,) in the world, and inertia (3, 3) about it in world axes."""
-    masses = np.array([b.mass for b in mechanism.bodies])
+    """Return total mass, common centre of mass (3,) and inertia (3, 3) about that centre, in world axes."""
+    masses = _masses(mechanism)
     r, _ = centres_of_mass(mechanism, state)
     total = float(masses.sum())
     com = masses @ r / total
@@ -52,70 +78,98 @@ def mass_properties(mechanism: Mechanism, state: State) -> tuple[float, Array, A
     return total, com, world_inertias(mechanism, state).sum(axis=0) + shifted
 
 
-def kinetic_energy(mechanism: Mechanism, state: State) -> float:
-    """``T = sum 1/2 m v.v + 1/2 w.I w`` in J."""
-    masses = np.array([b.mass for b in mechanism.bodies])
-    _, v = centres_of_mass(mechanism, state)
-    w = state.w_WB_W
-    spin = np.einsum("bi,bij,bj", w, world_inertias(mechanism, state), w)
-    return float(0.5 * masses @ np.sum(v * v, axis=1) + 0.5 * spin)
+def body_point(mechanism: Mechanism, motion: BodyMotion, body: str, point: Array) -> tuple[Array, Array]:
+    """Return world position and velocity, shape (..., 3), of a point (3,) given in body axes from the body's origin.
 
-
-def body_point(mechanism: Mechanism, state: State, body: str, point: Array) -> tuple[Array, Array]:
-    """World position and velocity of a point given in body axes; the ground is at rest at the world origin."""
+    The ground is at rest, its origin at that of the world.
+    """
     if body == GROUND:
         return point, np.zeros(3)
     i = mechanism.body_index[body]
-    arm = state.R_WB[i] @ point
-    return state.p_WB[i] + arm, state.v_WB_W[i] + np.cross(state.w_WB_W[i], arm)
+    arm = motion.R_WB[..., i, :, :] @ point
+    return motion.p_WB[..., i, :] + arm, motion.v_WB_W[..., i, :] + np.cross(motion.w_WB_W[..., i, :], arm)
 
 
 def joint_spring_motion(mechanism: Mechanism, state: State, joint: str, coordinate: str) -> tuple[float, float]:
-    """Coordinate (angle in (-pi, pi]) and rate of a sprung joint."""
+    """Return a joint coordinate, an angle in (-pi, pi], and its rate."""
     target = mechanism.joints[mechanism.joint_index[joint]]
-    motion: RelativeMotion = relative_motion(mechanism, state, target)
+    motion = relative_motion(mechanism, state, target)
     return (
         float(joint_coordinates(target, motion)[coordinate]),
         float(joint_rates(target, motion)[coordinate]),
     )
 
 
-def potential_energy(mechanism: Mechanism, state: State, turns: Array | None = None) -> float:
-    """Potential energy in J of gravity (zero at the world origin) and of springs.
+def kinetic_energies(mechanism: Mechanism, motion: BodyMotion) -> Array:
+    """Return ``T = sum m v.v / 2 + w.I w / 2``, v of the centres of mass, shape (...), in J."""
+    _, v = centres_of_mass(mechanism, motion)
+    w = np.einsum("...bji,...bj->...bi", motion.R_WB, motion.w_WB_W)  # body axes
+    inertias = np.array([b.inertia for b in mechanism.bodies])
+    spin = np.einsum("...bi,bij,...bj->...", w, inertias, w)
+    return np.asarray(0.5 * (np.sum(v * v, axis=-1) @ _masses(mechanism) + spin))
 
-    Parameters
-    ----------
-    turns : ndarray, shape (n_joint_springs,), optional
-        Full turns to add to the angles of the joint springs. Without it angles are in (-pi, pi].
+
+def kinetic_energy(mechanism: Mechanism, state: State) -> float:
+    """Return the kinetic energy of a state in J."""
+    return float(kinetic_energies(mechanism, state))
+
+
+def potential_energies(mechanism: Mechanism, motion: BodyMotion, q: Array) -> Array:
+    """Return the potential energy of gravity (zero at the world origin) and of all springs, shape (...), in J.
+
+    Coordinates q of the joint springs have shape (n_joint_springs, ...).
     """
-    masses = np.array([b.mass for b in mechanism.bodies])
-    r, _ = centres_of_mass(mechanism, state)
-    energy = -float(masses @ (r @ mechanism.gravity))
+    r, _ = centres_of_mass(mechanism, motion)
+    energy = np.asarray(-(r @ mechanism.gravity) @ _masses(mechanism))
     for spring in mechanism.springs:
-        p_i, _ = body_point(mechanism, state, spring.predecessor, spring.point_predecessor)
-        p_j, _ = body_point(mechanism, state, spring.successor, spring.point_successor)
-        energy += 0.5 * spring.stiffness * (float(np.linalg.norm(p_j - p_i)) - spring.free_length) ** 2
-    for n, joint_spring in enumerate(mechanism.joint_springs):
-        q, _ = joint_spring_motion(mechanism, state, joint_spring.joint, joint_spring.coordinate)
-        q += 2 * np.pi * (0.0 if turns is None else turns[n])
-        energy += 0.5 * joint_spring.stiffness * (q - joint_spring.rest) ** 2
+        p_i, _ = body_point(mechanism, motion, spring.predecessor, spring.point_predecessor)
+        p_j, _ = body_point(mechanism, motion, spring.successor, spring.point_successor)
+        energy = energy + 0.5 * spring.stiffness * (np.linalg.norm(p_j - p_i, axis=-1) - spring.free_length) ** 2
+    for joint_spring, q_joint in zip(mechanism.joint_springs, q, strict=True):
+        energy = energy + 0.5 * joint_spring.stiffness * (q_joint - joint_spring.rest) ** 2
+    return np.asarray(energy)
+
+
+def joint_spring_coordinates(mechanism: Mechanism, state: State) -> Array:
+    """Return the coordinates of all joint springs, angles in (-pi, pi], shape (n_joint_springs,)."""
+    return np.array([joint_spring_motion(mechanism, state, s.joint, s.coordinate)[0] for s in mechanism.joint_springs])
+
+
+def potential_energy(mechanism: Mechanism, state: State) -> float:
+    """Return the potential energy of gravity and springs of a state in J; angles of springs are in (-pi, pi]."""
+    return float(potential_energies(mechanism, state, joint_spring_coordinates(mechanism, state)))
+
+
+def load_potentials(mechanism: Mechanism, motion: BodyMotion) -> Array:
+    """Return the potential energy of forces fixed in the world, zero at the world origin, shape (...), in J.
+
+    Forces fixed in a body and torques have no potential: their work is external.
+    """
+    energy = np.zeros(motion.p_WB.shape[:-2])
+    for load in mechanism.loads:
+        if load.kind == "force" and load.frame == "world":
+            energy = energy - body_point(mechanism, motion, load.body, load.point)[0] @ load.vector
     return energy
 
 
 def load_potential(mechanism: Mechanism, state: State) -> float:
-    """Potential energy in J of the constant forces fixed in the world, zero at the world origin.
+    """Return the potential energy of forces fixed in the world at a state in J."""
+    return float(load_potentials(mechanism, state))
 
-    Forces fixed in a body and torques have no potential: what they do is work from outside.
-    """
-    return -sum(
-        float(load.vector @ body_point(mechanism, state, load.body, load.point)[0])
-        for load in mechanism.loads
-        if load.kind == "force" and load.frame == "world"
+
+def is_conservative(mechanism: Mechanism) -> bool:
+    """Tell whether kinetic plus potential energy is constant: nothing dissipates or does work from outside."""
+    elastic: list[Spring | JointSpring] = [*mechanism.springs, *mechanism.joint_springs]
+    working = (mechanism.frictions, mechanism.drives, mechanism.controls, mechanism.contacts)
+    return not (
+        any(working)
+        or any(s.damping != 0 or s.actuator is not None for s in elastic)
+        or any(x.kind != "force" or x.frame != "world" or x.history is not None for x in mechanism.loads)
     )
 
 
 def characteristic_length(mechanism: Mechanism) -> float:
-    """Longest rod, or arm from a body's origin to its centre of mass or a joint frame, m; 1 if there is none."""
+    """Return the longest rod, or arm from a body's origin to its centre of mass or a joint frame, m; 1 if none."""
     arms = [b.com for b in mechanism.bodies]
     arms += [j.F.p for j in mechanism.joints if j.predecessor != GROUND]
     arms += [j.M.p for j in mechanism.joints if j.successor != GROUND]
@@ -123,33 +177,32 @@ def characteristic_length(mechanism: Mechanism) -> float:
     return max(lengths) or 1.0
 
 
-def is_conservative(mechanism: Mechanism) -> bool:
-    """Whether kinetic plus potential energy is constant: no dampers, torques, body-fixed forces, drives, impacts."""
-    elastic: list[Spring | JointSpring] = [*mechanism.springs, *mechanism.joint_springs]
-    damped = bool(mechanism.frictions) or any(s.damping != 0 for s in elastic)
-    driven = any(not (x.kind == "force" and x.frame == "world" and x.history is None) for x in mechanism.loads)
-    powered = bool(mechanism.drives or mechanism.controls or mechanism.contacts) or any(
-        s.actuator is not None for s in elastic
-    )
-    return not damped and not driven and not powered
-
-
 def linear_momentum(mechanism: Mechanism, state: State) -> Array:
-    """``sum m v`` in kg m/s, shape (3,)."""
-    _, v = centres_of_mass(mechanism, state)
-    return np.array([b.mass for b in mechanism.bodies]) @ v
+    """Return ``sum m v`` in kg m/s, shape (3,)."""
+    return np.asarray(_masses(mechanism) @ centres_of_mass(mechanism, state)[1])
 
 
 def angular_momentum(mechanism: Mechanism, state: State) -> Array:
-    """Angular momentum about the world origin in kg m^2/s, shape (3,)."""
-    masses = np.array([b.mass for b in mechanism.bodies])
+    """Return the angular momentum about the world origin in kg m^2/s, shape (3,)."""
     r, v = centres_of_mass(mechanism, state)
     spin = np.einsum("bij,bj->i", world_inertias(mechanism, state), state.w_WB_W)
-    return np.cross(r, masses[:, None] * v).sum(axis=0) + spin
+    return np.cross(r, _masses(mechanism)[:, None] * v).sum(axis=0) + spin
+
+
+def mass_matrix(mechanism: Mechanism, state: State) -> Array:
+    """Return the block-diagonal mass matrix of all bodies about their origins, world axes, shape (6 n_b, 6 n_b)."""
+    n = len(mechanism.bodies)
+    M = np.zeros((6 * n, 6 * n))
+    arms = centres_of_mass(mechanism, state)[0] - state.p_WB
+    for i, (body, inertia) in enumerate(zip(mechanism.bodies, world_inertias(mechanism, state), strict=True)):
+        S = body.mass * skew(arms[i])
+        block = [[body.mass * np.eye(3), -S], [S, inertia - S @ skew(arms[i])]]
+        M[6 * i : 6 * i + 6, 6 * i : 6 * i + 6] = np.block(block)
+    return M
 
 
 def reaction_map(mechanism: Mechanism, state: State, joint: Joint) -> Array:
-    """Wrench on the successor per multiplier: force and torque at the origin of M, axes of F, shape (6, rows)."""
+    """Return the wrench on the successor per multiplier: force and torque at the origin of M, axes of F, (6, rows)."""
     frames = joint_frames(mechanism, state, joint)
     columns = []
     for row in joint.rows:
@@ -161,56 +214,16 @@ def reaction_map(mechanism: Mechanism, state: State, joint: Joint) -> Array:
 
 
 def determinate_reactions(mechanism: Mechanism, state: State) -> NDArray[np.bool_]:
-    """Which reaction components equilibrium determines, shape (n_j, 6): force then torque, axes of F.
+    """Tell which reaction components equilibrium determines, shape (n_j, 6): force, then torque, axes of F.
 
-    Multipliers are unique up to the null space of ``Q^T``; a component is determined only if that null space does
-    not reach it [C4 section 4.2.3, EXU]. The others are the solver's choice and must never be compared.
+    Multipliers are unique up to the null space of ``Q^T``. A component is determined if that null space does not
+    reach the component [C4 section 4.2.3, EXU]; any other one is the solver's choice and must never be compared.
     """
-    Q = constraint_jacobian(mechanism, state)
-    if len(Q) == 0:
-        return np.ones((len(mechanism.joints), 6), dtype=bool)
-    U, singular, _ = np.linalg.svd(Q)
-    rank = int(np.sum(singular > RANK_TOLERANCE * singular[0]))
-    free = U[:, rank:]
+    free = null_space(constraint_jacobian(mechanism, state).T)
     determined, start = [], 0
     for joint in mechanism.joints:
         rows = slice(start, start + len(joint.rows))
         start = rows.stop
-        characteristic_length = np.linalg.norm(reaction_map(mechanism, state, joint) @ free[rows], axis=1)
-        determined.append(characteristic_length < _REACH_TOLERANCE)
+        free_reactions = np.linalg.norm(reaction_map(mechanism, state, joint) @ free[rows], axis=1)
+        determined.append(free_reactions < _DETERMINED_TOLERANCE)
     return np.array(determined)
-
-
-def mass_matrix(mechanism: Mechanism, state: State) -> Array:
-    """Mass matrix of all bodies about their origins, block diagonal, world axes, shape (6 n_b, 6 n_b)."""
-    n = len(mechanism.bodies)
-    M = np.zeros((6 * n, 6 * n))
-    arms = centres_of_mass(mechanism, state)[0] - state.p_WB
-    for i, (body, inertia) in enumerate(zip(mechanism.bodies, world_inertias(mechanism, state), strict=True)):
-        S = body.mass * skew(arms[i])
-        block = [[body.mass * np.eye(3), -S], [S, inertia - S @ skew(arms[i])]]
-        M[6 * i : 6 * i + 6, 6 * i : 6 * i + 6] = np.block(block)
-    return M
-
-
-def mass_matrix_condition(mechanism: Mechanism, state: State) -> float:
-    """Condition number of the mass matrix in orthonormal free directions; 1 where nothing can move.
-
-    Rounding errors of any method that inverts the mass matrix grow with it.
-    """
-    N = free_directions(mechanism, state)
-    return float(np.linalg.cond(N.T @ mass_matrix(mechanism, state) @ N)) if N.shape[1] else 1.0
-
-
-def reaction_condition(mechanism: Mechanism, state: State) -> float:
-    """Condition number of ``Q M^-1 Q^T``, which maps multipliers to accelerations, on its rank; 1 without constraints.
-
-    Rounding errors of reactions grow with it: the multipliers solve ``Q M^-1 Q^T lam = gamma - Q M^-1 f``.
-    """
-    Q = constraint_jacobian(mechanism, state)
-    if len(Q) == 0:
-        return 1.0
-    L = np.linalg.cholesky(mass_matrix(mechanism, state))
-    singular = np.linalg.svd(np.linalg.solve(L, Q.T), compute_uv=False)
-    regular = singular[singular > RANK_TOLERANCE * singular[0]]
-    return float((regular[0] / regular[-1]) ** 2)

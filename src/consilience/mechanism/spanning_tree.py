@@ -1,4 +1,4 @@
-"""Spanning trees of mechanisms."""
+"""Spanning tree of a mechanism: which joints form a tree from the ground, and which close loops."""
 
 from __future__ import annotations
 
@@ -6,10 +6,17 @@ from consilience.mechanism.model import GROUND, Mechanism
 
 
 def spanning_tree(mechanism: Mechanism) -> tuple[list[tuple[int, bool]], list[int]]:
-    """Choose the tree joints (index, passed from successor to predecessor) depth first, and the closing joints.
+    """Choose a spanning tree breadth first from the ground, so that loops are cut opposite to the ground.
 
-    Breadth first from the ground, so that loops are cut opposite to it; rods and free joints only where nothing
-    else leads to a body.
+    Rods and free joints belong to the tree only where no other joint leads to a body.
+
+    Returns
+    -------
+    tree : list of (int, bool)
+        Index of each joint of the tree, in depth-first order, and whether the tree passes the joint backwards, from
+        successor to predecessor.
+    closing : list of int
+        Indices of the joints that close loops.
     """
     strong, weak = (
         _joints_at(mechanism, {k for k, j in enumerate(mechanism.joints) if (j.kind in ("rod", "free")) == is_weak})
@@ -21,7 +28,7 @@ def spanning_tree(mechanism: Mechanism) -> tuple[list[tuple[int, bool]], list[in
     used: set[int] = set()
 
     def extend(body: str, candidates: dict[str, list[int]]) -> bool:
-        """Take the first joint from `body` to a new body."""
+        """Add the first joint from `body` to a body that the tree does not have yet."""
         for k in candidates.get(body, []):
             joint = mechanism.joints[k]
             backward = joint.successor == body
@@ -39,14 +46,14 @@ def spanning_tree(mechanism: Mechanism) -> tuple[list[tuple[int, bool]], list[in
         if position < len(front):
             position += not extend(front[position], strong)
         else:
-            # the mechanism is connected, so some weak joint must lead on
+            # the mechanism is connected: some rod or free joint leads on
             next(body for body in front if extend(body, weak))
     closing = [k for k in range(len(mechanism.joints)) if k not in used]
     return _depth_first(mechanism, branches), closing
 
 
 def _joints_at(mechanism: Mechanism, chosen: set[int]) -> dict[str, list[int]]:
-    """Those of the chosen joints that each body, or the ground, has."""
+    """Indices of the chosen joints at each body and at the ground."""
     found: dict[str, list[int]] = {}
     for k, joint in enumerate(mechanism.joints):
         if k in chosen:
@@ -56,7 +63,7 @@ def _joints_at(mechanism: Mechanism, chosen: set[int]) -> dict[str, list[int]]:
 
 
 def _depth_first(mechanism: Mechanism, branches: dict[str, list[tuple[int, bool]]]) -> list[tuple[int, bool]]:
-    """Joints of the branches from the ground on, without recursion, which a long chain would exhaust."""
+    """Joints of the branches from the ground on; no recursion, which a long chain would exhaust."""
     found: list[tuple[int, bool]] = []
     waiting = branches.get(GROUND, [])[::-1]
     while waiting:

@@ -1,4 +1,4 @@
-"""Rotations, orientation coordinates and frames: the floor everything else stands on.
+"""Rotation matrices, quaternions, Euler and Bryant angles, and frames, in plain NumPy.
 
 Rotation matrices map components: ``v_W = R_WB @ v_B``. Quaternions (Euler parameters) are scalar first,
 ``(e0, e1, e2, e3)``, of unit length, and belong to the same map. Angles are radians. Equation keys refer to
@@ -21,12 +21,12 @@ Array = NDArray[Any]
 
 
 def fixed_array(value: ArrayLike, shape: tuple[int, ...]) -> Array:
-    """Read-only copy of finite numbers of a given shape.
+    """Return a read-only copy of an array of finite numbers.
 
     Raises
     ------
     InvalidInput
-        Another shape, or a component that is not finite.
+        The shape is another one, or a component is not finite.
     """
     a = np.array(value, dtype=float)
     if a.shape != shape:
@@ -38,37 +38,37 @@ def fixed_array(value: ArrayLike, shape: tuple[int, ...]) -> Array:
 
 
 def skew(a: ArrayLike) -> Array:
-    """Skew matrix ``~a`` with ``~a @ b == cross(a, b)``, shape (3, 3)."""
+    """Return the skew matrix ``~a`` with ``~a @ b == cross(a, b)``, shape (3, 3)."""
     x, y, z = np.asarray(a, dtype=float)
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def cross(a: Array, b: Array) -> Array:
-    """Vector product of two single vectors, shape (3,): several times faster than `numpy.cross` for these."""
+    """Return the vector product of two vectors of shape (3,), for which `numpy.cross` is several times slower."""
     return np.array(plain_cross(a.tolist(), b.tolist()))
 
 
 def plain_cross(a: Sequence[float], b: Sequence[float]) -> list[float]:
-    """The same of plain numbers, to the last bit."""
+    """Return the vector product of two lists of three numbers."""
     ax, ay, az = a
     bx, by, bz = b
     return [ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx]
 
 
 def rotation_from_quaternion(quat: ArrayLike) -> Array:
-    """Rotation matrix of unit Euler parameters, ``A = (e0^2 - e.e) 1 + 2 e e^T + 2 e0 ~e`` [MASS (2)].
+    """Return the rotation matrix of unit Euler parameters, ``A = (e0^2 - e.e) 1 + 2 e e^T + 2 e0 ~e`` [MASS (2)].
 
     Parameters
     ----------
     quat : array_like, shape (..., 4)
-        Unit quaternions, scalar first. They are used as they are: a norm other than one scales the matrix.
+        Unit quaternions, scalar first; not normalised here: a norm other than one scales the matrix.
 
     Returns
     -------
     ndarray, shape (..., 3, 3)
     """
     q = np.asarray(quat, dtype=float)
-    # a single one in plain numbers: several times faster than as arrays of one element
+    # numbers for a single quaternion: arrays of one element are several times slower
     w, x, y, z = q.tolist() if q.ndim == 1 else (q[..., k] for k in range(4))
     R = np.empty((*q.shape[:-1], 3, 3))
     R[..., 0, 0] = w * w + x * x - y * y - z * z
@@ -84,7 +84,7 @@ def rotation_from_quaternion(quat: ArrayLike) -> Array:
 
 
 def quaternion_from_rotation(R: ArrayLike) -> Array:
-    """Unit Euler parameters of rotation matrices, the largest component positive (Shepperd's choice of pivot).
+    """Return unit Euler parameters of rotation matrices, the largest component positive (Shepperd's pivot).
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def quaternion_from_rotation(R: ArrayLike) -> Array:
     if R.ndim > 2:
         flat = np.array([quaternion_from_rotation(r) for r in R.reshape(-1, 3, 3)])
         return flat.reshape(*R.shape[:-2], 4)
-    r = R.tolist()  # plain numbers: several times faster than arrays of one element
+    r = R.tolist()  # numbers: arrays of one element are several times slower
     diagonal = r[0][0], r[1][1], r[2][2]
     trace = sum(diagonal)
     pivots = (trace, *diagonal)
@@ -115,7 +115,7 @@ def quaternion_from_rotation(R: ArrayLike) -> Array:
 
 
 def quaternion_product(p: ArrayLike, q: ArrayLike) -> Array:
-    """Hamilton product: the rotation ``q`` followed by ``p``, as ``R(p q) = R(p) @ R(q)``."""
+    """Return Hamilton's product: the rotation ``q`` followed by ``p``, ``R(p q) = R(p) @ R(q)``."""
     p0, p1, p2, p3 = np.moveaxis(np.asarray(p, dtype=float), -1, 0)
     q0, q1, q2, q3 = np.moveaxis(np.asarray(q, dtype=float), -1, 0)
     return np.stack(
@@ -130,7 +130,7 @@ def quaternion_product(p: ArrayLike, q: ArrayLike) -> Array:
 
 
 def quaternion_from_rotation_vector(phi: ArrayLike) -> Array:
-    """Unit Euler parameters of rotations by ``|phi|`` about ``phi``, shape (..., 3) to (..., 4)."""
+    """Return unit Euler parameters of rotations by ``|phi|`` about ``phi``, shape (..., 3) to (..., 4)."""
     phi = np.asarray(phi, dtype=float)
     angle = np.linalg.norm(phi, axis=-1, keepdims=True)
     # np.sinc(x) = sin(pi x) / (pi x) is smooth through zero, unlike the quotient written out
@@ -138,7 +138,7 @@ def quaternion_from_rotation_vector(phi: ArrayLike) -> Array:
 
 
 def rotation_vector_from_quaternion(quat: ArrayLike) -> Array:
-    """Rotation vector (axis times angle, angle in [0, pi]) of unit Euler parameters, shape (3,)."""
+    """Return the rotation vector (axis times angle in [0, pi]) of unit Euler parameters, shape (3,)."""
     q = np.asarray(quat, dtype=float)
     q = -q if q[0] < 0 else q
     sine = float(np.linalg.norm(q[1:]))
@@ -148,7 +148,7 @@ def rotation_vector_from_quaternion(quat: ArrayLike) -> Array:
 
 
 def elementary_rotation(axis: int, angle: float) -> Array:
-    """Rotation by `angle` about coordinate axis 0, 1 or 2."""
+    """Return the matrix of a rotation by an angle in rad about coordinate axis 0, 1 or 2."""
     c, s = np.cos(angle), np.sin(angle)
     b, d = (axis + 1) % 3, (axis + 2) % 3
     R = np.eye(3)
@@ -158,24 +158,24 @@ def elementary_rotation(axis: int, angle: float) -> Array:
 
 
 def rotation_from_euler_zxz(angles: ArrayLike) -> Array:
-    """Rotation matrix of Euler angles (phi, theta, psi), ``Rz(phi) Rx(theta) Rz(psi)`` [C4 section 4.3.1]."""
+    """Return the rotation matrix of Euler angles (phi, theta, psi), ``Rz(phi) Rx(theta) Rz(psi)`` [C4, 4.3.1]."""
     phi, theta, psi = np.asarray(angles, dtype=float)
     return elementary_rotation(2, phi) @ elementary_rotation(0, theta) @ elementary_rotation(2, psi)
 
 
 def rotation_from_bryant_xyz(angles: ArrayLike) -> Array:
-    """Rotation matrix of Bryant (Cardan) angles (alpha, beta, gamma), ``Rx(alpha) Ry(beta) Rz(gamma)`` [C4]."""
+    """Return the rotation matrix of Bryant angles (alpha, beta, gamma), ``Rx(alpha) Ry(beta) Rz(gamma)`` [C4]."""
     alpha, beta, gamma = np.asarray(angles, dtype=float)
     return elementary_rotation(0, alpha) @ elementary_rotation(1, beta) @ elementary_rotation(2, gamma)
 
 
 def rotation_from_three_points(O: ArrayLike, P: ArrayLike, Q: ArrayLike) -> Array:
-    """Rotation matrix ``[i j k]`` of the frame with origin O, P on its x axis and Q in its xy plane [INTRO].
+    """Return the rotation matrix ``[i j k]`` of the frame with origin O, P on x and Q in the xy plane [INTRO].
 
     Raises
     ------
     ValueError
-        If the three points lie on one line, so that they define no plane.
+        The three points lie on one line and define no plane.
     """
     OP = np.subtract(P, O, dtype=float)
     OQ = np.subtract(Q, O, dtype=float)
@@ -188,7 +188,7 @@ def rotation_from_three_points(O: ArrayLike, P: ArrayLike, Q: ArrayLike) -> Arra
 
 
 def orthogonal_triad(a: ArrayLike) -> tuple[Array, Array]:
-    """Two vectors that make an orthogonal (not normalised) triad with `a` [INTRO].
+    """Return two vectors that make an orthogonal (not normalised) triad with `a` [INTRO].
 
     ``a_d`` has 0 where ``|a|`` is largest and 1 elsewhere; ``a1 = a x a_d``, ``a2 = a1 x a``.
     """
@@ -200,18 +200,18 @@ def orthogonal_triad(a: ArrayLike) -> tuple[Array, Array]:
 
 
 def rotation_with_z_axis(axis: ArrayLike, second: ArrayLike | None = None) -> Array:
-    """Rotation matrix whose z column is along `axis` and whose x column is along `second`, made orthogonal.
+    """Return the rotation matrix with z along `axis` and x along `second`, made orthogonal to z.
 
     Parameters
     ----------
     axis : array_like, shape (3,)
     second : array_like, shape (3,), optional
-        Direction for x; its component along `axis` is removed. Without it x comes from `orthogonal_triad`.
+        Direction of x; its component along `axis` is removed. Default: the first vector of `orthogonal_triad`.
 
     Raises
     ------
     ValueError
-        If `axis` is zero, or `second` is zero or parallel to it.
+        `axis` is zero, or `second` is zero or parallel to `axis`.
     """
     axis = np.asarray(axis, dtype=float)
     length = float(np.linalg.norm(axis))
@@ -232,13 +232,16 @@ def rotation_with_z_axis(axis: ArrayLike, second: ArrayLike | None = None) -> Ar
 
 
 def euler_parameter_matrix(quat: ArrayLike) -> Array:
-    """``G = [-e | e0 1 - ~e]``, shape (3, 4): ``w' = 2 G dp/dt``, ``dp/dt = 1/2 G^T w'`` [MASS (38)]."""
+    """Return ``G = [-e | e0 1 - ~e]``, shape (3, 4).
+
+    With the angular velocity w' in body axes, ``w' = 2 G dp/dt`` and ``dp/dt = 1/2 G^T w'`` [MASS (38)].
+    """
     q = np.asarray(quat, dtype=float)
     return np.column_stack([-q[1:], q[0] * np.eye(3) - skew(q[1:])])
 
 
 def rotation_angle_between(quat_a: ArrayLike, quat_b: ArrayLike) -> Array:
-    """Angle of the rotation that takes orientation a to b, in [0, pi]; blind to the signs of the quaternions.
+    """Return the angle of the rotation from orientation a to b, in [0, pi], whatever the signs of the quaternions.
 
     Parameters
     ----------
@@ -252,7 +255,7 @@ def rotation_angle_between(quat_a: ArrayLike, quat_b: ArrayLike) -> Array:
 
 
 def continuous_in_time(quats: ArrayLike) -> Array:
-    """Choose the sign of each quaternion of a series so that neighbours are close and the first has e0 >= 0.
+    """Choose the signs of a series of quaternions so that neighbours are close and the first has e0 >= 0.
 
     Parameters
     ----------

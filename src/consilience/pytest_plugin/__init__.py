@@ -1,7 +1,7 @@
-"""pytest plug-in: ``pytest --consilience-engine ENGINE cases/`` collects case files as tests (docs/pytest.md).
+"""Plug-in for pytest: ``pytest --consilience-engine NAME cases/`` collects case files as tests (docs/pytest.md).
 
-Nothing but pytest is imported here, and nothing is done without the option: the plug-in is loaded in every test run of
-an environment that Consilience is installed in.
+Every test run in an environment with Consilience loads the plug-in: it imports pytest alone, and does nothing without
+the option.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 if TYPE_CHECKING:
-    from consilience.pytest_plugin.setting import Setting  # noqa: F401 - the type of what is kept
+    from consilience.pytest_plugin.setting import Setting  # noqa: F401 - named by the key of the stash
 
 MARKER = (
     "consilience(engine, question, case, group, tag): a case of Consilience on an engine; choose with "
@@ -23,7 +23,7 @@ _SETTING = pytest.StashKey["Setting"]()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Options and ini values."""
+    """Add the options and the ini value."""
     group = parser.getgroup("consilience", "multibody engines against a reference")
     group.addoption(
         "--consilience-engine",
@@ -55,23 +55,23 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Get ready, if an engine is named."""
+    """Read the settings if an engine is named."""
     config.addinivalue_line("markers", MARKER)
     if config.getoption("consilience_engine"):
-        from consilience.pytest_plugin.setting import setting_of  # noqa: PLC0415 - free of cost for everybody else
+        from consilience.pytest_plugin.setting import setting_of  # noqa: PLC0415 - no import without the option
 
         config.stash[_SETTING] = setting_of(config)
         config.add_cleanup(config.stash[_SETTING].interview.stop)
 
 
 def pytest_report_header(config: pytest.Config) -> str | None:
-    """One line about what is asked."""
+    """Return the line of the settings."""
     setting = config.stash.get(_SETTING, None)
     return setting.header if setting is not None else None
 
 
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
-    """Collect a file that is a case, or that is named on the command line and should be one."""
+    """Collect a TOML file that looks like a case, or that is named on the command line."""
     setting = parent.config.stash.get(_SETTING, None)
     if setting is None or file_path.suffix != ".toml":
         return None
@@ -83,16 +83,16 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Col
     return node
 
 
-@pytest.hookimpl(tryfirst=True)  # before -k and -m choose
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Note which known differences name nothing."""
+    """Note the known differences that match no test, before tests are deselected."""
     setting = config.stash.get(_SETTING, None)
     if setting is not None:
         setting.note_collected(items)
 
 
 def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
-    """Tell which known differences name nothing: a case may have another name by now."""
+    """List the known differences that match no test: a case may have been renamed."""
     setting = config.stash.get(_SETTING, None)
     for known in setting.idle if setting is not None else ():
         terminalreporter.write_line(f"consilience: no test collected for the known difference: {known}")

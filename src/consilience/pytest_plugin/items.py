@@ -1,4 +1,4 @@
-"""Case files as collectors, and a case, an engine and a question as a test."""
+"""Pytest collectors of case files, and tests of a case, an engine and a question."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from consilience.case.file.reader import load_file
 from consilience.compare import Verdict
 from consilience.engine import Question
 from consilience.errors import ConsilienceError
-from consilience.pytest_plugin.interview import Finding
+from consilience.pytest_plugin.interview import JudgedQuestion
 from consilience.pytest_plugin.setting import Setting
 from consilience.pytest_plugin.wording import evidence
 
@@ -26,15 +26,15 @@ _BODY = re.compile(r"^\s*\[\[body\]\]", re.MULTILINE)
 
 
 class Disagreement(ConsilienceError):
-    """An answer that is not as good as the case asks; what a known difference expects."""
+    """An answer with a verdict that does not pass; a known difference expects this failure."""
 
 
 class Outdated(ConsilienceError):
-    """A known difference that has become another."""
+    """A known difference whose verdict has become another."""
 
 
 def looks_like_a_case(path: Path) -> bool:
-    """Whether a TOML file has bodies and joints; a spoilt one counts where it has a table of a body."""
+    """Whether a TOML file has bodies and joints; an invalid file counts if it has a table of a body."""
     text = path.read_text(encoding="utf-8", errors="replace")
     try:
         return {"body", "joint"} <= set(tomllib.loads(text))
@@ -43,14 +43,14 @@ def looks_like_a_case(path: Path) -> bool:
 
 
 class CaseFile(pytest.File):
-    """The cases of a file: itself or its variants, each on every engine with every question."""
+    """Collector of a case file: each case or variant with every engine and every question."""
 
     def __init__(self, *, setting: Setting, **kwargs: Any) -> None:
         super().__init__(**kwargs)
         self.setting = setting
 
     def collect(self) -> Iterator[CaseTest]:
-        """Tests in the order in which they share runs: case by case, engine by engine."""
+        """List tests case by case and engine by engine: neighbours share runs."""
         for case in load_file(self.path):
             asked = self.setting.case(replace(case, group=self.path.parent.name))
             for engine in self.setting.engines:
@@ -61,14 +61,14 @@ class CaseFile(pytest.File):
                     )
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
-        """A case file that is wrong is one message."""
+        """Show an invalid case file as one message."""
         if isinstance(excinfo.value, ConsilienceError):
             return str(excinfo.value)
         return super().repr_failure(excinfo)
 
 
 class CaseTest(pytest.Item):
-    """One question about one case to one engine."""
+    """Test of one question about one case to one engine."""
 
     def __init__(self, *, case: Case, engine: str, question: Question, setting: Setting, **kwargs: Any) -> None:
         super().__init__(**kwargs)
@@ -83,16 +83,16 @@ class CaseTest(pytest.Item):
             self.add_marker(pytest.mark.xfail(reason=self.known.reason, raises=Disagreement, strict=True))
 
     def runtest(self) -> None:
-        """Ask, compare, and say what came of it."""
-        found = self.setting.interview.finding(self.case, self.engine, self.question)
+        """Ask the engine, compare, and report verdict and evidence."""
+        found = self.setting.interview.judged(self.case, self.engine, self.question)
         worst, text = found.worst, evidence(found, self.case, self._again())
         self.user_properties += [("verdict", str(worst.verdict)), ("version", found.info.version)]
         if worst.digits is not None:
             self.user_properties.append(("digits", round(worst.digits, 2)))
         self._judge(found, text)
-        self.add_report_section("call", "consilience", text)  # a failure has it as its message
+        self.add_report_section("call", "consilience", text)  # a failure already has the text as its message
 
-    def _judge(self, found: Finding, text: str) -> None:
+    def _judge(self, found: JudgedQuestion, text: str) -> None:
         verdict = found.worst.verdict
         if (
             self.known is not None
@@ -107,7 +107,7 @@ class CaseTest(pytest.Item):
             raise Disagreement(text)
 
     def _again(self) -> tuple[str, str]:
-        """Commands that ask again: for the report, and for this test alone."""
+        """Commands that ask again: the report, and this test alone."""
         path = os.path.relpath(self.path, self.config.invocation_params.dir)
         quick = ("--quick",) if self.setting.effort == "quick" else ()
         options = self.setting.options
@@ -117,11 +117,11 @@ class CaseTest(pytest.Item):
         )
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
-        """What is wrong with the engine or the input, without our own lines of code."""
+        """Show a failure of the engine or of the input without a traceback of the harness."""
         if isinstance(excinfo.value, ConsilienceError):
             return str(excinfo.value)
         return super().repr_failure(excinfo, style)
 
     def reportinfo(self) -> tuple[Path, int | None, str]:
-        """Where the test stands."""
+        """Return file and name of the test."""
         return self.path, None, self.name

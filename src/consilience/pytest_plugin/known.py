@@ -1,7 +1,7 @@
 """Known differences: a TOML file of entries with a case, an engine, a question, and the reason.
 
-They are strict: a difference that is gone fails its test, and so does one that has become another (a crash is not
-hidden by an entry that knows a difference in the model).
+Known differences are strict: a test fails if its known difference is gone, or if its verdict has become another (a
+known difference in the model does not hide a crash).
 """
 
 from __future__ import annotations
@@ -13,15 +13,16 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
-from consilience.compare import Verdict
+from consilience.compare import CODES, Verdict
 from consilience.engine import Question
 from consilience.errors import InvalidInput
-from consilience.report.exports.digest import CODES
+from consilience.report.fields import first_problem
+from consilience.report.recordschema import QuestionField
 
 _REMEDY = "Entries are tables [[known]] with case, engine, question and reason, and if need be verdict."
 
 
-class Known(BaseModel):
+class KnownDifference(BaseModel):
     """One known difference.
 
     Attributes
@@ -29,14 +30,14 @@ class Known(BaseModel):
     case : str
         Name, or a pattern of names as in a shell.
     verdict : Verdict
-        What is expected instead of agreement.
+        Expected verdict.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     case: str
     engine: str
-    question: Question
+    question: QuestionField
     reason: str = Field(min_length=1)
     verdict: Verdict = Verdict.MODEL
 
@@ -48,38 +49,37 @@ class Known(BaseModel):
         return verdict
 
     def names(self, case: str, engine: str, question: Question) -> bool:
-        """Whether this is about a test."""
+        """Whether the entry is about a test."""
         return fnmatchcase(case, self.case) and self.engine == engine and self.question is question
 
     def __str__(self) -> str:
         return f"{self.case}, {self.engine}, {self.question}"
 
 
-class _File(BaseModel):
-    model_config = ConfigDict(extra="ignore")  # the file may hold other tables of the adapter
+class _KnownFile(BaseModel):
+    model_config = ConfigDict(extra="ignore")  # the file may hold other tables
 
-    known: list[Known]
+    known: list[KnownDifference]
 
 
-def read_known(paths: Sequence[Path]) -> list[Known]:
-    """Entries of all files.
+def read_known(paths: Sequence[Path]) -> list[KnownDifference]:
+    """Read the entries of all files.
 
     Raises
     ------
     InvalidInput
-        With the file and what is wrong in it.
+        If a file cannot be read or holds an invalid entry.
     """
     return [entry for path in paths for entry in _entries(path)]
 
 
-def _entries(path: Path) -> Iterator[Known]:
+def _entries(path: Path) -> Iterator[KnownDifference]:
     try:
-        yield from _File.model_validate(tomllib.loads(path.read_text(encoding="utf-8"))).known
+        yield from _KnownFile.model_validate(tomllib.loads(path.read_text(encoding="utf-8"))).known
     except OSError as error:
         raise InvalidInput(str(path), f"it cannot be read ({error.strerror})", "Give a TOML file.") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InvalidInput(str(path), f"it is not valid TOML: {error}", _REMEDY) from None
     except ValidationError as error:
-        problem = error.errors(include_url=False)[0]
-        where = ".".join(str(part) for part in problem["loc"])
-        raise InvalidInput(f"{path}: {where}", problem["msg"].removeprefix("Value error, "), _REMEDY) from None
+        where, _, problem = first_problem(error).partition(": ")
+        raise InvalidInput(f"{path}: {where}", problem.removeprefix("Value error, "), _REMEDY) from None

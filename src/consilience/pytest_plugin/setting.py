@@ -1,4 +1,4 @@
-"""What the options ask for, checked before anything is collected."""
+"""Settings of a test run from the options of pytest, checked before collection."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from consilience.case import Case
 from consilience.engine import Question, require_installed
 from consilience.errors import InvalidInput
 from consilience.pytest_plugin.interview import Interview
-from consilience.pytest_plugin.known import Known, read_known
+from consilience.pytest_plugin.known import KnownDifference, read_known
 from consilience.suite import FULL, QUICK
 
 EFFORTS = {"quick": QUICK, "full": FULL}
@@ -25,48 +25,48 @@ class Setting:
     Attributes
     ----------
     options : tuple of str
-        Those given, for the command that runs a test again.
-    idle : list of Known
-        Known differences of the engines asked that name no collected test.
+        Options of the command that runs a test again.
+    idle : list of KnownDifference
+        Known differences of the chosen engines that match no collected test.
     """
 
     engines: tuple[str, ...]
     effort: str
     digits: int | None
-    known: list[Known]
+    known: list[KnownDifference]
     interview: Interview
     options: tuple[str, ...]
-    idle: list[Known] = field(default_factory=list)
+    idle: list[KnownDifference] = field(default_factory=list)
 
     @property
     def header(self) -> str:
-        """One line for the head of the test run."""
+        """Line of the settings in the header of the test run."""
         digits = "" if self.digits is None else f", {self.digits} digits"
         known = f", known differences: {len(self.known)}" if self.known else ""
         return f"consilience: {', '.join(self.engines)}, effort {self.effort}{digits}{known}"
 
     def case(self, case: Case) -> Case:
-        """What is asked of a case."""
+        """Adapt duration, states and digits of a case to the settings."""
         case = EFFORTS[self.effort].case(case)
         return case if self.digits is None else replace(case, digits=self.digits)
 
-    def known_of(self, case: str, engine: str, question: Question) -> Known | None:
-        """The known difference of a test, if there is one."""
+    def known_of(self, case: str, engine: str, question: Question) -> KnownDifference | None:
+        """Find the known difference of a test."""
         return next((k for k in self.known if k.names(case, engine, question)), None)
 
     def note_collected(self, items: Iterable[pytest.Item]) -> None:
-        """Find the known differences that name none of the tests."""
+        """Note the known differences that match none of the tests."""
         named = {id(known) for item in items if (known := getattr(item, "known", None)) is not None}
         self.idle = [known for known in self.known if known.engine in self.engines and id(known) not in named]
 
 
 def setting_of(config: pytest.Config) -> Setting:
-    """Setting of the options.
+    """Read the settings from the options.
 
     Raises
     ------
     pytest.UsageError
-        If an engine is not installed, a file of known differences is wrong, or a number makes no sense.
+        If an engine is not installed, a file of known differences is wrong, or a number is out of range.
     """
     engines = tuple(dict.fromkeys(config.getoption("consilience_engine")))
     digits, limit, effort = (config.getoption(f"consilience_{name}") for name in ("digits", "limit", "effort"))

@@ -1,4 +1,4 @@
-"""What a test says: verdict, numbers, cause, and how to ask again."""
+"""Messages of a test: verdict, numbers, cause, and the commands that ask again."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from collections.abc import Iterator
 from consilience.case import Case
 from consilience.compare import Comparison
 from consilience.engine import Status
-from consilience.pytest_plugin.interview import Finding
-from consilience.report.wording import CAUSES, CAUSES_BY_VERDICT, digits_text, number, order_text
+from consilience.pytest_plugin.interview import JudgedQuestion
+from consilience.report.wording import cause_of, digits_text, number, order_text
 
 
-def evidence(found: Finding, case: Case, again: tuple[str, str]) -> str:
-    """Everything that a reader of a failed build needs."""
+def evidence(found: JudgedQuestion, case: Case, again: tuple[str, str]) -> str:
+    """Write verdict, numbers, causes and output of the engine, and the two commands that ask again."""
     worst, info = found.worst, found.info
     lines = [f"{case.name}, {worst.question}: {worst.engine} {info.version}: {worst.verdict}"]
     for comparison in found.comparisons:
@@ -22,7 +22,7 @@ def evidence(found: Finding, case: Case, again: tuple[str, str]) -> str:
 
 
 def _about(c: Comparison, case: Case) -> Iterator[str]:
-    """One method: its verdict, the numbers behind it, and the cause."""
+    """Write the verdict of one method, its numbers, and the cause."""
     route = f" ({c.route})" if c.route else ""
     yield f"  method   {c.method or 'none'}{route}: {c.verdict}"
     for q in c.quantities:
@@ -37,4 +37,4 @@ def _about(c: Comparison, case: Case) -> Iterator[str]:
             f"order {order_text(c.order)}, declared {c.declared_order or 'none'}, band {number(c.band)}"
         )
     yield f"  why      {c.why}"
-    yield f"  cause    {CAUSES[c.rule] if c.rule in CAUSES else CAUSES_BY_VERDICT[c.verdict]}"
+    yield f"  cause    {cause_of(c.rule, c.verdict)}"

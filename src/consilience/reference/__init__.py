@@ -1,8 +1,8 @@
-"""The neutral reference solver, importable for itself.
+"""Reference solver: equations of motion in many formulations, integration, analyses, impacts.
 
-`simulate` integrates a mechanism, `accelerations` answers at single states, in any of `FORMULATIONS` and `SYSTEMS`;
-`formulation` gives the equations of motion themselves. The packages `analyses` and `impacts` have the rest. The first
-call in a fresh installation compiles the kernels (a minute or two); later processes load them from the cache.
+`simulate` integrates a mechanism and `accelerations` evaluates single states, in any of `FORMULATIONS` and `SYSTEMS`;
+`formulation` returns the equations of motion. See the packages `analyses` and `impacts` for the rest. The first call in
+a fresh installation compiles the kernels (a minute or two); later processes load them from the cache.
 """
 
 from __future__ import annotations

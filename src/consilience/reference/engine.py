@@ -1,4 +1,4 @@
-"""The reference formulations as an engine of the harness."""
+"""The reference solver as an engine of the harness."""
 
 from __future__ import annotations
 
@@ -26,36 +26,36 @@ from consilience.reference.impacts import contact_motion, simulate_with_impacts
 from consilience.reference.solver import accelerations, simulate
 
 _INSTANTS = ("descriptor", "null_space")
-"""Formulations of the reference as the harness asks it for accelerations and reactions."""
+"""Formulations for accelerations and reactions when none is named."""
 
 _MOTIONS = {"relative": (1e-10, 1e-12, 1e-13), "null_space": (1e-12,)}
-"""The same for motions, with their tolerances: the first is the reference, the second bounds its uncertainty."""
+"""Formulations for motions and their tolerances: the first is the reference, the second bounds its uncertainty."""
 
 _LONG = {"relative": (1e-10, 1e-12, 1e-13), "articulated_body": (1e-11,)}
-"""The same for mechanisms of more than `_MANY` bodies, where equations of all bodies at once take too long."""
+"""As `_MOTIONS`, for more than `_MANY` bodies, where dense equations of all bodies are too expensive."""
 
 _MANY = 24
 
 _OTHER = {"relative, Gauss": ("relative", "gauss", (1e-12,))}
-"""Motions by another integrator, which bound the uncertainty, too: formulation, method, tolerances."""
+"""Further motions that bound the uncertainty, by another integrator: formulation, integrator, tolerances."""
 
 _IMPACTS = "descriptor, impacts"
-"""Trajectory of a mechanism with contacts: the one way there is, with the tolerances of the first of `_MOTIONS`."""
+"""Method for motions of mechanisms with contacts, with the tolerances of `relative`."""
 
 _LADDER = (1e-9, 1e-10, 1e-11)
-"""Tolerances of a formulation asked by its name."""
+"""Tolerances of a formulation that is named."""
 
 _SUBSTEPS = (4, 8, 16)
-"""Steps in a sample interval, where a formulation has constant ones."""
+"""Steps per sample interval of a formulation with constant steps."""
 
 
 class ReferenceEngine:
-    """In-house reference: relative joint coordinates for motions, the descriptor form at instants, and their checks.
+    """Reference engine: relative joint coordinates for motions, descriptor form at instants, and a check of each.
 
     Parameters
     ----------
     formulation : str, optional
-        Answer in this formulation instead (``reference:NAME``), to be judged like any other engine.
+        Use this formulation alone (``reference:NAME``), to be judged like any other engine.
     """
 
     def __init__(self, formulation: str | None = None) -> None:
@@ -63,11 +63,11 @@ class ReferenceEngine:
 
     @staticmethod
     def variants() -> tuple[str, ...]:
-        """All formulations."""
+        """Return the names of all formulations."""
         return (*registry.FORMULATIONS, *registry.SYSTEMS)
 
     def info(self) -> EngineInfo:
-        """Name and version."""
+        """Return name, version and methods."""
         own = version("consilience")
         titles = (
             registry.SYSTEMS[name].title
@@ -78,13 +78,13 @@ class ReferenceEngine:
         return EngineInfo("reference", own, own, "; ".join(titles))
 
     def unsupported(self, mechanism: Mechanism, question: Question) -> tuple[Unsupported, ...]:
-        """What a formulation cannot represent; nothing for the usual ones."""
+        """List the features of a mechanism that the formulation cannot represent; none by default."""
         if question is Question.MODEL:
             return ()
         return () if self._own is None else registry.unsupported(self._own, mechanism)
 
     def methods(self, mechanism: Mechanism, question: Question) -> tuple[Method, ...]:
-        """Every formulation, the descriptor form first."""
+        """List the methods that answer a question, the reference first."""
         if question is Question.MODEL:
             return (Method("mass properties and constraint rank", Route.REFERENCE),)
         if question is Question.INSTANT:
@@ -101,17 +101,17 @@ class ReferenceEngine:
         )
 
     def manifest(self, mechanism: Mechanism) -> Manifest:
-        """Everything is exact."""
+        """Declare every joint and element exact."""
         return Manifest(exact=("all joints by their basic constraints", "all force elements"))
 
     def model(self, mechanism: Mechanism, state: State, method: Method) -> ModelAnswer:
-        """Mass properties of the neutral model and its true number of degrees of freedom, ``6 p - rank Q``."""
+        """Return mass properties and the number of degrees of freedom, ``6 p - rank Q``."""
         mass, com, inertia = mass_properties(mechanism, state)
         freedom = free_directions(mechanism, state).shape[1]
         return ModelAnswer(mass, com, inertia, freedom)
 
     def instant(self, mechanism: Mechanism, states: Sequence[State], method: Method) -> InstantAnswer:
-        """Accelerations, reactions (where the formulation has them) and energies, between impacts."""
+        """Return accelerations, reactions (if the formulation has them) and energies; no contact may be closed."""
         for contact in mechanism.contacts:
             if any(contact_motion(mechanism, state, contact).gap <= 0.0 for state in states):
                 raise NumericalFailure(f"contact '{contact.name}' is closed: an impact has no accelerations")
@@ -120,7 +120,7 @@ class ReferenceEngine:
     def trajectory(
         self, mechanism: Mechanism, state: State, times: Array, method: Method, step: float
     ) -> TrajectoryAnswer:
-        """Motion to the tolerance `step`."""
+        """Integrate the motion; `step` is the tolerance, or the step of a formulation with constant steps."""
         if mechanism.contacts:
             return simulate_with_impacts(mechanism, state, np.asarray(times), mechanism.contacts, step)[0]
         formulation, integrator, _ = _OTHER.get(method.name, (method.name, None, ()))
@@ -128,7 +128,7 @@ class ReferenceEngine:
 
 
 def _motion(name: str, tolerances: tuple[float, ...]) -> Method:
-    """Method of a trajectory."""
+    """Describe the method of a motion in one formulation."""
     if name not in registry.SYSTEMS:
         settings = {"projection": "positions and velocities, after every step"}
         return Method(name, Route.REFERENCE, tolerances=tolerances, settings=settings)

@@ -1,4 +1,4 @@
-"""Canonical states in, canonical observables out: the reference solver as a library."""
+"""Library interface of the reference solver: canonical states in, canonical observables out."""
 
 from __future__ import annotations
 
@@ -9,21 +9,20 @@ import numpy as np
 from consilience.engine import InstantAnswer, TrajectoryAnswer
 from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import Array, Mechanism, State, continuous_in_time, kinetic_energy, potential_energy
-from consilience.reference.bodies.arrays import Model, flatten, pack
-from consilience.reference.bodies.canonical import canonical_motion
-from consilience.reference.bodies.forces import remember
-from consilience.reference.bodies.workspace import Workspace, workspace
+from consilience.reference.bodies import forces
+from consilience.reference.bodies.arrays import Model, Workspace, flatten, pack, workspace
+from consilience.reference.bodies.canonical import canonical_motion, sample_times
 from consilience.reference.formulations import compiled_choice, compiled_dop853, registry
-from consilience.reference.formulations.body_velocities import Forces, KernelFormulation, kernel_names
+from consilience.reference.formulations.body_velocities import AppliedForces, KernelFormulation, kernel_names
 from consilience.reference.integrators.step_control import STATUS
 from consilience.reference.tree.solver import INTEGRATORS, simulate_relative
 
 
-def _memory(model: Model, y: Array, ws: Workspace) -> Array:
-    """Joint coordinates that elements read at a first state, angles within half a turn of zero."""
-    memory = np.zeros(len(model.coordinate))
-    remember(model, y, ws, memory)
-    return memory
+def _first_turns(model: Model, y: Array, ws: Workspace) -> Array:
+    """Return the joint coordinates that elements read at a first state, angles within half a turn of zero."""
+    turns = np.zeros(len(model.coordinate))
+    forces.count_turns(model, y, ws, turns)
+    return turns
 
 
 def simulate(
@@ -33,9 +32,9 @@ def simulate(
     tolerance: float = 1e-12,
     formulation: str = "descriptor",
     integrator: str | None = None,
-    forces: Forces | None = None,
+    forces: AppliedForces | None = None,
 ) -> TrajectoryAnswer:
-    """Motion of a mechanism by the reference solver.
+    """Integrate the motion of a mechanism.
 
     Parameters
     ----------
@@ -45,29 +44,29 @@ def simulate(
     times : ndarray, shape (n_t,), s
         Increasing sample times.
     tolerance : float
-        Bound on the scaled local error of a step, 1e-14 to 1e-3; of `generalised_alpha` its constant step in s.
+        Bound on the scaled local error of a step, 1e-14 to 1e-3; for `generalised_alpha` its constant step, s.
     formulation : str
-        Key of `registry.FORMULATIONS` or `registry.SYSTEMS`. With dop853 `relative`, `descriptor` and `null_space`
-        run compiled as a whole, `relative` with tp86, too; everything else integrates with one call from Python for
-        each evaluation.
+        Key of `registry.FORMULATIONS` or `registry.SYSTEMS`. Compiled as a whole: `relative`, `descriptor` and
+        `null_space` with dop853, `relative` with its own integrators. Other combinations call Python at every
+        evaluation.
     integrator : str, optional
-        Key of `integrators.adaptive.METHODS`, or of `relative` alone ``gauss`` (collocation of order 16), ``taylor``
-        (for mechanisms in a plane) or ``radau13`` (for stiff motions). If not given, ``dop853``, but of `relative`
-        ``taylor`` where it can, elsewhere ``tp86`` unless a function is a table, and ``radau13`` where that finds the
-        motion stiff. `registry.SYSTEMS` have their own.
+        Key of `integrators.adaptive.METHODS`; for `relative` alone also ``gauss`` (collocation of order 16), ``taylor``
+        (planar mechanisms) or ``radau13`` (stiff motions). Default: ``dop853``; for `relative` ``taylor`` if
+        applicable, else ``tp86`` unless a function is a table, and ``radau13`` if tp86 detects stiffness. Formulations
+        of `registry.SYSTEMS` have their own integrators.
     forces : callable, optional
-        ``forces(t, state)``: force (N) and torque (N m) on each body at its origin, world axes, shape (n_b, 6), to act
-        beside those of the mechanism. The slow path, for formulations in body velocities.
+        ``forces(t, state)``: force (N) and torque (N m) on each body at its origin, world axes, shape (n_b, 6), in
+        addition to those of the mechanism; for formulations in body velocities, called at every evaluation.
 
     Returns
     -------
     TrajectoryAnswer
-        With the counters ``steps``, ``evaluations`` (of taylor: coefficients), and others that the method has.
+        Counters: ``steps``, ``evaluations`` (for taylor: coefficients) and further ones of the method.
 
     Raises
     ------
     InvalidInput
-        Unknown formulation or integrator, tolerance out of range, times that do not increase, a mechanism that the
+        Unknown formulation or integrator, tolerance out of range, times that do not increase, or a mechanism that the
         formulation cannot represent.
     NumericalFailure
         With the status of the integrator.
@@ -78,7 +77,9 @@ def simulate(
             if given is not None:
                 raise InvalidInput(what, f"{formulation} takes none", "Leave it out.")
         return registry.system(formulation)(mechanism, state, times, tolerance)
-    times = _checked(times, tolerance)
+    if not 1e-14 <= tolerance <= 1e-3:
+        raise InvalidInput("tolerance", f"{tolerance} is out of range", "Choose 1e-14 to 1e-3.")
+    times = sample_times(times)
     if forces is None and formulation == "relative" and (integrator is None or integrator in INTEGRATORS):
         return simulate_relative(mechanism, state, times, tolerance, integrator)
     integrator = integrator or "dop853"
@@ -98,26 +99,15 @@ def simulate(
     return TrajectoryAnswer(times, p, continuous_in_time(quat), v, w, dict(motion.counters))
 
 
-def _checked(times: Array, tolerance: float) -> Array:
-    times = np.asarray(times, dtype=float)
-    if not 1e-14 <= tolerance <= 1e-3:
-        raise InvalidInput("tolerance", f"{tolerance} is out of range", "Choose 1e-14 to 1e-3.")
-    # where they increase, all are finite if the first and the last are
-    sound = times.ndim == 1 and len(times) > 0 and -np.inf < times[0] and times[-1] < np.inf
-    if not sound or np.count_nonzero(times[1:] > times[:-1]) < len(times) - 1:
-        raise InvalidInput("times", "they do not increase", "Give finite, increasing sample times.")
-    return times
-
-
 def _compiled(mechanism: Mechanism, state: State, times: Array, tolerance: float, formulation: str) -> TrajectoryAnswer:
-    """Integrate in one compiled call."""
+    """Integrate by DOP853 in one compiled call."""
     model = flatten(mechanism)
     ws, y = workspace(model), pack(mechanism, state)
     motion = np.empty((len(times), *y.shape))
     counters = np.zeros(3, dtype=np.int64)
-    number, memory = compiled_choice.FORMULATIONS[formulation], _memory(model, y, ws)
-    scratch = compiled_dop853.scratch_of(model, y)
-    status = compiled_dop853.integrate(number, model, y, times, float(tolerance), memory, ws, motion, counters, scratch)
+    number, turns = compiled_choice.FORMULATIONS[formulation], _first_turns(model, y, ws)
+    scratch = compiled_dop853.dop853_scratch(model, y)
+    status = compiled_dop853.integrate(number, model, y, times, float(tolerance), turns, ws, motion, counters, scratch)
     if status:
         raise NumericalFailure(f"reference, {formulation}, tolerance {tolerance:g}: {STATUS[status]}")
     p, quat, v, w = canonical_motion(np.array([b.com for b in mechanism.bodies]), motion)
@@ -129,16 +119,16 @@ def _compiled(mechanism: Mechanism, state: State, times: Array, tolerance: float
 def accelerations(
     mechanism: Mechanism, states: Sequence[State], formulation: str = "descriptor", t: float = 0.0
 ) -> InstantAnswer:
-    """Accelerations, reactions and energies at consistent states, drives and loads at the time t.
+    """Compute accelerations, reactions and energies at consistent states, drives and loads at the time t.
 
-    Reactions are of least norm where dependent constraints leave them open
-    (`consilience.mechanism.determinate_reactions` says which components are determined), and None where a formulation
+    Reactions are those of least norm if dependent constraints leave them undetermined
+    (`consilience.mechanism.determinate_reactions` tells the determined components), and None if a formulation
     eliminates them.
 
     Raises
     ------
     InvalidInput
-        Unknown formulation, or a mechanism it cannot represent.
+        Unknown formulation, or a mechanism that the formulation cannot represent.
     NumericalFailure
         If the accelerations are not finite, for example at a spring of no length.
     """

@@ -1,7 +1,7 @@
-"""What can be said of a case before anybody is asked: freedom, redundant rows, open reactions, features, doubts.
+"""Anatomy of a case: freedom, dependent rows, undetermined reactions, features, warnings.
 
-Rows are those of `mechanism.constraints`. A row is redundant where it takes part in a dependency among rows: which of
-them is one too many is a matter of choice, so all that take part are named, with the number of dependencies.
+Rows are those of `mechanism.constraints`. Which row of a linear dependency is redundant is arbitrary; so all rows that
+take part in a dependency are named, with the number of dependencies.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from consilience.mechanism import (
 COMPONENTS = ("force x", "force y", "force z", "torque x", "torque y", "torque z")
 
 FAST = 1.0
-"""Largest phase of the fastest motion in one sample, rad: beyond, engines at a few steps a sample cannot follow."""
+"""Largest phase of the fastest motion in one sample, rad, that engines with a few steps per sample can follow."""
 
 
 @dataclass(frozen=True)
@@ -44,13 +44,13 @@ class Anatomy:
     residual : float
         Largest violation of a constraint, in m, rad or a pure number.
     freedom, rows, redundant : int
-        Degrees of freedom, constraint rows, dependencies among them.
+        Degrees of freedom, constraint rows, linear dependencies among the rows.
     dependent : dict
-        Joints (or elements) and those of their rows that take part in a dependency.
+        Rows that take part in a dependency, by joint or element.
     undetermined : dict
-        Joints and the components of their reaction that equilibrium does not determine, axes of F.
+        Components of the reaction, axes of F, that equilibrium does not determine, by joint.
     features : tuple of str
-        What an engine must know to represent the mechanism.
+        Features that an engine must support to represent the mechanism.
     """
 
     residual: float
@@ -63,7 +63,7 @@ class Anatomy:
 
 
 def anatomy(mechanism: Mechanism, state: State) -> Anatomy:
-    """Facts of a mechanism at a consistent state."""
+    """Determine the facts of a mechanism at a consistent state."""
     Q = constraint_jacobian(mechanism, state)
     width, q = 6 * len(mechanism.bodies), len(Q)
     U, singular, _ = np.linalg.svd(Q) if q else (np.zeros((0, 0)), np.zeros(0), None)
@@ -84,7 +84,7 @@ def anatomy(mechanism: Mechanism, state: State) -> Anatomy:
 
 
 def row_names(mechanism: Mechanism) -> Iterator[tuple[str, str]]:
-    """Owner and name of every constraint row, in the order of the rows."""
+    """List owner and name of every constraint row, in the order of the rows."""
     for joint in mechanism.joints:
         for row in joint.rows:
             yield joint.name, row
@@ -97,10 +97,10 @@ def row_names(mechanism: Mechanism) -> Iterator[tuple[str, str]]:
 
 
 def fastest(mechanism: Mechanism, state: State) -> tuple[float, str]:
-    """Estimate of the largest angular frequency of the motion, rad/s, and what makes it: spin, springs or gravity.
+    """Estimate the largest angular frequency of the motion, rad/s, and name its source: spin, a spring or gravity.
 
-    A spring between two bodies is taken for itself, ``w^2 = k (1 / m_1 + 1 / m_2)`` with the masses, or the moments
-    about the axis, of its bodies alone.
+    The frequency of a spring between two bodies is that of the spring and its two bodies alone,
+    ``w^2 = k (1 / m_1 + 1 / m_2)`` with effective masses, or moments about the axis.
     """
     found = [(float(np.max(np.linalg.norm(state.w_WB_W, axis=1), initial=0.0)), "the spin at the start")]
     found.append((float(np.sqrt(np.linalg.norm(mechanism.gravity) / characteristic_length(mechanism))), "gravity"))
@@ -124,7 +124,7 @@ def fastest(mechanism: Mechanism, state: State) -> tuple[float, str]:
 
 
 def _along(mechanism: Mechanism, state: State, body: str, point: Array, e: Array) -> float:
-    """Acceleration of a point of a body along e for a unit force there, 1/kg; none of the ground."""
+    """Return the acceleration of a point of a body along e by a unit force, 1/kg; zero for the ground."""
     if body == GROUND:
         return 0.0
     i = mechanism.body_index[body]
@@ -133,7 +133,7 @@ def _along(mechanism: Mechanism, state: State, body: str, point: Array, e: Array
 
 
 def _about(mechanism: Mechanism, state: State, body: str, point: Array, e: Array) -> float:
-    """Angular acceleration of a body about an axis for a unit torque, 1/(kg m^2), the axis held; none of the ground."""
+    """Return the angular acceleration about a fixed axis by a unit torque, 1/(kg m^2); zero for the ground."""
     if body == GROUND:
         return 0.0
     i = mechanism.body_index[body]
@@ -142,7 +142,7 @@ def _about(mechanism: Mechanism, state: State, body: str, point: Array, e: Array
 
 
 def expected_lines(case: Case) -> list[str]:
-    """Expected values with uncertainty, origin and source, the components of a vector in one line."""
+    """Write expected values with uncertainty, origin and source; the components of a vector share a line."""
     together: dict[tuple[object, ...], list[Published]] = {}
     for known in case.published:
         fields = ("observable", "of", "time", "uncertainty", "origin", "source", "second")
@@ -161,15 +161,30 @@ def expected_lines(case: Case) -> list[str]:
 
 
 def listed(groups: Mapping[str, Sequence[str]], joint: str) -> str:
-    """Names with what belongs to each; names with the same together."""
+    """Write names with their entries; names with equal entries share a group."""
     together: dict[tuple[str, ...], list[str]] = {}
     for name, entries in groups.items():
         together.setdefault(tuple(entries), []).append(name)
     return "; ".join(f"{', '.join(names)}: {joint.join(entries)}" for entries, names in together.items())
 
 
+def freedom_line(freedom: int, rows: int, redundant: int) -> str:
+    """State degrees of freedom, constraint rows and dependencies."""
+    return f"{freedom} degree{'s' * (freedom != 1)} of freedom, {rows} constraint rows, {redundant} of them dependent"
+
+
+def dependency_lines(
+    dependent: Mapping[str, Sequence[str]], undetermined: Mapping[str, Sequence[str]]
+) -> Iterator[str]:
+    """State the dependent rows and the undetermined reactions, if there are any."""
+    if dependent:
+        yield f"rows that depend on one another: {listed(dependent, ' ')}"
+    if undetermined:
+        yield f"reactions that equilibrium does not determine: {listed(undetermined, ', ')}"
+
+
 def warnings(case: Case) -> list[str]:
-    """What makes the case a weaker test than it might be, in sentences; none of it makes it invalid."""
+    """List weaknesses of a case as a test, in sentences; no weakness makes a case invalid."""
     mechanism, found = case.mechanism, []
     if not case.published:
         found.append("no expected value: only the engines and the reference are compared with each other")

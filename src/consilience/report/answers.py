@@ -1,4 +1,4 @@
-"""The answer of one engine to one question by one method, as the drill-down shows it."""
+"""View of the answer of one engine to one question by one method."""
 
 from __future__ import annotations
 
@@ -10,16 +10,15 @@ from typing import Any
 from consilience.compare import Verdict
 from consilience.compare.rules import RULES
 from consilience.engine import Profile
-from consilience.report.facts import Entry, facts_of, horizon_text, softness_facts
+from consilience.report.facts import Fact, facts_of, horizon_text, softness_facts
 from consilience.report.selection import judged_largest, levels_of, method_of, probes_of, softness_of
 from consilience.report.wording import (
-    CAUSES,
-    CAUSES_BY_VERDICT,
     DASH,
     LOOKS,
     PROFILES,
     ROUTES,
     Look,
+    cause_of,
     counted,
     digits_text,
     method_title,
@@ -36,7 +35,7 @@ CONDITIONS = {rule.name: rule.when.replace("`", "") for rule in RULES}
 
 @dataclass(frozen=True)
 class QuantityRow:
-    """A compared quantity. `state` is ``met``, ``missed`` or ``absent``; `undetermined` counts values left out."""
+    """A compared quantity; `state` is ``met``, ``missed`` or ``absent``, `undetermined` counts values left out."""
 
     name: str
     difference: str
@@ -48,15 +47,15 @@ class QuantityRow:
 
     @property
     def verdict(self) -> str:
-        """Whether the bar is met, in words."""
+        """The state in words."""
         return {"met": "\N{CHECK MARK} met", "missed": "\N{NOT EQUAL TO} missed", "absent": "not compared"}[self.state]
 
 
 @dataclass(frozen=True)
 class Gauge:
-    """A difference on a logarithmic scale: with its uncertainty to either side, against a bar.
+    """A difference with its uncertainty and its bar on a logarithmic scale.
 
-    Positions are percentages of the width, from 1e-17 to 10.
+    Positions are percentages of the width, which extends from 1e-17 to 10.
     """
 
     name: str
@@ -70,7 +69,7 @@ class Gauge:
 
 @dataclass(frozen=True)
 class NumberTable:
-    """Numbers under heads, with a caption."""
+    """A table of numbers with heads and a caption."""
 
     caption: str
     heads: tuple[str, ...]
@@ -79,7 +78,7 @@ class NumberTable:
 
 @dataclass(frozen=True)
 class Trouble:
-    """A run without an answer: which, why, and what the engine printed."""
+    """A run without an answer: its name, the reason, and the output of the engine."""
 
     run: str
     reason: str
@@ -88,18 +87,18 @@ class Trouble:
 
 @dataclass(frozen=True)
 class AnswerView:
-    """One question by one method.
+    """The answer to one question by one method.
 
     Attributes
     ----------
     matched : bool
-        Whether the engine ran with matched settings; else it ran at its own defaults.
+        Whether the engine ran with matched settings; else with its own defaults.
     rule, condition : str
-        The rule that decided and when it holds; empty where bars decided alone.
+        The rule that decided, and its condition; empty where bars decided.
     cause : str
-        Why the verdict is what it is, in a sentence without numbers; `why` has them.
+        Cause of the verdict in a sentence without numbers; `why` has the numbers.
     judged : str
-        Up to when a motion is judged, where that is not its end.
+        Time up to which a motion is judged; empty if that is its end.
     """
 
     question: str
@@ -118,8 +117,8 @@ class AnswerView:
     quantities: tuple[QuantityRow, ...]
     gauges: tuple[Gauge, ...]
     tables: tuple[NumberTable, ...]
-    facts: tuple[Entry, ...]
-    softness: tuple[Entry, ...]
+    facts: tuple[Fact, ...]
+    softness: tuple[Fact, ...]
     settings: tuple[tuple[str, str], ...]
     troubles: tuple[Trouble, ...]
     unsupported: tuple[str, ...]
@@ -127,7 +126,7 @@ class AnswerView:
 
     @property
     def title(self) -> str:
-        """The method, labelled where it is the engine's default."""
+        """Name of the method; a default method is labelled."""
         return method_title(self.method, self.matched)
 
     @property
@@ -142,14 +141,16 @@ def answer_view(
     case: dict[str, Any],
     reference: dict[str, Any] | None,
 ) -> AnswerView:
-    """View of a comparison.
+    """Make the view of a comparison.
 
     Parameters
     ----------
+    comparison, case : dict
+        Lines of the record.
     runs : sequence of dict
-        All runs of its method.
+        All runs of the method.
     reference : dict or None
-        The reference's answer to the question `model`.
+        Answer of the reference to the question `model`.
     """
     method, levels, probes = method_of(runs), levels_of(runs), probes_of(runs)
     verdict, rule = Verdict(comparison["verdict"]), comparison["rule"]
@@ -164,7 +165,7 @@ def answer_view(
         look=LOOKS[verdict],
         rule=rule,
         condition=CONDITIONS.get(rule, ""),
-        cause=CAUSES[rule] if rule in CAUSES else CAUSES_BY_VERDICT[verdict],
+        cause=cause_of(rule, verdict),
         why=comparison["why"],
         judged=horizon_text(comparison, case),
         digits=digits_text(comparison["digits"]),
@@ -181,7 +182,7 @@ def answer_view(
 
 
 def _gauges(comparison: dict[str, Any], case: dict[str, Any]) -> Iterator[Gauge]:
-    """Every difference that has a bar: of a motion the finest level, with its band and the reference's uncertainty."""
+    """Draw every difference with a bar; the finest level of a motion with its band plus the reference's uncertainty."""
     for q in comparison["quantities"]:
         if q["count"] and q["difference"] is not None and q["bar"]:
             yield _gauge(q["name"], q["difference"], 0.0, q["bar"])
@@ -210,11 +211,11 @@ def _gauge(name: str, difference: float, uncertain: float, bar: float) -> Gauge:
 
 
 def _quantity(q: dict[str, Any], case: dict[str, Any]) -> QuantityRow:
-    """A row; `difference` is None where the record could not write it, as it was not finite."""
+    """Make the row of a quantity; its difference is None in the record where it was not finite."""
     joints = case["undetermined"] if q["name"] == "reactions" else {}
     count = sum(sum(counts) for counts in joints.values())
     if q["count"] == 0 and count < 6 * len(case["joints"]) * case["instants"]:
-        joints = {}  # nothing was compared, and not because everything is open: the method gives no reactions
+        joints = {}  # the method gives no reactions: nothing was compared, though some values are determined
     remark = f"{q['remark']}: {', '.join(joints)}" if joints else q["remark"]
     undetermined = f"{count} undetermined" if joints else ""
     if q["count"] == 0:
@@ -226,7 +227,7 @@ def _quantity(q: dict[str, Any], case: dict[str, Any]) -> QuantityRow:
 
 
 def _levels(comparison: dict[str, Any], method: dict[str, Any]) -> NumberTable:
-    """Levels of a motion, coarse to fine."""
+    """Tabulate the levels of a motion, coarse to fine."""
     levels = comparison["levels"]
     counters = list(dict.fromkeys(name for level in levels for name in level["counters"]))
     horizon = comparison["horizon"] is not None
@@ -255,7 +256,7 @@ def _levels(comparison: dict[str, Any], method: dict[str, Any]) -> NumberTable:
 
 
 def _observables(comparison: dict[str, Any]) -> NumberTable:
-    """Order and band of each observable, from the levels among themselves."""
+    """Tabulate order and band of each observable, from the levels alone."""
     return NumberTable(
         "Observables at the finest level, without the reference",
         ("observable", "change from the level before", "observed order", "band"),
@@ -267,7 +268,7 @@ def _observables(comparison: dict[str, Any]) -> NumberTable:
 
 
 def _counter(value: float | None) -> str:
-    """Counts in full, other numbers to three digits."""
+    """Write an integer in full, another number to three digits."""
     return str(value) if isinstance(value, int) else number(value, 3)
 
 

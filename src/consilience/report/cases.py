@@ -1,4 +1,4 @@
-"""A case on the pages: what it is, how far its motion can be judged, and which of its reactions are open."""
+"""View of a case: facts, limits of judgement of its motion, undetermined reactions."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from dataclasses import dataclass
 from typing import Any
 
 from consilience.compare.horizon import EPS
-from consilience.report.cells import REFERENCE, Cell, cell_view
-from consilience.report.facts import Entry
+from consilience.compare.judge import REFERENCE
+from consilience.report.anatomy import COMPONENTS
+from consilience.report.cells import Cell, cell_view
+from consilience.report.facts import Fact
 from consilience.report.record import Record
 from consilience.report.selection import growing_motion, mean_step, method_of, motions_of
 from consilience.report.wording import DASH, anchor, number
 
-COMPONENTS = ("force x", "force y", "force z", "torque x", "torque y", "torque z")
-
 
 @dataclass(frozen=True)
 class Limits:
-    """How far the motion of a case can be judged, in words."""
+    """Limits of judgement of a motion, in words: horizon, growth of rounding, uncertainty of the reference."""
 
     horizon: str
     rounding: str
@@ -27,7 +27,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class OpenReactions:
-    """Joints with the same reaction components that equilibrium leaves open."""
+    """Joints with the same reaction components that equilibrium does not determine."""
 
     joints: str
     components: str
@@ -35,12 +35,12 @@ class OpenReactions:
 
 @dataclass(frozen=True)
 class CaseView:
-    """A case: one row of the matrix, one section of the page."""
+    """A case: a row of the matrix, and a page."""
 
     anchor: str
     name: str
     title: str
-    facts: tuple[Entry, ...]
+    facts: tuple[Fact, ...]
     limits: Limits
     undetermined: tuple[OpenReactions, ...]
     undetermined_count: str
@@ -55,7 +55,7 @@ class CaseView:
 
 
 def case_view(record: Record, case: dict[str, Any], engines: Sequence[str]) -> CaseView:
-    """View of a case."""
+    """Make the view of a case."""
     name = case["name"]
     reference = _reference_model(record, name)
     limits, count = _limits(record, case), _undetermined_count(case)
@@ -79,7 +79,7 @@ def case_view(record: Record, case: dict[str, Any], engines: Sequence[str]) -> C
 
 
 def unwrapped(paragraph: str) -> str:
-    """A paragraph without the line breaks of its file; indented lines keep theirs."""
+    """Join the lines of a paragraph; indented lines stay lines."""
     text = ""
     for line, before in zip((lines := paragraph.strip("\n").split("\n")), ["", *lines], strict=False):
         text += ("\n" if line.startswith(" ") or before.startswith(" ") else " ") + line.strip()
@@ -87,7 +87,7 @@ def unwrapped(paragraph: str) -> str:
 
 
 def case_figures(record: Record, case: dict[str, Any]) -> Iterator[str]:
-    """Figures there is something to plot in, in the order of the page."""
+    """Kinds of figures that have data, in the order of the page."""
     motions = motions_of(case["name"], record.of_case(case["name"])[1])
     if growing_motion(case["name"], record.of_case(case["name"])[1]) is not None:
         yield "horizon"
@@ -98,7 +98,7 @@ def case_figures(record: Record, case: dict[str, Any]) -> Iterator[str]:
 
 
 def _reference_model(record: Record, case: str) -> dict[str, Any] | None:
-    """The reference's own account of the model, if it was asked for."""
+    """Answer of the reference to the question `model`, if the question was asked."""
     found = (r["answer"] for r in record.of_case(case)[0] if (r["engine"], r["question"]) == (REFERENCE, "model"))
     return next((answer for answer in found if answer), None)
 
@@ -114,34 +114,34 @@ def _limits(record: Record, case: dict[str, Any]) -> Limits:
     return Limits(text, number(EPS * growing["growth"][-1]), uncertainty)
 
 
-def _facts(case: dict[str, Any], reference: dict[str, Any] | None, limits: Limits, count: str) -> Iterator[Entry]:
+def _facts(case: dict[str, Any], reference: dict[str, Any] | None, limits: Limits, count: str) -> Iterator[Fact]:
     rows = case["rows"]
     if reference is not None:
         dependent = rows - (6 * len(case["bodies"]) - reference["freedom"])
-        yield Entry("degrees of freedom", str(reference["freedom"]))
-        yield Entry("constraint rows", str(rows), f"{dependent} of them dependent")
-        yield Entry("total mass", f"{number(reference['mass'], 3)} kg")
+        yield Fact("degrees of freedom", str(reference["freedom"]))
+        yield Fact("constraint rows", str(rows), f"{dependent} of them dependent")
+        yield Fact("total mass", f"{number(reference['mass'], 3)} kg")
     else:
-        yield Entry("constraint rows", str(rows))
-    yield Entry("trajectory", f"{case['duration']:g} s", f"sampled every {case['sample']:g} s")
-    yield Entry("digits asked of a trajectory", str(case["digits"]))
+        yield Fact("constraint rows", str(rows))
+    yield Fact("trajectory", f"{case['duration']:g} s", f"sampled every {case['sample']:g} s")
+    yield Fact("digits asked of a trajectory", str(case["digits"]))
     if limits.horizon != DASH:
-        yield Entry("horizon", limits.horizon, f"one rounding error grows to {limits.rounding} at the end")
+        yield Fact("horizon", limits.horizon, f"one rounding error grows to {limits.rounding} at the end")
     if limits.uncertainty != DASH:
-        yield Entry("uncertainty of the reference", limits.uncertainty, "of its motion, up to the horizon")
-    yield Entry("states of the question instant", str(case["instants"]))
+        yield Fact("uncertainty of the reference", limits.uncertainty, "of its motion, up to the horizon")
+    yield Fact("states of the question instant", str(case["instants"]))
     if case["undetermined"]:
-        yield Entry("reactions not determined", count, "by equilibrium: never compared; listed below")
+        yield Fact("reactions not determined", count, "by equilibrium: never compared; listed below")
 
 
 def _undetermined_count(case: dict[str, Any]) -> str:
-    """How many of the asked reaction values are open; a dash for none."""
+    """Count the reaction values that equilibrium does not determine; a dash for none."""
     count = sum(sum(counts) for counts in case["undetermined"].values())
     return f"{count} of {6 * len(case['joints']) * case['instants']} values" if count else DASH
 
 
 def _undetermined(case: dict[str, Any]) -> Iterator[OpenReactions]:
-    """Joints by their open components."""
+    """Group the joints by their undetermined components."""
     joints: dict[str, list[str]] = {}
     for joint, counts in case["undetermined"].items():
         joints.setdefault(_components(counts, case["instants"]), []).append(joint)
@@ -150,7 +150,7 @@ def _undetermined(case: dict[str, Any]) -> Iterator[OpenReactions]:
 
 
 def _components(counts: Sequence[int], states: int) -> str:
-    """Open components by the number of states at which they are, the most frequent first."""
+    """Name undetermined components by the number of states, the most frequent first."""
     parts = []
     for count in sorted({n for n in counts if n}, reverse=True):
         names = ", ".join(name for name, n in zip(COMPONENTS, counts, strict=True) if n == count)

@@ -1,4 +1,4 @@
-"""Cells of the matrix: what one engine says to one case, matched methods first, and what of it decides."""
+"""View of a cell of the matrix: answers of one engine about one case, matched methods first."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from dataclasses import dataclass
 from typing import Any
 
 from consilience.compare import Verdict
+from consilience.compare.judge import REFERENCE
+from consilience.engine import Question
 from consilience.report.answers import AnswerView, answer_view
 from consilience.report.record import Record
-from consilience.report.wording import DASH, LOOKS, NOT_ASKED, QUESTIONS, RANK, YARDSTICK, Look, cell_anchor
-
-REFERENCE = "reference"
+from consilience.report.wording import DASH, LOOKS, NOT_ASKED, RANK, YARDSTICK, Look, cell_anchor
 
 
 @dataclass(frozen=True)
-class Mark:
-    """One question within a cell: verdict and digits of each matched method, the headline first."""
+class QuestionSummary:
+    """One question of a cell: verdict and digits of each matched method, the headline first."""
 
     question: str
     entries: tuple[tuple[Look, str], ...]
@@ -26,7 +26,7 @@ class Mark:
 class Layer:
     """One question of a cell: the worst verdict of its matched methods, and all answers.
 
-    `opened` layers are read first: those that do not plainly agree, and the last one where all agree.
+    The page opens layers with `opened`: those that do not plainly agree, else the last.
     """
 
     question: str
@@ -40,7 +40,7 @@ class Layer:
 
 @dataclass(frozen=True)
 class Cell:
-    """One engine on one case: what the matrix shows, and what opens from it."""
+    """One engine on one case: a cell of the matrix, and a page."""
 
     anchor: str
     case: str
@@ -48,15 +48,15 @@ class Cell:
     engine: str
     command: str
     look: Look
-    marks: tuple[Mark, ...]
+    marks: tuple[QuestionSummary, ...]
     answers: tuple[AnswerView, ...]
     exact: tuple[str, ...]
     approximated: tuple[str, ...]
 
     @property
     def layers(self) -> list[Layer]:
-        """Each question asked, in the order in which one error leads to the next."""
-        found = [(q, text, [a for a in self.answers if a.question == q]) for q, text in QUESTIONS.items()]
+        """Layers of the questions asked: an error in one layer leads to errors in the next."""
+        found = [(q, q.description, [a for a in self.answers if a.question == q]) for q in Question]
         asked = [(q, text, answers, _decisive(answers)) for q, text, answers in found if answers]
         open_ones = [n for n, (_, _, _, a) in enumerate(asked) if a and a.look is not LOOKS[Verdict.AGREES]]
         return [
@@ -74,12 +74,12 @@ class Cell:
 
     @property
     def look_of(self) -> dict[str, str]:
-        """Style of the worst verdict of each question that was asked."""
-        return {q: worst([a.look for a in self.matched if a.question == q], NOT_ASKED).key for q in QUESTIONS}
+        """Style of the worst verdict of each question."""
+        return {q: worst([a.look for a in self.matched if a.question == q], NOT_ASKED).key for q in Question}
 
     @property
     def decisive(self) -> AnswerView | None:
-        """The answer that gives the cell its verdict."""
+        """Answer that decides the verdict of the cell."""
         return _decisive(self.matched)
 
     @property
@@ -95,16 +95,16 @@ class Cell:
     @property
     def figures(self) -> bool:
         """Whether there are levels to plot."""
-        return any(a.question == "trajectory" and a.tables for a in self.answers)
+        return any(Question(a.question).over_time and a.tables for a in self.answers)
 
     @property
     def label(self) -> str:
-        """The cell in words, for a screen reader."""
+        """Words of the cell for a screen reader."""
         return f"{self.case}, {self.engine}: {self.look.name}"
 
 
 def cell_view(record: Record, case: dict[str, Any], engine: str, reference: dict[str, Any] | None) -> Cell:
-    """View of one engine on one case; `reference` is the reference's own account of the model."""
+    """Make the view of a cell; `reference` is the answer of the reference to the question `model`."""
     name = case["name"]
     runs, found = ([one for one in own if one["engine"] == engine] for own in record.of_case(name))
     answers = sorted((answer_view(c, record.runs_of(c), case, reference) for c in found), key=lambda a: not a.matched)
@@ -126,16 +126,16 @@ def cell_view(record: Record, case: dict[str, Any], engine: str, reference: dict
 
 
 def _decisive(answers: Sequence[AnswerView]) -> AnswerView | None:
-    """The first of the worst matched answers."""
+    """Return the first matched answer with the worst verdict."""
     return max((a for a in answers if a.matched), key=lambda a: RANK[a.look.name], default=None)
 
 
 def worst(looks: Sequence[Look], otherwise: Look) -> Look:
-    """The verdict that a cell shows; `otherwise` where nothing was compared."""
+    """Return the worst of some verdicts; `otherwise` if there is none."""
     return max(looks, key=lambda look: RANK[look.name], default=otherwise)
 
 
-def _marks(questions: Sequence[str], answers: Sequence[AnswerView], otherwise: Look) -> Iterator[Mark]:
+def _marks(questions: Sequence[str], answers: Sequence[AnswerView], otherwise: Look) -> Iterator[QuestionSummary]:
     for question in questions:
         entries = [(a.look, a.digits if a.digits != DASH else "") for a in answers if a.question == question]
-        yield Mark(question, tuple(entries) or ((otherwise, ""),))
+        yield QuestionSummary(question, tuple(entries) or ((otherwise, ""),))

@@ -1,6 +1,6 @@
 """Motions and reports as data frames: pandas, polars, xarray, each with units and labels.
 
-The three libraries are optional (``pip install 'consilience[frames]'``) and imported when they are asked for.
+The three libraries are optional (``pip install 'consilience[frames]'``); each is imported when it is needed.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ TIME = ("s", "time")
 
 
 def units(columns: Sequence[str]) -> dict[str, str]:
-    """Unit of every column named ``time`` or ``QUANTITY.component``; columns of other names have none.
+    """Return the units of columns named ``time`` or ``QUANTITY.component``; other columns have no unit.
 
     Parameters
     ----------
     columns : sequence of str
-        Such as those of a polars frame, which has no attributes.
+        Columns of a frame; polars frames have no attributes of their own.
 
     Returns
     -------
@@ -60,7 +60,7 @@ def _library(name: str) -> Any:
 
 
 def _columns(answer: TrajectoryAnswer) -> dict[str, Array]:
-    """Values over time and bodies, the body counting faster, by column."""
+    """Values by column, over time and bodies; the body index varies faster."""
     return {
         f"{name}.{part}": getattr(answer, name)[:, :, n].ravel()
         for name, (parts, _, _) in QUANTITIES.items()
@@ -69,12 +69,12 @@ def _columns(answer: TrajectoryAnswer) -> dict[str, Array]:
 
 
 def to_pandas(mechanism: Mechanism, answer: TrajectoryAnswer) -> pandas.DataFrame:
-    """Motion as a pandas frame: one row a time and body.
+    """Convert a motion to a pandas frame: a row for each time and body.
 
     Parameters
     ----------
     mechanism : Mechanism
-        Its bodies name the rows.
+        The names of its bodies index the rows.
     answer : TrajectoryAnswer
 
     Returns
@@ -85,7 +85,7 @@ def to_pandas(mechanism: Mechanism, answer: TrajectoryAnswer) -> pandas.DataFram
     Raises
     ------
     InvalidInput
-        pandas is not installed.
+        If pandas is not installed.
     """
     pd = _library("pandas")
     index = pd.MultiIndex.from_product([answer.time, [b.name for b in mechanism.bodies]], names=["time", "body"])
@@ -99,7 +99,7 @@ def to_pandas(mechanism: Mechanism, answer: TrajectoryAnswer) -> pandas.DataFram
 
 
 def to_polars(mechanism: Mechanism, answer: TrajectoryAnswer) -> polars.DataFrame:
-    """Motion as a polars frame: one row a time and body; `units` tells the units of its columns.
+    """Convert a motion to a polars frame: a row for each time and body; `units` returns the units of its columns.
 
     Returns
     -------
@@ -109,7 +109,7 @@ def to_polars(mechanism: Mechanism, answer: TrajectoryAnswer) -> polars.DataFram
     Raises
     ------
     InvalidInput
-        polars is not installed.
+        If polars is not installed.
     """
     pl = _library("polars")
     names = [b.name for b in mechanism.bodies]
@@ -118,7 +118,7 @@ def to_polars(mechanism: Mechanism, answer: TrajectoryAnswer) -> polars.DataFram
 
 
 def to_xarray(mechanism: Mechanism, answer: TrajectoryAnswer) -> xarray.Dataset:
-    """Motion as an xarray dataset, with the attributes that plots and netCDF know.
+    """Convert a motion to an xarray dataset, with the attributes of netCDF conventions.
 
     Returns
     -------
@@ -129,7 +129,7 @@ def to_xarray(mechanism: Mechanism, answer: TrajectoryAnswer) -> xarray.Dataset:
     Raises
     ------
     InvalidInput
-        xarray is not installed.
+        If xarray is not installed.
     """
     xr = _library("xarray")
     arrays = {name: getattr(answer, name) for name in QUANTITIES}
@@ -139,7 +139,7 @@ def to_xarray(mechanism: Mechanism, answer: TrajectoryAnswer) -> xarray.Dataset:
 
 
 def _dataset(xr: Any, time: Array, bodies: list[str], arrays: Mapping[str, Array]) -> Any:
-    """Observables by name as a dataset."""
+    """Make a dataset of observables by name."""
     variables = {
         name: (
             ("time", "body", "axis" if parts is AXES else "parameter"),
@@ -158,25 +158,25 @@ def _dataset(xr: Any, time: Array, bodies: list[str], arrays: Mapping[str, Array
 
 
 def motions(folder: Path | str, case: str) -> xarray.Dataset:
-    """All motions of a case in a report, at every level and softness, as one dataset.
+    """Read all motions of a case in a report, at every level and softness, as one dataset.
 
     Parameters
     ----------
     folder : path
-        Written by ``consilience run``.
+        Folder of a report.
     case : str
-        Name of a case of it.
+        Name of a case of the report.
 
     Returns
     -------
     xarray.Dataset
-        As of `to_xarray`, with a first dimension ``run`` and its coordinates ``engine``, ``method``, ``step`` (s, or a
-        tolerance) and ``softness`` (0: hard).
+        Variables of `to_xarray`, with a first dimension ``run`` and its coordinates ``engine``, ``method``, ``step``
+        (s, or a tolerance) and ``softness`` (0: hard).
 
     Raises
     ------
     InvalidInput
-        xarray is not installed, there is no such report, case, or motion.
+        If xarray is not installed, or there is no such report, case or motion.
     """
     xr = _library("xarray")
     from consilience.report.record import read_record  # noqa: PLC0415
@@ -200,7 +200,7 @@ def motions(folder: Path | str, case: str) -> xarray.Dataset:
 
 
 def _number(path: Path) -> int:
-    """Number of a stored motion among those of its case and engine."""
+    """Return the number of a stored motion among those of its case and engine."""
     return int(path.name.split(".")[-2])
 
 
@@ -212,7 +212,7 @@ def _read_motion(xr: Any, path: Path, bodies: list[str]) -> tuple[Any, dict[str,
 
 
 def report_to_pandas(folder: Path | str) -> pandas.DataFrame:
-    """Comparisons of a report as a pandas frame: one row a case, engine, question and method.
+    """Read the comparisons of a report as a pandas frame: a row for each case, engine, question and method.
 
     Returns
     -------
@@ -222,7 +222,7 @@ def report_to_pandas(folder: Path | str) -> pandas.DataFrame:
     Raises
     ------
     InvalidInput
-        pandas is not installed, or there is no such report.
+        If pandas is not installed, or there is no such report.
     """
     pd = _library("pandas")
     frame = pd.DataFrame(_report_rows(folder))
@@ -232,12 +232,12 @@ def report_to_pandas(folder: Path | str) -> pandas.DataFrame:
 
 
 def report_to_polars(folder: Path | str) -> polars.DataFrame:
-    """Comparisons of a report as a polars frame; columns as of `report_to_pandas`.
+    """Read the comparisons of a report as a polars frame, with the columns of `report_to_pandas`.
 
     Raises
     ------
     InvalidInput
-        polars is not installed, or there is no such report.
+        If polars is not installed, or there is no such report.
     """
     return _library("polars").DataFrame(_report_rows(folder), infer_schema_length=None)
 

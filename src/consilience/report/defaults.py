@@ -1,4 +1,4 @@
-"""What a user of the defaults gets: every engine as it comes out of the box, at its own step, in numbers."""
+"""View of the answers at the engines' own defaults: digits at the engine's own step, and at the finest step."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from consilience.compare import Verdict
+from consilience.compare.judge import REFERENCE
 from consilience.compare.result import digits_of
 from consilience.report.answers import AnswerView
-from consilience.report.cells import REFERENCE, Cell
+from consilience.report.cells import Cell
 from consilience.report.record import Record
 from consilience.report.selection import judged_largest, method_of
 from consilience.report.wording import DASH, LOOKS, digits_text, step_text
@@ -22,13 +23,13 @@ class DefaultRow:
     Attributes
     ----------
     first : bool
-        Whether it is the first of its cell.
+        Whether the row is the first of its cell.
     count : int
-        Rows of the cell.
+        Number of rows of the cell.
     digits, step : str
-        What a user gets: at an instant, or of a motion at the engine's own step.
+        Digits at an instant, or of a motion at the engine's own step, and that step.
     finest, finest_step : str
-        The same at the finest step asked.
+        Digits at the finest step asked, and that step.
     """
 
     cell: Cell
@@ -43,7 +44,7 @@ class DefaultRow:
 
 @dataclass(frozen=True)
 class Defaults:
-    """The section: sentences, rows, what is said where there are none, and the engines that have no default methods."""
+    """The section: sentences, rows, the text of an empty section, and the engines without default methods."""
 
     sentences: tuple[str, ...]
     rows: tuple[DefaultRow, ...]
@@ -52,8 +53,8 @@ class Defaults:
 
 
 @dataclass(frozen=True)
-class _Motion:
-    """Digits of a motion at the engine's own step against those asked."""
+class _OwnStepMotion:
+    """Digits of a motion at the engine's own step, and the digits asked."""
 
     cell: Cell
     digits: float | None
@@ -61,10 +62,10 @@ class _Motion:
 
 
 def defaults_view(record: Record, cells: Sequence[Cell]) -> Defaults:
-    """View of all default methods of the cells."""
+    """Make the view of all default methods of the cells."""
     found = {(c["case"], c["engine"], c["question"], c["method"]): c for c in record.comparisons}
     rows: list[DefaultRow] = []
-    motions: list[_Motion] = []
+    motions: list[_OwnStepMotion] = []
     asked = {case["name"]: case["digits"] for case in record.cases}
     for cell in cells:
         for n, answer in enumerate(cell.defaults):
@@ -72,8 +73,8 @@ def defaults_view(record: Record, cells: Sequence[Cell]) -> Defaults:
             own = _own_digits(comparison)
             rows.append(_row(cell, answer, n, comparison, method_of(record.runs_of(comparison))))
             if answer.question == "trajectory":
-                motions.append(_Motion(cell, own, asked[cell.case]))
-    # a quick run asks no engine at its defaults: that says nothing about what the engines have
+                motions.append(_OwnStepMotion(cell, own, asked[cell.case]))
+    # a quick run asks no engine at its defaults, so it cannot tell which engines have no default methods
     quick = bool(record.header.get("quick"))
     without = () if quick else tuple(_without(cells))
     empty = "No engine was asked at its own defaults." + " A quick run leaves them out." * quick
@@ -81,7 +82,7 @@ def defaults_view(record: Record, cells: Sequence[Cell]) -> Defaults:
 
 
 def _own_digits(comparison: dict[str, Any]) -> float | None:
-    """Digits at an instant, or at the first level of a motion, which is at the engine's own step."""
+    """Return the digits at an instant, or at the first level of a motion, which has the engine's own step."""
     levels = comparison["levels"]
     if not levels:
         digits: float | None = comparison["digits"]
@@ -104,8 +105,8 @@ def _row(cell: Cell, answer: AnswerView, n: int, comparison: dict[str, Any], met
     )
 
 
-def _sentences(rows: Sequence[DefaultRow], motions: Sequence[_Motion]) -> Iterator[str]:
-    """The section in one or two sentences."""
+def _sentences(rows: Sequence[DefaultRow], motions: Sequence[_OwnStepMotion]) -> Iterator[str]:
+    """Summarise the section in one or two sentences."""
     instants = [row for row in rows if row.answer.question == "instant"]
     if instants:
         within = sum(row.answer.look is LOOKS[Verdict.AGREES] for row in instants)
@@ -123,7 +124,7 @@ def _sentences(rows: Sequence[DefaultRow], motions: Sequence[_Motion]) -> Iterat
 
 
 def _without(cells: Sequence[Cell]) -> Iterator[str]:
-    """Engines without a default method, and on which cases."""
+    """List engines without a default method, with the cases."""
     for engine in dict.fromkeys(cell.engine for cell in cells if cell.engine != REFERENCE):
         own = [cell for cell in cells if cell.engine == engine]
         bare = [cell.case for cell in own if cell.matched and not cell.defaults]

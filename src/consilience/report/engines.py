@@ -1,4 +1,4 @@
-"""An engine on the pages: what it answered, what it cannot represent, where it differs, and what is known of it."""
+"""View of an engine: answers, unsupported features, differences by cause, known findings."""
 
 from __future__ import annotations
 
@@ -9,14 +9,15 @@ from functools import cache
 from pathlib import Path
 
 from consilience.compare import Verdict
+from consilience.engine import Question
 from consilience.report.cells import Cell
-from consilience.report.facts import Entry
-from consilience.report.wording import LOOKS, QUESTIONS, RANK, Look, anchor, counted
+from consilience.report.facts import Fact
+from consilience.report.wording import LOOKS, RANK, Look, anchor, counted
 
 
 @dataclass(frozen=True)
-class Known:
-    """A finding that a script of `reports/findings` shows without our code."""
+class KnownFinding:
+    """A finding that a script of `reports/findings` shows with the engine alone."""
 
     name: str
     what: str
@@ -25,7 +26,7 @@ class Known:
 
 @dataclass(frozen=True)
 class Group:
-    """Cells with something in common: a reason, a line of the manifest, a cause."""
+    """Cells with the same text: a reason, a line of the manifest, a cause."""
 
     text: str
     look: Look | None
@@ -33,39 +34,39 @@ class Group:
 
     @property
     def count(self) -> str:
-        """How many cases, in words."""
+        """Number of cases, in words."""
         return counted(len(self.cells), "case")
 
 
 @dataclass(frozen=True)
 class EngineView:
-    """An engine: one column of the matrix, one page."""
+    """An engine: a column of the matrix, and a page."""
 
     anchor: str
     name: str
-    facts: tuple[Entry, ...]
+    facts: tuple[Fact, ...]
     tallies: tuple[tuple[str, tuple[tuple[Look, int], ...]], ...]
     unsupported: tuple[Group, ...]
     differing: tuple[Group, ...]
     approximated: tuple[Group, ...]
-    known: tuple[Known, ...]
+    known: tuple[KnownFinding, ...]
     cells: tuple[Cell, ...]
 
     @property
     def supported(self) -> str:
-        """How much of the library it can represent, in words."""
+        """Number of cases that the engine can represent, in words."""
         able = sum(any(a.look is not LOOKS[Verdict.UNSUPPORTED] for a in c.matched) for c in self.cells)
         return f"It represents {able} of {counted(len(self.cells), 'case')} of this run."
 
 
-def engine_view(name: str, facts: Sequence[Entry], cells: Sequence[Cell]) -> EngineView:
-    """View of an engine from its cells."""
+def engine_view(name: str, facts: Sequence[Fact], cells: Sequence[Cell]) -> EngineView:
+    """Make the view of an engine from its cells."""
     answers = [(cell, a) for cell in cells for a in cell.matched]
     return EngineView(
-        anchor=anchor("page", "engine", name),  # of three names: a cell has two, and a case may be called "engine"
+        anchor=anchor("page", "engine", name),  # an identifier of a cell has two names
         name=name,
         facts=tuple(facts),
-        tallies=tuple((q, _tally(a.look for _, a in answers if a.question == q)) for q in QUESTIONS),
+        tallies=tuple((q, _tally(a.look for _, a in answers if a.question == q)) for q in Question),
         unsupported=_grouped((reason, None, cell) for cell, a in answers for reason in a.unsupported),
         differing=_grouped(
             (f"{a.question}, {a.title}: {a.cause}", a.look, cell)
@@ -84,7 +85,7 @@ def _tally(looks: Iterable[Look]) -> tuple[tuple[Look, int], ...]:
 
 
 def _grouped(entries: Iterable[tuple[str, Look | None, Cell]]) -> tuple[Group, ...]:
-    """Cells by text and verdict, the gravest first, then the most frequent."""
+    """Group cells by text and verdict, the gravest verdict first, then the most frequent."""
     found: dict[tuple[str, Look | None], dict[str, Cell]] = {}
     for text, look, cell in entries:
         found.setdefault((text, look), {})[cell.anchor] = cell
@@ -96,14 +97,14 @@ _ROW = re.compile(r"^\| \[(?P<name>\w+)\]\([^)]*\) \| (?P<engine>\w+) \| (?P<wha
 
 
 @cache
-def known_findings() -> dict[str, tuple[Known, ...]]:
-    """Findings by engine, from the tables of `reports/findings/README.md`: packaged, or of the checkout."""
+def known_findings() -> dict[str, tuple[KnownFinding, ...]]:
+    """Read the findings of each engine from the tables of `reports/findings/README.md`."""
     packaged = Path(__file__).parents[1] / "findings.md"
     path = packaged if packaged.is_file() else Path(__file__).parents[3] / "reports" / "findings" / "README.md"
-    found: dict[str, tuple[Known, ...]] = {}
+    found: dict[str, tuple[KnownFinding, ...]] = {}
     for line in path.read_text(encoding="utf-8").splitlines():
         row = _ROW.match(line)
         if row:
-            one = Known(row["name"], row["what"].replace("`", ""), (row["size"] or "").replace("`", ""))
+            one = KnownFinding(row["name"], row["what"].replace("`", ""), (row["size"] or "").replace("`", ""))
             found[row["engine"].lower()] = (*found.get(row["engine"].lower(), ()), one)
     return found

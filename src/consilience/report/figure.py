@@ -1,6 +1,7 @@
-"""What all figures share: colours, dashes, markers, compact numbers, axes, and the lines of what was asked.
+"""Parts shared by all figures: colours, dashes, markers, compact numbers, axes, lines of the digits asked.
 
-Plain dictionaries in Plotly's format; the script of the page adds the theme and draws a figure when it is opened.
+Figures are dictionaries in Plotly's format; the script of the page adds the theme, and draws a figure when its page is
+opened.
 """
 
 from __future__ import annotations
@@ -15,25 +16,28 @@ import numpy as np
 from consilience.report.selection import is_matched
 from consilience.report.wording import method_title
 
-# Okabe and Ito's colours, told apart with every kind of colour blindness, without yellow and black: both page themes
+# Okabe and Ito's colours, distinct for colour-blind readers; yellow and black would vanish in one of the page themes
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8C8C8C")
 GREY = "#8C8C8C"
 SHADE = "rgba(140,140,140,0.22)"
 DASHES = ("2px,5px", "longdashdot", "dashdot", "dot", "dash", "solid")
-"""Coarse to fine: six levels at most."""
+"""Dashes of the levels, coarse to fine; six levels at most."""
 
 MARKERS = ("circle", "square", "diamond", "triangle-up", "x", "star")
+
+TIME = {"title": {"text": "time in s"}}
+"""Axis of time."""
 
 Figure = dict[str, Any]
 
 
 def compact(values: Sequence[float | None]) -> list[float | None]:
-    """Four significant digits; a gap for what a logarithmic axis cannot show, as zero and infinity."""
+    """Round magnitudes to four digits; zero and infinity, which a logarithmic axis cannot show, become gaps."""
     return [float(f"{abs(v):.4g}") if v and isfinite(v) else None for v in values]
 
 
 def grid(times: Sequence[float]) -> Figure:
-    """Sample times; start and interval suffice where they are evenly spread."""
+    """Return sample times; start and interval alone if the samples are evenly spread."""
     steps = np.diff(times)
     if len(times) > 1 and np.allclose(steps, steps[0], rtol=1e-9):
         return {"x0": times[0], "dx": float(f"{steps[0]:.10g}")}
@@ -41,19 +45,19 @@ def grid(times: Sequence[float]) -> Figure:
 
 
 def title_of(comparison: dict[str, Any]) -> str:
-    """A method in a legend: escaped, and labelled where it is the engine's default."""
+    """Name a method in a legend: escaped; a default method is labelled."""
     return escape(method_title(comparison["method"], is_matched(comparison)), quote=False)
 
 
 def figure(traces: Sequence[Figure], xaxis: Figure, title: str) -> Figure:
-    """A figure with a logarithmic axis upwards."""
+    """Make a figure with a logarithmic axis upwards."""
     yaxis = {"title": {"text": title}, "type": "log", "exponentformat": "power", "showexponent": "all"}
     layout: Figure = {"xaxis": xaxis, "yaxis": yaxis, "shapes": [], "annotations": []}
     return {"data": [{"type": "scatter", **trace} for trace in traces], "layout": layout}
 
 
 def add_asked(given: Figure, digits: int) -> None:
-    """A horizontal line at the digits asked."""
+    """Draw a horizontal line at the digits asked."""
     level = 10.0**-digits
     line = {"color": GREY, "dash": "longdash", "width": 1}
     given["layout"]["shapes"].append(
@@ -63,7 +67,7 @@ def add_asked(given: Figure, digits: int) -> None:
 
 
 def add_horizon(given: Figure, comparison: dict[str, Any]) -> None:
-    """The horizon as a vertical line, and what lies beyond it shaded; nothing where it is not within the motion."""
+    """Draw the horizon as a vertical line, and shade the time beyond; nothing without a horizon within the motion."""
     times, horizon = comparison["times"], comparison["horizon"]
     if horizon is None:
         return
@@ -71,15 +75,8 @@ def add_horizon(given: Figure, comparison: dict[str, Any]) -> None:
     line = {"color": GREY, "width": 2}
     across = {"yref": "paper", "y0": 0, "y1": 1}
     given["layout"]["shapes"] += [
-        {
-            "type": "rect",
-            "x0": at,
-            "x1": times[-1],
-            **across,
-            "fillcolor": SHADE,
-            "line": {"width": 0},
-            "layer": "below",
-        },
+        {"type": "rect", "x0": at, "x1": times[-1], **across}
+        | {"fillcolor": SHADE, "line": {"width": 0}, "layer": "below"},
         {"type": "line", "x0": at, "x1": at, **across, "line": line},
     ]
     _note(given, f"horizon {at:.3g} s", x=at, xanchor="right", yref="paper", y=1, yanchor="top")

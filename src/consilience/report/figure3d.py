@@ -1,4 +1,4 @@
-"""A mechanism as points, lines and marks in space: what the text drawing and the SVG picture of a case both draw."""
+"""A mechanism as lines and labelled places in space, for the text drawing and the SVG picture of a case."""
 
 from __future__ import annotations
 
@@ -28,10 +28,19 @@ WITHOUT_AXIS = ("spherical", "free", "rigid", "rod")
 
 
 @dataclass(frozen=True, eq=False)
-class Line:
-    """A line through points (n, 3): of a body (its index), or -1; kind: body, rod, spring, circle, way (of a joint).
+class Polyline:
+    """A line through points.
 
-    Between two bodies, `ends` are their indices (-1 is the ground).
+    Attributes
+    ----------
+    body : int
+        Index of the body that carries the line; -1 for a line between two bodies.
+    kind : {"body", "rod", "spring", "circle", "way"}
+        ``way``: from frame F to frame M of a joint.
+    points : ndarray, shape (n, 3), m
+        World axes.
+    ends : tuple of int or None
+        Indices of the two bodies of a line between bodies, -1 for the ground.
     """
 
     body: int
@@ -41,21 +50,25 @@ class Line:
 
 
 @dataclass(frozen=True, eq=False)
-class Mark:
-    """A place with a name.
+class PlaceLabel:
+    """A joint or a centre of mass with its label.
 
     Attributes
     ----------
     letter : str
-        Empty beyond as many as there are letters.
+        Label; empty once the letters are used up.
+    name : str
+        Name of the joint or of the body.
     kind : str
-        Of the joint; ``body`` for a centre of mass.
+        Kind of the joint; ``body`` for a centre of mass.
+    point : ndarray, shape (3,), m
+        World axes.
     axis : ndarray, shape (3,), or None
-        Of the joint, a unit vector.
+        Unit vector of the joint axis, world axes.
     ground : bool
         Whether the joint is on the ground.
     body : int
-        Index of the body that carries it, -1 for the ground.
+        Index of the body that carries the place, -1 for the ground.
     """
 
     letter: str
@@ -69,21 +82,21 @@ class Mark:
 
 @dataclass(frozen=True, eq=False)
 class Figure3D:
-    """Lines, joints and centres of mass of a mechanism, in the world."""
+    """Lines, joints and centres of mass of a mechanism, world axes."""
 
-    lines: tuple[Line, ...]
-    joints: tuple[Mark, ...]
-    bodies: tuple[Mark, ...]
+    lines: tuple[Polyline, ...]
+    joints: tuple[PlaceLabel, ...]
+    bodies: tuple[PlaceLabel, ...]
     gravity: Array
 
     @property
     def points(self) -> Array:
-        """All points, shape (n, 3)."""
+        """All points, shape (n, 3), m."""
         return np.vstack([*(line.points for line in self.lines), *(m.point for m in (*self.joints, *self.bodies))])
 
 
 def figure_of(mechanism: Mechanism, state: State) -> Figure3D:
-    """What there is to draw of a mechanism in a state."""
+    """Make the figure of a mechanism in a state."""
     joints, ends = [], {body.name: list[Array]() for body in mechanism.bodies}
     for n, joint in enumerate(mechanism.joints):
         first, second = _ends(mechanism, state, joint)
@@ -94,14 +107,14 @@ def figure_of(mechanism: Mechanism, state: State) -> Figure3D:
         letter = JOINT_MARKS[n] if n < len(JOINT_MARKS) else ""
         ground = GROUND in (joint.predecessor, joint.successor)
         place, carrier = (second, joint.successor) if joint.kind == "free" else (first, joint.predecessor)
-        joints.append(Mark(letter, joint.name, joint.kind, place, axis, ground, index_of(mechanism, carrier)))
+        joints.append(PlaceLabel(letter, joint.name, joint.kind, place, axis, ground, index_of(mechanism, carrier)))
     centers = centres_of_mass(mechanism, state)[0]
     bodies = [
-        Mark(BODY_MARKS[i] if i < len(BODY_MARKS) else "", body.name, "body", centers[i], body=i)
+        PlaceLabel(BODY_MARKS[i] if i < len(BODY_MARKS) else "", body.name, "body", centers[i], body=i)
         for i, body in enumerate(mechanism.bodies)
     ]
     lines = [
-        Line(i, "body", line)
+        Polyline(i, "body", line)
         for i, body in enumerate(mechanism.bodies)
         for line in _skeleton(ends[body.name], centers[i], state.p_WB[i])
     ]
@@ -109,7 +122,7 @@ def figure_of(mechanism: Mechanism, state: State) -> Figure3D:
 
 
 def index_of(mechanism: Mechanism, body: str) -> int:
-    """Index of a body; -1 for the ground."""
+    """Return the index of a body; -1 for the ground."""
     return -1 if body == GROUND else mechanism.body_index[body]
 
 
@@ -121,7 +134,7 @@ def _ends(mechanism: Mechanism, state: State, joint: Joint) -> tuple[Array, Arra
 
 
 def _skeleton(ends: list[Array], center: Array, origin: Array) -> Iterator[Array]:
-    """Lines of a body: from joint to joint, a star from three joints on; from its only joint to its centre of mass."""
+    """Draw a body: a line between two joints, a star of three or more, a line from one joint to the centre of mass."""
     if len(ends) == 2 and np.linalg.norm(ends[0] - ends[1]) > 1e-9:
         yield np.array(ends)
         return
@@ -131,13 +144,13 @@ def _skeleton(ends: list[Array], center: Array, origin: Array) -> Iterator[Array
             yield np.array([end, hub])
 
 
-def _other_lines(mechanism: Mechanism, state: State) -> Iterator[Line]:
-    """Rods, how far joints have gone, springs, circles of rolling bodies, spheres that may hit something."""
+def _other_lines(mechanism: Mechanism, state: State) -> Iterator[Polyline]:
+    """Draw rods, displacements of joints, springs, rolling circles, and spheres with contacts."""
     for joint in mechanism.joints:
         ends = np.array(_ends(mechanism, state, joint))
         if np.linalg.norm(ends[0] - ends[1]) > 1e-9 and joint.kind != "free":
             held = (index_of(mechanism, joint.predecessor), index_of(mechanism, joint.successor))
-            yield Line(-1, "rod" if joint.kind == "rod" else "way", ends, held)
+            yield Polyline(-1, "rod" if joint.kind == "rod" else "way", ends, held)
     for s in mechanism.springs:
         ends = np.array(
             [
@@ -145,30 +158,30 @@ def _other_lines(mechanism: Mechanism, state: State) -> Iterator[Line]:
                 body_point(mechanism, state, s.successor, s.point_successor)[0],
             ]
         )
-        yield Line(-1, "spring", ends, (index_of(mechanism, s.predecessor), index_of(mechanism, s.successor)))
+        yield Polyline(-1, "spring", ends, (index_of(mechanism, s.predecessor), index_of(mechanism, s.successor)))
     for r in mechanism.rollings:
         i = mechanism.body_index[r.body]
         R = rotation_from_quaternion(state.quat_WB[i])
         across = R @ rotation_with_z_axis(r.axis)
         center = body_point(mechanism, state, r.body, r.center)[0]
-        yield Line(i, "circle", _circle(center, across, r.radius + r.rounding))
+        yield Polyline(i, "circle", _circle(center, across, r.radius + r.rounding))
     for c in mechanism.contacts:
         if c.radius and c.body != GROUND:
             center = body_point(mechanism, state, c.body, c.center)[0]
-            for k in range(3):  # a sphere by its great circles
+            for k in range(3):  # three great circles
                 axes = np.roll(np.eye(3), k, axis=1)
-                yield Line(mechanism.body_index[c.body], "circle", _circle(center, axes, c.radius))
+                yield Polyline(mechanism.body_index[c.body], "circle", _circle(center, axes, c.radius))
 
 
 def _circle(center: Array, axes: Array, radius: float) -> Array:
-    """Points of a circle across the third of the axes (columns), shape (49, 3)."""
+    """Points of a circle normal to the third column of `axes`, shape (49, 3), m."""
     turns = np.linspace(0.0, 2 * np.pi, 49)
     arms = np.outer(np.cos(turns), axes[:, 0]) + np.outer(np.sin(turns), axes[:, 1])
     return np.asarray(center + radius * arms)
 
 
 def upright(gravity: Array) -> tuple[Array, Array, Array]:
-    """Axes of the world that are best drawn to the right, upward and towards the viewer: up is against gravity."""
+    """Choose world axes to the right, upward and towards the viewer: upward is most against gravity."""
     k = int(np.argmax(np.abs(gravity))) if np.any(gravity) else 2
     up = np.zeros(3)
     up[k] = -np.sign(gravity[k]) if np.any(gravity) else 1.0
@@ -177,9 +190,9 @@ def upright(gravity: Array) -> tuple[Array, Array, Array]:
 
 
 def widest_view(figure: Figure3D) -> Array:
-    """Rows: directions to the right and upward of the plane in which the mechanism is widest, shape (2, 3).
+    """Return the directions to the right and upward (rows) of the widest plane of a mechanism, shape (2, 3).
 
-    Upward is against gravity as nearly as the plane allows.
+    Upward is the direction in that plane most against gravity.
     """
     points = figure.points - figure.points.mean(axis=0)
     _, sizes, axes = np.linalg.svd(points, full_matrices=True)
@@ -187,12 +200,17 @@ def widest_view(figure: Figure3D) -> Array:
     flat = len(sizes) > 1 and sizes[1] > 1e-6 * max(sizes[0], 1e-300)
     if flat:
         normal = axes[2] if axes[2] @ (toward + 0.3 * right + 0.2 * up) >= 0 else -axes[2]
-    else:  # all on one line: look square to it
+    else:  # all points on one line: view normal to the line
         normal = np.cross(axes[0], up) if np.linalg.norm(np.cross(axes[0], up)) > 1e-3 else toward
         normal = normal / np.linalg.norm(normal) * (1.0 if normal @ toward >= 0 else -1.0)
     for candidate in (up, -toward, right):
-        upward = candidate - (candidate @ normal) * normal
-        if np.linalg.norm(upward) > 0.2:
+        if np.linalg.norm(candidate - (candidate @ normal) * normal) > 0.2:
             break
+    return view_axes(normal, candidate)
+
+
+def view_axes(normal: Array, up: Array) -> Array:
+    """Return the directions to the right and upward (rows) of a view against a unit normal, shape (2, 3)."""
+    upward = up - (up @ normal) * normal
     upward /= np.linalg.norm(upward)
     return np.array([np.cross(upward, normal), upward])

@@ -1,7 +1,7 @@
-"""The HTML page: one file that opens offline. Fetches nothing, and forbids itself to.
+"""The HTML page: one file that opens offline, with a policy that forbids to fetch anything.
 
-The matrix is plain HTML, so that it is there at once. Whatever opens from it lies packed in the page and is unpacked
-when it is first asked for: text of a thousand cells takes a tenth of its size, and no time before it is read.
+The matrix is plain HTML and appears at once. The pages behind it are compressed within the file, and are unpacked when
+they are first opened.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import Environment
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
@@ -27,6 +27,7 @@ from consilience.report.plots_replay import replay_figures
 from consilience.report.record import Record
 from consilience.report.replay import Replay
 from consilience.report.scene import figure_of_scene
+from consilience.report.templating import template_environment
 from consilience.report.view import Page, page
 from consilience.report.wording import CAPTIONS, anchor
 
@@ -39,42 +40,35 @@ OF_CASE_IN_CELL = ("steps", "work", "reactions", "drift")
 
 
 def packed(text: str) -> Markup:
-    """Text for a script element that the page unpacks itself: a fifth of the size, and no character can end it."""
+    """Compress text for a script element that the page unpacks; base64 cannot end the element."""
     return Markup(b64encode(gzip.compress(text.encode(), mtime=0)).decode())
 
 
 def shown(value: object) -> object:
-    """Text with control characters and turns of direction written out; the template escapes it afterwards."""
+    """Write out control characters and changes of text direction; the template escapes the result."""
     return visible(value) if type(value) is str else value
 
 
 @cache
 def environment() -> Environment:
-    """Templates of all pages."""
-    return Environment(
-        loader=PackageLoader("consilience.report", "templates"),
-        autoescape=True,
-        finalize=shown,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    """Return the environment of the HTML templates."""
+    return template_environment(autoescape=True, finalize=shown)
 
 
 @cache
 def plotly_pack() -> Markup:
-    """Plotly's script, packed."""
+    """Return Plotly's script, compressed."""
     return packed(get_plotlyjs())
 
 
 @cache
 def three_pack() -> Markup:
-    """The script of three.js, packed."""
+    """Return the script of three.js, compressed."""
     return packed((Path(__file__).parent / "vendor" / "three.min.js").read_text(encoding="utf-8"))
 
 
 def render_html(record: Record, replays: Replays | None = None) -> str:
-    """Self-contained page of a record, with the replays of its cases where there are any."""
+    """Render the self-contained page of a record, with the replays of its cases."""
     replays, view = replays or {}, page(record)
     drawings = figures(record) | replay_figures(record, replays)
     packs = [
@@ -88,7 +82,7 @@ def render_html(record: Record, replays: Replays | None = None) -> str:
 
 
 def fragments(view: Page, replays: Replays, drawings: set[str]) -> Iterator[tuple[str, str]]:
-    """Everything that opens: anchor and HTML, written by templates as the page itself."""
+    """Render all pages behind the matrix: anchor and HTML of each."""
     get = environment().get_template
     tables = get("tables.html.j2").module
     yield "findings", tables.findings(view)  # type: ignore[attr-defined]
@@ -116,14 +110,14 @@ def fragments(view: Page, replays: Replays, drawings: set[str]) -> Iterator[tupl
 
 
 def replay_data(view: Page, replays: Replays) -> dict[str, Any]:
-    """What the script needs to draw cases in motion: their scenes and motions, and the colours."""
+    """Data for the script that draws cases in motion: scenes, motions, colours."""
     found = {c.name: {k: replays[c.name][k] for k in ("scene", "motion")} for c in view.cases if c.name in replays}
     engines = [engine.name for engine in view.engines]
     return {"colours": COLOURS, "engines": engines, "cases": found}
 
 
 def render_replay(name: str, title: str, replay: Replay) -> str:
-    """Self-contained page of one case in motion."""
+    """Render the self-contained page of one case in motion."""
     packs = [
         ("replays", packed(_json({"colours": COLOURS, "engines": [], "cases": {name: replay}}))),
         ("three", three_pack()),
@@ -144,11 +138,11 @@ def _cell_plots(cell: Cell, drawings: set[str]) -> list[tuple[str, str]]:
 
 
 def _drawing(name: str, title: str, replay: Replay | None) -> Markup | None:
-    """The case in four views."""
+    """Draw the case in four views."""
     if replay is None:
         return None
     pairs = [joint["between"] for joint in replay["scene"]["joints"]]
-    # the template of the picture escapes what it is given
+    # the template of the picture has escaped all names
     return Markup(drawn(figure_of_scene(replay["scene"]), pairs, f"{name}: {title}"))
 
 

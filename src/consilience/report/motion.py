@@ -1,7 +1,7 @@
-"""Motions small enough for a page: the reference as poses, every engine as its difference to them.
+"""Motions encoded for a page: poses of the reference, and differences of the engines to these poses.
 
-What differs by 1e-9 must still be there when a reader exaggerates it: differences have a scale of their own. Sixteen
-bits are what a drawing can show; the record has the motions in full beside it.
+Differences have a scale of their own, so that a reader can enlarge a difference of 1e-9. Sixteen bits suffice for a
+drawing; the report folder holds the motions at full precision.
 """
 
 from __future__ import annotations
@@ -15,19 +15,19 @@ from consilience.engine import TrajectoryAnswer
 from consilience.mechanism import Array, continuous_in_time, quaternion_product
 
 FRAMES = 61
-"""Frames of a replay at most."""
+"""Largest number of frames of a replay."""
 
 TURN = 1.0
-"""Largest turn of a body between frames, rad: what turns faster is shown for a shorter time."""
+"""Largest turn of a body between frames, rad; a replay of faster bodies is shorter."""
 
 FULL, FINE = 32767, 2047
-"""Steps of the poses and of the differences to either side of zero."""
+"""Quantisation steps on either side of zero, of poses and of differences."""
 
 Encoded = dict[str, Any]
 
 
 def chosen_samples(answer: TrajectoryAnswer) -> Array:
-    """Samples that are shown: evenly spread over the motion, or the first of it where bodies turn too fast for that."""
+    """Choose samples: evenly spread over the motion, or its first samples if bodies turn too fast."""
     count = len(answer.time)
     spread = max(1, -(-(count - 1) // (FRAMES - 1)))
     while spread > 1 and _turn(answer.quat_WB[::spread]) > TURN:
@@ -36,13 +36,13 @@ def chosen_samples(answer: TrajectoryAnswer) -> Array:
 
 
 def _turn(quats: Array) -> float:
-    """Largest angle from one sample to the next, rad."""
+    """Return the largest angle from one sample to the next, rad."""
     cosine = np.abs(np.sum(quats[1:] * quats[:-1], axis=-1))
     return float(np.max(2.0 * np.arccos(np.minimum(cosine, 1.0)), initial=0.0))
 
 
 def encoded_poses(answer: TrajectoryAnswer, samples: Array) -> Encoded:
-    """Poses as 16-bit numbers: positions between their extremes, quaternions without a change of sign on the way."""
+    """Encode poses in 16 bits: positions between their extremes, quaternions continuous in time."""
     p, quats = answer.p_WB[samples], continuous_in_time(answer.quat_WB[samples])
     middle = (p.max(axis=(0, 1)) + p.min(axis=(0, 1))) / 2.0
     size = float(np.max(np.abs(p - middle))) or 1.0
@@ -55,7 +55,7 @@ def encoded_poses(answer: TrajectoryAnswer, samples: Array) -> Encoded:
 
 
 def encoded_difference(answer: TrajectoryAnswer, reference: TrajectoryAnswer, samples: Array) -> Encoded:
-    """Difference to the reference: of positions (m), of turns (vectors in world axes, rad), each with its scale."""
+    """Encode differences to the reference: positions, m, and rotation vectors, rad, world axes, each with its scale."""
     away = answer.p_WB[samples] - reference.p_WB[samples]
     back = reference.quat_WB[samples] * [1.0, -1.0, -1.0, -1.0]
     turn = _rotation_vectors(quaternion_product(answer.quat_WB[samples], back))
@@ -69,7 +69,7 @@ def encoded_difference(answer: TrajectoryAnswer, reference: TrajectoryAnswer, sa
 
 
 def _rotation_vectors(quats: Array) -> Array:
-    """Rotation vectors, rad, of unit quaternions, shape (..., 4): the shorter way round."""
+    """Convert unit quaternions, shape (..., 4), to rotation vectors of at most pi, rad."""
     q = np.where(quats[..., :1] < 0.0, -quats, quats)
     half = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
     scale = np.divide(2.0 * np.arctan2(half, q[..., :1]), half, out=np.full_like(half, 2.0), where=half > 0.0)
@@ -77,7 +77,7 @@ def _rotation_vectors(quats: Array) -> Array:
 
 
 def packed(values: Array, steps: int) -> str:
-    """Numbers in [-1, 1], shape (frames, bodies, n), as base64 of their changes from frame to frame in 16 bits."""
+    """Encode numbers in [-1, 1], shape (frames, bodies, n), as base64 of 16-bit changes from frame to frame."""
     whole = np.rint(values * steps).astype(np.int16)
-    changes = np.diff(whole, axis=0, prepend=np.zeros_like(whole[:1]))  # modulo 2^16, as the page adds them up
+    changes = np.diff(whole, axis=0, prepend=np.zeros_like(whole[:1]))  # modulo 2^16, as the sums in the page
     return b64encode(np.moveaxis(changes, 0, -1).astype("<i2").tobytes()).decode()

@@ -16,7 +16,7 @@ def write_pages(folder: Path) -> None:
     Raises
     ------
     InvalidInput
-        If there is no complete record in the folder, or its replays are none.
+        If there is no complete record in the folder, or ``replay.json`` is invalid.
     """
     record = read_record(folder)
     write_atomically(folder / "report.html", render_html(record, read_replay(folder)))

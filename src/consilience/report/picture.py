@@ -1,43 +1,42 @@
-"""``consilience show --picture``: a mechanism in three views and an axonometric one, as an SVG file.
+"""SVG picture of a mechanism: three orthogonal views and an axonometric view.
 
-Views are arranged as in third-angle projection: from above over the front, from the right beside it; one scale for the
-three. Up is the axis of the world that is most against gravity.
+The orthogonal views are arranged as in third-angle projection, with one scale. Upward is the world axis that is most
+against gravity.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 
 from consilience.mechanism import Array, Mechanism, State
 from consilience.report.figure import COLOURS
-from consilience.report.figure3d import Figure3D, Mark, figure_of, upright
+from consilience.report.figure3d import Figure3D, PlaceLabel, figure_of, upright, view_axes
+from consilience.report.templating import template_environment
 
 WIDTH, HEIGHT, MARGIN = 460.0, 380.0, 46.0
-"""Of one view, and what it leaves free, in pixels."""
+"""Size and margin of one view, in pixels."""
 
 AXIS = 17.0
-"""Half the length of the axis of a joint, in pixels where it lies in the view."""
+"""Half the length of a joint axis in the plane of the view, in pixels."""
 
 NEAR = 9.0
-"""Distance in pixels within which joints share one label."""
+"""Distance within which joints share one label, in pixels."""
 
 CROWD, SMALLEST = 10, 0.6
-"""Joints up to which symbols have their full size, and the least size."""
+"""Number of joints up to which symbols have their full size, and the least relative size."""
 
 SHAPES = {"revolute": "circle", "prismatic": "square", "spherical": "ball", "rigid": "block", "free": "none"}
-"""Symbols of joints; every other kind is a diamond."""
+"""Symbols of joint kinds; every other kind is a diamond."""
 
 
 @dataclass(frozen=True, eq=False)
-class View:
-    """A projection: rows to the right and upward, and where on the sheet."""
+class Projection:
+    """A view: directions to the right and upward (rows), and the place on the sheet."""
 
     title: str
     axes: Array
@@ -45,57 +44,36 @@ class View:
     row: int
 
 
-def views(figure: Figure3D) -> list[View]:
-    """Views of the sheet; the axonometric one from the left or the right, wherever the mechanism is wider."""
+def views(figure: Figure3D) -> list[Projection]:
+    """Choose the views; the axonometric view is from the side from which the mechanism is wider."""
     right, up, toward = upright(figure.gravity)
     tilted = [_axonometric(side * 0.5 * right + 0.45 * up + 0.75 * toward, up) for side in (1.0, -1.0)]
     points = figure.points - figure.points.mean(axis=0)
     widest = max(tilted, key=lambda axes: float(np.prod(np.linalg.svd(points @ axes.T, compute_uv=False))))
     return [
-        View("from above", np.array([right, -toward]), 0, 0),
-        View("from the front", np.array([right, up]), 0, 1),
-        View("from the right", np.array([-toward, up]), 1, 1),
-        View("axonometric", widest, 1, 0),
+        Projection("from above", np.array([right, -toward]), 0, 0),
+        Projection("from the front", np.array([right, up]), 0, 1),
+        Projection("from the right", np.array([-toward, up]), 1, 1),
+        Projection("axonometric", widest, 1, 0),
     ]
 
 
 def _axonometric(toward: Array, up: Array) -> Array:
-    """Rows of the projection that looks against `toward`, up as it can be."""
-    normal = toward / np.linalg.norm(toward)
-    upward = up - (up @ normal) * normal
-    upward /= np.linalg.norm(upward)
-    return np.array([np.cross(upward, normal), upward])
-
-
-@cache
-def _template() -> Template:
-    environment = Environment(
-        loader=PackageLoader("consilience.report", "templates"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template("picture.svg.j2")
+    """Return the directions (rows) of the view against `toward`."""
+    return view_axes(toward / np.linalg.norm(toward), up)
 
 
 def picture(mechanism: Mechanism, state: State, title: str) -> str:
-    """SVG text of a mechanism in a state.
-
-    Parameters
-    ----------
-    title : str
-        Above the views.
-    """
+    """Draw a mechanism in a state as SVG, with a title above the views."""
     pairs = [(joint.predecessor, joint.successor) for joint in mechanism.joints]
     return drawn(figure_of(mechanism, state), pairs, title)
 
 
 def drawn(figure: Figure3D, pairs: Sequence[Sequence[str]], title: str) -> str:
-    """SVG text of a figure; `pairs` are the bodies that each joint is between."""
+    """Draw a figure as SVG; `pairs` are the two bodies of each joint."""
     *orthogonal, tilted = views(figure)
     scale = min(_fitting(figure, view) for view in orthogonal)
-    # edge on, a view must not magnify what is hardly there
+    # the scale of a flat mechanism seen edge on must not be larger
     own = min(_fitting(figure, tilted), 1.3 * scale)
     panels = [*(_panel(figure, view, scale) for view in orthogonal), _panel(figure, tilted, own)]
     names = [
@@ -104,14 +82,18 @@ def drawn(figure: Figure3D, pairs: Sequence[Sequence[str]], title: str) -> str:
     ]
     bodies = [(mark.letter, mark.name, _colour(i)) for i, mark in enumerate(figure.bodies)]
     lines = len(names) + len(bodies) + 4
-    return _template().render(
-        title=title,
-        panels=panels,
-        joints=names,
-        bodies=bodies,
-        view=(WIDTH, HEIGHT),
-        symbol=f"{min(1.0, max(SMALLEST, CROWD / len(names))):.2f}" if names else "1",
-        size=(2 * WIDTH + 330, max(2 * HEIGHT + 50, 16.0 * lines + 60)),
+    return (
+        template_environment(autoescape=True)
+        .get_template("picture.svg.j2")
+        .render(
+            title=title,
+            panels=panels,
+            joints=names,
+            bodies=bodies,
+            view=(WIDTH, HEIGHT),
+            symbol=f"{min(1.0, max(SMALLEST, CROWD / len(names))):.2f}" if names else "1",
+            size=(2 * WIDTH + 330, max(2 * HEIGHT + 50, 16.0 * lines + 60)),
+        )
     )
 
 
@@ -119,15 +101,15 @@ def _colour(body: int) -> str:
     return COLOURS[body % len(COLOURS)] if body >= 0 else "#8a8a8a"
 
 
-def _fitting(figure: Figure3D, view: View) -> float:
-    """Pixels a metre at which the mechanism fills the view."""
+def _fitting(figure: Figure3D, view: Projection) -> float:
+    """Return the scale in pixels per metre at which the mechanism fills the view."""
     extent = np.ptp(figure.points @ view.axes.T, axis=0)
     room = np.array([WIDTH, HEIGHT]) - 2 * MARGIN
     return float(np.min(room / np.maximum(extent, 1e-6 + 0.02 * np.max(extent))))
 
 
-def _panel(figure: Figure3D, view: View, scale: float) -> dict[str, Any]:
-    """Everything in one view, in pixels from its corner."""
+def _panel(figure: Figure3D, view: Projection, scale: float) -> dict[str, Any]:
+    """Draw one view, in pixels from its corner."""
     flat = figure.points @ view.axes.T
     middle = (flat.min(axis=0) + flat.max(axis=0)) / 2
 
@@ -157,15 +139,15 @@ def _panel(figure: Figure3D, view: View, scale: float) -> dict[str, Any]:
     }
 
 
-def _joint(mark: Mark, at: Array, view: View) -> dict[str, Any]:
-    """Symbol of a joint and its axis; an axis towards the viewer is a point."""
+def _joint(mark: PlaceLabel, at: Array, view: Projection) -> dict[str, Any]:
+    """Draw the symbol of a joint and its axis."""
     along = np.zeros(2) if mark.axis is None else view.axes @ mark.axis * AXIS * np.array([1.0, -1.0])
     shape = SHAPES.get(mark.kind, "diamond")
     return {"x": at[0], "y": at[1], "axis": tuple(along), "shape": shape, "ground": mark.ground}
 
 
-def _labels(marks: tuple[Mark, ...], places: list[Array]) -> list[tuple[float, float, str]]:
-    """Letters beside the joints, those of one place together."""
+def _labels(marks: tuple[PlaceLabel, ...], places: list[Array]) -> list[tuple[float, float, str]]:
+    """Label the joints; joints at one place share a label."""
     groups: list[tuple[Array, list[str]]] = []
     for mark, at in zip(marks, places, strict=True):
         group = next((letters for place, letters in groups if np.linalg.norm(place - at) < NEAR), None)
@@ -173,18 +155,18 @@ def _labels(marks: tuple[Mark, ...], places: list[Array]) -> list[tuple[float, f
             groups.append((at, [mark.letter]))
         elif mark.letter:
             group.append(mark.letter)
-    return [(float(at[0]) + 7.0, float(at[1]) - 7.0, _run(letters)) for at, letters in groups]
+    return [(float(at[0]) + 7.0, float(at[1]) - 7.0, _abbreviated(letters)) for at, letters in groups]
 
 
-def _run(letters: list[str]) -> str:
-    """Letters as text; a run of more than three in alphabetical order by its ends."""
+def _abbreviated(letters: list[str]) -> str:
+    """Join letters; more than three consecutive letters are abbreviated to first and last."""
     known = [letter for letter in letters if letter]
     straight = all(ord(b) == ord(a) + 1 for a, b in pairwise(known))
     return f"{known[0]}-{known[-1]}" if len(known) > 3 and straight else ", ".join(known)
 
 
 def _bar(scale: float) -> tuple[float, str]:
-    """Length in pixels of a scale bar of a round length, and that length."""
+    """Return the length of a scale bar in pixels, and its round length in m."""
     exponent = int(np.floor(np.log10(90.0 / scale)))
     length = max(n * 10.0**exponent for n in (1, 2, 5) if n * 10.0**exponent * scale <= 90.0)
     return length * scale, f"{length:g} m"

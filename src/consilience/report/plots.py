@@ -1,4 +1,4 @@
-"""Figures of the HTML page as compact JSON: over time, the horizon, and work against precision."""
+"""Figures of the HTML page: differences and energies over time, and the horizon."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from consilience.report.figure import (
     COLOURS,
     DASHES,
     GREY,
+    TIME,
     Figure,
     add_asked,
     add_horizon,
@@ -24,11 +25,9 @@ from consilience.report.record import Record
 from consilience.report.selection import growing_motion, method_of, motions_of
 from consilience.report.wording import anchor, step_name, step_text
 
-TIME = {"title": {"text": "time in s"}}
-
 
 def figures(record: Record) -> dict[str, Figure]:
-    """All figures by the identifier of their place on the page."""
+    """Draw all figures of a record, by the identifier of their place on the page."""
     found: dict[str, Figure] = {}
     for case in record.cases:
         motions, kinds = motions_of(case["name"], record.of_case(case["name"])[1]), list(case_figures(record, case))
@@ -48,7 +47,7 @@ def figures(record: Record) -> dict[str, Figure]:
 
 
 def horizon(comparison: dict[str, Any], digits: int) -> Figure:
-    """One rounding error at the start, grown along the reference, against the digits asked."""
+    """Draw the growth of a rounding error along the reference, against the digits asked."""
     grown = {
         **grid(comparison["times"]),
         "y": compact([EPS * g for g in comparison["growth"]]),
@@ -64,7 +63,7 @@ def horizon(comparison: dict[str, Any], digits: int) -> Figure:
 
 
 def differences(compared: Sequence[dict[str, Any]], record: Record, digits: int) -> Figure:
-    """Differences to the reference, the band of each finest level, and the uncertainty of the reference."""
+    """Draw differences to the reference, the band of each finest level, and the uncertainty of the reference."""
     traces = [*_over_time(compared, record, "difference"), *_bands(compared), *_uncertainty(compared[0])]
     found = figure(traces, TIME, "difference to the reference")
     add_asked(found, digits)
@@ -73,14 +72,14 @@ def differences(compared: Sequence[dict[str, Any]], record: Record, digits: int)
 
 
 def energies(compared: Sequence[dict[str, Any]], record: Record) -> Figure:
-    """Energy change of every level."""
+    """Draw the energy change of every level."""
     found = figure(_over_time(compared, record, "energy"), TIME, "|energy change| / largest kinetic energy")
     add_horizon(found, compared[0])
     return found
 
 
 def _over_time(compared: Sequence[dict[str, Any]], record: Record, name: str) -> list[Figure]:
-    """One colour a method, one dash a level: the finest is solid."""
+    """Draw a field of every level over time: a colour for each method, a dash for each level, the finest solid."""
     traces = []
     for n, comparison in enumerate(compared):
         method, levels = method_of(record.runs_of(comparison)), comparison["levels"]
@@ -102,7 +101,7 @@ def _over_time(compared: Sequence[dict[str, Any]], record: Record, name: str) ->
 
 
 def _level_line(comparison: dict[str, Any], value: float, **more: Any) -> Figure:
-    """A thin dotted horizontal line, up to the horizon."""
+    """Draw a horizontal line up to the horizon."""
     start, end = comparison["times"][0], comparison["times"][-1]
     judged = end if comparison["horizon"] is None else start + comparison["horizon"]
     (height,) = compact([value])
@@ -110,7 +109,7 @@ def _level_line(comparison: dict[str, Any], value: float, **more: Any) -> Figure
 
 
 def _bands(compared: Sequence[dict[str, Any]]) -> list[Figure]:
-    """Uncertainty of the finest level of each method, in its colour."""
+    """Draw the uncertainty of the finest level of each method, in the colour of the method."""
     return [
         _level_line(
             comparison,
@@ -125,7 +124,7 @@ def _bands(compared: Sequence[dict[str, Any]]) -> list[Figure]:
 
 
 def _uncertainty(comparison: dict[str, Any]) -> list[Figure]:
-    """Uncertainty of the reference."""
+    """Draw the uncertainty of the reference."""
     if not comparison["reference_spread"]:
         return []
     line = {"color": GREY, "dash": "1px,3px", "width": 2.2}

@@ -1,4 +1,4 @@
-"""Figures along the motions of all engines: reactions of the joints, and how far constraints are violated."""
+"""Figures along the motions of all engines: reactions of the joints, and violation of their constraints."""
 
 from __future__ import annotations
 
@@ -6,19 +6,18 @@ from collections.abc import Iterator, Mapping
 from html import escape
 from typing import Any
 
-from consilience.report.figure import COLOURS, GREY, Figure
+from consilience.compare.judge import REFERENCE
+from consilience.report.figure import COLOURS, GREY, TIME, Figure
 from consilience.report.record import Record
 from consilience.report.wording import anchor
 
-REFERENCE = "reference"
 DASHES = ("solid", "dash", "dot", "dashdot", "longdash")
 MOST_JOINTS = 12
-
-TIME = {"title": {"text": "time in s"}}
+"""Largest number of joints in a figure."""
 
 
 def replay_figures(record: Record, replays: Mapping[str, dict[str, Any]]) -> dict[str, Figure]:
-    """Figures by the identifier of their place on the page."""
+    """Draw the figures of all cases, by the identifier of their place on the page."""
     engines, found = list(record.header["engines"]), {}
     for case in record.cases:
         along = (replays.get(case["name"]) or {}).get("along")
@@ -30,7 +29,7 @@ def replay_figures(record: Record, replays: Mapping[str, dict[str, Any]]) -> dic
 
 
 def reactions(along: dict[str, Any], engines: list[str]) -> Figure:
-    """Force of every joint on its successor over time: a colour a joint, the reference solid, engines by dashes."""
+    """Draw the reaction force on the successor of every joint over time: a colour for each joint, dashes by engine."""
     traces = list(_series(along, engines))
     yaxis = {"title": {"text": "reaction force in N"}, "rangemode": "tozero"}
     return {"data": traces, "layout": {"xaxis": TIME, "yaxis": yaxis, "shapes": [], "annotations": []}}
@@ -39,7 +38,7 @@ def reactions(along: dict[str, Any], engines: list[str]) -> Figure:
 def _series(along: dict[str, Any], engines: list[str]) -> Iterator[Figure]:
     others = [name for name in engines if name != REFERENCE]
     for engine, series in along["engines"].items():
-        # the reference behind, wide and pale: who agrees lies on it
+        # the reference is wide and pale, behind the lines of engines that agree
         own = engine == REFERENCE
         dash = "solid" if own else DASHES[(others.index(engine) if engine in others else 0) % len(DASHES)]
         for n, joint in enumerate(along["joints"][:MOST_JOINTS]):
@@ -58,7 +57,7 @@ def _series(along: dict[str, Any], engines: list[str]) -> Iterator[Figure]:
 
 
 def drift(along: dict[str, Any], engines: list[str]) -> Figure:
-    """Largest violation of a joint's constraints over time, one colour an engine."""
+    """Draw the largest violation of a joint constraint over time, a colour for each engine."""
     traces = [
         {
             "type": "scatter",

@@ -1,4 +1,4 @@
-"""Work against precision: the error of every engine and of the reference over CPU time, and over the step."""
+"""Work-precision figures: the difference of every engine over CPU time, and over the step."""
 
 from __future__ import annotations
 
@@ -11,17 +11,14 @@ from consilience.report.record import Record
 from consilience.report.selection import is_matched, judged_largest, mean_step, method_of
 from consilience.report.wording import order_text, step_name, step_text
 
-_Abscissa = Callable[[dict[str, Any], dict[str, Any]], float | None]
-"""Where a level with its method stands; None where it does not."""
-
 
 def work_precision(compared: Sequence[dict[str, Any]], record: Record, case: dict[str, Any]) -> Figure:
-    """Largest difference against CPU time."""
+    """Draw the largest difference over CPU time."""
     return _precision(compared, record, case, "CPU time in s", lambda level, _: level["cpu"])
 
 
 def step_precision(compared: Sequence[dict[str, Any]], record: Record, case: dict[str, Any]) -> Figure:
-    """Largest difference against the step, the mean step of an adaptive method."""
+    """Draw the largest difference over the step; over the mean step of an adaptive method."""
     duration = case["duration"]
     return _precision(
         compared, record, case, "step in s", lambda level, method: mean_step(level, method, duration), orders=True
@@ -33,10 +30,26 @@ def _precision(
     record: Record,
     case: dict[str, Any],
     axis: str,
-    abscissa: _Abscissa,
+    abscissa: Callable[[dict[str, Any], dict[str, Any]], float | None],
     orders: bool = False,
 ) -> Figure:
-    """One colour an engine, one shape a method, hollow where it is the engine's default, one marker a level."""
+    """Draw the largest differences of all levels.
+
+    Engines differ by colour, methods by the shape of the marker; markers of default methods are hollow.
+
+    Parameters
+    ----------
+    compared : sequence of dict
+        Comparisons of motions.
+    record : Record
+    case : dict
+    axis : str
+        Title of the abscissa.
+    abscissa : callable
+        Function from a level and its method to the abscissa; None for no marker.
+    orders : bool
+        Whether the legend has the observed orders.
+    """
     engines = list(record.header["engines"])
     traces, seen = [], dict.fromkeys(engines, 0)
     for comparison in sorted(compared, key=lambda c: engines.index(c["engine"])):

@@ -1,8 +1,7 @@
-"""Reactions of the joints and violation of their constraints over time, from a motion alone: the same for every engine.
+"""Reactions of the joints and violation of their constraints over time, computed from a motion, alike for all engines.
 
-Newton-Euler for every body at a state of the motion, ``M a = f + Q^T lam`` and ``Q a = gamma``, solved densely. An
-engine says its own reactions at the states of the question `instant`; here its motion is given the reactions that it
-needs.
+The Newton-Euler equations ``M a = f + Q^T lam`` and the constraints ``Q a = gamma`` are solved densely at states of
+the motion. (Reactions given by the engine itself belong to the question `instant`.)
 """
 
 from __future__ import annotations
@@ -32,21 +31,21 @@ from consilience.mechanism import (
 )
 
 LARGEST = 12
-"""Bodies up to which reactions are plotted: beyond, the dense solution takes too long for what a plot can show."""
+"""Largest number of bodies for which reactions are plotted: the cost of a dense solution is cubic."""
 
 
 def can_be_told(mechanism: Mechanism) -> bool:
-    """Whether a state decides the reactions: not with integrals in a controller, nor where bodies may hit."""
+    """Whether a state determines the reactions: neither integral controllers nor contacts, and few bodies."""
     held = bool(mechanism.joints) and any(joint.rows for joint in mechanism.joints)
     small = len(mechanism.bodies) <= LARGEST and len(mechanism.joints) <= 2 * LARGEST
     return held and small and not mechanism.contacts and not any(c.integral for c in mechanism.controls)
 
 
 def reactions_over_time(mechanism: Mechanism, answer: TrajectoryAnswer, samples: Array) -> Array:
-    """Length of the force and of the torque of every joint at samples, shape (n_samples, n_j, 2), N and N m.
+    """Return magnitudes of force and torque of every joint at samples, shape (n_samples, n_j, 2), N and N m.
 
-    On the successor, the torque about the origin of M; of those components that equilibrium determines. nan where it
-    determines none.
+    On the successor, the torque about the origin of M, of the components that equilibrium determines; nan where
+    equilibrium determines none.
     """
     sure = determinate_reactions(mechanism, answer.state(int(samples[0])))
     turns = _turns(mechanism, answer, samples)
@@ -59,7 +58,7 @@ def reactions_over_time(mechanism: Mechanism, answer: TrajectoryAnswer, samples:
 
 
 def _turns(mechanism: Mechanism, answer: TrajectoryAnswer, samples: Array) -> list[Angles]:
-    """Angles of the joints that drive a coupling at samples, turns counted along the whole motion."""
+    """Return the angles of joints that drive couplings at samples, rad, with full turns counted along the motion."""
     angles: Angles = {}
     counted: list[Angles] = []
     for k in range(int(samples[-1]) + 1 if mechanism.couplings else 0):
@@ -69,9 +68,9 @@ def _turns(mechanism: Mechanism, answer: TrajectoryAnswer, samples: Array) -> li
 
 
 def reactions(mechanism: Mechanism, state: State, t: float, angles: Angles | None = None) -> Array:
-    """Force and torque of every joint on its successor, about the origin of M, axes of F, shape (n_j, 6).
+    """Return force and torque of every joint on its successor, about the origin of M, axes of F, shape (n_j, 6).
 
-    `angles` as in `kinematics.constraint_residual`: where couplings are after full turns.
+    `angles` are angles of joints that drive couplings, with full turns, as in `mechanism.constraint_residual`.
     """
     sums = applied_wrenches(mechanism, state, t)
     arms = centres_of_mass(mechanism, state)[0] - state.p_WB
@@ -94,6 +93,6 @@ def reactions(mechanism: Mechanism, state: State, t: float, angles: Angles | Non
 
 
 def drift_over_time(mechanism: Mechanism, answer: TrajectoryAnswer, samples: Array) -> Array:
-    """Largest violation of a row of a joint at samples, shape (n_samples,), in m, rad or a pure number."""
+    """Return the largest violation of a constraint row of a joint at samples, shape (n_samples,), m, rad or 1."""
     jointed = replace(mechanism, drives=(), couplings=(), rollings=(), skates=())
     return np.array([np.max(np.abs(constraint_residual(jointed, answer.state(k))), initial=0.0) for k in samples])

@@ -1,8 +1,8 @@
 """The record of a suite as JSON Lines: header, cases, runs, comparisons, footer.
 
-One JSON object a line, each with a ``record`` key. The footer comes last and counts the others: a report without it
-was cut off, and is not taken for a complete one. Trajectories' arrays are not in it (they lie beside it as NPZ);
-answers of the other questions are, in full.
+Each line is a JSON object with a key ``record``. The footer comes last and counts the other lines: a record without
+its footer was cut off, and is refused. The record holds answers in full, but for the arrays of motions, which are NPZ
+files in the folder ``runs``.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from pydantic_core import from_json
 
 from consilience.case import Case
 from consilience.case.bounded_reading import bounded_text
-from consilience.compare import Verdict
-from consilience.engine import Profile, Question, Run, TrajectoryAnswer
+from consilience.compare import exit_code as exit_code_of
+from consilience.engine import Profile, Question, Run
 from consilience.errors import InvalidInput
 from consilience.mechanism import determinate_reactions
 from consilience.report.recordschema import FORMAT, checked, contradictions
@@ -34,12 +34,12 @@ from consilience.report.replayschema import NAME
 from consilience.suite import QUICK, Results
 
 LARGEST_FILE = 500_000_000
-"""Size of a record that is read, in bytes at most; one of the whole library has a few million."""
+"""Size limit of a record, bytes."""
 
 
 @dataclass(frozen=True)
 class Record:
-    """A report read back: plain dictionaries, as in the file."""
+    """A record read from its file, as dictionaries."""
 
     header: dict[str, Any]
     cases: list[dict[str, Any]]
@@ -56,7 +56,7 @@ class Record:
         return found
 
     def runs_of(self, comparison: dict[str, Any]) -> list[dict[str, Any]]:
-        """Runs of the method of a comparison, in order: levels and probes of other softness alike."""
+        """Return the runs of the method of a comparison: levels, and probes of other softness."""
         c = comparison
         return self._by_method.get((c["case"], c["engine"], c["question"], c["method"]), [])
 
@@ -69,11 +69,11 @@ class Record:
         return found
 
     def of_case(self, name: str) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-        """Runs and comparisons of a case, in order."""
+        """Return the runs and the comparisons of a case."""
         return self._by_case.get(name, ([], []))
 
     def again(self, case: dict[str, Any] | None = None, engine: str = "", question: str = "") -> str:
-        """Command that asks again, as thoroughly: about one case or all, of one engine or all, one question or all."""
+        """Return the command that asks again: about one case or all, one engine or all, one question or all."""
         words = ["consilience", "run"]
         words += [] if case is None else [case.get("call") or case["name"]]
         words += ["-e", engine] if engine else []
@@ -83,7 +83,7 @@ class Record:
 
 
 def _plain(value: Any) -> Any:
-    """JSON types: arrays to lists, numbers that are not finite to None (JSON has no word for them)."""
+    """Convert to JSON types: arrays to lists, numbers that are not finite to None."""
     if isinstance(value, np.ndarray | np.generic):
         return _plain(value.tolist())
     if is_dataclass(value) and not isinstance(value, type):
@@ -98,7 +98,7 @@ def _plain(value: Any) -> Any:
 
 
 def header(results: Results, elapsed: float) -> dict[str, Any]:
-    """Versions and platform: what one needs to run it again."""
+    """Make the header: versions, platform and engines."""
     packages = {p: version(p) for p in ("consilience", "numpy", "scipy", "numba")}
     return {
         "record": "header",
@@ -112,7 +112,7 @@ def header(results: Results, elapsed: float) -> dict[str, Any]:
         "engines": {name: asdict(info) for name, info in results.engines.items()},
         "missing": results.missing,
         "questions": [str(q) for q in results.questions],
-        "quick": results.effort == QUICK,
+        "quick": results.thoroughness == QUICK,
     }
 
 
@@ -147,23 +147,21 @@ def _case(case: Case, questions: Sequence[Question]) -> dict[str, Any]:
 
 
 def _undetermined(case: Case) -> dict[str, list[int]]:
-    """Joints with reactions that equilibrium leaves open: at how many of the states each component of force, torque."""
+    """Count, for each joint and component of its reaction, the states in which equilibrium does not determine it."""
     determined = [determinate_reactions(case.mechanism, state) for state in case.states]
     counts = np.sum(~np.array(determined), axis=0)
     return {j.name: [int(n) for n in c] for j, c in zip(case.mechanism.joints, counts, strict=True) if np.any(c)}
 
 
 def _run(run: Run) -> dict[str, Any]:
-    answer = run.answer
-    if isinstance(answer, TrajectoryAnswer):
-        shown: Any = {"counters": answer.counters, "samples": len(answer.time)}
-    else:
-        shown = answer
+    answer = shown = run.answer
+    if run.question.over_time and answer is not None:
+        shown = {"counters": answer.counters, "samples": len(answer.time)}
     return {**vars(run), "record": "run", "answer": shown}
 
 
 def lines(results: Results, elapsed: float) -> Iterator[dict[str, Any]]:
-    """Records of a report in order."""
+    """List the lines of a record in order."""
     yield header(results, elapsed)
     for case in results.cases:
         yield _case(case, results.questions)
@@ -181,26 +179,20 @@ def lines(results: Results, elapsed: float) -> Iterator[dict[str, Any]]:
 
 
 def exit_code(results: Results) -> int:
-    """Whether the engines agree: 0 yes, 1 some differ in the model, 3 incomplete (missing, failed, unresolved).
-
-    A difference that shrinks away with the step size or with the softness of constraints is no disagreement; an
-    unsupported case is no failure. Answers at the engines' own defaults are told, and decide nothing.
-    """
+    """Return 0 if all engines agree with matched settings, 1 if a model differs, 3 if the results are incomplete."""
     verdicts = {c.verdict for c in results.comparisons if c.profile is Profile.MATCHED}
-    if Verdict.MODEL in verdicts:
-        return 1
-    return 3 if results.missing or verdicts & {Verdict.FAILED, Verdict.UNRESOLVED} else 0
+    return exit_code_of(verdicts, bool(results.missing))
 
 
 def write_atomically(path: Path, text: str) -> None:
-    """Write a file so that a reader sees the old one or the new one, never a part."""
+    """Replace a file in one step: a reader sees the old file or the new file, never a part."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
     temporary.write_text(text, encoding="utf-8")
     temporary.replace(path)
 
 
 def write_record(results: Results, elapsed: float, folder: Path) -> None:
-    """Write ``report.jsonl``, and beside it the trajectories as ``runs/*.npz`` and the replays of the page."""
+    """Write ``report.jsonl``, motions as ``runs/*.npz``, and ``replay.json`` to a folder."""
     folder.mkdir(parents=True, exist_ok=True)
     text = "".join(json.dumps(_plain(line), allow_nan=False) + "\n" for line in lines(results, elapsed))
     _write_arrays(results, folder / "runs")
@@ -212,13 +204,13 @@ def _write_arrays(results: Results, folder: Path) -> None:
     folder.mkdir(exist_ok=True)
     numbers: dict[tuple[str, str], int] = {}
     for run in results.runs:
-        if isinstance(run.answer, TrajectoryAnswer):
+        if run.question.over_time and run.answer is not None:
             key = (run.case, run.engine)
             numbers[key] = numbers.get(key, 0) + 1
             a = run.answer
-            arrays = {"p_WB": a.p_WB, "quat_WB": a.quat_WB, "v_WB_W": a.v_WB_W, "w_WB_W": a.w_WB_W}
+            arrays = {name: getattr(a, name) for name in run.question.shapes if name != "time"}
             method = run.method.name if run.method else ""
-            # hard constraints have softness 0: there is no None in an NPZ
+            # softness 0 stands for hard constraints: an NPZ holds no None
             softness = (run.method.softness if run.method else None) or 0.0
             about = {"step": run.step or 0.0, "method": method, "softness": softness}
             target = folder / f"{run.case}.{run.engine}.{numbers[key]}.npz"
@@ -231,8 +223,8 @@ def read_record(folder: Path) -> Record:
     Raises
     ------
     InvalidInput
-        If it is not there, not JSON Lines, of another format, cut off (no footer, or a footer that counts more), or a
-        line is not what `recordschema` says.
+        If the file does not exist, is not JSON Lines, is of another format, is cut off (without a footer, or with a
+        footer that counts more lines), or violates `recordschema`.
     """
     path = folder / "report.jsonl"
     if not path.is_file():
@@ -243,7 +235,7 @@ def read_record(folder: Path) -> Record:
         where = f"{path}: line {number}"
         try:
             raw = from_json(line.encode(), allow_inf_nan=False)
-            # the version first: of a record of another one, no line need be as ours are
+            # the format first: lines of another format need not match the schema
             if number == 1 and isinstance(raw, dict) and raw.get("format", FORMAT) != FORMAT:
                 raise InvalidInput(str(path), f"its header is not of format {FORMAT}", again)
             record = checked(raw)

@@ -1,7 +1,6 @@
-"""What the lines of a record have to be before anything is made of them: types, ranges, and what refers to what.
+"""Schema of the lines of a record, checked before a page is rendered: types, ranges and references.
 
-A record may come from anybody. Fields that nothing is made of are let through as they are, so that a later version may
-write more.
+A record may come from anybody. Unknown fields pass unchanged, so that a later version may write more.
 """
 
 from __future__ import annotations
@@ -10,15 +9,25 @@ from collections.abc import Iterator, Sequence
 from datetime import datetime
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
+from pydantic import (
+    AfterValidator,
+    ConfigDict,
+    Field,
+    PlainValidator,
+    TypeAdapter,
+    ValidationError,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError
 
 from consilience.compare import Verdict
 from consilience.engine import Profile, Question, Route, Status
+from consilience.report.fields import NameField, StrictModel, first_problem
 
 FORMAT = 2
 
 LARGEST_MATRIX = 20_000
-"""Cases times engines at most: a page of more cells nobody can open."""
+"""Largest product of cases and engines: no browser opens a page of more cells."""
 
 _HUGE = 1.7e308
 
@@ -29,195 +38,204 @@ def _moment(text: str) -> str:
     return text
 
 
-# words of the format: JSON has them as strings, which is what members of these enumerations are
+def _question(name: str) -> Question:
+    try:
+        return Question(name)
+    except ValueError:
+        *names, last = (repr(str(question)) for question in Question)
+        expected = f"{', '.join(names)} or {last}"
+        raise PydanticCustomError("enum", "Input should be {expected}", {"expected": expected}) from None
+
+
+QuestionField = Annotated[Question, PlainValidator(_question)]
+
+# JSON holds members of these enumerations as strings
 _WORD = Field(strict=False)
-Asked = Annotated[Question, _WORD]
-Judged = Annotated[Verdict, _WORD]
-Way = Annotated[Route, _WORD]
-Whose = Annotated[Profile, _WORD]
-Ended = Annotated[Status, _WORD]
+VerdictField = Annotated[Verdict, _WORD]
+RouteField = Annotated[Route, _WORD]
+ProfileField = Annotated[Profile, _WORD]
+StatusField = Annotated[Status, _WORD]
 
-Short = Annotated[str, Field(max_length=1_000)]
-Text = Annotated[str, Field(max_length=2_000_000)]
-Number = Annotated[float, Field(ge=-_HUGE, le=_HUGE, allow_inf_nan=False)]
-Seconds = Annotated[float, Field(ge=0, le=1e30, allow_inf_nan=False)]
-Count = Annotated[int, Field(ge=0, le=1_000_000_000)]
-Triple = Annotated[list[Number], Field(min_length=3, max_length=3)]
+TextField = Annotated[str, Field(max_length=2_000_000)]
+NumberField = Annotated[float, Field(ge=-_HUGE, le=_HUGE, allow_inf_nan=False)]
+SecondsField = Annotated[float, Field(ge=0, le=1e30, allow_inf_nan=False)]
+CountField = Annotated[int, Field(ge=0, le=1_000_000_000)]
+TripleField = Annotated[list[NumberField], Field(min_length=3, max_length=3)]
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="allow", strict=True, frozen=True)
+class _RecordModel(StrictModel):
+    model_config = ConfigDict(extra="allow")
 
 
-class EngineTable(_Table):
+class EngineFields(_RecordModel):
     """An engine that started."""
 
-    name: Short
-    version: Short
-    adapter: Short
-    remarks: Text
+    name: NameField
+    version: NameField
+    adapter: NameField
+    remarks: TextField
 
 
-class Header(_Table):
+class Header(_RecordModel):
     """First line: versions and platform."""
 
     record: Literal["header"]
     format: Literal[FORMAT]  # type: ignore[valid-type]
-    written: Annotated[Short, AfterValidator(_moment)]
-    elapsed: Seconds
-    platform: Short
-    processor: Short
-    python: Short
-    packages: dict[Short, Short]
-    engines: dict[Short, EngineTable]
-    missing: dict[Short, Text]
-    questions: list[Asked]
+    written: Annotated[NameField, AfterValidator(_moment)]
+    elapsed: SecondsField
+    platform: NameField
+    processor: NameField
+    python: NameField
+    packages: dict[NameField, NameField]
+    engines: dict[NameField, EngineFields]
+    missing: dict[NameField, TextField]
+    questions: list[QuestionField]
     quick: bool | None = None
-    """Whether the headlines alone were asked, briefly; earlier records do not tell."""
+    """Whether the run was quick; absent in earlier records."""
 
 
-class CaseLine(_Table):
+class CaseLine(_RecordModel):
     """A case."""
 
     record: Literal["case"]
-    name: Short
-    call: Short | None = None
-    """What `consilience run` was given for it; earlier records do not tell."""
+    name: NameField
+    call: NameField | None = None
+    """Argument of `consilience run` for the case; absent in earlier records."""
 
-    title: Text
-    bodies: list[Short]
-    joints: list[Annotated[list[Short], Field(min_length=4, max_length=4)]]
-    rows: Count
-    duration: Annotated[Seconds, Field(gt=0)]
-    sample: Annotated[Seconds, Field(gt=0)]
+    title: TextField
+    bodies: list[NameField]
+    joints: list[Annotated[list[NameField], Field(min_length=4, max_length=4)]]
+    rows: CountField
+    duration: Annotated[SecondsField, Field(gt=0)]
+    sample: Annotated[SecondsField, Field(gt=0)]
     digits: Annotated[int, Field(ge=0, le=16)]
-    instants: Count
-    undetermined: dict[Short, Annotated[list[Count], Field(min_length=6, max_length=6)]]
-    sources: list[Text]
-    remarks: Text
-    tags: list[Text]
+    instants: CountField
+    undetermined: dict[NameField, Annotated[list[CountField], Field(min_length=6, max_length=6)]]
+    sources: list[TextField]
+    remarks: TextField
+    tags: list[TextField]
 
 
-class MethodTable(_Table):
+class MethodFields(_RecordModel):
     """A method of an engine."""
 
-    name: Short
-    route: Way
+    name: NameField
+    route: RouteField
     order: int | None
-    substeps: list[Count]
-    tolerances: list[Number]
-    settings: dict[Short, Any]
-    profile: Whose
-    softness: Number | None
+    substeps: list[CountField]
+    tolerances: list[NumberField]
+    settings: dict[NameField, Any]
+    profile: ProfileField
+    softness: NumberField | None
 
 
-class ManifestTable(_Table):
-    """What a translation kept."""
+class ManifestFields(_RecordModel):
+    """Manifest of a translation: exact and approximated features."""
 
-    exact: list[Text]
-    approximated: list[Text]
+    exact: list[TextField]
+    approximated: list[TextField]
 
 
-class ModelTable(_Table):
+class ModelFields(_RecordModel):
     """An engine's own account of a model."""
 
-    mass: Number
-    com: Triple
-    inertia: Annotated[list[Triple], Field(min_length=3, max_length=3)]
+    mass: NumberField
+    com: TripleField
+    inertia: Annotated[list[TripleField], Field(min_length=3, max_length=3)]
     freedom: Annotated[int, Field(ge=-1_000_000, le=1_000_000)]
 
 
-class RunLine(_Table):
-    """A run. Of the answers only those to `model` are shown."""
+class RunLine(_RecordModel):
+    """A run; its answer is checked for the question `model` alone."""
 
     record: Literal["run"]
-    case: Short
-    engine: Short
-    question: Asked
-    method: MethodTable | None
-    level: Count
-    step: Number | None
-    status: Ended
+    case: NameField
+    engine: NameField
+    question: QuestionField
+    method: MethodFields | None
+    level: CountField
+    step: NumberField | None
+    status: StatusField
     answer: dict[str, Any] | None
-    reason: Text
-    manifest: ManifestTable | None
-    cpu: Seconds
-    log: Text
+    reason: TextField
+    manifest: ManifestFields | None
+    cpu: SecondsField
+    log: TextField
 
     @model_validator(mode="after")
     def _account(self) -> RunLine:
         if self.question == Question.MODEL and self.answer is not None:
-            ModelTable.model_validate(self.answer)
+            ModelFields.model_validate(self.answer)
         return self
 
 
-class QuantityTable(_Table):
+class QuantityFields(_RecordModel):
     """A compared quantity."""
 
-    name: Short
-    difference: Number | None
-    bar: Number | None
-    count: Count
-    remark: Text
+    name: NameField
+    difference: NumberField | None
+    bar: NumberField | None
+    count: CountField
+    remark: TextField
 
 
-class SoftnessTable(_Table):
-    """What a ladder of softness says."""
+class SoftnessFields(_RecordModel):
+    """Results of a ladder of softness."""
 
-    order: Number | None
-    shift: Number | None
-    limit: Number | None
-
-
-class ObservableTable(_Table):
-    """What a ladder says of one observable."""
-
-    name: Short
-    order: Number | None
-    band: Number | None
-    change: Number | None
+    order: NumberField | None
+    shift: NumberField | None
+    limit: NumberField | None
 
 
-class LevelTable(_Table):
+class ObservableFields(_RecordModel):
+    """Results of a ladder of steps for one observable."""
+
+    name: NameField
+    order: NumberField | None
+    band: NumberField | None
+    change: NumberField | None
+
+
+class LevelFields(_RecordModel):
     """A level of a motion."""
 
-    step: Number | None
-    cpu: Seconds
-    largest: Number | None
-    rms: Number | None
-    difference: list[Number | None]
-    energy: list[Number | None]
-    residual: Number | None
-    counters: dict[Short, Count | Number | None]
+    step: NumberField | None
+    cpu: SecondsField
+    largest: NumberField | None
+    rms: NumberField | None
+    difference: list[NumberField | None]
+    energy: list[NumberField | None]
+    residual: NumberField | None
+    counters: dict[NameField, CountField | NumberField | None]
 
 
-class ComparisonLine(_Table):
+class ComparisonLine(_RecordModel):
     """A comparison."""
 
     record: Literal["comparison"]
-    case: Short
-    engine: Short
-    question: Asked
-    method: Short
-    route: Way | None
-    verdict: Judged
-    why: Text
-    digits: Number | None
-    limit_digits: Number | None
+    case: NameField
+    engine: NameField
+    question: QuestionField
+    method: NameField
+    route: RouteField | None
+    verdict: VerdictField
+    why: TextField
+    digits: NumberField | None
+    limit_digits: NumberField | None
     declared_order: Annotated[int, Field(ge=0, le=100)] | None
-    order: Number | None
-    self_order: Number | None
-    band: Number | None
-    reference_spread: Number | None
-    rule: Short
-    profile: Whose
-    horizon: Seconds | None
-    softness: SoftnessTable | None
-    observables: list[ObservableTable]
-    growth: list[Number]
-    quantities: list[QuantityTable]
-    times: list[Seconds]
-    levels: list[LevelTable]
+    order: NumberField | None
+    self_order: NumberField | None
+    band: NumberField | None
+    reference_spread: NumberField | None
+    rule: NameField
+    profile: ProfileField
+    horizon: SecondsField | None
+    softness: SoftnessFields | None
+    observables: list[ObservableFields]
+    growth: list[NumberField]
+    quantities: list[QuantityFields]
+    times: list[SecondsField]
+    levels: list[LevelFields]
 
     @model_validator(mode="after")
     def _one_grid(self) -> ComparisonLine:
@@ -231,41 +249,39 @@ class ComparisonLine(_Table):
         return self
 
 
-class Footer(_Table):
-    """Last line: it counts the others, and is missing where a record was cut off."""
+class Footer(_RecordModel):
+    """Last line: the number of the other lines; absent in a record that was cut off."""
 
     record: Literal["footer"]
-    cases: Count
-    runs: Count
-    comparisons: Count
+    cases: CountField
+    runs: CountField
+    comparisons: CountField
     exit_code: Literal[0, 1, 3]
 
 
-Line = Annotated[Header | CaseLine | RunLine | ComparisonLine | Footer, Field(discriminator="record")]
-_LINE: TypeAdapter[Line] = TypeAdapter(Line)
+RecordLine = Annotated[Header | CaseLine | RunLine | ComparisonLine | Footer, Field(discriminator="record")]
+_LINE: TypeAdapter[RecordLine] = TypeAdapter(RecordLine)
 
 Records = Sequence[dict[str, Any]]
 
 
 def checked(line: object) -> dict[str, Any]:
-    """Record of a line, its numbers as Python's floats where the format has numbers.
+    """Check a line, and return it with Python floats for all numbers of the format.
 
     Raises
     ------
     ValueError
-        With the field, and what is wrong with it.
+        If the line violates the schema; the message names the field and the problem.
     """
     try:
         return _LINE.validate_python(line).model_dump()
     except ValidationError as error:
-        first = error.errors(include_url=False, include_input=False)[0]
-        # the first part of the place is the kind of the record
-        place = ".".join(str(part) for part in first["loc"][1:])
-        raise ValueError(f"{place}: {first['msg']}".removeprefix(": ")) from None
+        # the first part of the place is the kind of the line
+        raise ValueError(first_problem(error, skip=1).removeprefix(": ")) from None
 
 
 def contradictions(header: dict[str, Any], cases: Records, runs: Records, comparisons: Records) -> Iterator[str]:
-    """What lines that are sound by themselves say against one another."""
+    """List the contradictions between lines that are each valid."""
     names, engines = {case["name"] for case in cases}, set(header["engines"])
     if len(names) < len(cases):
         yield "two cases have one name"
@@ -279,7 +295,7 @@ def contradictions(header: dict[str, Any], cases: Records, runs: Records, compar
     judged = [(c["case"], c["engine"], c["question"], c["method"]) for c in comparisons]
     if len(set(judged)) < len(judged):
         yield "two comparisons are of the same answer"
-    # only levels at a method's own softness are levels of a motion
+    # runs at another softness are no levels
     known = {
         (r["case"], r["engine"], r["question"], r["method"]["name"])
         for r in runs

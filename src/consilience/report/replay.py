@@ -1,7 +1,7 @@
-"""``replay.json`` beside the record: cases as they are drawn, their motions on every engine, reactions over time.
+"""The file ``replay.json`` of a report: scenes of the cases, motions on every engine, reactions over time.
 
-What the page needs to show a mechanism in motion, small. Without it a page is complete but for its drawings; a report
-of the questions `model` and `instant` alone has drawings and no motions.
+The file holds what the page needs to draw mechanisms in motion. Without the file, a page only lacks its drawings; a
+report without the question `trajectory` has drawings and no motions.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from consilience.case import Case
+from consilience.compare.judge import REFERENCE
 from consilience.engine import Profile, Run, TrajectoryAnswer
 from consilience.mechanism import Array, Mechanism
 from consilience.report.motion import Encoded, chosen_samples, encoded_difference, encoded_poses
@@ -20,21 +21,21 @@ from consilience.report.reactions import can_be_told, drift_over_time, reactions
 from consilience.report.replayschema import FORMAT
 from consilience.report.scene import Scene, scene
 
-REFERENCE = "reference"
 PLOTTED = 31
-"""Samples of a plot of reactions at most."""
+"""Largest number of samples in a plot of reactions."""
 
 Replay = dict[str, Any]
-"""A case: `scene`, `seed`, `motion` and `along` (None without one): values over time for plots."""
+"""Data of a case: `scene`, `seed`, `motion` or None, and `along` (values over time) or None."""
 
 
 def replay_of(case: Case, runs: Sequence[Run]) -> Replay:
-    """What is shown of a case in motion.
+    """Make the replay of a case.
 
     Parameters
     ----------
+    case : Case
     runs : sequence of Run
-        All runs of the case; of each engine the first matched method is shown, at its finest level.
+        All runs of the case; the replay shows the first matched method of each engine at its finest level.
     """
     shown = dict(_headlines(runs))
     found: Replay = {"case": case.name, "seed": case.seed, "motion": None, "along": None}
@@ -46,7 +47,7 @@ def replay_of(case: Case, runs: Sequence[Run]) -> Replay:
 
 
 def motion_alone(case: Case, answer: TrajectoryAnswer, how: str) -> Replay:
-    """The same of one motion that stands for the reference."""
+    """Make the replay of a single motion in place of the reference."""
     drawn = scene(case.mechanism, case.initial_state)
     samples = chosen_samples(answer)
     return {"case": case.name, "seed": case.seed, "scene": drawn, "along": None} | {
@@ -55,7 +56,7 @@ def motion_alone(case: Case, answer: TrajectoryAnswer, how: str) -> Replay:
 
 
 def _headlines(runs: Sequence[Run]) -> Iterator[tuple[str, tuple[TrajectoryAnswer, str]]]:
-    """Finest answer of the first matched method of every engine, and how it was made."""
+    """Return the finest motion of the first matched method of every engine, with method and step in words."""
     for engine in dict.fromkeys(run.engine for run in runs):
         moved = [
             (run, run.answer, run.method)
@@ -90,7 +91,7 @@ def _motion(drawn: Scene, shown: dict[str, tuple[TrajectoryAnswer, str]]) -> Rep
 
 
 def _along(mechanism: Mechanism, shown: dict[str, tuple[TrajectoryAnswer, str]]) -> Replay | None:
-    """Violation of the joints over time by the motions of all engines, and reactions where states decide them."""
+    """Compute the violation of the joints over time on all engines, and reactions where states determine them."""
     reference, _ = shown[REFERENCE]
     samples = np.arange(0, len(reference.time), max(1, -(-(len(reference.time) - 1) // (PLOTTED - 1))))
     alike = {e: answer for e, (answer, _) in shown.items() if np.array_equal(answer.time, reference.time)}
@@ -117,7 +118,7 @@ def _plain(values: Array) -> list[float | None]:
 
 
 def replays(cases: Sequence[Case], runs: Sequence[Run]) -> str:
-    """Text of ``replay.json``: the replays of all cases."""
+    """Write the text of ``replay.json``: the replays of all cases."""
     of_case: dict[str, list[Run]] = {}
     for run in runs:
         of_case.setdefault(run.case, []).append(run)

@@ -1,4 +1,4 @@
-"""What ``replay.json`` has to be before a page is made of it: the folder of a report may come from anybody."""
+"""Schema of ``replay.json``, checked before a page is rendered: the folder of a report may come from anybody."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ from binascii import Error as NotBase64
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
+from pydantic import AfterValidator, Field, TypeAdapter, ValidationError, model_validator
 
 from consilience.case.bounded_reading import bounded_text
 from consilience.errors import InvalidInput
+from consilience.report.fields import NameField, StrictModel, first_problem
 
 FORMAT = 1
 NAME = "replay.json"
@@ -19,7 +20,6 @@ LARGEST_FILE = 200_000_000
 _Number = Annotated[float, Field(ge=-1e30, le=1e30, allow_inf_nan=False)]
 _Triple = Annotated[list[_Number], Field(min_length=3, max_length=3)]
 _Four = Annotated[list[_Number], Field(min_length=4, max_length=4)]
-_Name = Annotated[str, Field(max_length=1_000)]
 _Body = Annotated[int, Field(ge=-1, le=100_000)]
 
 
@@ -34,104 +34,100 @@ def _base64(text: str) -> str:
 _Packed = Annotated[str, AfterValidator(_base64)]
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(strict=True, frozen=True, extra="forbid")
-
-
-class BodyTable(_Table):
+class ReplayBody(StrictModel):
     """A centre of mass."""
 
-    letter: _Name
-    name: _Name
+    letter: NameField
+    name: NameField
     body: _Body
     point: _Triple
 
 
-class JointTable(BodyTable):
+class ReplayJoint(ReplayBody):
     """A joint."""
 
-    kind: _Name
+    kind: NameField
     axis: _Triple | None
     ground: bool
-    between: Annotated[list[_Name], Field(min_length=2, max_length=2)]
+    between: Annotated[list[NameField], Field(min_length=2, max_length=2)]
 
 
-class LineTable(_Table):
-    """A line on a body."""
+class ReplayLine(StrictModel):
+    """A line fixed to a body."""
 
     body: _Body
-    kind: _Name
+    kind: NameField
     points: Annotated[list[_Triple], Field(min_length=1, max_length=1_000)]
 
 
-class TieTable(_Table):
+class ReplayTie(StrictModel):
     """A line between two bodies."""
 
-    kind: _Name
+    kind: NameField
     ends: Annotated[list[_Body], Field(min_length=2, max_length=2)]
     points: Annotated[list[_Triple], Field(min_length=2, max_length=2)]
 
 
-class SceneTable(_Table):
-    """A mechanism as it is drawn."""
+class ReplayScene(StrictModel):
+    """A mechanism as lines and labelled places."""
 
     gravity: _Triple
     p: list[_Triple]
     quat: list[_Four]
-    bodies: list[BodyTable]
-    joints: list[JointTable]
-    lines: list[LineTable]
-    ties: list[TieTable]
+    bodies: list[ReplayBody]
+    joints: list[ReplayJoint]
+    lines: list[ReplayLine]
+    ties: list[ReplayTie]
 
 
-class PosesTable(_Table):
+class ReplayPoses(StrictModel):
     """Poses of the reference."""
 
     middle: _Triple
     size: Annotated[float, Field(gt=0, le=1e30)]
     p: _Packed
     quat: _Packed
-    how: _Name
+    how: NameField
 
 
-class DifferenceTable(_Table):
-    """Difference of an engine."""
+class ReplayDifference(StrictModel):
+    """Difference of the motion of an engine to the reference."""
 
     away: Annotated[float, Field(ge=0, le=1e30)]
     turn: Annotated[float, Field(ge=0, le=10)]
     p: _Packed
     r: _Packed
-    how: _Name
+    how: NameField
 
 
-class MotionTable(_Table):
-    """A motion: `count` frames from `start` in steps of `step`, out of a motion until `end`."""
+class ReplayMotion(StrictModel):
+    """A motion: `count` frames from time `start` in steps of `step`; the whole motion ends at `end`."""
 
     start: _Number
     step: _Number
     end: _Number
     count: Annotated[int, Field(ge=1, le=1_000)]
-    reference: PosesTable
-    engines: dict[_Name, DifferenceTable]
+    reference: ReplayPoses
+    engines: dict[NameField, ReplayDifference]
 
 
-class SeriesTable(_Table):
-    """Reactions by the motion of one engine, joint by joint, and the violation of the joints."""
+class ReplaySeries(StrictModel):
+    """Reactions of each joint over time by the motion of one engine, and the violation of the joints."""
 
     force: list[list[_Number | None]]
     torque: list[list[_Number | None]]
     drift: list[_Number | None]
 
 
-class AlongTable(_Table):
-    """Values along the motions."""
+class ReplayCurves(StrictModel):
+    """Values over time along the motions of all engines."""
 
     times: list[_Number]
-    joints: list[_Name]
-    engines: dict[_Name, SeriesTable]
+    joints: list[NameField]
+    engines: dict[NameField, ReplaySeries]
 
     @model_validator(mode="after")
-    def _as_many(self) -> AlongTable:
+    def _as_many(self) -> ReplayCurves:
         for one in self.engines.values():
             rows = [*one.force, *one.torque, one.drift]
             if len(one.force) != len(self.joints) or len(one.torque) != len(self.joints):
@@ -141,17 +137,17 @@ class AlongTable(_Table):
         return self
 
 
-class ReplayTable(_Table):
+class ReplayCase(StrictModel):
     """A case in motion."""
 
-    case: _Name
+    case: NameField
     seed: int
-    scene: SceneTable
-    motion: MotionTable | None
-    along: AlongTable | None
+    scene: ReplayScene
+    motion: ReplayMotion | None
+    along: ReplayCurves | None
 
     @model_validator(mode="after")
-    def _sizes(self) -> ReplayTable:
+    def _sizes(self) -> ReplayCase:
         count = len(self.scene.p)
         if count != len(self.scene.quat):
             raise ValueError("positions and orientations are not as many")
@@ -167,23 +163,23 @@ class ReplayTable(_Table):
         return self
 
 
-class ReplayFile(_Table):
+class ReplayFile(StrictModel):
     """The file."""
 
     format: Literal[FORMAT]  # type: ignore[valid-type]
-    cases: list[ReplayTable]
+    cases: list[ReplayCase]
 
 
 _FILE: TypeAdapter[ReplayFile] = TypeAdapter(ReplayFile)
 
 
 def read_replay(folder: Path) -> dict[str, dict[str, Any]]:
-    """Replays of a folder by case; none where the file is not there.
+    """Read the replays of a folder, by case; empty if there is no file.
 
     Raises
     ------
     InvalidInput
-        If the file is there and is not what `replay.replays` says.
+        If the file violates the schema.
     """
     path = folder / NAME
     if not path.exists():
@@ -191,9 +187,6 @@ def read_replay(folder: Path) -> dict[str, dict[str, Any]]:
     try:
         found = _FILE.validate_json(bounded_text(path, LARGEST_FILE))
     except ValidationError as error:
-        first = error.errors(include_url=False, include_input=False)[0]
-        place = ".".join(str(part) for part in first["loc"])
-        raise InvalidInput(
-            str(path), f"it is no replay of a report ({place}: {first['msg']})", "Run the suite again, or remove it."
-        ) from None
+        what = f"it is no replay of a report ({first_problem(error)})"
+        raise InvalidInput(str(path), what, "Run the suite again, or remove it.") from None
     return {one.case: one.model_dump() for one in found.cases}

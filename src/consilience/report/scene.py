@@ -1,6 +1,6 @@
-"""A mechanism as it is drawn, in coordinates of its bodies, so that it can be drawn in any of its poses.
+"""The scene of a mechanism: its lines and labelled places in coordinates of the bodies, to be drawn in any pose.
 
-The same lines and marks as in the picture of a case (`figure3d`), each fixed to the body that carries it.
+Lines and places are those of the picture of a case (`figure3d`), each fixed to the body that carries it.
 """
 
 from __future__ import annotations
@@ -11,19 +11,19 @@ from typing import Any
 import numpy as np
 
 from consilience.mechanism import Array, Mechanism, State, body_point, rotation_from_quaternion
-from consilience.report.figure3d import Figure3D, Line, Mark, figure_of, index_of
+from consilience.report.figure3d import Figure3D, PlaceLabel, Polyline, figure_of, index_of
 
 Scene = dict[str, Any]
-"""JSON of a scene; `recordschema`'s counterpart is `replay.SceneTable`."""
+"""Data of a scene, as `replayschema.ReplayScene`."""
 
 DECIMALS = 6
-"""Of the coordinates relative to the size of the mechanism: a drawing shows no more."""
+"""Decimals of coordinates relative to the size of the mechanism."""
 
 
 def scene(mechanism: Mechanism, state: State) -> Scene:
-    """Lines and marks of a mechanism, fixed to its bodies, and the poses they are taken from.
+    """Make the scene of a mechanism from a state.
 
-    Coordinates of a body are those of its frame B, of the ground (body -1) those of the world; m.
+    Coordinates of a body are in its frame B, those of the ground (body -1) in the world; m.
     """
     figure = figure_of(mechanism, state)
     R = rotation_from_quaternion(state.quat_WB)
@@ -71,7 +71,7 @@ def scene(mechanism: Mechanism, state: State) -> Scene:
 
 
 def _ties(mechanism: Mechanism, state: State) -> list[tuple[str, tuple[int, int], Array]]:
-    """Springs, rods, and joints that can travel: those between bodies, which may be apart at another time."""
+    """List lines between two bodies: springs, rods, and joints, whose frames may be apart at another time."""
     found = []
     for j in mechanism.joints:
         if j.kind != "free":
@@ -85,26 +85,28 @@ def _ties(mechanism: Mechanism, state: State) -> list[tuple[str, tuple[int, int]
 
 
 def figure_of_scene(drawn: Scene) -> Figure3D:
-    """The figure of a scene in the poses it was taken from."""
+    """Make the figure of a scene in the poses of its state."""
     p, R = np.array(drawn["p"]).reshape(-1, 3), rotation_from_quaternion(np.array(drawn["quat"]).reshape(-1, 4))
 
     def placed(body: int, point: list[float]) -> Array:
         return np.array(point) if body < 0 else p[body] + R[body] @ np.array(point)
 
-    def mark(m: Scene, kind: str) -> Mark:
+    def mark(m: Scene, kind: str) -> PlaceLabel:
         body, axis = m["body"], m.get("axis")
         turned = None if axis is None else (np.array(axis) if body < 0 else R[body] @ np.array(axis))
-        return Mark(m["letter"], m["name"], kind, placed(body, m["point"]), turned, m.get("ground", False), body)
+        return PlaceLabel(m["letter"], m["name"], kind, placed(body, m["point"]), turned, m.get("ground", False), body)
 
-    # coordinates are rounded: ends nearer than that are one
+    # coordinates are rounded: ends nearer than the rounding coincide
     reaches = [abs(x) for part in ("lines", "ties", "joints", "bodies") for m in drawn[part] for x in _numbers(m)]
     apart = 10.0 ** (1 - DECIMALS) * max(reaches, default=1.0)
-    lines = [Line(m["body"], m["kind"], np.array([placed(m["body"], x) for x in m["points"]])) for m in drawn["lines"]]
+    lines = [
+        Polyline(m["body"], m["kind"], np.array([placed(m["body"], x) for x in m["points"]])) for m in drawn["lines"]
+    ]
     for tie in drawn["ties"]:
         i, j = tie["ends"]
         ends = np.array([placed(i, tie["points"][0]), placed(j, tie["points"][1])])
         if np.linalg.norm(ends[0] - ends[1]) > apart:
-            lines.append(Line(-1, tie["kind"], ends, (i, j)))
+            lines.append(Polyline(-1, tie["kind"], ends, (i, j)))
     return Figure3D(
         tuple(lines),
         tuple(mark(m, m["kind"]) for m in drawn["joints"]),
@@ -114,6 +116,6 @@ def figure_of_scene(drawn: Scene) -> Figure3D:
 
 
 def _numbers(drawn: Scene) -> Iterator[float]:
-    """Coordinates of a line or of a mark."""
+    """Coordinates of a line or of a place."""
     for point in drawn.get("points", [drawn.get("point", [])]):
         yield from point

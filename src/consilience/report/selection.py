@@ -1,4 +1,4 @@
-"""Which records belong together: runs and the comparison that judges them, levels and probes, matched and default."""
+"""Selection of lines of a record: runs of a comparison, levels and probes, matched and default methods."""
 
 from __future__ import annotations
 
@@ -14,29 +14,29 @@ def is_matched(comparison: dict[str, Any]) -> bool:
 
 
 def softness_of(run: dict[str, Any]) -> float | None:
-    """Scale of the engine's own softness; None where its constraints are hard."""
+    """Return the scale of the engine's own softness; None for hard constraints."""
     softness: float | None = run["method"]["softness"] if run["method"] else None
     return softness
 
 
 def levels_of(runs: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Runs of a method at its own softness, coarse to fine."""
+    """Choose the runs of a method at its own softness, coarse to fine."""
     return [run for run in runs if softness_of(run) in (None, 1.0)]
 
 
 def probes_of(runs: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Runs of a method at other softness, hard to soft: facts about the method, no levels of it."""
+    """Choose the runs of a method at other softness, hard to soft; these are no levels."""
     found = {s: run for run in runs if (s := softness_of(run)) is not None and s != 1.0}
     return [found[s] for s in sorted(found)]
 
 
 def method_of(runs: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """The method of its runs; empty where the engine offered none."""
+    """Return the method of some runs; empty if the engine offered none."""
     return next((run["method"] for run in levels_of(runs) if run["method"]), None) or {}
 
 
 def judged_largest(comparison: dict[str, Any], level: dict[str, Any]) -> float | None:
-    """Largest difference of a level, up to the horizon if that is within the motion; None where nothing is judged."""
+    """Return the largest difference of a level up to the horizon; None where nothing is judged."""
     times, horizon = comparison["times"], comparison["horizon"]
     if horizon is None:
         largest: float | None = level["largest"]
@@ -49,7 +49,7 @@ def judged_largest(comparison: dict[str, Any], level: dict[str, Any]) -> float |
 
 
 def mean_step(level: dict[str, Any], method: dict[str, Any], duration: float) -> float | None:
-    """Step of a level in s; of an adaptive method its mean, None where the engine does not count its steps."""
+    """Return the step of a level, s; the mean step of an adaptive method, None if the engine does not count steps."""
     if method.get("substeps"):
         step: float | None = level["step"]
         return step
@@ -58,11 +58,11 @@ def mean_step(level: dict[str, Any], method: dict[str, Any], duration: float) ->
 
 
 def motions_of(case: str, comparisons: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Judged motions of a case, those of matched methods first."""
+    """List the comparisons of motions of a case, matched methods first."""
     found = [c for c in comparisons if c["case"] == case and c["levels"]]
     return sorted(found, key=lambda c: not is_matched(c))
 
 
 def growing_motion(case: str, comparisons: Sequence[dict[str, Any]]) -> dict[str, Any] | None:
-    """Any motion of a case that tells the growth of perturbations: it is the case's, the same for all."""
+    """Return a comparison with the growth of perturbations, which is the same for all motions of a case."""
     return next((c for c in motions_of(case, comparisons) if c["growth"]), None)

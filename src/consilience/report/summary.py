@@ -1,4 +1,4 @@
-"""Short texts for the terminal: the matrix of verdicts and the description of a case."""
+"""Texts for the terminal: the matrix of verdicts, and the description of a case."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from consilience.mechanism import (
     joint_coordinates,
     relative_motion,
 )
-from consilience.report.anatomy import anatomy, expected_lines, listed
+from consilience.report.anatomy import anatomy, dependency_lines, expected_lines, freedom_line
 from consilience.report.record import Record
 from consilience.report.selection import is_matched
 from consilience.report.textdrawing import draw
@@ -27,9 +27,9 @@ from consilience.report.wording import LOOKS
 
 
 def matrix(record: Record) -> tuple[list[str], list[tuple[str, list[str]]]]:
-    """Engines, and for each case the worst verdict of each engine, with the digits of the least accurate answer.
+    """Return the engines, and for each case the worst verdict and the least digits of each engine.
 
-    Matched methods alone count.
+    Only matched methods count.
     """
     engines = [name for name in record.header["engines"] if name != "reference"]
     rows, matched = [], [c for c in record.comparisons if is_matched(c)]
@@ -40,7 +40,7 @@ def matrix(record: Record) -> tuple[list[str], list[tuple[str, list[str]]]]:
 
 
 def legend(record: Record) -> list[str]:
-    """What the symbols of the matrix mean, those that occur."""
+    """Explain the symbols that occur in the matrix."""
     occur = {c["verdict"] for c in record.comparisons if is_matched(c)}
     return [f"{look.symbol} {look.name}: {look.sentence}" for v, look in LOOKS.items() if str(v) in occur]
 
@@ -54,7 +54,7 @@ def _cell(comparisons: list[dict[str, Any]]) -> str:
 
 
 def describe_case(case: Case) -> str:
-    """Everything a reader of a case wants to know, as plain text."""
+    """Describe a case as plain text."""
     mechanism, state = case.mechanism, case.initial_state
     lines = [
         f"{case.name}: {case.title}",
@@ -92,18 +92,13 @@ def describe_case(case: Case) -> str:
 
 
 def _freedom(mechanism: Mechanism, state: State) -> list[str]:
-    """Degrees of freedom, what is redundant, what equilibrium leaves open, what an engine must know."""
+    """State degrees of freedom, dependent rows, undetermined reactions, features that an engine must know."""
     facts = anatomy(mechanism, state)
-    freedom = f"{facts.freedom} degree{'s' * (facts.freedom != 1)} of freedom"
-    lines = [
-        f"{freedom}, {facts.rows} constraint rows, {facts.redundant} of them dependent",
+    return [
+        freedom_line(facts.freedom, facts.rows, facts.redundant),
         f"an engine needs: {', '.join(facts.features)}",
+        *dependency_lines(facts.dependent, facts.undetermined),
     ]
-    if facts.dependent:
-        lines.append(f"rows that depend on one another: {listed(facts.dependent, ' ')}")
-    if facts.undetermined:
-        lines.append(f"reactions that equilibrium does not determine: {listed(facts.undetermined, ', ')}")
-    return lines
 
 
 def _powered(spring: Spring | JointSpring) -> str:
@@ -116,7 +111,7 @@ def _load(load: Load) -> str:
 
 
 def _elements(mechanism: Mechanism) -> list[str]:
-    """A line for each friction, control, drive, coupling and contact."""
+    """Describe each friction, control, drive, coupling, rolling, contact and skate in a line."""
     m = mechanism
     return [
         *(
@@ -147,7 +142,7 @@ def _vector(v: np.typing.ArrayLike) -> str:
 
 def _joint(mechanism: Mechanism, state: State, joint: Joint) -> str:
     values = joint_coordinates(joint, relative_motion(mechanism, state, joint))
-    # rounding errors of the assembly are no coordinates; + 0.0 makes a negative zero a plain one
+    # remove rounding errors of the assembly; + 0.0 turns a negative zero into zero
     rounded = {name: np.round(v, 12) + 0.0 for name, v in values.items()}
     at = ", ".join(f"{name} {_vector(v) if np.ndim(v) else f'{v:.6g}'}" for name, v in rounded.items())
     kind = f"{joint.kind} of {joint.pitch:g} m a turn" if joint.pitch else joint.kind

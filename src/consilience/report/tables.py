@@ -1,4 +1,4 @@
-"""Tables over all cases, engines and methods: orders, uncertainty of each observable, softness."""
+"""Tables over all cases, engines and methods: orders, uncertainty of observables, softness."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class MethodRow:
 
 @dataclass(frozen=True)
 class MethodTable:
-    """A table with one row a method; `empty` is said where there is none."""
+    """A table with a row for each method; `empty` is the text of a table without rows."""
 
     anchor: str
     title: str
@@ -36,16 +36,15 @@ class MethodTable:
 
 
 _Values = Callable[[dict[str, Any], dict[str, Any]], tuple[str, ...]]
-"""Numbers of a row from the comparison and its method; none where there is no row."""
+"""Function from a comparison and its method to the numbers of a row; empty for no row."""
 
 
 def method_tables(record: Record, cells: Sequence[Cell]) -> tuple[MethodTable, ...]:
-    """All tables."""
+    """Make all tables."""
     compared, quick = list(_compared(record, cells)), bool(record.header.get("quick"))
     names = list(dict.fromkeys(o["name"] for _, _, c, _ in compared for o in c["observables"]))
 
     def rows(values: _Values) -> tuple[MethodRow, ...]:
-        """One row for each comparison that has values."""
         return tuple(
             MethodRow(cell, answer, found)
             for cell, answer, comparison, method in compared
@@ -89,7 +88,7 @@ def method_tables(record: Record, cells: Sequence[Cell]) -> tuple[MethodTable, .
 def _compared(
     record: Record, cells: Sequence[Cell]
 ) -> Iterator[tuple[Cell, AnswerView, dict[str, Any], dict[str, Any]]]:
-    """Every answer of the cells with its comparison and its method."""
+    """List every answer of the cells with its comparison and its method."""
     found = {(c["case"], c["engine"], c["question"], c["method"]): c for c in record.comparisons}
     for cell in cells:
         for answer in cell.answers:

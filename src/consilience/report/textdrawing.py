@@ -1,4 +1,4 @@
-"""A mechanism drawn in a terminal: lines in Braille dots, joints as capital letters, centres of mass as digits."""
+"""Drawing of a mechanism in a terminal: lines of Braille dots, capital letters for joints, digits for bodies."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ from consilience.report.figure3d import Figure3D, figure_of, widest_view
 
 COLUMNS, ROWS = 76, 28
 MARGIN = 2
-"""Columns and rows at most, and those left free around."""
+"""Columns and rows at most, and the margin."""
 
 DASHED = ("spring", "rod", "way")
 
 TALL = 2.5
-"""Height over width from which on the drawing is laid on its side."""
+"""Ratio of height to width above which the drawing is turned on its side."""
 
 DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])
 """Bits of the Braille patterns (U+2800) by row and column of the dot."""
 
 
 class Canvas:
-    """Dots, two to a column and four to a row, and letters over them."""
+    """Dots, two per column and four per row, with letters over them."""
 
     def __init__(self, columns: int, rows: int) -> None:
         self.bits = np.zeros((rows, columns), dtype=int)
         self.letters: dict[tuple[int, int], str] = {}
 
     def line(self, start: Array, end: Array, dashed: bool = False) -> None:
-        """Line between two points in dots, y downward."""
+        """Draw a line between two points in units of dots, y downward."""
         steps = max(1, int(np.ceil(np.max(np.abs(end - start)))))
         for n in range(steps + 1):
             x, y = np.round(start + (end - start) * n / steps).astype(int)
@@ -40,12 +40,12 @@ class Canvas:
                 self.bits[y // 4, x // 2] |= DOTS[y % 4, x % 2]
 
     def letter(self, point: Array, letter: str) -> str:
-        """Write a letter, unless one is there: then that one."""
+        """Write a letter, unless its place is taken; return the letter at the place."""
         x, y = np.round(point).astype(int)
         return self.letters.setdefault((int(y // 4), int(x // 2)), letter)
 
     def text(self) -> list[str]:
-        """Lines, without what is empty at their ends."""
+        """Return the lines without blanks at their ends."""
         rows = []
         for r, row in enumerate(self.bits):
             cells = (self.letters.get((r, c)) or (chr(0x2800 + b) if b else " ") for c, b in enumerate(row))
@@ -54,15 +54,15 @@ class Canvas:
 
 
 def draw(mechanism: Mechanism, state: State) -> str:
-    """Drawing of a mechanism in the plane in which it is widest, with a legend.
+    """Draw a mechanism in its widest plane, with a legend.
 
-    Bodies are lines from joint to joint, or to the centre of mass; springs and rods are dashed, and so is the way of a
-    joint from its frame F to its frame M. A letter hides what is behind it: the legend says so.
+    Bodies are lines from joint to joint, or to the centre of mass; springs, rods and the line from frame F to frame M
+    of a joint are dashed. The legend names letters that are hidden behind other letters.
     """
     figure = figure_of(mechanism, state)
     view = widest_view(figure)
     points = figure.points @ view.T
-    if np.ptp(points[:, 1]) > TALL * np.ptp(points[:, 0]):  # there is more room from left to right
+    if np.ptp(points[:, 1]) > TALL * np.ptp(points[:, 0]):  # a terminal is wider than high
         view = np.array([-view[1], view[0]])
         points = figure.points @ view.T
     low, size = points.min(axis=0), np.ptp(points, axis=0)
@@ -72,7 +72,7 @@ def draw(mechanism: Mechanism, state: State) -> str:
         scale = 1.0
     rows = int(np.ceil(size[1] * scale / 4)) + 2 * MARGIN
     canvas = Canvas(COLUMNS, rows)
-    # the drawing in the middle, y downward
+    # centre the drawing, y downward
     shift = np.array([(2 * COLUMNS - size[0] * scale) / 2, 4.0 * MARGIN])
 
     def place(point: Array) -> Array:
@@ -99,7 +99,7 @@ def _trimmed(rows: list[str]) -> list[str]:
 
 
 def _letters(figure: Figure3D, mechanism: Mechanism, canvas: Canvas, place: Callable[[Array], Array]) -> list[str]:
-    """Write all letters, and say what they are."""
+    """Write all letters to the canvas, and return the legend."""
     lines = []
     for mark, joint in zip(figure.joints, mechanism.joints, strict=True):
         at = place(mark.point)

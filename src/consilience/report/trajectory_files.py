@@ -1,4 +1,4 @@
-"""One trajectory as JSON, NPZ or CSV."""
+"""Files of a motion: JSON, NPZ or CSV."""
 
 from __future__ import annotations
 
@@ -12,20 +12,19 @@ import numpy as np
 from consilience.engine import TrajectoryAnswer
 from consilience.errors import InvalidInput
 from consilience.mechanism import Mechanism
-
-_COMPONENTS = {"p_WB": "xyz", "quat_WB": ("e0", "e1", "e2", "e3"), "v_WB_W": "xyz", "w_WB_W": "xyz"}
+from consilience.report.dataframes import QUANTITIES
 
 
 def _json(mechanism: Mechanism, answer: TrajectoryAnswer) -> bytes:
     bodies = [b.name for b in mechanism.bodies]
-    arrays = {name: getattr(answer, name).tolist() for name in _COMPONENTS}
+    arrays = {name: getattr(answer, name).tolist() for name in QUANTITIES}
     document = {"units": "SI, rad", "bodies": bodies, "time": answer.time.tolist(), **arrays}
     return json.dumps({**document, "counters": answer.counters}).encode()
 
 
 def _npz(mechanism: Mechanism, answer: TrajectoryAnswer) -> bytes:
     buffer = io.BytesIO()
-    arrays = {name: getattr(answer, name) for name in _COMPONENTS}
+    arrays = {name: getattr(answer, name) for name in QUANTITIES}
     np.savez_compressed(buffer, time=answer.time, bodies=np.array([b.name for b in mechanism.bodies]), **arrays)
     return buffer.getvalue()
 
@@ -34,7 +33,7 @@ def _csv(mechanism: Mechanism, answer: TrajectoryAnswer) -> bytes:
     columns = ["time"]
     values = [answer.time[:, None]]
     for b, body in enumerate(mechanism.bodies):
-        for name, parts in _COMPONENTS.items():
+        for name, (parts, _, _) in QUANTITIES.items():
             columns += [f"{body.name}.{name}.{part}" for part in parts]
             values.append(getattr(answer, name)[:, b])
     text = io.StringIO()
@@ -53,6 +52,7 @@ def check_target(path: Path) -> None:
     Raises
     ------
     InvalidInput
+        If the file cannot be written.
     """
     if path.suffix not in _WRITERS:
         raise InvalidInput(str(path), f"'{path.suffix}' names no format", f"End it with {', '.join(_WRITERS)}.")
@@ -61,6 +61,6 @@ def check_target(path: Path) -> None:
 
 
 def export_trajectory(mechanism: Mechanism, answer: TrajectoryAnswer, path: Path) -> None:
-    """Write canonical observables; the ending of the name chooses the format."""
+    """Write the canonical observables of a motion; the ending of the name chooses the format."""
     check_target(path)
     path.write_bytes(_WRITERS[path.suffix](mechanism, answer))

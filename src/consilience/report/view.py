@@ -1,7 +1,7 @@
-"""What the pages say, before any page is written: one view of a record, used for HTML and for Markdown alike.
+"""View of a record, shared by the HTML page and the Markdown page.
 
-Everything here is text that a template only has to place. Numbers are formatted, units are given, and absent values
-are dashes: a quantity of which no value was compared is never shown as a difference of 0.
+A view holds text that a template only places: numbers are formatted with their units, and absent values are dashes. A
+quantity without a compared value is never shown as a difference of 0.
 """
 
 from __future__ import annotations
@@ -12,12 +12,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from consilience.compare import Verdict
+from consilience.compare.judge import REFERENCE
 from consilience.report.answers import AnswerView
 from consilience.report.cases import CaseView, case_view
-from consilience.report.cells import REFERENCE, Cell
+from consilience.report.cells import Cell
 from consilience.report.defaults import Defaults, defaults_view
 from consilience.report.engines import EngineView, Group, engine_view
-from consilience.report.facts import Entry
+from consilience.report.facts import Fact
 from consilience.report.record import Record
 from consilience.report.tables import MethodTable, method_tables
 from consilience.report.wording import (
@@ -47,7 +48,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Tally:
-    """How many cells have a verdict, and which ones."""
+    """The cells of a verdict, and their number."""
 
     look: Look
     count: int
@@ -56,13 +57,13 @@ class Tally:
 
 @dataclass(frozen=True)
 class Page:
-    """Everything a page says."""
+    """Contents of a page."""
 
     headline: str
     status: str
     exit_code: int
     again: str
-    facts: tuple[Entry, ...]
+    facts: tuple[Fact, ...]
     tallies: tuple[Tally, ...]
     columns: tuple[Column, ...]
     missing: tuple[tuple[str, str], ...]
@@ -77,7 +78,7 @@ class Page:
 
     @property
     def cells(self) -> list[Cell]:
-        """All cells, row by row, the reference's included."""
+        """All cells, row by row, with those of the reference."""
         return [cell for case in self.cases for cell in case.cells]
 
     @property
@@ -88,19 +89,19 @@ class Page:
 
     @property
     def findings(self) -> list[tuple[EngineView, Group]]:
-        """What engines have in common where they do not plainly agree, the gravest first."""
+        """Groups of cells that do not plainly agree, the gravest verdict first."""
         found = [(engine, group) for engine in self.engines for group in engine.differing]
         return sorted(found, key=lambda pair: -RANK[pair[1].look.name] if pair[1].look else 0)
 
     @property
     def remarkable(self) -> list[tuple[Cell, AnswerView]]:
-        """Every answer with matched settings that does not plainly agree, worst first."""
+        """Answers with matched settings that do not plainly agree, the worst verdict first."""
         found = [(c, a) for c in self.cells for a in c.matched if a.look is not LOOKS[Verdict.AGREES]]
         return sorted(found, key=lambda pair: -RANK[pair[1].look.name])
 
 
 def page(record: Record) -> Page:
-    """View of a record."""
+    """Make the view of a record."""
     columns = _columns(record.header)
     cases = tuple(case_view(record, case, [column.name for column in columns]) for case in record.cases)
     every = [cell for case in cases for cell in case.cells]
@@ -125,7 +126,7 @@ def page(record: Record) -> Page:
 
 
 def _columns(header: dict[str, Any]) -> tuple[Column, ...]:
-    """Engines that started, in the order asked; the reference, which is the yardstick, last."""
+    """List the engines that started, in the order asked; the reference comes last."""
     names = sorted(header["engines"], key=lambda name: name == REFERENCE)
     return tuple(Column(n, header["engines"][n]["version"], header["engines"][n]["remarks"]) for n in names)
 
@@ -133,8 +134,8 @@ def _columns(header: dict[str, Any]) -> tuple[Column, ...]:
 def _engines(header: dict[str, Any], columns: Sequence[Column], cells: Sequence[Cell]) -> Iterator[EngineView]:
     for column in columns:
         if column.name != REFERENCE:
-            facts = [Entry("version", column.version), Entry("adapter", header["engines"][column.name]["adapter"])]
-            facts += [Entry("remarks", column.remarks)] if column.remarks else []
+            facts = [Fact("version", column.version), Fact("adapter", header["engines"][column.name]["adapter"])]
+            facts += [Fact("remarks", column.remarks)] if column.remarks else []
             yield engine_view(column.name, facts, [c for c in cells if c.engine == column.name])
 
 
@@ -144,7 +145,7 @@ def _tallies(cells: Sequence[Cell]) -> tuple[Tally, ...]:
 
 
 def _headline(cells: Sequence[Cell], tallies: Sequence[Tally], record: Record) -> str:
-    """How many cells agree, which verdicts the others have, and what is missing."""
+    """State how many cells agree, the verdicts of the other cells, and the missing engines."""
     count = {t.look.name: t.count for t in tallies}
     agreeing = count.get(Verdict.AGREES, 0)
     parts = [f"{agreeing} of {counted(len(cells), 'cell')} {phrase(Verdict.AGREES, agreeing)}"]
@@ -155,15 +156,15 @@ def _headline(cells: Sequence[Cell], tallies: Sequence[Tally], record: Record) -
     return "; ".join(parts) + "."
 
 
-def _facts(header: dict[str, Any]) -> Iterator[Entry]:
-    yield Entry("written", header["written"].replace("T", " ").replace("+00:00", " UTC"))
-    yield Entry("took", f"{header['elapsed']:.3g} s")
+def _facts(header: dict[str, Any]) -> Iterator[Fact]:
+    yield Fact("written", header["written"].replace("T", " ").replace("+00:00", " UTC"))
+    yield Fact("took", f"{header['elapsed']:.3g} s")
     if header.get("quick") is not None:
-        yield Entry("asked", QUICKLY if header["quick"] else "in full")
-    yield Entry("machine", f"{header['processor']}, {header['platform']}")
+        yield Fact("asked", QUICKLY if header["quick"] else "in full")
+    yield Fact("machine", f"{header['processor']}, {header['platform']}")
     packages = {"Python": header["python"], **header["packages"]}
-    yield Entry("versions", ", ".join(f"{name} {version}" for name, version in packages.items()))
+    yield Fact("versions", ", ".join(f"{name} {version}" for name, version in packages.items()))
     for engine in header["engines"].values():
-        yield Entry(f"engine {engine['name']}", f"{engine['version']}, adapter {engine['adapter']}", engine["remarks"])
+        yield Fact(f"engine {engine['name']}", f"{engine['version']}, adapter {engine['adapter']}", engine["remarks"])
     for name, reason in header["missing"].items():
-        yield Entry(f"engine {name}", "not available", reason)
+        yield Fact(f"engine {name}", "not available", reason)

@@ -1,4 +1,4 @@
-"""Words, symbols and numbers of the report: one table each, so that every page says the same."""
+"""Words, symbols and numbers of the report, one table for each, shared by all pages."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from typing import Any
 
 from consilience.compare import Verdict
-from consilience.engine import Profile, Question, Route
+from consilience.engine import Profile, Route
 
 DASH = "\N{EM DASH}"
 
 
 @dataclass(frozen=True)
 class Look:
-    """How a verdict is shown: never by colour alone.
+    """Appearance of a verdict: a symbol and a name, never a colour alone.
 
     Attributes
     ----------
@@ -23,7 +23,7 @@ class Look:
     symbol, name : str
         One character, and the verdict's own words.
     sentence : str
-        What it means, for the legend.
+        Meaning of the verdict, for the legend.
     """
 
     key: str
@@ -84,13 +84,13 @@ PHRASES: dict[Verdict, tuple[str, str]] = {
     Verdict.MODEL: ("differ", "in the model"),
     Verdict.FAILED: ("failed", ""),
 }
-"""What is said of cells of each verdict after their number: the verb of many, and the rest."""
+"""Words after the number of cells of a verdict: verb in the plural, and the rest."""
 
 _OF_ONE = {"are": "is", "failed": "failed"}
 
 
 def phrase(verdict: Verdict, count: int) -> str:
-    """What a number of cells of a verdict do: ``differ in the model``, ``is unresolved``."""
+    """Words after a number of cells of a verdict: ``differ in the model``, ``is unresolved``."""
     verb, rest = PHRASES[verdict]
     return f"{_OF_ONE.get(verb, verb + 's') if count == 1 else verb} {rest}".rstrip()
 
@@ -101,7 +101,7 @@ YARDSTICK = Look(
 )
 
 RANK = {str(verdict): n for n, verdict in enumerate(LOOKS)}
-"""Of two verdicts the one of higher rank is shown."""
+"""Rank of a verdict: the verdict of the highest rank is shown."""
 
 ROUTES: dict[str, tuple[str, str]] = {
     Route.NATIVE: ("native", "the engine's own solver or integrator, at default or plain settings"),
@@ -113,18 +113,12 @@ ROUTES: dict[str, tuple[str, str]] = {
 }
 """Short name and meaning of each route."""
 
-QUESTIONS: dict[str, str] = {
-    Question.MODEL: "mass, centre of mass, inertia and freedom, read back from the translated model (relative)",
-    Question.INSTANT: "accelerations, joint reactions and energies at given states; relative to the largest component",
-    Question.TRAJECTORY: "the motion over time, at several step sizes",
-}
-
 EXIT_CODES: dict[int, str] = {
     0: "with matched settings no engine differs in the model, and none is missing, failed or unresolved",
     1: "with matched settings at least one engine differs in the model",
     3: "incomplete: an engine is missing, or with matched settings a run failed or a verdict is unresolved",
 }
-"""What decides the exit code; answers at the engines' own defaults do not."""
+"""Meaning of the exit code; answers at the engines' own defaults do not change it."""
 
 CAUSES: dict[str, str] = {
     "horizon": "The motion is too sensitive: rounding reaches the digits asked before the first sample.",
@@ -141,7 +135,7 @@ CAUSES: dict[str, str] = {
     "not asymptotic": "The steps are too large to tell a cause.",
     "elsewhere": "Smaller steps lead to another motion.",
 }
-"""Cause of a verdict in a sentence, by the rule that decided."""
+"""Cause of a verdict in a sentence without numbers, by the rule that decided."""
 
 CAUSES_BY_VERDICT: dict[str, str] = {
     Verdict.AGREES: "Within the bars.",
@@ -152,10 +146,21 @@ CAUSES_BY_VERDICT: dict[str, str] = {
     Verdict.MODEL: "Other accelerations, reactions or energies than the case's.",
     Verdict.FAILED: "No usable answer.",
 }
-"""The same where no rule decided: answers with bars, and runs without an answer."""
+"""Cause of a verdict that no rule decided: answers with bars, and runs without an answer."""
+
+
+def cause_of(rule: str, verdict: str) -> str:
+    """Return the cause of a verdict: by the rule that decided, else by the verdict."""
+    return CAUSES[rule] if rule in CAUSES else CAUSES_BY_VERDICT[verdict]
+
+
+def severity(verdict: str, digits: float | None) -> tuple[int, float]:
+    """Key of a comparison for `max`: larger for a worse verdict, then for fewer digits."""
+    return RANK[verdict], -(17.0 if digits is None else digits)
+
 
 PROFILES: dict[str, str] = {Profile.MATCHED: "matched", Profile.DEFAULT: "engine's defaults"}
-"""Whose settings a method runs with."""
+"""Words for the settings that a method runs with."""
 
 CAPTIONS: dict[str, str] = {
     "difference": "Difference to the reference over time: position over the size of the motion, or angle in rad, "
@@ -176,33 +181,33 @@ CAPTIONS: dict[str, str] = {
     "steps": "The same runs against the step, of an adaptive method the mean step. A line falls one decade a decade "
     "for each order; where it is level, smaller steps no longer help.",
 }
-"""What the figures of a case show."""
+"""Captions of the figures of a case."""
 
 UNITS: dict[str, str] = {"mass": "kg", "com": "m", "inertia": "kg m\N{SUPERSCRIPT TWO}", "freedom": ""}
 
 
 def number(value: float | None, digits: int = 2) -> str:
-    """Significant digits of a number; a dash for none."""
+    """Write a number to some significant digits; a dash for None."""
     return DASH if value is None else f"{value:.{digits}g}"
 
 
 def seconds(value: float | None) -> str:
-    """Time in s."""
+    """Write a time in s; a dash for None."""
     return DASH if value is None else f"{value:.3g} s"
 
 
 def digits_text(value: float | None) -> str:
-    """Correct digits to one decimal; a dash for none, and 0 where not even the first is right."""
+    """Write correct digits to one decimal, at least 0; a dash for None."""
     return DASH if value is None else f"{max(value, 0.0):.1f}"
 
 
 def method_title(name: str, matched: bool) -> str:
-    """A method where no chip can label it: one of the engine's defaults says so, unless its name does."""
+    """Name a method in plain text; a default method is labelled, unless its name contains the word."""
     return name if matched or "default" in name.lower() else f"{name} ({PROFILES[Profile.DEFAULT]})"
 
 
 def plain(value: Any) -> str:
-    """A setting or a value of the record in one line."""
+    """Write a setting or a value of the record in one line."""
     if isinstance(value, bool):
         return "on" if value else "off"
     if isinstance(value, float):
@@ -213,23 +218,23 @@ def plain(value: Any) -> str:
 
 
 def step_name(method: dict[str, Any]) -> str:
-    """What distinguishes the levels: steps of a fixed-step method, tolerances of an adaptive one."""
+    """Name what distinguishes the levels: the step of a fixed-step method, the tolerance of an adaptive method."""
     return "step" if method.get("substeps") else "tolerance"
 
 
 def step_text(step: float | None, method: dict[str, Any]) -> str:
-    """A level in words, with its unit."""
+    """Write the step or the tolerance of a level, with its unit."""
     unit = " s" if step_name(method) == "step" else ""
     return DASH if step is None else f"{step:.3g}{unit}"
 
 
 def order_text(value: float | None) -> str:
-    """An observed order to two decimals."""
+    """Write an observed order to two decimals; a dash for None."""
     return DASH if value is None else f"{value:.2f}"
 
 
 def nested(value: Any) -> str:
-    """A number, vector or symmetric matrix to four digits; the matrix by its six entries."""
+    """Write a number, a vector or the six entries of a symmetric matrix to four digits."""
     if not isinstance(value, list):
         return number(value, 4)
     if value and isinstance(value[0], list):
@@ -239,19 +244,19 @@ def nested(value: Any) -> str:
 
 
 def counted(count: int, noun: str) -> str:
-    """A number and its noun: ``1 case``, ``2 cases``."""
+    """Write a number and its noun: ``1 case``, ``2 cases``."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
 _KINDS = ("case", "horizon", "work", "steps", "reactions", "drift", "cell")
-"""First of the two names in the identifier of what a case has: its page and figures."""
+"""First names of identifiers that belong to a case: its page and figures."""
 
 
 def cell_anchor(case: str, engine: str) -> str:
-    """Identifier of a cell, ``CASE.ENGINE``; of a case that is called like a kind of element ``cell.CASE.ENGINE``."""
+    """Identifier of a cell: ``CASE.ENGINE``, or ``cell.CASE.ENGINE`` if the case is named like a kind of element."""
     return anchor("cell", case, engine) if case in _KINDS else anchor(case, engine)
 
 
 def anchor(*names: str) -> str:
-    """Identifier of an element: fit for a URL as it is, and different for different names."""
+    """Identifier of an element: valid in a URL, and different for different names."""
     return ".".join(re.sub(r"[^A-Za-z0-9_-]", lambda m: f"~{ord(m[0]):x}~", name) for name in names)

@@ -1,4 +1,4 @@
-"""Suites: many cases, engines and questions, asked in parallel, kept, resumed and judged."""
+"""Suites: many cases, engines and questions, run in parallel, stored, resumed and judged."""
 
 from __future__ import annotations
 

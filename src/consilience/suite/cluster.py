@@ -1,8 +1,7 @@
-"""Jobs on a Dask cluster: each Dask worker keeps engines alive, in the same processes with the same limits as here.
+"""Jobs on a Dask cluster: each Dask worker keeps engines in processes of their own, with the usual limits.
 
-An engine that crashes takes its own process down, not the Dask worker: the failed run has the same evidence as on one
-machine. When a Dask worker itself dies, the scheduler gives its tasks to another; ``distributed`` does that, three
-times a task unless told otherwise.
+A crash of an engine ends its own process, not the Dask worker: the failed run has the same evidence as on one machine.
+If a Dask worker dies, the scheduler of ``distributed`` gives its tasks to another, by default up to three times.
 """
 
 from __future__ import annotations
@@ -29,27 +28,27 @@ _Item = TypeVar("_Item")
 _LOG = logging.getLogger(__name__)
 
 PATIENCE = "30s"
-"""How long to wait for the scheduler."""
+"""Time limit for the connection to the scheduler."""
 
 AHEAD = 2
-"""Tasks under way for each thread of the cluster: one at work, one waiting."""
+"""Submitted tasks for each thread of the cluster: one running, one waiting."""
 
 
 class ClusterError(ConsilienceError):
-    """The cluster cannot be used, or not any more."""
+    """The cluster cannot be reached, was lost, or has machines that differ."""
 
 
-class Kept(Protocol):
-    """What a Dask worker keeps from one task to the next."""
+class TaskCache(Protocol):
+    """Object that a Dask worker keeps from one task to the next."""
 
     def stop(self) -> None:
-        """End it; nothing of it is left."""
+        """Release all resources."""
         ...
 
 
 @dataclass(frozen=True)
 class Engines:
-    """Engines with their limits, and a digest of the code that asks them."""
+    """Engines with their limits, and a digest of the sources that ask them."""
 
     names: tuple[str, ...]
     limit: float
@@ -58,38 +57,38 @@ class Engines:
 
 
 class Pool(distributed.WorkerPlugin):  # type: ignore[misc]
-    """What the tasks of one run keep on one Dask worker; it ends with the run, or with the Dask worker.
+    """Objects that the tasks of one run keep on one Dask worker, until either ends.
 
     Parameters
     ----------
     name : str
-        Of the run.
+        Name of the run.
     """
 
     def __init__(self, name: str) -> None:
         self.name = name
 
     def setup(self, worker: distributed.Worker) -> None:
-        """Begin; called on each Dask worker, those that join later, too."""
+        """Initialise; called on each Dask worker, also on those that join later."""
         self._address = worker.address
-        self._idle: dict[Engines, list[Kept]] = defaultdict(list)
-        self._all: list[Kept] = []
+        self._idle: dict[Engines, list[TaskCache]] = defaultdict(list)
+        self._all: list[TaskCache] = []
         self._lock = threading.Lock()
 
     def teardown(self, worker: distributed.Worker) -> None:
-        """End what was kept, in use or not."""
+        """Stop all kept objects, in use or not."""
         with self._lock:
             kept, self._all = self._all, []
         for one in kept:
             one.stop()
 
-    def use(self, engines: Engines, make: Callable[[], Kept], work: Callable[[Any], _Item]) -> _Item:
-        """Do work with what is kept for these engines and idle, or with a new one.
+    def use(self, engines: Engines, make: Callable[[], TaskCache], work: Callable[[Any], _Item]) -> _Item:
+        """Call a function with an idle object of these engines, or with a new one.
 
         Raises
         ------
         ClusterError
-            If the code here is not the runner's.
+            If the sources of this machine differ from the runner's.
         """
         if code_of(engines.names) != engines.code:
             raise ClusterError(f"the Dask worker {self._address} has another version of Consilience than this machine")
@@ -107,23 +106,23 @@ class Pool(distributed.WorkerPlugin):  # type: ignore[misc]
 
 
 def pool(name: str) -> Pool:
-    """The pool of a run, inside a task."""
+    """Return the pool of a run; called in a task."""
     found: Pool = distributed.get_worker().plugins[name]
     return found
 
 
 class Cluster:
-    """A connection to a scheduler, until the end of a ``with``.
+    """Connection to a scheduler, closed at the end of a ``with`` block.
 
     Parameters
     ----------
     address : str
-        Of the scheduler, for example ``tcp://10.0.0.1:8786``.
+        Address of the scheduler, for example ``tcp://10.0.0.1:8786``.
 
     Raises
     ------
     ClusterError
-        If nobody answers there, or it has no workers.
+        If no scheduler answers, or it has no workers.
     """
 
     def __init__(self, address: str) -> None:
@@ -149,11 +148,11 @@ class Cluster:
         self.client.close()
 
     def worker(self, engine: str, limit: float, memory: int) -> Remote:
-        """Stand for an engine on whatever machine is free."""
+        """Return a handle of an engine that runs on any free machine."""
         return Remote(self, engines(engine, limit=limit, memory=memory))
 
     def engines(self, names: Sequence[str], limit: float) -> Engines:
-        """Engines for tasks that ask several, as this machine knows them."""
+        """Return engines for tasks that ask several, with the digest of this machine's sources."""
         return engines(*names, limit=limit)
 
     def submit(self, task: Callable[..., _T], *values: object) -> distributed.Future:
@@ -161,7 +160,7 @@ class Cluster:
         return self.client.submit(task, self.name, *values, pure=False)
 
     def each(self, task: Callable[..., _T], items: Sequence[_Item], *values: object) -> Iterator[_T]:
-        """What a task gives for each item, in their order; some more are under way.
+        """Run a task for each item, and yield the results in order; some further tasks run ahead.
 
         Raises
         ------
@@ -188,30 +187,30 @@ class Cluster:
 
 
 def engines(*names: str, limit: float, memory: int = MEMORY) -> Engines:
-    """Engines as this machine knows them."""
+    """Return engines with the digest of this machine's sources."""
     return Engines(names, limit, memory, code_of(names))
 
 
 class Remote:
-    """An engine somewhere on the cluster; many may ask it at the same time.
+    """Handle of an engine on the cluster; several threads may ask at the same time.
 
     Parameters
     ----------
     cluster : Cluster
-    asked : Engines
-        One engine; limits are those of a `Worker`, each on its machine.
+    engines : Engines
+        One engine; its limits are those of a `Worker` on each machine.
     """
 
-    def __init__(self, cluster: Cluster, asked: Engines) -> None:
-        (self.engine,) = asked.names
-        self._cluster, self._asked = cluster, asked
+    def __init__(self, cluster: Cluster, engines: Engines) -> None:
+        (self.engine,) = engines.names
+        self._cluster, self._engines = cluster, engines
         self._info: EngineInfo | None = None
         self._waiting: set[distributed.Future] = set()
         self._cancelled = False
         self._lock = threading.Lock()
 
     def ask(self, request: Request) -> Reply:
-        """Wait for a job; whatever went wrong in the engine is a value, not an exception.
+        """Do a job and wait for it; a fault of the engine is a failed reply, not an exception.
 
         Raises
         ------
@@ -221,7 +220,7 @@ class Remote:
         with self._lock:
             if self._cancelled:
                 return _STOPPED
-            future = self._cluster.submit(_answer, self._asked, request, self._info)
+            future = self._cluster.submit(_answer, self._engines, request, self._info)
             self._waiting.add(future)
         try:
             reply: Reply = future.result()
@@ -239,14 +238,14 @@ class Remote:
         return reply
 
     def cancel(self) -> None:
-        """Give up all jobs, from any thread: whoever waits gets a failed reply."""
+        """Give up all jobs, which get a failed reply. Any thread may call this."""
         with self._lock:
             self._cancelled = True
             for future in self._waiting:
                 future.cancel()
 
     def stop(self) -> None:
-        """Give up all jobs; the engines end with the connection."""
+        """Give up all jobs; the processes of the engines end with the connection."""
         self.cancel()
 
 
@@ -254,19 +253,19 @@ _STOPPED = Reply(None, False, "stopped before it answered")
 _LOST = "the connection to the scheduler was lost"
 
 
-def _answer(name: str, asked: Engines, request: Request, expected: EngineInfo | None) -> Reply:
-    """Let an engine of this Dask worker do a job."""
+def _answer(name: str, engines: Engines, request: Request, expected: EngineInfo | None) -> Reply:
+    """Let an engine on this Dask worker do a job."""
 
     def work(worker: _Introduced) -> Reply:
         if expected is not None and worker.info not in (None, expected):
             raise ClusterError(f"machines of the cluster differ: {worker.info}, and {expected}")
         return worker.ask(request)
 
-    return pool(name).use(asked, lambda: _Introduced(asked.names[0], asked.limit, asked.memory), work)
+    return pool(name).use(engines, lambda: _Introduced(engines.names[0], engines.limit, engines.memory), work)
 
 
 class _Introduced(Worker):
-    """A worker that has said what it is."""
+    """A worker with the description of its engine."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

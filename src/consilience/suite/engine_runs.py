@@ -1,6 +1,6 @@
-"""Ask one engine everything about one case: questions, methods, levels, and what three levels leave in doubt.
+"""Runs of one engine about one case: questions, methods, levels; more levels and softnesses where three decide nothing.
 
-An answer that a store has is not asked for again. A job that fails is one failed run, and is not kept.
+Answers that are in the store are not asked for again. A job that fails is one failed run, and is not stored.
 """
 
 from __future__ import annotations
@@ -10,53 +10,43 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from consilience.case import Case
-from consilience.compare import Prospect, Yardstick
+from consilience.compare import Prospect, ReferenceMotion
 from consilience.compare.horizon import PERTURBATION
 from consilience.compare.judge import DISPLACED_START, REFERENCE
 from consilience.compare.softness import SCALES
 from consilience.compare.uncertainty import needs_another_level
-from consilience.engine import (
-    EngineInfo,
-    InstantAnswer,
-    Method,
-    ModelAnswer,
-    Question,
-    Run,
-    Status,
-    TrajectoryAnswer,
-    defects,
-)
+from consilience.engine import EngineInfo, Method, Question, Run, Status, defects, load_named
 from consilience.engine.worker.client import EngineHandle, Plan, Request, replayable_job
+from consilience.engine.worker.requests import NO_METHOD
 from consilience.mechanism import State, displaced_states
-from consilience.suite.store import Kept, Store
+from consilience.suite.store import Store, StoredAnswer
 
 _LOG = logging.getLogger(__name__)
 
 MOST_LEVELS = 6
 LEVEL_BUDGET = 5.0
-"""Levels of a ladder at most, and CPU time in s that one more of them may take."""
+"""Largest number of levels of a method, and largest CPU time in s that a further level may take."""
 
 DISPLACED = 3
-"""Displaced motions of the reference: one would miss growth in directions it does not have."""
+"""Number of displaced motions of the reference: a single direction would miss growth in the others."""
 
-_NO_METHOD = "the adapter supports the question and offers no method"
 _NO_LEVEL = "the method names no substeps and no tolerances: no level to run"
 
 
 @dataclass(frozen=True)
 class Thoroughness:
-    """How thoroughly a suite asks.
+    """How many methods, states, samples and levels a suite asks for.
 
     Attributes
     ----------
     methods, reference_methods : int or None
-        Ways of an engine to answer a question, and of the reference, the headline first; None: all.
+        Number of methods of an engine, and of the reference, the headline method first; None: all.
     states : int or None
-        States of the question `instant` at most.
+        Largest number of states of the question `instant`.
     samples : int or None
-        Sample intervals of a motion at most.
+        Largest number of sample intervals of a motion.
     closer : bool
-        Whether to go on where three levels leave doubt: more levels, other softness; displaced initial states.
+        Whether to ask for more levels and other softness where three levels decide nothing, and for displaced motions.
     """
 
     methods: int | None = None
@@ -66,7 +56,7 @@ class Thoroughness:
     closer: bool = True
 
     def case(self, case: Case) -> Case:
-        """What is asked of a case."""
+        """Return the case with as many states and samples as are asked for."""
         if self.states is not None:
             case = replace(case, instants=min(case.instants, self.states))
         if self.samples is not None and len(case.times) > self.samples + 1:
@@ -74,86 +64,91 @@ class Thoroughness:
         return case
 
     def some(self, methods: Sequence[Method], engine: str) -> Sequence[Method]:
-        """Methods that are asked."""
+        """Return the methods that are asked for."""
         return methods[: self.reference_methods if engine == REFERENCE else self.methods]
 
 
 FULL = Thoroughness()
 
 QUICK = Thoroughness(methods=1, reference_methods=2, states=3, samples=5, closer=False)
-"""The first quarter of a second or so by the headline of each engine alone: enough to see that something is wrong."""
+"""A short motion by the headline method of each engine: enough to see that something is wrong."""
 
 
 def open_plan(worker: EngineHandle, case: Case) -> Plan | str:
-    """What an engine says about a case before it is asked, or why it says nothing."""
+    """Return the plan of an engine for a case, or why there is none."""
     reply = worker.ask(Request(case.mechanism))
     return reply.value if isinstance(reply.value, Plan) else reply.reason
 
 
 def levels_of(case: Case, question: Question, method: Method) -> list[float | None]:
-    """Step sizes or tolerances of a method, coarse to fine; one None where a question has none."""
-    if question is not Question.TRAJECTORY:
+    """Return the step sizes or tolerances of a method, coarse to fine; one None for a question without levels."""
+    if not question.at_levels:
         return [None]
     return [case.sample / n for n in method.substeps] or list(method.tolerances)
 
 
 @dataclass(frozen=True, eq=False)
 class EngineCase:
-    """An engine that is asked about a case, with what it said of it.
+    """An engine that is asked about a case.
 
     Parameters
     ----------
+    worker : EngineHandle
+    case : Case
+    plan : Plan
+        Plan of the engine for the case.
+    thoroughness : Thoroughness
     store : Store, optional
-        Where answers are looked up and kept.
+        Store of answers.
     info : EngineInfo, optional
-        The engine's own; an answer of another version is another answer.
-    yard : Yardstick, optional
-        The reference's motion. Where it is known, a ladder ends as soon as its levels decide the verdict.
+        Description of the engine, part of the key of its answers in the store.
+    reference_motion : ReferenceMotion, optional
+        If known, no more levels are asked for once the levels decide the verdict.
     """
 
     worker: EngineHandle
     case: Case
     plan: Plan
-    effort: Thoroughness = FULL
+    thoroughness: Thoroughness = FULL
     store: Store | None = None
     info: EngineInfo | None = None
-    yard: Yardstick | None = None
+    reference_motion: ReferenceMotion | None = None
 
     def question(self, question: Question) -> Iterator[Run]:
-        """Every method and level; a question without any is a failed run, so that it cannot vanish from the record."""
+        """Ask a question by all methods at all levels; without any there is one failed run, to appear in the record."""
         case, worker, plan = self.case, self.worker, self.plan
-        if plan.unsupported[question]:
-            reason = "; ".join(f"{u.feature}: {u.reason}" for u in plan.unsupported[question])
+        if refusals := plan.refusals(question):
+            reason = "; ".join(f"{u.feature}: {u.reason}" for u in refusals)
             yield Run(case.name, worker.engine, question, None, 0, None, Status.UNSUPPORTED, reason=reason)
             return
-        methods = self.effort.some(plan.methods[question], worker.engine)
+        methods = self.thoroughness.some(plan.methods[question], worker.engine)
         if not methods:
-            yield self._failed(question, None, _NO_METHOD)
+            yield self._failed(question, None, NO_METHOD)
         for method in methods:
             levels = levels_of(case, question, method)
             if not levels:
                 yield self._failed(question, method, _NO_LEVEL)
             else:
                 yield from self.ladder(question, method, levels)
-        if worker.engine == REFERENCE and question is Question.TRAJECTORY and self.effort.closer:
+        if worker.engine == REFERENCE and question.over_time and self.thoroughness.closer:
             yield from self._displaced(methods[0])
 
     def finest(self, question: Question) -> Run:
-        """The headline at its finest level alone."""
+        """Ask a question by the headline method at its finest level alone."""
         for method in self.plan.methods[question][:1]:
             levels = levels_of(self.case, question, method)
             if levels:
                 return self.once(question, method, len(levels) - 1, levels[-1])
             return self._failed(question, method, _NO_LEVEL)
-        return self._failed(question, None, _NO_METHOD)
+        return self._failed(question, None, NO_METHOD)
 
     def ladder(self, question: Question, method: Method, levels: Sequence[float | None]) -> Iterator[Run]:
-        """Every level of a method; closer: finer ones until the order settles, the finest at other softness."""
+        """Ask at all levels of a method; if closer, at finer ones until the order settles, and with other softness."""
         runs: list[Run] = []
         for level, step in enumerate(levels):
             runs.append(self.once(question, method, level, step))
             yield runs[-1]
-        if not self.effort.closer or any(run.answer is None for run in runs):
+        if not self.thoroughness.closer or any(run.answer is None for run in runs):
             return
         while not (prospect := self._prospect(runs)).decided and (step := self._finer(method, runs, prospect)):
             runs.append(self.once(question, method, len(runs), step))
@@ -166,23 +161,23 @@ class EngineCase:
                 yield self.once(question, softer, runs[-1].level, runs[-1].step)
 
     def _prospect(self, runs: Sequence[Run]) -> Prospect:
-        """What more levels would do; as if nothing were decided where there is no yardstick."""
-        if self.yard is None or runs[0].question is not Question.TRAJECTORY:
+        """Return the effect of more levels; without a reference motion the verdict counts as open."""
+        if self.reference_motion is None or not runs[0].question.over_time:
             return Prospect(decided=False, next_agrees=False)
-        return Prospect.of(self.case.mechanism, runs, self.yard)
+        return Prospect.of(self.case.mechanism, runs, self.reference_motion)
 
     @staticmethod
     def _finer(method: Method, runs: Sequence[Run], prospect: Prospect) -> float | None:
-        """The next step of a ladder, if it would say more and can be afforded."""
+        """Return the next step size, if that level would show more and takes little enough time."""
         last = runs[-1].step
         if last is None or not method.substeps or len(runs) >= MOST_LEVELS or 2.0 * runs[-1].cpu >= LEVEL_BUDGET:
             return None
-        answers = [run.answer for run in runs if isinstance(run.answer, TrajectoryAnswer)]
+        answers = [run.answer for run in runs]
         more = prospect.next_agrees or needs_another_level(answers, method, [run.step for run in runs])
         return last / 2.0 if more else None
 
     def _displaced(self, method: Method) -> Iterator[Run]:
-        """The reference from displaced initial states, for the horizon."""
+        """Ask the reference for motions from displaced initial states, for the horizon."""
         case = self.case
         states = displaced_states(case.mechanism, case.initial_state, PERTURBATION, DISPLACED, case.seed)
         for n, state in enumerate(states):
@@ -193,10 +188,11 @@ class EngineCase:
     def once(
         self, question: Question, method: Method, level: int, step: float | None, start: State | None = None
     ) -> Run:
-        """One run: out of the store if it is there."""
+        """Return one run, from the store if the answer is there."""
         case = self.case
-        states = case.states if question is Question.INSTANT else [start or case.initial_state]
-        request = Request(case.mechanism, question, method, states, case.times, step or 0.0)
+        states = case.states if question.at_states else [start or case.initial_state]
+        parameters = load_named(question.parameters)(case) if question.parameters else {}
+        request = Request(case.mechanism, question, method, states, case.times, step or 0.0, parameters=parameters)
         key = self.store.key(self.info, request) if self.store is not None and self.info is not None else ""
         kept = self.store.find(key) if self.store is not None and key else None
         run = Run(case.name, self.worker.engine, question, method, level, step, Status.ANSWERED)
@@ -208,22 +204,21 @@ class EngineCase:
             return run
         if run.answer is None:
             return replace(run, log=_with_job(run.log, self.store, key, self.worker.engine, request))
-        self.store.keep(key, Kept(run.answer, run.cpu, run.log))
+        self.store.keep(key, StoredAnswer(run.answer, run.cpu, run.log))
         return run
 
     def _perform(self, run: Run, request: Request) -> Run:
-        """Let the worker do a job."""
-        count = {Question.MODEL: 1, Question.INSTANT: len(request.states), Question.TRAJECTORY: len(self.case.times)}
-        reply = self.worker.ask(request)
-        reason = reply.reason
+        """Let the worker do a job, and check the form of the answer."""
+        reply, reason = self.worker.ask(request), ""
         if reply.returned:
-            reason = "; ".join(defects(reply.value, run.question, self.case.mechanism, count[run.question]))
-        value = reply.value
-        answer = value if isinstance(value, ModelAnswer | InstantAnswer | TrajectoryAnswer) and not reason else None
+            count = run.question.sample_count(len(request.states), len(self.case.times))
+            reason = "; ".join(defects(reply.value, run.question, self.case.mechanism, count))
+        sound = reply.returned and not reason
+        reason = reason or reply.reason
         return replace(
             run,
-            status=Status.FAILED if answer is None else Status.ANSWERED,
-            answer=answer,
+            status=Status.ANSWERED if sound else Status.FAILED,
+            answer=reply.value if sound else None,
             reason=reason,
             manifest=self.plan.manifest,
             cpu=reply.cpu,
@@ -235,7 +230,7 @@ class EngineCase:
 
 
 def _with_job(log: str, store: Store, key: str, engine: str, request: Request) -> str:
-    """What an engine printed before it failed, and how to do the job again; the job is written down."""
+    """Write a failed job to the store; return the output of the engine, and how to repeat the job."""
     job = store.keep_job(key, replayable_job(engine, request))
     lines = [log.rstrip("\n")] if log.strip() else []
     return "\n".join([*lines, f"to do it again: python -m consilience.engine.worker {job}"])
@@ -245,18 +240,27 @@ def ask_case(
     worker: EngineHandle,
     case: Case,
     questions: Sequence[Question],
-    effort: Thoroughness = FULL,
+    thoroughness: Thoroughness = FULL,
     store: Store | None = None,
     info: EngineInfo | None = None,
-    yard: Yardstick | None = None,
+    reference_motion: ReferenceMotion | None = None,
 ) -> Iterator[Run]:
-    """All runs of an engine about a case; `yard` as in `EngineCase`."""
+    """Ask an engine questions about a case.
+
+    Parameters
+    ----------
+    worker : EngineHandle
+    case : Case
+    questions : sequence of Question
+    thoroughness, store, info, reference_motion
+        As in `EngineCase`.
+    """
     request = Request(case.mechanism)
     reply = worker.ask(request)
     if isinstance(reply.value, Plan):
-        asked = EngineCase(worker, case, reply.value, effort, store, info, yard)
+        engine_case = EngineCase(worker, case, reply.value, thoroughness, store, info, reference_motion)
         for question in questions:
-            yield from asked.question(question)
+            yield from engine_case.question(question)
         return
     log = reply.log
     if store is not None and info is not None:
@@ -269,10 +273,10 @@ def ask_case(
 def ask_ladder(
     worker: EngineHandle, case: Case, plan: Plan, method: Method, steps: Sequence[float] | None = None
 ) -> Iterator[Run]:
-    """Runs of a trajectory method at every level and at other softness; at the given steps alone, if any are given."""
-    asked = EngineCase(worker, case, plan)
+    """Ask for motions by a method at all levels and with other softness, or at the given steps alone."""
+    engine_case = EngineCase(worker, case, plan)
     if steps is None:
-        yield from asked.ladder(Question.TRAJECTORY, method, levels_of(case, Question.TRAJECTORY, method))
+        yield from engine_case.ladder(Question.TRAJECTORY, method, levels_of(case, Question.TRAJECTORY, method))
         return
     for level, step in enumerate(steps):
-        yield asked.once(Question.TRAJECTORY, method, level, step)
+        yield engine_case.once(Question.TRAJECTORY, method, level, step)

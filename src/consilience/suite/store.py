@@ -1,10 +1,10 @@
-"""Answers that are known already, by the content of what was asked: a database beside the report.
+"""Store of answers by the content of their requests: a database beside the report.
 
-The key of an answer is a digest of everything that decides it: engine and version, mechanism, states, times, question,
-method with its settings, step, and the sources of the harness and of the adapter. A changed case, engine or line of
-code asks anew; nothing is ever taken for the answer to another question.
+The key of an answer is a digest of everything on which the answer depends: engine and version, mechanism, states,
+times, question, parameters, method with its settings, step, and the sources of the harness and of the adapter. After
+any change of these the engine is asked again.
 
-SQLite keeps each answer in a transaction of its own: whatever kills the process loses the jobs in flight, and no more.
+SQLite stores each answer in a transaction of its own: a process that is killed loses only its running jobs.
 """
 
 from __future__ import annotations
@@ -23,16 +23,15 @@ from typing import Any
 
 import numpy as np
 
-from consilience.engine import Answer, EngineInfo, InstantAnswer, ModelAnswer, TrajectoryAnswer, installed, split_name
+from consilience.engine import Answer, EngineInfo, installed, split_name
+from consilience.engine.questions import ANSWERS
 from consilience.engine.worker.client import Request
 from consilience.errors import ConsilienceError
 
 FILE = "answers.sqlite"
 
 FAILED = "failed"
-"""Folder of the jobs that failed, beside it."""
-
-_KINDS: dict[str, type[Answer]] = {kind.__name__: kind for kind in (ModelAnswer, InstantAnswer, TrajectoryAnswer)}
+"""Folder of failed jobs, beside the database."""
 
 _LAYOUT = "CREATE TABLE IF NOT EXISTS answers (key TEXT PRIMARY KEY, about TEXT NOT NULL, arrays BLOB NOT NULL)"
 
@@ -42,8 +41,8 @@ class StoreError(ConsilienceError):
 
 
 @dataclass(frozen=True, eq=False)
-class Kept:
-    """An answer with what it cost and what the engine printed."""
+class StoredAnswer:
+    """An answer with its CPU time and the output of the engine."""
 
     answer: Answer
     cpu: float
@@ -51,7 +50,7 @@ class Kept:
 
 
 def _pieces(value: Any) -> Iterator[bytes]:
-    """Bytes that tell values apart, whatever objects carry them."""
+    """Return bytes that differ for different values, whatever their identity."""
     if is_dataclass(value) and not isinstance(value, type):
         yield type(value).__name__.encode()
         for item in fields(value):
@@ -86,7 +85,7 @@ def _digest(*values: Any) -> str:
 
 @cache
 def _sources(package: str) -> str:
-    """Digest of the Python sources of an installed package, which is not imported; empty if it has none."""
+    """Return a digest of the Python sources of an installed package, without importing it; empty if it has none."""
     spec = find_spec(package)
     if spec is None or spec.origin is None:
         return ""
@@ -96,37 +95,37 @@ def _sources(package: str) -> str:
 
 
 def _code(engine: str) -> tuple[str, str]:
-    """What stands for the code that answers: the harness's and the adapter's."""
+    """Return digests of the sources of the harness and of an adapter."""
     entry = installed().get(engine.partition(":")[0])
     return _sources("consilience"), _sources(entry.module.partition(".")[0]) if entry else ""
 
 
 def code_of(engines: Sequence[str]) -> str:
-    """Digest of the code that asks these engines and judges them: the harness's and the adapters'."""
+    """Return a digest of the sources of the harness and of the adapters of these engines."""
     return _digest(*(_code(split_name(engine)[0]) for engine in ("", *engines)))
 
 
 def _item(value: Any) -> Any:
-    """A NumPy scalar as Python's own."""
+    """Return a NumPy scalar as a Python number."""
     if isinstance(value, np.generic):
         return value.item()
     raise TypeError(f"no place for a {type(value).__name__} in the store")
 
 
 class Store:
-    """Answers in a folder.
+    """Store of answers in a folder.
 
     Parameters
     ----------
     folder : Path
-        Created if it is missing.
+        Created if missing.
     fresh : bool
-        Forget what is there.
+        Delete all answers.
 
     Raises
     ------
     StoreError
-        If there is no database at its place, or no room for one.
+        If the file is no database, or cannot be written.
     """
 
     def __init__(self, folder: Path, fresh: bool = False) -> None:
@@ -154,38 +153,38 @@ class Store:
                 raise StoreError(f"{self._file}: {error}. {remedy}") from None
 
     def key(self, info: EngineInfo, request: Request) -> str:
-        """Digest of a job."""
+        """Return the key of a job."""
         known, digest = self._mechanism
         if known is not request.mechanism:
             digest = _digest(request.mechanism)
             self._mechanism = (request.mechanism, digest)
-        asked = (request.question, request.method, request.states, request.times, request.step)
-        if info.name not in self._codes:  # what is installed is looked for on the disk: longer than many a job
+        asked = (request.question, request.method, request.states, request.times, request.step, request.parameters)
+        if info.name not in self._codes:  # reading the sources takes longer than many jobs
             self._codes[info.name] = _code(info.name)
         return _digest(asdict(info), self._codes[info.name], digest, asked)
 
-    def find(self, key: str) -> Kept | None:
-        """What is kept under a key."""
+    def find(self, key: str) -> StoredAnswer | None:
+        """Return the answer of a key; None if there is none."""
         rows = self._do("SELECT about, arrays FROM answers WHERE key = ?", (key,))
         if not rows:
             return None
         about, arrays = json.loads(rows[0][0]), np.load(io.BytesIO(rows[0][1]), allow_pickle=False)
         values = dict(about["values"]) | {name: arrays[name] for name in arrays.files}
-        return Kept(_KINDS[about["kind"]](**values), about["cpu"], about["log"])
+        return StoredAnswer(ANSWERS[about["kind"]](**values), about["cpu"], about["log"])
 
-    def keep(self, key: str, kept: Kept) -> None:
-        """Add an answer."""
-        values = vars(kept.answer)
+    def keep(self, key: str, stored: StoredAnswer) -> None:
+        """Store an answer."""
+        values = vars(stored.answer)
         arrays = {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
         others = {name: value for name, value in values.items() if name not in arrays}
-        about = {"kind": type(kept.answer).__name__, "values": others, "cpu": kept.cpu, "log": kept.log}
+        about = {"kind": type(stored.answer).__name__, "values": others, "cpu": stored.cpu, "log": stored.log}
         buffer = io.BytesIO()
         np.savez(buffer, allow_pickle=False, **arrays)
         row = (key, json.dumps(about, default=_item), buffer.getvalue())
         self._do("INSERT OR REPLACE INTO answers VALUES (?, ?, ?)", row)
 
     def keep_job(self, key: str, job: bytes) -> str:
-        """Write down a job that failed, as it was sent; its file, seen from the folder."""
+        """Write the frames of a failed job to a file; return its name relative to the folder."""
         file = self._file.parent / FAILED / f"{key[:20]}.frames"
         try:
             file.parent.mkdir(exist_ok=True)
@@ -195,6 +194,6 @@ class Store:
         return f"{FAILED}/{file.name}"
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the database."""
         with self._lock:
             self._connection.close()

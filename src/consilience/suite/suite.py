@@ -1,9 +1,9 @@
-"""Plan and execute many runs: every case, engine, question, method and level; then compare.
+"""Execution of a suite: runs of all cases, engines, questions, methods and levels, and their comparison.
 
-Each engine has its own worker, and does one job at a time; `jobs` engines work at once, each on the first case it has
-not done. On a cluster an engine works on many cases at once, wherever there is room. The reference is asked first: what
-is decided by a few levels of an engine needs no more of them. A case is judged as soon as all engines are through with
-it, while they go on with the next ones.
+Each engine has a worker of its own and does one job at a time; `jobs` engines work at the same time, each on its first
+open case. On a cluster an engine works on many cases at the same time. The reference is asked first, because with its
+motion a few levels of an engine often decide the verdict. A case is judged when all engines have answered, while they
+work on the next cases.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from threading import Condition, Lock
 from typing import TYPE_CHECKING
 
 from consilience.case import Case
-from consilience.compare import Comparison, Yardstick
-from consilience.compare.judge import REFERENCE, judge_case, yardstick
+from consilience.compare import Comparison, ReferenceMotion
+from consilience.compare.judge import REFERENCE, judge_case, reference_motion
 from consilience.engine import EngineInfo, Question, Run, Status, TrajectoryAnswer
 from consilience.engine.worker.client import MEMORY, EngineHandle, InProcessEngine, Request, Worker, WorkerHandle
 from consilience.errors import ConsilienceError
@@ -34,16 +34,16 @@ if TYPE_CHECKING:
     from consilience.suite.cluster import Cluster
 
 Progress = Callable[[str, str], None]
-"""Called with the engine and what it has just finished."""
+"""Function that is called with the names of an engine and of the case that it has finished."""
 
 
 class EngineFailure(ConsilienceError):
-    """An engine that was asked for one answer gave none."""
+    """An engine gave no answer."""
 
 
 @dataclass
 class Results:
-    """Everything a suite found out."""
+    """Runs and comparisons of a suite, with the engines that started and those that did not."""
 
     cases: list[Case]
     questions: list[Question]
@@ -51,18 +51,18 @@ class Results:
     missing: dict[str, str] = field(default_factory=dict)
     runs: list[Run] = field(default_factory=list)
     comparisons: list[Comparison] = field(default_factory=list)
-    effort: Thoroughness = FULL
+    thoroughness: Thoroughness = FULL
 
 
 AHEAD = 2
-"""Cases that the reference is ahead of the engines, if it can be."""
+"""Number of cases by which the reference goes ahead of the engines, if possible."""
 
 
 class _Schedule:
-    """Who does what next: of the idle engines the one that is furthest behind takes its next case.
+    """Order of the work: the idle engine with the fewest finished cases takes its next case.
 
-    So cases are complete one after the other, and no engine is left with a long list at the end. The first engine has
-    to be through with a case before others take it, and goes ahead of them.
+    So cases are completed one after the other, and no engine has many left at the end. The first engine goes ahead: the
+    others take a case only when the first engine has finished it.
     """
 
     def __init__(self, engines: Sequence[str], cases: int, together: int) -> None:
@@ -74,7 +74,7 @@ class _Schedule:
         self._open = True
 
     def take(self) -> tuple[str, int] | None:
-        """An engine and the number of a case; waits while all engines with work left are busy; None at the end."""
+        """Return an engine and the number of its next case; wait while there is none; None at the end."""
         with self._changed:
             while self._open:
                 left = [name for name, case in self._next.items() if case < self._cases]
@@ -93,7 +93,7 @@ class _Schedule:
         return engine == self._first or self._through[self._next[engine]]
 
     def done(self, engine: str, case: int, dead: bool = False) -> None:
-        """The engine is idle again; a dead one gets nothing more."""
+        """Mark an engine as idle again; a dead one gets no more cases."""
         with self._changed:
             self._busy[engine] -= 1
             if dead:
@@ -104,31 +104,31 @@ class _Schedule:
             self._changed.notify_all()
 
     def close(self) -> None:
-        """Give out nothing more."""
+        """Give out no more cases."""
         with self._changed:
             self._open = False
             self._changed.notify_all()
 
 
 class _Suite:
-    """A suite at work: what threads share."""
+    """State of a running suite that its threads share."""
 
     def __init__(
         self,
         results: Results,
         workers: Mapping[str, WorkerHandle],
-        effort: Thoroughness,
+        thoroughness: Thoroughness,
         store: Store | None,
         together: int,
     ) -> None:
-        self.results, self.workers, self.effort, self.store = results, workers, effort, store
+        self.results, self.workers, self.thoroughness, self.store = results, workers, thoroughness, store
         self.schedule = _Schedule(list(workers), len(results.cases), together)
         self.finished: SimpleQueue[tuple[str, int, list[Run]] | None] = SimpleQueue()
         self._doors = {name: Lock() for name in workers}
-        self._yards: dict[int, Yardstick | None] = {}
+        self._reference_motions: dict[int, ReferenceMotion | None] = {}
 
     def work(self) -> None:
-        """Do jobs until there are none."""
+        """Do jobs until none are left."""
         try:
             while (job := self.schedule.take()) is not None:
                 name, number = job
@@ -142,8 +142,8 @@ class _Suite:
             self.finished.put(None)
 
     def _introduced(self, name: str) -> bool:
-        """Whether an engine has started and said who it is."""
-        with self._doors[name]:  # once, however many ask for it
+        """Whether an engine has started and described itself."""
+        with self._doors[name]:  # once, although several threads may need the engine
             if name in self.results.missing:
                 return False
             if name not in self.results.engines:
@@ -158,10 +158,10 @@ class _Suite:
     def _ask(self, name: str, number: int) -> list[Run]:
         results, worker = self.results, self.workers[name]
         case, info = results.cases[number], results.engines[name]
-        yard = self._yards.get(number)
-        runs = list(ask_case(worker, case, results.questions, self.effort, self.store, info, yard))
-        if name == REFERENCE and self.effort.closer:
-            self._yards[number] = yardstick(case, runs)
+        motion = self._reference_motions.get(number)
+        runs = list(ask_case(worker, case, results.questions, self.thoroughness, self.store, info, motion))
+        if name == REFERENCE and self.thoroughness.closer:
+            self._reference_motions[number] = reference_motion(case, runs)
         return runs
 
 
@@ -172,44 +172,47 @@ def run_suite(
     jobs: int = 2,
     limit: float = 180.0,
     progress: Progress | None = None,
-    effort: Thoroughness = FULL,
+    thoroughness: Thoroughness = FULL,
     store: Store | None = None,
     memory: int = MEMORY,
     cluster: Cluster | None = None,
 ) -> Results:
-    """Ask every engine every question of every case, and compare with the reference.
+    """Ask all engines all questions about all cases, and compare the answers with the reference.
 
     Parameters
     ----------
+    cases : sequence of Case
     engines : sequence of str
-        The reference is always asked, whether it is named or not.
+        Names of installed engines; the reference is always asked.
+    questions : sequence of Question
     jobs : int
-        Number of engines that work at a time.
+        Number of engines that work at the same time.
     limit : float, s
         Time limit of one job.
-    effort : Effort
+    progress : callable, optional
+    thoroughness : Thoroughness
     store : Store, optional
-        Answers that are there already are not asked for; new ones are kept.
+        Store of answers, which are not asked for again.
     memory : int, bytes
-        Resident memory that an engine may use.
+        Limit of the resident memory of an engine.
     cluster : Cluster, optional
-        Where the engines are; as many work at a time as it has threads.
+        Cluster on which the engines run, as many at the same time as it has threads.
     """
-    cases = [effort.case(case) for case in cases]
+    cases = [thoroughness.case(case) for case in cases]
     names = [REFERENCE, *(name for name in engines if name != REFERENCE)]
     for case in cases:
-        # assembled here, before any worker starts: a case that cannot be assembled is bad input, not a failed run
-        _ = case.states if Question.INSTANT in questions else case.initial_state
-    results = Results(cases, list(questions), effort=effort)
+        # assembled before any worker starts: a case that cannot be assembled is bad input, not a failed run
+        _ = case.states if any(q.at_states for q in questions) else case.initial_state
+    results = Results(cases, list(questions), thoroughness=thoroughness)
     found: dict[tuple[str, int], list[Run]] = {}
     judged: dict[int, list[Comparison]] = {}
     together = 1 if cluster is None else len(cases)
     jobs = min(jobs, len(names)) if cluster is None else min(cluster.tasks, len(names) * len(cases))
-    cold = jobs > 1 and cluster is None and Question.TRAJECTORY in questions and not compiled()
+    cold = jobs > 1 and cluster is None and any(q.over_time for q in questions) and not compiled()
     with (
         compiled_beside(cases, limit, memory) if cold else nullcontext(),
         _workers(names, limit, memory, cluster) as workers,
-        closing(_in_parallel(_Suite(results, workers, effort, store, together), jobs)) as done,
+        closing(_in_parallel(_Suite(results, workers, thoroughness, store, together), jobs)) as done,
     ):
         for name, number, runs in done:
             found[name, number] = runs
@@ -233,7 +236,7 @@ def _judged(case: Case, names: Sequence[str], number: int, found: dict[tuple[str
 def _workers(
     names: Sequence[str], limit: float, memory: int, cluster: Cluster | None
 ) -> Iterator[Mapping[str, WorkerHandle]]:
-    """A worker for each engine; none outlives the suite."""
+    """Start a worker for each engine; stop all at the end of the block."""
     make = Worker if cluster is None else cluster.worker
     workers: dict[str, WorkerHandle] = {name: make(name, limit, memory) for name in names}
     try:
@@ -244,7 +247,7 @@ def _workers(
 
 
 def _in_parallel(suite: _Suite, jobs: int) -> Generator[tuple[str, int, list[Run]]]:
-    """What threads finish, as they finish it; an error of ours in one of them ends all."""
+    """Yield the results of the threads as they finish; an error of the harness in one thread ends all."""
     count = max(1, jobs)
     pool = ThreadPoolExecutor(max_workers=count)
     futures: list[Future[None]] = [pool.submit(suite.work) for _ in range(count)]
@@ -258,7 +261,7 @@ def _in_parallel(suite: _Suite, jobs: int) -> Generator[tuple[str, int, list[Run
                 yield finished
         for future in futures:
             future.result()
-    except BaseException:  # Ctrl-C above all, here or in whoever takes the results: no engine works for nobody
+    except BaseException:  # Ctrl-C above all, here or in the consumer of the results: no engine may go on working
         suite.schedule.close()
         for worker in suite.workers.values():
             worker.cancel()
@@ -268,19 +271,21 @@ def _in_parallel(suite: _Suite, jobs: int) -> Generator[tuple[str, int, list[Run
 
 
 def simulate_case(case: Case, engine: str, limit: float) -> tuple[TrajectoryAnswer, str]:
-    """Trajectory of a case by an engine's first method at its finest level, and how it was made.
+    """Return the trajectory of a case by an engine's first method at its finest level, and the name of the method.
 
     Raises
     ------
     EngineFailure
-        If the engine cannot or did not answer, with its reason.
+        If the engine does not answer, with the reason.
     """
     if engine.partition(":")[0] == REFERENCE:
-        run = _finest(InProcessEngine(engine), case)  # ours: no shield is worth the time to start another process
+        run = _finest(
+            InProcessEngine(engine), case
+        )  # the reference needs no process of its own, which takes time to start
     else:
         with Worker(engine, limit) as worker:
             run = _finest(worker, case)
-    if isinstance(run.answer, TrajectoryAnswer) and run.method is not None:
+    if run.status is Status.ANSWERED and run.method is not None:
         kind = "step" if run.method.substeps else "tolerance"
         return run.answer, f"{run.method.name}, {kind} {run.step:g}"
     raise EngineFailure(f"engine '{engine}', case '{case.name}': {run.status}: {run.reason}")
@@ -291,6 +296,7 @@ def _finest(worker: EngineHandle, case: Case) -> Run:
     failed = Run(case.name, worker.engine, Question.TRAJECTORY, None, 0, None, Status.FAILED)
     if isinstance(plan, str):
         return replace(failed, reason=plan)
-    if plan.unsupported[Question.TRAJECTORY]:
-        return next(EngineCase(worker, case, plan).question(Question.TRAJECTORY))
-    return EngineCase(worker, case, plan).finest(Question.TRAJECTORY)
+    engine_case = EngineCase(worker, case, plan)
+    if plan.refusals(Question.TRAJECTORY):
+        return next(engine_case.question(Question.TRAJECTORY))
+    return engine_case.finest(Question.TRAJECTORY)

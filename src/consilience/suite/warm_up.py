@@ -1,7 +1,7 @@
-"""Kernels of the reference that are not compiled yet: while it answers, a second process compiles those of motions.
+"""Compilation of the reference's kernels for motions in a second process, while the reference answers.
 
-The first run after an installation compiles for minutes, in one process on one core: the engines wait for the
-reference. Kernels that one process has compiled all others find in the cache.
+In the first run after an installation the engines wait for the reference, which compiles in one process. Kernels that
+one process has compiled are in the cache of all others.
 """
 
 from __future__ import annotations
@@ -18,23 +18,23 @@ from consilience.engine import Question
 from consilience.engine.worker.client import Plan, Request, Worker
 
 _LAST = "integrate.integrate-*.nbi"
-"""Index of what is compiled last of a motion."""
+"""Cache file of the kernel of a motion that is compiled last."""
 
 
 def kernels_folder() -> Path:
-    """Folder where Numba keeps the compiled kernels of the reference."""
+    """Return the folder of Numba's cache for the kernels of the reference."""
     named = os.environ.get("NUMBA_CACHE_DIR")
     return Path(named) if named else Path(__file__).parents[1] / "reference"
 
 
 def compiled() -> bool:
-    """Whether kernels of motions are in the cache, or nothing is compiled at all."""
+    """Whether the kernels of motions are in the cache, or compilation is switched off."""
     return os.environ.get("NUMBA_DISABLE_JIT", "0") != "0" or next(kernels_folder().rglob(_LAST), None) is not None
 
 
 @contextmanager
 def compiled_beside(cases: Sequence[Case], limit: float, memory: int) -> Iterator[None]:
-    """Have a process of its own compile what motions of these cases need, as far as it comes meanwhile."""
+    """Compile the kernels for motions of these cases in a second process, until the end of the block."""
     worker = Worker(REFERENCE, limit, memory)
     thread = Thread(target=_compile, args=(worker, cases), name="compiling", daemon=True)
     thread.start()
@@ -46,9 +46,9 @@ def compiled_beside(cases: Sequence[Case], limit: float, memory: int) -> Iterato
 
 
 def _compile(worker: Worker, cases: Sequence[Case]) -> None:
-    """Ask for the first sample of each motion by the first formulation, which takes no time once it is compiled.
+    """Ask for the first sample of each motion by the first formulation, which compiles its kernels.
 
-    From the last case to the first: in the order of the suite, both processes would compile the same at the same time.
+    The last case comes first: in the order of the suite, both processes would compile the same kernels together.
     """
     for case in reversed(cases):
         plan = worker.ask(Request(case.mechanism)).value

@@ -6,7 +6,7 @@ each: the largest difference of two answers in any component is that of the larg
     max - min  <=  (1e-10 + 10 eps cond) * largest component
 
 with cond of the matrix that is solved: for accelerations the mass matrix in free directions
-(`observe.mass_matrix_condition`), for reactions ``Q M^-1 Q^T`` (`observe.reaction_condition`). Accelerations are a_WB_W
+(`mass_matrix_condition`), for reactions ``Q M^-1 Q^T`` (`reaction_condition`). Accelerations are a_WB_W
 and alpha_WB_W of all bodies, reactions the components that equilibrium determines. What a single formulation is worth
 is its distance from the median of all, component by component: one that is wrong is found out, not those that agree.
 
@@ -42,9 +42,10 @@ from consilience.mechanism import (
     constraint_jacobian,
     determinate_reactions,
     initial_state,
+    mass_matrix_condition,
     random_states,
+    reaction_condition,
 )
-from consilience.mechanism.observables import mass_matrix_condition, reaction_condition
 from consilience.reference.formulations import registry
 from consilience.reference.formulations.coordinates import VARIANTS
 from consilience.reference.formulations.orientations import ORIENTATIONS, SingularOrientation

@@ -10,23 +10,21 @@ from typing import Annotated
 import typer
 
 from consilience.audit.formulations.compare import QUANTITIES, Difference, Examination, agrees, campaign, disagreements
+from consilience.compare import markdown_table
 from consilience.reference.formulations import registry
 
 
 def formulation_table(examinations: Sequence[Examination]) -> str:
     """Markdown: for each formulation mechanisms and states, and the worst distance from the median, with its place."""
     names = list(dict.fromkeys(name for e in examinations for name in e.refusals))
-    lines = [
-        "| formulation | mechanisms | refused | states without answer | worst accelerations | worst reactions |",
-        "|---|---:|---:|---:|---:|---:|",
-    ]
+    heads = ("formulation", "mechanisms", "refused", "states without answer", "worst accelerations", "worst reactions")
+    rows = []
     for name in names:
         able = sum(not e.refusals[name] for e in examinations)
         missing = sum(x.formulation == name for e in examinations for x in e.exempt)
         worst = [_worst(examinations, name, quantity) for quantity in QUANTITIES]
-        cells = [f"`{name}`", str(able), str(len(examinations) - able), str(missing), *worst]
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines)
+        rows.append([f"`{name}`", able, len(examinations) - able, missing, *worst])
+    return "\n".join(markdown_table(heads, rows, "lrrrrr"))
 
 
 def _worst(examinations: Sequence[Examination], name: str, quantity: str) -> str:
@@ -46,22 +44,22 @@ def summary(examinations: Sequence[Examination]) -> str:
         "loops": lambda e: e.loops > 0,
         "all": lambda _: True,
     }
-    lines = [
-        "| mechanisms | number | bodies | states | compared | worst accelerations | worst reactions | above the bar |",
-        "|---|---:|---:|---:|---:|---:|---:|---:|",
-    ]
+    heads = (
+        *("mechanisms", "number", "bodies", "states", "compared"),
+        *("worst accelerations", "worst reactions", "above the bar"),
+    )
+    rows = []
     for title, member in groups.items():
         chosen = [e for e in examinations if member(e)]
         if not chosen:
             continue
         bodies = [e.bodies for e in chosen]
         found = [d for e in chosen for d in e.differences]
-        cells = [title, str(len(chosen)), f"{min(bodies)} to {max(bodies)}", str(sum(e.states for e in chosen))]
-        cells.append(str(sum(d.quantity == QUANTITIES[0] for d in found)))
+        cells = [title, len(chosen), f"{min(bodies)} to {max(bodies)}", sum(e.states for e in chosen)]
+        cells.append(sum(d.quantity == QUANTITIES[0] for d in found))
         cells += [_widest([d for d in found if d.quantity == q]) for q in QUANTITIES]
-        cells.append(str(len(disagreements(chosen))))
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines)
+        rows.append([*cells, len(disagreements(chosen))])
+    return "\n".join(markdown_table(heads, rows, "lrrrrrrr"))
 
 
 def _widest(found: Sequence[Difference]) -> str:
@@ -79,19 +77,25 @@ def exceptions(examinations: Sequence[Examination]) -> str:
         for name, features in e.refusals.items()
         for feature in {_feature_kind(f) for f in features}
     )
-    lines = ["| formulation | cannot represent | mechanisms |", "|---|---|---:|"]
-    lines += [f"| `{name}` | {feature} | {count} |" for (name, feature), count in sorted(refused.items())]
-    lines += ["", "| formulation | state (mechanism/state) | not compared because |", "|---|---|---|"]
-    for x in (x for e in examinations for x in e.exempt):
-        what = f"`{x.formulation}`" if x.formulation else "all"
-        lines.append(f"| {what} | {x.seed}/{x.state} | {'**failed**: ' if x.failure else ''}{x.reason} |")
-    lines += [
-        "",
-        "| above the bar (mechanism/state) | quantity | difference | bar | farthest |",
-        "|---|---|---:|---:|---|",
+    counted = [(f"`{name}`", feature, count) for (name, feature), count in sorted(refused.items())]
+    exempt = [
+        (f"`{x.formulation}`" if x.formulation else "all", f"{x.seed}/{x.state}", "**failed**: " * x.failure + x.reason)
+        for e in examinations
+        for x in e.exempt
     ]
-    for d in disagreements(examinations):
-        lines.append(f"| {d.seed}/{d.state} | {d.quantity} | {d.spread:.1e} | {d.bar:.1e} | `{d.farthest}` |")
+    above = [
+        (f"{d.seed}/{d.state}", d.quantity, f"{d.spread:.1e}", f"{d.bar:.1e}", f"`{d.farthest}`")
+        for d in disagreements(examinations)
+    ]
+    lines = [
+        *markdown_table(("formulation", "cannot represent", "mechanisms"), counted, "llr"),
+        "",
+        *markdown_table(("formulation", "state (mechanism/state)", "not compared because"), exempt),
+        "",
+        *markdown_table(
+            ("above the bar (mechanism/state)", "quantity", "difference", "bar", "farthest"), above, "llrrl"
+        ),
+    ]
     return "\n".join(lines)
 
 

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from consilience.compare import markdown_table
 from consilience.engine import TrajectoryAnswer
 from consilience.errors import NumericalFailure
 from consilience.mechanism import (
@@ -206,16 +207,9 @@ def table(cases: Sequence[CasePaths]) -> str:
     names = list(dict.fromkeys(path.formulation for case in cases for path in case.paths))
     found = {(path.case, path.formulation): path for case in cases for path in case.paths}
     titles = [case.case for case in cases]
-    lines = _head(titles)
-    lines.append("| *amplification* | " + " | ".join(f"{case.amplification:.2g}" for case in cases) + " |")
-    for name in names:
-        cells = [_cell(found.get((case, name))) for case in titles]
-        lines.append(f"| `{name}` | " + " | ".join(cells) + " |")
-    return "\n".join(lines)
-
-
-def _head(titles: Sequence[str]) -> list[str]:
-    return ["| formulation | " + " | ".join(titles) + " |", "|---" + "|---:" * len(titles) + "|"]
+    rows = [["*amplification*", *(f"{case.amplification:.2g}" for case in cases)]]
+    rows += [[f"`{name}`", *(_cell(found.get((case, name))) for case in titles)] for name in names]
+    return "\n".join(markdown_table(("formulation", *titles), rows, "l" + "r" * len(titles)))
 
 
 def _cell(path: Path | None) -> str:
@@ -231,16 +225,16 @@ def drift_table(cases: Sequence[CasePaths]) -> str:
     names = list(dict.fromkeys(path.formulation for case in cases for path in case.paths))
     groups = {f"`{name}`": {name} for name in names if name in DRIFTING}
     groups["all others"] = set(names) - DRIFTING
-    lines = _head([case.case for case in cases])
+    rows = []
     for title, members in groups.items():
         found = ([p.violation for p in case.paths if p.formulation in members] for case in cases)
-        lines.append(f"| {title} | " + " | ".join(f"{max(values):.1e}" for values in found) + " |")
-    return "\n".join(lines)
+        rows.append([title, *(f"{max(values):.1e}" for values in found)])
+    return "\n".join(markdown_table(("formulation", *(case.case for case in cases)), rows, "l" + "r" * len(cases)))
 
 
 def exceptions(cases: Sequence[CasePaths]) -> str:
     """Markdown: every formulation without a motion, and why."""
     missing = [path for case in cases for path in case.paths if path.refusal]
-    lines = ["| case | formulation | no motion because |", "|---|---|---|"]
-    lines += [f"| {p.case} | `{p.formulation}` | {'' if p.exempt else '**failed**: '}{p.refusal} |" for p in missing]
+    rows = [(p.case, f"`{p.formulation}`", f"{'' if p.exempt else '**failed**: '}{p.refusal}") for p in missing]
+    lines = markdown_table(("case", "formulation", "no motion because"), rows)
     return "\n".join(lines)

@@ -1,1 +1,1 @@
-"""Differential fuzzing: random mechanisms on all engines; what shows a disagreement is shrunk and kept as a case."""
+"""Differential fuzzing: all engines on random mechanisms; each disagreement is shrunk and kept as a case file."""

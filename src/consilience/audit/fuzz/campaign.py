@@ -1,4 +1,4 @@
-"""Many mechanisms on all engines: drawn and judged here, while the engines work on the next ones in their processes."""
+"""Fuzzing campaigns: mechanisms are drawn and judged in this process, while engines answer in theirs."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from consilience.audit.fuzz.judging import Entry, judge
+from consilience.audit.fuzz.judging import JudgedComparison, judge
 from consilience.audit.fuzz.population import Specimen, specimen
-from consilience.audit.fuzz.workers import Panelist, Sheet, Task
+from consilience.audit.fuzz.workers import AnswerBatch, EngineStream
+from consilience.case import Case
 from consilience.compare.judge import REFERENCE
 from consilience.engine import EngineInfo
 from consilience.engine.worker.client import Reply, Request
@@ -21,30 +22,30 @@ from consilience.errors import ConsilienceError
 if TYPE_CHECKING:
     from consilience.suite.cluster import Cluster, Engines
 
-MESSAGE = 8
-"""Mechanisms that are drawn at a time."""
+BLOCK = 8
+"""Mechanisms drawn at a time."""
 
-AHEAD = 3
-"""Times that, under way: engines differ in speed, and none should wait for the slowest."""
+BLOCKS_AHEAD = 3
+"""Blocks sent before the first is judged: engines differ in speed, and no engine should wait for the slowest."""
 
-Answers = list[Future[Reply]]
-"""Of one engine to some mechanisms, in their order."""
+SHARD = 2 * BLOCK
+"""Mechanisms of a task on a cluster."""
 
-Progress = Callable[[int], None]
-"""Called with the number of mechanisms judged so far."""
+PendingReplies = dict[str, list[Future[Reply]]]
+"""Futures by engine, one for each mechanism of a block."""
 
 
 @dataclass(frozen=True, eq=False)
-class Judged:
-    """A mechanism and all entries about it."""
+class JudgedMechanism:
+    """A mechanism and all comparisons of answers about it."""
 
     specimen: Specimen
-    entries: list[Entry]
+    entries: list[JudgedComparison]
 
 
 @dataclass
-class Spent:
-    """Where the time went, s: CPU time in this process and of each engine, and the clock."""
+class TimeSpent:
+    """CPU time in this process and of each engine, and elapsed time, s."""
 
     drawing: float = 0.0
     judging: float = 0.0
@@ -53,54 +54,58 @@ class Spent:
 
 
 @dataclass
-class Campaign:
-    """All a fuzz found out."""
+class FuzzCampaign:
+    """Results of a campaign.
+
+    Attributes
+    ----------
+    missing : dict
+        Engines that did not start, and the reasons.
+    undrawn : dict
+        Seeds whose mechanism could not be drawn, and the reasons.
+    """
 
     engines: dict[str, EngineInfo] = field(default_factory=dict)
     missing: dict[str, str] = field(default_factory=dict)
-    judged: list[Judged] = field(default_factory=list)
+    judged: list[JudgedMechanism] = field(default_factory=list)
     undrawn: dict[int, str] = field(default_factory=dict)
-    """Seeds whose mechanism could not be drawn, and why."""
-
-    spent: Spent = field(default_factory=Spent)
+    spent: TimeSpent = field(default_factory=TimeSpent)
 
 
-class Panel:
-    """The reference and the engines, alive until the end of a ``with``.
+class EnginePanel:
+    """Workers of the reference and of the engines, alive within a ``with`` block.
 
     Parameters
     ----------
     engines : sequence of str
-        The reference is always there.
+        Names; the reference is added.
     limit : float, s
-        Time limit of a message.
+        Time limit of one request.
     """
 
     def __init__(self, engines: Sequence[str], limit: float) -> None:
         self.names = [REFERENCE, *(name for name in engines if name != REFERENCE)]
         self.limit = limit
-        self.members: dict[str, Panelist] = {}
+        self.members: dict[str, EngineStream] = {}
         self.infos: dict[str, EngineInfo] = {}
         self.missing: dict[str, str] = {}
         self._stack = ExitStack()
 
-    def __enter__(self) -> Panel:
-        with ExitStack() as starting:  # after Ctrl-C above all: no engine may go on living for nobody
-            self._start(starting)
+    def __enter__(self) -> EnginePanel:
+        with ExitStack() as starting:  # Ctrl-C while engines start must end all of them
+            streams = {name: EngineStream(name, self.limit) for name in self.names}
+            for stream in streams.values():
+                starting.callback(stream.stop)
+            waiting = {name: stream.submit(Request()) for name, stream in streams.items()}
+            for name, future in waiting.items():
+                reply = streams[name].reply(future)
+                if isinstance(reply.value, EngineInfo):
+                    self.infos[name], self.members[name] = reply.value, streams[name]
+                else:
+                    got = f"info() gave a {type(reply.value).__name__}, not an EngineInfo"
+                    self.missing[name] = reply.reason or got
             self._stack = starting.pop_all()
         return self
-
-    def _start(self, starting: ExitStack) -> None:
-        members = {name: Panelist(name, self.limit) for name in self.names}
-        for member in members.values():
-            starting.callback(member.stop)
-        waiting = {name: member.submit(Request()) for name, member in members.items()}
-        for name, future in waiting.items():
-            reply = members[name].reply(future)
-            if isinstance(reply.value, EngineInfo):
-                self.infos[name], self.members[name] = reply.value, members[name]
-            else:
-                self.missing[name] = reply.reason or f"info() gave a {type(reply.value).__name__}, not an EngineInfo"
 
     def __exit__(self, *_: object) -> None:
         self.stop()
@@ -109,18 +114,27 @@ class Panel:
         """End all engines."""
         self._stack.close()
 
-    def submit(self, tasks: Sequence[Task], engines: Sequence[str] | None = None) -> dict[str, Answers]:
-        """Send a message to the engines, or to some of them."""
-        return {name: self.members[name].submit_many(tasks) for name in engines or self.members}
+    def submit(self, cases: Sequence[Case], engines: Sequence[str] | None = None) -> PendingReplies:
+        """Send the mechanisms of the cases to the given engines; by default to all engines."""
+        return {name: self.members[name].submit_cases(cases) for name in engines or self.members}
 
-    def collect(self, tasks: Sequence[Task], futures: dict[str, Answers]) -> list[dict[str, Sheet]]:
-        """Wait for the answers to a message: sheets by engine, a mechanism after the other."""
-        sheets = {name: self.members[name].sheets(found) for name, found in futures.items()}
-        return [{name: found[n] for name, found in sheets.items()} for n in range(len(tasks))]
+    def collect(self, count: int, pending: PendingReplies) -> list[dict[str, AnswerBatch]]:
+        """Wait for the replies about `count` mechanisms: answers by engine, for one mechanism after the other."""
+        batches = {name: self.members[name].collect(futures) for name, futures in pending.items()}
+        return [{name: found[n] for name, found in batches.items()} for n in range(count)]
 
 
-def run_campaign(panel: Panel, seeds: Sequence[int], progress: Progress | None = None) -> Campaign:
-    """Ask the panel about the mechanisms of the seeds, and judge.
+def run_campaign(
+    panel: EnginePanel, seeds: Sequence[int], progress: Callable[[int], None] | None = None
+) -> FuzzCampaign:
+    """Ask the panel about the mechanisms of the seeds, and judge the answers.
+
+    Parameters
+    ----------
+    panel : EnginePanel
+    seeds : sequence of int
+    progress : callable, optional
+        Called with the number of mechanisms judged.
 
     Raises
     ------
@@ -129,38 +143,65 @@ def run_campaign(panel: Panel, seeds: Sequence[int], progress: Progress | None =
     """
     if REFERENCE in panel.missing:
         raise ConsilienceError(f"engine '{REFERENCE}' does not start: {panel.missing[REFERENCE]}")
-    campaign = Campaign(panel.infos, panel.missing)
+    campaign = FuzzCampaign(panel.infos, panel.missing)
     campaign.spent.engines = dict.fromkeys(panel.members, 0.0)
     start = time.perf_counter()
-    under_way: deque[tuple[list[Specimen], list[Task], dict[str, Answers]]] = deque()
-    for specimens in _messages(seeds, campaign):
-        tasks = [Task(s.case.mechanism, s.case.states) for s in specimens]
-        under_way.append((specimens, tasks, panel.submit(tasks)))
-        if len(under_way) > AHEAD:
-            _judge_message(panel, campaign, *under_way.popleft(), progress)
+    under_way: deque[tuple[list[Specimen], PendingReplies]] = deque()
+
+    def judge_first() -> None:
+        _judge_block(panel, campaign, *under_way.popleft())
+        if progress is not None:
+            progress(len(campaign.judged))
+
+    for block in _blocks(seeds, campaign):
+        under_way.append((block, panel.submit([one.case for one in block])))
+        if len(under_way) > BLOCKS_AHEAD:
+            judge_first()
     while under_way:
-        _judge_message(panel, campaign, *under_way.popleft(), progress)
+        judge_first()
     campaign.spent.elapsed = time.perf_counter() - start
     return campaign
 
 
-SHARD = 2 * MESSAGE
-"""Mechanisms that a machine of a cluster draws, asks about and judges before it sends what it found."""
+def _blocks(seeds: Sequence[int], campaign: FuzzCampaign) -> Iterator[list[Specimen]]:
+    """Draw mechanisms with their states, a block at a time."""
+    for first in range(0, len(seeds), BLOCK):
+        start, drawn = time.process_time(), []
+        for seed in seeds[first : first + BLOCK]:
+            try:
+                one = specimen(seed)
+                _ = one.case.states
+                drawn.append(one)
+            except ConsilienceError as error:
+                campaign.undrawn[seed] = str(error)
+        campaign.spent.drawing += time.process_time() - start
+        yield drawn
+
+
+def _judge_block(panel: EnginePanel, campaign: FuzzCampaign, block: list[Specimen], pending: PendingReplies) -> None:
+    """Wait for the answers about a block of mechanisms, and judge them."""
+    answers = panel.collect(len(block), pending)
+    start = time.process_time()
+    for drawn, batches in zip(block, answers, strict=True):
+        campaign.judged.append(JudgedMechanism(drawn, judge(drawn.case, batches)))
+        for name, batch in batches.items():
+            campaign.spent.engines[name] += batch.cpu
+    campaign.spent.judging += time.process_time() - start
 
 
 def run_on_cluster(
-    cluster: Cluster, asked: Engines, seeds: Sequence[int], progress: Progress | None = None
-) -> Campaign:
-    """Draw, ask and judge on a cluster: the same as `run_campaign` finds.
+    cluster: Cluster, engines: Engines, seeds: Sequence[int], progress: Callable[[int], None] | None = None
+) -> FuzzCampaign:
+    """Draw, ask and judge on a cluster, with the same results as `run_campaign`.
 
     Raises
     ------
     ConsilienceError
         If the reference does not start, the machines differ, or the cluster is lost.
     """
-    whole = Campaign()
+    whole = FuzzCampaign()
     start = time.perf_counter()
-    for part in cluster.each(_shard, [seeds[n : n + SHARD] for n in range(0, len(seeds), SHARD)], asked):
+    for part in cluster.each(_shard, [seeds[n : n + SHARD] for n in range(0, len(seeds), SHARD)], engines):
         if not whole.engines:
             whole.engines, whole.missing = part.engines, part.missing
             whole.spent.engines = dict.fromkeys(part.engines, 0.0)
@@ -178,43 +219,10 @@ def run_on_cluster(
     return whole
 
 
-def _shard(name: str, seeds: Sequence[int], asked: Engines) -> Campaign:
-    """A part of a campaign, on a Dask worker."""
+def _shard(name: str, seeds: Sequence[int], engines: Engines) -> FuzzCampaign:
+    """Run a part of a campaign on a Dask worker."""
     from consilience.suite.cluster import pool  # noqa: PLC0415 - an extra: only a cluster needs it
 
     return pool(name).use(
-        asked, lambda: Panel(asked.names, asked.limit).__enter__(), lambda panel: run_campaign(panel, seeds)
+        engines, lambda: EnginePanel(engines.names, engines.limit).__enter__(), lambda panel: run_campaign(panel, seeds)
     )
-
-
-def _messages(seeds: Sequence[int], campaign: Campaign) -> Iterator[list[Specimen]]:
-    """Specimens with their states, some at a time."""
-    for first in range(0, len(seeds), MESSAGE):
-        start, drawn = time.process_time(), []
-        for seed in seeds[first : first + MESSAGE]:
-            try:
-                drawn.append(specimen(seed))
-                _ = drawn[-1].case.states
-            except ConsilienceError as error:
-                campaign.undrawn[seed] = str(error)
-        campaign.spent.drawing += time.process_time() - start
-        yield [s for s in drawn if s.seed not in campaign.undrawn]
-
-
-def _judge_message(
-    panel: Panel,
-    campaign: Campaign,
-    specimens: list[Specimen],
-    tasks: list[Task],
-    futures: dict[str, Answers],
-    progress: Progress | None,
-) -> None:
-    answers = panel.collect(tasks, futures)
-    start = time.process_time()
-    for drawn, sheets in zip(specimens, answers, strict=True):
-        campaign.judged.append(Judged(drawn, judge(drawn.case, sheets)))
-        for name, sheet in sheets.items():
-            campaign.spent.engines[name] += sheet.cpu
-    campaign.spent.judging += time.process_time() - start
-    if progress is not None:
-        progress(len(campaign.judged))

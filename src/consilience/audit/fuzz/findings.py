@@ -1,4 +1,4 @@
-"""Disagreements of a campaign, each kind of it shrunk to the smallest case that shows it, and kept as a case file."""
+"""Disagreements of a campaign: each kind is shrunk to the smallest case that shows it, and kept as a case file."""
 
 from __future__ import annotations
 
@@ -10,68 +10,77 @@ from pathlib import Path
 
 import numpy as np
 
-from consilience.audit.fuzz.campaign import Campaign, Judged, Panel
-from consilience.audit.fuzz.judging import Entry, alarms, judge
+from consilience.audit.fuzz.campaign import EnginePanel, FuzzCampaign, JudgedMechanism
+from consilience.audit.fuzz.judging import JudgedComparison, alarms, judge
 from consilience.audit.fuzz.population import read_text, replay
 from consilience.audit.fuzz.reductions import without_rest
 from consilience.audit.fuzz.shrink import Shrinker
-from consilience.audit.fuzz.workers import Sheet, Task
+from consilience.audit.fuzz.workers import AnswerBatch
 from consilience.case.file.writer import table_text
 from consilience.compare import Verdict
+from consilience.compare import exit_code as exit_code_of
 from consilience.compare.judge import REFERENCE
 from consilience.engine import InstantAnswer
 from consilience.errors import ConsilienceError
 
-NOTHING = 1e-6
-"""Accelerations and loads below this in SI units are none: far above rounding in bodies of some kg and m."""
-
-Progress = Callable[[str], None]
-"""Called with what is about to be shrunk."""
+NEGLIGIBLE = 1e-6
+"""Accelerations and loads in SI units that count as zero: far above rounding in bodies of some kg and m."""
 
 
 @dataclass(frozen=True)
-class Finding:
+class ShrunkDisagreement:
     """One kind of disagreement.
 
     Attributes
     ----------
-    entry : Entry
-        As met in the smallest mechanism that has it.
+    entry : JudgedComparison
+        Comparison in the smallest mechanism that was drawn with the disagreement.
     seeds : tuple of int
-        All mechanisms that have it.
+        Seeds of all mechanisms with the disagreement.
     seed : int
-        The one that was shrunk.
+        Seed of the mechanism that was shrunk.
     file : str
-        Case file of the smallest case, in the folder of the fuzz.
+        Name of the case file of the smallest case.
     bodies, met : int
-        Number of bodies of the smallest case, and of the one it was shrunk from.
-    shown : Entry
-        What the smallest case shows.
+        Number of bodies of the smallest case, and of the mechanism before shrinking.
+    shown : JudgedComparison
+        Comparison in the smallest case.
     tried : int
-        Cases asked about on the way.
+        Number of cases asked about while shrinking.
     """
 
-    entry: Entry
+    entry: JudgedComparison
     seeds: tuple[int, ...]
     seed: int
     file: str
     bodies: int
     met: int
-    shown: Entry
+    shown: JudgedComparison
     tried: int
 
 
-def find(
-    campaign: Campaign, panel: Panel, folder: Path, limit: float, progress: Progress | None = None
-) -> list[Finding]:
-    """Shrink one disagreement of each kind, and write its case to `folder`.
+def shrink_disagreements(
+    campaign: FuzzCampaign,
+    panel: EnginePanel,
+    folder: Path,
+    limit: float,
+    progress: Callable[[str], None] | None = None,
+) -> list[ShrunkDisagreement]:
+    """Shrink one disagreement of each kind, and write its case file.
 
     Parameters
     ----------
+    campaign : FuzzCampaign
+    panel : EnginePanel
+        Engines that are asked about smaller cases.
+    folder : Path
+        Folder of the case files.
     limit : float, s
-        Time for one of them.
+        Time to shrink one disagreement.
+    progress : callable, optional
+        Called with the name of each disagreement before it is shrunk.
     """
-    kinds: dict[tuple[str, ...], list[tuple[Judged, Entry]]] = {}
+    kinds: dict[tuple[str, ...], list[tuple[JudgedMechanism, JudgedComparison]]] = {}
     for judged in campaign.judged:
         for entry in alarms(judged.entries):
             kinds.setdefault(entry.signature, []).append((judged, entry))
@@ -84,8 +93,16 @@ def find(
     return found
 
 
-def _shrunk(panel: Panel, judged: Judged, entry: Entry, seeds: tuple[int, ...], folder: Path, limit: float) -> Finding:
-    seen: dict[str, Entry] = {}
+def _shrunk(
+    panel: EnginePanel,
+    judged: JudgedMechanism,
+    entry: JudgedComparison,
+    seeds: tuple[int, ...],
+    folder: Path,
+    limit: float,
+) -> ShrunkDisagreement:
+    """Shrink one disagreement; `seeds` are all mechanisms with the disagreement."""
+    seen: dict[str, JudgedComparison] = {}
 
     def shows(text: str) -> bool:
         same = [e for e in asked_again(panel, text, entry.engine) if e.signature == entry.signature]
@@ -107,42 +124,40 @@ def _shrunk(panel: Panel, judged: Judged, entry: Entry, seeds: tuple[int, ...], 
     )
     folder.mkdir(parents=True, exist_ok=True)
     (folder / name).write_text(table_text(table, heading), encoding="utf-8")
-    return Finding(entry, seeds, seed, name, len(table["body"]), met, shown, shrinker.tried)
+    return ShrunkDisagreement(entry, seeds, seed, name, len(table["body"]), met, shown, shrinker.tried)
 
 
-def _file_name(seed: int, entry: Entry) -> str:
+def _file_name(seed: int, entry: JudgedComparison) -> str:
     other = "" if entry.against == REFERENCE else entry.against
     text = f"{entry.engine} {entry.method} {other} {entry.question} {entry.quantity}"
     words = re.findall(r"[a-z0-9]+", text.lower())
     return f"fuzz_{seed}_{'_'.join(words)}.toml"
 
 
-def asked_again(panel: Panel, text: str, engine: str) -> list[Entry]:
-    """What one engine shows at the case of a text; nothing if it has no states, or nothing happens there."""
+def asked_again(panel: EnginePanel, text: str, engine: str) -> list[JudgedComparison]:
+    """Compare the answers of one engine about the case of a text; nothing if the case is not sound or is at rest."""
     try:
         case = read_text(text, "shrunk")
-        tasks = [Task(case.mechanism, case.states)]
+        _ = case.states
     except ConsilienceError:
         return []
-    (sheets,) = panel.collect(tasks, panel.submit(tasks, list(dict.fromkeys((REFERENCE, engine)))))
-    if not _something_happens(sheets[REFERENCE]):
+    (batches,) = panel.collect(1, panel.submit([case], list(dict.fromkeys((REFERENCE, engine)))))
+    if not _is_loaded(batches[REFERENCE]):
         return []
-    return [entry for entry in judge(case, sheets) if entry.engine == engine]
+    return [entry for entry in judge(case, batches) if entry.engine == engine]
 
 
-def _something_happens(reference: Sheet) -> bool:
-    """Whether anything accelerates or bears a load: without, all that could be compared is rounding."""
-    instants = [said.answer for said in reference.said if isinstance(said.answer, InstantAnswer)]
+def _is_loaded(reference: AnswerBatch) -> bool:
+    """Whether any acceleration or reaction is larger than rounding: else only rounding would be compared."""
+    instants = [one.answer for one in reference.answers if isinstance(one.answer, InstantAnswer)]
     return not instants or any(
-        float(np.max(np.abs(values), initial=0.0)) > NOTHING
+        float(np.max(np.abs(values), initial=0.0)) > NEGLIGIBLE
         for values in (instants[0].a_WB_W, instants[0].alpha_WB_W, instants[0].force_F, instants[0].torque_F)
         if values is not None
     )
 
 
-def exit_code(campaign: Campaign) -> int:
-    """0 if all agree, 1 if some differ in the model, 3 if something is missing, failed, unresolved or not drawn."""
+def exit_code(campaign: FuzzCampaign) -> int:
+    """Return 0 if all agree, 1 if a model differs, 3 if something is missing, failed, unresolved or not drawn."""
     verdicts = {e.verdict for j in campaign.judged for e in j.entries if e.alarm or e.verdict is Verdict.UNRESOLVED}
-    if Verdict.MODEL in verdicts:
-        return 1
-    return 3 if campaign.missing or campaign.undrawn or verdicts else 0
+    return exit_code_of(verdicts, bool(campaign.missing or campaign.undrawn))

@@ -1,7 +1,7 @@
-"""The mechanisms of a fuzz: which sorts there are, how often each, and the case made of a seed.
+"""Random mechanisms of a fuzzing campaign: the sorts, their shares, and the case of a seed.
 
-A case is what its file says: the mechanism is drawn, written and read again before anybody is asked about it, so that
-what a fuzz meets is in the file, to the last bit, and not in the memory of the run alone.
+A mechanism is drawn, written as a case file and read again before engines are asked, so that the file reproduces the
+mechanism to the last bit.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from consilience.case.file.writer import case_text
 from consilience.mechanism import JOINT_KINDS, Initial, Mechanism, drawing_state, free_directions
 
 COMMON = tuple(kind for kind in JOINT_KINDS if kind != "screw")
-"""Joint kinds that have a chain of elementary joints, which every adapter of ours translates."""
+"""Joint kinds with a chain of elementary joints, which every adapter translates."""
 
 STATES = 2
-"""States of a case: the drawn pose in motion, and one further along."""
+"""States of a case: the drawn pose in motion, and a second pose."""
 
 SPEED = 2.0
 """Standard deviation of the velocity components along the free directions, m/s and rad/s."""
@@ -32,7 +32,7 @@ Draw = Callable[[np.random.Generator], Mechanism]
 
 @dataclass(frozen=True)
 class Sort:
-    """A sort of mechanisms: what part of all they are, and how one is drawn."""
+    """A sort of mechanisms: its share, and the function that draws one."""
 
     share: float
     draw: Draw
@@ -55,7 +55,7 @@ def _with_all_elements(rng: np.random.Generator) -> Mechanism:
 
 
 def _of_unequal_masses(rng: np.random.Generator) -> Mechanism:
-    """Masses over two to six decades; the bodies keep their size."""
+    """Draw masses over two to six decades; bodies keep their radii of gyration."""
     mechanism = _common(rng)
     scales = 10.0 ** (rng.uniform(2.0, 6.0) * rng.uniform(-0.5, 0.5, size=len(mechanism.bodies)))
     bodies = tuple(
@@ -66,13 +66,13 @@ def _of_unequal_masses(rng: np.random.Generator) -> Mechanism:
 
 
 def _near_singular(rng: np.random.Generator) -> Mechanism:
-    """Flat linkages; the constraint that gets lost has a singular value of 1e-6 of the largest at the least."""
+    """Draw flat linkages near a singular pose: the least singular value is at least 1e-6 of the largest."""
     recipe = Recipe(COMMON, plain=True, linkages=0.8, flat=10.0 ** rng.uniform(-2.5, -0.5))
     return random_mechanism(_seed(rng), _bodies(rng, 3, 7), recipe)
 
 
 def _long_chain(rng: np.random.Generator) -> Mechanism:
-    """Chains of 13 to 100 bodies, the longer the rarer, that no free joint interrupts."""
+    """Draw chains of 13 to 100 bodies without free joints, uniform in the logarithm of the length."""
     kinds = tuple(kind for kind in COMMON if kind != "free")
     bodies = round(np.exp(rng.uniform(np.log(MOST_BODIES + 1), np.log(100))))
     return random_mechanism(_seed(rng), bodies, Recipe(kinds, plain=True, chain=True, linkages=0.0))
@@ -85,12 +85,12 @@ SORTS: dict[str, Sort] = {
     "near singular": Sort(0.2, _near_singular),
     "long chain": Sort(0.05, _long_chain),
 }
-"""All but the second have no elements but springs, joint springs and constant loads, which every adapter knows."""
+"""Sorts of mechanisms. All but "all elements" have springs, joint springs and constant loads as their only elements."""
 
 
 @dataclass(frozen=True, eq=False)
 class Specimen:
-    """A mechanism to be asked about.
+    """A random mechanism as a case.
 
     Attributes
     ----------
@@ -99,7 +99,7 @@ class Specimen:
         Key of `SORTS`.
     case : Case
     text : str
-        Its case file.
+        Text of the case file.
     """
 
     seed: int
@@ -109,7 +109,7 @@ class Specimen:
 
 
 def specimen(seed: int) -> Specimen:
-    """Specimen of a seed."""
+    """Draw the specimen of a seed."""
     rng = np.random.default_rng([seed, 1])
     sort = str(rng.choice(list(SORTS), p=[s.share for s in SORTS.values()]))
     mechanism = replace(SORTS[sort].draw(rng), name=f"fuzz_{seed}")
@@ -132,24 +132,25 @@ def specimen(seed: int) -> Specimen:
 
 
 def replay(seed: int) -> str:
-    """Command that asks about the mechanism of a seed again."""
+    """Return the command that fuzzes the mechanism of a seed again."""
     return f"consilience fuzz --seed {seed} --mechanisms 1"
 
 
 def in_motion(mechanism: Mechanism, rng: np.random.Generator) -> Initial:
-    """Random velocities in the drawing; what the constraints do not allow, assembly takes away."""
+    """Draw random velocities along the free directions; assembly projects them onto the constraints."""
     free = free_directions(mechanism, drawing_state(mechanism))
-    velocity = (free @ rng.normal(scale=SPEED, size=free.shape[1])).reshape(-1, 6)
+    # a projection is the same for every basis of the null space; which basis an SVD returns depends on the machine
+    velocity = (free @ (free.T @ rng.normal(scale=SPEED, size=len(free)))).reshape(-1, 6)
     return Initial(velocities={b.name: (v[:3], v[3:]) for b, v in zip(mechanism.bodies, velocity, strict=True)})
 
 
 def read_text(text: str, name: str) -> Case:
-    """Read the one case of a case file's text.
+    """Read a case from the text of a case file.
 
     Raises
     ------
     InvalidInput
-        As of any case file.
+        If the text is no valid case file.
     """
     (case,) = cases_from_tables(name, f"{name}.toml", tomllib.loads(text))
     return case

@@ -1,11 +1,11 @@
-"""Ways to make a case smaller or simpler, each a choice from the simplest (0) to as it is.
+"""Reductions of a case: removal of parts, and simplification of parts by choices from 0 (simplest) to `AS_IS`.
 
-They work on the tables of its case file. There a mechanism is drawn: a joint is a place and a direction in the world,
-so that whatever is taken away or moved, what is left is assembled. What is no mechanism any more (a body that hangs on
-nothing, a rod of no length) is refused when it is read, as any bad case file is.
+Reductions change the tables of a case file. The file draws the mechanism: a joint is a place and a direction in the
+world, so that a reduced mechanism is still assembled. A reduced case that is no mechanism (a body without a joint, a
+rod of length zero) is refused by the reader of case files.
 
-A body that goes hands its joints and elements over to the body it hangs on; joints and elements that thereby join a
-body to itself, or act on the ground, go with it.
+When a body is removed, its joints and elements move to its parent in the spanning tree; joints and elements that then
+connect a body to itself, or act on the ground alone, are removed, too.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from consilience.case.file.writer import Table
+from consilience.case.file.values import TomlTable
 from consilience.mechanism import AXIS_COORDINATES, GROUND, Mechanism, spanning_tree
 
 ELEMENTS = (
@@ -39,7 +39,7 @@ _NUMBERS = ("stiffness", "damping", "free_length", "rest", "viscous", "coulomb",
 _FUNCTIONS = ("actuator", "history", "target", "motion", "law")
 
 AS_IS = 3
-"""Choice that changes nothing."""
+"""Choice that leaves a part unchanged."""
 
 
 # ---------------------------------------------------------------- smaller
@@ -47,14 +47,14 @@ AS_IS = 3
 
 @dataclass(frozen=True)
 class Part:
-    """Something that can be taken away: the list of the table it is in, and its name."""
+    """A removable part of a case: the list of its table, and its name."""
 
     group: str
     name: str
 
 
-def parts(table: Table, mechanism: Mechanism) -> list[Part]:
-    """Elements, joints that close loops, then bodies in depth-first order of the tree."""
+def parts(table: TomlTable, mechanism: Mechanism) -> list[Part]:
+    """List the removable parts: elements, joints that close loops, then bodies in depth-first order of the tree."""
     found = [Part(group, entry["name"]) for group in ELEMENTS for entry in table.get(group, [])]
     tree, closing = spanning_tree(mechanism)
     found += [Part("joint", mechanism.joints[k].name) for k in closing]
@@ -65,8 +65,8 @@ def _child(mechanism: Mechanism, joint: int, backward: bool) -> str:
     return getattr(mechanism.joints[joint], _SIDES[not backward])
 
 
-def without(table: Table, mechanism: Mechanism, gone: Sequence[Part]) -> Table:
-    """The table without some of its parts."""
+def without(table: TomlTable, mechanism: Mechanism, gone: Sequence[Part]) -> TomlTable:
+    """Return a copy of the table without the given parts."""
     new = copy.deepcopy(table)
     for part in gone:
         new[part.group] = [entry for entry in new[part.group] if entry["name"] != part.name]
@@ -87,8 +87,8 @@ def without(table: Table, mechanism: Mechanism, gone: Sequence[Part]) -> Table:
     return tidy(new)
 
 
-def tidy(table: Table) -> Table:
-    """Take away elements that have lost what they act on, in place."""
+def tidy(table: TomlTable) -> TomlTable:
+    """Remove elements without a joint or body to act on, in place."""
     kinds = {joint["name"]: joint["kind"] for joint in table["joint"]}
 
     def stands(entry: Mapping[str, Any]) -> bool:
@@ -104,8 +104,8 @@ def tidy(table: Table) -> Table:
     return table
 
 
-def without_rest(table: Table) -> Table:
-    """Take away guesses of velocities that say nothing, in place: bodies are at rest anyway."""
+def without_rest(table: TomlTable) -> TomlTable:
+    """Remove initial velocities of zero, in place: zero is the default."""
     guesses = table.get("initial", {}).get("bodies", {})
     for name in [name for name, guess in guesses.items() if not any(any(v) for v in guess.values())]:
         del guesses[name]
@@ -118,12 +118,12 @@ def _ends(entry: Mapping[str, Any]) -> tuple[str, str]:
 
 # ---------------------------------------------------------------- simpler
 
-Knob = Callable[[Table, int], None]
-"""Changes a table in place, by a choice from 0 (simplest) to `AS_IS`, which changes nothing."""
+Knob = Callable[[TomlTable, int], None]
+"""Function that simplifies a table in place by a choice from 0 (simplest) to `AS_IS` - 1."""
 
 
-def simplified(table: Table, choices: Sequence[int]) -> Table:
-    """The table by one choice for each of its `knobs`."""
+def simplified(table: TomlTable, choices: Sequence[int]) -> TomlTable:
+    """Return a copy of the table, simplified by one choice for each of its `knobs`."""
     new = copy.deepcopy(table)
     for knob, choice in zip(knobs(table), choices, strict=True):
         if choice < AS_IS:
@@ -131,8 +131,8 @@ def simplified(table: Table, choices: Sequence[int]) -> Table:
     return tidy(new)
 
 
-def knobs(table: Table) -> list[Knob]:
-    """What can be made simpler, the most telling first."""
+def knobs(table: TomlTable) -> list[Knob]:
+    """List the simplifications of a table, the most telling first."""
     found: list[Knob] = [_states]
     joints, bodies = range(len(table["joint"])), range(len(table["body"]))
     found += [_entry("joint", n, change) for change in (_kind, _sides, _axes, _places) for n in joints]
@@ -144,38 +144,38 @@ def knobs(table: Table) -> list[Knob]:
     return found
 
 
-def _entry(group: str, number: int, change: Callable[[Table, int], None]) -> Knob:
-    def knob(table: Table, choice: int) -> None:
+def _entry(group: str, number: int, change: Callable[[TomlTable, int], None]) -> Knob:
+    def knob(table: TomlTable, choice: int) -> None:
         change(table[group][number], choice)
 
     return knob
 
 
 def _number(x: float, choice: int) -> float:
-    """One (or zero), one digit, two digits."""
+    """Round a number: to one (or zero), to one digit, to two digits."""
     if choice == 0:
         return 1.0 if x else 0.0
     return float(f"{x:.{choice - 1}e}")
 
 
 def _vector(v: Sequence[float], choice: int) -> list[float]:
-    """Zero, whole numbers, one decimal."""
+    """Round a vector: to zero, to integers, to one decimal."""
     return [0.0 if choice == 0 else round(x, choice - 1) + 0.0 for x in v]
 
 
 def _nearest_axis(v: Sequence[float], taken: int = -1) -> list[float]:
-    """Coordinate axis nearest to a direction, another than the one that is taken."""
+    """Return the coordinate axis nearest to a direction, axis number `taken` excluded."""
     n = max((k for k in range(3) if k != taken), key=lambda k: abs(v[k]))
     return [math.copysign(1.0, v[k]) if k == n else 0.0 for k in range(3)]
 
 
-def _states(table: Table, choice: int) -> None:
-    """Ask at the initial state alone."""
+def _states(table: TomlTable, choice: int) -> None:
+    """Keep the initial state as the only state."""
     if choice < 2:
         table["instant"] = {**table["instant"], "states": 1}
 
 
-def _kind(joint: Table, choice: int) -> None:
+def _kind(joint: TomlTable, choice: int) -> None:
     if joint["kind"] == "rod":
         joint.setdefault("axis", [b - a for a, b in zip(joint["at"], joint["to"], strict=True)])
         joint.setdefault("second_axis", _nearest_axis(joint["axis"][1:] + joint["axis"][:1]))
@@ -187,14 +187,14 @@ def _kind(joint: Table, choice: int) -> None:
     joint["kind"] = _SIMPLE_KINDS[choice]
 
 
-def _sides(joint: Table, choice: int) -> None:
-    """From the ground outwards."""
+def _sides(joint: TomlTable, choice: int) -> None:
+    """Make the ground the predecessor."""
     if choice == 0 and joint["successor"] == GROUND:
         joint["predecessor"], joint["successor"] = joint["successor"], joint["predecessor"]
 
 
-def _axes(joint: Table, choice: int) -> None:
-    """Those of the world; coordinate axes; one decimal."""
+def _axes(joint: TomlTable, choice: int) -> None:
+    """Replace the axes of a joint: by those of the world, by coordinate axes, by one decimal."""
     if joint["kind"] == "rod" or "axis" not in joint:
         joint.pop("second_axis", None)
         return
@@ -210,31 +210,31 @@ def _axes(joint: Table, choice: int) -> None:
         joint["axis"], joint["second_axis"] = _vector(joint["axis"], 2), _vector(joint["second_axis"], 2)
 
 
-def _places(entry: Table, choice: int) -> None:
+def _places(entry: TomlTable, choice: int) -> None:
     for field in ("at", "to"):
         if field in entry:
             entry[field] = _vector(entry[field], choice)
 
 
-def _gravity(table: Table, choice: int) -> None:
+def _gravity(table: TomlTable, choice: int) -> None:
     table["gravity"] = ([0.0, 0.0, 0.0], [0.0, 0.0, -10.0], _vector(table["gravity"], 1))[choice]
 
 
 def _guess(name: str) -> Knob:
-    def knob(table: Table, choice: int) -> None:
+    def knob(table: TomlTable, choice: int) -> None:
         guess = table["initial"]["bodies"][name]
         table["initial"]["bodies"][name] = {field: _vector(v, choice) for field, v in guess.items()}
 
     return knob
 
 
-def _axes_of_body(body: Table, choice: int) -> None:
+def _axes_of_body(body: TomlTable, choice: int) -> None:
     if choice == 0:
         body.pop("orientation", None)
 
 
-def _inertia(body: Table, choice: int) -> None:
-    """That of a ball; principal axes along those of the body; two digits."""
+def _inertia(body: TomlTable, choice: int) -> None:
+    """Simplify an inertia: to a ball, to principal axes along those of the body, to two digits."""
     I = body["inertia"]
     if choice == 0:
         body["inertia"] = {"xx": 1.0, "yy": 1.0, "zz": 1.0}
@@ -244,19 +244,19 @@ def _inertia(body: Table, choice: int) -> None:
         body["inertia"] = {name: float(f"{value:.1e}") for name, value in I.items()}
 
 
-def _com(body: Table, choice: int) -> None:
+def _com(body: TomlTable, choice: int) -> None:
     body["com"] = _vector(body["com"], choice)
 
 
-def _mass(body: Table, choice: int) -> None:
+def _mass(body: TomlTable, choice: int) -> None:
     body["mass"] = _number(body["mass"], choice)
 
 
-def _at(body: Table, choice: int) -> None:
+def _at(body: TomlTable, choice: int) -> None:
     body["at"] = _vector(body["at"], choice)
 
 
-def _element(entry: Table, choice: int) -> None:
+def _element(entry: TomlTable, choice: int) -> None:
     _places(entry, choice)
     for field in _NUMBERS:
         if field in entry:

@@ -1,9 +1,9 @@
-"""Shrink a case that shows a disagreement to the smallest that still shows it. Hypothesis does the shrinking.
+"""Shrinking of a case to the smallest case that still shows a disagreement, by Hypothesis.
 
-The case is a list of choices (`reductions`), the largest of each as it is; Hypothesis is handed that list as one that
-fails, through its entrance for other fuzzers, and finds the least list that fails still. First parts are taken away,
-many at once, then fewer; then what is left is made simpler; and both again until nothing more goes. It is handed few
-choices at a time: it looks for order among them, too, which here is none, and the time for that grows fast.
+A case is a list of choices (see `reductions`); the largest value of each choice leaves the part unchanged. Hypothesis
+gets that list as a failing example through `fuzz_one_input`, and finds the least list that still fails. First parts
+are removed, many at once, then fewer; then the remaining parts are simplified; both are repeated until neither changes
+the case. Hypothesis gets few choices at a time, because it also tries to reorder them, in superlinear time.
 """
 
 from __future__ import annotations
@@ -18,25 +18,25 @@ from typing import Any
 from consilience.audit.fuzz.population import read_text
 from consilience.audit.fuzz.reductions import AS_IS, knobs, parts, simplified, without
 from consilience.audit.random_mechanisms import GAP, rank_of
-from consilience.case.file.writer import Table, table_text
+from consilience.case.file.values import TomlTable
+from consilience.case.file.writer import table_text
 from consilience.errors import ConsilienceError, InvalidInput
 from consilience.mechanism import RANK_TOLERANCE, Mechanism
 
 CHOICES = 24
-"""Choices that Hypothesis is handed at a time."""
+"""Choices that Hypothesis gets at a time."""
 
 ROUNDS = 3
-
-Shows = Callable[[str], bool]
-"""Whether the case of a text still shows the disagreement."""
+"""Repetitions of removal and simplification at most."""
 
 
 def require_hypothesis() -> None:
-    """Say early that it is missing.
+    """Refuse to fuzz without Hypothesis.
 
     Raises
     ------
     InvalidInput
+        If Hypothesis is not installed.
     """
     try:
         import hypothesis  # noqa: F401, PLC0415 - an extra: only a fuzz needs it
@@ -48,21 +48,22 @@ def require_hypothesis() -> None:
 
 @dataclass
 class Shrinker:
-    """One disagreement on its way to the smallest case.
+    """A disagreement that is being shrunk.
 
     Attributes
     ----------
     text : str
-        Case file: the smallest so far that shows it.
+        Case file of the smallest case so far that shows the disagreement.
     shows : callable
+        Whether the case of a text shows the disagreement.
     limit : float, s
-        Time after which nothing more is tried.
+        Time limit of shrinking.
     tried : int
-        Cases asked about.
+        Number of cases asked about.
     """
 
     text: str
-    shows: Shows
+    shows: Callable[[str], bool]
     limit: float = 120.0
     tried: int = 0
     _end: float = field(init=False)
@@ -72,11 +73,11 @@ class Shrinker:
     def __post_init__(self) -> None:
         self._end = time.monotonic() + self.limit
         clear = rank_of(read_text(self.text, "shrunk").mechanism)[1]
-        # a shrunk mechanism is no nearer to a singular pose than the one that was met
+        # a shrunk mechanism may be no nearer to a singular pose than the mechanism that was drawn
         self._gap = GAP if clear else 10.0 * RANK_TOLERANCE
 
     def shrink(self) -> str:
-        """Text of the smallest case found that shows it; the one that was given if it does not show there."""
+        """Return the text of the smallest case found; the given text if its case does not show the disagreement."""
         if not self._asked(self.text):
             return self.text
         for _ in range(ROUNDS):
@@ -88,7 +89,7 @@ class Shrinker:
         return self.text
 
     def _take_away(self) -> None:
-        """Take groups of parts away, and groups half as large where none went."""
+        """Remove groups of parts, and groups half as large once no group can be removed."""
         size = len(parts(*self._read()))
         while size and not self._over:
             table, mechanism = self._read()
@@ -110,10 +111,11 @@ class Shrinker:
                 size //= 2
 
     def _simplify(self) -> None:
+        """Simplify the parts of the case, some at a time."""
         count = len(knobs(self._read()[0]))
         for first in range(0, count, CHOICES):
             table, _ = self._read()
-            if self._over or len(knobs(table)) != count:  # an element went with the joint it was on
+            if self._over or len(knobs(table)) != count:  # an element was removed with its joint
                 return
             some = min(CHOICES, count - first)
             rest = count - first - some
@@ -127,21 +129,19 @@ class Shrinker:
     def _over(self) -> bool:
         return time.monotonic() > self._end
 
-    def _read(self) -> tuple[Table, Mechanism]:
+    def _read(self) -> tuple[TomlTable, Mechanism]:
         return tomllib.loads(self.text), read_text(self.text, "shrunk").mechanism
 
     def _asked(self, text: str) -> bool:
-        """Whether a text shows it; each is asked about once, and none when the time is over."""
+        """Whether the case of a text shows the disagreement; each text is asked about once, within the time limit."""
         if text not in self._known:
-            self._known[text] = not self._over and self._is_sound(text) and self._tell(text)
+            sound = not self._over and self._is_sound(text)
+            self.tried += sound
+            self._known[text] = sound and self.shows(text)
         return self._known[text]
 
-    def _tell(self, text: str) -> bool:
-        self.tried += 1
-        return self.shows(text)
-
     def _is_sound(self, text: str) -> bool:
-        """Whether it is a case, can move, and has constraints clearly of one rank or another."""
+        """Whether a text is a case that can move, with constraints of a clear numerical rank."""
         try:
             case = read_text(text, "shrunk")
             freedom, clear = rank_of(case.mechanism, self._gap)
@@ -149,14 +149,14 @@ class Shrinker:
         except ConsilienceError:
             return False
 
-    def _minimise(self, count: int, most: int, build: Callable[[Sequence[int]], Table]) -> None:
-        """Let Hypothesis find the least choices, of 0 to `most` each, that show it still."""
+    def _minimise(self, count: int, most: int, build: Callable[[Sequence[int]], TomlTable]) -> None:
+        """Let Hypothesis find the least choices, from 0 to `most`, whose case still shows the disagreement."""
         from hypothesis import HealthCheck, Phase, Verbosity, given, settings  # noqa: PLC0415 - an extra
         from hypothesis import strategies as st  # noqa: PLC0415
         from hypothesis.database import InMemoryExampleDatabase  # noqa: PLC0415
 
-        class Disagreement(Exception):
-            """What Hypothesis is to keep up."""
+        class ShrinkTarget(Exception):
+            """Failure that Hypothesis preserves while shrinking."""
 
         @settings(
             database=InMemoryExampleDatabase(),
@@ -168,22 +168,21 @@ class Shrinker:
         )
         @given(st.lists(st.integers(0, most), min_size=count, max_size=count))
         def attempt(choices: list[int]) -> None:
-            """Ask about the mechanism of the choices, and raise if engines still disagree on it."""
+            """Ask about the case of the choices, and raise if engines still disagree."""
             key = tuple(choices)
             if key not in texts and not self._over:
                 texts[key] = table_text(build(choices))
             if key in texts and self._asked(texts[key]):
-                text = texts[key]
-                smallest[:] = [text]
-                raise Disagreement
+                smallest[:] = [texts[key]]
+                raise ShrinkTarget
 
         texts: dict[tuple[int, ...], str] = {}
         smallest: list[str] = []
         entrance: Any = attempt
         try:
             entrance.hypothesis.fuzz_one_input(b"\xff" * 64 * (count + 4))
-        except Disagreement:  # kept as the example to shrink; without one (the time is over) there is nothing to do
-            with suppress(Disagreement):
+        except ShrinkTarget:  # the failing example to shrink; there is none once the time is over
+            with suppress(ShrinkTarget):
                 attempt()
         if smallest:
             self.text = smallest[0]

@@ -1,27 +1,23 @@
-"""Outcome of a fuzz as data, and as Markdown made from it."""
+"""Outcome of a fuzzing campaign: data for JSON, and a Markdown page made of the data."""
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from importlib.metadata import version
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from consilience.audit.fuzz.campaign import Campaign
-from consilience.audit.fuzz.findings import Finding, exit_code
-from consilience.audit.fuzz.judging import Entry
-from consilience.compare import Verdict
+from consilience.audit.fuzz.campaign import FuzzCampaign
+from consilience.audit.fuzz.findings import ShrunkDisagreement, exit_code
+from consilience.audit.fuzz.judging import JudgedComparison
+from consilience.compare import Verdict, markdown_table
 from consilience.engine import Profile, Question
 
-Data = dict[str, Any]
 
-
-def outcome(campaign: Campaign, findings: Sequence[Finding]) -> Data:
-    """Everything a reader may want to know, ready for JSON."""
+def outcome(campaign: FuzzCampaign, findings: Sequence[ShrunkDisagreement]) -> dict[str, Any]:
+    """Summarise a campaign as data for JSON."""
     entries = [entry for judged in campaign.judged for entry in judged.entries]
     spent, count = campaign.spent, len(campaign.judged)
     return {
@@ -42,8 +38,8 @@ def outcome(campaign: Campaign, findings: Sequence[Finding]) -> Data:
     }
 
 
-def _engine(name: str, of_version: str, campaign: Campaign) -> Data:
-    """Mechanisms by what became of them; the reasons of those that the engine refuses."""
+def _engine(name: str, of_version: str, campaign: FuzzCampaign) -> dict[str, Any]:
+    """Count the mechanisms of an engine by verdict, and by the reasons of those that the engine refuses."""
     counts: Counter[str] = Counter()
     reasons: Counter[str] = Counter()
     digits = []
@@ -69,23 +65,23 @@ def _engine(name: str, of_version: str, campaign: Campaign) -> Data:
     }
 
 
-def _digits(found: Sequence[float]) -> Data:
+def _digits(found: Sequence[float]) -> dict[str, float | None]:
     return {
         "worst_digits": min(found) if found else None,
         "median_digits": float(np.median(found)) if found else None,
     }
 
 
-def _groups(entries: Iterable[Entry]) -> list[list[Entry]]:
-    """Entries of the instant that compare the same with the same."""
-    groups: dict[tuple[str, ...], list[Entry]] = {}
+def _groups(entries: Iterable[JudgedComparison]) -> list[list[JudgedComparison]]:
+    """Group the comparisons of the question `instant` by engine and pair of methods."""
+    groups: dict[tuple[str, ...], list[JudgedComparison]] = {}
     for entry in entries:
         if entry.question is Question.INSTANT and entry.method:
             groups.setdefault((entry.engine, entry.method, entry.against), []).append(entry)
     return list(groups.values())
 
 
-def _method(group: Sequence[Entry]) -> Data:
+def _method(group: Sequence[JudgedComparison]) -> dict[str, Any]:
     first = group[0]
     verdicts = Counter(entry.verdict for entry in group)
     return {
@@ -100,7 +96,7 @@ def _method(group: Sequence[Entry]) -> Data:
     }
 
 
-def _finding(finding: Finding) -> Data:
+def _finding(finding: ShrunkDisagreement) -> dict[str, Any]:
     met, shown = finding.entry, finding.shown
     return {
         "engine": met.engine,
@@ -118,22 +114,24 @@ def _finding(finding: Finding) -> Data:
 # ---------------------------------------------------------------- Markdown
 
 
-def markdown(data: Data) -> str:
-    """Page of an outcome."""
+def markdown(data: dict[str, Any]) -> str:
+    """Write the page of an outcome."""
     count, clock = len(data["seeds"]), data["time"]
     cpu = ", ".join(f"{name} {1e3 * spent / max(count, 1):.0f}" for name, spent in clock["cpu"].items())
     sorts = ", ".join(f"{number} {sort}" for sort, number in data["sorts"].items())
+    counts = ("version", "judged", "differs", "failed", "unresolved", "unsupported")
+    rows = [{"engine": name, **e} for name, e in data["engines"].items()]
     lines = [
         "# Differential fuzzing",
         "",
         f"{count} mechanisms ({sorts}) in {clock['elapsed']:.0f} s, {clock['per_minute']:.0f} a minute.",
         f"CPU time of a mechanism in ms: {cpu}.",
         "",
-        *_engine_lines(data),
-        *_method_lines("How far each way agrees", _of_profile(data, Profile.MATCHED)),
+        *_table(("engine", *counts), rows),
+        *_reason_lines(data["engines"]),
+        *_method_lines("How far each way agrees", data["methods"], Profile.MATCHED),
         *_method_lines(
-            "Engines as they come out of the box, judged among themselves alone",
-            _of_profile(data, Profile.DEFAULT),
+            "Engines as they come out of the box, judged among themselves alone", data["methods"], Profile.DEFAULT
         ),
         *_finding_lines(data["findings"]),
     ]
@@ -142,77 +140,54 @@ def markdown(data: Data) -> str:
     return "\n".join([*lines, ""])
 
 
-def _table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> list[str]:
-    cells = [[str(cell).replace("|", "\\|").replace("\n", " ") for cell in row] for row in rows]
-    return ["| " + " | ".join(row) + " |" for row in [list(head), ["---"] * len(head), *cells]] + [""]
-
-
-def shown_digits(value: float | None) -> str:
-    """Digits in a table."""
+def digits_cell(value: float | None) -> str:
+    """Write correct digits in a table."""
     return "-" if value is None else f"{value:.1f}"
 
 
-def _engine_lines(data: Data) -> list[str]:
-    head = ("engine", "version", "judged", "differs", "failed", "unresolved", "unsupported", "worst digits", "median")
-    rows = [
-        (
-            name,
-            *(e[key] for key in ("version", "judged", "differs", "failed", "unresolved", "unsupported")),
-            shown_digits(e["worst_digits"]),
-            shown_digits(e["median_digits"]),
-        )
-        for name, e in data["engines"].items()
+def _table(keys: Sequence[str], rows: Sequence[dict[str, Any]]) -> list[str]:
+    """Write the values of some keys, the worst digits and the median digits, as a table and a blank line."""
+    cells = [
+        (*(row[key] for key in keys), digits_cell(row["worst_digits"]), digits_cell(row["median_digits"]))
+        for row in rows
     ]
+    heads = (*keys, "worst digits", "median")
+    return [*markdown_table(heads, cells, spaced=True, escape=_escape), ""]
+
+
+def _escape(cell: object) -> str:
+    return str(cell).replace("|", "\\|").replace("\n", " ")
+
+
+def _reason_lines(engines: dict[str, Any]) -> list[str]:
     reasons = [
         f"- {name}: {number} mechanisms, {reason}"
-        for name, e in data["engines"].items()
+        for name, e in engines.items()
         for reason, number in e["reasons"].items()
     ]
-    return [*_table(head, rows), *(["Unsupported:", "", *reasons, ""] if reasons else [])]
+    return ["Unsupported:", "", *reasons, ""] if reasons else []
 
 
-def _of_profile(data: Data, profile: Profile) -> list[Data]:
-    return [row for row in data["methods"] if row["profile"] == profile]
+def _method_lines(title: str, methods: Sequence[dict[str, Any]], profile: Profile) -> list[str]:
+    rows = [row for row in methods if row["profile"] == profile]
+    keys = ("engine", "method", "against", "compared", "differs", "failed")
+    return [f"## {title}", "", *_table(keys, rows)] if rows else []
 
 
-def _method_lines(title: str, methods: Sequence[Data]) -> list[str]:
-    if not methods:
-        return []
-    head = ("engine", "method", "against", "compared", "differs", "failed", "worst digits", "median")
-    rows = [
-        (
-            *(m[key] for key in ("engine", "method", "against", "compared", "differs", "failed")),
-            shown_digits(m["worst_digits"]),
-            shown_digits(m["median_digits"]),
-        )
-        for m in methods
-    ]
-    return [f"## {title}", "", *_table(head, rows)]
-
-
-def _finding_lines(findings: Sequence[Data]) -> list[str]:
+def _finding_lines(findings: Sequence[dict[str, Any]]) -> list[str]:
     if not findings:
         return ["## Disagreements", "", "None.", ""]
     lines = ["## Disagreements", ""]
     for f in findings:
         seeds, smallest = f["seeds"], f["smallest"]
+        named = ", ".join(map(str, seeds[:12])) + (", ..." if len(seeds) > 12 else "")
         lines += [
             f"### {f['engine']}, {f['method'] or f['quantity']}: {f['verdict']}",
             "",
-            f"- Against {f['against']}, {f['question']}, in {len(seeds)} mechanisms, seeds "
-            + ", ".join(map(str, seeds[:12]))
-            + (", ..." if len(seeds) > 12 else "")
-            + ".",
+            f"- Against {f['against']}, {f['question']}, in {len(seeds)} mechanisms, seeds {named}.",
             f"- Met in {f['met']['bodies']} bodies (seed {f['met']['seed']}): {f['met']['why']}",
             f"- Smallest, {smallest['bodies']} bodies, `{smallest['file']}`: {smallest['why']}",
             f"- `consilience run {smallest['file']} -e {f['engine']} -q {f['question']}`",
             "",
         ]
     return lines
-
-
-def write_outcome(data: Data, folder: Path) -> None:
-    """Write ``fuzz.json`` and ``fuzz.md``."""
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "fuzz.json").write_text(json.dumps(data, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-    (folder / "fuzz.md").write_text(markdown(data), encoding="utf-8")

@@ -1,6 +1,6 @@
-"""Engines that are asked about one mechanism after the other, each in a process of its own that stays alive.
+"""Engines in worker processes that answer about many mechanisms, one after the other.
 
-A mechanism that kills its worker, or keeps it beyond the time limit, fails with the evidence, and the others do not.
+A mechanism that kills its worker, or exceeds the time limit, fails with the evidence; the other mechanisms do not.
 """
 
 from __future__ import annotations
@@ -9,59 +9,50 @@ from collections.abc import Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
 
+from consilience.case import Case
 from consilience.engine import Question, Unsupported
 from consilience.engine.worker.client import Reply, Request, Worker
 from consilience.engine.worker.requests import AnswerSet, MethodAnswer
-from consilience.mechanism import Mechanism, State
-
-__all__ = ["MethodAnswer", "Panelist", "Sheet", "Task"]
 
 QUESTIONS = (Question.MODEL, Question.INSTANT)
 
 
 @dataclass(frozen=True, eq=False)
-class Task:
-    """A mechanism and the states at which to ask about it."""
-
-    mechanism: Mechanism
-    states: Sequence[State]
-
-
-@dataclass(frozen=True, eq=False)
-class Sheet:
-    """All an engine said about one mechanism.
+class AnswerBatch:
+    """All answers of an engine about one mechanism.
 
     Attributes
     ----------
-    said : tuple of Said
+    answers : tuple of MethodAnswer
     unsupported : tuple of Unsupported
-        Why it was not asked for the instant.
+        Features for which the engine refuses the question `instant`.
     cpu : float, s
         CPU time of the worker.
     log : str
-        What it printed.
+        Output of the engine.
     """
 
-    said: tuple[MethodAnswer, ...]
+    answers: tuple[MethodAnswer, ...]
     unsupported: tuple[Unsupported, ...] = ()
     cpu: float = 0.0
     log: str = ""
 
 
-class Panelist(Worker):
-    """An engine that is asked about many mechanisms."""
+class EngineStream(Worker):
+    """A worker of an engine, with a queue of mechanisms."""
 
-    def submit_many(self, tasks: Sequence[Task]) -> list[Future[Reply]]:
-        """Queue a message for each; give the futures to `sheets`."""
-        return [self.submit(Request(t.mechanism, states=t.states, survey=QUESTIONS)) for t in tasks]
+    def submit_cases(self, cases: Sequence[Case]) -> list[Future[Reply]]:
+        """Queue a request for the mechanism and the states of each case."""
+        return [self.submit(Request(case.mechanism, states=case.states, survey=QUESTIONS)) for case in cases]
 
-    def sheets(self, futures: Sequence[Future[Reply]]) -> list[Sheet]:
-        """Wait for the answers: one sheet a task, in their order."""
-        return [_sheet(self.reply(future)) for future in futures]
+    def collect(self, futures: Sequence[Future[Reply]]) -> list[AnswerBatch]:
+        """Wait for the replies, and return the answers about each mechanism in the order of the requests."""
+        return [batch_of(self.reply(future)) for future in futures]
 
 
-def _sheet(reply: Reply) -> Sheet:
+def batch_of(reply: Reply) -> AnswerBatch:
+    """Return the answers of a reply; of a worker that failed, one answer with the reason."""
     if not isinstance(reply.value, AnswerSet):
-        return Sheet((MethodAnswer(Question.INSTANT, None, None, reply.reason),), log=reply.log)
+        return AnswerBatch((MethodAnswer(Question.INSTANT, None, None, reply.reason),), log=reply.log)
     unsupported = reply.value.unsupported.get(Question.INSTANT, ())
-    return Sheet(reply.value.said, unsupported, reply.cpu, reply.log)
+    return AnswerBatch(reply.value.said, unsupported, reply.cpu, reply.log)

@@ -1,4 +1,4 @@
-"""Oracles that need no second engine: identities that an engine's answers obey whatever the truth is."""
+"""Oracles without a second engine: identities that the answers of every sound engine satisfy."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from consilience.audit.identities.descriptions import (
     swapped,
 )
 from consilience.audit.identities.equations import Equations
-from consilience.audit.identities.result import Finding, Outcome, exit_code
+from consilience.audit.identities.result import Finding, IdentityOutcome, exit_code
 
 __all__ = [
     "IDENTITIES",
@@ -23,7 +23,7 @@ __all__ = [
     "Equations",
     "Finding",
     "Identity",
-    "Outcome",
+    "IdentityOutcome",
     "check_case",
     "check_engines",
     "exit_code",

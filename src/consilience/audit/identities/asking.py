@@ -1,27 +1,27 @@
-"""One engine, asked about many mechanisms: what it can, and sound answers or the reason there are none."""
+"""Questions to one engine about many mechanisms: sound answers, or the reason why there is none."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from consilience.audit.identities.result import NoAnswerError, NotApplicableError
+from consilience.audit.identities.result import NotApplicableError, UnansweredError
 from consilience.engine import InstantAnswer, Method, Question, TrajectoryAnswer, defects
 from consilience.engine.worker.client import Plan, Reply, Request
 from consilience.mechanism import Array, Mechanism, State
 
 Ask = Callable[[Request], Reply]
-"""A job in, what came of it out: `Worker.ask`."""
+"""Request to reply: `Worker.ask`."""
 
 
 @dataclass(frozen=True, eq=False)
 class Asker:
-    """Asks, and tells answers from reasons."""
+    """One engine; returns sound answers, raises the reason otherwise."""
 
     ask: Ask
 
     def plan(self, mechanism: Mechanism) -> Plan:
-        """What the engine says about a mechanism.
+        """Return the engine's plan for a mechanism.
 
         Raises
         ------
@@ -29,33 +29,33 @@ class Asker:
         """
         reply = self.ask(Request(mechanism))
         if not isinstance(reply.value, Plan):
-            raise NoAnswerError(reply.reason or f"the plan is a {type(reply.value).__name__}")
+            raise UnansweredError(reply.reason or f"the plan is a {type(reply.value).__name__}")
         return reply.value
 
     def methods(self, mechanism: Mechanism, question: Question) -> tuple[Method, ...]:
-        """Ways to answer a question.
+        """Return the methods for a question.
 
         Raises
         ------
         NotApplicableError
-            If the engine cannot represent the mechanism, with its reasons.
+            The engine cannot represent the mechanism.
         NoAnswerError
-            If it says it can and offers no way.
+            The engine supports the question and offers no method.
         """
         plan = self.plan(mechanism)
         if plan.unsupported[question]:
             raise NotApplicableError("; ".join(f"{u.feature}: {u.reason}" for u in plan.unsupported[question]))
         if not plan.methods[question]:
-            raise NoAnswerError("the adapter supports the question and offers no method")
+            raise UnansweredError("the adapter supports the question and offers no method")
         return plan.methods[question]
 
     def method(self, mechanism: Mechanism, question: Question, name: str) -> Method:
-        """The method of a name.
+        """Return the method of a name.
 
         Raises
         ------
         NotApplicableError
-            If there is none of this name for this mechanism.
+            There is no such method for this mechanism.
         """
         for method in self.methods(mechanism, question):
             if method.name == name:
@@ -63,7 +63,7 @@ class Asker:
         raise NotApplicableError(f"the engine does not offer {name} for the mechanism so changed")
 
     def instant(self, mechanism: Mechanism, states: Sequence[State], method: Method) -> InstantAnswer:
-        """Sound answer about states.
+        """Return a sound answer about states.
 
         Raises
         ------
@@ -77,7 +77,15 @@ class Asker:
     def trajectory(
         self, mechanism: Mechanism, state: State, times: Array, method: Method, step: float
     ) -> TrajectoryAnswer:
-        """Sound motion.
+        """Return a sound motion.
+
+        Parameters
+        ----------
+        state : State
+            At the first time.
+        times : ndarray, shape (n_t,), s
+        step : float, s
+            Step of the method, or its tolerance.
 
         Raises
         ------
@@ -92,4 +100,4 @@ class Asker:
 def _refuse(reply: Reply, question: Question, mechanism: Mechanism, count: int) -> None:
     reason = "; ".join(defects(reply.value, question, mechanism, count)) if reply.returned else reply.reason
     if reason:
-        raise NoAnswerError(reason)
+        raise UnansweredError(reason)

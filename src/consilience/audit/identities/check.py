@@ -1,4 +1,4 @@
-"""All identities in one table, and every engine, case and method examined by them."""
+"""The table of identities, and the check of engines, cases and methods against the table."""
 
 from __future__ import annotations
 
@@ -9,26 +9,35 @@ from consilience.audit.identities import dynamics
 from consilience.audit.identities.asking import Ask, Asker
 from consilience.audit.identities.invariance import INVARIANCES
 from consilience.audit.identities.motion import SAMPLES, measure_drift
-from consilience.audit.identities.result import Finding, NoAnswerError, NotApplicableError, Outcome, Residual, worst
-from consilience.audit.identities.subject import Subject
+from consilience.audit.identities.result import (
+    Finding,
+    IdentityOutcome,
+    NotApplicableError,
+    Residual,
+    UnansweredError,
+    worst,
+)
+from consilience.audit.identities.subject import IdentitySubject
 from consilience.case import Case
 from consilience.engine import EngineInfo, Method, Profile, Question
 from consilience.engine.worker.client import Request, Worker, in_parallel
 
-Measure = Callable[[Subject], Iterable[Residual]]
+Measure = Callable[[IdentitySubject], Iterable[Residual]]
+
+_Measured = Residual | NotApplicableError | UnansweredError
 
 
 @dataclass(frozen=True)
 class Identity:
-    """Something that holds whatever the truth is.
+    """An equation that the answers of every sound engine satisfy.
 
     Attributes
     ----------
     name : str
     shows : str
-        Errors that violate it.
+        Errors that violate the identity.
     measure : callable or None
-        Residuals over the states of a subject; None where it is about a motion.
+        Residuals over the states of a subject; None of an identity along a motion.
     """
 
     name: str
@@ -60,18 +69,15 @@ IDENTITIES: tuple[Identity, ...] = (
 
 ALONG_A_MOTION = tuple(identity.name for identity in IDENTITIES if identity.measure is None)
 
-Progress = Callable[[str, str], None]
-"""Called with the engine and the case it has just finished."""
-
 
 @dataclass
 class Checks:
-    """Everything that was found.
+    """Findings of all engines.
 
     Attributes
     ----------
     missing : dict
-        Engines that do not start, with the reason.
+        Reason by engine that does not start.
     """
 
     engines: dict[str, EngineInfo] = field(default_factory=dict)
@@ -85,24 +91,29 @@ def check_engines(
     states: int = 3,
     jobs: int = 2,
     limit: float = 180.0,
-    progress: Progress | None = None,
+    progress: Callable[[str, str], None] | None = None,
 ) -> Checks:
-    """Examine every engine on every case, each alone in its own worker.
+    """Check every engine on every case, each engine in a worker of its own.
 
     Parameters
     ----------
+    cases : sequence of Case
+    engines : sequence of str
+        Names of installed engines or variants.
     states : int
-        Number of states of the question `instant` that are looked at.
+        Number of states of the question `instant`.
     jobs : int
-        Number of engines that work at a time.
+        Number of engines that run at a time.
     limit : float, s
-        Time limit of one job.
+        Time limit of one request to a worker.
+    progress : callable, optional
+        Called with the names of engine and case after each case.
     """
     for case in cases:
-        _ = case.states  # assembled before any worker starts: what cannot be assembled is bad input
+        _ = case.states  # assembled before any worker starts: a failure is bad input
 
     def work(worker: Worker) -> tuple[object, str, list[Finding]]:
-        """All cases on one engine: what it says it is, why it says nothing, what was found."""
+        """Check one engine on all cases: its info, the reason if there is none, and the findings."""
         with worker:
             reply = worker.ask(Request())
             found: list[Finding] = []
@@ -124,86 +135,70 @@ def check_engines(
 
 
 def check_case(ask: Ask, engine: str, case: Case, states: int) -> list[Finding]:
-    """All identities for all methods of one engine on one case."""
+    """Check all identities for all methods of one engine on one case."""
     asker = Asker(ask)
     return [*_at_instants(asker, engine, case, states), *_along_a_motion(asker, engine, case)]
 
 
 def _at_instants(asker: Asker, engine: str, case: Case, states: int) -> Iterator[Finding]:
-    record = _Record(case.name, engine, Question.INSTANT)
+    record = _FindingContext(case.name, engine, Question.INSTANT)
     identities = [identity for identity in IDENTITIES if identity.measure is not None]
     methods, refused = _methods(asker, case, record, [i.name for i in identities])
     yield from refused
     for method in methods:
-        subject = Subject(case.mechanism, case.states[:states], asker, method)
+        subject = IdentitySubject(case.mechanism, case.states[:states], asker, method)
         for identity in identities:
             assert identity.measure is not None
             yield record.finding(identity.name, method, _measured(identity.measure, subject))
 
 
-def _measured(measure: Measure, subject: Subject) -> Residual | NotApplicableError | NoAnswerError:
+def _measured(measure: Measure, subject: IdentitySubject) -> _Measured:
     try:
         return worst(list(measure(subject)))
-    except (NotApplicableError, NoAnswerError) as reason:
+    except (NotApplicableError, UnansweredError) as reason:
         return reason
 
 
 def _along_a_motion(asker: Asker, engine: str, case: Case) -> Iterator[Finding]:
-    record = _Record(case.name, engine, Question.TRAJECTORY)
+    record = _FindingContext(case.name, engine, Question.TRAJECTORY)
     methods, refused = _methods(asker, case, record, ALONG_A_MOTION)
     yield from refused
     for method in methods:
-        found: Sequence[Residual | NotApplicableError | NoAnswerError]
+        found: Sequence[_Measured]
         try:
             found = measure_drift(asker, case.mechanism, case.initial_state, case.times[: SAMPLES + 1], method)
-        except (NotApplicableError, NoAnswerError) as reason:
+        except (NotApplicableError, UnansweredError) as reason:
             found = [reason] * len(ALONG_A_MOTION)
         for name, residual in zip(ALONG_A_MOTION, found, strict=True):
             yield record.finding(name, method, residual)
 
 
 def _methods(
-    asker: Asker, case: Case, record: _Record, names: Sequence[str]
+    asker: Asker, case: Case, record: _FindingContext, names: Sequence[str]
 ) -> tuple[tuple[Method, ...], list[Finding]]:
-    """Ways to answer, or one finding for each identity that says why there are none."""
+    """Methods, or one finding for each identity with the reason why there are none."""
     try:
         return asker.methods(case.mechanism, record.question), []
-    except (NotApplicableError, NoAnswerError) as reason:
+    except (NotApplicableError, UnansweredError) as reason:
         return (), [record.finding(name, None, reason) for name in names]
 
 
 @dataclass(frozen=True)
-class _Record:
-    """What all findings about one question have in common."""
+class _FindingContext:
+    """Common fields of all findings about one question."""
 
     case: str
     engine: str
     question: Question
 
-    def finding(
-        self, identity: str, method: Method | None, found: Residual | NotApplicableError | NoAnswerError
-    ) -> Finding:
-        """What one identity gave by one method."""
-        outcome, residual, bar, remark = _judged(found)
-        return Finding(
-            self.case,
-            self.engine,
-            self.question,
-            method.name if method else "",
-            method.route if method else None,
-            method.profile if method else Profile.MATCHED,
-            identity,
-            outcome,
-            residual,
-            bar,
-            remark,
-        )
-
-
-def _judged(
-    found: Residual | NotApplicableError | NoAnswerError,
-) -> tuple[Outcome, float | None, float | None, str]:
-    if isinstance(found, Residual):
-        return Outcome.HOLDS if found.ratio <= 1.0 else Outcome.VIOLATED, found.value, found.bar, found.remark
-    outcome = Outcome.NO_ANSWER if isinstance(found, NoAnswerError) else Outcome.NOT_APPLICABLE
-    return outcome, None, None, str(found)
+    def finding(self, identity: str, method: Method | None, found: _Measured) -> Finding:
+        """Return the finding of one identity and one method."""
+        name, route = (method.name, method.route) if method else ("", None)
+        profile = method.profile if method else Profile.MATCHED
+        common = (self.case, self.engine, self.question, name, route, profile, identity)
+        if isinstance(found, Residual):
+            outcome = IdentityOutcome.HOLDS if found.ratio <= 1.0 else IdentityOutcome.VIOLATED
+            return Finding(*common, outcome, found.value, found.bar, found.remark)
+        unanswered = isinstance(found, UnansweredError)
+        outcome = IdentityOutcome.NO_ANSWER if unanswered else IdentityOutcome.NOT_APPLICABLE
+        return Finding(*common, outcome, remark=str(found))

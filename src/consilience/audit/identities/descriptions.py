@@ -1,6 +1,7 @@
-"""Other descriptions of one mechanism: the words differ, the physics must not.
+"""Equivalent descriptions of one mechanism: other numbers and names, the same physics.
 
-Each function gives a `Description`: the mechanism in other words, and the maps that take states there and answers back.
+Each function gives a `Description`: the second description of the mechanism, the map of states to it, and the map of
+its answers back.
 """
 
 from __future__ import annotations
@@ -27,25 +28,24 @@ from consilience.mechanism import (
     spanning_tree,
 )
 
-Answers = Callable[[Sequence[State], InstantAnswer], InstantAnswer]
-
 
 @dataclass(frozen=True, eq=False)
 class Description:
-    """A mechanism in other words.
+    """A second description of a mechanism.
 
     Attributes
     ----------
     mechanism : Mechanism
+        The second description.
     state : callable
-        State of the first mechanism to that of this one.
+        State of the first description to state of the second.
     answer : callable
-        States of the first mechanism and the answer about this one, to an answer about the first.
+        States of the first description and answer about the second, to an answer about the first.
     """
 
     mechanism: Mechanism
     state: Callable[[State], State]
-    answer: Answers
+    answer: Callable[[Sequence[State], InstantAnswer], InstantAnswer]
 
 
 def _compose(outer: Frame, inner: Frame) -> Frame:
@@ -53,7 +53,7 @@ def _compose(outer: Frame, inner: Frame) -> Frame:
 
 
 def _seen_from(mechanism: Mechanism, world: Frame) -> Description:
-    """The mechanism in another world frame, given in the old one; gravity and everything on the ground go along."""
+    """The mechanism in another world frame, given in the old world; gravity and all on the ground are converted."""
     R, back = world.R.T, Frame(-world.R.T @ world.p, world.R.T)
 
     def point(body: str, p: Array) -> Array:
@@ -97,30 +97,29 @@ def _seen_from(mechanism: Mechanism, world: Frame) -> Description:
         unit = turned / np.linalg.norm(turned, axis=1, keepdims=True)
         return State(s.p_WB @ R.T + back.p, unit, s.v_WB_W @ R.T, s.w_WB_W @ R.T)
 
-    def answer(states: Sequence[State], a: InstantAnswer) -> InstantAnswer:
-        del states
+    def answer(_: Sequence[State], a: InstantAnswer) -> InstantAnswer:
         return replace(a, a_WB_W=a.a_WB_W @ R, alpha_WB_W=a.alpha_WB_W @ R, potential=a.potential - lift)
 
     return Description(second, state, answer)
 
 
 def rotated(mechanism: Mechanism, R: Array) -> Description:
-    """Everything, gravity too, as seen from a world turned by R, shape (3, 3)."""
+    """Describe a mechanism, gravity included, in a world frame turned by R, shape (3, 3)."""
     return _seen_from(mechanism, Frame(np.zeros(3), R))
 
 
 def moved(mechanism: Mechanism, offset: Array) -> Description:
-    """Everything as seen from a world whose origin is at `offset`, shape (3,), m."""
+    """Describe a mechanism in a world frame whose origin is at `offset`, shape (3,), m."""
     return _seen_from(mechanism, Frame(offset, np.eye(3)))
 
 
 def reordered(mechanism: Mechanism, bodies: Sequence[int], joints: Sequence[int]) -> Description:
-    """Bodies and joints listed in another order, and the elements in the reverse one.
+    """List bodies and joints in another order, and elements in reverse.
 
     Parameters
     ----------
     bodies, joints : sequence of int
-        Position in the old lists of each of the new ones.
+        Index in the old list of each body and joint of the new list.
     """
     b, j = np.array(bodies), np.array(joints)
     elements = ("springs", "joint_springs", "loads", "frictions", "controls")
@@ -132,16 +131,16 @@ def reordered(mechanism: Mechanism, bodies: Sequence[int], joints: Sequence[int]
         **reverse,
     )
     old_b, old_j = np.argsort(b), np.argsort(j)
+    return Description(second, lambda s: _of_bodies(s, b), lambda _, a: _picked(a, old_b, old_j))
 
-    def answer(states: Sequence[State], a: InstantAnswer) -> InstantAnswer:
-        del states
-        return _picked(a, old_b, old_j)
 
-    return Description(second, lambda s: State(s.p_WB[b], s.quat_WB[b], s.v_WB_W[b], s.w_WB_W[b]), answer)
+def _of_bodies(state: State, bodies: Array) -> State:
+    """State of the bodies of some indices, in that order."""
+    return State(state.p_WB[bodies], state.quat_WB[bodies], state.v_WB_W[bodies], state.w_WB_W[bodies])
 
 
 def _picked(answer: InstantAnswer, bodies: Array | slice, joints: Array | slice) -> InstantAnswer:
-    """The answer about some bodies and joints."""
+    """Answer about some bodies and joints."""
     return replace(
         answer,
         a_WB_W=answer.a_WB_W[:, bodies],
@@ -152,10 +151,10 @@ def _picked(answer: InstantAnswer, bodies: Array | slice, joints: Array | slice)
 
 
 def recut(mechanism: Mechanism) -> Description | None:
-    """Joints listed so that a spanning tree leaves out other ones; None where there is no loop, or no such order.
+    """List joints so that other joints close the loops of a spanning tree; None without a loop or such an order.
 
-    Only the order changes; that the cut moves is true of engines that cut, as
-    `consilience.mechanism.spanning_tree` does, what they reach last.
+    Only the order changes; the cut moves in engines that cut the joint they reach last, as
+    `consilience.mechanism.spanning_tree` does.
     """
 
     def cut(order: Sequence[int]) -> set[str]:
@@ -171,16 +170,16 @@ def recut(mechanism: Mechanism) -> Description | None:
 
 
 _Z_TO_X = np.array([[0.0, 0, 1], [0, -1, 0], [1, 0, 0]])
-"""Columns z, -y, x: the first axis of a universal joint is z of F, the second x of M; swapping exchanges them."""
+"""Columns z, -y, x: the axes of a universal joint are z of F and x of M, which swapping exchanges."""
 
 _ONE_WAY = ("point_on_line", "point_in_plane")
-"""Kinds that are another kind when their sides are swapped."""
+"""Kinds of joints that become another kind when their sides are swapped."""
 
 
 def swapped(mechanism: Mechanism) -> Description:
-    """Predecessor and successor of every joint exchanged, but of those that would become another kind.
+    """Exchange predecessor and successor of every joint, but of joints that would become another kind.
 
-    Joint coordinates change sign, and with them what springs, controls, drives and couplings are told.
+    Joint coordinates change sign, and with them the numbers of springs, controls, drives and couplings.
     """
     turns = [_Z_TO_X if j.kind == "universal" else np.eye(3) for j in mechanism.joints]
     joints = tuple(_swap(j, turn) for j, turn in zip(mechanism.joints, turns, strict=True))
@@ -188,7 +187,7 @@ def swapped(mechanism: Mechanism) -> Description:
     second = in_units(replace(mechanism, joints=joints), sign={name: -1.0 for name in swapped_names})
 
     def answer(states: Sequence[State], a: InstantAnswer) -> InstantAnswer:
-        """Reactions as the first description has them, on its successors in its axes; all else is the same in both."""
+        """Convert reactions to the successors and axes of the first description; all else is the same in both."""
         if a.force_F is None or a.torque_F is None:
             return a
         force, torque = np.array(a.force_F), np.array(a.torque_F)
@@ -212,7 +211,7 @@ def _swap(joint: Joint, turn: Array) -> Joint:
 
 
 def scaled_units(mechanism: Mechanism, length: float, mass: float, time: float) -> Description:
-    """Other units: each is how many of the new ones make a metre, a kilogram, a second."""
+    """Describe a mechanism in other units: how many of the new units make a metre, a kilogram, a second."""
     second = in_units(mechanism, length, mass, time)
     a_unit, alpha_unit = length / time**2, 1.0 / time**2
     force, energy = mass * a_unit, mass * length**2 / time**2
@@ -220,9 +219,8 @@ def scaled_units(mechanism: Mechanism, length: float, mass: float, time: float) 
     def state(s: State) -> State:
         return State(s.p_WB * length, s.quat_WB, s.v_WB_W * length / time, s.w_WB_W / time)
 
-    def answer(states: Sequence[State], a: InstantAnswer) -> InstantAnswer:
-        """Every quantity back in m, kg and s."""
-        del states
+    def answer(_: Sequence[State], a: InstantAnswer) -> InstantAnswer:
+        """Convert every quantity back to m, kg and s."""
         return InstantAnswer(
             a.a_WB_W / a_unit,
             a.alpha_WB_W / alpha_unit,
@@ -236,9 +234,9 @@ def scaled_units(mechanism: Mechanism, length: float, mass: float, time: float) 
 
 
 def split(mechanism: Mechanism) -> Description:
-    """A body cut in two that lie in the same place, welded together; its joints but the first go to the second one.
+    """Cut a body into two parts in the same place, welded together; all its joints but the first go to the second.
 
-    The body is the first with more than one joint, so that what passes through it passes through the weld.
+    The body is the first with more than one joint, so that the weld transmits forces between joints.
     """
     ends = [[j.name for j in mechanism.joints if b.name in (j.predecessor, j.successor)] for b in mechanism.bodies]
     i = next((k for k, joints in enumerate(ends) if len(joints) > 1), 0)
@@ -256,10 +254,5 @@ def split(mechanism: Mechanism) -> Description:
     weld = Joint(f"{body.name} (weld)", "rigid", body.name, name, here, here)
     bodies = [part(0.4, body.name) if k == i else b for k, b in enumerate(mechanism.bodies)]
     second = replace(mechanism, bodies=(*bodies, part(0.6, name)), joints=(*joints, weld))
-    rows = [*range(len(mechanism.bodies)), i]
-
-    def answer(states: Sequence[State], a: InstantAnswer) -> InstantAnswer:
-        del states
-        return _picked(a, slice(-1), slice(-1))
-
-    return Description(second, lambda s: State(s.p_WB[rows], s.quat_WB[rows], s.v_WB_W[rows], s.w_WB_W[rows]), answer)
+    rows = np.array([*range(len(mechanism.bodies)), i])
+    return Description(second, lambda s: _of_bodies(s, rows), lambda _, a: _picked(a, slice(-1), slice(-1)))

@@ -1,6 +1,6 @@
 """Identities between the answers about one mechanism: balance, power, momentum, response to loads.
 
-Each takes a `Subject` and gives a residual for every state. Vectors are scaled as in
+Each identity takes a `IdentitySubject` and gives a residual for every state. Vectors are scaled as in
 `consilience.audit.identities.equations`.
 """
 
@@ -10,9 +10,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from consilience.audit.identities.equations import EPS, Equations, Solution, by_body, largest
+from consilience.audit.identities.equations import EPS, Equations, ScaledSolution, by_body, largest
 from consilience.audit.identities.result import NotApplicableError, Residual, relative, worst
-from consilience.audit.identities.subject import Subject
+from consilience.audit.identities.subject import IdentitySubject
 from consilience.errors import CannotAssemble
 from consilience.mechanism import (
     GROUND,
@@ -28,8 +28,8 @@ from consilience.mechanism import (
 )
 
 
-def constraint(subject: Subject) -> Iterator[Residual]:
-    """``Q x = gamma`` with the engine's accelerations, row by row."""
+def constraint(subject: IdentitySubject) -> Iterator[Residual]:
+    """Check ``Q x = gamma`` with the engine's accelerations, row by row."""
     if subject.mechanism.constraint_count() == 0:
         raise NotApplicableError("there are no constraints")
     for n, eq in enumerate(subject.equations):
@@ -39,10 +39,10 @@ def constraint(subject: Subject) -> Iterator[Residual]:
         yield relative(left[k], allowed[k], largest(eq.solution.rows), f"state {n}, row {k}")
 
 
-def balance(subject: Subject) -> Iterator[Residual]:
-    """Newton and Euler for each body with the engine's accelerations and the reactions of its joints.
+def balance(subject: IdentitySubject) -> Iterator[Residual]:
+    """Check the Newton-Euler equations of each body with the engine's accelerations and joint reactions.
 
-    What drives, couplings, contacts and skates do is not reported, and taken out by least squares.
+    Forces of drives, couplings, contacts and skates are not reported: least squares remove them.
     """
     for n, eq in enumerate(subject.equations):
         wrenches = eq.joint_wrenches(*subject.reactions(n)).total.ravel() / eq.motion_scale
@@ -54,22 +54,22 @@ def balance(subject: Subject) -> Iterator[Residual]:
 
 
 def _without(columns: Array, vector: Array) -> Array:
-    """The part of a vector that the columns cannot make."""
+    """Part of a vector orthogonal to the columns."""
     if columns.shape[1] == 0:
         return vector
     return vector - columns @ np.linalg.lstsq(columns, vector, rcond=None)[0]
 
 
-def _allowed_wrench(eq: Equations, subject: Subject) -> float:
+def _allowed_wrench(eq: Equations, subject: IdentitySubject) -> float:
     stated = largest(np.abs(eq.M).sum(axis=1)) * eq.stated_error(eq.solution, subject.route)
     return eq.guard * largest(eq.solution.terms) + stated
 
 
-def momentum(subject: Subject) -> Iterator[Residual]:
-    """Rate of linear and angular momentum against outer forces and the reactions of the ground.
+def momentum(subject: IdentitySubject) -> Iterator[Residual]:
+    """Check the rates of linear and angular momentum against external forces and the reactions of the ground.
 
-    Angular momentum is about the common centre of mass. Without a joint that holds to the ground the reactions are not
-    needed: what floats conserves both but for outer forces.
+    Angular momentum is about the common centre of mass. A floating mechanism, without rows to the ground, needs no
+    reactions.
     """
     held = any(j.rows and GROUND in (j.predecessor, j.successor) for j in subject.mechanism.joints)
     for n, eq in enumerate(subject.equations):
@@ -87,7 +87,7 @@ def momentum(subject: Subject) -> Iterator[Residual]:
 
 
 def _summation(eq: Equations) -> Array:
-    """Total force and torque about the common centre of mass from the scaled wrenches, shape (6, 6 n_b)."""
+    """Matrix (6, 6 n_b) from scaled wrenches to total force and torque about the common centre of mass."""
     masses = np.array([b.mass for b in eq.mechanism.bodies])
     centre = masses @ centres_of_mass(eq.mechanism, eq.state)[0] / masses.sum()
     sums = np.zeros((6, 6 * len(masses)))
@@ -98,8 +98,8 @@ def _summation(eq: Equations) -> Array:
     return sums
 
 
-def power(subject: Subject) -> Iterator[Residual]:
-    """``dT/dt``, which follows from the engine's accelerations, against the power of the applied forces."""
+def power(subject: IdentitySubject) -> Iterator[Residual]:
+    """Check ``dT/dt`` of the engine's accelerations against the power of the applied forces."""
     _refuse_drives(subject)
     if all(eq.speed == 0.0 for eq in subject.equations):
         raise NotApplicableError("nothing moves")
@@ -111,18 +111,17 @@ def power(subject: Subject) -> Iterator[Residual]:
         yield relative(left, eq.guard * terms + stated, terms, f"state {n}")
 
 
-def _refuse_drives(subject: Subject) -> None:
+def _refuse_drives(subject: IdentitySubject) -> None:
     if subject.mechanism.drives:
         raise NotApplicableError("drives do work, and their effort is not reported")
 
 
-def energy(subject: Subject) -> Iterator[Residual]:
-    """Rate of the engine's own energy along its own accelerations, against the power of what is not conservative.
+def energy(subject: IdentitySubject) -> Iterator[Residual]:
+    """Check the rate of the engine's energies along its own accelerations against the power of dissipation and loads.
 
-    The rate is a central difference over four states, ``(8 (E1 - E-1) - (E2 - E-2)) / 12 h``, which are assembled
-    anew: they lie on a smooth curve with the state's velocity and the engine's accelerations. With a step of
-    ``eps^(1/5)`` of the fastest rate of the state, rounding and what the difference leaves out are both about
-    ``eps^(4/5)`` of energy times rate, less by far than the roundings of an energy allow for.
+    The rate is a central difference over four states, ``(8 (E1 - E-1) - (E2 - E-2)) / 12 h``, assembled on a smooth
+    curve with the state's velocity and the engine's accelerations. With a step of ``eps^(1/5)`` over the fastest rate
+    of the state, rounding and truncation are both about ``eps^(4/5)`` of energy times rate, far below the bar.
     """
     _refuse_drives(subject)
     if subject.mechanism.rollings or subject.mechanism.skates:
@@ -143,8 +142,8 @@ def energy(subject: Subject) -> Iterator[Residual]:
         yield relative(abs(rate - lost), eq.guard / EPS**0.2 * size + stated, size, f"state {n}")
 
 
-def _along(subject: Subject, n: int, h: float) -> State:
-    """State a time h later, to second order, back on the constraints."""
+def _along(subject: IdentitySubject, n: int, h: float) -> State:
+    """State a time h later, to second order, projected onto the constraints."""
     s, a, alpha = subject.states[n], subject.answer.a_WB_W[n], subject.answer.alpha_WB_W[n]
     ahead = move(s, np.hstack([h * s.v_WB_W + 0.5 * h**2 * a, h * s.w_WB_W + 0.5 * h**2 * alpha]).ravel())
     try:
@@ -155,10 +154,10 @@ def _along(subject: Subject, n: int, h: float) -> State:
         raise NotApplicableError(f"no state along these accelerations: {error}") from None
 
 
-def forward_after_inverse(subject: Subject) -> Iterator[Residual]:
-    """Loads that make chosen accelerations and reactions, by Newton and Euler; the engine must give both back.
+def forward_after_inverse(subject: IdentitySubject) -> Iterator[Residual]:
+    """Choose accelerations and reactions, apply the loads that the Newton-Euler equations need, and ask for both back.
 
-    The accelerations are random in the free directions, as large as the mechanism's own; the reactions are those of
+    The accelerations are random in the free directions, as large as those without loads; the reactions are those of
     random multipliers.
     """
     for n, eq in enumerate(subject.equations):
@@ -175,8 +174,8 @@ def forward_after_inverse(subject: Subject) -> Iterator[Residual]:
         yield worst(found)
 
 
-def _inverse(eq: Equations, rng: np.random.Generator) -> tuple[Solution, Array]:
-    """Random consistent accelerations with random multipliers, and the scaled wrench that makes them."""
+def _inverse(eq: Equations, rng: np.random.Generator) -> tuple[ScaledSolution, Array]:
+    """Random consistent accelerations with random multipliers, and the scaled wrench that causes both."""
     own = eq.solution
     size = largest(own.x) or 1.0
     free = eq.N @ rng.normal(size=eq.N.shape[1])
@@ -187,27 +186,27 @@ def _inverse(eq: Equations, rng: np.random.Generator) -> tuple[Solution, Array]:
     return eq.sized(x, mu, load), load
 
 
-def symmetry(subject: Subject) -> Iterator[Residual]:
-    """The response of direction i to a load in direction j is that of j to i."""
+def symmetry(subject: IdentitySubject) -> Iterator[Residual]:
+    """Check that the response of direction i to a load in direction j is that of j to i."""
     for n, m in enumerate(subject.mobility):
         yield relative(largest(m.W - m.W.T), 2.0 * m.allowed, largest(m.neutral), f"state {n}")
 
 
-def positivity(subject: Subject) -> Iterator[Residual]:
-    """No load in a free direction is answered by a motion against it."""
+def positivity(subject: IdentitySubject) -> Iterator[Residual]:
+    """Check that no load in a free direction causes an acceleration against the load."""
     for n, m in enumerate(subject.mobility):
         lowest = float(np.linalg.eigvalsh(0.5 * (m.W + m.W.T))[0])
         yield relative(max(0.0, -lowest), m.allowed * len(m.W), largest(m.neutral), f"state {n}")
 
 
-def inverse_mass(subject: Subject) -> Iterator[Residual]:
-    """The response is the inverse of the mass matrix in the free directions."""
+def inverse_mass(subject: IdentitySubject) -> Iterator[Residual]:
+    """Check that the response is the inverse of the mass matrix in the free directions."""
     for n, m in enumerate(subject.mobility):
         yield relative(largest(m.W - m.neutral), m.allowed, largest(m.neutral), f"state {n}")
 
 
-def linearity(subject: Subject) -> Iterator[Residual]:
-    """Half of a load, and the same load the other way, make half of the response, and minus it."""
+def linearity(subject: IdentitySubject) -> Iterator[Residual]:
+    """Check that half of a load causes half of the response, and the opposite load the opposite response."""
     for n in range(len(subject.states)):
         load = subject.push(n, subject.directions(n).sum(axis=1))
         whole, half, back = (subject.response(n, c * load) for c in (1.0, 0.5, -1.0))

@@ -1,4 +1,4 @@
-"""Identities between the answers about one mechanism in several descriptions."""
+"""Identities between the answers about two descriptions of one mechanism."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from consilience.audit.identities.descriptions import (
 )
 from consilience.audit.identities.equations import Equations, largest
 from consilience.audit.identities.result import NotApplicableError, Residual, relative, worst
-from consilience.audit.identities.subject import Subject
+from consilience.audit.identities.subject import IdentitySubject
 from consilience.engine import InstantAnswer, Question
 from consilience.mechanism import (
     Mechanism,
@@ -29,13 +29,13 @@ from consilience.mechanism import (
 )
 
 _TURN = rotation_from_quaternion(quaternion_from_rotation_vector(np.array([1.1, -0.7, 2.0])))
-"""A turn that takes no axis to another, nor near one."""
+"""A rotation that takes no axis near an axis."""
 
 _AWAY = np.array([0.48, -0.64, 0.6])
-"""A direction along no axis; the world moves by a reach along it."""
+"""Direction along no axis in which the world moves by a characteristic length."""
 
 UNITS = {"length": 3.0, "mass": 7.0, "time": 0.3}
-"""New units in a metre, a kilogram, a second: factors that no power of two or ten connects."""
+"""New units in a metre, a kilogram, a second: no factor is a power of two or ten."""
 
 
 def _turned(mechanism: Mechanism) -> Description:
@@ -67,9 +67,9 @@ def _in_units(mechanism: Mechanism) -> Description:
 Describe = Callable[[Mechanism], Description]
 
 
-def _invariance(describe: Describe) -> Callable[[Subject], Iterator[Residual]]:
-    def measure(subject: Subject) -> Iterator[Residual]:
-        """At each state, the residual that differs most between the two descriptions."""
+def _invariance(describe: Describe) -> Callable[[IdentitySubject], Iterator[Residual]]:
+    def measure(subject: IdentitySubject) -> Iterator[Residual]:
+        """Yield the worst residual between the two descriptions at each state."""
         description = describe(subject.mechanism)
         method = subject.asker.method(description.mechanism, Question.INSTANT, subject.method.name)
         states = [description.state(s) for s in subject.states]
@@ -81,8 +81,8 @@ def _invariance(describe: Describe) -> Callable[[Subject], Iterator[Residual]]:
     return measure
 
 
-def _differences(subject: Subject, eq: Equations, told: InstantAnswer, n: int) -> Iterator[Residual]:
-    """Accelerations, determined reactions and energies of a state; both answers may err."""
+def _differences(subject: IdentitySubject, eq: Equations, told: InstantAnswer, n: int) -> Iterator[Residual]:
+    """Residuals of accelerations, determined reactions and energies of a state; both answers have allowed errors."""
     own, solution = subject.answer, eq.solution
     x = eq.motion(told.a_WB_W[n], told.alpha_WB_W[n])
     allowed = 2.0 * eq.acceleration_error(solution, subject.route)
@@ -100,7 +100,7 @@ def _differences(subject: Subject, eq: Equations, told: InstantAnswer, n: int) -
         yield relative(abs(change), 2.0 * eq.guard * size, size, f"state {n}, {name} energy")
 
 
-INVARIANCES: dict[str, Callable[[Subject], Iterator[Residual]]] = {
+INVARIANCES: dict[str, Callable[[IdentitySubject], Iterator[Residual]]] = {
     "rotated world": _invariance(_turned),
     "moved world": _invariance(_moved),
     "bodies and joints reordered": _invariance(_reordered),
@@ -109,4 +109,4 @@ INVARIANCES: dict[str, Callable[[Subject], Iterator[Residual]]] = {
     "loops cut elsewhere": _invariance(_recut),
     "a body in two welded parts": _invariance(split),
 }
-"""Each describes the mechanism anew and asks again."""
+"""Identities by name; each asks again about another description of the mechanism."""

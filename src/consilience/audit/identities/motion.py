@@ -1,15 +1,14 @@
-"""Constraints along a motion: what is left of ``g = 0`` and of ``Q v = nu`` at the samples of a trajectory.
+"""Constraints along a motion: residuals of ``g = 0`` and of ``Q v = nu`` at the samples of a trajectory.
 
-Where rounding is all that is left, the constraints hold: that of one evaluation for each step, as every step rounds
-anew and nothing need take it back. Where more is left, steps may have left it: then it shrinks with them, and nothing
-is left at step zero. From the finest levels with residuals r1, r2, r3, whose steps (or tolerances) have the ratio q,
-and an integrator of order P (tolerances: 1):
+The constraints hold where the residual is rounding: that of one evaluation for each step, because roundings of steps
+may add up. A larger residual may be an error of the steps, which vanishes at step zero. From the finest levels with
+residuals r1, r2, r3, whose steps (or tolerances) have the ratio q, and an integrator of order P (tolerances: 1):
 
 - limit ``r3 + (r3 - r2) / (q^P - 1)`` [Richardson 1911];
 - band ``F |r3 - r2| / (q^P - 1)``, F = 1.25 where the observed order is within 0.5 of P, else 3 [grid convergence
   index, Roache 1994].
 
-A constraint that is left out, or held softly, leaves a limit that the band does not reach.
+A constraint that is ignored or soft has a limit beyond the band.
 """
 
 from __future__ import annotations
@@ -31,19 +30,19 @@ SAFETY = (1.25, 3.0)
 ORDER_WINDOW = 0.5
 
 SAMPLES = 20
-"""Sample intervals of a case's trajectory that are looked at: drift shows from its start."""
+"""Sample intervals of a case's trajectory that are checked: drift shows from the start."""
 
 
 @dataclass(frozen=True, eq=False)
 class Drift:
-    """What is left of the constraints at the samples of one level, relative, each shape (n_t, rows)."""
+    """Relative residuals of the constraints at the samples of one level, each shape (n_t, rows)."""
 
     positions: Array
     velocities: Array
 
 
 def drift_of(mechanism: Mechanism, answer: TrajectoryAnswer) -> Drift:
-    """Residuals of all rows, of positions in reaches or rad, of velocities relative to the largest speed."""
+    """Return residuals of all rows: of positions in characteristic lengths or rad, of velocities over the largest."""
     states = [_state(answer, n) for n in range(len(answer.time))]
     equations = [Equations(mechanism, state) for state in states]
     fastest = max(eq.speed for eq in equations) or 1.0
@@ -63,14 +62,21 @@ def _state(answer: TrajectoryAnswer, n: int) -> State:
 
 
 def levels(method: Method, sample: float) -> list[float]:
-    """The three finest steps of a method, or its tightest tolerances, coarse to fine."""
+    """Return the three finest steps of a method, or its tightest tolerances, coarse to fine."""
     return ([sample / n for n in method.substeps] or list(method.tolerances))[-3:]
 
 
 def measure_drift(
     asker: Asker, mechanism: Mechanism, start: State, times: Array, method: Method
 ) -> tuple[Residual, Residual]:
-    """Ask for the finest levels of a trajectory: residuals of positions and of velocities.
+    """Integrate at the finest levels and return the residuals of positions and of velocities.
+
+    Parameters
+    ----------
+    start : State
+        At the first time.
+    times : ndarray, shape (n_t,), s
+        Uniform samples.
 
     Raises
     ------
@@ -105,7 +111,7 @@ def _limit(residuals: Sequence[Array], steps: Sequence[float], order: int, guard
 
 
 def _observed_order(residuals: Sequence[Array], steps: Sequence[float]) -> float:
-    """Order of the differences of three levels; not a number where there are two, or levels that are the same."""
+    """Order of the differences of three levels; NaN of two levels, or of equal levels."""
     if len(steps) < 3:
         return float("nan")
     first, second = largest(residuals[-2] - residuals[-3]), largest(residuals[-1] - residuals[-2])

@@ -1,4 +1,4 @@
-"""What a check of an identity says."""
+"""Results of a check of an identity: residual, outcome, finding."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import numpy as np
 from consilience.engine import Profile, Question, Route
 
 
-class Outcome(StrEnum):
-    """How an identity came out, best first."""
+class IdentityOutcome(StrEnum):
+    """Outcome of an identity, best first."""
 
     HOLDS = "holds"
     NOT_APPLICABLE = "not applicable"
@@ -24,20 +24,21 @@ class NotApplicableError(Exception):
     """The identity says nothing about this mechanism or method; the message says why."""
 
 
-class NoAnswerError(Exception):
-    """The engine was asked what it says it can, and gave no sound answer; the message is the evidence."""
+class UnansweredError(Exception):
+    """The engine supports the question and gave no sound answer; the message is the evidence."""
 
 
 @dataclass(frozen=True)
 class Residual:
-    """What is left of an identity, relative to its terms.
+    """Residual of an identity, relative to the size of its terms.
 
     Attributes
     ----------
     value : float
     bar : float
-        The most that rounding leaves, as `equations` says, and what the route states for itself.
+        Largest residual of rounding (see `equations`) and of the error that the route declares.
     remark : str
+        State, body or row of the residual.
     """
 
     value: float
@@ -46,31 +47,31 @@ class Residual:
 
     @property
     def ratio(self) -> float:
-        """Residual over bar; infinite if it is not a number."""
+        """Residual over bar; infinite if the residual is not a number."""
         return self.value / self.bar if np.isfinite(self.value) else float("inf")
 
 
 def relative(left: float, allowed: float, size: float, remark: str = "") -> Residual:
-    """Residual of an amount `left` of a quantity of the given size, of which `allowed` is no fault."""
+    """Return the relative residual of an amount `left` of a quantity of a size; `allowed` is the bar."""
     unit = size if size > 0.0 else 1.0
     return Residual(float(left / unit), float(max(allowed / unit, np.finfo(float).tiny)), remark)
 
 
 def worst(residuals: Sequence[Residual]) -> Residual:
-    """The one that comes nearest to its bar, or passes it furthest."""
+    """Return the residual that is largest relative to its bar."""
     return max(residuals, key=lambda r: r.ratio)
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One engine, case, method and identity.
+    """Outcome of one identity for one engine, case and method.
 
     Attributes
     ----------
     residual, bar : float or None
-        None where nothing was measured.
+        None without a measured residual.
     remark : str
-        Why it does not apply or has no answer; where the worst residual was found.
+        Place of the worst residual; or why the identity does not apply or has no answer.
     """
 
     case: str
@@ -80,18 +81,18 @@ class Finding:
     route: Route | None
     profile: Profile
     identity: str
-    outcome: Outcome
+    outcome: IdentityOutcome
     residual: float | None = None
     bar: float | None = None
     remark: str = ""
 
 
 def exit_code(findings: Sequence[Finding], missing: int = 0) -> int:
-    """0: all that apply hold; 1: one is violated; 3: an answer is missing, or an engine. 1 wins over 3.
+    """Return 0 if all identities that apply hold, 1 if one is violated, 3 if an answer or engine is missing.
 
-    What an engine does at its defaults is shown, and not judged: it was not told what the case means.
+    1 wins over 3. Findings at an engine's default settings are shown and not judged.
     """
     outcomes = {finding.outcome for finding in findings if finding.profile is Profile.MATCHED}
-    if Outcome.VIOLATED in outcomes:
+    if IdentityOutcome.VIOLATED in outcomes:
         return 1
-    return 3 if Outcome.NO_ANSWER in outcomes or missing else 0
+    return 3 if IdentityOutcome.NO_ANSWER in outcomes or missing else 0

@@ -8,33 +8,34 @@ from dataclasses import asdict
 from pathlib import Path
 
 from consilience.audit.identities.check import IDENTITIES, Checks
-from consilience.audit.identities.result import Finding, Outcome, exit_code
+from consilience.audit.identities.result import Finding, IdentityOutcome, exit_code
+from consilience.compare import markdown_table
 from consilience.engine import Profile
 from consilience.errors import InvalidInput
 
 FORMAT = 1
 
-_WORST_FIRST = (Outcome.VIOLATED, Outcome.NO_ANSWER, Outcome.HOLDS, Outcome.NOT_APPLICABLE)
-
+_HARMLESS = (IdentityOutcome.HOLDS, IdentityOutcome.NOT_APPLICABLE)
+_WORST_FIRST = (IdentityOutcome.VIOLATED, IdentityOutcome.NO_ANSWER, *_HARMLESS)
 
 LEGEND = "a number: it holds, and that is the largest residual over cases and methods"
 
 
 def cell(findings: Sequence[Finding]) -> str:
-    """What one engine makes of one identity: the worst outcome, how often, and the largest residual."""
+    """Return the worst outcome of one engine and identity, how often, and the largest residual."""
     for outcome in _WORST_FIRST:
         found = [f for f in findings if f.outcome is outcome]
         if found:
             measured = [f.residual for f in found if f.residual is not None]
             number = f"{max(measured):.0e}" if measured else ""
-            if outcome in (Outcome.HOLDS, Outcome.NOT_APPLICABLE):
+            if outcome in _HARMLESS:
                 return number or str(outcome)
             return f"{outcome} {len(found)} of {len(findings)}" + (f", {number}" if number else "")
     return "-"
 
 
 def matrix(checks: Checks, profile: Profile) -> Iterator[tuple[str, list[str]]]:
-    """Rows of the table of a profile: identity, and one cell for each engine."""
+    """Yield the rows of the table of a profile: identity, and one cell for each engine."""
     chosen = [f for f in checks.findings if f.profile is profile]
     for identity in IDENTITIES:
         of_it = [f for f in chosen if f.identity == identity.name]
@@ -42,12 +43,12 @@ def matrix(checks: Checks, profile: Profile) -> Iterator[tuple[str, list[str]]]:
 
 
 def blemishes(checks: Checks) -> Iterator[Finding]:
-    """Findings that need a look: violated, or without an answer."""
-    return (f for f in checks.findings if f.outcome in (Outcome.VIOLATED, Outcome.NO_ANSWER))
+    """Return the findings that are violated or have no answer."""
+    return (f for f in checks.findings if f.outcome not in _HARMLESS)
 
 
 def sentence(finding: Finding) -> str:
-    """One finding in words."""
+    """Return one finding in words."""
     text = f"{finding.engine}, {finding.case}, {finding.method or finding.question}: {finding.identity}"
     text += f": {finding.outcome}"
     if finding.residual is not None and finding.bar is not None:
@@ -56,14 +57,14 @@ def sentence(finding: Finding) -> str:
 
 
 def markdown(checks: Checks) -> str:
-    """Tables of both profiles, and every finding that needs a look."""
+    """Return tables of both profiles, and every finding that is violated or has no answer, as Markdown."""
     lines = ["# Identities", ""]
     for profile in Profile:
         if not any(f.profile is profile for f in checks.findings):
             continue
         lines += [f"## Settings: {profile}", ""]
-        lines += [_row(["identity", *checks.engines]), _row(["---"] * (1 + len(checks.engines)))]
-        lines += [_row([name, *cells]) for name, cells in matrix(checks, profile)]
+        rows = [(name, *cells) for name, cells in matrix(checks, profile)]
+        lines += markdown_table(("identity", *checks.engines), rows, spaced=True, escape=_escaped)
         lines += ["", f"{LEGEND[0].upper()}{LEGEND[1:]}.", ""]
     found = list(blemishes(checks))
     if found or checks.missing:
@@ -74,16 +75,12 @@ def markdown(checks: Checks) -> str:
     return "\n".join(lines)
 
 
-def _row(cells: Sequence[str]) -> str:
-    return "| " + " | ".join(_escaped(c) for c in cells) + " |"
-
-
 def _escaped(text: str) -> str:
     return " ".join(text.split()).replace("|", "\\|").replace("<", "&lt;")
 
 
 def document(checks: Checks) -> dict[str, object]:
-    """Everything as plain data."""
+    """Return all findings as plain data."""
     return {
         "format": FORMAT,
         "engines": {name: asdict(info) for name, info in checks.engines.items()},
@@ -95,7 +92,7 @@ def document(checks: Checks) -> dict[str, object]:
 
 
 def check_target(path: Path) -> None:
-    """Refuse a file whose ending names no format, or whose folder does not exist.
+    """Refuse a file whose suffix names no format, or whose folder does not exist.
 
     Raises
     ------
@@ -108,12 +105,12 @@ def check_target(path: Path) -> None:
 
 
 def as_json(checks: Checks) -> str:
-    """Everything as JSON."""
-    # residuals that are not numbers do not pass `defects`, and JSON has no word for an infinite one
+    """Return all findings as JSON."""
+    # `defects` refuses residuals that are not numbers, and JSON has no infinity
     return json.dumps(document(checks), indent=1, allow_nan=False) + "\n"
 
 
 def write(checks: Checks, path: Path) -> None:
-    """Write JSON or Markdown; the ending of the name chooses."""
+    """Write JSON or Markdown, as the suffix of the path says."""
     check_target(path)
     path.write_text(as_json(checks) if path.suffix == ".json" else markdown(checks), encoding="utf-8")

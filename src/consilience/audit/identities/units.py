@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from consilience.mechanism import Body, Frame, Function, Mechanism, Table
 
 
 def rescaled(function: Function, value: float, argument: float) -> Function:
-    """``value f(x / argument)``; the factors may be negative."""
+    """Return ``value f(x / argument)``; the factors may be negative."""
     powers = argument ** np.arange(len(function.polynomial))
     table = function.table
     if table is not None:
@@ -21,40 +21,78 @@ def rescaled(function: Function, value: float, argument: float) -> Function:
     return Function(value * function.polynomial / powers, function.harmonics * [value, 1.0 / argument, 1.0], table)
 
 
-def _in_time(function: Function | None, value: float, time: float) -> Function | None:
-    return None if function is None else rescaled(function, value, time)
-
-
 @dataclass(frozen=True)
 class _Units:
-    """Factors from one description to another.
+    """Factors from old numbers to new numbers, for one element.
 
     Attributes
     ----------
-    sign : mapping of joint name to float
-        Minus one for joints whose coordinates count the other way.
+    coordinate, effort : float
+        Of the joint coordinate of the element, sign included, and of the effort in that coordinate. A load has its
+        force or torque for effort.
     """
 
     length: float
-    mass: float
+    force: float
     time: float
-    sign: Mapping[str, float] = field(default_factory=dict)
+    coordinate: float
+    effort: float
 
     @property
-    def force(self) -> float:
-        return self.mass * self.length / self.time**2
+    def stiffness(self) -> float:
+        """Effort over coordinate."""
+        return self.effort / self.coordinate
 
-    def coordinate(self, element: Any) -> float:
-        """Factor of the joint coordinate of an element, its sign included."""
-        return self.of(element.joint, element.coordinate)
 
-    def of(self, joint: str, coordinate: str) -> float:
-        return self.sign.get(joint, 1.0) * (self.length if coordinate == "distance" else 1.0)
+def _length(u: _Units) -> float:
+    return u.length
 
-    def effort(self, element: Any) -> float:
-        """Factor of the effort in that coordinate: power has no direction."""
-        power = self.force * self.length / self.time
-        return power / (self.coordinate(element) / self.time)
+
+def _coordinate(u: _Units) -> float:
+    return u.coordinate
+
+
+def _effort(u: _Units) -> float:
+    return u.effort
+
+
+def _damping(u: _Units) -> float:
+    return u.stiffness * u.time
+
+
+_FACTORS: dict[str, dict[str, Callable[[_Units], float]]] = {
+    "springs": {
+        "point_predecessor": _length,
+        "point_successor": _length,
+        "stiffness": lambda u: u.force / u.length,
+        "damping": lambda u: u.force * u.time / u.length,
+        "free_length": _length,
+        "actuator": lambda u: u.force,
+    },
+    "joint_springs": {
+        "stiffness": lambda u: u.stiffness,
+        "damping": _damping,
+        "rest": _coordinate,
+        "actuator": _effort,
+    },
+    "loads": {"vector": _effort, "point": _length, "history": lambda _: 1.0},
+    "frictions": {
+        "viscous": _damping,
+        "coulomb": lambda u: abs(u.effort),
+        "speed": lambda u: abs(u.coordinate) / u.time,
+    },
+    "controls": {
+        "target": _coordinate,
+        "proportional": lambda u: u.stiffness,
+        "integral": lambda u: u.stiffness / u.time,
+        "derivative": _damping,
+    },
+    "drives": {"motion": _coordinate},
+    "couplings": {"law": _coordinate},
+    "rollings": {"center": _length, "point": _length, "radius": _length, "rounding": _length},
+    "skates": {"point": _length},
+}
+"""Factor of each number, vector or function of each kind of element."""
 
 
 def in_units(
@@ -64,111 +102,52 @@ def in_units(
     time: float = 1.0,
     sign: Mapping[str, float] | None = None,
 ) -> Mechanism:
-    """Every number of a mechanism in other units: `length` of the new ones make a metre, and so on.
+    """Convert every number of a mechanism to other units.
 
-    `sign` names joints whose coordinates count the other way (-1); their frames are the caller's business.
+    Parameters
+    ----------
+    length, mass, time : float
+        New units in a metre, a kilogram, a second.
+    sign : mapping of joint name to float, optional
+        -1 for joints whose coordinates count the other way; the frames of these joints stay as they are.
     """
-    u = _Units(length, mass, time, sign or {})
+    force, signs = mass * length / time**2, sign or {}
+
+    def frame(old: Frame) -> Frame:
+        return Frame(length * old.p, old.R)
+
+    def coordinate(joint: str, name: str) -> float:
+        return signs.get(joint, 1.0) * (length if name == "distance" else 1.0)
+
+    def convert(element: Any, factors: Mapping[str, Callable[[_Units], float]]) -> Any:
+        """Convert one element; None stays None."""
+        own = coordinate(element.joint, element.coordinate) if hasattr(element, "coordinate") else 1.0
+        effort = force if getattr(element, "kind", "") == "force" else force * length / own
+        is_coupling = hasattr(element, "driver_joint")
+        argument = coordinate(element.driver_joint, element.driver_coordinate) if is_coupling else time
+        units = _Units(length, force, time, own, effort)
+        new: dict[str, Any] = {}
+        for name, factor in factors.items():
+            old = getattr(element, name)
+            if isinstance(old, Function):
+                new[name] = rescaled(old, factor(units), argument)
+            elif old is not None:
+                new[name] = old * factor(units)
+        return replace(element, **new)
+
+    elements: dict[str, Any] = {
+        group: tuple(convert(x, factors) for x in getattr(mechanism, group)) for group, factors in _FACTORS.items()
+    }
     return replace(
         mechanism,
         gravity=mechanism.gravity * length / time**2,
         bodies=tuple(
-            Body(b.name, mass * b.mass, length * b.com, mass * length**2 * b.inertia, _frame(b.drawing, u))
+            Body(b.name, mass * b.mass, length * b.com, mass * length**2 * b.inertia, frame(b.drawing))
             for b in mechanism.bodies
         ),
         joints=tuple(
-            replace(j, F=_frame(j.F, u), M=_frame(j.M, u), length=length * j.length, pitch=length * j.pitch)
+            replace(j, F=frame(j.F), M=frame(j.M), length=length * j.length, pitch=length * j.pitch)
             for j in mechanism.joints
         ),
-        **_forces(mechanism, u),
-        **_constraints(mechanism, u),
+        **elements,
     )
-
-
-def _frame(frame: Frame, u: _Units) -> Frame:
-    return Frame(u.length * frame.p, frame.R)
-
-
-def _forces(mechanism: Mechanism, u: _Units) -> dict[str, Any]:
-    springs = [
-        replace(
-            s,
-            point_predecessor=u.length * s.point_predecessor,
-            point_successor=u.length * s.point_successor,
-            stiffness=s.stiffness * u.force / u.length,
-            damping=s.damping * u.force * u.time / u.length,
-            free_length=s.free_length * u.length,
-            actuator=_in_time(s.actuator, u.force, u.time),
-        )
-        for s in mechanism.springs
-    ]
-    joint_springs = [
-        replace(
-            s,
-            stiffness=s.stiffness * u.effort(s) / u.coordinate(s),
-            damping=s.damping * u.effort(s) * u.time / u.coordinate(s),
-            rest=s.rest * u.coordinate(s),
-            actuator=_in_time(s.actuator, u.effort(s), u.time),
-        )
-        for s in mechanism.joint_springs
-    ]
-    loads = [
-        replace(
-            x,
-            vector=x.vector * (u.force if x.kind == "force" else u.force * u.length),
-            point=u.length * x.point,
-            history=_in_time(x.history, 1.0, u.time),
-        )
-        for x in mechanism.loads
-    ]
-    frictions = [
-        replace(
-            f,
-            viscous=f.viscous * u.effort(f) * u.time / u.coordinate(f),
-            coulomb=f.coulomb * abs(u.effort(f)),
-            speed=f.speed * abs(u.coordinate(f)) / u.time,
-        )
-        for f in mechanism.frictions
-    ]
-    controls = [
-        replace(
-            c,
-            target=rescaled(c.target, u.coordinate(c), u.time),
-            proportional=c.proportional * u.effort(c) / u.coordinate(c),
-            integral=c.integral * u.effort(c) / u.coordinate(c) / u.time,
-            derivative=c.derivative * u.effort(c) / u.coordinate(c) * u.time,
-        )
-        for c in mechanism.controls
-    ]
-    return {
-        "springs": tuple(springs),
-        "joint_springs": tuple(joint_springs),
-        "loads": tuple(loads),
-        "frictions": tuple(frictions),
-        "controls": tuple(controls),
-    }
-
-
-def _constraints(mechanism: Mechanism, u: _Units) -> dict[str, Any]:
-    drives = [replace(d, motion=rescaled(d.motion, u.coordinate(d), u.time)) for d in mechanism.drives]
-    couplings = [
-        replace(c, law=rescaled(c.law, u.coordinate(c), u.of(c.driver_joint, c.driver_coordinate)))
-        for c in mechanism.couplings
-    ]
-    rollings = [
-        replace(
-            r,
-            center=u.length * r.center,
-            point=u.length * r.point,
-            radius=u.length * r.radius,
-            rounding=u.length * r.rounding,
-        )
-        for r in mechanism.rollings
-    ]
-    skates = [replace(s, point=u.length * s.point) for s in mechanism.skates]
-    return {
-        "drives": tuple(drives),
-        "couplings": tuple(couplings),
-        "rollings": tuple(rollings),
-        "skates": tuple(skates),
-    }

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import os
 import platform
-from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 from importlib.metadata import version
 from itertools import groupby
@@ -15,6 +13,7 @@ from typing import Any
 from consilience.audit.mutate.campaign import MutationCampaign, TaskOutcome
 from consilience.audit.mutate.mutants import TRAPS, UNPLANTED
 from consilience.audit.mutate.summary import MutantRow, Standing, exit_code, rows_of, verdict_of
+from consilience.compare import markdown_table, write_campaign
 
 FORMAT = 1
 
@@ -54,11 +53,8 @@ _HEADINGS = (
 )
 
 
-def _table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
-    yield f"| {' | '.join(headings)} |"
-    yield f"|{'---|' * len(headings)}"
-    for row in rows:
-        yield f"| {' | '.join(cell.replace('|', '/') for cell in row)} |"
+def _escaped(cell: str) -> str:
+    return cell.replace("|", "/")
 
 
 def markdown(campaign: MutationCampaign) -> str:
@@ -67,7 +63,7 @@ def markdown(campaign: MutationCampaign) -> str:
     lines = ["# Detection power", "", verdict_of(campaign), "", _settings(campaign), ""]
     for trap, same in groupby(rows, key=lambda r: r.mutant.trap):
         group = list(same)
-        lines += [f"## {trap}. {TRAPS[trap]}", "", *_table(_HEADINGS, [_cells(r) for r in group]), ""]
+        lines += [f"## {trap}. {TRAPS[trap]}", "", *markdown_table(_HEADINGS, map(_cells, group), escape=_escaped), ""]
         told = {r.mutant.name: r.mutant for r in group}.values()
         lines += [f"- {m.name}: {m.how}{f'. {m.remark}' if m.remark else ''}" for m in told] + [""]
     lines += [f"## {n}. {TRAPS[n]}\n\nNot planted: {reason}\n" for n, reason in UNPLANTED.items()]
@@ -76,7 +72,8 @@ def markdown(campaign: MutationCampaign) -> str:
     lines.append(f"Correct adapters on random mechanisms, `model` and `instant`: {judged or 'none judged'}.")
     if campaign.alarms:
         cells = [(a.host, a.subject, a.question, a.method, a.verdict, a.why) for a in campaign.alarms]
-        lines += ["", *_table(("engine", "mechanism", "question", "method", "verdict", "why"), cells)]
+        heads = ("engine", "mechanism", "question", "method", "verdict", "why")
+        lines += ["", *markdown_table(heads, cells, escape=_escaped)]
     else:
         lines.append("None.")
     return "\n".join(lines) + "\n"
@@ -144,9 +141,7 @@ def _row(row: MutantRow) -> dict[str, Any]:
 
 def write_report(campaign: MutationCampaign, folder: Path) -> None:
     """Write ``detection.md`` and ``detection.json``."""
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "detection.md").write_text(markdown(campaign), encoding="utf-8")
-    (folder / "detection.json").write_text(json.dumps(as_json(campaign), indent=1) + "\n", encoding="utf-8")
+    write_campaign(folder, "detection", as_json(campaign), markdown(campaign))
 
 
 def short_table(campaign: MutationCampaign) -> list[tuple[str, ...]]:

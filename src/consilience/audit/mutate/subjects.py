@@ -10,7 +10,7 @@ import numpy as np
 
 from consilience.audit.random_mechanisms import MOST_BODIES, random_mechanism
 from consilience.case import Case, load_case
-from consilience.compare import Yardstick, spread_over_time
+from consilience.compare import ReferenceMotion, spread_over_time
 from consilience.compare.instant import EPS, Bars, Instants
 from consilience.engine import InstantAnswer, ModelAnswer, Question
 from consilience.mechanism import (
@@ -85,14 +85,14 @@ class MutationSubject:
         return self.case.times
 
     @cached_property
-    def yardstick(self) -> Yardstick:
+    def yardstick(self) -> ReferenceMotion:
         """Motion of the reference, with the spread of its formulations and tolerances."""
         assert self.case is not None
         engine = ReferenceEngine()
         first, *others = engine.methods(self.mechanism, Question.TRAJECTORY)
         asked = [(first, t) for t in reversed(first.tolerances[1:])] + [(m, t) for m in others for t in m.tolerances]
         motions = [engine.trajectory(self.mechanism, self.states[0], self.times, m, t) for m, t in asked]
-        return Yardstick(motions[0], spread_over_time(self.mechanism, motions), self.case.digits)
+        return ReferenceMotion(motions[0], spread_over_time(self.mechanism, motions), self.case.digits)
 
 
 @lru_cache(maxsize=512)

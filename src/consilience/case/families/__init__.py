@@ -1,15 +1,14 @@
 """Parametric families of cases: mechanisms of any size, stiffness or distance from a singular pose.
 
-A member is named ``family`` or ``family:parameter=value,parameter=value`` wherever the name of a case is asked for.
-Every family is a function of documented parameters that returns the tables of a case file, with values in closed form
-where there is one. The same parameters give the same case.
+``family`` or ``family:parameter=value,parameter=value`` is the name of a case everywhere. Every family is a function of
+documented parameters that returns the tables of a case file, with values of a closed form if there is one. The same
+parameters give the same case.
 """
 
 from __future__ import annotations
 
 from consilience.case.case import Case
 from consilience.case.families.chains import chain, mass_ratio, planar_chain
-from consilience.case.families.drawing import Table
 from consilience.case.families.loops import closed_ring, four_bar, parallel_rods, scissor, windows
 from consilience.case.families.parameters import (
     Family,
@@ -23,6 +22,7 @@ from consilience.case.families.parameters import (
 from consilience.case.families.single import single_joint, top
 from consilience.case.families.springs import spring_chain, stiff_spring
 from consilience.case.file.reader import cases_from_tables
+from consilience.case.file.values import TomlTable
 from consilience.errors import InvalidInput
 
 __all__ = [
@@ -54,21 +54,21 @@ FAMILIES: dict[str, Family] = {
         single_joint,
     )
 }
-"""Functions by the name of the family."""
+"""Families by name."""
 
 
 def is_family(name: str) -> bool:
-    """Whether a name is one of a family's members, whatever its parameters say."""
+    """Tell whether a name has the form of a member of a family; parameters are not checked."""
     return ":" in name or name in FAMILIES
 
 
-def family_table(name: str) -> tuple[str, Table]:
-    """Name of a member, its parameters in order, and the tables of its case file.
+def family_table(name: str) -> tuple[str, TomlTable]:
+    """Return the name of a member, parameters in order, and the tables of its case file.
 
     Parameters
     ----------
     name : str
-        ``family`` or ``family:parameter=value,...``; parameters left out have their defaults.
+        ``family`` or ``family:parameter=value,...``; missing parameters have their defaults.
 
     Raises
     ------
@@ -85,6 +85,6 @@ def family_table(name: str) -> tuple[str, Table]:
 
 
 def family_cases(name: str) -> list[Case]:
-    """Case of a member of a family; see `family_table`."""
+    """Return the case of a member of a family; see `family_table`."""
     full, table = family_table(name)
     return cases_from_tables(full, full, table)

@@ -11,8 +11,7 @@ import scipy
 
 from consilience.case.families.drawing import (
     GRAVITY,
-    Plane,
-    Table,
+    SkewPlane,
     body,
     case_table,
     joint,
@@ -23,6 +22,7 @@ from consilience.case.families.drawing import (
     round_step,
 )
 from consilience.case.families.parameters import Range
+from consilience.case.file.values import TomlTable
 from consilience.errors import InvalidInput
 from consilience.mechanism import Array
 
@@ -30,7 +30,7 @@ LINEAR = 1e-2
 """Part of the amplitude that nonlinearity may add where a small oscillation is worth comparing."""
 
 
-def chain(bodies: Annotated[int, Range(1, 1000)] = 10, seed: Annotated[int, Range(0, 1_000_000)] = 1) -> Table:
+def chain(bodies: Annotated[int, Range(1, 1000)] = 10, seed: Annotated[int, Range(0, 1_000_000)] = 1) -> TomlTable:
     """Spatial chain of lumpy bodies on hinges that point anywhere.
 
     Tests how cost and rounding of an engine grow with the number of bodies; every term of spatial motion.
@@ -66,8 +66,7 @@ def chain(bodies: Annotated[int, Range(1, 1000)] = 10, seed: Annotated[int, Rang
         "Tests how cost and rounding grow with the number of bodies, and every term of spatial motion.",
         ["All numbers are our own, drawn at random"],
         ["chain", "revolute", "spatial", "lumpy"],
-        [0.0, 0.0, -GRAVITY],
-        {"body": parts, "joint": joints},
+        {"gravity": numbers([0.0, 0.0, -GRAVITY]), "body": parts, "joint": joints},
         {"joints": held, "rates": rates},
         (2.0, 0.02),
     )
@@ -78,7 +77,7 @@ def planar_chain(
     mode: Annotated[int, Range(1, 100)] = 1,
     amplitude: Annotated[float, Range(1e-6, 1.5, "rad")] = 1e-3,
     length: Annotated[float, Range(0.01, 10.0, "m")] = 0.5,
-) -> Table:
+) -> TomlTable:
     """Hanging chain of rigid links that moves like beads on a thread, released in one of its modes.
 
     Tests small oscillations of many bodies: a wrong moment of inertia or stiffness of gravity shows in the phase.
@@ -128,7 +127,7 @@ def mass_ratio(
     ratio: Annotated[float, Range(1e-6, 1e6)] = 1000.0,
     mode: Literal["slow", "fast"] = "slow",
     amplitude: Annotated[float, Range(1e-6, 1.5, "rad")] = 1e-3,
-) -> Table:
+) -> TomlTable:
     """Double pendulum of very unequal masses, released in one of its two modes.
 
     Tests rounding where a heavy body hangs on a light one, and stiffness: the fast mode is there even if it rests.
@@ -166,7 +165,7 @@ def mass_ratio(
 
 def _beads(
     title: str, beads: Sequence[float], shape: Array, x: float, amplitude: float, length: float, source: str
-) -> Table:
+) -> TomlTable:
     """Case of a chain that moves like beads on a thread.
 
     Parameters
@@ -178,7 +177,7 @@ def _beads(
     x : float
         ``w^2 l / g`` of the mode.
     """
-    plane = Plane()
+    plane = SkewPlane()
     n, w = len(beads), float(np.sqrt(x * plane.slope / length))
     tilt = np.diff(shape, prepend=0.0)
     tilt *= amplitude / np.max(np.abs(tilt))
@@ -212,15 +211,14 @@ the chain moves like beads on a thread: w = {w:.6g} rad/s in this mode. Tests sm
 Known difficulties: the fastest mode takes part in every rounding error.""",
         [source.removeprefix("closed form: ")],
         ["chain", "revolute", "planar", *(["closed form"] if published else [])],
-        plane.gravity,
-        {"body": bodies, "joint": joints},
+        {"gravity": numbers(plane.gravity), "body": bodies, "joint": joints},
         {"joints": {f"hinge_{i + 1}": {"angle": q} for i, q in enumerate(numbers(np.diff(tilt, prepend=0.0)))}},
         span,
         published,
     )
 
 
-def _link(plane: Plane, i: int, top: float, bottom: float, length: float) -> Table:
+def _link(plane: SkewPlane, i: int, top: float, bottom: float, length: float) -> TomlTable:
     """Link i that moves in the plane like masses `top` and `bottom` at its pins; its origin is the lower pin."""
     mass = top + bottom
     across = top * bottom / mass * length**2

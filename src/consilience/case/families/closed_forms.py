@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy  # its parts come when they are asked for: they take longer to import than most motions take
+import scipy  # loads `scipy.special` on first use
 from numpy.typing import ArrayLike
 
 from consilience.mechanism import Array
@@ -23,7 +23,7 @@ def _amplitude(u: Array, m: float) -> tuple[Array, Array, Array, Array]:
 
 
 def pendulum(frequency: float, angle: float, rate: float, times: ArrayLike) -> tuple[Array, Array]:
-    """Angle from hanging, over full turns, and rate of ``phi'' = -w^2 sin(phi)``, each shape (n_t,).
+    """Return angle from hanging, over full turns, and rate of ``phi'' = -w^2 sin(phi)``, each shape (n_t,).
 
     With ``m = (phi' / 2 w)^2 + sin(phi / 2)^2`` at the start: it swings where m < 1,
     ``sin(phi / 2) = k sn(w t + u0 | m)``, ``k^2 = m``; it turns over where m > 1,
@@ -51,7 +51,18 @@ def pendulum(frequency: float, angle: float, rate: float, times: ArrayLike) -> t
 
 
 def oscillator(frequency: float, damping_ratio: float, start: float, rate: float, times: ArrayLike) -> Array:
-    """Displacement of ``x'' + 2 zeta w x' + w^2 x = 0``, 0 <= zeta < 1, shape (n_t,)."""
+    """Return the displacement of ``x'' + 2 zeta w x' + w^2 x = 0``, shape (n_t,).
+
+    Parameters
+    ----------
+    frequency : float, rad/s
+        w.
+    damping_ratio : float
+        zeta, 0 <= zeta < 1.
+    start, rate : float, m and m/s
+        x and x' at the time zero.
+    times : array_like, shape (n_t,), s
+    """
     t = np.asarray(times, dtype=float)
     decay, w = damping_ratio * frequency, frequency * np.sqrt(1 - damping_ratio**2)
     swing = start * np.cos(w * t) + (rate + decay * start) / w * np.sin(w * t)
@@ -96,7 +107,7 @@ class HeavyTop:
     rates: tuple[float, float, float]
 
     def solve(self, times: ArrayLike) -> Array:
-        """Euler angles, phi and psi over full turns, shape (n_t, 3)."""
+        """Return Euler angles, phi and psi over full turns, shape (n_t, 3), rad."""
         t = np.asarray(times, dtype=float)
         S, P, b, (u1, u2, u3) = self._constants()
         q, m = np.sqrt(b * (u3 - u1)) / 2, (u2 - u1) / (u3 - u1)
@@ -134,7 +145,7 @@ class HeavyTop:
 
 
 def second_kind_inverse(m: float, start: float, value: float) -> float:
-    """Phi with ``E(phi | m) - E(start | m) = value``, by Newton's method; m < 1."""
+    """Return phi with ``E(phi | m) - E(start | m) = value``, m < 1, by Newton's method."""
     phi, E = start, scipy.special.ellipeinc
     for _ in range(50):
         step = (value - (E(phi, m) - E(start, m))) / np.sqrt(1 - m * np.sin(phi) ** 2)

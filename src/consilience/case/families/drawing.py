@@ -1,4 +1,4 @@
-"""What families draw with: tables of bodies, joints and known values by the names of `consilience.case.file.schema`."""
+"""Tables of bodies, joints and known values of families, with the fields of `consilience.case.file.schema`."""
 
 from __future__ import annotations
 
@@ -8,21 +8,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from consilience.case.file.values import TomlTable
 from consilience.mechanism import Array, elementary_rotation, quaternion_from_rotation, rotation_from_quaternion
-
-Table = dict[str, Any]
-"""A table of a case file: numbers, texts, lists and tables by name."""
 
 GRAVITY = 9.81
 
 
 def numbers(values: ArrayLike) -> list[float]:
-    """Plain list of numbers."""
+    """Return a list of numbers."""
     found: list[float] = np.asarray(values, dtype=float).tolist()
     return found
 
 
-class Plane:
+class SkewPlane:
     """A skew plane of planar mechanisms: x down the slope, y across it, z along its normal (-1, 2, 2) / 3.
 
     Parameters
@@ -49,33 +47,57 @@ class Plane:
         self.slope = 0.0 if level else float(down @ self.gravity)
 
     def point(self, x: float, y: float, z: float = 0.0) -> Array:
-        """Point of the world."""
+        """Return the point of the world with coordinates in the plane, m."""
         return self.origin + self.R @ np.array([x, y, z])
 
     def along(self, angle: float, length: float) -> Array:
-        """Vector of the world in the plane, its angle counted from x towards y."""
+        """Return the vector in world axes at an angle in the plane, from x towards y."""
         return self.R @ np.array([length * np.cos(angle), length * np.sin(angle), 0.0])
 
     def turned(self, angle: float) -> Array:
-        """Axes with x at an angle from x of the plane, z along the normal."""
+        """Return axes (3, 3) with x at an angle from x of the plane, z along the normal."""
         return self.R @ elementary_rotation(2, angle)
 
     def joint(
         self, name: str, predecessor: str, successor: str, at: ArrayLike, kind: str = "revolute", angle: float = 0.0
-    ) -> Table:
-        """Revolute joint across the plane; a prismatic one along the direction of an angle."""
+    ) -> TomlTable:
+        """Return a revolute joint across the plane, or a prismatic joint along a direction in the plane.
+
+        Parameters
+        ----------
+        name, predecessor, successor : str
+        at : array_like, shape (3,), m
+            Origin of F and M, in the world.
+        kind : {"revolute", "prismatic"}
+        angle : float, rad
+            Direction of a prismatic joint, from x of the plane.
+        """
         axis = self.along(angle, 1.0) if kind == "prismatic" else self.R[:, 2]
         return joint(name, kind, predecessor, successor, at, axis)
 
 
 def random_rotation(rng: np.random.Generator) -> Array:
-    """Rotation matrix, all orientations equally likely."""
+    """Return a random rotation matrix, all orientations equally likely."""
     quat = rng.normal(size=4)
     return rotation_from_quaternion(quat / np.linalg.norm(quat))
 
 
-def body(name: str, mass: float, at: ArrayLike, R: Array, com: ArrayLike, inertia: ArrayLike) -> Table:
-    """Body of axes R; centre of mass and inertia (six entries: xx, yy, zz, xy, xz, yz, or a tensor) in body axes."""
+def body(name: str, mass: float, at: ArrayLike, R: Array, com: ArrayLike, inertia: ArrayLike) -> TomlTable:
+    """Return the table of a body.
+
+    Parameters
+    ----------
+    name : str
+    mass : float, kg
+    at : array_like, shape (3,), m
+        Origin in the world.
+    R : ndarray, shape (3, 3)
+        Axes of the body as columns, in the world.
+    com : array_like, shape (3,), m
+        Centre of mass in body axes, from the origin.
+    inertia : array_like, shape (6,) or (3, 3), kg m^2
+        About the centre of mass, body axes: xx, yy, zz, xy, xz, yz, or the tensor.
+    """
     entries = np.asarray(inertia, dtype=float)
     if entries.ndim == 2:
         entries = entries[(0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)]
@@ -90,7 +112,7 @@ def body(name: str, mass: float, at: ArrayLike, R: Array, com: ArrayLike, inerti
 
 
 def lumps(rng: np.random.Generator, mass: float, size: float) -> tuple[Array, Array]:
-    """Centre of mass (3,) and inertia about it (3, 3) of twelve equal lumps, some `size` apart: full, and possible."""
+    """Return centre of mass (3,) and inertia (3, 3) about it of twelve equal random lumps in a cloud of a size in m."""
     points = rng.normal(scale=0.4 * size, size=(12, 3)) * np.array([1.0, 0.7, 1.3])
     com = points.mean(axis=0)
     arms = points - com
@@ -99,16 +121,43 @@ def lumps(rng: np.random.Generator, mass: float, size: float) -> tuple[Array, Ar
     return com, (tensor + tensor.T) / 2
 
 
-def joint(name: str, kind: str, predecessor: str, successor: str, at: ArrayLike, axis: ArrayLike, **more: Any) -> Table:
-    """Joint with an axis."""
+def joint(
+    name: str, kind: str, predecessor: str, successor: str, at: ArrayLike, axis: ArrayLike, **more: Any
+) -> TomlTable:
+    """Return the table of a joint.
+
+    Parameters
+    ----------
+    name, kind, predecessor, successor : str
+    at : array_like, shape (3,), m
+        Origin of F and M, in the world.
+    axis : array_like, shape (3,)
+        Along z of F and M, in the world.
+    **more
+        Further fields.
+    """
     table = {"name": name, "kind": kind, "predecessor": predecessor, "successor": successor, "at": numbers(at)}
     return table | {"axis": numbers(axis)} | more
 
 
 def known(
     of: tuple[str, str], observable: str, time: float, value: ArrayLike, uncertainty: float, source: str
-) -> Table:
-    """Value of a closed form; `of` is ("body", name) or ("joint", name)."""
+) -> TomlTable:
+    """Return the table of a value in closed form.
+
+    Parameters
+    ----------
+    of : (str, str)
+        ("body", name) or ("joint", name).
+    observable : str
+    time : float, s
+    value : array_like
+        SI units; vectors in world axes.
+    uncertainty : float
+        Of each component.
+    source : str
+        The formula.
+    """
     return {
         of[0]: of[1],
         "observable": observable,
@@ -121,7 +170,7 @@ def known(
 
 
 def round_step(longest: float) -> float:
-    """Largest of 0.05, 0.02, 0.01, 0.005, ... s that is not above `longest`, s."""
+    """Return the largest of 0.05, 0.02, 0.01, 0.005, ... s that is not above `longest`, in s."""
     exponent = np.floor(np.log10(min(longest, 0.05)))
     steps = [float(f"{d}e{exponent:.0f}") for d in (1, 2, 5)]
     return max(step for step in steps if step <= min(longest, 0.05) * (1 + 1e-12))
@@ -132,27 +181,31 @@ def case_table(
     remarks: str,
     sources: Sequence[str],
     tags: Sequence[str],
-    gravity: ArrayLike,
-    mechanism: Table,
-    initial: Table,
+    mechanism: TomlTable,
+    initial: TomlTable,
     span: tuple[float, float],
-    published: Sequence[Table] = (),
-) -> Table:
-    """Tables of a case file.
+    published: Sequence[TomlTable] = (),
+) -> TomlTable:
+    """Return the tables of a case file.
 
     Parameters
     ----------
+    title, remarks : str
+    sources, tags : sequence of str
     mechanism : dict
-        Lists of tables: body, joint, spring, ...
+        Gravity (m/s^2, world axes), and lists of tables: body, joint, spring, ...
+    initial : dict
+        Held coordinates and rates.
     span : (float, float), s
         Duration and sample.
+    published : sequence of dict
+        Values in closed form, see `known`.
     """
-    table: Table = {
+    table: TomlTable = {
         "title": title,
         "sources": list(sources),
         "remarks": remarks.strip(),
         "tags": ["family", *tags],
-        "gravity": numbers(gravity),
         **mechanism,
         "initial": initial,
         "trajectory": {"duration": span[0], "sample": span[1], "digits": 8},

@@ -9,22 +9,23 @@ import numpy as np
 from consilience.case.families.closed_forms import PENDULUM, pendulum, second_kind_inverse
 from consilience.case.families.drawing import (
     GRAVITY,
-    Plane,
-    Table,
+    SkewPlane,
     body,
     case_table,
     joint,
     known,
     lumps,
+    numbers,
     random_rotation,
     round_step,
 )
 from consilience.case.families.parameters import Range
+from consilience.case.file.values import TomlTable
 from consilience.errors import InvalidInput
 from consilience.mechanism import elementary_rotation
 
 
-def windows(count: Annotated[int, Range(1, 200)] = 2) -> Table:
+def windows(count: Annotated[int, Range(1, 200)] = 2) -> TomlTable:
     """N-four-bar mechanism of the IFToMM library (A02): N windows of slender rods in a row.
 
     Tests redundant constraints (2 N + 1 bodies, 3 N + 1 hinges, one degree of freedom), and the passage of the singular
@@ -84,8 +85,7 @@ the line the mechanism might go on along other branches.""",
             ),
         ],
         ["revolute", "loop", "redundant", "planar", "singular", "closed form"],
-        [0.0, -GRAVITY, 0.0],
-        {"body": bodies, "joint": joints},
+        {"gravity": numbers([0.0, -GRAVITY, 0.0]), "body": bodies, "joint": joints},
         {"rates": {"foot_0": {"angle": -1.0}}},
         (5.0, 0.05),
         published,
@@ -96,7 +96,7 @@ def parallel_rods(
     rods: Annotated[int, Range(2, 200)] = 4,
     angle: Annotated[float, Range(-3.0, 3.0, "rad")] = 0.6,
     seed: Annotated[int, Range(0, 1_000_000)] = 1,
-) -> Table:
+) -> TomlTable:
     """Platform that hangs on n equal parallel rods: 4 n - 5 redundant constraints and one degree of freedom.
 
     Tests rank decisions and reactions: each rod more adds four redundant rows and changes the motion only by its mass.
@@ -121,7 +121,7 @@ def parallel_rods(
     first moment ``s = sum m_i c_i + m_p l`` of the rods' centres of mass from their upper hinges and of the platform at
     their lower ends, and ``J = sum (J_i + m_i c_i^2) + m_p l^2``.
     """
-    plane, rng, length = Plane(), np.random.default_rng(seed), 0.8
+    plane, rng, length = SkewPlane(), np.random.default_rng(seed), 0.8
     spots = rng.uniform([-0.5, -1.0, -0.3], [0.5, 1.0, 0.3], size=(rods, 3))
     bodies, joints = [], []
     moment, first = 0.0, np.zeros(3)
@@ -157,8 +157,7 @@ def parallel_rods(
         "The rods are lumpy and their plane leans. Tests rank decisions: each rod more adds four redundant rows.",
         [PENDULUM.removeprefix("closed form: "), "All numbers are our own, drawn at random"],
         ["revolute", "loop", "redundant", "lumpy", "closed form"],
-        plane.gravity,
-        {"body": bodies, "joint": joints},
+        {"gravity": numbers(plane.gravity), "body": bodies, "joint": joints},
         {"joints": {"upper_1": {"angle": angle}}, "rates": {"upper_1": {"angle": 0.3}}},
         (4.0, 0.05),
         published,
@@ -169,7 +168,7 @@ def scissor(
     stages: Annotated[int, Range(1, 100)] = 3,
     angle: Annotated[float, Range(0.01, 1.4, "rad")] = 0.4,
     rate: Annotated[float, Range(-5.0, 5.0, "rad/s")] = 0.3,
-) -> Table:
+) -> TomlTable:
     """Scissor linkage on a level plane that opens by its own momentum.
 
     Tests many small loops in a row: two bars and three hinges a stage, one degree of freedom, half the rows redundant.
@@ -193,7 +192,7 @@ def scissor(
     kind. Bars of length 2 a, mass m and moment J: ``P = 2 n J + 2 m a^2 n (4 n^2 - 1) / 3``,
     ``P - Q = 2 n (J + m a^2) + 4 a^2 m_s``.
     """
-    plane, half, mass, slider = Plane(level=True), 0.4, 0.7, 0.9
+    plane, half, mass, slider = SkewPlane(level=True), 0.4, 0.7, 0.9
     J, n = 0.045, stages
     bodies, joints = [], []
     across, along = 2 * half * np.sin(angle), 2 * half * np.cos(angle)
@@ -235,8 +234,7 @@ def scissor(
         "Gravity is along the normal of its plane, so that the reactions bear it. Tests many small loops in a row.",
         ["All numbers are our own; the motion is an elliptic integral of the second kind"],
         ["revolute", "prismatic", "loop", "redundant", "planar", "closed form"],
-        plane.gravity,
-        {"body": bodies, "joint": joints},
+        {"gravity": numbers(plane.gravity), "body": bodies, "joint": joints},
         {"rates": {"foot": {"angle": rate}}},
         (span, span / 100),
         published,
@@ -247,7 +245,7 @@ def closed_ring(
     bodies: Annotated[int, Range(3, 200)] = 6,
     hinges: Literal["parallel", "skew"] = "parallel",
     seed: Annotated[int, Range(0, 1_000_000)] = 1,
-) -> Table:
+) -> TomlTable:
     """Ring of n lumpy bodies and the ground on n + 1 hinges, drawn as half a circle that hangs from two pins.
 
     Tests one long loop: parallel hinges leave n - 2 freedoms and three redundant rows, skew ones n - 5 and none.
@@ -273,7 +271,7 @@ def closed_ring(
     """
     if hinges == "skew" and bodies < 6:
         raise InvalidInput("bodies", f"{bodies} bodies on skew hinges cannot move", "Give at least 6.")
-    plane, rng, radius = Plane(), np.random.default_rng(seed), 0.8
+    plane, rng, radius = SkewPlane(), np.random.default_rng(seed), 0.8
     angles = np.linspace(-np.pi / 2, np.pi / 2, bodies + 1)
     pins = [plane.point(radius * np.cos(q), radius * np.sin(q)) for q in angles]
     parts, joints = [], []
@@ -291,8 +289,7 @@ def closed_ring(
         "Tests one long loop, whose last joint an engine has to close. The plane of the ring leans.",
         ["All numbers are our own, drawn at random"],
         ["revolute", "loop", "lumpy", "chain", *(["redundant"] if hinges == "parallel" else [])],
-        plane.gravity,
-        {"body": parts, "joint": joints},
+        {"gravity": numbers(plane.gravity), "body": parts, "joint": joints},
         {"rates": {"hinge_1": {"angle": float(rng.uniform(0.3, 0.6))}}},
         (2.0, 0.02),
     )
@@ -305,7 +302,7 @@ def four_bar(
     distance: Annotated[float, Range(1e-9, 10.0, "m")] = 0.2,
     angle: Annotated[float, Range(-3.1, 3.1, "rad")] = 0.5,
     rate: Annotated[float, Range(-50.0, 50.0, "rad/s")] = 8.0,
-) -> Table:
+) -> TomlTable:
     """Four-bar linkage that passes its singular pose, all links on a line, at any distance.
 
     Tests conditioning: the ground link is `coupler + rocker - crank - distance` long, so that coupler and rocker are
@@ -336,7 +333,7 @@ def four_bar(
         If the lengths do not close in that pose.
     """
     ground = coupler + rocker - crank - distance
-    plane = Plane()
+    plane = SkewPlane()
     pin = crank * np.array([np.cos(angle), np.sin(angle)])
     reach = np.array([ground, 0.0]) - pin
     apart = float(np.hypot(*reach))
@@ -378,8 +375,7 @@ def four_bar(
         "The links are lumpy and their plane leans; the heavy crank carries them through the pose. Tests conditioning.",
         [source.removeprefix("closed form: "), "All numbers are our own"],
         ["revolute", "loop", "redundant", "lumpy", "singular", "closed form"],
-        plane.gravity,
-        {"body": parts, "joint": joints},
+        {"gravity": numbers(plane.gravity), "body": parts, "joint": joints},
         {"rates": {"crank_pivot": {"angle": rate}}},
         (40 * sample, sample),
         published,

@@ -1,4 +1,4 @@
-"""Names such as ``windows:count=3``: the family and its parameters, with types and ranges from its signature."""
+"""Names of members of families, such as ``windows:count=3``; types and ranges come from signatures."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-from consilience.case.families.drawing import Table
+from consilience.case.file.values import TomlTable
 from consilience.errors import InvalidInput
 
-Family = Callable[..., Table]
+Family = Callable[..., TomlTable]
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class Range:
     unit: str = ""
 
     def text(self) -> str:
-        """As a reader sees it."""
+        """Return the range with its unit, for messages and tables."""
         return f"{self.least:g} to {self.most:g}{' ' + self.unit if self.unit else ''}"
 
 
@@ -37,7 +37,7 @@ class Parameter:
     kind : type
         int, float, bool or str.
     allowed : Range or tuple of str
-        A number's range, or the words there are.
+        Range of a number, or the allowed words.
     """
 
     name: str
@@ -46,16 +46,16 @@ class Parameter:
     allowed: Range | tuple[str, ...]
 
     def allowed_text(self) -> str:
-        """Range or words, for messages and tables."""
+        """Return the range or words, for messages and tables."""
         return self.allowed.text() if isinstance(self.allowed, Range) else " or ".join(self.allowed)
 
     def read(self, text: str, where: str) -> Any:
-        """Value of a text.
+        """Return the value of a text; `where` is its place for messages.
 
         Raises
         ------
         InvalidInput
-            If it is none of this parameter.
+            The text is no value of this parameter.
         """
         remedy = f"Give {self.name} as {self.allowed_text()}."
         if isinstance(self.allowed, tuple):
@@ -74,7 +74,7 @@ class Parameter:
 
 
 def parameters(family: Family) -> dict[str, Parameter]:
-    """Parameters of a family by name, in the order of its signature."""
+    """Return the parameters of a family by name, in the order of the signature."""
     hints = get_type_hints(family, include_extras=True)
     found = {}
     for name, parameter in inspect.signature(family).parameters.items():
@@ -90,7 +90,7 @@ def parameters(family: Family) -> dict[str, Parameter]:
 
 
 def read_name(name: str, families: Mapping[str, Family]) -> tuple[str, dict[str, Any]]:
-    """Family and given parameters of a name.
+    """Return family and given parameters of a name.
 
     Raises
     ------
@@ -117,12 +117,12 @@ def read_name(name: str, families: Mapping[str, Family]) -> tuple[str, dict[str,
 
 
 def shown_parameters(family: Family) -> str:
-    """All parameters with their defaults, as they are written in a name."""
+    """Return all parameters with their defaults, as in a name."""
     return ",".join(f"{p.name}={shown(p.default)}" for p in parameters(family).values())
 
 
 def shown(value: Any) -> str:
-    """A value as it is written in a name."""
+    """Return a value as in a name."""
     if isinstance(value, bool):
         return str(value).lower()
     return value if isinstance(value, str) else f"{value:.15g}"

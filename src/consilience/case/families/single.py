@@ -9,7 +9,6 @@ import numpy as np
 from consilience.case.families.closed_forms import PENDULUM, TOP, HeavyTop, pendulum
 from consilience.case.families.drawing import (
     GRAVITY,
-    Table,
     body,
     case_table,
     joint,
@@ -19,6 +18,7 @@ from consilience.case.families.drawing import (
     random_rotation,
 )
 from consilience.case.families.parameters import Range
+from consilience.case.file.values import TomlTable
 from consilience.mechanism import (
     JOINT_KINDS,
     Array,
@@ -34,7 +34,7 @@ WIDTHS = {"position": 3, "orientation": 3}
 
 def single_joint(
     kind: Annotated[str, (*JOINT_KINDS,)] = "revolute", seed: Annotated[int, Range(0, 1_000_000)] = 1
-) -> Table:
+) -> TomlTable:
     """One lumpy body on one joint in a skew pose.
 
     Tests the translation of one kind of joint, of its coordinates and of the body's inertia, with nothing beside it.
@@ -72,7 +72,7 @@ def single_joint(
         connection["pitch"] = float(rng.uniform(0.2, 0.5))
     held = {name: rng.normal(scale=0.3, size=WIDTHS.get(name, 1)) for name in JOINT_KINDS[kind].coordinates}
     rates = {name: rng.normal(scale=1.0, size=WIDTHS.get(name, 1)) for name in JOINT_KINDS[kind].coordinates}
-    initial: Table = {"joints": {"joint": _held(held)}, "rates": {"joint": _held(rates, rates=True)}}
+    initial: TomlTable = {"joints": {"joint": _held(held)}, "rates": {"joint": _held(rates, rates=True)}}
     if kind == "rod":
         initial = {
             "bodies": {
@@ -85,15 +85,14 @@ def single_joint(
         "One body, one joint, nothing along any axis. Tests the translation of the joint and of the body.",
         ["All numbers are our own, drawn at random"],
         [kind, "lumpy", *(["closed form"] if published else [])],
-        GRAVITY_W,
-        {"body": [lump], "joint": [connection]},
+        {"gravity": numbers(GRAVITY_W), "body": [lump], "joint": [connection]},
         initial,
         (2.0, 0.05),
         published,
     )
 
 
-def _held(values: dict[str, Array], rates: bool = False) -> Table:
+def _held(values: dict[str, Array], rates: bool = False) -> TomlTable:
     table: dict[str, Any] = {n: numbers(v) if len(v) > 1 else float(v[0]) for n, v in values.items()}
     if "orientation" in table:
         turn = table.pop("orientation")
@@ -127,7 +126,7 @@ class _Placed:
         return rotation_from_quaternion(quaternion_from_rotation_vector(self.axes[:, 2] * angle))
 
 
-def _published(kind: str, lump: Table, start: _Placed) -> list[Table]:
+def _published(kind: str, lump: TomlTable, start: _Placed) -> list[TomlTable]:
     """Position after 0.5 s and 2 s, where it is known."""
     R = rotation_from_quaternion(np.array(lump["orientation"]["quaternion"]))
     at, com = np.array(lump["at"]) - start.pin, R @ np.array(lump["com"])
@@ -157,7 +156,7 @@ def _published(kind: str, lump: Table, start: _Placed) -> list[Table]:
     return found
 
 
-def _on_axis(kind: str, lump: Table, start: _Placed, R: Array, t: float) -> Table:
+def _on_axis(kind: str, lump: TomlTable, start: _Placed, R: Array, t: float) -> TomlTable:
     """A pendulum about the axis, in free fall along it."""
     n = start.axes[:, 2]
     at = np.array(lump["at"]) - start.pin
@@ -181,7 +180,7 @@ def top(
     tilt: Annotated[float, Range(0.01, 3.1, "rad")] = 1.0,
     precession: Annotated[float, Range(-100.0, 100.0, "rad/s")] = 0.5,
     nutation: Annotated[float, Range(-100.0, 100.0, "rad/s")] = 0.2,
-) -> Table:
+) -> TomlTable:
     """Heavy symmetric top on a ball joint.
 
     Tests gyroscopic terms, and rotation through many turns: fast spins ask for small steps, and charts of angles break.
@@ -239,8 +238,7 @@ def top(
             "All numbers are our own",
         ],
         ["spherical", "gyroscopic", "closed form"],
-        GRAVITY_W,
-        {"body": [wheel], "joint": [ball]},
+        {"gravity": numbers(GRAVITY_W), "body": [wheel], "joint": [ball]},
         {"rates": {"ball": {"angular_velocity": numbers(w)}}},
         (100 * sample, sample),
         published,

@@ -9,7 +9,6 @@ import numpy as np
 from consilience.case.families.closed_forms import oscillator
 from consilience.case.families.drawing import (
     GRAVITY,
-    Table,
     body,
     case_table,
     joint,
@@ -20,6 +19,7 @@ from consilience.case.families.drawing import (
     round_step,
 )
 from consilience.case.families.parameters import Range
+from consilience.case.file.values import TomlTable
 from consilience.errors import InvalidInput
 from consilience.mechanism import Array
 
@@ -34,7 +34,7 @@ def spring_chain(
     stiffness: Annotated[float, Range(1.0, 1e9, "N/m")] = 400.0,
     damping: Annotated[float, Range(0.0, 1e3, "N s/m")] = 0.0,
     mass: Annotated[float, Range(1e-3, 1e3, "kg")] = 2.0,
-) -> Table:
+) -> TomlTable:
     """Equal masses on a level rail, springs between them and to both ends; the first one is pushed.
 
     Tests springs and dampers between points, and prismatic joints, by a motion of all modes at once.
@@ -95,7 +95,6 @@ def spring_chain(
         "Drawn at rest; the first mass is pushed. Tests springs between points and prismatic joints.",
         [source.removeprefix("closed form: ")],
         ["prismatic", "spring", "closed form"],
-        GRAVITY_W,
         rail.tables(),
         {"rates": {"slide_1": {"distance": push}}},
         (100 * sample, sample),
@@ -107,7 +106,7 @@ def stiff_spring(
     stiffness: Annotated[float, Range(10.0, 1e14, "N/m")] = 1e6,
     damping_ratio: Annotated[float, Range(0.0, 0.99)] = 0.0,
     speed: Annotated[float, Range(0.0, 1.0, "m/s")] = 0.1,
-) -> Table:
+) -> TomlTable:
     """Two equal masses on a rail, each on a soft spring of 20 N/m, joined by a stiff one.
 
     Tests stiffness: the slow motion is what one wants to see, the fast one what limits the steps of an explicit method.
@@ -166,7 +165,6 @@ rad/s and a fast one of {fast:.4g} rad/s. Tests stiffness. Known difficulties: e
 {2 / fast:.2g} s.""",
         [source.removeprefix("closed form: ")],
         ["prismatic", "spring", "stiff", "closed form"],
-        GRAVITY_W,
         rail.tables(),
         {"rates": {"slide_1": {"distance": start - speed / 2}, "slide_2": {"distance": start + speed / 2}}},
         (2.0, 0.02),
@@ -190,7 +188,7 @@ class _Rail:
         self.direction, self.mass = direction, mass
         self.stiffness, self.damping, self.strain = stiffness, damping, strain
 
-    def tables(self) -> Table:
+    def tables(self) -> TomlTable:
         """Bodies, joints and springs."""
         rng = np.random.default_rng(7)
         n = len(self.stiffness) - 1
@@ -217,4 +215,4 @@ class _Rail:
             }
             for i in range(n + 1)
         ]
-        return {"body": bodies, "joint": joints, "spring": springs}
+        return {"gravity": numbers(GRAVITY_W), "body": bodies, "joint": joints, "spring": springs}

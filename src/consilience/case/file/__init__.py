@@ -1,1 +1,1 @@
-"""Case files: schema, reader and writer of the TOML a mechanism is drawn in."""
+"""Case files: schema, reader and writer of TOML drawings of mechanisms."""

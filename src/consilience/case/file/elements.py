@@ -1,8 +1,13 @@
-"""Elements of a case file, drawn in the world, as those of a mechanism, in the axes of their bodies."""
+"""Elements of a mechanism from the tables of a case file.
+
+A case file draws points and directions in the world; an element has both in the axes of its body, from the body's
+origin. Fields of a table that have the name and the value of a field of the element are copied.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -17,7 +22,7 @@ from consilience.case.file.schema import (
     SkateTable,
     SpringTable,
 )
-from consilience.case.file.values import FunctionTable
+from consilience.case.file.values import FunctionTable, TableModel
 from consilience.errors import InvalidInput
 from consilience.mechanism import (
     Array,
@@ -44,7 +49,7 @@ Drawing = Mapping[str, Frame]
 
 
 def drawn(drawing: Drawing, body: str, where: str) -> Frame:
-    """Pose of a body in the drawing.
+    """Return the pose of a body in the drawing.
 
     Raises
     ------
@@ -57,56 +62,23 @@ def drawn(drawing: Drawing, body: str, where: str) -> Frame:
 
 
 def elements(table: CaseTable, drawing: Drawing) -> dict[str, Any]:
-    """Fields of `Mechanism` that hold elements.
+    """Return the fields of `Mechanism` that hold elements.
 
     Raises
     ------
     InvalidInput
         With the table, its name, and the field.
     """
-    loads = [_force(f, drawing) for f in table.force]
-    loads += [
-        Load(
-            t.name,
-            "torque",
-            t.body,
-            np.array(t.vector),
-            t.frame,
-            history=_function(t.history, f"torque '{t.name}': history"),
-        )
-        for t in table.torque
-    ]
     return {
         "springs": tuple(_spring(s, drawing) for s in table.spring),
-        "joint_springs": tuple(
-            JointSpring(
-                s.name,
-                s.joint,
-                s.coordinate,
-                s.stiffness,
-                s.damping,
-                s.rest,
-                _function(s.actuator, f"joint spring '{s.name}': actuator"),
-            )
-            for s in table.joint_spring
+        "joint_springs": tuple(_element(JointSpring, "joint spring", s) for s in table.joint_spring),
+        "loads": (
+            *(_force(f, drawing) for f in table.force),
+            *(_element(Load, "torque", t, kind="torque", point=np.zeros(3)) for t in table.torque),
         ),
-        "loads": tuple(loads),
         "frictions": tuple(_friction(f) for f in table.friction),
-        "controls": tuple(
-            Control(
-                c.name,
-                c.joint,
-                c.coordinate,
-                _given(c.target, f"control '{c.name}': target"),
-                c.proportional,
-                c.integral,
-                c.derivative,
-            )
-            for c in table.control
-        ),
-        "drives": tuple(
-            Drive(d.name, d.joint, d.coordinate, _given(d.motion, f"drive '{d.name}': motion")) for d in table.drive
-        ),
+        "controls": tuple(_element(Control, "control", c) for c in table.control),
+        "drives": tuple(_element(Drive, "drive", d) for d in table.drive),
         "couplings": tuple(_coupling(c) for c in table.coupling),
         "rollings": tuple(_rolling(r, drawing) for r in table.rolling),
         "skates": tuple(_skate(s, drawing) for s in table.skate),
@@ -114,15 +86,22 @@ def elements(table: CaseTable, drawing: Drawing) -> dict[str, Any]:
     }
 
 
-def _given(table: FunctionTable, where: str) -> Function:
+def _element(cls: Any, what: str, table: TableModel, /, **converted: Any) -> Any:
+    """Element of a class of the mechanism: fields converted by the caller, the others copied from the table."""
+    values = dict(converted)
+    for name in (field.name for field in fields(cls)):
+        if name not in values:
+            value = getattr(table, name)
+            is_function = isinstance(value, FunctionTable)
+            values[name] = _function(value, f"{what} '{values['name']}': {name}") if is_function else value
+    return cls(**values)
+
+
+def _function(table: FunctionTable, where: str) -> Function:
     try:
         return table.function()
     except InvalidInput as error:
         raise InvalidInput(f"{where}.{error.where}", error.what, error.remedy) from None
-
-
-def _function(table: FunctionTable | None, where: str) -> Function | None:
-    return None if table is None else _given(table, where)
 
 
 def _point(drawing: Drawing, body: str, point: list[float], where: str) -> Array:
@@ -131,69 +110,52 @@ def _point(drawing: Drawing, body: str, point: list[float], where: str) -> Array
     return frame.R.T @ (np.array(point) - frame.p)
 
 
-def _force(f: ForceTable, drawing: Drawing) -> Load:
-    where = f"force '{f.name}'"
-    point = _point(drawing, f.body, f.at, f"{where}: body")
-    return Load(f.name, "force", f.body, np.array(f.vector), f.frame, point, _function(f.history, f"{where}: history"))
+def _force(f: ForceTable, drawing: Drawing) -> Any:
+    point = _point(drawing, f.body, f.at, f"force '{f.name}': body")
+    return _element(Load, "force", f, kind="force", point=point)
 
 
-def _spring(s: SpringTable, drawing: Drawing) -> Spring:
+def _spring(s: SpringTable, drawing: Drawing) -> Any:
     where = f"spring '{s.name}'"
-    return Spring(
-        s.name,
-        s.predecessor,
-        s.successor,
-        _point(drawing, s.predecessor, s.at, f"{where}: predecessor"),
-        _point(drawing, s.successor, s.to, f"{where}: successor"),
-        s.stiffness,
-        s.damping,
-        s.free_length,
-        _function(s.actuator, f"{where}: actuator"),
+    return _element(
+        Spring,
+        "spring",
+        s,
+        point_predecessor=_point(drawing, s.predecessor, s.at, f"{where}: predecessor"),
+        point_successor=_point(drawing, s.successor, s.to, f"{where}: successor"),
     )
 
 
-def _friction(f: FrictionTable) -> Friction:
-    speed = f.speed
-    if speed is None:
-        if f.coulomb != 0.0:
-            raise InvalidInput(
-                f"friction '{f.name}': speed", "the field is missing", "Give the speed that regularises Coulomb's part."
-            )
-        speed = 1.0  # without meaning where nothing is regularised
-    return Friction(f.name, f.joint, f.coordinate, f.viscous, f.coulomb, speed)
+def _friction(f: FrictionTable) -> Any:
+    if f.speed is None and f.coulomb != 0.0:
+        raise InvalidInput(
+            f"friction '{f.name}': speed", "the field is missing", "Give the speed that regularises Coulomb's part."
+        )
+    speed = 1.0 if f.speed is None else f.speed  # without Coulomb's part the speed has no effect
+    return _element(Friction, "friction", f, speed=speed)
 
 
-def _coupling(c: CouplingTable) -> Coupling:
+def _coupling(c: CouplingTable) -> Any:
     if c.law is not None:
-        law = _given(c.law, f"coupling '{c.name}': law")
-    else:
-        assert c.ratio is not None
-        law = linear(c.ratio, c.offset or 0.0)
-    return Coupling(c.name, c.driver_joint, c.driver_coordinate, c.joint, c.coordinate, law)
+        return _element(Coupling, "coupling", c)
+    assert c.ratio is not None
+    return _element(Coupling, "coupling", c, law=linear(c.ratio, c.offset or 0.0))
 
 
-def _rolling(r: RollingTable, drawing: Drawing) -> Rolling:
+def _rolling(r: RollingTable, drawing: Drawing) -> Any:
     where = f"rolling '{r.name}'"
     frame = drawn(drawing, r.body, f"{where}: body")
     if r.axis is None and r.radius != 0.0:
         raise InvalidInput(f"{where}: axis", "the field is missing", "Give the normal of the circle in the drawing.")
-    axis = np.array(r.axis or [0.0, 0.0, 1.0])  # a ball has no axis: any does
-    return Rolling(
-        r.name,
-        r.body,
-        _point(drawing, r.body, r.at, where),
-        frame.R.T @ axis,
-        r.radius,
-        np.array(r.point),
-        np.array(r.normal),
-        r.rounding,
-    )
+    axis = np.array(r.axis or [0.0, 0.0, 1.0])  # a ball has no axis: any will do
+    return _element(Rolling, "rolling", r, center=_point(drawing, r.body, r.at, where), axis=frame.R.T @ axis)
 
 
-def _skate(s: SkateTable, drawing: Drawing) -> Skate:
+def _skate(s: SkateTable, drawing: Drawing) -> Any:
     where = f"skate '{s.name}'"
     frame = drawn(drawing, s.body, f"{where}: body")
-    return Skate(s.name, s.body, _point(drawing, s.body, s.at, where), frame.R.T @ np.array(s.lateral))
+    point = _point(drawing, s.body, s.at, where)
+    return _element(Skate, "skate", s, point=point, lateral=frame.R.T @ np.array(s.lateral))
 
 
 def _contact(c: ContactTable, drawing: Drawing) -> Contact:

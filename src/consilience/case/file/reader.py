@@ -1,7 +1,7 @@
-"""Case files: TOML a person can read top to bottom, checked field by field.
+"""Reader of case files: TOML, checked field by field.
 
-The mechanism is drawn in the world in an assembled pose. A joint is written once, as a frame in the drawing; F and M
-coincide there, so joint coordinates are zero in the drawing.
+The mechanism is drawn in the world in an assembled pose. A joint is one frame of the drawing: F and M coincide there
+(those of a rod are apart), so that joint coordinates are zero in the drawing.
 """
 
 from __future__ import annotations
@@ -41,11 +41,11 @@ from consilience.mechanism import (
 )
 
 LARGEST_FILE = 1_000_000
-"""Size of a case file at most, in bytes: a thousand bodies and their joints take half of it."""
+"""Largest size of a case file in bytes: a thousand bodies and their joints take half of that."""
 
 
 def load_file(path: Path) -> list[Case]:
-    """Cases of one file: itself, or one per variant.
+    """Return the cases of one file: one, or one per variant.
 
     Raises
     ------
@@ -56,14 +56,14 @@ def load_file(path: Path) -> list[Case]:
 
 
 def cases_from_tables(name: str, file: str, raw: Mapping[str, Any]) -> list[Case]:
-    """Cases of the tables of a case file: one, or one per variant.
+    """Return the cases of the tables of a case file: one, or one per variant.
 
     Parameters
     ----------
     name : str
-        Of the case; variants add theirs.
+        Name of the case; variants append theirs.
     file : str
-        What messages call the place the tables come from.
+        Origin of the tables, for messages.
 
     Raises
     ------
@@ -98,13 +98,13 @@ def _first_problem(file: str, raw: Mapping[str, Any], error: ValidationError) ->
 
 
 def _shown(value: Any) -> str:
-    """Start of a value; Python writes out no whole number of thousands of digits."""
+    """Beginning of a value; Python refuses to print integers of thousands of digits."""
     many = isinstance(value, int) and abs(value) > LARGEST
     return f"more than {LARGEST:g}" if many else str(value)[:60]
 
 
 def _location(raw: Any, loc: tuple[int | str, ...]) -> str:
-    """Path of a field as a reader finds it: list entries by their name."""
+    """Path of a field, entries of lists by their names."""
     text = ""
     for part in loc:
         if isinstance(part, int):
@@ -170,17 +170,8 @@ def _published(mechanism: Mechanism, tables: list[PublishedTable], span: Traject
                 f"{where}.time", f"{table.time:g} s is no sample of the trajectory", "Choose a time of its grid."
             )
         for k, value in table.components().items():
-            yield Published(
-                table.observable,
-                of,
-                k,
-                table.time,
-                value,
-                table.uncertainty,
-                table.source,
-                table.origin,
-                table.second,
-            )
+            stated = table.model_dump(include={"observable", "time", "uncertainty", "source", "origin", "second"})
+            yield Published(of=of, component=k, value=value, **stated)
 
 
 def _matrix(orientation: Orientation | None, where: str) -> Array:

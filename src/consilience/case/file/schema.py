@@ -1,4 +1,4 @@
-"""The tables of a case file, field by field, with the checks one field or table can make on its own.
+"""The tables of a case file, field by field, with the checks of single fields and tables.
 
 The JSON Schema of these classes is the published one (``consilience schema case``).
 """
@@ -10,12 +10,12 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from consilience.case.file.values import Finite, FunctionTable, Name, Orientation, Positive, TableModel, Text, Vector
+from consilience.case.file.values import Finite, FunctionTable, Name, Orientation, Positive, TableModel, Text, Triple
 from consilience.case.published import BODY_AT_START, JOINT_AT_START, OF_A_BODY, OF_A_JOINT, Origin
 from consilience.mechanism import JOINT_KINDS, Array
 
 _MANY = Field(max_length=2_000)
-"""Joints, or elements of a kind, at most: with `MOST_BODIES` bodies their equations fill a few hundred MB."""
+"""Largest number of joints or elements of a kind: with `MOST_BODIES` bodies the equations fill a few hundred MB."""
 
 MOST_BODIES = 1_000
 MOST_SAMPLES = 1_000_000
@@ -32,7 +32,7 @@ class InertiaTable(TableModel):
     yz: Finite = 0.0
 
     def tensor(self) -> Array:
-        """3 x 3 tensor."""
+        """Return the tensor, shape (3, 3), kg m^2."""
         return np.array([[self.xx, self.xy, self.xz], [self.xy, self.yy, self.yz], [self.xz, self.yz, self.zz]])
 
 
@@ -42,9 +42,9 @@ class BodyTable(TableModel):
     name: Name
     mass: Finite = Field(description="kg, positive.")
     inertia: InertiaTable
-    at: Vector = Field(description="Origin of the body in the drawing, m.")
+    at: Triple = Field(description="Origin of the body in the drawing, m.")
     orientation: Orientation | None = Field(None, description="Axes of the body in the drawing; default: the world's.")
-    com: Vector = Field([0.0, 0.0, 0.0], description="Centre of mass from the origin, in body axes, m.")
+    com: Triple = Field([0.0, 0.0, 0.0], description="Centre of mass from the origin, in body axes, m.")
 
 
 class JointTable(TableModel):
@@ -54,10 +54,10 @@ class JointTable(TableModel):
     kind: Literal[tuple(JOINT_KINDS)]  # type: ignore[valid-type]
     predecessor: Name
     successor: Name
-    at: Vector = Field(description="Origin of F (and of M, but for the rod) in the drawing, m.")
-    axis: Vector | None = Field(None, description="z of F and M in the drawing; universal: the axis fixed in F.")
-    second_axis: Vector | None = Field(None, description="x of F and M; universal: the axis fixed in M.")
-    to: Vector | None = Field(None, description="Rod only: its other end, on the successor, in the drawing, m.")
+    at: Triple = Field(description="Origin of F (and of M, but for the rod) in the drawing, m.")
+    axis: Triple | None = Field(None, description="z of F and M in the drawing; universal: the axis fixed in F.")
+    second_axis: Triple | None = Field(None, description="x of F and M; universal: the axis fixed in M.")
+    to: Triple | None = Field(None, description="Rod only: its other end, on the successor, in the drawing, m.")
     pitch: Finite | None = Field(
         None, description="Screw only: advance along the axis in a turn, m; positive for a right-handed one."
     )
@@ -72,8 +72,8 @@ class SpringTable(TableModel):
     name: Name
     predecessor: Name
     successor: Name
-    at: Vector = Field(description="Point on the predecessor in the drawing, m.")
-    to: Vector = Field(description="Point on the successor in the drawing, m.")
+    at: Triple = Field(description="Point on the predecessor in the drawing, m.")
+    to: Triple = Field(description="Point on the successor in the drawing, m.")
     stiffness: Finite = Field(description="N/m.")
     damping: Finite = Field(0.0, description="N s/m.")
     free_length: Finite = Field(description="m.")
@@ -151,12 +151,12 @@ class RollingTable(TableModel):
 
     name: Name
     body: Name
-    at: Vector = Field(description="Centre of the circle, or of the ball, in the drawing, m.")
-    axis: Vector | None = Field(None, description="Normal of the circle in the drawing; a ball needs none.")
+    at: Triple = Field(description="Centre of the circle, or of the ball, in the drawing, m.")
+    axis: Triple | None = Field(None, description="Normal of the circle in the drawing; a ball needs none.")
     radius: Finite = Field(0.0, description="Of the circle, m; zero for a ball.")
     rounding: Finite = Field(0.0, description="Radius of the tube about the circle, m: zero for a sharp edge.")
-    point: Vector = Field(description="A point of the plane, in the world, m.")
-    normal: Vector = Field(description="Normal of the plane towards the body, in the world.")
+    point: Triple = Field(description="A point of the plane, in the world, m.")
+    normal: Triple = Field(description="Normal of the plane towards the body, in the world.")
 
 
 class SkateTable(TableModel):
@@ -164,8 +164,8 @@ class SkateTable(TableModel):
 
     name: Name
     body: Name
-    at: Vector = Field(description="The point in the drawing, m.")
-    lateral: Vector = Field(description="Direction in the drawing in which it does not move; it turns with the body.")
+    at: Triple = Field(description="The point in the drawing, m.")
+    lateral: Triple = Field(description="Direction in the drawing in which it does not move; it turns with the body.")
 
 
 class ContactTable(TableModel):
@@ -174,11 +174,11 @@ class ContactTable(TableModel):
     name: Name
     body: Name
     partner: Name = Field("ground", description="Body that carries the plane or the other sphere.")
-    at: Vector = Field(description="Centre of the sphere, or the corner, in the drawing, m.")
+    at: Triple = Field(description="Centre of the sphere, or the corner, in the drawing, m.")
     radius: Finite = Field(0.0, description="Of the sphere, m; zero for a corner.")
-    point: Vector | None = Field(None, description="A point of the plane in the drawing, m.")
-    normal: Vector | None = Field(None, description="Normal of the plane towards the body, in the drawing.")
-    partner_at: Vector | None = Field(None, description="Centre of the other sphere in the drawing, m.")
+    point: Triple | None = Field(None, description="A point of the plane in the drawing, m.")
+    normal: Triple | None = Field(None, description="Normal of the plane towards the body, in the drawing.")
+    partner_at: Triple | None = Field(None, description="Centre of the other sphere in the drawing, m.")
     partner_radius: Finite | None = Field(None, description="Of the other sphere, m.")
     restitution: Finite = Field(description="Speed of separation over speed of approach, 0 to 1.")
     friction: Finite = Field(0.0, description="Coefficient of Coulomb's friction during the impact.")
@@ -199,9 +199,9 @@ class ForceTable(TableModel):
 
     name: Name
     body: Name
-    vector: Vector = Field(description="N, in the axes that `frame` names.")
+    vector: Triple = Field(description="N, in the axes that `frame` names.")
     frame: Literal["world", "body"]
-    at: Vector = Field(description="Point of application in the drawing, m; it moves with the body.")
+    at: Triple = Field(description="Point of application in the drawing, m; it moves with the body.")
     history: FunctionTable | None = Field(None, description="Factor of `vector` over time; default: one.")
 
 
@@ -210,7 +210,7 @@ class TorqueTable(TableModel):
 
     name: Name
     body: Name
-    vector: Vector = Field(description="N m, in the axes that `frame` names.")
+    vector: Triple = Field(description="N m, in the axes that `frame` names.")
     frame: Literal["world", "body"]
     history: FunctionTable | None = Field(None, description="Factor of `vector` over time; default: one.")
 
@@ -224,18 +224,18 @@ class HeldTable(TableModel):
     y: Finite | None = None
     angle1: Finite | None = None
     angle2: Finite | None = None
-    position: Vector | None = None
+    position: Triple | None = None
     orientation: Orientation | None = Field(None, description="Of M in F (coordinates only).")
-    angular_velocity: Vector | None = Field(None, description="Of M relative to F, in axes of F (rates only), rad/s.")
+    angular_velocity: Triple | None = Field(None, description="Of M relative to F, in axes of F (rates only), rad/s.")
 
 
 class BodyGuess(TableModel):
     """Where a body starts, before assembly, in place of its pose in the drawing."""
 
-    at: Vector | None = None
+    at: Triple | None = None
     orientation: Orientation | None = None
-    velocity: Vector = Field([0.0, 0.0, 0.0], description="Of the origin, world axes, m/s.")
-    angular_velocity: Vector = Field([0.0, 0.0, 0.0], description="World axes, rad/s.")
+    velocity: Triple = Field([0.0, 0.0, 0.0], description="Of the origin, world axes, m/s.")
+    angular_velocity: Triple = Field([0.0, 0.0, 0.0], description="World axes, rad/s.")
 
 
 class InitialTable(TableModel):
@@ -286,7 +286,7 @@ class PublishedTable(TableModel):
     joint: Name | None = None
     observable: Literal[(*OF_A_BODY, *BODY_AT_START, *OF_A_JOINT, *JOINT_AT_START)]  # type: ignore[valid-type]
     time: Annotated[Finite, Field(ge=0)] = Field(description="s; on the sample grid.")
-    value: Finite | Vector | Components = Field(description="SI units; vectors in world axes, reactions in those of F.")
+    value: Finite | Triple | Components = Field(description="SI units; vectors in world axes, reactions in those of F.")
     uncertainty: Positive = Field(description="Of each component.")
     origin: Origin = Field(description="Who knows it: a source that prints it, a formula, two computations.")
     source: Text = Field(description="Publication and place, formula, or first computation.")
@@ -310,14 +310,14 @@ class PublishedTable(TableModel):
         return self
 
     def components(self) -> dict[int, float]:
-        """Known components by number; a scalar is number 0."""
+        """Return the known components by index; a scalar has the index 0."""
         if isinstance(self.value, Components):
             return {k: v for k, v in enumerate((self.value.x, self.value.y, self.value.z)) if v is not None}
         return dict(enumerate(self.value if isinstance(self.value, list) else [self.value]))
 
 
 class VariantTable(TableModel):
-    """What a variant changes; a file with variants stands for them alone."""
+    """Changes of a variant; a file with variants has no case but the variants."""
 
     title: Text
     initial: InitialTable | None = None
@@ -332,7 +332,7 @@ class CaseTable(TableModel):
     sources: Annotated[list[Text], Field(min_length=1, max_length=100)]
     remarks: Text = ""
     tags: Annotated[list[Text], Field(max_length=100)] = Field(default_factory=list)
-    gravity: Vector = Field(description="m/s^2, in world axes.")
+    gravity: Triple = Field(description="m/s^2, in world axes.")
     body: Annotated[list[BodyTable], Field(min_length=1, max_length=MOST_BODIES)]
     joint: Annotated[list[JointTable], Field(min_length=1), _MANY]
     spring: Annotated[list[SpringTable], _MANY] = Field(default_factory=list)
@@ -354,6 +354,6 @@ class CaseTable(TableModel):
 
 
 def case_schema() -> dict[str, Any]:
-    """JSON Schema of a case file."""
+    """Return the JSON Schema of a case file."""
     schema = CaseTable.model_json_schema()
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "title": "Consilience case file"}

@@ -1,8 +1,8 @@
-"""Values of a case file that many tables share: numbers, names, orientations and functions."""
+"""Values that many tables of a case file share: numbers, names, orientations and functions."""
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
@@ -18,8 +18,11 @@ from consilience.mechanism import (
     rotation_from_three_points,
 )
 
+TomlTable = dict[str, Any]
+"""A table of a case file: numbers, texts, lists and tables by name."""
+
 LARGEST = 1e30
-"""Largest magnitude of a number: its fourth power, of which mechanics has no more, is still one."""
+"""Largest magnitude of a number: its fourth power, the highest in mechanics, is still finite."""
 
 
 def _printable(text: str) -> str:
@@ -30,7 +33,7 @@ def _printable(text: str) -> str:
 
 Finite = Annotated[float, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, le=LARGEST, allow_inf_nan=False)]
-Vector = Annotated[list[Finite], Field(min_length=3, max_length=3)]
+Triple = Annotated[list[Finite], Field(min_length=3, max_length=3)]
 Quaternion = Annotated[list[Finite], Field(min_length=4, max_length=4)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=64)]
 Text = Annotated[str, Field(max_length=20_000), AfterValidator(_printable)]
@@ -48,11 +51,11 @@ class Orientation(TableModel):
     quaternion: Quaternion | None = Field(
         None, description="Unit quaternion, scalar first; unit to 1e-9, the rounding of its digits is removed."
     )
-    euler_zxz: Vector | None = Field(
+    euler_zxz: Triple | None = Field(
         None, description="Euler angles (phi, theta, psi) in rad: Rz(phi) Rx(theta) Rz(psi)."
     )
-    bryant_xyz: Vector | None = Field(None, description="Bryant angles (alpha, beta, gamma) in rad: Rx Ry Rz.")
-    three_points: Annotated[list[Vector], Field(min_length=3, max_length=3)] | None = Field(
+    bryant_xyz: Triple | None = Field(None, description="Bryant angles (alpha, beta, gamma) in rad: Rx Ry Rz.")
+    three_points: Annotated[list[Triple], Field(min_length=3, max_length=3)] | None = Field(
         None, description="Points O, P, Q in the world: origin, a point on x, a point in the xy plane."
     )
 
@@ -69,7 +72,7 @@ class Orientation(TableModel):
         return self
 
     def matrix(self) -> Array:
-        """Rotation matrix; raises ValueError for three points on one line."""
+        """Return the rotation matrix; raises ValueError for three points on one line."""
         if self.quaternion is not None:
             return rotation_from_quaternion(np.array(self.quaternion) / np.linalg.norm(self.quaternion))
         if self.euler_zxz is not None:
@@ -100,7 +103,7 @@ class FunctionTable(TableModel):
     polynomial: Annotated[list[Finite], Field(min_length=1, max_length=32)] | None = Field(
         None, description="Coefficients of 1, x, x^2, ..."
     )
-    harmonics: Annotated[list[Vector], Field(min_length=1, max_length=1_000)] | None = Field(
+    harmonics: Annotated[list[Triple], Field(min_length=1, max_length=1_000)] | None = Field(
         None, description="Amplitude, angular frequency and phase (rad) of each sine."
     )
     table: CurveTable | None = None
@@ -112,7 +115,7 @@ class FunctionTable(TableModel):
         return self
 
     def function(self) -> Function:
-        """Function of the core; raises InvalidInput for points no curve goes through."""
+        """Return the function of `mechanism`; raises InvalidInput for points that no curve passes through."""
         t = self.table
         return Function(
             np.array(self.polynomial or []),

@@ -1,9 +1,8 @@
-"""Case files from cases: what `casefile` reads, written so that a person can read it, too.
+"""Writer of case files: tables and TOML text of a case, for `reader` and for people.
 
-A case file draws every joint once: its frames F and M coincide in the drawing (a rod's are apart, and z of both is
-along it, whatever it was). A mechanism whose frames do not is refused. Numbers are written with all their digits;
-points and axes go from the bodies to the drawing and back when they are read again, which costs a rounding error or
-two. A file that is written, read and written again may differ from the first in such last digits.
+A case file draws every joint once: frames F and M coincide in the drawing (those of a rod are apart, with z along the
+rod). A mechanism whose frames do not coincide is refused. Numbers keep all their digits, but points and axes are
+converted from bodies to the drawing here and back by the reader: a file written again may differ in last digits.
 """
 
 from __future__ import annotations
@@ -15,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from consilience.case.case import Case
+from consilience.case.file.values import TomlTable
 from consilience.case.published import JOINT_AT_START, OF_A_JOINT
 from consilience.errors import InvalidInput
 from consilience.mechanism import (
@@ -33,16 +33,13 @@ from consilience.mechanism import (
     quaternion_from_rotation,
 )
 
-Table = dict[str, Any]
-"""A table of TOML: numbers, texts, lists and tables by name."""
-
 _COINCIDE = 1e-9
 _WORLD = Frame(np.zeros(3), np.eye(3))
 _INERTIA = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
 
 
 def case_text(case: Case, heading: str = "") -> str:
-    """Text of the case file.
+    """Return the text of a case file.
 
     Parameters
     ----------
@@ -52,21 +49,21 @@ def case_text(case: Case, heading: str = "") -> str:
     Raises
     ------
     InvalidInput
-        If the frames of a joint do not coincide in the drawing.
+        The frames of a joint do not coincide in the drawing.
     """
     return table_text(case_table(case), heading)
 
 
-def table_text(table: Table, heading: str = "") -> str:
-    """Text of the tables of a case file."""
+def table_text(table: TomlTable, heading: str = "") -> str:
+    """Return the text of the tables of a case file."""
     lines = [f"# {line}".rstrip() for line in heading.splitlines()]
     return "\n".join([*lines, *_lines(table), ""])
 
 
-def case_table(case: Case) -> Table:
-    """Tables of the case file, by the names of `caseschema`."""
+def case_table(case: Case) -> TomlTable:
+    """Return the tables of a case file, by the names of `schema`."""
     mechanism = case.mechanism
-    table: Table = {
+    table: TomlTable = {
         "title": case.title,
         "sources": list(case.sources) or ["written by Consilience"],
         **({"remarks": case.remarks} if case.remarks else {}),
@@ -86,11 +83,16 @@ def case_table(case: Case) -> Table:
 # ---------------------------------------------------------------- bodies and joints
 
 
-def _orientation(R: Array) -> Table:
+def _copied(element: Any, *names: str) -> TomlTable:
+    """Fields of an element that a case file has under the same name and with the same value."""
+    return {name: np.asarray(getattr(element, name)).tolist() for name in ("name", *names)}
+
+
+def _orientation(R: Array) -> TomlTable:
     return {} if np.array_equal(R, np.eye(3)) else {"orientation": {"quaternion": quaternion_from_rotation(R).tolist()}}
 
 
-def _body(body: Body) -> Table:
+def _body(body: Body) -> TomlTable:
     return {
         "name": body.name,
         "mass": body.mass,
@@ -117,17 +119,11 @@ def _direction(mechanism: Mechanism, body: str, direction: Array) -> list[float]
     return drawn
 
 
-def _joint(joint: Joint, mechanism: Mechanism) -> Table:
+def _joint(joint: Joint, mechanism: Mechanism) -> TomlTable:
     start, end = _place(mechanism, joint.predecessor), _place(mechanism, joint.successor)
     at, to = start.p + start.R @ joint.F.p, end.p + end.R @ joint.M.p
     axes, others = start.R @ joint.F.R, end.R @ joint.M.R
-    table: Table = {
-        "name": joint.name,
-        "kind": joint.kind,
-        "predecessor": joint.predecessor,
-        "successor": joint.successor,
-        "at": at.tolist(),
-    }
+    table = _copied(joint, "kind", "predecessor", "successor") | {"at": at.tolist()}
     if joint.kind == "rod":
         apart = abs(float(np.linalg.norm(to - at)) - joint.length)
         table["to"] = to.tolist()
@@ -149,8 +145,8 @@ def _joint(joint: Joint, mechanism: Mechanism) -> Table:
 # ---------------------------------------------------------------- elements
 
 
-def _function(function: Function) -> Table:
-    table: Table = {}
+def _function(function: Function) -> TomlTable:
+    table: TomlTable = {}
     if len(function.polynomial):
         table["polynomial"] = function.polynomial.tolist()
     if len(function.harmonics):
@@ -161,76 +157,57 @@ def _function(function: Function) -> Table:
     return table or {"polynomial": [0.0]}
 
 
-def _given(name: str, function: Function | None) -> Table:
+def _given(name: str, function: Function | None) -> TomlTable:
     return {} if function is None else {name: _function(function)}
 
 
-def _load(load: Load, mechanism: Mechanism) -> Table:
-    table: Table = {"name": load.name, "body": load.body, "vector": load.vector.tolist(), "frame": load.frame}
+def _load(load: Load, mechanism: Mechanism) -> TomlTable:
+    table = _copied(load, "body", "vector", "frame")
     if load.kind == "force":
         table["at"] = _point(mechanism, load.body, load.point)
     return table | _given("history", load.history)
 
 
-def _coordinate(element: Any, *names: str) -> Table:
-    return {name: getattr(element, name) for name in ("name", "joint", "coordinate", *names)}
+def _in_joint(element: Any, *names: str) -> TomlTable:
+    return _copied(element, "joint", "coordinate", *names)
 
 
-def _elements(m: Mechanism) -> dict[str, list[Table]]:
+def _elements(m: Mechanism) -> dict[str, list[TomlTable]]:
     return {
         "spring": [
-            {
-                "name": s.name,
-                "predecessor": s.predecessor,
-                "successor": s.successor,
-                "at": _point(m, s.predecessor, s.point_predecessor),
-                "to": _point(m, s.successor, s.point_successor),
-                "stiffness": s.stiffness,
-                "damping": s.damping,
-                "free_length": s.free_length,
-                **_given("actuator", s.actuator),
-            }
+            _copied(s, "predecessor", "successor")
+            | {"at": _point(m, s.predecessor, s.point_predecessor), "to": _point(m, s.successor, s.point_successor)}
+            | _copied(s, "stiffness", "damping", "free_length")
+            | _given("actuator", s.actuator)
             for s in m.springs
         ],
         "joint_spring": [
-            _coordinate(s, "stiffness", "damping", "rest") | _given("actuator", s.actuator) for s in m.joint_springs
+            _in_joint(s, "stiffness", "damping", "rest") | _given("actuator", s.actuator) for s in m.joint_springs
         ],
         "force": [_load(load, m) for load in m.loads if load.kind == "force"],
         "torque": [_load(load, m) for load in m.loads if load.kind == "torque"],
-        "friction": [_coordinate(f, "viscous", "coulomb", "speed") for f in m.frictions],
+        "friction": [_in_joint(f, "viscous", "coulomb", "speed") for f in m.frictions],
         "control": [
-            _coordinate(c, "proportional", "integral", "derivative") | _given("target", c.target) for c in m.controls
+            _in_joint(c, "proportional", "integral", "derivative") | _given("target", c.target) for c in m.controls
         ],
-        "drive": [_coordinate(d) | _given("motion", d.motion) for d in m.drives],
-        "coupling": [_coordinate(c, "driver_joint", "driver_coordinate") | _given("law", c.law) for c in m.couplings],
+        "drive": [_in_joint(d) | _given("motion", d.motion) for d in m.drives],
+        "coupling": [_in_joint(c, "driver_joint", "driver_coordinate") | _given("law", c.law) for c in m.couplings],
         "rolling": [
-            {
-                "name": r.name,
-                "body": r.body,
-                "at": _point(m, r.body, r.center),
-                "axis": _direction(m, r.body, r.axis),
-                "radius": r.radius,
-                "rounding": r.rounding,
-                "point": r.point.tolist(),
-                "normal": r.normal.tolist(),
-            }
+            _copied(r, "body")
+            | {"at": _point(m, r.body, r.center), "axis": _direction(m, r.body, r.axis)}
+            | _copied(r, "radius", "rounding", "point", "normal")
             for r in m.rollings
         ],
         "skate": [
-            {
-                "name": s.name,
-                "body": s.body,
-                "at": _point(m, s.body, s.point),
-                "lateral": _direction(m, s.body, s.lateral),
-            }
+            _copied(s, "body") | {"at": _point(m, s.body, s.point), "lateral": _direction(m, s.body, s.lateral)}
             for s in m.skates
         ],
         "contact": [_contact(c, m) for c in m.contacts],
     }
 
 
-def _contact(c: Contact, m: Mechanism) -> Table:
-    table: Table = {"name": c.name, "body": c.body, "partner": c.partner, "at": _point(m, c.body, c.center)}
+def _contact(c: Contact, m: Mechanism) -> TomlTable:
+    table = _copied(c, "body", "partner") | {"at": _point(m, c.body, c.center)}
     if not isinstance(c, PointPlane):
         table["radius"] = c.radius
     if isinstance(c, SphereSphere):
@@ -243,16 +220,16 @@ def _contact(c: Contact, m: Mechanism) -> Table:
 # ---------------------------------------------------------------- initial state
 
 
-def _held(values: Mapping[str, Any], rates: bool) -> Table:
-    table: Table = {name: np.asarray(value, dtype=float).tolist() for name, value in values.items()}
+def _held(values: Mapping[str, Any], rates: bool) -> TomlTable:
+    table: TomlTable = {name: np.asarray(value, dtype=float).tolist() for name, value in values.items()}
     if "orientation" in table:
         orientation = table.pop("orientation")
         table |= {"angular_velocity": orientation} if rates else {"orientation": {"quaternion": orientation}}
     return table
 
 
-def _initial(initial: Initial) -> Table:
-    bodies: dict[str, Table] = {}
+def _initial(initial: Initial) -> TomlTable:
+    bodies: dict[str, TomlTable] = {}
     for name, frame in initial.poses.items():
         bodies[name] = {
             "at": frame.p.tolist(),
@@ -268,12 +245,12 @@ def _initial(initial: Initial) -> Table:
     }
 
 
-def _published(case: Case) -> list[Table]:
-    """Components of one vector together, as the file has them."""
-    vectors: dict[tuple[object, ...], Table] = {}
+def _published(case: Case) -> list[TomlTable]:
+    """Tables of expected values, components of one vector together."""
+    vectors: dict[tuple[object, ...], TomlTable] = {}
     for known in case.published:
         joint = known.observable in OF_A_JOINT or known.observable in JOINT_AT_START
-        fields: Table = {"joint" if joint else "body": known.of}
+        fields: TomlTable = {"joint" if joint else "body": known.of}
         fields |= {name: getattr(known, name) for name in ("observable", "time", "uncertainty", "origin", "source")}
         fields |= {"second": known.second} if known.second else {}
         vector = vectors.setdefault(tuple(fields.values()), {**fields, "value": {}})
@@ -288,7 +265,7 @@ def _published(case: Case) -> list[Table]:
 
 
 def _value(value: Any) -> str:
-    """A value in one line, but for texts of several; tables inside of tables are inline."""
+    """A value in one line, texts of several lines apart; nested tables are inline."""
     if isinstance(value, dict):
         return "{ " + ", ".join(f"{name} = {_value(entry)}" for name, entry in value.items()) + " }"
     if isinstance(value, list):
@@ -302,12 +279,12 @@ def _value(value: Any) -> str:
     return repr(value.item() if isinstance(value, np.generic) else value)
 
 
-def _entries(table: Table) -> Iterator[str]:
+def _entries(table: TomlTable) -> Iterator[str]:
     return (f"{name} = {_value(value)}" for name, value in table.items())
 
 
-def _lines(table: Table) -> Iterator[str]:
-    """Top-level values first, then a paragraph for each table and each entry of a list of tables."""
+def _lines(table: TomlTable) -> Iterator[str]:
+    """Top-level values, then a paragraph for each table and each entry of a list of tables."""
 
     def entries(value: Any) -> bool:
         return isinstance(value, list) and bool(value) and isinstance(value[0], dict)

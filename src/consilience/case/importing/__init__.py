@@ -1,4 +1,4 @@
-"""Case files from models in other formats, and what of them a case cannot keep."""
+"""Cases from models in other formats, with notes of what a case cannot keep."""
 
 from __future__ import annotations
 

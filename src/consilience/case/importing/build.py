@@ -1,4 +1,4 @@
-"""From the parts of a model to a mechanism: fixed pieces merged, pieces without mass composed, joints recognised."""
+"""Mechanism from the parts of a model: fixed pieces merged, pieces without mass composed, joints recognised."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from consilience.case.importing.compound import recognise
-from consilience.engine.native import Law, Motion, Notes, Parts, Piece
+from consilience.engine.native import CoordinateLaw, NativeJoint, Notes, Parts, Piece
 from consilience.engine.native.parts import inertia_of_several
 from consilience.errors import InvalidInput
 from consilience.mechanism import (
@@ -39,7 +39,7 @@ NO_COORDINATE = "spring or damping left out: the joint it became has no such coo
 
 @dataclass(frozen=True, eq=False)
 class Built:
-    """A mechanism, and which piece of the file each of its bodies is.
+    """A mechanism, and the piece of the file for each of its bodies.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class Built:
 
 
 def usable_names(names: Iterable[str], what: str, notes: Notes) -> dict[str, str]:
-    """Names a case can have, one for each; those that had to change are noted."""
+    """Return a unique name that a case can have for each name; changes are noted."""
     found: dict[str, str] = {}
     taken = {GROUND}
     for name in names:
@@ -71,7 +71,15 @@ def usable_names(names: Iterable[str], what: str, notes: Notes) -> dict[str, str
 
 
 class _Builder:
-    """The pieces under way to bodies: `rows` has the motions from the body that carries each piece."""
+    """Construction of a mechanism from parts.
+
+    Attributes
+    ----------
+    merged_into : dict
+        Moving piece, or empty for the ground, that each fixed piece belongs to.
+    homes : dict
+        Body, or ground, of each piece.
+    """
 
     def __init__(self, parts: Parts, notes: Notes) -> None:
         self.parts, self.notes = parts, notes
@@ -80,12 +88,12 @@ class _Builder:
         self.homes: dict[str, str] = {"": GROUND}
 
     def build(self) -> Built:
-        """The mechanism of what is left once massless pieces are merged or dropped.
+        """Return the mechanism.
 
         Raises
         ------
         InvalidInput
-            If nothing with mass moves, or something was read that cannot be kept.
+            Nothing with mass moves, or a part has no place in a case.
         """
         shares = self._merge()
         idle = self._idle(shares)
@@ -115,7 +123,7 @@ class _Builder:
         return Built(mechanism, {body: piece for piece, body in self.names.items()})
 
     def _merge(self) -> dict[str, tuple[float, Array, Array]]:
-        """Mass, centre and tensor of each piece that moves, in its own frame, with all that is fixed to it."""
+        """Mass, centre of mass and inertia of each moving piece with all pieces fixed to the piece, in its frame."""
         lumps: dict[str, list[tuple[float, Array, Array]]] = {}
         for piece in self.parts.pieces:
             if piece.motions:
@@ -135,11 +143,11 @@ class _Builder:
         return {name: inertia_of_several(_with_something(lump)) for name, lump in lumps.items()}
 
     def _base(self, piece: Piece) -> str:
-        """The moving piece that carries a piece; empty for the ground."""
+        """Name of the moving piece that carries a piece; empty for the ground."""
         return self.merged_into.get(piece.carrier, piece.carrier)
 
     def _idle(self, shares: dict[str, tuple[float, Array, Array]]) -> set[str]:
-        """Moving pieces that have no mass and carry none."""
+        """Moving pieces without mass that carry no mass."""
         loaded: set[str] = set()
         for piece in reversed(self.parts.pieces):
             if piece.motions and (piece.name in loaded or shares[piece.name][0] > 0.0):
@@ -151,8 +159,8 @@ class _Builder:
         self.notes.add(IDLE, *idle)
         return set(idle)
 
-    def _row(self, piece: Piece, shares: dict[str, tuple[float, Array, Array]]) -> tuple[str, tuple[Motion, ...]]:
-        """Body that carries a piece and the motions from it, through pieces without mass."""
+    def _row(self, piece: Piece, shares: dict[str, tuple[float, Array, Array]]) -> tuple[str, tuple[NativeJoint, ...]]:
+        """Piece with mass that carries a piece, and the joints in between, through pieces without mass."""
         motions, base = piece.motions, self._base(piece)
         while base and shares[base][0] == 0.0:
             motions, base = (*self.pieces[base].motions, *motions), self._base(self.pieces[base])
@@ -161,7 +169,7 @@ class _Builder:
     def _joints(
         self, idle: set[str], shares: dict[str, tuple[float, Array, Array]]
     ) -> tuple[list[Joint], dict[str, tuple[str, str, float]]]:
-        """Joints of the tree; joint, coordinate and sign of each motion that is a coordinate."""
+        """Joints of the tree; joint, coordinate and sign of each joint of the file that is a coordinate of the case."""
         light = [n for n, share in shares.items() if share[0] == 0.0 and n not in idle]
         for name in light:
             carried = [p.name for p in self.parts.pieces if p.motions and p.name not in idle and self._base(p) == name]
@@ -212,7 +220,7 @@ class _Builder:
     # ---------------------------------------------------------------- elements
 
     def _on_body(self, name: str, point: Array) -> Array:
-        """Point of a piece in the frame of the body it went into."""
+        """Point of a piece in the frame of its body."""
         home = self.merged_into.get(name, name)
         frame = self.pieces[name].frame if name else None
         drawn = point if frame is None else frame.p + frame.R @ point
@@ -257,7 +265,7 @@ class _Builder:
                 )
 
     def _absent(self, what: str, name: str, ends: tuple[str, ...]) -> bool:
-        """Whether an end was left out, or both went into one body."""
+        """Whether an end was left out, or both ends are on one body."""
         if any(end not in self.homes for end in ends):
             self.notes.refuse(f"the {what} ends on a piece that cannot be a body", name)
             return True
@@ -290,11 +298,11 @@ class _Builder:
 
 
 def _with_something(lump: list[tuple[float, Array, Array]]) -> list[tuple[float, Array, Array]]:
-    """Shares that weigh, or all: a frame without mass must not touch the digits of the others."""
+    """Shares with mass or inertia, or all: a frame without mass must not change digits of the others."""
     return [share for share in lump if share[0] or np.any(share[2])] or lump
 
 
-def _coupling(name: str, law: Law, coordinates: dict[str, tuple[str, str, float]]) -> Coupling:
+def _coupling(name: str, law: CoordinateLaw, coordinates: dict[str, tuple[str, str, float]]) -> Coupling:
     joint, coordinate, sign = coordinates[law.motion]
     driver_joint, driver_coordinate, turn = coordinates[law.driver]
     powers = [sign * c * turn**k for k, c in enumerate(law.coefficients)]
@@ -302,11 +310,11 @@ def _coupling(name: str, law: Law, coordinates: dict[str, tuple[str, str, float]
 
 
 def build(parts: Parts, notes: Notes) -> Built:
-    """Mechanism of a model of another format.
+    """Return the mechanism of the parts of a model.
 
     Raises
     ------
     InvalidInput
-        With everything that no case can express.
+        Parts that no case can express, all in one message.
     """
     return _Builder(parts, notes).build()

@@ -1,8 +1,8 @@
-"""Motions in a row, without mass between them, as one joint of the joint table where they are one.
+"""Joints in a row, without mass in between, as one joint of the joint table.
 
-A joint is the set of relative poses it leaves; a row of motions that leaves the same set is that joint. `_RULES` has
-the letters of the motions, and for each the geometry they must have in the drawing. Where the axes of three hinges come
-to lie in one plane, the row locks and the ball does not.
+A joint is defined by the set of relative poses it allows; a row of joints that allows the same set is that joint.
+`_RULES` has the kinds in a row, and for each the check of the geometry in the drawing. Where the axes of three hinges
+come to lie in one plane, the row locks and the ball does not.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from consilience.engine.native import Motion
+from consilience.engine.native import NativeJoint
 from consilience.mechanism import Array
 
 SQUARE = 1e-9
-"""How far from a right angle, from parallel (rad) or from one another (m) axes may be and count as what they seem."""
+"""Tolerance for axes to count as perpendicular, parallel (rad) or intersecting (m)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,9 +27,9 @@ class Recognised:
     ----------
     kind : str
     at, axis, second : ndarray, shape (3,)
-        Origin of F and M, z and x of them; `second` is None where it does not matter.
+        Origin (m), z and x of F and M in the drawing; `second` is None where x does not matter.
     coordinates : dict
-        Coordinate and sign of each motion that is a coordinate of the joint.
+        Coordinate and sign of each joint in the row that is a coordinate of the joint.
     """
 
     kind: str
@@ -43,12 +43,12 @@ def _parallel(a: Array, b: Array) -> bool:
     return bool(np.linalg.norm(np.cross(a, b)) < SQUARE)
 
 
-def _on_line(point: Array, motion: Motion) -> bool:
+def _on_line(point: Array, motion: NativeJoint) -> bool:
     return bool(np.linalg.norm(np.cross(point - motion.at, motion.axis)) < SQUARE)
 
 
-def _meeting_point(motions: Sequence[Motion]) -> Array | None:
-    """Point that lies on all axes, or None: least squares of the distances to the lines."""
+def _meeting_point(motions: Sequence[NativeJoint]) -> Array | None:
+    """Point on all axes, or None, by least squares of the distances to the lines."""
     normal = sum((np.eye(3) - np.outer(m.axis, m.axis) for m in motions), np.zeros((3, 3)))
     right = sum(((np.eye(3) - np.outer(m.axis, m.axis)) @ m.at for m in motions), np.zeros(3))
     start = motions[0].at
@@ -56,12 +56,12 @@ def _meeting_point(motions: Sequence[Motion]) -> Array | None:
     return point if all(_on_line(point, m) for m in motions) else None
 
 
-def _independent(motions: Sequence[Motion]) -> bool:
+def _independent(motions: Sequence[NativeJoint]) -> bool:
     axes = np.array([m.axis for m in motions])
     return bool(np.linalg.svd(axes, compute_uv=False)[-1] > SQUARE)
 
 
-def _single(motions: Sequence[Motion]) -> Recognised:
+def _single(motions: Sequence[NativeJoint]) -> Recognised:
     (m,) = motions
     kind, coordinate = {
         "R": ("revolute", "angle"),
@@ -74,7 +74,7 @@ def _single(motions: Sequence[Motion]) -> Recognised:
     return Recognised(kind, m.at, m.axis, None, known)
 
 
-def _universal(motions: Sequence[Motion]) -> Recognised | None:
+def _universal(motions: Sequence[NativeJoint]) -> Recognised | None:
     first, second = motions
     at = _meeting_point(motions)
     if at is None or abs(first.axis @ second.axis) > SQUARE:
@@ -82,7 +82,7 @@ def _universal(motions: Sequence[Motion]) -> Recognised | None:
     return Recognised("universal", at, first.axis, second.axis, {})
 
 
-def _cylindrical(motions: Sequence[Motion]) -> Recognised | None:
+def _cylindrical(motions: Sequence[NativeJoint]) -> Recognised | None:
     hinge, slide = sorted(motions, key=lambda m: m.kind, reverse=True)
     if not _parallel(hinge.axis, slide.axis):
         return None
@@ -92,19 +92,19 @@ def _cylindrical(motions: Sequence[Motion]) -> Recognised | None:
     )
 
 
-def _planar(motions: Sequence[Motion]) -> Recognised | None:
+def _planar(motions: Sequence[NativeJoint]) -> Recognised | None:
     (hinge,) = (m for m in motions if m.kind == "R")
     slides = [m for m in motions if m.kind == "P"]
     across = all(abs(hinge.axis @ slide.axis) < SQUARE for slide in slides)
     return Recognised("planar", hinge.at, hinge.axis, None, {}) if across and _independent(slides) else None
 
 
-def _spherical(motions: Sequence[Motion]) -> Recognised | None:
+def _spherical(motions: Sequence[NativeJoint]) -> Recognised | None:
     at = _meeting_point(motions)
     return Recognised("spherical", at, motions[0].axis, None, {}) if at is not None and _independent(motions) else None
 
 
-def _free(motions: Sequence[Motion]) -> Recognised | None:
+def _free(motions: Sequence[NativeJoint]) -> Recognised | None:
     slides = [m for m in motions if m.kind == "P"]
     turning = [m for m in motions if m.kind != "P"]
     if not _independent(slides) or (len(turning) == 3 and not _independent(turning)):
@@ -112,7 +112,7 @@ def _free(motions: Sequence[Motion]) -> Recognised | None:
     return Recognised("free", turning[-1].at, turning[-1].axis, None, {})
 
 
-_RULES: dict[str, Callable[[Sequence[Motion]], Recognised | None]] = {
+_RULES: dict[str, Callable[[Sequence[NativeJoint]], Recognised | None]] = {
     "RR": _universal,
     "PR": _cylindrical,
     "RP": _cylindrical,
@@ -123,11 +123,11 @@ _RULES: dict[str, Callable[[Sequence[Motion]], Recognised | None]] = {
     "PPPS": _free,
     "PPPRRR": _free,
 }
-"""By the letters of the motions in their order."""
+"""By the kinds of the joints in a row."""
 
 
-def recognise(motions: Sequence[Motion]) -> Recognised | None:
-    """The one joint that motions in a row are, or None."""
+def recognise(motions: Sequence[NativeJoint]) -> Recognised | None:
+    """Return the joint that joints in a row are equivalent to, or None."""
     if len(motions) == 1:
         return _single(motions)
     rule = _RULES.get("".join(m.kind for m in motions))

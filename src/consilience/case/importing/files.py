@@ -42,19 +42,19 @@ class Imported:
     notes: Notes
 
 
-class _Tree(TreeBuilder):
-    """Refuses a file that declares a document type."""
+class _ModelTreeBuilder(TreeBuilder):
+    """Builder that refuses a file with a document type."""
 
     def doctype(self, name: str, pubid: str | None, system: str | None) -> None:
-        """Stop at the declaration, before any entity of it is met."""
+        """Stop at the declaration, before any entity."""
         raise ParseError("it declares a document type: no model does, and its entities are not read")
 
 
 def _xml(path: Path) -> Element:
-    """Root element of a file, which has no declarations of entities and a bounded size.
+    """Root element of a file of bounded size without declarations of entities.
 
-    The parser of the standard library (expat) neither loads external entities nor lets internal ones grow without
-    bounds; no model has use for either, so a file with a document type is refused.
+    The parser of the standard library (expat) neither loads external entities nor lets internal entities grow without
+    bounds; models need neither, so a file with a document type is refused.
     """
     try:
         data = path.read_bytes()
@@ -62,7 +62,7 @@ def _xml(path: Path) -> Element:
         raise InvalidInput(str(path), f"it cannot be read ({error.strerror})", "Give the path of a model.") from None
     if len(data) > _LARGEST:
         raise InvalidInput(str(path), f"it has {len(data)} bytes", f"Give a model of at most {_LARGEST}.")
-    parser = XMLParser(target=_Tree())
+    parser = XMLParser(target=_ModelTreeBuilder())
     try:
         parser.feed(data)
         root: Element = parser.close()
@@ -72,7 +72,7 @@ def _xml(path: Path) -> Element:
 
 
 def readers() -> dict[str, Reader]:
-    """Readers by the root element they read: URDF's, and those of installed adapters.
+    """Return the readers by root element: of URDF, and of installed adapters.
 
     An adapter's package may have a module ``reading`` with a table ``READERS``.
     """
@@ -84,7 +84,7 @@ def readers() -> dict[str, Reader]:
 
 
 def import_model(path: Path, free_base: bool = False) -> Imported:
-    """Read a model of another format.
+    """Read a model of another format as a case.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def import_model(path: Path, free_base: bool = False) -> Imported:
     Raises
     ------
     InvalidInput
-        If the file cannot be read, or has what no case can express: all of it is named.
+        The file cannot be read, or has parts that no case can express, all in one message.
     """
     root, known, notes = _xml(path), readers(), Notes()
     if root.tag not in known:
@@ -125,12 +125,12 @@ def import_model(path: Path, free_base: bool = False) -> Imported:
 
 
 def imported_text(imported: Imported) -> str:
-    """Text of the case file, with what could not be kept in its first lines.
+    """Return the text of the case file; its first lines say what was changed or left out.
 
     Raises
     ------
     InvalidInput
-        If the case cannot be written, for instance because its loops are not closed in the drawing.
+        The case cannot be written, for instance because loops are open in the drawing.
     """
     heading = [f"Imported from {imported.case.file}. Changed or left out:", *imported.notes.lines()]
     text = case_text(imported.case, "\n".join(heading))

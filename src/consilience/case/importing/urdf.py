@@ -1,8 +1,8 @@
-"""URDF: links and joints of an XML file, in the drawing where every joint coordinate is zero.
+"""Reader of URDF: links and joints of an XML file, in the drawing where every joint coordinate is zero.
 
-What the file says is taken as the format defines it (<http://wiki.ros.org/urdf/XML>): a joint's frame is that of its
-child at zero, ``rpy`` turns about fixed axes (Rz(yaw) Ry(pitch) Rx(roll)), an inertia is about the centre of mass in
-the axes of the inertial's own frame. A type ``spherical`` is an addition to URDF that some engines read.
+Conventions of the format (<http://wiki.ros.org/urdf/XML>): the frame of a joint is that of its child at zero, ``rpy``
+are rotations about fixed axes, ``Rz(yaw) Ry(pitch) Rx(roll)``, an inertia is about the centre of mass in axes of the
+inertial frame. The type ``spherical`` is no part of the format.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from consilience.engine.native import Law, Motion, Notes, Parts, Piece
+from consilience.engine.native import CoordinateLaw, NativeJoint, Notes, Parts, Piece
 from consilience.mechanism import Array, Frame, elementary_rotation
 
 STANDARD_GRAVITY = np.array([0.0, 0.0, -9.81])
-"""URDF has none; this is what its engines assume."""
+"""In m/s^2; URDF has no gravity, engines that read URDF assume this one."""
 
 _KINDS = {
     "fixed": "",
@@ -45,13 +45,13 @@ NO_PLACE = {
     "material": "shapes, which a case does not have",
     "gazebo": "extensions for Gazebo, not read",
 }
-"""Elements of the format that change no equation of motion of the free mechanism, or that a case has no place for."""
+"""Elements of the format without effect on the free motion, or without a place in a case."""
 
 COULOMB = "Coulomb friction: a case needs the speed that regularises it, and URDF has none"
 
 
 @dataclass(frozen=True, eq=False)
-class _Joint:
+class _UrdfJoint:
     name: str
     kind: str
     parent: str
@@ -61,14 +61,14 @@ class _Joint:
     damping: float
 
 
-class _Reader:
-    """Reads elements, with the place of each in what it says."""
+class _UrdfReader:
+    """Reader of elements and attributes; refusals go to the notes."""
 
     def __init__(self, where: str, notes: Notes) -> None:
         self.where, self.notes = where, notes
 
     def text(self, element: Element | None, attribute: str, what: str) -> str:
-        """An attribute that must be there; if it is not, it is refused and empty."""
+        """Return a required attribute; if missing, note a refusal and return an empty text."""
         value = None if element is None else element.get(attribute)
         if not value:
             self.notes.refuse(f"'{attribute}' is missing", what)
@@ -76,7 +76,18 @@ class _Reader:
         return value
 
     def numbers(self, element: Element | None, attribute: str, count: int, default: str, what: str) -> Array:
-        """Numbers of an attribute; a refusal is noted, and zeros stand for it until it is raised."""
+        """Return the numbers of an attribute; if wrong, note a refusal and return zeros.
+
+        Parameters
+        ----------
+        element : Element or None
+            None: the default applies.
+        attribute, default : str
+        count : int
+            Number of numbers.
+        what : str
+            Name of the joint or link, for the note.
+        """
         given = default if element is None else element.get(attribute, default)
         try:
             values = np.array([float(word) for word in given.split()])
@@ -91,13 +102,13 @@ class _Reader:
         return float(self.numbers(element, attribute, 1, default, what)[0])
 
     def frame(self, element: Element | None, what: str) -> Frame:
-        """Frame of an ``origin``."""
+        """Return the frame of an ``origin``."""
         roll, pitch, yaw = self.numbers(element, "rpy", 3, "0 0 0", what)
         R = elementary_rotation(2, yaw) @ elementary_rotation(1, pitch) @ elementary_rotation(0, roll)
         return Frame(self.numbers(element, "xyz", 3, "0 0 0", what), R)
 
     def inertial(self, link: Element, what: str) -> tuple[float, Array, Array]:
-        """Mass, centre of mass and tensor about it in the axes of the link."""
+        """Return mass, centre of mass and inertia about that centre, in axes of the link."""
         element = link.find("inertial")
         if element is None:
             return 0.0, np.zeros(3), np.zeros((3, 3))
@@ -112,8 +123,8 @@ class _Reader:
             self.notes.refuse(f"its mass is {mass:g} kg", what)
         return mass, frame.p, frame.R @ inertia @ frame.R.T
 
-    def joint(self, element: Element) -> _Joint:
-        """A joint with its frame in the parent link, its axis made a unit vector, and its damping."""
+    def joint(self, element: Element) -> _UrdfJoint:
+        """Return a joint: frame in the parent link, unit axis, damping."""
         name = self.text(element, "name", "joint")
         what = f"joint '{name}'"
         kind = self.text(element, "type", what)
@@ -128,7 +139,7 @@ class _Reader:
         dynamics = element.find("dynamics")
         if self.number(dynamics, "friction", "0", what):
             self.notes.add(COULOMB, name)
-        return _Joint(
+        return _UrdfJoint(
             name,
             _KINDS.get(kind, ""),
             self.text(element.find("parent"), "link", what),
@@ -138,17 +149,17 @@ class _Reader:
             self.number(dynamics, "damping", "0", what),
         )
 
-    def mimic(self, element: Element) -> Iterator[Law]:
-        """The law ``offset + multiplier * driver`` of a joint that mimics another, if it does."""
+    def mimic(self, element: Element) -> Iterator[CoordinateLaw]:
+        """Yield the law ``offset + multiplier * driver`` of a joint that mimics another joint."""
         given, name = element.find("mimic"), element.get("name", "")
         if given is not None and element.get("type") != "fixed":
             what = f"joint '{name}'"
             offset = self.number(given, "offset", "0", what)
             ratio = self.number(given, "multiplier", "1", what)
-            yield Law(f"{name}_mimic", name, self.text(given, "joint", what), (offset, ratio))
+            yield CoordinateLaw(f"{name}_mimic", name, self.text(given, "joint", what), (offset, ratio))
 
     def unread(self, robot: Element) -> None:
-        """Note all elements that were not used."""
+        """Note all elements that were not read."""
         for element in robot:
             name = element.get("name") or element.get("reference") or element.tag
             if element.tag not in ("link", "joint"):
@@ -167,7 +178,7 @@ def _unique(names: list[str], reason: str, notes: Notes) -> None:
         notes.refuse(reason, *twice)
 
 
-def _in_order(links: dict[str, Element], joints: list[_Joint], notes: Notes) -> list[str]:
+def _in_order(links: dict[str, Element], joints: list[_UrdfJoint], notes: Notes) -> list[str]:
     """Names of the links, carriers first."""
     for joint in joints:
         for end in (joint.parent, joint.child):
@@ -191,21 +202,25 @@ def _in_order(links: dict[str, Element], joints: list[_Joint], notes: Notes) -> 
 
 
 def read_urdf(robot: Element, path: Path, free_base: bool, notes: Notes) -> Parts:
-    """Parts of a URDF file.
+    """Return the parts of a URDF file.
 
     Parameters
     ----------
     robot : Element
-        The root of the XML.
+        Root of the XML.
+    path : Path
+        File, for its name.
     free_base : bool
-        The root link floats; otherwise it is the ground.
+        The root link floats; otherwise the root link is the ground.
+    notes : Notes
+        Changes and refusals are added.
 
     Raises
     ------
     InvalidInput
-        With everything that is wrong with the file.
+        All errors of the file in one message.
     """
-    reader = _Reader(path.name, notes)
+    reader = _UrdfReader(path.name, notes)
     _unique([e.get("name", "") for e in robot.findall("link")], "two links have this name", notes)
     _unique([e.get("name", "") for e in robot.findall("joint")], "two joints have this name", notes)
     links = {reader.text(e, "name", "link"): e for e in robot.findall("link")}
@@ -224,7 +239,7 @@ def read_urdf(robot: Element, path: Path, free_base: bool, notes: Notes) -> Part
             motions, carrier = _motions(joint, frames[name]), joint.parent
         else:
             frames[name], carrier = _IDENTITY, ""
-            motions = (Motion("root", "F", np.zeros(3), np.array([0.0, 0.0, 1.0])),) if free_base else ()
+            motions = (NativeJoint("root", "F", np.zeros(3), np.array([0.0, 0.0, 1.0])),) if free_base else ()
         pieces.append(Piece(name, carrier, frames[name], motions, *reader.inertial(links[name], f"link '{name}'")))
     reader.unread(robot)
     notes.add(f"gravity, which URDF does not have, is {STANDARD_GRAVITY.tolist()} m/s^2", "mechanism")
@@ -232,14 +247,14 @@ def read_urdf(robot: Element, path: Path, free_base: bool, notes: Notes) -> Part
     return Parts(path.stem, STANDARD_GRAVITY, tuple(pieces), tuple(laws))
 
 
-def _check_drivers(laws: list[Law], joints: list[_Joint], notes: Notes) -> None:
+def _check_drivers(laws: list[CoordinateLaw], joints: list[_UrdfJoint], notes: Notes) -> None:
     names = {joint.name for joint in joints}
     for law in laws:
         if law.driver not in names or law.driver == law.motion or not math.isfinite(sum(law.coefficients)):
             notes.refuse(f"it mimics '{law.driver}', which is no other joint", f"joint '{law.motion}'")
 
 
-def _motions(joint: _Joint, frame: Frame) -> tuple[Motion, ...]:
+def _motions(joint: _UrdfJoint, frame: Frame) -> tuple[NativeJoint, ...]:
     if not joint.kind:
         return ()
-    return (Motion(joint.name, joint.kind, frame.p, frame.R @ joint.axis, damping=joint.damping),)
+    return (NativeJoint(joint.name, joint.kind, frame.p, frame.R @ joint.axis, damping=joint.damping),)

@@ -12,29 +12,26 @@ from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
-from typing import Annotated
 
 import psutil
 import typer
-from rich.console import Console
 
 from consilience.case import load_case
-from consilience.cli.formats import Format, SheetFormat
+from consilience.cli.options import EngineNames, Form, JobLimit, OutputFormat, chosen_engines
+from consilience.cli.terminal import err
 from consilience.compare import Verdict
 from consilience.engine import (
     Profile,
     Question,
     engine_distribution,
-    engines_like,
     installed,
     lacks_engine,
     pip_requirement,
-    require_installed,
     split_name,
 )
 from consilience.engine.worker.environments import cache_directory
-from consilience.report.history.show import WRITERS, Sheet
 from consilience.report.record import exit_code
+from consilience.report.statement import WRITERS, Statement
 from consilience.suite import Results, run_suite
 from consilience.suite.warm_up import kernels_folder
 
@@ -234,21 +231,16 @@ def diagnose(results: Results, engines: list[str]) -> Iterator[Diagnosis]:
 
 
 def doctor(
-    engine: Annotated[
-        list[str] | None,
-        typer.Option("-e", "--engine", help="Engine; repeat it. Default: all.", autocompletion=engines_like),
-    ] = None,
-    limit: Annotated[float, typer.Option(min=0.1, help="Time limit of one job in s.")] = 600.0,
-    form: SheetFormat = Format.TEXT,
+    engine: EngineNames = None,
+    limit: JobLimit = 600.0,
+    form: Form = OutputFormat.TEXT,
 ) -> None:
     """Diagnose this machine, start every engine and let it answer two questions; tell the remedy for what is ill.
 
     Exit code: 0 every engine agrees, 1 one differs, 3 one does not start. Notes do not count.
     """
-    for name in engine or []:
-        require_installed(name)
-    names = list(dict.fromkeys(engine or installed()))
-    with Console(stderr=True).status("starting engines; the reference compiles for a minute or two, the first time"):
+    names = chosen_engines(engine)
+    with err.status("starting engines; the reference compiles for a minute or two, the first time"):
         results = run_suite([load_case("double_pendulum")], names, [Question.MODEL, Question.INSTANT], limit=limit)
     found = list(diagnose(results, names))
     ill = sum(one.state == "ill" for one in found)
@@ -257,5 +249,5 @@ def doctor(
     rows = [(one.what, one.state, one.found, one.remedy) for one in found]
     table = ("what was looked at", ("what", "state", "found", "remedy"), rows)
     data = {"ill": ill, "notes": notes, "diagnoses": [asdict(one) for one in found]}
-    sys.stdout.write(WRITERS[form](Sheet([sentence], [table], data)))
+    sys.stdout.write(WRITERS[form](Statement([sentence], [table], data)))
     raise typer.Exit(exit_code(results))

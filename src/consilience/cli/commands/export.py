@@ -1,10 +1,9 @@
-"""The commands ``consilience export`` and ``consilience plot``: argument parsing and writing only."""
+"""The commands ``consilience export`` and ``consilience plot``."""
 
 from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable
 from enum import StrEnum
 from importlib import import_module
 from pathlib import Path
@@ -12,13 +11,14 @@ from typing import Annotated
 
 import typer
 
+from consilience.cli.options import writing
 from consilience.errors import InvalidInput
 from consilience.report.exports.plot import FORMATS, plotted
-from consilience.report.record import Record, read_record, write_atomically
+from consilience.report.record import read_record, write_atomically
 
 
-class Format(StrEnum):
-    """What a run can be exported as."""
+class ExportFormat(StrEnum):
+    """Formats of an export."""
 
     JUNIT = "junit"
     CSV = "csv"
@@ -28,8 +28,8 @@ class Format(StrEnum):
     BADGE = "badge"
 
 
-class What(StrEnum):
-    """What can be plotted of a motion."""
+class PlotName(StrEnum):
+    """Keys of `plot.PLOTS`."""
 
     DIFFERENCE = "difference"
     CONVERGENCE = "convergence"
@@ -37,13 +37,13 @@ class What(StrEnum):
     WORK_PRECISION = "work-precision"
 
 
-MODULES = {Format.CSV: "spreadsheet", Format.JSON: "document"}
-"""Module of `consilience.report.exports` whose ``render`` writes a format, where it has another name."""
+MODULES = {ExportFormat.CSV: "spreadsheet", ExportFormat.JSON: "document"}
+"""Modules of `consilience.report.exports` whose names differ from the names of their formats."""
 
 
 def export(
     run: Annotated[Path | None, typer.Argument(metavar="RUN", help="Folder that `consilience run` wrote.")] = None,
-    form: Annotated[Format | None, typer.Option("-f", "--format", help="What to write.")] = None,
+    form: Annotated[ExportFormat | None, typer.Option("-f", "--format", help="What to write.")] = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="FILE", help="File; default: standard output.")
     ] = None,
@@ -54,37 +54,26 @@ def export(
     Examples: `consilience export RUN --format junit -o junit.xml`, `consilience export RUN --format csv | head`.
     """
     if schema:
-        from consilience.report.exports.document import schema as described  # noqa: PLC0415 - only this needs pydantic's
+        from consilience.report.exports.document import schema as document_schema
 
-        text = json.dumps(described(), indent=2) + "\n"
+        text = json.dumps(document_schema(), indent=2) + "\n"
     elif run is None:
         raise InvalidInput("export", "no run is named", "Name a folder that `consilience run` wrote.")
     elif form is None:
-        raise InvalidInput("export", "no format is named", f"Give --format and one of: {', '.join(Format)}.")
+        raise InvalidInput("export", "no format is named", f"Give --format and one of: {', '.join(ExportFormat)}.")
     else:
-        text = _renderer(form)(read_record(run))
+        text = import_module(f"consilience.report.exports.{MODULES.get(form, form)}").render(read_record(run))
     if output is None:
         sys.stdout.write(text)
     else:
-        _written(output, lambda path: write_atomically(path, text))
-
-
-def _renderer(form: Format) -> Callable[[Record], str]:
-    render: Callable[[Record], str] = import_module(f"consilience.report.exports.{MODULES.get(form, form)}").render
-    return render
-
-
-def _written(path: Path, write: Callable[[Path], object]) -> None:
-    try:
-        write(path)
-    except OSError as error:
-        raise InvalidInput(str(path), f"it cannot be written ({error.strerror})", "Choose another place.") from None
+        with writing(output):
+            write_atomically(output, text)
 
 
 def plot(
     run: Annotated[Path, typer.Argument(help="Folder that `consilience run` wrote.")],
     case: Annotated[str, typer.Argument(help="Name of a case of the run.")],
-    what: Annotated[What, typer.Option("--what", help="What to draw.")] = What.DIFFERENCE,
+    what: Annotated[PlotName, typer.Option("--what", help="What to draw.")] = PlotName.DIFFERENCE,
     output: Annotated[
         Path | None,
         typer.Option("-o", "--output", metavar="FILE", help="File: .svg, .pdf or .png; default: CASE-WHAT.svg."),
@@ -96,5 +85,6 @@ def plot(
     if form not in FORMATS:
         raise InvalidInput(str(target), "it is no name of a plot", f"Let it end with .{', .'.join(FORMATS)}.")
     picture = plotted(read_record(run), case, what, form)
-    _written(target, lambda path: path.write_bytes(picture))
+    with writing(target):
+        target.write_bytes(picture)
     typer.echo(f"plot: {target}")

@@ -1,4 +1,4 @@
-"""``consilience diff`` and ``consilience trend``: argument parsing and printing only."""
+"""The commands ``consilience diff`` and ``consilience trend``."""
 
 from __future__ import annotations
 
@@ -8,27 +8,29 @@ from typing import Annotated
 
 import typer
 
-from consilience.cli.formats import Format, SheetFormat
+from consilience.cli.options import Form, OutputFormat
 from consilience.errors import InvalidInput
-from consilience.report.history.changes import DIGITS, changes
-from consilience.report.history.series import read_series, series_sheet
-from consilience.report.history.show import WRITERS, Sheet, counted_effects, plain, table_of
+from consilience.report.history.changes import DIGITS, change_table, changes, count_effects, plain
+from consilience.report.history.series import read_series, series_statement
 from consilience.report.record import Record, read_record
+from consilience.report.statement import WRITERS, Statement
 
 Digits = Annotated[float, typer.Option(min=0.0, help="Change in digits from which on one is told.")]
 
 
-def _write(sheet: Sheet, form: Format) -> None:
-    sys.stdout.write(WRITERS[form](sheet))
+def _write_and_exit(statement: Statement, form: OutputFormat) -> None:
+    """Write a statement; end with exit code 1 if anything is worse."""
+    sys.stdout.write(WRITERS[form](statement))
+    raise typer.Exit(1 if statement.data["worse"] else 0)
 
 
 def renamed(pairs: list[str], before: Record, after: Record) -> dict[str, str]:
-    """Engines to compare with one another, from ``OLD=NEW``.
+    """Read pairs ``OLD=NEW`` of engines that are compared with one another.
 
     Raises
     ------
     InvalidInput
-        It is no pair, or a report has no such engine.
+        If a report has no such engine.
     """
     found = {}
     for pair in pairs:
@@ -41,8 +43,8 @@ def renamed(pairs: list[str], before: Record, after: Record) -> dict[str, str]:
     return found
 
 
-def diff_sheet(before: Record, after: Record, names: dict[str, str], digits: float) -> Sheet:
-    """What has changed between two records."""
+def diff_statement(before: Record, after: Record, names: dict[str, str], digits: float) -> Statement:
+    """State the changes between two records."""
     found = changes(before, after, names, digits)
     old, new = before.header["written"], after.header["written"]
     codes = before.footer["exit_code"], after.footer["exit_code"]
@@ -53,8 +55,8 @@ def diff_sheet(before: Record, after: Record, names: dict[str, str], digits: flo
         "better": sum(change.effect == "better" for change in found),
         "changes": plain(found),
     }
-    sentences = [f"From {old} (exit code {codes[0]}) to {new} (exit code {codes[1]}): {counted_effects(found)}"]
-    return Sheet(sentences, [table_of(found, "changes")], data)
+    sentence = f"From {old} (exit code {codes[0]}) to {new} (exit code {codes[1]}): {count_effects(found)}"
+    return Statement([sentence], [change_table(found, "changes")], data)
 
 
 def diff(
@@ -65,21 +67,17 @@ def diff(
         typer.Option("--as", metavar="OLD=NEW", help="Compare engine OLD of RUN1 with NEW of RUN2 alone; repeat it."),
     ] = None,
     digits: Digits = DIGITS,
-    form: SheetFormat = Format.TEXT,
+    form: Form = OutputFormat.TEXT,
 ) -> None:
     """Tell what has changed between two reports. Exit code 0: nothing is worse; 1: something is."""
     old, new = read_record(before), read_record(after)
-    sheet = diff_sheet(old, new, renamed(same or [], old, new), digits)
-    _write(sheet, form)
-    raise typer.Exit(1 if sheet.data["worse"] else 0)
+    _write_and_exit(diff_statement(old, new, renamed(same or [], old, new), digits), form)
 
 
 def trend(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that holds folders of reports.")],
     digits: Digits = DIGITS,
-    form: SheetFormat = Format.TEXT,
+    form: Form = OutputFormat.TEXT,
 ) -> None:
     """Tell how reports have changed over time. Exit code 1: the last is worse than the one before; else 0."""
-    sheet = series_sheet(*read_series(folder), digits)
-    _write(sheet, form)
-    raise typer.Exit(1 if sheet.data["worse"] else 0)
+    _write_and_exit(series_statement(*read_series(folder), digits), form)

@@ -1,4 +1,4 @@
-"""``consilience import``: a case file from a URDF or MJCF file, and what of it a case cannot keep."""
+"""The command ``consilience import``."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from consilience.case.importing.files import import_model, imported_text
-from consilience.errors import InvalidInput
+from consilience.cli.options import require_case_file_name, write_new_case
+from consilience.cli.terminal import say
 
 
 def import_(
@@ -20,20 +20,9 @@ def import_(
     ] = False,
 ) -> None:
     """Write a case file from a URDF or MJCF file, and say what was changed or left out."""
-    if output.suffix != ".toml":
-        raise InvalidInput(str(output), "it is no name of a case file", "Let it end with .toml.")
+    require_case_file_name(output)
     imported = import_model(file, free_base)
-    text = imported_text(imported)
-    try:
-        with output.open("x", encoding="utf-8") as handle:
-            handle.write(text)
-    except FileExistsError:
-        raise InvalidInput(str(output), "it exists, and nothing is overwritten", "Choose another name.") from None
-    except OSError as error:
-        raise InvalidInput(str(output), f"it cannot be written ({error.strerror})", "Choose another place.") from None
-    out, mechanism = Console(), imported.case.mechanism
-    bodies, joints = len(mechanism.bodies), len(mechanism.joints)
+    write_new_case(output, imported_text(imported))
+    bodies, joints = len(imported.case.mechanism.bodies), len(imported.case.mechanism.joints)
     size = f"{bodies} {'body' if bodies == 1 else 'bodies'}, {joints} joint{'s' * (joints != 1)}"
-    lines = [f"{output}: {size}. Changed or left out:"]
-    lines += [f"- {line}" for line in imported.notes.lines()]
-    out.print("\n".join(lines), soft_wrap=True, highlight=False, markup=False)
+    say("\n".join([f"{output}: {size}. Changed or left out:", *(f"- {line}" for line in imported.notes.lines())]))

@@ -1,4 +1,4 @@
-"""``consilience validate``: what a case file holds, and what every engine will make of it, before anything runs."""
+"""The command ``consilience validate``: facts of a case, and the plan of every engine for it, before anything runs."""
 
 from __future__ import annotations
 
@@ -6,26 +6,23 @@ import json
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
-from typing import Annotated, Any
+from typing import Any
 
 import typer
-from rich.console import Console
 
-from consilience.case import Case, cases_like, load_cases
-from consilience.cli.formats import Format, SheetFormat
-from consilience.engine import EngineInfo, Method, Question, engines_like, installed, require_installed
+from consilience.case import Case, load_cases
+from consilience.cli.options import CaseFiles, EngineNames, Form, MessageLimit, OutputFormat, chosen_engines
+from consilience.cli.terminal import say
+from consilience.engine import EngineInfo, Method, Question
 from consilience.engine.worker.client import Plan, Request, Worker, in_parallel
 from consilience.errors import InvalidInput, visible
-from consilience.report.anatomy import anatomy, expected_lines, listed, warnings
-
-Findings = dict[str, Any]
-"""What was found, as JSON has it."""
+from consilience.report.anatomy import anatomy, dependency_lines, expected_lines, freedom_line, warnings
 
 
-def load_all(names: Sequence[str]) -> tuple[list[Case], list[Findings]]:
-    """Cases that can be assembled, and what is wrong with the others."""
+def load_all(names: Sequence[str]) -> tuple[list[Case], list[dict[str, Any]]]:
+    """Load cases: those that can be assembled, and a finding for each that cannot."""
     sound: list[Case] = []
-    invalid: list[Findings] = []
+    invalid: list[dict[str, Any]] = []
     for name in names:
         try:
             cases = load_cases(name)
@@ -42,8 +39,8 @@ def load_all(names: Sequence[str]) -> tuple[list[Case], list[Findings]]:
     return sound, invalid
 
 
-def examine(case: Case) -> Findings:
-    """Health of a case that can be assembled: facts, expected values with their provenance, warnings."""
+def examine(case: Case) -> dict[str, Any]:
+    """Describe a case that can be assembled: facts, expected values with their provenance, warnings."""
     facts = asdict(anatomy(case.mechanism, case.initial_state))
     values = [
         {"name": k.name, "value": k.value, "uncertainty": k.uncertainty, "origin": k.origin, "source": k.source}
@@ -57,8 +54,8 @@ def examine(case: Case) -> Findings:
     )
 
 
-def ask_plans(worker: Worker, cases: Sequence[Case]) -> list[Findings]:
-    """What one engine would do with each case; a crash is the reason of one case."""
+def ask_plans(worker: Worker, cases: Sequence[Case]) -> list[dict[str, Any]]:
+    """Ask one engine for its plan of each case; a crash is the finding of one case."""
     with worker:
         reply = worker.ask(Request())
         if not isinstance(reply.value, EngineInfo):
@@ -74,7 +71,7 @@ def ask_plans(worker: Worker, cases: Sequence[Case]) -> list[Findings]:
         return found
 
 
-def _plan(plan: Plan, case: Case) -> Findings:
+def _plan(plan: Plan, case: Case) -> dict[str, Any]:
     approximated = list(plan.manifest.approximated)
     questions = {}
     for question in Question:
@@ -85,7 +82,7 @@ def _plan(plan: Plan, case: Case) -> Findings:
     return {"exact": list(plan.manifest.exact), "approximated": approximated, "questions": questions}
 
 
-def _method(method: Method, case: Case) -> Findings:
+def _method(method: Method, case: Case) -> dict[str, Any]:
     steps = [case.sample / n for n in method.substeps]
     known = ("name", "order", "settings", "softness")
     own = {name: getattr(method, name) for name in known}
@@ -97,13 +94,14 @@ def _method(method: Method, case: Case) -> Findings:
     }
 
 
-def validate_cases(names: Sequence[str], engines: Sequence[str], limit: float, jobs: int = 2) -> list[Findings]:
-    """Everything there is to say about the cases of some names before they run.
+def validate_cases(names: Sequence[str], engines: Sequence[str], limit: float, jobs: int = 2) -> list[dict[str, Any]]:
+    """Describe cases and the plans of engines for them, before anything runs.
 
     Parameters
     ----------
     names : sequence of str
         Names, files, members of families.
+    engines : sequence of str
     limit : float, s
         Time limit of one message to an engine.
     jobs : int
@@ -112,7 +110,7 @@ def validate_cases(names: Sequence[str], engines: Sequence[str], limit: float, j
     Returns
     -------
     list of dict
-        One for each case, variants apart, and one for each name that is none.
+        One for each case or variant, and one for each name that is no case.
     """
     sound, invalid = load_all(names)
     found = [examine(case) for case in sound]
@@ -127,8 +125,8 @@ def validate_cases(names: Sequence[str], engines: Sequence[str], limit: float, j
 # ---------------------------------------------------------------- as text
 
 
-def text(found: Findings) -> str:
-    """What was found about one case, for the terminal."""
+def text(found: dict[str, Any]) -> str:
+    """Write the findings of one case as text for the terminal."""
     if not found["valid"]:
         return f"{found['case']}: invalid\n  {found['problem']}\n"
     lines = [f"{found['case']}: valid: {found['title']}", *(f"  {line}" for line in health_lines(found))]
@@ -139,22 +137,16 @@ def text(found: Findings) -> str:
     return "\n".join([*lines, ""])
 
 
-def health_lines(found: Findings) -> Iterator[str]:
-    """Assembly, freedom, redundancy, open reactions and provenance, a line each."""
+def health_lines(found: dict[str, Any]) -> Iterator[str]:
+    """State assembly, freedom, redundancy, open reactions and provenance, a line each."""
     yield f"assembles: joints satisfied to {found['residual']:.1g}"
-    yield (
-        f"{found['freedom']} degree{'s' * (found['freedom'] != 1)} of freedom, {found['rows']} constraint rows, "
-        f"{found['redundant']} of them dependent"
-    )
-    if found["dependent"]:
-        yield "rows that depend on one another: " + listed(found["dependent"], " ")
-    if found["undetermined"]:
-        yield "reactions that equilibrium does not determine: " + listed(found["undetermined"], ", ")
+    yield freedom_line(found["freedom"], found["rows"], found["redundant"])
+    yield from dependency_lines(found["dependent"], found["undetermined"])
     yield "needs of an engine: " + ", ".join(found["features"])
     yield from (f"expected: {line}" for line in found["expected_lines"] or ["nothing"])
 
 
-def _engine_lines(engine: str, plan: Findings) -> Iterator[str]:
+def _engine_lines(engine: str, plan: dict[str, Any]) -> Iterator[str]:
     version = f" {plan['version']}" if plan["version"] else ""
     if "problem" in plan:
         yield f"  {engine}{version}: no plan: {' '.join(plan['problem'].split())}"
@@ -170,7 +162,7 @@ def _engine_lines(engine: str, plan: Findings) -> Iterator[str]:
     yield from (f"    approximated: {what}" for what in plan["approximated"])
 
 
-def _method_line(method: Findings) -> str:
+def _method_line(method: dict[str, Any]) -> str:
     parts = [method["route"]]
     if method["order"] is not None:
         parts.append(f"order {method['order']}")
@@ -184,27 +176,18 @@ def _method_line(method: Findings) -> str:
 
 
 def validate(
-    cases: Annotated[
-        list[str],
-        typer.Argument(metavar="FILE...", help="Case files, names, or families.", autocompletion=cases_like),
-    ],
-    engine: Annotated[
-        list[str] | None,
-        typer.Option("-e", "--engine", help="Engine; repeat it. Default: all.", autocompletion=engines_like),
-    ] = None,
-    form: SheetFormat = Format.TEXT,
-    limit: Annotated[float, typer.Option(min=0.1, help="Time limit of one message to an engine in s.")] = 180.0,
+    cases: CaseFiles,
+    engine: EngineNames = None,
+    form: Form = OutputFormat.TEXT,
+    limit: MessageLimit = 180.0,
 ) -> None:
     """Check cases, and say what every engine will make of them before anything runs."""
-    for name in engine or []:
-        require_installed(name)
-    engines = list(dict.fromkeys(engine or installed()))
-    found = validate_cases(cases, engines, limit)
-    if form is Format.JSON:
+    found = validate_cases(cases, chosen_engines(engine), limit)
+    if form is OutputFormat.JSON:
         sys.stdout.write(json.dumps({"cases": found}, indent=2, default=str) + "\n")
-    elif form is Format.MARKDOWN:
+    elif form is OutputFormat.MARKDOWN:
         sys.stdout.write("".join(f"```text\n{text(one)}```\n" for one in found))
     else:
         for one in found:
-            Console().print(visible(text(one)), soft_wrap=True, highlight=False, markup=False)
+            say(visible(text(one)))
     raise typer.Exit(0 if all(one["valid"] for one in found) else 2)

@@ -1,4 +1,4 @@
-"""The command ``consilience values``: every expected value of the case library beside what the reference finds."""
+"""The command ``consilience values``: expected values of the case library beside values of the reference."""
 
 from __future__ import annotations
 
@@ -11,13 +11,14 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from consilience.case import Case, Published, cases_like, load_cases, read_motion, read_start, shipped_cases
-from consilience.cli.formats import Format, SheetFormat
+from consilience.case import Case, Published, read_motion, read_start
+from consilience.cli.options import CaseNames, Form, OutputFormat, chosen_cases
+from consilience.compare import markdown_table
 from consilience.engine import Question, load_engine
-from consilience.report.history.show import WRITERS, Sheet
+from consilience.report.statement import WRITERS, Statement
 
 TOLERANCE = 1e-13
-"""Of the reference's motion."""
+"""Tolerance of the motions of the reference."""
 
 HEADING = """# Expected values
 
@@ -28,15 +29,17 @@ Every expected value of the shipped cases beside what the reference finds at a t
 
 
 @dataclass(frozen=True)
-class Found:
-    """An expected value and ours.
+class ComparedValue:
+    """An expected value and the value of the reference.
 
     Attributes
     ----------
+    known : Published
+        Expected value.
     value : float
-        Of the reference.
+        Value of the reference.
     off : float
-        Difference; of angles modulo full turns.
+        Difference, of angles modulo full turns.
     """
 
     case: str
@@ -46,12 +49,12 @@ class Found:
 
     @property
     def met(self) -> bool:
-        """Whether the reference is within the uncertainty of the value, and 1e-9 of its own."""
+        """Whether the difference is within the uncertainty of the expected value plus 1e-9 relative."""
         return self.off <= self.known.uncertainty + 1e-9 * max(1.0, abs(self.known.value))
 
 
-def found_values(case: Case) -> Iterator[Found]:
-    """Every expected value of a case, by the reference at its finest."""
+def found_values(case: Case) -> Iterator[ComparedValue]:
+    """Compute every expected value of a case by the reference at its finest tolerance."""
     engine, mechanism = load_engine("reference"), case.mechanism
     start = [known for known in case.published if known.at_start]
     moving = [known for known in case.published if not known.at_start]
@@ -60,21 +63,21 @@ def found_values(case: Case) -> Iterator[Found]:
         answer = engine.instant(mechanism, [case.initial_state], method)
         for known in start:
             value = float(read_start(mechanism, known, answer)[known.component])
-            yield Found(case.name, known, value, known.off(value))
+            yield ComparedValue(case.name, known, value, known.off(value))
     if moving:
         method = engine.methods(mechanism, Question.TRAJECTORY)[0]
         last = round(max(known.time for known in moving) / case.sample)
         motion = engine.trajectory(mechanism, case.initial_state, case.times[: last + 1], method, TOLERANCE)
         for known in moving:
             value = read_motion(mechanism, known, motion)
-            yield Found(case.name, known, value, known.off(value))
+            yield ComparedValue(case.name, known, value, known.off(value))
 
 
 HEADS = ("case", "value", "expected", "uncertainty", "ours", "off", "origin")
 
 
-def rows(found: Sequence[Found]) -> Iterator[tuple[str, ...]]:
-    """What the table says of each value: one cell for each of `HEADS`."""
+def rows(found: Sequence[ComparedValue]) -> Iterator[tuple[str, ...]]:
+    """Rows of the table: one cell for each of `HEADS`."""
     for one in found:
         known = one.known
         digits = max(3, min(15, 1 + round(np.log10(max(abs(known.value), known.uncertainty) / known.uncertainty))))
@@ -89,14 +92,14 @@ def rows(found: Sequence[Found]) -> Iterator[tuple[str, ...]]:
         )
 
 
-def table(found: Sequence[Found]) -> str:
-    """Table in Markdown: one row a value."""
-    lines = [HEADS, ("---",) * len(HEADS), *rows(found)]
-    return "".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |\n" for line in lines)
+def table(found: Sequence[ComparedValue]) -> str:
+    """Write the values as a Markdown table, a row for each value."""
+    lines = markdown_table(HEADS, rows(found), spaced=True, escape=lambda cell: cell.replace("|", "\\|"))
+    return "\n".join(lines) + "\n"
 
 
-def _plain(one: Found) -> dict[str, str | float | bool]:
-    """A value for JSON."""
+def _plain(one: ComparedValue) -> dict[str, str | float | bool]:
+    """Return a value as data for JSON."""
     known = one.known
     return {
         "case": one.case,
@@ -112,22 +115,19 @@ def _plain(one: Found) -> dict[str, str | float | bool]:
 
 
 def values(
-    cases: Annotated[
-        list[str] | None,
-        typer.Argument(metavar="[CASE]...", help="Names or case files; default: all.", autocompletion=cases_like),
-    ] = None,
+    cases: CaseNames = None,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Markdown file for the table.")] = None,
-    form: SheetFormat = Format.TEXT,
+    form: Form = OutputFormat.TEXT,
 ) -> None:
     """Compare the reference with every expected value: closed forms, publications, independent computations."""
-    chosen = [c for name in cases for c in load_cases(name)] if cases else shipped_cases()
+    chosen = chosen_cases(cases)
     found = [one for case in chosen for one in found_values(case)]
     missed = [one for one in found if not one.met]
-    told = f"{len(found)} values of {len(chosen)} cases, {len(missed)} missed"
+    sentence = f"{len(found)} values of {len(chosen)} cases, {len(missed)} missed"
     if output is not None:
         output.write_text(HEADING + table(found), encoding="utf-8")
-        told = f"{told}: {output}"
+        sentence = f"{sentence}: {output}"
     data = {"missed": len(missed), "values": [_plain(one) for one in found]}
     tables = [] if output is not None else [("expected values", HEADS, list(rows(found)))]
-    sys.stdout.write(WRITERS[form](Sheet([told], tables, data)))
+    sys.stdout.write(WRITERS[form](Statement([sentence], tables, data)))
     raise typer.Exit(1 if missed else 0)

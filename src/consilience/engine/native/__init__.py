@@ -1,18 +1,20 @@
-"""Native models: what an adapter builds, written so that a user goes on with the engine alone."""
+"""Native models: texts of runnable scripts for an engine alone, and parts of models of other formats."""
 
 from __future__ import annotations
 
-from consilience.engine.native.elements import ELEMENTS, ROWS, SOLVE, Places, element_data, row_data
-from consilience.engine.native.parts import Law, Motion, Notes, Parts, Piece
+from consilience.engine.native.elements import ELEMENTS, FRICTION, ROLLING, ROWS, SOLVE, Places, element_data, row_data
+from consilience.engine.native.parts import CoordinateLaw, NativeJoint, Notes, Parts, Piece
 from consilience.engine.native.script import JET, function_data, literal, script
 
 __all__ = [
     "ELEMENTS",
+    "FRICTION",
     "JET",
+    "ROLLING",
     "ROWS",
     "SOLVE",
-    "Law",
-    "Motion",
+    "CoordinateLaw",
+    "NativeJoint",
     "Notes",
     "Parts",
     "Piece",

@@ -1,29 +1,31 @@
-"""Elements of a mechanism as data and code of a script, for engines that have none of their own.
+"""Elements of a mechanism as data and code of an exported script, for engines without such elements.
 
-The script says what its engine knows of a frame that moves (`owner`, by name; the ground has the name given):
+Exported scripts do not import this package: they contain the source of `friction_law` and `rolling_contact`. A script
+defines, for each moving frame of its engine (`owner`, by name):
 
 - ``pose(owner)``: origin and axes in the world;
-- ``jacobian(owner, p)``: of the velocity of a point in its axes, then of its angular velocity, world axes (6, n);
+- ``jacobian(owner, p)``: of the velocity of a point p in axes of the owner and of the angular velocity, (6, n), world;
 - ``motion(owner, p)``: these velocities, shape (6,);
-- ``drift(owner, p)``: their rates if no coordinate accelerates, shape (6,);
-- ``coordinate(*place)``: value and rate of a joint coordinate, as the mechanism counts it, the coefficients (n,) of its
-  rate, and its second rate if no coordinate accelerates; the place is what `Places.axis` gives;
-- ``BODIES``: owner, origin and axes of each body in the axes of the owner; ``COUNT``: how many velocities there are.
+- ``drift(owner, p)``: their rates where no coordinate accelerates, shape (6,);
+- ``coordinate(*place)``: value and rate of a joint coordinate, as the mechanism counts the coordinate, the coefficients
+  (n,) of the rate, and the second rate where no coordinate accelerates; `Places.axis` gives the place;
+- ``BODIES``: owner, origin and axes of each body in axes of the owner; ``COUNT``: number n of velocities.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from inspect import getsource
 from typing import Any
 
 from consilience.engine.native.script import function_data
-from consilience.mechanism import Array, Function, Mechanism
+from consilience.mechanism import Array, Function, Mechanism, friction_law, rolling_contact
 
 
 @dataclass(frozen=True)
 class Places:
-    """Where the engine has what elements refer to.
+    """Points, directions and coordinates of elements in terms of an engine.
 
     Attributes
     ----------
@@ -32,9 +34,9 @@ class Places:
     turned : callable
         From body and direction in its axes: the direction in the axes of the owner.
     axis : callable
-        From joint and coordinate: what the script finds the coordinate by, often owner and the sign of counting.
+        From joint and coordinate: the place of the coordinate for the script, often owner and sign.
     own_springs : bool
-        The engine has the springs and dampers of joints; only their actuators are data.
+        The engine has springs and dampers of joints; only the actuators are data.
     """
 
     point: Callable[[str, Array], list[Any]]
@@ -79,8 +81,7 @@ def _efforts(m: Mechanism, at: Places) -> dict[str, Any]:
         if own or s.actuator:
             linear.append({"axis": at.axis(s.joint, s.coordinate), **own, "f": _law(s.actuator)})
     linear += [
-        {"axis": at.axis(f.joint, f.coordinate), "c": f.viscous, "coulomb": f.coulomb, "speed": f.speed}
-        for f in m.frictions
+        {"axis": at.axis(f.joint, f.coordinate), "friction": [f.viscous, f.coulomb, f.speed]} for f in m.frictions
     ]
     controls = [
         {
@@ -96,7 +97,7 @@ def _efforts(m: Mechanism, at: Places) -> dict[str, Any]:
 
 
 def row_data(m: Mechanism, axis: Callable[[str, str], list[Any]]) -> dict[str, Any]:
-    """Constants of a script that has `ROWS`, but for the closed loops ``WELDS``."""
+    """Return the constants of a script with `ROWS`, without the closed loops ``WELDS``."""
     names = ("body", "center", "axis", "radius", "point", "normal", "rounding")
     return {
         "DRIVES": [[axis(d.joint, d.coordinate), function_data(d.motion)] for d in m.drives],
@@ -110,9 +111,26 @@ def row_data(m: Mechanism, axis: Callable[[str, str], list[Any]]) -> dict[str, A
 
 
 def element_data(mechanism: Mechanism, at: Places) -> dict[str, Any]:
-    """Constants of a script that has `ELEMENTS`, but for the closed loops ``WELDS``: pairs of owner, origin, axes."""
+    """Return the constants of a script with `ELEMENTS`, without the closed loops ``WELDS``, pairs of (owner, p, R)."""
     return _forces(mechanism, at) | _efforts(mechanism, at) | row_data(mechanism, at.axis)
 
+
+FRICTION = "\n" + getsource(friction_law)
+"""Source of `friction_law`; the script imports math."""
+
+ROLLING = (
+    "\nArray, cross = np.ndarray, np.cross\n\n\n"
+    + getsource(rolling_contact)
+    + '''
+
+def axes_of_plane(n):
+    """Normal and two directions of a plane as rows."""
+    across = np.cross(n, np.eye(3)[np.argmin(np.abs(n))])
+    across /= np.linalg.norm(across)
+    return np.array([n, across, np.cross(n, across)])
+'''
+)
+"""Source of `rolling_contact` and of axes of a plane; the script imports NumPy."""
 
 _APPLIED = '''
 def applied(t, integrals):
@@ -137,7 +155,7 @@ def applied(t, integrals):
         value, rate, row, _ = coordinate(*e["axis"])
         effort = -e.get("k", 0.0) * (value - e.get("rest", 0.0)) - e.get("c", 0.0) * rate
         effort += jet(e["f"], t)[0] if e.get("f") else 0.0
-        effort -= e["coulomb"] * math.tanh(rate / e["speed"]) if e.get("coulomb") else 0.0
+        effort += friction_law(rate, *e["friction"])[0] if "friction" in e else 0.0
         tau += effort * row
     for c, integral in zip(CONTROLS, integrals, strict=True):
         value, rate, row, _ = coordinate(*c["axis"])
@@ -147,24 +165,19 @@ def applied(t, integrals):
     return tau
 '''
 
-ROWS = '''
+ROWS = (
+    ROLLING
+    + '''
+
 def rolling_rows(r):
     """Rows at the point of contact: along the normal and two directions of the plane."""
     owner, p, R_body = BODIES[r["body"]]
     R = pose(owner)[1] @ R_body
-    n, a, w = np.array(r["normal"]), R @ r["axis"], motion(owner, np.array(p))[3:]
-    rho, rho_dot = -r["rounding"] * n, np.zeros(3)
-    if r["radius"]:
-        a_dot = np.cross(w, a)
-        m, m_dot = n - (n @ a) * a, -(n @ a_dot) * a - (n @ a) * a_dot
-        e = m / np.linalg.norm(m)
-        rho = rho - r["radius"] * e
-        rho_dot = -r["radius"] * (m_dot - (e @ m_dot) * e) / np.linalg.norm(m)
-    across = np.cross(n, np.eye(3)[np.argmin(np.abs(n))])
-    across /= np.linalg.norm(across)
-    plane = np.array([n, across, np.cross(n, across)])
+    n, w = np.array(r["normal"]), motion(owner, np.array(p))[3:]
+    rho, rho_dot = rolling_contact(R @ r["axis"], n, w, r["radius"], r["rounding"])
+    plane = axes_of_plane(n)
     touch = np.array(p) + R_body @ (np.array(r["center"]) + R.T @ rho)
-    wanted = np.cross(w, np.cross(w, rho) - rho_dot)  # what touches now is at rest, and is not what touched before
+    wanted = np.cross(w, np.cross(w, rho) - rho_dot)  # the material point in contact is at rest, and changes
     return plane @ jacobian(owner, touch)[:3], plane @ (wanted - drift(owner, touch)[:3])
 
 
@@ -179,20 +192,20 @@ def skate_rows(s):
 
 
 def weld_rows(original, copy):
-    """Rows that hold two frames together."""
+    """Rows of a weld of two frames."""
     (first, p, _), (second, r, _) = original, copy
     J = jacobian(second, np.array(r)) - jacobian(first, np.array(p))
     return J, drift(first, np.array(p)) - drift(second, np.array(r))
 
 
 def drive_row(t, place, law):
-    """Row of a coordinate that moves as it is told."""
+    """Row of a driven coordinate."""
     _, _, row, drifting = coordinate(*place)
     return row[None], np.array([jet(law, t)[2] - drifting])
 
 
 def coupling_row(place, driver, law):
-    """Row of a coordinate that is a function of another."""
+    """Row of a coordinate that is a function of another coordinate."""
     value, rate, driving, driver_drifting = coordinate(*driver)
     _, slope, bend = jet(law, value)
     _, _, row, drifting = coordinate(*place)
@@ -200,15 +213,16 @@ def coupling_row(place, driver, law):
 
 
 def held(t):
-    """``J a = gamma`` of everything that is held."""
+    """Rows ``J a = gamma`` of all loops and constraint elements."""
     found = [(np.zeros((0, COUNT)), np.zeros(0)), *(weld_rows(*weld) for weld in WELDS)]
     found += [drive_row(t, *drive) for drive in DRIVES] + [coupling_row(*coupling) for coupling in COUPLINGS]
     found += [rolling_rows(r) for r in ROLLINGS] + [skate_rows(s) for s in SKATES]
     return np.vstack([rows for rows, _ in found]), np.concatenate([right for _, right in found])
 '''
-"""Source of ``held(t)`` of a script and of its rows one by one; it imports math and NumPy, and has `JET`."""
+)
+"""Source of ``held(t)`` and of its rows one by one; the script imports math and NumPy, and contains `JET`."""
 
-ELEMENTS = _APPLIED + "\n" + ROWS
+ELEMENTS = FRICTION + "\n" + _APPLIED + "\n" + ROWS
 """Source of ``applied(t, integrals)`` and ``held(t)``."""
 
 SOLVE = '''
@@ -222,4 +236,4 @@ def solve(M, f, J, gamma):
     along = (Vt[:rank] @ (gamma - Y.T @ free)) / s[:rank]
     return np.linalg.solve(L.T, free + U[:, :rank] @ along)
 '''
-"""Source of a solution with dependent rows; ``TOLERANCE`` is that of the rank."""
+"""Source of the solution of equations with dependent rows; ``TOLERANCE`` is that of the rank."""

@@ -1,7 +1,8 @@
-"""What every format is read into: pieces that hang on one another by motions, all in the drawing.
+"""Neutral parts of a model of another format: pieces in a tree of joints, couplings, loops and springs.
 
-A piece without a motion is fixed to the one that carries it. A piece without mass is a means to compose motions. What
-cannot be kept goes to `Notes`; what would make another mechanism goes to `Notes.refuse`, and all of it is told at once.
+Positions and axes are those of the drawing, where all joint coordinates are zero, in axes of the world; SI units. A
+piece without joints is fixed to the piece that carries it. A piece without mass composes the joints on both its sides.
+`Notes` collects what a case cannot keep, and what is refused because the case would be another mechanism.
 """
 
 from __future__ import annotations
@@ -16,18 +17,18 @@ from consilience.mechanism import Array, Frame, Joint, Spring
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
-    """One joint of the file: what it lets a piece do relative to the one that carries it.
+class NativeJoint:
+    """One joint of a file, between a piece and the piece that carries it.
 
     Attributes
     ----------
     name : str
     kind : {"R", "P", "S", "F", "planar"}
-        Hinge, slide, ball, free, or in the plane across `axis`.
+        Hinge, slide, ball, free, or planar across `axis`.
     at, axis : ndarray, shape (3,), m
-        Its place and its unit axis in the drawing, where its coordinate is zero.
+        Place and unit axis in the drawing.
     stiffness, damping, rest : float
-        Of a spring on its coordinate, SI.
+        Of a spring in the joint coordinate, SI.
     """
 
     name: str
@@ -41,36 +42,36 @@ class Motion:
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """A link or body of the file.
+    """A link or body of a file.
 
     Attributes
     ----------
     name : str
     carrier : str
-        The piece that carries it; empty for the ground.
+        Name of the piece that carries this piece; empty for the ground.
     frame : Frame
-        Its frame in the drawing.
-    motions : tuple of Motion
-        In the order from the carrier; none for a fixed piece.
+        Frame of the piece in the drawing.
+    motions : tuple of NativeJoint
+        Joints in the order from the carrier; none for a fixed piece.
     mass : float, kg
     com : ndarray, shape (3,), m
-        Centre of mass, and
+        Centre of mass from the origin of the frame, in its axes.
     inertia : ndarray, shape (3, 3), kg m^2
-        the tensor about it, both in the axes of the frame, from its origin.
+        About the centre of mass, in axes of the frame.
     """
 
     name: str
     carrier: str
     frame: Frame
-    motions: tuple[Motion, ...]
+    motions: tuple[NativeJoint, ...]
     mass: float
     com: Array
     inertia: Array
 
 
 @dataclass(frozen=True)
-class Law:
-    """A coordinate of the file as a polynomial of another one: ``q = sum c_k q_driver^k``."""
+class CoordinateLaw:
+    """A joint coordinate as a polynomial of another joint coordinate: ``q = sum c_k q_driver^k``."""
 
     name: str
     motion: str
@@ -80,33 +81,34 @@ class Law:
 
 @dataclass
 class Notes:
-    """What was changed or left out, and what is in the way: reason, then the elements it holds for."""
+    """Names of elements that were changed, left out or refused, by reason."""
 
     left_out: dict[str, list[str]] = field(default_factory=dict)
     refused: dict[str, list[str]] = field(default_factory=dict)
 
     def add(self, reason: str, *elements: str) -> None:
-        """Note something that the case has differently, or not at all."""
+        """Note elements that the case has differently, or not at all."""
         if elements:
             self.left_out.setdefault(reason, []).extend(elements)
 
     def refuse(self, reason: str, *elements: str) -> None:
-        """Note something without which the case would be another mechanism."""
+        """Note elements without which the case would be another mechanism."""
         self.refused.setdefault(reason, []).extend(elements)
 
     def check(self, where: str) -> None:
-        """Raise all refusals as one.
+        """Raise all refusals in one error.
 
         Raises
         ------
         InvalidInput
+            An element was refused.
         """
         if self.refused:
             what = "; ".join(f"{', '.join(elements)}: {reason}" for reason, elements in self.refused.items())
             raise InvalidInput(where, what, "Mend it in the file: nothing is repaired on the way into a case.")
 
     def lines(self) -> list[str]:
-        """One line for each reason, with its elements."""
+        """Return one line for each reason, with the elements."""
         return [f"{reason}: {', '.join(elements)}" for reason, elements in self.left_out.items()]
 
 
@@ -120,10 +122,10 @@ class Parts:
     gravity : ndarray, shape (3,), m/s^2
     pieces : tuple of Piece
         Carriers first.
-    laws : tuple of Law
+    laws : tuple of CoordinateLaw
     loops : tuple of Joint
-        Joints that close loops, between names of pieces (the ground has the empty name's ``ground``), with frames in
-        the axes of the pieces.
+        Joints that close loops: predecessor and successor are names of pieces (empty: the ground), frames are in axes
+        of the pieces.
     springs : tuple of Spring
         Between points of pieces, likewise.
     """
@@ -131,20 +133,20 @@ class Parts:
     name: str
     gravity: Array
     pieces: tuple[Piece, ...]
-    laws: tuple[Law, ...] = ()
+    laws: tuple[CoordinateLaw, ...] = ()
     loops: tuple[Joint, ...] = ()
     springs: tuple[Spring, ...] = ()
 
 
 def inertia_of_several(shares: Iterable[tuple[float, Array, Array]]) -> tuple[float, Array, Array]:
-    """Mass, centre of mass and the tensor about it of masses fixed to one another.
+    """Return mass, centre of mass, and inertia about that centre of masses fixed to one another.
 
     ``I = sum I_i + m_i (d^2 1 - d d^T)``, d from the common centre of mass to that of the share.
 
     Parameters
     ----------
     shares : iterable of (float, ndarray, ndarray)
-        Mass, centre of mass and tensor about it, in common axes.
+        Mass, centre of mass, and inertia about the centre of mass, in common axes.
     """
     known = list(shares)
     if len(known) == 1:

@@ -1,4 +1,4 @@
-"""Pieces of runnable scripts: numbers with all their digits, and functions of the elements."""
+"""Text of exported scripts: numbers with all their digits, and functions of elements."""
 
 from __future__ import annotations
 
@@ -41,11 +41,11 @@ def jet(f, x):
         add(powers(coefficients, x - left))
     return total
 '''
-"""Source of a function that evaluates what `function_data` gives; a script that has it imports math."""
+"""Source of the evaluation of `function_data`; the script imports math."""
 
 
 def function_data(function: Function) -> dict[str, Any]:
-    """Numbers of a function: coefficients, sines, and each piece of its curve."""
+    """Return the numbers of a function: coefficients, sines, and the pieces of the curve."""
     table = function.table
     return {
         "polynomial": function.polynomial,
@@ -56,7 +56,7 @@ def function_data(function: Function) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """The same of Python's own types, whose text gives back every digit."""
+    """The same value of Python's own types, whose text keeps every digit."""
     if isinstance(value, Mapping):
         return {str(name): _plain(entry) for name, entry in value.items()}
     if isinstance(value, np.ndarray | np.generic):
@@ -67,12 +67,12 @@ def _plain(value: Any) -> Any:
 
 
 def literal(value: Any) -> str:
-    """Text in Python of numbers, texts, lists and tables of them."""
+    """Return Python text of numbers, texts, and lists and tables of both."""
     return pformat(_plain(value), width=118, sort_dicts=False, compact=True)
 
 
 def script(title: str, imports: str, constants: Mapping[str, Any], *code: str) -> str:
-    """Text of a script: what it is, imports, data by names, code."""
+    """Return the text of a script: title, imports, data by names, code."""
     data = "\n".join(f"{name} = {literal(value)}" for name, value in constants.items())
     heading = title.replace("\\", "/").replace('"', "'")
     return f'"""{heading}"""\n\n{imports.strip()}\n\n{data}\n' + "".join(f"\n{part}" for part in code)

@@ -1,5 +1,5 @@
-"""The protocol between the runner and its workers, the worker side of it, and the environments workers live in.
+"""Protocol between the runner and its workers, both sides of it, and the environments of workers.
 
-`frames`, `codec`, `jobs` and `serve` are the worker side: NumPy and the standard library alone, so that a worker can
-live in an environment that holds one engine and nothing else (docs/workers.md).
+`wire`, `codec`, `requests` and `server` are the worker side: they import NumPy and the standard library alone, so that
+a worker can run in an environment with one engine and nothing else (docs/workers.md).
 """

@@ -1,6 +1,6 @@
-"""``python -m consilience.engine.worker``: a worker, or one job again, in this very process.
+"""Run a worker, or repeat one job in this process: ``python -m consilience.engine.worker``.
 
-``CHANNEL LIFELINE`` are descriptors that the runner passes; a ``FILE`` holds the frames of a job that failed.
+The arguments are ``CHANNEL LIFELINE``, two descriptors from the runner, or ``FILE``, the frames of a failed job.
 """
 
 from __future__ import annotations

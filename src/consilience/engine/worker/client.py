@@ -1,7 +1,7 @@
-"""Engines in worker processes: one each, kept alive, with limits; whatever goes wrong in one is one failed run.
+"""Client of worker processes: one process an engine, kept alive under limits; any fault in it is one failed run.
 
-A worker speaks the protocol of `docs/workers.md`. A mechanism is sent once and remembered by its key, so that an
-adapter finds the translation it has made for it.
+The protocol is in docs/workers.md. A mechanism is sent once and kept in the worker by its key, so that an adapter can
+reuse its translation.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from consilience.engine.answers import EngineInfo
 from consilience.engine.protocol import Engine, load_engine
 from consilience.engine.worker import codec
 from consilience.engine.worker.environments import NoEnvironment, launch_of
-from consilience.engine.worker.messages import Held, job, loading, replayable_job
+from consilience.engine.worker.messages import RecentlySent, job, loading, replayable_job
 from consilience.engine.worker.process import Fault, Launch, Process
 from consilience.engine.worker.requests import Plan, Raised, Request, attempt, perform, raised
-from consilience.engine.worker.wire import Frame, ProtocolError
+from consilience.engine.worker.wire import Message, ProtocolError
 
 __all__ = [
     "MEMORY",
@@ -43,29 +43,29 @@ _T = TypeVar("_T")
 _LOG = logging.getLogger(__name__)
 
 MEMORY = 4 * 2**30
-"""Resident memory in bytes that an engine may use, unless told."""
+"""Default limit of the resident memory of an engine in bytes."""
 
 STARTING = 120.0
-"""Time in s that an engine has to start, or the limit of its jobs if that is longer."""
+"""Time limit in s for the start of an engine, unless the limit of its jobs is longer."""
 
 
 @dataclass(frozen=True, eq=False)
 class Reply:
-    """What came back from a worker.
+    """Reply of a worker to a job.
 
     Attributes
     ----------
     value : object
-        An EngineInfo, a Plan, a Survey or an Answer from a sound engine; anything that can be sent from another.
+        An EngineInfo, a Plan, an AnswerSet or an Answer; an unsound engine may send any other value.
     returned : bool
-        Whether the engine returned; if not, `value` is None and `reason` says why.
+        Whether the engine returned a value; if not, `value` is None.
     reason : str
-        Why it failed.
+        Why the job failed.
     cpu : float, s
     log : str
-        End of what the engine printed during the job.
+        End of the output of the engine during the job.
     job : bytes
-        Where it failed, the job as it was sent: ``python -m consilience.engine.worker FILE`` does it again.
+        Frames of a failed job: ``python -m consilience.engine.worker FILE`` repeats the job.
     """
 
     value: object
@@ -77,24 +77,24 @@ class Reply:
 
 
 class EngineHandle(Protocol):
-    """Something that does an engine's jobs, wherever the engine is."""
+    """Access to an engine in this process, in a worker, or on a cluster."""
 
     engine: str
 
     def ask(self, request: Request) -> Reply:
-        """Do a job and wait for it."""
+        """Let the engine do a job, and wait for the reply."""
         ...
 
 
 class WorkerHandle(EngineHandle, Protocol):
-    """The same, to be ended from another thread."""
+    """Access to an engine that another thread can end."""
 
     def cancel(self) -> None:
-        """Give up the job in flight and every later one: whoever waits gets a failed reply."""
+        """Give up the running job and all later ones: each gets a failed reply."""
         ...
 
     def stop(self) -> None:
-        """The same, and leave no process."""
+        """Give up all jobs, and end the process."""
         ...
 
 
@@ -103,16 +103,16 @@ _STOPPED = Reply(None, False, "stopped before it answered")
 
 @dataclass
 class Worker:
-    """One engine in a process of its own.
+    """Engine in a process of its own.
 
     Parameters
     ----------
     engine : str
         Name of an installed engine, ``NAME``, ``NAME:VARIANT`` or ``NAME@VERSION``.
     limit : float, s
-        Time limit of a job; starting the engine does not count.
+        Time limit of a job, without the start of the engine.
     memory : int, bytes
-        Resident memory the process may use.
+        Limit of the resident memory of the process.
     """
 
     engine: str
@@ -123,14 +123,14 @@ class Worker:
     _turn: threading.Lock = field(init=False, default_factory=threading.Lock)
     _launch: Launch | None = field(init=False, default=None)
     _process: Process | None = field(init=False, default=None)
-    _mechanisms: Held = field(init=False, default_factory=Held)
-    _methods: Held = field(init=False, default_factory=Held)
+    _mechanisms: RecentlySent = field(init=False, default_factory=RecentlySent)
+    _methods: RecentlySent = field(init=False, default_factory=RecentlySent)
     _number: int = field(init=False, default=0)
     _cancelled: bool = field(init=False, default=False)
     _door: threading.Lock = field(init=False, default_factory=threading.Lock)
 
     def __post_init__(self) -> None:
-        # a daemon: a runner that ends in whatever way does not wait for an engine, and the engine dies with it
+        # a daemon thread: a runner that ends does not wait for an engine, which dies with the runner
         self._thread = threading.Thread(target=self._work, name=f"worker of {self.engine}", daemon=True)
         self._thread.start()
 
@@ -143,23 +143,23 @@ class Worker:
         self.stop()
 
     def stop(self) -> None:
-        """Kill the process, from any thread, once or more often; whoever waits gets a failed reply."""
+        """Kill the process; waiting jobs get a failed reply. Any thread may call this, more than once."""
         self.cancel()
         self._jobs.put(None)
         self._thread.join()
 
     def cancel(self) -> None:
-        """Give up the job in flight and every later one, from any thread: whoever waits gets a failed reply."""
-        with self._door:  # nothing is queued from here on
+        """Give up the running job and all later ones, which get a failed reply. Any thread may call this."""
+        with self._door:  # no job is queued from here on
             self._cancelled = True
 
     @property
     def cancelled(self) -> bool:
-        """Whether nothing will be answered any more."""
+        """Whether `cancel` was called: no job will be answered."""
         return self._cancelled
 
     def submit(self, request: Request) -> Future[Reply]:
-        """Queue a job; give the future to `reply`."""
+        """Queue a job; `reply` waits for the returned future."""
         future: Future[Reply] = Future()
         with self._door:
             if not self._cancelled:
@@ -169,7 +169,7 @@ class Worker:
         return future
 
     def reply(self, future: Future[Reply]) -> Reply:
-        """Wait for a job; whatever went wrong in the engine is a value, not an exception."""
+        """Wait for a job; a fault of the engine is a failed reply, not an exception."""
         try:
             return future.result()
         except CancelledError:
@@ -177,7 +177,7 @@ class Worker:
 
     def ask(self, request: Request) -> Reply:
         """Queue a job and wait for it."""
-        # with nothing before it, it is done in this thread: two changes of thread take as long as all the rest
+        # without jobs in the queue this thread does the job: two changes of thread take as long as the rest of a job
         if self._jobs.empty() and self._turn.acquire(blocking=False):
             try:
                 return _STOPPED if self._cancelled else self._answer(request)
@@ -188,14 +188,14 @@ class Worker:
     # ------------------------------------------------------------ in the thread
 
     def _work(self) -> None:
-        """Do job after job until told to stop; no process outlives the last one."""
+        """Do the queued jobs until `stop`, then end the process."""
         while (job := self._jobs.get()) is not None:
             request, future = job
             if future.set_running_or_notify_cancel():
                 try:
                     with self._turn:
                         reply = _STOPPED if self._cancelled else self._answer(request)
-                except BaseException as error:  # an error of ours: whoever waits must see it
+                except BaseException as error:  # an error of the harness: the waiting thread must see it
                     future.set_exception(error)
                     raise
                 future.set_result(reply)
@@ -203,7 +203,7 @@ class Worker:
             self._end()
 
     def _answer(self, request: Request) -> Reply:
-        """Reply to one job."""
+        """Do one job, and log it."""
         if not _LOG.isEnabledFor(logging.INFO):
             return self._attempt(request)
         start = time.perf_counter()
@@ -216,21 +216,21 @@ class Worker:
         return reply
 
     def _attempt(self, request: Request) -> Reply:
-        """Reply to one job; afterwards there is a worker that can be asked again, or none."""
+        """Do one job; afterwards the process is sound, or there is none."""
         try:
             if self._process is not None and not self._process.quiet():
                 self._end()
             if self._process is None:
                 self._start()
             reply = self._exchanged(self._frames(request), self.limit)
-            value = codec.value_of(reply.form, reply.arrays)
+            value = codec.value_of(reply.header, reply.arrays)
         except _NotStarted as failed:
             return Reply(None, False, str(failed), log=self._end())
         except Fault as fault:
             return Reply(None, False, str(fault), log=self._end(), job=replayable_job(self.engine, request))
         except ProtocolError as error:
             return Reply(None, False, f"the message cannot be read: {error}", log=self._printed())
-        log, reason = self._printed(), reply.form.told["reason"]
+        log, reason = self._printed(), reply.header.entries["reason"]
         if reason:
             return Reply(None, False, reason, reply.cpu, log, replayable_job(self.engine, request))
         return Reply(self._labelled(value), True, cpu=reply.cpu, log=log)
@@ -242,17 +242,17 @@ class Worker:
         ------
         _NotStarted
         """
-        self._mechanisms, self._methods = Held(), Held()
+        self._mechanisms, self._methods = RecentlySent(), RecentlySent()
         start = time.perf_counter()
         limit = max(self.limit, STARTING)
         try:
             if self._launch is None:
                 self._launch = launch_of(self.engine, lambda: self._cancelled)
             self._process = Process(self._launch, self.memory)
-            hello = self._process.exchange(b"", limit, lambda: self._cancelled).form.told
+            hello = self._process.exchange(b"", limit, lambda: self._cancelled).header.entries
             if hello.get("kind") != "hello":
                 raise _NotStarted("the worker does not say hello")
-            loaded = self._exchanged(self._load(), limit).form.told
+            loaded = self._exchanged(self._load(), limit).header.entries
         except (NoEnvironment, OSError) as error:
             raise _NotStarted(str(error)) from None
         except (Fault, ProtocolError) as fault:
@@ -261,8 +261,8 @@ class Worker:
             raise _NotStarted(loaded["reason"])
         _LOG.info("%s: started as process %d in %.2f s", self.engine, hello["pid"], time.perf_counter() - start)
 
-    def _exchanged(self, data: bytes, limit: float) -> Frame:
-        """Send what ends in a job, and wait for the reply to it.
+    def _exchanged(self, data: bytes, limit: float) -> Message:
+        """Send frames of which the last is a job, and wait for the reply.
 
         Raises
         ------
@@ -271,12 +271,12 @@ class Worker:
         assert self._process is not None
         reply = self._process.exchange(data, limit, lambda: self._cancelled)
         if not _sound(reply):
-            raise Fault(f"garbage on the wire: {str(reply.form.told)[:200]} is no reply")
+            raise Fault(f"garbage on the wire: {str(reply.header.entries)[:200]} is no reply")
         if reply.job != self._number:
             raise Fault(f"it answered job {reply.job}, not job {self._number}")
         if self._process.more:
             raise Fault("it sent more than its answer")
-        if reply.form.told["strays"]:
+        if reply.header.entries["strays"]:
             raise Fault("it left a process behind that goes on")
         return reply
 
@@ -287,7 +287,7 @@ class Worker:
         return loading(self.engine, self._number)
 
     def _frames(self, request: Request) -> bytes:
-        """What the process has to be sent for a job: what it does not hold of mechanism and method, and the job."""
+        """Return the frames of a job, after those of a mechanism and a method that the worker does not keep yet."""
         mechanism, first = self._mechanisms.need(request.mechanism)
         method, second = self._methods.need(request.method)
         self._number += 1
@@ -296,7 +296,7 @@ class Worker:
     # ------------------------------------------------------------ the process
 
     def _labelled(self, value: object) -> object:
-        """The value; what an engine of another environment says about itself, with that environment."""
+        """Return a value; to the `EngineInfo` from an environment of its own, add that environment."""
         if isinstance(value, EngineInfo) and self._launch is not None and self._launch.remarks:
             return replace(value, remarks="; ".join(filter(None, [value.remarks, self._launch.remarks])))
         return value
@@ -305,23 +305,25 @@ class Worker:
         return "" if self._process is None else self._process.printed()
 
     def _end(self) -> str:
-        """Kill the process, if there is one; its last words."""
+        """Kill the process, if there is one; return the end of its output."""
         process, self._process = self._process, None
         return "" if process is None else process.end()
 
 
 class InProcessEngine:
-    """An engine in this process: no start-up, but no shield and no limits either.
+    """Engine in this process: it starts at once, without limits, and a crash ends this process.
 
     Parameters
     ----------
     engine : str
-        Name of an installed engine.
+        Name of an installed engine, or any name for a given instance.
+    instance : Engine, optional
+        The engine itself; loaded by its name if absent.
     """
 
-    def __init__(self, engine: str) -> None:
+    def __init__(self, engine: str, instance: Engine | None = None) -> None:
         self.engine = engine
-        self._engine: Engine | None = None
+        self._engine = instance
 
     def ask(self, request: Request) -> Reply:
         """Do a job."""
@@ -337,25 +339,25 @@ class InProcessEngine:
 
 
 class _NotStarted(Exception):
-    """There is no engine to ask."""
+    """The engine did not start."""
 
 
 def _named(request: Request) -> str:
-    """What a job asks, for the log."""
+    """Describe a job for the log."""
     name = request.mechanism.name if request.mechanism is not None else ""
     method = request.method.name if request.method is not None else ""
     step = f"{request.step:g}" if request.step else ""
     return ", ".join(filter(None, [name, *request.survey, request.question or "", method, step])) or "who it is"
 
 
-def _sound(frame: Frame) -> bool:
-    """Whether a frame is a reply."""
-    told = frame.form.told
+def _sound(message: Message) -> bool:
+    """Whether a message is a reply."""
+    entries = message.header.entries
     return (
-        told.keys() == _REPLY
-        and told["kind"] == "reply"
-        and type(told["reason"]) is str
-        and type(told["strays"]) is bool
+        entries.keys() == _REPLY
+        and entries["kind"] == "reply"
+        and type(entries["reason"]) is str
+        and type(entries["strays"]) is bool
     )
 
 
@@ -363,7 +365,7 @@ _REPLY = {"kind", "reason", "strays", "value"}
 
 
 def in_parallel(work: Callable[[Worker], _T], workers: Sequence[Worker], jobs: int) -> list[_T]:
-    """Let every worker do its work, `jobs` at a time; whatever stops one stops all, and none outlives this.
+    """Call a function with each worker, `jobs` at a time; an exception in one call ends all, and every worker stops.
 
     Parameters
     ----------
@@ -373,13 +375,13 @@ def in_parallel(work: Callable[[Worker], _T], workers: Sequence[Worker], jobs: i
     Returns
     -------
     list
-        What it returned, in the order of the workers.
+        Returned values in the order of the workers.
     """
     try:
         with ThreadPoolExecutor(max_workers=max(1, jobs)) as pool:
             try:
                 return list(pool.map(work, workers))
-            except BaseException:  # Ctrl-C above all: no engine may go on working for nobody
+            except BaseException:  # Ctrl-C above all: no engine may go on working
                 pool.shutdown(wait=False, cancel_futures=True)
                 for worker in workers:
                     worker.cancel()

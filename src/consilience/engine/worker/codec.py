@@ -1,10 +1,10 @@
-"""Values of the package as JSON and arrays, and back: a closed table of types, so that no message can name another.
+"""Conversion of values of the package to JSON and arrays, and back, by a closed table of types.
 
 A class is ``{"@": "Method", field: value, ...}``; a tuple, a dict and an array are ``{"@": "tuple", "items": [...]}``,
-``{"@": "dict", "items": [[key, value], ...]}`` and ``{"@": "array", "n": index}``; everything else is as JSON has it,
-with the numbers ``NaN`` and ``Infinity``. A class is built without its own checks: they normalise, and the mechanism
-that a worker sees must be the runner's to the last bit. What an engine says about itself is checked against the types
-its fields declare; the arrays of its answers are looked at by `consilience.engine.answers.defects`.
+``{"@": "dict", "items": [[key, value], ...]}`` and ``{"@": "array", "n": index}``; everything else is plain JSON with
+the numbers ``NaN`` and ``Infinity``. No message can name another type. Objects are built without the checks of their
+constructors, which normalise: the mechanism in the worker must equal the runner's to the last bit. The fields by which
+an engine describes itself must have the declared types; `consilience.engine.defects` checks the arrays of answers.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
-from enum import Enum
 from functools import cache
 from operator import itemgetter
 from types import NoneType, UnionType
@@ -20,20 +19,10 @@ from typing import Any, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-from consilience.engine.answers import (
-    EngineInfo,
-    InstantAnswer,
-    Manifest,
-    Method,
-    ModelAnswer,
-    Profile,
-    Question,
-    Route,
-    TrajectoryAnswer,
-    Unsupported,
-)
+from consilience.engine.answers import STANDARD, EngineInfo, Manifest, Method, Profile, Route, Unsupported
+from consilience.engine.questions import ANSWERS, Question
 from consilience.engine.worker.requests import AnswerSet, MethodAnswer, Plan
-from consilience.engine.worker.wire import Form, ProtocolError
+from consilience.engine.worker.wire import MessageHeader, ProtocolError
 from consilience.mechanism import Array, Body, Frame, Joint, Mechanism, State, contacts, elements, functions
 
 _MODEL = (
@@ -43,23 +32,14 @@ _MODEL = (
     *(contacts.SpherePlane, contacts.PointPlane, contacts.SphereSphere),
     *(functions.Function, functions.Table),
 )
-_ANSWERS = (
-    ModelAnswer,
-    InstantAnswer,
-    TrajectoryAnswer,
-    EngineInfo,
-    Manifest,
-    Method,
-    Unsupported,
-    Plan,
-    MethodAnswer,
-    AnswerSet,
-)
-CLASSES: dict[str, type] = {cls.__name__: cls for cls in (*_MODEL, *_ANSWERS)}
-ENUMS: dict[str, type[Enum]] = {cls.__name__: cls for cls in (Question, Route, Profile)}
+_DESCRIPTIONS = (EngineInfo, Manifest, Method, Unsupported, Plan, MethodAnswer, AnswerSet)
+CLASSES: dict[str, type] = {cls.__name__: cls for cls in (*_MODEL, *_DESCRIPTIONS)}
+"""Classes that travel, beside those of the answers (`ANSWERS`)."""
+
+WORDS: dict[str, type[str]] = {cls.__name__: cls for cls in (Question, Route, Profile)}
 
 DERIVED: dict[type, tuple[str, ...]] = {functions.Table: ("pieces",)}
-"""What travels with a class beside its fields: the spline of a table, because a worker may have no SciPy."""
+"""Attributes that travel beside the fields of a class: the spline of a table, because a worker may have no SciPy."""
 
 CHECKED: dict[type, tuple[str, ...]] = {
     EngineInfo: ("name", "version", "adapter", "remarks"),
@@ -69,44 +49,42 @@ CHECKED: dict[type, tuple[str, ...]] = {
     Plan: ("unsupported", "methods", "manifest"),
     AnswerSet: ("said", "unsupported"),
     MethodAnswer: ("question", "method", "reason"),
-    TrajectoryAnswer: ("counters",),
 }
-"""Fields whose values must have the declared types before anybody uses them."""
+"""Fields whose values must have the declared types; of an answer all fields that have no shape in the table."""
 
 
-_NAMES: dict[type, tuple[str, ...]] = {
-    cls: (*(f.name for f in fields(cls)), *DERIVED.get(cls, ())) for cls in CLASSES.values()
-}
+@cache
+def _names(cls: type[Any]) -> tuple[str, ...]:
+    """Return the names of the attributes that travel."""
+    return (*(f.name for f in fields(cls)), *DERIVED.get(cls, ()))
 
-# ---------------------------------------------------------------- out
+
+# ---------------------------------------------------------------- encoding
 
 
 def encode(value: object) -> tuple[Any, list[Array]]:
-    """Tree for JSON, and the arrays it refers to.
+    """Return a value as a tree for JSON, and the arrays to which the tree refers.
 
     Raises
     ------
     ProtocolError
-        If there is something in it that cannot be sent.
+        If the value holds an object that cannot be sent.
     """
     arrays: list[Array] = []
     return _written(value, arrays), arrays
 
 
-_FLAT = (ModelAnswer, InstantAnswer)
-"""Classes that usually hold arrays and numbers and nothing deeper."""
-
-
 def outlined(value: object) -> tuple[tuple[Any, ...] | None, list[Array]]:
-    """Outline of a flat answer, and its arrays: answers of equal outlines have equal trees, which need be written once.
+    """Return a key of the tree of an answer, and its arrays: answers with equal keys have equal trees.
 
-    None of any other value. A float is outlined by its digits: 0.0 equals -0.0, and True equals 1.
+    The key is None for other values, and for answers with fields other than arrays and numbers. A float enters by its
+    digits, because 0.0 equals -0.0, and True equals 1.
     """
-    cls: type[Any] = type(value)
+    cls: type = type(value)
     outline, arrays = list[Any]([cls]), list[Array]()
-    if cls not in _FLAT:
+    if cls not in ANSWERS.values():
         return None, arrays
-    for name in _NAMES[cls]:
+    for name in _names(cls):
         one = getattr(value, name)
         kind = type(one)
         if kind is np.ndarray:
@@ -125,11 +103,13 @@ def _written(value: object, arrays: list[Array]) -> Any:
     writer = _WRITERS.get(type(value))
     if writer is not None:
         return writer(value, arrays)
+    if type(value) in ANSWERS.values():
+        return _object(value, arrays)
     if isinstance(value, bool | int | float | str | np.bool_ | np.integer | np.floating):
         return _plain(value)
     if isinstance(value, np.ndarray) or hasattr(value, "__array__"):
         return _array(np.asarray(value), arrays)
-    if isinstance(value, tuple | list | dict):  # a subclass travels as what it is
+    if isinstance(value, tuple | list | dict):  # a subclass travels as its base class
         return _WRITERS[next(kind for kind in (tuple, list, dict) if isinstance(value, kind))](value, arrays)
     raise ProtocolError(f"the answer cannot be sent: it holds a {type(value).__name__}")
 
@@ -149,15 +129,15 @@ def _array(value: Array, arrays: list[Array]) -> Any:
 
 
 def _object(value: object, arrays: list[Array]) -> Any:
-    cls: type[Any] = type(value)
+    cls: type = type(value)
     tree = {"@": cls.__name__}
-    for name in _NAMES[cls]:
+    for name in _names(cls):
         tree[name] = _written(getattr(value, name), arrays)
     return tree
 
 
-def _said(value: MethodAnswer, arrays: list[Array]) -> Any:
-    """One answer among many: what cannot be sent fails alone."""
+def _method_answer(value: MethodAnswer, arrays: list[Array]) -> Any:
+    """Write one answer of a set; an answer that cannot be sent becomes a reason, and spares the others."""
     kept = len(arrays)
     try:
         return _object(value, arrays)
@@ -175,21 +155,21 @@ _WRITERS: dict[type, Callable[[Any, list[Array]], Any]] = {
         "@": "dict",
         "items": [[_written(k, arrays), _written(v, arrays)] for k, v in value.items()],
     },
-    **dict.fromkeys(ENUMS.values(), lambda value, _: {"@": type(value).__name__, "value": value.value}),
+    **dict.fromkeys(WORDS.values(), lambda value, _: {"@": type(value).__name__, "value": str(value)}),
     **dict.fromkeys(CLASSES.values(), _object),
-    MethodAnswer: _said,
+    MethodAnswer: _method_answer,
 }
 
 
-# ---------------------------------------------------------------- in
+# ---------------------------------------------------------------- decoding
 
 
 _Reader = Callable[[Sequence[Array]], Any]
-"""Makes a value of the arrays of a frame. It is made of a tree once, for all frames with that tree."""
+"""Function that builds a value from the arrays of a message; made once for all messages with the same tree."""
 
 
-class _Same:
-    """A reader of what does not depend on arrays and cannot be changed."""
+class _Constant:
+    """Reader of an immutable value that holds no arrays."""
 
     def __init__(self, value: Any) -> None:
         self.value = value
@@ -198,18 +178,18 @@ class _Same:
         return self.value
 
 
-def value_of(form: Form, arrays: Sequence[Array]) -> Any:
-    """Value of a frame that has one.
+def value_of(header: MessageHeader, arrays: Sequence[Array], entry: str = "value") -> Any:
+    """Build the value of an entry of a message; each kind of message has one such entry at most.
 
     Raises
     ------
     ProtocolError
-        If its tree names anything unknown, or a field has not the declared type.
+        If its tree names an unknown type, or a field has not the declared type.
     """
     try:
-        if form.reader is None:
-            form.reader = _reader(form.told["value"])
-        return form.reader(arrays)
+        if header.reader is None:
+            header.reader = _reader(header.entries[entry])
+        return header.reader(arrays)
     except RecursionError:
         raise ProtocolError("the message is nested too deeply") from None
     except IndexError:
@@ -221,21 +201,22 @@ def _reader(tree: object) -> _Reader:
         items = [_reader(one) for one in tree]
         return lambda arrays: [read(arrays) for read in items]
     if isinstance(tree, str):
-        return _Same(_text(tree))
+        return _Constant(_text(tree))
     if not isinstance(tree, dict):
-        return _Same(tree)
+        return _Constant(tree)
     kind = tree.get("@")
     if not isinstance(kind, str):
         raise ProtocolError("an object of the message has no type")
-    if kind in CLASSES:
-        return _instance(CLASSES[kind], tree)
+    cls = CLASSES.get(kind) or ANSWERS.get(kind)
+    if cls is not None:
+        return _instance(cls, tree)
     with _readable(kind):
-        return _Same(ENUMS[kind](tree["value"])) if kind in ENUMS else _READERS[kind](tree)
+        return _Constant(WORDS[kind](tree["value"])) if kind in WORDS else _READERS[kind](tree)
 
 
 @contextmanager
 def _readable(kind: str) -> Iterator[None]:
-    """Say what cannot be read.
+    """Raise errors of the block as one that names the unreadable type.
 
     Raises
     ------
@@ -256,20 +237,20 @@ def _text(text: str) -> str:
 
 
 def _instance(cls: type, tree: dict[str, Any]) -> _Reader:
-    names = _NAMES[cls]
+    names = _names(cls)
     if tree.keys() != {"@", *names}:
         wrong = ", ".join(sorted(str(name)[:40] for name in tree.keys() ^ {"@", *names}))
         raise ProtocolError(f"a {cls.__name__} of the message has too many or too few fields: {wrong}")
     readers = {name: _reader(tree[name]) for name in names}
-    same = {name: read.value if isinstance(read, _Same) else None for name, read in readers.items()}
-    varying = [(name, read) for name, read in readers.items() if not isinstance(read, _Same)]
-    checked = cls in CHECKED
+    same = {name: read.value if isinstance(read, _Constant) else None for name, read in readers.items()}
+    varying = [(name, read) for name, read in readers.items() if not isinstance(read, _Constant)]
+    checked = bool(_declared(cls))
 
     def read(arrays: Sequence[Array]) -> object:
-        """A new object of the class, with its fields out of the arrays."""
+        """Build an object of the class, with its fields from the arrays."""
         value: Any = object.__new__(cls)
         content = value.__dict__
-        content.update(same)  # first, all of them: the order of the fields is that of the class
+        content.update(same)  # all names first: the order of the fields is that of the class
         for name, part in varying:
             content[name] = part(arrays)
         if checked:
@@ -280,7 +261,7 @@ def _instance(cls: type, tree: dict[str, Any]) -> _Reader:
 
 
 def _check(value: Any) -> None:
-    """See that what an engine says about itself has the declared types.
+    """Check that the description of an engine has the declared types, and that its numbers are possible.
 
     Raises
     ------
@@ -297,8 +278,9 @@ def _check(value: Any) -> None:
 
 
 def _complete(plan: Plan) -> bool:
-    """Whether a plan says something of every question."""
-    return all(q in plan.unsupported and (plan.unsupported[q] or q in plan.methods) for q in Question)
+    """Whether a plan has methods or refusals for every question that it must and that it does know."""
+    questions = {*STANDARD, *plan.unsupported}
+    return all(q in plan.unsupported and (plan.unsupported[q] or q in plan.methods) for q in questions)
 
 
 def _array_reader(tree: dict[str, Any]) -> _Reader:
@@ -310,8 +292,8 @@ def _array_reader(tree: dict[str, Any]) -> _Reader:
 
 def _tuple_reader(tree: dict[str, Any]) -> _Reader:
     items = [_reader(one) for one in tree["items"]]
-    if all(isinstance(read, _Same) for read in items):
-        return _Same(tuple(read(()) for read in items))
+    if all(isinstance(read, _Constant) for read in items):
+        return _Constant(tuple(read(()) for read in items))
     return lambda arrays: tuple([read(arrays) for read in items])
 
 
@@ -319,7 +301,7 @@ def _dict_reader(tree: dict[str, Any]) -> _Reader:
     items = [(_reader(k), _reader(v)) for k, v in tree["items"]]
 
     def read(arrays: Sequence[Array]) -> dict[Any, Any]:
-        """A new dict, with its keys and values out of the arrays."""
+        """Build a dict, with its keys and values from the arrays."""
         with _readable("dict"):
             return {key(arrays): value(arrays) for key, value in items}
 
@@ -337,14 +319,19 @@ _READERS: dict[str, Callable[[dict[str, Any]], _Reader]] = {
 
 
 @cache
-def _declared(cls: type[Any]) -> dict[str, Callable[[object], bool]]:
-    """By the name of a field that is checked: whether a value has its type."""
-    hints = get_type_hints(cls)
-    return {name: _fitting(hints[name]) for name in CHECKED.get(cls, ())}
+def _declared(cls: type) -> dict[str, Callable[[object], bool]]:
+    """Return the check of each field that must have its declared type, by name."""
+    if cls in ANSWERS.values():
+        shaped = {name for question in Question if question.answer is cls for name in question.shapes}
+        names = [name for name in _names(cls) if name not in shaped]
+    else:
+        names = list(CHECKED.get(cls, ()))
+    hints = get_type_hints(cls) if names else {}
+    return {name: _fitting(hints[name]) for name in names}
 
 
 def _fitting(hint: Any) -> Callable[[object], bool]:
-    """Make the check of a declared type."""
+    """Return the check of a declared type."""
     origin, inner = get_origin(hint), [_fitting(one) for one in get_args(hint) if one is not Ellipsis]
     if origin is UnionType:
         return lambda value: any(fits(value) for fits in inner)
@@ -352,7 +339,7 @@ def _fitting(hint: Any) -> Callable[[object], bool]:
         return lambda value: isinstance(value, tuple) and all(inner[0](one) for one in value)
     if origin is dict:
         return lambda value: isinstance(value, dict) and all(inner[0](k) and inner[1](v) for k, v in value.items())
-    if hint in (int, float):  # a truth value is no number, and a whole number is one
+    if hint in (int, float):  # a truth value is no number, an integer is a float
         return lambda value: isinstance(value, int | hint) and not isinstance(value, bool)
     return lambda value: hint is Any or isinstance(value, hint)
 

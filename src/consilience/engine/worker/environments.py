@@ -1,8 +1,8 @@
-"""Where a worker lives: in this environment, or in one of its own that holds one version of one engine.
+"""Environments of workers: this one, or a virtual environment with one version of one engine.
 
-An environment is built when it is first asked for, by uv where there is one and otherwise by venv and pip, and kept in
-the cache directory of the user. It holds what the adapter's ``worker-requirements.txt`` asks for, NumPy, and copies of
-the adapter and of the worker side of Consilience: the same adapter, so that what differs is the engine.
+An environment is built at its first use, by uv if installed and otherwise by venv and pip, and kept in the cache
+directory of the user. It contains the packages of the adapter's ``worker-requirements.txt``, NumPy, and copies of the
+adapter and of the worker side of Consilience: all versions of an engine are asked by the same adapter.
 """
 
 from __future__ import annotations
@@ -28,17 +28,22 @@ from consilience.engine.installation import REQUIREMENTS, adapter_file
 from consilience.engine.protocol import GROUP, installed, split_name
 from consilience.engine.worker.process import Launch
 
-WORKER_SIDE = ("__init__.py", "errors.py", "mechanism", "engine")
-"""Files and packages of Consilience that a worker and an adapter may import; they need NumPy alone."""
+SOURCES = Path(__file__).parents[2]
+
+WORKER_SIDE = (
+    *(SOURCES / "__init__.py", SOURCES / "errors.py", *sorted((SOURCES / "mechanism").rglob("*.py"))),
+    *(f for f in sorted((SOURCES / "engine").rglob("*.py")) if f.stem not in ("client", "process", "environments")),
+)
+"""Files of Consilience that a worker and an adapter may import; they import NumPy alone."""
 
 _VERSION = re.compile(r"[0-9][0-9A-Za-z.+!]*")
 
 LONGEST = 1800.0
-"""Time in s that an environment may take to build."""
+"""Time limit in s for building an environment."""
 
 
 class NoEnvironment(Exception):
-    """An environment that cannot be built, and why."""
+    """An environment cannot be built; the message says why."""
 
 
 def local_name(engine: str) -> str:
@@ -47,24 +52,24 @@ def local_name(engine: str) -> str:
 
 
 def cache_directory() -> Path:
-    """Folder for environments: ``$XDG_CACHE_HOME/consilience``, usually ``~/.cache/consilience``."""
+    """Return the folder for environments: ``$XDG_CACHE_HOME/consilience``, usually ``~/.cache/consilience``."""
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "consilience"
 
 
 def launch_of(engine: str, stopped: Callable[[], bool]) -> Launch:
-    """How to start the worker of an engine; builds its environment if there is none yet.
+    """Return how to start the worker of an engine; build its environment if there is none yet.
 
     Parameters
     ----------
     engine : str
-        ``NAME[:VARIANT][@VERSION]``; without a version the worker lives in this environment.
+        ``NAME[:VARIANT][@VERSION]``; without a version the worker runs in this environment.
     stopped : callable
-        Whether nobody waits any more.
+        Whether the job was given up.
 
     Raises
     ------
     NoEnvironment
-        If there is no such version, no network, or no adapter that can live elsewhere.
+        If there is no such version, no network, or no adapter that runs in an environment of its own.
     """
     base, _, asked = split_name(engine)
     if not asked:
@@ -79,7 +84,7 @@ def launch_of(engine: str, stopped: Callable[[], bool]) -> Launch:
     return Launch(str(python), (str(_sources(known[base], package)),), f"own environment: {about}")
 
 
-# ---------------------------------------------------------------- what it holds
+# ---------------------------------------------------------------- contents of an environment
 
 
 def _package(engine: str, point: EntryPoint) -> Path:
@@ -98,10 +103,8 @@ def _requirements(engine: str, package: Path, asked: str) -> list[str]:
 
 
 def _sources(point: EntryPoint, package: Path) -> Path:
-    """Folder with copies of the worker side and of the adapter, named by their content."""
-    here = Path(__file__).parents[2]
-    ours = [file for name in WORKER_SIDE for file in sorted((here / name).rglob("*.py")) or [here / name]]
-    files = {str(Path("consilience") / file.relative_to(here)): file for file in ours}
+    """Return a folder with copies of the worker side and of the adapter, named by a digest of their content."""
+    files = {str(Path("consilience") / file.relative_to(SOURCES)): file for file in WORKER_SIDE}
     files |= {str(Path(package.name) / f.relative_to(package)): f for f in sorted(package.rglob("*.py"))}
     contents = {name: file.read_bytes() for name, file in files.items()} | _metadata(point)
     digest = hashlib.sha256(json.dumps([[n, c.hex()] for n, c in sorted(contents.items())]).encode()).hexdigest()
@@ -119,7 +122,7 @@ def _sources(point: EntryPoint, package: Path) -> Path:
 
 
 def _metadata(point: EntryPoint) -> dict[str, bytes]:
-    """What makes the copies a distribution with an entry point."""
+    """Return the metadata files that make the copies a distribution with an entry point."""
     number = version("consilience")
     folder = f"consilience-{number}.dist-info"
     return {
@@ -128,11 +131,11 @@ def _metadata(point: EntryPoint) -> dict[str, bytes]:
     }
 
 
-# ---------------------------------------------------------------- how it is built
+# ---------------------------------------------------------------- building an environment
 
 
 def _environment(name: str, needs: list[str], stopped: Callable[[], bool]) -> tuple[Path, dict[str, str]]:
-    """Interpreter of an environment, and the versions of everything in it."""
+    """Return the interpreter of an environment, and the versions of its packages; build it if it is incomplete."""
     tag = hashlib.sha256(
         "\n".join([sys.base_prefix, sysconfig.get_platform(), sys.version, *needs]).encode()
     ).hexdigest()
@@ -140,7 +143,7 @@ def _environment(name: str, needs: list[str], stopped: Callable[[], bool]) -> tu
     record, python = folder / "consilience.json", folder / "bin" / "python"
     folder.parent.mkdir(parents=True, exist_ok=True)
     with _locked(folder.with_suffix(".lock"), stopped):
-        if not record.is_file():  # whatever is there was not finished
+        if not record.is_file():  # an earlier build did not finish
             shutil.rmtree(folder, ignore_errors=True)
             try:
                 _build(name, folder, python, needs, stopped)
@@ -167,19 +170,21 @@ def _build(name: str, folder: Path, python: Path, needs: list[str], stopped: Cal
         _run(name, [uv, "venv", "--quiet", "--python", sys.executable, str(folder)], stopped)
         _run(name, [uv, "pip", "install", "--quiet", "--python", str(python), *needs], stopped)
         return
-    ours = importlib.util.find_spec("pip") is not None  # then it needs none of its own, which takes longest to build
+    ours = (
+        importlib.util.find_spec("pip") is not None
+    )  # then the environment needs no pip, which takes longest to build
     _run(name, [sys.executable, "-m", "venv", *(["--without-pip"] if ours else []), str(folder)], stopped)
     pip = [sys.executable, "-m", "pip", "--python", str(python)] if ours else [str(python), "-m", "pip"]
     _run(name, [*pip, "install", "--quiet", "--disable-pip-version-check", *needs], stopped)
 
 
 def _run(name: str, command: list[str], stopped: Callable[[], bool]) -> str:
-    """Output of a command that is given up when nobody waits any more.
+    """Return the output of a command; kill it when the job was given up.
 
     Raises
     ------
     NoEnvironment
-        With the last thing it said that looks like a reason.
+        With the lines of its error output that name an error.
     """
     variables = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV")}
     until = time.monotonic() + LONGEST
@@ -203,7 +208,7 @@ def _run(name: str, command: list[str], stopped: Callable[[], bool]) -> str:
 
 @contextmanager
 def _locked(file: Path, stopped: Callable[[], bool]) -> Iterator[None]:
-    """Hold a lock that ends with the process, whatever happens to it."""
+    """Hold a lock on a file, which the system releases if the process dies."""
     with file.open("w") as handle:
         while True:
             try:

@@ -1,6 +1,6 @@
-"""The runner's side of one worker process: start it, exchange frames under limits, keep what it prints, end it.
+"""Runner's side of one worker process: start, exchange of frames under limits, output, end.
 
-psutil looks at its memory and finds what it leaves behind; the standard library does the rest.
+psutil reads the memory of the process and finds the processes that it leaves behind.
 """
 
 from __future__ import annotations
@@ -20,26 +20,26 @@ from dataclasses import dataclass
 
 import psutil
 
-from consilience.engine.worker.wire import Frame, Incoming, ProtocolError
+from consilience.engine.worker.wire import Incoming, Message, ProtocolError
 
 _SLICE = 0.05
-"""Time in s between two looks at the memory of a busy worker, at whether it lives, and at whether anybody waits."""
+"""Time in s between two checks of a busy worker: its memory, whether it lives, whether the job was given up."""
 
 LOG_LIMIT = 4000
 MOST_OUTPUT = 64 * 2**20
-"""Characters of the output of a job that are kept, and bytes of it beyond which the worker is stopped."""
+"""Characters of the output of a job that are kept, and bytes of output beyond which the worker is stopped."""
 
 _CHUNK = 2**16
 _LAST_WORDS = 0.2
-"""Time in s that a hanging worker has to say where it hangs, and a closed one to die."""
+"""Time in s that a hanging worker has to print its stack, and a worker with a closed connection to die."""
 
 _MARK = "CONSILIENCE_WORKER"
-"""Variable of the environment by which everything that a worker started is recognised."""
+"""Environment variable by which the processes that a worker started are recognised."""
 
 
 @dataclass(frozen=True)
 class Launch:
-    """How to start a worker: interpreter, folders it imports from, and what the environment is called."""
+    """How to start a worker: interpreter, folders for imports, and a remark that names the environment."""
 
     python: str
     path: tuple[str, ...]
@@ -47,7 +47,7 @@ class Launch:
 
 
 class Fault(Exception):
-    """The worker did not answer as it should; it must be replaced."""
+    """The worker died, or broke the protocol or a limit; the process must be replaced."""
 
 
 _F_SETSIG = 10
@@ -55,9 +55,9 @@ _F_SETSIG = 10
 
 
 def _tie(lifeline: int, group: int) -> None:
-    """Let a process group be killed when nobody can write to a pipe any more: nobody ever does, the runner has gone.
+    """Have the system kill a process group when the runner, the only holder of the other end of a pipe, has ended.
 
-    The signal belongs to the open pipe, not to a process: it is raised even while the worker starts, or is held up in
+    The signal belongs to the open pipe, not to a process: the system raises it even while the worker starts or runs
     native code.
     """
     if sys.platform == "linux":
@@ -73,12 +73,12 @@ class Process:
     ----------
     launch : Launch
     memory : int, bytes
-        Resident memory it may use.
+        Limit of its resident memory.
 
     Attributes
     ----------
     more : bool
-        Whether something has come along with the last answer.
+        Whether bytes arrived behind the last answer.
     """
 
     def __init__(self, launch: Launch, memory: int) -> None:
@@ -119,13 +119,13 @@ class Process:
     # ------------------------------------------------------------ frames
 
     def quiet(self) -> bool:
-        """Whether nothing has come that nobody asked for."""
+        """Whether no bytes have arrived without a job."""
         if self.more:
             return False
         return not dict(self._poll.poll(0)).get(self._channel, 0) & ~select.POLLOUT
 
-    def exchange(self, data: bytes, limit: float, stopped: Callable[[], bool]) -> Frame:
-        """Send frames and wait for one.
+    def exchange(self, data: bytes, limit: float, stopped: Callable[[], bool]) -> Message:
+        """Send frames and wait for one frame.
 
         Parameters
         ----------
@@ -133,22 +133,22 @@ class Process:
             May be empty.
         limit : float, s
         stopped : callable
-            Whether nobody waits for the answer any more.
+            Whether the job was given up.
 
         Raises
         ------
         Fault
-            In words, what happened instead. The process may still live.
+            With the reason in words. The process may still live.
         """
         coming = Incoming()
         try:
-            left = self._sent(memoryview(data))  # at once: most jobs fit into the buffer of the socket
+            left = self._sent(memoryview(data))  # most jobs fit into the buffer of the socket
             now = time.monotonic()
             deadline, look = now + limit, now + _SLICE
             while True:
                 self._expect(bool(left))
                 ready = dict(self._poll.poll(1000.0 * max(0.0, min(look, deadline) - now)))
-                if self._output in ready:  # first: what was printed before an answer belongs to it
+                if self._output in ready:  # first: output before an answer belongs to its job
                     self._listen()
                 event = ready.get(self._channel, 0)
                 if event & select.POLLOUT:
@@ -167,20 +167,20 @@ class Process:
             raise Fault(str(error)) from None
 
     def _expect(self, sending: bool) -> None:
-        """Wait for what comes, and for room in the socket while there is something to send."""
+        """Poll for data, and for room in the socket while bytes are left to send."""
         if sending is not self._sending:
             self._poll.modify(self._wire, select.POLLIN | (select.POLLOUT if sending else 0))
             self._sending = sending
 
     def _received(self, coming: Incoming) -> bool:
-        """Take what there is; whether the frame is complete.
+        """Read the available bytes; return whether the frame is complete.
 
         Raises
         ------
         ConnectionError
             At the end of the stream.
         ProtocolError
-            If this is no frame.
+            If the bytes are no frame.
         """
         try:
             while chunk := self._wire.recv(_CHUNK):
@@ -191,7 +191,7 @@ class Process:
         raise ConnectionResetError
 
     def _sent(self, data: memoryview) -> memoryview:
-        """Send what the socket takes now; what is left."""
+        """Send as many bytes as the socket takes now; return the rest."""
         try:
             while data:
                 data = data[self._wire.send(data) :]
@@ -200,7 +200,7 @@ class Process:
         return data
 
     def _look(self, coming: Incoming, stopped: Callable[[], bool], late: bool, limit: float) -> None:
-        """See that the worker lives, fits in its memory, and that somebody waits.
+        """Check that the worker lives, is within its memory and time, and that the job was not given up.
 
         Raises
         ------
@@ -219,7 +219,7 @@ class Process:
             raise Fault(f"no answer within {limit:g} s; the worker was stopped{_part(coming)}")
 
     def _gone(self, coming: Incoming) -> Fault:
-        """Why the other end is closed."""
+        """Return why the other end is closed."""
         with suppress(subprocess.TimeoutExpired):
             code = self._process.wait(_LAST_WORDS)
             return Fault(f"the worker died: {_death(code)}{_part(coming)}")
@@ -228,12 +228,12 @@ class Process:
     # ------------------------------------------------------------ output
 
     def _listen(self) -> None:
-        """Read what there is of the output.
+        """Read the available output.
 
         Raises
         ------
         Fault
-            If there is no end of it.
+            If there is too much output.
         """
         while True:
             try:
@@ -252,7 +252,7 @@ class Process:
                 return
 
     def printed(self) -> str:
-        """End of what was printed since the last call, as far as it was listened to."""
+        """Return the end of the output that was read since the last call."""
         if not self._printed:
             return ""
         text = self._log.decode(errors="replace")[-LOG_LIMIT:]
@@ -260,7 +260,7 @@ class Process:
         return text
 
     def _ask_where(self) -> None:
-        """Have a worker that hangs print its Python stack."""
+        """Make a hanging worker print its Python stack."""
         with suppress(ProcessLookupError):
             self._process.send_signal(signal.SIGUSR1)
         until = time.monotonic() + _LAST_WORDS
@@ -273,7 +273,7 @@ class Process:
     # ------------------------------------------------------------ the end
 
     def end(self) -> str:
-        """Kill the process and all it started; what it had printed last."""
+        """Kill the process and all processes it started; return the end of its output."""
         if not self._open:
             return ""
         with suppress(ProcessLookupError, PermissionError):
@@ -281,7 +281,7 @@ class Process:
         self._process.kill()
         self._process.wait()
         for pid in psutil.pids():
-            # a child that has left the group
+            # a child process that has left the process group
             with suppress(psutil.Error, OSError):
                 other = psutil.Process(pid)
                 if other.environ().get(_MARK) == self._mark:
@@ -299,7 +299,7 @@ class Process:
 
 
 def _part(coming: Incoming) -> str:
-    """What has come of an unfinished frame, in words."""
+    """Describe the received part of an incomplete frame."""
     whole = f" of {coming.announced}" if coming.announced else ""
     return f", after {len(coming)}{whole} bytes of an answer" if len(coming) else ""
 

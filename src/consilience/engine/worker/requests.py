@@ -1,15 +1,16 @@
-"""What a worker can be asked, and how an engine is asked it. The same functions serve an engine in this process."""
+"""Requests to an engine and their answers; the same functions serve an engine in a worker and one in this process."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import ParamSpec, TypeVar
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 
-from consilience.engine.answers import Manifest, Method, Question, Unsupported
+from consilience.engine.answers import Manifest, Method, Unsupported
 from consilience.engine.protocol import Engine
+from consilience.engine.questions import Question
 from consilience.mechanism import Array, Mechanism, State
 
 _P = ParamSpec("_P")
@@ -18,13 +19,13 @@ _T = TypeVar("_T")
 
 @dataclass(frozen=True)
 class Raised:
-    """What an engine raised in place of an answer."""
+    """Exception that an engine raised in place of an answer."""
 
     error: Exception
 
 
 def attempt(action: Callable[_P, _T], *given: _P.args, **named: _P.kwargs) -> _T | Raised:
-    """Let an engine act; what it raises is evidence about it. What judges its answers is to stay outside."""
+    """Call an engine and return its value or its exception; the judgement of answers must not be called so."""
     try:
         return action(*given, **named)
     except Exception as error:  # noqa: BLE001 - an engine, and its adapter, may raise anything
@@ -33,9 +34,23 @@ def attempt(action: Callable[_P, _T], *given: _P.args, **named: _P.kwargs) -> _T
 
 @dataclass(frozen=True, eq=False)
 class Request:
-    """One job of a worker. Without a question: describe yourself and, given a mechanism, plan.
+    """Job of a worker: one question, or several by all their methods, or a description of the engine or of its plan.
 
-    With several `survey` questions instead of one, say all there is to say to each of them.
+    Attributes
+    ----------
+    mechanism : Mechanism or None
+        None asks for the `EngineInfo`; a mechanism without questions for the `Plan`.
+    question : Question or None
+    method : Method or None
+    states : sequence of State
+    times : ndarray, shape (n_t,), s, or None
+        Samples of a motion.
+    step : float
+        Step size in s or tolerance.
+    survey : tuple of Question
+        Questions to be answered by all methods, in an `AnswerSet`.
+    parameters : dict
+        Further arguments of the question by name: arrays, numbers, text, and tuples and dicts of them.
     """
 
     mechanism: Mechanism | None = None
@@ -45,20 +60,30 @@ class Request:
     times: Array | None = None
     step: float = 0.0
     survey: tuple[Question, ...] = ()
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def state(self) -> State:
+        """The first state."""
+        return self.states[0]
+
+    def argument(self, name: str) -> object:
+        """Return an argument of the engine's method, as a row of the table names it."""
+        return self.parameters[name] if name in self.parameters else getattr(self, name)
 
 
 _WIDTHS = {"p_WB": 3, "quat_WB": 4, "v_WB_W": 3, "w_WB_W": 3}
-"""Fields of a state, in the order of a row, and what each has for one body."""
+"""Fields of a state in the order of a row, and their numbers of components for one body."""
 
 _WIDTH = sum(_WIDTHS.values())
 
 _FLOAT = np.dtype(float)
 
 
-def stacked(states: Sequence[State]) -> tuple[bytes, tuple[int, int]]:
-    """States of one mechanism as an array, its bytes and shape.
+def pack_states(states: Sequence[State]) -> tuple[bytes, tuple[int, int]]:
+    """Return states of one mechanism as the bytes of an array, and its shape.
 
-    One state in a row: positions of all bodies, then quaternions, and so on.
+    Each row holds one state: positions of all bodies, then quaternions, velocities and angular velocities.
     """
     parts = list[bytes]()
     for state in states:
@@ -66,13 +91,13 @@ def stacked(states: Sequence[State]) -> tuple[bytes, tuple[int, int]]:
     return b"".join(parts), (len(states), _WIDTH * len(states[0].p_WB))
 
 
-def states_of(table: Array) -> tuple[State, ...]:
-    """States of such an array, contiguous as what has come in a frame is; they share its memory.
+def unpack_states(table: Array) -> tuple[State, ...]:
+    """Return the states of a contiguous array as from `pack_states`; they share its memory.
 
     Raises
     ------
     ValueError
-        If it is none.
+        If the array has another type or shape.
     """
     if table.dtype != _FLOAT or table.ndim != 2 or table.shape[1] % _WIDTH:
         raise ValueError(f"an array of {table.dtype} and shape {table.shape} holds no states")
@@ -81,7 +106,7 @@ def states_of(table: Array) -> tuple[State, ...]:
 
 
 def _state(table: Array, at: int, bodies: int) -> State:
-    """Of a row that begins at a byte, without the checks of a state: it must be the runner's to the last bit."""
+    """Return the state of a row that begins at a byte, without the checks of `State`, which normalise quaternions."""
     state = object.__new__(State)
     content = state.__dict__
     for name, width in _WIDTHS.items():
@@ -92,26 +117,30 @@ def _state(table: Array, at: int, bodies: int) -> State:
 
 @dataclass(frozen=True)
 class Plan:
-    """What an engine says about a mechanism before it is asked anything."""
+    """Methods of an engine for a mechanism by question, features it cannot represent, and the manifest."""
 
     unsupported: dict[Question, tuple[Unsupported, ...]]
     methods: dict[Question, tuple[Method, ...]]
     manifest: Manifest
 
+    def refusals(self, question: Question) -> tuple[Unsupported, ...]:
+        """Return why a question is unsupported; empty if the engine answers it."""
+        return self.unsupported.get(question, _refusal(question, "the worker of the engine does not know the question"))
+
 
 @dataclass(frozen=True, eq=False)
 class MethodAnswer:
-    """What an engine said to one question by one method.
+    """Answer to one question by one method.
 
     Attributes
     ----------
     question : Question
     method : Method or None
-        None where the engine could not even be asked.
+        None where the engine gave no methods.
     answer : object
-        None if there is none.
+        None if there is no answer.
     reason : str
-        Why there is none.
+        Why there is no answer.
     """
 
     question: Question
@@ -122,31 +151,47 @@ class MethodAnswer:
 
 @dataclass(frozen=True, eq=False)
 class AnswerSet:
-    """All an engine said to some questions about one mechanism, and what it cannot represent of each."""
+    """Answers to several questions about one mechanism by all methods, and the unsupported features by question."""
 
     said: tuple[MethodAnswer, ...]
     unsupported: dict[Question, tuple[Unsupported, ...]]
 
 
 def perform(engine: Engine, request: Request) -> object:
-    """Let an engine do a job: an EngineInfo, a Plan, a Survey or an Answer from a sound engine; anything from another.
+    """Let an engine do a job.
+
+    Returns
+    -------
+    object
+        An EngineInfo, a Plan, an AnswerSet or an Answer; an unsound engine may return anything.
 
     Raises
     ------
     Exception
-        Whatever the engine raises.
+        Any exception of the engine.
     """
     if request.mechanism is None:
         return engine.info()
     if request.survey:
-        return _survey(engine, request.mechanism, request.states, request.survey)
+        return _survey(engine, request.mechanism, request)
     if request.question is None or request.method is None:
         return _plan(engine, request.mechanism)
-    return _ask(engine, request.mechanism, request)
+    return _ask(engine, request.mechanism, request.question, request)
+
+
+def _refusal(question: Question, reason: str) -> tuple[Unsupported, ...]:
+    return (Unsupported(f"the question '{question}'", reason),)
+
+
+def _unsupported(engine: Engine, mechanism: Mechanism, question: Question) -> tuple[Unsupported, ...]:
+    """Return the features an engine cannot represent; without a method of its name, the question itself is one."""
+    if not hasattr(engine, question):
+        return _refusal(question, "the adapter does not answer it")
+    return engine.unsupported(mechanism, question)
 
 
 def _plan(engine: Engine, mechanism: Mechanism) -> Plan:
-    unsupported = {q: engine.unsupported(mechanism, q) for q in Question}
+    unsupported = {q: _unsupported(engine, mechanism, q) for q in Question}
     can = [q for q in Question if not unsupported[q]]
     return Plan(
         unsupported,
@@ -155,37 +200,32 @@ def _plan(engine: Engine, mechanism: Mechanism) -> Plan:
     )
 
 
-def _ask(engine: Engine, mechanism: Mechanism, request: Request) -> object:
-    assert request.method is not None
-    if request.question is Question.MODEL:
-        return engine.model(mechanism, request.states[0], request.method)
-    if request.question is Question.INSTANT:
-        return engine.instant(mechanism, request.states, request.method)
-    assert request.times is not None
-    return engine.trajectory(mechanism, request.states[0], request.times, request.method, request.step)
+def _ask(engine: Engine, mechanism: Mechanism, question: Question, request: Request) -> object:
+    """Call the engine's method of the question's name with the arguments of the question's row."""
+    return getattr(engine, question)(mechanism, *map(request.argument, question.arguments))
 
 
 def offer(
     engine: Engine, mechanism: Mechanism, question: Question
 ) -> tuple[tuple[Unsupported, ...], tuple[Method, ...]]:
-    """What an engine cannot represent of a mechanism, and its methods if that is nothing."""
-    unsupported = engine.unsupported(mechanism, question)
+    """Return the features that an engine cannot represent, and its methods if there are none."""
+    unsupported = _unsupported(engine, mechanism, question)
     return unsupported, () if unsupported else engine.methods(mechanism, question)
 
 
-def _survey(engine: Engine, mechanism: Mechanism, states: Sequence[State], questions: Sequence[Question]) -> AnswerSet:
-    """Ask for what this is about alone: a whole plan would have the engine look into trajectories, too."""
+def _survey(engine: Engine, mechanism: Mechanism, request: Request) -> AnswerSet:
+    """Ask for the methods of the given questions alone: a plan would make the engine examine motions, too."""
     said, refusals = list[MethodAnswer](), dict[Question, tuple[Unsupported, ...]]()
-    for question in questions:
+    for question in request.survey:
         offered = attempt(offer, engine, mechanism, question)
         if isinstance(offered, Raised):
             said.append(MethodAnswer(question, None, None, raised(offered.error)))
             continue
         refusals[question], methods = offered
         if not methods and not refusals[question]:
-            said.append(MethodAnswer(question, None, None, "the adapter supports the question and offers no method"))
+            said.append(MethodAnswer(question, None, None, NO_METHOD))
         for method in methods:
-            answer = attempt(_ask, engine, mechanism, Request(mechanism, question, method, states))
+            answer = attempt(_ask, engine, mechanism, question, replace(request, method=method))
             if isinstance(answer, Raised):
                 said.append(MethodAnswer(question, method, None, raised(answer.error)))
             else:
@@ -193,11 +233,13 @@ def _survey(engine: Engine, mechanism: Mechanism, states: Sequence[State], quest
     return AnswerSet(tuple(said), refusals)
 
 
+NO_METHOD = "the adapter supports the question and offers no method"
+
 _MOST_WORDS = 2000
 
 
 def raised(error: BaseException) -> str:
-    """An exception in words."""
+    """Return type and message of an exception."""
     try:
         words = str(error)
     except Exception as worse:  # noqa: BLE001 - an exception of an adapter whose own message fails

@@ -1,14 +1,14 @@
-"""Frames of the protocol: a prefix of fixed size, a header in JSON, the buffers of the arrays.
+"""Frames of the protocol between runner and worker: a prefix of fixed size, a JSON header, the buffers of the arrays.
 
 ::
 
     magic "CNSL"   version   (2 zero bytes)   size of header   size of body   job      CPU time   header   body
     4 bytes        uint16                     uint32           uint64         uint64   float64    JSON     buffers
 
-Numbers of the prefix are little-endian: what differs from frame to frame. The header, the form, is an object of what
-often does not, so that it need be neither written nor read again: all that the frame says, and ``arrays``, which lists
-type (as NumPy writes it) and shape of every buffer. Each buffer begins at a multiple of 16 bytes. Whatever does not fit
-raises `ProtocolError`: frames come from processes that may be broken.
+Numbers of the prefix are little-endian; they differ from frame to frame. The header is a JSON object that is often the
+same in many frames, so that it need neither be written nor parsed again: the entries of the message, and ``arrays``,
+which lists type (as NumPy writes it) and shape of each buffer. Each buffer begins at a multiple of 16 bytes. Frames
+come from processes that may be broken: a frame that breaks these rules raises `ProtocolError`.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ PREFIX = struct.Struct("<4sHxxIQQd")
 
 MOST_HEADER = 8 * 2**20
 MOST_BODY = 2**30
-"""Sizes in bytes beyond which a frame is refused before any memory is given to it."""
+"""Largest sizes in bytes; a larger frame is refused before memory is allocated."""
 
 _SHOWN = 20
-"""Bytes of garbage that are shown."""
+"""Number of bytes of garbage that a message shows."""
 
 _ALIGNMENT = 16
 _MOST_ARRAYS = 100_000
@@ -44,59 +44,62 @@ _MOST_AXES = 8
 _DTYPE = re.compile(r"[<>|=]?[biufcUS][0-9]{1,6}")
 
 _MOST_REMEMBERED = 8192
-"""Size in bytes of a form beyond which it is not kept for the next frame."""
+"""Size in bytes beyond which a parsed header is not kept for the next frame."""
 
 _ENCODER = json.JSONEncoder(separators=(",", ":"))
 
 _FILLING = bytes(_ALIGNMENT)
 
-Header = dict[str, Any]
 _Place = tuple[np.dtype[Any], tuple[int, ...], int | None]
-"""Of an array: type, shape, where it begins in the body; None if it has no bytes there."""
+"""Type and shape of an array, and the byte of the body at which it begins; None for an array without elements."""
 
 
 class ProtocolError(Exception):
-    """What came is not what the protocol allows."""
+    """A frame or a value that the protocol does not allow."""
 
 
 @dataclass(eq=False, slots=True)
-class Form:
-    """What a frame has in common with others of its kind; remembered, so it is to be read and not changed.
+class MessageHeader:
+    """Parsed header of a frame; many messages share one, so that it must not be changed.
 
     Attributes
     ----------
-    told : dict
+    entries : dict
         The header without its list of arrays.
+    places : sequence
+        Type, shape and place in the body of each array.
+    size : int
+        Size of the body in bytes.
     reader : callable or None
-        What `codec.value_of` has made to read the value.
+        Function that `codec.value_of` has made to build the value from the arrays.
     """
 
-    told: Header
+    entries: dict[str, Any]
     places: Sequence[_Place] = ()
     size: int = 0
     reader: Callable[[Sequence[Array]], Any] | None = None
 
 
-class Frame(NamedTuple):
-    """One frame that has come: its form, its arrays, number of the job, CPU time in s."""
+class Message(NamedTuple):
+    """A frame that was read: its header, its arrays, number of the job, CPU time in s."""
 
-    form: Form
+    header: MessageHeader
     arrays: list[Array]
     job: int = 0
     cpu: float = 0.0
 
 
-def pack(told: Header, arrays: Sequence[Array] = (), job: int = 0, cpu: float = 0.0) -> bytes:
-    """One frame.
+def pack(entries: dict[str, Any], arrays: Sequence[Array] = (), job: int = 0, cpu: float = 0.0) -> bytes:
+    """Return the bytes of a frame.
 
     Parameters
     ----------
-    told : dict
-        What JSON can hold.
+    entries : dict
+        Values that JSON can hold.
     arrays : sequence of ndarray
-        Of numbers, booleans or text; any order in memory.
+        Arrays of numbers, booleans or text, in any memory order.
     job : int
-        Number of the job; 0 where there is none.
+        Number of the job; 0 for none.
     cpu : float, s
 
     Raises
@@ -105,23 +108,23 @@ def pack(told: Header, arrays: Sequence[Array] = (), job: int = 0, cpu: float = 
         If the frame is larger than the protocol allows.
     """
     listed = [(array.dtype, array.shape) for array in arrays]
-    return framed(written(told, listed), [array.tobytes() for array in arrays], job, cpu)
+    return pack_frame(pack_header(entries, listed), [array.tobytes() for array in arrays], job, cpu)
 
 
-def written(told: Header, listed: Iterable[tuple[np.dtype[Any], tuple[int, ...]]]) -> bytes:
-    """Header of a frame with arrays of these types and shapes."""
-    entries = ",".join(_listed(dtype, shape) for dtype, shape in listed)
-    rest = _ENCODER.encode(told)[1:]
-    return f'{{"arrays":[{entries}]{"," if told else ""}{rest}'.encode("ascii")
+def pack_header(entries: dict[str, Any], listed: Iterable[tuple[np.dtype[Any], tuple[int, ...]]]) -> bytes:
+    """Return the header of a frame with arrays of these types and shapes."""
+    arrays = ",".join(_array_entry(dtype, shape) for dtype, shape in listed)
+    rest = _ENCODER.encode(entries)[1:]
+    return f'{{"arrays":[{arrays}]{"," if entries else ""}{rest}'.encode("ascii")
 
 
-def framed(header: bytes, buffers: Sequence[bytes], job: int = 0, cpu: float = 0.0) -> bytes:
-    """Frame of a header that has been written, and of the bytes of its arrays.
+def pack_frame(header: bytes, buffers: Sequence[bytes], job: int = 0, cpu: float = 0.0) -> bytes:
+    """Return the frame of a header as from `pack_header` and of the bytes of its arrays.
 
     Raises
     ------
     ProtocolError
-        If it is larger than the protocol allows.
+        If the frame is larger than the protocol allows.
     """
     parts, size = [b"", header], 0
     for buffer in buffers:
@@ -136,18 +139,18 @@ def framed(header: bytes, buffers: Sequence[bytes], job: int = 0, cpu: float = 0
 
 
 @lru_cache(1000)
-def _listed(dtype: np.dtype[Any], shape: tuple[int, ...]) -> str:
-    """Entry of an array in the header."""
+def _array_entry(dtype: np.dtype[Any], shape: tuple[int, ...]) -> str:
+    """Return the entry of an array in the header."""
     return _ENCODER.encode([dtype.str, list(shape)])
 
 
-def opened(data: bytes | bytearray) -> tuple[int, int, int, float]:
-    """Sizes of header and body, number of the job and CPU time, from the prefix that data begin with.
+def read_prefix(data: bytes | bytearray) -> tuple[int, int, int, float]:
+    """Return the sizes of header and body, the number of the job and the CPU time from the prefix of a frame.
 
     Raises
     ------
     ProtocolError
-        If it is no prefix, of another version, or announces too much.
+        If the data begin with no prefix, or with one of another version or of too large a frame.
     """
     magic, version, header, body, job, cpu = PREFIX.unpack_from(data)
     if magic != MAGIC:
@@ -158,29 +161,30 @@ def opened(data: bytes | bytearray) -> tuple[int, int, int, float]:
     return header, body, job, cpu
 
 
-def unpack(header: bytes, body: bytearray) -> tuple[Form, list[Array]]:
-    """Form and arrays of a frame; the arrays share the memory of `body`.
+def unpack(header: bytes, body: bytearray) -> tuple[MessageHeader, list[Array]]:
+    """Parse header and arrays of a frame; the arrays share the memory of `body`.
 
     Raises
     ------
     ProtocolError
-        If the header is no object of JSON, or its arrays do not fill the body.
+        If the header is no JSON object, or its arrays do not fill the body.
     """
-    form = (_form if len(header) <= _MOST_REMEMBERED else _form.__wrapped__)(header)
-    if form.size != len(body):
-        raise ProtocolError(f"the arrays fill {form.size} of the {len(body)} bytes of the body")
-    return form, [
-        np.empty(shape, dtype) if at is None else np.ndarray(shape, dtype, body, at) for dtype, shape, at in form.places
+    parsed = (_parsed if len(header) <= _MOST_REMEMBERED else _parsed.__wrapped__)(header)
+    if parsed.size != len(body):
+        raise ProtocolError(f"the arrays fill {parsed.size} of the {len(body)} bytes of the body")
+    return parsed, [
+        np.empty(shape, dtype) if at is None else np.ndarray(shape, dtype, body, at)
+        for dtype, shape, at in parsed.places
     ]
 
 
 class Incoming:
-    """What has come of a stream of frames.
+    """Received part of a stream of frames.
 
     Attributes
     ----------
     announced : int
-        Size of the frame that is coming; 0 while that is unknown.
+        Size in bytes of the incomplete frame; 0 while its prefix is incomplete.
     """
 
     def __init__(self) -> None:
@@ -192,26 +196,26 @@ class Incoming:
         return len(self._data)
 
     def add(self, chunk: bytes) -> bool:
-        """Take what has come; whether there is a complete frame.
+        """Add received bytes; return whether a frame is complete.
 
         Raises
         ------
         ProtocolError
-            If this is no frame.
+            If the bytes begin no frame.
         """
         if not self._data:
-            self._data = chunk  # most frames come in one
+            self._data = chunk  # most frames arrive in one chunk
         elif chunk:
             if isinstance(self._data, bytes):
                 self._data = bytearray(self._data)
             self._data += chunk
         if self._prefix is None and len(self._data) >= PREFIX.size:
-            self._prefix = opened(self._data)
+            self._prefix = read_prefix(self._data)
             self.announced = PREFIX.size + self._prefix[0] + self._prefix[1]
         return self._prefix is not None and len(self._data) >= self.announced
 
-    def take(self) -> Frame:
-        """The complete frame; what has come after it remains.
+    def take(self) -> Message:
+        """Remove the complete frame and return it as a message.
 
         Raises
         ------
@@ -223,21 +227,21 @@ class Incoming:
         text, body = bytes(data[PREFIX.size : start]), bytearray(memoryview(data)[start:end])
         self._data = b"" if len(data) == end else data[end:]
         self._prefix, self.announced = None, 0
-        return Frame(*unpack(text, body), job, cpu)
+        return Message(*unpack(text, body), job, cpu)
 
 
 @lru_cache(256)
-def _form(header: bytes) -> Form:
-    """Read a header."""
+def _parsed(header: bytes) -> MessageHeader:
+    """Parse a header."""
     try:
-        told = json.loads(header.decode("ascii"))
+        entries = json.loads(header.decode("ascii"))
     except UnicodeDecodeError:
         raise ProtocolError("the header is not in ASCII") from None
     except (ValueError, RecursionError) as error:
         raise ProtocolError(f"the header is no JSON: {error}") from None
-    if not isinstance(told, dict):
+    if not isinstance(entries, dict):
         raise ProtocolError("the header is no object")
-    listed = told.pop("arrays", None)
+    listed = entries.pop("arrays", None)
     if not isinstance(listed, list) or len(listed) > _MOST_ARRAYS:
         raise ProtocolError("the header lists no arrays, or too many")
     places, at = list[_Place](), 0
@@ -252,11 +256,11 @@ def _form(header: bytes) -> Form:
         at += -(-size // _ALIGNMENT) * _ALIGNMENT
         if at > MOST_BODY:
             raise ProtocolError(f"the arrays need more than {MOST_BODY} bytes")
-    return Form(told, places, at)
+    return MessageHeader(entries, places, at)
 
 
 def _type(name: str, shape: list[int]) -> np.dtype[Any]:
-    """Type of an array."""
+    """Return the type that an entry names, if type and shape are allowed."""
     sound = _DTYPE.fullmatch(name) and len(shape) <= _MOST_AXES and all(0 <= n <= MOST_BODY for n in shape)
     if sound and _nonzero(shape) <= MOST_BODY:
         with suppress(TypeError):
@@ -265,7 +269,7 @@ def _type(name: str, shape: list[int]) -> np.dtype[Any]:
 
 
 def _nonzero(shape: Iterable[int]) -> int:
-    """Product of the lengths that are not zero: what an empty array may pretend to hold."""
+    """Return the product of the lengths that are not zero, which bounds an empty array, too."""
     return math.prod(n for n in shape if n)
 
 

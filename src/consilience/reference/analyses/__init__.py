@@ -1,4 +1,4 @@
-"""Analyses on the reference solver: freedom, equilibrium, vibrations, driven motion, inverse problems, sensitivity."""
+"""Analyses with the reference: freedom, equilibrium, vibrations, driven motion, inverse problems, sensitivity."""
 
 from __future__ import annotations
 

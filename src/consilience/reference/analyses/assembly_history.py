@@ -1,9 +1,9 @@
-"""Assembly with emphasised coordinates, and how Newton's method went: residual, step and worst row of each iteration.
+"""Assembly with emphasised coordinates and the history of Newton's method: residual, step and worst row.
 
     x <- x + s (Q; R)^+ -(g; q - q_d)
 
-with the rows R of the emphasised coordinates, held at q_d [MASS, "kinematical assembling"]: the same iteration as
-`consilience.mechanism.assemble_positions`, traced. Near the solution residuals square from one iteration to the next.
+with the rows R of the emphasised coordinates, held at q_d [MASS, "kinematical assembling"], as in
+`consilience.mechanism.assemble_positions`. Near the solution convergence is quadratic.
 """
 
 from __future__ import annotations
@@ -17,19 +17,19 @@ from numpy.typing import ArrayLike
 from consilience.errors import CannotAssemble
 from consilience.mechanism import RANK_TOLERANCE, Mechanism, State, move
 from consilience.mechanism.assembly import (
-    _CONVERGED,
-    _MAX_ITERATIONS,
-    _held,
-    _largest,
-    _refuse_flipped,
-    _row_names,
-    _system,
+    CONVERGED,
+    MAX_ITERATIONS,
+    held_coordinates,
+    largest_residual,
+    linear_system,
+    refuse_flipped,
+    row_names,
 )
 
 
 @dataclass(frozen=True)
 class Iteration:
-    """One iterate of the assembly.
+    """One iterate of an assembly.
 
     Attributes
     ----------
@@ -42,9 +42,9 @@ class Iteration:
     worst : str
         Name of that row.
     step : float
-        Largest component of the Newton step that led here (m and rad), before it was shortened; 0 for the guess.
+        Largest component (m and rad) of the Newton step to this iterate before shortening; 0 for the guess.
     scale : float
-        Fraction of the step that was taken: below 1 where it would have exceeded a metre or a radian.
+        Fraction of the step taken: below 1 if the step exceeded a metre or a radian.
     """
 
     number: int
@@ -57,12 +57,12 @@ class Iteration:
 
 @dataclass(frozen=True, eq=False)
 class Assembly:
-    """An assembled state and the way to it.
+    """Assembled state and history of the iteration.
 
     Attributes
     ----------
     state : State
-        The last iterate; consistent unless there is a failure. Velocities are those of the guess.
+        Last iterate, consistent unless `failure` is set. Velocities are those of the guess.
     history : tuple of Iteration
     failure : CannotAssemble or None
         Why the mechanism could not be assembled.
@@ -76,48 +76,48 @@ class Assembly:
 def assemble_with_history(
     mechanism: Mechanism, guess: State, emphasised: Mapping[str, Mapping[str, ArrayLike]] | None = None
 ) -> Assembly:
-    """Assemble as `consilience.mechanism.assembly.assemble_positions` does, and keep the history.
+    """Assemble as `consilience.mechanism.assemble_positions`, and record the history.
 
     Parameters
     ----------
     mechanism : Mechanism
     guess : State
-        For example `consilience.mechanism.assembly.drawing_state`.
+        For example `consilience.mechanism.drawing_state`.
     emphasised : mapping of joint name to mapping of coordinate name to value
-        Joint coordinates that are held (m, rad, quaternions); everything else moves as little as possible.
+        Joint coordinates to hold (m, rad, quaternions); all bodies move as little as possible.
 
     Returns
     -------
     Assembly
-        Whether or not the iteration converged: the history is what explains a failure.
+        Also if the iteration did not converge.
 
     Raises
     ------
     InvalidInput
         Unknown joints or coordinates.
     """
-    held = _held(mechanism, emphasised or {}, "emphasised")
-    names = _row_names(mechanism, held, velocities=False)
+    held = held_coordinates(mechanism, emphasised or {}, "emphasised")
+    names = row_names(mechanism, held, velocities=False)
     state = guess
     history: list[Iteration] = []
-    residual, jacobian = _system(mechanism, state, held, 0.0)
+    residual, jacobian = linear_system(mechanism, state, held, 0.0)
 
     def note(step: float, scale: float) -> None:
         worst = names[int(np.argmax(np.abs(residual)))] if len(residual) else "none"
         norm = float(np.linalg.norm(residual))
-        history.append(Iteration(len(history), norm, _largest(residual), worst, step, scale))
+        history.append(Iteration(len(history), norm, largest_residual(residual), worst, step, scale))
 
     note(0.0, 1.0)
-    for _ in range(_MAX_ITERATIONS):
-        error = _largest(residual)
+    for _ in range(MAX_ITERATIONS):
+        error = largest_residual(residual)
         if error == 0.0:
             break
         step = np.linalg.lstsq(jacobian, -residual, rcond=RANK_TOLERANCE)[0]
-        longest = _largest(step)
+        longest = largest_residual(step)
         scale = min(1.0, 1.0 / max(longest, 1e-300))
         trial = move(state, scale * step)
-        trial_residual, trial_jacobian = _system(mechanism, trial, held, 0.0)
-        if error < _CONVERGED and _largest(trial_residual) >= error:
+        trial_residual, trial_jacobian = linear_system(mechanism, trial, held, 0.0)
+        if error < CONVERGED and largest_residual(trial_residual) >= error:
             break
         state, residual, jacobian = trial, trial_residual, trial_jacobian
         note(longest, scale)
@@ -125,14 +125,14 @@ def assemble_with_history(
 
 
 def _failure(mechanism: Mechanism, state: State, last: Iteration) -> CannotAssemble | None:
-    if last.largest > _CONVERGED * max(1.0, _largest(state.p_WB)):
+    if last.largest > CONVERGED * max(1.0, largest_residual(state.p_WB)):
         return CannotAssemble(
             f"mechanism '{mechanism.name}': {last.worst}",
             f"it stays violated by {last.largest:.3g} after {last.number} iterations",
             "Draw the mechanism closer to an assembled pose, or hold fewer or other joint coordinates.",
         )
     try:
-        _refuse_flipped(mechanism, state)
+        refuse_flipped(mechanism, state)
     except CannotAssemble as failure:
         return failure
     return None

@@ -1,4 +1,4 @@
-"""Degrees of freedom: the counts of Kutzbach, the rank of the constraints, and what redundancy leaves open [EXU]."""
+"""Degrees of freedom: Kutzbach's count, rank of the constraints, undetermined reactions [EXU]."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from consilience.mechanism import (
 
 @dataclass(frozen=True)
 class Freedom:
-    """Degrees of freedom of a mechanism of p bodies and q constraint rows in one state.
+    """Degrees of freedom of p bodies with q constraint rows at one state.
 
     Attributes
     ----------
@@ -33,11 +33,11 @@ class Freedom:
     rank : int
         Rank of the constraint Jacobian Q.
     freedom : int
-        Degrees of freedom in truth, ``6 p - rank Q``.
+        Degrees of freedom, ``6 p - rank Q``.
     redundant : int
         Rows that depend on the others, ``q - rank Q``.
     undetermined : tuple of str
-        Joints of whose reactions at least one component is not determined by equilibrium.
+        Joints with at least one reaction component that equilibrium does not determine.
     """
 
     kutzbach: int
@@ -55,7 +55,7 @@ def count_freedom(mechanism: Mechanism, state: State) -> Freedom:
     ----------
     mechanism : Mechanism
     state : State
-        Consistent state; the rank is that of this configuration, and a singular one (a dead centre) has its own.
+        Consistent state; at a singular pose (a dead centre) the rank is lower.
 
     Returns
     -------
@@ -81,6 +81,7 @@ def count_freedom(mechanism: Mechanism, state: State) -> Freedom:
 
 
 def _rank(matrix: Array) -> int:
+    """Return the numerical rank by singular values."""
     if matrix.size == 0:
         return 0
     singular = np.linalg.svd(matrix, compute_uv=False)
@@ -88,7 +89,7 @@ def _rank(matrix: Array) -> int:
 
 
 def _relative_freedom(mechanism: Mechanism, state: State, joint: Joint) -> tuple[Array, Array]:
-    """Velocities of the successor's origin and angular ones that the joint leaves, world axes, each (freedom, 3)."""
+    """Return the free velocities of the successor's origin and angular velocities, world axes, each (freedom, 3)."""
     frames = joint_frames(mechanism, state, joint)
     rows = np.array([row_jacobian(frames, row)[6:] for row in joint.rows]).reshape(-1, 6)
     basis = np.linalg.svd(rows)[2][len(rows) :]
@@ -96,9 +97,9 @@ def _relative_freedom(mechanism: Mechanism, state: State, joint: Joint) -> tuple
 
 
 def _planar_count(mechanism: Mechanism, state: State) -> int | None:
-    """``3 p - q_planar`` if there is a normal parallel to every free rotation and square to every free translation.
+    """Return ``3 p - q_planar`` if a normal is parallel to all free rotations and orthogonal to all free translations.
 
-    Of which point the translation is does not matter: rotation about the normal moves all of them square to it.
+    The reference point is arbitrary: rotation about the normal moves every point orthogonally to it.
     """
     conditions = [np.zeros((3, 3))]
     for joint in mechanism.joints:

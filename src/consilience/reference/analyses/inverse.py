@@ -1,4 +1,7 @@
-"""Inverse dynamics of trees: the efforts in the joints that make a given motion, and the reactions with them."""
+"""Inverse dynamics of trees: joint efforts and reactions of given accelerations.
+
+S^T (lam, tau) = M a - f,    S: rows of the joints and of their coordinates                [EXU; C4 section 4.1.1]
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,6 @@ import numpy as np
 
 from consilience.errors import InvalidInput
 from consilience.mechanism import (
-    GROUND,
     JOINT_KINDS,
     Array,
     Joint,
@@ -18,33 +20,30 @@ from consilience.mechanism import (
     constraint_gamma,
     constraint_jacobian,
     cross,
-    joint_frames,
-    reaction_map,
-    row_gamma,
-    row_jacobian,
 )
-from consilience.reference.analyses.statics import Values, applied_forces, solver_velocities
+from consilience.reference.analyses.joint_rows import coordinate_rows
+from consilience.reference.analyses.statics import JointValues, applied_forces, solver_velocities
 from consilience.reference.bodies.arrays import flatten
+from consilience.reference.bodies.canonical import joint_wrenches
 from consilience.reference.bodies.mass_metric import mass_matrix
 
-_TRANSLATIONS = {"distance": "Z", "x": "X", "y": "Y"}
 _CONSISTENT = 1e-9
-"""Violation of ``Q a = gamma`` up to which given body accelerations count as possible, relative."""
+"""Largest relative violation of ``Q a = gamma`` by given body accelerations."""
 
 JointAccelerations = Mapping[str, Mapping[str, float]]
 
 
 @dataclass(frozen=True, eq=False)
 class InverseDynamics:
-    """Efforts and reactions that go with given accelerations.
+    """Efforts and reactions of given accelerations.
 
     Attributes
     ----------
     efforts : dict of joint name to dict of coordinate name to float
-        Force along (N) or torque about (N m) the axis of each joint coordinate, on the successor, its opposite on
-        the predecessor; in addition to springs, dampers and loads of the mechanism.
+        Force along (N) or torque about (N m) the axis of each joint coordinate on the successor, its opposite on the
+        predecessor, in addition to springs, dampers and loads.
     force_F, torque_F : ndarray, shape (n_j, 3), N and N m
-        Reactions of the joints on their successors, at the origins of M, in axes of F; without the efforts.
+        Joint reactions on the successors, at the origins of M, axes of F, without the efforts.
     """
 
     efforts: dict[str, dict[str, float]]
@@ -55,7 +54,7 @@ class InverseDynamics:
 def inverse_dynamics(
     mechanism: Mechanism, state: State, accelerations: JointAccelerations | Array, t: float = 0.0
 ) -> InverseDynamics:
-    """Efforts about and along the free joint axes that give a tree the accelerations asked for.
+    """Compute the efforts along and about the joint axes that give a tree the required accelerations.
 
     Parameters
     ----------
@@ -64,8 +63,8 @@ def inverse_dynamics(
     state : State
         Consistent state.
     accelerations : mapping of joint name to mapping of coordinate name to float, or ndarray, shape (n_b, 6)
-        Second time derivatives of all joint coordinates (m/s^2, rad/s^2); or those of all bodies, ``a_WB_W`` of the
-        origin and ``alpha_WB_W``, in world axes, which must be possible under the joints.
+        Second derivatives of all joint coordinates (m/s^2, rad/s^2); or ``a_WB_W`` of the body origins and
+        ``alpha_WB_W``, world axes, consistent with the joints.
     t : float, s
         Time of actuators, histories of loads and targets of controllers, whose integrals are zero.
 
@@ -80,16 +79,15 @@ def inverse_dynamics(
 
     Notes
     -----
-    The rows of the joints and of their coordinates together are square and regular in a tree. With S these rows, the
-    multipliers and efforts are the solution of ``S^T (lam, tau) = M a - f`` [EXU; C4 section 4.1.1].
+    For a tree S is square and regular; one solution gives multipliers and efforts.
     """
     free = _coordinates(mechanism)
-    rows, drift = _coordinate_rows(mechanism, state, free)
+    rows, drift = coordinate_rows(mechanism, state, free)
     Q, gamma = constraint_jacobian(mechanism, state), constraint_gamma(mechanism, state)
     S = np.vstack([Q, rows])
     if isinstance(accelerations, Mapping):
-        asked = _asked(free, accelerations)
-        a = np.linalg.solve(S, np.concatenate([gamma, asked - drift]))
+        required = _required(free, accelerations)
+        a = np.linalg.solve(S, np.concatenate([gamma, required - drift]))
     else:
         a = _possible(mechanism, Q, gamma, accelerations)
     unknowns = np.linalg.solve(S.T, missing_forces(mechanism, state, a, t))
@@ -97,16 +95,12 @@ def inverse_dynamics(
     efforts: dict[str, dict[str, float]] = {}
     for (joint, coordinate), effort in zip(free, tau, strict=True):
         efforts.setdefault(joint.name, {})[coordinate] = float(effort)
-    wrenches, start = np.zeros((len(mechanism.joints), 6)), 0
-    for n, joint in enumerate(mechanism.joints):
-        end = start + len(joint.rows)
-        wrenches[n] = reaction_map(mechanism, state, joint) @ lam[start:end]
-        start = end
+    wrenches = joint_wrenches(mechanism, state, lam)
     return InverseDynamics(efforts, wrenches[:, :3], wrenches[:, 3:])
 
 
 def _coordinates(mechanism: Mechanism) -> list[tuple[Joint, str]]:
-    """All joint coordinates of a tree of joints with scalar ones."""
+    """Return all joint coordinates of a tree; refuse loops and joints without scalar coordinates."""
     if len(mechanism.joints) != len(mechanism.bodies):
         raise InvalidInput(
             f"mechanism '{mechanism.name}'",
@@ -130,27 +124,8 @@ def _coordinates(mechanism: Mechanism) -> list[tuple[Joint, str]]:
     return free
 
 
-def _coordinate_rows(mechanism: Mechanism, state: State, free: list[tuple[Joint, str]]) -> tuple[Array, Array]:
-    """Rows R (d, 6 n_b) and drift (d,) with ``q'' = R a + drift``; forces of unit efforts are the columns of R^T."""
-    rows, drift = np.zeros((len(free), 6 * len(mechanism.bodies))), np.zeros(len(free))
-    for n, (joint, coordinate) in enumerate(free):
-        f = joint_frames(mechanism, state, joint)
-        if coordinate in _TRANSLATIONS:
-            pair = row_jacobian(f, _TRANSLATIONS[coordinate])
-            drift[n] = -row_gamma(f, _TRANSLATIONS[coordinate])
-        else:
-            # the second angle of a universal joint is about x of M, every other about z of F
-            axis = f.W[:, 0] if coordinate == "angle2" else f.U[:, 2]
-            pair = np.concatenate([np.zeros(3), -axis, np.zeros(3), axis])
-            drift[n] = float(axis @ cross(f.w_j, f.w_i))  # the axis turns with one side or the other: it is the same
-        for body, columns in ((joint.predecessor, pair[:6]), (joint.successor, pair[6:])):
-            if body != GROUND:
-                i = mechanism.body_index[body]
-                rows[n, 6 * i : 6 * i + 6] = columns
-    return rows, drift
-
-
-def _asked(free: list[tuple[Joint, str]], accelerations: JointAccelerations) -> Array:
+def _required(free: list[tuple[Joint, str]], accelerations: JointAccelerations) -> Array:
+    """Return the required accelerations in the order of the coordinates; each must be given once."""
     known = {(joint.name, coordinate) for joint, coordinate in free}
     given = {(name, coordinate) for name, by in accelerations.items() for coordinate in by}
     for name, coordinate in sorted(known ^ given):
@@ -160,6 +135,7 @@ def _asked(free: list[tuple[Joint, str]], accelerations: JointAccelerations) -> 
 
 
 def _possible(mechanism: Mechanism, Q: Array, gamma: Array, accelerations: Array) -> Array:
+    """Return body accelerations, shape (6 n_b,); refuse those that violate the joints."""
     shape = (len(mechanism.bodies), 6)
     a = np.asarray(accelerations, dtype=float)
     if a.shape != shape:
@@ -170,10 +146,20 @@ def _possible(mechanism: Mechanism, Q: Array, gamma: Array, accelerations: Array
     return a.ravel()
 
 
-def missing_forces(mechanism: Mechanism, state: State, a: Array, t: float = 0.0, near: Values | None = None) -> Array:
-    """``M a - f`` about the bodies' origins, world axes, shape (6 n_b,): what reactions and efforts must give.
+def missing_forces(
+    mechanism: Mechanism, state: State, a: Array, t: float = 0.0, near: JointValues | None = None
+) -> Array:
+    """Return ``M a - f`` about the body origins, world axes, shape (6 n_b,): the sum of reactions and efforts.
 
-    Forces are those of `statics.applied_forces`, at the time t and with angles counted from `near`.
+    Parameters
+    ----------
+    mechanism : Mechanism
+    state : State
+    a : ndarray, shape (6 n_b,)
+        a_WB_W and alpha_WB_W of all bodies (m/s^2, rad/s^2).
+    t : float, s
+    near : mapping of joint to mapping of coordinate to value, optional
+        Full turns of angles are counted from these values.
     """
     T = solver_velocities(mechanism, state)
     R_WB = state.R_WB

@@ -1,14 +1,14 @@
-"""Inverse kinematics: the pose of a mechanism that brings a point, or a frame, of one body to a target.
+"""Inverse kinematics: pose of a mechanism with a point, or a frame, of one body at a target.
 
-Along the free directions N of the joints (``Q N = 0``) the task velocity is ``(p', w) = J y'``. With e the error of
-the task and d the displacement from here back to the guess, a step is
+In the free directions N of the joints (``Q N = 0``) the task velocity is ``(p', w) = J y'``. With the task error e and
+the displacement d from the current pose to the guess, a step is
 
     y = J^T (J J^T + mu^2 1)^-1 e,                    until e = 0 (Levenberg, Marquardt),
     y = J^+ e + s (1 - J^+ J) N^T d,                   until (1 - J^+ J) N^T d = 0,
 
-each followed by assembly. Translations are divided by the length of the mechanism, so that they count like radians.
-Of all poses that meet the task, the second line leads to the one closest to the guess: the least sum over all bodies of
-squared translations of the origins (over the length) and rotation angles, where ``(1 - J^+ J) N^T d`` is its gradient.
+each followed by assembly. Translations are divided by the length of the mechanism. The second line leads to the pose
+closest to the guess among all poses that meet the task: ``(1 - J^+ J) N^T d`` is the gradient of the sum over all
+bodies of squared translations of the origins (over the length) and squared rotation angles.
 """
 
 from __future__ import annotations
@@ -34,29 +34,29 @@ from consilience.mechanism import (
     rotation_vector_from_quaternion,
     skew,
 )
+from consilience.reference.analyses.statics import at_rest
 
 _ACCURATE = 1e-12
-"""Task error, rad and lengths of the mechanism, at which Newton's method has nothing left to gain."""
+"""Task error, rad and lengths of the mechanism, at the level of rounding."""
 _STEPS = 100
 _STARTS = 3
-"""Attempts, all but the first from a guess that is shaken: at a singular pose the target may lie where J does not
-point, though it is in reach."""
+"""Attempts, all but the first from a perturbed guess: at a singular pose J may not point to a target within reach."""
 _SHAKES, _SHAKE = 4, 0.3
 _LONGEST = 0.5
 _DAMPING = 1e-3
 _STATIONARY = 1e-7
-"""Gradient of the task error, over the error, at which no small motion brings the target closer."""
+"""Gradient of the task error, over the error, at a local minimum."""
 _CLOSEST = 1e-9
-"""Gradient of the distance to the guess at which the redundancy counts as resolved."""
+"""Gradient of the distance to the guess at its minimum."""
 
 
 class Unreachable(ConsilienceError):
-    """No pose was found that meets the target; the message gives the distance that remains."""
+    """No pose meets the target; the message tells the remaining distance."""
 
 
 @dataclass(frozen=True, eq=False)
-class _Task:
-    """What is asked: a point of a body at p, its orientation at quat (or None); lengths divided by `length`."""
+class _PoseTask:
+    """Task: a point of a body at p, the orientation of the body quat (or None); lengths are divided by `length`."""
 
     mechanism: Mechanism
     body: str
@@ -67,8 +67,8 @@ class _Task:
 
 
 @dataclass(frozen=True, eq=False)
-class _Pose:
-    """A pose, scaled free directions N, task Jacobian J and error e."""
+class _TaskPose:
+    """Pose with scaled free directions N, task Jacobian J and task error e."""
 
     state: State
     N: Array
@@ -89,7 +89,7 @@ def inverse_kinematics(
     orientation: ArrayLike | None = None,
     tolerance: float = 1e-10,
 ) -> State:
-    """Pose in which a point of a body is at a target.
+    """Find a pose in which a point of a body is at a target.
 
     Parameters
     ----------
@@ -99,25 +99,25 @@ def inverse_kinematics(
     point : array_like, shape (3,), m
         In body axes, from the body's origin.
     target : array_like, shape (3,), m
-        Where the point shall be, world axes.
+        Target of the point, world axes.
     guess : State
-        Pose to start from; it chooses the branch (elbow up or down). Velocities are ignored.
+        Initial pose, which chooses the branch (elbow up or down). Velocities are ignored.
     orientation : array_like, shape (4,), optional
-        Unit quaternion ``quat_WB`` that the body shall have; any without it.
+        Required unit quaternion ``quat_WB`` of the body; any orientation if not given.
     tolerance : float
-        Error up to which the target is met, rad and lengths of the mechanism.
+        Largest task error, rad and lengths of the mechanism.
 
     Returns
     -------
     State
-        Assembled, at rest. What the target leaves open changes least from the guess (see the module).
+        Assembled, at rest; redundant freedoms change least from the guess (see the module).
 
     Raises
     ------
     InvalidInput
         Unknown body, arrays of wrong shape.
     Unreachable
-        With the distance, and the angle, left in the closest pose found.
+        With the remaining distance and angle of the closest pose found.
     CannotAssemble
         If the guess cannot be assembled.
     """
@@ -127,7 +127,7 @@ def inverse_kinematics(
     quat = None if orientation is None else _vector(orientation, 4, "orientation")
     if quat is not None and abs(float(np.linalg.norm(quat)) - 1.0) > 1e-9:
         raise InvalidInput("inverse kinematics: orientation", "the quaternion is not unit", "Normalise it.")
-    task = _Task(
+    task = _PoseTask(
         mechanism,
         body,
         _vector(point, 3, "point"),
@@ -139,11 +139,11 @@ def inverse_kinematics(
     rng = np.random.default_rng(0)
     best = _pose(task, start)
     for attempt in range(_STARTS):
-        first = _pose(task, start) if attempt == 0 else _shaken(task, start, rng)
-        found = _towards(task, first)
+        first = _pose(task, start) if attempt == 0 else _perturbed(task, start, rng)
+        found = _meet(task, first)
         best = found if found.error < best.error or attempt == 0 else best
         if best.error <= tolerance:
-            return _at_rest(_closest(task, best, start, tolerance))
+            return at_rest(_closest(task, best, start, tolerance))
     raise Unreachable(_remaining(task, best))
 
 
@@ -154,17 +154,12 @@ def _vector(value: ArrayLike, n: int, name: str) -> Array:
     return a
 
 
-def _at_rest(state: State) -> State:
-    zeros = np.zeros_like(state.p_WB)
-    return State(state.p_WB, state.quat_WB, zeros, zeros)
-
-
-def _scales(task: _Task) -> Array:
-    """Displacement (m, rad) per scaled one, shape (6 n_b,)."""
+def _scales(task: _PoseTask) -> Array:
+    """Return the scales of displacements (m, rad), shape (6 n_b,)."""
     return np.tile([task.length] * 3 + [1.0] * 3, len(task.mechanism.bodies))
 
 
-def _pose(task: _Task, state: State) -> _Pose:
+def _pose(task: _PoseTask, state: State) -> _TaskPose:
     mechanism, i = task.mechanism, task.mechanism.body_index[task.body]
     scales = _scales(task)
     Q = constraint_jacobian(mechanism, state) * scales
@@ -177,26 +172,27 @@ def _pose(task: _Task, state: State) -> _Pose:
     if task.quat is not None:
         rows.append(of_body[3:])
         errors.append(_turn(state.quat_WB[i], task.quat))
-    return _Pose(state, N, np.vstack(rows), np.concatenate(errors))
+    return _TaskPose(state, N, np.vstack(rows), np.concatenate(errors))
 
 
 def _turn(start: Array, end: Array) -> Array:
-    """Rotation vector, world axes, that takes one orientation to another."""
+    """Return the rotation vector, world axes, from one orientation to another."""
     conjugate = start * np.array([1.0, -1.0, -1.0, -1.0])
     return rotation_vector_from_quaternion(quaternion_product(end, conjugate))
 
 
-def _stepped(task: _Task, pose: _Pose, y: Array) -> _Pose | None:
-    """The pose after a step, of at most half a radian, along the free directions; None if it cannot be assembled."""
+def _stepped(task: _PoseTask, pose: _TaskPose, y: Array) -> _TaskPose | None:
+    """Return the pose after a step of at most half a radian along the free directions; None if not assembled."""
     step = pose.N @ y
     step *= min(1.0, _LONGEST / max(float(np.max(np.abs(step), initial=0.0)), 1e-300))
     try:
         return _pose(task, assemble_positions(task.mechanism, move(pose.state, _scales(task) * step)))
-    except CannotAssemble:  # past the end of a link's reach
+    except CannotAssemble:  # out of reach
         return None
 
 
-def _shaken(task: _Task, start: State, rng: np.random.Generator) -> _Pose:
+def _perturbed(task: _PoseTask, start: State, rng: np.random.Generator) -> _TaskPose:
+    """Return the guess after random steps along the free directions."""
     pose = _pose(task, start)
     for _ in range(_SHAKES):
         trial = _stepped(task, pose, np.asarray(rng.normal(scale=_SHAKE, size=pose.N.shape[1])))
@@ -204,14 +200,14 @@ def _shaken(task: _Task, start: State, rng: np.random.Generator) -> _Pose:
     return pose
 
 
-def _towards(task: _Task, pose: _Pose) -> _Pose:
-    """Levenberg-Marquardt until the task is met or no step makes it better."""
+def _meet(task: _PoseTask, pose: _TaskPose) -> _TaskPose:
+    """Minimise the task error by the Levenberg-Marquardt method."""
     mu = _DAMPING
     for _ in range(_STEPS):
         if pose.error < _ACCURATE or mu > 1e8 or np.linalg.norm(pose.J.T @ pose.e) < _STATIONARY * pose.error:
             break
         U, s, Vt = np.linalg.svd(pose.J, full_matrices=False)
-        damping = mu * min(1.0, pose.error)  # vanishes with the error: the last steps are Newton's
+        damping = mu * min(1.0, pose.error)  # vanishes with the error: Newton's method at the end
         factors = s / (s * s + damping * damping) if damping else np.zeros_like(s)
         trial = _stepped(task, pose, Vt.T @ (factors * (U.T @ pose.e)))
         if trial is not None and trial.error < pose.error:
@@ -224,14 +220,14 @@ def _towards(task: _Task, pose: _Pose) -> _Pose:
     return pose
 
 
-def _displacement(task: _Task, state: State, start: State) -> Array:
-    """Scaled displacement of all bodies from a pose back to the guess, (6 n_b,)."""
+def _displacement(task: _PoseTask, state: State, start: State) -> Array:
+    """Return the scaled displacement of all bodies from a pose to the guess, shape (6 n_b,)."""
     turns = np.array([_turn(a, b) for a, b in zip(state.quat_WB, start.quat_WB, strict=True)])
     return np.hstack([(start.p_WB - state.p_WB) / task.length, turns]).ravel()
 
 
-def _closest(task: _Task, pose: _Pose, start: State, tolerance: float) -> State:
-    """Along the poses that meet the task to the one closest to the guess."""
+def _closest(task: _PoseTask, pose: _TaskPose, start: State, tolerance: float) -> State:
+    """Minimise the distance to the guess among the poses that meet the task."""
     d, size = _displacement(task, pose.state, start), 1.0
     for _ in range(_STEPS):
         inverse = np.linalg.pinv(pose.J, rcond=1e-6)
@@ -240,7 +236,7 @@ def _closest(task: _Task, pose: _Pose, start: State, tolerance: float) -> State:
         if float(np.linalg.norm(pull)) < _CLOSEST or size < 1e-6:
             break
         trial = _stepped(task, pose, size * pull)
-        met = None if trial is None else _towards(task, trial)
+        met = None if trial is None else _meet(task, trial)
         if met is not None and met.error <= tolerance:
             back = _displacement(task, met.state, start)
             if float(back @ back) < float(d @ d):
@@ -250,7 +246,7 @@ def _closest(task: _Task, pose: _Pose, start: State, tolerance: float) -> State:
     return pose.state
 
 
-def _remaining(task: _Task, pose: _Pose) -> str:
+def _remaining(task: _PoseTask, pose: _TaskPose) -> str:
     distance = task.length * float(np.linalg.norm(pose.e[:3]))
     angle = f" and {float(np.linalg.norm(pose.e[3:])):.6g} rad" if task.quat is not None else ""
     return (

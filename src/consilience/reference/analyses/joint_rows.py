@@ -1,9 +1,9 @@
-"""Rates and accelerations of joint coordinates as rows on the velocities of the bodies, for every kind of coordinate.
+"""Rows of joint coordinates: rates and accelerations from those of the bodies.
 
     q' = R (v, w),    q'' = R (a, alpha) + drift
 
-in the velocities of the bodies' origins, world axes. Forces of unit efforts along the coordinates are the columns of
-``R^T``. The second derivative of an orientation is that of its angular velocity, taken in axes of F.
+with velocities of the body origins, world axes. The columns of ``R^T`` are the forces of unit efforts in the
+coordinates. The second derivative of an orientation is that of its angular velocity in axes of F.
 """
 
 from __future__ import annotations
@@ -25,25 +25,26 @@ from consilience.mechanism import (
     relative_motion,
     row_gamma,
 )
-from consilience.mechanism.assembly import _held_rows, _scatter
+from consilience.mechanism.assembly import held_rows
+from consilience.mechanism.joint_rows import scatter
 
-Coordinate = tuple[Joint, str]
+JointCoordinate = tuple[Joint, str]
 
 _SPACES = {"position": ("X", "Y", "Z"), "distance": ("Z",), "x": ("X",), "y": ("Y",)}
 
 
 def width(coordinate: str) -> int:
-    """Number of rows of a joint coordinate: three for a position and an orientation."""
+    """Return the number of rows of a joint coordinate: three for a position or orientation, else one."""
     return 3 if coordinate in ("position", "orientation") else 1
 
 
-def named_coordinate(mechanism: Mechanism, joint: str, coordinate: str, where: str) -> Coordinate:
-    """The coordinate of that name.
+def named_coordinate(mechanism: Mechanism, joint: str, coordinate: str, where: str) -> JointCoordinate:
+    """Return the joint coordinate of a name.
 
     Raises
     ------
     InvalidInput
-        Unknown joint, or a coordinate that the joint has not.
+        Unknown joint or coordinate.
     """
     if joint not in mechanism.joint_index:
         raise InvalidInput(where, f"there is no joint '{joint}'", f"Joints are: {', '.join(mechanism.joint_index)}.")
@@ -57,37 +58,39 @@ def named_coordinate(mechanism: Mechanism, joint: str, coordinate: str, where: s
     return found, coordinate
 
 
-def all_coordinates(mechanism: Mechanism) -> list[Coordinate]:
-    """All joint coordinates, in the order of the joints."""
+def all_coordinates(mechanism: Mechanism) -> list[JointCoordinate]:
+    """Return all joint coordinates in the order of the joints."""
     return [(joint, name) for joint in mechanism.joints for name in JOINT_KINDS[joint.kind].coordinates]
 
 
-def coordinate_rows(mechanism: Mechanism, state: State, wanted: Sequence[Coordinate]) -> tuple[Array, Array]:
-    """Rows R (m, 6 n_b) and drift (m,) of the wanted coordinates, those of a vector coordinate one below another."""
+def coordinate_rows(mechanism: Mechanism, state: State, wanted: Sequence[JointCoordinate]) -> tuple[Array, Array]:
+    """Return rows R, shape (m, 6 n_b), and drift, shape (m,), of the wanted coordinates."""
     rows, drift = [np.zeros((0, 6 * len(mechanism.bodies)))], [np.zeros(0)]
     for joint, coordinate in wanted:
-        pairs = _held_rows(mechanism, state, joint, coordinate)
-        rows.append(_scatter(mechanism, joint, pairs))
+        pairs = held_rows(mechanism, state, joint, coordinate)
+        rows.append(scatter(mechanism, joint, pairs))
         f = joint_frames(mechanism, state, joint)
         if coordinate in _SPACES:
             drift.append(-np.array([row_gamma(f, row) for row in _SPACES[coordinate]]))
-        else:  # an axis turns with one side of the joint or the other: what that adds is the same
+        else:  # axes fixed to F or to M have the same drift
             drift.append(pairs[:, 9:] @ cross(f.w_j, f.w_i))
     return np.vstack(rows), np.concatenate(drift)
 
 
-def counted_on(value: float, near: float) -> float:
-    """The angle that differs from `value` by full turns and is closest to `near`."""
+def nearest_turn(value: float, near: float) -> float:
+    """Return the angle that differs from `value` by full turns and is nearest to `near`, rad."""
     return value + 2.0 * np.pi * round((near - value) / (2.0 * np.pi))
 
 
-def coordinate_values(mechanism: Mechanism, state: State, near: Mapping[Coordinate, Array]) -> dict[Coordinate, Array]:
-    """Values of the coordinates that are keys of `near`, angles counted on from there."""
-    values: dict[Coordinate, Array] = {}
+def coordinate_values(
+    mechanism: Mechanism, state: State, near: Mapping[JointCoordinate, Array]
+) -> dict[JointCoordinate, Array]:
+    """Return the values of the coordinates in `near`, angles and signs of quaternions nearest to those values."""
+    values: dict[JointCoordinate, Array] = {}
     for (joint, name), before in near.items():
         value = joint_coordinates(joint, relative_motion(mechanism, state, joint))[name]
         if name.startswith("angle"):
-            value = np.asarray(counted_on(float(value), float(before)))
+            value = np.asarray(nearest_turn(float(value), float(before)))
         elif name == "orientation" and value @ before < 0:
             value = -value
         values[joint, name] = value

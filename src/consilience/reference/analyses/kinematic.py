@@ -1,16 +1,15 @@
-"""Kinematic (driven) analysis: as many joint coordinates prescribed in time as there are degrees of freedom.
+"""Kinematic analysis: motion prescribed by drives of as many joint coordinates as there are degrees of freedom.
 
-By the drives of the mechanism itself, by Python functions, or both. With Q the rows of joints and couplings and R those
-of the driven coordinates (`joint_rows`), in every instant
+With Q the rows of joints and couplings and R the rows of the driven coordinates (`joint_rows`), at every instant
 
     g(x) = 0,  q(x) = q_d(t),        Q v = 0,  R v = q_d',        Q a = gamma,  R a = q_d'' - drift,
 
-positions by Newton's method with an SVD step, velocities and accelerations by one linear solve each [INTRO; MASS,
-"inverse dynamics problems, algebraic equations"; C4 section 4.1.1]. Then the forces, with ``S = (Q; R)``,
+positions by Newton's method, velocities and accelerations by one linear system each [INTRO; MASS, "inverse dynamics
+problems, algebraic equations"; C4 section 4.1.1]. Forces, with ``S = (Q; R)``:
 
     S^T (lam, tau) = M a - f,
 
-reactions lam and drive efforts tau. In a mechanism with redundant rows lam is of least norm; tau is determined.
+reactions lam and drive efforts tau. With redundant rows lam is of least norm; tau is unique.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ from consilience.mechanism import (
 )
 from consilience.reference.analyses.inverse import missing_forces
 from consilience.reference.analyses.joint_rows import (
-    Coordinate,
+    JointCoordinate,
     all_coordinates,
     coordinate_rows,
     coordinate_values,
@@ -42,7 +41,7 @@ from consilience.reference.analyses.joint_rows import (
     width,
 )
 from consilience.reference.analyses.placing import acceleration_rows, place, require_holonomic
-from consilience.reference.bodies.canonical import joint_wrenches
+from consilience.reference.bodies.canonical import joint_wrenches, sample_times
 
 DriveFunction = Callable[[float], tuple[ArrayLike, ArrayLike, ArrayLike] | Array]
 """Value, rate and acceleration of a joint coordinate at a time: floats (m, rad), three numbers for a position (axes of
@@ -52,21 +51,20 @@ Drives = Mapping[tuple[str, str], DriveFunction]
 """Drives by the names of joint and coordinate."""
 
 _TRUST = 0.1
-"""Largest correction, rad and lengths of the mechanism, of the predicted pose up to which it counts as the same
-branch; beyond it the step in time is halved."""
+"""Largest correction of a predicted pose on the same branch, rad and lengths of the mechanism."""
 _SINGULAR = 1e-6
-"""Margin below which drives do not determine the motion: poses are found to the root of rounding at a dead centre."""
+"""Margin below which drives do not determine the motion; at a dead centre poses have the root of rounding errors."""
 _SMALLEST_STEP = 2.0**-20
 """Fraction of a sampling interval at which halving stops."""
 
 
 class SingularDrive(ConsilienceError):
-    """A pose in which the drives do not determine the motion (a dead centre), or past which they cannot go."""
+    """A pose where the drives do not determine the motion (a dead centre), or beyond which no pose exists."""
 
 
 @dataclass(frozen=True, eq=False)
 class KinematicMotion:
-    """Motion that drives prescribe, at n_t times.
+    """Motion prescribed by drives, at n_t times.
 
     Attributes
     ----------
@@ -77,8 +75,8 @@ class KinematicMotion:
     a_WB_W, alpha_WB_W : ndarray, shape (n_t, n_b, 3)
         Accelerations of the bodies' origins (m/s^2) and angular accelerations (rad/s^2), world axes.
     coordinates : dict of joint name to dict of coordinate name to ndarray, shape (n_t,) or (n_t, 3 or 4)
-        All joint coordinates, driven or not. Angles are counted over full turns, from the value of the drive, others
-        from within half a turn of zero; quaternions keep their sign.
+        All joint coordinates. Angles are counted over full turns from the value of the drive, others from within half
+        a turn of zero; quaternions are continuous.
     margin : ndarray, shape (n_t,)
         Smallest over largest singular value of ``(Q; R)`` without the redundant rows: zero at a dead centre.
     """
@@ -94,18 +92,18 @@ class KinematicMotion:
 
 @dataclass(frozen=True, eq=False)
 class DrivenDynamics:
-    """Drive efforts and reactions along a driven motion.
+    """Drive efforts and reactions along a prescribed motion.
 
     Attributes
     ----------
     efforts : dict of joint name to dict of coordinate name to ndarray, shape (n_t,) or (n_t, 3)
-        Force along (N) or torque about (N m) each driven coordinate, on the successor, its opposite on the
-        predecessor, in addition to springs, dampers and loads; of a position or orientation in axes of F.
+        Force along (N) or torque about (N m) each driven coordinate on the successor, its opposite on the predecessor,
+        in addition to springs, dampers and loads; of a position or orientation in axes of F.
     couplings : dict of coupling name to ndarray, shape (n_t,)
         Efforts of the couplings in the coupled coordinates, on the successors.
     force_F, torque_F : ndarray, shape (n_t, n_j, 3), N and N m
-        Reactions on the successors at the origins of M, axes of F, without the efforts; of least norm where redundant
-        rows leave them open (`consilience.mechanism.observables.determinate_reactions`).
+        Joint reactions on the successors at the origins of M, axes of F, without the efforts; undetermined components
+        of least norm (`consilience.mechanism.determinate_reactions`).
     """
 
     efforts: dict[str, dict[str, Array]]
@@ -121,24 +119,24 @@ class _Sample:
     t: float
     state: State
     a: Array
-    values: dict[Coordinate, Array]
+    values: dict[JointCoordinate, Array]
     margin: float
 
 
 def kinematic_motion(mechanism: Mechanism, drives: Drives, times: ArrayLike, guess: State) -> KinematicMotion:
-    """Positions, velocities and accelerations of all bodies under prescribed joint coordinates.
+    """Compute positions, velocities and accelerations of all bodies for prescribed joint coordinates.
 
     Parameters
     ----------
     mechanism : Mechanism
-        Tree or loops, redundant rows included, drives and couplings of its own.
+        Tree or loops, also with redundant rows, drives and couplings.
     drives : mapping of (joint, coordinate) to function of time
-        Beside the drives of the mechanism; empty if those are all. Together as many as there are degrees of freedom
-        (see `DriveFunction`). Rates and accelerations must be the derivatives of the values.
+        Drives in addition to those of the mechanism, in all as many as there are degrees of freedom (see
+        `DriveFunction`). Rates and accelerations must be the derivatives of the values.
     times : array_like, shape (n_t,), s
         Increasing.
     guess : State
-        Pose to assemble from at ``times[0]``: it chooses the branch. Velocities are ignored.
+        Initial pose of the assembly at ``times[0]``, which chooses the branch. Velocities are ignored.
 
     Returns
     -------
@@ -147,23 +145,19 @@ def kinematic_motion(mechanism: Mechanism, drives: Drives, times: ArrayLike, gue
     Raises
     ------
     InvalidInput
-        Unknown coordinates, drives that are more or fewer than the degrees of freedom, values of a wrong shape, rolling
-        bodies and skates, whose positions do not follow from drives.
+        Unknown coordinates, a wrong number of drives, values of a wrong shape, rolling bodies and skates.
     CannotAssemble
         If the first pose cannot be assembled.
     SingularDrive
-        At a dead centre, or where the drives ask for a pose out of reach; with the time and the drive.
+        At a dead centre or a pose out of reach; with the time and the drive.
 
     Notes
     -----
-    Each pose is predicted from the last by its velocities and accelerations and corrected by Newton's method. Where
-    the correction exceeds 0.1 rad or lengths of the mechanism, intermediate times are inserted, so that the motion
-    stays on its branch however far apart the samples are. A change point of a flat linkage is passed on the smooth
-    branch if no sample lies on it.
+    Each pose is predicted from the last velocities and accelerations and corrected by Newton's method. If the
+    correction exceeds 0.1 rad or lengths of the mechanism, the time step is halved: the branch does not depend on the
+    sampling. A change point of a flat linkage is passed on the smooth branch if no sample lies on it.
     """
-    t = np.asarray(times, dtype=float)
-    if t.ndim != 1 or len(t) < 1 or not np.all(np.isfinite(t)) or np.any(np.diff(t) <= 0):
-        raise InvalidInput("times", "they do not increase", "Give finite, increasing sample times.")
+    t = sample_times(times)
     functions = _functions(mechanism, drives)
     driven = {named_coordinate(mechanism, *name, "drives"): function for name, function in functions.items()}
     mechanism = replace(mechanism, drives=())
@@ -186,7 +180,7 @@ def kinematic_motion(mechanism: Mechanism, drives: Drives, times: ArrayLike, gue
 
 
 def _functions(mechanism: Mechanism, drives: Drives) -> dict[tuple[str, str], DriveFunction]:
-    """All drives, those of the mechanism first."""
+    """Return all drives, those of the mechanism first."""
     why = "it holds velocities: positions depend on the way, and not on the drives alone"
     require_holonomic(mechanism, why, "Integrate the motion: drives hold there, too.")
     functions: dict[tuple[str, str], DriveFunction] = {}
@@ -214,8 +208,10 @@ def _gathered(samples: Sequence[_Sample], names: tuple[tuple[str, str], ...]) ->
     )
 
 
-def _asked(driven: Mapping[Coordinate, DriveFunction], t: float) -> tuple[dict[Coordinate, Array], Array, Array]:
-    """Values by coordinate, and rates and accelerations in the order of the rows."""
+def _prescribed(
+    driven: Mapping[JointCoordinate, DriveFunction], t: float
+) -> tuple[dict[JointCoordinate, Array], Array, Array]:
+    """Evaluate the drives: values by coordinate, rates and accelerations in the order of the rows."""
     values, rates, accelerations = {}, [np.zeros(0)], [np.zeros(0)]
     for (joint, name), function in driven.items():
         given = [np.asarray(part, dtype=float) for part in function(t)]
@@ -233,8 +229,8 @@ def _asked(driven: Mapping[Coordinate, DriveFunction], t: float) -> tuple[dict[C
     return values, np.concatenate(rates), np.concatenate(accelerations)
 
 
-def _first(mechanism: Mechanism, driven: Mapping[Coordinate, DriveFunction], t: float, guess: State) -> _Sample:
-    values, rates, accelerations = _asked(driven, t)
+def _first(mechanism: Mechanism, driven: Mapping[JointCoordinate, DriveFunction], t: float, guess: State) -> _Sample:
+    values, rates, accelerations = _prescribed(driven, t)
     unturned = {"orientation": np.array([1.0, 0.0, 0.0, 0.0])}
     near = {(j, c): values.get((j, c), unturned.get(c, np.zeros(()))) for j, c in all_coordinates(mechanism)}
     try:
@@ -258,14 +254,14 @@ def _check_count(mechanism: Mechanism, state: State, rows: int) -> None:
 
 
 def _next(
-    mechanism: Mechanism, driven: Mapping[Coordinate, DriveFunction], sample: _Sample, t: float
+    mechanism: Mechanism, driven: Mapping[JointCoordinate, DriveFunction], sample: _Sample, t: float
 ) -> _Sample | None:
-    """The sample at a later time on the same branch, or None if it is too far away to be sure of that."""
-    values, rates, accelerations = _asked(driven, t)
+    """Return the sample at a later time on the same branch, or None if the step is too long."""
+    values, rates, accelerations = _prescribed(driven, t)
     state, h = sample.state, t - sample.t
     v = np.hstack([state.v_WB_W, state.w_WB_W]).ravel()
     step = h * v + 0.5 * h * h * sample.a
-    if _size(mechanism, step) > 1.0:  # angles would no longer be counted with certainty
+    if _size(mechanism, step) > 1.0:  # full turns would be ambiguous
         return None
     predicted = move(state, step)
     try:
@@ -279,14 +275,14 @@ def _next(
 
 def _solved(
     mechanism: Mechanism,
-    driven: Mapping[Coordinate, DriveFunction],
+    driven: Mapping[JointCoordinate, DriveFunction],
     t: float,
     placed: State,
-    near: Mapping[Coordinate, Array],
+    near: Mapping[JointCoordinate, Array],
     rates: Array,
     accelerations: Array,
 ) -> _Sample:
-    """Velocities and accelerations at an assembled pose."""
+    """Solve for velocities and accelerations at an assembled pose."""
     counted = coordinate_values(mechanism, placed, near)
     Q, _ = acceleration_rows(mechanism, placed, counted)
     rows, _ = coordinate_rows(mechanism, placed, list(driven))
@@ -306,12 +302,13 @@ def _solved(
 
 
 def _least_squares(S: Array, b: Array) -> Array:
+    """Solve by least squares with one refinement."""
     x = np.linalg.lstsq(S, b, rcond=RANK_TOLERANCE)[0]
-    return x + np.linalg.lstsq(S, b - S @ x, rcond=RANK_TOLERANCE)[0]  # removes the rounding of the first pass
+    return x + np.linalg.lstsq(S, b - S @ x, rcond=RANK_TOLERANCE)[0]
 
 
 def _size(mechanism: Mechanism, step: Array) -> float:
-    """Largest rotation (rad) or translation (lengths of the mechanism) of a step, shape (6 n_b,)."""
+    """Return the largest rotation (rad) or translation (lengths of the mechanism) of a step, shape (6 n_b,)."""
     motion = np.abs(step).reshape(-1, 6)
     return max(float(np.max(motion[:, :3])) / characteristic_length(mechanism), float(np.max(motion[:, 3:])))
 
@@ -321,8 +318,10 @@ def _distance(mechanism: Mechanism, one: State, other: State) -> float:
     return max(translation, float(np.max(rotation_angle_between(one.quat_WB, other.quat_WB))))
 
 
-def _weakest(mechanism: Mechanism, driven: Mapping[Coordinate, DriveFunction], t: float, Q: Array, rows: Array) -> str:
-    """The drive that determines least, and the body that it leaves free, for messages."""
+def _weakest(
+    mechanism: Mechanism, driven: Mapping[JointCoordinate, DriveFunction], t: float, Q: Array, rows: Array
+) -> str:
+    """Describe the drive that determines the motion least, and the body that it leaves free."""
     _, singular, Vt = np.linalg.svd(Q) if len(Q) else (None, np.zeros(0), np.eye(Q.shape[1]))
     N = Vt[int(np.sum(singular > _SINGULAR * np.max(singular, initial=0.0))) :].T
     U, _, Vt = np.linalg.svd(rows @ N)
@@ -335,7 +334,7 @@ def _weakest(mechanism: Mechanism, driven: Mapping[Coordinate, DriveFunction], t
     )
 
 
-def _stuck(mechanism: Mechanism, driven: Mapping[Coordinate, DriveFunction], sample: _Sample) -> SingularDrive:
+def _stuck(mechanism: Mechanism, driven: Mapping[JointCoordinate, DriveFunction], sample: _Sample) -> SingularDrive:
     Q, _ = acceleration_rows(mechanism, sample.state, sample.values)
     rows, _ = coordinate_rows(mechanism, sample.state, list(driven))
     where = _weakest(mechanism, driven, sample.t, Q, rows)
@@ -345,13 +344,13 @@ def _stuck(mechanism: Mechanism, driven: Mapping[Coordinate, DriveFunction], sam
 
 
 def driven_dynamics(mechanism: Mechanism, motion: KinematicMotion) -> DrivenDynamics:
-    """Efforts of the drives and reactions of the joints along a driven motion: inverse dynamics of trees and loops.
+    """Compute drive efforts and joint reactions along a prescribed motion: inverse dynamics of trees and loops.
 
     Parameters
     ----------
     mechanism : Mechanism
     motion : KinematicMotion
-        Of the same mechanism (see `kinematic_motion`).
+        Motion of the same mechanism (see `kinematic_motion`).
 
     Returns
     -------
@@ -360,13 +359,12 @@ def driven_dynamics(mechanism: Mechanism, motion: KinematicMotion) -> DrivenDyna
     Raises
     ------
     InvalidInput
-        A controller with an integral, which a motion at some instants does not tell.
+        A controller with an integral, which is unknown at single instants.
 
     Notes
     -----
-    ``S^T (lam, tau) = M a - f`` [EXU; C4 section 4.1.1], f at the times of `motion`. Angles that elements read are
-    counted over full turns as in `motion`. Unlike `inverse_dynamics` it takes loops and passive joints: forces where
-    nothing drives are those of springs and loads alone.
+    ``S^T (lam, tau) = M a - f`` [EXU; C4 section 4.1.1], f at the times of `motion`, full turns counted as in
+    `motion`. Loops and passive joints are allowed, unlike in `inverse_dynamics`.
     """
     for control in mechanism.controls:
         if control.integral:
@@ -391,7 +389,7 @@ def driven_dynamics(mechanism: Mechanism, motion: KinematicMotion) -> DrivenDyna
     return DrivenDynamics(_by_joint(driven, np.array(efforts)), of_couplings, wrench[..., :3], wrench[..., 3:])
 
 
-def _by_joint(driven: Sequence[Coordinate], tau: Array) -> dict[str, dict[str, Array]]:
+def _by_joint(driven: Sequence[JointCoordinate], tau: Array) -> dict[str, dict[str, Array]]:
     by_joint: dict[str, dict[str, Array]] = {}
     start = 0
     for joint, name in driven:

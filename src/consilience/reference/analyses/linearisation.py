@@ -1,8 +1,11 @@
-"""Linear vibrations about a static equilibrium: ``M y'' + D y' + K y = 0`` in the free directions."""
+"""Linear vibrations about a static equilibrium: ``M y'' + D y' + K y = 0`` in the free directions.
+
+Also the spectrum, differences and modes that `steady_motion` shares.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,25 +14,41 @@ from numpy.typing import NDArray
 from consilience.errors import InvalidInput
 from consilience.mechanism import Array, Mechanism, State, assemble_positions, body_point, free_directions, move
 from consilience.reference.analyses.statics import require_equilibrium, require_static, solver_velocities
-from consilience.reference.bodies.arrays import flatten, pack
-from consilience.reference.bodies.forces import remember
+from consilience.reference.bodies.arrays import flatten, pack, workspace
+from consilience.reference.bodies.forces import count_turns
 from consilience.reference.bodies.mass_metric import mass_matrix
-from consilience.reference.bodies.workspace import workspace
 from consilience.reference.formulations import compiled_choice
 
 Complex = NDArray[np.complex128]
 
 _DIFFERENCE = 0.003
-"""Largest displacement of the differences, rad, and in lengths of the mechanism. Three levels of Richardson's
-extrapolation leave an error of its sixth power; measured on lumpy bodies that hang on short rods, where the forces
-change fastest, it is then as small as the rounding of the accelerations over the finest step, 1e-11 relative."""
+"""Largest displacement of the differences, rad and lengths of the mechanism: truncation (sixth order) and rounding are
+then both about 1e-11, relative."""
 _EQUILIBRIUM = 1e-8
-_NEUTRAL = 1e-5
-"""Eigenvalues below this fraction of the largest are zero up to the square root of rounding."""
+NEUTRAL = 1e-5
+"""Eigenvalues below this fraction of the largest count as zero: they are the square root of rounding errors."""
+
+
+class Spectrum:
+    """Frequencies in Hz and stability of linear equations of motion with given eigenvalues."""
+
+    eigenvalues: Complex
+    frequencies: Array
+
+    @property
+    def frequencies_hz(self) -> Array:
+        """Natural frequencies in Hz, shape (m,)."""
+        return self.frequencies / (2.0 * np.pi)
+
+    @property
+    def stable(self) -> bool:
+        """Whether no mode grows; neutral directions count as not growing."""
+        limit = NEUTRAL * float(np.max(self.frequencies, initial=0.0))
+        return bool(np.all(self.eigenvalues.real <= limit))
 
 
 @dataclass(frozen=True, eq=False)
-class Linearisation:
+class Linearisation(Spectrum):
     """Linear equations of motion about an equilibrium, d degrees of freedom, and their modes.
 
     Attributes
@@ -37,16 +56,16 @@ class Linearisation:
     directions : ndarray, shape (6 n_b, d)
         Orthonormal free directions J: ``(v_WB_W, w_WB_W) = J y'`` (m/s and rad/s, world axes).
     M, D, K : ndarray, shape (d, d)
-        Mass, damping and stiffness matrices in the coordinates y (SI units of mixed kind). K holds the stiffness that
-        the joints' reactions add; it is symmetric if the forces have a potential.
+        Mass, damping and stiffness matrices in the coordinates y (SI units of mixed kind). K includes the geometric
+        stiffness of the joint reactions; K is symmetric if the forces have a potential.
     eigenvalues : complex ndarray, shape (m,), 1/s
-        With imaginary part >= 0 (each pair of conjugates once, real ones each), by increasing magnitude.
+        Eigenvalues with imaginary part >= 0 (one of each conjugate pair, all real ones), by increasing magnitude.
     frequencies : ndarray, shape (m,), rad/s
         Natural frequencies, the magnitudes of the eigenvalues.
     damping_ratios : ndarray, shape (m,)
-        ``-Re(s)/|s|``: 0 undamped, 1 aperiodic, negative growing; not a number for a neutral direction.
+        ``-Re(s)/|s|``: 0 undamped, 1 aperiodic, negative growing; NaN for a neutral direction.
     modes : complex ndarray, shape (m, n_b, 6)
-        Velocities of the bodies' origins and angular velocities (world axes) of each mode, largest component 1.
+        Velocities of the body origins and angular velocities, world axes, of each mode; largest component 1.
     """
 
     directions: Array
@@ -58,26 +77,15 @@ class Linearisation:
     damping_ratios: Array
     modes: Complex
 
-    @property
-    def frequencies_hz(self) -> Array:
-        """Natural frequencies in Hz, shape (m,)."""
-        return self.frequencies / (2.0 * np.pi)
-
-    @property
-    def stable(self) -> bool:
-        """Whether no mode grows; neutral directions count as not growing."""
-        limit = _NEUTRAL * float(np.max(self.frequencies, initial=0.0))
-        return bool(np.all(self.eigenvalues.real <= limit))
-
 
 def linearise(mechanism: Mechanism, equilibrium: State) -> Linearisation:
-    """Linearise the equations of motion about a static equilibrium and solve for the modes.
+    """Linearise the equations of motion about a static equilibrium; compute the modes.
 
     Parameters
     ----------
     mechanism : Mechanism
     equilibrium : State
-        Consistent, at rest and in equilibrium (see `static_equilibrium`).
+        Consistent state of rest in equilibrium (see `static_equilibrium`).
 
     Returns
     -------
@@ -86,19 +94,17 @@ def linearise(mechanism: Mechanism, equilibrium: State) -> Linearisation:
     Raises
     ------
     InvalidInput
-        If the state or a drive moves; a controller with an integral.
+        A state or drive in motion, or a controller with an integral.
     NoEquilibrium
-        If forces along the free directions are left.
+        If the forces along the free directions do not vanish.
 
     Notes
     -----
-    Accelerations of the reference solver are differentiated, ``dy'' = -M^-1 (K dy + D dy')``, at consistent states
-    displaced along the constraint manifold: what the reactions contribute to K is in them. K: central differences at
-    three steps, the largest 0.003 rad or lengths, extrapolated by Richardson to the sixth order. D: one central
-    difference, exact because accelerations are of second degree in the velocities. M is that of the minimal form
-    ``J^T M J`` [C4 (4.99)-(4.110)]. Angles of joint springs are in (-pi, pi] at the equilibrium, and counted on from
-    there. A direction in which the forces change like the root of a displacement (a spring of no length) has no
-    linear equations.
+    ``dy'' = -M^-1 (K dy + D dy')`` by differences of accelerations at consistent states, so that K includes the
+    contribution of reactions. K: central differences at three steps, the largest 0.003 rad or lengths, extrapolated to
+    the sixth order (Richardson). D: one central difference, exact because accelerations are of second degree in the
+    velocities. M: minimal form ``J^T M J`` [C4 (4.99)-(4.110)]. Angles of joint springs are in (-pi, pi] at the
+    equilibrium. Forces that are not differentiable (a spring of zero length) have no linearisation.
     """
     if np.any(equilibrium.v_WB_W) or np.any(equilibrium.w_WB_W):
         raise InvalidInput("equilibrium", "the state moves", "Give a state of rest, for example of static_equilibrium.")
@@ -110,70 +116,97 @@ def linearise(mechanism: Mechanism, equilibrium: State) -> Linearisation:
     K = -M @ _by_position(mechanism, equilibrium, N)
     D = -M @ _by_velocity(mechanism, equilibrium, N)
     eigenvalues, shapes = _eigen(M, D, K)
+    modes = normalised_modes((N @ shapes).T).astype(np.complex128)
+    return Linearisation(N, M, D, K, eigenvalues, np.abs(eigenvalues), damping_ratios(eigenvalues), modes)
+
+
+def damping_ratios(eigenvalues: Complex) -> Array:
+    """Return ``-Re(s)/|s|`` of eigenvalues s, NaN where s counts as zero."""
     frequencies = np.abs(eigenvalues)
-    neutral = frequencies <= _NEUTRAL * np.max(frequencies, initial=0.0)
+    moving = frequencies > NEUTRAL * np.max(frequencies, initial=0.0)
     ratios = np.full(len(frequencies), np.nan)
-    ratios[~neutral] = -eigenvalues.real[~neutral] / frequencies[~neutral]
-    modes = (N @ shapes).T
+    ratios[moving] = -eigenvalues.real[moving] / frequencies[moving]
+    return ratios
+
+
+def normalised_modes(modes: Complex) -> Complex:
+    """Scale modes, shape (m, 6 n_b), to the largest component 1; shape (m, n_b, 6)."""
     largest = np.argmax(np.abs(modes), axis=1)
-    modes = modes / modes[np.arange(len(modes)), largest][:, None]
-    return Linearisation(
-        N, M, D, K, eigenvalues, frequencies, ratios, modes.reshape(-1, len(mechanism.bodies), 6).astype(np.complex128)
-    )
+    scaled: Complex = modes / modes[np.arange(len(modes)), largest][:, None]
+    return scaled.reshape(-1, modes.shape[1] // 6, 6)
+
+
+def upper_half_plane(values: Complex) -> NDArray[np.intp]:
+    """Return the indices of eigenvalues with imaginary part >= 0, by increasing magnitude."""
+    kept = np.flatnonzero(values.imag >= 0.0)
+    return kept[np.argsort(np.abs(values[kept]), kind="stable")]
 
 
 def _eigen(M: Array, D: Array, K: Array) -> tuple[Complex, Complex]:
-    """Eigenvalues s with ``(s^2 M + s D + K) x = 0`` and imaginary part >= 0, and x as columns."""
+    """Return eigenvalues s of ``(s^2 M + s D + K) x = 0`` with imaginary part >= 0, and x as columns."""
     d = len(M)
     if d == 0:
         return np.zeros(0, dtype=np.complex128), np.zeros((0, 0), dtype=np.complex128)
-    # in coordinates in which M is 1, so that rounding does not depend on the units of the free directions
+    # in coordinates with M = 1: rounding does not depend on the units of the free directions
     L = np.linalg.cholesky(M)
     stiffness, damping = (np.linalg.solve(L, np.linalg.solve(L, X).T).T for X in (K, D))
     values, vectors = np.linalg.eig(np.block([[np.zeros((d, d)), np.eye(d)], [-stiffness, -damping]]))
-    kept = np.flatnonzero(values.imag >= 0.0)
-    kept = kept[np.argsort(np.abs(values[kept]), kind="stable")]
+    kept = upper_half_plane(values)
     shapes = np.linalg.solve(L.T, vectors[:d, kept])
     return values[kept].astype(np.complex128), shapes.astype(np.complex128)
 
 
 def _accelerations(mechanism: Mechanism, equilibrium: State, states: Sequence[State]) -> Array:
-    """Accelerations of the origins and angular ones (n, 6 n_b), world axes, up to terms even in the velocities.
+    """Return the accelerations of body origins and angular accelerations (n, 6 n_b), up to terms even in velocities."""
+    found = solver_accelerations(mechanism, equilibrium, states)
+    return np.array(
+        [np.linalg.solve(solver_velocities(mechanism, s), a) for s, (_, a) in zip(states, found, strict=True)]
+    )
 
-    Angles of joint springs are counted on from the equilibrium.
-    """
+
+def solver_accelerations(mechanism: Mechanism, start: State, states: Sequence[State]) -> list[tuple[Array, Array]]:
+    """Return the packed state and (dv/dt, dw'/dt), shape (6 n_b,), of each state; turns are counted from `start`."""
     model = flatten(mechanism)
-    ws = workspace(model)
-    memory, a = np.zeros(len(model.coordinate)), np.empty(6 * len(mechanism.bodies))
-    remember(model, pack(mechanism, equilibrium), ws, memory)
+    ws, turns = workspace(model), np.zeros(len(model.coordinate))
+    count_turns(model, pack(mechanism, start), ws, turns)
     found = []
     for state in states:
-        y = pack(mechanism, state)
-        compiled_choice.accelerations(compiled_choice.FORMULATIONS["descriptor"], model, 0.0, y, memory.copy(), ws, a)
-        found.append(np.linalg.solve(solver_velocities(mechanism, state), a))
-    return np.array(found)
+        y, a = pack(mechanism, state), np.empty(6 * len(mechanism.bodies))
+        compiled_choice.accelerations(compiled_choice.FORMULATIONS["descriptor"], model, 0.0, y, turns.copy(), ws, a)
+        found.append((y, a))
+    return found
 
 
-def _by_position(mechanism: Mechanism, equilibrium: State, N: Array) -> Array:
-    """``dy''/dy``, shape (d, d)."""
-    length = _length(mechanism, equilibrium)
+def derivatives_along(
+    mechanism: Mechanism, start: State, N: Array, values: Callable[[list[State]], Array]
+) -> list[Array]:
+    """Differentiate ``values(states)``, shape (n, m), along the columns of N; one array (m,) for each column.
+
+    Central differences of assembled states at three steps, extrapolated to the sixth order (Richardson).
+    """
+    length = _shortest_length(mechanism, start)
     columns = []
     for direction in N.T:
         motion = np.abs(direction).reshape(-1, 6)
         step = _DIFFERENCE / max(float(np.max(motion[:, :3])) / length, float(np.max(motion[:, 3:])))
         steps = [step, step / 2, step / 4]
-        states = [
-            assemble_positions(mechanism, move(equilibrium, sign * h * direction)) for h in steps for sign in (1, -1)
-        ]
-        a = _accelerations(mechanism, equilibrium, states) @ N
-        coarse, middle, fine = ((a[2 * n] - a[2 * n + 1]) / (2 * h) for n, h in enumerate(steps))
+        found = values(
+            [assemble_positions(mechanism, move(start, sign * h * direction)) for h in steps for sign in (1, -1)]
+        )
+        coarse, middle, fine = ((found[2 * n] - found[2 * n + 1]) / (2 * h) for n, h in enumerate(steps))
         first, second = (4 * middle - coarse) / 3, (4 * fine - middle) / 3
         columns.append((16 * second - first) / 15)
+    return columns
+
+
+def _by_position(mechanism: Mechanism, equilibrium: State, N: Array) -> Array:
+    """Return ``dy''/dy``, shape (d, d)."""
+    columns = derivatives_along(mechanism, equilibrium, N, lambda s: _accelerations(mechanism, equilibrium, s) @ N)
     return np.array(columns).reshape(N.shape[1], N.shape[1]).T
 
 
 def _by_velocity(mechanism: Mechanism, equilibrium: State, N: Array) -> Array:
-    """``dy''/dy'``, shape (d, d)."""
+    """Return ``dy''/dy'``, shape (d, d)."""
     columns = []
     for direction in N.T:
         moving = []
@@ -185,8 +218,8 @@ def _by_velocity(mechanism: Mechanism, equilibrium: State, N: Array) -> Array:
     return np.array(columns).reshape(N.shape[1], N.shape[1]).T
 
 
-def _length(mechanism: Mechanism, state: State) -> float:
-    """Smallest length over which forces change: that of the joints' arms, of a rod or of a spring, m."""
+def _shortest_length(mechanism: Mechanism, state: State) -> float:
+    """Return the shortest length over which forces change: of the joints' arms, of a rod or of a spring, m."""
     lengths = [flatten(mechanism).length, *(j.length for j in mechanism.joints)]
     for s in mechanism.springs:
         start = body_point(mechanism, state, s.predecessor, s.point_predecessor)[0]

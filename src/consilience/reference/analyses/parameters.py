@@ -1,15 +1,15 @@
-"""Every number of a mechanism or case by name: read it, change it, list what there is.
+"""Parameters of a mechanism or case by path: list, read, change.
 
-A path is the kind and name of an element, then its field, then an index where the field is an array:
+A path is the kind and name of an element, a field, and an index if the field is an array:
 
     body.rod.mass    body.rod.com[0]    body.rod.inertia[0,1]    joint.pin.F.p[2]    joint.pin.F.turn[0]
     spring.s.stiffness    joint_spring.k.rest    load.push.vector[1]    gravity[2]    rolling.wheel.radius
     drive.crank.motion.polynomial[1]    coupling.cam.law.table.y[3]    control.c.target.harmonics[0,1]
     initial.coordinates.shoulder.angle    initial.rates.elbow.angle          (of a case)
 
-``turn[k]`` of a frame, or of a quaternion, is the angle of a further rotation about its own axis k, in rad: zero now.
-That of a direction (axis and normal of a rolling body, a skate's lateral) is about axis k of the frame it is given in.
-Products of inertia are one parameter each, set on both sides of the diagonal; so are the ends of a periodic table.
+``turn[k]`` of a frame or quaternion is the angle, rad, of an additional rotation about its own axis k; its value is
+zero. ``turn[k]`` of a direction (axis and normal of a rolling body, lateral of a skate) is about axis k of the
+direction's frame. A product of inertia is one parameter for both entries; so are the ends of a periodic table.
 """
 
 from __future__ import annotations
@@ -33,36 +33,36 @@ from consilience.mechanism import (
     quaternion_product,
 )
 
-Subject = TypeVar("Subject", bound=Mechanism | Case)
+T = TypeVar("T", bound=Mechanism | Case)
 
 _SINGULAR = {"bodies": "body"}
 _DIRECTIONS = (".axis", ".normal", ".lateral")
 _ONLY_OF = {"length": "rod", "pitch": "screw"}
-"""Numbers that one kind of joint has and every other has not."""
+"""Fields of one joint kind alone."""
 
-Step = tuple[str, Any]
-"""One step from an object to a part of it: ("field", name), ("key", key), ("item", index), ("entry", indices) of an
-array, ("mirrored", indices) of a symmetric one, ("ends", None) of one that ends where it starts, ("turn", axis)."""
+PathStep = tuple[str, Any]
+"""Step from an object to a part: ("field", name), ("key", key), ("item", index), ("entry", indices) of an array,
+("mirrored", indices) of a symmetric matrix, ("ends", None) of a periodic table, ("turn", axis)."""
 
 
 def parameter_paths(subject: Mechanism | Case) -> tuple[str, ...]:
-    """Paths of all parameters, in the order of the elements."""
+    """Return the paths of all parameters in the order of the elements."""
     return tuple(_parameters(subject))
 
 
 def parameter(subject: Mechanism | Case, path: str) -> float:
-    """Value of a parameter, in SI units.
+    """Return the value of a parameter, SI units.
 
     Raises
     ------
     InvalidInput
-        Unknown path; the message lists what exists.
+        Unknown path; the message lists known ones.
     """
     return float(_part(subject, _steps(subject, path)))
 
 
-def with_parameter(subject: Subject, path: str, value: float) -> Subject:
-    """The same mechanism or case with another value of one parameter.
+def with_parameter(subject: T, path: str, value: float) -> T:
+    """Return the mechanism or case with another value of one parameter.
 
     Parameters
     ----------
@@ -76,20 +76,20 @@ def with_parameter(subject: Subject, path: str, value: float) -> Subject:
     Raises
     ------
     InvalidInput
-        Unknown path, with a list of what exists; a value that no mechanism can have.
+        Unknown path (the message lists known ones), or an impossible value.
     """
-    changed: Subject = _changed(subject, _steps(subject, path), float(value))
+    changed: T = _changed(subject, _steps(subject, path), float(value))
     return changed
 
 
 def array_around(subject: Mechanism | Case, path: str) -> Array:
-    """The array that a parameter is an entry of, or itself in an array of one."""
+    """Return the array that contains a parameter, or the parameter as an array of one number."""
     steps = _steps(subject, path)
     whole = steps[:-1] if steps[-1][0] in ("entry", "mirrored", "ends") else steps
     return np.atleast_1d(np.asarray(_part(subject, whole), dtype=float))
 
 
-def _parameters(subject: Mechanism | Case) -> dict[str, tuple[Step, ...]]:
+def _parameters(subject: Mechanism | Case) -> dict[str, tuple[PathStep, ...]]:
     if isinstance(subject, Mechanism):
         return _inventory(subject)
     found = {path: (("field", "mechanism"), *steps) for path, steps in _inventory(subject.mechanism).items()}
@@ -97,12 +97,12 @@ def _parameters(subject: Mechanism | Case) -> dict[str, tuple[Step, ...]]:
 
 
 @lru_cache(maxsize=4)
-def _inventory(mechanism: Mechanism) -> dict[str, tuple[Step, ...]]:
-    """All parameters of a mechanism, which is immutable and known by its identity."""
+def _inventory(mechanism: Mechanism) -> dict[str, tuple[PathStep, ...]]:
+    """Return all parameters of a mechanism, cached by its identity."""
     return dict(_of_mechanism(mechanism))
 
 
-def _of_mechanism(mechanism: Mechanism) -> Iterator[tuple[str, tuple[Step, ...]]]:
+def _of_mechanism(mechanism: Mechanism) -> Iterator[tuple[str, tuple[PathStep, ...]]]:
     for field in fields(mechanism):
         value = getattr(mechanism, field.name)
         here = (("field", field.name),)
@@ -114,8 +114,8 @@ def _of_mechanism(mechanism: Mechanism) -> Iterator[tuple[str, tuple[Step, ...]]
             yield from _inside(value, field.name, here)
 
 
-def _inside(value: Any, path: str, steps: tuple[Step, ...]) -> Iterator[tuple[str, tuple[Step, ...]]]:
-    """Paths of all numbers in a value: a number, an array, or what is made of them."""
+def _inside(value: Any, path: str, steps: tuple[PathStep, ...]) -> Iterator[tuple[str, tuple[PathStep, ...]]]:
+    """Yield paths and steps of all numbers in a value: number, array, or compound."""
     if isinstance(value, Frame):
         yield from _inside(value.p, f"{path}.p", (*steps, ("field", "p")))
         yield from _turns(path, (*steps, ("field", "R")))
@@ -137,8 +137,8 @@ def _inside(value: Any, path: str, steps: tuple[Step, ...]) -> Iterator[tuple[st
             yield from _inside(part, path + label, (*steps, step))
 
 
-def _children(value: Any) -> list[tuple[str, Step, Any]]:
-    """Parts of a value that is no number: label in the path, step, part."""
+def _children(value: Any) -> list[tuple[str, PathStep, Any]]:
+    """Return the parts of a compound value: label in the path, step, part."""
     if is_dataclass(value):
         kind = getattr(value, "kind", None)
         names = [f.name for f in fields(value) if _ONLY_OF.get(f.name, kind) == kind]
@@ -150,7 +150,7 @@ def _children(value: Any) -> list[tuple[str, Step, Any]]:
     return []
 
 
-def _turns(path: str, steps: tuple[Step, ...]) -> Iterator[tuple[str, tuple[Step, ...]]]:
+def _turns(path: str, steps: tuple[PathStep, ...]) -> Iterator[tuple[str, tuple[PathStep, ...]]]:
     for axis in range(3):
         yield f"{path}.turn[{axis}]", (*steps, ("turn", axis))
 
@@ -163,7 +163,7 @@ def _is_numeric(value: Any) -> bool:
     return isinstance(value, (int, float, np.number)) or (isinstance(value, np.ndarray) and value.dtype.kind in "fi")
 
 
-def _steps(subject: Mechanism | Case, path: str) -> tuple[Step, ...]:
+def _steps(subject: Mechanism | Case, path: str) -> tuple[PathStep, ...]:
     known = _parameters(subject)
     wanted = path.replace(" ", "").replace("][", ",")
     head, bracket, tail = wanted.rpartition("[")
@@ -183,7 +183,7 @@ def _steps(subject: Mechanism | Case, path: str) -> tuple[Step, ...]:
     raise InvalidInput(f"parameter '{path}'", "there is none of that name", f"There are: {listed}.")
 
 
-def _part(value: Any, steps: tuple[Step, ...]) -> Any:
+def _part(value: Any, steps: tuple[PathStep, ...]) -> Any:
     for kind, which in steps:
         value = _READ[kind](value, which)
     return value
@@ -200,7 +200,7 @@ _READ: dict[str, Callable[[Any, Any], Any]] = {
 }
 
 
-def _changed(value: Any, steps: tuple[Step, ...], new: float) -> Any:
+def _changed(value: Any, steps: tuple[PathStep, ...], new: float) -> Any:
     if not steps:
         return new
     (kind, which), rest = steps[0], steps[1:]

@@ -1,13 +1,13 @@
-"""Sensitivity: the derivative of any result to any parameter of a mechanism or case, with its uncertainty.
+"""Sensitivity of any result to any parameter of a mechanism or case, with an error estimate.
 
 Central differences at steps h, h/2, h/4, ..., extrapolated to h = 0 in a Neville tableau (Richardson, 1911; Ridders,
 1982):
 
     A(i, 0) = (f(p + h_i) - f(p - h_i)) / (2 h_i),    A(i, j) = A(i, j-1) + (A(i, j-1) - A(i-1, j-1)) / (4^j - 1).
 
-Each entry is as uncertain as it differs from the two it is made of; the least uncertain one is taken, for every
-component of the result by itself. A result is a function of the mechanism or case, so that whatever depends on the
-parameter (the assembled pose, an equilibrium) is found anew.
+The error of an entry is estimated by its difference from the two entries before it; for each component of the result
+the entry of least error is chosen. A result is a function of the mechanism or case: it includes everything that depends
+on the parameter (the assembled pose, an equilibrium).
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from numpy.typing import ArrayLike
 from consilience.case import Case
 from consilience.errors import ConsilienceError, InvalidInput
 from consilience.mechanism import Array, Mechanism, characteristic_length
-from consilience.reference.analyses.parameters import Subject, array_around, parameter, with_parameter
+from consilience.reference.analyses.parameters import T, array_around, parameter, with_parameter
 
 _FIRST_STEP = 0.05
-"""First step, in scales of the parameter."""
+"""First step, in units of `parameter_scale`."""
 _LEVELS = 9
 _PATIENCE = 2
-"""Levels without a smaller error after which rounding has taken over."""
+"""Levels without a smaller error estimate before extrapolation ends: rounding dominates."""
 _SHORTENINGS = 12
 _POINTS = (".p", ".com", ".point", ".point_predecessor", ".point_successor", ".center")
 
@@ -41,11 +41,11 @@ class Sensitivity:
     ----------
     paths : tuple of str
     value : ndarray, any shape
-        The result itself.
+        The result at the given parameters.
     derivatives : ndarray, shape (n_paths, *value.shape)
-        To each parameter: unit of the result over that of the parameter.
+        Unit of the result over that of the parameter.
     errors : ndarray, shape (n_paths, *value.shape)
-        Estimates of the errors of the derivatives, truncation and rounding.
+        Estimated errors of the derivatives, truncation and rounding.
     """
 
     paths: tuple[str, ...]
@@ -55,9 +55,9 @@ class Sensitivity:
 
 
 def parameter_scale(subject: Mechanism | Case, path: str) -> float:
-    """Change that counts as large: the largest entry of the array a parameter is in.
+    """Return the scale of a parameter: the largest entry of its array.
 
-    Where that is zero: the length of the mechanism for a point, 1 (rad or SI unit) for anything else.
+    If that is zero: the length of the mechanism for a point, else 1 (rad or SI unit).
     """
     largest = float(np.max(np.abs(array_around(subject, path))))
     if largest > 0.0 and ".turn[" not in path and not path.endswith(("angle", "angle1", "angle2")):
@@ -68,22 +68,22 @@ def parameter_scale(subject: Mechanism | Case, path: str) -> float:
 
 
 def sensitivity(
-    subject: Subject,
-    result: Callable[[Subject], ArrayLike],
+    subject: T,
+    result: Callable[[T], ArrayLike],
     paths: Sequence[str],
     steps: Mapping[str, float] | None = None,
 ) -> Sensitivity:
-    """Derivatives of a result to parameters.
+    """Differentiate a result with respect to parameters.
 
     Parameters
     ----------
     subject : Mechanism or Case
     result : function of the subject, to a number or an array
-        Any result in finite numbers, smooth in the parameters; it assembles for itself.
+        Any finite result, smooth in the parameters, including the assembly.
     paths : sequence of str
         See `consilience.reference.analyses.parameters`.
     steps : mapping of path to float, optional
-        First steps of the differences, in the unit of the parameter, in place of 0.05 of `parameter_scale`.
+        First steps of the differences, in units of the parameters; default 0.05 of `parameter_scale`.
 
     Returns
     -------
@@ -92,8 +92,8 @@ def sensitivity(
     Raises
     ------
     InvalidInput
-        Unknown path; a parameter that no small change of which leaves a result, with the reason: in a loop with
-        redundant constraints pins cannot be moved one by one.
+        Unknown path; a parameter without a result at any small change, with the reason (in a loop with redundant
+        constraints single pins cannot be moved).
     """
     value = np.asarray(result(subject), dtype=float)
     derivatives, errors = [np.zeros((0, *value.shape))], [np.zeros((0, *value.shape))]
@@ -111,15 +111,15 @@ def sensitivity(
 
 
 def ridders(function: Callable[[float], Array], step: float, where: str) -> tuple[Array, Array]:
-    """Derivative at zero of a function of one number, and its estimated error, by components.
+    """Differentiate a function of one number at zero; return derivative and estimated error by components.
 
     Parameters
     ----------
     function : function of a float to an ndarray
     step : float
-        First step; halved while the function cannot be evaluated so far out.
+        First step, halved until the function can be evaluated.
     where : str
-        For the message.
+        Name in messages.
 
     Raises
     ------
@@ -152,7 +152,7 @@ def ridders(function: Callable[[float], Array], step: float, where: str) -> tupl
 
 
 def _usable(function: Callable[[float], Array], step: float, where: str) -> tuple[float, tuple[Array, Array]]:
-    """The first of the step and its halves at which the function can be evaluated on both sides, and its values."""
+    """Halve the step until the function can be evaluated on both sides; return step and values."""
     reason: Any = None
     for _ in range(_SHORTENINGS):
         try:

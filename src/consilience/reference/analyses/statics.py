@@ -1,7 +1,8 @@
 """Static equilibrium: Newton's method along the constraint manifold, in null-space coordinates.
 
-With J a basis of the free directions (``Q J = 0``) and f the applied forces, equilibrium is ``J^T f = 0``: the joints'
-reactions, which lie in the range of ``Q^T``, balance the rest [C4 (4.99)-(4.110) without motion].
+    J^T f = 0,    Q J = 0                                                          [C4 (4.99)-(4.110) without motion]
+
+f: applied forces, J: basis of the free directions. Joint reactions, in the range of ``Q^T``, balance the other forces.
 """
 
 from __future__ import annotations
@@ -27,35 +28,33 @@ from consilience.mechanism import (
     skew,
 )
 from consilience.reference.bodies import forces
-from consilience.reference.bodies.arrays import DISTANCE, flatten, pack
-from consilience.reference.bodies.forces import remember
+from consilience.reference.bodies.arrays import DISTANCE, flatten, pack, workspace
+from consilience.reference.bodies.forces import count_turns
 from consilience.reference.bodies.motion import rotations
-from consilience.reference.bodies.workspace import workspace
 
 _DIFFERENCE = 1e-5
-"""Step of the central differences of ``J^T f``, along unit free directions: it sets the speed, not the result."""
+"""Step of central differences of ``J^T f`` along unit free directions; affects convergence, not the result."""
 _FLOOR = 1e-7
-"""Stiffnesses below this fraction of the largest count as none: differences show no smaller ones."""
+"""Stiffnesses below this fraction of the largest count as zero, the accuracy of the differences."""
 _LONGEST = 0.5
-"""Longest step, rad, and in lengths of the mechanism."""
+"""Longest step, rad and lengths of the mechanism."""
 _HALVINGS = 20
 
 
 class NoEquilibrium(ConsilienceError):
-    """No static equilibrium was found, or a state said to be one is none."""
+    """No static equilibrium was found, or the given state is not an equilibrium."""
 
 
 def at_rest(state: State) -> State:
-    """The same poses with all velocities zero."""
+    """Return the state with all velocities zero."""
     zeros = np.zeros_like(state.p_WB)
     return State(state.p_WB, state.quat_WB, zeros, zeros)
 
 
 def solver_velocities(mechanism: Mechanism, state: State) -> Array:
-    """Matrix T from ``(v_WB_W, w_WB_W)`` of all bodies to the solver's velocities, shape (6 n_b, 6 n_b).
+    """Return the matrix T from ``(v_WB_W, w_WB_W)`` of all bodies to (v, w') of the solver, shape (6 n_b, 6 n_b).
 
-    The solver's are those of the centre of mass in world axes, and the angular velocity in body axes. Forces that go
-    with them become forces and torques about the bodies' origins, in world axes, by ``T^T``.
+    ``T^T`` converts generalised forces of the solver to forces and torques about the body origins, world axes.
     """
     n = len(mechanism.bodies)
     T = np.zeros((6 * n, 6 * n))
@@ -65,38 +64,37 @@ def solver_velocities(mechanism: Mechanism, state: State) -> Array:
     return T
 
 
-Values = Mapping[str, Mapping[str, Any]]
+JointValues = Mapping[str, Mapping[str, Any]]
 """Values of joint coordinates by the names of joint and coordinate."""
 
 
 _model = lru_cache(maxsize=4)(flatten)
-"""Flat arrays of a mechanism, which is immutable and known by its identity: trials differ in the state alone."""
+"""Arrays of a mechanism, cached by its identity: trials differ in the state alone."""
 
 
-def applied_forces(mechanism: Mechanism, state: State, t: float = 0.0, near: Values | None = None) -> Array:
-    """All applied forces at the time t and gyroscopic terms in the coordinates of the solver, shape (6 n_b,).
+def applied_forces(mechanism: Mechanism, state: State, t: float = 0.0, near: JointValues | None = None) -> Array:
+    """Compute applied and gyroscopic forces at the time t, in the velocities (v, w') of the solver, shape (6 n_b,).
 
-    Force in world axes, torque about the centre of mass in body axes (see `solver_velocities`). Angles that elements
-    read are those within half a turn of `near`, or of zero. Integrals of controllers are zero.
+    Angles are counted from `near`, or from zero. Integrals of controllers are zero.
     """
     model = _model(mechanism)
     ws, y = workspace(model), pack(mechanism, state)
-    memory = np.zeros(len(model.coordinate))
+    turns = np.zeros(len(model.coordinate))
     if near is not None:
         names = [
             (mechanism.joints[j].name, "distance" if kind == DISTANCE else "angle") for j, kind in model.coordinate
         ]
-        memory[:] = [float(near[joint][name]) for joint, name in names]
-    remember(model, y, ws, memory)
+        turns[:] = [float(near[joint][name]) for joint, name in names]
+    count_turns(model, y, ws, turns)
     rotations(y, ws.A)
-    forces.evaluate(model, t, y, memory, ws)
+    forces.evaluate(model, t, y, turns, ws)
     return ws.f
 
 
 def force_scale(mechanism: Mechanism, state: State) -> float:
-    """Sum of all forces at work, in N (torques in N m count alike): weights, loads, actuators, springs, controls.
+    """Sum the magnitudes of all forces, N and N m alike: weights, loads, actuators, springs, controls.
 
-    An equilibrium can balance applied forces that cancel, so their sum is no measure of a small residual.
+    Magnitudes, since the applied forces of an equilibrium may cancel.
     """
     scale = sum(b.mass for b in mechanism.bodies) * float(np.linalg.norm(mechanism.gravity))
     for load in mechanism.loads:
@@ -120,7 +118,7 @@ def force_scale(mechanism: Mechanism, state: State) -> float:
 
 @dataclass(frozen=True, eq=False)
 class _Point:
-    """A consistent state, its free directions N, the applied forces f about the origins, and ``N^T f``."""
+    """Consistent state, free directions N, applied forces f about the origins, and ``r = N^T f``."""
 
     state: State
     N: Array
@@ -132,23 +130,24 @@ class _Point:
         return float(np.linalg.norm(self.r))
 
     def along(self, start: _Point) -> Array:
-        """Forces along the free directions of `start`: ``J^T f``, J the directions here with ``N_start^T J = 1``."""
+        """Return ``J^T f``, J the free directions here, normalised by ``N_start^T J = 1``."""
         return np.linalg.solve((start.N.T @ self.N).T, self.r)
 
 
 def _point(mechanism: Mechanism, state: State) -> _Point:
+    """Evaluate free directions and forces at a state."""
     N = free_directions(mechanism, state)
     f = solver_velocities(mechanism, state).T @ applied_forces(mechanism, state)
     return _Point(state, N, f, N.T @ f)
 
 
 def _moved(mechanism: Mechanism, start: _Point, step: Array) -> _Point:
-    """The point a step along the free directions leads to, back on the constraints."""
+    """Move along the free directions by a step and assemble."""
     return _point(mechanism, assemble_positions(mechanism, move(start.state, start.N @ step)))
 
 
 def _stiffness(mechanism: Mechanism, point: _Point) -> Array:
-    """``K = -d(J^T f)/dy`` along the manifold, by central differences, shape (freedom, freedom)."""
+    """Return ``K = -d(J^T f)/dy`` along the manifold, by central differences, shape (freedom, freedom)."""
     columns = []
     for direction in np.eye(len(point.r)):
         ahead, behind = (_moved(mechanism, point, s * _DIFFERENCE * direction) for s in (1.0, -1.0))
@@ -157,14 +156,22 @@ def _stiffness(mechanism: Mechanism, point: _Point) -> Array:
 
 
 def _search(mechanism: Mechanism, start: _Point, step: Array, accept: Callable[[_Point], bool]) -> _Point | None:
-    """First of the step and its halves that can be assembled and is accepted."""
+    """Halve the step until the point can be assembled and is accepted; None if no step is accepted.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    start : _Point
+    step : ndarray, shape (freedom,)
+    accept : function of a point to bool
+    """
     motion = np.abs(start.N @ step).reshape(-1, 6)
     longest = max(float(np.max(motion[:, :3])) / _model(mechanism).length, float(np.max(motion[:, 3:])))
     step = step * min(1.0, _LONGEST / max(longest, 1e-300))
     for _ in range(_HALVINGS):
         try:
             trial = _moved(mechanism, start, step)
-        except CannotAssemble:  # past the end of a link's reach
+        except CannotAssemble:  # out of reach
             trial = None
         if trial is not None and accept(trial):
             return trial
@@ -173,11 +180,11 @@ def _search(mechanism: Mechanism, start: _Point, step: Array, accept: Callable[[
 
 
 def _next(mechanism: Mechanism, point: _Point) -> _Point | None:
-    """A better point, or None.
+    """Return a better point, or None.
 
-    Where the stiffness has no negative direction, Newton's step with a line search on the residual. Elsewhere Newton
-    would climb to an unstable equilibrium: there, or if Newton fails, the step takes the magnitudes of the stiffnesses
-    and goes no further than the forces do work along it.
+    If the stiffness has no negative eigenvalue: Newton's step with a line search on the residual. Otherwise Newton's
+    method would approach an unstable equilibrium: there, or if Newton's step fails, the step uses the magnitudes of the
+    stiffnesses and ends where the forces do no more work along it.
     """
     K = _stiffness(mechanism, point)
     stiffness, V = np.linalg.eigh(0.5 * (K + K.T))
@@ -193,31 +200,29 @@ def _next(mechanism: Mechanism, point: _Point) -> _Point | None:
 
 
 def static_equilibrium(mechanism: Mechanism, guess: State, tolerance: float = 1e-11, iterations: int = 100) -> State:
-    """State of rest in which the applied forces have no component along any free direction.
+    """Find a state of rest in which the applied forces have no component along any free direction.
 
     Parameters
     ----------
     mechanism : Mechanism
     guess : State
-        Poses to start from, on the branch that is meant; velocities are ignored. Angles of joint springs are in
-        (-pi, pi].
+        Initial poses, which choose the branch; velocities are ignored. Angles of joint springs are in (-pi, pi].
     tolerance : float
-        Bound on the norm of ``J^T f`` (J orthonormal, N and N m alike) over `force_scale`. Iterations go on below it
-        while they still halve the residual.
+        Bound on the norm of ``J^T f`` (J orthonormal, N and N m alike) over `force_scale`. Below the bound iterations
+        continue while they halve the residual.
     iterations : int
-        Most steps, each of at most half a radian and half the length of the mechanism.
+        Largest number of steps, each at most half a radian and half the length of the mechanism.
 
     Returns
     -------
     State
-        Assembled, all velocities zero. The path follows the forces downhill, so that the equilibrium is stable where
-        they have a potential, unless the guess itself is already an unstable one. Where equilibria are not isolated
-        (a body free to turn about the vertical) it is one near the guess.
+        Assembled, all velocities zero. If the forces have a potential, the equilibrium is stable unless the guess is an
+        unstable one. Of equilibria that are not isolated one near the guess.
 
     Raises
     ------
     NoEquilibrium
-        If none is found, with the residual that is left.
+        If none is found; the message tells the residual.
     InvalidInput
         A drive that moves at time zero, a controller with an integral (see `require_static`).
     CannotAssemble
@@ -226,8 +231,7 @@ def static_equilibrium(mechanism: Mechanism, guess: State, tolerance: float = 1e
     Notes
     -----
     Newton's method in null-space coordinates [C4 (4.99)-(4.110)], ``K = -d(J^T f)/dy`` by central differences of
-    step 1e-5 along the constraint manifold, every trial state assembled [MASS]. Drives, loads and actuators that depend
-    on time are at time zero.
+    step 1e-5 along the constraint manifold, trial states assembled [MASS]. Drives, loads and actuators are at time 0.
     """
     require_static(mechanism)
     point = _point(mechanism, assemble_positions(mechanism, at_rest(guess)))
@@ -244,7 +248,7 @@ def static_equilibrium(mechanism: Mechanism, guess: State, tolerance: float = 1e
 
 
 def require_static(mechanism: Mechanism) -> None:
-    """Refuse what leaves nothing at rest, or is no function of position and speed.
+    """Refuse drives in motion and controllers with an integral.
 
     Raises
     ------
@@ -261,12 +265,12 @@ def require_static(mechanism: Mechanism) -> None:
 
 
 def require_equilibrium(mechanism: Mechanism, state: State, tolerance: float) -> None:
-    """Refuse a state in which forces along the free directions are left.
+    """Refuse a state that is not an equilibrium.
 
     Raises
     ------
     NoEquilibrium
-        If the norm of ``J^T f`` exceeds `tolerance` times `force_scale`; the message gives it.
+        If the norm of ``J^T f`` exceeds `tolerance` times `force_scale`.
     """
     residual, scale = _point(mechanism, state).size, force_scale(mechanism, state)
     if residual > tolerance * scale:

@@ -1,1 +1,1 @@
-"""Descriptor form: arrays of bodies, constraint rows, applied forces, canonical states and their projection."""
+"""Descriptor form: arrays of all bodies, constraint rows, applied forces, canonical states and their projection."""

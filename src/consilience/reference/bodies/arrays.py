@@ -1,11 +1,10 @@
-"""A mechanism as flat arrays: what the compiled kernels read.
+"""Arrays of a mechanism, of its state, and of the work space of the compiled kernels.
 
-One compilation serves all mechanisms, because only the sizes of the arrays differ. Vectors of a body are taken from
-its **centre of mass**, in body axes; body -1 is the ground, whose vectors are from the world origin.
+Mechanisms differ in the sizes of the arrays alone, so that one compilation serves all. Vectors fixed to a body start at
+its **centre of mass** and are given in body axes; body -1 is the ground, whose vectors start at the world origin.
 
-The state of the solver is an array y of shape (n_b + n_e, 13): r (centre of mass, world), p (Euler parameters), v (of
-the centre of mass, world), w' (angular velocity, body axes). The n_e rows behind the bodies carry the integrals of
-controllers, 13 to a row.
+The packed state y has shape (n_b + n_e, 13). A row of a body: r and v, position and velocity of the centre of mass in
+world axes; Euler parameters p; angular velocity w' in body axes. The last n_e rows hold the integrals of controllers.
 """
 
 from __future__ import annotations
@@ -25,26 +24,26 @@ from consilience.mechanism import (
     rotation_from_quaternion,
 )
 from consilience.reference.kernel.functions import Functions, flatten_functions
-from consilience.reference.kernel.held import hold
+from consilience.reference.kernel.mechanism_record import record_of
 
 R, P, V, W = slice(0, 3), slice(3, 7), slice(7, 10), slice(10, 13)
-"""Columns of y."""
+"""Columns of y: position, Euler parameters, velocity, angular velocity."""
 
 ROWS = (*BASIC_CONSTRAINTS, "H")
-"""Kinds of joint rows by number."""
+"""Kinds of joint rows; kernels use their index."""
 
 ANGLE, DISTANCE = 0, 1
 _COORDINATES = {"angle": ANGLE, "distance": DISTANCE}
 
 
 class Model(NamedTuple):
-    """Flat arrays of a mechanism; n_b bodies, n_j joints, q joint rows, n_c joint coordinates that elements read."""
+    """Arrays of a mechanism: n_b bodies, n_j joints, q joint rows, n_c joint coordinates that elements read."""
 
     gravity: Array  # (3,)
     mass: Array  # (n_b,)
     inertia: Array  # (n_b, 3, 3) about the centre of mass, body axes
     inertia_factor: Array  # (n_b, 3, 3) lower Cholesky factor of the inertia
-    length: float  # a length typical of the mechanism, to scale tolerances, m
+    length: float  # characteristic length that scales tolerances, m
     body_i: Array  # (n_j,) predecessor
     body_j: Array  # (n_j,) successor
     arm_i: Array  # (n_j, 3) s_i'
@@ -87,12 +86,12 @@ class Model(NamedTuple):
 
 
 def holonomic_rows(model: Model) -> int:
-    """Number of rows at position level."""
+    """Count the rows at position level."""
     return len(model.row_kind) + len(model.drive) + len(model.coupling) + len(model.rolling_body)
 
 
 def all_rows(model: Model) -> int:
-    """Number of rows, the non-holonomic ones included."""
+    """Count all rows, the non-holonomic ones included."""
     return holonomic_rows(model) + 2 * len(model.rolling_body) + len(model.skate_body)
 
 
@@ -105,7 +104,7 @@ def _indices(rows: list[int] | list[list[int]], *width: int) -> Array:
 
 
 class _Numbers:
-    """Numbers the joint coordinates and functions that elements refer to."""
+    """Indices of the joint coordinates and functions that elements refer to."""
 
     def __init__(self, mechanism: Mechanism) -> None:
         self.joints = mechanism.joint_index
@@ -140,7 +139,7 @@ def _joint_arrays(mechanism: Mechanism) -> dict[str, Array]:
 
 
 def _arm(mechanism: Mechanism, body: str, point: Array) -> Array:
-    """A point of a body from its centre of mass."""
+    """Return a point of a body relative to its centre of mass."""
     i = mechanism.body_index[body]
     return point if i < 0 else point - mechanism.bodies[i].com
 
@@ -215,7 +214,7 @@ def _length(joints: tuple[Joint, ...], arrays: dict[str, Array]) -> float:
 
 
 def _counted(coordinate: Array, elements: dict[str, Array]) -> Array:
-    """Angles that something reads: not those of actuators and friction alone, which only ask for rates."""
+    """Mark the angles whose value is read; actuators and friction read rates alone."""
     springs = elements["joint_spring"][elements["joint_spring_law"][:, 0] != 0.0]
     readers = springs[:, :1], elements["control"][:, :1], elements["drive"][:, :1], elements["coupling"][:, :2]
     read = np.concatenate([coordinates.ravel() for coordinates in readers])
@@ -223,13 +222,13 @@ def _counted(coordinate: Array, elements: dict[str, Array]) -> Array:
 
 
 def flatten(mechanism: Mechanism) -> Model:
-    """Flat arrays of a mechanism."""
+    """Convert a mechanism to arrays."""
     number = _Numbers(mechanism)
     joints = _joint_arrays(mechanism)
     elements = {**_force_arrays(mechanism, number), **_constraint_arrays(mechanism, number)}
     inertia = np.array([b.inertia for b in mechanism.bodies])
     coordinate = _indices([list(key) for key in number.coordinates], 2)
-    return hold(
+    return record_of(
         Model(
             gravity=np.array(mechanism.gravity),
             mass=np.array([b.mass for b in mechanism.bodies]),
@@ -246,7 +245,7 @@ def flatten(mechanism: Mechanism) -> Model:
 
 
 def pack(mechanism: Mechanism, state: State) -> Array:
-    """Solver state y of a canonical state, shape (n_b + n_e, 13); integrals of controllers are zero."""
+    """Pack a canonical state into y, shape (n_b + n_e, 13); integrals of controllers are zero."""
     A = state.R_WB
     c = np.einsum("bij,bj->bi", A, np.array([b.com for b in mechanism.bodies]))
     w = state.w_WB_W
@@ -256,9 +255,51 @@ def pack(mechanism: Mechanism, state: State) -> Array:
 
 
 def unpack(mechanism: Mechanism, y: Array) -> tuple[Array, Array, Array, Array]:
-    """Canonical p_WB, quat_WB, v_WB_W, w_WB_W of solver states, y of shape (..., n_b + n_e, 13)."""
+    """Unpack states y, shape (..., n_b + n_e, 13), into p_WB, quat_WB, v_WB_W, w_WB_W."""
     y = y[..., : len(mechanism.bodies), :]
     A = rotation_from_quaternion(y[..., P])
     c = np.einsum("...bij,bj->...bi", A, np.array([b.com for b in mechanism.bodies]))
     w = np.einsum("...bij,...bj->...bi", A, y[..., W])
     return y[..., R] - c, y[..., P].copy(), y[..., V] - np.cross(w, c), w
+
+
+class Workspace(NamedTuple):
+    """Work arrays for n_b bodies and q constraint rows; `external` alone is input."""
+
+    A: Array  # (n_b, 3, 3) rotation matrices
+    f: Array  # (6 n_b,) generalised forces
+    external: Array  # (6 n_b,) forces of the caller, added to f
+    value: Array  # (q,) violation g; overwritten by solutions
+    rate: Array  # (q,) nu of Q v = nu
+    Q: Array  # (q, 6 n_b)
+    gamma: Array  # (q,)
+    B: Array  # (6 n_b, q) L^-1 Q^T and its factors
+    tau: Array  # (min(6 n_b, q),)
+    pivot: Array  # (q,)
+    limit: Array  # (1,) upper limit of the rank: the rank of the last projection, or q
+    best: Array  # (2,) largest rank of any projection, and the largest value of its smallest pivot
+    norms: Array  # (q,)
+    z: Array  # (6 n_b,)
+
+
+def workspace(model: Model) -> Workspace:
+    """Allocate the work arrays of a model."""
+    n, q = 6 * len(model.mass), all_rows(model)
+    return record_of(
+        Workspace(
+            A=np.zeros((len(model.mass), 3, 3)),
+            f=np.zeros(n),
+            external=np.zeros(n),
+            value=np.zeros(q),
+            rate=np.zeros(q),
+            Q=np.zeros((q, n)),
+            gamma=np.zeros(q),
+            B=np.zeros((n, q)),
+            tau=np.zeros(min(n, q)),
+            pivot=np.zeros(q, dtype=np.int64),
+            limit=np.array([q], dtype=np.int64),
+            best=np.zeros(2),
+            norms=np.zeros(q),
+            z=np.zeros(n),
+        )
+    )

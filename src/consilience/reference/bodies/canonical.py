@@ -1,23 +1,33 @@
-"""From what the solver computes at centres of mass to canonical observables."""
+"""Conversion of solver quantities, at centres of mass, to canonical ones, at body origins; checks of sample times."""
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from consilience.errors import InvalidInput
 from consilience.mechanism import Array, Mechanism, State, reaction_map, rotation_from_quaternion
 from consilience.reference.kernel.compiled import kernel
 from consilience.reference.kernel.vectors import cross, load, rotate, store, sub
 
 
-def at_origins(mechanism: Mechanism, y: Array, a: Array) -> tuple[Array, Array]:
-    """Accelerations of the body origins and angular accelerations, world axes, from those of the solver.
+def sample_times(times: ArrayLike) -> Array:
+    """Return the sample times as floats; refuse times that are not finite or do not increase.
 
-    Parameters
-    ----------
-    y : ndarray, shape (n_b + n_e, 13)
-    a : ndarray, shape (6 n_b,)
-        (dv/dt, dw'/dt) of all bodies.
+    Raises
+    ------
+    InvalidInput
     """
+    found = np.asarray(times, dtype=float)
+    # increasing times are finite if the first and the last are
+    sound = found.ndim == 1 and len(found) > 0 and -np.inf < found[0] and found[-1] < np.inf
+    if not sound or np.count_nonzero(found[1:] > found[:-1]) < len(found) - 1:
+        raise InvalidInput("times", "they do not increase", "Give finite, increasing sample times.")
+    return found
+
+
+def at_origins(mechanism: Mechanism, y: Array, a: Array) -> tuple[Array, Array]:
+    """Convert accelerations (dv/dt, dw'/dt), shape (6 n_b,), at y to a_WB_W and alpha_WB_W, each shape (n_b, 3)."""
     y = y[: len(mechanism.bodies)]
     A = rotation_from_quaternion(y[:, 3:7])
     a = a.reshape(-1, 6)
@@ -28,24 +38,22 @@ def at_origins(mechanism: Mechanism, y: Array, a: Array) -> tuple[Array, Array]:
 
 
 def joint_wrenches(mechanism: Mechanism, state: State, lam: Array) -> Array:
-    """Joint wrenches of multipliers: on the successor, at the origin of M, axes of F, shape (n_j, 6).
+    """Convert multipliers to joint reactions: on the successor, at the origin of M, axes of F, shape (n_j, 6).
 
-    Rows of drives, couplings and contacts stand behind those of the joints and are no part of their reactions.
+    Multipliers of drives, couplings and contacts follow those of the joints and are not part of the reactions.
     """
     wrenches, start = [], 0
     for joint in mechanism.joints:
         rows = slice(start, start + len(joint.rows))
         start = rows.stop
         wrenches.append(reaction_map(mechanism, state, joint) @ lam[rows])
-    return np.array(wrenches)
+    return np.array(wrenches).reshape(-1, 6)
 
 
 def canonical_motion(com: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-    """p_WB, quat_WB, v_WB_W, w_WB_W of a motion y, shape (n_t, n_b + n_e, 13), quaternions continuous in time.
+    """Convert a motion y, shape (n_t, n_b + n_e, 13), to p_WB, quat_WB, v_WB_W, w_WB_W, quaternions continuous in time.
 
-    Of bodies whose centres of mass are com, shape (n_b, 3), m, in their own frames.
-
-    What `unpack` and `continuous_in_time` do, compiled: of a short motion of few bodies they took longer than it.
+    com: centres of mass in body frames, shape (n_b, 3), m. The compiled equivalent of `unpack`.
     """
     shape = (len(y), len(com))
     p, quat, v, w = np.empty((*shape, 3)), np.empty((*shape, 4)), np.empty((*shape, 3)), np.empty((*shape, 3))
@@ -55,7 +63,7 @@ def canonical_motion(com: Array, y: Array) -> tuple[Array, Array, Array, Array]:
 
 @kernel
 def _canonical(com: Array, y: Array, A: Array, p: Array, quat: Array, v: Array, w: Array) -> None:
-    """Fill p, quat, v and w; A is scratch, the rotation matrix of one body [MASS (2)]."""
+    """Fill p, quat, v and w; A is a work array for the rotation matrix of one body [MASS (2)]."""
     for b in range(com.shape[0]):
         for n in range(y.shape[0]):
             e0, e1, e2, e3 = y[n, b, 3], y[n, b, 4], y[n, b, 5], y[n, b, 6]

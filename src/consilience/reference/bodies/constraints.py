@@ -1,10 +1,13 @@
-"""All constraint rows of a mechanism, compiled: values, Jacobian, gamma and rates at the state y.
+"""Constraint rows of a mechanism at a state y, compiled: violation g, Jacobian Q, gamma and nu.
 
-Order: joints, drives, couplings, contacts of rolling bodies; then the non-holonomic rows, which have no value: slip of
-rolling bodies, skates. Equations of the rows that are not joints': `consilience.mechanism.element_rows`.
+    g(x, t) = 0,    Q v = nu,    Q a = gamma                                        [MASS (13)-(29), C4 (4.85)-(4.89)]
 
-Jacobian columns of a body are its velocity v of the centre of mass in world axes and its angular velocity w' in
-**body** axes, so that the mass matrix they go with, ``diag(m 1, I')``, is constant.
+Order: joints, drives, couplings, contacts of rolling bodies; then the non-holonomic rows, which have no g: slip of
+rolling bodies, skates. The columns of a body belong to its velocity v (centre of mass, world axes) and its angular
+velocity w' (**body** axes): with these velocities the mass matrix ``diag(m 1, I')`` is constant.
+
+`consilience.mechanism` has the same rows about body origins in NumPy. Neither is derived from the other: the two check
+each other.
 """
 
 from __future__ import annotations
@@ -12,18 +15,17 @@ from __future__ import annotations
 import numpy as np
 
 from consilience.mechanism import Array
-from consilience.reference.bodies.arrays import Model
+from consilience.reference.bodies.arrays import Model, Workspace
 from consilience.reference.bodies.joint_rows import Row, coordinate, joint_motion, joint_row, place
 from consilience.reference.bodies.motion import add_coefficients, arm, motion
-from consilience.reference.bodies.workspace import Workspace
 from consilience.reference.kernel import functions
 from consilience.reference.kernel.compiled import inlined, kernel
-from consilience.reference.kernel.vectors import add, cross, dot, load, scale, sub
+from consilience.reference.kernel.vectors import Vector, add, cross, dot, load, scale, sub
 
 
 @inlined
 def _joints(model: Model, y: Array, ws: Workspace) -> int:
-    """Rows of all joints; the number of the next row."""
+    """Write the rows of all joints; return the index of the next row."""
     body_i, body_j, arm_i, arm_j = model.body_i, model.body_j, model.arm_i, model.arm_j
     A, Q = ws.A, ws.Q
     for k in range(model.body_i.shape[0]):
@@ -41,7 +43,7 @@ def _joints(model: Model, y: Array, ws: Workspace) -> int:
 
 @inlined
 def _drives(model: Model, t: float, y: Array, ws: Workspace, first: int) -> int:
-    """``q - f(t) = 0``."""
+    """Write the rows of drives, ``q - f(t) = 0``."""
     for n in range(model.drive.shape[0]):
         f, f_dot, f_ddot = functions.evaluate(model.functions, model.drive[n, 1], t)
         q = coordinate(model, y, ws.A, model.drive[n, 0], f)
@@ -53,10 +55,10 @@ def _drives(model: Model, t: float, y: Array, ws: Workspace, first: int) -> int:
 
 
 @inlined
-def _couplings(model: Model, y: Array, memory: Array, ws: Workspace, first: int) -> int:
-    """``q - f(q_driver) = 0``."""
+def _couplings(model: Model, y: Array, turns: Array, ws: Workspace, first: int) -> int:
+    """Write the rows of couplings, ``q - f(q_driver) = 0``."""
     for n in range(model.coupling.shape[0]):
-        driver = coordinate(model, y, ws.A, model.coupling[n, 1], memory[model.coupling[n, 1]])
+        driver = coordinate(model, y, ws.A, model.coupling[n, 1], turns[model.coupling[n, 1]])
         f, slope, bend = functions.evaluate(model.functions, model.coupling[n, 2], driver.value)
         q = coordinate(model, y, ws.A, model.coupling[n, 0], f)
         ws.value[first + n] = q.value - f
@@ -67,36 +69,48 @@ def _couplings(model: Model, y: Array, memory: Array, ws: Workspace, first: int)
 
 
 @inlined
+def _rolling_contact(model: Model, y: Array, A: Array, k: int) -> tuple[float, Vector, Vector]:
+    """Return height, arm and bias acceleration of the contact point of rolling body k, world axes.
+
+    With the body's axis a, the plane's normal n, the circle of radius R about a, rounded by r [EXU]:
+
+        m = n - (n . a) a,    mu = |m| (1 of a ball),    rho = -R m / mu - r n,
+        height = n . (p + s - point) - R mu - r,    arm = s + rho,    bias = w x (w x s) + w x rho'.
+    """
+    b = model.rolling_body[k]
+    R, r = model.rolling_radii[k]
+    p, _, w = motion(y, A, b)
+    s, a = arm(A, b, load(model.rolling_arm[k])), arm(A, b, load(model.rolling_axis[k]))
+    n = load(model.rolling_plane[k, 0])
+    a_dot = cross(w, a)
+    m = sub(n, scale(dot(n, a), a))
+    m_dot = scale(-1.0, add(scale(dot(n, a_dot), a), scale(dot(n, a), a_dot)))
+    mu = np.sqrt(dot(m, m)) if R > 0.0 else 1.0
+    mu_dot = dot(m, m_dot) / mu
+    rho = sub(scale(-R / mu, m), scale(r, n))
+    rho_dot = scale(-R / mu, sub(m_dot, scale(mu_dot / mu, m)))
+    height = dot(n, sub(add(p, s), load(model.rolling_point[k]))) - R * mu - r
+    return height, add(s, rho), add(cross(w, cross(w, s)), cross(w, rho_dot))
+
+
+@inlined
 def _rollings(model: Model, y: Array, ws: Workspace, first: int) -> int:
-    """Contacts, then two rows of slip for each rolling body."""
+    """Write the contact rows, then two slip rows, of all rolling bodies: n and two directions in the plane."""
     count = model.rolling_body.shape[0]
     for k in range(count):
-        b = model.rolling_body[k]
-        R, r = model.rolling_radii[k]
-        p, _, w = motion(y, ws.A, b)
-        s, a = arm(ws.A, b, load(model.rolling_arm[k])), arm(ws.A, b, load(model.rolling_axis[k]))
-        n = load(model.rolling_plane[k, 0])
-        a_dot = cross(w, a)
-        m = sub(n, scale(dot(n, a), a))
-        m_dot = scale(-1.0, add(scale(dot(n, a_dot), a), scale(dot(n, a), a_dot)))
-        mu = np.sqrt(dot(m, m)) if R > 0.0 else 1.0
-        mu_dot = dot(m, m_dot) / mu
-        rho = sub(scale(-R / mu, m), scale(r, n))
-        rho_dot = scale(-R / mu, sub(m_dot, scale(mu_dot / mu, m)))
-        bias = add(cross(w, cross(w, s)), cross(w, rho_dot))
-        height = dot(n, sub(add(p, s), load(model.rolling_point[k]))) - R * mu - r
+        height, s, bias = _rolling_contact(model, y, ws.A, k)
         for axis in range(3):
             row = first + k if axis == 0 else first + count + 2 * k + axis - 1
             direction = load(model.rolling_plane[k, axis])
             ws.value[row] = height if axis == 0 else 0.0
             ws.gamma[row] = -dot(direction, bias)
-            add_coefficients(ws.Q, row, ws.A, b, 1.0, direction, cross(add(s, rho), direction))
+            add_coefficients(ws.Q, row, ws.A, model.rolling_body[k], 1.0, direction, cross(s, direction))
     return first + 3 * count
 
 
 @inlined
 def _skates(model: Model, y: Array, ws: Workspace, first: int) -> None:
-    """``l . (v + w x s) = 0``."""
+    """Write the rows of skates, ``l . (v + w x s) = 0``."""
     for n in range(model.skate_body.shape[0]):
         b = model.skate_body[n]
         _, v, w = motion(y, ws.A, b)
@@ -108,22 +122,25 @@ def _skates(model: Model, y: Array, ws: Workspace, first: int) -> None:
 
 
 @kernel
-def evaluate(model: Model, t: float, y: Array, memory: Array, ws: Workspace) -> None:
-    """Fill ``ws.value`` (violation g), ``ws.Q``, ``ws.gamma`` and ``ws.rate`` (``Q v = rate``).
+def evaluate(model: Model, t: float, y: Array, turns: Array, ws: Workspace) -> None:
+    """Evaluate all constraint rows: g into ``ws.value``, Q, gamma, and nu into ``ws.rate``.
 
     Parameters
     ----------
+    model : Model
     t : float, s
-    memory : ndarray, shape (n_c,)
-        Joint coordinates that elements read a moment ago: turns are counted from them.
+    y : ndarray, shape (n_b + n_e, 13)
+        Packed state.
+    turns : ndarray, shape (n_c,)
+        Joint coordinates that elements read, at an earlier time (m, rad): full turns are counted from them.
     ws : Workspace
-        With the rotation matrices of y in ``ws.A``, from `bodies.rotations`.
+        ``ws.A`` holds the rotation matrices of y (`motion.rotations`).
     """
     ws.Q[:, :] = 0.0
     ws.rate[:] = 0.0
     row = _joints(model, y, ws)
     if row < ws.rate.shape[0]:
         row = _drives(model, t, y, ws, row)
-        row = _couplings(model, y, memory, ws, row)
+        row = _couplings(model, y, turns, ws, row)
         row = _rollings(model, y, ws, row)
         _skates(model, y, ws, row)

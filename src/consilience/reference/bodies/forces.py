@@ -1,8 +1,8 @@
 """Applied and gyroscopic forces, compiled [MASS (30)-(36)].
 
-The generalised force of a body goes with the velocities (v, w'): force at the centre of mass in world axes, torque
-about it in body axes, the latter with the gyroscopic term ``-w' x I' w'``. The effort of an element in a joint
-coordinate q acts by the coefficients of ``dq/dt`` in the velocities: its virtual power is the effort times dq/dt.
+The generalised force of a body belongs to the velocities (v, w'): force at the centre of mass in world axes, torque
+about the centre of mass in body axes, including the gyroscopic term ``-w' x I' w'``. An effort in a joint coordinate q
+(force or torque) has the virtual power effort times q', so that it acts by the coefficients of q' in the velocities.
 """
 
 from __future__ import annotations
@@ -10,12 +10,11 @@ from __future__ import annotations
 import numpy as np
 
 from consilience.mechanism import Array
-from consilience.reference.bodies.arrays import Model
-from consilience.reference.bodies.joint_rows import Coordinate, coordinate
+from consilience.reference.bodies.arrays import Model, Workspace
+from consilience.reference.bodies.joint_rows import CoordinateRow, coordinate
 from consilience.reference.bodies.motion import ZERO, arm, motion, rotations
-from consilience.reference.bodies.workspace import Workspace
 from consilience.reference.kernel import functions
-from consilience.reference.kernel.compiled import inlined, inner, kernel
+from consilience.reference.kernel.compiled import fused, inlined, inner, kernel
 from consilience.reference.kernel.vectors import (
     Vector,
     accumulate,
@@ -32,15 +31,15 @@ from consilience.reference.kernel.vectors import (
 
 @inner
 def _push(f: Array, A: Array, body: int, force: Vector, s: Vector, torque: Vector) -> None:
-    """Add a force at the arm s from the centre of mass, and a torque, all in world axes; the ground takes anything."""
+    """Add a force at the arm s from the centre of mass, and a torque, world axes; loads on the ground are ignored."""
     if body >= 0:
         accumulate(f[6 * body : 6 * body + 3], force)
         accumulate(f[6 * body + 3 : 6 * body + 6], rotate_back(A[body], add(torque, cross(s, force))))
 
 
 @inner
-def _exert(f: Array, A: Array, q: Coordinate, effort: float) -> None:
-    """Add an effort in a joint coordinate, the opposite on the predecessor."""
+def _add_effort(f: Array, A: Array, q: CoordinateRow, effort: float) -> None:
+    """Add an effort in a joint coordinate: on the successor, its opposite on the predecessor."""
     e = scale(effort, q.row.e)
     _push(f, A, q.j, e, ZERO, scale(effort, q.row.c_j))
     _push(f, A, q.i, scale(-1.0, e), ZERO, scale(effort, q.row.c_i))
@@ -48,54 +47,59 @@ def _exert(f: Array, A: Array, q: Coordinate, effort: float) -> None:
 
 @inlined
 def _factor(model: Model, function: int, t: float, otherwise: float) -> float:
-    """Function of time, or a constant where there is none."""
+    """Return the value of a function of time, or a constant if the element has no function."""
     return functions.evaluate(model.functions, function, t)[0] if function >= 0 else otherwise
 
 
+@fused
+def friction_effort(law: Vector, rate: float) -> float:
+    """Return the regularised friction effort ``-(d q' + F tanh(q' / v))`` for law = (d, F, v)."""
+    return -law[0] * rate - law[1] * np.tanh(rate / law[2])
+
+
 @inlined
-def _joint_elements(model: Model, t: float, y: Array, memory: Array, ws: Workspace) -> None:
-    """Springs, friction and controls of joints."""
+def _joint_elements(model: Model, t: float, y: Array, turns: Array, ws: Workspace) -> None:
+    """Add the efforts of joint springs, friction and controllers."""
     for n in range(model.joint_spring.shape[0]):
         c = model.joint_spring[n, 0]
-        q = coordinate(model, y, ws.A, c, memory[c])
+        q = coordinate(model, y, ws.A, c, turns[c])
         stiffness, damping, rest = load(model.joint_spring_law[n])
         actuator = _factor(model, model.joint_spring[n, 1], t, 0.0)
-        _exert(ws.f, ws.A, q, actuator - stiffness * (q.value - rest) - damping * q.rate)
+        _add_effort(ws.f, ws.A, q, actuator - stiffness * (q.value - rest) - damping * q.rate)
     for n in range(model.friction.shape[0]):
         c = model.friction[n]
-        q = coordinate(model, y, ws.A, c, memory[c])
-        viscous, coulomb, speed = load(model.friction_law[n])
-        _exert(ws.f, ws.A, q, -viscous * q.rate - coulomb * np.tanh(q.rate / speed))
+        q = coordinate(model, y, ws.A, c, turns[c])
+        _add_effort(ws.f, ws.A, q, friction_effort(load(model.friction_law[n]), q.rate))
     for n in range(model.control.shape[0]):
         c = model.control[n, 0]
-        q = coordinate(model, y, ws.A, c, memory[c])
+        q = coordinate(model, y, ws.A, c, turns[c])
         target, target_rate, _ = functions.evaluate(model.functions, model.control[n, 1], t)
         P, I, D = load(model.control_law[n])
         integral = y[model.mass.shape[0] + n // 13, n % 13]
-        _exert(ws.f, ws.A, q, P * (target - q.value) + I * integral + D * (target_rate - q.rate))
+        _add_effort(ws.f, ws.A, q, P * (target - q.value) + I * integral + D * (target_rate - q.rate))
 
 
 @kernel
-def control_errors(model: Model, t: float, y: Array, memory: Array, ws: Workspace, dy: Array) -> None:
-    """Derivatives of the integrals of the controllers, ``target(t) - q``, into their rows of dy."""
+def control_errors(model: Model, t: float, y: Array, turns: Array, ws: Workspace, dy: Array) -> None:
+    """Write the control errors ``target(t) - q``, the rates of the controllers' integrals, into the last rows of dy."""
     for n in range(model.control.shape[0]):
         c = model.control[n, 0]
         target = functions.evaluate(model.functions, model.control[n, 1], t)[0]
-        q = coordinate(model, y, ws.A, c, memory[c])
+        q = coordinate(model, y, ws.A, c, turns[c])
         dy[model.mass.shape[0] + n // 13, n % 13] = target - q.value
 
 
 @kernel
-def remember(model: Model, y: Array, ws: Workspace, memory: Array) -> None:
-    """Update the joint coordinates that elements read, turns counted."""
+def count_turns(model: Model, y: Array, ws: Workspace, turns: Array) -> None:
+    """Replace the joint coordinates that elements read by their values at y, angles nearest to the old ones."""
     rotations(y, ws.A)
-    for n in range(memory.shape[0]):
-        memory[n] = coordinate(model, y, ws.A, n, memory[n]).value
+    for n in range(turns.shape[0]):
+        turns[n] = coordinate(model, y, ws.A, n, turns[n]).value
 
 
 @kernel
 def read(model: Model, y: Array, A: Array, near: Array, value: Array, rate: Array) -> None:
-    """Joint coordinates that elements read, angles within half a turn of `near`, and their rates."""
+    """Evaluate the joint coordinates that elements read, angles within half a turn of `near`, and their rates."""
     for n in range(near.shape[0]):
         q = coordinate(model, y, A, n, near[n])
         value[n], rate[n] = q.value, q.rate
@@ -122,6 +126,7 @@ def _springs(model: Model, t: float, y: Array, A: Array, f: Array) -> None:
 
 @inlined
 def _loads(model: Model, t: float, A: Array, f: Array) -> None:
+    """Add forces and torques fixed in the world or in a body."""
     for n in range(model.load_body.shape[0]):
         b = model.load_body[n]
         vector = scale(_factor(model, model.load_function[n], t, 1.0), load(model.load_vector[n]))
@@ -134,12 +139,12 @@ def _loads(model: Model, t: float, A: Array, f: Array) -> None:
 
 
 @kernel
-def evaluate(model: Model, t: float, y: Array, memory: Array, ws: Workspace) -> None:
-    """Fill ``ws.f`` with all applied and gyroscopic forces, shape (6 n_b,).
+def evaluate(model: Model, t: float, y: Array, turns: Array, ws: Workspace) -> None:
+    """Evaluate all applied and gyroscopic forces into ``ws.f``, shape (6 n_b,).
 
-    Arguments as in `constraints.evaluate`; forces from outside the model are in ``ws.external``.
+    Parameters as in `constraints.evaluate`; ``ws.external`` holds further forces of the caller.
     """
-    for n in range(ws.f.shape[0]):  # an assignment of arrays takes seconds to compile
+    for n in range(ws.f.shape[0]):  # element by element: array assignment compiles slowly
         ws.f[n] = ws.external[n]
     gravity = load(model.gravity)
     for b in range(model.mass.shape[0]):
@@ -148,7 +153,7 @@ def evaluate(model: Model, t: float, y: Array, memory: Array, ws: Workspace) -> 
         accumulate(ws.f[6 * b + 3 : 6 * b + 6], scale(-1.0, cross(w, rotate(model.inertia[b], w))))
     if model.spring_body.shape[0]:
         _springs(model, t, y, ws.A, ws.f)
-    if memory.shape[0]:
-        _joint_elements(model, t, y, memory, ws)
+    if turns.shape[0]:
+        _joint_elements(model, t, y, turns, ws)
     if model.load_body.shape[0]:
         _loads(model, t, ws.A, ws.f)

@@ -1,12 +1,14 @@
-"""Rows and coordinates of single joints, compiled [MASS (9)-(29)].
+"""Constraint rows and coordinates of single joints, compiled [MASS (9)-(29)].
 
 ``(X, Y, Z) = U^T d`` (three), ``L = |d|`` (one), ``D_kl = u_k . w_l`` (nine), from the frames of a joint,
 
     U = A_i A_Ji,  W = A_j A_Jj,  s = A s',  d = r_j + s_j - r_i - s_i.
 
-A row's rate has coefficients e of the velocity of the centre of mass of j (those of i are -e), c_i and c_j of the
-angular velocities, all in world axes. Functions that run for every row take the arrays they read and not the whole
-model: to pass a model is to copy the shapes of all its arrays. For that, too, what has one caller is `inlined`.
+The rate of a row has the coefficients e of the velocity of the centre of mass of j, -e of that of i, and c_i, c_j of
+the angular velocities, all in world axes. Kernels that run for every row take the arrays they read, not the model.
+
+`consilience.mechanism.joint_rows` has the same rows about body origins in NumPy. Neither is derived from the other: the
+two check each other.
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ from consilience.reference.kernel.compiled import fused, inner, kernel
 from consilience.reference.kernel.vectors import Vector, add, column, cross, dot, load, scale, sub
 
 TURN = 2.0 * np.pi
-_D11, _D21, _Z = np.array([4, 7, 2])  # numbers of NumPy: see `relative.columns`
+_D11, _D21, _Z = np.array([4, 7, 2])  # NumPy integers: Numba types them as array elements, not as literals
 
 
 class JointMotion(NamedTuple):
@@ -40,7 +42,7 @@ class JointMotion(NamedTuple):
 
 
 class Row(NamedTuple):
-    """Value, gamma and coefficients of one row."""
+    """One row: value, gamma and coefficients of the velocities."""
 
     value: float
     gamma: float
@@ -49,8 +51,8 @@ class Row(NamedTuple):
     c_j: Vector
 
 
-class Coordinate(NamedTuple):
-    """A joint coordinate: value, rate, gamma and coefficients, and the bodies it is between."""
+class CoordinateRow(NamedTuple):
+    """One joint coordinate: value, rate, its row, predecessor i and successor j."""
 
     value: float
     rate: float
@@ -72,7 +74,18 @@ def motion_between(
     w_i: Vector,
     w_j: Vector,
 ) -> JointMotion:
-    """Relative motion of frames at arms s_i, s_j from the centres of mass of two bodies."""
+    """Return the relative motion of two frames of bodies i and j, world axes.
+
+    Parameters
+    ----------
+    i, j : int
+        Bodies, -1 for the ground.
+    s_i, s_j : Vector, m
+        Arms from the centres of mass to the frames' origins.
+    r_i, r_j, v_i, v_j : Vector, m and m/s
+        Positions and velocities of the centres of mass.
+    w_i, w_j : Vector, rad/s
+    """
     d = sub(add(r_j, s_j), add(r_i, s_i))
     d_dot = sub(add(v_j, cross(w_j, s_j)), add(v_i, cross(w_i, s_i)))
     centripetal = sub(cross(w_j, cross(w_j, s_j)), cross(w_i, cross(w_i, s_i)))
@@ -81,7 +94,7 @@ def motion_between(
 
 @inner
 def joint_motion(body_i: Array, body_j: Array, arm_i: Array, arm_j: Array, y: Array, A: Array, k: int) -> JointMotion:
-    """Relative motion of the frames of joint k."""
+    """Return the relative motion of the frames of joint k; arrays as in `Model`, rotation matrices A of all bodies."""
     i, j = body_i[k], body_j[k]
     s_i, s_j = arm(A, i, load(arm_i[k])), arm(A, j, load(arm_j[k]))
     r_i, v_i, w_i = motion(y, A, i)
@@ -91,7 +104,7 @@ def joint_motion(body_i: Array, body_j: Array, arm_i: Array, arm_j: Array, y: Ar
 
 @fused
 def displacement_row(u: Vector, m: JointMotion) -> Row:
-    """``u . d`` of an axis u of body i."""
+    """Return the row ``u . d`` of an axis u of body i."""
     u_dot = cross(m.w_i, u)
     gamma = -(dot(cross(m.w_i, u_dot), m.d) + 2.0 * dot(u_dot, m.d_dot) + dot(u, m.centripetal))
     return Row(dot(u, m.d), gamma, u, scale(-1.0, cross(add(m.s_i, m.d), u)), cross(m.s_j, u))
@@ -99,7 +112,7 @@ def displacement_row(u: Vector, m: JointMotion) -> Row:
 
 @fused
 def distance_row(m: JointMotion) -> Row:
-    """``|d|``."""
+    """Return the row ``|d|``."""
     L = np.sqrt(dot(m.d, m.d))
     e = scale(1.0 / L, m.d)
     gamma = -((dot(m.d_dot, m.d_dot) - dot(e, m.d_dot) ** 2) / L + dot(e, m.centripetal))
@@ -108,7 +121,7 @@ def distance_row(m: JointMotion) -> Row:
 
 @fused
 def product_row(u: Vector, w: Vector, m: JointMotion) -> Row:
-    """``u . w`` of axes of bodies i and j."""
+    """Return the row ``u . w`` of an axis u of body i and an axis w of body j."""
     u_dot, w_dot = cross(m.w_i, u), cross(m.w_j, w)
     normal = cross(u, w)
     gamma = -(dot(cross(m.w_i, u_dot), w) + 2.0 * dot(u_dot, w_dot) + dot(u, cross(m.w_j, w_dot)))
@@ -117,7 +130,7 @@ def product_row(u: Vector, w: Vector, m: JointMotion) -> Row:
 
 @inner
 def basic_row(axes_i: Array, axes_j: Array, A: Array, m: JointMotion, kind: int) -> Row:
-    """One of the thirteen basic constraint functions of a joint with the axes A_Ji, A_Jj."""
+    """Return one of the thirteen basic constraint rows of a joint with the frames A_Ji, A_Jj; kind indexes `ROWS`."""
     if kind < 3:
         return displacement_row(arm(A, m.i, column(axes_i, kind)), m)
     if kind == 3:
@@ -128,13 +141,13 @@ def basic_row(axes_i: Array, axes_j: Array, A: Array, m: JointMotion, kind: int)
 
 @kernel
 def full_turns(angle: float, near: float) -> float:
-    """The angle plus the full turns that bring it nearest to `near`."""
+    """Add full turns to an angle, rad, until it is nearest to `near`."""
     return angle + TURN * np.round((near - angle) / TURN)
 
 
 @inner
 def row_of_angle(cos: Row, sin: Row, m: JointMotion, near: float) -> Row:
-    """The angle of this cosine and sine, times anything, within half a turn of `near`."""
+    """Return the row of the angle ``atan2(sin, cos)`` within half a turn of `near`; sin and cos share any factor."""
     square = cos.value**2 + sin.value**2
     p, q = cos.value / square, sin.value / square
     c_i = sub(scale(p, sin.c_i), scale(q, cos.c_i))
@@ -148,7 +161,7 @@ def row_of_angle(cos: Row, sin: Row, m: JointMotion, near: float) -> Row:
 
 @inner
 def row_of_screw(z: Row, turn: Row, pitch: float) -> Row:
-    """``Z - pitch angle / 2 pi``."""
+    """Return the row ``Z - pitch angle / 2 pi``."""
     h = pitch / TURN
     return Row(
         z.value - h * turn.value,
@@ -161,20 +174,20 @@ def row_of_screw(z: Row, turn: Row, pitch: float) -> Row:
 
 @inner
 def angle_row(axes_i: Array, axes_j: Array, A: Array, m: JointMotion, near: float) -> Row:
-    """The angle with the tangent ``D21 / D11``, within half a turn of `near`."""
+    """Return the row of the joint angle ``atan2(D21, D11)`` within half a turn of `near`."""
     return row_of_angle(basic_row(axes_i, axes_j, A, m, _D11), basic_row(axes_i, axes_j, A, m, _D21), m, near)
 
 
 @inner
 def screw_row(axes_i: Array, axes_j: Array, pitch: float, A: Array, m: JointMotion) -> Row:
-    """``Z - pitch angle / 2 pi``; the turns of the angle are those of Z."""
+    """Return the row ``Z - pitch angle / 2 pi`` of a screw; Z gives the full turns of the angle."""
     z = basic_row(axes_i, axes_j, A, m, _Z)
     return row_of_screw(z, angle_row(axes_i, axes_j, A, m, TURN * z.value / pitch), pitch)
 
 
 @inner
 def joint_row(axes_i: Array, axes_j: Array, pitch: float, A: Array, m: JointMotion, kind: int) -> Row:
-    """A row of a joint by its number in `model.ROWS`."""
+    """Return a row of a joint; kind indexes `arrays.ROWS`."""
     if kind == 13:
         return screw_row(axes_i, axes_j, pitch, A, m)
     return basic_row(axes_i, axes_j, A, m, kind)
@@ -194,23 +207,38 @@ def _coordinate(
     k: int,
     kind: int,
     near: float,
-) -> Coordinate:
-    """Coordinate of joint k, whose axes and pitch these are."""
+) -> CoordinateRow:
+    """Return a coordinate of joint k.
+
+    Parameters
+    ----------
+    body_i, body_j, arm_i, arm_j : ndarray
+        As in `Model`.
+    axes_i, axes_j : ndarray, shape (3, 3)
+    pitch : float, m
+        Of joint k.
+    y, A : ndarray
+        Packed state and rotation matrices of all bodies.
+    k, kind : int
+        Joint; `ANGLE` or `DISTANCE`.
+    near : float, rad
+        The angle is within half a turn of it.
+    """
     m = joint_motion(body_i, body_j, arm_i, arm_j, y, A, k)
     if kind == 1:
         row = basic_row(axes_i, axes_j, A, m, _Z)
         # the velocities of the centres of mass enter only through those of the frames' origins
         rate = dot(row.e, m.d_dot) + dot(cross(m.w_i, row.e), m.d)
-        return Coordinate(row.value, rate, row, m.i, m.j)
+        return CoordinateRow(row.value, rate, row, m.i, m.j)
     if pitch != 0.0:
         near = TURN * basic_row(axes_i, axes_j, A, m, _Z).value / pitch
     row = angle_row(axes_i, axes_j, A, m, near)
-    return Coordinate(row.value, dot(row.c_i, m.w_i) + dot(row.c_j, m.w_j), row, m.i, m.j)
+    return CoordinateRow(row.value, dot(row.c_i, m.w_i) + dot(row.c_j, m.w_j), row, m.i, m.j)
 
 
 @fused
-def coordinate(model: Model, y: Array, A: Array, n: int, near: float) -> Coordinate:
-    """Joint coordinate n of those that elements read; an angle within half a turn of `near`, a screw's by its Z."""
+def coordinate(model: Model, y: Array, A: Array, n: int, near: float) -> CoordinateRow:
+    """Return joint coordinate n of `Model.coordinate`; angles within half a turn of `near`, of a screw by its Z."""
     k = model.coordinate[n, 0]
     return _coordinate(
         model.body_i,
@@ -230,6 +258,6 @@ def coordinate(model: Model, y: Array, A: Array, n: int, near: float) -> Coordin
 
 @inner
 def place(Q: Array, index: int, A: Array, i: int, j: int, factor: float, row: Row) -> None:
-    """Add a row between bodies i and j to row `index` of Q."""
+    """Add `factor` times the coefficients of a row to row `index` of Q, columns of bodies i and j."""
     add_coefficients(Q, index, A, i, -factor, row.e, scale(-1.0, row.c_i))
     add_coefficients(Q, index, A, j, factor, row.e, row.c_j)

@@ -1,6 +1,6 @@
-"""Mass metric of all bodies: ``M = diag(m 1, I')`` and its Cholesky factor L, constant in body axes.
+"""Mass metric of all bodies: ``M = diag(m 1, I') = L L^T``, constant in body axes.
 
-``B = L^-1 Q^T`` is the constraint Jacobian in that metric; its rank-revealing QR gives the corrections of least M-norm.
+The rank-revealing QR of the constraint Jacobian in this metric, ``B = L^-1 Q^T``, gives corrections of least M-norm.
 """
 
 from __future__ import annotations
@@ -8,8 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from consilience.mechanism import Array
-from consilience.reference.bodies.arrays import Model
-from consilience.reference.bodies.workspace import Workspace
+from consilience.reference.bodies.arrays import Model, Workspace
 from consilience.reference.kernel.compiled import allocating, inner, kernel
 from consilience.reference.kernel.factorisation import ordered_qr, pivoted_qr
 from consilience.reference.kernel.vectors import assign
@@ -17,21 +16,21 @@ from consilience.reference.kernel.vectors import assign
 
 @allocating
 def mass_matrix(model: Model) -> Array:
-    """``M = diag(m 1, I')`` of all bodies, shape (6 n_b, 6 n_b)."""
+    """Assemble ``M = diag(m 1, I')`` of all bodies, shape (6 n_b, 6 n_b)."""
     n = model.mass.shape[0]
     M = np.zeros((6 * n, 6 * n))
     for b in range(n):
         o = 6 * b
         for k in range(3):
             M[o + k, o + k] = model.mass[b]
-            for j in range(3):  # an assignment of parts takes seconds to compile
+            for j in range(3):  # slice assignment compiles slowly
                 M[o + 3 + k, o + 3 + j] = model.inertia[b, k, j]
     return M
 
 
 @inner
 def solve_factor(model: Model, x: Array) -> None:
-    """``x <- L^-1 x`` for a vector of generalised forces, in place."""
+    """Solve ``x <- L^-1 x`` in place for generalised forces x, shape (6 n_b,)."""
     for b in range(model.mass.shape[0]):
         s = 1.0 / np.sqrt(model.mass[b])
         F = model.inertia_factor[b]
@@ -46,7 +45,7 @@ def solve_factor(model: Model, x: Array) -> None:
 
 @inner
 def solve_factor_transposed(model: Model, x: Array) -> None:
-    """``x <- L^-T x``, in place."""
+    """Solve ``x <- L^-T x`` in place, shape (6 n_b,)."""
     for b in range(model.mass.shape[0]):
         s = 1.0 / np.sqrt(model.mass[b])
         F = model.inertia_factor[b]
@@ -61,7 +60,7 @@ def solve_factor_transposed(model: Model, x: Array) -> None:
 
 @kernel
 def factorise(model: Model, ws: Workspace) -> int:
-    """Factorise ``B = L^-1 Q^T`` of the Jacobian in the workspace; the numerical rank."""
+    """Factorise ``B = L^-1 Q^T`` of ``ws.Q`` by pivoted QR; return the numerical rank."""
     q = ws.Q.shape[0]
     for row in range(q):
         assign(ws.z, ws.Q[row])
@@ -72,7 +71,7 @@ def factorise(model: Model, ws: Workspace) -> int:
 
 @inner
 def factorise_as_projected(model: Model, ws: Workspace) -> int:
-    """The same with the independent rows of the last projection, in its order; where there is a choice at all."""
+    """Factorise B with the independent rows of the last projection, in its order, if that projection lost rank."""
     if ws.best[0] == 0.0 or ws.limit[0] == ws.Q.shape[0]:
         return factorise(model, ws)
     for k in range(ws.limit[0]):

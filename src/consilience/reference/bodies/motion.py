@@ -1,4 +1,4 @@
-"""Poses and velocities of single bodies out of the state y, compiled. Body -1 is the ground."""
+"""Poses, velocities and state rates of bodies from the packed state y, compiled. Body -1 is the ground."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ ZERO = (0.0, 0.0, 0.0)
 
 @kernel
 def rotations(y: Array, A: Array) -> None:
-    """Rotation matrices of all bodies from their Euler parameters [MASS (2)], shape (n_b, 3, 3).
+    """Compute the rotation matrices of all bodies, shape (n_b, 3, 3), from normalised Euler parameters [MASS (2)].
 
-    The parameters are divided by their norm, which the stages of an integrator leave off one by their local error.
+    In the stages of an integrator the norm of the parameters differs from one by the local error.
     """
     for b in range(A.shape[0]):
         e0, e1, e2, e3 = y[b, 3], y[b, 4], y[b, 5], y[b, 6]
@@ -31,13 +31,13 @@ def rotations(y: Array, A: Array) -> None:
 
 @inner
 def arm(A: Array, body: int, s: Vector) -> Vector:
-    """World components of a vector fixed to a body (-1: the ground)."""
+    """Return the world components of a vector given in axes of a body."""
     return rotate(A[body], s) if body >= 0 else s
 
 
 @inner
 def motion(y: Array, A: Array, body: int) -> tuple[Vector, Vector, Vector]:
-    """Position and velocity of the centre of mass, and angular velocity in world axes; zero for the ground."""
+    """Return position and velocity of the centre of mass, and the angular velocity, world axes; zero for the ground."""
     if body < 0:
         return ZERO, ZERO, ZERO
     return load(y[body, 0:3]), load(y[body, 7:10]), rotate(A[body], load(y[body, 10:13]))
@@ -45,7 +45,34 @@ def motion(y: Array, A: Array, body: int) -> tuple[Vector, Vector, Vector]:
 
 @inner
 def add_coefficients(Q: Array, row: int, A: Array, body: int, factor: float, on_v: Vector, on_w: Vector) -> None:
-    """Add to a row the coefficients of v (centre of mass) and w (world, turned here into body axes) of one body."""
+    """Add coefficients of one body to a row of Q.
+
+    Parameters
+    ----------
+    Q : ndarray, shape (q, 6 n_b)
+    row, body : int
+    A : ndarray, shape (n_b, 3, 3)
+    factor : float
+        Of both coefficients.
+    on_v, on_w : Vector
+        Coefficients of v (centre of mass) and of the angular velocity w, world axes; stored for w' in body axes.
+    """
     if body >= 0:
         accumulate(Q[row, 6 * body : 6 * body + 3], scale(factor, on_v))
         accumulate(Q[row, 6 * body + 3 : 6 * body + 6], scale(factor, rotate_back(A[body], on_w)))
+
+
+@inner
+def state_rates(y: Array, a: Array, dy: Array) -> None:
+    """Write ``r' = v``, ``p' = 1/2 G^T w'`` [MASS (38)] and the accelerations a, shape (6 n_b,), into dy."""
+    for b in range(a.shape[0] // 6):
+        e0, e1, e2, e3 = y[b, 3], y[b, 4], y[b, 5], y[b, 6]
+        w1, w2, w3 = y[b, 10], y[b, 11], y[b, 12]
+        for k in range(3):
+            dy[b, k] = y[b, 7 + k]
+        dy[b, 3] = -0.5 * (e1 * w1 + e2 * w2 + e3 * w3)
+        dy[b, 4] = 0.5 * (e0 * w1 + e2 * w3 - e3 * w2)
+        dy[b, 5] = 0.5 * (e0 * w2 + e3 * w1 - e1 * w3)
+        dy[b, 6] = 0.5 * (e0 * w3 + e1 * w2 - e2 * w1)
+        for k in range(6):
+            dy[b, 7 + k] = a[6 * b + k]

@@ -1,10 +1,10 @@
-"""Projection of a state back to ``g = 0`` and ``Q v = nu`` in the mass metric ("assembling during integration" [MASS]).
+"""Projection of a state onto ``g = 0`` and ``Q v = nu`` in the mass metric ("assembling during integration" [MASS]).
 
-The step (dr, rotation vector in body axes) of least M-norm with ``Q step = -g``; then the change of the velocities of
-least M-norm with ``Q (v + dv) = nu``. Non-holonomic rows hold velocities only.
+Positions: Newton steps (dr, rotation vector in body axes) of least M-norm with ``Q step = -g``. Velocities: the change
+dv of least M-norm with ``Q (v + dv) = nu``. Non-holonomic rows constrain velocities only.
 
-The rank of the constraints is found where they hold, that is here, and kept in ``ws.limit`` for the stages of the next
-step, which are off the manifold by their error: rows that depend on others show it only to that error there.
+The rank is determined here, where the constraints hold, and is the upper limit ``ws.limit`` in the stages of the next
+step: off the manifold, dependent rows look independent by the error of the stage.
 """
 
 from __future__ import annotations
@@ -13,18 +13,17 @@ import numpy as np
 
 from consilience.mechanism import Array
 from consilience.reference.bodies import constraints
-from consilience.reference.bodies.arrays import Model
+from consilience.reference.bodies.arrays import Model, Workspace
 from consilience.reference.bodies.mass_metric import factorise, solve_factor_transposed
 from consilience.reference.bodies.motion import rotations
-from consilience.reference.bodies.workspace import Workspace
 from consilience.reference.kernel.compiled import inner, kernel
 from consilience.reference.kernel.factorisation import least_norm
 
 _POSITION_STEPS = 3
 _PASSING = 1e-4
-"""Part of its largest value at which the least independent pivot counts as passing through zero."""
+"""The smallest pivot counts as passing through zero below this fraction of its largest value so far."""
 _PASSING_VIOLATION = 1e-11
-"""Violation (over the length of the mechanism) that rows left out on the way through a singular pose may have."""
+"""Largest violation, over the length of the mechanism, with which rows may be left out near a singular pose."""
 
 
 @kernel
@@ -38,7 +37,7 @@ def normalise(y: Array, count: int) -> None:
 
 @inner
 def _move(y: Array, step: Array) -> None:
-    """Displace all bodies: ``r += dr``, ``p <- p * exp(phi'/2)``."""
+    """Move all bodies by a small step: ``r += dr``, ``p <- p (1, phi' / 2)``, normalised."""
     for b in range(step.shape[0] // 6):
         for k in range(3):
             y[b, k] += step[6 * b + k]
@@ -53,6 +52,7 @@ def _move(y: Array, step: Array) -> None:
 
 @inner
 def _largest(x: Array) -> float:
+    """Return the largest magnitude in x."""
     found = 0.0
     for v in x:
         found = max(found, abs(v))
@@ -60,13 +60,14 @@ def _largest(x: Array) -> float:
 
 
 @inner
-def rank_to_work_with(B: Array, best: Array, rank: int, violation: float) -> int:
-    """Rank to work with until the next projection, from the numerical one of the factors in B.
+def effective_rank(B: Array, best: Array, rank: int, violation: float) -> int:
+    """Return the rank for the steps until the next projection, from the numerical rank of the factors in B.
 
-    A linkage may pass through a pose in which its rows lose rank (a flat parallelogram). Close to it they have the
-    full rank still, but what they say of the accelerations drowns in rounding. There the rows that are about to become
-    dependent are left out, as in the pose itself: the motion so far has satisfied them, and does so on the way
-    through. Where it does not, in a linkage that comes near such a pose and turns, they are taken back.
+    A linkage may pass through a pose in which its rows lose rank (a flat parallelogram). Near that pose the rows that
+    become dependent determine accelerations with large rounding errors only. These rows are left out there, as in the
+    pose itself, while the motion satisfies them (`violation`); otherwise they are kept.
+
+    best: largest rank so far and the largest value of its smallest pivot, updated.
     """
     if rank == 0:
         return rank
@@ -83,31 +84,34 @@ def rank_to_work_with(B: Array, best: Array, rank: int, violation: float) -> int
 
 
 @kernel
-def project(model: Model, t: float, y: Array, memory: Array, ws: Workspace) -> None:
-    """Project a state in place: positions by Newton's method until rounding is reached, then velocities."""
+def project(model: Model, t: float, y: Array, turns: Array, ws: Workspace) -> None:
+    """Project a state onto the constraints in place: positions by Newton's method to rounding, then velocities.
+
+    Parameters as in `constraints.evaluate`; sets ``ws.limit`` and ``ws.best``.
+    """
     count = model.mass.shape[0]
     normalise(y, count)
     if ws.Q.shape[0] == 0:
         return
     rows = ws.Q.shape[0]
-    held = rows - 2 * model.rolling_body.shape[0] - model.skate_body.shape[0]
+    holonomic = rows - 2 * model.rolling_body.shape[0] - model.skate_body.shape[0]
     last = False
     for step in range(_POSITION_STEPS + 1):
         rotations(y, ws.A)
-        constraints.evaluate(model, t, y, memory, ws)
+        constraints.evaluate(model, t, y, turns, ws)
         if last or step == _POSITION_STEPS or _largest(ws.value) <= 2e-16 * max(1.0, model.length):
             break
-        ws.Q[held:, :] = 0.0
+        ws.Q[holonomic:, :] = 0.0
         rank = factorise(model, ws)
         for n in range(ws.value.shape[0]):
             ws.value[n] = -ws.value[n]
         least_norm(ws.B, ws.tau, ws.pivot, rank, ws.value, ws.z)
         solve_factor_transposed(model, ws.z)
-        last = _largest(ws.z) < 1e-9  # then Q changes by less than rounding of the velocities asks for
+        last = _largest(ws.z) < 1e-9  # then the change of Q does not matter for the velocities
         _move(y, ws.z)
     ws.limit[0] = rows
-    violation = _largest(ws.value[:held]) / max(1.0, model.length)
-    ws.limit[0] = rank_to_work_with(ws.B, ws.best, factorise(model, ws), violation)
+    violation = _largest(ws.value[:holonomic]) / max(1.0, model.length)
+    ws.limit[0] = effective_rank(ws.B, ws.best, factorise(model, ws), violation)
     for row in range(rows):
         s = ws.rate[row]
         for b in range(count):

@@ -1,8 +1,10 @@
-"""The spanning tree of a mechanism as flat arrays, and one step along it at a state.
+"""Spanning tree of a mechanism as arrays, and its joint kinematics at a state, for the recursive formulations.
 
-Each body is one link of the tree, on the one tree joint that leads to it. The free directions of a tree joint are the
-complement of its rows in the joint table: along the axes of F whose X, Y, Z is not held, and about the axes that the
-D rows leave. Joints that are not in the tree are cut: they keep their rows, as do drives, couplings and contacts.
+    a_k = X_k a_p + S_k u_k + c_k                                  [C4 (4.99)-(4.101); Featherstone 2008, chapter 4]
+
+Each body is a link of the tree, carried by one tree joint. The free directions of a tree joint complement its rows in
+the joint table: along the axes of F without an X, Y, Z row, and about the axes that the D rows leave free. Other joints
+are cut; they keep their rows, as do drives, couplings and contacts.
 
 Accelerations and wrenches of a link are (linear, angular) in world axes at its centre of mass.
 """
@@ -15,9 +17,9 @@ import numpy as np
 
 from consilience.mechanism import JOINT_KINDS, Array, Mechanism, spanning_tree
 from consilience.reference.bodies.arrays import Model, all_rows, flatten
-from consilience.reference.bodies.motion import arm, motion
+from consilience.reference.bodies.motion import ZERO, arm, motion
 from consilience.reference.kernel.compiled import allocating, inner
-from consilience.reference.kernel.held import hold
+from consilience.reference.kernel.mechanism_record import record_of
 from consilience.reference.kernel.vectors import (
     Vector,
     add,
@@ -32,7 +34,6 @@ from consilience.reference.kernel.vectors import (
     sub,
 )
 
-_ZERO = (0.0, 0.0, 0.0)
 _F, _M = 0, 1
 _ALONG, _ABOUT = 0, 1
 
@@ -46,29 +47,29 @@ _TURNS: dict[frozenset[str], tuple[tuple[int, int], ...]] = {
 
 
 class TreeModel(NamedTuple):
-    """n_b links in an order in which each stands behind its parent; N free directions."""
+    """Spanning tree of n_b links, parents first, with N free directions."""
 
     body: Array  # (n_b,) body of the link
-    parent: Array  # (n_b,) link it hangs on, -1 for the ground
+    parent: Array  # (n_b,) parent link, -1 for the ground
     joint: Array  # (n_b,) tree joint
     sign: Array  # (n_b,) +1, or -1 where the tree passes the joint from successor to predecessor
     first_free: Array  # (n_b + 1,)
     direction: Array  # (N, 3) axis of F (0) or M (1); number of the axis; along it (0) or about it (1)
-    cut: Model  # the same mechanism, only with the rows that the tree leaves open
+    cut: Model  # the mechanism with the rows that the tree does not satisfy
     cut_rows: int  # their number
 
 
 def tree_rows(kind: str) -> tuple[str, ...]:
-    """Rows of a tree joint that its free directions take care of; the others are closed like loops.
+    """Return the rows of a tree joint that its free directions satisfy; other rows are treated as loop rows.
 
-    A rod's free directions are fixed neither to F nor to M, and a screw's couples two of them: the tree passes the
-    one as a free joint and the other as a cylindrical one.
+    The free directions of a rod are fixed neither to F nor to M, and a screw couples two: in the tree a rod is a free
+    joint and a screw a cylindrical one.
     """
     return tuple(row for row in JOINT_KINDS[kind].rows if row not in ("L", "H"))
 
 
 def free_axes(kind: str) -> list[tuple[int, int, int]]:
-    """Free directions of a joint kind in the tree: rows of `TreeModel.direction`."""
+    """Return the free directions of a joint kind in the tree: rows of `TreeModel.direction`."""
     rows = tree_rows(kind)
     along = [(_F, n, _ALONG) for n in range(3) if "XYZ"[n] not in rows]
     turns = _TURNS[frozenset(row for row in rows if row[0] == "D")]
@@ -76,7 +77,7 @@ def free_axes(kind: str) -> list[tuple[int, int, int]]:
 
 
 def _open_rows(mechanism: Mechanism, closing: list[int]) -> Model:
-    """The model with only those joint rows that the tree leaves open; drives, couplings and contacts stay too."""
+    """Return the model with the joint rows that the tree does not satisfy; drives, couplings and contacts stay."""
     model = flatten(mechanism)
     chosen: list[int] = []
     first = [0]
@@ -92,7 +93,7 @@ def _open_rows(mechanism: Mechanism, closing: list[int]) -> Model:
 
 
 def flatten_tree(mechanism: Mechanism) -> TreeModel:
-    """Flat arrays of the spanning tree of a mechanism."""
+    """Convert the spanning tree of a mechanism to arrays."""
     joints, closing = spanning_tree(mechanism)
     index = mechanism.body_index
     link_of = {-1: -1}
@@ -108,7 +109,7 @@ def flatten_tree(mechanism: Mechanism) -> TreeModel:
         body.append(end)
         directions.append(free_axes(joint.kind))
     cut = _open_rows(mechanism, closing)
-    return hold(
+    return record_of(
         TreeModel(
             body=np.array(body, dtype=np.int64),
             parent=np.array(parent, dtype=np.int64),
@@ -122,24 +123,18 @@ def flatten_tree(mechanism: Mechanism) -> TreeModel:
     )
 
 
-# ---------------------------------------------------------------- one step along the tree, at a state
+class TreeState(NamedTuple):
+    """Joint kinematics and inertias of n_b links at a state, N free directions."""
 
-
-class Links(NamedTuple):
-    """The tree at a state: n_b links, N free directions."""
-
-    X: Array  # (n_b, 6, 6) from the motion of the parent to that of the link
-    S: Array  # (N, 6)
-    c: Array  # (n_b, 6)
+    X: Array  # (n_b, 6, 6) transport from the parent to the link
+    S: Array  # (N, 6) free directions, one a row
+    c: Array  # (n_b, 6) bias accelerations
     inertia: Array  # (n_b, 6, 6) diag(m 1, I) in world axes
-
-
-# ---------------------------------------------------------------- one step along the tree
 
 
 @inner
 def _transport(r: Vector, X: Array) -> None:
-    """``X = [1 -~r; 0 1]``: ``a_k = a_p + alpha_p x r``."""
+    """Write ``X = [1 -~r; 0 1]``, so that ``a_k = a_p + alpha_p x r``."""
     for n in range(6):
         X[n, n] = 1.0
     X[0, 4], X[0, 5] = r[2], -r[1]
@@ -148,8 +143,8 @@ def _transport(r: Vector, X: Array) -> None:
 
 
 @inner
-def _joint_step(tree: TreeModel, model: Model, y: Array, A: Array, k: int, links: Links) -> None:
-    """X, S and c of the tree joint of link k, from the motion of M's origin P relative to F.
+def _joint_step(tree: TreeModel, model: Model, y: Array, A: Array, k: int, links: TreeState) -> None:
+    """Write X, S and c of the tree joint of link k, from the motion of the origin P of M relative to F.
 
     With s from the centres of mass of predecessor i and successor j to P, e the free axes and q' their rates,
 
@@ -157,7 +152,17 @@ def _joint_step(tree: TreeModel, model: Model, y: Array, A: Array, k: int, links
                                                   + sum_along (e u + 2 w_i x e q')
         alpha_j = alpha_i + sum_about (e u + w_e x e q'),     w_e = w_i for an axis of F, w_j for one of M
 
-    solved for the acceleration of the link; where it is the predecessor, all but X and s change sign.
+    solved for the acceleration of the link. If the link is the predecessor, all but X and s change sign.
+
+    Parameters
+    ----------
+    tree : TreeModel
+    model : Model
+    y, A : ndarray, shape (n_b + n_e, 13) and (n_b, 3, 3)
+    k : int
+        Link.
+    links : TreeState
+        Row k is overwritten.
     """
     joint, sign = tree.joint[k], tree.sign[k]
     i, j = model.body_i[joint], model.body_j[joint]
@@ -169,7 +174,7 @@ def _joint_step(tree: TreeModel, model: Model, y: Array, A: Array, k: int, links
     v_rel = sub(add(v_j, cross(w_j, s_j)), add(v_i, cross(w_i, s_i)))
     w_rel = sub(w_j, w_i)
     linear = sub(cross(w_i, cross(w_i, s_i)), cross(w_j, cross(w_j, s_j)))
-    angular = _ZERO
+    angular = ZERO
     for n in range(tree.first_free[k], tree.first_free[k + 1]):
         on_F, axis, about = tree.direction[n, 0] == 0, tree.direction[n, 1], tree.direction[n, 2] == 1
         e = arm(A, i, column(model.axes_i[joint], axis)) if on_F else arm(A, j, column(model.axes_j[joint], axis))
@@ -187,10 +192,10 @@ def _joint_step(tree: TreeModel, model: Model, y: Array, A: Array, k: int, links
 
 
 @allocating
-def kinematics(tree: TreeModel, model: Model, y: Array, A: Array) -> Links:
-    """All links at a state: the first loop of either route. Velocities are known, so the order does not matter."""
+def kinematics(tree: TreeModel, model: Model, y: Array, A: Array) -> TreeState:
+    """Evaluate X, S, c and world inertias of all links at a state, in any order: velocities are known."""
     n = tree.body.shape[0]
-    links = Links(np.zeros((n, 6, 6)), np.zeros((tree.first_free[n], 6)), np.zeros((n, 6)), np.zeros((n, 6, 6)))
+    links = TreeState(np.zeros((n, 6, 6)), np.zeros((tree.first_free[n], 6)), np.zeros((n, 6)), np.zeros((n, 6, 6)))
     for k in range(n):
         b = tree.body[k]
         _joint_step(tree, model, y, A, k, links)
@@ -202,7 +207,7 @@ def kinematics(tree: TreeModel, model: Model, y: Array, A: Array) -> Links:
 
 @allocating
 def world_wrenches(tree: TreeModel, A: Array, f: Array) -> Array:
-    """Generalised forces (world, body axes) of all bodies as wrenches on the links, shape (n_b, 6)."""
+    """Convert generalised forces (world, body axes) of all bodies to wrenches on the links, world axes, (n_b, 6)."""
     wrench = np.empty((tree.body.shape[0], 6))
     for k in range(tree.body.shape[0]):
         b = tree.body[k]
@@ -213,7 +218,7 @@ def world_wrenches(tree: TreeModel, A: Array, f: Array) -> Array:
 
 @inner
 def write_accelerations(tree: TreeModel, A: Array, acc: Array, a: Array) -> None:
-    """Accelerations of the links as the solver wants them, (dv/dt, dw'/dt) with ``dw'/dt = A^T alpha``."""
+    """Write the accelerations of the links as (dv/dt, dw'/dt), ``dw'/dt = A^T alpha``, into a, shape (6 n_b,)."""
     for k in range(tree.body.shape[0]):
         b = tree.body[k]
         store(a[6 * b : 6 * b + 3], load(acc[k, 0:3]), 1.0)

@@ -1,4 +1,6 @@
-"""Formulations in body velocities: the compiled kernels as `consilience.reference.formulations.protocol.Formulation`.
+"""Formulations in the velocities (v, w') of all bodies, with compiled accelerations.
+
+    M (dv/dt, dw'/dt) = f + Q^T lam,    Q (dv/dt, dw'/dt) = gamma                     [MASS (36)-(39), C4 (4.84)-(4.97)]
 
 ======================  ==================================================================================
 name                    accelerations by
@@ -11,21 +13,18 @@ articulated_body        minimal form along a spanning tree, articulated bodies, 
 composite_body          the same with the joint-space mass matrix of composite bodies (`recursive`)
 ======================  ==================================================================================
 
-All share the coordinates ``u = (y, angles, rank)``, so that the derivative depends on t and u alone:
+All share the coordinates ``u = (y, turns, rank)``, so that the derivative depends on t and u alone:
 
-- the packed state y of `bodies.arrays` row by row: poses by Euler parameters, velocities v and w' of all
-  bodies, integrals of controllers;
-- the joint coordinates that elements read, angles with their full turns. The poses say an angle only up to turns: the
-  angles are integrated with their own rates, decide about the turns and nothing else;
-- the rank of the constraints where they hold, the upper limit of that found off the manifold, where rows that depend on
-  others seem independent. It is constant between calls of `settle`.
+- y: the packed state of `bodies.arrays`, row by row;
+- turns: the joint coordinates that elements read. A pose determines an angle up to full turns; these angles are
+  integrated by their rates and determine the full turns, nothing else;
+- rank: rank of the constraints where they hold, the upper limit off the manifold, where dependent rows look
+  independent. It is constant between calls of `settle`.
 
-`settle` projects positions and velocities onto the constraints in the metric of the masses, reads the angles from the
-poses, and finds the rank.
+`settle` projects y onto the constraints in the mass metric, reads the angles from the poses, and determines the rank.
 
-**Reactions.** The descriptor form has its multipliers with the accelerations. For the others, which eliminate them,
-they come from the equations of motion once the accelerations are known, ``Q^T lam = M a - f`` [C4 (4.84)-(4.97)], as
-the solution of least norm.
+**Reactions.** The descriptor form computes its multipliers with the accelerations. For the other formulations they are
+the solution of least norm of ``Q^T lam = M a - f`` [C4 (4.84)-(4.97)].
 """
 
 from __future__ import annotations
@@ -38,18 +37,18 @@ from consilience.engine import Unsupported
 from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import RANK_TOLERANCE, Array, Mechanism, State
 from consilience.reference.bodies import constraints
-from consilience.reference.bodies.arrays import Model, P, all_rows, flatten, pack, unpack
+from consilience.reference.bodies.arrays import Model, P, Workspace, all_rows, flatten, pack, unpack, workspace
 from consilience.reference.bodies.canonical import at_origins, joint_wrenches
-from consilience.reference.bodies.forces import control_errors, remember
+from consilience.reference.bodies.forces import control_errors, count_turns
 from consilience.reference.bodies.joint_rows import coordinate
 from consilience.reference.bodies.mass_metric import mass_matrix
+from consilience.reference.bodies.motion import state_rates
 from consilience.reference.bodies.projection import project
 from consilience.reference.bodies.spanning_tree import TreeModel, flatten_tree
-from consilience.reference.bodies.workspace import Workspace, workspace
 from consilience.reference.formulations import descriptor, null_space, null_space_qr, partitioning, recursive
 from consilience.reference.kernel.compiled import kernel
 
-Forces = Callable[[float, State], Array]
+AppliedForces = Callable[[float, State], Array]
 
 KERNELS: dict[str, Callable[..., int]] = {
     "descriptor": descriptor.accelerations,
@@ -57,49 +56,36 @@ KERNELS: dict[str, Callable[..., int]] = {
     "null_space_qr": null_space_qr.accelerations,
     "coordinate_partitioning": partitioning.accelerations,
 }
-"""Accelerations from all constraint rows, arguments as in `descriptor.accelerations`."""
+"""Kernels of accelerations from all constraint rows; parameters as in `descriptor.accelerations`."""
 
 TREE_KERNELS: dict[str, Callable[..., int]] = {
     "articulated_body": recursive.accelerations,
     "composite_body": recursive.composite_accelerations,
 }
-"""The same along a spanning tree, which is their first argument."""
+"""Kernels of accelerations along a spanning tree, their first parameter."""
 
 
 def kernel_names() -> tuple[str, ...]:
-    """Formulations of this module."""
+    """Return the names of the formulations of this module."""
     return (*KERNELS, *TREE_KERNELS)
 
 
 def unsupported(mechanism: Mechanism) -> tuple[Unsupported, ...]:
-    """Nothing: the kernels know every joint and element."""
+    """Return nothing: the kernels represent every joint and element."""
     return ()
 
 
 @kernel
-def _rates(model: Model, t: float, y: Array, memory: Array, ws: Workspace, a: Array, dy: Array, turning: Array) -> None:
-    """Derivatives of y and of the angles with the accelerations a: ``r' = v``, ``p' = 1/2 G^T w'`` [MASS (38)].
-
-    The rotation matrices of y are in ``ws.A``.
-    """
-    control_errors(model, t, y, memory, ws, dy)
-    for b in range(model.mass.shape[0]):
-        e0, e1, e2, e3 = y[b, 3], y[b, 4], y[b, 5], y[b, 6]
-        w1, w2, w3 = y[b, 10], y[b, 11], y[b, 12]
-        for k in range(3):
-            dy[b, k] = y[b, 7 + k]
-        dy[b, 3] = -0.5 * (e1 * w1 + e2 * w2 + e3 * w3)
-        dy[b, 4] = 0.5 * (e0 * w1 + e2 * w3 - e3 * w2)
-        dy[b, 5] = 0.5 * (e0 * w2 + e3 * w1 - e1 * w3)
-        dy[b, 6] = 0.5 * (e0 * w3 + e1 * w2 - e2 * w1)
-        for k in range(6):
-            dy[b, 7 + k] = a[6 * b + k]
-    for n in range(memory.shape[0]):
-        turning[n] = coordinate(model, y, ws.A, n, memory[n]).rate
+def _rates(model: Model, t: float, y: Array, turns: Array, ws: Workspace, a: Array, dy: Array, rates: Array) -> None:
+    """Write the derivative dy of y with the accelerations a, and the rates of the turns; ``ws.A`` belongs to y."""
+    control_errors(model, t, y, turns, ws, dy)
+    state_rates(y, a, dy)
+    for n in range(turns.shape[0]):
+        rates[n] = coordinate(model, y, ws.A, n, turns[n]).rate
 
 
 class KernelFormulation:
-    """A formulation in body velocities over compiled accelerations.
+    """Formulation in body velocities with compiled accelerations.
 
     Parameters
     ----------
@@ -107,8 +93,8 @@ class KernelFormulation:
     name : str
         Key of `KERNELS` or `TREE_KERNELS`.
     forces : callable, optional
-        ``forces(t, state)``: force (N) and torque (N m) on each body at its origin, world axes, shape (n_b, 6), to act
-        beside those of the mechanism. The slow path: Python is called at every evaluation.
+        ``forces(t, state)``: force (N) and torque (N m) on each body at its origin, world axes, shape (n_b, 6), in
+        addition to those of the mechanism; called at every evaluation.
 
     Raises
     ------
@@ -116,7 +102,7 @@ class KernelFormulation:
         If there is no kernel of that name.
     """
 
-    def __init__(self, mechanism: Mechanism, name: str, forces: Forces | None = None) -> None:
+    def __init__(self, mechanism: Mechanism, name: str, forces: AppliedForces | None = None) -> None:
         if name not in KERNELS and name not in TREE_KERNELS:
             known = ", ".join([*KERNELS, *TREE_KERNELS])
             raise InvalidInput(f"formulation '{name}'", "there is no kernel of that name", f"Kernels: {known}.")
@@ -130,49 +116,49 @@ class KernelFormulation:
         self._rows = all_rows(self.model)
 
     def coordinates(self, state: State) -> Array:
-        """Coordinates u of a consistent state: angles within half a turn of zero, integrals of controllers zero."""
-        y, memory = self._packed(state)
-        _, rank = self._solve(0.0, y, memory, self._rows)
-        return np.concatenate([y.ravel(), memory, [rank]])
+        """Return coordinates u of a consistent state; angles within half a turn of zero, integrals zero."""
+        y, turns = self._packed(state)
+        _, rank = self._solve(0.0, y, turns, self._rows)
+        return np.concatenate([y.ravel(), turns, [rank]])
 
     def state(self, u: Array) -> State:
-        """Canonical state of u; Euler parameters are divided by their norm."""
+        """Return the canonical state of u, Euler parameters normalised."""
         return self._state(self._split(u)[0])
 
     def derivative(self, t: float, u: Array) -> Array:
-        """``du/dt`` at the time t, shape (n_u,)."""
-        y, memory = self._split(u)
+        """Return ``du/dt`` at the time t, shape (n_u,)."""
+        y, turns = self._split(u)
         du = np.zeros(len(u))
-        dy, turning = self._split(du)
-        a, _ = self._solve(t, y, memory, round(u[-1]))
-        _rates(self.model, t, y, memory, self._ws, a, dy, turning)
+        dy, rates = self._split(du)
+        a, _ = self._solve(t, y, turns, round(u[-1]))
+        _rates(self.model, t, y, turns, self._ws, a, dy, rates)
         return du
 
     def settle(self, t: float, u: Array) -> Array:
-        """New array: u projected onto the constraints, with the angles and the rank found there."""
+        """Project u onto the constraints; return a new array with the turns and the rank found there."""
         settled = np.array(u, dtype=float)
-        y, memory = self._split(settled)
+        y, turns = self._split(settled)
         self._ws.limit[0] = round(u[-1])
-        project(self.model, t, y, memory, self._ws)
-        remember(self.model, y, self._ws, memory)
+        project(self.model, t, y, turns, self._ws)
+        count_turns(self.model, y, self._ws, turns)
         settled[-1] = self._ws.limit[0]
         return settled
 
     def accelerations(self, state: State, t: float = 0.0) -> tuple[Array, Array]:
-        """a_WB_W of the body origins (m/s^2) and alpha_WB_W (rad/s^2), world axes, each shape (n_b, 3).
+        """Return a_WB_W of the body origins (m/s^2) and alpha_WB_W (rad/s^2), world axes, each shape (n_b, 3).
 
         Raises
         ------
         NumericalFailure
-            If they are not finite, for example at a spring of no length.
+            If accelerations are not finite, for example at a spring of no length.
         """
-        y, memory = self._packed(state)
-        return at_origins(self.mechanism, y, self._finite(t, y, memory))
+        y, turns = self._packed(state)
+        return at_origins(self.mechanism, y, self._finite(t, y, turns))
 
     def reactions(self, state: State, t: float = 0.0) -> tuple[Array, Array]:
-        """Joint reactions, on the successor, at the origin of M, axes of F, each shape (n_j, 3).
+        """Return joint reactions on the successor, at the origin of M, axes of F, each shape (n_j, 3).
 
-        Of least norm where dependent rows leave them open.
+        Where dependent rows leave reactions undetermined, those of least norm.
 
         Raises
         ------
@@ -183,30 +169,30 @@ class KernelFormulation:
         return wrench[:, :3], wrench[:, 3:]
 
     def multipliers(self, state: State, t: float = 0.0) -> Array:
-        """Multipliers of all rows, of least norm, shape (q,)."""
-        y, memory = self._packed(state)
-        ws, a = self._ws, self._finite(t, y, memory)
+        """Return the multipliers of all rows, of least norm, shape (q,)."""
+        y, turns = self._packed(state)
+        ws, a = self._ws, self._finite(t, y, turns)
         if self.name == "descriptor":
-            return descriptor.multipliers(self.model, t, y, memory, ws, a)
-        constraints.evaluate(self.model, t, y, memory, ws)  # a kernel along a tree has left only its own rows there
+            return descriptor.multipliers(self.model, t, y, turns, ws, a)
+        constraints.evaluate(self.model, t, y, turns, ws)  # tree kernels evaluate the rows of cut joints only
         constraint_force = mass_matrix(self.model) @ a - ws.f
         lam: Array = np.linalg.lstsq(ws.Q.T, constraint_force, rcond=RANK_TOLERANCE)[0]
         return lam
 
-    def _solve(self, t: float, y: Array, memory: Array, limit: int) -> tuple[Array, int]:
-        """Accelerations (dv/dt, dw'/dt) of all bodies, shape (6 n_b,), and the rank, which is `limit` at most."""
+    def _solve(self, t: float, y: Array, turns: Array, limit: int) -> tuple[Array, int]:
+        """Compute accelerations (dv/dt, dw'/dt), shape (6 n_b,), and the rank, at most `limit`."""
         a = np.empty(6 * len(self.mechanism.bodies))
         self._ws.limit[0] = limit
         if self.forces is not None:
             self._ws.external[:] = self._external(self.forces, t, y)
-        # the order of rows that a projection left is no part of u: the choice is made anew
+        # the row order of the last projection is not part of u: choose independent rows anew
         found, self._ws.best[0] = self._ws.best[0], 0.0
-        rank = self._kernel(*self._tree, self.model, t, y, memory, self._ws, a)
+        rank = self._kernel(*self._tree, self.model, t, y, turns, self._ws, a)
         self._ws.best[0] = found
         return a, rank
 
-    def _external(self, forces: Forces, t: float, y: Array) -> Array:
-        """Forces of the callback at the centres of mass, torques in body axes, shape (6 n_b,)."""
+    def _external(self, forces: AppliedForces, t: float, y: Array) -> Array:
+        """Evaluate the callback; return forces at the centres of mass and torques in body axes, shape (6 n_b,)."""
         state = self._state(y)
         wrench = np.asarray(forces(t, state), dtype=float)
         if wrench.shape != (len(self.mechanism.bodies), 6):
@@ -216,27 +202,27 @@ class KernelFormulation:
         torque = wrench[:, 3:] - np.cross(c, wrench[:, :3])
         return np.hstack([wrench[:, :3], np.einsum("bji,bj->bi", A, torque)]).ravel()
 
-    def _finite(self, t: float, y: Array, memory: Array) -> Array:
-        a, _ = self._solve(t, y, memory, self._rows)
+    def _finite(self, t: float, y: Array, turns: Array) -> Array:
+        a, _ = self._solve(t, y, turns, self._rows)
         if not np.all(np.isfinite(a)):
             raise NumericalFailure(f"reference, {self.name}: the accelerations are not finite")
         return a
 
     def _packed(self, state: State) -> tuple[Array, Array]:
-        """Packed state y, and the angles that go with it."""
-        y, memory = pack(self.mechanism, state), np.zeros(len(self.model.coordinate))
-        remember(self.model, y, self._ws, memory)
-        return y, memory
+        """Return the packed state y and its turns."""
+        y, turns = pack(self.mechanism, state), np.zeros(len(self.model.coordinate))
+        count_turns(self.model, y, self._ws, turns)
+        return y, turns
 
     def _state(self, y: Array) -> State:
-        """Canonical state of y."""
+        """Return the canonical state of y."""
         unit = y.copy()
         quat = unit[: len(self.mechanism.bodies), P]
         quat /= np.linalg.norm(quat, axis=1, keepdims=True)
         return State(*unpack(self.mechanism, unit))
 
     def _split(self, u: Array) -> tuple[Array, Array]:
-        """Views of u: y, shape (n_b + n_e, 13), and the angles, shape (n_c,)."""
+        """Return views of u: y, shape (n_b + n_e, 13), and the turns, shape (n_c,)."""
         count = len(u) - len(self.model.coordinate) - 1
         y: Array = u[:count].reshape(-1, 13)
         return y, u[count:-1]

@@ -1,11 +1,11 @@
-"""Adaptive explicit Runge-Kutta method of order 8, with projection after every step.
+"""Dormand-Prince 8(5,3), compiled with a formulation, with projection after every step.
 
-Step control after Hairer, Norsett and Wanner, section II.10: the error is estimated by
+Error estimate [Hairer, Norsett and Wanner, section II.10]:
 
     err = |h| |e5|^2 / sqrt(|e5|^2 + 0.01 |e3|^2),   e5 = sum E5_i k_i,  e3 = sum E3_i k_i,
 
-in the root mean square of components scaled by the tolerance times the size of their kind: positions by the length
-of the mechanism, Euler parameters by one, speeds by the fastest body. Steps end exactly on the sample times.
+root mean square of the components, each over the tolerance and the size of its kind: positions over the length of the
+mechanism, Euler parameters over one, velocities over the largest of any body. Steps end exactly on the sample times.
 """
 
 from __future__ import annotations
@@ -15,19 +15,21 @@ from typing import NamedTuple
 import numpy as np
 
 from consilience.mechanism import Array
-from consilience.reference.bodies.arrays import Model
-from consilience.reference.bodies.forces import remember
+from consilience.reference.bodies.arrays import Model, Workspace
+from consilience.reference.bodies.forces import count_turns
 from consilience.reference.bodies.projection import project
-from consilience.reference.bodies.workspace import Workspace
 from consilience.reference.formulations.compiled_choice import derivative
-from consilience.reference.integrators.coefficients import E3, E5, STAGES, A, B, C
+from consilience.reference.integrators.coefficients import DORMAND_PRINCE, STAGES
 from consilience.reference.integrators.step_control import EVALUATIONS, LARGEST, REJECTED, SAFETY, STEPS, factor_of
 from consilience.reference.kernel.compiled import inlined, inner, kernel
 from consilience.reference.kernel.vectors import assign
 
+A, B, C = DORMAND_PRINCE.A, DORMAND_PRINCE.b, DORMAND_PRINCE.c
+E5, E3 = DORMAND_PRINCE.E
 
-class Scratch(NamedTuple):
-    """What a run writes into."""
+
+class Dop853Scratch(NamedTuple):
+    """Work arrays of an integration."""
 
     K: Array  # (12, n_b + n_e, 13) derivatives at the stages
     trial: Array  # (n_b + n_e, 13) state of a stage, and the end of the step
@@ -35,14 +37,14 @@ class Scratch(NamedTuple):
     size: Array  # (13,) of the columns of a state
 
 
-def scratch_of(model: Model, y: Array) -> Scratch:
-    """Scratch of a run from the state y."""
-    return Scratch(np.zeros((STAGES, *y.shape)), np.empty_like(y), np.empty(6 * len(model.mass)), np.empty(13))
+def dop853_scratch(model: Model, y: Array) -> Dop853Scratch:
+    """Allocate the work arrays of an integration from the state y."""
+    return Dop853Scratch(np.zeros((STAGES, *y.shape)), np.empty_like(y), np.empty(6 * len(model.mass)), np.empty(13))
 
 
 @inner
 def _sizes(model: Model, y: Array, size: Array) -> None:
-    """Size of each column of y, shape (13,): what a relative tolerance refers to."""
+    """Compute the size of each column of y, shape (13,), which scales errors."""
     r = v = w = 0.0
     for b in range(model.mass.shape[0]):
         for k in range(3):
@@ -59,7 +61,7 @@ def _sizes(model: Model, y: Array, size: Array) -> None:
 
 @inner
 def _error(K: Array, h: float, size: Array) -> float:
-    """Scaled error estimate of a step."""
+    """Return the scaled error estimate of a step."""
     e5 = e3 = 0.0
     for b in range(K.shape[1]):
         for c in range(13):
@@ -76,7 +78,7 @@ def _error(K: Array, h: float, size: Array) -> float:
 
 @inner
 def _copy(y: Array, into: Array) -> None:
-    """Keep a state."""
+    """Copy a state."""
     for b in range(y.shape[0]):
         assign(into[b], y[b])
 
@@ -88,11 +90,14 @@ def _stages(
     t: float,
     y: Array,
     h: float,
-    memory: Array,
+    turns: Array,
     ws: Workspace,
-    scratch: Scratch,
+    scratch: Dop853Scratch,
 ) -> None:
-    """Evaluate stages 2 to 12 (stage 1 is given) and leave the end of the step in the scratch."""
+    """Evaluate stages 2 to 12 of a step of length h; the end of the step is left in ``scratch.trial``.
+
+    Parameters as in `integrate`; ``scratch.K[0]`` holds stage 1.
+    """
     K, trial = scratch.K, scratch.trial
     for i in range(1, STAGES + 1):
         _copy(y, trial)
@@ -103,7 +108,7 @@ def _stages(
                     for c in range(13):
                         trial[b, c] += weight * K[j, b, c]
         if i < STAGES:
-            derivative(formulation, model, t + C[i] * h, trial, memory, ws, scratch.a, K[i])
+            derivative(formulation, model, t + C[i] * h, trial, turns, ws, scratch.a, K[i])
 
 
 @kernel
@@ -113,30 +118,32 @@ def integrate(
     y: Array,
     times: Array,
     tolerance: float,
-    memory: Array,
+    turns: Array,
     ws: Workspace,
     motion: Array,
     counters: Array,
-    scratch: Scratch,
+    scratch: Dop853Scratch,
 ) -> int:
     """Integrate from ``times[0]`` and record the motion at all sample times.
 
     Parameters
     ----------
     formulation : int
-        See `dynamics.FORMULATIONS`.
+        Number in `compiled_choice.FORMULATIONS`.
+    model : Model
     y : ndarray, shape (n_b + n_e, 13)
-        Initial state; overwritten by the last.
-    times : ndarray, shape (n_t,)
+        Initial state; overwritten by the last one.
+    times : ndarray, shape (n_t,), s
     tolerance : float
         Bound on the scaled local error of a step.
-    memory : ndarray, shape (n_c,)
-        Joint coordinates that elements read, turns counted; updated.
+    turns : ndarray, shape (n_c,)
+        Joint coordinates that elements read, full turns counted (m, rad); updated.
+    ws : Workspace
     motion : ndarray, shape (n_t, n_b + n_e, 13)
         Overwritten.
     counters : ndarray of int, shape (3,)
-        Steps, rejected steps and evaluations of the derivative; overwritten.
-    scratch : Scratch
+        Accepted steps, rejected steps, evaluations of the derivative; overwritten.
+    scratch : Dop853Scratch
 
     Returns
     -------
@@ -148,19 +155,19 @@ def integrate(
     _copy(y, motion[0])
     t = times[0]
     h, finite = 1e-2 * (times[-1] - times[0]) / max(1, times.shape[0] - 1), True
-    derivative(formulation, model, t, y, memory, ws, a, K[0])
+    derivative(formulation, model, t, y, turns, ws, a, K[0])
     for n in range(1, times.shape[0]):
         while t < times[n]:
             remaining = times[n] - t
-            # a remainder a little longer than the step is halved, so that no sliver of a step is left
+            # halve a remainder of less than two steps, to avoid a very short last step
             step = remaining if h >= remaining else min(h, 0.5 * remaining) if h > 0.5 * remaining else h
             if not step >= 1e-14 * max(1.0, abs(t)):
                 return 1 if finite else 2
-            _stages(formulation, model, t, y, step, memory, ws, scratch)
+            _stages(formulation, model, t, y, step, turns, ws, scratch)
             counters[EVALUATIONS] += STAGES
             _sizes(model, y, size)
             error = _error(K, step, size) / tolerance
-            finite = np.isfinite(error)  # a stage far from the motion may overflow: of no step that is short enough
+            finite = np.isfinite(error)  # an overflow in a stage is a failure only at the shortest step
             factor = factor_of(error, SAFETY, LARGEST)
             if not error <= 1.0:
                 counters[REJECTED] += 1
@@ -169,9 +176,9 @@ def integrate(
             counters[STEPS] += 1
             _copy(trial, y)
             t = times[n] if step == remaining else t + step
-            project(model, t, y, memory, ws)
-            remember(model, y, ws, memory)
-            derivative(formulation, model, t, y, memory, ws, a, K[0])
+            project(model, t, y, turns, ws)
+            count_turns(model, y, ws, turns)
+            derivative(formulation, model, t, y, turns, ws, a, K[0])
             h = step * factor if step == h else max(h, step * factor)
         _copy(y, motion[n])
     return 0

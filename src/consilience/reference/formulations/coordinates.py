@@ -1,27 +1,26 @@
 """Full descriptor form, index 1, in positions and orientation coordinates x = (r, x_R) of bodies [C4 (4.84)-(4.97)].
 
-With ``w = H_R x_R'``, ``dw/dt = H_R x_R'' + h`` [C4 (4.55)-(4.56)], ``H = diag(1, H_R)`` over all bodies and rows in
-these coordinates ``Q_x = Q H``, ``Q_x x'' = gamma_x = gamma - Q (0, h)``:
+With ``w = H_R x_R'``, ``dw/dt = H_R x_R'' + h`` [C4 (4.55)-(4.56)], ``H = diag(1, H_R)`` over all bodies and the rows
+``Q_x = Q H``, ``Q_x x'' = gamma_x = gamma - Q (0, h)``:
 
     plain         M H x''     + q_v     = q_a       + Q^T lam       [C4 (4.59), (4.96)]
     symmetrised   H^T M H x'' + H^T q_v = H^T q_a   + Q_x^T lam     [C4 (4.68), (4.97)],    q_v = M (0, h) + (0, ~w I w)
 
-Each is solved as one saddle-point system in (x'', lam), unsymmetric for the plain form and symmetric for the other.
-The rotational lines are those of the source premultiplied by A^T, that is, in body axes: ``A^T H_R`` stands for H_R
-and ``A^T h`` for h, and M = diag(m 1, I') is constant.
+Each form is one saddle-point system in (x'', lam): plain unsymmetric, symmetrised symmetric. Rotational lines are those
+of the source times A^T, in body axes: ``A^T H_R`` for H_R, ``A^T h`` for h, and M = diag(m 1, I') is constant.
 
-Euler parameters bring a row ``p.p'' = -p'.p'`` a body [MASS (38)]. In the plain form it closes the system as it stands;
-in the symmetrised form, where H^T M H has p in its null space, it comes with a multiplier, which turns out zero.
+Euler parameters add a row ``p.p'' = -p'.p'`` per body [MASS (38)]. The plain form needs no multiplier for it; in the
+symmetrised form, where p is in the null space of H^T M H, the row has a multiplier, which vanishes.
 
-Dependent rows: only the independent ones, found by a rank-revealing QR, enter the system. Accelerations do not depend
-on the choice; multipliers are then made those of least norm.
+Only independent rows, found by a rank-revealing QR, enter the system. Accelerations do not depend on the choice;
+multipliers are then converted to those of least norm.
 
-Coordinates u: x of all bodies, x' of all bodies, integrals of the controllers, the joint coordinates that elements
-read, which count full turns, and the rank of the constraints where they hold, the upper limit of that found between.
+Coordinates u: x of all bodies, x' of all bodies, integrals of controllers, turns (the joint coordinates that elements
+read), and the rank of the constraints where they hold, the upper limit of the rank within a step.
 
-Singular orientations: Euler and Bryant angles have no chart beside their own and raise `SingularOrientation`.
-A rotation vector is exchanged for its complement beyond half a turn, Rodrigues parameters are counted from a new
-orientation beyond a quarter turn (``R_WB = R(g) R_reference``, so that w = H g' still); `chart` changes with either.
+Singular orientations: Euler and Bryant angles raise `SingularOrientation`. A rotation vector is replaced by its
+complement beyond half a turn; Rodrigues parameters get a new reference orientation beyond a quarter turn
+(``R_WB = R(g) R_reference``, still w = H g'). `chart` records both.
 """
 
 from __future__ import annotations
@@ -49,13 +48,14 @@ from consilience.reference.formulations.stabilisation import Stabilisation, righ
 MassMatrix = Literal["plain", "symmetrised"]
 
 Chart = tuple[int, tuple[tuple[float, ...], ...]]
-"""Number of exchanges so far, and the Euler parameters of the orientations that Rodrigues parameters count from."""
+"""Number of chart changes, and Euler parameters of the reference orientations of Rodrigues parameters."""
 
+_NEWTON_STEPS = 4
 _CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])
 
 
 class Variant(NamedTuple):
-    """One descriptor form in coordinates."""
+    """Options of a descriptor form in orientation coordinates."""
 
     orientation: str
     mass: MassMatrix
@@ -72,19 +72,19 @@ VARIANTS: dict[str, Variant] = {
 
 
 def unsupported(_mechanism: Mechanism) -> tuple[Unsupported, ...]:
-    """What the forms cannot represent: nothing."""
+    """Return nothing: the forms represent every joint and element."""
     return ()
 
 
-class _Motion(NamedTuple):
+class _BodyMotion(NamedTuple):
     """Motion of all bodies at coordinates u."""
 
     A: Array  # (n_b, 3, 3)
     H: Array  # (n_b, 3, n) in w' = H x_R'
     h: Array  # (n_b, 3) in dw'/dt = H x_R'' + h
     y: Array  # (n_b + n_e, 13) packed, without Euler parameters
-    angles: Array  # (n_c,)
-    limit: int  # rank where the constraints hold
+    turns: Array  # (n_c,)
+    limit: int  # upper limit of the rank
 
 
 class DescriptorForm:
@@ -100,12 +100,12 @@ class DescriptorForm:
     stabilisation : str
         See `consilience.reference.formulations.stabilisation`.
     name : str
-        Key of `VARIANTS`, if it is one of them.
+        Key of `VARIANTS`.
 
     Attributes
     ----------
     chart : Chart
-        What orientation coordinates in u mean; only `settle` changes it.
+        Chart of the orientation coordinates in u; only `settle` changes it.
     """
 
     def __init__(
@@ -136,27 +136,28 @@ class DescriptorForm:
     # ------------------------------------------------------------ coordinates
 
     def coordinates(self, state: State) -> Array:
-        """Coordinates u of a state, shape (n_u,), angles that elements read within half a turn of zero.
+        """Return the coordinates u of a state, shape (n_u,), turns within half a turn of zero.
 
         Raises
         ------
         SingularOrientation
-            If a body is at an orientation that its coordinates cannot describe.
+            If the orientation of a body is singular in the coordinates.
         """
         y = pack(self._mechanism, state)
         x_R = [self._orientation.from_quaternion(self._relative(b, y[b, P]), n) for b, n in enumerate(self._names)]
-        angles = self._terms.count_turns(y, np.zeros(self._terms.angles))
-        self._terms.evaluate(0.0, y, angles)
-        return self._from_packed(y, np.array(x_R), angles, len(self._terms.independent_rows()))
+        turns = self._terms.count_turns(y, np.zeros(self._terms.turns))
+        self._terms.evaluate(0.0, y, turns)
+        return self._from_packed(y, np.array(x_R), turns, len(self._terms.independent_rows()))
 
     def _relative(self, b: int, quat: Array) -> Array:
-        """Euler parameters of body b as its orientation coordinates count them."""
+        """Return the Euler parameters of body b relative to its reference orientation."""
         reference = self.chart[1][b]
         if reference[0] == 1.0:
             return quat
         return quaternion_product(quat, _CONJUGATE * reference)
 
-    def _from_packed(self, y: Array, x_R: Array, angles: Array, rank: int) -> Array:
+    def _from_packed(self, y: Array, x_R: Array, turns: Array, rank: int) -> Array:
+        """Return u of a packed state y, orientation coordinates x_R, turns and rank."""
         n_b = self._n_b
         x, x_dot = np.empty((n_b, self._k)), np.empty((n_b, self._k))
         A = rotation_from_quaternion(y[:n_b, P])
@@ -164,8 +165,7 @@ class DescriptorForm:
         x[:, :3], x[:, 3:], x_dot[:, :3] = y[:n_b, R], x_R, y[:n_b, V]
         for b, name in enumerate(self._names):
             x_dot[b, 3:] = self._orientation.rates(x_R[b], w[b], name)
-        integrals = y[n_b:].reshape(-1)[: self._terms.integrals]
-        return np.concatenate([x.ravel(), x_dot.ravel(), integrals, angles, [float(rank)]])
+        return np.concatenate([x.ravel(), x_dot.ravel(), self._terms.integrals_of(y), turns, [float(rank)]])
 
     def _positions(self, u: Array) -> Array:
         return u[: self._n].reshape(self._n_b, self._k)
@@ -174,14 +174,15 @@ class DescriptorForm:
         return u[self._n : 2 * self._n].reshape(self._n_b, self._k)
 
     def _rotations(self, x: Array) -> Array:
-        """Rotation matrices R_WB of all bodies, shape (n_b, 3, 3)."""
+        """Return the rotation matrices R_WB of all bodies, shape (n_b, 3, 3)."""
         x_R = x[:, 3:]
-        if self._normed:  # whose norm is off by the local error of a step
+        if self._normed:  # within a step the norm differs from one by the local error
             return rotation_from_quaternion(x_R / np.linalg.norm(x_R, axis=1)[:, None])
         A = np.array([self._orientation.rotation(part) for part in x_R])
         return A if self.chart[0] == 0 else A @ rotation_from_quaternion(self.chart[1])
 
-    def _motion(self, u: Array) -> _Motion:
+    def _motion(self, u: Array) -> _BodyMotion:
+        """Evaluate the motion of all bodies at u, rotational quantities in body axes."""
         n_b, kind = self._n_b, self._orientation
         x, x_dot = self._positions(u), self._speeds(u)
         H, h = np.empty((n_b, 3, kind.size)), np.empty((n_b, 3))
@@ -194,39 +195,36 @@ class DescriptorForm:
         y = np.zeros((n_b + -(-len(integrals) // 13), 13))
         y[:n_b, R], y[:n_b, V] = x[:, :3], x_dot[:, :3]
         y[:n_b, W] = np.einsum("bij,bj->bi", H, x_dot[:, 3:])
-        y[n_b:].reshape(-1)[: len(integrals)] = integrals
-        return _Motion(A, H, h, y, u[2 * self._n + len(integrals) : -1], round(u[-1]))
+        self._terms.integrals_of(y)[:] = integrals
+        return _BodyMotion(A, H, h, y, u[2 * self._n + len(integrals) : -1], round(u[-1]))
 
     def _packed(self, u: Array) -> tuple[Array, Array]:
-        """Packed state with unit Euler parameters, and the angles."""
+        """Return the packed state of u with unit Euler parameters, and the turns."""
         motion, x_R = self._motion(u), self._positions(u)[:, 3:]
         y = motion.y
         y[: self._n_b, P] = (
             x_R / np.linalg.norm(x_R, axis=1)[:, None] if self._normed else quaternion_from_rotation(motion.A)
         )
-        return y, motion.angles
+        return y, motion.turns
 
     def state(self, u: Array) -> State:
-        """Canonical state of coordinates u."""
+        """Return the canonical state of coordinates u."""
         return State(*unpack(self._mechanism, self._packed(u)[0]))
 
     # ------------------------------------------------------------ equations
 
     def derivative(self, t: float, u: Array) -> Array:
-        """``du/dt`` at the time t, shape (n_u,).
-
-        Not a number at an orientation that the coordinates cannot describe: a stage of a step too long may get there.
-        """
+        """Return ``du/dt`` at the time t, shape (n_u,); NaN at a singular orientation, so that the step is rejected."""
         distances = [self._orientation.distance_to_singularity(x_R) for x_R in self._positions(u)[:, 3:]]
         if not min(distances) >= NEAR_SINGULAR:
             return np.full(len(u), np.nan)
         motion = self._motion(u)
-        terms = self._terms.evaluate(t, motion.y, motion.angles, motion.A)
+        terms = self._terms.evaluate(t, motion.y, motion.turns, motion.A)
         second = self._solve(u, motion, terms)[0]
-        return np.concatenate([u[self._n : 2 * self._n], second, terms.integral_rates, terms.angle_rates, [0.0]])
+        return np.concatenate([u[self._n : 2 * self._n], second, terms.integral_rates, terms.turn_rates, [0.0]])
 
-    def _solve(self, u: Array, motion: _Motion, terms: Terms) -> tuple[Array, Array]:
-        """x'', shape (n,), and ``M (H x'' + h) - f``, which is the constraint force ``Q^T lam``, shape (6 n_b,)."""
+    def _solve(self, u: Array, motion: _BodyMotion, terms: Terms) -> tuple[Array, Array]:
+        """Solve for x'', shape (n,), and the constraint force ``Q^T lam = M (H x'' + h) - f``, shape (6 n_b,)."""
         n_b, n = self._n_b, self._n
         blocks = self._identity.copy()
         for b in range(n_b):
@@ -253,7 +251,7 @@ class DescriptorForm:
         return second, MH @ second - f
 
     def _norm_rows(self, u: Array) -> tuple[Array, Array]:
-        """Rows ``p.p'' = -p'.p'`` of Euler parameters, stabilised as all others are; none for other coordinates."""
+        """Return the rows ``p.p'' = -p'.p'`` of Euler parameters, stabilised like all rows."""
         if not self._normed:
             return np.zeros((0, self._n)), np.zeros(0)
         p, p_dot = self._positions(u)[:, 3:], self._speeds(u)[:, 3:]
@@ -265,65 +263,65 @@ class DescriptorForm:
         return rows.reshape(self._n_b, self._n), right
 
     def accelerations(self, state: State, t: float = 0.0) -> tuple[Array, Array]:
-        """a_WB_W of the body origins (m/s^2) and alpha_WB_W (rad/s^2), world axes, each shape (n_b, 3)."""
+        """Return a_WB_W of the body origins (m/s^2) and alpha_WB_W (rad/s^2), world axes, each shape (n_b, 3)."""
         motion, second, _, _ = self._at(state, t)
         x_ddot = second.reshape(self._n_b, self._k)
         a = np.hstack([x_ddot[:, :3], np.einsum("bij,bj->bi", motion.H, x_ddot[:, 3:]) + motion.h])
         return at_origins(self._mechanism, pack(self._mechanism, state), a)
 
     def reactions(self, state: State, t: float = 0.0) -> tuple[Array, Array]:
-        """Joint reactions, on the successor, at the origin of M, axes of F, each shape (n_j, 3), of least norm."""
+        """Return joint reactions of least norm on the successor, at the origin of M, axes of F, each shape (n_j, 3)."""
         _, _, force, terms = self._at(state, t)
         wrenches = joint_wrenches(self._mechanism, state, least_norm_multipliers(terms.Q, force))
         return wrenches[:, :3], wrenches[:, 3:]
 
-    def _at(self, state: State, t: float) -> tuple[_Motion, Array, Array, Terms]:
-        """Motion, x'', constraint force and terms at a state."""
+    def _at(self, state: State, t: float) -> tuple[_BodyMotion, Array, Array, Terms]:
+        """Evaluate motion, x'', constraint force and terms at a state."""
         u = self.coordinates(state)
         motion = self._motion(u)
-        terms = self._terms.evaluate(t, motion.y, motion.angles, motion.A)
+        terms = self._terms.evaluate(t, motion.y, motion.turns, motion.A)
         return motion, *self._solve(u, motion, terms), terms
 
-    # ------------------------------------------------------------ settling
+    # ------------------------------------------------------------ after a step
 
     def settle(self, t: float, u: Array) -> Array:
-        """New array: u after an accepted step, projected if the form does so, turns counted, charts exchanged.
+        """Return u after an accepted step as a new array: projected (if chosen), turns counted, charts changed.
 
         Raises
         ------
         SingularOrientation
-            If a body has come to an orientation that its coordinates cannot describe.
+            If the orientation of a body has become singular in the coordinates.
         """
         for b, name in enumerate(self._names):
             self._orientation.rates(self._positions(u)[b, 3:], np.zeros(3), name)
-        y, angles = self._packed(u)
+        y, turns = self._packed(u)
         if self._stabilisation == "projection":
-            rank = self._terms.project(t, y, angles)
-            u = self._from_packed(y, self._follow(u, y), angles, rank)
+            rank = self._terms.project(t, y, turns)
+            u = self._from_packed(y, self._continued(u, y), turns, rank)
         else:
             u = u.copy()
-        u[len(u) - len(angles) - 1 : -1] = self._terms.count_turns(y, angles)
-        return self._exchange(u, y)
+        u[len(u) - len(turns) - 1 : -1] = self._terms.count_turns(y, turns)
+        return self._change_charts(u, y)
 
-    def _follow(self, u: Array, y: Array) -> Array:
-        """Orientation coordinates of y next to those of u, so that they go on over full turns, shape (n_b, size).
+    def _continued(self, u: Array, y: Array) -> Array:
+        """Return the orientation coordinates of y nearest to those of u, continuous over full turns, shape (n_b, size).
 
-        Newton's method from those of u: the rotation that is left over is the angular velocity of unit time.
+        Newton's method from u: the remaining rotation is an angular velocity acting for a unit of time.
         """
         if self._normed:
             return y[: self._n_b, P]
         x, wanted = self._positions(u).copy(), rotation_from_quaternion(y[: self._n_b, P])
-        for _ in range(_FOLLOW_STEPS):
+        for _ in range(_NEWTON_STEPS):
             left = wanted @ np.swapaxes(self._rotations(x), 1, 2)
-            turns = [rotation_vector_from_quaternion(quaternion_from_rotation(part)) for part in left]
+            rotations = [rotation_vector_from_quaternion(quaternion_from_rotation(part)) for part in left]
             for b, name in enumerate(self._names):
-                x[b, 3:] += self._orientation.rates(x[b, 3:], turns[b], name)
-            if np.max(np.abs(turns)) < 1e-8:  # the next step would be its square
+                x[b, 3:] += self._orientation.rates(x[b, 3:], rotations[b], name)
+            if np.max(np.abs(rotations)) < 1e-8:  # quadratic convergence: the next step is below rounding
                 break
         return x[:, 3:]
 
-    def _exchange(self, u: Array, y: Array) -> Array:
-        """Write orientation coordinates on the way to their singularity in another chart."""
+    def _change_charts(self, u: Array, y: Array) -> Array:
+        """Change the charts of rotation vectors and Rodrigues parameters that approach their singularity."""
         x, x_dot = self._positions(u), self._speeds(u)
         references, count = list(self.chart[1]), 0
         for b in range(self._n_b):
@@ -341,11 +339,17 @@ class DescriptorForm:
         return u
 
 
-_FOLLOW_STEPS = 4
-
-
 def _saddle_point(top: Array, force: Array, right: Array, rows: Array, gamma: Array) -> Array:
-    """X'' of ``[top  -force; rows  0] [x''; lam] = [right; gamma]``, rows independent."""
+    """Solve ``[top  -force; rows  0] [x''; lam] = [right; gamma]`` for x'', shape (n,); independent rows.
+
+    Parameters
+    ----------
+    top : ndarray, shape (n, n)
+    force : ndarray, shape (n, q)
+    right : ndarray, shape (n,)
+    rows : ndarray, shape (q, n)
+    gamma : ndarray, shape (q,)
+    """
     n, q = len(right), len(gamma)
     K = np.zeros((n + q, n + q))
     K[:n, :n], K[:n, n:], K[n:, :n] = top, -force, rows
@@ -353,5 +357,5 @@ def _saddle_point(top: Array, force: Array, right: Array, rows: Array, gamma: Ar
 
 
 def form(mechanism: Mechanism, name: str) -> DescriptorForm:
-    """The form of that name in `VARIANTS` of a mechanism."""
+    """Return the form of `VARIANTS` with this name for a mechanism."""
     return DescriptorForm(mechanism, **VARIANTS[name]._asdict(), name=name)

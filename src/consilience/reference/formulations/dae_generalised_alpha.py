@@ -1,7 +1,7 @@
-"""Generalised-alpha on the group of poses, index 3, at a constant step h [Arnold & Brüls 2007; Brüls & Cardona 2010].
+"""Generalised-alpha method on the Lie group of poses, index 3, constant step h.
 
-Poses q (positions and Euler parameters), speeds v = (v, w'), accelerations dv = (dv/dt, dw'/dt) and the algorithmic
-accelerations a of every body go from t_n to t_n+1 = t_n + h by
+Poses q (positions and Euler parameters), velocities v = (v, w'), accelerations dv = (dv/dt, dw'/dt) and algorithmic
+accelerations a of all bodies at t_n+1 = t_n + h follow from [Arnold & Brüls 2007; Brüls & Cardona 2010]
 
     M dv_n+1 = f(q_n+1, v_n+1, t_n+1) + Q^T lam_n+1,      g(q_n+1, t_n+1) = 0,
     q_n+1 = q_n exp(xi),   xi = h v_n + h^2 ((1/2 - beta) a_n + beta a_n+1),
@@ -11,21 +11,21 @@ accelerations a of every body go from t_n to t_n+1 = t_n + h by
     alpha_m = (2 rho - 1) / (rho + 1),   alpha_f = rho / (rho + 1),
     gamma = 1/2 + alpha_f - alpha_m,     beta = (gamma + 1/2)^2 / 4                        [Chung & Hulbert 1993].
 
-Rows that hold velocities only (rolling, skates) are met as ``Q v_n+1 = nu``; integrals of controllers go by the
-trapezoidal rule. Order two in positions, velocities and multipliers. At velocity level the constraints are not imposed:
-``Q v - nu`` stays of order h^2 and does not grow. Of the oscillations that the step does not resolve a part rho is
-left after each step; for rho < 1 energy is lost, at smooth motions as slowly as h^2 goes to zero.
+Non-holonomic rows (rolling, skates) hold as ``Q v_n+1 = nu``; integrals of controllers follow the trapezoidal rule.
+Order two in positions, velocities and multipliers. Velocity constraints are not imposed: ``Q v - nu`` is of order h^2
+and does not grow. Each step multiplies unresolved oscillations by the spectral radius rho; for rho < 1 smooth motions
+lose energy of order h^2.
 
 **Start** [Arnold, Brüls & Cardona, Numer. Math. 129, 2015, 149-179]. a_n belongs to ``t_n + D h`` where
-D = alpha_m - alpha_f: it starts with ``a_0 = dv_0 + D h dv_0'``. From exact speeds xi would miss the true increment by
-``h^3 (C dv' + (0, w' x dw'/dt) / 12)``, C = 1/6 - D/2 - beta. But the constraints hold at both ends, so that normal
-to them nothing may be missed: v has an offset of h^2 there. v_0 is given it, for else the first steps find it, with
-multipliers off by order h.
+D = alpha_m - alpha_f: ``a_0 = dv_0 + D h dv_0'``. With exact velocities xi would differ from the true increment by
+``h^3 (C dv' + (0, w' x dw'/dt) / 12)``, C = 1/6 - D/2 - beta. The constraints hold at both ends, so that the component
+normal to the constraints must vanish: v has an offset of order h^2. v_0 gets this offset at the start; otherwise the
+multipliers of the first steps would have errors of order h.
 
-**Newton's method** solves for ``beta h^2 a`` and ``beta h^2 lam`` with the dynamic rows times ``beta h^2 M^-1``: then
-the matrix and the rounding errors do not depend on h [Bottasso, Bauchau & Cardona 2007]. Its matrix is a difference
-quotient, kept while iterations converge fast. Dependent rows: with each matrix an independent set is picked by QR with
-column pivoting, and only these rows get equations and multipliers.
+**Newton's method** solves for ``beta h^2 a`` and ``beta h^2 lam``, dynamic rows times ``beta h^2 M^-1``: the Jacobian
+and rounding errors then do not depend on h [Bottasso, Bauchau & Cardona 2007]. The Jacobian is a difference quotient,
+kept while iterations converge fast. With each Jacobian a set of independent rows is chosen by pivoted QR; only these
+rows have equations and multipliers.
 """
 
 from __future__ import annotations
@@ -39,16 +39,17 @@ from consilience.engine import TrajectoryAnswer
 from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import RANK_TOLERANCE, Array, Mechanism, State, continuous_in_time, quaternion_product
 from consilience.reference.bodies.arrays import P, R, W, pack, unpack
+from consilience.reference.bodies.canonical import sample_times
 from consilience.reference.bodies.lie_group import SPEEDS, displaced
 from consilience.reference.formulations.body_terms import BodyTerms, Terms, least_norm_multipliers
 
 _ITERATIONS = 12
 _FAST = 5
-"""Iterations beyond which the next step gets a new matrix."""
+"""Iterations above which the next step computes a new Jacobian."""
 
 _ROUNDING = 4.0 * np.finfo(float).eps
 _DIFFERENCE = 1e-7
-"""Increment of difference quotients, m and rad: half the digits of positions of order one."""
+"""Increment of difference quotients, m and rad: about the root of the rounding unit."""
 
 
 class Coefficients(NamedTuple):
@@ -61,12 +62,12 @@ class Coefficients(NamedTuple):
 
     @classmethod
     def of(cls, rho_inf: float) -> Coefficients:
-        """Those of the spectral radius at infinity, 0 to 1.
+        """Return the coefficients for a spectral radius at infinity, 0 to 1.
 
         Raises
         ------
         InvalidInput
-            If it is out of range.
+            If the spectral radius is out of range.
         """
         if not 0.0 <= rho_inf <= 1.0:
             raise InvalidInput("rho_inf", f"{rho_inf} is out of range", "Choose 0 (most damping) to 1 (none).")
@@ -75,8 +76,8 @@ class Coefficients(NamedTuple):
         return cls(alpha_m, alpha_f, gamma, 0.25 * (gamma + 0.5) ** 2)
 
 
-class _Trial(NamedTuple):
-    """What the unknowns make of the end of a step."""
+class _StepEnd(NamedTuple):
+    """End of a step for given unknowns."""
 
     y: Array
     dv: Array
@@ -86,7 +87,7 @@ class _Trial(NamedTuple):
 
 
 class GeneralisedAlpha:
-    """A motion under way, one step at a time.
+    """Integrator of one motion, step by step.
 
     Parameters
     ----------
@@ -95,6 +96,7 @@ class GeneralisedAlpha:
         Consistent state at the time t.
     t, step : float, s
     rho_inf : float
+        Spectral radius at infinity.
 
     Attributes
     ----------
@@ -115,7 +117,7 @@ class GeneralisedAlpha:
         self._inverse_mass = np.linalg.inv(self._terms.mass)
         self.counters: dict[str, int | float] = dict.fromkeys(("steps", "evaluations", "iterations", "jacobians"), 0)
         self.y = pack(mechanism, state)
-        self._angles = self._terms.count_turns(self.y, np.zeros(self._terms.angles))
+        self._angles = self._terms.count_turns(self.y, np.zeros(self._terms.turns))
         self._factors: tuple[Array, Array] | None = None
         self._rows = np.zeros(0, dtype=np.int64)
         self._start()
@@ -127,14 +129,14 @@ class GeneralisedAlpha:
         return self._terms.evaluate(t, y, angles)
 
     def _shifted(self, time: float, dv: Array, integral_rates: Array) -> Array:
-        """Accelerations a short time after the start, along its Taylor polynomial, shape (6 n_b,)."""
+        """Return the accelerations shortly after the start, on the Taylor polynomial of the motion, shape (6 n_b,)."""
         v = self.y[: self._n_b, SPEEDS].reshape(-1)
         y = displaced(self.y, self._n_b, time * v + 0.5 * time**2 * dv, v + time * dv)
-        y[self._n_b :].reshape(-1)[: self._terms.integrals] += time * integral_rates
+        self._terms.integrals_of(y)[:] += time * integral_rates
         return self._terms.accelerations(self._evaluate(self.t + time, y, self._angles))[0]
 
     def _start(self) -> None:
-        """Accelerations, algorithmic accelerations and the offset of the speeds."""
+        """Compute accelerations, algorithmic accelerations and the offset of the velocities."""
         h, (alpha_m, alpha_f, _, beta) = self._h, self._c
         terms = self._evaluate(self.t, self.y, self._angles)
         self.dv, lam = self._terms.accelerations(terms)
@@ -157,28 +159,28 @@ class GeneralisedAlpha:
 
     # ------------------------------------------------------------ one step
 
-    def _trial(self, a: Array, lam: Array) -> _Trial:
-        """End of the step for the algorithmic accelerations and multipliers of independent rows."""
+    def _trial(self, a: Array, lam: Array) -> _StepEnd:
+        """Evaluate the end of the step for algorithmic accelerations and multipliers of independent rows."""
         h, (alpha_m, alpha_f, gamma, beta) = self._h, self._c
         v = self.y[: self._n_b, SPEEDS].reshape(-1)
         dv = ((1.0 - alpha_m) * a + alpha_m * self._a - alpha_f * self.dv) / (1.0 - alpha_f)
         xi = h * v + h**2 * ((0.5 - beta) * self._a + beta * a)
         y = displaced(self.y, self._n_b, xi, v + h * ((1.0 - gamma) * self._a + gamma * a))
         t = self.t + h
-        integrals = y[self._n_b :].reshape(-1)[: self._terms.integrals]
+        integrals = self._terms.integrals_of(y)
         if len(integrals):  # their rates depend on the pose alone
             rates = self._evaluate(t, y, self._angles).integral_rates
             integrals += 0.5 * h * (self._integral_rates + rates)
         terms = self._evaluate(t, y, self._angles)
         force = self._inverse_mass @ (terms.f + terms.Q[self._rows].T @ lam)
-        held = terms.value.copy()
+        rows = terms.value.copy()
         slip = slice(self._terms.holonomic, None)
-        held[slip] = beta * h / gamma * (terms.Q[slip] @ y[: self._n_b, SPEEDS].reshape(-1) - terms.rate[slip])
-        residual = np.concatenate([beta * h**2 * (dv - force), held])
-        return _Trial(y, dv, terms, residual, self._angles)
+        rows[slip] = beta * h / gamma * (terms.Q[slip] @ y[: self._n_b, SPEEDS].reshape(-1) - terms.rate[slip])
+        residual = np.concatenate([beta * h**2 * (dv - force), rows])
+        return _StepEnd(y, dv, terms, residual, self._angles)
 
     def _linearise(self, a: Array, lam: Array) -> None:
-        """Matrix of Newton's method in (beta h^2 a, beta h^2 lam)."""
+        """Compute and factorise the Jacobian in (beta h^2 a, beta h^2 lam)."""
         n, scale = len(a), self._c.beta * self._h**2
         first = self._trial(a, lam)
         Q = first.terms.Q[self._rows].copy()
@@ -192,8 +194,8 @@ class GeneralisedAlpha:
         self._factors = lu_factor(J)
         self.counters["jacobians"] += 1
 
-    def _newton(self, a: Array, lam: Array) -> tuple[_Trial, Array, Array, int] | None:
-        """End of the step, algorithmic accelerations, multipliers and iterations; None if it does not converge."""
+    def _newton(self, a: Array, lam: Array) -> tuple[_StepEnd, Array, Array, int] | None:
+        """Solve a step; return its end, a, multipliers and iterations, or None without convergence."""
         n, scale, before = len(a), self._c.beta * self._h**2, np.inf
         equations = np.concatenate([np.arange(n), n + self._rows])
         for count in range(1, _ITERATIONS + 1):
@@ -204,9 +206,9 @@ class GeneralisedAlpha:
             change = lu_solve(self._factors, -trial.residual[equations])
             a, lam = a + change[:n] / scale, lam + change[n:] / scale
             size = float(np.max(np.abs(change[:n])))
-            reach = max(1.0, float(np.max(np.abs(trial.y[: self._n_b, R]))))
-            # at rounding, or converged to where rounding stops it
-            if size <= _ROUNDING * reach or (size < 1e-11 * reach and size > 0.3 * before):
+            extent = max(1.0, float(np.max(np.abs(trial.y[: self._n_b, R]))))
+            # converged to rounding, or stagnating near it
+            if size <= _ROUNDING * extent or (size < 1e-11 * extent and size > 0.3 * before):
                 return self._trial(a, lam), a, lam, count
             if size > 2.0 * before:
                 return None
@@ -214,7 +216,7 @@ class GeneralisedAlpha:
         return None
 
     def advance(self) -> None:
-        """Go one step on.
+        """Take one step.
 
         Raises
         ------
@@ -246,12 +248,12 @@ class GeneralisedAlpha:
         self.counters["steps"] += 1
 
     def multipliers(self) -> Array:
-        """Multipliers of all rows, of least norm where rows depend on one another, shape (q,)."""
+        """Return the multipliers of all rows, of least norm for dependent rows, shape (q,)."""
         return least_norm_multipliers(self._Q, self._force)
 
 
 def _rates(y: Array, dv: Array, n_b: int) -> Array:
-    """Time derivative of the rows of bodies, shape (n_b, 13)."""
+    """Return the time derivative of the rows of bodies, shape (n_b, 13)."""
     w = np.hstack([np.zeros((n_b, 1)), y[:n_b, W]])
     return np.hstack([y[:n_b, 7:10], 0.5 * quaternion_product(y[:n_b, P], w), dv.reshape(n_b, 6)])
 
@@ -259,7 +261,7 @@ def _rates(y: Array, dv: Array, n_b: int) -> Array:
 def generalised_alpha(
     mechanism: Mechanism, state: State, times: Array, step: float, rho_inf: float = 0.8
 ) -> TrajectoryAnswer:
-    """Motion of a mechanism by the generalised-alpha method.
+    """Integrate the motion of a mechanism by the generalised-alpha method.
 
     Parameters
     ----------
@@ -267,11 +269,11 @@ def generalised_alpha(
     state : State
         Consistent state at ``times[0]``.
     times : ndarray, shape (n_t,), s
-        Increasing. Samples between steps are cubic Hermite polynomials of what the steps give: of order four, which
-        leaves the order two of the method untouched.
+        Increasing. Samples between steps are cubic Hermite interpolants, of order four.
     step : float, s
+        Constant step.
     rho_inf : float
-        Spectral radius at infinity: 1 keeps all oscillations, 0 removes in a step what it does not resolve.
+        Spectral radius at infinity, 1 (no damping) to 0 (unresolved oscillations vanish in one step).
 
     Returns
     -------
@@ -281,15 +283,13 @@ def generalised_alpha(
     Raises
     ------
     InvalidInput
-        Step, rho_inf or times that make no sense.
+        Step not positive, rho_inf out of range, times that do not increase.
     NumericalFailure
-        When and why it cannot go on.
+        If Newton's method does not converge in a step.
     """
-    times = np.asarray(times, dtype=float)
     if not 0.0 < step < np.inf:
         raise InvalidInput("step", f"{step} s is no length of a step", "Give a positive length.")
-    if times.ndim != 1 or len(times) < 1 or not np.all(np.isfinite(times)) or np.any(np.diff(times) <= 0):
-        raise InvalidInput("times", "they do not increase", "Give finite, increasing sample times.")
+    times = sample_times(times)
     n_b, start = len(mechanism.bodies), pack(mechanism, state)
     motion = GeneralisedAlpha(mechanism, state, float(times[0]), step, rho_inf)
     samples = [start[:n_b]]

@@ -1,16 +1,16 @@
-"""Implicit integration of the descriptor form as a differential-algebraic system: Radau IIA of order five.
+"""Radau IIA of order five for the descriptor form as a differential-algebraic system of index 2 or 3.
 
-In the speeds v = (v, w') of every body and increments xi of its pose from that at the start of the step,
-``q = q_n exp(xi)``, xi = 0 there [EXU; Hairer & Wanner, Solving Ordinary Differential Equations II, chapter VII]:
+Unknowns are the velocities v = (v, w') of all bodies and the increments xi of their poses in a step,
+``q = q_n exp(xi)`` [EXU; Hairer & Wanner, Solving Ordinary Differential Equations II, chapter VII]:
 
     index 3    xi' = T(xi)^-1 v,                    M v' = f + Q^T lam,    g = 0
     index 2    xi' = T(xi)^-1 (v + M^-1 Q^T mu),    M v' = f + Q^T lam,    g = 0,    Q v = nu
 
-the second after Gear, Leimkuhler and Gupta [J. Comput. Appl. Math. 12-13, 1985, 77-90], with the second multiplier mu,
-zero along the exact motion, in the mass metric. Orientations are thus coordinates on the group, new ones at each step:
-no row for the norm of Euler parameters and no singular orientation. Rows that hold velocities only (rolling, skates)
-are ``Q v = nu`` in both. The last stage is the end of the step, so the constraints hold there to rounding: g, and for
-index 2 ``Q v - nu`` as well. Orders [Hairer, Lubich & Roche 1989; Hairer & Wanner II, VII.4 to VII.6], as measured:
+Index 2 follows Gear, Leimkuhler and Gupta [J. Comput. Appl. Math. 12-13, 1985, 77-90], with a second multiplier mu in
+the mass metric that vanishes along the exact motion. Increments are local coordinates on the Lie group: no norm of
+Euler parameters, no singular orientation. Non-holonomic rows (rolling, skates) are ``Q v = nu`` in both. The last stage
+is the end of the step, where the constraints hold to rounding: g, and for index 2 ``Q v - nu``, too. Orders [Hairer,
+Lubich & Roche 1989; Hairer & Wanner II, VII.4 to VII.6]:
 
 =======  =========  ======  ===========
 index    positions  speeds  multipliers
@@ -19,14 +19,14 @@ index    positions  speeds  multipliers
 3        5          3       2
 =======  =========  ======  ===========
 
-**Newton's method**, simplified: one Jacobian of the right-hand side (difference quotients in xi, v and integrals; exact
-in the multipliers, which enter linearly), and after the transformation of RADAU5 one real and one complex
-factorisation. Rows and columns of index 2 and 3 are scaled by h and h^2 so that conditions and rounding do not grow as
-the step shrinks; in its tests, and in the error estimate, multipliers have no part: they follow from the others.
-Dependent rows: an independent set is picked by QR with column pivoting with each Jacobian; only it gets equations.
+**Simplified Newton iteration**: one Jacobian of the right-hand side (difference quotients in xi, v and integrals; exact
+in the multipliers, which enter linearly), then, after the transformation of RADAU5, one real and one complex
+factorisation. Rows and columns of index 2 and 3 are scaled by h and h^2, so that condition numbers do not grow as h
+shrinks. Convergence test and error estimate exclude the multipliers. With each Jacobian a set of independent rows is
+chosen by pivoted QR; only these rows have equations.
 
-**Error.** ``(gamma / h E - J)^-1 (F + E e Z / h)`` as in RADAU5, third order: of the increments and the speeds, the
-latter with the factor h for index 3. There positions keep to the tolerance; speeds, of third order only, do not.
+**Error estimate** ``(gamma / h E - J)^-1 (F + E e Z / h)`` as in RADAU5, of order three, of increments and velocities;
+for index 3 velocities get the factor h: positions meet the tolerance, velocities, of order three, do not.
 """
 
 from __future__ import annotations
@@ -40,6 +40,7 @@ from consilience.engine import TrajectoryAnswer
 from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import Array, Mechanism, State, continuous_in_time
 from consilience.reference.bodies.arrays import pack, unpack
+from consilience.reference.bodies.canonical import sample_times
 from consilience.reference.bodies.lie_group import SPEEDS, displaced, increment_rates
 from consilience.reference.formulations.body_terms import BodyTerms, least_norm_multipliers
 from consilience.reference.integrators.tableaus import RADAU, root_mean_square
@@ -48,10 +49,10 @@ Index = Literal[2, 3]
 
 _ITERATIONS, _FAST = 15, 5
 _GOAL = 1e-3
-"""Part of the tolerance that a change by Newton's method may have; as it converges, its error is smaller still."""
+"""Newton's method ends when its correction is below this fraction of the tolerance."""
 
 _ROUNDING = 1e-12
-"""Changes that converge no more and are below this are rounding errors, in m, rad, m/s, rad/s."""
+"""Stagnating corrections below this size are rounding errors, in m, rad, m/s, rad/s."""
 
 _SAFETY, _SMALLEST, _LARGEST, _KEEP = 0.9, 0.2, 5.0, 1.2
 _RESOLVED = 1e-12
@@ -59,7 +60,7 @@ _DIFFERENCE = 1e-7
 
 
 def _transformation() -> tuple[float, complex, Array, Array, Array, Array]:
-    """Eigenvalues of the inverse of A, a real one and one of the pair, with vectors and rows of their inverse."""
+    """Return the real and one complex eigenvalue of A^-1, their eigenvectors and the rows of the inverse."""
     values, vectors = np.linalg.eig(np.linalg.inv(RADAU.A))
     real, pair = int(np.argmin(np.abs(values.imag))), int(np.argmax(values.imag))
     T = vectors[:, real].real, vectors[:, pair]
@@ -72,7 +73,7 @@ _A_INVERSE = np.linalg.inv(RADAU.A)
 
 
 class _Matrix(NamedTuple):
-    """Factors for one length of step."""
+    """Factors for one step size."""
 
     h: float
     scale: Array  # of rows and columns
@@ -81,7 +82,7 @@ class _Matrix(NamedTuple):
 
 
 class DescriptorDae:
-    """A motion under way, one step at a time.
+    """Integrator of one motion, step by step.
 
     Parameters
     ----------
@@ -92,6 +93,7 @@ class DescriptorDae:
     index : int
         2 or 3.
     tolerance : float
+        Bound on the scaled error estimate of a step.
 
     Attributes
     ----------
@@ -110,7 +112,7 @@ class DescriptorDae:
         names = ("steps", "rejected", "evaluations", "jacobians", "factorisations")
         self.counters: dict[str, int | float] = dict.fromkeys(names, 0)
         self.y = pack(mechanism, state)
-        self._angles = self._terms.count_turns(self.y, np.zeros(self._terms.angles))
+        self._angles = self._terms.count_turns(self.y, np.zeros(self._terms.turns))
         terms = self._terms.evaluate(t, self.y, self._angles)
         self._acceleration, self._lam = self._terms.accelerations(terms)
         self._rows = self._terms.independent_rows()
@@ -119,49 +121,47 @@ class DescriptorDae:
         self._fresh, self._slow, self._J = False, False, np.empty((0, 0))
         self._last: tuple[float, Array] | None = None
         self._matrix: _Matrix | None = None
-        # which independent rows are held at position level
-        self._lengths()
+        self._partition()
 
-    def _lengths(self) -> None:
-        """Sizes of the parts of the unknowns: increments, speeds, integrals, lam, mu; and which are differential."""
-        self._held = self._rows[self._rows < self._terms.holonomic]
-        mu = len(self._held) if self._index == 2 else 0
+    def _partition(self) -> None:
+        """Partition the unknowns: increments, velocities, integrals (differential), lam, mu; find holonomic rows."""
+        self._holonomic = self._rows[self._rows < self._terms.holonomic]
+        mu = len(self._holonomic) if self._index == 2 else 0
         self._parts = np.cumsum([self._n, self._n, self._terms.integrals, len(self._rows), mu])
         self._differential = np.arange(self._parts[-1]) < self._parts[2]
 
     # ------------------------------------------------------------ right-hand side
 
     def _right(self, t: float, z: Array) -> Array:
-        """Rates of increments, speeds and integrals; then rows that are to vanish, as many as multipliers."""
+        """Return rates of increments, velocities and integrals, then constraint residuals, as many as multipliers."""
         self.counters["evaluations"] += 1
         a, b, c, d, _ = self._parts
         xi, v, lam, mu = z[:a], z[a:b], z[c:d], z[d:]
         y = displaced(self.y, self._n_b, xi, v)
-        y[self._n_b :].reshape(-1)[: self._terms.integrals] = z[b:c]
+        self._terms.integrals_of(y)[:] = z[b:c]
         terms = self._terms.evaluate(t, y, self._angles)
         Q = terms.Q[self._rows]
         speeds, slip = v, Q @ v - terms.rate[self._rows]
         if self._index == 2:
-            speeds = v + self._inverse_mass @ (terms.Q[self._held].T @ mu)
-            rows = [slip, terms.value[self._held]]
+            speeds = v + self._inverse_mass @ (terms.Q[self._holonomic].T @ mu)
+            rows = [slip, terms.value[self._holonomic]]
         else:
             rows = [np.where(self._rows < self._terms.holonomic, terms.value[self._rows], slip)]
         rates = self._inverse_mass @ (terms.f + Q.T @ lam)
         return np.concatenate([increment_rates(xi, speeds), rates, terms.integral_rates, *rows])
 
     def _start(self) -> Array:
-        """Unknowns at the start of a step."""
+        """Return the unknowns at the start of a step."""
         v = self.y[: self._n_b, SPEEDS].reshape(-1)
-        integrals = self.y[self._n_b :].reshape(-1)[: self._terms.integrals]
         mu = np.zeros(self._parts[4] - self._parts[3])
-        return np.concatenate([np.zeros(self._n), v, integrals, self._lam[self._rows], mu])
+        return np.concatenate([np.zeros(self._n), v, self._terms.integrals_of(self.y), self._lam[self._rows], mu])
 
     def _linearise(self) -> None:
-        """Jacobian of the right-hand side at the start of a step, with a new set of independent rows."""
+        """Compute the Jacobian at the start of a step, with a new set of independent rows."""
         terms = self._terms.evaluate(self.t, self.y, self._angles)
         self._lam = self._terms.accelerations(terms, self._limit)[1]
         self._rows = self._terms.independent_rows(self._limit)
-        self._lengths()
+        self._partition()
         z = self._start()
         first = self._right(self.t, z)
         J = np.zeros((len(z), len(z)))
@@ -169,15 +169,16 @@ class DescriptorDae:
             moved = z.copy()
             moved[k] += _DIFFERENCE * max(1.0, abs(z[k]))
             J[:, k] = (self._right(self.t, moved) - first) / (moved[k] - z[k])
-        # multipliers enter linearly, and mu at no increment by what T is one for
+        # multipliers enter linearly; T = 1 at xi = 0
         Q, (a, b, c, d, _) = self._terms.evaluate(self.t, self.y, self._angles).Q, self._parts
         J[a:b, c:d] = self._inverse_mass @ Q[self._rows].T
         if self._index == 2:
-            J[:a, d:] = self._inverse_mass @ Q[self._held].T
+            J[:a, d:] = self._inverse_mass @ Q[self._holonomic].T
         self._J, self._matrix, self._fresh = J, None, True
         self.counters["jacobians"] += 1
 
     def _factorise(self, h: float) -> _Matrix:
+        """Scale and factorise the Newton matrices for the step size h."""
         if self._matrix is None or abs(self._matrix.h - h) > 1e-10 * h:
             a, _, c, d, end = self._parts
             scale = np.ones(end)
@@ -187,7 +188,7 @@ class DescriptorDae:
             else:
                 scale[c:] = 1.0 / h
             E = np.diag(self._differential.astype(float))
-            # unknowns are scaled by columns; LU with partial pivoting scales its rows by their largest entry
+            # columns scale the unknowns; rows are scaled by their largest entry for partial pivoting
             matrices = [(eigenvalue / h * E - self._J) * scale for eigenvalue in (_GAMMA, _PAIR)]
             rows = 1.0 / np.max(np.abs(matrices[0]), axis=1)
             factors = [lu_factor(rows[:, None] * matrix) for matrix in matrices]
@@ -198,16 +199,16 @@ class DescriptorDae:
     # ------------------------------------------------------------ one step
 
     def _weights(self, z: Array) -> Array:
-        """Sizes that errors of the differential unknowns are compared with."""
+        """Return the error tolerances of the differential unknowns."""
         return self._tolerance * (1.0 + np.abs(z[: self._parts[2]]))
 
     def _stages(self, z: Array, h: float) -> tuple[Array, bool] | None:
-        """Differences of the stages to the start, shape (3, n), and whether it was slow; None without convergence."""
+        """Solve the stages: increments Z, shape (3, n), and whether convergence was slow; None without convergence."""
         matrix = self._factorise(h)
         scale, rows = matrix.scale
         weights, c = self._weights(z), self._parts[2]
         Z, before = self._guess(h, len(z)), 0.0
-        # speeds of index 3 are difference quotients of positions
+        # velocities of index 3 are difference quotients of positions
         floor = _ROUNDING if self._index == 2 else max(_ROUNDING, 0.1 * _ROUNDING / h)
         for n in range(_ITERATIONS):
             F = np.array([self._right(self.t + x * h, z + part) for x, part in zip(RADAU.c, Z, strict=True)])
@@ -229,7 +230,7 @@ class DescriptorDae:
         return None
 
     def _guess(self, h: float, count: int) -> Array:
-        """Differences of the stages to the start that the polynomial of the last step leads on to, shape (3, n)."""
+        """Extrapolate the collocation polynomial of the last step to the stages, shape (3, n)."""
         if self._last is None or self._last[1].shape[1] != count:
             return np.zeros((3, count))
         before, Z = self._last
@@ -239,7 +240,7 @@ class DescriptorDae:
         return weights.T @ Z - Z[-1]
 
     def attempt(self, h: float) -> tuple[Array | None, float]:
-        """Unknowns at the end of a step of length h and its scaled error; None and infinity where it failed."""
+        """Try a step of size h; return its end and scaled error, or None and infinity without convergence."""
         if not self._J.size:
             self._linearise()
         z = self._start()
@@ -261,10 +262,10 @@ class DescriptorDae:
         return z + Z[-1], root_mean_square(error[:c] / self._weights(np.maximum(np.abs(z), np.abs(z + Z[-1]))))
 
     def accept(self, h: float, z: Array) -> None:
-        """Go on to the end of a step."""
+        """Accept a step of size h with the end z."""
         a, b, c, d, _ = self._parts
         self.y = displaced(self.y, self._n_b, z[:a], z[a:b])
-        self.y[self._n_b :].reshape(-1)[: self._terms.integrals] = z[b:c]
+        self._terms.integrals_of(self.y)[:] = z[b:c]
         self.t += h
         terms = self._terms.evaluate(self.t, self.y, self._angles)
         self._lam = np.zeros(len(terms.Q))
@@ -277,16 +278,16 @@ class DescriptorDae:
         self.counters["steps"] += 1
 
     def multipliers(self) -> Array:
-        """Multipliers lam of all rows, of least norm where rows depend on one another, shape (q,)."""
+        """Return the multipliers lam of all rows, of least norm for dependent rows, shape (q,)."""
         return least_norm_multipliers(self._Q, self._force)
 
     def advance(self, target: float, h: float) -> float:
-        """Go on to the time `target` by steps of controlled length, the first of length h; the length to go on with.
+        """Integrate to the time `target` with step size control, from the step size h; return the next step size.
 
         Raises
         ------
         NumericalFailure
-            If the step size falls below what the time resolves.
+            If the step size falls below the resolution of the time.
         """
         grow = _LARGEST
         while self.t < target:
@@ -313,7 +314,7 @@ class DescriptorDae:
 def integrate_dae(
     mechanism: Mechanism, state: State, times: Array, tolerance: float = 1e-10, index: Index = 2
 ) -> TrajectoryAnswer:
-    """Motion of a mechanism by Radau IIA on its equations of index 2 or 3.
+    """Integrate the motion of a mechanism by Radau IIA on its equations of index 2 or 3.
 
     Parameters
     ----------
@@ -335,17 +336,15 @@ def integrate_dae(
     Raises
     ------
     InvalidInput
-        Tolerance, index or times that make no sense.
+        Tolerance or index out of range, times that do not increase.
     NumericalFailure
-        When and why it cannot go on.
+        If the step size falls below the resolution of the time.
     """
-    times = np.asarray(times, dtype=float)
     if not 1e-12 <= tolerance <= 1e-3:
         raise InvalidInput("tolerance", f"{tolerance} is out of range", "Choose 1e-12 to 1e-3.")
     if index not in (2, 3):
         raise InvalidInput("index", f"{index}", "Choose 2 or 3.")
-    if times.ndim != 1 or len(times) < 1 or not np.all(np.isfinite(times)) or np.any(np.diff(times) <= 0):
-        raise InvalidInput("times", "they do not increase", "Give finite, increasing sample times.")
+    times = sample_times(times)
     motion = DescriptorDae(mechanism, state, float(times[0]), index, tolerance)
     samples, h = [motion.y], tolerance**0.25 * 0.1
     for target in times[1:]:

@@ -10,15 +10,14 @@ in the velocities (v, w'), w' in body axes: M is constant, with Cholesky factor 
     4 G^T I' G p'' + Q_p^T lam = 2 G^T (l' - ~w' I' w'),    p.p'' = -p'.p',    Q_p = 2 Q_w' G,
 
 which is the same system: with ``w' = 2 G p'`` and ``G G^T = 1`` its first line multiplied by G/2 is the rotational
-line above, and ``p'' = 1/2 G^T dw'/dt - 1/4 (w'.w') p`` gives the second. So Euler parameters are the coordinates,
-w' the speeds, and no multiplier for the norm is needed.
+line above, and ``p'' = 1/2 G^T dw'/dt - 1/4 (w'.w') p`` gives the second. With w' as velocities of the Euler parameters
+p no multiplier for the norm of p is needed.
 
-The constrained acceleration is the free one plus the correction of least M-norm that meets the constraints:
+The constrained acceleration is the unconstrained one plus the correction of least M-norm:
 
     z = L^T a,   B = L^-1 Q^T,   z = L^-1 f + argmin |zeta| : B^T zeta = gamma - Q a_free,
 
-found by a rank-revealing QR of B. Dependent rows are left out by it, whatever their number; accelerations stay
-unique. Multipliers are of least norm.
+by a rank-revealing QR of B, which leaves out dependent rows; accelerations are unique, multipliers of least norm.
 """
 
 from __future__ import annotations
@@ -27,25 +26,27 @@ import numpy as np
 
 from consilience.mechanism import RANK_TOLERANCE, Array
 from consilience.reference.bodies import constraints, forces
-from consilience.reference.bodies.arrays import Model
+from consilience.reference.bodies.arrays import Model, Workspace
 from consilience.reference.bodies.mass_metric import factorise_as_projected, solve_factor, solve_factor_transposed
 from consilience.reference.bodies.motion import rotations
-from consilience.reference.bodies.workspace import Workspace
 from consilience.reference.kernel.compiled import kernel
 from consilience.reference.kernel.factorisation import least_norm
 from consilience.reference.kernel.vectors import assign
 
 
 @kernel
-def accelerations(model: Model, t: float, y: Array, memory: Array, ws: Workspace, a: Array) -> int:
-    """Accelerations (dv/dt, dw'/dt) of all bodies at a state.
+def accelerations(model: Model, t: float, y: Array, turns: Array, ws: Workspace, a: Array) -> int:
+    """Compute the accelerations (dv/dt, dw'/dt) of all bodies at a state.
 
     Parameters
     ----------
+    model : Model
     t : float, s
     y : ndarray, shape (n_b + n_e, 13)
-    memory : ndarray, shape (n_c,)
-        Joint coordinates that elements read, a moment ago.
+    turns : ndarray, shape (n_c,)
+        Joint coordinates that elements read, at an earlier time (m, rad): full turns are counted from them.
+    ws : Workspace
+        Holds f, Q, gamma and the factors afterwards.
     a : ndarray, shape (6 n_b,)
         Overwritten.
 
@@ -55,13 +56,13 @@ def accelerations(model: Model, t: float, y: Array, memory: Array, ws: Workspace
         Rank of the constraints.
     """
     rotations(y, ws.A)
-    forces.evaluate(model, t, y, memory, ws)
+    forces.evaluate(model, t, y, turns, ws)
     assign(a, ws.f)
     solve_factor(model, a)
     if ws.Q.shape[0] == 0:
         solve_factor_transposed(model, a)
         return 0
-    constraints.evaluate(model, t, y, memory, ws)
+    constraints.evaluate(model, t, y, turns, ws)
     rank = factorise_as_projected(model, ws)
     assign(ws.z, a)
     solve_factor_transposed(model, ws.z)
@@ -79,7 +80,7 @@ def accelerations(model: Model, t: float, y: Array, memory: Array, ws: Workspace
 
 @kernel
 def _whitened(model: Model, ws: Workspace, a: Array, B: Array) -> None:
-    """``L^-1 Q^T`` into B, and ``L^-1 (M a - f)`` into ``ws.z``."""
+    """Write ``L^-1 Q^T`` into B and ``L^-1 (M a - f)`` into ``ws.z``."""
     for row in range(ws.Q.shape[0]):
         assign(ws.z, ws.Q[row])
         solve_factor(model, ws.z)
@@ -94,12 +95,12 @@ def _whitened(model: Model, ws: Workspace, a: Array, B: Array) -> None:
     solve_factor(model, ws.z)
 
 
-def multipliers(model: Model, t: float, y: Array, memory: Array, ws: Workspace, a: Array) -> Array:
-    """Multipliers of least norm from ``Q^T lam = M a - f``, in the metric of the factorisation, shape (q,).
+def multipliers(model: Model, t: float, y: Array, turns: Array, ws: Workspace, a: Array) -> Array:
+    """Compute the multipliers of least norm of ``Q^T lam = M a - f``, in the metric of B, shape (q,), and a.
 
-    Fills `a` with the accelerations on the way. Only what is slow in Python is compiled: it is asked for once a state.
+    Parameters as in `accelerations`.
     """
-    accelerations(model, t, y, memory, ws, a)
+    accelerations(model, t, y, turns, ws, a)
     if len(ws.Q) == 0:
         return np.zeros(0)
     B = np.empty(ws.B.shape)

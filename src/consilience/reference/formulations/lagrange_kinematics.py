@@ -1,6 +1,6 @@
-"""Joint coordinates of a spanning tree, and the poses of all bodies as expressions of them, for `lagrange`.
+"""Joint coordinates of a spanning tree and the poses of all bodies as CasADi expressions, for `lagrange`.
 
-A tree joint is a sequence of steps from F to M, one per coordinate of the joint table, in its order:
+A tree joint is a sequence of steps from F to M, one for each coordinate of the joint table, in its order:
 
 ============  =======================  ==================================================
 step          coordinates              pose of the end in the start
@@ -13,15 +13,15 @@ orientation   alpha, beta, gamma       C Rx(alpha) Ry(beta) Rz(gamma)
 direction     alpha, beta              at l C Rx(alpha) Ry(beta) e_z, not turned
 ============  =======================  ==================================================
 
-A rod of length l is a direction, then an orientation. Where the tree passes a joint from successor to predecessor the
-pose is inverted; coordinates are those of M relative to F all the same.
+A rod of length l is a direction, then an orientation. If the tree passes a joint from successor to predecessor, the
+pose is inverted; coordinates are still those of M relative to F.
 
-Orientations need a **chart**, for no three numbers describe all of them: Bryant angles x-y-z [C4 (4.55)] from a
-constant reference rotation C, singular where beta is a quarter turn from it. C is the orientation itself when a chart
-is chosen, so that all angles start from zero, and is chosen anew when beta has gone `CHART_LIMIT`. It is a parameter
-of the expressions, as Euler parameters, not a constant in them: a change of chart differentiates nothing anew.
+Orientations use **charts**: Bryant angles x-y-z [C4 (4.55)] relative to a constant rotation C, singular at a quarter
+turn of beta. C is the orientation at which the chart is chosen, so that angles start at zero; a new chart is chosen at
+beta = `CHART_LIMIT`. C enters the expressions as a parameter (Euler parameters), so that a change of chart needs no new
+differentiation.
 
-Cut joints keep their rows of the joint table; from the pose (p, R) of M in F, in axes of F,
+Rows of cut joints, with the pose (p, R) of M in F, in axes of F:
 ``(X, Y, Z) = p``, ``L = |p|``, ``D_kl = R_kl`` [MASS (9)-(12)].
 """
 
@@ -55,20 +55,14 @@ from consilience.mechanism import (
 )
 
 CHART_LIMIT = 0.25 * np.pi
-"""Angle beta at which a new chart is chosen, rad: rates have lost a factor 1 / cos(beta) = 1.4 there."""
+"""Angle beta at which a new chart is chosen, rad; the condition 1 / cos(beta) of the rates is 1.4 there."""
 
 Expression = Any
-"""An SX expression of CasADi, which carries no types."""
+"""SX expression of CasADi, which has no type information."""
 
 
 def casadi() -> Any:
-    """Import CasADi where it is needed: it is an optional extra of the project.
-
-    Raises
-    ------
-    InvalidInput
-        If it is not installed.
-    """
+    """Import CasADi, an optional dependency; raise `InvalidInput` if it is missing."""
     try:
         return import_module("casadi")
     except ImportError as error:
@@ -80,14 +74,7 @@ def casadi() -> Any:
 
 
 class Compiled:
-    """Function of arrays to arrays, evaluated by CasADi's virtual machine in memory shared with NumPy.
-
-    Parameters
-    ----------
-    name : str
-    arguments : list of symbol
-    values : list of expression
-    """
+    """Function of symbols to expressions, evaluated by CasADi's virtual machine in buffers shared with NumPy."""
 
     def __init__(self, name: str, arguments: list[Expression], values: list[Expression]) -> None:
         ca = casadi()
@@ -101,33 +88,33 @@ class Compiled:
         self._buffer.set_res(0, self._out.data)
 
     def __call__(self, *arguments: Array | float) -> list[Array]:
-        """Values as matrices; a vector is a single column."""
+        """Evaluate; return matrices, vectors as single columns."""
         np.concatenate([np.ravel(argument, order="F") for argument in arguments], out=self._in)
         self._run()
         parts = np.split(self._out.copy(), self._ends[:-1])
         return [part.reshape(shape, order="F") for part, shape in zip(parts, self._shapes, strict=True)]
 
 
-class Pose(NamedTuple):
-    """Origin (3) and rotation matrix (3, 3) of one frame in another, as expressions."""
+class PoseExpression(NamedTuple):
+    """Pose of one frame in another as expressions: origin (3) and rotation matrix (3, 3)."""
 
     p: Expression
     R: Expression
 
-    def then(self, next_pose: Pose) -> Pose:
-        """Pose of a frame given in this one."""
-        return Pose(self.p + self.R @ next_pose.p, self.R @ next_pose.R)
+    def then(self, next_pose: PoseExpression) -> PoseExpression:
+        """Return the pose of a frame that is given in this one."""
+        return PoseExpression(self.p + self.R @ next_pose.p, self.R @ next_pose.R)
 
-    def inverse(self) -> Pose:
-        """Pose the other way round."""
-        return Pose(-(self.R.T @ self.p), self.R.T)
+    def inverse(self) -> PoseExpression:
+        """Return the inverse pose."""
+        return PoseExpression(-(self.R.T @ self.p), self.R.T)
 
 
 # ---------------------------------------------------------------- steps
 
 
 def turn(axis: int, angle: Expression) -> Expression:
-    """Rotation matrix of a turn about coordinate axis 0, 1 or 2."""
+    """Return the rotation matrix about coordinate axis 0, 1 or 2."""
     ca = casadi()
     b, d = (axis + 1) % 3, (axis + 2) % 3
     R = ca.SX.eye(3)
@@ -136,82 +123,81 @@ def turn(axis: int, angle: Expression) -> Expression:
     return R
 
 
-def _along(axis: int, distance: Expression) -> Pose:
+def _along(axis: int, distance: Expression) -> PoseExpression:
     p = casadi().SX.zeros(3)
     p[axis] = distance
-    return Pose(p, casadi().SX.eye(3))
+    return PoseExpression(p, casadi().SX.eye(3))
 
 
-def _about(axis: int, angle: Expression) -> Pose:
-    return Pose(casadi().SX.zeros(3), turn(axis, angle))
+def _about(axis: int, angle: Expression) -> PoseExpression:
+    return PoseExpression(casadi().SX.zeros(3), turn(axis, angle))
 
 
 def _reference(chart: Expression) -> Expression:
-    """C of its Euler parameters [MASS (2)]."""
+    """Return C from its Euler parameters [MASS (2)]."""
     e0, e, ca = chart[0], chart[1:], casadi()
     return (e0 * e0 - ca.dot(e, e)) * ca.SX.eye(3) + 2 * e @ e.T + 2 * e0 * ca.skew(e)
 
 
-def _direction(x: Expression, chart: Expression, length: float) -> Pose:
+def _direction(x: Expression, chart: Expression, length: float) -> PoseExpression:
     ca = casadi()
-    return Pose(length * _reference(chart) @ turn(0, x[0]) @ turn(1, x[1])[:, 2], ca.SX.eye(3))
+    return PoseExpression(length * _reference(chart) @ turn(0, x[0]) @ turn(1, x[1])[:, 2], ca.SX.eye(3))
 
 
-def _orientation(x: Expression, chart: Expression, _length: float) -> Pose:
-    return Pose(casadi().SX.zeros(3), _reference(chart) @ turn(0, x[0]) @ turn(1, x[1]) @ turn(2, x[2]))
+def _orientation(x: Expression, chart: Expression, _length: float) -> PoseExpression:
+    return PoseExpression(casadi().SX.zeros(3), _reference(chart) @ turn(0, x[0]) @ turn(1, x[1]) @ turn(2, x[2]))
 
 
 def _read_direction(motion: RelativeMotion) -> tuple[Array, Array, Array]:
-    """Where alpha and beta are zero, ``d/dt (l C Rx Ry e_z) = l C (beta', -alpha', 0)``."""
+    """Return angles, rates and C at alpha = beta = 0: ``d/dt (l C Rx Ry e_z) = l C (beta', -alpha', 0)``."""
     C = rotation_with_z_axis(motion.p)
     across = C.T @ motion.v / np.linalg.norm(motion.p)
     return np.zeros(2), np.array([-across[1], across[0]]), quaternion_from_rotation(C)
 
 
 def _read_orientation(motion: RelativeMotion) -> tuple[Array, Array, Array]:
-    """Where the angles are zero, their rates are the angular velocity in axes of M."""
+    """Return angles, rates and C at zero angles, where the rates are the angular velocity in axes of M."""
     return np.zeros(3), motion.R.T @ motion.w, quaternion_from_rotation(motion.R)
 
 
 @dataclass(frozen=True)
-class Step:
-    """One step of a joint.
+class JointStep:
+    """Step of a joint.
 
     Attributes
     ----------
     size : int
         Number of coordinates.
     pose : callable
-        ``pose(x, chart, length)`` of the end in the start, with the Euler parameters of C for a chart.
+        ``pose(x, chart, length)`` of the end in the start; chart: Euler parameters of C.
     read : callable, optional
-        Coordinates at the centre of a new chart, their rates and the chart, of the motion of M relative to F; None
-        for a step without chart.
+        Coordinates, rates and chart at the centre of a new chart, from the motion of M relative to F.
     """
 
     size: int
-    pose: Callable[[Expression, Expression, float], Pose]
+    pose: Callable[[Expression, Expression, float], PoseExpression]
     read: Callable[[RelativeMotion], tuple[Array, Array, Array]] | None = None
 
 
-STEPS: dict[str, Step] = {
-    "angle": Step(1, lambda x, _c, _l: _about(2, x)),
-    "angle1": Step(1, lambda x, _c, _l: _about(2, x)),
-    "angle2": Step(1, lambda x, _c, _l: _about(0, x)),
-    "distance": Step(1, lambda x, _c, _l: _along(2, x)),
-    "x": Step(1, lambda x, _c, _l: _along(0, x)),
-    "y": Step(1, lambda x, _c, _l: _along(1, x)),
-    "position": Step(3, lambda x, _c, _l: Pose(x, casadi().SX.eye(3))),
-    "orientation": Step(3, _orientation, _read_orientation),
-    "direction": Step(2, _direction, _read_direction),
+STEPS: dict[str, JointStep] = {
+    "angle": JointStep(1, lambda x, _c, _l: _about(2, x)),
+    "angle1": JointStep(1, lambda x, _c, _l: _about(2, x)),
+    "angle2": JointStep(1, lambda x, _c, _l: _about(0, x)),
+    "distance": JointStep(1, lambda x, _c, _l: _along(2, x)),
+    "x": JointStep(1, lambda x, _c, _l: _along(0, x)),
+    "y": JointStep(1, lambda x, _c, _l: _along(1, x)),
+    "position": JointStep(3, lambda x, _c, _l: PoseExpression(x, casadi().SX.eye(3))),
+    "orientation": JointStep(3, _orientation, _read_orientation),
+    "direction": JointStep(2, _direction, _read_direction),
 }
-"""Steps by the names of the joint coordinates."""
+"""Steps by name of the joint coordinate."""
 
 _STEPS_OF_KIND = {"rod": ("direction", "orientation")}
-"""Steps of kinds for which the joint table has no coordinates."""
+"""Steps of joint kinds without coordinates in the joint table."""
 
 
 def steps_of(kind: str) -> tuple[str, ...]:
-    """Names of the steps from F to M."""
+    """Return the names of the steps of a joint kind from F to M."""
     return _STEPS_OF_KIND.get(kind, JOINT_KINDS[kind].coordinates)
 
 
@@ -219,7 +205,7 @@ def steps_of(kind: str) -> tuple[str, ...]:
 
 
 class Slot(NamedTuple):
-    """Where one step of a tree joint has its coordinates, and its chart (-1 for none)."""
+    """Position of the coordinates of a step of a tree joint in y, and its chart (-1 for none)."""
 
     step: str
     joint: int
@@ -228,31 +214,21 @@ class Slot(NamedTuple):
 
     @property
     def columns(self) -> slice:
-        """Its coordinates in y."""
+        """Columns of the coordinates in y."""
         return slice(self.first, self.first + STEPS[self.step].size)
 
     def beta(self, y: Array) -> float:
-        """The angle at which its chart fails, rad."""
+        """Return the angle beta of the chart, rad."""
         return float(y[self.first + 1])
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Arrangement of the joint coordinates y of a mechanism.
+    """Arrangement of the joint coordinates y of a mechanism."""
 
-    Attributes
-    ----------
-    joints : tuple of (int, bool)
-        Tree joints from the ground outwards; whether passed from successor to predecessor.
-    cut : tuple of int
-        Joints that close loops.
-    slots : tuple of Slot
-        All steps of the tree joints.
-    """
-
-    joints: tuple[tuple[int, bool], ...]
-    cut: tuple[int, ...]
-    slots: tuple[Slot, ...]
+    joints: tuple[tuple[int, bool], ...]  # tree joints from the ground outwards; passed from successor to predecessor
+    cut: tuple[int, ...]  # joints that close loops
+    slots: tuple[Slot, ...]  # all steps of the tree joints
 
     @property
     def size(self) -> int:
@@ -261,15 +237,15 @@ class Layout:
 
     @property
     def charted(self) -> tuple[Slot, ...]:
-        """Slots with a chart, by its number."""
+        """Slots with a chart, in the order of the charts."""
         return tuple(slot for slot in self.slots if slot.chart >= 0)
 
     def column(self, joint: int, step: str) -> int:
-        """Index in y of the first coordinate of a step of a tree joint."""
+        """Return the index in y of the first coordinate of a step of a tree joint."""
         return next(slot.first for slot in self.slots if (slot.joint, slot.step) == (joint, step))
 
     def read(self, mechanism: Mechanism, state: State) -> tuple[Array, Array, Array]:
-        """Coordinates y and rates y', shape (n,), and new charts, shape (4, n_c), of a state."""
+        """Return y and y', shape (n,), and new charts, shape (4, n_c), of a state."""
         y, y_dot, charts = np.empty(self.size), np.empty(self.size), np.empty((4, len(self.charted)))
         for slot in self.slots:
             joint = mechanism.joints[slot.joint]
@@ -298,7 +274,7 @@ def layout(mechanism: Mechanism) -> Layout:
 
 
 def unsupported_joints(mechanism: Mechanism) -> tuple[Unsupported, ...]:
-    """Tree joints that are no sequence of steps, and cut joints with rows that are not basic."""
+    """List tree joints that are not a sequence of steps, and cut joints with rows that are not basic constraints."""
     found = []
     joints, cut = spanning_tree(mechanism)
     for k in [*(k for k, _ in joints), *cut]:
@@ -315,22 +291,21 @@ def unsupported_joints(mechanism: Mechanism) -> tuple[Unsupported, ...]:
 # ---------------------------------------------------------------- expressions
 
 
-def _frame(frame: Frame) -> Pose:
+def _frame(frame: Frame) -> PoseExpression:
     ca = casadi()
-    return Pose(ca.SX(ca.DM(frame.p)), ca.SX(ca.DM(frame.R)))
+    return PoseExpression(ca.SX(ca.DM(frame.p)), ca.SX(ca.DM(frame.R)))
 
 
 class Poses:
-    """Symbols of the coordinates, and poses of bodies and joints as expressions of them.
+    """Symbols of the coordinates, and poses of bodies and joints as expressions.
 
     Parameters
     ----------
     mechanism : Mechanism
     layout : Layout
     released : bool
-        Give every joint six coordinates z more, which stand for virtual displacements of M relative to F: along and
-        about the axes of F, at the origin of M. They have meaning at z = 0 and to first order only, which is what
-        the force in a released joint needs.
+        Add six virtual displacements z of M relative to F for every joint, along and about the axes of F at the origin
+        of M, valid to first order at z = 0.
 
     Attributes
     ----------
@@ -339,8 +314,8 @@ class Poses:
     x, x_dot : symbol, shape (n,), or (n + 6 n_j,) if released
         Joint coordinates y, then z, and their rates.
     charts : symbol, shape (4, n_c)
-    bodies : list of Pose
-        Of the bodies in the world.
+    bodies : list of PoseExpression
+        Poses of the bodies in the world.
     """
 
     def __init__(self, mechanism: Mechanism, layout: Layout, released: bool = False) -> None:
@@ -349,8 +324,8 @@ class Poses:
         size = layout.size + (6 * len(mechanism.joints) if released else 0)
         self.t, self.x, self.x_dot = SX.sym("t"), SX.sym("x", size), SX.sym("x_dot", size)
         self.charts = SX.sym("c", 4, len(layout.charted))
-        self._ground = Pose(SX.zeros(3), SX.eye(3))
-        found: dict[str, Pose] = {GROUND: self._ground}
+        self._ground = PoseExpression(SX.zeros(3), SX.eye(3))
+        found: dict[str, PoseExpression] = {GROUND: self._ground}
         for k, backward in layout.joints:
             joint = mechanism.joints[k]
             F, M, across = _frame(joint.F), _frame(joint.M), self._across(k)
@@ -360,12 +335,12 @@ class Poses:
                 found[joint.successor] = found[joint.predecessor].then(F).then(across).then(M.inverse())
         self.bodies = [found[body.name] for body in mechanism.bodies]
 
-    def body(self, name: str) -> Pose:
-        """Pose of a body, or of the ground, in the world."""
+    def body(self, name: str) -> PoseExpression:
+        """Return the pose of a body, or of the ground, in the world."""
         return self._ground if name == GROUND else self.bodies[self._mechanism.body_index[name]]
 
-    def _across(self, joint: int) -> Pose:
-        """Pose of M in F of a tree joint."""
+    def _across(self, joint: int) -> PoseExpression:
+        """Return the pose of M in F of a tree joint."""
         pose = self._ground
         for slot in self._layout.slots:
             if slot.joint == joint:
@@ -374,23 +349,23 @@ class Poses:
                 pose = pose.then(STEPS[slot.step].pose(self.x[slot.columns], chart, length))
         return self._release(joint, pose)
 
-    def _release(self, joint: int, pose: Pose) -> Pose:
+    def _release(self, joint: int, pose: PoseExpression) -> PoseExpression:
         """Displace M by the z of the joint."""
         if not self._released:
             return pose
         ca, first = casadi(), self._layout.size + 6 * joint
         shift, tilt = self.x[first : first + 3], self.x[first + 3 : first + 6]
-        return Pose(pose.p + shift, (ca.SX.eye(3) + ca.skew(tilt)) @ pose.R)
+        return PoseExpression(pose.p + shift, (ca.SX.eye(3) + ca.skew(tilt)) @ pose.R)
 
-    def relative(self, joint: int) -> Pose:
-        """Pose of M in F of any joint, from the poses of its bodies."""
+    def relative(self, joint: int) -> PoseExpression:
+        """Return the pose of M in F of any joint, from the poses of its bodies."""
         j = self._mechanism.joints[joint]
         F = self.body(j.predecessor).then(_frame(j.F))
         return F.inverse().then(self.body(j.successor).then(_frame(j.M)))
 
     @cached_property
     def closure(self) -> Expression:
-        """``g(y)``: rows of all cut joints, minus the values at which they are held, shape (q,)."""
+        """Residual ``g(y)`` of all rows of cut joints, shape (q,)."""
         ca, rows = casadi(), []
         for k in self._layout.cut:
             joint = self._mechanism.joints[k]
@@ -405,6 +380,6 @@ class Poses:
         return ca.vertcat(*rows) if rows else ca.SX.zeros(0, 1)
 
     def rate(self, expression: Expression) -> Expression:
-        """Total time derivative of a function of t and x."""
+        """Return the total time derivative of a function of t and x."""
         ca = casadi()
         return ca.jtimes(expression, ca.vertcat(self.t, self.x), ca.vertcat(1, self.x_dot))

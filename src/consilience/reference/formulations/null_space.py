@@ -3,9 +3,9 @@
     Q a = gamma,   a = J y'' + abar,   Q J = 0,
     J^T M J y'' = J^T (f - M abar).
 
-J is an orthonormal basis of the null space and abar the least-norm solution of ``Q abar = gamma``, both from one
-singular value decomposition of Q, chosen anew at every evaluation. Unlike the descriptor form, M is assembled and
-its constraint space is found in the plain (not the mass) metric: the two share rows and forces, not the solution.
+J is an orthonormal basis of the null space and abar the least-norm solution of ``Q abar = gamma``, both from a singular
+value decomposition of Q at every evaluation. M is assembled, and the metric is Euclidean: the formulation shares rows
+and forces with the descriptor form, but not the solution.
 """
 
 from __future__ import annotations
@@ -14,16 +14,15 @@ import numpy as np
 
 from consilience.mechanism import RANK_TOLERANCE, Array
 from consilience.reference.bodies import constraints, forces
-from consilience.reference.bodies.arrays import Model
+from consilience.reference.bodies.arrays import Model, Workspace
 from consilience.reference.bodies.mass_metric import mass_matrix
 from consilience.reference.bodies.motion import rotations
-from consilience.reference.bodies.workspace import Workspace
 from consilience.reference.kernel.compiled import allocating
 
 
 @allocating
 def basis(Q: Array, gamma: Array, limit: int) -> tuple[Array, Array]:
-    """Null-space basis J, shape (6 n_b, freedom), and least-norm solution abar of ``Q abar = gamma``.
+    """Return a null-space basis J, shape (6 n_b, freedom), and the least-norm solution abar of ``Q abar = gamma``.
 
     The rank is at most `limit` (see `factorisation.pivoted_qr`).
     """
@@ -40,20 +39,35 @@ def basis(Q: Array, gamma: Array, limit: int) -> tuple[Array, Array]:
 
 
 @allocating
-def accelerations(model: Model, t: float, y: Array, memory: Array, ws: Workspace, a: Array) -> int:
-    """Accelerations (dv/dt, dw'/dt) of all bodies at a state; arguments and return as in `descriptor`."""
+def solve_reduced(model: Model, f: Array, J: Array, abar: Array, a: Array) -> int:
+    """Solve ``J^T M J y'' = J^T (f - M abar)``, write ``a = J y'' + abar``; return the rank of the constraints.
+
+    Parameters
+    ----------
+    model : Model
+    f, abar, a : ndarray, shape (6 n_b,)
+    J : ndarray, shape (6 n_b, freedom)
+    """
+    freedom = J.shape[1]
+    a[:] = abar
+    if freedom > 0:
+        M = mass_matrix(model)
+        reduced, force = J.T @ (M @ J), J.T @ (f - M @ abar)
+        if not (np.all(np.isfinite(reduced)) and np.all(np.isfinite(force))):
+            a[:] = np.nan  # LAPACK would raise; the integrator reports NaN
+            return 0
+        a += J @ np.linalg.solve(reduced, force)
+    return a.shape[0] - freedom
+
+
+@allocating
+def accelerations(model: Model, t: float, y: Array, turns: Array, ws: Workspace, a: Array) -> int:
+    """Compute accelerations (dv/dt, dw'/dt); parameters and return value as in `descriptor.accelerations`."""
     rotations(y, ws.A)
-    forces.evaluate(model, t, y, memory, ws)
-    constraints.evaluate(model, t, y, memory, ws)
+    forces.evaluate(model, t, y, turns, ws)
+    constraints.evaluate(model, t, y, turns, ws)
     if not (np.all(np.isfinite(ws.Q)) and np.all(np.isfinite(ws.f))):
-        a[:] = np.nan  # a decomposition would raise; the integrator reports it
+        a[:] = np.nan  # LAPACK would raise; the integrator reports NaN
         return 0
     J, abar = basis(ws.Q, ws.gamma, ws.limit[0])
-    M = mass_matrix(model)
-    freedom = J.shape[1]
-    if freedom == 0:
-        a[:] = abar
-    else:
-        y_dd = np.linalg.solve(J.T @ (M @ J), J.T @ (ws.f - M @ abar))
-        a[:] = J @ y_dd + abar
-    return a.shape[0] - freedom
+    return solve_reduced(model, ws.f, J, abar, a)

@@ -1,25 +1,25 @@
-"""A mechanism as chains of particles: which bodies share them, where joints lie among them, how they move [ATTIA].
+"""Chains of particles: particles shared by joints, their motion, and constraints between them [ATTIA].
 
-Each body has primary particles 1 at the joint to its predecessor in the spanning tree, 2 on the axis of that joint, 4
-and 3 (eliminated) across it, a radius of gyration away. What the joint allows is *shared*: the particle is then given
-by the predecessor's and is no coordinate of its own,
+Each body has primary particles: 1 at the joint to its predecessor in the spanning tree, 2 on the axis of that joint, 4
+and 3 (eliminated) across the axis, at the distance of a radius of gyration. A joint *shares* particles: they follow
+from those of the predecessor and are not coordinates,
 
     joint holds X Y Z                (spherical, universal)    particle 1
     ... and D13 D23                  (revolute)                particles 1, 2
     ... and D12                      (rigid)                   particles 1, 2, 4
 
-Other rows of tree joints stay as constraints between particles; for a prismatic joint they are ATTIA (23), the two
-vector products projected across the axis, where alone they say something. Own particles of all bodies are the
-coordinates x. All else is a combination of generators (see `particles`), so that its rate is ``J x'`` and its second
-rate ``J x'' + beta``: arrays called `D` have the n_x columns of J, then the rate, then beta.
+Other rows of tree joints remain as constraints between particles; for a prismatic joint these are ATTIA (23), the two
+vector products projected across the axis. Coordinates x are the positions of all particles that are not shared. Every
+other vector is a combination of generators (see `particles`), with the first rate ``J x'`` and the second rate
+``J x'' + beta``. Arrays named D hold the n_x columns of J, the first rate, and beta.
 
-All constraints are products of two vectors s, t between points, ``s . t = const`` [ATTIA (4), (23)], with the row
+All constraints are scalar products of two vectors s, t between points, ``s . t = const`` [ATTIA (4), (23)]:
 
     t . s'' + s . t'' = 0:   (t . J_s + s . J_t) x'' = -(t . beta_s + s . beta_t + 2 s' . t').
 
 The seven vectors of a joint are d (from the origin of F to that of M), the axes u of F, and the axes w of M; a basic
-constraint is ``u_k . d``, ``d . d`` or ``u_k . w_l`` [MASS (9)-(12)]. With a multiplier lam it is a pair of wrenches:
-forces ``lam t`` and ``-lam t`` on the two points of s, or a couple ``lam s x t`` if s is an axis, and likewise for t.
+constraint is ``u_k . d``, ``d . d`` or ``u_k . w_l`` [MASS (9)-(12)]. Its multiplier lam acts as forces ``lam t`` and
+``-lam t`` on the two points of s, or as a couple ``lam s x t`` if s is an axis, and likewise for t.
 """
 
 from __future__ import annotations
@@ -38,17 +38,17 @@ from consilience.reference.formulations.particles import (
 )
 
 D, U, W = 0, 1, 4
-"""First of the vectors d, u_1..u_3, w_1..w_3 of a joint."""
+"""Indices of the first vectors of a joint: d, u_1..u_3, w_1..w_3."""
 
 VECTORS = {
     **{row: (U + k, D) for k, row in enumerate("XYZ")},
     "L": (D, D),
     **{f"D{k + 1}{l + 1}": (U + k, W + l) for k in range(3) for l in range(3)},
 }
-"""The two vectors whose product a basic constraint holds."""
+"""The two vectors whose scalar product is a basic constraint."""
 
 SHARED: tuple[frozenset[str], ...] = (frozenset("XYZ"), frozenset(("D13", "D23")), frozenset(("D12",)))
-"""Rows that sharing one more particle satisfies."""
+"""Rows satisfied by sharing one, two, three particles."""
 
 FREE_MOMENTS: dict[frozenset[str], tuple[int, ...]] = {
     frozenset(): (U, U + 1, U + 2),
@@ -56,36 +56,36 @@ FREE_MOMENTS: dict[frozenset[str], tuple[int, ...]] = {
     frozenset(("D13", "D23")): (U + 2,),
     frozenset(("D13", "D23", "D12")): (),
 }
-"""Vectors about which a joint with these direction cosines transmits no moment."""
+"""Vectors about which a joint with these D rows transmits no moment."""
 
 _DISTANCES = ((0, 1), (0, 2), (1, 2))  # of particles 1, 2, 4 [ATTIA (4.1)-(4.3)]
 
 
 class ChainModel(NamedTuple):
-    """Particles of n_b bodies and n_j joints. Arrays over bodies end with the ground, those over joints with the world.
+    """Particles of n_b bodies and n_j joints; arrays over bodies end with the ground, over joints with the world.
 
-    The ground's generators are the world's origin and axes.
+    The generators of the ground are the world origin and axes.
     """
 
     order: tuple[int, ...]  # bodies from the ground outwards
     parent: Array  # (n_b,) -1 for a body on the ground or a floating one
-    shared: Array  # (n_b,) how many of particles 1, 2, 4 the parent gives
-    column: Array  # (n_b,) first coordinate of the own ones
+    shared: Array  # (n_b,) number of particles shared with the parent
+    column: Array  # (n_b,) first coordinate of the other particles
     size: int  # n_x
-    given: Array  # (n_b, 3, 4) particles 1, 2, 4 by the parent's generators
+    given: Array  # (n_b, 3, 4) particles 1, 2, 4 as combinations of the parent's generators
     drawn: Array  # (n_b + 1, 4, 3) generators in body axes
-    primary: Array  # (n_b, 4, 4) primary particles by generators
+    primary: Array  # (n_b, 4, 4) primary particles as combinations of generators
     mass: Array  # (n_b, 4, 4) mu
-    origin: Array  # (n_b, 4) body's origin by generators
-    outboard: Array  # (n_b, n_b) 1 where the second body hangs on the first, or is it
-    frames: Array  # (n_j + 1, 2, 4, 4) origin and axes of F and of M by generators
+    origin: Array  # (n_b, 4) body origins as combinations of generators
+    outboard: Array  # (n_b, n_b) 1 if the second body is the first or outboard of it
+    frames: Array  # (n_j + 1, 2, 4, 4) origins and axes of F and M as combinations of generators
     frame_body: Array  # (n_j + 1, 2)
-    reversed: Array  # (n_j,) the tree passes the joint from successor to predecessor
+    reversed: Array  # (n_j,) tree joints passed from successor to predecessor
     outer: Array  # (n_j,) body that a tree joint carries, -1 for a joint with multipliers
-    equation_body: Array  # (d,) a momentum equation: of this body and all further out,
-    equation_joint: Array  # (d,) projected on a vector of this joint (n_j: on the world's axes, the body floats),
-    equation_vector: Array  # (d,) this one,
-    equation_moment: Array  # (d,) angular or linear momentum
+    equation_body: Array  # (d,) momentum equation of this body and all bodies outboard of it,
+    equation_joint: Array  # (d,) projected on a vector of this joint (n_j: world axes, floating body),
+    equation_vector: Array  # (d,) index of the vector,
+    equation_moment: Array  # (d,) true for angular momentum
     distance: Array  # (n_distances, 2) body, index into the distances of particles 1, 2, 4
     distance_target: Array  # (n_distances,)
     rows: Array  # (n_rows, 3) joint and its two vectors
@@ -94,7 +94,7 @@ class ChainModel(NamedTuple):
 
 
 class ChainMotion(NamedTuple):
-    """Generators and vectors of joints, and their D arrays."""
+    """Generators of bodies and vectors of joints, and their D arrays."""
 
     G: Array  # (n_b + 1, 4, 3)
     DG: Array  # (n_b + 1, 4, 3, n_x + 2)
@@ -105,19 +105,20 @@ class ChainMotion(NamedTuple):
 
 
 def _cosines(joint: Joint) -> frozenset[str]:
+    """Return the D rows of a joint."""
     return frozenset(row for row in joint.rows if row[0] == "D")
 
 
 def floats(joint: Joint) -> bool:
-    """Whether a body on this joint is a floating base, and the rows of the joint have multipliers.
+    """Tell whether a body on this tree joint is a floating base, and the rows of the joint have multipliers.
 
-    So it is with a free joint, which has none, and with those whose free directions are not axes of F or M.
+    True for a free joint and for joints whose free directions are not axes of F or M.
     """
     return not joint.rows or "L" in joint.rows or _cosines(joint) not in FREE_MOMENTS
 
 
 def sharing(joint: Joint) -> int:
-    """How many of particles 1, 2, 4 a joint of the tree shares."""
+    """Return the number of particles 1, 2, 4 that a tree joint shares."""
     count = 0
     while not floats(joint) and count < len(SHARED) and SHARED[count] <= set(joint.rows):
         count += 1
@@ -125,14 +126,14 @@ def sharing(joint: Joint) -> int:
 
 
 def _primary_particles(body: Body, end: Frame) -> Array:
-    """Particles 1 to 4 on the joint frame of a body: at its origin, along z, y and x, shape (4, 3)."""
+    """Return particles 1 to 4 of a body: at the origin of its joint frame, along z, y and x, shape (4, 3)."""
     arm = body.com - end.p
     length = np.sqrt(0.5 * np.trace(body.inertia) / body.mass + arm @ arm)
     return end.p + length * np.vstack([np.zeros(3), end.R[:, 2], end.R[:, 1], end.R[:, 0]])
 
 
 class _Passage(NamedTuple):
-    """A joint as the spanning tree passes it: from the frame `start` on a body to `end` on the next."""
+    """Tree joint in the direction of the tree: from the frame `start` on body `inner` to `end` on `body`."""
 
     k: int
     joint: Joint
@@ -144,7 +145,7 @@ class _Passage(NamedTuple):
 
 
 def _passages(mechanism: Mechanism) -> list[_Passage]:
-    """Tree joints in depth-first order."""
+    """Return the tree joints in depth-first order."""
     found = []
     for k, backward in spanning_tree(mechanism)[0]:
         joint = mechanism.joints[k]
@@ -155,7 +156,7 @@ def _passages(mechanism: Mechanism) -> list[_Passage]:
 
 
 def _equations(passage: _Passage, world: int) -> list[tuple[int, int, int, bool]]:
-    """Momentum equations along and about whatever the joint leaves free: as many as it has freedoms."""
+    """Return the momentum equations of a tree joint, one for each of its degrees of freedom."""
     k, joint, body = passage.k, passage.joint, passage.body
     if floats(joint):
         return [(body, world, U + axis, moment) for moment in (False, True) for axis in range(3)]
@@ -165,7 +166,7 @@ def _equations(passage: _Passage, world: int) -> list[tuple[int, int, int, bool]
 
 
 def _given(passages: list[_Passage], primary: Array, drawn: Array) -> Array:
-    """Particles 1, 2, 4 by the generators of the parent, where the frames of the joint coincide, shape (n_b, 3, 4)."""
+    """Return particles 1, 2, 4 as combinations of the parent's generators for coincident joint frames, (n_b, 3, 4)."""
     given = np.empty((len(passages), 3, 4))
     for _, _, _, inner, start, b, end in passages:
         in_frame = (primary[b, [0, 1, 3]] - end.p) @ end.R
@@ -174,7 +175,7 @@ def _given(passages: list[_Passage], primary: Array, drawn: Array) -> Array:
 
 
 def _outboard(passages: list[_Passage]) -> Array:
-    """1 where the second body hangs on the first through joints without multipliers, or is it."""
+    """Return `ChainModel.outboard`, along joints without multipliers."""
     outboard = np.eye(len(passages))
     for p in passages:
         if p.inner >= 0 and not floats(p.joint):
@@ -183,7 +184,7 @@ def _outboard(passages: list[_Passage]) -> Array:
 
 
 def chain_model(mechanism: Mechanism) -> ChainModel:
-    """Particles, joints and momentum equations of a mechanism."""
+    """Choose the particles of a mechanism; tabulate joints, constraints and momentum equations."""
     passages, n_j = _passages(mechanism), len(mechanism.joints)
     by_body = sorted(passages, key=lambda p: p.body)
     primary = np.array([_primary_particles(mechanism.bodies[p.body], p.end) for p in by_body])
@@ -232,12 +233,13 @@ def chain_model(mechanism: Mechanism) -> ChainModel:
 
 
 def _square_distances(basis: Array) -> Array:
+    """Return the squared distances of particles 1, 2, 4."""
     edges = np.array([basis[1], basis[2], basis[2] - basis[1]])
     return np.sum(edges * edges, axis=1)
 
 
 def _frames(mechanism: Mechanism, drawn: Array) -> Array:
-    """Origins and axes of F and M of all joints, and of the world, by generators."""
+    """Return the frames F and M of all joints, and of the world, as combinations of generators."""
     world = Frame(np.zeros(3), np.eye(3))
     sides = [((j.predecessor, j.F), (j.successor, j.M)) for j in mechanism.joints]
     sides.append(((GROUND, world), (GROUND, world)))
@@ -251,7 +253,7 @@ def _frames(mechanism: Mechanism, drawn: Array) -> Array:
 
 
 def _rows(mechanism: Mechanism, outer: Array) -> tuple[Array, Array]:
-    """Rows that sharing does not satisfy, and their targets."""
+    """Return the rows that sharing does not satisfy, and their targets."""
     rows: list[tuple[int, int, int]] = []
     target: list[float] = []
     for k, joint in enumerate(mechanism.joints):
@@ -264,7 +266,7 @@ def _rows(mechanism: Mechanism, outer: Array) -> tuple[Array, Array]:
 
 
 def generator_motion(model: ChainModel, x: Array, rate: Array) -> tuple[Array, Array]:
-    """Generators of all bodies from the coordinates, G of shape (n_b + 1, 4, 3), and their D array."""
+    """Compute the generators of all bodies, shape (n_b + 1, 4, 3), and their D array from coordinates and rates."""
     n_b, n_x = len(model.parent), model.size
     G, DG = np.zeros((n_b + 1, 4, 3)), np.zeros((n_b + 1, 4, 3, n_x + 2))
     G[-1] = model.drawn[-1]
@@ -288,13 +290,13 @@ def generator_motion(model: ChainModel, x: Array, rate: Array) -> tuple[Array, A
 
 
 def combine(constants: Array, columns: Array) -> Array:
-    """Combinations of D arrays: (..., m, g) of (..., g, 3, n_x + 2), shape (..., m, 3, n_x + 2)."""
+    """Combine D arrays: constants (..., m, g) times (..., g, 3, n_x + 2), shape (..., m, 3, n_x + 2)."""
     flat = constants @ columns.reshape(*columns.shape[:-2], -1)
     return flat.reshape(*flat.shape[:-1], *columns.shape[-2:])
 
 
 def motion(model: ChainModel, x: Array, rate: Array) -> ChainMotion:
-    """Everything of the mechanism that constraints and momentum equations need, at coordinates and rates."""
+    """Compute generators, joint vectors and moment arms at coordinates x and rates."""
     G, DG = generator_motion(model, x, rate)
     marks = model.frames @ G[model.frame_body]
     D_marks = combine(model.frames, DG[model.frame_body])
@@ -308,17 +310,17 @@ def motion(model: ChainModel, x: Array, rate: Array) -> ChainMotion:
     return ChainMotion(G, DG, vectors(marks), vectors(D_marks), arms, marks)
 
 
-class Rows(NamedTuple):
-    """Constraints at a motion: distances, then joint rows; n of them."""
+class ChainConstraints(NamedTuple):
+    """n constraints at a motion: distances, then joint rows."""
 
     value: Array  # (n,) s . t - const
     D: Array  # (n, n_x + 2) [Q | rate | -gamma]
 
 
-def constraint_rows(model: ChainModel, m: ChainMotion) -> Rows:
-    """All constraints, each divided by the size its row of Q has if s and t turn in the worst direction.
+def constraint_rows(model: ChainModel, m: ChainMotion) -> ChainConstraints:
+    """Evaluate all constraints, each divided by the size of its row of Q for the worst directions of s and t.
 
-    Not by the length of the row itself: a row that nothing can violate is zero but for rounding, and has to stay so.
+    The norm of the row itself does not scale it: a row that no motion can violate consists of rounding errors.
     """
     b, n = model.distance.T
     edges = np.stack([m.G[:, 1], m.G[:, 2], m.G[:, 2] - m.G[:, 1]], axis=1)[b, n]
@@ -330,8 +332,8 @@ def constraint_rows(model: ChainModel, m: ChainMotion) -> Rows:
     rows[:, -1] += 2 * np.sum(Ds[:, :, -2] * Dt[:, :, -2], axis=1)
     value = np.sum(s * t, axis=1) - np.concatenate([model.distance_target, model.target])
     size = np.hypot(_length(t) * _size(Ds), _length(s) * _size(Dt))
-    size[size == 0.0] = 1.0  # neither side can move
-    return Rows(value / size, rows / size[:, None])
+    size[size == 0.0] = 1.0  # neither vector can move
+    return ChainConstraints(value / size, rows / size[:, None])
 
 
 def _length(a: Array) -> Array:
@@ -339,16 +341,16 @@ def _length(a: Array) -> Array:
 
 
 def _size(columns: Array) -> Array:
-    """Size of the Jacobians in D arrays of vectors."""
+    """Return the norms of the Jacobians in D arrays of vectors."""
     return np.linalg.norm(columns[:, :, :-2], axis=(1, 2))
 
 
 _ON_POINTS = np.zeros((7, 2))
-_ON_POINTS[D] = -1.0, 1.0  # only d ends on points: a force on M's origin, the opposite on F's
+_ON_POINTS[D] = -1.0, 1.0  # d connects points: a force on the origin of M, its opposite on that of F
 
 
 def multiplier_wrenches(model: ChainModel, m: ChainMotion) -> Array:
-    """Force and moment about the world's origin, on predecessor and successor, per multiplier, shape (n_c, 2, 6)."""
+    """Return force and moment about the world origin on predecessor and successor per multiplier, shape (n_c, 2, 6)."""
     k, left, right = model.rows[model.multiplied].T
     wrench = np.zeros((len(k), 2, 6))
     for at, other in ((left, right), (right, left)):

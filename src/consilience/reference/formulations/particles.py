@@ -1,14 +1,14 @@
 """Ten particles that are dynamically equivalent to a rigid body [ATTIA (1), (7)-(12)].
 
-Four primary particles, not in one plane, and six secondary ones at the middle of each pair of them. The ten masses
-solve a linear system: total mass, first moments and second moments about one body-fixed origin,
+Four primary particles, not in one plane, and six secondary ones at the midpoints of their pairs. The ten masses solve a
+linear system: mass, first and second moments about a body-fixed origin,
 
     sum m_k = m,   sum m_k xi_k = m c,   sum m_k xi_k xi_k^T = 1/2 tr(I_O) 1 - I_O.        [ATTIA (1)]
 
-It has one solution for any four such particles: ten nodes at corners and edge middles of a tetrahedron determine a
-quadratic polynomial. Masses may be negative: the particles stand for the body as a whole, not for parts of it.
+The solution is unique: ten nodes at corners and edge midpoints of a tetrahedron determine a quadratic polynomial.
+Masses may be negative.
 
-Secondary particles are eliminated by the mean of their ends. With m_ij at the middle of i and j,
+Secondary particles are eliminated as means of their ends. With m_ij at the midpoint of i and j,
 
     sum_k m_k r_k''             = sum_j mbar_j r_j'',  mbar_j = m_j + 1/2 sum_i m_ij       [ATTIA (5), (7), (9)]
     sum_k (r_k - c) x m_k r_k'' = sum_j A_j x r_j'',   A_j = sum_i mu_ij (r_i - c)         [ATTIA (6), (8)]
@@ -18,7 +18,7 @@ Particle 3, and any other point of the body, follows from particles 1, 2, 4:
 
     r = r1 + tau r21 + mu r41 + lam (r21 x r41)                                           [ATTIA (12)]
 
-with constants tau, mu, lam. Written with the four *generators* g = (r1, r21, r41, r21 x r41) of a body this is linear,
+with constants tau, mu, lam. This is linear in the four *generators* g = (r1, r21, r41, r21 x r41) of a body,
 ``r = c0 g0 + tau g1 + mu g2 + lam g3``, c0 = 1 for a point and 0 for a free vector.
 """
 
@@ -32,10 +32,10 @@ from consilience.errors import InvalidInput
 from consilience.mechanism import Array, Body
 
 PAIRS = tuple(combinations(range(4), 2))
-"""Primary particles (0 to 3) between which the secondary particles 5 to 10 lie, in this order [ATTIA (4.7)-(4.12)]."""
+"""Pairs of primary particles (0 to 3) with the secondary particles 5 to 10 at their midpoints [ATTIA (4.7)-(4.12)]."""
 
 _FLAT = 1e-9
-"""Volume of the primary particles, relative to a box of their distances, below which they lie in one plane."""
+"""Relative volume of the tetrahedron of primary particles below which they count as coplanar."""
 
 
 def check_primary(primary: Array, where: str) -> None:
@@ -48,7 +48,7 @@ def check_primary(primary: Array, where: str) -> None:
     Raises
     ------
     InvalidInput
-        Their ten particles cannot have the inertia of a body, and r21, r41 and r31 do not span space.
+        If the particles are coplanar.
     """
     edges = primary[1:] - primary[0]
     if abs(np.linalg.det(edges)) <= _FLAT * np.prod(np.linalg.norm(edges, axis=1)):
@@ -56,12 +56,12 @@ def check_primary(primary: Array, where: str) -> None:
 
 
 def ten_particles(primary: Array) -> Array:
-    """Positions of the primary particles and of the middles of `PAIRS`, shape (10, 3)."""
+    """Return the positions of the primary particles and of the midpoints of `PAIRS`, shape (10, 3)."""
     return np.vstack([primary, [(primary[i] + primary[j]) / 2 for i, j in PAIRS]])
 
 
 def particle_masses(body: Body, primary: Array) -> Array:
-    """Masses of the ten particles that are equivalent to a body [ATTIA (1)].
+    """Compute the masses of the ten particles that are equivalent to a body [ATTIA (1)].
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def particle_masses(body: Body, primary: Array) -> Array:
         If the four lie in one plane.
     """
     check_primary(primary, f"body '{body.name}'")
-    # about particle 1 and in a length of the particles, so that the ten equations are of one size
+    # about particle 1, in units of the distances, so that the ten equations have similar size
     length = float(np.max(np.linalg.norm(primary[1:] - primary[0], axis=1)))
     xi = (ten_particles(primary) - primary[0]) / length
     c = (body.com - primary[0]) / length
@@ -92,7 +92,7 @@ def particle_masses(body: Body, primary: Array) -> Array:
 
 
 def primary_mass_matrix(masses: Array) -> Array:
-    """Masses mu_ij of the primary particles after the secondary ones are eliminated, shape (4, 4) [ATTIA (7)-(9)].
+    """Eliminate the secondary particles: masses mu_ij of the primary ones, shape (4, 4) [ATTIA (7)-(9)].
 
     ``2 T = sum mu_ij v_i . v_j`` and ``mbar_j`` is the sum of a column.
     """
@@ -103,13 +103,13 @@ def primary_mass_matrix(masses: Array) -> Array:
 
 
 def generators(primary: Array) -> Array:
-    """Generators r1, r21, r41 and r21 x r41 of four primary particles, shape (4, 3)."""
+    """Return the generators r1, r21, r41 and r21 x r41 of four primary particles, shape (4, 3)."""
     r21, r41 = primary[1] - primary[0], primary[3] - primary[0]
     return np.array([primary[0], r21, r41, np.cross(r21, r41)])
 
 
 def combination(basis: Array, points: Array) -> Array:
-    """Constants (1, tau, mu, lam) of body-fixed points [ATTIA (12)].
+    """Return the constants (1, tau, mu, lam) of body-fixed points [ATTIA (12)].
 
     Parameters
     ----------
@@ -126,15 +126,14 @@ def combination(basis: Array, points: Array) -> Array:
 
 
 def vector_combination(basis: Array, vectors: Array) -> Array:
-    """Constants (0, tau, mu, lam) of body-fixed vectors, shape (n, 4); arguments as in `combination`."""
+    """Return the constants (0, tau, mu, lam) of body-fixed vectors, shape (n, 4); parameters as in `combination`."""
     return np.column_stack([np.zeros(len(vectors)), np.linalg.solve(basis[1:].T, vectors.T).T])
 
 
 def angular_rate(basis: Array, rate: Array) -> Array:
-    """Vector w of ``a_k' = w x a_k`` for the three generators a_k that are free vectors: ``w = 1/2 sum a^k x a_k'``.
+    """Return the angular velocity w of ``a_k' = w x a_k``, a_k the generators that are vectors: ``1/2 sum a^k x a_k'``.
 
-    a^k is the reciprocal basis. With second rates in the place of rates it gives the angular acceleration: what they
-    have beyond ``alpha x a_k`` cancels in the sum.
+    a^k is the reciprocal basis. Second rates give the angular acceleration: their other terms cancel in the sum.
 
     Parameters
     ----------
@@ -150,14 +149,15 @@ def angular_rate(basis: Array, rate: Array) -> Array:
 
 
 def orientation(basis: Array, drawn: Array) -> Array:
-    """Rotation matrices that turn `drawn` into `basis`, both of shape (n, 4, 3), from three points [INTRO].
+    """Return the rotation matrices from `drawn` to `basis`, both of shape (n, 4, 3), from three points [INTRO].
 
-    The triads of particles 1, 2 and 4 are orthogonal whatever rounding has done to the distances.
+    Triads of particles 1, 2 and 4 are orthogonal even if distances have errors.
     """
     return _triads(basis) @ np.swapaxes(_triads(drawn), 1, 2)
 
 
 def _triads(basis: Array) -> Array:
+    """Return orthogonal triads of generators, shape (n, 3, 3)."""
     i = basis[:, 1] / np.linalg.norm(basis[:, 1], axis=1, keepdims=True)
     k = basis[:, 3] / np.linalg.norm(basis[:, 3], axis=1, keepdims=True)
     return np.stack([i, np.cross(k, i), k], axis=-1)

@@ -1,25 +1,19 @@
 """Minimal form by coordinate partitioning [Wehage and Haug, ASME J. Mech. Des. 104, 1982, 247-255].
 
-The velocities are parted into dependent and independent ones, d and i, such that ``Q_d`` is regular:
+The velocities are partitioned into dependent and independent ones, d and i, with a regular ``Q_d``:
 
     Q_d a_d + Q_i a_i = gamma,    a_d = Q_d^-1 gamma - Q_d^-1 Q_i a_i,
 
-so that with ``a = J a_i + abar``, ``J = [-Q_d^-1 Q_i; 1]`` and ``abar = [Q_d^-1 gamma; 0]`` the masses are reduced to
-the independent accelerations [C4 (4.99)-(4.110)],
+and with ``a = J a_i + abar``, ``J = [-Q_d^-1 Q_i; 1]``, ``abar = [Q_d^-1 gamma; 0]`` [C4 (4.99)-(4.110)],
 
     J^T M J a_i = J^T (f - M abar),
     J^T M J = M_ii - Q_i^T Q_d^-T M_dd Q_d^-1 Q_i    (+ terms of M_id where both are of one body).
 
-**Choice.** Gaussian elimination of Q with full pivoting: the pivot is the largest entry left in all remaining rows and
-columns, and its column is a dependent velocity. It ends where no entry is above `RANK_TOLERANCE` times the first pivot;
-the rows that are left depend on those before and say nothing new. Velocities are compared as they are, in m/s and
-rad/s.
-
-**When.** The parts are chosen anew at every evaluation: elimination is needed there anyhow, and the choice costs
-comparisons only. Wehage and Haug integrate the independent coordinates alone, and so must keep their choice until it
-is badly conditioned. Here all velocities are carried along and projected after every step: accelerations are the same
-for every choice, and nothing but the
-rank found by the projection is carried from one evaluation to the next.
+**Choice.** Gaussian elimination of Q with full pivoting: the largest remaining entry is the pivot, and its column a
+dependent velocity. Elimination ends where no entry exceeds `RANK_TOLERANCE` times the first pivot; the remaining rows
+are dependent. Velocities are compared in m/s and rad/s. The partition is chosen at every evaluation. Wehage and Haug
+integrate the independent coordinates alone and keep a partition until it is badly conditioned; here all velocities are
+integrated and projected after every step, and accelerations do not depend on the partition.
 """
 
 from __future__ import annotations
@@ -28,16 +22,15 @@ import numpy as np
 
 from consilience.mechanism import RANK_TOLERANCE, Array
 from consilience.reference.bodies import constraints, forces
-from consilience.reference.bodies.arrays import Model
+from consilience.reference.bodies.arrays import Model, Workspace
 from consilience.reference.bodies.motion import rotations
-from consilience.reference.bodies.workspace import Workspace
-from consilience.reference.formulations.null_space_qr import solve_reduced
+from consilience.reference.formulations.null_space import solve_reduced
 from consilience.reference.kernel.compiled import allocating, inner, kernel
 
 
 @inner
 def _largest(C: Array, first: int, columns: int) -> tuple[int, int]:
-    """Row and column of the largest entry of ``C[first:, first:columns]``."""
+    """Return row and column of the largest entry of ``C[first:, first:columns]``."""
     row, column = first, first
     for r in range(first, C.shape[0]):
         for c in range(first, columns):
@@ -48,7 +41,7 @@ def _largest(C: Array, first: int, columns: int) -> tuple[int, int]:
 
 @inner
 def _exchange(C: Array, k: int, row: int, column: int, order: Array) -> None:
-    """Bring a pivot to (k, k)."""
+    """Move a pivot to (k, k) by exchanging rows and columns."""
     for c in range(C.shape[1]):
         C[k, c], C[row, c] = C[row, c], C[k, c]
     for r in range(C.shape[0]):
@@ -58,7 +51,7 @@ def _exchange(C: Array, k: int, row: int, column: int, order: Array) -> None:
 
 @kernel
 def partition(C: Array, order: Array, limit: int) -> int:
-    """Part the columns of ``C = [Q gamma]`` and solve for the dependent ones, in place.
+    """Partition the columns of ``C = [Q gamma]`` and solve for the dependent velocities, in place.
 
     Parameters
     ----------
@@ -67,7 +60,7 @@ def partition(C: Array, order: Array, limit: int) -> int:
     order : ndarray of int, shape (n,)
         Overwritten by the new order of the columns: dependent ones first.
     limit : int
-        Most rows to take as independent (see `factorisation.pivoted_qr`).
+        Upper limit of the rank (see `factorisation.pivoted_qr`).
 
     Returns
     -------
@@ -101,9 +94,9 @@ def partition(C: Array, order: Array, limit: int) -> int:
 
 @allocating
 def basis(Q: Array, gamma: Array, limit: int) -> tuple[Array, Array]:
-    """``J = [-Q_d^-1 Q_i; 1]``, shape (6 n_b, freedom), and ``abar = [Q_d^-1 gamma; 0]``, in the order of the bodies.
+    """Return ``J = [-Q_d^-1 Q_i; 1]``, shape (6 n_b, freedom), and ``abar = [Q_d^-1 gamma; 0]``, in body order.
 
-    The rows of the independent velocities in J are those of a unit matrix. The rank is at most `limit`.
+    The rows of the independent velocities in J form a unit matrix. The rank is at most `limit`.
     """
     q, n = Q.shape
     C, order = np.empty((q, n + 1)), np.empty(n, dtype=np.int64)
@@ -120,10 +113,10 @@ def basis(Q: Array, gamma: Array, limit: int) -> tuple[Array, Array]:
 
 
 @allocating
-def accelerations(model: Model, t: float, y: Array, memory: Array, ws: Workspace, a: Array) -> int:
-    """Accelerations (dv/dt, dw'/dt) of all bodies at a state; arguments and return as in `descriptor`."""
+def accelerations(model: Model, t: float, y: Array, turns: Array, ws: Workspace, a: Array) -> int:
+    """Compute accelerations (dv/dt, dw'/dt); parameters and return value as in `descriptor.accelerations`."""
     rotations(y, ws.A)
-    forces.evaluate(model, t, y, memory, ws)
-    constraints.evaluate(model, t, y, memory, ws)
+    forces.evaluate(model, t, y, turns, ws)
+    constraints.evaluate(model, t, y, turns, ws)
     J, abar = basis(ws.Q, ws.gamma, ws.limit[0])
     return solve_reduced(model, ws.f, J, abar, a)

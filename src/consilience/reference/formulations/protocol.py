@@ -1,4 +1,4 @@
-"""What every formulation of the equations of motion offers, in whatever coordinates it is written."""
+"""Protocol of all formulations of the equations of motion."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from consilience.mechanism import Array, State
 
 
 class Formulation(Protocol):
-    """Equations of motion of one mechanism in coordinates u (positions and speeds) of their own.
+    """Equations of motion of one mechanism in the formulation's own coordinates u (positions, speeds, further states).
 
-    A class is constructed with a mechanism and refuses one it cannot represent with `InvalidInput`; the function
-    ``unsupported(mechanism)`` beside it gives the reasons. A formulation whose coordinates have charts has an
-    attribute ``chart`` that only `settle` changes.
+    Construction raises `InvalidInput` for a mechanism that the formulation cannot represent; the module's function
+    ``unsupported(mechanism)`` gives the reasons. If the coordinates have charts, an attribute ``chart`` tells the
+    current one; only `settle` changes it.
     """
 
     @property
@@ -21,28 +21,28 @@ class Formulation(Protocol):
         ...
 
     def coordinates(self, state: State) -> Array:
-        """Coordinates u of a consistent state, shape (n_u,)."""
+        """Return the coordinates u of a consistent state, shape (n_u,)."""
         ...
 
     def state(self, u: Array) -> State:
-        """Canonical state of coordinates u."""
+        """Return the canonical state of coordinates u."""
         ...
 
     def derivative(self, t: float, u: Array) -> Array:
-        """``du/dt`` at the time t, shape (n_u,)."""
+        """Return ``du/dt`` at the time t, shape (n_u,)."""
         ...
 
     def settle(self, t: float, u: Array) -> Array:
-        """New array: u after an accepted step, brought back to the constraints or to another chart."""
+        """Return u after an accepted step as a new array: projected, full turns counted, charts changed where due."""
         ...
 
     def accelerations(self, state: State, t: float = 0.0) -> tuple[Array, Array]:
-        """a_WB_W of the body origins (m/s^2) and alpha_WB_W (rad/s^2), world axes, each shape (n_b, 3)."""
+        """Return a_WB_W of the body origins (m/s^2) and alpha_WB_W (rad/s^2), world axes, each shape (n_b, 3)."""
         ...
 
     def reactions(self, state: State, t: float = 0.0) -> tuple[Array, Array] | None:
-        """Joint reactions, on the successor, at the origin of M, axes of F, each shape (n_j, 3).
+        """Return joint reactions on the successor, at the origin of M, axes of F, each shape (n_j, 3).
 
-        Of least norm where dependent rows leave them open; None if the formulation eliminates them.
+        Where dependent rows leave reactions undetermined, those of least norm; None if the formulation eliminates them.
         """
         ...

@@ -2,47 +2,45 @@
 
     a = J u + abar,   J^T M J u = J^T (f - M abar)
 
-with J and abar never written out: they are the product, from the ground to the tips, of one step per tree joint,
+J and abar are not formed; they are the product, from the ground outwards, of one step per tree joint,
 
     a_k = X_k a_p + S_k u_k + c_k,     X_k = [1 -~r; 0 1],  r from the centre of mass of the parent p to that of k.
 
-S_k holds the free directions of the joint and c_k what is quadratic in velocities. Accelerations and wrenches of a
-body are (linear, angular) in **world** axes at its centre of mass; S is stored with a direction in each row.
+S_k holds the free directions of the joint, one a row, and c_k the terms quadratic in velocities. Accelerations and
+wrenches of a body are (linear, angular) in **world** axes at its centre of mass.
 
-Two routes to u. *Articulated bodies*: three loops, cost proportional to the number of bodies [Featherstone, Rigid Body
-Dynamics Algorithms, 2008, table 7.1]. *Composite bodies*: joint-space mass matrix H [table 6.2], bias by recursive
-Newton-Euler [table 5.1], Cholesky. Both factorise ``H = G G^T`` (the first implicitly, with the blocks of
-``D = L L^T``) and have **whitened** joint forces ``e = G^-1 tau`` on the way.
+Two algorithms for u. *Articulated bodies*: three sweeps, cost proportional to the number of bodies [Featherstone, Rigid
+Body Dynamics Algorithms, 2008, table 7.1]. *Composite bodies*: joint-space mass matrix H [table 6.2], bias by recursive
+Newton-Euler [table 5.1], Cholesky factorisation. Both factorise ``H = G G^T`` (articulated bodies implicitly, by the
+blocks ``D = L L^T``) and compute **whitened** joint forces ``e = G^-1 tau``.
 
-Cut joints keep their rows ``Q a = gamma`` and act with ``Q^T lam``. The response of the tree to a unit of each, found
-by a backward sweep, is a column of ``B = G^-1 J^T Q^T``, so that the loop system is
+Cut joints keep their rows ``Q a = gamma`` and act by ``Q^T lam``. The response of the tree to a unit multiplier, by a
+backward sweep, is a column of ``B = G^-1 J^T Q^T``, and the loop system is
 
     A lam = gamma - Q a_tree,     A = Q J (J^T M J)^-1 J^T Q^T = B^T B.
 
-As in the descriptor form A is not formed, its condition being the square: a rank-revealing QR of B gives the
-``zeta = B lam`` of least norm, dependent rows left out, and e + zeta are the whitened forces of the closed mechanism.
+A is not formed: its condition number is the square of that of B. A rank-revealing QR of B gives ``zeta = B lam`` of
+least norm, without dependent rows, and e + zeta are the whitened joint forces of the mechanism with closed loops.
 """
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from consilience.mechanism import Array, Mechanism, State, rotation_from_quaternion
+from consilience.mechanism import Array
 from consilience.reference.bodies import constraints, forces
-from consilience.reference.bodies.arrays import Model, flatten, pack
+from consilience.reference.bodies.arrays import Model, Workspace
 from consilience.reference.bodies.mass_metric import solve_factor
 from consilience.reference.bodies.motion import rotations
 from consilience.reference.bodies.spanning_tree import (
-    Links,
     TreeModel,
-    flatten_tree,
+    TreeState,
     kinematics,
     world_wrenches,
     write_accelerations,
 )
-from consilience.reference.bodies.workspace import Workspace, workspace
 from consilience.reference.kernel.compiled import allocating, inner
 from consilience.reference.kernel.factorisation import least_norm, pivoted_qr
 
@@ -71,7 +69,7 @@ def _cholesky(H: Array) -> None:
 
 @inner
 def _solve_lower(G: Array, x: Array) -> None:
-    """``x <- G^-1 x``, in place."""
+    """Solve ``x <- G^-1 x`` in place."""
     for r in range(x.shape[0]):
         for k in range(r):
             x[r] -= G[r, k] * x[k]
@@ -80,7 +78,7 @@ def _solve_lower(G: Array, x: Array) -> None:
 
 @inner
 def _solve_lower_transposed(G: Array, x: Array) -> None:
-    """``x <- G^-T x``, in place."""
+    """Solve ``x <- G^-T x`` in place."""
     for r in range(x.shape[0] - 1, -1, -1):
         for k in range(r + 1, x.shape[0]):
             x[r] -= G[k, r] * x[k]
@@ -91,8 +89,8 @@ def _solve_lower_transposed(G: Array, x: Array) -> None:
 
 
 @allocating
-def articulate(tree: TreeModel, links: Links) -> Articulated:
-    """Articulated inertias, from the tips to the ground: the part of the second loop that no force enters."""
+def articulate(tree: TreeModel, links: TreeState) -> Articulated:
+    """Compute articulated inertias from the tips to the ground, the force-free part of the second sweep."""
     n = tree.body.shape[0]
     art = Articulated(np.zeros((n, 6, 6)), np.zeros(links.S.shape), links.inertia.copy())
     for k in range(n - 1, -1, -1):
@@ -111,10 +109,18 @@ def articulate(tree: TreeModel, links: Links) -> Articulated:
 
 
 @allocating
-def innovations(tree: TreeModel, links: Links, art: Articulated, wrench: Array, c: Array) -> Array:
-    """Whitened joint forces e of wrenches on the links, shape (N,): the rest of the second loop.
+def innovations(tree: TreeModel, links: TreeState, art: Articulated, wrench: Array, c: Array) -> Array:
+    """Compute the whitened joint forces e of wrenches on the links, shape (N,), the other part of the second sweep.
 
-    ``p^A = -wrench``, ``L e = -S^T p^A``, ``p^a = p^A + I^a c + W^T e``, and the parent gets ``X^T p^a``.
+    ``p^A = -wrench``, ``L e = -S^T p^A``, ``p^a = p^A + I^a c + W^T e``, and ``X^T p^a`` is added to the parent.
+
+    Parameters
+    ----------
+    tree : TreeModel
+    links : TreeState
+    art : Articulated
+    wrench, c : ndarray, shape (n_b, 6)
+        Wrenches and bias accelerations, world axes.
     """
     bias, e = -wrench, np.empty(links.S.shape[0])
     for k in range(tree.body.shape[0] - 1, -1, -1):
@@ -132,8 +138,8 @@ def innovations(tree: TreeModel, links: Links, art: Articulated, wrench: Array, 
 
 
 @allocating
-def accelerate(tree: TreeModel, links: Links, art: Articulated, e: Array) -> Array:
-    """Accelerations of the links from the ground to the tips, shape (n_b, 6): the third loop.
+def accelerate(tree: TreeModel, links: TreeState, art: Articulated, e: Array) -> Array:
+    """Compute the accelerations of the links from the ground to the tips, shape (n_b, 6), the third sweep.
 
     ``a' = X a_p + c``, ``L^T u = e - W a'``, ``a = a' + S u``.
     """
@@ -155,10 +161,10 @@ def accelerate(tree: TreeModel, links: Links, art: Articulated, e: Array) -> Arr
 
 
 @allocating
-def composite_mass_matrix(tree: TreeModel, links: Links) -> Array:
-    """``H = J^T M J`` by composite bodies, shape (N, N), lower triangle and diagonal blocks only.
+def composite_mass_matrix(tree: TreeModel, links: TreeState) -> Array:
+    """Compute ``H = J^T M J`` by composite bodies, shape (N, N), lower triangle and diagonal blocks only.
 
-    ``I^c_p += X^T I^c X``; ``F = I^c S``, carried to the ground, gives ``H_kp = F^T S_p`` with every ancestor p.
+    ``I^c_p += X^T I^c X``; ``F = I^c S``, transported towards the ground, gives ``H_kp = F^T S_p`` of every ancestor p.
     """
     inertia, H = links.inertia.copy(), np.zeros((links.S.shape[0], links.S.shape[0]))
     for k in range(tree.body.shape[0] - 1, -1, -1):
@@ -179,8 +185,8 @@ def composite_mass_matrix(tree: TreeModel, links: Links) -> Array:
 
 
 @allocating
-def joint_forces(tree: TreeModel, links: Links, wrench: Array) -> Array:
-    """``tau = J^T wrench``, shape (N,): wrenches carried from the tips to the ground, projected on the way."""
+def joint_forces(tree: TreeModel, links: TreeState, wrench: Array) -> Array:
+    """Compute ``tau = J^T wrench``, shape (N,), by summing wrenches from the tips to the ground."""
     total, tau = wrench.copy(), np.empty(links.S.shape[0])
     for k in range(tree.body.shape[0] - 1, -1, -1):
         first, last, p = tree.first_free[k], tree.first_free[k + 1], tree.parent[k]
@@ -192,8 +198,8 @@ def joint_forces(tree: TreeModel, links: Links, wrench: Array) -> Array:
 
 
 @allocating
-def joint_motion(tree: TreeModel, links: Links, u: Array) -> Array:
-    """``J u + abar``, shape (n_b, 6), link by link."""
+def joint_motion(tree: TreeModel, links: TreeState, u: Array) -> Array:
+    """Compute ``J u + abar``, shape (n_b, 6), from the ground to the tips."""
     acc = links.c.copy()
     for k in range(tree.body.shape[0]):
         first, last, p = tree.first_free[k], tree.first_free[k + 1], tree.parent[k]
@@ -205,8 +211,8 @@ def joint_motion(tree: TreeModel, links: Links, u: Array) -> Array:
 
 
 @allocating
-def newton_euler(tree: TreeModel, links: Links, wrench: Array) -> Array:
-    """``J^T (f - M abar)``, shape (N,): recursive Newton-Euler at u = 0."""
+def newton_euler(tree: TreeModel, links: TreeState, wrench: Array) -> Array:
+    """Compute ``J^T (f - M abar)``, shape (N,), by recursive Newton-Euler at u = 0."""
     acc = joint_motion(tree, links, np.zeros(links.S.shape[0]))
     rest = wrench.copy()
     for k in range(tree.body.shape[0]):
@@ -215,8 +221,8 @@ def newton_euler(tree: TreeModel, links: Links, wrench: Array) -> Array:
 
 
 @allocating
-def _from_whitened(tree: TreeModel, links: Links, G: Array, e: Array) -> Array:
-    """Accelerations of the links, ``u = G^-T e``."""
+def _from_whitened(tree: TreeModel, links: TreeState, G: Array, e: Array) -> Array:
+    """Compute the accelerations of the links with ``u = G^-T e``."""
     u = e.copy()
     _solve_lower_transposed(G, u)
     return joint_motion(tree, links, u)
@@ -227,9 +233,18 @@ def _from_whitened(tree: TreeModel, links: Links, G: Array, e: Array) -> Array:
 
 @allocating
 def close_loops(B: Array, Q: Array, gamma: Array, a: Array, e: Array, size: float, limit: int) -> int:
-    """Add to e the zeta of least norm with ``B^T zeta = gamma - Q a``; the rank of B, which is overwritten.
+    """Add to e the zeta of least norm with ``B^T zeta = gamma - Q a``; return the rank of B, which is overwritten.
 
-    `size` and `limit` as in `factorisation.pivoted_qr`.
+    Parameters
+    ----------
+    B : ndarray, shape (N, q_cut)
+    Q : ndarray, shape (q_cut, 6 n_b)
+    gamma : ndarray, shape (q_cut,)
+    a : ndarray, shape (6 n_b,)
+        Accelerations (dv/dt, dw'/dt) of the tree without loops.
+    e : ndarray, shape (N,)
+    size, limit
+        As in `factorisation.pivoted_qr`.
     """
     q = B.shape[1]
     tau, norms, zeta = np.zeros(min(B.shape)), np.zeros(q), np.zeros(B.shape[0])
@@ -241,18 +256,18 @@ def close_loops(B: Array, Q: Array, gamma: Array, a: Array, e: Array, size: floa
 
 
 @allocating
-def _cut_rows(tree: TreeModel, t: float, y: Array, memory: Array, ws: Workspace) -> tuple[Array, Array]:
-    """Q, shape (q_cut, 6 n_b), and gamma of the rows that the tree leaves open; views of the workspace."""
-    constraints.evaluate(tree.cut, t, y, memory, ws)
+def _cut_rows(tree: TreeModel, t: float, y: Array, turns: Array, ws: Workspace) -> tuple[Array, Array]:
+    """Evaluate Q, shape (q_cut, 6 n_b), and gamma of the cut rows; views of the workspace."""
+    constraints.evaluate(tree.cut, t, y, turns, ws)
     q = tree.cut_rows
     return ws.Q[:q], ws.gamma[:q]
 
 
 @allocating
 def largest_row(model: Model, Q: Array) -> float:
-    """Largest size ``|L^-1 q|`` of a row for bodies without joints: what its response in the tree comes to at most.
+    """Return the largest ``|L^-1 q|`` of a row, for bodies without joints: an upper bound of its response in the tree.
 
-    A cut joint whose rows all follow from the tree has responses of nothing but rounding.
+    It scales the rank decision: if the tree satisfies all rows of the cut joints, their responses are rounding errors.
     """
     largest = 0.0
     for row in range(Q.shape[0]):
@@ -262,14 +277,14 @@ def largest_row(model: Model, Q: Array) -> float:
     return largest
 
 
-# ---------------------------------------------------------------- the two routes
+# ---------------------------------------------------------------- accelerations
 
 
 @allocating
-def accelerations(tree: TreeModel, model: Model, t: float, y: Array, memory: Array, ws: Workspace, a: Array) -> int:
-    """Accelerations (dv/dt, dw'/dt) by articulated bodies; other arguments and return as in `descriptor`."""
+def accelerations(tree: TreeModel, model: Model, t: float, y: Array, turns: Array, ws: Workspace, a: Array) -> int:
+    """Compute (dv/dt, dw'/dt) by articulated bodies; other parameters and return value as in `descriptor`."""
     rotations(y, ws.A)
-    forces.evaluate(model, t, y, memory, ws)
+    forces.evaluate(model, t, y, turns, ws)
     links = kinematics(tree, model, y, ws.A)
     art = articulate(tree, links)
     e = innovations(tree, links, art, world_wrenches(tree, ws.A, ws.f), links.c)
@@ -277,7 +292,7 @@ def accelerations(tree: TreeModel, model: Model, t: float, y: Array, memory: Arr
     tree_rank = a.shape[0] - e.shape[0]
     if tree.cut_rows == 0:
         return tree_rank
-    Q, gamma = _cut_rows(tree, t, y, memory, ws)
+    Q, gamma = _cut_rows(tree, t, y, turns, ws)
     B, rest = np.empty((e.shape[0], Q.shape[0])), np.zeros(links.c.shape)
     for row in range(Q.shape[0]):
         B[:, row] = innovations(tree, links, art, world_wrenches(tree, ws.A, Q[row]), rest)
@@ -288,11 +303,11 @@ def accelerations(tree: TreeModel, model: Model, t: float, y: Array, memory: Arr
 
 @allocating
 def composite_accelerations(
-    tree: TreeModel, model: Model, t: float, y: Array, memory: Array, ws: Workspace, a: Array
+    tree: TreeModel, model: Model, t: float, y: Array, turns: Array, ws: Workspace, a: Array
 ) -> int:
-    """Accelerations (dv/dt, dw'/dt) by composite bodies; arguments and return as in `accelerations`."""
+    """Compute (dv/dt, dw'/dt) by composite bodies; parameters and return value as in `accelerations`."""
     rotations(y, ws.A)
-    forces.evaluate(model, t, y, memory, ws)
+    forces.evaluate(model, t, y, turns, ws)
     links = kinematics(tree, model, y, ws.A)
     G = composite_mass_matrix(tree, links)
     _cholesky(G)
@@ -302,7 +317,7 @@ def composite_accelerations(
     tree_rank = a.shape[0] - e.shape[0]
     if tree.cut_rows == 0:
         return tree_rank
-    Q, gamma = _cut_rows(tree, t, y, memory, ws)
+    Q, gamma = _cut_rows(tree, t, y, turns, ws)
     B = np.empty((e.shape[0], Q.shape[0]))
     for row in range(Q.shape[0]):
         B[:, row] = joint_forces(tree, links, world_wrenches(tree, ws.A, Q[row]))
@@ -310,22 +325,3 @@ def composite_accelerations(
     rank = close_loops(B, Q, gamma, a, e, largest_row(model, Q), ws.limit[0] - tree_rank)
     write_accelerations(tree, ws.A, _from_whitened(tree, links, G, e), a)
     return tree_rank + rank
-
-
-ROUTES = {"articulated": accelerations, "composite": composite_accelerations}
-
-
-def recursive_accelerations(
-    mechanism: Mechanism, state: State, route: Literal["articulated", "composite"] = "articulated", t: float = 0.0
-) -> tuple[Array, Array]:
-    """Accelerations a_WB_W of the body origins (m/s^2) and alpha_WB_W (rad/s^2), world axes, each (n_b, 3)."""
-    tree, model, y = flatten_tree(mechanism), flatten(mechanism), pack(mechanism, state)
-    ws, a = workspace(model), np.empty(6 * len(mechanism.bodies))
-    memory = np.zeros(len(model.coordinate))
-    forces.remember(model, y, ws, memory)
-    ROUTES[route](tree, model, t, y, memory, ws, a)
-    A = rotation_from_quaternion(state.quat_WB)
-    com = np.einsum("bij,bj->bi", A, np.array([b.com for b in mechanism.bodies]))
-    alpha = np.einsum("bij,bj->bi", A, a.reshape(-1, 6)[:, 3:])
-    w = state.w_WB_W
-    return a.reshape(-1, 6)[:, :3] - np.cross(alpha, com) - np.cross(w, np.cross(w, com)), alpha

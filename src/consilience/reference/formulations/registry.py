@@ -1,4 +1,4 @@
-"""All formulations of the reference solver by name. A module is imported when its formulation is asked for."""
+"""Registry of all formulations by name; the module of a formulation is imported at its first use."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ _HOME = "consilience.reference"
 
 
 @dataclass(frozen=True)
-class Entry:
-    """One formulation.
+class FormulationEntry:
+    """Registered formulation.
 
     Attributes
     ----------
     title : str
     source : str
-        Equations it follows, by the keys of docs/formulations.md.
+        Source of the equations, by the keys of docs/formulations.md.
     module : str
         Module of `consilience.reference`.
     maker : str
-        Class or function of that module that makes it of a mechanism.
+        Class or function of the module, called with a mechanism.
     arguments : dict
         Further arguments of `maker`.
     """
@@ -40,8 +40,8 @@ class Entry:
     arguments: dict[str, Any]
 
 
-def _kernel(name: str, title: str, source: str) -> Entry:
-    return Entry(title, source, "formulations.body_velocities", "KernelFormulation", {"name": name})
+def _kernel(name: str, title: str, source: str) -> FormulationEntry:
+    return FormulationEntry(title, source, "formulations.body_velocities", "KernelFormulation", {"name": name})
 
 
 _ORIENTATIONS = {
@@ -54,12 +54,12 @@ _ORIENTATIONS = {
 _MASSES = {"": "symmetrised", "_plain": "plain"}
 
 
-def _form(name: str, title: str) -> Entry:
-    return Entry(title, "C4 (4.55)-(4.97)", "formulations.coordinates", "form", {"name": name})
+def _form(name: str, title: str) -> FormulationEntry:
+    return FormulationEntry(title, "C4 (4.55)-(4.97)", "formulations.coordinates", "form", {"name": name})
 
 
-FORMULATIONS: dict[str, Entry] = {
-    "relative": Entry(
+FORMULATIONS: dict[str, FormulationEntry] = {
+    "relative": FormulationEntry(
         "minimal form in relative joint coordinates, articulated bodies",
         "C4 (4.99)-(4.110), Featherstone",
         "tree.formulation",
@@ -74,8 +74,10 @@ FORMULATIONS: dict[str, Entry] = {
     ),
     "articulated_body": _kernel("articulated_body", "recursive, articulated bodies", "C4 (4.99)-(4.110), Featherstone"),
     "composite_body": _kernel("composite_body", "recursive, composite bodies", "C4 (4.99)-(4.110), Featherstone"),
-    "lagrange": Entry("Lagrange, second kind", "C4 (4.111)-(4.116)", "formulations.lagrange", "Lagrange", {}),
-    "point_coordinates": Entry(
+    "lagrange": FormulationEntry(
+        "Lagrange, second kind", "C4 (4.111)-(4.116)", "formulations.lagrange", "Lagrange", {}
+    ),
+    "point_coordinates": FormulationEntry(
         "point coordinates", "ATTIA (1)-(25)", "formulations.point_coordinates", "PointCoordinates", {}
     ),
     **{
@@ -86,14 +88,14 @@ FORMULATIONS: dict[str, Entry] = {
     "descriptor_baumgarte": _form("descriptor_baumgarte", "descriptor form, stabilised by Baumgarte's method"),
     "descriptor_unprojected": _form("descriptor_unprojected", "descriptor form without stabilisation"),
 }
-"""Selectable formulations."""
+"""Formulations of index 1 and minimal form, for every integrator."""
 
 
 @dataclass(frozen=True)
-class System:
-    """A formulation whose constraints are equations of each step, integrated by a method of its own.
+class DaeSystem:
+    """Registered differential-algebraic system of index 2 or 3, with its own integrator.
 
-    Its accelerations at an instant are those of index 1: the hidden constraints ``Q a = gamma``.
+    Accelerations at an instant are those of index 1, from the hidden constraints ``Q a = gamma``.
 
     Attributes
     ----------
@@ -101,9 +103,9 @@ class System:
     integrator : str
         Function of `consilience.reference`, as ``module.function``.
     arguments : dict
-        Further arguments of that function.
+        Further arguments of the integrator.
     order : int or None
-        Of a method with constant steps; None where a tolerance controls them.
+        Order of a method with constant steps; None if a tolerance controls the steps.
     """
 
     title: str
@@ -113,17 +115,17 @@ class System:
     order: int | None = None
 
 
-SYSTEMS: dict[str, System] = {
-    "descriptor_index_2": System(
+SYSTEMS: dict[str, DaeSystem] = {
+    "descriptor_index_2": DaeSystem(
         "descriptor form of index 2 after Gear, Leimkuhler and Gupta; Radau IIA",
         "EXU",
         "formulations.dae_radau.integrate_dae",
         {"index": 2},
     ),
-    "descriptor_index_3": System(
+    "descriptor_index_3": DaeSystem(
         "descriptor form of index 3; Radau IIA", "EXU", "formulations.dae_radau.integrate_dae", {"index": 3}
     ),
-    "generalised_alpha": System(
+    "generalised_alpha": DaeSystem(
         "descriptor form of index 3 on the group of poses; generalised-alpha",
         "EXU",
         "formulations.dae_generalised_alpha.generalised_alpha",
@@ -131,19 +133,19 @@ SYSTEMS: dict[str, System] = {
         order=2,
     ),
 }
-"""Selectable formulations of index 2 and 3."""
+"""Formulations of index 2 and 3."""
 
 
 _SMOOTH = "a formulation has smooth equations of motion, without impacts"
 
 
-def entry(name: str) -> Entry:
-    """Entry of a formulation, of index 1 where its own is higher.
+def entry(name: str) -> FormulationEntry:
+    """Return the entry of a formulation; of a `DaeSystem` that of its index-1 form.
 
     Raises
     ------
     InvalidInput
-        If there is none of that name.
+        If there is no such formulation.
     """
     if name in SYSTEMS:
         return FORMULATIONS["descriptor"]
@@ -154,7 +156,7 @@ def entry(name: str) -> Entry:
 
 
 def system(name: str) -> Callable[..., TrajectoryAnswer]:
-    """Integrate a formulation of `SYSTEMS`: a function of mechanism, state, times, and tolerance or step."""
+    """Return the integrator of a formulation of `SYSTEMS`: function of mechanism, state, times, tolerance or step."""
     chosen = SYSTEMS[name]
     module, function = chosen.integrator.rsplit(".", 1)
     found: Callable[..., TrajectoryAnswer] = getattr(import_module(f"{_HOME}.{module}"), function)
@@ -162,7 +164,7 @@ def system(name: str) -> Callable[..., TrajectoryAnswer]:
 
 
 def unsupported(name: str, mechanism: Mechanism) -> tuple[Unsupported, ...]:
-    """What of a mechanism a formulation cannot represent, and why; empty if it can."""
+    """List the features of a mechanism that a formulation cannot represent, with reasons."""
     found: tuple[Unsupported, ...] = import_module(f"{_HOME}.{entry(name).module}").unsupported(mechanism)
     return found + _impacts(mechanism)
 
@@ -172,7 +174,7 @@ def _impacts(mechanism: Mechanism) -> tuple[Unsupported, ...]:
 
 
 def refuse_contacts(mechanism: Mechanism) -> None:
-    """Refuse a mechanism with contacts, which smooth equations would leave out.
+    """Refuse a mechanism with contacts: smooth equations of motion have no impacts.
 
     Raises
     ------
@@ -183,12 +185,12 @@ def refuse_contacts(mechanism: Mechanism) -> None:
 
 
 def formulation(name: str, mechanism: Mechanism) -> Formulation:
-    """Equations of motion of a mechanism in a formulation.
+    """Return the equations of motion of a mechanism in a formulation.
 
     Raises
     ------
     InvalidInput
-        Unknown name, or a mechanism the formulation cannot represent.
+        Unknown name, or a mechanism that the formulation cannot represent.
     """
     chosen = entry(name)
     refuse_contacts(mechanism)

@@ -1,7 +1,7 @@
 """Impacts between rigid bodies: contact geometry, the simultaneous-impact equation, motion with impacts [MASS].
 
-`simulate_with_impacts` integrates a mechanism with contacts that restitution and friction govern; `solve_impact` solves
-one instant. See `consilience.reference.impacts.impact` for the law and what it decides where the source is silent.
+`simulate_with_impacts` integrates a mechanism with contacts under restitution and friction; `solve_impact` solves one
+instant. `consilience.reference.impacts.impact` states the impact law and its extensions of the source.
 """
 
 from __future__ import annotations

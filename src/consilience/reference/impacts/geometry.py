@@ -1,8 +1,8 @@
-"""Contact geometry: which points of two bodies touch, how far apart they are and how fast they approach.
+"""Contact geometry: contact points, gap, normal and relative velocity of two shapes.
 
-A contact is a pair of shapes fixed to two bodies, one of which may be the ground: a sphere or a corner on a plane, or
-two spheres. The normal points from `partner` to `body`, so the gap opens along it. Contact points are the nearest
-points of the two shapes; for rigid shapes the rate of the gap is the normal component of their relative velocity,
+A contact is a pair of shapes on two bodies, one of which may be the ground: a sphere or a corner on a plane, or two
+spheres. The normal n points from `partner` to `body`. Contact points are the nearest points of the shapes; for rigid
+shapes the rate of the gap is the normal component of their relative velocity,
 
     gap' = n . (v_body + w_body x r_body - v_partner - w_partner x r_partner).
 """
@@ -31,7 +31,7 @@ from consilience.mechanism import (
 
 @dataclass(frozen=True, eq=False)
 class ContactMotion:
-    """A contact at one state, world axes.
+    """Contact at one state, world axes.
 
     Attributes
     ----------
@@ -40,9 +40,9 @@ class ContactMotion:
     normal : ndarray, shape (3,)
         Unit vector from `partner` to `body`.
     on_body, on_partner : ndarray, shape (3,), m
-        The contact points; they coincide where the gap is zero.
+        Contact points; they coincide at zero gap.
     velocity : ndarray, shape (3,), m/s
-        Of the contact point on `body` relative to the one on `partner`.
+        Velocity of the contact point on `body` relative to that on `partner`.
     """
 
     gap: float
@@ -53,13 +53,14 @@ class ContactMotion:
 
     @property
     def rate(self) -> float:
-        """Rate of the gap, the relative normal velocity, m/s: negative while the bodies approach."""
+        """Rate of the gap, m/s: negative while the bodies approach."""
         return float(self.normal @ self.velocity)
 
 
 def _sphere_on_plane(
     mechanism: Mechanism, state: State, contact: SpherePlane | PointPlane
 ) -> tuple[float, Array, Array, Array]:
+    """Return gap, normal and the contact points on body and partner."""
     centre, _ = body_point(mechanism, state, contact.body, contact.center)
     point, _ = body_point(mechanism, state, contact.partner, contact.point)
     i = mechanism.body_index[contact.partner]
@@ -69,6 +70,7 @@ def _sphere_on_plane(
 
 
 def _sphere_on_sphere(mechanism: Mechanism, state: State, contact: SphereSphere) -> tuple[float, Array, Array, Array]:
+    """Return gap, normal and the contact points on body and partner."""
     one, _ = body_point(mechanism, state, contact.body, contact.center)
     two, _ = body_point(mechanism, state, contact.partner, contact.partner_center)
     distance = float(np.linalg.norm(one - two))
@@ -87,6 +89,7 @@ _NEAREST: dict[type, Callable[..., tuple[float, Array, Array, Array]]] = {
 
 
 def _velocity(mechanism: Mechanism, state: State, body: str, point_W: Array) -> Array:
+    """Return the velocity of a point of a body at the world position `point_W`."""
     if body == GROUND:
         return np.zeros(3)
     i = mechanism.body_index[body]
@@ -94,7 +97,7 @@ def _velocity(mechanism: Mechanism, state: State, body: str, point_W: Array) -> 
 
 
 def contact_motion(mechanism: Mechanism, state: State, contact: Contact) -> ContactMotion:
-    """Gap, normal, contact points and their relative velocity at a state."""
+    """Evaluate gap, normal, contact points and their relative velocity at a state."""
     gap, n, on_body, on_partner = _NEAREST[type(contact)](mechanism, state, contact)
     velocity = _velocity(mechanism, state, contact.body, on_body)
     velocity = velocity - _velocity(mechanism, state, contact.partner, on_partner)
@@ -102,7 +105,7 @@ def contact_motion(mechanism: Mechanism, state: State, contact: Contact) -> Cont
 
 
 def check_contacts(mechanism: Mechanism, contacts: tuple[Contact, ...]) -> None:
-    """Refuse names used twice and bodies that the mechanism does not have.
+    """Refuse duplicate names and unknown bodies.
 
     Raises
     ------

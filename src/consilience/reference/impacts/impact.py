@@ -1,15 +1,15 @@
-"""The simultaneous-impact equation: velocities just after an instant at which contacts close [MASS (40)-(50)].
+"""Simultaneous impacts: velocities after an instant at which contacts close [MASS (40)-(50)].
 
-Momentum balance of every body with the impulses Lam of the joints and p_k of the contacts, joints held at velocity
-level, restitution per contact,
+Momentum balance with the impulses Lam of the joints and p_k of the contacts, joint constraints at velocity level, and
+restitution of each contact:
 
     M (v+ - v-) = Q^T Lam + sum J_k^T p_k,     Q v+ = Q v-,     vn+ = -s vn-,     p_k = N_k (n_k + mu_k t_k),
 
-with J_k v the relative velocity of the contact *points*: MASS (43) has the velocities of the mass centres alone in the
-restitution row; Newton's law is about the points that touch (mass-centre velocity plus ``w x r``), and so is this
-module. As in MASS, t is opposite to the relative tangential velocity *before* the impact, d = -t along it.
+J_k v is the relative velocity of the contact *points* (velocity of the centre of mass plus ``w x r``), as in Newton's
+law; MASS (43) uses the velocities of the centres of mass alone. As in MASS, t is opposite to the relative tangential
+velocity *before* the impact, d = -t along it.
 
-What the source leaves open is decided like this. Each closed contact is in one mode:
+Extension of the source: each closed contact is in one mode:
 
 ==============  ==========================================================  =====================================
 mode            impulse and velocity after                                  admissible while
@@ -23,19 +23,17 @@ unopposed       p = N n, vn+ = b                                            N >=
 starting        p = N (n - mu vt+/|vt+|), vn+ = b (only if vt- = 0)         N >= 0
 ==============  ==========================================================  =====================================
 
-- ``b = -s vn-`` for a contact that approaches and 0 for one that is closed and at rest, so 0 <= N complements
-  vn+ >= b. A contact that separates already takes no part; if the others throw it together again, that is the next
-  impact, at the same instant.
-- Sliding is tried first, where friction would reverse it sticking, where the impulse that sticks is outside the cone
-  or would do positive work, halted: friction just stops the old sliding. It is unopposed where the normal impulses
-  alone reverse the old sliding. A contact without sliding before (t is undefined) sticks, or starts to slide against
-  friction along its new sliding.
+- ``b = -s vn-`` for an approaching contact, 0 for a closed contact at rest; N >= 0 is complementary to vn+ >= b. A
+  separating contact does not take part; if it closes again, that is the next impact, at the same instant.
+- Sliding is tried first; sticking if friction would reverse the sliding; halted (friction just stops the sliding) if
+  the sticking impulse is outside the friction cone or would do positive work; unopposed if the normal impulses alone
+  reverse the sliding. A contact without sliding before (t undefined) sticks, or starts to slide against friction.
 - In every mode ``N (vn+ + vn-) <= 0`` and ``pt . (vt+ + vt-) <= 0`` for s <= 1. With joints at rest,
   ``T+ - T- = 1/2 sum p . (u+ + u-)``, so energy cannot grow, which Newton's restitution together with Coulomb
   friction does not guarantee (Kane and Levinson 1985; Brach 1989).
 
-Several contacts act at once: of three equal balls in a row, two of them touching, the struck one included, the law
-gives -1/3, 2/3, 2/3 of the striker's speed at s = 1, not 0, 0, 1, which needs a gap. With ``M = L L^T`` and P the
+Contacts act simultaneously: for a ball that strikes two touching equal balls in a row, s = 1, the velocities are -1/3,
+2/3, 2/3 of the striker's speed, not 0, 0, 1, which requires a gap. With ``M = L L^T`` and P the
 projector onto the null space of ``Q L^-T`` (by singular values, so dependent joint rows are harmless),
 ``K = J L^-T P`` maps contact impulses to velocities: ``u+ = u- + K K^T p``. Impulses of dependent contacts and
 joints are of least norm.
@@ -60,43 +58,44 @@ from consilience.mechanism import (
     skew,
 )
 from consilience.reference.bodies.arrays import Model, unpack
+from consilience.reference.bodies.canonical import joint_wrenches
 from consilience.reference.impacts.geometry import ContactMotion, check_contacts, contact_motion
-from consilience.reference.impacts.modes import Contacts, solve_modes
-from consilience.reference.impacts.stepper import constraint_rows, joint_wrenches
+from consilience.reference.impacts.modes import ClosedContacts, solve_modes
+from consilience.reference.impacts.stepper import constraint_rows
 
 AT_REST = 1e-10
-"""Velocities of contacts below this fraction of `fastest` count as zero."""
+"""Contact velocities below this fraction of `velocity_scale` count as zero."""
 
 _ENERGY = 1e-10
-"""Energy that an impact may seem to create by rounding, relative to the energy before."""
+"""Largest apparent energy gain of an impact by rounding, relative to the energy before."""
 
 
 @dataclass(frozen=True, eq=False)
 class Impact:
-    """One impact: all contacts that were closed at one instant.
+    """Impact of all contacts that are closed at one instant.
 
     Attributes
     ----------
     time : float, s
     contacts : tuple of str, length n_c
-        Names of the contacts that took part, approaching or closed and at rest.
+        Names of the contacts that take part, approaching or closed at rest.
     modes : tuple of str, length n_c
         Mode of each contact, see the module.
     directions : ndarray, shape (n_c, 3)
         Unit normals from `partner` to `body`, world axes.
     normal, tangential : ndarray, shape (n_c,) and (n_c, 3), N s
-        Impulses on `body` of each contact: along the normal, and the tangential vector in world axes.
+        Impulses on `body` of each contact: normal component, and tangential vector in world axes.
     velocity_before, velocity_after : ndarray, shape (n_c, 3), m/s
         Relative velocities of the contact points, world axes.
     force_F, torque_F : ndarray, shape (n_j, 3), N s and N m s
-        Impulses of the joints on their successors, at the origins of M, in axes of F.
+        Joint impulses on the successors, at the origins of M, axes of F.
     before, after : State
-        Velocities just before and just after; the poses are the same.
+        States just before and just after, of equal poses.
     energy_before, energy_after : float, J
         Kinetic energies.
     restitution_loss, friction_loss : float, J
-        ``-1/2 N (vn+ + vn-)`` and ``-1/2 pt . (vt+ + vt-)``, summed: work done on the normal and tangential impulses.
-        Their sum is the loss of energy unless joints are driven, whose impulses do work too.
+        Sums of ``-1/2 N (vn+ + vn-)`` and ``-1/2 pt . (vt+ + vt-)``. Together the loss of energy, unless impulses of
+        driven joints do work.
     """
 
     time: float
@@ -122,21 +121,21 @@ def solve_impact(
     state: State,
     contacts: tuple[Contact, ...],
     time: float = 0.0,
-    memory: Array | None = None,
+    turns: Array | None = None,
 ) -> Impact:
-    """Velocities and impulses of the impact of contacts that are closed at a state.
+    """Solve the impact of contacts that are closed at a state.
 
     Parameters
     ----------
     mechanism : Mechanism
     state : State
-        Just before the impact, consistent with the joints.
+        State just before the impact, consistent with the joints.
     contacts : tuple of contacts
-        Closed ones; whether their gap is zero is for the caller to see to. Those that separate are left out.
+        Closed contacts (gaps are not checked); separating ones are left out.
     time : float, s
-        For the record, for messages, and for joints that depend on it.
-    memory : ndarray, optional
-        Joint coordinates that elements read, turns counted, as the solver keeps them along a motion.
+        Time of the impact, for the result, messages and time-dependent rows.
+    turns : ndarray, optional
+        Joint coordinates that elements read, full turns counted (m, rad), shape (n_c,).
 
     Returns
     -------
@@ -145,16 +144,16 @@ def solve_impact(
     Raises
     ------
     InvalidInput
-        Unknown bodies, names used twice.
+        Unknown bodies, duplicate names.
     NumericalFailure
-        If no combination of modes is admissible: bodies wedged so that the restitution asked cannot be had.
+        If no combination of modes is admissible: bodies are wedged.
     """
     check_contacts(mechanism, contacts)
     motions = [contact_motion(mechanism, state, c) for c in contacts]
-    at_rest = AT_REST * fastest(mechanism, state)
+    at_rest = AT_REST * velocity_scale(mechanism, state)
     active = [n for n, m in enumerate(motions) if m.rate <= at_rest]
     contacts, motions = tuple(contacts[n] for n in active), [motions[n] for n in active]
-    model, y, Q = constraint_rows(mechanism, state, time, memory)
+    model, y, Q = constraint_rows(mechanism, state, time, turns)
     response = _Response(mechanism, model, y, Q, contacts, motions)
     law = _law(contacts, motions, response, at_rest)
     modes, p, after = solve_modes(law, time)
@@ -186,9 +185,11 @@ def solve_impact(
     return record
 
 
-def _law(contacts: tuple[Contact, ...], motions: list[ContactMotion], response: _Response, at_rest: float) -> Contacts:
+def _law(
+    contacts: tuple[Contact, ...], motions: list[ContactMotion], response: _Response, at_rest: float
+) -> ClosedContacts:
     rate = np.array([m.rate for m in motions])
-    return Contacts(
+    return ClosedContacts(
         names=tuple(c.name for c in contacts),
         normal=np.array([m.normal for m in motions]).reshape(-1, 3),
         friction=np.array([c.friction for c in contacts]),
@@ -200,8 +201,8 @@ def _law(contacts: tuple[Contact, ...], motions: list[ContactMotion], response: 
     )
 
 
-def fastest(mechanism: Mechanism, state: State) -> float:
-    """Speed that rounding of velocities is relative to: of the fastest body, turning counted at its reach, m/s."""
+def velocity_scale(mechanism: Mechanism, state: State) -> float:
+    """Return the largest speed of a body, rotation times the characteristic length included, m/s."""
     v, w = np.max(np.abs(state.v_WB_W)), np.max(np.abs(state.w_WB_W))
     return float(max(v, characteristic_length(mechanism) * w))
 
@@ -216,7 +217,7 @@ def _check_energy(record: Impact) -> None:
 
 
 class _Response:
-    """How the mechanism answers to contact impulses.
+    """Response of the mechanism to contact impulses.
 
     Attributes
     ----------
@@ -247,21 +248,21 @@ class _Response:
         rank = int(np.sum(singular > RANK_TOLERANCE * singular[0])) if len(Q) else 0
         self._U, self._pseudo = U[:, :rank], Vt[:rank].T / singular[:rank]
         K = self.load
-        for _ in range(2):  # the second pass removes what rounding leaves along the joints
+        for _ in range(2):  # the second pass removes rounding errors along the joints
             K = K - self._U @ (self._U.T @ K)
         self.K = K.T
 
     def velocity_change(self, p: Array) -> Array:
-        """Change of (v, w') of all bodies, shape (6 n_b,)."""
+        """Return the change of (v, w') of all bodies, shape (6 n_b,)."""
         return self._inverse.T @ (self.K.T @ p)
 
     def multipliers(self, p: Array) -> Array:
-        """Impulses Lam of the joint rows, of least norm, shape (q,)."""
+        """Return the impulses Lam of the joint rows, of least norm, shape (q,)."""
         return -self._pseudo @ (self._U.T @ (self.load @ p))
 
 
 def _contact_rows(mechanism: Mechanism, y: Array, contacts: tuple[Contact, ...], motions: list[ContactMotion]) -> Array:
-    """J, relative velocity of the contact points from (v, w') of all bodies, shape (3 n_c, 6 n_b)."""
+    """Return J, from (v, w') of all bodies to relative velocities of the contact points, shape (3 n_c, 6 n_b)."""
     J = np.zeros((3 * len(contacts), 6 * len(y)))
     A = rotation_from_quaternion(y[:, 3:7])
     for k, (contact, motion) in enumerate(zip(contacts, motions, strict=True)):

@@ -1,11 +1,11 @@
-"""Which contact does what in an impact: modes, their equations, and the search for an admissible combination.
+"""Modes of closed contacts in an impact: equations of given modes, search for admissible modes.
 
-The modes and what makes them admissible stand in the table of `consilience.reference.impacts.impact`. Given the modes,
-the impact is one linear system in the unknown impulses x, with ``p = S x`` and velocities asked for ``E u+ = c``:
+`consilience.reference.impacts.impact` tabulates the modes and their admissibility. For given modes the impact is one
+linear system in the unknown impulses x, with ``p = S x`` and required velocities ``E u+ = c``:
 
     E G S x = c - E u-,     G = K K^T.
 
-Modes are exchanged one at a time where they are violated; if that runs in a circle, all combinations are tried.
+Violated modes are exchanged one at a time; if a combination recurs, all combinations are tried.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from consilience.errors import NumericalFailure
 from consilience.mechanism import Array, cross, orthogonal_triad
 
 _RANK = 1e-10
-"""Singular values below this fraction of the compliance without joints count as zero: contacts that depend on one
-another, or that the joints do not let move."""
+"""Singular values below this fraction of the compliance without joints count as zero: dependent contacts, or contacts
+that the joints immobilise."""
 
 _SLACK = 1e-9
-"""Violation of a condition of a mode that rounding may cause, relative to the velocities or impulses at hand."""
+"""Tolerance of the conditions of a mode, relative to the velocities or impulses."""
 
 _MOST = 5
-"""Contacts of which all combinations of modes are tried (at most 5 modes each)."""
+"""Largest number of contacts for which all combinations of modes are tried (at most 5 modes each)."""
 
 
 @dataclass(frozen=True, eq=False)
-class Contacts:
-    """Closed contacts and how they answer to impulses.
+class ClosedContacts:
+    """Closed contacts and their response to impulses.
 
     Attributes
     ----------
@@ -41,15 +41,15 @@ class Contacts:
     normal : ndarray, shape (n_c, 3)
     friction : ndarray, shape (n_c,)
     target : ndarray, shape (n_c,), m/s
-        Normal velocity b that the contact must at least have afterwards.
+        Least normal velocity b after the impact.
     before : ndarray, shape (n_c, 3), m/s
         Relative velocities of the contact points.
     compliance : ndarray, shape (3 n_c, 3 n_c), 1/kg
         G: change of the relative velocities per impulse.
     free_compliance : float, 1/kg
-        Largest entry of the same without the joints.
+        Largest entry of G without the joints.
     at_rest : float, m/s
-        Speeds below it are zero.
+        Smaller speeds count as zero.
     """
 
     names: tuple[str, ...]
@@ -64,7 +64,7 @@ class Contacts:
 
 @dataclass(frozen=True, eq=False)
 class _Solved:
-    """Impulses and velocities after, each (n_c, 3), and whether they meet the equations of their modes."""
+    """Impulses and velocities after, each (n_c, 3), and whether they satisfy the equations of their modes."""
 
     p: Array
     after: Array
@@ -72,8 +72,8 @@ class _Solved:
 
 
 @dataclass(frozen=True)
-class _View:
-    """One contact of a trial: scalars and tangential vectors that the conditions of its mode speak of."""
+class _ContactView:
+    """Quantities of one contact in the conditions of its mode."""
 
     normal: float  # N
     pt: Array
@@ -87,10 +87,10 @@ class _View:
     v_slack: float
 
 
-def _violations(view: _View) -> dict[str, tuple[tuple[bool, str], ...]]:
-    """Conditions of each mode, whether violated, and the mode to try next.
+def _violations(view: _ContactView) -> dict[str, tuple[tuple[bool, str], ...]]:
+    """Return, for each mode, its conditions: violated or not, and the mode to try next.
 
-    ``first`` stands for the preferred mode of the contact, ``beyond`` for what it does where it cannot stick.
+    ``first``: the preferred mode of the contact; ``beyond``: the mode if the contact cannot stick.
     """
     v, p = view.v_slack, view.p_slack
     pulls = (view.normal < -p, "released")
@@ -107,20 +107,16 @@ def _violations(view: _View) -> dict[str, tuple[tuple[bool, str], ...]]:
     }
 
 
-Solution = tuple[tuple[str, ...], Array, Array]
-"""Modes, impulses and velocities after."""
+class _ModeTrial:
+    """Closed contacts with tangential frames; solves for given modes."""
 
-
-class _Trial:
-    """Contacts with their tangential frames, for solving with given modes."""
-
-    def __init__(self, law: Contacts) -> None:
+    def __init__(self, law: ClosedContacts) -> None:
         self.law = law
         n = law.normal
         self.vt_before = law.before - np.sum(law.before * n, axis=1)[:, None] * n
         speed = np.linalg.norm(self.vt_before, axis=1)
         self.slides = speed > law.at_rest
-        # t1 opposes the sliding, or is any tangent where there is none
+        # t1 opposes the sliding, or is any tangent
         self.t1 = np.array(
             [
                 -vt / s if slides else _unit(orthogonal_triad(m)[0])
@@ -130,7 +126,7 @@ class _Trial:
         self.t2 = np.array([cross(a, b) for a, b in zip(n, self.t1, strict=True)]).reshape(-1, 3)
 
     def choices(self, k: int) -> tuple[str, ...]:
-        """Modes that contact k may be in, in the order of preference."""
+        """Return the possible modes of contact k in the order of preference."""
         if self.law.friction[k] == 0.0:
             return ("frictionless", "released")
         if self.slides[k]:
@@ -145,8 +141,8 @@ class _Trial:
         return self._with_new_sliding(modes, starting)
 
     def _linear(self, modes: tuple[str, ...], t: Array) -> _Solved:
-        """Solve with the directions t of friction on the contacts that slide."""
-        law, columns, rows, asked = self.law, [], [], []
+        """Solve with friction directions t of the sliding contacts."""
+        law, columns, rows, required = self.law, [], [], []
         for k, mode in enumerate(modes):
             n, b, zero = law.normal[k], law.target[k], 0.0
             along_t1, along_t2 = (self.t1[k], self.t1[k], zero), (self.t2[k], self.t2[k], zero)
@@ -162,11 +158,11 @@ class _Trial:
             for impulse, velocity, value in equations:
                 columns.append(_at(impulse, k, len(modes)))
                 rows.append(_at(velocity, k, len(modes)))
-                asked.append(value)
+                required.append(value)
         if not rows:
             return _Solved(np.zeros_like(law.before), law.before, True)
         S, E = np.array(columns).T, np.array(rows)
-        rest = np.array(asked) - E @ law.before.ravel()
+        rest = np.array(required) - E @ law.before.ravel()
         system = E @ law.compliance @ S
         U, singular, Vt = np.linalg.svd(system)
         rank = int(np.sum(singular > _RANK * law.free_compliance))
@@ -180,7 +176,7 @@ class _Trial:
         return _Solved(p.reshape(-1, 3), after.reshape(-1, 3), consistent)
 
     def _with_new_sliding(self, modes: tuple[str, ...], starting: list[int]) -> _Solved:
-        """Turn the friction of contacts that start to slide until it is parallel to their sliding."""
+        """Solve for the friction directions of starting contacts, opposite to their sliding."""
         stuck = self._linear(tuple("sticking" if m == "starting" else m for m in modes), self.t1)
 
         def directions(angles: Array) -> Array:
@@ -202,8 +198,8 @@ class _Trial:
         parallel = float(np.max(np.abs(across(guess)))) <= _SLACK * scale
         return _Solved(solved.p, solved.after, solved.consistent and parallel)
 
-    def views(self, solved: _Solved) -> list[_View]:
-        """What the conditions need of every contact."""
+    def views(self, solved: _Solved) -> list[_ContactView]:
+        """Evaluate the quantities of the mode conditions of every contact."""
         law, p, after = self.law, solved.p, solved.after
         p_slack = _SLACK * float(np.max(np.abs(p)))
         v_slack = _SLACK * max(float(np.max(np.abs(law.before))), float(np.max(np.abs(after))))
@@ -212,7 +208,7 @@ class _Trial:
             N, vn = float(n @ p[k]), float(n @ after[k])
             pt, vt = p[k] - N * n, after[k] - vn * n
             found.append(
-                _View(
+                _ContactView(
                     normal=N,
                     pt=pt,
                     vt=vt,
@@ -238,8 +234,8 @@ def _at(vector: Array, k: int, count: int) -> Array:
     return row
 
 
-def _exchanges(trial: _Trial, modes: tuple[str, ...], solved: _Solved) -> Iterator[tuple[int, str]]:
-    """Contacts whose mode is violated, with the mode to try next; normal conditions before tangential ones."""
+def _exchanges(trial: _ModeTrial, modes: tuple[str, ...], solved: _Solved) -> Iterator[tuple[int, str]]:
+    """Yield contacts with a violated mode and the mode to try next; normal conditions before tangential ones."""
     views = trial.views(solved)
     if not solved.consistent:
         yield _loosened(trial, modes, views)
@@ -252,8 +248,8 @@ def _exchanges(trial: _Trial, modes: tuple[str, ...], solved: _Solved) -> Iterat
                     yield k, {"first": first, "beyond": beyond}.get(following, following)
 
 
-def solve_modes(law: Contacts, time: float) -> Solution:
-    """Find admissible modes.
+def solve_modes(law: ClosedContacts, time: float) -> tuple[tuple[str, ...], Array, Array]:
+    """Find admissible modes of closed contacts.
 
     Returns
     -------
@@ -266,11 +262,11 @@ def solve_modes(law: Contacts, time: float) -> Solution:
     Raises
     ------
     NumericalFailure
-        If there are none.
+        If no combination is admissible.
     """
     if not law.names:
         return (), np.zeros((0, 3)), np.zeros((0, 3))
-    trial = _Trial(law)
+    trial = _ModeTrial(law)
     for search in (_by_exchange, _by_enumeration):
         found = search(trial)
         if found is not None:
@@ -281,8 +277,8 @@ def solve_modes(law: Contacts, time: float) -> Solution:
     )
 
 
-def _loosened(trial: _Trial, modes: tuple[str, ...], views: list[_View]) -> tuple[int, str]:
-    """Which contact gives way where the equations contradict each other: friction first, then the most open one."""
+def _loosened(trial: _ModeTrial, modes: tuple[str, ...], views: list[_ContactView]) -> tuple[int, str]:
+    """Choose the contact to loosen if the equations are inconsistent: friction first, then the largest gap rate."""
     for k, mode in enumerate(modes):
         if mode == "sticking":
             return k, "halted" if trial.slides[k] else "starting"
@@ -292,7 +288,8 @@ def _loosened(trial: _Trial, modes: tuple[str, ...], views: list[_View]) -> tupl
     return max(held, key=lambda k: views[k].excess), "released"
 
 
-def _by_exchange(trial: _Trial) -> Solution | None:
+def _by_exchange(trial: _ModeTrial) -> tuple[tuple[str, ...], Array, Array] | None:
+    """Exchange violated modes until none is left; None if a combination recurs."""
     modes = tuple(trial.choices(k)[0] for k in range(len(trial.law.names)))
     seen: set[tuple[str, ...]] = set()
     while modes not in seen:
@@ -306,7 +303,8 @@ def _by_exchange(trial: _Trial) -> Solution | None:
     return None
 
 
-def _by_enumeration(trial: _Trial) -> Solution | None:
+def _by_enumeration(trial: _ModeTrial) -> tuple[tuple[str, ...], Array, Array] | None:
+    """Try all combinations of modes."""
     if len(trial.law.names) > _MOST:
         return None
     for modes in product(*(trial.choices(k) for k in range(len(trial.law.names)))):

@@ -1,17 +1,16 @@
-"""Motion with impacts: integrate, find the instant a gap closes, apply the impact, go on from the velocities after.
+"""Motion with impacts: integration, location of the closing instants, impacts.
 
-Between impacts contacts do nothing. A step is searched for the first instant at which a gap falls through zero: gaps
-and their rates are read off the interpolant at the ends of a few parts of the step and at the turning points of the
-gap between them, so that a short dip within a step is seen as well; a root of the interpolant is then refined by
-Newton's method on steps that *end* at the instant, whose error is that of the integrator and not of the interpolant.
+Between impacts contacts have no effect. In each step the first instant is sought at which a gap falls through zero:
+gaps and rates are evaluated on the interpolant at equidistant times and at the turning points between them, which also
+finds short dips; the root is then refined by Newton's method on steps that *end* at the instant, with the error of the
+integrator instead of that of the interpolant.
 
-- All contacts closed at the instant, within `TOUCHING` of the mechanism's length, enter one simultaneous impact. What
-  it throws together follows as another impact at the same instant.
-- A gap that only touches zero, or less than `GRAZING` below it, is no impact.
-- A contact that would stay closed under load is outside this scope, and so are the infinitely many bounces before:
-  both end in a `NumericalFailure` that names the contact and the time. Bounces count as infinite when the last
-  `_SHRINKING` intervals between impacts of a contact each were shorter than the one before and the approach speeds at
-  their ends are below `_ZENO` of the greatest it had.
+- All contacts closed at the instant, within `TOUCHING` lengths of the mechanism, enter one simultaneous impact.
+  Contacts that approach afterwards enter another impact at the same instant.
+- A gap that touches zero, or overlaps less than `GRAZING`, is no impact.
+- Lasting contact and accumulation points of impacts raise `NumericalFailure` with contact and time. An accumulation
+  point is declared when the last `_SHRINKING` intervals between impacts of a contact decrease and the approach speeds
+  are below `_ZENO` of its largest one.
 """
 
 from __future__ import annotations
@@ -25,15 +24,16 @@ import scipy
 from consilience.engine import TrajectoryAnswer
 from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import Array, Contact, Mechanism, State, characteristic_length, continuous_in_time
+from consilience.reference.bodies.canonical import sample_times
 from consilience.reference.impacts.geometry import check_contacts, contact_motion
-from consilience.reference.impacts.impact import AT_REST, Impact, fastest, solve_impact
+from consilience.reference.impacts.impact import AT_REST, Impact, solve_impact, velocity_scale
 from consilience.reference.impacts.stepper import Stepper
 
 TOUCHING = 1e-10
-"""Gap of a contact that counts as closed at an impact, over the length of the mechanism."""
+"""Largest gap of a closed contact, over the length of the mechanism."""
 
 GRAZING = 1e-13
-"""Overlap that is no impact, over the length of the mechanism."""
+"""Largest overlap without impact, over the length of the mechanism."""
 
 _PARTS = 8
 _STILL = 1e-12  # rate of a gap that counts as zero, over the speed of the fastest body
@@ -45,7 +45,7 @@ _SHRINKING = 3
 def simulate_with_impacts(
     mechanism: Mechanism, state: State, times: Array, contacts: tuple[Contact, ...], tolerance: float = 1e-12
 ) -> tuple[TrajectoryAnswer, tuple[Impact, ...]]:
-    """Motion of a mechanism whose bodies may hit one another or the ground.
+    """Integrate the motion of a mechanism whose bodies may hit one another or the ground.
 
     Parameters
     ----------
@@ -53,9 +53,9 @@ def simulate_with_impacts(
     state : State
         Consistent state at ``times[0]``, no contact overlapping.
     times : ndarray, shape (n_t,), s
-        Increasing sample times. A sample at the instant of an impact has the velocities after it.
+        Increasing sample times; at the instant of an impact the sample has the velocities after it.
     contacts : tuple of contacts
-        All pairs of shapes that may touch.
+        Pairs of shapes that may touch.
     tolerance : float
         Bound on the scaled local error of a step, 1e-13 to 1e-3.
 
@@ -64,22 +64,20 @@ def simulate_with_impacts(
     TrajectoryAnswer
         With the counters ``steps``, ``evaluations`` and ``impacts``.
     tuple of Impact
-        In the order of time.
+        In order of time.
 
     Raises
     ------
     InvalidInput
         Tolerance out of range, times that do not increase, unknown bodies, a contact that overlaps at the start.
     NumericalFailure
-        A contact comes to rest, bodies are wedged at an impact, or the integrator cannot go on.
+        A contact comes to rest, bodies are wedged at an impact, or the integration fails.
     """
-    times = np.asarray(times, dtype=float)
     if not 1e-13 <= tolerance <= 1e-3:
         raise InvalidInput("tolerance", f"{tolerance} is out of range", "Choose 1e-13 to 1e-3.")
-    if times.ndim != 1 or len(times) < 1 or not np.all(np.isfinite(times)) or np.any(np.diff(times) <= 0):
-        raise InvalidInput("times", "they do not increase", "Give finite, increasing sample times.")
+    times = sample_times(times)
     check_contacts(mechanism, contacts)
-    run = _Run(mechanism, contacts, Stepper(mechanism, state, float(times[0]), tolerance))
+    run = _ImpactSimulation(mechanism, contacts, Stepper(mechanism, state, float(times[0]), tolerance))
     run.refuse_overlap()
     samples = []
     for sample in times:
@@ -91,8 +89,8 @@ def simulate_with_impacts(
     return answer, tuple(run.impacts)
 
 
-class _Run:
-    """A simulation under way."""
+class _ImpactSimulation:
+    """One simulation with impacts."""
 
     def __init__(self, mechanism: Mechanism, contacts: tuple[Contact, ...], stepper: Stepper) -> None:
         self.mechanism = mechanism
@@ -103,7 +101,7 @@ class _Run:
         self._history: dict[str, list[tuple[float, float]]] = {c.name: [] for c in contacts}
 
     def refuse_overlap(self) -> None:
-        """Refuse an initial state in which shapes overlap."""
+        """Refuse overlapping shapes in the initial state."""
         state = self.stepper.state()
         for contact in self.contacts:
             gap = contact_motion(self.mechanism, state, contact).gap
@@ -115,7 +113,7 @@ class _Run:
                 )
 
     def go_to(self, sample: float) -> None:
-        """Advance to a sample time, impacts included."""
+        """Integrate to a sample time, impacts included."""
         self._hit()
         while self.stepper.t < sample:
             self.stepper.advance(sample)
@@ -130,7 +128,7 @@ class _Run:
                 self._hit()
 
     def _first_closing(self) -> tuple[Contact, float] | None:
-        """First instant within the last step at which a gap falls through zero."""
+        """Return the first contact and instant of the last step at which a gap falls through zero."""
         nodes = np.linspace(self.stepper.started, self.stepper.t, _PARTS + 1)
         states = [self.stepper.between(t) for t in nodes[:-1]] + [self.stepper.state()]
         found: tuple[Contact, float] | None = None
@@ -141,6 +139,8 @@ class _Run:
         return found
 
     def _closing(self, contact: Contact, nodes: Array, states: list[State]) -> float | None:
+        """Return the first instant of the last step at which the gap of a contact falls through zero."""
+
         def gap(t: float) -> float:
             return contact_motion(self.mechanism, self.stepper.between(t), contact).gap
 
@@ -160,7 +160,7 @@ class _Run:
         return None
 
     def _end_at(self, contact: Contact, t: float) -> None:
-        """End the last step at the instant the gap closes, found near t."""
+        """End the last step at the instant near t at which the gap closes."""
         start, end = self.stepper.started, self.stepper.t
         for _ in range(4):
             self.stepper.go_back_to(t)
@@ -173,17 +173,17 @@ class _Run:
             t = better
 
     def _hit(self) -> bool:
-        """Apply impacts at this instant until no closed contact approaches; whether there was any."""
+        """Apply impacts at this instant until no closed contact approaches; return whether there was an impact."""
         first = len(self.impacts)
         for _ in range(_CHAIN):
             state = self.stepper.state()
-            still = _STILL * fastest(self.mechanism, state)
+            still = _STILL * velocity_scale(self.mechanism, state)
             motions = [contact_motion(self.mechanism, state, c) for c in self.contacts]
             approaching = [m for m in motions if m.rate < -still]
             if not any(m.gap <= GRAZING * self._length for m in approaching):
                 return len(self.impacts) > first
             closed = tuple(c for c, m in zip(self.contacts, motions, strict=True) if m.gap <= TOUCHING * self._length)
-            record = solve_impact(self.mechanism, state, closed, self.stepper.t, self.stepper.memory)
+            record = solve_impact(self.mechanism, state, closed, self.stepper.t, self.stepper.turns)
             self.impacts.append(record)
             self._watch(record)
             self.stepper.place(record.after, self.stepper.t)
@@ -193,12 +193,12 @@ class _Run:
         )
 
     def _watch(self, record: Impact) -> None:
-        """Stop where impacts of a contact accumulate."""
+        """Refuse accumulating impacts of a contact."""
         speeds = -np.sum(record.velocity_before * record.directions, axis=1)
         for name, speed in zip(record.contacts, speeds, strict=True):
             history = self._history[name]
             at_once = bool(history) and record.time - history[-1][0] <= 1e-14 * max(1.0, abs(record.time))
-            if at_once or speed <= AT_REST * fastest(self.mechanism, record.before):
+            if at_once or speed <= AT_REST * velocity_scale(self.mechanism, record.before):
                 continue
             history.append((record.time, float(speed)))
             intervals = np.diff([t for t, _ in history[-_SHRINKING - 2 :]])
@@ -207,6 +207,7 @@ class _Run:
                 self._rests(next(c for c in self.contacts if c.name == name), record.time)
 
     def _rests(self, contact: Contact, t: float) -> None:
+        """Raise the failure of a contact that comes to rest."""
         raise NumericalFailure(
             f"contact '{contact.name}' of '{contact.body}' and '{contact.partner}' comes to rest at t = {t:.12g} s: "
             "contact that lasts is outside what simulation with impacts covers; end the simulation before"

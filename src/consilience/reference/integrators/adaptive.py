@@ -1,4 +1,4 @@
-"""Integrators for every formulation, by name, through `derivative(t, u)` and `settle(t, u)`.
+"""Integrators for all formulations, by name, through `derivative(t, u)` and `settle(t, u)`.
 
 =========  ================================================  =====  ============  ============================
 name       method                                            order  dense output  samples
@@ -10,24 +10,24 @@ radau      Radau IIA with simplified Newton iteration        5      h^5         
 bdf        Gear's BDF of variable order and step, by SciPy   1-5    as the step   dense output, settled
 =========  ================================================  =====  ============  ============================
 
-The sources are [MASS] for Runge-Kutta-Fehlberg, [ATTIA, EXU] for BDF and [EXU] for Radau. Dense output of the one-step
-methods converges as fast as their steps, but with errors up to thirty times theirs, and is not settled between: so
-their steps end on the samples. A BDF step on a sample would disturb the history; its dense output is the method itself.
+Sources: [MASS] for Runge-Kutta-Fehlberg, [ATTIA, EXU] for BDF and [EXU] for Radau. Dense output of the one-step methods
+converges as fast as their steps, but with larger errors, and is not settled: their steps therefore end on the samples.
+A BDF step on a sample would disturb the history; the dense output of BDF is the method itself.
 
 **Error.** The estimate of a step, in the root mean square of components scaled by ``tolerance (1 + |u_i|)``, is kept
-below one; numbers are in SI units, so absolute accuracy counts below 1 m, 1 m/s, 1 rad/s and relative accuracy above.
-The estimate of radau is of third order only, as in RADAU5: its results are far better than asked, and dear, where the
+below one. In SI units absolute accuracy counts below 1 m, 1 m/s, 1 rad/s, and relative accuracy above. The estimate of
+radau is of third order only, as in RADAU5: its results are more accurate and more expensive than asked for where the
 tolerance is tight.
 
-**Settling.** After each accepted step the formulation settles u (projection onto the constraints, counting of turns).
-A one-step method goes on from the settled value with the derivative there, and its dense output ends there too. BDF
-shifts its whole history by what settling has added: the value changes, the differences stay. As settling moves u by no
-more than the error of a step, the order stays too [Eich, SIAM J. Numer. Anal. 30, 1993, 1467-1482], and nothing drifts.
+**Settling.** After each accepted step the formulation settles u: it projects u onto the constraints and counts turns. A
+one-step method continues from the settled value with the derivative there, and its dense output ends there. BDF shifts
+its whole history by the change of u in settling: the value changes, the differences stay. This change is no larger than
+the error of a step, so the order is kept [Eich, SIAM J. Numer. Anal. 30, 1993, 1467-1482] and nothing drifts.
 
-**Charts.** A formulation whose coordinates change meaning along the motion has an attribute `chart`, any value that
-can be compared and assigned to. It says what u means in `derivative`, `settle` and `state`; only `settle` changes it,
-and then returns u in the new chart. One-step methods forget what they know of earlier steps there, except the step
-size; BDF starts anew with order one. Samples become canonical states at once; `state_at` reads the dense output of a
+**Charts.** A formulation whose coordinates change meaning along the motion has an attribute `chart`, any value that can
+be compared and assigned. It defines the meaning of u in `derivative`, `settle` and `state`; only `settle` changes it,
+and then returns u in the new chart. There one-step methods discard all data of earlier steps but the step size, and BDF
+starts anew with order one. Samples are converted to canonical states at once; `state_at` reads the dense output of a
 step in the chart of that step.
 """
 
@@ -42,43 +42,40 @@ import scipy
 
 from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import Array, State
-from consilience.reference.integrators.dense import Dense, Piece
+from consilience.reference.integrators.coefficients import DORMAND_PRINCE, Explicit
+from consilience.reference.integrators.dense import Dense, StepPolynomial
+from consilience.reference.integrators.step_control import LARGEST, SAFETY, SMALLEST, STATUS
 from consilience.reference.integrators.tableaus import (
-    DORMAND_PRINCE,
     RADAU,
     RKF45,
-    TSITOURAS,
     Collocation,
-    Explicit,
     OneStep,
     begin,
     difference_quotients,
     root_mean_square,
 )
-
-SAFETY, SMALLEST, LARGEST = 0.9, 0.2, 6.0
-"""Safety factor and bounds of the change of the step size."""
+from consilience.reference.integrators.tsitouras import TSITOURAS
 
 RESOLVED = 1e-14
 """Smallest step, as a part of the time (or of one second)."""
 
 
 class Integrable(Protocol):
-    """What the integrators need of a formulation; `chart` (see the module) is optional."""
+    """Interface of a formulation for the integrators; `chart` (see the module) is optional."""
 
     def derivative(self, t: float, u: Array) -> Array:
-        """``du/dt``, shape (n_u,)."""
+        """Return ``du/dt``, shape (n_u,)."""
 
     def settle(self, t: float, u: Array) -> Array:
-        """Coordinates to go on with after an accepted step, shape (n_u,); a new array if any changes."""
+        """Return the coordinates to continue with after an accepted step, shape (n_u,); a new array if any changes."""
 
     def state(self, u: Array) -> State:
-        """Canonical state."""
+        """Return the canonical state."""
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """A motion on the asked times and between them.
+    """A motion at its sample times and between them.
 
     Attributes
     ----------
@@ -86,7 +83,7 @@ class Motion:
     samples : ndarray, shape (n_t, n_u)
         Settled coordinates, each in the chart of its time.
     states : tuple of State
-        The same as canonical states.
+        The samples as canonical states.
     counters : dict
         ``steps`` accepted, ``evaluations`` of the derivative (those for Jacobians included); ``rejected`` steps of the
         one-step methods; ``jacobians`` and ``factorisations`` (of one n_u x n_u matrix each) of the implicit methods.
@@ -111,12 +108,12 @@ def _choose(formulation: Integrable, chart: object) -> None:
 
 
 def state_at(formulation: Integrable, motion: Motion, t: float) -> State:
-    """Canonical state between samples, from the dense output, not settled.
+    """Return the canonical state between samples, from the dense output, not settled.
 
     Raises
     ------
     InvalidInput
-        If the time is outside the motion.
+        The time is outside the motion.
     """
     chart = _chart(formulation)
     _choose(formulation, motion.dense.charts[int(motion.dense.step(t))])
@@ -126,8 +123,8 @@ def state_at(formulation: Integrable, motion: Motion, t: float) -> State:
 
 
 @dataclass
-class _Run:
-    """One integration under way: what is asked, what is counted, what has been recorded."""
+class _Integration:
+    """One integration: its arguments, counters, and recorded steps and samples."""
 
     formulation: Integrable
     times: Array
@@ -138,16 +135,16 @@ class _Run:
     samples: list[Array] = field(default_factory=list)
     states: list[State] = field(default_factory=list)
     ends: list[float] = field(default_factory=list)
-    pieces: list[Piece] = field(default_factory=list)
+    pieces: list[StepPolynomial] = field(default_factory=list)
     charts: list[object] = field(default_factory=list)
 
     def derivative(self, t: float, u: Array) -> Array:
-        """Count and evaluate."""
+        """Evaluate the derivative, and count."""
         self.counters["evaluations"] += 1
         return self.formulation.derivative(t, u)
 
     def jacobian(self, t: float, u: Array, f: Array) -> Array:
-        """Derivative of f by u, shape (n_u, n_u)."""
+        """Return the Jacobian of the derivative, shape (n_u, n_u)."""
         J = difference_quotients(self.derivative, t, u, f)
         if not np.all(np.isfinite(J)):
             raise self.failure(t, NOT_FINITE)
@@ -158,7 +155,7 @@ class _Run:
         self.samples.append(u)
         self.states.append(self.formulation.state(u))
 
-    def accept(self, t: float, piece: Piece, chart: object) -> None:
+    def accept(self, t: float, piece: StepPolynomial, chart: object) -> None:
         """Record the dense output of a step that ends at t."""
         self.counters["steps"] += 1
         self.ends.append(t)
@@ -166,23 +163,21 @@ class _Run:
         self.charts.append(chart)
 
     def failure(self, t: float, why: str) -> NumericalFailure:
-        """The error to raise."""
+        """Return the error to raise at time t."""
         return NumericalFailure(f"{self.label}: at t = {t:.6g} s {why}")
 
     def motion(self) -> Motion:
-        """Everything recorded."""
+        """Return the recorded motion."""
         dense = Dense(np.array(self.ends), tuple(self.pieces), tuple(self.charts))
         return Motion(self.times, np.array(self.samples), tuple(self.states), self.counters, dense)
 
 
-TOO_SMALL = (
-    "the step size fell below what the time resolves: the motion runs into a singular pose or grows without bound"
-)
+TOO_SMALL = STATUS[1]
 NOT_FINITE = "the derivative is not finite"
 
 
-def _length(run: _Run, h: float, remaining: float) -> float:
-    """Length of the next step towards a sample."""
+def _length(run: _Integration, h: float, remaining: float) -> float:
+    """Return the length of the next step towards a sample."""
     if run.step is not None:
         return remaining / max(1, int(np.ceil(remaining / run.step - 1e-9)))
     if h >= remaining:
@@ -191,7 +186,7 @@ def _length(run: _Run, h: float, remaining: float) -> float:
     return min(h, 0.5 * remaining)
 
 
-def _one_step(run: _Run, u: Array, method: OneStep) -> None:
+def _one_step(run: _Integration, u: Array, method: OneStep) -> None:
     """Integrate with a one-step method; steps end on the samples."""
     t, span = float(run.times[0]), float(run.times[-1] - run.times[0])
     f = run.derivative(t, u)
@@ -228,13 +223,13 @@ def _one_step(run: _Run, u: Array, method: OneStep) -> None:
 
 
 def _settled(
-    run: _Run,
+    run: _Integration,
     method: OneStep,
     start: tuple[float, Array, float],
     t: float,
     end: Array,
 ) -> tuple[Array, Array]:
-    """Settle the end of a step and record its dense output; coordinates and derivative to go on with."""
+    """Settle the end of a step and record its dense output; return settled coordinates and their derivative."""
     formulation = run.formulation
     before = _chart(formulation)
     u = formulation.settle(t, end)
@@ -250,8 +245,8 @@ def _settled(
     return u, f
 
 
-def _multistep(run: _Run, u: Array) -> None:
-    """Integrate with BDF; samples from the dense output, which is of the order of the step."""
+def _multistep(run: _Integration, u: Array) -> None:
+    """Integrate with BDF; samples come from the dense output, which has the order of the step."""
     formulation = run.formulation
 
     def slope(t: float, u: Array) -> Array:
@@ -287,7 +282,7 @@ def _multistep(run: _Run, u: Array) -> None:
     run.counters["factorisations"] = sum(solver.nlu for solver in solvers)
 
 
-def _transposed(dense: Callable[[Array], Array]) -> Piece:
+def _transposed(dense: Callable[[Array], Array]) -> StepPolynomial:
     return lambda t: dense(t).T
 
 
@@ -298,13 +293,13 @@ METHODS: dict[str, Explicit | Collocation | None] = {
     "radau": RADAU,
     "bdf": None,
 }
-"""Selectable methods: the one-step methods by their coefficients, BDF by those that SciPy holds."""
+"""Selectable methods: one-step methods by their coefficients; BDF (None) is SciPy's."""
 
 
 def integrate(
     formulation: Integrable, u: Array, times: Array, tolerance: float, method: str, step: float | None = None
 ) -> Motion:
-    """Integrate a formulation from ``times[0]`` and give its motion at all times.
+    """Integrate a formulation from ``times[0]`` and return its motion.
 
     Parameters
     ----------
@@ -319,8 +314,8 @@ def integrate(
     method : str
         Key of `METHODS`.
     step : float, s, optional
-        Steps of this length instead of controlled ones (a little shorter where it does not divide the time between
-        samples): to measure orders. Newton's method of radau keeps to `tolerance`. Not for BDF, which has no constant
+        Constant step (a little shorter where it does not divide the time between samples) in place of step control, for
+        the measurement of orders. Newton's method of radau keeps to `tolerance`. Not for BDF, which has no constant
         step of high order without a start of high order.
 
     Returns
@@ -332,7 +327,7 @@ def integrate(
     InvalidInput
         Unknown method, tolerance or step out of range, times that do not increase.
     NumericalFailure
-        When and why the integration cannot go on.
+        When and why the integration cannot continue.
     """
     times = np.array(times, dtype=float)
     if method not in METHODS:
@@ -346,7 +341,7 @@ def integrate(
         what = "bdf chooses its own steps" if tableau is None else f"{step} s is no length of a step"
         raise InvalidInput("step", what, "Give a positive length, to rkf45, dop853, tp86 or radau.")
     label = f"{method}, " + (f"tolerance {tolerance:g}" if step is None else f"steps of {step:g} s")
-    run = _Run(formulation, times, float(tolerance), step, label, {"steps": 0, "evaluations": 0})
+    run = _Integration(formulation, times, float(tolerance), step, label, {"steps": 0, "evaluations": 0})
     run.ends.append(float(times[0]))
     u = np.array(u, dtype=float)
     run.sample(u)

@@ -1,4 +1,4 @@
-"""The motion between the ends of steps: one polynomial a step, together a function of time."""
+"""Dense output of a motion: one polynomial for each step, together a function of time."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 from consilience.errors import InvalidInput
 from consilience.mechanism import Array
 
-Piece = Callable[[Array], Array]
-"""Dense output of one step: of times of shape (n,) to coordinates of shape (n, n_u)."""
+StepPolynomial = Callable[[Array], Array]
+"""Dense output of one step: from times of shape (n,) to coordinates of shape (n, n_u)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,29 +45,29 @@ class Nested:
 class Dense:
     """Dense output of all accepted steps.
 
-    Between two ends it is as smooth as its polynomial; at the end of a step it belongs to the step that ends there,
-    before settling, and jumps by as much as settling has moved the coordinates or changed the chart.
+    Inside a step it is as smooth as its polynomial. At the end of a step it takes the value before settling, and jumps
+    by the change of the coordinates, or of the chart, in settling.
 
     Attributes
     ----------
     ends : ndarray, shape (n_s + 1,), s
-        Start of the first step and the ends of all.
-    pieces : tuple of Piece
+        Start of the first step and the ends of all steps.
+    pieces : tuple of StepPolynomial
     charts : tuple
-        Chart in which the polynomial of each step is to be read; None for a formulation that has one chart.
+        Chart of the polynomial of each step; None for a formulation with a single chart.
     """
 
     ends: Array
-    pieces: tuple[Piece, ...]
+    pieces: tuple[StepPolynomial, ...]
     charts: tuple[object, ...]
 
     def step(self, t: ArrayLike) -> Array:
-        """Index of the step that a time falls into, of the shape of `t`.
+        """Return the index of the step that contains a time, of the shape of `t`.
 
         Raises
         ------
         InvalidInput
-            If a time is outside the interval of integration.
+            A time is outside the interval of integration.
         """
         t = np.asarray(t, dtype=float)
         if len(self.pieces) == 0 or not np.all((t >= self.ends[0]) & (t <= self.ends[-1])):
@@ -76,7 +76,7 @@ class Dense:
         return np.maximum(np.searchsorted(self.ends, t, side="left") - 1, 0)
 
     def __call__(self, t: ArrayLike) -> Array:
-        """Coordinates u at a time, shape (n_u,), or at times of shape (n,) in any order, shape (n, n_u)."""
+        """Return coordinates u at a time, shape (n_u,), or at times of shape (n,) in any order, shape (n, n_u)."""
         times = np.atleast_1d(np.asarray(t, dtype=float))
         steps = self.step(times)
         u = np.empty((len(times), self.pieces[0](self.ends[:1]).shape[1]))

@@ -1,4 +1,7 @@
-"""Step size control of the compiled integrators: bounds, counters and status (Hairer, Norsett and Wanner, II.4)."""
+"""Step size control of the compiled integrators: ``h_new = h safety err^(-1/8)``.
+
+Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, section II.4.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,7 @@ STATUS = {
     1: "the step size fell below what the time resolves: the motion runs into a singular pose or grows without bound",
     2: "the accelerations are not finite",
 }
-"""Meaning of the status that `integrate` returns."""
+"""Meaning of the status of a compiled integrator."""
 
 STEPS, REJECTED, EVALUATIONS = 0, 1, 2
 """Entries of the counters."""
@@ -22,7 +25,7 @@ STEPS, REJECTED, EVALUATIONS = 0, 1, 2
 
 @inner
 def factor_of(error: float, safety: float, most: float) -> float:
-    """Change of the step size that a scaled error asks for, `most` at most; the smallest where it is not finite."""
+    """Return the change of the step size for a scaled error: at most `most`, least where the error is not finite."""
     if error == 0.0:
         return most
     if not np.isfinite(error):

@@ -1,26 +1,22 @@
-"""Runge-Kutta methods: coefficients as data, and one step with them, with the dense output that belongs to it.
+"""Runge-Kutta methods: coefficients, and single steps with their dense output.
 
-An explicit method of s stages advances ``u' = f(t, u)`` by
-
-    k_i = f(t + c_i h, u + h sum_j A_ij k_j),    u_1 = u + h sum_i b_i k_i.
-
-Dense output of every method has the nested form of Hairer, Norsett and Wanner, section II.6, in x = (time - t) / h,
+An explicit method of s stages advances ``u' = f(t, u)`` as in `coefficients`. The dense output of every method has the
+nested form of Hairer, Norsett and Wanner, section II.6, in x = (time - t) / h,
 
     u(x) = u + x (F_0 + (1 - x) (F_1 + x (F_2 + (1 - x) (F_3 + x (...))))),
     F_0 = u_1 - u,    F_1 = h f - F_0,    F_2 = 2 F_0 - h (f + f_1),    F_3.. = h sum_i D_i k_i,
 
-where k continues with f_1 = f(t + h, u_1) and with stages that only the dense output needs. F_0 to F_2 alone are cubic
+where k continues with f_1 = f(t + h, u_1) and with stages for the dense output alone. F_0 to F_2 alone are cubic
 Hermite interpolation.
 
-The collocation method solves ``U_i = u + h sum_j A_ij f(t + c_j h, U_j)`` by Newton's method with the Jacobian J of an
+The collocation method solves ``U_i = u + h sum_j A_ij f(t + c_j h, U_j)`` by Newton's method, with the Jacobian J of an
 earlier instant, in ``Z_i = U_i - u``. The eigenvectors of the inverse of A split the 3 n_u equations into a real and a
-complex system of n_u. Its dense output is the quartic with the derivatives f, k_1, k_2, k_3 at 0, c_1, c_2, 1: the
-nodes of Radau make its value at 1 come out as u_1.
+complex system of n_u. Its dense output is the quartic with the derivatives f, k_1, k_2, k_3 at 0, c_1, c_2, 1; at the
+nodes of Radau its value at 1 is u_1.
 
 Sources: Fehlberg, NASA TR R-315, 1969, and Hairer, Norsett, Wanner: Solving Ordinary Differential Equations I, 2nd
-ed., 1993, table II.5.1 (Runge-Kutta-Fehlberg 4(5)) and section II.10 (DOP853); Tsitouras, Papakostas: SIAM J. Sci.
-Comput. 20, 1999, 2067-2088 (NEW8(6)); Hairer, Wanner: Solving Ordinary Differential Equations II, 2nd ed., 1996, table
-IV.5.6 and section IV.8 (Radau IIA of order 5).
+ed., 1993, table II.5.1 (Runge-Kutta-Fehlberg 4(5)); Hairer, Wanner: Solving Ordinary Differential Equations II, 2nd
+ed., 1996, table IV.5.6 and section IV.8 (Radau IIA of order 5).
 """
 
 from __future__ import annotations
@@ -33,50 +29,17 @@ import numpy as np
 from scipy.linalg import lu_factor, lu_solve
 
 from consilience.mechanism import Array
-from consilience.reference.integrators import coefficients, tsitouras
+from consilience.reference.integrators.coefficients import Explicit
 from consilience.reference.integrators.dense import Nested
 
 Derivative = Callable[[float, Array], Array]
 Jacobian = Callable[[float, Array, Array], Array]
 
 
-@dataclass(frozen=True, eq=False)
-class Explicit:
-    """An explicit Runge-Kutta method with error estimate and dense output.
-
-    Attributes
-    ----------
-    order : int
-        Of the solution that is carried on.
-    dense_order : int
-        Of the error of the dense output within one step.
-    estimate_order : int
-        The scaled error estimate of a step is proportional to ``h ** (estimate_order + 1)``.
-    c, A, b : ndarray, shapes (s,), (s, s), (s,)
-    E : ndarray, shape (1, s) or (2, s)
-        Weights of the error estimate; two rows are those of fifth and third order of DOP853.
-    c_dense, A_dense : ndarray, shapes (d,), (d, s + 1 + d)
-        Stages of the dense output, the end of the step being stage s + 1.
-    D : ndarray, shape (n, s + 1 + d)
-        Weights of F_3 and higher.
-    """
-
-    order: int
-    dense_order: int
-    estimate_order: int
-    c: Array
-    A: Array
-    b: Array
-    E: Array
-    c_dense: Array
-    A_dense: Array
-    D: Array
-
-
 def _quartic(b: Array, x: float) -> tuple[Array, Array]:
-    """Stage at `x` on the cubic through both ends of a step, and the weights of F_3 that its derivative gives.
+    """Return the stage at `x` on the cubic through both ends of a step, and the weights of F_3 from its derivative.
 
-    The cubic is in error by O(h^4), its stage by O(h^4) too, so the quartic with this derivative is in error by O(h^5).
+    The error of the cubic, and of its stage, is O(h^4); the quartic with this derivative is in error by O(h^5).
     """
     s = len(b)
     ends = np.eye(s + 2)
@@ -114,35 +77,7 @@ def _fehlberg() -> Explicit:
 
 
 RKF45 = _fehlberg()
-"""Runge-Kutta-Fehlberg 4(5) [MASS]; the solution of order 5 is carried on, ``b - E`` is the one of order 4."""
-
-DORMAND_PRINCE = Explicit(
-    order=8,
-    dense_order=8,
-    estimate_order=7,
-    c=coefficients.C,
-    A=coefficients.A,
-    b=coefficients.B,
-    E=np.array([coefficients.E5, coefficients.E3]),
-    c_dense=coefficients.C_DENSE,
-    A_dense=coefficients.A_DENSE,
-    D=coefficients.D_DENSE,
-)
-"""Dormand-Prince 8(5,3) with the dense output by Hairer, Norsett and Wanner, a polynomial of degree seven."""
-
-TSITOURAS = Explicit(
-    order=8,
-    dense_order=8,
-    estimate_order=6,
-    c=tsitouras.C,
-    A=tsitouras.A,
-    b=tsitouras.B,
-    E=tsitouras.E[None],
-    c_dense=tsitouras.C_DENSE,
-    A_dense=tsitouras.A_DENSE,
-    D=tsitouras.D_DENSE,
-)
-"""Tsitouras-Papakostas 8(6) with a dense output of degree seven (`integrators.tsitouras`)."""
+"""Runge-Kutta-Fehlberg 4(5) [MASS]; the solution of order 5 is carried on, ``b - E`` are weights of order 4."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,8 +90,8 @@ class Collocation:
         As in `Explicit`.
     c, A : ndarray, shapes (s,), (s, s)
     e : ndarray, shape (s,)
-        The error is estimated by ``(gamma / h - J)^-1 (f + sum e_i Z_i / h)`` with ``Z_i = U_i - u`` and gamma the
-        real eigenvalue of the inverse of A.
+        The error is estimated by ``(gamma / h - J)^-1 (f + sum e_i Z_i / h)`` with ``Z_i = U_i - u`` and gamma the real
+        eigenvalue of the inverse of A.
     """
 
     order: int
@@ -186,16 +121,16 @@ RADAU = Collocation(
 """Radau IIA of order 5 [EXU]."""
 
 NEWTON_STEPS = 7
-"""Iterations after which Newton's method counts as not converging (as in RADAU5)."""
+"""Iterations after which Newton's method counts as divergent (as in RADAU5)."""
 
 
 def root_mean_square(x: Array) -> float:
-    """Root mean square of the components."""
+    """Return the root mean square of the components."""
     return float(np.linalg.norm(x) / np.sqrt(x.size))
 
 
 def difference_quotients(derivative: Derivative, t: float, u: Array, f: Array) -> Array:
-    """Derivative of f by u from forward differences, shape (n_u, n_u); for n_u evaluations."""
+    """Return the Jacobian of f by forward differences, shape (n_u, n_u), from n_u evaluations."""
     J = np.empty((len(u), len(u)))
     for j in range(len(u)):
         moved = u.copy()
@@ -220,7 +155,7 @@ class ExplicitStep:
         """Forget earlier steps."""
 
     def attempt(self, t: float, u: Array, f: Array, h: float) -> tuple[Array, float]:
-        """End of a step of length h, shape (n_u,), and its scaled error: not finite where the step failed."""
+        """Return the end of a step of length h, shape (n_u,), and its scaled error; not finite where it failed."""
         method = self.method
         s, d = len(method.b), len(method.c_dense)
         k = self._k = np.empty((s + 1 + d, len(u)))
@@ -237,7 +172,15 @@ class ExplicitStep:
         return end, error
 
     def piece(self, t: float, u: Array, h: float, end: Array, f_end: Array) -> Nested:
-        """Dense output of the step attempted last, to a settled end and its derivative."""
+        """Return the dense output of the last attempted step.
+
+        Parameters
+        ----------
+        t, h : float, s
+            Start and length of the step.
+        u, end, f_end : ndarray, shape (n_u,)
+            Start, settled end, and the derivative at the settled end.
+        """
         method, k = self.method, self._k
         s = len(method.b)
         k[s] = f_end
@@ -247,7 +190,7 @@ class ExplicitStep:
 
 
 def _hermite(u: Array, end: Array, hf: Array, hf_end: Array) -> Array:
-    """F_0 to F_2, shape (3, n_u)."""
+    """Return F_0 to F_2, shape (3, n_u)."""
     change = end - u
     return np.array([change, hf - change, 2 * change - hf - hf_end])
 
@@ -305,7 +248,7 @@ class CollocationStep:
         return self._factors[1:]
 
     def attempt(self, t: float, u: Array, f: Array, h: float) -> tuple[Array, float]:
-        """End of a step of length h, shape (n_u,), and its scaled error: not finite where the step failed."""
+        """Return the end of a step of length h, shape (n_u,), and its scaled error; not finite where it failed."""
         if not self._J.size or self._slow:
             self._linearise(t, u, f)
         Z = self._solve(t, u, h)
@@ -321,7 +264,7 @@ class CollocationStep:
         return end, root_mean_square(lu_solve(real, f + self.method.e @ Z / h) / scale)
 
     def _solve(self, t: float, u: Array, h: float) -> Array | None:
-        """Z of a step by simplified Newton iteration, shape (3, n_u); None where it does not converge."""
+        """Solve for Z of a step by simplified Newton iteration, shape (3, n_u); None where it diverges."""
         method, scale = self.method, self._tolerance * (1.0 + np.abs(u))
         real, pair = self._factorise(h)
         Z: Array = np.zeros((3, len(u))) if self._last is None else self._last(t + method.c * h) - u
@@ -345,7 +288,12 @@ class CollocationStep:
         return None
 
     def piece(self, t: float, u: Array, h: float, end: Array, f_end: Array) -> Nested:
-        """Dense output of the step attempted last, to a settled end and its derivative."""
+        """Return the dense output of the last attempted step; arguments as of `ExplicitStep.piece`.
+
+        Parameters
+        ----------
+        t, h, u, end, f_end : see `ExplicitStep.piece`
+        """
         x = self.method.c[0]
         F = _hermite(u, end, h * self._f, h * f_end)
         slope = F[0] + (1 - 2 * x) * F[1] + x * (2 - 3 * x) * F[2]
@@ -364,7 +312,18 @@ def begin(
     tolerance: float,
     counters: dict[str, int],
 ) -> OneStep:
-    """Steps of the method of these coefficients; the counters gain those that it has."""
+    """Return the stepper of a method.
+
+    Parameters
+    ----------
+    method : Explicit or Collocation
+    derivative, jacobian : callable
+        ``f(t, u)``, shape (n_u,), and its Jacobian ``J(t, u, f)``, shape (n_u, n_u).
+    tolerance : float
+        Bound on the scaled local error.
+    counters : dict
+        Updated: gains the counters of the method.
+    """
     if isinstance(method, Explicit):
         return ExplicitStep(method, derivative, tolerance, counters)
     return CollocationStep(method, derivative, jacobian, tolerance, counters)

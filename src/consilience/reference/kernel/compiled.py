@@ -1,21 +1,19 @@
-"""Decorators of kernels: what Numba is to leave out.
+"""Decorators of kernels.
 
-Numba counts the users of every array of every tuple that a function is given, at each call, by instructions that lock
-the bus: of an evaluation that hands fifty arrays down ten calls this is most. A kernel that makes no array has nothing
-to free and need not count. It must not call one that answers with a new array either: nobody would free that
-(``tests/unit/test_compiled.py``). A kernel that is not marked inherits what its first caller is.
+Reference counting. Numba counts references to every array of every argument at each call, by atomic instructions. A
+kernel that makes no array frees nothing and need not count (``_nrt=False``). Such a kernel must not call a kernel that
+returns a new array, which would never be freed (``tests/unit/test_compiled.py``). Unmarked kernels inherit the
+reference-counting mode of their first caller.
 
-A product and a sum may become one instruction, rounded once (``contract``): a twentieth of the time. Numba leaves that
-out by itself, and so it is asked for; what else it calls fast (sums in another order, no NaN) is not. A machine without
-that instruction gives other last bits.
+Floating point. Of the fast modes only ``contract`` is on: a product and a sum may become one instruction, rounded once.
+Results may therefore differ in the last bits on a machine without fused multiply-add.
 
-What compiling takes grows with what is written out and with what is wrapped. `inlined` copies a kernel's instructions
-once for each kernel between it and the one that is compiled, with branches that None will rule out there: it is for a
-few lines. `inner` and `fused` compile a kernel to instructions once for its types and leave the rest to LLVM, where
-they end up (`linking`): only what Python calls becomes machine code, and needs code that takes its arguments out of
-their objects. That is `kernel`, and nothing else.
+Compilation time grows with the code that is copied and with wrappers. `inlined` copies a kernel into each kernel on the
+way to the compiled one, including branches pruned there: it is for a few lines. `inner` and `fused` compile a kernel to
+bitcode once for its types, and leave the rest to its callers (`linking`). Only `kernel` generates machine code and the
+wrapper that unboxes arguments from Python.
 
-What a mechanism is made of goes from kernel to kernel as one address (`held`), and not as some hundred arrays.
+The arrays of a mechanism are passed as one address: see `mechanism_record`.
 """
 
 from __future__ import annotations
@@ -33,16 +31,16 @@ kernel = njit(**_ALL, _nrt=False)
 """Decorator of a kernel that makes no array and that Python calls."""
 
 inner = njit(**_INNER, _nrt=False)
-"""Decorator of a kernel that makes no array and that Python never calls: the process would end there."""
+"""Decorator of a kernel that makes no array and that only kernels call; a call from Python would crash."""
 
 fused = njit(**_INNER, _nrt=False, forceinline=True)
-"""`inner`, and its machine code is to be part of that of its callers."""
+"""`inner`, with the code inlined into the callers by LLVM."""
 
 inlined = njit(**_ALL, _nrt=False, inline="always")
-"""Decorator of a kernel of a few lines that makes no array and is written out where it is called."""
+"""Decorator of a kernel of a few lines that makes no array and is copied where it is called."""
 
 threaded = njit(**_ALL, _nrt=False, nogil=True)
-"""`kernel` that lets other threads run."""
+"""`kernel` that releases the global interpreter lock."""
 
 allocating = njit(**_ALL, _nrt=True)
-"""Decorator of a kernel that makes arrays, or that calls one which answers with a new array."""
+"""Decorator of a kernel that makes arrays, or that calls a kernel which returns a new array."""

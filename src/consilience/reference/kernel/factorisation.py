@@ -1,7 +1,7 @@
-"""Rank-revealing factorisation for constrained accelerations, compiled.
+"""Rank-revealing factorisation for constrained accelerations.
 
-Householder QR with column pivoting, ``B P = H R`` [Golub and Van Loan, Matrix Computations, section 5.5.6]. It
-works on ``B = L^-1 Q^T`` itself, never on ``Q M^-1 Q^T``, whose condition number is the square.
+Householder QR with column pivoting, ``B P = H R`` [Golub and Van Loan, Matrix Computations, section 5.5.6], of
+``B = L^-1 Q^T``; never of ``Q M^-1 Q^T``, whose condition number is the square.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from consilience.reference.kernel.compiled import inner, kernel
 
 @kernel
 def pivoted_qr(B: Array, tau: Array, pivot: Array, norms: Array, size: float, limit: int) -> int:
-    """Factorise B in place: R above the diagonal and on it, Householder vectors below (first entry 1 implied).
+    """Factorise B in place: R on and above the diagonal, Householder vectors below (first entry 1 implied).
 
     Parameters
     ----------
@@ -22,12 +22,12 @@ def pivoted_qr(B: Array, tau: Array, pivot: Array, norms: Array, size: float, li
     tau : ndarray, shape (min(n, q),)
     pivot : ndarray of int, shape (q,)
     norms : ndarray, shape (q,)
-        Work space: squared norms of the remaining columns.
+        Work array: squared norms of the remaining columns.
     size : float
-        Size below which the rank is not measured against the first diagonal entry: that of columns which do count.
+        Norm of columns that count: the rank is measured against the first diagonal entry, or against this if larger.
     limit : int
-        Most columns to take: the rank where it is known. Columns that depend on others at a pose where the
-        constraints hold seem independent a little off it.
+        Largest number of columns to take: the rank, where known. Columns that are dependent on the constraint manifold
+        appear independent slightly off it.
 
     Returns
     -------
@@ -50,7 +50,7 @@ def pivoted_qr(B: Array, tau: Array, pivot: Array, norms: Array, size: float, li
                 best = c
         if k == 0:
             smallest = max(smallest, RANK_TOLERANCE**2 * norms[best])
-        if norms[best] <= smallest:  # and on with what is not a number, so that it shows
+        if norms[best] <= smallest:  # false for NaN, which then shows in the result
             return k
         if best != k:
             pivot[k], pivot[best] = pivot[best], pivot[k]
@@ -62,10 +62,10 @@ def pivoted_qr(B: Array, tau: Array, pivot: Array, norms: Array, size: float, li
 
 @inner
 def ordered_qr(B: Array, tau: Array, size: float, count: int) -> int:
-    """Factorise the first `count` columns of B in place, in the order they have; return and `size` as `pivoted_qr`.
+    """Factorise the first `count` columns of B in place, without pivoting; returns and `size` as in `pivoted_qr`.
 
-    For rows that a projection has found independent. Off the manifold, in the stages of a step, rows that depend on
-    them contradict them, and a choice made anew in each stage would make the accelerations jump from stage to stage.
+    For rows that a projection has found independent. Off the manifold, in the stages of a step, dependent rows
+    contradict them, and a new selection in each stage would make the accelerations jump from stage to stage.
     """
     smallest = (RANK_TOLERANCE * size) ** 2
     for k in range(count):
@@ -82,7 +82,7 @@ def ordered_qr(B: Array, tau: Array, size: float, count: int) -> int:
 
 @inner
 def _reflect(B: Array, tau: Array, k: int, norm: float, q: int) -> None:
-    """Householder step k: zero column k below the diagonal and update the columns behind it, of q in all."""
+    """Zero column k below the diagonal, and update the columns behind it up to q (Householder step k)."""
     n = B.shape[0]
     alpha = -norm if B[k, k] > 0 else norm
     head = B[k, k] - alpha
@@ -102,12 +102,15 @@ def _reflect(B: Array, tau: Array, k: int, norm: float, q: int) -> None:
 
 @kernel
 def least_norm(B: Array, tau: Array, pivot: Array, rank: int, c: Array, z: Array) -> None:
-    """Vector z of least norm with ``B^T z = c`` on the independent rows, from `pivoted_qr`.
+    """Compute z of least norm with ``B^T z = c`` on the independent rows, from `pivoted_qr`.
 
     ``R11^T y = (P^T c)[:rank]``, then ``z = H [y; 0]``. Dependent rows are satisfied because c is consistent.
 
     Parameters
     ----------
+    B, tau, pivot : ndarray
+        Factors from `pivoted_qr`.
+    rank : int
     c : ndarray, shape (q,)
     z : ndarray, shape (n,)
         Overwritten.

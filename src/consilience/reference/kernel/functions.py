@@ -1,6 +1,7 @@
-"""Functions given by data, as flat arrays, compiled: value, first and second derivative at a point.
+"""Functions given by data (`consilience.mechanism.functions`), compiled: value, first and second derivative at a point.
 
-See `consilience.mechanism.functions`. All functions of a mechanism stand behind one another in the same arrays.
+A function is the sum of a polynomial, harmonics ``a sin(w x + phi)`` and a table of quintic pieces. All functions of a
+mechanism lie one behind the other in the same arrays.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ class Functions(NamedTuple):
 
 
 def flatten_functions(functions: Sequence[Function]) -> Functions:
-    """Flat arrays of functions."""
+    """Return the flat arrays of functions."""
     pieces = [f.table.pieces if f.table is not None else np.zeros((0, 8)) for f in functions]
     counts = [[len(f.polynomial), len(f.harmonics), len(p)] for f, p in zip(functions, pieces, strict=True)]
     return Functions(
@@ -40,7 +41,7 @@ def flatten_functions(functions: Sequence[Function]) -> Functions:
 
 @inner
 def _table(functions: Functions, n: int, x: float) -> Vector:
-    """Value and two derivatives of the table of function n; NaN outside a table that is not periodic."""
+    """Return value and two derivatives of the table of function n; NaN outside a table that is not periodic."""
     first, last = functions.first[n, 2], functions.first[n + 1, 2] - 1
     left = functions.pieces[first, 0]
     if functions.period[n] > 0.0:
@@ -64,7 +65,7 @@ def _table(functions: Functions, n: int, x: float) -> Vector:
 
 @kernel
 def evaluate(functions: Functions, n: int, x: float) -> Vector:
-    """Value, first and second derivative of function n at x."""
+    """Return value, first and second derivative of function n at x."""
     value = rate = acceleration = 0.0
     for k in range(functions.first[n + 1, 0] - 1, functions.first[n, 0] - 1, -1):
         acceleration = acceleration * x + 2.0 * rate

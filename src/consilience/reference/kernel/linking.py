@@ -1,8 +1,7 @@
-"""Kernels that only kernels call: what Numba does for them is left to those that Python calls.
+"""Inner kernels: only LLVM bitcode is kept; machine code is generated in their callers.
 
-Numba optimises every kernel, with all that it calls, and makes machine code of it, which nobody runs where Python does
-not call it: its callers take its instructions, and optimise and translate them once more. Here an inner kernel is left
-at its instructions. They are optimised where they end up.
+Numba optimises every kernel with all kernels that it calls, and generates machine code, which is never run for a kernel
+that Python does not call: the callers take its bitcode, and optimise and translate it again.
 """
 
 from __future__ import annotations
@@ -14,14 +13,14 @@ from numba.core.compiler import Compiler
 
 
 class _NoMachineCode:
-    """Of an inner kernel: its codegen, which has no machine code to tell of its environment."""
+    """Code generator of an inner kernel, which has no machine code whose environment could be set."""
 
     def set_env(self, name: str, environment: Any) -> None:
-        """Nothing: callers have an environment of their own."""
+        """Do nothing: the callers have environments of their own."""
 
 
 class InnerLibrary(JITCodeLibrary):  # type: ignore[misc]
-    """Instructions of a kernel and of those that it calls, for its callers."""
+    """Bitcode of a kernel and of the kernels that it calls."""
 
     codegen = _NoMachineCode()
 
@@ -33,19 +32,19 @@ class InnerLibrary(JITCodeLibrary):  # type: ignore[misc]
         self._finalized = True
 
     def get_pointer_to_function(self, name: str) -> int:
-        """Zero, which to Numba is no machine code."""
+        """Return zero, which means no machine code to Numba."""
         self._ensure_finalized()
         return 0
 
     def serialize_using_object_code(self) -> Any:
-        """What the cache keeps: instructions."""
+        """Return bitcode for the cache."""
         return self.serialize_using_bitcode()
 
 
 class InnerCompiler(Compiler):  # type: ignore[misc]
-    """Numba's compiler, up to the instructions."""
+    """Numba's compiler up to bitcode."""
 
     def define_pipelines(self) -> list[Any]:
-        """The usual passes, into a library of ours."""
+        """Return the usual passes, with an `InnerLibrary`."""
         self.state.library = InnerLibrary(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
         return super().define_pipelines()

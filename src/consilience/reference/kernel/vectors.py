@@ -1,7 +1,6 @@
-"""Three-vectors as tuples inside compiled kernels: on the stack, no allocation, formulas that read as on paper.
+"""Three-vectors as tuples in kernels: on the stack, without allocation.
 
-All kernels of the reference divide as NumPy does: a quotient by zero is not finite, and whoever called the kernel turns
-that into a `NumericalFailure`.
+Kernels divide as NumPy does: a quotient by zero is not finite, and the caller in Python raises `NumericalFailure`.
 """
 
 from __future__ import annotations
@@ -14,25 +13,25 @@ Vector = tuple[float, float, float]
 
 @inlined
 def load(a: Array) -> Vector:
-    """First three entries of an array."""
+    """Return the first three entries of an array."""
     return a[0], a[1], a[2]
 
 
 @inlined
 def column(R: Array, k: int) -> Vector:
-    """Column k of a 3 x 3 matrix."""
+    """Return column k of a 3 x 3 matrix."""
     return R[0, k], R[1, k], R[2, k]
 
 
 @inlined
 def store(a: Array, v: Vector, factor: float) -> None:
-    """``a[:3] = factor v``."""
+    """Compute ``a[:3] = factor v``."""
     a[0], a[1], a[2] = factor * v[0], factor * v[1], factor * v[2]
 
 
 @inlined
 def accumulate(a: Array, v: Vector) -> None:
-    """``a[:3] += v``."""
+    """Compute ``a[:3] += v``."""
     a[0] += v[0]
     a[1] += v[1]
     a[2] += v[2]
@@ -40,37 +39,37 @@ def accumulate(a: Array, v: Vector) -> None:
 
 @inlined
 def add(a: Vector, b: Vector) -> Vector:
-    """``a + b``."""
+    """Return ``a + b``."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 @inlined
 def sub(a: Vector, b: Vector) -> Vector:
-    """``a - b``."""
+    """Return ``a - b``."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
 @inlined
 def scale(s: float, a: Vector) -> Vector:
-    """``s a``."""
+    """Return ``s a``."""
     return s * a[0], s * a[1], s * a[2]
 
 
 @inlined
 def dot(a: Vector, b: Vector) -> float:
-    """Scalar product."""
+    """Return the scalar product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @inlined
 def cross(a: Vector, b: Vector) -> Vector:
-    """Vector product."""
+    """Return the vector product."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @inlined
 def rotate(R: Array, a: Vector) -> Vector:
-    """``R a``."""
+    """Return ``R a``."""
     return (
         R[0, 0] * a[0] + R[0, 1] * a[1] + R[0, 2] * a[2],
         R[1, 0] * a[0] + R[1, 1] * a[1] + R[1, 2] * a[2],
@@ -80,7 +79,7 @@ def rotate(R: Array, a: Vector) -> Vector:
 
 @inlined
 def rotate_back(R: Array, a: Vector) -> Vector:
-    """``R^T a``."""
+    """Return ``R^T a``."""
     return (
         R[0, 0] * a[0] + R[1, 0] * a[1] + R[2, 0] * a[2],
         R[0, 1] * a[0] + R[1, 1] * a[1] + R[2, 1] * a[2],
@@ -90,6 +89,6 @@ def rotate_back(R: Array, a: Vector) -> Vector:
 
 @inner
 def assign(into: Array, values: Array) -> None:
-    """``into = values`` for one-dimensional arrays of any length; a slice would be an array more."""
+    """Copy a one-dimensional array; a slice would make another array object."""
     for n in range(into.shape[0]):
         into[n] = values[n]

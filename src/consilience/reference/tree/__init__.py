@@ -1,6 +1,43 @@
-"""Minimal form in relative joint coordinates along a spanning tree, with cut joints: the fast way to a motion.
+"""Relative joint coordinates along a spanning tree, loops closed by cut joints: the fastest form of a motion.
 
-The equations are those of `consilience.reference.formulations.recursive` [C4 (4.99)-(4.110), Featherstone 2008], but
-the state is that of the joints of the tree and not that of all bodies, so that a tree needs no projection and a loop
-only one in its own coordinates; and one direction is eliminated after the other, without small matrices.
+The equations are those of `consilience.reference.formulations.recursive` [C4 (4.99)-(4.110), Featherstone 2008]. The
+state holds the coordinates of the tree joints instead of all bodies: a tree needs no projection, a loop only one in
+these coordinates, and the free directions are eliminated one at a time, without small matrices.
+
+The files in reading order:
+
+====================  =================================================================================
+arrays                the state z, the arrays of the kernels, and their common arguments
+records               columns of the tables of links and of free directions in space
+cut_joints            table of the joints that close loops
+loop_groups           groups of rows that close loops, in the order of their elimination
+kinematics            positions and velocities of links and bodies, outward along the tree
+inertia               articulated inertias as tuples
+articulated           articulated-body algorithm: inward and outward sweep
+loop_rows             rows of cut joints as wrenches on links; their residuals
+multifrontal          QR of the whitened responses of the tree to the rows, front by front
+reduced               arrays of `few_freedoms`
+few_freedoms          elimination of the rows where few freedoms are left
+plane                 columns of the tables in a plane
+planar_detection      mechanisms that move in parallel planes
+planar                sweeps and responses in a plane
+planar_rows           rows and force elements in a plane
+either                calls of the kernels of space or of a plane
+dynamics              accelerations and state derivative
+closing               projection of a state by elimination
+projection            projection of a state, selection of independent rows, ends of steps
+state                 state z of a canonical state
+step_control          component sizes and step lengths
+methods               the explicit Runge-Kutta pairs
+explicit_rk           integrator: explicit pairs of order 8
+gauss                 integrator: collocation of order 16
+radau_coefficients    coefficients of Radau IIA of order 13
+radau13               integrator: Radau IIA of order 13
+taylor_series         Taylor coefficients of a planar tree
+taylor_rows           Taylor coefficients of its loop closures
+taylor                integrator: Taylor's method
+forward_dynamics      accelerations at one state, many states, many parameter sets
+solver                motions of a mechanism, from canonical states to canonical states
+formulation           the form behind the protocol of all formulations
+====================  =================================================================================
 """

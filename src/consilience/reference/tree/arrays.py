@@ -1,76 +1,112 @@
-"""The state of the joints of a spanning tree, and the arrays of the kernels.
+"""State of the tree joints, arrays of the kernels, and the arguments that the kernels of this package share.
 
-The state z has three parts: coordinates, speeds of the N free directions, integrals of controllers. The coordinates of
-a tree joint are those of M relative to F: displacements along the free axes of F, then the angle about z of F
-(revolute), the angles about z of F and x of M (universal), or Euler parameters (ball). No chart of these is singular.
-Speeds are the rates of the first ones, and for a ball the angular velocity of M relative to F in axes of F.
+State. The vector z consists of coordinates, speeds of the N free directions, and integrals of controllers. The
+coordinates of a tree joint are those of frame M relative to frame F: displacements along the free axes of F, then the
+angle about z of F (revolute), the angles about z of F and x of M (universal), or Euler parameters (ball); none of these
+charts is singular. A speed is the rate of a coordinate; the speeds of a ball are the angular velocity of M relative to
+F in axes of F.
 
-Kernels are given these tuples `held`: one address each.
+Sizes. n_b links (one for each body), N free directions, n_z components of z, q rows that close loops (of cut joints,
+drives, couplings and contacts), G groups of such rows, n_e rows that hold integrals of controllers.
+
+Common arguments. Kernels take the groups of arrays below as `kernel.mechanism_record` records. Lengths are in m,
+angles in rad, forces in N, torques in N m. Motions and wrenches are (linear, angular) in world axes at the centre of
+mass of a link; in a plane they have three components in the axes e_1, e_2, n of `planar_detection`.
+
+tree : TreeArrays
+    Tables of links and free directions, and the bodies.
+closure : LoopClosure
+    Loops and the arrays that their kernels write; None for a tree with gravity alone (or any tree in a plane).
+spatial : SpatialArrays or None
+    Arrays of the kernels of space; None for a mechanism in a plane.
+elements : TreeElements or None
+    Force elements and rows of other constraints than joints; None without them, and in a plane.
+planar : PlanarArrays or None
+    Arrays of the kernels of a plane; None in space.
+link, free : ndarray, shapes (n_b + 1, LINK_WIDTH) and (N, FREE_WIDTH)
+    The tables of links (last row: the ground) and of free directions, columns by `records` or `plane`.
+layout : ndarray of int, shape (n_b, 9)
+    Topology of the tree: columns PARENT to FREE_END.
+loops, qr : Loops and MultifrontalQR
+    See `loop_groups`; their arrays group, touched, path, own_directions, owner and W, wrench, F, tau, x, y, order,
+    state, active, target are arguments of their own in inner kernels.
+elimination : EliminationArrays
+    See `reduced`.
+t, z, dz, u : float, ndarrays of shapes (n_z,), (n_z,), (N,)
+    Time in s, state, its derivative, accelerations (or displacements) of the free directions.
+first_speed : int
+    Index of the first speed in z.
+velocity_terms : float
+    Factor of the accelerations quadratic in velocities: 1 for accelerations, 0 for displacements.
+at_sample : bool
+    Whether the state is a sample, and its loops are to be closed to rounding.
+
+Numba prunes a branch ``if spatial is not None`` but not ``is None``: hence one argument for space, one for a plane.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from consilience.mechanism import Array, Mechanism
-from consilience.reference.bodies.arrays import Model, all_rows, flatten
+from consilience.reference.bodies.arrays import Model, Workspace, all_rows, flatten, workspace
 from consilience.reference.bodies.spanning_tree import TreeModel, flatten_tree
-from consilience.reference.bodies.workspace import Workspace, workspace
-from consilience.reference.kernel.held import hold
+from consilience.reference.kernel.mechanism_record import record_of
 from consilience.reference.tree import records
 from consilience.reference.tree.cut_joints import CutJoints, cut_joints
-from consilience.reference.tree.loop_groups import Fronts, Loops, find_loops, fronts
-from consilience.reference.tree.plane import Plane
-from consilience.reference.tree.reduced import Reduced, reduced
+from consilience.reference.tree.loop_groups import Loops, MultifrontalQR, find_loop_groups, multifrontal_arrays
+from consilience.reference.tree.plane import PlanarArrays
+from consilience.reference.tree.reduced import EliminationArrays, elimination_arrays
 
 DISTANCE, ANGLE, SPEED, SPIN, INTEGRAL = range(5)
-"""Kinds of the components of z: what a relative tolerance refers to."""
+"""Kinds of the components of z; a relative tolerance refers to the size of a kind."""
 
-PARENT, PARENT_BODY, BODY, FORWARD, COORDINATE, ALONG, ABOUT, FREE, FREE_END = range(9)
-"""Columns of `Links.layout`: parent link (-1: the ground), its body, the body of the link, whether the tree passes the
-joint from predecessor to successor, first coordinate, number of displacements, of directions about (3: a ball), first
-free direction and the one behind the last."""
+PARENT, PARENT_BODY, BODY, FORWARD, COORDINATE, TRANSLATIONS, ROTATIONS, FREE, FREE_END = range(9)
+"""Columns of `TreeLinks.layout`: parent link (-1: ground), body of the parent, body of the link, whether the tree
+passes the joint from predecessor to successor, first coordinate, numbers of displacements and of rotations (3: ball),
+first free direction and the one behind the last.
+"""
 
-LARGEST_RANK, LEAST, PIVOT = np.array([0, 1, 2])
-"""Entries of `Rest.best`: largest rank so far, and its largest least pivot, of the fronts and of `null_space`."""
+LARGEST_RANK, LEAST_FRONT_PIVOT, ELIMINATION_PIVOT = np.array([0, 1, 2])
+"""Entries of `LoopClosure.best`: largest rank so far, its largest least pivot in the fronts, and in `few_freedoms`."""
 
 
-class Links(NamedTuple):
-    """The tree: n_b links, each behind its parent; N free directions."""
+class TreeLinks(NamedTuple):
+    """Spanning tree of n_b links, each behind its parent, with N free directions."""
 
     layout: Array  # (n_b, 9)
-    real: Array  # (n_b, 31) constants of the links: columns NEAR to PLACED of `columns`
-    direction: Array  # (N, 3) axis of F (0) or M (1); number of the axis; along it (0) or about it (1)
-    kind: Array  # (n_z,) DISTANCE, ...
-    speeds: int  # first speed in z
-    integrals: int  # first integral in z
-    plain: bool  # no forces but gravity
-    free: bool  # that, and no rows to close: `articulated.free_accelerations` says all
-    other_rows: int  # rows that are not joints'
-    held: int  # rows that hold positions; those of rolling and skates stand behind them
+    constants: Array  # (n_b, 31) columns INBOARD_FRAME to CONSTANTS_END of `records`
+    direction: Array  # (N, 3) frame of the axis, F (0) or M (1); its number; displacement (0) or rotation (1)
+    kind: Array  # (n_z,) DISTANCE to INTEGRAL
+    first_speed: int  # index of the first speed in z
+    first_integral: int  # index of the first integral of a controller in z
+    gravity_only: bool  # no force elements
+    bare_tree: bool  # no force elements and no loops: `articulated.tree_accelerations` applies
+    other_rows: int  # number of rows of drives, couplings and contacts
+    position_rows: int  # number of rows that hold positions; velocity rows of rolling and skates follow
     loops: Loops
-    com: Array  # (n_b, 3) of the bodies, from their origins
+    com: Array  # (n_b, 3) centres of mass in axes of the bodies, m
 
 
-class Tree(NamedTuple):
-    """What an integrator reads of a tree without elements."""
+class TreeArrays(NamedTuple):
+    """Arrays of a tree, without force elements, for an integrator."""
 
     layout: Array
     kind: Array
-    link: Array  # (n_b + 1, LINK_WIDTH) rows of the links and of the ground: see `columns`
-    free: Array  # (N, FREE_WIDTH) rows of the directions
-    y: Array  # (n_b + n_e, 13) bodies, as the other kernels know them
+    link: Array  # (n_b + 1, LINK_WIDTH) links and, last, the ground: see `records`
+    free: Array  # (N, FREE_WIDTH) free directions
+    y: Array  # (n_b + n_e, 13) bodies as in `reference.bodies`, then integrals of controllers
     A: Array  # (n_b, 3, 3) rotation matrices
-    speeds: int
-    length: float  # of the mechanism, m
+    first_speed: int
+    length: float  # characteristic length of the mechanism, m
 
 
-class Space(NamedTuple):
-    """What kernels of space read beside both: bodies as other kernels know them. In a plane there is `plane.Plane`.
+class SpatialArrays(NamedTuple):
+    """Arrays that only kernels of space read: bodies as in `reference.bodies`, cut joints, elimination.
 
-    Where nothing reads them but samples, y and A are of the last sample.
+    Without elements y and A are those of the last sample.
     """
 
     y: Array
@@ -78,230 +114,241 @@ class Space(NamedTuple):
     mass: Array
     inertia_factor: Array
     joints: CutJoints
-    reduced: Reduced
+    elimination: EliminationArrays
 
 
-class Rest(NamedTuple):
-    """What loops need beside the tree, and the arrays that their kernels write into; q cut rows."""
+class LoopClosure(NamedTuple):
+    """The tree, its q rows that close loops, and the arrays that their kernels write."""
 
     layout: Array
     link: Array
     free: Array
-    speeds: int
+    first_speed: int
     length: float
-    held: int
+    position_rows: int
     loops: Loops
-    fronts: Fronts
+    qr: MultifrontalQR
     value: Array  # (q,) violations of the rows
-    gamma: Array  # (q,)
-    rate: Array  # (q,)
-    u: Array  # (N,) accelerations, or displacements, of the directions
-    limit: Array  # (1,) rank of the cut rows, where a projection has found it
-    best: Array  # (3,) LARGEST_RANK, LEAST, PIVOT
-    size: Array  # (1,) largest size of a cut row
+    gamma: Array  # (q,) right side of Q a = gamma
+    rate: Array  # (q,) right side of Q v = rate
+    u: Array  # (N,) accelerations, or displacements, of the free directions
+    rank_limit: Array  # (1,) rank of the rows from the last projection
+    best: Array  # (3,) LARGEST_RANK to ELIMINATION_PIVOT
+    row_norm: Array  # (1,) largest row, `loop_rows.largest_row`; zero before it is known
 
 
-class Elements(NamedTuple):
-    """What elements and rows that are not joints' need beside both."""
+class TreeElements(NamedTuple):
+    """Data for force elements and for constraints other than joints."""
 
     model: Model
-    cut: Model
-    memory: Array  # joint coordinates that elements read, turns counted
-    rows: Workspace
-    integrals: int
-    plain: bool
+    cut: Model  # the mechanism with only the rows that close loops
+    turns: Array  # (n_c,) joint coordinates that elements read, turns counted
+    rows: Workspace  # of `cut`
+    first_integral: int
+    gravity_only: bool
     other_rows: int
 
 
-class System(NamedTuple):
-    """A mechanism for the kernels: they are compiled for trees, for linkages, for those with elements, and in a plane.
-
-    Where an argument is None, Numba leaves out what is done only where it is not; the reverse it does not. So there is
-    one argument for space and one for a plane, and one of them is None.
-    """
-
-    tree: Tree
-    rest: Rest
-    space: Space | None
-    elements: Elements | None  # None where there are only joints and gravity, and in a plane
-    plane: Plane | None
+Spatial: TypeAlias = SpatialArrays | None
+Planar: TypeAlias = PlanarArrays | None
+"""Arrays of space and of a plane: one of the two is None."""
 
 
-class Run(NamedTuple):
-    """What an integrator reads and writes; kernels are given it `held`."""
+class TreeSystem(NamedTuple):
+    """All arrays of a mechanism; kernels are compiled once for each combination of those that are None."""
 
-    tree: Tree
-    rest: Rest | None  # None where the tables of the tree (and of a plane) say all
-    space: Space | None
-    elements: Elements | None
-    plane: Plane | None
-    scratch: NamedTuple  # of the integrator
+    tree: TreeArrays
+    closure: LoopClosure
+    spatial: Spatial
+    elements: TreeElements | None
+    planar: Planar
 
 
-def flatten_relative(mechanism: Mechanism) -> tuple[Links, TreeModel, Model]:
-    """Flat arrays of the tree, its coordinates, and the mechanism."""
+class KernelArguments(NamedTuple):
+    """Record of the arguments of an integrator; see the module."""
+
+    tree: TreeArrays
+    closure: LoopClosure | None
+    spatial: Spatial
+    elements: TreeElements | None
+    planar: Planar
+    scratch: NamedTuple  # work arrays of the integrator
+
+
+def flatten_relative(mechanism: Mechanism) -> tuple[TreeLinks, TreeModel, Model]:
+    """Return the spanning tree, its coordinates and the mechanism as flat arrays."""
     tree, model = flatten_tree(mechanism), flatten(mechanism)
-    index, kinds, speeds = [], list[int](), list[int]()
+    rows, kinds, speed_kinds = [], list[int](), list[int]()
     for k, body in enumerate(tree.body):
         first, last = int(tree.first_free[k]), int(tree.first_free[k + 1])
         turns = int(np.sum(tree.direction[first:last, 2]))
         along = last - first - turns
         parent = int(tree.parent[k])
         carrier = -1 if parent < 0 else int(tree.body[parent])
-        index.append([parent, carrier, int(body), bool(tree.sign[k] > 0), len(kinds), along, turns, first, last])
+        rows.append([parent, carrier, int(body), bool(tree.sign[k] > 0), len(kinds), along, turns, first, last])
         kinds += [DISTANCE] * along + [ANGLE] * (turns if turns < 3 else 4)
-        speeds += [SPEED] * along + [SPIN] * turns
+        speed_kinds += [SPEED] * along + [SPIN] * turns
     elements = (mechanism.springs, mechanism.joint_springs, mechanism.loads, mechanism.frictions, mechanism.controls)
     cut = tree.cut
-    layout = np.array(index, dtype=np.int64)
-    links = Links(
+    layout = np.array(rows, dtype=np.int64)
+    links = TreeLinks(
         layout=layout,
-        real=link_constants(tree, model),
+        constants=link_constants(tree, model),
         direction=tree.direction,
-        kind=np.array([*kinds, *speeds, *[INTEGRAL] * len(mechanism.controls)], dtype=np.int64),
-        speeds=len(kinds),
-        integrals=len(kinds) + len(speeds),
-        plain=not any(elements),
-        free=not any(elements) and not tree.cut_rows,
+        kind=np.array([*kinds, *speed_kinds, *[INTEGRAL] * len(mechanism.controls)], dtype=np.int64),
+        first_speed=len(kinds),
+        first_integral=len(kinds) + len(speed_kinds),
+        gravity_only=not any(elements),
+        bare_tree=not any(elements) and not tree.cut_rows,
         other_rows=int(tree.cut_rows - len(cut.row_kind)),
-        held=all_rows(cut) - 2 * len(cut.rolling_body) - len(cut.skate_body),
-        loops=find_loops(layout, len(speeds), cut),
+        position_rows=all_rows(cut) - 2 * len(cut.rolling_body) - len(cut.skate_body),
+        loops=find_loop_groups(layout, len(speed_kinds), cut),
         com=np.array([body.com for body in mechanism.bodies]),
     )
-    return hold(links), tree, model
+    return record_of(links), tree, model
 
 
 def link_constants(tree: TreeModel, model: Model) -> Array:
-    """Constants of the links, shape (n_b, 31): columns NEAR to PLACED of `columns`."""
+    """Return the constants of the links, shape (n_b, 31): columns INBOARD_FRAME to CONSTANTS_END of `records`."""
     forward = tree.sign > 0
     on_i, on_j = model.axes_i[tree.joint], model.axes_j[tree.joint]
     arm_i, arm_j = model.arm_i[tree.joint], model.arm_j[tree.joint]
-    near, own = np.where(forward[:, None, None], on_i, on_j), np.where(forward[:, None, None], on_j, on_i)
-    arm_near, arm_own = np.where(forward[:, None], arm_i, arm_j), np.where(forward[:, None], arm_j, arm_i)
-    # a parent of -1 is the last one here, the ground
-    base = np.concatenate([own, np.eye(3)[None]])[tree.parent]
-    turned = np.swapaxes(own, 1, 2)
-    inertia = turned @ model.inertia[tree.body] @ own
+    inboard, outboard = np.where(forward[:, None, None], on_i, on_j), np.where(forward[:, None, None], on_j, on_i)
+    arm_inboard, arm_outboard = np.where(forward[:, None], arm_i, arm_j), np.where(forward[:, None], arm_j, arm_i)
+    # parent -1 selects the last entry, the ground
+    base = np.concatenate([outboard, np.eye(3)[None]])[tree.parent]
+    turned = np.swapaxes(outboard, 1, 2)
+    inertia = turned @ model.inertia[tree.body] @ outboard
     parts = [
-        np.swapaxes(np.swapaxes(base, 1, 2) @ near, 1, 2).reshape(-1, 9),
-        np.einsum("kji,kj->ki", base, arm_near),
-        np.einsum("kij,kj->ki", turned, arm_own),
+        np.swapaxes(np.swapaxes(base, 1, 2) @ inboard, 1, 2).reshape(-1, 9),
+        np.einsum("kji,kj->ki", base, arm_inboard),
+        np.einsum("kij,kj->ki", turned, arm_outboard),
         model.mass[tree.body][:, None],
         inertia[:, *np.triu_indices(3)],
-        own.reshape(-1, 9),
+        outboard.reshape(-1, 9),
     ]
     return np.hstack(parts)
 
 
-def link_table(links: Links, gravity: Array) -> Array:
-    """Rows of the links and of the ground, shape (n_b + 1, LINK_WIDTH), nothing placed yet."""
+def link_table(links: TreeLinks, gravity: Array) -> Array:
+    """Return the table of links and ground, shape (n_b + 1, LINK_WIDTH), with constants alone."""
     table = np.zeros((len(links.layout) + 1, records.LINK_WIDTH))
     rows, layout = table[:-1], links.layout
     rows[:, records.PARENT] = layout[:, PARENT]
-    rows[:, records.ONE_TURN] = (layout[:, ALONG] == 0) & (layout[:, ABOUT] == 1)
+    rows[:, records.REVOLUTE] = (layout[:, TRANSLATIONS] == 0) & (layout[:, ROTATIONS] == 1)
     rows[:, records.SENSE] = 2.0 * layout[:, FORWARD] - 1.0
     rows[:, records.COORDINATE : records.LAST + 1] = layout[:, COORDINATE:]
-    rows[:, records.NEAR : records.PLACED] = links.real
+    rows[:, records.INBOARD_FRAME : records.CONSTANTS_END] = links.constants
     table[-1, records.GRAVITY : records.GRAVITY + 3] = gravity
-    table[-1, records.COORDINATE] = links.speeds
+    table[-1, records.COORDINATE] = links.first_speed
     table[-1, [records.X, records.X + 4, records.X + 8]] = 1.0
     return table
 
 
-def free_table(links: Links) -> Array:
-    """Rows of the directions, shape (N, FREE_WIDTH)."""
+def free_table(links: TreeLinks) -> Array:
+    """Return the table of free directions, shape (N, FREE_WIDTH)."""
     table = np.zeros((len(links.direction), records.FREE_WIDTH))
     table[:, records.AXIS] = 3 * links.direction[:, 0] + links.direction[:, 1]
     return table
 
 
-def tree_arrays(links: Links, length: float, link: Array, free: Array, integrals: int) -> Tree:
-    """What a tree without elements needs; link and free are its tables."""
+def tree_arrays(links: TreeLinks, length: float, link: Array, free: Array, controllers: int) -> TreeArrays:
+    """Return the arrays of a tree without elements.
+
+    Parameters
+    ----------
+    links : TreeLinks
+    length : float, m
+        Characteristic length of the mechanism.
+    link, free : ndarray
+        Tables of links and free directions; see the module.
+    controllers : int
+        Number of integrals, which y has rows of 13 numbers for.
+    """
     n = len(links.layout)
-    return Tree(
+    return TreeArrays(
         layout=links.layout,
         kind=links.kind,
         link=link,
         free=free,
-        y=np.zeros((n + -(-integrals // 13), 13)),
+        y=np.zeros((n + -(-controllers // 13), 13)),
         A=np.zeros((n, 3, 3)),
-        speeds=links.speeds,
+        first_speed=links.first_speed,
         length=length,
     )
 
 
-def closing_arrays(tree: Tree, loops: Loops, held: int, width: int) -> Rest:
-    """What loops need beside the tree; wrenches and motions are of 6 numbers, or 3 in a plane."""
+def loop_closure(tree: TreeArrays, loops: Loops, position_rows: int, width: int) -> LoopClosure:
+    """Return the arrays of loop closure; a wrench or motion has `width` components, 6 in space and 3 in a plane."""
     q = len(loops.touched)
     value, gamma, rate = np.zeros((3, q))
-    return Rest(
-        *(tree.layout, tree.link, tree.free, tree.speeds, tree.length),
-        held=held,
+    return LoopClosure(
+        *(tree.layout, tree.link, tree.free, tree.first_speed, tree.length),
+        position_rows=position_rows,
         loops=loops,
-        fronts=fronts(loops, len(tree.layout), width),
+        qr=multifrontal_arrays(loops, len(tree.layout), width),
         value=value,
         gamma=gamma,
         rate=rate,
         u=np.zeros(len(tree.free)),
-        limit=np.array([q], dtype=np.int64),
+        rank_limit=np.array([q], dtype=np.int64),
         best=np.zeros(3),
-        size=np.zeros(1),
+        row_norm=np.zeros(1),
     )
 
 
-def system(mechanism: Mechanism, links: Links, spanning: TreeModel, model: Model) -> System:
-    """Arrays of the kernels, those that they write into new."""
+def tree_system(mechanism: Mechanism, links: TreeLinks, spanning: TreeModel, model: Model) -> TreeSystem:
+    """Return the arrays of a mechanism in space; those that kernels write are new."""
     cut = spanning.cut
     table = link_table(links, mechanism.gravity)
     tree = tree_arrays(links, model.length, table, free_table(links), len(mechanism.controls))
-    rest = closing_arrays(tree, links.loops, links.held, 6)
-    few = reduced(len(rest.value), tree.layout, len(tree.free))
-    space = Space(tree.y, tree.A, model.mass, model.inertia_factor, cut_joints(spanning, model), few)
-    if links.plain and not links.other_rows:
-        return System(tree, rest, space, None, None)
-    memory, rows = np.zeros(len(model.coordinate)), workspace(cut)._replace(A=tree.A)
-    rest = rest._replace(value=rows.value, gamma=rows.gamma, rate=rows.rate)
-    elements = Elements(model, cut, memory, rows, links.integrals, links.plain, links.other_rows)
-    return System(tree, rest, space, elements, None)
+    closure = loop_closure(tree, links.loops, links.position_rows, 6)
+    elimination = elimination_arrays(len(closure.value), tree.layout, len(tree.free))
+    spatial = SpatialArrays(tree.y, tree.A, model.mass, model.inertia_factor, cut_joints(spanning, model), elimination)
+    if links.gravity_only and not links.other_rows:
+        return TreeSystem(tree, closure, spatial, None, None)
+    turns, rows = np.zeros(len(model.coordinate)), workspace(cut)._replace(A=tree.A)
+    closure = closure._replace(value=rows.value, gamma=rows.gamma, rate=rows.rate)
+    elements = TreeElements(model, cut, turns, rows, links.first_integral, links.gravity_only, links.other_rows)
+    return TreeSystem(tree, closure, spatial, elements, None)
 
 
-def renewed(given: System) -> System:
-    """The same system with arrays of its own to write into, in the state in which they are given.
-
-    It takes a third of the time that `system` does.
-    """
+def with_own_arrays(given: TreeSystem) -> TreeSystem:
+    """Return the same system with copies of all arrays that kernels write."""
     link, free, y, A = (array.copy() for array in given.tree[2:6])
     tree = given.tree._replace(link=link, free=free, y=y, A=A)
-    rest, elements = given.rest, given.elements
-    value, gamma, rate = rest.value.copy(), rest.gamma.copy(), rest.rate.copy()
+    closure, elements = given.closure, given.elements
+    value, gamma, rate = closure.value.copy(), closure.gamma.copy(), closure.rate.copy()
     if elements is not None:
         rows = Workspace(*(array.copy() for array in elements.rows))
         rows = rows._replace(A=A, value=value, gamma=gamma, rate=rate)
-        elements = elements._replace(memory=elements.memory.copy(), rows=rows)
-    rest = rest._replace(
+        elements = elements._replace(turns=elements.turns.copy(), rows=rows)
+    closure = closure._replace(
         link=link,
         free=free,
         value=value,
         gamma=gamma,
         rate=rate,
-        fronts=Fronts(*(array.copy() for array in rest.fronts)),
-        u=rest.u.copy(),
-        limit=rest.limit.copy(),
-        best=rest.best.copy(),
-        size=rest.size.copy(),
+        qr=MultifrontalQR(*(array.copy() for array in closure.qr)),
+        u=closure.u.copy(),
+        rank_limit=closure.rank_limit.copy(),
+        best=closure.best.copy(),
+        row_norm=closure.row_norm.copy(),
     )
-    space = given.space
-    if space is not None:
-        space = space._replace(y=y, A=A, reduced=Reduced(*(array.copy() for array in space.reduced)))
-    return System(tree, rest, space, elements, given.plane)
+    spatial = given.spatial
+    if spatial is not None:
+        spatial = spatial._replace(
+            y=y, A=A, elimination=EliminationArrays(*(array.copy() for array in spatial.elimination))
+        )
+    return TreeSystem(tree, closure, spatial, elements, given.planar)
 
 
-def lasting(used: System, given: System) -> list[tuple[Array, Array]]:
-    """What one motion would leave to the next, and as it was: rows chosen, what rows and pivots have been, turns."""
-    return list(zip(_lasting(used), _lasting(given), strict=True))
+def persistent_arrays(used: TreeSystem, given: TreeSystem) -> list[tuple[Array, Array]]:
+    """Return pairs of arrays that one motion would leave changed for the next, and their initial values."""
+    return list(zip(_persistent(used), _persistent(given), strict=True))
 
 
-def _lasting(arrays: System) -> list[Array]:
-    rest = arrays.rest
-    memory = [] if arrays.elements is None else [arrays.elements.memory]
-    return [rest.fronts.order, rest.fronts.state, rest.limit, rest.best, rest.size, *memory]
+def _persistent(arrays: TreeSystem) -> list[Array]:
+    closure = arrays.closure
+    turns = [] if arrays.elements is None else [arrays.elements.turns]
+    return [closure.qr.order, closure.qr.state, closure.rank_limit, closure.best, closure.row_norm, *turns]

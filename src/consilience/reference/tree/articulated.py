@@ -1,11 +1,11 @@
-"""Articulated bodies, one free direction eliminated after the other [Featherstone 2008, table 7.1].
+"""Articulated-body algorithm, one free direction eliminated after the other [Featherstone 2008, table 7.1].
 
-From the tips to the ground, for the directions of a link last to first,
+Inward, for the directions of a link from last to first,
 
     U = I^A s,   D = s . U,   r = -s . p^A,   I^A <- I^A - U U^T / D,   p^A <- p^A + U r / D,
 
 which for a joint of several directions is the block elimination of the table, and then, with c of the whole joint and
-X = [1 -~d; 0 1] to the parent, ``I^A_p += X^T I^A X``, ``p^A_p += X^T (p^A + I^A c)``. Outward again,
+X = [1 -~d; 0 1] to the parent, ``I^A_p += X^T I^A X``, ``p^A_p += X^T (p^A + I^A c)``. Outward,
 
     a' = X a_p + c,   u = (r - U . a') / D,   a' <- a' + s u.
 
@@ -17,143 +17,135 @@ from __future__ import annotations
 from consilience.mechanism import Array
 from consilience.reference.kernel.compiled import fused, inner, kernel
 from consilience.reference.kernel.vectors import add, cross, rotate, scale
+from consilience.reference.tree import records as col
 from consilience.reference.tree.arrays import BODY
 from consilience.reference.tree.inertia import (
     add_inertia,
+    inertia_times,
     load_inertia,
-    project_on,
-    push,
-    reduced,
-    rotated,
-    shifted,
-    symmetric,
+    power,
+    rank_one_update,
+    rotate_inertia,
+    shift_inertia,
+    symmetric_times,
 )
-from consilience.reference.tree.kinematics import matrix_at, place_links, put, vector_at
-from consilience.reference.tree.records import (
-    ACCELERATION,
-    BIAS,
-    FIRST,
-    GRAVITY,
-    INERTIA,
-    LAST,
-    MASS,
-    PARENT,
-    PIVOT,
-    QUADRATIC,
-    REST,
-    SPIN,
-    STEP,
-    STIFF,
-    S,
-    U,
-    X,
-)
+from consilience.reference.tree.kinematics import load_matrix, load_vector, place_links, store_vector
 
 
 @kernel
-def inertias(link: Array) -> None:
-    """``diag(m 1, I)`` of all links, in world axes, into their rows."""
+def rigid_inertias(link: Array) -> None:
+    """Set the articulated inertia of all links to that of the rigid body, ``diag(m 1, J)``, in world axes."""
     for k in range(link.shape[0] - 1):
-        m, at = link[k, MASS], INERTIA
+        m, at = link[k, col.MASS], col.INERTIA
         given = link[k, at], link[k, at + 1], link[k, at + 2], link[k, at + 3], link[k, at + 4], link[k, at + 5]
-        J = rotated(matrix_at(link, k, X), given)
+        J = rotate_inertia(load_matrix(link, k, col.X), given)
         for n in range(15):
-            link[k, STIFF + n] = 0.0
-        link[k, STIFF], link[k, STIFF + 3], link[k, STIFF + 5] = m, m, m
+            link[k, col.ARTICULATED + n] = 0.0
+        link[k, col.ARTICULATED], link[k, col.ARTICULATED + 3], link[k, col.ARTICULATED + 5] = (m, m, m)
         for n in range(6):
-            link[k, STIFF + 15 + n] = J[n]
+            link[k, col.ARTICULATED + 15 + n] = J[n]
 
 
 @kernel
-def free_biases(link: Array) -> None:
-    """Biases of gravity and gyroscopic torques alone, ``-(m g, -w x I w)``, from inertias of single bodies."""
+def gravity_biases(link: Array) -> None:
+    """Set the biases to gravity and gyroscopic torques, ``-(m g, -w x J w)``, from inertias of rigid bodies."""
     ground = link.shape[0] - 1
-    g = vector_at(link, ground, GRAVITY)
+    g = load_vector(link, ground, col.GRAVITY)
     for k in range(ground):
-        w, at = vector_at(link, k, SPIN), STIFF + 15
+        w, at = load_vector(link, k, col.SPIN), col.ARTICULATED + 15
         J = link[k, at], link[k, at + 1], link[k, at + 2], link[k, at + 3], link[k, at + 4], link[k, at + 5]
-        put(link, k, BIAS, scale(-link[k, MASS], g))
-        put(link, k, BIAS + 3, cross(w, symmetric(J, w)))
+        store_vector(link, k, col.BIAS, scale(-link[k, col.MASS], g))
+        store_vector(link, k, col.BIAS + 3, cross(w, symmetric_times(J, w)))
 
 
 @inner
-def push_wrenches(index: Array, f: Array, A: Array, link: Array) -> None:
-    """Biases of the links from generalised forces (world, body axes) of the bodies."""
-    for k in range(index.shape[0]):
-        b = index[k, BODY]
+def force_biases(layout: Array, f: Array, A: Array, link: Array) -> None:
+    """Set the biases of the links from the generalised forces (world, body axes) of the bodies."""
+    for k in range(layout.shape[0]):
+        b = layout[k, BODY]
         at = 6 * b
-        put(link, k, BIAS, (-f[at], -f[at + 1], -f[at + 2]))
-        put(link, k, BIAS + 3, scale(-1.0, rotate(A[b], (f[at + 3], f[at + 4], f[at + 5]))))
+        store_vector(link, k, col.BIAS, (-f[at], -f[at + 1], -f[at + 2]))
+        store_vector(link, k, col.BIAS + 3, scale(-1.0, rotate(A[b], (f[at + 3], f[at + 4], f[at + 5]))))
 
 
 @inner
-def articulate(link: Array, free: Array) -> None:
-    """Articulated inertias, U and D: what does not depend on forces or velocities."""
+def articulated_inertias(link: Array, free: Array) -> None:
+    """Compute articulated inertias, U and D, which do not depend on forces or velocities."""
     for k in range(link.shape[0] - 2, -1, -1):
         I = load_inertia(link, k)
-        for n in range(int(link[k, LAST]) - 1, int(link[k, FIRST]) - 1, -1):
-            e, m = vector_at(free, n, S), vector_at(free, n, S + 3)
-            x, y = push(I, e, m)
-            pivot = project_on(e, m, x, y)
-            put(free, n, U, x)
-            put(free, n, U + 3, y)
-            free[n, PIVOT] = pivot
-            I = reduced(I, x, y, 1.0 / pivot)
-        p = int(link[k, PARENT])
+        for n in range(int(link[k, col.LAST]) - 1, int(link[k, col.FIRST]) - 1, -1):
+            e, m = load_vector(free, n, col.S), load_vector(free, n, col.S + 3)
+            x, y = inertia_times(I, e, m)
+            pivot = power(e, m, x, y)
+            store_vector(free, n, col.U, x)
+            store_vector(free, n, col.U + 3, y)
+            free[n, col.PIVOT] = pivot
+            I = rank_one_update(I, x, y, 1.0 / pivot)
+        p = int(link[k, col.PARENT])
         if p >= 0:
-            add_inertia(link, p, shifted(I, vector_at(link, k, STEP)))
+            add_inertia(link, p, shift_inertia(I, load_vector(link, k, col.OFFSET)))
 
 
 @kernel
-def sweep_in(link: Array, free: Array) -> None:
-    """`articulate`, and the remaining joint forces of the biases, which are overwritten."""
+def inward_sweep(link: Array, free: Array) -> None:
+    """Compute articulated inertias and biases, U, D and the remaining joint forces r; overwrites the biases."""
     for k in range(link.shape[0] - 2, -1, -1):
-        I, force, torque = load_inertia(link, k), vector_at(link, k, BIAS), vector_at(link, k, BIAS + 3)
-        for n in range(int(link[k, LAST]) - 1, int(link[k, FIRST]) - 1, -1):
-            e, m = vector_at(free, n, S), vector_at(free, n, S + 3)
-            x, y = push(I, e, m)
-            pivot, rest = project_on(e, m, x, y), -project_on(e, m, force, torque)
-            put(free, n, U, x)
-            put(free, n, U + 3, y)
-            free[n, PIVOT], free[n, REST] = pivot, rest
+        I, force, torque = load_inertia(link, k), load_vector(link, k, col.BIAS), load_vector(link, k, col.BIAS + 3)
+        for n in range(int(link[k, col.LAST]) - 1, int(link[k, col.FIRST]) - 1, -1):
+            e, m = load_vector(free, n, col.S), load_vector(free, n, col.S + 3)
+            x, y = inertia_times(I, e, m)
+            pivot, joint_force = power(e, m, x, y), -power(e, m, force, torque)
+            store_vector(free, n, col.U, x)
+            store_vector(free, n, col.U + 3, y)
+            free[n, col.PIVOT], free[n, col.JOINT_FORCE] = pivot, joint_force
             inverse = 1.0 / pivot
-            I = reduced(I, x, y, inverse)
-            force, torque = add(force, scale(rest * inverse, x)), add(torque, scale(rest * inverse, y))
-        p = int(link[k, PARENT])
+            I = rank_one_update(I, x, y, inverse)
+            force, torque = add(force, scale(joint_force * inverse, x)), add(torque, scale(joint_force * inverse, y))
+        p = int(link[k, col.PARENT])
         if p >= 0:
-            x, y = push(I, vector_at(link, k, QUADRATIC), vector_at(link, k, QUADRATIC + 3))
-            step, force = vector_at(link, k, STEP), add(force, x)
-            add_inertia(link, p, shifted(I, step))
-            put(link, p, BIAS, add(vector_at(link, p, BIAS), force))
-            put(link, p, BIAS + 3, add(vector_at(link, p, BIAS + 3), add(add(torque, y), cross(step, force))))
+            x, y = inertia_times(
+                I, load_vector(link, k, col.VELOCITY_PRODUCT), load_vector(link, k, col.VELOCITY_PRODUCT + 3)
+            )
+            step, force = load_vector(link, k, col.OFFSET), add(force, x)
+            add_inertia(link, p, shift_inertia(I, step))
+            store_vector(link, p, col.BIAS, add(load_vector(link, p, col.BIAS), force))
+            store_vector(
+                link, p, col.BIAS + 3, add(load_vector(link, p, col.BIAS + 3), add(add(torque, y), cross(step, force)))
+            )
 
 
 @inner
-def sweep_out(link: Array, free: Array, u: Array, moving: float) -> None:
-    """Accelerations of the links and, into u, of the directions; moving: 1, at rest: 0."""
+def outward_sweep(link: Array, free: Array, u: Array, velocity_terms: float) -> None:
+    """Compute the accelerations of the links and, into u, of the free directions; see `arrays` for `velocity_terms`."""
     for k in range(link.shape[0] - 1):
-        p = int(link[k, PARENT])
-        angular = vector_at(link, p, ACCELERATION + 3)
-        linear = add(vector_at(link, p, ACCELERATION), cross(angular, vector_at(link, k, STEP)))
-        linear = add(linear, scale(moving, vector_at(link, k, QUADRATIC)))
-        angular = add(angular, scale(moving, vector_at(link, k, QUADRATIC + 3)))
-        for n in range(int(link[k, FIRST]), int(link[k, LAST])):
-            taken = project_on(linear, angular, vector_at(free, n, U), vector_at(free, n, U + 3))
-            u[n] = (free[n, REST] - taken) / free[n, PIVOT]
-            linear = add(linear, scale(u[n], vector_at(free, n, S)))
-            angular = add(angular, scale(u[n], vector_at(free, n, S + 3)))
-        put(link, k, ACCELERATION, linear)
-        put(link, k, ACCELERATION + 3, angular)
+        p = int(link[k, col.PARENT])
+        angular = load_vector(link, p, col.ACCELERATION + 3)
+        linear = add(load_vector(link, p, col.ACCELERATION), cross(angular, load_vector(link, k, col.OFFSET)))
+        linear = add(linear, scale(velocity_terms, load_vector(link, k, col.VELOCITY_PRODUCT)))
+        angular = add(angular, scale(velocity_terms, load_vector(link, k, col.VELOCITY_PRODUCT + 3)))
+        for n in range(int(link[k, col.FIRST]), int(link[k, col.LAST])):
+            taken = power(linear, angular, load_vector(free, n, col.U), load_vector(free, n, col.U + 3))
+            u[n] = (free[n, col.JOINT_FORCE] - taken) / free[n, col.PIVOT]
+            linear = add(linear, scale(u[n], load_vector(free, n, col.S)))
+            angular = add(angular, scale(u[n], load_vector(free, n, col.S + 3)))
+        store_vector(link, k, col.ACCELERATION, linear)
+        store_vector(link, k, col.ACCELERATION + 3, angular)
 
 
 @fused
-def free_accelerations(link: Array, free: Array, q: Array, v: Array, u: Array) -> None:
-    """Accelerations u of the directions of a tree without elements, at coordinates q and speeds v.
+def tree_accelerations(link: Array, free: Array, q: Array, v: Array, u: Array) -> None:
+    """Compute the accelerations of the free directions of a tree with gravity alone.
 
-    q may go on behind the coordinates, so that a whole state z will do.
+    Parameters
+    ----------
+    link, free : see `arrays`
+    q, v : ndarray, shapes (n_q,) and (N,)
+        Coordinates and speeds; q may be longer, so that a whole state z will do.
+    u : ndarray, shape (N,)
+        Overwritten: accelerations, m/s^2 or rad/s^2.
     """
     place_links(link, free, q, v)
-    inertias(link)
-    free_biases(link)
-    sweep_in(link, free)
-    sweep_out(link, free, u, 1.0)
+    rigid_inertias(link)
+    gravity_biases(link)
+    inward_sweep(link, free)
+    outward_sweep(link, free, u, 1.0)

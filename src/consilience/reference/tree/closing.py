@@ -1,38 +1,53 @@
-"""Projection of a state that a step has left a little open, by elimination, compiled; in space alone. See `null_space`.
+"""Projection of a state onto the constraint manifold by elimination (`few_freedoms`), in space.
 
-Where it cannot be done, or does not close the loops, `settling.project` goes on with the fronts.
+Newton's method with displacements u of least M-norm, ``J u = -g(z)``, and speeds of least M-norm, ``J du' = rate - Q
+v`` [MASS, "assembling during integration"]. Where elimination is singular or does not close the loops,
+`projection.project` continues with the fronts.
 """
 
 from __future__ import annotations
 
 from consilience.mechanism import Array
 from consilience.reference.kernel.compiled import fused, inlined, inner
-from consilience.reference.tree.arrays import LARGEST_RANK, PIVOT, Elements, Rest, Space
-from consilience.reference.tree.articulated import inertias
-from consilience.reference.tree.either import cut_rows, eliminate, measure_rows, open_speeds, place_at
+from consilience.reference.tree.arrays import (
+    ELIMINATION_PIVOT,
+    LARGEST_RANK,
+    LoopClosure,
+    Planar,
+    Spatial,
+    SpatialArrays,
+    TreeElements,
+)
+from consilience.reference.tree.articulated import rigid_inertias
+from consilience.reference.tree.either import (
+    eliminate_rows,
+    evaluate_rows,
+    loop_velocity_residual,
+    measure_largest_row,
+    place_state,
+)
 from consilience.reference.tree.few_freedoms import (
-    SOUND,
-    TWO,
-    is_small,
-    put_targets,
-    rank_chosen,
-    reduce_again,
-    reduce_links,
+    REGULAR_PIVOT,
+    TWO_TARGETS,
+    count_active_rows,
+    has_few_freedoms,
+    solve_reduced,
+    solve_reduced_again,
     solve_rows,
+    store_targets,
 )
 from consilience.reference.tree.kinematics import displace
-from consilience.reference.tree.plane import Plane
 
-POSITION_STEPS = 3
-"""Steps of Newton's method at most."""
+NEWTON_STEPS = 3
+"""Largest number of Newton steps."""
 
-CLOSED = 1e-9
-"""Correction of an angle, or of a length in m, whose square rounding hides: the next one would do nothing."""
+NEGLIGIBLE = 1e-9
+"""Correction, rad or m, whose square is lost in rounding: another Newton step would change nothing."""
 
 
 @inner
-def largest(x: Array, count: int) -> float:
-    """Largest size of the first numbers of an array."""
+def largest_entry(x: Array, count: int) -> float:
+    """Return the largest magnitude of the first entries of an array."""
     found = 0.0
     for n in range(count):
         found = max(found, abs(x[n]))
@@ -40,80 +55,94 @@ def largest(x: Array, count: int) -> float:
 
 
 @inner
-def opened(
-    rest: Rest, space: Space | None, elements: Elements | None, plane: Plane | None, t: float, z: Array
+def row_violation(
+    closure: LoopClosure, spatial: Spatial, elements: TreeElements | None, planar: Planar, t: float, z: Array
 ) -> float:
-    """Cut rows of the bodies as they are placed; their violation."""
-    rest.fronts.wanted[:] = 1
-    cut_rows(rest, space, elements, plane, t, z)
-    measure_rows(rest, space, plane)
-    return largest(rest.value, rest.held) / max(1.0, rest.length)
+    """Evaluate all rows at the placed links; return the largest violation over the length of the mechanism.
+
+    Parameters
+    ----------
+    closure, spatial, elements, planar, t, z : see `arrays`
+    """
+    closure.qr.active[:] = 1
+    evaluate_rows(closure, spatial, elements, planar, t, z)
+    measure_largest_row(closure, spatial, planar)
+    return largest_entry(closure.value, closure.position_rows) / max(1.0, closure.length)
 
 
 @inlined
-def _is_regular(rest: Rest, space: Space) -> bool:
-    """Whether elimination will do: few directions are free, and all rows hold positions and have been independent.
+def _is_regular(closure: LoopClosure, spatial: SpatialArrays) -> bool:
+    """Return whether elimination may project: few freedoms, and only position rows, all independent so far.
 
-    Of rows that depend on others those are to be chosen anew after each step which are the most independent.
+    Dependent rows are excluded because their independent subset is selected anew after each step.
     """
-    group, state, count = rest.loops.group, rest.fronts.state, rest.fronts.W.shape[0]
+    group, state, count = closure.loops.group, closure.qr.state, closure.qr.W.shape[0]
     return (
-        is_small(group, state, space.reduced.left)
-        and rank_chosen(group, state) == count
-        and rest.best[LARGEST_RANK] == count
-        and rest.held == count
+        has_few_freedoms(group, state, spatial.elimination.independent)
+        and count_active_rows(group, state) == count
+        and closure.best[LARGEST_RANK] == count
+        and closure.position_rows == count
     )
 
 
 @inlined
-def note_pivot(rest: Rest, space: Space) -> None:
-    """The least pivot of the rows, once."""
-    if rest.best[PIVOT] == 0.0 and _is_regular(rest, space):
-        rest.best[PIVOT] = eliminate(rest.loops, rest.fronts, space.reduced, rest.link, rest.free)[2]
+def record_pivot(closure: LoopClosure, spatial: SpatialArrays) -> None:
+    """Record the least pivot of the rows once."""
+    if closure.best[ELIMINATION_PIVOT] == 0.0 and _is_regular(closure, spatial):
+        closure.best[ELIMINATION_PIVOT] = eliminate_rows(
+            closure.loops, closure.qr, spatial.elimination, closure.link, closure.free
+        )[2]
 
 
 @inner
-def _is_sound(least: float, best: Array) -> bool:
-    """Whether the least pivot is about as large as it has been."""
-    return SOUND * best[PIVOT] <= least <= best[PIVOT]
+def _is_regular_pivot(least: float, best: Array) -> bool:
+    """Return whether the least pivot is about as large as it has been."""
+    return REGULAR_PIVOT * best[ELIMINATION_PIVOT] <= least <= best[ELIMINATION_PIVOT]
 
 
 @fused
-def pull(rest: Rest, space: Space, elements: Elements | None, t: float, z: Array, seen: bool) -> bool:
-    """`settling.project` by elimination, each time of coordinates and speeds at once.
+def project_by_elimination(
+    closure: LoopClosure, spatial: SpatialArrays, elements: TreeElements | None, t: float, z: Array, at_sample: bool
+) -> bool:
+    """Project coordinates and speeds together, as `projection.project`; return whether the loops are closed.
 
-    The speeds are closed in the pose before its correction u, and open by about ``u v`` afterwards. Where the state is
-    seen, that is taken away by one time more, otherwise by the next step. False, with z closed as far as it came, where
-    the rows are not `_is_regular` or the least pivot is not `_is_sound`.
+    Speeds are projected with the Jacobian of the pose before its correction u; the error is O(u v). At a sample another
+    step removes this error, elsewhere the next time step does. Returns False, with z as close as it came, where the
+    rows are not `_is_regular` or the least pivot is not `_is_regular_pivot`.
+
+    Parameters
+    ----------
+    closure, spatial, elements, t, z, at_sample : see `arrays`
     """
-    loops, fronts, few, link, free, u = rest.loops, rest.fronts, space.reduced, rest.link, rest.free, rest.u
-    group, order, state, value, target = loops.group, fronts.order, fronts.state, rest.value, fronts.target
-    if rest.best[PIVOT] == 0.0 or not _is_regular(rest, space):
+    loops, qr, elimination = closure.loops, closure.qr, spatial.elimination
+    link, free, u = closure.link, closure.free, closure.u
+    group, order, state, value, target = loops.group, qr.order, qr.state, closure.value, qr.target
+    if closure.best[ELIMINATION_PIVOT] == 0.0 or not _is_regular(closure, spatial):
         return False
     closed = False
-    for _ in range(POSITION_STEPS + 1):
-        inertias(link)
-        opened(rest, space, elements, None, t, z)
-        open_speeds(rest, space, None)
-        put_targets(group, order, state, target, few.J, u.shape[0] + 1)
+    for _ in range(NEWTON_STEPS + 1):
+        rigid_inertias(link)
+        row_violation(closure, spatial, elements, None, t, z)
+        loop_velocity_residual(closure, spatial, None)
+        store_targets(group, order, state, target, elimination.J, u.shape[0] + 1)
         for row in range(target.shape[0]):
             target[row] = -value[row]
-        put_targets(group, order, state, target, few.J, u.shape[0])
-        rows, freedoms, least = solve_rows(loops, fronts, few, link, free, TWO)
-        if not _is_sound(least, rest.best):
-            # the fronts have their own measure of it, which has to follow
-            rest.best[PIVOT] = max(rest.best[PIVOT], least)
+        store_targets(group, order, state, target, elimination.J, u.shape[0])
+        rows, freedoms, least = solve_rows(loops, qr, elimination, link, free, TWO_TARGETS)
+        if not _is_regular_pivot(least, closure.best):
+            # the fronts, which project instead, then update their largest least pivot, too
+            closure.best[ELIMINATION_PIVOT] = max(closure.best[ELIMINATION_PIVOT], least)
             return False
-        reduce_links(few, rows, freedoms, link, free, u, 0.0)
-        displace(rest.layout, z, u)
-        last = closed or not seen
-        closed = largest(u, u.shape[0]) < CLOSED
-        reduce_again(few, rows, freedoms, link, free, u)
+        solve_reduced(elimination, rows, freedoms, link, free, u, 0.0)
+        displace(closure.layout, z, u)
+        last = closed or not at_sample
+        closed = largest_entry(u, u.shape[0]) < NEGLIGIBLE
+        solve_reduced_again(elimination, rows, freedoms, link, free, u)
         for n in range(u.shape[0]):
-            z[rest.speeds + n] += u[n]
+            z[closure.first_speed + n] += u[n]
         done = closed and last
-        if seen or elements is not None or not done:
-            place_at(rest, space, elements, None, z)
+        if at_sample or elements is not None or not done:
+            place_state(closure, spatial, elements, None, z)
         if done:
             return True
     return False

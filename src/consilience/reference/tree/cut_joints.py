@@ -1,4 +1,4 @@
-"""Joints with rows that the tree leaves open, written down for the links: one row of a table for each of them."""
+"""Table of the joints that close loops: one row for each joint that keeps constraint rows."""
 
 from __future__ import annotations
 
@@ -13,12 +13,13 @@ from consilience.reference.bodies.spanning_tree import TreeModel
 LINK_I, LINK_J, FIRST_ROW, LAST_ROW, PITCH, ARM_I, ARM_J, AXES_I, AXES_J, JOINT_WIDTH = np.array(
     [0, 1, 2, 3, 4, 5, 8, 11, 20, 29]
 )
-"""Links of predecessor and successor (-1: the ground), first row and the one behind the last, pitch; arms from the
-centres of mass and axes of the joint frames, one behind the other, in axes of the links."""
+"""Columns: links of predecessor and successor (-1: ground), first row and the one behind the last, pitch; arms from the
+centres of mass and axes of the joint frames, column by column, in axes of the links.
+"""
 
 
 class CutJoints(NamedTuple):
-    """Joints, and kinds and targets of all their rows."""
+    """Joints that close loops, and kinds and targets of all their rows."""
 
     joint: Array  # (n_c, JOINT_WIDTH)
     kind: Array
@@ -26,12 +27,12 @@ class CutJoints(NamedTuple):
 
 
 def cut_joints(tree: TreeModel, model: Model) -> CutJoints:
-    """Joints that close loops; their rows are numbered as in ``tree.cut``."""
+    """Return the joints that close loops; rows are numbered as in ``tree.cut``."""
     cut = tree.cut
     closing = np.flatnonzero(np.diff(cut.first_row))
     link = np.full(len(tree.body) + 1, -1)
     link[tree.body] = np.arange(len(tree.body))
-    # axes of a link are those of the joint frame on it; the ground, the last one, has those of the world
+    # a link has the axes of the joint frame on it; the ground, the last entry, those of the world
     own = np.where((tree.sign > 0)[:, None, None], model.axes_j[tree.joint], model.axes_i[tree.joint])
     to_link = np.concatenate([np.swapaxes(own, 1, 2), np.eye(3)[None]])
     table = np.zeros((len(closing), JOINT_WIDTH))

@@ -1,7 +1,8 @@
-"""Equations of motion in the state z, compiled, in space or in a plane.
+"""Accelerations and state derivative of a mechanism in joint coordinates, in space or in a plane.
 
-Cut rows ``Q a = gamma`` act with ``Q^T lam``. With the whitened responses B of the tree, the zeta of least norm in
-``B^T zeta = gamma - Q a_tree`` adds ``sqrt(D) zeta`` to the remaining joint forces, as in `formulations.recursive`.
+Rows ``Q a = gamma`` act on the tree with ``Q^T lam`` [C4 (4.84)-(4.97)]. With the whitened responses B of the tree, the
+zeta of least norm in ``B^T zeta = gamma - Q a_tree`` adds ``sqrt(D) zeta`` to the remaining joint forces, as in
+`formulations.recursive`. Linkages of few freedoms are solved by elimination instead: see `few_freedoms`.
 """
 
 from __future__ import annotations
@@ -12,26 +13,45 @@ from consilience.reference.bodies.joint_rows import coordinate
 from consilience.reference.kernel.compiled import fused, inlined, inner, kernel
 from consilience.reference.kernel.functions import evaluate as function_at
 from consilience.reference.tree import records
-from consilience.reference.tree.arrays import PIVOT, Elements, Rest, Space, Tree
-from consilience.reference.tree.articulated import free_accelerations, free_biases, inertias, push_wrenches, sweep_in
-from consilience.reference.tree.either import (
-    accelerate,
-    coast,
-    cut_rows,
-    eliminate,
-    force_rows,
-    open_links,
-    place_at,
-    respond_to_rows,
+from consilience.reference.tree.arrays import (
+    ELIMINATION_PIVOT,
+    LoopClosure,
+    Planar,
+    Spatial,
+    SpatialArrays,
+    TreeArrays,
+    TreeElements,
 )
-from consilience.reference.tree.few_freedoms import SOUND, add_to_links, is_small, reduce_links
+from consilience.reference.tree.articulated import (
+    force_biases,
+    gravity_biases,
+    inward_sweep,
+    rigid_inertias,
+    tree_accelerations,
+)
+from consilience.reference.tree.either import (
+    add_row_forces,
+    bias_accelerations,
+    eliminate_rows,
+    evaluate_rows,
+    loop_acceleration_residual,
+    place_state,
+    row_responses,
+    sweep_accelerations,
+)
+from consilience.reference.tree.few_freedoms import (
+    REGULAR_PIVOT,
+    add_link_accelerations,
+    has_few_freedoms,
+    solve_reduced,
+)
 from consilience.reference.tree.kinematics import coordinate_rates
-from consilience.reference.tree.loop_groups import CHOSEN, USED, Fronts, Loops
-from consilience.reference.tree.loop_rows import want
-from consilience.reference.tree.multifrontal import KEEP, factorise, threshold
-from consilience.reference.tree.planar import place_planar, sweep_in_planar, sweep_out_planar
-from consilience.reference.tree.planar_rows import planar_rates, push_efforts
-from consilience.reference.tree.plane import Plane
+from consilience.reference.tree.loop_groups import ACTIVE, USED, Loops, MultifrontalQR
+from consilience.reference.tree.loop_rows import mark_active_rows
+from consilience.reference.tree.multifrontal import KEEP_ORDER, factorise, rank_threshold
+from consilience.reference.tree.planar import place_planar_links, planar_inward_sweep, planar_outward_sweep
+from consilience.reference.tree.planar_rows import add_force_biases, planar_coordinate_rates
+from consilience.reference.tree.plane import PlanarArrays
 
 
 @inlined
@@ -40,170 +60,206 @@ def factorise_rows(
     layout: Array,
     link: Array,
     free: Array,
-    fronts: Fronts,
-    space: Space | None,
-    plane: Plane | None,
+    qr: MultifrontalQR,
+    spatial: Spatial,
+    planar: Planar,
     size: float,
 ) -> None:
-    """Factors of the responses to the rows chosen, in a tree whose inertias are swept."""
-    state = fronts.state
+    """Factorise the responses of the tree to the active rows, articulated inertias swept.
+
+    Parameters
+    ----------
+    loops, layout, link, free, qr, spatial, planar : see `arrays`
+    size : float
+        Largest norm of a row, ``closure.row_norm``.
+    """
+    state = qr.state
     for g in range(loops.group.shape[0]):
-        state[g, USED] = state[g, CHOSEN]
-    largest = respond_to_rows(loops, layout, fronts, space, plane, link, free)
-    factorise(loops.group, fronts.order, state, fronts.F, fronts.tau, threshold(size, largest), KEEP)
+        state[g, USED] = state[g, ACTIVE]
+    largest = row_responses(loops, layout, qr, spatial, planar, link, free)
+    factorise(loops.group, qr.order, state, qr.F, qr.tau, rank_threshold(size, largest), KEEP_ORDER)
 
 
 @fused
-def _push(elements: Elements, layout: Array, y: Array, A: Array, t: float, z: Array, link: Array) -> None:
-    """Biases of the forces of elements."""
-    model, first = elements.model, elements.integrals
+def _element_biases(elements: TreeElements, layout: Array, y: Array, A: Array, t: float, z: Array, link: Array) -> None:
+    """Set the biases of the links to the forces of all elements."""
+    model, first = elements.model, elements.first_integral
     for n in range(model.control.shape[0]):
         y[layout.shape[0] + n // 13, n % 13] = z[first + n]
-    forces.evaluate(model, t, y, elements.memory, elements.rows)
-    push_wrenches(layout, elements.rows.f, A, link)
+    forces.evaluate(model, t, y, elements.turns, elements.rows)
+    force_biases(layout, elements.rows.f, A, link)
 
 
 @inlined
-def _place_and_push(
-    rest: Rest, space: Space | None, elements: Elements | None, plane: Plane | None, t: float, z: Array
+def _place_with_biases(
+    closure: LoopClosure, spatial: Spatial, elements: TreeElements | None, planar: Planar, t: float, z: Array
 ) -> None:
-    """Links at a state, their inertias, and biases of all forces."""
-    link = rest.link
-    place_at(rest, space, elements, plane, z)
-    if plane is not None and plane.effort.shape[0]:
-        push_efforts(plane, link, t, z)
-    if space is not None:
-        inertias(link)
-        if elements is not None and not elements.plain:
-            _push(elements, rest.layout, space.y, space.A, t, z, link)
+    """Place the links at a state, and set inertias and biases."""
+    link = closure.link
+    place_state(closure, spatial, elements, planar, z)
+    if planar is not None and planar.force_table.shape[0]:
+        add_force_biases(planar, link, t, z)
+    if spatial is not None:
+        rigid_inertias(link)
+        if elements is not None and not elements.gravity_only:
+            _element_biases(elements, closure.layout, spatial.y, spatial.A, t, z, link)
         else:
-            free_biases(link)
+            gravity_biases(link)
 
 
 @inlined
-def _sweep(rest: Rest, space: Space | None, plane: Plane | None) -> None:
-    """Accelerations by articulated bodies and, where there are rows, by the fronts."""
-    link, free, u, fronts = rest.link, rest.free, rest.u, rest.fronts
-    if plane is not None:
-        sweep_in_planar(link, free, True)
-    if space is not None:
-        sweep_in(link, free)
-    accelerate(space, plane, link, free, u, 1.0)
-    if rest.loops.group.shape[0] > 0:
-        open_links(rest.loops, fronts, space, plane, link, rest.gamma)
-        factorise_rows(rest.loops, rest.layout, link, free, fronts, space, plane, rest.size[0])
-        force_rows(rest.loops, fronts, free)
-        accelerate(space, plane, link, free, u, 1.0)
+def _solve_articulated(closure: LoopClosure, spatial: Spatial, planar: Planar) -> None:
+    """Compute accelerations by articulated bodies and, with loops, by the fronts."""
+    link, free, u, qr = closure.link, closure.free, closure.u, closure.qr
+    if planar is not None:
+        planar_inward_sweep(link, free, True)
+    if spatial is not None:
+        inward_sweep(link, free)
+    sweep_accelerations(spatial, planar, link, free, u, 1.0)
+    if closure.loops.group.shape[0] > 0:
+        loop_acceleration_residual(closure.loops, qr, spatial, planar, link, closure.gamma)
+        factorise_rows(closure.loops, closure.layout, link, free, qr, spatial, planar, closure.row_norm[0])
+        add_row_forces(closure.loops, qr, free)
+        sweep_accelerations(spatial, planar, link, free, u, 1.0)
 
 
 @inner
-def _sweep_apart(rest: Rest, space: Space) -> None:
-    """`_sweep`, not written out where it is called: most linkages in space go the other way."""
-    _sweep(rest, space, None)
+def _solve_articulated_apart(closure: LoopClosure, spatial: SpatialArrays) -> None:
+    """Call `_solve_articulated` as a kernel of its own: most linkages in space are solved by elimination."""
+    _solve_articulated(closure, spatial, None)
 
 
 @inlined
-def _eliminate(rest: Rest, space: Space) -> bool:
-    """Accelerations by elimination, if few directions are left and the least pivot is far from zero; whether it is."""
-    link, free, u, loops, fronts, few = rest.link, rest.free, rest.u, rest.loops, rest.fronts, space.reduced
-    found = loops.group.shape[0] > 0 and rest.best[PIVOT] > 0.0 and is_small(loops.group, fronts.state, few.left)
+def _solve_by_elimination(closure: LoopClosure, spatial: SpatialArrays) -> bool:
+    """Compute accelerations by elimination, if freedoms are few and the least pivot is regular; return whether."""
+    link, free, u = closure.link, closure.free, closure.u
+    loops, qr, elimination = closure.loops, closure.qr, spatial.elimination
+    found = (
+        loops.group.shape[0] > 0
+        and closure.best[ELIMINATION_PIVOT] > 0.0
+        and has_few_freedoms(loops.group, qr.state, elimination.independent)
+    )
     if found:
-        coast(link, free, u)
-        open_links(loops, fronts, space, None, link, rest.gamma)
-        rows, freedoms, least = eliminate(loops, fronts, few, link, free)
-        found = least >= SOUND * rest.best[PIVOT]
+        bias_accelerations(link, free, u)
+        loop_acceleration_residual(loops, qr, spatial, None, link, closure.gamma)
+        rows, freedoms, least = eliminate_rows(loops, qr, elimination, link, free)
+        found = least >= REGULAR_PIVOT * closure.best[ELIMINATION_PIVOT]
         if found:
-            reduce_links(few, rows, freedoms, link, free, u, 1.0)
-            add_to_links(link, records.ACCELERATION, freedoms, few.V, few.G)
+            solve_reduced(elimination, rows, freedoms, link, free, u, 1.0)
+            add_link_accelerations(link, records.ACCELERATION, freedoms, elimination.V, elimination.G)
     return found
 
 
 @fused
 def accelerations(
-    rest: Rest, space: Space | None, elements: Elements | None, plane: Plane | None, t: float, z: Array
+    closure: LoopClosure, spatial: Spatial, elements: TreeElements | None, planar: Planar, t: float, z: Array
 ) -> None:
-    """Fill ``rest.u``, accelerations of the free directions, and those of all links in their rows.
+    """Compute the accelerations of the free directions (``closure.u``) and of all links.
 
-    In a plane, elimination would be a tenth faster than the fronts, and take a third longer to compile.
+    Parameters
+    ----------
+    closure, spatial, elements, planar, t, z : see `arrays`
     """
-    loops, fronts = rest.loops, rest.fronts
-    _place_and_push(rest, space, elements, plane, t, z)
+    loops, qr = closure.loops, closure.qr
+    _place_with_biases(closure, spatial, elements, planar, t, z)
     if loops.group.shape[0] > 0:
-        want(loops.group, fronts.order, fronts.state, fronts.wanted)
-        cut_rows(rest, space, elements, plane, t, z)
-    if plane is not None:
-        _sweep(rest, None, plane)
-    if space is not None and not _eliminate(rest, space):
-        _sweep_apart(rest, space)
+        mark_active_rows(loops.group, qr.order, qr.state, qr.active)
+        evaluate_rows(closure, spatial, elements, planar, t, z)
+    if planar is not None:
+        _solve_articulated(closure, None, planar)
+    if spatial is not None and not _solve_by_elimination(closure, spatial):
+        _solve_articulated_apart(closure, spatial)
 
 
 @fused
-def _control_errors(elements: Elements, y: Array, A: Array, t: float, dz: Array) -> None:
-    """Derivatives of the integrals of controllers."""
-    model, memory, first = elements.model, elements.memory, elements.integrals
+def _control_errors(elements: TreeElements, y: Array, A: Array, t: float, dz: Array) -> None:
+    """Compute the derivatives of the integrals of controllers."""
+    model, turns, first = elements.model, elements.turns, elements.first_integral
     for n in range(model.control.shape[0]):
         target = function_at(model.functions, model.control[n, 1], t)[0]
         c = model.control[n, 0]
-        dz[first + n] = target - coordinate(model, y, A, c, memory[c]).value
+        dz[first + n] = target - coordinate(model, y, A, c, turns[c]).value
 
 
 @inlined
-def derivative(
-    rest: Rest, space: Space | None, elements: Elements | None, plane: Plane | None, t: float, z: Array, dz: Array
+def loop_derivative(
+    closure: LoopClosure, spatial: Spatial, elements: TreeElements | None, planar: Planar, t: float, z: Array, dz: Array
 ) -> None:
-    """State derivative, shape of z."""
-    accelerations(rest, space, elements, plane, t, z)
-    for n in range(rest.u.shape[0]):
-        dz[rest.speeds + n] = rest.u[n]
-    if plane is not None:
-        planar_rates(plane, rest.link, rest.speeds, t, z, dz)
-    if space is not None:
-        coordinate_rates(rest.layout, rest.speeds, z, dz)
+    """Compute the state derivative of a mechanism with loops or elements.
+
+    Parameters
+    ----------
+    closure, spatial, elements, planar, t, z, dz : see `arrays`
+    """
+    accelerations(closure, spatial, elements, planar, t, z)
+    for n in range(closure.u.shape[0]):
+        dz[closure.first_speed + n] = closure.u[n]
+    if planar is not None:
+        planar_coordinate_rates(planar, closure.link, closure.first_speed, t, z, dz)
+    if spatial is not None:
+        coordinate_rates(closure.layout, closure.first_speed, z, dz)
         if elements is not None:
-            _control_errors(elements, space.y, space.A, t, dz)
+            _control_errors(elements, spatial.y, spatial.A, t, dz)
 
 
 @inner
-def free_derivative(index: Array, link: Array, free: Array, first_speed: int, z: Array, dz: Array) -> None:
-    """`derivative` of a tree without elements."""
-    free_accelerations(link, free, z, z[first_speed:], dz[first_speed:])
-    coordinate_rates(index, first_speed, z, dz)
+def tree_derivative(layout: Array, link: Array, free: Array, first_speed: int, z: Array, dz: Array) -> None:
+    """Compute the state derivative of a tree with gravity alone.
+
+    Parameters
+    ----------
+    layout, link, free, first_speed, z, dz : see `arrays`
+    """
+    tree_accelerations(link, free, z, z[first_speed:], dz[first_speed:])
+    coordinate_rates(layout, first_speed, z, dz)
 
 
 @inner
-def planar_derivative(plane: Plane, link: Array, free: Array, speeds: int, t: float, z: Array, dz: Array) -> None:
-    """`derivative` of a tree in a plane."""
-    place_planar(link, free, z, z[speeds:])
-    if plane.effort.shape[0]:
-        push_efforts(plane, link, t, z)
-    sweep_in_planar(link, free, True)
-    sweep_out_planar(link, free, dz[speeds:], 1.0)
-    planar_rates(plane, link, speeds, t, z, dz)
+def planar_derivative(
+    planar: PlanarArrays, link: Array, free: Array, first_speed: int, t: float, z: Array, dz: Array
+) -> None:
+    """Compute the state derivative of a tree in a plane.
+
+    Parameters
+    ----------
+    planar, link, free, first_speed, t, z, dz : see `arrays`
+    """
+    place_planar_links(link, free, z, z[first_speed:])
+    if planar.force_table.shape[0]:
+        add_force_biases(planar, link, t, z)
+    planar_inward_sweep(link, free, True)
+    planar_outward_sweep(link, free, dz[first_speed:], 1.0)
+    planar_coordinate_rates(planar, link, first_speed, t, z, dz)
 
 
 @inlined
-def rates(
-    tree: Tree,
-    rest: Rest | None,
-    space: Space | None,
-    elements: Elements | None,
-    plane: Plane | None,
+def state_derivative(
+    tree: TreeArrays,
+    closure: LoopClosure | None,
+    spatial: Spatial,
+    elements: TreeElements | None,
+    planar: Planar,
     t: float,
     z: Array,
     dz: Array,
 ) -> None:
-    """State derivative of any mechanism."""
-    if rest is not None:
-        derivative(rest, space, elements, plane, t, z, dz)
-    elif plane is not None:
-        planar_derivative(plane, tree.link, tree.free, tree.speeds, t, z, dz)
-    elif space is not None:
-        free_derivative(tree.layout, tree.link, tree.free, tree.speeds, z, dz)
+    """Compute the state derivative of any mechanism.
+
+    Parameters
+    ----------
+    tree, closure, spatial, elements, planar, t, z, dz : see `arrays`
+    """
+    if closure is not None:
+        loop_derivative(closure, spatial, elements, planar, t, z, dz)
+    elif planar is not None:
+        planar_derivative(planar, tree.link, tree.free, tree.first_speed, t, z, dz)
+    elif spatial is not None:
+        tree_derivative(tree.layout, tree.link, tree.free, tree.first_speed, z, dz)
 
 
 @kernel
-def remember(elements: Elements, y: Array, A: Array) -> None:
-    """Update the joint coordinates that elements read, turns counted, of the bodies as they are placed."""
-    model, memory = elements.model, elements.memory
-    for n in range(memory.shape[0]):
-        memory[n] = coordinate(model, y, A, n, memory[n]).value
+def count_turns(elements: TreeElements, y: Array, A: Array) -> None:
+    """Update the joint coordinates that elements read, turns counted, from the placed bodies."""
+    model, turns = elements.model, elements.turns
+    for n in range(turns.shape[0]):
+        turns[n] = coordinate(model, y, A, n, turns[n]).value

@@ -1,6 +1,6 @@
-"""What is done alike in space and in a plane, by kernels of their own.
+"""Calls of the kernels of space or of a plane: the steps of the equations are the same.
 
-Where an argument is None, Numba leaves out what is done only where it is not: one of space and plane is None.
+Numba prunes ``is not None`` branches, not ``is None`` ones; one of `spatial` and `planar` is None.
 """
 
 from __future__ import annotations
@@ -9,153 +9,184 @@ from consilience.mechanism import Array
 from consilience.reference.bodies import constraints
 from consilience.reference.kernel.compiled import inlined
 from consilience.reference.tree import records
-from consilience.reference.tree.arrays import Elements, Rest, Space
-from consilience.reference.tree.articulated import articulate, inertias, sweep_out
-from consilience.reference.tree.few_freedoms import ONE, move, put_targets, solve_rows
+from consilience.reference.tree.arrays import LoopClosure, Planar, Spatial, TreeElements
+from consilience.reference.tree.articulated import articulated_inertias, outward_sweep, rigid_inertias
+from consilience.reference.tree.few_freedoms import ONE_TARGET, link_motions, solve_rows, store_targets
 from consilience.reference.tree.kinematics import place_bodies, place_links
-from consilience.reference.tree.loop_groups import Fronts, Loops
-from consilience.reference.tree.loop_rows import gather, joint_rows, open_accelerations, open_rates, size_of_rows
-from consilience.reference.tree.multifrontal import least_norm, respond
-from consilience.reference.tree.planar import place_planar, respond_planar, sweep_in_planar, sweep_out_planar
-from consilience.reference.tree.planar_rows import (
-    open_planar_accelerations,
-    open_planar_rates,
-    planar_rows,
-    size_of_planar_rows,
+from consilience.reference.tree.loop_groups import Loops, MultifrontalQR
+from consilience.reference.tree.loop_rows import (
+    acceleration_residual,
+    evaluate_joint_rows,
+    largest_row,
+    velocity_residual,
+    wrenches_of_rows,
 )
-from consilience.reference.tree.plane import Plane
-from consilience.reference.tree.reduced import Reduced
+from consilience.reference.tree.multifrontal import least_norm_forces, whitened_responses
+from consilience.reference.tree.planar import (
+    place_planar_links,
+    planar_inward_sweep,
+    planar_outward_sweep,
+    planar_responses,
+)
+from consilience.reference.tree.planar_rows import (
+    evaluate_planar_rows,
+    largest_planar_row,
+    planar_acceleration_residual,
+    planar_velocity_residual,
+)
+from consilience.reference.tree.reduced import EliminationArrays
 
 
 @inlined
-def place_at(rest: Rest, space: Space | None, elements: Elements | None, plane: Plane | None, z: Array) -> None:
-    """Place the links at a state, and the bodies where elements read them."""
-    if space is not None:
-        place_links(rest.link, rest.free, z, z[rest.speeds :])
-        if elements is not None:
-            place_bodies(rest.layout, rest.link, space.y, space.A)
-    if plane is not None:
-        place_planar(rest.link, rest.free, z, z[rest.speeds :])
-
-
-@inlined
-def cut_rows(
-    rest: Rest, space: Space | None, elements: Elements | None, plane: Plane | None, t: float, z: Array
+def place_state(
+    closure: LoopClosure, spatial: Spatial, elements: TreeElements | None, planar: Planar, z: Array
 ) -> None:
-    """Value, wrenches, gamma and rate of the cut rows of the links and bodies as they are placed."""
-    touched, W, wanted, value, gamma = rest.loops.touched, rest.fronts.W, rest.fronts.wanted, rest.value, rest.gamma
-    if plane is not None:
-        planar_rows(plane, touched, wanted, rest.link, t, z, W, value, gamma, rest.rate)
-    if space is not None:
-        if elements is not None and elements.other_rows:
-            constraints.evaluate(elements.cut, t, space.y, elements.memory, elements.rows)
-            gather(touched, rest.layout, elements.rows.Q, space.A, W)
-        else:
-            joints = space.joints
-            joint_rows(joints.joint, joints.kind, joints.target, wanted, rest.link, W, value, gamma)
+    """Place the links at a state, and the bodies where elements read them.
+
+    Parameters
+    ----------
+    closure, spatial, elements, planar, z : see `arrays`
+    """
+    if spatial is not None:
+        place_links(closure.link, closure.free, z, z[closure.first_speed :])
+        if elements is not None:
+            place_bodies(closure.layout, closure.link, spatial.y, spatial.A)
+    if planar is not None:
+        place_planar_links(closure.link, closure.free, z, z[closure.first_speed :])
 
 
 @inlined
-def respond_to_rows(
-    loops: Loops, layout: Array, fronts: Fronts, space: Space | None, plane: Plane | None, link: Array, free: Array
+def evaluate_rows(
+    closure: LoopClosure, spatial: Spatial, elements: TreeElements | None, planar: Planar, t: float, z: Array
+) -> None:
+    """Evaluate values, wrenches, gamma and rates of the active rows at the placed links and bodies.
+
+    Parameters
+    ----------
+    closure, spatial, elements, planar, t, z : see `arrays`
+    """
+    touched, W, active = closure.loops.touched, closure.qr.W, closure.qr.active
+    value, gamma = closure.value, closure.gamma
+    if planar is not None:
+        evaluate_planar_rows(planar, touched, active, closure.link, t, z, W, value, gamma, closure.rate)
+    if spatial is not None:
+        if elements is not None and elements.other_rows:
+            constraints.evaluate(elements.cut, t, spatial.y, elements.turns, elements.rows)
+            wrenches_of_rows(touched, closure.layout, elements.rows.Q, spatial.A, W)
+        else:
+            joints = spatial.joints
+            evaluate_joint_rows(joints.joint, joints.kind, joints.target, active, closure.link, W, value, gamma)
+
+
+@inlined
+def row_responses(
+    loops: Loops, layout: Array, qr: MultifrontalQR, spatial: Spatial, planar: Planar, link: Array, free: Array
 ) -> float:
-    """`respond` with the arrays of loops and fronts."""
-    group, touched, path, home, W, wrench, F = (
-        loops.group,
-        loops.touched,
-        loops.path,
-        loops.home,
-        fronts.W,
-        fronts.wrench,
-        fronts.F,
-    )
-    order, state, largest = fronts.order, fronts.state, 0.0
-    if space is not None:
-        largest = respond(group, touched, path, home, order, state, layout, W, wrench, F, link, free)
-    if plane is not None:
-        largest = respond_planar(group, touched, path, home, order, state, layout, W, wrench, F, link, free)
+    """Fill the fronts with the whitened responses to the rows in use; return the largest squared norm of a column.
+
+    Parameters
+    ----------
+    loops, layout, qr, spatial, planar, link, free : see `arrays`
+    """
+    group, touched, path, owner = loops.group, loops.touched, loops.path, loops.owner
+    order, state, W, wrench, F, largest = qr.order, qr.state, qr.W, qr.wrench, qr.F, 0.0
+    if spatial is not None:
+        largest = whitened_responses(group, touched, path, owner, order, state, layout, W, wrench, F, link, free)
+    if planar is not None:
+        largest = planar_responses(group, touched, path, owner, order, state, layout, W, wrench, F, link, free)
     return largest
 
 
 @inlined
-def force_rows(loops: Loops, fronts: Fronts, free: Array) -> None:
-    """`least_norm` for the target of the fronts."""
-    least_norm(
-        loops.group,
-        loops.batch,
-        fronts.order,
-        fronts.state,
-        fronts.F,
-        fronts.tau,
-        fronts.x,
-        fronts.y,
-        fronts.target,
-        free,
-    )
+def add_row_forces(loops: Loops, qr: MultifrontalQR, free: Array) -> None:
+    """Add the joint forces of least norm for the target of the fronts (`least_norm_forces`)."""
+    least_norm_forces(loops.group, loops.own_directions, qr.order, qr.state, qr.F, qr.tau, qr.x, qr.y, qr.target, free)
 
 
 @inlined
-def accelerate(space: Space | None, plane: Plane | None, link: Array, free: Array, u: Array, moving: float) -> None:
-    """`sweep_out`, in space or in a plane."""
-    if space is not None:
-        sweep_out(link, free, u, moving)
-    if plane is not None:
-        sweep_out_planar(link, free, u, moving)
-
-
-@inlined
-def articulate_links(space: Space | None, plane: Plane | None, link: Array, free: Array) -> None:
-    """Articulated inertias, links as they are placed, once for each placing."""
-    if space is not None:
-        inertias(link)
-        articulate(link, free)
-    if plane is not None:
-        sweep_in_planar(link, free, False)
-
-
-@inlined
-def measure_rows(rest: Rest, space: Space | None, plane: Plane | None) -> None:
-    """Size of the rows, once: what says which of them depend on others."""
-    if rest.size[0] == 0.0:
-        touched, W = rest.loops.touched, rest.fronts.W
-        if space is not None:
-            place_bodies(rest.layout, rest.link, space.y, space.A)
-            rest.size[0] = size_of_rows(space.mass, space.inertia_factor, touched, rest.layout, W, space.A)
-        if plane is not None:
-            rest.size[0] = size_of_planar_rows(touched, W, rest.link)
-
-
-@inlined
-def open_speeds(rest: Rest, space: Space | None, plane: Plane | None) -> None:
-    """What the rows lack of their rates, into the target of the fronts."""
-    touched, W, target = rest.loops.touched, rest.fronts.W, rest.fronts.target
-    if space is not None:
-        open_rates(touched, W, rest.link, rest.rate, target)
-    if plane is not None:
-        open_planar_rates(touched, W, rest.link, rest.rate, target)
-
-
-@inlined
-def open_links(
-    loops: Loops, fronts: Fronts, space: Space | None, plane: Plane | None, link: Array, gamma: Array
+def sweep_accelerations(
+    spatial: Spatial, planar: Planar, link: Array, free: Array, u: Array, velocity_terms: float
 ) -> None:
-    """What the rows lack of gamma in the accelerations of the links, into the target of the fronts."""
-    if space is not None:
-        open_accelerations(loops.touched, fronts.W, link, gamma, fronts.target)
-    if plane is not None:
-        open_planar_accelerations(loops.touched, fronts.W, link, gamma, fronts.target)
+    """Compute the accelerations of links and free directions by the outward sweep.
+
+    Parameters
+    ----------
+    spatial, planar, link, free, u, velocity_terms : see `arrays`
+    """
+    if spatial is not None:
+        outward_sweep(link, free, u, velocity_terms)
+    if planar is not None:
+        planar_outward_sweep(link, free, u, velocity_terms)
 
 
 @inlined
-def coast(link: Array, free: Array, u: Array) -> None:
-    """Accelerations of the links where u is zero."""
+def articulate_tree(spatial: Spatial, planar: Planar, link: Array, free: Array) -> None:
+    """Compute the articulated inertias of placed links."""
+    if spatial is not None:
+        rigid_inertias(link)
+        articulated_inertias(link, free)
+    if planar is not None:
+        planar_inward_sweep(link, free, False)
+
+
+@inlined
+def measure_largest_row(closure: LoopClosure, spatial: Spatial, planar: Planar) -> None:
+    """Set ``closure.row_norm`` once: the scale below which rows count as dependent."""
+    if closure.row_norm[0] == 0.0:
+        touched, W = closure.loops.touched, closure.qr.W
+        if spatial is not None:
+            place_bodies(closure.layout, closure.link, spatial.y, spatial.A)
+            closure.row_norm[0] = largest_row(
+                spatial.mass, spatial.inertia_factor, touched, closure.layout, W, spatial.A
+            )
+        if planar is not None:
+            closure.row_norm[0] = largest_planar_row(touched, W, closure.link)
+
+
+@inlined
+def loop_velocity_residual(closure: LoopClosure, spatial: Spatial, planar: Planar) -> None:
+    """Compute the velocity residual of the rows, ``rate - Q v``, into the target of the fronts."""
+    touched, W, target = closure.loops.touched, closure.qr.W, closure.qr.target
+    if spatial is not None:
+        velocity_residual(touched, W, closure.link, closure.rate, target)
+    if planar is not None:
+        planar_velocity_residual(touched, W, closure.link, closure.rate, target)
+
+
+@inlined
+def loop_acceleration_residual(
+    loops: Loops, qr: MultifrontalQR, spatial: Spatial, planar: Planar, link: Array, gamma: Array
+) -> None:
+    """Compute the acceleration residual of the rows, ``gamma - Q a``, into the target of the fronts.
+
+    Parameters
+    ----------
+    loops, qr, spatial, planar, link : see `arrays`
+    gamma : ndarray, shape (q,)
+    """
+    if spatial is not None:
+        acceleration_residual(loops.touched, qr.W, link, gamma, qr.target)
+    if planar is not None:
+        planar_acceleration_residual(loops.touched, qr.W, link, gamma, qr.target)
+
+
+@inlined
+def bias_accelerations(link: Array, free: Array, u: Array) -> None:
+    """Compute the accelerations of the links for u = 0."""
     for n in range(u.shape[0]):
         u[n] = 0.0
-    move(link, free, u, 1.0, link, records.ACCELERATION)
+    link_motions(link, free, u, 1.0, link, records.ACCELERATION)
 
 
 @inlined
-def eliminate(loops: Loops, fronts: Fronts, few: Reduced, link: Array, free: Array) -> tuple[int, int, float]:
-    """Solve the rows chosen for directions; rows, directions left, least pivot."""
-    put_targets(loops.group, fronts.order, fronts.state, fronts.target, few.J, free.shape[0])
-    return solve_rows(loops, fronts, few, link, free, ONE)
+def eliminate_rows(
+    loops: Loops, qr: MultifrontalQR, elimination: EliminationArrays, link: Array, free: Array
+) -> tuple[int, int, float]:
+    """Solve the active rows by elimination; return the numbers of rows and freedoms, and the least pivot.
+
+    Parameters
+    ----------
+    loops, qr, elimination, link, free : see `arrays`
+    """
+    store_targets(loops.group, qr.order, qr.state, qr.target, elimination.J, free.shape[0])
+    return solve_rows(loops, qr, elimination, link, free, ONE_TARGET)

@@ -1,8 +1,11 @@
-"""Adaptive explicit Runge-Kutta methods of order 8 in the state z, with projection after every step.
+"""Adaptive explicit Runge-Kutta pairs of order 8 in the state z, with projection after every step.
 
-Step control as in `integrators.dop853`, every component scaled by the tolerance times the size of its kind. Samples do
-not shorten steps: they come from the dense output of the method [Hairer, Norsett, Wanner, section II.10], a polynomial
-of degree seven for three or four evaluations more in each step that holds samples, and are projected like the steps.
+The error estimate is that of `formulations.compiled_dop853`, each component scaled by the tolerance times the size of
+its kind [Hairer, Norsett, Wanner, section II.10]. Samples do not shorten steps: they are taken from the dense output, a
+polynomial of degree seven that costs three or four evaluations in a step with samples, and are projected.
+
+Stiffness: the last stage z_s of a step and its end z are two states at nearly one time, and ``|f(z) - f(z_s)| /
+|z - z_s|`` estimates the fastest rate of decay |lambda| [Hairer and Wanner, section IV.2].
 """
 
 from __future__ import annotations
@@ -12,69 +15,74 @@ from typing import NamedTuple
 import numpy as np
 
 from consilience.mechanism import Array
-from consilience.reference.integrators.coefficients import D_DENSE, STAGES
+from consilience.reference.integrators.coefficients import DORMAND_PRINCE, STAGES
 from consilience.reference.integrators.step_control import EVALUATIONS, LARGEST, REJECTED, STEPS, factor_of
 from consilience.reference.kernel.compiled import inlined, inner, kernel
-from consilience.reference.kernel.held import opened
+from consilience.reference.kernel.mechanism_record import fields_of
 from consilience.reference.kernel.vectors import assign
-from consilience.reference.tree.arrays import Elements, Rest, Run, Space, Tree
-from consilience.reference.tree.dynamics import rates
-from consilience.reference.tree.loop_groups import CHOSEN
-from consilience.reference.tree.methods import STAGES_AT_MOST, Method
-from consilience.reference.tree.plane import Plane
-from consilience.reference.tree.projection import SEEN, arrive, begin, longest_now, note, settle
-from consilience.reference.tree.step_control import first_length, length, sizes, within
+from consilience.reference.tree.arrays import KernelArguments, LoopClosure, Planar, Spatial, TreeArrays, TreeElements
+from consilience.reference.tree.dynamics import state_derivative
+from consilience.reference.tree.loop_groups import ACTIVE
+from consilience.reference.tree.methods import STAGES_AT_MOST, RungeKuttaPair
+from consilience.reference.tree.projection import (
+    AT_SAMPLE,
+    begin_motion,
+    end_step,
+    project_state,
+    record_sample,
+    step_limit,
+)
+from consilience.reference.tree.step_control import component_sizes, first_step_length, next_sample, step_length
 
 BEGIN, SECOND, END = np.array([0, 1, STAGES])
-"""Stages: the first two, and that at the end of a step. They are numbers of NumPy, as kernels are compiled anew for
-each Python number that is written out where they are called."""
+"""First two stages, and the stage at the end of a step, as NumPy integers: see `records`."""
 
-LEFT = 3
-"""Status of a motion that is left to another integrator."""
+UNSUITABLE = 3
+"""Status of a motion that another integrator has to take."""
 
-CRAWLING, PATIENCE, LEAST_LEFT = 3.5, 15, 100
-"""A motion is stiff for a method where so many steps, less the others, times the fastest rate of decay are as long as
-this: longer than accuracy asks for, and close to what the method's stability allows, 6 [Hairer and Wanner, IV.2]. It is
-left to another method if there are more than so many steps to go."""
+STIFF_STEP, STIFF_STEPS, FEWEST_STEPS_LEFT = 3.5, 15, 100
+"""Declare stiffness when h |lambda| exceeds 3.5 on 15 more steps than not, with more than 100 steps to go. The
+stability limit of the pairs is about 6; steps that accuracy limits are shorter.
+"""
 
-AT_FIRST = 1e4
-"""Largest growth of the step directly after the first one, which is a guess from a single slope."""
+LARGEST_FIRST = 1e4
+"""Largest growth of the step after the first one, whose length is a guess from a single derivative."""
 
 SAFETY = 0.8
-"""Safety factor of the step size: with 0.9 a quarter of the steps of a pendulum or linkage are taken in vain."""
+"""Safety factor of the step size, chosen for few rejected steps."""
 
 
-class Scratch(NamedTuple):
-    """What a run writes into: made once, so that nothing else makes arrays."""
+class ExplicitScratch(NamedTuple):
+    """Work arrays of an integration."""
 
     K: Array  # (17, n_z) derivatives at the stages
     end: Array  # (n_z,) end of the step
-    state: Array  # (n_z,) of a stage or sample
+    state: Array  # (n_z,) state of a stage or sample
     F: Array  # (7, n_z) dense output
-    size: Array  # (5,) of the kinds of components
-    order: Array  # rows chosen at the end of the step, while its samples are taken
+    size: Array  # (5,) sizes of the kinds of components
+    order: Array  # (q,) order of the rows at the end of the step, kept while samples are projected
     chosen: Array
-    late: Array  # (2, n_z) state and derivative of the last stage of the step before
+    last_stage: Array  # (2, n_z) state and derivative of the last stage of the last step
 
 
-def scratch(z: Array, rest: Rest | None) -> Scratch:
-    """Scratch of a run from the state z."""
-    rows, groups = (0, 0) if rest is None else (len(rest.fronts.order), len(rest.fronts.state))
-    return Scratch(
+def explicit_scratch(z: Array, closure: LoopClosure | None) -> ExplicitScratch:
+    """Return work arrays for a motion from the state z."""
+    rows, groups = (0, 0) if closure is None else (len(closure.qr.order), len(closure.qr.state))
+    return ExplicitScratch(
         K=np.zeros((STAGES_AT_MOST, len(z))),
         end=np.empty(len(z)),
         state=np.empty(len(z)),
-        F=np.empty((3 + len(D_DENSE), len(z))),
+        F=np.empty((3 + len(DORMAND_PRINCE.D), len(z))),
         size=np.empty(5),
         order=np.empty(rows, dtype=np.int64),
         chosen=np.empty(groups, dtype=np.int64),
-        late=np.empty((2, len(z))),
+        last_stage=np.empty((2, len(z))),
     )
 
 
 @inner
 def _error(kind: Array, K: Array, h: float, size: Array, estimate: Array, power: float) -> float:
-    """Scaled error estimate of a step."""
+    """Return the scaled error estimate of a step."""
     error = lower = 0.0
     count = K.shape[1]
     for n in range(count):
@@ -92,7 +100,7 @@ def _error(kind: Array, K: Array, h: float, size: Array, estimate: Array, power:
 
 @inner
 def _stage(table: Array, z: Array, K: Array, h: float, i: int, trial: Array) -> None:
-    """State at which a stage is evaluated."""
+    """Compute the state at which a stage is evaluated."""
     for n in range(z.shape[0]):
         trial[n] = z[n]
     for j in range(i):
@@ -104,12 +112,12 @@ def _stage(table: Array, z: Array, K: Array, h: float, i: int, trial: Array) -> 
 
 @inner
 def _evaluate(
-    tree: Tree,
-    rest: Rest | None,
-    space: Space | None,
-    elements: Elements | None,
-    plane: Plane | None,
-    method: Method,
+    tree: TreeArrays,
+    closure: LoopClosure | None,
+    spatial: Spatial,
+    elements: TreeElements | None,
+    planar: Planar,
+    pair: RungeKuttaPair,
     z: Array,
     end: Array,
     K: Array,
@@ -119,18 +127,18 @@ def _evaluate(
     last: int,
     state: Array,
 ) -> None:
-    """Derivatives of some stages of a step that begins at z and, where it is known, ends at `end`."""
+    """Evaluate stages `first` to `last` - 1 of a step from z; its end is `end`, where known."""
     for i in range(first, last):
         if i == END:
             assign(state, end)
         else:
-            _stage(method.table, z, K, h, i, state)
-        rates(tree, rest, space, elements, plane, t + method.nodes[i] * h, state, K[i])
+            _stage(pair.table, z, K, h, i, state)
+        state_derivative(tree, closure, spatial, elements, planar, t + pair.nodes[i] * h, state, K[i])
 
 
 @kernel
 def _polynomial(dense: Array, z: Array, end: Array, K: Array, h: float, F: Array) -> None:
-    """Dense output of a step, F of shape (7, n_z), in the nested form of `integrators.tableaus`."""
+    """Compute the dense output of a step, F of shape (7, n_z), in the nested form of `integrators.tableaus`."""
     for n in range(z.shape[0]):
         F[0, n] = end[n] - z[n]
         F[1, n] = h * K[0, n] - F[0, n]
@@ -143,8 +151,8 @@ def _polynomial(dense: Array, z: Array, end: Array, K: Array, h: float, F: Array
 
 
 @kernel
-def between(z: Array, F: Array, x: float, state: Array) -> None:
-    """State at the part x of a step."""
+def dense_output(z: Array, F: Array, x: float, state: Array) -> None:
+    """Evaluate the dense output F at the fraction x of a step."""
     for n in range(z.shape[0]):
         total = 0.0
         for i in range(F.shape[0] - 1, -1, -1):
@@ -153,73 +161,97 @@ def between(z: Array, F: Array, x: float, state: Array) -> None:
 
 
 @inlined
-def record_within(
-    tree: Tree,
-    rest: Rest | None,
-    space: Space | None,
-    elements: Elements | None,
-    plane: Plane | None,
+def record_samples_within(
+    tree: TreeArrays,
+    closure: LoopClosure | None,
+    spatial: Spatial,
+    elements: TreeElements | None,
+    planar: Planar,
     z: Array,
     t: float,
     step: float,
     times: Array,
     motion: Array,
-    scratch: Scratch,
+    scratch: ExplicitScratch,
 ) -> None:
-    """Record the bodies at times within a step."""
-    if rest is not None:
-        # the rows chosen at the end of the step are those for the next one
-        assign(scratch.order, rest.fronts.order)
-        assign(scratch.chosen, rest.fronts.state[:, CHOSEN])
+    """Record the bodies at times within a step, each state projected.
+
+    Parameters
+    ----------
+    tree, closure, spatial, elements, planar, z : see `arrays`
+    t, step : float, s
+        Start and length of the step.
+    times : ndarray, shape (n,), s
+    motion : ndarray, shape (n, n_b + n_e, 13)
+        Overwritten.
+    scratch : ExplicitScratch or RadauScratch
+        Holds the dense output F.
+    """
+    if closure is not None:
+        # projecting samples selects rows; the next step needs those of the end of this step
+        assign(scratch.order, closure.qr.order)
+        assign(scratch.chosen, closure.qr.state[:, ACTIVE])
     for n in range(times.shape[0]):
-        between(z, scratch.F, (times[n] - t) / step, scratch.state)
-        settle(tree, rest, space, elements, plane, times[n], scratch.state, SEEN)
-        note(tree, space, plane, motion[n])
-    if rest is not None:
-        assign(rest.fronts.order, scratch.order)
-        assign(rest.fronts.state[:, CHOSEN], scratch.chosen)
+        dense_output(z, scratch.F, (times[n] - t) / step, scratch.state)
+        project_state(tree, closure, spatial, elements, planar, times[n], scratch.state, AT_SAMPLE)
+        record_sample(tree, spatial, planar, motion[n])
+    if closure is not None:
+        assign(closure.qr.order, scratch.order)
+        assign(closure.qr.state[:, ACTIVE], scratch.chosen)
 
 
 @inlined
-def _record(
-    tree: Tree,
-    rest: Rest | None,
-    space: Space | None,
-    elements: Elements | None,
-    plane: Plane | None,
-    method: Method,
+def _record_step(
+    tree: TreeArrays,
+    closure: LoopClosure | None,
+    spatial: Spatial,
+    elements: TreeElements | None,
+    planar: Planar,
+    pair: RungeKuttaPair,
     z: Array,
     t: float,
     step: float,
-    seen: bool,
+    at_sample: bool,
     times: Array,
     motion: Array,
     counters: Array,
     first: int,
-    inner: int,
-    scratch: Scratch,
+    first_after: int,
+    scratch: ExplicitScratch,
 ) -> tuple[int, int]:
-    """Record the samples of a step, from the first; the number of the next one, and the next stage not known.
+    """Record the samples of a step; return the index of the next sample, and the first stage not yet known.
 
-    `inner` is the first that is not within the step; where its end is `seen`, it is there.
+    `first` is the next sample, `first_after` the first sample that is not within the step; at a sample, it is its end.
     """
-    sample = inner
-    if seen:
-        note(tree, space, plane, motion[sample])
+    sample = first_after
+    if at_sample:
+        record_sample(tree, spatial, planar, motion[sample])
         sample += 1
-    if first == inner:
+    if first == first_after:
         return sample, BEGIN
-    end, K, behind = scratch.end, scratch.K, method.nodes.shape[0]
-    _evaluate(tree, rest, space, elements, plane, method, z, end, K, t, step, END, behind, scratch.state)
+    end, K, behind = scratch.end, scratch.K, pair.nodes.shape[0]
+    _evaluate(tree, closure, spatial, elements, planar, pair, z, end, K, t, step, END, behind, scratch.state)
     counters[EVALUATIONS] += behind - END
-    _polynomial(method.dense, z, end, K, step, scratch.F)
-    record_within(tree, rest, space, elements, plane, z, t, step, times[first:inner], motion[first:inner], scratch)
+    _polynomial(pair.dense, z, end, K, step, scratch.F)
+    record_samples_within(
+        tree,
+        closure,
+        spatial,
+        elements,
+        planar,
+        z,
+        t,
+        step,
+        times[first:first_after],
+        motion[first:first_after],
+        scratch,
+    )
     return sample, SECOND
 
 
 @inner
 def _advance(z: Array, end: Array, K: Array, first: int) -> None:
-    """Go on to the end of a step, whose derivative is the first stage of the next one where that is known."""
+    """Replace z by the end of a step; its derivative, where known, becomes the first stage of the next step."""
     for n in range(z.shape[0]):
         z[n] = end[n]
         if first == SECOND:
@@ -228,149 +260,171 @@ def _advance(z: Array, end: Array, K: Array, first: int) -> None:
 
 @inlined
 def _attempt(
-    tree: Tree,
-    rest: Rest | None,
-    space: Space | None,
-    elements: Elements | None,
-    plane: Plane | None,
-    method: Method,
+    tree: TreeArrays,
+    closure: LoopClosure | None,
+    spatial: Spatial,
+    elements: TreeElements | None,
+    planar: Planar,
+    pair: RungeKuttaPair,
     z: Array,
     t: float,
     step: float,
     first: int,
     last: int,
     counters: Array,
-    scratch: Scratch,
+    scratch: ExplicitScratch,
 ) -> float:
-    """Evaluate stages `first` to `last` of a step; its end into the scratch, and its scaled error."""
+    """Evaluate stages `first` to `last` - 1 of a step; store its end in the scratch and return its scaled error."""
     K, size = scratch.K, scratch.size
-    _evaluate(tree, rest, space, elements, plane, method, z, z, K, t, step, first, last, scratch.state)
+    _evaluate(tree, closure, spatial, elements, planar, pair, z, z, K, t, step, first, last, scratch.state)
     counters[EVALUATIONS] += last - first
-    _stage(method.table, z, K, step, END, scratch.end)
-    sizes(tree.kind, tree.length, z, size)
-    return _error(tree.kind, K, step, size, method.estimate, method.power)
+    _stage(pair.table, z, K, step, END, scratch.end)
+    component_sizes(tree.kind, tree.length, z, size)
+    return _error(tree.kind, K, step, size, pair.estimate, pair.power)
 
 
 @inner
-def _decay(kind: Array, z: Array, f: Array, late: Array, size: Array, tolerance: float) -> float:
-    """Rate at which what is between a step's end and its last stage decays; none where they are as good as equal."""
+def _decay_rate(kind: Array, z: Array, f: Array, last_stage: Array, size: Array, tolerance: float) -> float:
+    """Return the rate of decay between the last stage of a step and its end; zero where they agree to rounding."""
     states = slopes = 0.0
     for n in range(z.shape[0]):
-        states += ((z[n] - late[0, n]) / size[kind[n]]) ** 2
-        slopes += ((f[n] - late[1, n]) / size[kind[n]]) ** 2
+        states += ((z[n] - last_stage[0, n]) / size[kind[n]]) ** 2
+        slopes += ((f[n] - last_stage[1, n]) / size[kind[n]]) ** 2
     least = max(1e-13, 1e-3 * tolerance)
     return np.sqrt(slopes / states) if states > least**2 * z.shape[0] else 0.0
 
 
 @inner
 def _integrate(
-    tree: Tree,
-    rest: Rest | None,
-    space: Space | None,
-    elements: Elements | None,
-    plane: Plane | None,
-    scratch: Scratch,
-    method: Method,
+    tree: TreeArrays,
+    closure: LoopClosure | None,
+    spatial: Spatial,
+    elements: TreeElements | None,
+    planar: Planar,
+    scratch: ExplicitScratch,
+    pair: RungeKuttaPair,
     z: Array,
     times: Array,
     tolerance: float,
     longest: float,
     motion: Array,
     counters: Array,
-    leaves: bool,
+    stop_if_stiff: bool,
 ) -> int:
-    """`integrate`, compiled for what a mechanism has: where an argument is None, there is none."""
+    """Integrate as `integrate`, compiled for each combination of arguments that are None."""
     t, last, sample = times[0], times[-1], SECOND
     K, end = scratch.K, scratch.end
     counters[:] = 0
-    begin(tree, rest, space, elements, plane, t, z)
-    note(tree, space, plane, motion[0])
+    begin_motion(tree, closure, spatial, elements, planar, t, z)
+    record_sample(tree, spatial, planar, motion[0])
     if times.shape[0] == 1:
         return 0
-    bound = longest_now(tree, elements, longest)
-    _attempt(tree, rest, space, elements, plane, method, z, t, 0.0, BEGIN, SECOND, counters, scratch)
-    h, first = first_length(tree.kind, K[0], last - t, tolerance, scratch.size), SECOND
-    finite, most, before, crawled = np.isfinite(h), AT_FIRST, 0.0, 0
+    bound = step_limit(tree, elements, longest)
+    _attempt(tree, closure, spatial, elements, planar, pair, z, t, 0.0, BEGIN, SECOND, counters, scratch)
+    h, first = first_step_length(tree.kind, K[0], last - t, tolerance, scratch.size), SECOND
+    finite, most, last_step, stiff_steps = np.isfinite(h), LARGEST_FIRST, 0.0, 0
     while sample < times.shape[0]:
-        step = length(min(h, bound), last - t)
+        step = step_length(min(h, bound), last - t)
         if not step >= 1e-14 * max(1.0, abs(t)):
             return 1 if finite else 2
         error = (
-            _attempt(tree, rest, space, elements, plane, method, z, t, step, first, END, counters, scratch) / tolerance
+            _attempt(tree, closure, spatial, elements, planar, pair, z, t, step, first, END, counters, scratch)
+            / tolerance
         )
-        if leaves and before > 0.0:
-            long = before * _decay(tree.kind, z, K[0], scratch.late, scratch.size, tolerance) > CRAWLING
-            before, crawled = 0.0, crawled + 1 if long else max(0, crawled - 1)
-            if crawled >= PATIENCE and last - t > LEAST_LEFT * step:
-                return LEFT
-        finite = np.isfinite(error)  # a stage far from the motion may overflow: of no step that is short enough
+        if stop_if_stiff and last_step > 0.0:
+            long = last_step * _decay_rate(tree.kind, z, K[0], scratch.last_stage, scratch.size, tolerance) > STIFF_STEP
+            last_step, stiff_steps = 0.0, stiff_steps + 1 if long else max(0, stiff_steps - 1)
+            if stiff_steps >= STIFF_STEPS and last - t > FEWEST_STEPS_LEFT * step:
+                return UNSUITABLE
+        finite = np.isfinite(error)  # a stage far from the motion may overflow; shorter steps end this
         factor = factor_of(error, SAFETY, most)
         if not error <= 1.0:
             counters[REJECTED] += 1
-            h, first, most = step * factor, SECOND, 1.0  # the first stage is still known
+            h, first, most = step * factor, SECOND, 1.0  # the first stage stays valid
             continue
         counters[STEPS] += 1
-        assign(scratch.late[0], scratch.state)
-        assign(scratch.late[1], K[END - 1])
+        assign(scratch.last_stage[0], scratch.state)
+        assign(scratch.last_stage[1], K[END - 1])
         after = last if step == last - t else t + step
-        left = within(times, sample, after)
-        seen = left < times.shape[0] and times[left] == after
-        arrive(tree, rest, space, elements, plane, after, end, seen)
-        bound = longest_now(tree, elements, longest)
-        sample, first = _record(
-            tree, rest, space, elements, plane, method, z, t, step, seen, times, motion, counters, sample, left, scratch
+        left = next_sample(times, sample, after)
+        at_sample = left < times.shape[0] and times[left] == after
+        end_step(tree, closure, spatial, elements, planar, after, end, at_sample)
+        bound = step_limit(tree, elements, longest)
+        sample, first = _record_step(
+            tree,
+            closure,
+            spatial,
+            elements,
+            planar,
+            pair,
+            z,
+            t,
+            step,
+            at_sample,
+            times,
+            motion,
+            counters,
+            sample,
+            left,
+            scratch,
         )
         _advance(z, end, K, first)
-        t, h, most, before = after, step * factor if step == h else max(h, step * factor), LARGEST, step
+        t, h, most, last_step = after, step * factor if step == h else max(h, step * factor), LARGEST, step
     return 0
 
 
 @kernel
 def integrate(
-    run: Run,
-    method: Method,
+    run: KernelArguments,
+    pair: RungeKuttaPair,
     z: Array,
     times: Array,
     tolerance: float,
     longest: float,
     motion: Array,
     counters: Array,
-    leaves: bool,
+    stop_if_stiff: bool,
 ) -> int:
     """Integrate from ``times[0]`` and record the bodies at all sample times.
 
     Parameters
     ----------
-    run, method : Run and Method, their words
+    run, pair : KernelArguments and RungeKuttaPair
+        As record arrays (`record_array`).
     z : ndarray, shape (n_z,)
         Initial state; overwritten by the last.
     times : ndarray, shape (n_t,), s
-    tolerance, longest : float
-        Bounds on the scaled local error, and on the steps in s.
-    motion, counters : ndarray, shapes (n_t, n_b + n_e, 13) and (3,)
-        Overwritten; counters are accepted steps, rejected steps, evaluations.
-    leaves : bool
-        Whether a stiff motion is left to another method.
+    tolerance : float
+        Bound on the scaled local error.
+    longest : float, s
+        Bound on the steps.
+    motion : ndarray, shape (n_t, n_b + n_e, 13)
+        Overwritten: bodies as in `reference.bodies`.
+    counters : ndarray of int, shape (3,)
+        Overwritten: accepted steps, rejected steps, evaluations.
+    stop_if_stiff : bool
+        Whether to return UNSUITABLE once the motion is found stiff.
 
     Returns
     -------
     int
-        Key of `integrators.dop853.STATUS`, or `LEFT`.
+        Key of `integrators.step_control.STATUS`, or UNSUITABLE.
     """
-    on, method = opened(run), opened(method)
+    on, pair = fields_of(run), fields_of(pair)
+    tree, closure, spatial, elements, planar = on.tree, on.closure, on.spatial, on.elements, on.planar
     return _integrate(
-        on.tree,
-        on.rest,
-        on.space,
-        on.elements,
-        on.plane,
+        tree,
+        closure,
+        spatial,
+        elements,
+        planar,
         on.scratch,
-        method,
+        pair,
         z,
         times,
         tolerance,
         longest,
         motion,
         counters,
-        leaves,
+        stop_if_stiff,
     )

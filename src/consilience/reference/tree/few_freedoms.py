@@ -1,13 +1,13 @@
-"""Accelerations of a linkage of few freedoms, in the directions that its rows leave free [C4 (4.99)-(4.110)].
+"""Accelerations of a linkage of few freedoms, by elimination of its rows [C4 (4.99)-(4.110)].
 
-Rows of the directions, ``J u = t``, with t what gamma leaves of the accelerations that the links have where u is zero.
-Eliminated, they give ``u = b + T alpha`` with alpha the accelerations of the f directions that are left, and
+In the free directions the rows are ``J u = t``, with t the residual of the accelerations of the links for u = 0.
+Gauss-Jordan elimination gives ``u = b + T alpha``, alpha being the accelerations of the f independent directions, and
 
     T^T M T alpha = -T^T (M b + h).
 
-Neither the mass matrix M nor the articulated inertias of the tree are needed: a column of T moves the links with V_e,
-b with a, and ``(T^T M T)_ed = sum V_e . I V_d``, ``(T^T (M b + h))_e = sum V_e . (I a + p)``. That is less work than
-the responses of the tree to all rows while f is small.
+Neither the mass matrix M nor articulated inertias are formed: column e of T moves the links with V_e, b with a, and
+``(T^T M T)_ed = sum V_e . I V_d``, ``(T^T (M b + h))_e = sum V_e . (I a + p)``. For small f this needs less work than
+the whitened responses of the tree to all rows.
 """
 
 from __future__ import annotations
@@ -18,41 +18,41 @@ from consilience.mechanism import RANK_TOLERANCE, Array
 from consilience.reference.kernel.compiled import fused, inner, kernel
 from consilience.reference.kernel.vectors import Vector, add, cross, dot, scale, sub
 from consilience.reference.tree import records
-from consilience.reference.tree.inertia import Six, symmetric
-from consilience.reference.tree.kinematics import put, vector_at
-from consilience.reference.tree.loop_groups import CHOSEN, ROW, TOUCHED, Fronts, Loops
-from consilience.reference.tree.reduced import Reduced
+from consilience.reference.tree.inertia import Six, symmetric_times
+from consilience.reference.tree.kinematics import load_vector, store_vector
+from consilience.reference.tree.loop_groups import ACTIVE, ROW, TOUCHED, Loops, MultifrontalQR
+from consilience.reference.tree.reduced import EliminationArrays
 
 FREEDOMS = 6
-"""Most directions that the rows may leave."""
+"""Largest number f of independent directions."""
 
-ONE, TWO = np.array([1, 2])
-"""Numbers of right-hand sides. They are numbers of NumPy, as kernels are compiled anew for each Python number that is
-written out where they are called."""
+ONE_TARGET, TWO_TARGETS = np.array([1, 2])
+"""Numbers of right sides, as NumPy integers: see `records`."""
 
-SOUND = 0.01
-"""Part of its largest value at which the least pivot is too small, and orthogonal reflections are taken: with 1e-4 a
-parallelogram loses two digits where it is flat."""
+REGULAR_PIVOT = 0.01
+"""Ratio of the least pivot to its largest value so far below which the fronts are used instead. A smaller ratio loses
+digits in a flat parallelogram.
+"""
 
 
 @inner
-def rank_chosen(group: Array, state: Array) -> int:
-    """Number of rows chosen."""
+def count_active_rows(group: Array, state: Array) -> int:
+    """Return the number of active rows."""
     rank = 0
     for g in range(group.shape[0]):
-        rank += state[g, CHOSEN]
+        rank += state[g, ACTIVE]
     return rank
 
 
 @kernel
-def is_small(group: Array, state: Array, left: Array) -> bool:
-    """Whether the rows chosen leave few of few directions free."""
-    return left.shape[0] > 0 and left.shape[0] - rank_chosen(group, state) <= FREEDOMS
+def has_few_freedoms(group: Array, state: Array, independent: Array) -> bool:
+    """Return whether the active rows leave few of few directions free."""
+    return independent.shape[0] > 0 and independent.shape[0] - count_active_rows(group, state) <= FREEDOMS
 
 
 @fused
-def _take(J: Array, rows: int, columns: int, row: int, column: int) -> None:
-    """Solve a row for a direction, and put the solution into the others."""
+def _solve_row(J: Array, rows: int, columns: int, row: int, column: int) -> None:
+    """Solve a row for a direction, and substitute the solution into the other rows."""
     inverse = 1.0 / J[row, column]
     for c in range(columns):
         J[row, c] *= inverse
@@ -65,63 +65,85 @@ def _take(J: Array, rows: int, columns: int, row: int, column: int) -> None:
 
 
 @fused
-def eliminate(J: Array, rows: int, columns: int, given: Array, left: Array) -> tuple[int, float]:
-    """Solve some rows for a direction each, that of their largest entry; how many are left, and the least pivot.
+def gauss_jordan(J: Array, rows: int, columns: int, solved: Array, independent: Array) -> tuple[int, float]:
+    """Solve each row for the direction of its largest entry.
 
-    It is zero where a row depends on those before. Columns behind those of the directions are right-hand sides.
+    Parameters
+    ----------
+    J : ndarray, shape (q, N + 2)
+        Rows in the free directions; columns behind N are right sides. Overwritten.
+    rows, columns : int
+        Rows in use; directions and right sides in use.
+    solved : ndarray of int, shape (q,)
+        Overwritten: direction that a row is solved for, -1 for a dependent row.
+    independent : ndarray of int, shape (N,)
+        Overwritten: the first f entries are the independent directions.
+
+    Returns
+    -------
+    int, float
+        f, and the least pivot: zero where a row depends on the rows before.
     """
-    count, largest, least, freedoms = left.shape[0], 0.0, np.inf, 0
+    count, largest, least, freedoms = independent.shape[0], 0.0, np.inf, 0
     for r in range(rows):
         for c in range(count):
             largest = max(largest, abs(J[r, c]))
     for c in range(count):
-        left[c] = 0
+        independent[c] = 0
     for r in range(rows):
         best, size = -1, RANK_TOLERANCE * largest
         for c in range(count):
             if abs(J[r, c]) > size:
                 best, size = c, abs(J[r, c])
-        given[r] = best
+        solved[r] = best
         if best < 0:
             least = 0.0
             continue
-        left[best], least = 1, min(least, size)
-        _take(J, rows, columns, r, best)
+        independent[best], least = 1, min(least, size)
+        _solve_row(J, rows, columns, r, best)
     for c in range(count):
-        if left[c] == 0:
-            left[freedoms] = c
+        if independent[c] == 0:
+            independent[freedoms] = c
             freedoms += 1
     return freedoms, least
 
 
 @fused
-def _spread(J: Array, rows: int, given: Array, column: int, factor: float, u: Array) -> None:
-    """Into u, the directions that the rows give: a column of J times a factor."""
+def _spread(J: Array, rows: int, solved: Array, column: int, factor: float, u: Array) -> None:
+    """Set the solved directions in u to a column of J times a factor."""
     for r in range(rows):
-        if given[r] >= 0:
-            u[given[r]] = factor * J[r, column]
+        if solved[r] >= 0:
+            u[solved[r]] = factor * J[r, column]
 
 
 @inner
-def particular(J: Array, rows: int, given: Array, u: Array) -> None:
-    """The solution b of the rows in which what they leave is zero."""
+def particular_solution(J: Array, rows: int, solved: Array, u: Array) -> None:
+    """Compute the solution b, with zero in the independent directions."""
     for n in range(u.shape[0]):
         u[n] = 0.0
-    _spread(J, rows, given, u.shape[0], 1.0, u)
+    _spread(J, rows, solved, u.shape[0], 1.0, u)
 
 
 @fused
-def homogeneous(J: Array, rows: int, given: Array, one: int, u: Array) -> None:
-    """The column of T of a direction that is left."""
+def homogeneous_solution(J: Array, rows: int, solved: Array, direction: int, u: Array) -> None:
+    """Compute the column of T of an independent direction.
+
+    Parameters
+    ----------
+    J, rows, solved : see `gauss_jordan`
+    direction : int
+    u : ndarray, shape (N,)
+        Overwritten.
+    """
     for n in range(u.shape[0]):
         u[n] = 0.0
-    u[one] = 1.0
-    _spread(J, rows, given, one, -1.0, u)
+    u[direction] = 1.0
+    _spread(J, rows, solved, direction, -1.0, u)
 
 
 @fused
-def _factorise(G: Array, freedoms: int) -> None:
-    """Cholesky factor of the reduced masses, in place."""
+def _cholesky(G: Array, freedoms: int) -> None:
+    """Factorise the reduced mass matrix in place."""
     for e in range(freedoms):
         for d in range(e):
             for c in range(d):
@@ -133,8 +155,8 @@ def _factorise(G: Array, freedoms: int) -> None:
 
 
 @fused
-def _solve(G: Array, freedoms: int) -> None:
-    """Solve the reduced equations, whose right-hand side stands behind the factor, in place."""
+def _cholesky_solve(G: Array, freedoms: int) -> None:
+    """Solve the reduced equations in place; the right side stands behind the factor."""
     for e in range(freedoms):
         for c in range(e):
             G[e, freedoms] -= G[e, c] * G[c, freedoms]
@@ -146,90 +168,120 @@ def _solve(G: Array, freedoms: int) -> None:
 
 
 @fused
-def add_motions(J: Array, rows: int, given: Array, left: Array, G: Array, freedoms: int, u: Array) -> None:
-    """``u = b + T alpha``; b is in u."""
+def add_homogeneous(J: Array, rows: int, solved: Array, independent: Array, G: Array, freedoms: int, u: Array) -> None:
+    """Add ``T alpha`` to b in u.
+
+    Parameters
+    ----------
+    J, rows, solved, independent : see `gauss_jordan`
+    G : ndarray, shape (N, N + 1)
+        Column `freedoms` holds alpha.
+    freedoms : int
+    u : ndarray, shape (N,)
+        Updated.
+    """
     for e in range(freedoms):
         alpha = G[e, freedoms]
-        u[left[e]] = alpha
+        u[independent[e]] = alpha
         for r in range(rows):
-            if given[r] >= 0:
-                u[given[r]] -= alpha * J[r, left[e]]
+            if solved[r] >= 0:
+                u[solved[r]] -= alpha * J[r, independent[e]]
 
 
 @inner
-def move(link: Array, free: Array, u: Array, moving: float, table: Array, at: int) -> None:
-    """Motions of the links that are placed, in columns of a table: accelerations (moving: 1), or velocities (0)."""
+def link_motions(link: Array, free: Array, u: Array, velocity_terms: float, table: Array, at: int) -> None:
+    """Compute the motions of placed links for speeds or accelerations u of the free directions.
+
+    Parameters
+    ----------
+    link, free, u, velocity_terms : see `arrays`
+    table : ndarray, shape (n_b + 1, >= at + 6)
+        Overwritten in the columns `at` to `at` + 5; its last row is the motion of the ground.
+    at : int
+    """
     for k in range(link.shape[0] - 1):
         p = int(link[k, records.PARENT])
-        angular = vector_at(table, p, at + 3)
-        linear = add(vector_at(table, p, at), cross(angular, vector_at(link, k, records.STEP)))
-        linear = add(linear, scale(moving, vector_at(link, k, records.QUADRATIC)))
-        angular = add(angular, scale(moving, vector_at(link, k, records.QUADRATIC + 3)))
+        angular = load_vector(table, p, at + 3)
+        linear = add(load_vector(table, p, at), cross(angular, load_vector(link, k, records.OFFSET)))
+        linear = add(linear, scale(velocity_terms, load_vector(link, k, records.VELOCITY_PRODUCT)))
+        angular = add(angular, scale(velocity_terms, load_vector(link, k, records.VELOCITY_PRODUCT + 3)))
         for n in range(int(link[k, records.FIRST]), int(link[k, records.LAST])):
-            linear = add(linear, scale(u[n], vector_at(free, n, records.S)))
-            angular = add(angular, scale(u[n], vector_at(free, n, records.S + 3)))
-        put(table, k, at, linear)
-        put(table, k, at + 3, angular)
+            linear = add(linear, scale(u[n], load_vector(free, n, records.S)))
+            angular = add(angular, scale(u[n], load_vector(free, n, records.S + 3)))
+        store_vector(table, k, at, linear)
+        store_vector(table, k, at + 3, angular)
 
 
 @fused
-def _motions_at_one_point(links: Array, free: Array, at: Array) -> None:
-    """Motions of the free directions, shape (N, 6), seen at the point of the first link."""
-    O = vector_at(links, 0, records.POSITION)
+def _subspace_at_origin(links: Array, free: Array, at: Array) -> None:
+    """Compute the motions s of the free directions, shape (N, 6), at the centre of mass of the first link."""
+    O = load_vector(links, 0, records.POSITION)
     for k in range(links.shape[0] - 1):
-        away = sub(vector_at(links, k, records.POSITION), O)
+        away = sub(load_vector(links, k, records.POSITION), O)
         for n in range(int(links[k, records.FIRST]), int(links[k, records.LAST])):
-            spin = vector_at(free, n, records.S + 3)
-            put(at, n, 0, sub(vector_at(free, n, records.S), cross(spin, away)))
-            put(at, n, 3, spin)
+            spin = load_vector(free, n, records.S + 3)
+            store_vector(at, n, 0, sub(load_vector(free, n, records.S), cross(spin, away)))
+            store_vector(at, n, 3, spin)
 
 
 @inner
 def _inertia(link: Array, k: int) -> Six:
-    """Inertia of a link about its centre of mass, in the world."""
-    at = records.STIFF + 15
+    """Return the rotational inertia of a link about its centre of mass, world axes."""
+    at = records.ARTICULATED + 15
     return link[k, at], link[k, at + 1], link[k, at + 2], link[k, at + 3], link[k, at + 4], link[k, at + 5]
 
 
 @inner
-def _wrench(link: Array, k: int, moving: float) -> tuple[Vector, Vector]:
-    """Force and torque that a link takes for its acceleration a."""
-    a, alpha = vector_at(link, k, records.ACCELERATION), vector_at(link, k, records.ACCELERATION + 3)
-    force = add(scale(link[k, records.MASS], a), scale(moving, vector_at(link, k, records.BIAS)))
-    return force, add(symmetric(_inertia(link, k), alpha), scale(moving, vector_at(link, k, records.BIAS + 3)))
+def _inertial_wrench(link: Array, k: int, velocity_terms: float) -> tuple[Vector, Vector]:
+    """Return force and torque ``I a + p`` of a link."""
+    a, alpha = load_vector(link, k, records.ACCELERATION), load_vector(link, k, records.ACCELERATION + 3)
+    force = add(scale(link[k, records.MASS], a), scale(velocity_terms, load_vector(link, k, records.BIAS)))
+    return force, add(
+        symmetric_times(_inertia(link, k), alpha), scale(velocity_terms, load_vector(link, k, records.BIAS + 3))
+    )
 
 
 @fused
-def _forces(link: Array, freedoms: int, V: Array, G: Array) -> None:
-    """Reduced forces alone, of links at rest."""
+def _reduced_forces(link: Array, freedoms: int, V: Array, G: Array) -> None:
+    """Compute the reduced forces alone, without velocity terms."""
     for e in range(freedoms):
         G[e, freedoms] = 0.0
     for k in range(link.shape[0] - 1):
-        force, torque = _wrench(link, k, 0.0)
+        force, torque = _inertial_wrench(link, k, 0.0)
         for e in range(freedoms):
-            G[e, freedoms] -= dot(vector_at(V[e], k, 0), force) + dot(vector_at(V[e], k, 3), torque)
+            G[e, freedoms] -= dot(load_vector(V[e], k, 0), force) + dot(load_vector(V[e], k, 3), torque)
 
 
 @fused
-def _masses(link: Array, freedoms: int, V: Array, G: Array, moving: float) -> None:
-    """Reduced masses and forces of links whose accelerations are a."""
+def _reduced_equations(link: Array, freedoms: int, V: Array, G: Array, velocity_terms: float) -> None:
+    """Compute the reduced mass matrix and forces for the accelerations a of the links."""
     for e in range(freedoms):
         for d in range(freedoms + 1):
             G[e, d] = 0.0
     for k in range(link.shape[0] - 1):
         m, I = link[k, records.MASS], _inertia(link, k)
-        force, torque = _wrench(link, k, moving)
+        force, torque = _inertial_wrench(link, k, velocity_terms)
         for e in range(freedoms):
-            v, w = vector_at(V[e], k, 0), vector_at(V[e], k, 3)
-            x, y = scale(m, v), symmetric(I, w)
+            v, w = load_vector(V[e], k, 0), load_vector(V[e], k, 3)
+            x, y = scale(m, v), symmetric_times(I, w)
             G[e, freedoms] -= dot(v, force) + dot(w, torque)
             for d in range(e + 1):
-                G[e, d] += dot(vector_at(V[d], k, 0), x) + dot(vector_at(V[d], k, 3), y)
+                G[e, d] += dot(load_vector(V[d], k, 0), x) + dot(load_vector(V[d], k, 3), y)
 
 
 @fused
-def add_to_links(link: Array, at: int, freedoms: int, V: Array, G: Array) -> None:
-    """Accelerations of the links, in columns from `at` on: what alpha adds to a."""
+def add_link_accelerations(link: Array, at: int, freedoms: int, V: Array, G: Array) -> None:
+    """Add ``sum V_e alpha_e`` to the accelerations of the links.
+
+    Parameters
+    ----------
+    link : see `arrays`
+    at : int
+        First of the columns that are updated.
+    freedoms : int
+    V, G : ndarray
+        Fields of `reduced.EliminationArrays`.
+    """
     for e in range(freedoms):
         alpha = G[e, freedoms]
         for k in range(link.shape[0] - 1):
@@ -238,28 +290,41 @@ def add_to_links(link: Array, at: int, freedoms: int, V: Array, G: Array) -> Non
 
 
 @inner
-def put_targets(group: Array, order: Array, state: Array, target: Array, J: Array, column: int) -> None:
-    """Targets of the rows chosen into a column of J."""
+def store_targets(group: Array, order: Array, state: Array, target: Array, J: Array, column: int) -> None:
+    """Copy the targets of the active rows into a column of J.
+
+    Parameters
+    ----------
+    group, order, state, target : see `loop_groups.Loops`, `loop_groups.MultifrontalQR`
+    J : ndarray, shape (q, N + 2)
+    column : int
+    """
     row = 0
     for g in range(group.shape[0]):
-        for number in range(group[g, ROW], group[g, ROW] + state[g, CHOSEN]):
+        for number in range(group[g, ROW], group[g, ROW] + state[g, ACTIVE]):
             J[row, column] = target[order[number]]
             row += 1
 
 
 @inner
 def solve_rows(
-    loops: Loops, fronts: Fronts, few: Reduced, links: Array, free: Array, targets: int
+    loops: Loops, qr: MultifrontalQR, elimination: EliminationArrays, links: Array, free: Array, targets: int
 ) -> tuple[int, int, float]:
-    """Fill J with the rows chosen and solve it for directions; rows, directions left, least pivot.
+    """Fill J with the active rows and eliminate; return the numbers of rows and freedoms, and the least pivot.
 
-    Behind the directions it holds as many targets.
+    Parameters
+    ----------
+    loops, qr, elimination, free : see `arrays`
+    links : ndarray
+        Table of the links.
+    targets : int
+        Number of right sides that J holds behind the directions.
     """
-    group, touched, order, state, W, J = loops.group, loops.touched, fronts.order, fronts.state, fronts.W, few.J
-    rows, count, O = 0, free.shape[0], vector_at(links, 0, records.POSITION)
-    _motions_at_one_point(links, free, few.at)
+    group, touched, order, state, W, J = loops.group, loops.touched, qr.order, qr.state, qr.W, elimination.J
+    rows, count, O = 0, free.shape[0], load_vector(links, 0, records.POSITION)
+    _subspace_at_origin(links, free, elimination.S_origin)
     for g in range(group.shape[0]):
-        for number in range(group[g, ROW], group[g, ROW] + state[g, CHOSEN]):
+        for number in range(group[g, ROW], group[g, ROW] + state[g, ACTIVE]):
             row = order[number]
             for n in range(count):
                 J[rows, n] = 0.0
@@ -267,41 +332,58 @@ def solve_rows(
                 k = touched[row, slot]
                 if k < 0:
                     continue
-                away = sub(vector_at(links, k, records.POSITION), O)
+                away = sub(load_vector(links, k, records.POSITION), O)
                 force = W[row, slot, 0], W[row, slot, 1], W[row, slot, 2]
                 torque = add((W[row, slot, 3], W[row, slot, 4], W[row, slot, 5]), cross(away, force))
                 for n in range(count):
-                    if few.moves[k, n]:
-                        J[rows, n] += dot(force, vector_at(few.at, n, 0)) + dot(torque, vector_at(few.at, n, 3))
+                    if elimination.moves[k, n]:
+                        J[rows, n] += dot(force, load_vector(elimination.S_origin, n, 0)) + dot(
+                            torque, load_vector(elimination.S_origin, n, 3)
+                        )
             rows += 1
-    freedoms, least = eliminate(J, rows, count + targets, few.given, few.left)
+    freedoms, least = gauss_jordan(J, rows, count + targets, elimination.solved, elimination.independent)
     return rows, freedoms, least
 
 
 @inner
-def reduce_links(few: Reduced, rows: int, freedoms: int, link: Array, free: Array, u: Array, moving: float) -> None:
-    """Accelerations u where the rows are solved (moving: 1).
+def solve_reduced(
+    elimination: EliminationArrays, rows: int, freedoms: int, link: Array, free: Array, u: Array, velocity_terms: float
+) -> None:
+    """Compute u after `solve_rows`: accelerations, or displacements of least M-norm without velocity terms.
 
-    At rest and without forces (0), displacements of least M-norm.
+    Parameters
+    ----------
+    elimination, link, free, u, velocity_terms : see `arrays`
+    rows, freedoms : int
+        Numbers from `solve_rows`.
     """
     for e in range(freedoms):
-        homogeneous(few.J, rows, few.given, few.left[e], u)
-        move(link, free, u, 0.0, few.V[e], 0)
-    particular(few.J, rows, few.given, u)
-    move(link, free, u, moving, link, records.ACCELERATION)
-    _masses(link, freedoms, few.V, few.G, moving)
-    _factorise(few.G, freedoms)
-    _solve(few.G, freedoms)
-    add_motions(few.J, rows, few.given, few.left, few.G, freedoms, u)
+        homogeneous_solution(elimination.J, rows, elimination.solved, elimination.independent[e], u)
+        link_motions(link, free, u, 0.0, elimination.V[e], 0)
+    particular_solution(elimination.J, rows, elimination.solved, u)
+    link_motions(link, free, u, velocity_terms, link, records.ACCELERATION)
+    _reduced_equations(link, freedoms, elimination.V, elimination.G, velocity_terms)
+    _cholesky(elimination.G, freedoms)
+    _cholesky_solve(elimination.G, freedoms)
+    add_homogeneous(elimination.J, rows, elimination.solved, elimination.independent, elimination.G, freedoms, u)
 
 
 @inner
-def reduce_again(few: Reduced, rows: int, freedoms: int, link: Array, free: Array, u: Array) -> None:
-    """Displacements of least M-norm for the second targets, after `reduce_links` for the first."""
+def solve_reduced_again(
+    elimination: EliminationArrays, rows: int, freedoms: int, link: Array, free: Array, u: Array
+) -> None:
+    """Compute displacements of least M-norm for the second right side, after `solve_reduced` for the first.
+
+    Parameters
+    ----------
+    elimination, link, free, u : see `arrays`
+    rows, freedoms : int
+        Numbers from `solve_rows`.
+    """
     for row in range(rows):
-        few.J[row, u.shape[0]] = few.J[row, u.shape[0] + 1]
-    particular(few.J, rows, few.given, u)
-    move(link, free, u, 0.0, link, records.ACCELERATION)
-    _forces(link, freedoms, few.V, few.G)
-    _solve(few.G, freedoms)
-    add_motions(few.J, rows, few.given, few.left, few.G, freedoms, u)
+        elimination.J[row, u.shape[0]] = elimination.J[row, u.shape[0] + 1]
+    particular_solution(elimination.J, rows, elimination.solved, u)
+    link_motions(link, free, u, 0.0, link, records.ACCELERATION)
+    _reduced_forces(link, freedoms, elimination.V, elimination.G)
+    _cholesky_solve(elimination.G, freedoms)
+    add_homogeneous(elimination.J, rows, elimination.solved, elimination.independent, elimination.G, freedoms, u)

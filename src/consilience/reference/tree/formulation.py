@@ -1,8 +1,7 @@
 """Minimal form in relative joint coordinates, as `consilience.reference.formulations.protocol.Formulation`.
 
-The kernels are those of `consilience.reference.tree`. Coordinates ``u = (z, angles, rank)``: the state z of the
-tree joints, the joint coordinates that elements read, turns counted, and the rank of the rows that close loops, as in
-`consilience.reference.formulations.body_velocities`.
+Coordinates ``u = (z, turns, rank)``: the state z of `arrays`, the joint coordinates that elements read, turns counted,
+and the rank of the rows that close loops, as in `consilience.reference.formulations.body_velocities`.
 """
 
 from __future__ import annotations
@@ -13,48 +12,70 @@ from consilience.engine import Unsupported
 from consilience.errors import NumericalFailure
 from consilience.mechanism import RANK_TOLERANCE, Array, Mechanism, State
 from consilience.reference.bodies import constraints, forces
-from consilience.reference.bodies.arrays import unpack
+from consilience.reference.bodies.arrays import Workspace, unpack, workspace
 from consilience.reference.bodies.canonical import at_origins, joint_wrenches
 from consilience.reference.bodies.joint_rows import coordinate
 from consilience.reference.bodies.mass_metric import mass_matrix
-from consilience.reference.bodies.workspace import Workspace, workspace
 from consilience.reference.kernel.compiled import kernel
-from consilience.reference.kernel.held import hold
-from consilience.reference.tree.arrays import BODY, Elements, Rest, Space, flatten_relative, system
-from consilience.reference.tree.dynamics import derivative, remember
-from consilience.reference.tree.kinematics import orient, place, place_bodies
-from consilience.reference.tree.plane import Plane
-from consilience.reference.tree.projection import SEEN, find_rank, project
+from consilience.reference.kernel.mechanism_record import record_of
+from consilience.reference.tree.arrays import (
+    BODY,
+    LoopClosure,
+    Planar,
+    Spatial,
+    TreeElements,
+    flatten_relative,
+    tree_system,
+)
+from consilience.reference.tree.dynamics import count_turns, loop_derivative
+from consilience.reference.tree.kinematics import fill_euler_parameters, place_bodies, place_links_and_bodies
+from consilience.reference.tree.projection import AT_SAMPLE, find_rank, project
 from consilience.reference.tree.records import ACCELERATION
 from consilience.reference.tree.state import pack_relative
 
 
 def unsupported(mechanism: Mechanism) -> tuple[Unsupported, ...]:
-    """Nothing: the kernels know every joint and element."""
+    """Return no reason: the kernels support every joint and element."""
     return ()
 
 
 @kernel
 def differentiate(
-    rest: Rest, space: Space | None, elements: Elements | None, plane: Plane | None, t: float, z: Array, dz: Array
+    closure: LoopClosure, spatial: Spatial, elements: TreeElements | None, planar: Planar, t: float, z: Array, dz: Array
 ) -> None:
-    """`derivative`, for Python."""
-    derivative(rest, space, elements, plane, t, z, dz)
+    """Call `loop_derivative` from Python.
+
+    Parameters
+    ----------
+    closure, spatial, elements, planar, t, z, dz : see `arrays`
+    """
+    loop_derivative(closure, spatial, elements, planar, t, z, dz)
 
 
 @kernel
 def close(
-    rest: Rest, space: Space | None, elements: Elements | None, plane: Plane | None, t: float, z: Array, seen: bool
+    closure: LoopClosure,
+    spatial: Spatial,
+    elements: TreeElements | None,
+    planar: Planar,
+    t: float,
+    z: Array,
+    at_sample: bool,
 ) -> None:
-    """`project`, for Python."""
-    project(rest, space, elements, plane, t, z, seen)
+    """Call `project` from Python.
+
+    Parameters
+    ----------
+    closure, spatial, elements, planar, t, z, at_sample : see `arrays`
+    """
+    project(closure, spatial, elements, planar, t, z, at_sample)
 
 
 @kernel
-def _turning(elements: Elements, y: Array, A: Array, turning: Array) -> None:
-    """Derivatives of the angles, bodies as they are placed."""
+def _angle_rates(elements: TreeElements, y: Array, A: Array, turning: Array) -> None:
+    """Compute the rates of the joint coordinates that elements read, from the placed bodies."""
     for n in range(turning.shape[0]):
-        turning[n] = coordinate(elements.model, y, A, n, elements.memory[n]).rate
+        turning[n] = coordinate(elements.model, y, A, n, elements.turns[n]).rate
 
 
 class RelativeCoordinates:
@@ -65,45 +86,45 @@ class RelativeCoordinates:
     def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism = mechanism
         self._links, self._tree, self._model = flatten_relative(mechanism)
-        arrays = system(mechanism, self._links, self._tree, self._model)
-        assert arrays.space is not None
-        self._rest, self._space, self._elements = arrays.rest, arrays.space, arrays.elements
-        self._held = hold(arrays.rest), hold(arrays.space), hold(arrays.elements), None
+        arrays = tree_system(mechanism, self._links, self._tree, self._model)
+        assert arrays.spatial is not None
+        self._rest, self._space, self._elements = arrays.closure, arrays.spatial, arrays.elements
+        self._records = record_of(arrays.closure), record_of(arrays.spatial), record_of(arrays.elements), None
 
     def coordinates(self, state: State) -> Array:
-        """Coordinates u of a consistent state: angles within half a turn of zero, integrals of controllers zero."""
+        """Return u of a consistent state: angles within half a turn of zero, integrals of controllers zero."""
         z = pack_relative(self._links, self._tree, self._model, state)
         self._place(z)
-        memory = self._remember(np.zeros(len(self._model.coordinate)))
-        find_rank(*self._held, 0.0, z)
-        return np.concatenate([z, memory, self._rest.limit])
+        turns = self._count_turns(np.zeros(len(self._model.coordinate)))
+        find_rank(*self._records, 0.0, z)
+        return np.concatenate([z, turns, self._rest.rank_limit])
 
     def state(self, u: Array) -> State:
-        """Canonical state of u."""
+        """Return the canonical state of u."""
         self._place(self._split(u)[0])
-        orient(self._space.A, self._space.y)
+        fill_euler_parameters(self._space.A, self._space.y)
         return State(*unpack(self.mechanism, self._space.y.copy()))
 
     def derivative(self, t: float, u: Array) -> Array:
-        """``du/dt`` at the time t, shape (n_u,)."""
-        z, memory = self._split(u)
+        """Return ``du/dt`` at the time t, shape (n_u,)."""
+        z, turns = self._split(u)
         du = np.zeros(len(u))
         dz, turning = self._split(du)
-        self._rest.limit[0] = round(u[-1])
+        self._rest.rank_limit[0] = round(u[-1])
         if self._elements is not None:
-            self._elements.memory[:] = memory
-        differentiate(*self._held, t, z, dz)
+            self._elements.turns[:] = turns
+        differentiate(*self._records, t, z, dz)
         if self._elements is not None:
-            _turning(self._held[2], self._space.y, self._space.A, turning)
+            _angle_rates(self._records[2], self._space.y, self._space.A, turning)
         return du
 
     def settle(self, t: float, u: Array) -> Array:
-        """New array: u projected onto the closed loops, with the angles and the rank found there."""
-        z, memory = self._split(np.array(u, dtype=float))
+        """Return u projected onto the constraint manifold, a new array, with the turns and the rank found there."""
+        z, turns = self._split(np.array(u, dtype=float))
         if self._elements is not None:
-            self._elements.memory[:] = memory
-        close(*self._held, t, z, SEEN)
-        return np.concatenate([z, self._remember(memory), self._rest.limit])
+            self._elements.turns[:] = turns
+        close(*self._records, t, z, AT_SAMPLE)
+        return np.concatenate([z, self._count_turns(turns), self._rest.rank_limit])
 
     def accelerations(self, state: State, t: float = 0.0) -> tuple[Array, Array]:
         """a_WB_W of the body origins (m/s^2) and alpha_WB_W (rad/s^2), world axes, each shape (n_b, 3).
@@ -117,26 +138,26 @@ class RelativeCoordinates:
         return at_origins(self.mechanism, self._space.y, a)
 
     def reactions(self, state: State, t: float = 0.0) -> tuple[Array, Array]:
-        """Joint reactions from the equations of motion of the bodies, of least norm where rows leave them open."""
-        a, ws = self._bodies(state, t), hold(workspace(self._model)._replace(A=self._space.A))
-        memory = self._remember(np.zeros(len(self._model.coordinate)))
-        constraints.evaluate(self._model, t, self._space.y, memory, ws)
-        force = mass_matrix(self._model) @ a - self._forces(t, memory, ws)
+        """Return joint reactions from the equations of motion of the bodies; of least norm where not determined."""
+        a, ws = self._bodies(state, t), record_of(workspace(self._model)._replace(A=self._space.A))
+        turns = self._count_turns(np.zeros(len(self._model.coordinate)))
+        constraints.evaluate(self._model, t, self._space.y, turns, ws)
+        force = mass_matrix(self._model) @ a - self._forces(t, turns, ws)
         lam: Array = np.linalg.lstsq(ws.Q.T, force, rcond=RANK_TOLERANCE)[0]
         wrench = joint_wrenches(self.mechanism, state, lam)
         return wrench[:, :3], wrench[:, 3:]
 
-    def _forces(self, t: float, memory: Array, ws: Workspace) -> Array:
-        forces.evaluate(self._model, t, self._space.y, memory, ws)
+    def _forces(self, t: float, turns: Array, ws: Workspace) -> Array:
+        forces.evaluate(self._model, t, self._space.y, turns, ws)
         return ws.f
 
     def _bodies(self, state: State, t: float) -> Array:
-        """Accelerations (dv/dt, dw'/dt) of all bodies, shape (6 n_b,), with the bodies placed at the state."""
+        """Return the accelerations (dv/dt, dw'/dt) of all bodies, shape (6 n_b,), and place the bodies at the state."""
         u = self.coordinates(state)
         self.derivative(t, u)
         place_bodies(self._links.layout, self._rest.link, self._space.y, self._space.A)
         A, y = self._space.A, self._space.y
-        orient(A, y)
+        fill_euler_parameters(A, y)
         a = np.empty((len(self.mechanism.bodies), 6))
         a[self._links.layout[:, BODY]] = self._rest.link[:-1, ACCELERATION : ACCELERATION + 6]
         a[:, 3:] = np.einsum("bji,bj->bi", A, a[:, 3:])
@@ -144,19 +165,19 @@ class RelativeCoordinates:
             raise NumericalFailure(f"reference, {self.name}: the accelerations are not finite")
         return a.ravel()
 
-    def _remember(self, memory: Array) -> Array:
-        """Angles that elements read, of the bodies as they are placed, their turns counted from those before."""
+    def _count_turns(self, turns: Array) -> Array:
+        """Return the joint coordinates that elements read, from the placed bodies, with turns counted."""
         if self._elements is None:
-            return memory
-        self._elements.memory[:] = memory
-        remember(self._held[2], self._space.y, self._space.A)
-        return self._elements.memory.copy()
+            return turns
+        self._elements.turns[:] = turns
+        count_turns(self._records[2], self._space.y, self._space.A)
+        return self._elements.turns.copy()
 
     def _place(self, z: Array) -> None:
-        rest, space = self._rest, self._space
-        place(rest.layout, rest.link, rest.free, rest.speeds, z, space.y, space.A)
+        closure, spatial = self._rest, self._space
+        place_links_and_bodies(closure.layout, closure.link, closure.free, closure.first_speed, z, spatial.y, spatial.A)
 
     def _split(self, u: Array) -> tuple[Array, Array]:
-        """Views of u: z and the angles."""
+        """Return views of u: z and the turns."""
         count = len(self._links.kind)
         return u[:count], u[count:-1]

@@ -1,4 +1,7 @@
-"""Forward dynamics in joint coordinates: accelerations at one state, at many states, for many sets of parameters."""
+"""Forward dynamics in joint coordinates: accelerations at one state, at many states, for many sets of parameters.
+
+Trees use the articulated-body algorithm [Featherstone 2008, table 7.1], loops the equations of `dynamics`.
+"""
 
 from __future__ import annotations
 
@@ -14,60 +17,77 @@ from consilience.mechanism import Array, Mechanism, State
 from consilience.reference.bodies.arrays import unpack
 from consilience.reference.bodies.canonical import at_origins
 from consilience.reference.kernel.compiled import kernel, threaded
-from consilience.reference.kernel.held import hold
-from consilience.reference.tree.arrays import BODY, Elements, Rest, Space, Tree, flatten_relative, link_table, system
-from consilience.reference.tree.articulated import free_accelerations
-from consilience.reference.tree.dynamics import accelerations, remember
-from consilience.reference.tree.kinematics import orient, place, place_bodies
+from consilience.reference.kernel.mechanism_record import record_of
+from consilience.reference.tree.arrays import (
+    BODY,
+    LoopClosure,
+    Spatial,
+    SpatialArrays,
+    TreeArrays,
+    TreeElements,
+    flatten_relative,
+    link_table,
+    tree_system,
+)
+from consilience.reference.tree.articulated import tree_accelerations
+from consilience.reference.tree.dynamics import accelerations, count_turns
+from consilience.reference.tree.kinematics import fill_euler_parameters, place_bodies, place_links_and_bodies
 from consilience.reference.tree.projection import find_rank
-from consilience.reference.tree.records import ACCELERATION, COORDINATE, NEAR, PLACED
+from consilience.reference.tree.records import ACCELERATION, CONSTANTS_END, COORDINATE, INBOARD_FRAME
 from consilience.reference.tree.state import pack_relative
 
 
 @kernel
-def _at(link: Array, free: Array, q: Array, v: Array, out: Array) -> bool:
-    """Accelerations of a tree without elements; False if the numbers of coordinates are wrong."""
+def _tree_accelerations_at(link: Array, free: Array, q: Array, v: Array, out: Array) -> bool:
+    """Compute the accelerations of a tree; return False if the numbers of coordinates are wrong."""
     n = free.shape[0]
     if len(q) != link[link.shape[0] - 1, COORDINATE] or len(v) != n or len(out) != n:
         return False
-    free_accelerations(link, free, q, v, out)
+    tree_accelerations(link, free, q, v, out)
     return True
 
 
 @threaded
-def _at_each(link: Array, free: Array, constants: Array, q: Array, v: Array, out: Array) -> None:
-    """`_at` of each row; of constants, shape (n, n_b + 1, 31), if there are any."""
+def _tree_accelerations_each(link: Array, free: Array, constants: Array, q: Array, v: Array, out: Array) -> None:
+    """Compute the accelerations of a tree at each row of q and v, with row i of the constants if there are any."""
     for i in range(q.shape[0]):
         if constants.shape[0]:
             for k in range(link.shape[0]):
                 for n in range(constants.shape[2]):
-                    link[k, NEAR + n] = constants[i, k, n]
-        free_accelerations(link, free, q[i], v[i], out[i])
+                    link[k, INBOARD_FRAME + n] = constants[i, k, n]
+        tree_accelerations(link, free, q[i], v[i], out[i])
 
 
 @threaded
-def _closed_at_each(
-    rest: Rest, space: Space, elements: Elements | None, t: float, q: Array, v: Array, z: Array, out: Array
+def _accelerations_each(
+    closure: LoopClosure,
+    spatial: SpatialArrays,
+    elements: TreeElements | None,
+    t: float,
+    q: Array,
+    v: Array,
+    z: Array,
+    out: Array,
 ) -> None:
-    """Accelerations of any mechanism at each row, its independent rows chosen anew at each state."""
+    """Compute the accelerations of any mechanism at each row of q and v; select independent rows at each state."""
     for i in range(q.shape[0]):
         for n in range(q.shape[1]):
             z[n] = q[i, n]
         for n in range(v.shape[1]):
-            z[rest.speeds + n] = v[i, n]
-        place(rest.layout, rest.link, rest.free, rest.speeds, z, space.y, space.A)
+            z[closure.first_speed + n] = v[i, n]
+        place_links_and_bodies(closure.layout, closure.link, closure.free, closure.first_speed, z, spatial.y, spatial.A)
         if elements is not None:
-            elements.memory[:] = 0.0
-            remember(elements, space.y, space.A)
-        rest.best[:] = 0.0
-        find_rank(rest, space, elements, None, t, z)
-        accelerations(rest, space, elements, None, t, z)
+            elements.turns[:] = 0.0
+            count_turns(elements, spatial.y, spatial.A)
+        closure.best[:] = 0.0
+        find_rank(closure, spatial, elements, None, t, z)
+        accelerations(closure, spatial, elements, None, t, z)
         for n in range(v.shape[1]):
-            out[i, n] = rest.u[n]
+            out[i, n] = closure.u[n]
 
 
 _PARTS = 8
-"""Parts that the states of a batch are divided into for each thread."""
+"""Number of parts into which the states of a batch are divided for each thread."""
 
 
 class ForwardDynamics:
@@ -104,12 +124,12 @@ class ForwardDynamics:
         self.mechanism = mechanism
         self._links, self._tree, self._model = flatten_relative(mechanism)
         self.joints = tuple(mechanism.joints[k].name for k in self._tree.joint)
-        self.n_q, self.n_v = self._links.speeds, self._links.integrals - self._links.speeds
+        self.n_q, self.n_v = self._links.first_speed, self._links.first_integral - self._links.first_speed
         self._systems = [self._new_system()]
         self._placed = self._systems[0][0]
-        self._link, self._free, self._is_tree = self._placed.link, self._placed.free, self._links.free
+        self._link, self._free, self._is_tree = self._placed.link, self._placed.free, self._links.bare_tree
         if self._is_tree:
-            _compiled(self._link, self._free, self.n_q)
+            _compile_once(self._link, self._free, self.n_q)
 
     def coordinates(self, state: State) -> tuple[Array, Array]:
         """q, shape (n_q,), and v, shape (n_v,), of a consistent canonical state; angles within half a turn of zero."""
@@ -119,8 +139,8 @@ class ForwardDynamics:
     def state(self, q: Array, v: Array) -> State:
         """Canonical state of coordinates q, shape (n_q,), and speeds v, shape (n_v,)."""
         z = np.concatenate(self._checked(q, v))
-        place(self._links.layout, self._link, self._free, self.n_q, z, self._placed.y, self._placed.A)
-        orient(self._placed.A, self._placed.y)
+        place_links_and_bodies(self._links.layout, self._link, self._free, self.n_q, z, self._placed.y, self._placed.A)
+        fill_euler_parameters(self._placed.A, self._placed.y)
         return State(*unpack(self.mechanism, self._placed.y.copy()))
 
     def accelerations(self, q: Array, v: Array, t: float = 0.0, out: Array | None = None) -> Array:
@@ -147,9 +167,9 @@ class ForwardDynamics:
             out = np.empty(self.n_v)
         if self._is_tree:
             try:
-                if _at(self._link, self._free, q, v, out):
+                if _tree_accelerations_at(self._link, self._free, q, v, out):
                     return out
-            except TypeError:  # not the arrays it is compiled for
+            except TypeError:  # not contiguous arrays of floats
                 pass
         q, v = self._checked(q, v)
         if out.shape != (self.n_v,):
@@ -168,7 +188,7 @@ class ForwardDynamics:
         self.accelerations(q, v, t)
         y, A = self._placed.y, self._placed.A
         place_bodies(self._links.layout, self._link, y, A)
-        orient(A, y)
+        fill_euler_parameters(A, y)
         a = np.empty((len(self.mechanism.bodies), 6))
         a[self._links.layout[:, BODY]] = self._link[:-1, ACCELERATION : ACCELERATION + 6]
         if not np.all(np.isfinite(a)):
@@ -203,7 +223,7 @@ class ForwardDynamics:
         if q.ndim != 2 or q.shape[1] != self.n_q or v.shape != (len(q), self.n_v):
             raise InvalidInput("q, v", f"shapes {q.shape}, {v.shape}", f"Give (n, {self.n_q}) and (n, {self.n_v}).")
         constants = np.empty((0, 0, 0)) if parameters is None else np.ascontiguousarray(parameters, dtype=float)
-        wanted = (len(q), len(self.mechanism.bodies) + 1, PLACED - NEAR)
+        wanted = (len(q), len(self.mechanism.bodies) + 1, CONSTANTS_END - INBOARD_FRAME)
         if parameters is not None and (not self._is_tree or constants.shape != wanted):
             raise InvalidInput("parameters", f"shape {constants.shape}", f"Give what parameters() answers, {wanted}.")
         out = np.empty(v.shape)
@@ -214,7 +234,7 @@ class ForwardDynamics:
         parts = iter([slice(first, last) for first, last in pairwise(bounds) if first < last])
 
         def work(n: int) -> None:
-            for part in parts:  # whoever is done takes the next one: threads are not equally fast
+            for part in parts:  # threads take parts in turn, because they are not equally fast
                 self._fill(n, q[part], v[part], t, constants[part], out[part])
 
         if count == 1:
@@ -243,7 +263,7 @@ class ForwardDynamics:
 
     def _constants(self, other: Mechanism) -> Array:
         links, tree, _ = flatten_relative(other)
-        same = links.free and all(
+        same = links.bare_tree and all(
             np.array_equal(a, b)
             for a, b in (
                 (links.layout, self._links.layout),
@@ -253,7 +273,7 @@ class ForwardDynamics:
         )
         if not same:
             raise InvalidInput(other.name, f"its tree is not that of {self.mechanism.name}", "Change numbers only.")
-        return link_table(links, other.gravity)[:, NEAR:PLACED]
+        return link_table(links, other.gravity)[:, INBOARD_FRAME:CONSTANTS_END]
 
     def _checked(self, q: Array, v: Array) -> tuple[Array, Array]:
         q, v = np.array(q, dtype=float), np.array(v, dtype=float)
@@ -261,24 +281,24 @@ class ForwardDynamics:
             raise InvalidInput("q, v", f"shapes {q.shape}, {v.shape}", f"Give ({self.n_q},) and ({self.n_v},).")
         return q, v
 
-    def _new_system(self) -> tuple[Tree, Rest, Space | None, Elements | None]:
-        """The tree and, held, what else there is, with arrays of their own."""
-        tree, rest, space, elements, _ = system(self.mechanism, self._links, self._tree, self._model)
-        return tree, hold(rest), hold(space), hold(elements)
+    def _new_system(self) -> tuple[TreeArrays, LoopClosure, Spatial, TreeElements | None]:
+        """Return the tree and the records of all other arrays, with arrays of their own."""
+        tree, closure, spatial, elements, _ = tree_system(self.mechanism, self._links, self._tree, self._model)
+        return tree, record_of(closure), record_of(spatial), record_of(elements)
 
     def _fill(self, n: int, q: Array, v: Array, t: float, constants: Array, out: Array) -> None:
-        """Accelerations at rows of states, with the n-th set of working arrays."""
+        """Compute accelerations at rows of states, with the n-th set of work arrays."""
         tree, *others = self._systems[n]
         if self._is_tree:
-            # constants of parameter sets must not stay behind
+            # the constants of parameter sets must not stay in the table
             link = tree.link.copy() if len(constants) else tree.link
-            _at_each(link, tree.free, constants, q, v, out)
+            _tree_accelerations_each(link, tree.free, constants, q, v, out)
             return
-        _closed_at_each(*others, float(t), q, v, np.zeros(len(self._links.kind)), out)
+        _accelerations_each(*others, float(t), q, v, np.zeros(len(self._links.kind)), out)
 
 
-def _compiled(link: Array, free: Array, n_q: int) -> None:
-    """Compile `_at` for contiguous arrays of floats, once, and for nothing else: others are converted instead."""
-    _at(link, free, np.ones(n_q), np.zeros(len(free)), np.empty(len(free)))
-    if hasattr(_at, "disable_compile"):  # without Numba's compiler it is a plain function
-        _at.disable_compile()
+def _compile_once(link: Array, free: Array, n_q: int) -> None:
+    """Compile `_tree_accelerations_at` for contiguous arrays of floats alone: other arrays are converted."""
+    _tree_accelerations_at(link, free, np.ones(n_q), np.zeros(len(free)), np.empty(len(free)))
+    if hasattr(_tree_accelerations_at, "disable_compile"):  # a plain function where Numba is disabled
+        _tree_accelerations_at.disable_compile()

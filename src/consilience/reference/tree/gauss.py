@@ -1,12 +1,12 @@
-"""Collocation at the Gauss points in the state z, of order 16: an integrator that shares nothing with `integrate`.
+"""Collocation at the Gauss points in the state z, of order 16: an integrator independent of `explicit_rk`.
 
-With the nodes c of Gauss's quadrature of eight points, the stages obey [Hairer, Norsett, Wanner, section II.7]
+With the nodes c of Gauss quadrature with eight points, the stages obey [Hairer, Norsett, Wanner, section II.7]
 
     K_i = f(t + c_i h, z + h sum_j a_ij K_j),     z_1 = z + h sum_i b_i K_i,
 
-a_ij the integral of Lagrange's polynomial j up to c_i. They are found by iteration, one stage after the other, from the
-polynomial of the step before. Its last divided difference, of order 7, tells how well a polynomial follows the motion;
-the error of the step is of the square of that. Steps end at samples, where the order is the full one.
+a_ij being the integral of Lagrange polynomial j up to c_i. The stages are found by Gauss-Seidel iteration from the
+polynomial of the step before. The last divided difference of the stages, of order 7, measures how well a polynomial
+follows the motion; the error of the step is proportional to its square. Steps end at samples, where the order is 16.
 """
 
 from __future__ import annotations
@@ -19,38 +19,40 @@ from numpy.polynomial.legendre import leggauss, legvander
 from consilience.mechanism import Array
 from consilience.reference.integrators.step_control import EVALUATIONS, REJECTED, STEPS
 from consilience.reference.kernel.compiled import inlined, inner, kernel
-from consilience.reference.kernel.held import opened
+from consilience.reference.kernel.mechanism_record import fields_of
 from consilience.reference.kernel.vectors import assign
-from consilience.reference.tree.arrays import Elements, Rest, Run, Space, Tree
-from consilience.reference.tree.dynamics import rates
-from consilience.reference.tree.projection import SEEN, arrive, begin, longest_now, note
-from consilience.reference.tree.step_control import sizes
+from consilience.reference.tree.arrays import KernelArguments, LoopClosure, Spatial, TreeArrays, TreeElements
+from consilience.reference.tree.dynamics import state_derivative
+from consilience.reference.tree.projection import AT_SAMPLE, begin_motion, end_step, record_sample, step_limit
+from consilience.reference.tree.step_control import component_sizes
 
 STAGES = 8
 MOST_ITERATIONS = 14
-"""Where they do not settle in so many, the step is halved."""
+"""Iterations after which the step is halved."""
 
 LARGEST, SMALLEST, SAFETY = 3.0, 0.3, 0.9
 
 
-class Scratch(NamedTuple):
-    """What a run writes into."""
+class GaussScratch(NamedTuple):
+    """Work arrays of an integration."""
 
     K: Array  # (8, n_z) stages of the last step
-    guess: Array  # (8, n_z) of the next one
+    guess: Array  # (8, n_z) stages of the next step
     trial: Array  # (n_z,) state of a stage
-    found: Array  # (n_z,) its derivative
-    size: Array  # (5,) of the kinds of components
+    found: Array  # (n_z,) derivative of a stage
+    size: Array  # (5,) sizes of the kinds of components
 
 
-def gauss_scratch(z: Array, rest: Rest | None) -> Scratch:
-    """Scratch of a run from the state z."""
+def gauss_scratch(z: Array, closure: LoopClosure | None) -> GaussScratch:
+    """Return work arrays for a motion from the state z."""
     count = len(z)
-    return Scratch(np.zeros((STAGES, count)), np.zeros((STAGES, count)), np.empty(count), np.empty(count), np.empty(5))
+    return GaussScratch(
+        np.zeros((STAGES, count)), np.zeros((STAGES, count)), np.empty(count), np.empty(count), np.empty(5)
+    )
 
 
-def integrals(x: Array, weights: Array) -> Array:
-    """Integrals of Lagrange's polynomials from -1 to each node: by Legendre's, in which nothing cancels."""
+def lagrange_integrals(x: Array, weights: Array) -> Array:
+    """Return the integrals of the Lagrange polynomials from -1 to each node, by Legendre series."""
     P = legvander(x, len(x))
     total = np.outer(x + 1.0, np.ones_like(x))
     for k in range(1, len(x)):
@@ -59,15 +61,16 @@ def integrals(x: Array, weights: Array) -> Array:
 
 
 _NODES, _WEIGHTS = leggauss(STAGES)
-C, B, A = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS, 0.5 * integrals(_NODES, _WEIGHTS)
+C, B, A = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS, 0.5 * lagrange_integrals(_NODES, _WEIGHTS)
 DIFFERENCE = np.array([1.0 / np.prod(C[j] - np.delete(C, j)) for j in range(STAGES)])
+"""Weights of the last divided difference of the stages; their magnitudes sum to one."""
 DIFFERENCE /= np.sum(np.abs(DIFFERENCE))
 """Weights of the last divided difference of the stages, scaled to a mean."""
 
 
 @inner
 def _extrapolate(K: Array, ratio: float, guess: Array) -> None:
-    """Stages of the next step, `ratio` times as long, by the polynomial through those of the last one."""
+    """Extrapolate the stages of the next step, `ratio` times as long, from the polynomial through the last ones."""
     for i in range(STAGES):
         x = 1.0 + C[i] * ratio
         guess[i, :] = 0.0
@@ -82,17 +85,17 @@ def _extrapolate(K: Array, ratio: float, guess: Array) -> None:
 
 @inlined
 def _iterate(
-    tree: Tree,
-    rest: Rest | None,
-    space: Space | None,
-    elements: Elements | None,
+    tree: TreeArrays,
+    closure: LoopClosure | None,
+    spatial: Spatial,
+    elements: TreeElements | None,
     t: float,
     h: float,
     z: Array,
     counters: Array,
-    scratch: Scratch,
+    scratch: GaussScratch,
 ) -> bool:
-    """Iterate the guessed stages in place; whether they settle to rounding."""
+    """Iterate the guessed stages in place; return whether they converge to rounding."""
     K, size, trial, found = scratch.guess, scratch.size, scratch.trial, scratch.found
     last = np.inf
     for _ in range(MOST_ITERATIONS):
@@ -102,7 +105,7 @@ def _iterate(
             for j in range(STAGES):
                 for n in range(z.shape[0]):
                     trial[n] += h * A[i, j] * K[j, n]
-            rates(tree, rest, space, elements, None, t + C[i] * h, trial, found)
+            state_derivative(tree, closure, spatial, elements, None, t + C[i] * h, trial, found)
             for n in range(z.shape[0]):
                 change = max(change, h * abs(found[n] - K[i, n]) / size[tree.kind[n]])
                 K[i, n] = found[n]
@@ -117,7 +120,7 @@ def _iterate(
 
 @inner
 def _roughness(kind: Array, K: Array, h: float, size: Array) -> float:
-    """Last divided difference of the stages, scaled: what a polynomial of lower degree would miss."""
+    """Return the scaled last divided difference of the stages."""
     largest = 0.0
     for n in range(K.shape[1]):
         total = 0.0
@@ -129,11 +132,11 @@ def _roughness(kind: Array, K: Array, h: float, size: Array) -> float:
 
 @inner
 def _integrate(
-    tree: Tree,
-    rest: Rest | None,
-    space: Space | None,
-    elements: Elements | None,
-    scratch: Scratch,
+    tree: TreeArrays,
+    closure: LoopClosure | None,
+    spatial: Spatial,
+    elements: TreeElements | None,
+    scratch: GaussScratch,
     z: Array,
     times: Array,
     tolerance: float,
@@ -141,26 +144,26 @@ def _integrate(
     motion: Array,
     counters: Array,
 ) -> int:
-    """`integrate_gauss`, compiled for what a mechanism has."""
+    """Integrate as `integrate_gauss`, compiled for each combination of arguments that are None."""
     K, guess, size = scratch.K, scratch.guess, scratch.size
     counters[:] = 0
-    begin(tree, rest, space, elements, None, times[0], z)
-    note(tree, space, None, motion[0])
+    begin_motion(tree, closure, spatial, elements, None, times[0], z)
+    record_sample(tree, spatial, None, motion[0])
     allowed = np.sqrt(tolerance)
     t, h, before = times[0], 1e-3 * (times[-1] - times[0]), 0.0
     for sample in range(1, times.shape[0]):
         while t < times[sample]:
             remaining = times[sample] - t
-            free = min(h, longest_now(tree, elements, longest))
+            free = min(h, step_limit(tree, elements, longest))
             step = remaining if free >= remaining else min(free, 0.5 * remaining)
             if step < 1e-14 * max(1.0, abs(t)):
                 return 1
-            sizes(tree.kind, tree.length, z, size)
+            component_sizes(tree.kind, tree.length, z, size)
             if before > 0.0:
                 _extrapolate(K, step / before, guess)
             if before == 0.0 or step > 2.0 * before:
                 guess[:] = 0.0
-            settled = _iterate(tree, rest, space, elements, t, step, z, counters, scratch)
+            settled = _iterate(tree, closure, spatial, elements, t, step, z, counters, scratch)
             rough = _roughness(tree.kind, guess, step, size) / allowed if settled else np.inf
             if rough > 1.0:
                 counters[REJECTED] += 1
@@ -176,16 +179,26 @@ def _integrate(
             factor = LARGEST if rough == 0.0 else min(LARGEST, SAFETY * rough ** (-1.0 / STAGES))
             h = step * factor if step == free else max(h, step * factor)
             t = times[sample] if step == remaining else t + step
-            arrive(tree, rest, space, elements, None, t, z, SEEN)
-        note(tree, space, None, motion[sample])
+            end_step(tree, closure, spatial, elements, None, t, z, AT_SAMPLE)
+        record_sample(tree, spatial, None, motion[sample])
     return 0
 
 
 @kernel
 def integrate_gauss(
-    run: Run, z: Array, times: Array, tolerance: float, longest: float, motion: Array, counters: Array
+    run: KernelArguments, z: Array, times: Array, tolerance: float, longest: float, motion: Array, counters: Array
 ) -> int:
-    """Integrate from ``times[0]`` and record the bodies at all sample times; arguments as in `integrate.integrate`."""
-    on = opened(run)
-    tree, rest, space, elements = on.tree, on.rest, on.space, on.elements
-    return _integrate(tree, rest, space, elements, on.scratch, z, times, tolerance, longest, motion, counters)
+    """Integrate from ``times[0]`` and record the bodies at all sample times.
+
+    Parameters
+    ----------
+    run, z, times, tolerance, longest, motion, counters : see `explicit_rk.integrate`
+
+    Returns
+    -------
+    int
+        Key of `integrators.step_control.STATUS`.
+    """
+    on = fields_of(run)
+    tree, closure, spatial, elements = on.tree, on.closure, on.spatial, on.elements
+    return _integrate(tree, closure, spatial, elements, on.scratch, z, times, tolerance, longest, motion, counters)

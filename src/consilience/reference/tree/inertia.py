@@ -1,6 +1,8 @@
-"""Articulated inertias of a link about its centre of mass, world axes: three tuples, on the stack of a compiled kernel.
+"""Articulated inertias about the centre of mass of a link, in world axes, as three tuples.
 
 I = [M H; H^T J],   M and J symmetric (xx, xy, xz, yy, yz, zz),   H row by row.
+
+Tuples stay on the stack of a compiled kernel. Transformation rules: Featherstone 2008, chapters 2 and 7.
 """
 
 from __future__ import annotations
@@ -8,7 +10,7 @@ from __future__ import annotations
 from consilience.mechanism import Array
 from consilience.reference.kernel.compiled import inner
 from consilience.reference.kernel.vectors import Vector, add, dot
-from consilience.reference.tree.records import STIFF
+from consilience.reference.tree.records import ARTICULATED
 
 Six = tuple[float, float, float, float, float, float]
 Nine = tuple[float, float, float, float, float, float, float, float, float]
@@ -18,8 +20,8 @@ Columns = tuple[Vector, Vector, Vector]
 
 
 @inner
-def combine(X: Columns, a: Vector) -> Vector:
-    """``X a``."""
+def matrix_times(X: Columns, a: Vector) -> Vector:
+    """Return ``X a``."""
     return (
         X[0][0] * a[0] + X[1][0] * a[1] + X[2][0] * a[2],
         X[0][1] * a[0] + X[1][1] * a[1] + X[2][1] * a[2],
@@ -28,8 +30,8 @@ def combine(X: Columns, a: Vector) -> Vector:
 
 
 @inner
-def symmetric(J: Six, a: Vector) -> Vector:
-    """``J a``."""
+def symmetric_times(J: Six, a: Vector) -> Vector:
+    """Return ``J a``."""
     return (
         J[0] * a[0] + J[1] * a[1] + J[2] * a[2],
         J[1] * a[0] + J[3] * a[1] + J[4] * a[2],
@@ -38,10 +40,14 @@ def symmetric(J: Six, a: Vector) -> Vector:
 
 
 @inner
-def rotated(X: Columns, J: Six) -> Six:
-    """``X J X^T``."""
+def rotate_inertia(X: Columns, J: Six) -> Six:
+    """Return ``X J X^T``."""
     a, b, c = X
-    s, t, u = combine(X, (J[0], J[1], J[2])), combine(X, (J[1], J[3], J[4])), combine(X, (J[2], J[4], J[5]))
+    s, t, u = (
+        matrix_times(X, (J[0], J[1], J[2])),
+        matrix_times(X, (J[1], J[3], J[4])),
+        matrix_times(X, (J[2], J[4], J[5])),
+    )
     return (
         s[0] * a[0] + t[0] * b[0] + u[0] * c[0],
         s[0] * a[1] + t[0] * b[1] + u[0] * c[1],
@@ -54,52 +60,52 @@ def rotated(X: Columns, J: Six) -> Six:
 
 @inner
 def load_inertia(link: Array, k: int) -> Inertia:
-    """Inertia in the row of a link."""
+    """Return the articulated inertia of a link."""
     return (
         (
-            link[k, STIFF],
-            link[k, STIFF + 1],
-            link[k, STIFF + 2],
-            link[k, STIFF + 3],
-            link[k, STIFF + 4],
-            link[k, STIFF + 5],
+            link[k, ARTICULATED],
+            link[k, ARTICULATED + 1],
+            link[k, ARTICULATED + 2],
+            link[k, ARTICULATED + 3],
+            link[k, ARTICULATED + 4],
+            link[k, ARTICULATED + 5],
         ),
         (
-            link[k, STIFF + 6],
-            link[k, STIFF + 7],
-            link[k, STIFF + 8],
-            link[k, STIFF + 9],
-            link[k, STIFF + 10],
-            link[k, STIFF + 11],
-            link[k, STIFF + 12],
-            link[k, STIFF + 13],
-            link[k, STIFF + 14],
+            link[k, ARTICULATED + 6],
+            link[k, ARTICULATED + 7],
+            link[k, ARTICULATED + 8],
+            link[k, ARTICULATED + 9],
+            link[k, ARTICULATED + 10],
+            link[k, ARTICULATED + 11],
+            link[k, ARTICULATED + 12],
+            link[k, ARTICULATED + 13],
+            link[k, ARTICULATED + 14],
         ),
         (
-            link[k, STIFF + 15],
-            link[k, STIFF + 16],
-            link[k, STIFF + 17],
-            link[k, STIFF + 18],
-            link[k, STIFF + 19],
-            link[k, STIFF + 20],
+            link[k, ARTICULATED + 15],
+            link[k, ARTICULATED + 16],
+            link[k, ARTICULATED + 17],
+            link[k, ARTICULATED + 18],
+            link[k, ARTICULATED + 19],
+            link[k, ARTICULATED + 20],
         ),
     )
 
 
 @inner
 def add_inertia(link: Array, k: int, I: Inertia) -> None:
-    """Add to the inertia in the row of a link."""
+    """Add to the articulated inertia of a link."""
     M, H, J = I
     for n in range(6):
-        link[k, STIFF + n] += M[n]
-        link[k, STIFF + 15 + n] += J[n]
+        link[k, ARTICULATED + n] += M[n]
+        link[k, ARTICULATED + 15 + n] += J[n]
     for n in range(9):
-        link[k, STIFF + 6 + n] += H[n]
+        link[k, ARTICULATED + 6 + n] += H[n]
 
 
 @inner
-def push(I: Inertia, linear: Vector, angular: Vector) -> tuple[Vector, Vector]:
-    """Force and torque ``I (linear, angular)``."""
+def inertia_times(I: Inertia, linear: Vector, angular: Vector) -> tuple[Vector, Vector]:
+    """Return force and torque ``I (linear, angular)``."""
     M, H, J = I
     force = (
         H[0] * angular[0] + H[1] * angular[1] + H[2] * angular[2],
@@ -111,12 +117,12 @@ def push(I: Inertia, linear: Vector, angular: Vector) -> tuple[Vector, Vector]:
         H[1] * linear[0] + H[4] * linear[1] + H[7] * linear[2],
         H[2] * linear[0] + H[5] * linear[1] + H[8] * linear[2],
     )
-    return add(symmetric(M, linear), force), add(torque, symmetric(J, angular))
+    return add(symmetric_times(M, linear), force), add(torque, symmetric_times(J, angular))
 
 
 @inner
-def reduced(I: Inertia, x: Vector, y: Vector, factor: float) -> Inertia:
-    """``I - factor U U^T``, U = (x, y)."""
+def rank_one_update(I: Inertia, x: Vector, y: Vector, factor: float) -> Inertia:
+    """Return ``I - factor U U^T`` with U = (x, y)."""
     M, H, J = I
     a, b, c = factor * x[0], factor * x[1], factor * x[2]
     d, e, f = factor * y[0], factor * y[1], factor * y[2]
@@ -138,8 +144,8 @@ def reduced(I: Inertia, x: Vector, y: Vector, factor: float) -> Inertia:
 
 
 @inner
-def shifted(I: Inertia, d: Vector) -> Inertia:
-    """``X^T I X`` for X = [1 -~d; 0 1]: M, K = H - M ~d, J - H^T ~d + ~d K."""
+def shift_inertia(I: Inertia, d: Vector) -> Inertia:
+    """Return ``X^T I X`` for X = [1 -~d; 0 1]: M, K = H - M ~d, J - H^T ~d + ~d K."""
     M, H, J = I
     d0, d1, d2 = d
     K = (
@@ -165,6 +171,6 @@ def shifted(I: Inertia, d: Vector) -> Inertia:
 
 
 @inner
-def project_on(linear: Vector, angular: Vector, force: Vector, torque: Vector) -> float:
-    """Power of a wrench in a motion."""
+def power(linear: Vector, angular: Vector, force: Vector, torque: Vector) -> float:
+    """Return the power of a wrench on a motion."""
     return dot(linear, force) + dot(angular, torque)

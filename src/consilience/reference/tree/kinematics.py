@@ -1,11 +1,12 @@
-"""Bodies from the state of the tree joints: poses, velocities, free directions and what is quadratic in velocities.
+"""Positions, velocities, free directions and velocity-product accelerations of the links at a state z.
 
-From the parent outward, with P the origin of M, s_i and s_j the arms to it from the centres of mass of predecessor i
-and successor j, e the free axes in the world and u their speeds,
+Outward from the ground, with P the origin of M, s_i and s_j the arms to P from the centres of mass of predecessor i and
+successor j, e the free axes in the world and u their speeds,
 
-    v_j + w_j x s_j = v_i + w_i x s_i + sum_along e u,     w_j = w_i + sum_about e u,
+    v_j + w_j x s_j = v_i + w_i x s_i + sum_translations e u,     w_j = w_i + sum_rotations e u,
 
-solved for the body that the tree leads to; where that is the predecessor, the sums change sign.
+solved for the body that the tree leads to; where that is the predecessor, the sums change sign [Featherstone 2008,
+section 4.4]. Inboard and outboard are the joint frames on the parent and on the link.
 """
 
 from __future__ import annotations
@@ -16,36 +17,15 @@ from consilience.mechanism import Array
 from consilience.reference.bodies.motion import ZERO
 from consilience.reference.kernel.compiled import fused, inner, kernel
 from consilience.reference.kernel.vectors import Vector, add, column, cross, dot, scale, sub
-from consilience.reference.tree.arrays import ABOUT, ALONG, BODY, FREE
+from consilience.reference.tree import records as col
+from consilience.reference.tree.arrays import BODY, FREE, ROTATIONS, TRANSLATIONS
 from consilience.reference.tree.arrays import COORDINATE as FIRST_COORDINATE
-from consilience.reference.tree.inertia import Columns, combine
-from consilience.reference.tree.records import (
-    ARM,
-    ARM_PARENT,
-    AXES,
-    AXIS,
-    COORDINATE,
-    DISPLACEMENTS,
-    FIRST,
-    LAST,
-    NEAR,
-    ONE_TURN,
-    PARENT,
-    POSITION,
-    QUADRATIC,
-    SENSE,
-    SPIN,
-    STEP,
-    TURNS,
-    VELOCITY,
-    S,
-    X,
-)
+from consilience.reference.tree.inertia import Columns, matrix_times
 
 
 @inner
-def _turned(q: Array, at: int, about: int) -> Columns:
-    """Columns of the rotation from M to F at the coordinates of a joint."""
+def _joint_rotation(q: Array, at: int, about: int) -> Columns:
+    """Return the rotation matrix from M to F at the coordinates of a joint."""
     if about == 0:
         return (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
     if about < 3:
@@ -64,23 +44,23 @@ def _turned(q: Array, at: int, about: int) -> Columns:
 
 
 @inner
-def vector_at(table: Array, k: int, at: int) -> Vector:
-    """Three numbers of a row."""
+def load_vector(table: Array, k: int, at: int) -> Vector:
+    """Return three numbers of a row, from column `at` on."""
     return table[k, at], table[k, at + 1], table[k, at + 2]
 
 
 @inner
-def put(table: Array, k: int, at: int, a: Vector) -> None:
-    """Store three numbers in a row."""
+def store_vector(table: Array, k: int, at: int, a: Vector) -> None:
+    """Store three numbers in a row, from column `at` on."""
     table[k, at] = a[0]
     table[k, at + 1] = a[1]
     table[k, at + 2] = a[2]
 
 
 @inner
-def matrix_at(table: Array, k: int, at: int) -> Columns:
-    """A matrix of a row, by columns."""
-    return vector_at(table, k, at), vector_at(table, k, at + 3), vector_at(table, k, at + 6)
+def load_matrix(table: Array, k: int, at: int) -> Columns:
+    """Return a 3 x 3 matrix of a row by its columns."""
+    return load_vector(table, k, at), load_vector(table, k, at + 3), load_vector(table, k, at + 6)
 
 
 @inner
@@ -89,147 +69,160 @@ def _transposed(A: Columns) -> Columns:
 
 
 @inner
-def _move(
+def _store_motion(
     link: Array,
     k: int,
     p: int,
-    far: Columns,
+    outboard: Columns,
     s_p: Vector,
     s: Vector,
     speed: Vector,
     spin: Vector,
     c: tuple[Vector, Vector],
 ) -> None:
-    """Store the motion of a link, of what its joint adds to that of its parent.
+    """Store the motion of a link, from the motion of its parent and of its joint.
 
-    With arms to P: ``w = w_p + spin``, ``v + w x s = v_p + w_p x s_p + speed``; c is what is quadratic in the speeds.
+    With arms to P: ``w = w_p + spin``, ``v + w x s = v_p + w_p x s_p + speed``; c is quadratic in the joint speeds.
     """
-    w_p = vector_at(link, p, SPIN)
+    w_p = load_vector(link, p, col.SPIN)
     w = add(w_p, spin)
     carried = sub(cross(w_p, s_p), cross(w, s))
     step = sub(s_p, s)
     for n in range(3):
-        put(link, k, X + 3 * n, far[n])
-    put(link, k, STEP, step)
-    put(link, k, POSITION, add(vector_at(link, p, POSITION), step))
-    put(link, k, VELOCITY, add(vector_at(link, p, VELOCITY), add(carried, speed)))
-    put(link, k, SPIN, w)
+        store_vector(link, k, col.X + 3 * n, outboard[n])
+    store_vector(link, k, col.OFFSET, step)
+    store_vector(link, k, col.POSITION, add(load_vector(link, p, col.POSITION), step))
+    store_vector(link, k, col.VELOCITY, add(load_vector(link, p, col.VELOCITY), add(carried, speed)))
+    store_vector(link, k, col.SPIN, w)
     linear = sub(cross(w_p, cross(w_p, s_p)), cross(w, cross(w, s)))
-    put(link, k, QUADRATIC, add(add(linear, c[0]), cross(s, c[1])))
-    put(link, k, QUADRATIC + 3, c[1])
+    store_vector(link, k, col.VELOCITY_PRODUCT, add(add(linear, c[0]), cross(s, c[1])))
+    store_vector(link, k, col.VELOCITY_PRODUCT + 3, c[1])
 
 
 @inner
-def _turn(link: Array, free: Array, k: int, q: Array, v: Array) -> None:
-    """Place a link that turns about one axis: the same for both senses, but for the sign."""
-    p, n, sign = int(link[k, PARENT]), int(link[k, FIRST]), link[k, SENSE]
-    base, angle, u = matrix_at(link, p, X), sign * q[int(link[k, COORDINATE])], sign * v[n]
+def _place_revolute(link: Array, free: Array, k: int, q: Array, v: Array) -> None:
+    """Place a link on a revolute joint; both senses of the joint differ only in sign."""
+    p, n, sign = int(link[k, col.PARENT]), int(link[k, col.FIRST]), link[k, col.SENSE]
+    base, angle, u = load_matrix(link, p, col.X), sign * q[int(link[k, col.COORDINATE])], sign * v[n]
     x, y, e = (
-        combine(base, vector_at(link, k, NEAR)),
-        combine(base, vector_at(link, k, NEAR + 3)),
-        combine(base, vector_at(link, k, NEAR + 6)),
+        matrix_times(base, load_vector(link, k, col.INBOARD_FRAME)),
+        matrix_times(base, load_vector(link, k, col.INBOARD_FRAME + 3)),
+        matrix_times(base, load_vector(link, k, col.INBOARD_FRAME + 6)),
     )
     c, s = np.cos(angle), np.sin(angle)
-    far = add(scale(c, x), scale(s, y)), sub(scale(c, y), scale(s, x)), e
-    s_p, s_k = combine(base, vector_at(link, k, ARM_PARENT)), combine(far, vector_at(link, k, ARM))
-    put(free, n, S, scale(sign, cross(s_k, e)))
-    put(free, n, S + 3, scale(sign, e))
-    e_dot = cross(vector_at(link, p, SPIN), e)
-    _move(link, k, p, far, s_p, s_k, ZERO, scale(u, e), (ZERO, scale(u, e_dot)))
+    outboard = add(scale(c, x), scale(s, y)), sub(scale(c, y), scale(s, x)), e
+    s_p = matrix_times(base, load_vector(link, k, col.ARM_PARENT))
+    s_k = matrix_times(outboard, load_vector(link, k, col.ARM))
+    store_vector(free, n, col.S, scale(sign, cross(s_k, e)))
+    store_vector(free, n, col.S + 3, scale(sign, e))
+    e_dot = cross(load_vector(link, p, col.SPIN), e)
+    _store_motion(link, k, p, outboard, s_p, s_k, ZERO, scale(u, e), (ZERO, scale(u, e_dot)))
 
 
 @inner
 def _axis(free: Array, n: int, F: Columns, M: Columns) -> Vector:
-    """Axis of a direction, in the world."""
-    number = int(free[n, AXIS])
+    """Return the axis of a free direction in the world."""
+    number = int(free[n, col.AXIS])
     return F[number] if number < 3 else M[number - 3]
 
 
 @inner
-def _join(link: Array, free: Array, k: int, q: Array, v: Array) -> None:
+def _place_joint(link: Array, free: Array, k: int, q: Array, v: Array) -> None:
     """Place a link on a joint of any kind."""
-    p, first, last, sign = int(link[k, PARENT]), int(link[k, FIRST]), int(link[k, LAST]), link[k, SENSE]
-    at, along = int(link[k, COORDINATE]), int(link[k, DISPLACEMENTS])
-    base, turned = matrix_at(link, p, X), _turned(q, at + along, int(link[k, TURNS]))
+    p, first, last, sign = int(link[k, col.PARENT]), int(link[k, col.FIRST]), int(link[k, col.LAST]), link[k, col.SENSE]
+    at, along = int(link[k, col.COORDINATE]), int(link[k, col.N_TRANSLATIONS])
+    base, turned = load_matrix(link, p, col.X), _joint_rotation(q, at + along, int(link[k, col.N_ROTATIONS]))
     if sign < 0.0:
         turned = _transposed(turned)
-    near = (
-        combine(base, vector_at(link, k, NEAR)),
-        combine(base, vector_at(link, k, NEAR + 3)),
-        combine(base, vector_at(link, k, NEAR + 6)),
+    inboard = (
+        matrix_times(base, load_vector(link, k, col.INBOARD_FRAME)),
+        matrix_times(base, load_vector(link, k, col.INBOARD_FRAME + 3)),
+        matrix_times(base, load_vector(link, k, col.INBOARD_FRAME + 6)),
     )
-    far = combine(near, turned[0]), combine(near, turned[1]), combine(near, turned[2])
-    F, M = (near, far) if sign > 0.0 else (far, near)
-    s_p, s_k = combine(base, vector_at(link, k, ARM_PARENT)), combine(far, vector_at(link, k, ARM))
-    away, speed, spin = ZERO, ZERO, ZERO
+    outboard = matrix_times(inboard, turned[0]), matrix_times(inboard, turned[1]), matrix_times(inboard, turned[2])
+    F, M = (inboard, outboard) if sign > 0.0 else (outboard, inboard)
+    s_p = matrix_times(base, load_vector(link, k, col.ARM_PARENT))
+    s_k = matrix_times(outboard, load_vector(link, k, col.ARM))
+    displacement, speed, spin = ZERO, ZERO, ZERO
     for n in range(first, last):
         e, u = _axis(free, n, F, M), sign * v[n]
         if n - first < along:
-            away, speed = add(away, scale(q[at + n - first], e)), add(speed, scale(u, e))
+            displacement, speed = add(displacement, scale(q[at + n - first], e)), add(speed, scale(u, e))
         else:
             spin = add(spin, scale(u, e))
-    # P is the origin of M: on the link, or on its parent with F's behind it by the displacement
+    # P is the origin of M; the origin of F lies behind it by the displacement
     if sign > 0.0:
-        s_p = add(s_p, away)
+        s_p = add(s_p, displacement)
     else:
-        s_k = add(s_k, away)
-    w_p = vector_at(link, p, SPIN)
+        s_k = add(s_k, displacement)
+    w_p = load_vector(link, p, col.SPIN)
     # F moves with the predecessor, M with the successor
     w_F, w_M = (w_p, add(w_p, spin)) if sign > 0.0 else (add(w_p, spin), w_p)
     linear, angular = ZERO, ZERO
     for n in range(first, last):
         e, u = _axis(free, n, F, M), sign * v[n]
-        e_dot = cross(w_F if free[n, AXIS] < 3.0 else w_M, e)
+        e_dot = cross(w_F if free[n, col.AXIS] < 3.0 else w_M, e)
         if n - first < along:
             linear = add(linear, scale(2.0 * u, e_dot))
-            put(free, n, S, scale(sign, e))
-            put(free, n, S + 3, ZERO)
+            store_vector(free, n, col.S, scale(sign, e))
+            store_vector(free, n, col.S + 3, ZERO)
         else:
             angular = add(angular, scale(u, e_dot))
-            put(free, n, S, scale(sign, cross(s_k, e)))
-            put(free, n, S + 3, scale(sign, e))
-    _move(link, k, p, far, s_p, s_k, speed, spin, (linear, angular))
+            store_vector(free, n, col.S, scale(sign, cross(s_k, e)))
+            store_vector(free, n, col.S + 3, scale(sign, e))
+    _store_motion(link, k, p, outboard, s_p, s_k, speed, spin, (linear, angular))
 
 
 @fused
 def place_links(link: Array, free: Array, q: Array, v: Array) -> None:
-    """Fill the rows of all links and directions from X to STEP, and S, at coordinates q and speeds v.
+    """Fill columns X to OFFSET of all links, and S of all directions, at coordinates q and speeds v.
 
-    q may go on behind the coordinates, so that a whole state z will do.
+    q may be longer than the coordinates: a whole state z will do.
     """
     for k in range(link.shape[0] - 1):
-        if link[k, ONE_TURN] == 1.0:
-            _turn(link, free, k, q, v)
+        if link[k, col.REVOLUTE] == 1.0:
+            _place_revolute(link, free, k, q, v)
         else:
-            _join(link, free, k, q, v)
+            _place_joint(link, free, k, q, v)
 
 
 @kernel
-def place_bodies(index: Array, link: Array, y: Array, A: Array) -> None:
-    """Fill y (but for the Euler parameters) and A from links that are placed."""
-    for k in range(index.shape[0]):
-        b, base, w = index[k, BODY], matrix_at(link, k, X), vector_at(link, k, SPIN)
-        put(y, b, 0, vector_at(link, k, POSITION))
-        put(y, b, 7, vector_at(link, k, VELOCITY))
+def place_bodies(layout: Array, link: Array, y: Array, A: Array) -> None:
+    """Fill y (except Euler parameters) and A of all bodies from placed links."""
+    for k in range(layout.shape[0]):
+        b, base, w = layout[k, BODY], load_matrix(link, k, col.X), load_vector(link, k, col.SPIN)
+        store_vector(y, b, 0, load_vector(link, k, col.POSITION))
+        store_vector(y, b, 7, load_vector(link, k, col.VELOCITY))
         for n in range(3):
-            axis = combine(base, vector_at(link, k, AXES + 3 * n))
+            axis = matrix_times(base, load_vector(link, k, col.AXES + 3 * n))
             y[b, 10 + n] = dot(axis, w)
             A[b, 0, n], A[b, 1, n], A[b, 2, n] = axis
 
 
 @kernel
-def place(index: Array, link: Array, free: Array, first_speed: int, z: Array, y: Array, A: Array) -> None:
-    """Place links and bodies at a state z."""
+def place_links_and_bodies(
+    layout: Array, link: Array, free: Array, first_speed: int, z: Array, y: Array, A: Array
+) -> None:
+    """Place links and bodies at a state z.
+
+    Parameters
+    ----------
+    layout, link, free, first_speed, z : see `arrays`
+    y : ndarray, shape (n_b + n_e, 13)
+        Overwritten: canonical rows of the bodies, Euler parameters excepted.
+    A : ndarray, shape (n_b, 3, 3)
+        Overwritten: rotation matrices of the bodies.
+    """
     place_links(link, free, z, z[first_speed:])
-    place_bodies(index, link, y, A)
+    place_bodies(layout, link, y, A)
 
 
 @inner
-def coordinate_rates(index: Array, first_speed: int, z: Array, dz: Array) -> None:
-    """Rates of the coordinates; of Euler parameters, ``p' = 1/2 (0, w) p`` with w in axes of F."""
-    for k in range(index.shape[0]):
-        along, about = index[k, ALONG], index[k, ABOUT]
-        at, n = index[k, FIRST_COORDINATE], first_speed + index[k, FREE]
+def coordinate_rates(layout: Array, first_speed: int, z: Array, dz: Array) -> None:
+    """Fill the rates of the coordinates; of Euler parameters ``p' = 1/2 (0, w) p`` with w in axes of F."""
+    for k in range(layout.shape[0]):
+        along, about = layout[k, TRANSLATIONS], layout[k, ROTATIONS]
+        at, n = layout[k, FIRST_COORDINATE], first_speed + layout[k, FREE]
         for m in range(along):
             dz[at + m] = z[n + m]
         at, n = at + along, n + along
@@ -246,11 +239,11 @@ def coordinate_rates(index: Array, first_speed: int, z: Array, dz: Array) -> Non
 
 
 @inner
-def displace(index: Array, z: Array, u: Array) -> None:
-    """Move the coordinates by small displacements along the free directions; Euler parameters stay unit."""
-    for k in range(index.shape[0]):
-        along, about = index[k, ALONG], index[k, ABOUT]
-        at, n = index[k, FIRST_COORDINATE], index[k, FREE]
+def displace(layout: Array, z: Array, u: Array) -> None:
+    """Add small displacements u along the free directions to the coordinates; Euler parameters stay unit."""
+    for k in range(layout.shape[0]):
+        along, about = layout[k, TRANSLATIONS], layout[k, ROTATIONS]
+        at, n = layout[k, FIRST_COORDINATE], layout[k, FREE]
         for m in range(along):
             z[at + m] += u[n + m]
         at, n = at + along, n + along
@@ -264,15 +257,15 @@ def displace(index: Array, z: Array, u: Array) -> None:
             z[at + 1] = e1 + h1 * e0 + h2 * e3 - h3 * e2
             z[at + 2] = e2 + h2 * e0 + h3 * e1 - h1 * e3
             z[at + 3] = e3 + h3 * e0 + h1 * e2 - h2 * e1
-    normalise(index, z)
+    normalise(layout, z)
 
 
 @inner
-def normalise(index: Array, z: Array) -> None:
+def normalise(layout: Array, z: Array) -> None:
     """Divide the Euler parameters of all balls by their norm."""
-    for k in range(index.shape[0]):
-        if index[k, ABOUT] == 3:
-            at = index[k, FIRST_COORDINATE] + index[k, ALONG]
+    for k in range(layout.shape[0]):
+        if layout[k, ROTATIONS] == 3:
+            at = layout[k, FIRST_COORDINATE] + layout[k, TRANSLATIONS]
             norm = np.sqrt(z[at] ** 2 + z[at + 1] ** 2 + z[at + 2] ** 2 + z[at + 3] ** 2)
             for n in range(4):
                 z[at + n] /= norm
@@ -280,7 +273,7 @@ def normalise(index: Array, z: Array) -> None:
 
 @inner
 def euler_parameters(X: Columns) -> tuple[float, float, float, float]:
-    """Unit Euler parameters of a rotation matrix given by columns, the largest one positive [Shepperd 1978]."""
+    """Return unit Euler parameters of a rotation matrix, the largest one positive [Shepperd 1978]."""
     trace = X[0][0] + X[1][1] + X[2][2]
     p = (1.0 + trace, 1.0 + 2.0 * X[0][0] - trace, 1.0 + 2.0 * X[1][1] - trace, 1.0 + 2.0 * X[2][2] - trace)
     x, y, z = X[1][2] - X[2][1], X[2][0] - X[0][2], X[0][1] - X[1][0]
@@ -299,16 +292,16 @@ def euler_parameters(X: Columns) -> tuple[float, float, float, float]:
 
 
 @kernel
-def orient(A: Array, y: Array) -> None:
-    """Euler parameters of all bodies from their rotation matrices, into y."""
+def fill_euler_parameters(A: Array, y: Array) -> None:
+    """Fill the Euler parameters of all bodies in y from their rotation matrices."""
     for b in range(A.shape[0]):
         y[b, 3], y[b, 4], y[b, 5], y[b, 6] = euler_parameters((column(A[b], 0), column(A[b], 1), column(A[b], 2)))
 
 
 @inner
-def record(A: Array, y: Array, motion: Array) -> None:
-    """Copy the bodies as they are placed, with their Euler parameters, into a sample of a motion."""
-    orient(A, y)
+def copy_sample(A: Array, y: Array, motion: Array) -> None:
+    """Copy the placed bodies, with their Euler parameters, into one sample of a motion."""
+    fill_euler_parameters(A, y)
     for b in range(y.shape[0]):
         for n in range(y.shape[1]):
             motion[b, n] = y[b, n]

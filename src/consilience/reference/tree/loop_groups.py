@@ -1,9 +1,9 @@
-"""Where the rows that close loops act, found once from the topology, and the arrays of their factorisation.
+"""Groups of the rows that close loops, found once from the topology, and the arrays of their factorisation.
 
-Rows that touch the same bodies form a group. In the whitened responses B of the tree (a row of B for each free
-direction, a column for each constraint row) a group has entries only at the directions between its bodies and the
-ground. The groups are ordered so that those which share directions are near each other (reverse Cuthill-McKee), and
-B is factorised from the first to the last, front by front: see `fronts`.
+Rows that act on the same links form a group. In the whitened responses B of the tree (one row for each free direction,
+one column for each constraint row), a group has entries only at the directions between its links and the ground.
+Groups that share directions are numbered near each other (reverse Cuthill-McKee), and B is factorised group by group,
+in fronts: see `multifrontal`.
 """
 
 from __future__ import annotations
@@ -16,18 +16,20 @@ import scipy
 from consilience.mechanism import Array
 from consilience.reference.bodies.arrays import Model, all_rows
 
-ROW, ROW_END, PATH, PATH_END, BATCH, BATCH_END, REACH, HEIGHT, AT, SHELF = range(10)
-"""Columns of `Loops.group`: first constraint row of the group and the one behind its last, the same of its part of
-`Loops.path` and `Loops.batch`, last group with entries in its front, largest number of rows of the front, first entry
-of the front in `Fronts.F`, and first of its rows in `Fronts.tau` and `Fronts.x`."""
+ROW, ROW_END, PATH, PATH_END, OWN, OWN_END, LAST_REACHED, FRONT_ROWS, FRONT_START, VECTOR_START = range(10)
+"""Columns of `Loops.group`: first constraint row of the group and the one behind its last; the same for its parts of
+`Loops.path` and `Loops.own_directions`; last group with entries in its front; largest number of rows of the front;
+first entry of the front in `MultifrontalQR.F`; first of its rows in `MultifrontalQR.tau` and `MultifrontalQR.x`.
+"""
 
-CHOSEN, USED, START, RANK, CARRIED, SQUEEZED = range(6)
-"""Columns of `Fronts.state`: rows of a group that are independent, where a projection has found it; its columns in the
-present factors, the first of them and how many of them are independent; rows of a front that come from the one before,
-reflections that only shorten what is carried on."""
+ACTIVE, USED, START, RANK, CARRIED, COMPRESSED = range(6)
+"""Columns of `MultifrontalQR.state`: number of independent rows of a group, found by a projection; columns of the group
+in the present factors, the first of them and their rank; rows of a front that come from the front before; reflections
+that only reduce the number of rows passed on.
+"""
 
 TOUCHED = 4
-"""Most bodies that a row acts on: those of the two joints of a coupling."""
+"""Largest number of links that a row acts on: those of the two joints of a coupling."""
 
 
 class Loops(NamedTuple):
@@ -35,28 +37,28 @@ class Loops(NamedTuple):
 
     group: Array  # (G, 10)
     touched: Array  # (q, 4) links that a row acts on, -1 for none
-    path: Array  # links between the bodies of a group and the ground, outermost first
-    batch: Array  # directions that a group is the first to have entries at
-    home: Array  # (N, 2) that group, -1 for none, and the place among its directions
+    path: Array  # links between the links of a group and the ground, outermost first
+    own_directions: Array  # directions at which a group is the first to have entries
+    owner: Array  # (N, 2) that group of each direction, -1 for none, and the place among its own directions
 
 
-class Fronts(NamedTuple):
-    """Arrays that the kernels write into."""
+class MultifrontalQR(NamedTuple):
+    """Arrays of the factorisation by fronts, which kernels write."""
 
-    W: Array  # (q, 4, 6) wrenches of a unit of each row on the links it touches, world axes, at centres of mass
-    wrench: Array  # (n_b, 6); of both, in a plane, the three numbers that are left
-    F: Array  # fronts behind each other, each column by column
-    tau: Array  # factors of the reflections
-    x: Array  # vectors of the fronts
-    y: Array  # (q,) by columns
-    order: Array  # (q,) rows, group by group, those first that count
-    state: Array  # (G + 1, 6) columns CHOSEN to SQUEEZED
-    wanted: Array  # (q,) whether a row is to be evaluated
-    target: Array  # (q,) what the rows are to change by
+    W: Array  # (q, 4, 6 or 3) wrenches of a unit multiplier on the links that a row acts on
+    wrench: Array  # (n_b, 6 or 3) wrenches on the links
+    F: Array  # fronts one behind the other, each column by column
+    tau: Array  # factors tau of the reflections
+    x: Array  # a vector in the rows of the fronts
+    y: Array  # (q,) a vector in the columns of the fronts
+    order: Array  # (q,) rows, group by group, independent rows first
+    state: Array  # (G + 1, 6) columns ACTIVE to COMPRESSED
+    active: Array  # (q,) 1 where a row is to be evaluated
+    target: Array  # (q,) residual of the rows
 
 
 def _touched(layout: Array, cut: Model) -> Array:
-    """Links that each row acts on, shape (q, 4)."""
+    """Return the links that each row acts on, shape (q, 4)."""
     link = np.full(len(cut.mass) + 1, -1)
     link[layout[:, 2]] = np.arange(len(layout))
     ends = [[int(link[i]), int(link[j])] for i, j in zip(cut.body_i, cut.body_j, strict=True)]
@@ -72,7 +74,7 @@ def _touched(layout: Array, cut: Model) -> Array:
 
 
 def _path(layout: Array, links: Array) -> list[int]:
-    """Links from some of them to the ground, outermost first: a link stands behind its parent."""
+    """Return the links between some links and the ground, outermost first: a link stands behind its parent."""
     found = set[int]()
     for tip in links.tolist():
         link = tip
@@ -82,39 +84,45 @@ def _path(layout: Array, links: Array) -> list[int]:
     return sorted(found, reverse=True)
 
 
-def find_loops(layout: Array, free: int, cut: Model) -> Loops:
-    """Groups of rows of a tree.
+def find_loop_groups(layout: Array, free: int, cut: Model) -> Loops:
+    """Return the groups of rows of a tree.
 
     Parameters
     ----------
     layout : ndarray of int, shape (n_b, 9)
-        Of `Links`.
+        Layout of `TreeLinks`.
     free : int
-        Number N of directions.
+        Number N of free directions.
     cut : Model
-        With the rows that close loops.
+        The mechanism with only the rows that close loops.
     """
     touched = _touched(layout, cut)
     ends = [n for n in range(1, len(touched)) if set(touched[n]) != set(touched[n - 1])]
     ranges = list(zip([0, *ends], [*ends, len(touched)], strict=True)) if len(touched) else []
     paths = [_path(layout, touched[first]) for first, _ in ranges]
     directions = [[n for k in path for n in range(layout[k, 7], layout[k, 8])] for path in paths]
-    order = _order(directions, free)
+    order = _elimination_order(directions, free)
     group = np.zeros((len(ranges), 10), dtype=np.int64)
-    home, last = np.full((free, 2), -1), np.zeros(free, dtype=np.int64)
-    path, batch = list[int](), list[int]()
+    owner, last = np.full((free, 2), -1), np.zeros(free, dtype=np.int64)
+    path, own_directions = list[int](), list[int]()
     for g, n in enumerate(order):
-        new = [m for m in directions[n] if home[m, 0] < 0]
-        home[new, 0], home[new, 1], last[directions[n]] = g, np.arange(len(new)), g
-        group[g, :6] = *ranges[n], len(path), len(path) + len(paths[n]), len(batch), len(batch) + len(new)
+        new = [m for m in directions[n] if owner[m, 0] < 0]
+        owner[new, 0], owner[new, 1], last[directions[n]] = g, np.arange(len(new)), g
+        group[g, :6] = (
+            *ranges[n],
+            len(path),
+            len(path) + len(paths[n]),
+            len(own_directions),
+            len(own_directions) + len(new),
+        )
         path += paths[n]
-        batch += new
-    _shape(group, batch, last)
-    return Loops(group, touched, np.array(path, dtype=np.int64), np.array(batch, dtype=np.int64), home)
+        own_directions += new
+    _front_sizes(group, own_directions, last)
+    return Loops(group, touched, np.array(path, dtype=np.int64), np.array(own_directions, dtype=np.int64), owner)
 
 
-def _order(directions: list[list[int]], free: int) -> list[int]:
-    """Order of groups in which those that share directions are near each other."""
+def _elimination_order(directions: list[list[int]], free: int) -> list[int]:
+    """Return an order of the groups in which groups that share directions are near each other."""
     if len(directions) < 3:
         return list(range(len(directions)))
     pointer = np.cumsum([0, *(len(d) for d in directions)])
@@ -126,31 +134,33 @@ def _order(directions: list[list[int]], free: int) -> list[int]:
     return order
 
 
-def _shape(group: Array, batch: list[int], last: Array) -> None:
-    """Fill in how far the fronts reach, and how large they can be."""
+def _front_sizes(group: Array, own_directions: list[int], last: Array) -> None:
+    """Fill in the columns LAST_REACHED to VECTOR_START of the groups."""
     reach = height = at = shelf = 0
     for g, row in enumerate(group):
         kept = min(height, _columns(group, g, reach)) if reach >= g else 0
-        reach = max([reach, g, *(int(last[n]) for n in batch[row[BATCH] : row[BATCH_END]])])
-        height = kept + int(row[BATCH_END] - row[BATCH])
-        row[REACH:] = reach, height, at, shelf
+        reach = max([reach, g, *(int(last[n]) for n in own_directions[row[OWN] : row[OWN_END]])])
+        height = kept + int(row[OWN_END] - row[OWN])
+        row[LAST_REACHED:] = reach, height, at, shelf
         at += height * _columns(group, g, reach)
         shelf += height
 
 
 def _columns(group: Array, first: int, last: int) -> int:
-    """Rows of constraints of some groups."""
+    """Return the number of constraint rows of consecutive groups."""
     return int(np.sum(group[first : last + 1, ROW_END] - group[first : last + 1, ROW]))
 
 
-def fronts(loops: Loops, bodies: int, width: int) -> Fronts:
-    """Scratch arrays; wrenches of so many numbers."""
+def multifrontal_arrays(loops: Loops, bodies: int, width: int) -> MultifrontalQR:
+    """Return new arrays for a factorisation; a wrench has `width` components."""
     G, q = len(loops.group), len(loops.touched)
-    rows = int(np.sum(loops.group[:, HEIGHT]))
-    size = sum(int(row[HEIGHT]) * _columns(loops.group, g, int(row[REACH])) for g, row in enumerate(loops.group))
+    rows = int(np.sum(loops.group[:, FRONT_ROWS]))
+    size = sum(
+        int(row[FRONT_ROWS]) * _columns(loops.group, g, int(row[LAST_REACHED])) for g, row in enumerate(loops.group)
+    )
     state = np.zeros((G + 1, 6), dtype=np.int64)
-    state[:-1, CHOSEN] = loops.group[:, ROW_END] - loops.group[:, ROW]
-    return Fronts(
+    state[:-1, ACTIVE] = loops.group[:, ROW_END] - loops.group[:, ROW]
+    return MultifrontalQR(
         W=np.zeros((q, TOUCHED, width)),
         wrench=np.zeros((bodies, width)),
         F=np.zeros(size),
@@ -159,6 +169,6 @@ def fronts(loops: Loops, bodies: int, width: int) -> Fronts:
         y=np.zeros(q),
         order=np.arange(q),
         state=state,
-        wanted=np.ones(q, dtype=np.int64),
+        active=np.ones(q, dtype=np.int64),
         target=np.zeros(q),
     )

@@ -1,4 +1,8 @@
-"""Rows that close loops, as wrenches on the few links that each of them touches: no array of rows times bodies."""
+"""Constraint rows that close loops, as wrenches on the few links that each row acts on.
+
+A row of the constraint Jacobian Q satisfies ``Q v = rate`` and ``Q a = gamma`` [C4 (4.84)-(4.97)]. Row n acts on link
+``touched[n, s]`` with the wrench ``W[n, s]`` of a unit multiplier; no array of rows times bodies is formed.
+"""
 
 from __future__ import annotations
 
@@ -30,49 +34,49 @@ from consilience.reference.tree.cut_joints import (
     LINK_J,
     PITCH,
 )
-from consilience.reference.tree.inertia import combine
-from consilience.reference.tree.kinematics import matrix_at, vector_at
-from consilience.reference.tree.loop_groups import CHOSEN, ROW, TOUCHED
+from consilience.reference.tree.inertia import matrix_times
+from consilience.reference.tree.kinematics import load_matrix, load_vector
+from consilience.reference.tree.loop_groups import ACTIVE, ROW, TOUCHED
 from consilience.reference.tree.records import ACCELERATION, POSITION, SPIN, VELOCITY, X
 
 
 @kernel
-def want(group: Array, order: Array, state: Array, wanted: Array) -> None:
-    """Mark the rows chosen: those that depend on them enter no acceleration."""
-    for n in range(wanted.shape[0]):
-        wanted[n] = 0
+def mark_active_rows(group: Array, order: Array, state: Array, active: Array) -> None:
+    """Mark the independent rows; dependent rows do not enter accelerations."""
+    for n in range(active.shape[0]):
+        active[n] = 0
     for g in range(group.shape[0]):
-        for n in range(group[g, ROW], group[g, ROW] + state[g, CHOSEN]):
-            wanted[order[n]] = 1
+        for n in range(group[g, ROW], group[g, ROW] + state[g, ACTIVE]):
+            active[order[n]] = 1
 
 
 @fused
 def _axis(link: Array, k: int, joint: Array, m: int, at: int) -> Vector:
-    """Axis of a joint frame on a link, in the world."""
-    return combine(matrix_at(link, k, X), vector_at(joint, m, at))
+    """Return an axis of a joint frame on a link, in the world."""
+    return matrix_times(load_matrix(link, k, X), load_vector(joint, m, at))
 
 
 @fused
 def _motion(link: Array, joint: Array, m: int) -> JointMotion:
-    """Relative motion of the frames of a joint between links that are placed."""
+    """Return the relative motion of the frames of a joint between placed links."""
     i, j = int(joint[m, LINK_I]), int(joint[m, LINK_J])
     return motion_between(
         i,
         j,
         _axis(link, i, joint, m, ARM_I),
         _axis(link, j, joint, m, ARM_J),
-        vector_at(link, i, POSITION),
-        vector_at(link, j, POSITION),
-        vector_at(link, i, VELOCITY),
-        vector_at(link, j, VELOCITY),
-        vector_at(link, i, SPIN),
-        vector_at(link, j, SPIN),
+        load_vector(link, i, POSITION),
+        load_vector(link, j, POSITION),
+        load_vector(link, i, VELOCITY),
+        load_vector(link, j, VELOCITY),
+        load_vector(link, i, SPIN),
+        load_vector(link, j, SPIN),
     )
 
 
 @fused
 def _product(link: Array, joint: Array, n: int, motion: JointMotion, one: int, two: int) -> Row:
-    """Product of two axes of a joint."""
+    """Return the row of the product of two axes of a joint."""
     return product_row(
         _axis(link, motion.i, joint, n, AXES_I + 3 * one), _axis(link, motion.j, joint, n, AXES_J + 3 * two), motion
     )
@@ -80,7 +84,7 @@ def _product(link: Array, joint: Array, n: int, motion: JointMotion, one: int, t
 
 @inner
 def _row(link: Array, joint: Array, n: int, motion: JointMotion, kind: int) -> Row:
-    """A row of a joint by its number in `reference.model.ROWS`."""
+    """Return a row of a joint by its number in `reference.bodies.arrays.ROWS`."""
     if kind < 3:
         return displacement_row(_axis(link, motion.i, joint, n, AXES_I + 3 * kind), motion)
     if kind == 3:
@@ -93,14 +97,24 @@ def _row(link: Array, joint: Array, n: int, motion: JointMotion, kind: int) -> R
 
 
 @fused
-def joint_rows(
-    joint: Array, kinds: Array, targets: Array, wanted: Array, link: Array, W: Array, value: Array, gamma: Array
+def evaluate_joint_rows(
+    joint: Array, kinds: Array, targets: Array, active: Array, link: Array, W: Array, value: Array, gamma: Array
 ) -> None:
-    """Rows wanted of the joints that close loops: wrenches on predecessor and successor, values and gammas."""
+    """Evaluate the active rows of the joints that close loops.
+
+    Parameters
+    ----------
+    joint, kinds, targets : ndarray
+        Fields of `cut_joints.CutJoints`.
+    active, link, W : see `arrays`
+        W is overwritten: wrenches on predecessor (slot 0) and successor (slot 1).
+    value, gamma : ndarray, shape (q,)
+        Overwritten: violations, and right sides of ``Q a = gamma``.
+    """
     for m in range(joint.shape[0]):
         motion = _motion(link, joint, m)
         for n in range(int(joint[m, FIRST_ROW]), int(joint[m, LAST_ROW])):
-            if not wanted[n]:
+            if not active[n]:
                 continue
             row = _row(link, joint, m, motion, kinds[n])
             value[n] = row.value - targets[n]
@@ -112,8 +126,19 @@ def joint_rows(
 
 
 @inner
-def gather(touched: Array, layout: Array, Q: Array, A: Array, W: Array) -> None:
-    """Wrenches out of the rows of all bodies."""
+def wrenches_of_rows(touched: Array, layout: Array, Q: Array, A: Array, W: Array) -> None:
+    """Fill the wrenches of the rows from a constraint Jacobian of all bodies.
+
+    Parameters
+    ----------
+    touched, layout : see `arrays`
+    Q : ndarray, shape (q, 6 n_b)
+        Rows in (world, body) axes.
+    A : ndarray, shape (n_b, 3, 3)
+        Rotation matrices of the bodies.
+    W : ndarray, shape (q, 4, 6)
+        Overwritten: wrenches in world axes.
+    """
     for row in range(touched.shape[0]):
         for n in range(TOUCHED):
             link = touched[row, n]
@@ -125,32 +150,59 @@ def gather(touched: Array, layout: Array, Q: Array, A: Array, W: Array) -> None:
 
 
 @inner
-def open_accelerations(touched: Array, W: Array, links: Array, gamma: Array, target: Array) -> None:
-    """``gamma - Q a`` of the accelerations of the links."""
-    _open(touched, W, links, ACCELERATION, ACCELERATION + 3, gamma, target)
+def acceleration_residual(touched: Array, W: Array, links: Array, gamma: Array, target: Array) -> None:
+    """Compute ``gamma - Q a`` from the accelerations of the links.
+
+    Parameters
+    ----------
+    touched, W : see `arrays`
+    links : ndarray
+        Table of the links.
+    gamma : ndarray, shape (q,)
+    target : ndarray, shape (q,)
+        Overwritten: the residual.
+    """
+    _residual(touched, W, links, ACCELERATION, ACCELERATION + 3, gamma, target)
 
 
 @inner
-def open_rates(touched: Array, W: Array, links: Array, rate: Array, target: Array) -> None:
-    """``rate - Q v`` of the velocities of the links."""
-    _open(touched, W, links, VELOCITY, SPIN, rate, target)
+def velocity_residual(touched: Array, W: Array, links: Array, rate: Array, target: Array) -> None:
+    """Compute ``rate - Q v`` from the velocities of the links; arguments as of `acceleration_residual`.
+
+    Parameters
+    ----------
+    touched, W, links, target : see `acceleration_residual`
+    rate : ndarray, shape (q,)
+    """
+    _residual(touched, W, links, VELOCITY, SPIN, rate, target)
 
 
 @fused
-def _open(touched: Array, W: Array, links: Array, linear: int, angular: int, given: Array, target: Array) -> None:
+def _residual(touched: Array, W: Array, links: Array, linear: int, angular: int, given: Array, target: Array) -> None:
+    """Compute ``given - Q x`` for motions x of the links in columns `linear` and `angular`."""
     for row in range(touched.shape[0]):
         total = given[row]
         for n in range(TOUCHED):
             link = touched[row, n]
             if link >= 0:
-                total -= dot(load(W[row, n, 0:3]), vector_at(links, link, linear))
-                total -= dot(load(W[row, n, 3:6]), vector_at(links, link, angular))
+                total -= dot(load(W[row, n, 0:3]), load_vector(links, link, linear))
+                total -= dot(load(W[row, n, 3:6]), load_vector(links, link, angular))
         target[row] = total
 
 
 @inner
-def size_of_rows(mass: Array, inertia_factor: Array, touched: Array, layout: Array, W: Array, A: Array) -> float:
-    """Largest ``|L^-1 q|`` of a row for bodies without joints: what its response in the tree comes to at most."""
+def largest_row(mass: Array, inertia_factor: Array, touched: Array, layout: Array, W: Array, A: Array) -> float:
+    """Return the largest ``|L^-1 q|`` of a row q of free bodies, M = L L^T: an upper bound of its response in the tree.
+
+    Parameters
+    ----------
+    mass : ndarray, shape (n_b,), kg
+    inertia_factor : ndarray, shape (n_b, 3, 3)
+        Cholesky factors of the inertias, axes of the bodies.
+    touched, layout, W : see `arrays`
+    A : ndarray, shape (n_b, 3, 3)
+        Rotation matrices of the bodies.
+    """
     largest = 0.0
     for row in range(touched.shape[0]):
         total = 0.0

@@ -1,12 +1,14 @@
 """Rank-revealing QR of the whitened responses of a tree to the rows that close its loops, front by front.
 
-Front g holds the directions that group g is the first to move, and what the front before has left; its columns are
-those of group g and of all groups up to its reach. Householder reflections [Golub and Van Loan, Matrix Computations,
-section 5.2] triangularise the columns of the group, then, where more rows are left than columns, those behind them;
-what is left goes into the next front. The multifrontal method [Davis, Direct Methods for Sparse Linear Systems, 2006,
-section 5.4] on a chain of fronts: cost grows with the number of loops times the square of the size of a front.
+The response to row n is the column ``B_n = D^(-1/2) S^T q`` of whitened joint forces, q being the wrenches of a unit
+multiplier carried to the ground. Front g holds the directions that group g is the first to move and the rows passed on
+by the front before; its columns are those of group g and of all groups up to LAST_REACHED. Householder reflections
+[Golub and Van Loan, Matrix Computations, section 5.2] triangularise the columns of the group, then, where more rows
+than columns remain, the columns behind; the remainder passes to the next front. This is the multifrontal method [Davis,
+Direct Methods for Sparse Linear Systems, 2006, section 5.4] on a chain of fronts: the cost grows with the number of
+loops times the square of the size of a front.
 
-It works on B itself, never on ``B^T B``, whose condition number is the square.
+B itself is factorised, never ``B^T B``, whose condition number is the square.
 """
 
 from __future__ import annotations
@@ -17,44 +19,44 @@ from consilience.mechanism import RANK_TOLERANCE, Array
 from consilience.reference.kernel.compiled import fused, inner
 from consilience.reference.kernel.vectors import add, cross, dot, scale
 from consilience.reference.tree.arrays import FREE, FREE_END, PARENT
-from consilience.reference.tree.kinematics import put, vector_at
+from consilience.reference.tree.kinematics import load_vector, store_vector
 from consilience.reference.tree.loop_groups import (
-    AT,
-    BATCH,
-    BATCH_END,
     CARRIED,
-    HEIGHT,
+    COMPRESSED,
+    FRONT_ROWS,
+    FRONT_START,
+    LAST_REACHED,
+    OWN,
+    OWN_END,
     PATH,
     PATH_END,
     RANK,
-    REACH,
     ROW,
-    SHELF,
-    SQUEEZED,
     START,
     TOUCHED,
     USED,
+    VECTOR_START,
 )
-from consilience.reference.tree.records import PIVOT, REST, ROOT, STEP, S, U
+from consilience.reference.tree.records import INVERSE_ROOT, JOINT_FORCE, OFFSET, PIVOT, S, U
 
-CHOOSE, KEEP = np.array([True, False])
-"""What `factorise` does with the order of the rows."""
+PIVOTING, KEEP_ORDER = np.array([True, False])
+"""Whether `factorise` exchanges columns."""
 
 
 @fused
-def clear(group: Array, state: Array, F: Array) -> None:
-    """Number the columns used, and set their entries to zero."""
+def clear_fronts(group: Array, state: Array, F: Array) -> None:
+    """Number the columns in use, and set their entries to zero."""
     for g in range(group.shape[0]):
         state[g + 1, START] = state[g, START] + state[g, USED]
     for g in range(group.shape[0]):
-        at = group[g, AT]
-        for n in range(at, at + (state[group[g, REACH] + 1, START] - state[g, START]) * group[g, HEIGHT]):
+        at = group[g, FRONT_START]
+        for n in range(at, at + (state[group[g, LAST_REACHED] + 1, START] - state[g, START]) * group[g, FRONT_ROWS]):
             F[n] = 0.0
 
 
 @fused
-def _put_row(touched: Array, row: int, W: Array, path: Array, first: int, last: int, wrench: Array) -> None:
-    """Wrenches of a row on the links of a path."""
+def _store_row(touched: Array, row: int, W: Array, path: Array, first: int, last: int, wrench: Array) -> None:
+    """Set the wrenches on the links of a path to those of a row."""
     for m in range(first, last):
         for r in range(6):
             wrench[path[m], r] = 0.0
@@ -66,11 +68,11 @@ def _put_row(touched: Array, row: int, W: Array, path: Array, first: int, last: 
 
 
 @inner
-def respond(
+def whitened_responses(
     group: Array,
     touched: Array,
     path: Array,
-    home: Array,
+    owner: Array,
     order: Array,
     state: Array,
     layout: Array,
@@ -80,30 +82,38 @@ def respond(
     links: Array,
     free: Array,
 ) -> float:
-    """Fill the fronts with the responses to the rows used; the largest squared norm of a column."""
-    clear(group, state, F)
+    """Fill the fronts with the responses of the tree to the rows in use; return the largest squared norm of a column.
+
+    Parameters
+    ----------
+    group, touched, path, owner, order, state, W, wrench, F : see `loop_groups.Loops`, `loop_groups.MultifrontalQR`
+    layout, free : see `arrays`
+    links : ndarray
+        Table of the links, articulated inertias swept.
+    """
+    clear_fronts(group, state, F)
     for n in range(free.shape[0]):
-        free[n, ROOT] = 1.0 / np.sqrt(free[n, PIVOT])
+        free[n, INVERSE_ROOT] = 1.0 / np.sqrt(free[n, PIVOT])
     largest = 0.0
     for g in range(group.shape[0]):
         first, last = group[g, PATH], group[g, PATH_END]
         for column in range(state[g, USED]):
             row = order[group[g, ROW] + column]
-            _put_row(touched, row, W, path, first, last, wrench)
+            _store_row(touched, row, W, path, first, last, wrench)
             place = state[g, START] + column
-            total = _sweep(path, first, last, layout, group, home, state, place, wrench, links, free, F)
+            total = _whitened_column(path, first, last, layout, group, owner, state, place, wrench, links, free, F)
             largest = max(largest, total)
     return largest
 
 
 @fused
-def _sweep(
+def _whitened_column(
     path: Array,
     first: int,
     last: int,
     layout: Array,
     group: Array,
-    home: Array,
+    owner: Array,
     state: Array,
     column: int,
     wrench: Array,
@@ -111,29 +121,29 @@ def _sweep(
     free: Array,
     F: Array,
 ) -> float:
-    """Whitened joint forces of wrenches on the links of a path, into a column of the fronts; their squared norm."""
+    """Fill a column of the fronts with the whitened joint forces of wrenches on a path; return the squared norm."""
     total = 0.0
     for m in range(first, last):
         k = path[m]
-        p, force, torque = layout[k, PARENT], vector_at(wrench, k, 0), vector_at(wrench, k, 3)
+        p, force, torque = layout[k, PARENT], load_vector(wrench, k, 0), load_vector(wrench, k, 3)
         for n in range(layout[k, FREE_END] - 1, layout[k, FREE] - 1, -1):
-            root, f = free[n, ROOT], home[n, 0]
-            white = root * (dot(vector_at(free, n, S), force) + dot(vector_at(free, n, S + 3), torque))
+            root, f = free[n, INVERSE_ROOT], owner[n, 0]
+            white = root * (dot(load_vector(free, n, S), force) + dot(load_vector(free, n, S + 3), torque))
             factor = -white * root
-            force = add(force, scale(factor, vector_at(free, n, U)))
-            torque = add(torque, scale(factor, vector_at(free, n, U + 3)))
+            force = add(force, scale(factor, load_vector(free, n, U)))
+            torque = add(torque, scale(factor, load_vector(free, n, U + 3)))
             total += white * white
-            F[group[f, AT] + (column - state[f, START]) * group[f, HEIGHT] + home[n, 1]] = white
+            F[group[f, FRONT_START] + (column - state[f, START]) * group[f, FRONT_ROWS] + owner[n, 1]] = white
         if p >= 0:
-            put(wrench, p, 0, add(vector_at(wrench, p, 0), force))
-            moved = add(torque, cross(vector_at(links, k, STEP), force))
-            put(wrench, p, 3, add(vector_at(wrench, p, 3), moved))
+            store_vector(wrench, p, 0, add(load_vector(wrench, p, 0), force))
+            moved = add(torque, cross(load_vector(links, k, OFFSET), force))
+            store_vector(wrench, p, 3, add(load_vector(wrench, p, 3), moved))
     return total
 
 
 @fused
 def _square(F: Array, first: int, last: int) -> float:
-    """Sum of squares."""
+    """Return the sum of squares of consecutive entries."""
     total = 0.0
     for n in range(first, last):
         total += F[n] * F[n]
@@ -142,7 +152,7 @@ def _square(F: Array, first: int, last: int) -> float:
 
 @fused
 def _reflect(F: Array, at: int, height: int, row: int, rows: int, column: int, columns: int, norm: float) -> float:
-    """Zero a column of a front below a row, and update those behind it; the factor of the reflection."""
+    """Zero a column of a front below a row, update the columns behind, and return the factor tau of the reflection."""
     head_at = at + column * height + row
     alpha = -norm if F[head_at] > 0 else norm
     head = F[head_at] - alpha
@@ -171,9 +181,9 @@ def _exchange(F: Array, one: int, two: int, count: int) -> None:
 
 
 @inner
-def _bring_longest(group: Array, order: Array, state: Array, F: Array, g: int, row: int, rows: int) -> None:
-    """Exchange column number `row` of a front with the longest of those behind it in its group."""
-    at, height, used = group[g, AT], group[g, HEIGHT], state[g, USED]
+def _pivot_longest(group: Array, order: Array, state: Array, F: Array, g: int, row: int, rows: int) -> None:
+    """Exchange column number `row` of a front with the longest column behind it in its group."""
+    at, height, used = group[g, FRONT_START], group[g, FRONT_ROWS], state[g, USED]
     best, longest = row, -1.0
     for c in range(row, used):
         total = _square(F, at + c * height + row, at + c * height + rows)
@@ -184,59 +194,60 @@ def _bring_longest(group: Array, order: Array, state: Array, F: Array, g: int, r
     first = group[g, ROW]
     order[first + row], order[first + best] = order[first + best], order[first + row]
     _exchange(F, at + row * height, at + best * height, rows)
-    # the fronts before have rows of R at these columns, too; below them are vectors of reflections, which stay
+    # fronts before also hold rows of R in these columns; the vectors of reflections below them stay
     f = g - 1
-    while f >= 0 and group[f, REACH] >= g:
-        start = group[f, AT] + (state[g, START] - state[f, START]) * group[f, HEIGHT]
-        _exchange(F, start + row * group[f, HEIGHT], start + best * group[f, HEIGHT], state[f, RANK])
+    while f >= 0 and group[f, LAST_REACHED] >= g:
+        start = group[f, FRONT_START] + (state[g, START] - state[f, START]) * group[f, FRONT_ROWS]
+        _exchange(F, start + row * group[f, FRONT_ROWS], start + best * group[f, FRONT_ROWS], state[f, RANK])
         f -= 1
 
 
 @inner
-def factorise(group: Array, order: Array, state: Array, F: Array, tau: Array, smallest: float, choose: bool) -> float:
-    """Factorise the fronts; the least pivot.
+def factorise(group: Array, order: Array, state: Array, F: Array, tau: Array, smallest: float, pivoting: bool) -> float:
+    """Factorise the fronts; return the least pivot.
 
     Parameters
     ----------
+    group, order, state, F, tau : see `loop_groups.Loops`, `loop_groups.MultifrontalQR`
     smallest : float
-        Columns of which no more than this square is left count as dependent.
-    choose : bool
-        Bring the longest column of a group first, into ``order``. Otherwise they stay in that order, as in the
-        stages of a step: off the manifold, rows that depend on others contradict them, and a choice made anew in each
-        stage would make the accelerations jump from stage to stage.
+        A column whose remaining squared norm is at most this counts as dependent.
+    pivoting : bool
+        Bring the longest column of a group first, and record the order. Without it the order stays, as in the stages of
+        a step: off the manifold dependent rows contradict the others, and a new selection in each stage would make the
+        accelerations jump from stage to stage.
     """
     least = np.inf
     for g in range(state.shape[0]):
         state[g, CARRIED] = 0
     for g in range(group.shape[0]):
-        at, height, shelf = group[g, AT], group[g, HEIGHT], group[g, SHELF]
-        rows = group[g, BATCH_END] - group[g, BATCH] + state[g, CARRIED]
-        own, columns = state[g, USED], state[group[g, REACH] + 1, START] - state[g, START]
+        at, height, shelf = group[g, FRONT_START], group[g, FRONT_ROWS], group[g, VECTOR_START]
+        rows = group[g, OWN_END] - group[g, OWN] + state[g, CARRIED]
+        own, columns = state[g, USED], state[group[g, LAST_REACHED] + 1, START] - state[g, START]
         rank = 0
         while rank < min(own, rows):
-            if choose:
-                _bring_longest(group, order, state, F, g, rank, rows)
+            if pivoting:
+                _pivot_longest(group, order, state, F, g, rank, rows)
             first = at + rank * height
             total = _square(F, first + rank, first + rows)
-            if total <= smallest:  # and on with what is not a number, so that it shows
+            if total <= smallest:  # false for NaN, which then shows in the result
                 break
             norm = np.sqrt(total)
             least = min(least, norm)
             tau[shelf + rank] = _reflect(F, at, height, rank, rows, rank, columns, norm)
             rank += 1
         state[g, RANK] = rank
-        _carry_on(group, state, F, tau, g, rank, rows, own, columns)
+        _pass_remainder(group, state, F, tau, g, rank, rows, own, columns)
     return least
 
 
 @fused
-def _carry_on(
+def _pass_remainder(
     group: Array, state: Array, F: Array, tau: Array, g: int, rank: int, rows: int, own: int, columns: int
 ) -> None:
-    """Put what a front leaves into the next one, shortened where it has more rows than columns."""
-    at, height, shelf = group[g, AT], group[g, HEIGHT], group[g, SHELF]
+    """Copy the remainder of a front into the next one, reduced where it has more rows than columns."""
+    at, height, shelf = group[g, FRONT_START], group[g, FRONT_ROWS], group[g, VECTOR_START]
     behind, left = columns - own, rows - rank
-    state[g, SQUEEZED] = 0
+    state[g, COMPRESSED] = 0
     if behind == 0:
         return
     if left > behind:
@@ -246,21 +257,21 @@ def _carry_on(
             tau[shelf + rank + c] = 0.0
             if norm > 0.0:
                 tau[shelf + rank + c] = _reflect(F, at, height, rank + c, rows, own + c, columns, norm)
-        state[g, SQUEEZED] = left = behind
+        state[g, COMPRESSED] = left = behind
     state[g + 1, CARRIED] = left
-    to, tall = group[g + 1, AT], group[g + 1, HEIGHT]
-    batch = group[g + 1, BATCH_END] - group[g + 1, BATCH]
+    to, tall = group[g + 1, FRONT_START], group[g + 1, FRONT_ROWS]
+    own_directions = group[g + 1, OWN_END] - group[g + 1, OWN]
     for c in range(behind):
-        # below the diagonal of a shortened front there are only the vectors of its reflections
-        full = min(left, c + 1) if state[g, SQUEEZED] else left
+        # below the diagonal a reduced front holds only the vectors of its reflections
+        full = min(left, c + 1) if state[g, COMPRESSED] else left
         for n in range(left):
-            F[to + c * tall + batch + n] = F[at + (own + c) * height + rank + n] if n < full else 0.0
+            F[to + c * tall + own_directions + n] = F[at + (own + c) * height + rank + n] if n < full else 0.0
 
 
 @inner
-def least_norm(
+def least_norm_forces(
     group: Array,
-    batch: Array,
+    own_directions: Array,
     order: Array,
     state: Array,
     F: Array,
@@ -270,51 +281,67 @@ def least_norm(
     target: Array,
     free: Array,
 ) -> None:
-    """Add ``sqrt(D) zeta`` to the joint forces, zeta of least norm in ``B^T zeta = target`` on the independent rows.
+    """Add ``sqrt(D) zeta`` to the joint forces, zeta of least norm in ``B^T zeta = target`` on independent rows.
 
-    ``R^T y = target`` from the first front to the last, then ``zeta = H [y; 0]`` back again.
+    ``R^T y = target`` from the first front to the last, then ``zeta = H [y; 0]`` backwards.
+
+    Parameters
+    ----------
+    group, own_directions, order, state, F, tau, x, y : see `loop_groups.Loops`, `loop_groups.MultifrontalQR`
+    target : ndarray, shape (q,)
+        Residual of the rows.
+    free : see `arrays`
+        Column JOINT_FORCE is updated.
     """
     _forward(group, order, state, F, target, y)
     for g in range(group.shape[0] - 1, -1, -1):
-        shelf, count = group[g, SHELF], group[g, BATCH_END] - group[g, BATCH]
+        shelf, count = group[g, VECTOR_START], group[g, OWN_END] - group[g, OWN]
         rows, rank = count + state[g, CARRIED], state[g, RANK]
         for k in range(rows):
             x[shelf + k] = y[state[g, START] + k] if k < rank else 0.0
         if g + 1 < group.shape[0]:
-            back = group[g + 1, SHELF] + group[g + 1, BATCH_END] - group[g + 1, BATCH]
+            back = group[g + 1, VECTOR_START] + group[g + 1, OWN_END] - group[g + 1, OWN]
             for n in range(state[g + 1, CARRIED]):
                 x[shelf + rank + n] = x[back + n]
         _reflect_back(group, state, F, tau, x, g, rows)
         for n in range(count):
-            direction = batch[group[g, BATCH] + n]
-            free[direction, REST] += x[shelf + n] / free[direction, ROOT]
+            direction = own_directions[group[g, OWN] + n]
+            free[direction, JOINT_FORCE] += x[shelf + n] / free[direction, INVERSE_ROOT]
 
 
 @fused
 def _forward(group: Array, order: Array, state: Array, F: Array, target: Array, y: Array) -> None:
-    """The solution y of ``R^T y = target``."""
+    """Solve ``R^T y = target``."""
     for g in range(group.shape[0]):
         for column in range(state[g, USED]):
             y[state[g, START] + column] = target[order[group[g, ROW] + column]]
     for g in range(group.shape[0]):
-        at, height, start = group[g, AT], group[g, HEIGHT], state[g, START]
+        at, height, start = group[g, FRONT_START], group[g, FRONT_ROWS], state[g, START]
         for k in range(state[g, RANK]):
             value = y[start + k] / F[at + k * height + k]
             y[start + k] = value
-            for c in range(k + 1, state[group[g, REACH] + 1, START] - start):
+            for c in range(k + 1, state[group[g, LAST_REACHED] + 1, START] - start):
                 y[start + c] -= F[at + c * height + k] * value
 
 
 @inner
 def multipliers(group: Array, order: Array, state: Array, F: Array, y: Array, lam: Array) -> None:
-    """Multipliers of the rows for which `least_norm` has found y: ``R lam = y``, zero where a row depends on others."""
+    """Solve ``R lam = y`` for the multipliers, with y from `least_norm_forces`; dependent rows get zero.
+
+    Parameters
+    ----------
+    group, order, state, F, y : see `loop_groups.Loops`, `loop_groups.MultifrontalQR`
+        y is overwritten.
+    lam : ndarray, shape (q,)
+        Overwritten: multipliers, N or N m.
+    """
     for n in range(lam.shape[0]):
         lam[n] = 0.0
     for g in range(group.shape[0] - 1, -1, -1):
-        at, height, start = group[g, AT], group[g, HEIGHT], state[g, START]
+        at, height, start = group[g, FRONT_START], group[g, FRONT_ROWS], state[g, START]
         for k in range(state[g, USED] - 1, -1, -1):
             value = y[start + k] if k < state[g, RANK] else 0.0
-            for c in range(k + 1, state[group[g, REACH] + 1, START] - start if k < state[g, RANK] else 0):
+            for c in range(k + 1, state[group[g, LAST_REACHED] + 1, START] - start if k < state[g, RANK] else 0):
                 value -= F[at + c * height + k] * y[start + c]
             y[start + k] = value / F[at + k * height + k] if k < state[g, RANK] else 0.0
             lam[order[group[g, ROW] + k]] = y[start + k]
@@ -322,11 +349,11 @@ def multipliers(group: Array, order: Array, state: Array, F: Array, y: Array, la
 
 @fused
 def _reflect_back(group: Array, state: Array, F: Array, tau: Array, x: Array, g: int, rows: int) -> None:
-    """``x <- H x`` for one front."""
-    shelf, rank, used = group[g, SHELF], state[g, RANK], state[g, USED]
-    for k in range(rank + state[g, SQUEEZED] - 1, -1, -1):
+    """Compute ``x <- H x`` for one front."""
+    shelf, rank, used = group[g, VECTOR_START], state[g, RANK], state[g, USED]
+    for k in range(rank + state[g, COMPRESSED] - 1, -1, -1):
         column = k if k < rank else used + k - rank
-        at = group[g, AT] + column * group[g, HEIGHT]
+        at = group[g, FRONT_START] + column * group[g, FRONT_ROWS]
         s = x[shelf + k]
         for n in range(k + 1, rows):
             s += F[at + n] * x[shelf + n]
@@ -337,6 +364,6 @@ def _reflect_back(group: Array, state: Array, F: Array, tau: Array, x: Array, g:
 
 
 @inner
-def threshold(size: float, largest: float) -> float:
-    """Square below which a column counts as dependent, from the size of rows that count and the largest column."""
+def rank_threshold(size: float, largest: float) -> float:
+    """Return the squared norm below which a column is dependent, from the size of rows and the largest column."""
     return max(RANK_TOLERANCE * RANK_TOLERANCE * largest, (RANK_TOLERANCE * size) ** 2)

@@ -1,11 +1,11 @@
-"""Mechanisms that move in parallel planes: found once, and written down in the two coordinates that are left.
+"""Detection of mechanisms that move in parallel planes, and their arrays in the two coordinates of the plane.
 
-Where the axes of all turning joints on the way to the ground are parallel to a normal n, and all displacements
-orthogonal to it, a link keeps its distance from the plane and turns about n alone. Branches of the tree may have
-planes of their own if nothing but couplings of their coordinates connects them. Of its six equations of motion three
-remain, of a constraint row what it does in the plane; the others hold whatever the mechanism does. All vectors stand
-in the axes e_1, e_2 of the plane, those of a link as they are where all joint coordinates are zero: a link turned by
-the angle theta from there turns them by theta.
+Where the axes of all rotating joints between a link and the ground are parallel to a normal n, and all displacements
+are orthogonal to n, the link keeps its distance from the plane and rotates about n alone. Branches of the tree may have
+planes of their own if only couplings of their coordinates connect them. Three of the six equations of motion of a link
+remain, and of a constraint row its part in the plane; the other equations hold for every motion. All vectors are in the
+axes e_1, e_2 of the plane, vectors of a link as they are where all joint coordinates are zero: an angle theta of the
+link from there rotates them by theta.
 """
 
 from __future__ import annotations
@@ -17,114 +17,69 @@ import numpy as np
 from consilience.mechanism import Array, Mechanism
 from consilience.reference.bodies.arrays import ANGLE, Model, all_rows
 from consilience.reference.bodies.spanning_tree import TreeModel
+from consilience.reference.tree import plane as col
 from consilience.reference.tree import records
 from consilience.reference.tree.arrays import (
-    ABOUT,
-    ALONG,
     BODY,
     FORWARD,
     FREE,
     FREE_END,
-    Links,
-    System,
-    closing_arrays,
+    ROTATIONS,
+    TRANSLATIONS,
+    TreeLinks,
+    TreeSystem,
+    loop_closure,
     tree_arrays,
 )
-from consilience.reference.tree.loop_groups import find_loops
-from consilience.reference.tree.plane import (
-    ABOUT_N,
-    ANGLE_AT,
-    APART,
-    ARM,
-    ARM_I,
-    ARM_J,
-    ARM_PARENT,
-    AXIS_I,
-    AXIS_J,
-    CONTROL,
-    COS,
-    DIRECTION,
-    EFFORT,
-    EFFORT_ARM_I,
-    EFFORT_ARM_J,
-    EFFORT_I,
-    EFFORT_J,
-    EFFORT_WIDTH,
-    FIRST,
-    FORM_WIDTH,
-    FRICTION,
-    FUNCTION,
-    INERTIA,
-    KIND,
-    LAST,
-    LAW,
-    LOAD,
-    MASS,
-    OF_JOINT,
-    ON_I,
-    ON_J,
-    PARENT,
-    PLANAR_WIDTH,
-    POINT,
-    ROD,
-    SENSE,
-    SPRING,
-    SQUARE,
-    TARGET,
-    TURN,
-    TURNING,
-    TURNS_ALONG,
-    WEIGHT,
-    Plane,
-)
-from consilience.reference.tree.records import FREE_WIDTH
+from consilience.reference.tree.loop_groups import find_loop_groups
+from consilience.reference.tree.plane import PlanarArrays
 
-_ALIGNED = 1e-13
-"""Sine of an angle that is rounding."""
-LEVEL = 1e-12
-"""Part of the length of a mechanism that is rounding, too."""
+_ROUNDING_ANGLE = 1e-13
+"""Sine of an angle that counts as rounding."""
+ROUNDING_LENGTH = 1e-12
+"""Distance, as part of the length of a mechanism, that counts as rounding."""
 
 
 class _NotPlanar(Exception):
-    """Something moves out of the plane, or may."""
+    """Some link may move out of the plane."""
 
 
-class _Zero(NamedTuple):
-    """Links and bodies where all joint coordinates are zero, world axes."""
+class _ZeroPose(NamedTuple):
+    """Links and bodies where all joint coordinates are zero, in world axes."""
 
-    joint: Array  # (n_b, 3, 3) axes of the joint frame F, which are those of M there
+    joint: Array  # (n_b, 3, 3) axes of the joint frames F and M, equal in this pose
     arm_parent: Array  # (n_b, 3)
     arm: Array  # (n_b, 3)
-    position: Array  # (n_b + 1, 3) centres of mass; the last one is the ground
+    position: Array  # (n_b + 1, 3) centres of mass; the ground is last
     R: Array  # (n_b + 1, 3, 3) axes of the bodies
-    link: Array  # (n_b + 1,) link of each body; of the ground -1
+    link: Array  # (n_b + 1,) link of each body; -1 for the ground
 
 
-def _at_zero(links: Links) -> _Zero:
+def _zero_pose(links: TreeLinks) -> _ZeroPose:
     n = len(links.layout)
     X, position = np.tile(np.eye(3), (n + 1, 1, 1)), np.zeros((n + 1, 3))
     R, arms, link = np.tile(np.eye(3), (n + 1, 1, 1)), np.zeros((2, n, 3)), np.full(n + 1, -1)
-    at = records.NEAR
-    for k, row in enumerate(links.real):
+    at = records.INBOARD_FRAME
+    for k, row in enumerate(links.constants):
         p = links.layout[k, 0]
-        near, axes = (row[m - at : m - at + 9].reshape(3, 3).T for m in (records.NEAR, records.AXES))
+        near, axes = (row[m - at : m - at + 9].reshape(3, 3).T for m in (records.INBOARD_FRAME, records.AXES))
         X[k] = X[p] @ near
         arms[0, k] = X[p] @ row[records.ARM_PARENT - at : records.ARM - at]
         arms[1, k] = X[k] @ row[records.ARM - at : records.MASS - at]
         position[k] = position[p] + arms[0, k] - arms[1, k]
-        # rows of AXES hold an axis of the body each, in axes of the link
+        # each row of AXES holds an axis of the body, in axes of the link
         R[k] = X[k] @ axes
         link[links.layout[k, BODY]] = k
-    return _Zero(X[:-1], arms[0], arms[1], position, R, link)
+    return _ZeroPose(X[:-1], arms[0], arms[1], position, R, link)
 
 
-def _axes(links: Links, zero: _Zero, k: int, first: int, last: int) -> Array:
-    """Axes of some directions of a link, as rows."""
+def _axes(links: TreeLinks, zero: _ZeroPose, k: int, first: int, last: int) -> Array:
+    """Return the axes of consecutive free directions of a link, as rows."""
     return np.asarray(zero.joint[k][:, links.direction[first:last, 1]].T)
 
 
 def _basis(normal: Array) -> Array:
-    """Axes of a plane and its normal, as rows."""
+    """Return two axes of a plane and its normal, as rows."""
     normal = normal / np.linalg.norm(normal)
     first = np.eye(3)[np.argmin(np.abs(normal))]
     first = first - (first @ normal) * normal
@@ -132,97 +87,97 @@ def _basis(normal: Array) -> Array:
     return np.array([first, np.cross(normal, first), normal])
 
 
-def _planes(links: Links, zero: _Zero) -> Array:
-    """Basis of the plane of each link, shape (n_b, 3, 3): the same for all links of a branch from the ground."""
+def _plane_bases(links: TreeLinks, zero: _ZeroPose) -> Array:
+    """Return the basis of the plane of each link, shape (n_b, 3, 3): one for all links of a branch from the ground."""
     layout, count = links.layout, len(links.layout)
     root = np.arange(count)
     along, about = [np.zeros((0, 3)) for _ in range(count)], [np.zeros((0, 3)) for _ in range(count)]
     for k, row in enumerate(layout):
-        if row[ABOUT] > 1:
+        if row[ROTATIONS] > 1:
             raise _NotPlanar
         root[k] = k if row[0] < 0 else root[row[0]]
-        middle = row[FREE] + row[ALONG]
+        middle = row[FREE] + row[TRANSLATIONS]
         along[root[k]] = np.vstack([along[root[k]], _axes(links, zero, k, row[FREE], middle)])
         about[root[k]] = np.vstack([about[root[k]], _axes(links, zero, k, middle, row[FREE_END])])
     found = list[Array]()
     bases = np.zeros((count, 3, 3))
-    # those that turn first: a branch that only slides may lie in their planes
+    # branches with rotations first: a branch that only slides may lie in one of their planes
     for k in sorted(set(root.tolist()), key=lambda k: -len(about[k])):
         choices = [basis[2] for basis in found] if not len(about[k]) else [about[k][0]]
-        choices += [_across(along[k])] if not len(about[k]) else []
-        lying = [n for n in choices if np.all(np.abs(along[k] @ n) <= _ALIGNED)]
-        if not lying or np.any(np.linalg.norm(np.cross(about[k], lying[0]), axis=1) > _ALIGNED):
+        choices += [_orthogonal_to(along[k])] if not len(about[k]) else []
+        lying = [n for n in choices if np.all(np.abs(along[k] @ n) <= _ROUNDING_ANGLE)]
+        if not lying or np.any(np.linalg.norm(np.cross(about[k], lying[0]), axis=1) > _ROUNDING_ANGLE):
             raise _NotPlanar
-        same = [basis for basis in found if np.linalg.norm(np.cross(basis[2], lying[0])) <= _ALIGNED]
+        same = [basis for basis in found if np.linalg.norm(np.cross(basis[2], lying[0])) <= _ROUNDING_ANGLE]
         if not same:
             found.append(_basis(lying[0]))
         bases[root == k] = same[0] if same else found[-1]
     return bases
 
 
-def _across(axes: Array) -> Array:
-    """A unit vector orthogonal to all axes, if there is one."""
+def _orthogonal_to(axes: Array) -> Array:
+    """Return a unit vector orthogonal to all axes, if there is one."""
     return np.asarray(np.linalg.svd(np.vstack([np.zeros((3, 3)), axes]))[2][2])
 
 
-def _link_table(links: Links, mechanism: Mechanism, model: Model, zero: _Zero, bases: Array) -> Array:
+def _link_table(links: TreeLinks, mechanism: Mechanism, model: Model, zero: _ZeroPose, bases: Array) -> Array:
     layout, flat = links.layout, bases[:, :2]
-    table = np.zeros((len(layout) + 1, PLANAR_WIDTH))
+    table = np.zeros((len(layout) + 1, col.PLANAR_WIDTH))
     rows = table[:-1]
-    rows[:, PARENT], rows[:, SENSE] = layout[:, 0], 2.0 * layout[:, FORWARD] - 1.0
-    rows[:, FIRST], rows[:, LAST] = layout[:, FREE], layout[:, FREE_END]
+    rows[:, col.PARENT], rows[:, col.SENSE] = layout[:, 0], 2.0 * layout[:, FORWARD] - 1.0
+    rows[:, col.FIRST], rows[:, col.LAST] = layout[:, FREE], layout[:, FREE_END]
     axis = np.einsum("ki,ki->k", zero.joint[:, :, 2], bases[:, 2])
-    rows[:, TURN] = rows[:, SENSE] * layout[:, ABOUT] * np.sign(axis)
-    rows[:, ARM_PARENT : ARM_PARENT + 2] = np.einsum("kij,kj->ki", flat, zero.arm_parent)
-    rows[:, ARM : ARM + 2] = np.einsum("kij,kj->ki", flat, zero.arm)
+    rows[:, col.ROTATION_SENSE] = rows[:, col.SENSE] * layout[:, ROTATIONS] * np.sign(axis)
+    rows[:, col.ARM_PARENT : col.ARM_PARENT + 2] = np.einsum("kij,kj->ki", flat, zero.arm_parent)
+    rows[:, col.ARM : col.ARM + 2] = np.einsum("kij,kj->ki", flat, zero.arm)
     body = layout[:, BODY]
-    rows[:, MASS] = model.mass[body]
+    rows[:, col.MASS] = model.mass[body]
     normals = np.einsum("kij,ki->kj", zero.R[:-1], bases[:, 2])
-    rows[:, INERTIA] = np.einsum("ki,kij,kj->k", normals, model.inertia[body], normals)
-    rows[:, WEIGHT : WEIGHT + 2] = rows[:, MASS, None] * (flat @ mechanism.gravity)
-    table[-1, COS] = 1.0
+    rows[:, col.INERTIA] = np.einsum("ki,kij,kj->k", normals, model.inertia[body], normals)
+    rows[:, col.WEIGHT : col.WEIGHT + 2] = rows[:, col.MASS, None] * (flat @ mechanism.gravity)
+    table[-1, col.COS] = 1.0
     return table
 
 
-def _free_table(links: Links, zero: _Zero, bases: Array) -> Array:
-    table = np.zeros((len(links.direction), FREE_WIDTH))
+def _free_table(links: TreeLinks, zero: _ZeroPose, bases: Array) -> Array:
+    table = np.zeros((len(links.direction), col.FREE_WIDTH))
     for k, row in enumerate(links.layout):
-        first, last = row[FREE], row[FREE] + row[ALONG]
-        table[first:last, DIRECTION : DIRECTION + 2] = _axes(links, zero, k, first, last) @ bases[k, :2].T
+        first, last = row[FREE], row[FREE] + row[TRANSLATIONS]
+        table[first:last, col.DIRECTION : col.DIRECTION + 2] = _axes(links, zero, k, first, last) @ bases[k, :2].T
     return table
 
 
-def _common(bases: Array, i: int, j: int) -> Array:
-    """The plane of two links, one of which may be the ground (-1)."""
+def _common_basis(bases: Array, i: int, j: int) -> Array:
+    """Return the basis of the plane of two links, one of which may be the ground (-1)."""
     if min(i, j) >= 0 and not np.array_equal(bases[i], bases[j]):
         raise _NotPlanar
     return np.asarray(bases[max(i, j)])
 
 
-class _Forms:
-    """Collects forms, and the efforts that read them or act on links."""
+class _RowCollector:
+    """Collects the rows of a mechanism in a plane: constraint rows, then joint coordinates that elements read."""
 
-    def __init__(self, links: Links, spanning: TreeModel, model: Model, zero: _Zero, bases: Array) -> None:
+    def __init__(self, links: TreeLinks, spanning: TreeModel, model: Model, zero: _ZeroPose, bases: Array) -> None:
         self.links, self.spanning, self.model, self.zero, self.bases = links, spanning, model, zero, bases
         self.rows: list[Array] = []
 
     def _holds(self, value: float) -> bool:
-        if abs(value) > LEVEL * max(1.0, self.model.length):
+        if abs(value) > ROUNDING_LENGTH * max(1.0, self.model.length):
             raise _NotPlanar
         return False
 
     def add(self, joint: int, kind: int, target: float) -> bool:
-        """Add one of the basic constraint functions of a joint; False if it holds whatever the mechanism does."""
+        """Add a basic constraint function of a joint; return False if it holds for every motion in the plane."""
         model = self.model
         i, j = (int(self.zero.link[b[joint]]) for b in (model.body_i, model.body_j))
-        basis = _common(self.bases, i, j)
+        basis = _common_basis(self.bases, i, j)
         flat, normal = basis[:2], basis[2]
         R_i, R_j = self.zero.R[i], self.zero.R[j]
         arm_i, arm_j = R_i @ model.arm_i[joint], R_j @ model.arm_j[joint]
         height = float((self.zero.position[j] + arm_j - self.zero.position[i] - arm_i) @ normal)
-        form = np.zeros(FORM_WIDTH)
-        form[ON_I], form[ON_J] = i, j
-        form[ARM_I : ARM_I + 2], form[ARM_J : ARM_J + 2] = flat @ arm_i, flat @ arm_j
+        row = np.zeros(col.ROW_WIDTH)
+        row[col.LINK_I], row[col.LINK_J] = i, j
+        row[col.ARM_I : col.ARM_I + 2], row[col.ARM_J : col.ARM_J + 2] = flat @ arm_i, flat @ arm_j
         if kind < 3:
             u, w, level = R_i @ model.axes_i[joint][:, kind], normal, height
         elif kind == 3:
@@ -232,19 +187,19 @@ class _Forms:
             level = float(w @ normal)
         else:
             raise _NotPlanar
-        form[AXIS_I : AXIS_I + 2], form[AXIS_J : AXIS_J + 2] = flat @ u, flat @ w
-        # what the normal contributes does not change
-        form[TARGET] = target - level * float(u @ normal)
-        form[KIND] = POINT if kind < 3 else ROD if kind == 3 else SQUARE
+        row[col.AXIS_I : col.AXIS_I + 2], row[col.AXIS_J : col.AXIS_J + 2] = flat @ u, flat @ w
+        # the component along the normal is constant
+        row[col.TARGET] = target - level * float(u @ normal)
+        row[col.KIND] = col.AXIS_DISPLACEMENT if kind < 3 else col.ROD_LENGTH if kind == 3 else col.AXIS_PRODUCT
         if kind == 3:
-            form[AXIS_J] = height
-        elif min(np.linalg.norm(flat @ u), 1.0 if kind < 3 else np.linalg.norm(flat @ w)) <= _ALIGNED:
-            return self._holds(form[TARGET])
-        self.rows.append(form)
+            row[col.AXIS_J] = height
+        elif min(np.linalg.norm(flat @ u), 1.0 if kind < 3 else np.linalg.norm(flat @ w)) <= _ROUNDING_ANGLE:
+            return self._holds(row[col.TARGET])
+        self.rows.append(row)
         return True
 
     def coordinate(self, joint: int, kind: int) -> None:
-        """Add a joint coordinate that elements read. The turns of a joint that closes a loop are not counted."""
+        """Add a joint coordinate that elements read. Turns of a joint that closes a loop are not counted."""
         if self.model.pitch[joint]:
             raise _NotPlanar
         if kind != ANGLE:
@@ -252,83 +207,88 @@ class _Forms:
                 raise _NotPlanar
             return
         link = np.flatnonzero(self.spanning.joint == joint)
-        if not len(link) or self.links.layout[link[0], ABOUT] != 1:
+        if not len(link) or self.links.layout[link[0], ROTATIONS] != 1:
             raise _NotPlanar
-        form = np.zeros(FORM_WIDTH)
-        form[KIND] = TURNING
-        form[ON_I], form[ON_J] = (self.zero.link[b[joint]] for b in (self.model.body_i, self.model.body_j))
-        form[ANGLE_AT] = self.links.layout[link[0], FREE_END] - 1
-        form[ABOUT_N] = np.sign(self.zero.joint[link[0], :, 2] @ self.bases[link[0], 2])
-        self.rows.append(form)
+        row = np.zeros(col.ROW_WIDTH)
+        row[col.KIND] = col.JOINT_ANGLE
+        row[col.LINK_I], row[col.LINK_J] = (self.zero.link[b[joint]] for b in (self.model.body_i, self.model.body_j))
+        row[col.ANGLE_INDEX] = self.links.layout[link[0], FREE_END] - 1
+        row[col.ANGLE_SENSE] = np.sign(self.zero.joint[link[0], :, 2] @ self.bases[link[0], 2])
+        self.rows.append(row)
 
 
-def _springs(model: Model, zero: _Zero, bases: Array) -> list[Array]:
+def _springs(model: Model, zero: _ZeroPose, bases: Array) -> list[Array]:
     rows = []
     for n, bodies in enumerate(model.spring_body):
         links = zero.link[bodies]
-        basis = _common(bases, *links.tolist())
+        basis = _common_basis(bases, *links.tolist())
         arms = [zero.R[k] @ arm for k, arm in zip(links, model.spring_arm[n], strict=True)]
         apart = zero.position[links[1]] + arms[1] - zero.position[links[0]] - arms[0]
-        row = np.zeros(EFFORT_WIDTH)
-        row[[EFFORT, EFFORT_I, EFFORT_J, FUNCTION]] = SPRING, *links, model.spring_function[n]
-        row[LAW : LAW + 3], row[APART] = model.spring_law[n], apart @ basis[2]
-        row[EFFORT_ARM_I : EFFORT_ARM_I + 2], row[EFFORT_ARM_J : EFFORT_ARM_J + 2] = (basis[:2] @ a for a in arms)
+        row = np.zeros(col.FORCE_WIDTH)
+        row[[col.FORCE_KIND, col.FORCE_I, col.FORCE_J, col.FUNCTION]] = col.SPRING, *links, model.spring_function[n]
+        row[col.LAW : col.LAW + 3], row[col.NORMAL_DISTANCE] = model.spring_law[n], apart @ basis[2]
+        row[col.FORCE_ARM_I : col.FORCE_ARM_I + 2], row[col.FORCE_ARM_J : col.FORCE_ARM_J + 2] = (
+            basis[:2] @ a for a in arms
+        )
         rows.append(row)
     return rows
 
 
-def _loads(model: Model, zero: _Zero, bases: Array) -> list[Array]:
+def _loads(model: Model, zero: _ZeroPose, bases: Array) -> list[Array]:
     rows = []
     for n, body in enumerate(model.load_body):
         link, (torque, along) = zero.link[body], model.load_kind[n]
         basis = bases[link]
         vector = basis @ (zero.R[link] @ model.load_vector[n] if along else model.load_vector[n])
-        row = np.zeros(EFFORT_WIDTH)
-        row[[EFFORT, EFFORT_J, FUNCTION, TURNS_ALONG]] = LOAD, link, model.load_function[n], along
-        row[LAW : LAW + 3] = (0.0, 0.0, vector[2]) if torque else (vector[0], vector[1], 0.0)
-        row[EFFORT_ARM_J : EFFORT_ARM_J + 2] = basis[:2] @ zero.R[link] @ model.load_arm[n]
+        row = np.zeros(col.FORCE_WIDTH)
+        row[[col.FORCE_KIND, col.FORCE_J, col.FUNCTION, col.BODY_FIXED]] = col.LOAD, link, model.load_function[n], along
+        row[col.LAW : col.LAW + 3] = (0.0, 0.0, vector[2]) if torque else (vector[0], vector[1], 0.0)
+        row[col.FORCE_ARM_J : col.FORCE_ARM_J + 2] = basis[:2] @ zero.R[link] @ model.load_arm[n]
         rows.append(row)
     return rows
 
 
-def _of_coordinates(model: Model, first: int, integrals: int) -> list[Array]:
-    """Springs, friction and controls of joints; `first` is the form of the first coordinate."""
+def _joint_forces(model: Model, first: int, first_integral: int) -> list[Array]:
+    """Return springs, friction and controls of joints; `first` is the row of the first joint coordinate."""
     given = [
-        *((OF_JOINT, c, 0, f, law) for (c, f), law in zip(model.joint_spring, model.joint_spring_law, strict=True)),
-        *((FRICTION, c, 0, -1, law) for c, law in zip(model.friction, model.friction_law, strict=True)),
         *(
-            (CONTROL, c, integrals + n, f, law)
+            (col.JOINT_SPRING, c, 0, f, law)
+            for (c, f), law in zip(model.joint_spring, model.joint_spring_law, strict=True)
+        ),
+        *((col.FRICTION, c, 0, -1, law) for c, law in zip(model.friction, model.friction_law, strict=True)),
+        *(
+            (col.CONTROL, c, first_integral + n, f, law)
             for n, ((c, f), law) in enumerate(zip(model.control, model.control_law, strict=True))
         ),
     ]
-    rows = np.zeros((len(given), EFFORT_WIDTH))
+    rows = np.zeros((len(given), col.FORCE_WIDTH))
     for row, (kind, coordinate, at, function, law) in zip(rows, given, strict=True):
-        row[[EFFORT, EFFORT_I, EFFORT_J, FUNCTION]] = kind, first + coordinate, at, function
-        row[LAW : LAW + 3] = law
+        row[[col.FORCE_KIND, col.FORCE_I, col.FORCE_J, col.FUNCTION]] = kind, first + coordinate, at, function
+        row[col.LAW : col.LAW + 3] = law
     return list(rows)
 
 
-def planar(mechanism: Mechanism, links: Links, spanning: TreeModel, model: Model) -> System | None:
-    """Arrays of the kernels of a mechanism that moves in parallel planes, in place of those of `model.system`.
+def planar_system(mechanism: Mechanism, links: TreeLinks, spanning: TreeModel, model: Model) -> TreeSystem | None:
+    """Return the arrays of a mechanism in a plane, in place of those of `arrays.tree_system`.
 
     Returns
     -------
-    System or None
-        None if something moves out of the plane or may, rolls, or reads the turns of a joint that closes a loop.
+    TreeSystem or None
+        None if a link may move out of the plane or rolls, or an element reads the turns of a joint that closes a loop.
     """
     try:
         if len(model.rolling_body) or len(model.skate_body):
             return None
-        zero = _at_zero(links)
-        bases = _planes(links, zero)
-        forms = _Forms(links, spanning, model, zero, bases)
+        zero = _zero_pose(links)
+        bases = _plane_bases(links, zero)
+        collector = _RowCollector(links, spanning, model, zero, bases)
         cut, kept, first = spanning.cut, list[int](), [0]
         for joint in range(len(cut.body_i)):
             rows = range(cut.first_row[joint], cut.first_row[joint + 1])
-            kept += [n for n in rows if forms.add(joint, int(cut.row_kind[n]), float(cut.row_target[n]))]
+            kept += [n for n in rows if collector.add(joint, int(cut.row_kind[n]), float(cut.row_target[n]))]
             first.append(len(kept))
         for joint, kind in model.coordinate:
-            forms.coordinate(int(joint), int(kind))
+            collector.coordinate(int(joint), int(kind))
         efforts = [*_springs(model, zero, bases), *_loads(model, zero, bases)]
     except _NotPlanar:
         return None
@@ -336,18 +296,18 @@ def planar(mechanism: Mechanism, links: Links, spanning: TreeModel, model: Model
         first_row=np.array(first, dtype=np.int64), row_kind=cut.row_kind[kept], row_target=cut.row_target[kept]
     )
     count = len(kept)
-    tied = [[count + c, -1, f] for c, f in model.drive] + [[count + c, count + d, f] for c, d, f in model.coupling]
-    efforts += _of_coordinates(model, count, links.integrals)
+    driven = [[count + c, -1, f] for c, f in model.drive] + [[count + c, count + d, f] for c, d, f in model.coupling]
+    efforts += _joint_forces(model, count, links.first_integral)
     height = np.einsum("ki,ki->k", zero.position[:-1], bases[:, 2])
     axes = (bases @ zero.R[:-1]).reshape(-1, 9), bases.reshape(-1, 9)
-    plane = Plane(
+    planar = PlanarArrays(
         body=np.column_stack([links.layout[:, BODY], height, *axes]),
-        form=np.array(forms.rows).reshape(-1, FORM_WIDTH),
-        tied=np.array(tied, dtype=np.int64).reshape(-1, 3),
-        effort=np.array(efforts).reshape(-1, EFFORT_WIDTH),
+        row_table=np.array(collector.rows).reshape(-1, col.ROW_WIDTH),
+        driven=np.array(driven, dtype=np.int64).reshape(-1, 3),
+        force_table=np.array(efforts).reshape(-1, col.FORCE_WIDTH),
         functions=model.functions,
     )
     tables = _link_table(links, mechanism, model, zero, bases), _free_table(links, zero, bases)
     tree = tree_arrays(links, model.length, *tables, len(mechanism.controls))
-    loops = find_loops(links.layout, len(links.direction), cut)
-    return System(tree, closing_arrays(tree, loops, all_rows(cut), 3), None, None, plane)
+    loops = find_loop_groups(links.layout, len(links.direction), cut)
+    return TreeSystem(tree, loop_closure(tree, loops, all_rows(cut), 3), None, None, planar)

@@ -1,7 +1,8 @@
-"""Rows and efforts of mechanisms that move in parallel planes: `joint_rows`, `constraints` and `forces` in the plane.
+"""Constraint rows and force elements of mechanisms that move in parallel planes.
 
-A form is a function of two links, with its rate and what is quadratic in the speeds. With u and w axes turned with
-their links, by the angles of the links to the power of one each, ``u'' = -w_i^2 u`` where a link turns steadily.
+They correspond to `bodies.joint_rows`, `bodies.constraints` and `bodies.forces` in space. A row is a function of two
+links with its rate and the right side gamma of ``Q a = gamma``. An axis u fixed to link i obeys ``u'' = -w_i^2 u`` at a
+constant angular velocity w_i; gamma collects these terms.
 """
 
 from __future__ import annotations
@@ -11,62 +12,27 @@ from typing import NamedTuple
 import numpy as np
 
 from consilience.mechanism import Array
+from consilience.reference.bodies.forces import friction_effort
 from consilience.reference.bodies.joint_rows import full_turns
 from consilience.reference.kernel import functions
 from consilience.reference.kernel.compiled import fused, inner, kernel
 from consilience.reference.kernel.functions import Functions
+from consilience.reference.tree import plane as col
 from consilience.reference.tree.loop_groups import TOUCHED
-from consilience.reference.tree.planar import Pair, Three, dot3, pair_at, three_at, turned
-from consilience.reference.tree.plane import (
-    ABOUT_N,
-    ACCELERATION,
-    ANGLE_AT,
-    APART,
-    ARM_I,
-    ARM_J,
-    AXIS_I,
-    AXIS_J,
-    BIAS,
-    CONTROL,
-    COS,
-    EFFORT,
-    EFFORT_ARM_I,
-    EFFORT_ARM_J,
-    EFFORT_I,
-    EFFORT_J,
-    FRICTION,
-    FUNCTION,
-    INERTIA,
-    KIND,
-    LAW,
-    LOAD,
-    MASS,
-    OF_JOINT,
-    ON_I,
-    ON_J,
-    POINT,
-    POSITION,
-    SPIN,
-    SPRING,
-    SQUARE,
-    TARGET,
-    TURNING,
-    TURNS_ALONG,
-    VELOCITY,
-    Plane,
-)
+from consilience.reference.tree.planar import Pair, PlanarVector, load_pair, load_triple, planar_power, rotate_pair
+from consilience.reference.tree.plane import PlanarArrays
 
 
-class Form(NamedTuple):
-    """A form at a state: value, rate, gamma, and wrenches on its links i and j of a unit of it."""
+class PlanarRow(NamedTuple):
+    """A row at a state: value, rate, gamma, and the wrenches of a unit multiplier on its links i and j."""
 
     value: float
     rate: float
     gamma: float
     i: int
     j: int
-    on_i: Three
-    on_j: Three
+    on_i: PlanarVector
+    on_j: PlanarVector
 
 
 @fused
@@ -81,14 +47,14 @@ def _dot(a: Pair, b: Pair) -> float:
 
 @fused
 def _between(link: Array, i: int, j: int, s_i: Pair, s_j: Pair) -> tuple[Pair, Pair, Pair]:
-    """From a point of i to one of j: way, velocity, and acceleration if both links turned steadily."""
+    """Return distance vector, velocity, and acceleration for constant w, from a point of i to a point of j."""
     r_i, r_j, v_i, v_j = (
-        pair_at(link, i, POSITION),
-        pair_at(link, j, POSITION),
-        pair_at(link, i, VELOCITY),
-        pair_at(link, j, VELOCITY),
+        load_pair(link, i, col.POSITION),
+        load_pair(link, j, col.POSITION),
+        load_pair(link, i, col.VELOCITY),
+        load_pair(link, j, col.VELOCITY),
     )
-    w_i, w_j = link[i, SPIN], link[j, SPIN]
+    w_i, w_j = link[i, col.SPIN], link[j, col.SPIN]
     return (
         (r_j[0] + s_j[0] - r_i[0] - s_i[0], r_j[1] + s_j[1] - r_i[1] - s_i[1]),
         (v_j[0] - w_j * s_j[1] - v_i[0] + w_i * s_i[1], v_j[1] + w_j * s_j[0] - v_i[1] - w_i * s_i[0]),
@@ -97,46 +63,52 @@ def _between(link: Array, i: int, j: int, s_i: Pair, s_j: Pair) -> tuple[Pair, P
 
 
 @inner
-def evaluate_form(form: Array, n: int, link: Array, z: Array) -> Form:
-    """A form of links that are placed."""
-    kind, i, j = form[n, KIND], int(form[n, ON_I]), int(form[n, ON_J])
-    w_i, w_j = link[i, SPIN], link[j, SPIN]
-    if kind == TURNING:
-        about = form[n, ABOUT_N]
-        angle = z[int(form[n, ANGLE_AT])]
-        return Form(angle, about * (w_j - w_i), 0.0, i, j, (0.0, 0.0, -about), (0.0, 0.0, about))
-    turn_i, turn_j = pair_at(link, i, COS), pair_at(link, j, COS)
-    u, w = turned(turn_i, pair_at(form, n, AXIS_I)), turned(turn_j, pair_at(form, n, AXIS_J))
-    apart, target = w_j - w_i, form[n, TARGET]
-    if kind == SQUARE:
+def evaluate_row(row_table: Array, n: int, link: Array, z: Array) -> PlanarRow:
+    """Evaluate a row at placed links."""
+    kind, i, j = row_table[n, col.KIND], int(row_table[n, col.LINK_I]), int(row_table[n, col.LINK_J])
+    w_i, w_j = link[i, col.SPIN], link[j, col.SPIN]
+    if kind == col.JOINT_ANGLE:
+        about = row_table[n, col.ANGLE_SENSE]
+        angle = z[int(row_table[n, col.ANGLE_INDEX])]
+        return PlanarRow(angle, about * (w_j - w_i), 0.0, i, j, (0.0, 0.0, -about), (0.0, 0.0, about))
+    turn_i, turn_j = load_pair(link, i, col.COS), load_pair(link, j, col.COS)
+    u, w = (
+        rotate_pair(turn_i, load_pair(row_table, n, col.AXIS_I)),
+        rotate_pair(turn_j, load_pair(row_table, n, col.AXIS_J)),
+    )
+    apart, target = w_j - w_i, row_table[n, col.TARGET]
+    if kind == col.AXIS_PRODUCT:
         product, torque = _dot(u, w), _cross(u, w)
         gamma = product * apart * apart
-        return Form(product - target, -torque * apart, gamma, i, j, (0.0, 0.0, torque), (0.0, 0.0, -torque))
-    s_i, s_j = turned(turn_i, pair_at(form, n, ARM_I)), turned(turn_j, pair_at(form, n, ARM_J))
+        return PlanarRow(product - target, -torque * apart, gamma, i, j, (0.0, 0.0, torque), (0.0, 0.0, -torque))
+    s_i, s_j = (
+        rotate_pair(turn_i, load_pair(row_table, n, col.ARM_I)),
+        rotate_pair(turn_j, load_pair(row_table, n, col.ARM_J)),
+    )
     d, v, c = _between(link, i, j, s_i, s_j)
     reach = s_i[0] + d[0], s_i[1] + d[1]
-    if kind == POINT:
+    if kind == col.AXIS_DISPLACEMENT:
         rate = _dot(u, v) + w_i * _cross(u, d)
         gamma = w_i * w_i * _dot(u, d) - 2.0 * w_i * _cross(u, v) - _dot(u, c)
         value = _dot(u, d) - target
-        return Form(value, rate, gamma, i, j, (-u[0], -u[1], -_cross(reach, u)), (u[0], u[1], _cross(s_j, u)))
-    h = form[n, AXIS_J]
+        return PlanarRow(value, rate, gamma, i, j, (-u[0], -u[1], -_cross(reach, u)), (u[0], u[1], _cross(s_j, u)))
+    h = row_table[n, col.AXIS_J]
     L = np.sqrt(_dot(d, d) + h * h)
     e = d[0] / L, d[1] / L
     rate = _dot(e, v)
     gamma = -((_dot(v, v) - rate * rate) / L + _dot(e, c))
-    return Form(L - target, rate, gamma, i, j, (-e[0], -e[1], -_cross(s_i, e)), (e[0], e[1], _cross(s_j, e)))
+    return PlanarRow(L - target, rate, gamma, i, j, (-e[0], -e[1], -_cross(s_i, e)), (e[0], e[1], _cross(s_j, e)))
 
 
 @fused
-def _store(W: Array, row: int, at: int, a: Three) -> None:
+def _store_wrench(W: Array, row: int, at: int, a: PlanarVector) -> None:
     """Store a wrench of a row."""
     W[row, at, 0], W[row, at, 1], W[row, at, 2] = a
 
 
 @inner
-def _add(touched: Array, W: Array, row: int, link: int, factor: float, wrench: Three) -> None:
-    """Add a wrench on a link that may be touched by both coordinates of a coupling."""
+def _add_wrench(touched: Array, W: Array, row: int, link: int, factor: float, wrench: PlanarVector) -> None:
+    """Add a wrench on a link, which both coordinates of a coupling may act on."""
     for at in range(TOUCHED):
         if link >= 0 and touched[row, at] == link:
             for r in range(3):
@@ -144,10 +116,10 @@ def _add(touched: Array, W: Array, row: int, link: int, factor: float, wrench: T
 
 
 @fused
-def planar_rows(
-    plane: Plane,
+def evaluate_planar_rows(
+    planar: PlanarArrays,
     touched: Array,
-    wanted: Array,
+    active: Array,
     link: Array,
     t: float,
     z: Array,
@@ -156,24 +128,35 @@ def planar_rows(
     gamma: Array,
     rate: Array,
 ) -> None:
-    """Rows wanted: wrenches, values, gammas and rates. Those of joints, then those of drives and couplings."""
-    form, tied = plane.form, plane.tied
-    first = wanted.shape[0] - tied.shape[0]
+    """Evaluate the active rows: first those of joints, then those of drives and couplings.
+
+    Parameters
+    ----------
+    planar, active, link, t, z : see `arrays`
+    touched, W : see `loop_groups.Loops`, `loop_groups.MultifrontalQR`
+        W is overwritten.
+    value, gamma, rate : ndarray, shape (q,)
+        Overwritten: violations, and right sides of ``Q a = gamma`` and ``Q v = rate``.
+    """
+    row_table, driven = planar.row_table, planar.driven
+    first = active.shape[0] - driven.shape[0]
     for n in range(first):
-        if wanted[n]:
-            found = evaluate_form(form, n, link, z)
+        if active[n]:
+            found = evaluate_row(row_table, n, link, z)
             value[n], gamma[n] = found.value, found.gamma
-            _store(W, n, 0, found.on_i)
-            _store(W, n, 1, found.on_j)
-    for n in range(tied.shape[0]):
-        if wanted[first + n]:
-            _tie(plane.form, tied, plane.functions, touched, n, first + n, link, t, z, W, value, gamma, rate)
+            _store_wrench(W, n, 0, found.on_i)
+            _store_wrench(W, n, 1, found.on_j)
+    for n in range(driven.shape[0]):
+        if active[first + n]:
+            _driven_row(
+                planar.row_table, driven, planar.functions, touched, n, first + n, link, t, z, W, value, gamma, rate
+            )
 
 
 @inner
-def _tie(
-    form: Array,
-    tied: Array,
+def _driven_row(
+    row_table: Array,
+    driven: Array,
     given: Functions,
     touched: Array,
     n: int,
@@ -186,52 +169,69 @@ def _tie(
     gamma: Array,
     rate: Array,
 ) -> None:
-    """``q - f(t) = 0`` or ``q - f(q_driver) = 0``."""
-    q, by = evaluate_form(form, tied[n, 0], link, z), tied[n, 1]
+    """Evaluate ``q - f(t) = 0`` or ``q - f(q_driver) = 0``."""
+    q, by = evaluate_row(row_table, driven[n, 0], link, z), driven[n, 1]
     for at in range(TOUCHED):
         for r in range(3):
             W[row, at, r] = 0.0
-    _add(touched, W, row, q.i, 1.0, q.on_i)
-    _add(touched, W, row, q.j, 1.0, q.on_j)
+    _add_wrench(touched, W, row, q.i, 1.0, q.on_i)
+    _add_wrench(touched, W, row, q.j, 1.0, q.on_j)
     if by < 0:
-        f, slope, bend = functions.evaluate(given, tied[n, 2], t)
+        f, slope, bend = functions.evaluate(given, driven[n, 2], t)
         gamma[row], rate[row] = q.gamma + bend, slope
     else:
-        driver = evaluate_form(form, by, link, z)
-        f, slope, bend = functions.evaluate(given, tied[n, 2], driver.value)
+        driver = evaluate_row(row_table, by, link, z)
+        f, slope, bend = functions.evaluate(given, driven[n, 2], driver.value)
         gamma[row] = q.gamma - slope * driver.gamma + bend * driver.rate * driver.rate
-        _add(touched, W, row, driver.i, -slope, driver.on_i)
-        _add(touched, W, row, driver.j, -slope, driver.on_j)
-    turning = form[tied[n, 0], KIND] == TURNING
+        _add_wrench(touched, W, row, driver.i, -slope, driver.on_i)
+        _add_wrench(touched, W, row, driver.j, -slope, driver.on_j)
+    turning = row_table[driven[n, 0], col.KIND] == col.JOINT_ANGLE
     value[row] = (full_turns(q.value, f) if turning else q.value) - f
 
 
 @inner
-def open_planar_accelerations(touched: Array, W: Array, link: Array, gamma: Array, target: Array) -> None:
-    """``gamma - Q a`` of the accelerations of the links."""
-    _open(touched, W, link, ACCELERATION, gamma, target)
+def planar_acceleration_residual(touched: Array, W: Array, link: Array, gamma: Array, target: Array) -> None:
+    """Compute ``gamma - Q a`` from the accelerations of the links.
+
+    Parameters
+    ----------
+    touched, W, link : see `arrays`
+    gamma : ndarray, shape (q,)
+    target : ndarray, shape (q,)
+        Overwritten: the residual.
+    """
+    _residual(touched, W, link, col.ACCELERATION, gamma, target)
 
 
 @inner
-def open_planar_rates(touched: Array, W: Array, link: Array, rate: Array, target: Array) -> None:
-    """``rate - Q v`` of the velocities of the links."""
-    _open(touched, W, link, VELOCITY, rate, target)
+def planar_velocity_residual(touched: Array, W: Array, link: Array, rate: Array, target: Array) -> None:
+    """Compute ``rate - Q v`` from the velocities of the links.
+
+    Parameters
+    ----------
+    touched, W, link : see `arrays`
+    rate : ndarray, shape (q,)
+    target : ndarray, shape (q,)
+        Overwritten: the residual.
+    """
+    _residual(touched, W, link, col.VELOCITY, rate, target)
 
 
 @fused
-def _open(touched: Array, W: Array, link: Array, at: int, given: Array, target: Array) -> None:
+def _residual(touched: Array, W: Array, link: Array, at: int, given: Array, target: Array) -> None:
+    """Compute ``given - Q x`` for motions x of the links from column `at` on."""
     for row in range(touched.shape[0]):
         total = given[row]
         for n in range(TOUCHED):
             k = touched[row, n]
             if k >= 0:
-                total -= dot3((W[row, n, 0], W[row, n, 1], W[row, n, 2]), three_at(link, k, at))
+                total -= planar_power((W[row, n, 0], W[row, n, 1], W[row, n, 2]), load_triple(link, k, at))
         target[row] = total
 
 
 @inner
-def size_of_planar_rows(touched: Array, W: Array, link: Array) -> float:
-    """Largest response of a row of links without joints: what its response in the tree comes to at most."""
+def largest_planar_row(touched: Array, W: Array, link: Array) -> float:
+    """Return the largest ``|M^(-1/2) q|`` of a row q of free links: an upper bound of its response in the tree."""
     largest = 0.0
     for row in range(touched.shape[0]):
         total = 0.0
@@ -239,7 +239,7 @@ def size_of_planar_rows(touched: Array, W: Array, link: Array) -> float:
             k = touched[row, n]
             if k >= 0:
                 x, y, torque = W[row, n, 0], W[row, n, 1], W[row, n, 2]
-                total += (x * x + y * y) / link[k, MASS] + torque * torque / link[k, INERTIA]
+                total += (x * x + y * y) / link[k, col.MASS] + torque * torque / link[k, col.INERTIA]
         largest = max(largest, np.sqrt(total))
     return largest
 
@@ -248,78 +248,89 @@ def size_of_planar_rows(touched: Array, W: Array, link: Array) -> float:
 
 
 @fused
-def _exert(link: Array, k: int, factor: float, wrench: Three) -> None:
-    """Add a wrench to the bias of a link; the ground takes anything."""
+def _add_to_bias(link: Array, k: int, factor: float, wrench: PlanarVector) -> None:
+    """Add a wrench to the bias of a link that is not the ground."""
     if k >= 0:
         for r in range(3):
-            link[k, BIAS + r] -= factor * wrench[r]
+            link[k, col.BIAS + r] -= factor * wrench[r]
 
 
 @inner
-def _spring(effort: Array, n: int, link: Array, actuator: float) -> None:
-    """``F = (k (L - L0) + c L' - f(t)) e`` on the predecessor, the opposite on the successor."""
-    i, j, h = int(effort[n, EFFORT_I]), int(effort[n, EFFORT_J]), effort[n, APART]
-    s_i = turned(pair_at(link, i, COS), pair_at(effort, n, EFFORT_ARM_I))
-    s_j = turned(pair_at(link, j, COS), pair_at(effort, n, EFFORT_ARM_J))
+def _spring(force_table: Array, n: int, link: Array, actuator: float) -> None:
+    """Apply ``F = (k (L - L0) + c L' - f(t)) e`` to the predecessor, its opposite to the successor."""
+    i, j, h = int(force_table[n, col.FORCE_I]), int(force_table[n, col.FORCE_J]), force_table[n, col.NORMAL_DISTANCE]
+    s_i = rotate_pair(load_pair(link, i, col.COS), load_pair(force_table, n, col.FORCE_ARM_I))
+    s_j = rotate_pair(load_pair(link, j, col.COS), load_pair(force_table, n, col.FORCE_ARM_J))
     d, v, _ = _between(link, i, j, s_i, s_j)
     L = np.sqrt(_dot(d, d) + h * h)
     e = d[0] / L, d[1] / L
-    stiffness, damping, free_length = three_at(effort, n, LAW)
+    stiffness, damping, free_length = load_triple(force_table, n, col.LAW)
     force = stiffness * (L - free_length) + damping * _dot(e, v) - actuator
-    _exert(link, i, force, (e[0], e[1], _cross(s_i, e)))
-    _exert(link, j, -force, (e[0], e[1], _cross(s_j, e)))
+    _add_to_bias(link, i, force, (e[0], e[1], _cross(s_i, e)))
+    _add_to_bias(link, j, -force, (e[0], e[1], _cross(s_j, e)))
 
 
 @inner
-def _load(effort: Array, n: int, link: Array, factor: float) -> None:
-    """A force and a torque on a link, in axes of the world or of the link."""
-    k = int(effort[n, EFFORT_J])
-    x, y, torque = three_at(effort, n, LAW)
-    turn = pair_at(link, k, COS)
-    force = turned(turn, (x, y)) if effort[n, TURNS_ALONG] else (x, y)
-    _exert(
-        link, k, factor, (force[0], force[1], torque + _cross(turned(turn, pair_at(effort, n, EFFORT_ARM_J)), force))
+def _load(force_table: Array, n: int, link: Array, factor: float) -> None:
+    """Apply a force and a torque to a link, in axes of the world or of the link."""
+    k = int(force_table[n, col.FORCE_J])
+    x, y, torque = load_triple(force_table, n, col.LAW)
+    turn = load_pair(link, k, col.COS)
+    force = rotate_pair(turn, (x, y)) if force_table[n, col.BODY_FIXED] else (x, y)
+    _add_to_bias(
+        link,
+        k,
+        factor,
+        (force[0], force[1], torque + _cross(rotate_pair(turn, load_pair(force_table, n, col.FORCE_ARM_J)), force)),
     )
 
 
 @inner
-def _of_coordinate(kind: float, law: Three, q: Form, given: Three, integral: float) -> float:
-    """Effort of a spring, of friction or of a controller in a joint coordinate; given: its function of time."""
-    if kind == OF_JOINT:
+def _joint_force(kind: float, law: PlanarVector, q: PlanarRow, given: PlanarVector, integral: float) -> float:
+    """Return the force of a spring, of friction or of a controller in a joint coordinate.
+
+    `given` holds value and rate of the element's function of time.
+    """
+    if kind == col.JOINT_SPRING:
         return given[0] - law[0] * (q.value - law[2]) - law[1] * q.rate
-    if kind == FRICTION:
-        return -law[0] * q.rate - law[1] * np.tanh(q.rate / law[2])
+    if kind == col.FRICTION:
+        return friction_effort(law, q.rate)
     return law[0] * (given[0] - q.value) + law[1] * integral + law[2] * (given[1] - q.rate)
 
 
 @kernel
-def push_efforts(plane: Plane, link: Array, t: float, z: Array) -> None:
-    """Add the efforts to the biases of links that are placed."""
-    form, effort = plane.form, plane.effort
-    for n in range(effort.shape[0]):
-        kind, given = effort[n, EFFORT], (0.0, 0.0, 0.0)
-        if effort[n, FUNCTION] >= 0.0:
-            given = functions.evaluate(plane.functions, int(effort[n, FUNCTION]), t)
-        if kind == SPRING:
-            _spring(effort, n, link, given[0])
-        elif kind == LOAD:
-            _load(effort, n, link, given[0] if effort[n, FUNCTION] >= 0.0 else 1.0)
+def add_force_biases(planar: PlanarArrays, link: Array, t: float, z: Array) -> None:
+    """Add the force elements to the biases of placed links."""
+    row_table, force_table = planar.row_table, planar.force_table
+    for n in range(force_table.shape[0]):
+        kind, given = force_table[n, col.FORCE_KIND], (0.0, 0.0, 0.0)
+        if force_table[n, col.FUNCTION] >= 0.0:
+            given = functions.evaluate(planar.functions, int(force_table[n, col.FUNCTION]), t)
+        if kind == col.SPRING:
+            _spring(force_table, n, link, given[0])
+        elif kind == col.LOAD:
+            _load(force_table, n, link, given[0] if force_table[n, col.FUNCTION] >= 0.0 else 1.0)
         else:
-            q = evaluate_form(form, int(effort[n, EFFORT_I]), link, z)
-            integral = z[int(effort[n, EFFORT_J])] if kind == CONTROL else 0.0
-            found = _of_coordinate(kind, three_at(effort, n, LAW), q, given, integral)
-            _exert(link, q.i, found, q.on_i)
-            _exert(link, q.j, found, q.on_j)
+            q = evaluate_row(row_table, int(force_table[n, col.FORCE_I]), link, z)
+            integral = z[int(force_table[n, col.FORCE_J])] if kind == col.CONTROL else 0.0
+            found = _joint_force(kind, load_triple(force_table, n, col.LAW), q, given, integral)
+            _add_to_bias(link, q.i, found, q.on_i)
+            _add_to_bias(link, q.j, found, q.on_j)
 
 
 @inner
-def planar_rates(plane: Plane, link: Array, speeds: int, t: float, z: Array, dz: Array) -> None:
-    """Rates of the coordinates, one for each direction, and of the integrals of controllers."""
-    for n in range(speeds):
-        dz[n] = z[speeds + n]
-    effort = plane.effort
-    for n in range(effort.shape[0]):
-        if effort[n, EFFORT] == CONTROL:
-            target = functions.evaluate(plane.functions, int(effort[n, FUNCTION]), t)[0]
-            q = evaluate_form(plane.form, int(effort[n, EFFORT_I]), link, z)
-            dz[int(effort[n, EFFORT_J])] = target - q.value
+def planar_coordinate_rates(planar: PlanarArrays, link: Array, first_speed: int, t: float, z: Array, dz: Array) -> None:
+    """Fill the rates of the coordinates and of the integrals of controllers.
+
+    Parameters
+    ----------
+    planar, link, first_speed, t, z, dz : see `arrays`
+    """
+    for n in range(first_speed):
+        dz[n] = z[first_speed + n]
+    force_table = planar.force_table
+    for n in range(force_table.shape[0]):
+        if force_table[n, col.FORCE_KIND] == col.CONTROL:
+            target = functions.evaluate(planar.functions, int(force_table[n, col.FUNCTION]), t)[0]
+            q = evaluate_row(planar.row_table, int(force_table[n, col.FORCE_I]), link, z)
+            dz[int(force_table[n, col.FORCE_J])] = target - q.value

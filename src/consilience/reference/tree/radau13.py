@@ -1,20 +1,21 @@
-"""Radau IIA of seven stages, of order 13, in the state z: for stiff motions, in which an explicit method must crawl.
+"""Radau IIA of seven stages, of order 13, in the state z, for stiff motions.
 
 With the right Radau nodes c, the stages ``Z_i = z_i - z`` obey [Hairer and Wanner, section IV.8]
 
     Z_i = h sum_j a_ij f(t + c_j h, z + Z_j),      z_1 = z + Z_7,
 
-a_ij the integral of Lagrange's polynomial j up to c_i. Newton's method finds them, with the Jacobian J of f at the
-start of the step, by differences. As ``a^-1 = T diag(lambda) T^-1``, an iteration solves four systems of the size of z,
+a_ij being the integral of Lagrange polynomial j up to c_i. They are solved by Newton's method with the Jacobian J of f
+at the start of the step, by differences. As ``a^-1 = T diag(lambda) T^-1``, an iteration solves four systems of size
+n_z,
 
     (lambda_k / h - J) W_k = lambda_k / h (T^-1 R)_k,   R_i = h sum_j a_ij f_j - Z_i,   Z += T W,
 
-the eigenvalues being a real one and three pairs. The step is controlled by the difference to a method of order seven
+for the real eigenvalue and one of each of three pairs. The step is controlled by the difference to a method of order
+seven that uses the derivative at the start [section IV.8],
 
     (lambda_0 / h - J) err = f(t, z) + sum_i e_i Z_i / h,
 
-that uses the derivative at the start [section IV.8], and samples come from the polynomial through the stages, which is
-of that order.
+and samples come from the polynomial through the stages, also of order seven.
 """
 
 from __future__ import annotations
@@ -24,63 +25,55 @@ from typing import NamedTuple
 import numpy as np
 
 from consilience.mechanism import Array
-from consilience.reference.integrators.step_control import (
-    EVALUATIONS,
-    LARGEST,
-    REJECTED,
-    SMALLEST,
-    STEPS,
-    factor_of,
-)
+from consilience.reference.integrators.step_control import EVALUATIONS, LARGEST, REJECTED, SMALLEST, STEPS, factor_of
 from consilience.reference.kernel.compiled import inlined, inner, kernel
-from consilience.reference.kernel.held import opened
+from consilience.reference.kernel.mechanism_record import fields_of
 from consilience.reference.kernel.vectors import assign
-from consilience.reference.tree.arrays import Elements, Rest, Run, Space, Tree
-from consilience.reference.tree.dynamics import rates
-from consilience.reference.tree.explicit_rk import SECOND, between, record_within
-from consilience.reference.tree.plane import Plane
-from consilience.reference.tree.projection import arrive, begin, longest_now, note
+from consilience.reference.tree.arrays import KernelArguments, LoopClosure, Planar, Spatial, TreeArrays, TreeElements
+from consilience.reference.tree.dynamics import state_derivative
+from consilience.reference.tree.explicit_rk import SECOND, dense_output, record_samples_within
+from consilience.reference.tree.projection import begin_motion, end_step, record_sample, step_limit
 from consilience.reference.tree.radau_coefficients import ESTIMATE, IN, LAMBDA, NESTED, OUT, STAGES, A, C
-from consilience.reference.tree.step_control import first_length, length, sizes, within
+from consilience.reference.tree.step_control import component_sizes, first_step_length, next_sample, step_length
 
 SAFETY = 0.8
 MOST_ITERATIONS = 12
-"""Where they do not settle in so many, the step is shortened."""
+"""Iterations after which the step is shortened."""
 
-SETTLED = 1e-2
-"""Part of the tolerance that may be left of the iterations."""
+NEWTON_TOLERANCE = 1e-2
+"""Error of the iterations, as part of the tolerance of a step."""
 
-DIFFERENCE = np.sqrt(np.finfo(float).eps)
-"""Relative step of the Jacobian."""
+DIFFERENCE_STEP = np.sqrt(np.finfo(float).eps)
+"""Relative step of the differences in the Jacobian."""
 
-SLOWEST = 0.1
-"""Steps are as long as each iteration takes the last change to this part of it, at most."""
+SLOWEST_RATE = 0.1
+"""Convergence rate of the iterations that the step size aims at, at most."""
 
 
-class Scratch(NamedTuple):
-    """What a run writes into."""
+class RadauScratch(NamedTuple):
+    """Work arrays of an integration."""
 
-    Z: Array  # (7, n_z) stages, less the start of the step
-    K: Array  # (7, n_z) their derivatives
+    Z: Array  # (7, n_z) stages less the start of the step
+    K: Array  # (7, n_z) derivatives at the stages
     J: Array  # (n_z, n_z) Jacobian
     LU: Array  # (4, n_z, n_z) complex, factorised systems
-    pivot: Array  # (4, n_z) their rows
-    W: Array  # (4, n_z) complex, their solutions
+    pivot: Array  # (4, n_z) rows of the pivots
+    W: Array  # (4, n_z) complex, right sides and solutions
     f: Array  # (n_z,) derivative at the start
-    beside: Array  # (n_z,) derivative at a state beside it
+    perturbed: Array  # (n_z,) derivative at a perturbed state
     end: Array  # (n_z,) end of the step
-    state: Array  # (n_z,) of a stage or sample
+    state: Array  # (n_z,) state of a stage or sample
     F: Array  # (7, n_z) dense output
-    size: Array  # (5,) of the kinds of components
-    order: Array  # rows chosen at the end of the step, while its samples are taken
+    size: Array  # (5,) sizes of the kinds of components
+    order: Array  # (q,) order of the rows at the end of the step, kept while samples are projected
     chosen: Array
 
 
-def radau_scratch(z: Array, rest: Rest | None) -> Scratch:
-    """Scratch of a run from the state z."""
-    rows, groups = (0, 0) if rest is None else (len(rest.fronts.order), len(rest.fronts.state))
+def radau_scratch(z: Array, closure: LoopClosure | None) -> RadauScratch:
+    """Return work arrays for a motion from the state z."""
+    rows, groups = (0, 0) if closure is None else (len(closure.qr.order), len(closure.qr.state))
     n, systems = len(z), len(LAMBDA)
-    return Scratch(
+    return RadauScratch(
         Z=np.zeros((STAGES, n)),
         K=np.zeros((STAGES, n)),
         J=np.empty((n, n)),
@@ -88,7 +81,7 @@ def radau_scratch(z: Array, rest: Rest | None) -> Scratch:
         pivot=np.empty((systems, n), dtype=np.int64),
         W=np.empty((systems, n), dtype=complex),
         f=np.empty(n),
-        beside=np.empty(n),
+        perturbed=np.empty(n),
         end=np.empty(n),
         state=np.empty(n),
         F=np.zeros((STAGES, n)),
@@ -100,7 +93,7 @@ def radau_scratch(z: Array, rest: Rest | None) -> Scratch:
 
 @inner
 def _exchange(LU: Array, k: int) -> int:
-    """Bring the largest entry left of column k into row k; the row that it comes from."""
+    """Bring the largest entry of column k, on or below the diagonal, into row k; return its former row."""
     best = k
     for i in range(k + 1, LU.shape[0]):
         if abs(LU[i, k]) > abs(LU[best, k]):
@@ -146,42 +139,42 @@ def _solve(LU: Array, pivot: Array, x: Array) -> None:
 
 @inner
 def _derivative(
-    tree: Tree,
-    rest: Rest | None,
-    space: Space | None,
-    elements: Elements | None,
-    plane: Plane | None,
+    tree: TreeArrays,
+    closure: LoopClosure | None,
+    spatial: Spatial,
+    elements: TreeElements | None,
+    planar: Planar,
     t: float,
     z: Array,
     dz: Array,
 ) -> None:
-    """State derivative: compiled once, as it is long."""
-    rates(tree, rest, space, elements, plane, t, z, dz)
+    """Compute the state derivative; a kernel of its own, because the code is long."""
+    state_derivative(tree, closure, spatial, elements, planar, t, z, dz)
 
 
 @inlined
 def _linearise(
-    tree: Tree,
-    rest: Rest | None,
-    space: Space | None,
-    elements: Elements | None,
-    plane: Plane | None,
+    tree: TreeArrays,
+    closure: LoopClosure | None,
+    spatial: Spatial,
+    elements: TreeElements | None,
+    planar: Planar,
     t: float,
     z: Array,
     counters: Array,
-    scratch: Scratch,
+    scratch: RadauScratch,
 ) -> None:
-    """Derivative at the start of a step, and the Jacobian, by differences.
+    """Compute the derivative at the start of a step, and the Jacobian by differences.
 
-    The derivative is asked for in one place.
+    A single call in the loop evaluates all of them, so that the derivative is compiled into this kernel once.
     """
-    f, found, state = scratch.f, scratch.beside, scratch.state
-    sizes(tree.kind, tree.length, z, scratch.size)
+    f, found, state = scratch.f, scratch.perturbed, scratch.state
+    component_sizes(tree.kind, tree.length, z, scratch.size)
     for m in range(-1, z.shape[0]):
         assign(state, z)
         if m >= 0:
-            state[m] += DIFFERENCE * scratch.size[tree.kind[m]]
-        _derivative(tree, rest, space, elements, plane, t, state, found)
+            state[m] += DIFFERENCE_STEP * scratch.size[tree.kind[m]]
+        _derivative(tree, closure, spatial, elements, planar, t, state, found)
         if m < 0:
             assign(f, found)
         else:
@@ -192,7 +185,7 @@ def _linearise(
 
 @inner
 def _residuals(h: float, Z: Array, K: Array, W: Array) -> None:
-    """Right sides of the systems."""
+    """Compute the right sides of the systems."""
     W[:, :] = 0.0
     for n in range(Z.shape[1]):
         for i in range(STAGES):
@@ -205,7 +198,7 @@ def _residuals(h: float, Z: Array, K: Array, W: Array) -> None:
 
 @inner
 def _correct(kind: Array, W: Array, Z: Array, size: Array) -> float:
-    """Correct the stages by the solutions of the systems; the largest change."""
+    """Correct the stages by the solutions of the systems; return the largest scaled change."""
     largest = 0.0
     for n in range(Z.shape[1]):
         for i in range(STAGES):
@@ -213,32 +206,32 @@ def _correct(kind: Array, W: Array, Z: Array, size: Array) -> float:
             for k in range(W.shape[0]):
                 change += (OUT[i, k] * W[k, n]).real
             Z[i, n] += change
-            if not abs(change) <= largest * size[kind[n]]:  # what is not a number, too
+            if not abs(change) <= largest * size[kind[n]]:  # true for NaN, too
                 largest = abs(change) / size[kind[n]]
     return largest
 
 
 @inlined
 def _iterate(
-    tree: Tree,
-    rest: Rest | None,
-    space: Space | None,
-    elements: Elements | None,
-    plane: Plane | None,
+    tree: TreeArrays,
+    closure: LoopClosure | None,
+    spatial: Spatial,
+    elements: TreeElements | None,
+    planar: Planar,
     t: float,
     h: float,
     z: Array,
     tolerance: float,
     counters: Array,
-    scratch: Scratch,
+    scratch: RadauScratch,
 ) -> tuple[bool, float]:
-    """Iterate the guessed stages in place; whether they settle, and what an iteration leaves of the last change."""
+    """Iterate the guessed stages in place; return whether they converge, and the convergence rate."""
     Z, K, state, last, rate = scratch.Z, scratch.K, scratch.state, np.inf, 0.0
     for left in range(MOST_ITERATIONS, 0, -1):
         for i in range(STAGES):
             for n in range(z.shape[0]):
                 state[n] = z[n] + Z[i, n]
-            _derivative(tree, rest, space, elements, plane, t + C[i] * h, state, K[i])
+            _derivative(tree, closure, spatial, elements, planar, t + C[i] * h, state, K[i])
         counters[EVALUATIONS] += STAGES
         _residuals(h, Z, K, scratch.W)
         for k in range(LAMBDA.shape[0]):
@@ -247,7 +240,7 @@ def _iterate(
         if not change < np.inf:
             return False, 1.0
         rate, last = change / last, change
-        if change * max(rate, SLOWEST) <= SETTLED * tolerance or (rate > 0.5 and change <= tolerance):
+        if change * max(rate, SLOWEST_RATE) <= NEWTON_TOLERANCE * tolerance or (rate > 0.5 and change <= tolerance):
             return True, rate
         if not change * rate**left <= tolerance:
             return False, rate
@@ -255,8 +248,8 @@ def _iterate(
 
 
 @inner
-def _error(kind: Array, h: float, scratch: Scratch) -> float:
-    """Scaled error estimate of a step."""
+def _error(kind: Array, h: float, scratch: RadauScratch) -> float:
+    """Return the scaled error estimate of a step."""
     Z, W, size = scratch.Z, scratch.W, scratch.size
     for n in range(Z.shape[1]):
         total = scratch.f[n]
@@ -272,31 +265,31 @@ def _error(kind: Array, h: float, scratch: Scratch) -> float:
 
 @inner
 def _guess(z: Array, F: Array, ratio: float, Z: Array) -> None:
-    """Stages of a step `ratio` times as long as the last one, by its polynomial."""
+    """Guess the stages of a step `ratio` times as long as the last one, from the polynomial of the last one."""
     for i in range(STAGES):
-        between(z, F, 1.0 + ratio * C[i], Z[i])
+        dense_output(z, F, 1.0 + ratio * C[i], Z[i])
         for n in range(z.shape[0]):
             Z[i, n] -= z[n] + F[0, n]
 
 
 @inlined
 def _attempt(
-    tree: Tree,
-    rest: Rest | None,
-    space: Space | None,
-    elements: Elements | None,
-    plane: Plane | None,
+    tree: TreeArrays,
+    closure: LoopClosure | None,
+    spatial: Spatial,
+    elements: TreeElements | None,
+    planar: Planar,
     t: float,
     h: float,
     z: Array,
     tolerance: float,
     counters: Array,
-    scratch: Scratch,
+    scratch: RadauScratch,
 ) -> tuple[float, float]:
-    """Iterate the guessed stages of a step; its end into the scratch, its error by the tolerance, and their rate."""
+    """Attempt a step: store its end in the scratch; return its error over the tolerance, and the convergence rate."""
     for k in range(LAMBDA.shape[0]):
         _factorise(scratch.J, LAMBDA[k] / h, scratch.LU[k], scratch.pivot[k])
-    settled, rate = _iterate(tree, rest, space, elements, plane, t, h, z, tolerance, counters, scratch)
+    settled, rate = _iterate(tree, closure, spatial, elements, planar, t, h, z, tolerance, counters, scratch)
     if not settled:
         return np.inf, rate
     for n in range(z.shape[0]):
@@ -306,14 +299,14 @@ def _attempt(
 
 @inner
 def _factor(error: float, rate: float, most: float) -> float:
-    """Change of the step size by its error, unless that is infinite, and by the rate of the iterations."""
+    """Return the change of the step size from the error of the step, 0.5 where infinite, and the convergence rate."""
     by_error = factor_of(error, SAFETY, LARGEST) if error < np.inf else 0.5
-    return max(SMALLEST, min(most, by_error, SLOWEST / rate))
+    return max(SMALLEST, min(most, by_error, SLOWEST_RATE / rate))
 
 
 @inner
 def _interpolate(Z: Array, F: Array) -> None:
-    """Dense output of a step."""
+    """Compute the dense output of a step."""
     for n in range(Z.shape[1]):
         for i in range(STAGES):
             total = 0.0
@@ -324,12 +317,12 @@ def _interpolate(Z: Array, F: Array) -> None:
 
 @inner
 def _integrate(
-    tree: Tree,
-    rest: Rest | None,
-    space: Space | None,
-    elements: Elements | None,
-    plane: Plane | None,
-    scratch: Scratch,
+    tree: TreeArrays,
+    closure: LoopClosure | None,
+    spatial: Spatial,
+    elements: TreeElements | None,
+    planar: Planar,
+    scratch: RadauScratch,
     z: Array,
     times: Array,
     tolerance: float,
@@ -337,42 +330,42 @@ def _integrate(
     motion: Array,
     counters: Array,
 ) -> int:
-    """`integrate_radau`, compiled for what a mechanism has."""
+    """Integrate as `integrate_radau`, compiled for each combination of arguments that are None."""
     t, last, sample = times[0], times[-1], SECOND
     counters[:], scratch.F[:] = 0, 0.0
-    begin(tree, rest, space, elements, plane, t, z)
-    note(tree, space, plane, motion[0])
+    begin_motion(tree, closure, spatial, elements, planar, t, z)
+    record_sample(tree, spatial, planar, motion[0])
     if times.shape[0] == 1:
         return 0
-    bound, h, before, most, arrived = longest_now(tree, elements, longest), 0.0, np.inf, LARGEST, True
+    bound, h, before, most, accepted = step_limit(tree, elements, longest), 0.0, np.inf, LARGEST, True
     while sample < times.shape[0]:
-        if arrived:
-            _linearise(tree, rest, space, elements, plane, t, z, counters, scratch)
-            h = h if h > 0.0 else first_length(tree.kind, scratch.f, last - t, tolerance, scratch.size)
-        step = length(min(h, bound), last - t)
+        if accepted:
+            _linearise(tree, closure, spatial, elements, planar, t, z, counters, scratch)
+            h = h if h > 0.0 else first_step_length(tree.kind, scratch.f, last - t, tolerance, scratch.size)
+        step = step_length(min(h, bound), last - t)
         if not step >= 1e-14 * max(1.0, abs(t)):
             return 1
         _guess(z, scratch.F, step / before, scratch.Z)
-        error, rate = _attempt(tree, rest, space, elements, plane, t, step, z, tolerance, counters, scratch)
-        factor, arrived = _factor(error, rate, most), error <= 1.0
-        if not arrived:
+        error, rate = _attempt(tree, closure, spatial, elements, planar, t, step, z, tolerance, counters, scratch)
+        factor, accepted = _factor(error, rate, most), error <= 1.0
+        if not accepted:
             counters[REJECTED] += 1
             h, most = step * factor, 1.0
             continue
         counters[STEPS] += 1
         after = last if step == last - t else t + step
-        left = within(times, sample, after)
-        seen = left < times.shape[0] and times[left] == after
+        left = next_sample(times, sample, after)
+        at_sample = left < times.shape[0] and times[left] == after
         _interpolate(scratch.Z, scratch.F)
-        arrive(tree, rest, space, elements, plane, after, scratch.end, seen)
-        bound = longest_now(tree, elements, longest)
-        if seen:
-            note(tree, space, plane, motion[left])
+        end_step(tree, closure, spatial, elements, planar, after, scratch.end, at_sample)
+        bound = step_limit(tree, elements, longest)
+        if at_sample:
+            record_sample(tree, spatial, planar, motion[left])
         if sample < left:
-            record_within(
-                tree, rest, space, elements, plane, z, t, step, times[sample:left], motion[sample:left], scratch
+            record_samples_within(
+                tree, closure, spatial, elements, planar, z, t, step, times[sample:left], motion[sample:left], scratch
             )
-        sample = left + 1 if seen else left
+        sample = left + 1 if at_sample else left
         assign(z, scratch.end)
         t, h, before, most = after, step * factor if step == h else max(h, step * factor), step, LARGEST
     return 0
@@ -380,9 +373,21 @@ def _integrate(
 
 @kernel
 def integrate_radau(
-    run: Run, z: Array, times: Array, tolerance: float, longest: float, motion: Array, counters: Array
+    run: KernelArguments, z: Array, times: Array, tolerance: float, longest: float, motion: Array, counters: Array
 ) -> int:
-    """Integrate from ``times[0]`` and record the bodies at all sample times; arguments as in `integrate.integrate`."""
-    on = opened(run)
-    tree, rest, space, elements, plane = on.tree, on.rest, on.space, on.elements, on.plane
-    return _integrate(tree, rest, space, elements, plane, on.scratch, z, times, tolerance, longest, motion, counters)
+    """Integrate from ``times[0]`` and record the bodies at all sample times.
+
+    Parameters
+    ----------
+    run, z, times, tolerance, longest, motion, counters : see `explicit_rk.integrate`
+
+    Returns
+    -------
+    int
+        Key of `integrators.step_control.STATUS`.
+    """
+    on = fields_of(run)
+    tree, closure, spatial, elements, planar = on.tree, on.closure, on.spatial, on.elements, on.planar
+    return _integrate(
+        tree, closure, spatial, elements, planar, on.scratch, z, times, tolerance, longest, motion, counters
+    )

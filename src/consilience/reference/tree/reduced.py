@@ -1,4 +1,4 @@
-"""Arrays of `null_space`."""
+"""Arrays of `few_freedoms`."""
 
 from __future__ import annotations
 
@@ -9,36 +9,36 @@ import numpy as np
 from consilience.mechanism import Array
 
 DIRECTIONS = 24
-"""Most directions of a tree whose rows are eliminated like this."""
+"""Largest number of free directions of a tree whose rows are eliminated by `few_freedoms`."""
 
 
-class Reduced(NamedTuple):
-    """Arrays that the kernels write into; no entries where a tree has too many directions."""
+class EliminationArrays(NamedTuple):
+    """Arrays that the kernels of `few_freedoms` write; empty for a tree of more than `DIRECTIONS` free directions."""
 
-    moves: Array  # (n_b, N) whether a direction moves a link
-    at: Array  # (N, 6) S of the directions at a point that is the same for all
-    J: Array  # (q, N + 2) rows, and t of one problem or two
-    given: Array  # (q,) direction that a row gives, -1 where it depends on others
-    left: Array  # (N,) directions left, the first f
-    V: Array  # (N, n_b + 1, 6) motions of the links; the last row is the ground
-    G: Array  # (N, N + 1) reduced masses and forces
+    moves: Array  # (n_b + 1, N) 1 where a direction moves a link
+    S_origin: Array  # (N, 6) motions s of the directions at the centre of mass of the first link
+    J: Array  # (q, N + 2) rows in the free directions, and one or two right sides
+    solved: Array  # (q,) direction that a row is solved for, -1 for a dependent row
+    independent: Array  # (N,) the first f entries are the independent directions
+    V: Array  # (N, n_b + 1, 6) motions of the links for the columns of T; the ground is last
+    G: Array  # (N, N + 1) reduced mass matrix and forces
 
 
-def reduced(rows: int, layout: Array, directions: int) -> Reduced:
-    """Scratch arrays of a tree."""
+def elimination_arrays(rows: int, layout: Array, directions: int) -> EliminationArrays:
+    """Return new arrays for some number of rows and free directions."""
     if directions > DIRECTIONS:
         rows = directions = 0
         layout = layout[:0]
     moves = np.zeros((len(layout) + 1, directions), dtype=np.int64)
     for k, row in enumerate(layout):
-        moves[k] = moves[row[0]]  # of the ground: the last one, which nothing moves
+        moves[k] = moves[row[0]]  # the ground is the last row, all zero
         moves[k, row[7] : row[8]] = 1
-    return Reduced(
+    return EliminationArrays(
         moves=moves,
-        at=np.zeros((directions, 6)),
+        S_origin=np.zeros((directions, 6)),
         J=np.zeros((rows, directions + 2)),
-        given=np.zeros(rows, dtype=np.int64),
-        left=np.zeros(directions, dtype=np.int64),
+        solved=np.zeros(rows, dtype=np.int64),
+        independent=np.zeros(directions, dtype=np.int64),
         V=np.zeros((directions, len(layout) + 1, 6)),
         G=np.zeros((directions, directions + 1)),
     )

@@ -1,4 +1,4 @@
-"""The relative form behind canonical states and observables."""
+"""Motions in relative joint coordinates, from canonical states to canonical states."""
 
 from __future__ import annotations
 
@@ -13,94 +13,109 @@ from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import Array, Mechanism, State
 from consilience.reference.bodies.arrays import Model
 from consilience.reference.bodies.canonical import canonical_motion
-from consilience.reference.kernel.held import words_of
-from consilience.reference.tree.arrays import Links, Rest, Run, System, flatten_relative, lasting, renewed, system
-from consilience.reference.tree.explicit_rk import LEFT, integrate, scratch
+from consilience.reference.kernel.mechanism_record import record_array
+from consilience.reference.tree.arrays import (
+    KernelArguments,
+    LoopClosure,
+    TreeLinks,
+    TreeSystem,
+    flatten_relative,
+    persistent_arrays,
+    tree_system,
+    with_own_arrays,
+)
+from consilience.reference.tree.explicit_rk import UNSUITABLE, explicit_scratch, integrate
 from consilience.reference.tree.gauss import gauss_scratch, integrate_gauss
-from consilience.reference.tree.methods import METHODS, Method
-from consilience.reference.tree.planar_detection import planar
+from consilience.reference.tree.methods import PAIRS, RungeKuttaPair
+from consilience.reference.tree.planar_detection import planar_system
 from consilience.reference.tree.radau13 import integrate_radau, radau_scratch
-from consilience.reference.tree.state import Packing, pack_by
-from consilience.reference.tree.taylor import STATUS, has_series, integrate_taylor, order_of, taylor_scratch
+from consilience.reference.tree.state import StatePacking, pack_state
+from consilience.reference.tree.taylor import STATUS, has_series, integrate_taylor, order_for, taylor_scratch
 
-_CLOSE = 3.0
-"""Steps of this many points of a table, or of this part of the period of a harmonic, miss nothing of it."""
+_RESOLUTION = 3.0
+"""Longest step, in points of a table or as part of the period of a harmonic, that misses no feature of a function."""
 
 
 def longest_step(model: Model) -> float:
-    """Longest step, in s, that cannot pass over what functions of time do: no sample stops it there."""
+    """Return the longest step, s, that cannot pass over a feature of a function of time."""
     functions, longest = model.functions, np.inf
     of_time = [*model.drive[:, 1], *model.spring_function, *model.joint_spring[:, 1], *model.load_function]
     for n in {*of_time, *model.control[:, 1]} - {-1}:
         _, harmonic, piece = functions.first[n]
         _, harmonic_end, piece_end = functions.first[n + 1]
         for w in functions.harmonics[harmonic:harmonic_end, 1]:
-            longest = min(longest, 2.0 * np.pi / (_CLOSE * abs(w)) if w else np.inf)
+            longest = min(longest, 2.0 * np.pi / (_RESOLUTION * abs(w)) if w else np.inf)
         for left, right in functions.pieces[piece:piece_end, :2]:
-            longest = min(longest, _CLOSE * (right - left))
+            longest = min(longest, _RESOLUTION * (right - left))
     return float(longest)
 
 
-class _Working(NamedTuple):
-    """Arrays that a motion writes into."""
+class _WorkingArrays(NamedTuple):
+    """Arrays that one motion writes."""
 
-    arrays: Run
-    run: Run  # their words
-    lasting: list[tuple[Array, Array]]  # those that it would leave to the next, and what they were
+    arrays: KernelArguments
+    run: KernelArguments  # its record array
+    persistent_arrays: list[tuple[Array, Array]]  # arrays to reset, and their initial values
 
 
-class _Prepared(NamedTuple):
-    """What is the same in all motions of a mechanism."""
+class _PreparedMechanism(NamedTuple):
+    """Data common to all motions of a mechanism."""
 
-    links: Links
-    packing: Packing  # its words
-    system: System  # nothing written into it yet
-    tree_alone: bool  # whether the tables of the tree (and of a plane) say all
-    longest: float  # step, s
-    usual: tuple[str, ...]  # integrators where none is asked for: the next one where one cannot go on
-    idle: dict[str, list[_Working]]  # of motions that have ended, by integrator: making them takes longer than a motion
+    links: TreeLinks
+    packing: StatePacking  # a record array
+    tree_system: TreeSystem  # in its initial state
+    tree_alone: bool  # without loops and, in space, without elements
+    longest: float  # longest step, s
+    default_integrators: tuple[str, ...]  # in this order, until one can go on
+    idle: dict[str, list[_WorkingArrays]]  # work arrays of ended motions, by integrator
 
-    def working(self, integrator: str) -> _Working:
-        """Arrays that no other motion writes into."""
+    def working(self, integrator: str) -> _WorkingArrays:
+        """Return arrays that no other motion writes."""
         try:
             taken = self.idle[integrator].pop()
         except IndexError:
-            arrays = renewed(self.system)
-            tree, closing, space, elements, plane = arrays
-            rest = None if self.tree_alone else closing
-            scratch_of = INTEGRATORS[integrator].scratch(np.zeros(len(self.links.kind)), arrays, rest)
-            run = Run(tree, rest, space, elements, plane, scratch_of)
-            return _Working(run, words_of(run), lasting(arrays, self.system))
-        for array, first in taken.lasting:
+            arrays = with_own_arrays(self.tree_system)
+            tree, closing, spatial, elements, planar = arrays
+            closure = None if self.tree_alone else closing
+            scratch = INTEGRATORS[integrator].scratch(np.zeros(len(self.links.kind)), arrays, closure)
+            run = KernelArguments(tree, closure, spatial, elements, planar, scratch)
+            return _WorkingArrays(run, record_array(run), persistent_arrays(arrays, self.tree_system))
+        for array, first in taken.persistent_arrays:
             array[...] = first
         return taken
 
 
 @lru_cache(maxsize=8)
-def _prepared(mechanism: Mechanism, in_space: bool) -> _Prepared:
-    """Of the mechanisms asked last: making it takes as long as some thousand evaluations.
+def _prepare(mechanism: Mechanism, in_space: bool) -> _PreparedMechanism:
+    """Prepare a mechanism; the last mechanisms are kept, because preparation is slow.
 
-    In space even where they move in parallel planes, if that is asked for.
+    With `in_space` the kernels of space serve mechanisms in a plane, too.
     """
     links, spanning, model = flatten_relative(mechanism)
-    arrays = None if in_space else planar(mechanism, links, spanning, model)
-    arrays = arrays or system(mechanism, links, spanning, model)
-    tree_alone = links.free if arrays.plane is None else not len(arrays.rest.loops.group)
+    arrays = None if in_space else planar_system(mechanism, links, spanning, model)
+    arrays = arrays or tree_system(mechanism, links, spanning, model)
+    tree_alone = links.bare_tree if arrays.planar is None else not len(arrays.closure.loops.group)
     explicit = "dop853" if len(model.functions.pieces) else "tp86"
-    usual = (*(["taylor"] if has_series(arrays, tree_alone) else []), explicit, "radau13")
-    idle: dict[str, list[_Working]] = {name: [] for name in INTEGRATORS}
-    return _Prepared(
-        links, words_of(Packing(links, spanning, model)), arrays, tree_alone, longest_step(model), usual, idle
+    default_integrators = (*(["taylor"] if has_series(arrays, tree_alone) else []), explicit, "radau13")
+    idle: dict[str, list[_WorkingArrays]] = {name: [] for name in INTEGRATORS}
+    return _PreparedMechanism(
+        links,
+        record_array(StatePacking(links, spanning, model)),
+        arrays,
+        tree_alone,
+        longest_step(model),
+        default_integrators,
+        idle,
     )
 
 
-class _Asked(NamedTuple):
-    """What a motion is asked for, and what is filled: bodies at the samples, and counters."""
+class _MotionRequest(NamedTuple):
+    """Arguments of a motion, and the arrays that it fills: bodies at the samples, and counters."""
 
     z: Array
     times: Array
     tolerance: float
-    longest: float  # step, s
+    longest: float  # longest step, s
     motion: Array
     counters: Array
 
@@ -108,67 +123,75 @@ class _Asked(NamedTuple):
 class _Integrator(NamedTuple):
     """How an integrator is called."""
 
-    scratch: Callable[[Array, System, Rest | None], Any]
-    run: Callable[[Run, _Asked, bool], int]  # the status; may it leave a motion to another one?
+    scratch: Callable[[Array, TreeSystem, LoopClosure | None], Any]
+    run: Callable[[KernelArguments, _MotionRequest, bool], int]  # last argument: stop_if_stiff; returns the status
 
 
-def _run_method(method: Method, run: Run, asked: _Asked, leaves: bool) -> int:
-    """A motion by a Runge-Kutta method."""
-    return integrate(run, method, *asked, leaves)
+def _run_explicit(pair: RungeKuttaPair, run: KernelArguments, request: _MotionRequest, stop_if_stiff: bool) -> int:
+    """Integrate by an explicit Runge-Kutta pair."""
+    return integrate(run, pair, *request, stop_if_stiff)
 
 
-def _run_gauss(run: Run, asked: _Asked, _leaves: bool) -> int:
-    """A motion by collocation."""
-    return integrate_gauss(run, *asked)
+def _run_gauss(run: KernelArguments, request: _MotionRequest, _leaves: bool) -> int:
+    """Integrate by collocation at the Gauss points."""
+    return integrate_gauss(run, *request)
 
 
-def _run_radau13(run: Run, asked: _Asked, _leaves: bool) -> int:
-    """A motion by an implicit Runge-Kutta method."""
-    return integrate_radau(run, *asked)
+def _run_radau13(run: KernelArguments, request: _MotionRequest, _leaves: bool) -> int:
+    """Integrate by Radau IIA."""
+    return integrate_radau(run, *request)
 
 
-def _run_taylor(run: Run, asked: _Asked, _leaves: bool) -> int:
-    """A motion by series."""
-    z, times, tolerance, *others = asked
-    return integrate_taylor(run, z, times, tolerance, order_of(tolerance), *others)
+def _run_taylor(run: KernelArguments, request: _MotionRequest, _leaves: bool) -> int:
+    """Integrate by Taylor's method."""
+    z, times, tolerance, *others = request
+    return integrate_taylor(run, z, times, tolerance, order_for(tolerance), *others)
 
 
 INTEGRATORS = {
     "taylor": _Integrator(taylor_scratch, _run_taylor),
     **{
-        name: _Integrator(lambda z, arrays, rest: scratch(z, rest), partial(_run_method, words_of(method)))
-        for name, method in METHODS.items()
+        name: _Integrator(
+            lambda z, arrays, closure: explicit_scratch(z, closure), partial(_run_explicit, record_array(pair))
+        )
+        for name, pair in PAIRS.items()
     },
-    "radau13": _Integrator(lambda z, arrays, rest: radau_scratch(z, rest), _run_radau13),
-    "gauss": _Integrator(lambda z, arrays, rest: gauss_scratch(z, rest), _run_gauss),
+    "radau13": _Integrator(lambda z, arrays, closure: radau_scratch(z, closure), _run_radau13),
+    "gauss": _Integrator(lambda z, arrays, closure: gauss_scratch(z, closure), _run_gauss),
 }
-"""Compiled integrators of the relative form; the first is for mechanisms in a plane without elements."""
+"""Compiled integrators of the relative form; ``taylor`` serves planar mechanisms without elements."""
 
 
 def simulate_relative(
     mechanism: Mechanism, state: State, times: Array, tolerance: float, integrator: str | None = None
 ) -> TrajectoryAnswer:
-    """Motion of a mechanism; arguments as of `consilience.reference.simulate`, with one of `INTEGRATORS`.
+    """Return the motion of a mechanism in relative joint coordinates.
 
-    If none is given, ``taylor`` where the mechanism has series (`taylor.has_series`), elsewhere ``tp86``, or ``dop853``
-    where a function is a table; and ``radau13`` where that method finds the motion stiff.
+    If no integrator is given: ``taylor`` where the mechanism has series (`taylor.has_series`), elsewhere ``tp86``, or
+    ``dop853`` where a function is a table; ``radau13`` where that integrator finds the motion stiff.
+
+    Parameters
+    ----------
+    mechanism, state, times, tolerance : see `consilience.reference.simulate`
+    integrator : str, optional
+        Key of `INTEGRATORS`.
 
     Raises
     ------
     InvalidInput
-        A mechanism without series, if they are asked for.
+        The integrator is taylor and the mechanism has no series.
     NumericalFailure
         With the status of the integrator.
     """
-    prepared = _prepared(mechanism, integrator == "gauss")
-    if integrator == "taylor" and "taylor" not in prepared.usual:
+    prepared = _prepare(mechanism, integrator == "gauss")
+    if integrator == "taylor" and "taylor" not in prepared.default_integrators:
         why = "it is for mechanisms that move in parallel planes by gravity alone, without drives, couplings and rods"
         raise InvalidInput("integrator", f"taylor cannot follow {mechanism.name}: {why}", "Use tp86, or leave it out.")
-    asked = pack_by(prepared.links, prepared.packing, state), times, float(tolerance)
-    names = prepared.usual if integrator is None else (integrator,)
+    request = pack_state(prepared.links, prepared.packing, state), times, float(tolerance)
+    names = prepared.default_integrators if integrator is None else (integrator,)
     for name in names:
-        status, motion, counters = _run(prepared, name, *asked, name != names[-1])
-        if status != LEFT:
+        status, motion, counters = _run(prepared, name, *request, name != names[-1])
+        if status != UNSUITABLE:
             break
     if status:
         raise NumericalFailure(f"reference, relative, {name}, tolerance {tolerance:g}: {STATUS[status]}")
@@ -179,13 +202,13 @@ def simulate_relative(
 
 
 def _run(
-    prepared: _Prepared, name: str, z: Array, times: Array, tolerance: float, leaves: bool
+    prepared: _PreparedMechanism, name: str, z: Array, times: Array, tolerance: float, stop_if_stiff: bool
 ) -> tuple[int, Array, Array]:
-    """Status, bodies at the samples, and counters of an integrator from the state z."""
+    """Integrate from the state z; return status, bodies at the samples, and counters."""
     working = prepared.working(name)
     motion, counters = np.empty((len(times), *working.arrays.tree.y.shape)), np.zeros(3, dtype=np.int64)
-    asked = _Asked(z.copy(), times, tolerance, prepared.longest, motion, counters)
-    status = INTEGRATORS[name].run(working.run, asked, leaves)
-    if status in (0, LEFT):  # a failure may leave what is not a number
+    request = _MotionRequest(z.copy(), times, tolerance, prepared.longest, motion, counters)
+    status = INTEGRATORS[name].run(working.run, request, stop_if_stiff)
+    if status in (0, UNSUITABLE):  # a failure may leave NaN in the arrays
         prepared.idle[name].append(working)
     return status, motion, counters

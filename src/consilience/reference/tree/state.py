@@ -1,4 +1,8 @@
-"""The state z of a canonical state, compiled: in Python it took longer than a short motion."""
+"""State z of a canonical state, compiled: in Python the conversion would take longer than a short motion.
+
+Joint coordinates are those of M relative to F [docs/formulations.md, `relative`]: displacements ``F^T (r_M - r_F)``,
+angles from the columns of ``F^T M``, Euler parameters by Shepperd's method; speeds from the relative motion in F.
+"""
 
 from __future__ import annotations
 
@@ -12,28 +16,28 @@ from consilience.reference.bodies.joint_rows import joint_motion
 from consilience.reference.bodies.motion import arm, rotations
 from consilience.reference.bodies.spanning_tree import TreeModel
 from consilience.reference.kernel.compiled import inner, kernel
-from consilience.reference.kernel.held import opened, words_of
+from consilience.reference.kernel.mechanism_record import fields_of, record_array
 from consilience.reference.kernel.vectors import Vector, add, column, cross, dot, load, rotate, rotate_back, store, sub
-from consilience.reference.tree.arrays import ABOUT, ALONG, COORDINATE, FREE, Links
+from consilience.reference.tree.arrays import COORDINATE, FREE, ROTATIONS, TRANSLATIONS, TreeLinks
 from consilience.reference.tree.inertia import Columns
 from consilience.reference.tree.kinematics import euler_parameters
 
 
-class Packing(NamedTuple):
-    """What a state is packed by."""
+class StatePacking(NamedTuple):
+    """Arrays from which `pack_state` reads the joints."""
 
-    links: Links
+    links: TreeLinks
     spanning: TreeModel
     model: Model
 
 
-def pack_relative(links: Links, spanning: TreeModel, model: Model, state: State) -> Array:
-    """State z of a canonical state; integrals of controllers are zero."""
-    return pack_by(links, words_of(Packing(links, spanning, model)), state)
+def pack_relative(links: TreeLinks, spanning: TreeModel, model: Model, state: State) -> Array:
+    """Return the state z of a canonical state; integrals of controllers are zero."""
+    return pack_state(links, record_array(StatePacking(links, spanning, model)), state)
 
 
-def pack_by(links: Links, packing: Packing, state: State) -> Array:
-    """The same by the words of a packing, made once for many states."""
+def pack_state(links: TreeLinks, packing: StatePacking, state: State) -> Array:
+    """Return the state z of a canonical state, with a record of `StatePacking` that serves many states."""
     z, y, A = np.zeros(len(links.kind)), np.empty((len(links.com), 13)), np.empty((len(links.com), 3, 3))
     y[:, R], y[:, P], y[:, V], y[:, W] = state.p_WB, state.quat_WB, state.v_WB_W, state.w_WB_W
     _pack(packing, y, A, z)
@@ -42,7 +46,7 @@ def pack_by(links: Links, packing: Packing, state: State) -> Array:
 
 @inner
 def _to_centres(com: Array, y: Array, A: Array) -> None:
-    """Turn canonical states of the bodies into those of the kernels, in place; fill A."""
+    """Convert canonical rows of bodies, in place, to rows of the kernels (centres of mass, body axes); fill A."""
     rotations(y, A)
     for b in range(com.shape[0]):
         c, w = rotate(A[b], load(com[b])), load(y[b, 10:13])
@@ -53,36 +57,36 @@ def _to_centres(com: Array, y: Array, A: Array) -> None:
 
 @inner
 def _frame(axes: Array, A: Array, body: int) -> Columns:
-    """Axes of a frame on a body, in the world."""
+    """Return the axes of a frame on a body, in the world."""
     return arm(A, body, column(axes, 0)), arm(A, body, column(axes, 1)), arm(A, body, column(axes, 2))
 
 
 @inner
-def _seen_from(F: Columns, a: Vector) -> Vector:
-    """A vector of the world in axes of F."""
+def _components(F: Columns, a: Vector) -> Vector:
+    """Return the components of a world vector in axes of F."""
     return dot(F[0], a), dot(F[1], a), dot(F[2], a)
 
 
 @kernel
-def _pack(packing: Packing, y: Array, A: Array, z: Array) -> None:
-    """Fill z from y, whose rows are canonical states and will be those of the kernels."""
-    by = opened(packing)
+def _pack(packing: StatePacking, y: Array, A: Array, z: Array) -> None:
+    """Fill z from y, whose canonical rows become rows of the kernels."""
+    by = fields_of(packing)
     links, spanning, model = by.links, by.spanning, by.model
-    layout, direction, speeds = links.layout, links.direction, links.speeds
+    layout, direction, first_speed = links.layout, links.direction, links.first_speed
     body_i, body_j, arm_i, arm_j = model.body_i, model.body_j, model.arm_i, model.arm_j
     _to_centres(links.com, y, A)
     for k in range(layout.shape[0]):
         n = spanning.joint[k]
         m = joint_motion(body_i, body_j, arm_i, arm_j, y, A, n)
         F, M = _frame(model.axes_i[n], A, m.i), _frame(model.axes_j[n], A, m.j)
-        X = _seen_from(F, M[0]), _seen_from(F, M[1]), _seen_from(F, M[2])
-        p, v = _seen_from(F, m.d), _seen_from(F, sub(m.d_dot, cross(m.w_i, m.d)))
-        w = _seen_from(F, sub(m.w_j, m.w_i))
-        at, free, about = layout[k, COORDINATE], layout[k, FREE], layout[k, ABOUT]
-        for r in range(layout[k, ALONG]):
+        X = _components(F, M[0]), _components(F, M[1]), _components(F, M[2])
+        p, v = _components(F, m.d), _components(F, sub(m.d_dot, cross(m.w_i, m.d)))
+        w = _components(F, sub(m.w_j, m.w_i))
+        at, free, about = layout[k, COORDINATE], layout[k, FREE], layout[k, ROTATIONS]
+        for r in range(layout[k, TRANSLATIONS]):
             axis = direction[free + r, 1]
-            z[at + r], z[speeds + free + r] = p[axis], v[axis]
-        at, free = at + layout[k, ALONG], speeds + free + layout[k, ALONG]
+            z[at + r], z[first_speed + free + r] = p[axis], v[axis]
+        at, free = at + layout[k, TRANSLATIONS], first_speed + free + layout[k, TRANSLATIONS]
         if about == 3:
             e = euler_parameters(X)
             z[at], z[at + 1], z[at + 2], z[at + 3] = e

@@ -1,4 +1,8 @@
-"""Lengths of steps in the state z: what every integrator of the relative form asks."""
+"""Component sizes and step lengths in the state z, common to the integrators of this package.
+
+An error is measured as ``sqrt(mean((e_n / (tolerance size_n))^2))`` [Hairer, Norsett, Wanner, section II.4], with the
+size of the kind of component n (`arrays.DISTANCE` and so on).
+"""
 
 from __future__ import annotations
 
@@ -9,8 +13,8 @@ from consilience.reference.kernel.compiled import inner
 
 
 @inner
-def sizes(kind: Array, model_length: float, z: Array, size: Array) -> None:
-    """Size of each kind of component, shape (5,)."""
+def component_sizes(kind: Array, model_length: float, z: Array, size: Array) -> None:
+    """Compute the size of each kind of component, shape (5,)."""
     size[:] = 0.0
     for n in range(z.shape[0]):
         size[kind[n]] = max(size[kind[n]], abs(z[n]))
@@ -22,14 +26,27 @@ def sizes(kind: Array, model_length: float, z: Array, size: Array) -> None:
 
 
 @inner
-def length(h: float, remaining: float) -> float:
-    """Length of the next step: a remainder a little longer than a step is halved, so that no sliver of one is left."""
+def step_length(h: float, remaining: float) -> float:
+    """Return the length of the next step, s; a remainder below two steps is halved, so that no tiny step is left."""
     return remaining if h >= remaining else min(h, 0.5 * remaining)
 
 
 @inner
-def first_length(kind: Array, f: Array, span: float, tolerance: float, size: Array) -> float:
-    """Length of the first step, in which z changes by ``tolerance ** (1/8)``, from its derivative f."""
+def first_step_length(kind: Array, f: Array, span: float, tolerance: float, size: Array) -> float:
+    """Return the length, s, of the first step, in which z changes by about ``tolerance ** (1/8)`` of its size.
+
+    Parameters
+    ----------
+    kind : ndarray of int, shape (n_z,)
+        Kinds of the components.
+    f : ndarray, shape (n_z,)
+        Derivative of z.
+    span : float, s
+        Duration of the motion.
+    tolerance : float
+    size : ndarray, shape (5,)
+        Sizes of the kinds.
+    """
     total = 0.0
     for n in range(f.shape[0]):
         total += (f[n] / size[kind[n]]) ** 2
@@ -37,8 +54,8 @@ def first_length(kind: Array, f: Array, span: float, tolerance: float, size: Arr
 
 
 @inner
-def within(times: Array, sample: int, after: float) -> int:
-    """Number of the first of the samples left that is not before a time."""
+def next_sample(times: Array, sample: int, after: float) -> int:
+    """Return the index of the first sample, from `sample` on, that is not before a time."""
     while sample < times.shape[0] and times[sample] < after:
         sample += 1
     return sample

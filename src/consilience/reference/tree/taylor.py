@@ -1,12 +1,12 @@
-"""Taylor's method for mechanisms in a plane, in the state z, with projection after every step.
+"""Taylor's method for planar mechanisms in the state z, with projection after every step.
 
 The order p follows from the tolerance, the step h from the last coefficients [Jorba and Zou, A software package for
 the numerical integration of ODEs by means of high-order Taylor methods, Experimental Mathematics 14, 2005, 99-117,
-section 3]: with the largest component |z_m| of a coefficient, each scaled by the size of its kind,
+section 3]: with |z_m| the largest scaled component of coefficient m,
 
     h = (a tolerance)^(1/p) min |z_m|^(-1/m),    m = p - 3 ... p,
 
-so that the last term of the series is a small part a of the tolerance. No step is taken in vain, and samples come from
+so that the last term of the series is a small part a of the tolerance. No step is rejected, and samples are taken from
 the polynomial of a step.
 """
 
@@ -21,147 +21,151 @@ from consilience.mechanism import Array
 from consilience.reference.integrators import step_control
 from consilience.reference.integrators.step_control import EVALUATIONS, STEPS
 from consilience.reference.kernel.compiled import inlined, inner, kernel
-from consilience.reference.kernel.held import opened
-from consilience.reference.tree.arrays import Rest, Run, System, Tree
+from consilience.reference.kernel.mechanism_record import fields_of
+from consilience.reference.tree.arrays import KernelArguments, LoopClosure, TreeArrays, TreeSystem
 from consilience.reference.tree.dynamics import factorise_rows
-from consilience.reference.tree.either import cut_rows, force_rows, open_links
-from consilience.reference.tree.explicit_rk import LEFT
-from consilience.reference.tree.loop_rows import want
+from consilience.reference.tree.either import add_row_forces, evaluate_rows, loop_acceleration_residual
+from consilience.reference.tree.explicit_rk import UNSUITABLE
+from consilience.reference.tree.loop_rows import mark_active_rows
 from consilience.reference.tree.multifrontal import multipliers
-from consilience.reference.tree.planar import sweep_in_planar, sweep_out_planar
-from consilience.reference.tree.plane import Plane
-from consilience.reference.tree.projection import SEEN, arrive, begin, note, settle
-from consilience.reference.tree.step_control import length, sizes, within
+from consilience.reference.tree.planar import planar_inward_sweep, planar_outward_sweep
+from consilience.reference.tree.plane import PlanarArrays
+from consilience.reference.tree.projection import AT_SAMPLE, begin_motion, end_step, project_state, record_sample
+from consilience.reference.tree.step_control import component_sizes, next_sample, step_length
 from consilience.reference.tree.taylor_rows import (
     RowSeries,
     begin_rows,
-    known_openings,
+    known_row_accelerations,
     known_row_forces,
     knows_rows,
     row_forces,
     row_series,
 )
 from consilience.reference.tree.taylor_series import (
-    MOST,
+    LARGEST_ORDER,
     Series,
     begin_series,
     joint_forces,
     known_forces,
-    known_turns,
+    known_rotations,
     next_order,
     series_arrays,
     sweep_biases,
 )
 
-LOOKED_AT = 4
-"""Coefficients that say how long a step may be: of a motion that begins at rest every second one is zero."""
+RADIUS_COEFFICIENTS = 4
+"""Number of last coefficients that determine the step: in a motion from rest every second coefficient is zero."""
 
-PART = 0.01
-"""Part of the tolerance that the last term may be: motions then are about as accurate as by the other methods."""
+LAST_TERM = 0.01
+"""The last term of the series, as part of the tolerance; motions are then about as accurate as by other integrators."""
 
 STATUS = {
     **step_control.STATUS,
-    LEFT: "the loops pass a pose in which their rows lose rank, and series do not lead through it",
+    UNSUITABLE: "the loops pass a pose in which their rows lose rank, and series do not lead through it",
 }
-"""Meaning of the status that `integrate_taylor` returns: a series with fewer rows would leave the loops open."""
+"""Meaning of the status of `integrate_taylor`. A series with fewer rows would leave the loops open."""
 
 
-class Scratch(NamedTuple):
-    """What a run writes into."""
+class TaylorScratch(NamedTuple):
+    """Work arrays of an integration."""
 
     series: Series
     rows: RowSeries
-    inverse: Array  # (N,) of the pivots
-    along: Array  # (N,) joint forces that are known
-    torque: Array  # (n_b + 1,) on the links, what is known of them and P does not say
+    inverse: Array  # (N,) reciprocals of the pivots D
+    along: Array  # (N,) known joint forces
+    torque: Array  # (n_b + 1,) known torques on the links that P does not contain
     lam: Array  # (q,) multipliers of an order
-    end: Array  # (n_z,) of a step, or a sample
-    size: Array  # (5,) of the kinds of components
+    end: Array  # (n_z,) state at the end of a step, or at a sample
+    size: Array  # (5,) sizes of the kinds of components
 
 
-def has_series(arrays: System, tree_alone: bool) -> bool:
-    """Whether a mechanism moves in parallel planes, by gravity alone, its loops closed by joints without rods."""
-    plane = arrays.plane
-    if plane is None or len(plane.effort) or len(plane.tied):
+def has_series(arrays: TreeSystem, tree_alone: bool) -> bool:
+    """Return whether a mechanism is planar, moved by gravity alone, its loops closed by joints other than rods."""
+    planar = arrays.planar
+    if planar is None or len(planar.force_table) or len(planar.driven):
         return False
-    return tree_alone or knows_rows(plane.form)
+    return tree_alone or knows_rows(planar.row_table)
 
 
-def taylor_scratch(z: Array, arrays: System, rest: Rest | None) -> Scratch:
-    """Scratch of a run from the state z, of a mechanism that has series."""
-    plane, n = arrays.plane, len(arrays.tree.free)
-    assert plane is not None
-    return Scratch(
+def taylor_scratch(z: Array, arrays: TreeSystem, closure: LoopClosure | None) -> TaylorScratch:
+    """Return work arrays for a motion from the state z of a mechanism that has series."""
+    planar, n = arrays.planar, len(arrays.tree.free)
+    assert planar is not None
+    return TaylorScratch(
         series=series_arrays(len(arrays.tree.layout), n),
-        rows=row_series(plane.form if rest is not None else plane.form[:0], arrays.tree.length),
+        rows=row_series(planar.row_table if closure is not None else planar.row_table[:0], arrays.tree.length),
         inverse=np.zeros(n),
         along=np.zeros(n),
         torque=np.zeros(len(arrays.tree.link)),
-        lam=np.zeros(0 if rest is None else len(rest.value)),
+        lam=np.zeros(0 if closure is None else len(closure.value)),
         end=np.empty(len(z)),
         size=np.empty(5),
     )
 
 
-def order_of(tolerance: float) -> int:
-    """Order of the series for a tolerance: steps are longer, and fewer, than with half as many; measured."""
-    return min(MOST, math.ceil(1.0 - 0.7 * math.log(tolerance)))
+def order_for(tolerance: float) -> int:
+    """Return the order of the series for a tolerance."""
+    return min(LARGEST_ORDER, math.ceil(1.0 - 0.7 * math.log(tolerance)))
 
 
 @inlined
-def _begin(tree: Tree, rest: Rest | None, plane: Plane, scratch: Scratch, t: float, z: Array) -> None:
-    """Factorise what is the same in all orders, and begin the series at a state where `arrive` placed the links."""
-    sweep_in_planar(tree.link, tree.free, False)
-    begin_series(tree.link, tree.free, scratch.series.link, scratch.series.q, tree.speeds, z, scratch.inverse)
-    if rest is not None:
-        loops, fronts, rows = rest.loops, rest.fronts, scratch.rows
-        want(loops.group, fronts.order, fronts.state, fronts.wanted)
-        cut_rows(rest, None, None, plane, t, z)
-        factorise_rows(loops, rest.layout, rest.link, rest.free, fronts, None, plane, rest.size[0])
-        begin_rows(rows.kind, rows.form, rows.of, rest.link, scratch.series.link)
+def _begin_step(
+    tree: TreeArrays, closure: LoopClosure | None, planar: PlanarArrays, scratch: TaylorScratch, t: float, z: Array
+) -> None:
+    """Factorise the matrices common to all orders, and begin the series, at a state where the links are placed."""
+    planar_inward_sweep(tree.link, tree.free, False)
+    begin_series(tree.link, tree.free, scratch.series.link, scratch.series.q, tree.first_speed, z, scratch.inverse)
+    if closure is not None:
+        loops, qr, rows = closure.loops, closure.qr, scratch.rows
+        mark_active_rows(loops.group, qr.order, qr.state, qr.active)
+        evaluate_rows(closure, None, None, planar, t, z)
+        factorise_rows(loops, closure.layout, closure.link, closure.free, qr, None, planar, closure.row_norm[0])
+        begin_rows(rows.kind, rows.row_table, rows.coef, closure.link, scratch.series.link)
 
 
 @inlined
-def _order(tree: Tree, rest: Rest | None, plane: Plane, scratch: Scratch, m: int) -> None:
-    """Coefficients of order m of the accelerations, and what follows from them."""
-    link, free, of, q = tree.link, tree.free, scratch.series.link, scratch.series.q
-    known_forces(link, free, of, q, m, scratch.along, scratch.torque)
-    if rest is not None:
-        fronts, rows = rest.fronts, scratch.rows
-        known_row_forces(rows.kind, rows.form, rows.of, fronts.wanted, of, m, scratch.torque)
-    known_turns(link, free, of, q, m, scratch.torque)
+def _solve_order(
+    tree: TreeArrays, closure: LoopClosure | None, planar: PlanarArrays, scratch: TaylorScratch, m: int
+) -> None:
+    """Solve for the accelerations of order m, and compute the coefficients that follow from them."""
+    link, free, coef, q = tree.link, tree.free, scratch.series.link, scratch.series.q
+    known_forces(link, free, coef, q, m, scratch.along, scratch.torque)
+    if closure is not None:
+        qr, rows = closure.qr, scratch.rows
+        known_row_forces(rows.kind, rows.row_table, rows.coef, qr.active, coef, m, scratch.torque)
+    known_rotations(link, free, coef, q, m, scratch.torque)
     sweep_biases(link, free, scratch.along, scratch.inverse)
-    if rest is not None:
-        fronts, rows = rest.fronts, scratch.rows
-        sweep_out_planar(link, free, rest.u, 1.0)
-        known_openings(rows.kind, rows.form, rows.of, fronts.wanted, fronts.W, of, m, rest.gamma)
-        open_links(rest.loops, fronts, None, plane, link, rest.gamma)
-        force_rows(rest.loops, fronts, free)
-        multipliers(rest.loops.group, fronts.order, fronts.state, fronts.F, fronts.y, scratch.lam)
-    next_order(link, free, of, q, scratch.inverse, m)
-    if rest is not None:
-        fronts, rows = rest.fronts, scratch.rows
-        row_forces(rows.kind, rows.form, rows.of, fronts.wanted, fronts.W, link, of, m, scratch.lam)
-    joint_forces(link, free, of, q, m)
+    if closure is not None:
+        qr, rows = closure.qr, scratch.rows
+        planar_outward_sweep(link, free, closure.u, 1.0)
+        known_row_accelerations(rows.kind, rows.row_table, rows.coef, qr.active, qr.W, coef, m, closure.gamma)
+        loop_acceleration_residual(closure.loops, qr, None, planar, link, closure.gamma)
+        add_row_forces(closure.loops, qr, free)
+        multipliers(closure.loops.group, qr.order, qr.state, qr.F, qr.y, scratch.lam)
+    next_order(link, free, coef, q, scratch.inverse, m)
+    if closure is not None:
+        qr, rows = closure.qr, scratch.rows
+        row_forces(rows.kind, rows.row_table, rows.coef, qr.active, qr.W, link, coef, m, scratch.lam)
+    joint_forces(link, free, coef, q, m)
 
 
 @inner
-def _largest(kind: Array, q: Array, speeds: int, m: int, size: Array) -> float:
-    """Largest scaled component of a coefficient of z; not a number if one of them is not."""
+def _largest(kind: Array, q: Array, first_speed: int, m: int, size: Array) -> float:
+    """Return the largest scaled component of a coefficient of z; not a number if one component is not."""
     largest = total = 0.0
     for n in range(q.shape[0]):
-        at, rate = abs(q[n, m]) / size[kind[n]], (m + 1.0) * abs(q[n, m + 1]) / size[kind[speeds + n]]
+        at, rate = abs(q[n, m]) / size[kind[n]], (m + 1.0) * abs(q[n, m + 1]) / size[kind[first_speed + n]]
         largest = max(largest, at, rate)
         total += at + rate
     return largest + 0.0 * total
 
 
 @inner
-def _radius(kind: Array, q: Array, speeds: int, order: int, size: Array) -> float:
-    """Time in which no term that is known grows beyond the size of its kind; zero if one is not a number."""
+def _radius(kind: Array, q: Array, first_speed: int, order: int, size: Array) -> float:
+    """Return the time at which the last known terms reach the size of their kind; zero if a term is not a number."""
     least = np.inf
-    for m in range(order - LOOKED_AT + 1, order + 1):
-        found = _largest(kind, q, speeds, m, size)
+    for m in range(order - RADIUS_COEFFICIENTS + 1, order + 1):
+        found = _largest(kind, q, first_speed, m, size)
         if not found < np.inf:
             return 0.0
         if found > 0.0:
@@ -170,28 +174,28 @@ def _radius(kind: Array, q: Array, speeds: int, order: int, size: Array) -> floa
 
 
 @inlined
-def _rank(rest: Rest | None) -> int:
-    """Rows that close the loops from here on."""
-    return rest.limit[0] if rest is not None else 0
+def _rank(closure: LoopClosure | None) -> int:
+    """Return the rank of the rows that close the loops."""
+    return closure.rank_limit[0] if closure is not None else 0
 
 
 @inner
-def _at(q: Array, speeds: int, order: int, h: float, z: Array) -> None:
-    """The state at a time within a step."""
+def _evaluate_series(q: Array, first_speed: int, order: int, h: float, z: Array) -> None:
+    """Evaluate the state at a time h after the start of the series."""
     for n in range(q.shape[0]):
         value, rate = q[n, order + 1], 0.0
         for m in range(order, -1, -1):
             rate = rate * h + value
             value = value * h + q[n, m]
-        z[n], z[speeds + n] = value, rate
+        z[n], z[first_speed + n] = value, rate
 
 
 @inner
 def _integrate(
-    tree: Tree,
-    rest: Rest | None,
-    plane: Plane,
-    scratch: Scratch,
+    tree: TreeArrays,
+    closure: LoopClosure | None,
+    planar: PlanarArrays,
+    scratch: TaylorScratch,
     z: Array,
     times: Array,
     tolerance: float,
@@ -200,60 +204,68 @@ def _integrate(
     motion: Array,
     counters: Array,
 ) -> int:
-    """`integrate_taylor`, compiled for what a mechanism has."""
+    """Integrate as `integrate_taylor`, compiled for each combination of arguments that are None."""
     t, last, sample = times[0], times[-1], 1
     q, end = scratch.series.q, scratch.end
-    allowed = (PART * tolerance) ** (1.0 / order)
+    allowed = (LAST_TERM * tolerance) ** (1.0 / order)
     counters[:] = 0
-    begin(tree, rest, None, None, plane, t, z)
-    note(tree, None, plane, motion[0])
-    rank = _rank(rest)
+    begin_motion(tree, closure, None, None, planar, t, z)
+    record_sample(tree, None, planar, motion[0])
+    rank = _rank(closure)
     while sample < times.shape[0]:
-        _begin(tree, rest, plane, scratch, t, z)
+        _begin_step(tree, closure, planar, scratch, t, z)
         for m in range(order):
-            _order(tree, rest, plane, scratch, m)
+            _solve_order(tree, closure, planar, scratch, m)
         counters[EVALUATIONS] += order
-        sizes(tree.kind, tree.length, z, scratch.size)
-        h = _radius(tree.kind, q, tree.speeds, order, scratch.size) * allowed
+        component_sizes(tree.kind, tree.length, z, scratch.size)
+        h = _radius(tree.kind, q, tree.first_speed, order, scratch.size) * allowed
         if not h > 0.0:
             return 2
-        step = length(min(h, longest), last - t)
+        step = step_length(min(h, longest), last - t)
         if not step >= 1e-14 * max(1.0, abs(t)):
             return 1
         counters[STEPS] += 1
         after = last if step == last - t else t + step
-        left = within(times, sample, after)
+        left = next_sample(times, sample, after)
         for n in range(sample, left):
-            _at(q, tree.speeds, order, times[n] - t, end)
-            settle(tree, rest, None, None, plane, times[n], end, SEEN)
-            note(tree, None, plane, motion[n])
-        _at(q, tree.speeds, order, step, z)
-        t, sample, seen = after, left, left < times.shape[0] and times[left] == after
-        arrive(tree, rest, None, None, plane, t, z, seen)
-        if _rank(rest) != rank:
-            return LEFT
-        if seen:
-            note(tree, None, plane, motion[sample])
+            _evaluate_series(q, tree.first_speed, order, times[n] - t, end)
+            project_state(tree, closure, None, None, planar, times[n], end, AT_SAMPLE)
+            record_sample(tree, None, planar, motion[n])
+        _evaluate_series(q, tree.first_speed, order, step, z)
+        t, sample, at_sample = after, left, left < times.shape[0] and times[left] == after
+        end_step(tree, closure, None, None, planar, t, z, at_sample)
+        if _rank(closure) != rank:
+            return UNSUITABLE
+        if at_sample:
+            record_sample(tree, None, planar, motion[sample])
             sample += 1
     return 0
 
 
 @kernel
 def integrate_taylor(
-    run: Run, z: Array, times: Array, tolerance: float, order: int, longest: float, motion: Array, counters: Array
+    run: KernelArguments,
+    z: Array,
+    times: Array,
+    tolerance: float,
+    order: int,
+    longest: float,
+    motion: Array,
+    counters: Array,
 ) -> int:
-    """Integrate from ``times[0]`` and record the bodies at all sample times; arguments as in `integrate.integrate`.
+    """Integrate from ``times[0]`` and record the bodies at all sample times.
 
     Parameters
     ----------
+    run, z, times, tolerance, longest, motion, counters : see `explicit_rk.integrate`
     order : int
-        Of the series, MOST at most.
+        Order of the series, at most LARGEST_ORDER.
 
     Returns
     -------
     int
         Key of STATUS.
     """
-    on = opened(run)
-    tree, rest, plane = on.tree, on.rest, on.plane
-    return _integrate(tree, rest, plane, on.scratch, z, times, tolerance, order, longest, motion, counters)
+    on = fields_of(run)
+    tree, closure, planar = on.tree, on.closure, on.planar
+    return _integrate(tree, closure, planar, on.scratch, z, times, tolerance, order, longest, motion, counters)

@@ -1,22 +1,21 @@
-"""Taylor coefficients of a motion in a plane: of `planar`, one order after the other.
+"""Taylor coefficients of the motion of a planar tree, one order after the other.
 
-Everything a planar mechanism does follows from the direction ``e = exp(i theta)`` of each link, vectors of the plane
-written as complex numbers, by sums and products; and coefficients of those are, with w the angular velocity,
+All quantities of a planar mechanism follow from the direction ``e = exp(i theta)`` of each link, with plane vectors as
+complex numbers, by sums and products. Their coefficients, with w the angular velocity, are
 
     (a b)_m = sum_j a_j b_{m-j},        e_{m+1} = i / (m + 1) sum_j w_j e_{m-j}
 
 [Griewank and Walther, Evaluating Derivatives, 2008, chapter 13; Jorba and Zou, A software package for the numerical
-integration of ODEs by means of high-order Taylor methods, Experimental Mathematics 14, 2005, 99-117]. A joint brings
-the force F to its link at the arm e a, and takes it from the parent at the arm e_p a_p, which both turn; with * for the
-conjugate, forces and torques about the centre of mass r of a link are
+integration of ODEs by means of high-order Taylor methods, Experimental Mathematics 14, 2005, 99-117]. A joint applies
+the force F to its link at the arm e a, and -F to the parent at the arm e_p a_p; both arms rotate. With * for the
+conjugate, forces, and torques about the centre of mass r of a link, are
 
-    F = m r'' - weight + sum of F of the joints it carries
-    J w' + Im(e* P) = 0 where all joints turn,        P = sum of a_p* F of the joints it carries - a* F.
+    F = m r'' - weight + sum of F of the joints on the link's outboard side
+    J w' + Im(e* P) = 0 where all joints rotate,        P = sum of a_p* F of these joints - a* F.
 
-The accelerations of order m enter the equations of that order as those of order zero do theirs, with the same inertias,
-arms and axes: the articulated bodies and the fronts of a state, factorised once, solve for all orders. What is left of
-order m is known when its turn comes, and enters as biases: terms of Im(e* P) with F of lower order, and accelerations
-of the links in which those of the directions have no part.
+The accelerations of order m enter the equations of order m as the accelerations of a state do, with the same inertias,
+arms and axes: articulated bodies and fronts, factorised once at the state, solve the equations of all orders. The other
+terms of order m are known from lower orders and enter as biases: terms of Im(e* P), and velocity products.
 """
 
 from __future__ import annotations
@@ -27,238 +26,277 @@ import numpy as np
 
 from consilience.mechanism import Array
 from consilience.reference.kernel.compiled import fused
+from consilience.reference.tree import plane as col
 from consilience.reference.tree.planar import (
     Pair,
-    Three,
-    dot3,
-    inertia_at,
-    pair_at,
-    push,
-    put_pair,
-    put_three,
-    three_at,
-    turned,
+    PlanarVector,
+    inertia_times,
+    load_pair,
+    load_planar_inertia,
+    load_triple,
+    planar_power,
+    rotate_pair,
+    store_pair,
+    store_triple,
 )
-from consilience.reference.tree.plane import (
-    ACCELERATION,
-    ARM,
-    ARM_PARENT,
-    BIAS,
-    COS,
-    DIRECTION,
-    FIRST,
-    LAST,
-    MASS,
-    PARENT,
-    PIVOT,
-    QUADRATIC,
-    SENSE,
-    SPIN,
-    STEP,
-    TURN,
-    WEIGHT,
-    S,
-    U,
-)
-from consilience.reference.tree.records import REST
 
 C, SN, W, FX, FY, PX, PY, SLOTS = np.arange(8)
-"""Series of a link: real and imaginary parts of e, w, of F, of P."""
+"""Series of a link: real and imaginary parts of e, w, of F, and of P."""
 
-MOST = 32
-"""Highest order."""
+LARGEST_ORDER = 32
+"""Highest order of a series."""
 
 
 class Series(NamedTuple):
-    """Coefficients by order, the last index; N directions."""
+    """Coefficients by order, the last index; N free directions."""
 
-    link: Array  # (n_b + 1, SLOTS, MOST + 3); the last one is the ground
-    q: Array  # (N, MOST + 3) coordinates
+    link: Array  # (n_b + 1, SLOTS, LARGEST_ORDER + 3); the ground is last
+    q: Array  # (N, LARGEST_ORDER + 3) coordinates
 
 
 def series_arrays(links: int, directions: int) -> Series:
-    """Arrays of a mechanism."""
-    link = np.zeros((links + 1, int(SLOTS), MOST + 3))
+    """Return new arrays of series."""
+    link = np.zeros((links + 1, int(SLOTS), LARGEST_ORDER + 3))
     link[-1, C, 0] = 1.0
-    return Series(link, np.zeros((directions, MOST + 3)))
+    return Series(link, np.zeros((directions, LARGEST_ORDER + 3)))
 
 
 @fused
-def begin_series(link: Array, free: Array, of: Array, q: Array, speeds: int, z: Array, inverse: Array) -> None:
-    """Coefficients that a state says, of links placed there."""
+def begin_series(link: Array, free: Array, coef: Array, q: Array, first_speed: int, z: Array, inverse: Array) -> None:
+    """Set the coefficients that are known from a state, at placed links.
+
+    Parameters
+    ----------
+    link, free, first_speed, z : see `arrays`
+    coef, q : ndarray
+        Fields link and q of `Series`; overwritten in the orders 0 and 1.
+    inverse : ndarray, shape (N,)
+        Overwritten: reciprocals of the pivots D.
+    """
     for k in range(link.shape[0] - 1):
-        c, s = pair_at(link, k, COS)
-        w = link[k, SPIN]
-        of[k, C, 0], of[k, SN, 0], of[k, W, 0] = c, s, w
-        of[k, C, 1], of[k, SN, 1] = -w * s, w * c
+        c, s = load_pair(link, k, col.COS)
+        w = link[k, col.SPIN]
+        coef[k, C, 0], coef[k, SN, 0], coef[k, W, 0] = c, s, w
+        coef[k, C, 1], coef[k, SN, 1] = -w * s, w * c
     for n in range(q.shape[0]):
-        q[n, 0], q[n, 1] = z[n], z[speeds + n]
-        inverse[n] = 1.0 / free[n, PIVOT]
+        q[n, 0], q[n, 1] = z[n], z[first_speed + n]
+        inverse[n] = 1.0 / free[n, col.PIVOT]
 
 
 @fused
 def _carrier(link: Array, k: int) -> int:
-    """Link that the displacements of a joint move with."""
-    return int(link[k, PARENT]) if link[k, SENSE] > 0.0 else k
+    """Return the link that carries the axes of the displacements of a joint."""
+    return int(link[k, col.PARENT]) if link[k, col.SENSE] > 0.0 else k
 
 
 @fused
-def _displacements(link: Array, k: int) -> int:
-    """The direction behind the displacements of a joint."""
-    return int(link[k, LAST]) - (1 if link[k, TURN] != 0.0 else 0)
+def _translations_end(link: Array, k: int) -> int:
+    """Return the index behind the displacements of a joint."""
+    return int(link[k, col.LAST]) - (1 if link[k, col.ROTATION_SENSE] != 0.0 else 0)
 
 
 @fused
-def _slide_forces(link: Array, free: Array, of: Array, q: Array, k: int, m: int, rest: Array) -> None:
-    """What is known of P where a joint slides, and of the force along it, into the remaining joint forces."""
-    b, sense = _carrier(link, k), link[k, SENSE]
+def _slide_forces(link: Array, free: Array, coef: Array, q: Array, k: int, m: int, joint_force: Array) -> None:
+    """Add the known part of P at a sliding joint, and compute the known joint force along it."""
+    b, sense = _carrier(link, k), link[k, col.SENSE]
     along = across = 0.0
     for j in range(1, m + 1):
-        c, s, x, y = of[b, C, j], of[b, SN, j], of[k, FX, m - j], of[k, FY, m - j]
+        c, s, x, y = coef[b, C, j], coef[b, SN, j], coef[k, FX, m - j], coef[k, FY, m - j]
         along += c * x + s * y
         across += c * y - s * x
-    for n in range(int(link[k, FIRST]), _displacements(link, k)):
-        d = pair_at(free, n, DIRECTION)
-        rest[n] = -sense * (d[0] * along + d[1] * across)
+    for n in range(int(link[k, col.FIRST]), _translations_end(link, k)):
+        d = load_pair(free, n, col.DIRECTION)
+        joint_force[n] = -sense * (d[0] * along + d[1] * across)
         x = y = 0.0
         for j in range(1, m + 1):
-            x += q[n, j] * of[k, FX, m - j]
-            y += q[n, j] * of[k, FY, m - j]
-        press(of, b, m, d, sense * x, sense * y)
+            x += q[n, j] * coef[k, FX, m - j]
+            y += q[n, j] * coef[k, FY, m - j]
+        add_moment(coef, b, m, d, sense * x, sense * y)
 
 
 @fused
-def press(of: Array, k: int, m: int, a: Pair, x: float, y: float) -> None:
-    """Add ``a* F`` to P: a force at the arm a, in axes of the link."""
-    of[k, PX, m] += a[0] * x + a[1] * y
-    of[k, PY, m] += a[0] * y - a[1] * x
+def add_moment(coef: Array, k: int, m: int, a: Pair, x: float, y: float) -> None:
+    """Add ``a* F`` of order m to P of link k.
+
+    Parameters
+    ----------
+    coef : ndarray
+        Field link of `Series`; updated.
+    k, m : int
+    a : tuple of float, m
+        Arm in axes of the link.
+    x, y : float, N
+        Force.
+    """
+    coef[k, PX, m] += a[0] * x + a[1] * y
+    coef[k, PY, m] += a[0] * y - a[1] * x
 
 
 @fused
-def known_forces(link: Array, free: Array, of: Array, q: Array, m: int, rest: Array, torque: Array) -> None:
-    """What is known of the forces of order m and of P, but for rows, and of the remaining joint forces."""
+def known_forces(link: Array, free: Array, coef: Array, q: Array, m: int, joint_force: Array, torque: Array) -> None:
+    """Compute the known parts of the forces of order m and of P, without rows, and of the joint forces.
+
+    Parameters
+    ----------
+    link, free : see `arrays`
+    coef, q : ndarray
+        Fields link and q of `Series`; updated.
+    m : int
+    joint_force : ndarray, shape (N,)
+        Overwritten.
+    torque : ndarray, shape (n_b + 1,)
+        Overwritten with zero: see `known_rotations`.
+    """
     for k in range(link.shape[0]):
         torque[k] = 0.0
         for slot in range(FX, SLOTS):
-            of[k, slot, m] = 0.0
+            coef[k, slot, m] = 0.0
     if m == 0:
         for k in range(link.shape[0] - 1):
-            of[k, FX, 0], of[k, FY, 0] = -link[k, WEIGHT], -link[k, WEIGHT + 1]
+            coef[k, FX, 0], coef[k, FY, 0] = -link[k, col.WEIGHT], -link[k, col.WEIGHT + 1]
     for n in range(free.shape[0]):
-        rest[n] = 0.0
+        joint_force[n] = 0.0
     for k in range(link.shape[0] - 1):
-        if _displacements(link, k) > int(link[k, FIRST]):
-            _slide_forces(link, free, of, q, k, m, rest)
+        if _translations_end(link, k) > int(link[k, col.FIRST]):
+            _slide_forces(link, free, coef, q, k, m, joint_force)
 
 
 @fused
-def _turn_on(of: Array, k: int, m: int) -> float:
-    """``e_{m+2}`` but for the acceleration of order m; what is known of ``Im(e* P)`` of order m."""
+def _advance_direction(coef: Array, k: int, m: int) -> float:
+    """Compute e of order m + 2 without the unknown acceleration of order m; return the known part of ``Im(e* P)``."""
     x = y = one = two = 0.0
     for j in range(m + 1):
-        w = of[k, W, j]
-        x += w * of[k, SN, m + 1 - j]
-        y += w * of[k, C, m + 1 - j]
-        one += of[k, C, j] * of[k, PY, m - j]
-        two += of[k, SN, j] * of[k, PX, m - j]
+        w = coef[k, W, j]
+        x += w * coef[k, SN, m + 1 - j]
+        y += w * coef[k, C, m + 1 - j]
+        one += coef[k, C, j] * coef[k, PY, m - j]
+        two += coef[k, SN, j] * coef[k, PX, m - j]
     factor = 1.0 / (m + 2.0)
-    of[k, C, m + 2], of[k, SN, m + 2] = -factor * x, factor * y
+    coef[k, C, m + 2], coef[k, SN, m + 2] = -factor * x, factor * y
     return one - two
 
 
 @fused
-def known_turns(link: Array, free: Array, of: Array, q: Array, m: int, torque: Array) -> None:
-    """What is known of the directions and steps of order m + 2, and the biases of order m."""
+def known_rotations(link: Array, free: Array, coef: Array, q: Array, m: int, torque: Array) -> None:
+    """Compute the known parts of the offsets of order m + 2, and the biases of order m.
+
+    Parameters
+    ----------
+    link, free : see `arrays`
+    coef, q : ndarray
+        Fields link and q of `Series`; updated.
+    m : int
+    torque : ndarray, shape (n_b + 1,)
+        Torques on the links that P does not contain.
+    """
     scale = (m + 1.0) * (m + 2.0)
     for k in range(link.shape[0] - 1):
-        p = int(link[k, PARENT])
-        put_three(link, k, BIAS, (of[k, FX, m], of[k, FY, m], torque[k] + _turn_on(of, k, m)))
-        e_p, e = (of[p, C, m + 2], of[p, SN, m + 2]), (of[k, C, m + 2], of[k, SN, m + 2])
-        s_p, s = turned(e_p, pair_at(link, k, ARM_PARENT)), turned(e, pair_at(link, k, ARM))
+        p = int(link[k, col.PARENT])
+        store_triple(link, k, col.BIAS, (coef[k, FX, m], coef[k, FY, m], torque[k] + _advance_direction(coef, k, m)))
+        e_p, e = (coef[p, C, m + 2], coef[p, SN, m + 2]), (coef[k, C, m + 2], coef[k, SN, m + 2])
+        s_p, s = rotate_pair(e_p, load_pair(link, k, col.ARM_PARENT)), rotate_pair(e, load_pair(link, k, col.ARM))
         x, y = s_p[0] - s[0], s_p[1] - s[1]
-        behind = _displacements(link, k)
-        if behind > int(link[k, FIRST]):
-            b, sense = _carrier(link, k), link[k, SENSE]
-            for n in range(int(link[k, FIRST]), behind):
+        behind = _translations_end(link, k)
+        if behind > int(link[k, col.FIRST]):
+            b, sense = _carrier(link, k), link[k, col.SENSE]
+            for n in range(int(link[k, col.FIRST]), behind):
                 c = s_n = 0.0
                 for j in range(m + 2):
-                    c += q[n, j] * of[b, C, m + 2 - j]
-                    s_n += q[n, j] * of[b, SN, m + 2 - j]
-                away = turned((c, s_n), pair_at(free, n, DIRECTION))
+                    c += q[n, j] * coef[b, C, m + 2 - j]
+                    s_n += q[n, j] * coef[b, SN, m + 2 - j]
+                away = rotate_pair((c, s_n), load_pair(free, n, col.DIRECTION))
                 x, y = x + sense * away[0], y + sense * away[1]
-        put_pair(link, k, QUADRATIC, (scale * x, scale * y))
+        store_pair(link, k, col.VELOCITY_PRODUCT, (scale * x, scale * y))
 
 
 @fused
-def _carried(link: Array, free: Array, inverse: Array, k: int) -> Three:
-    """Wrench that the quadratic accelerations of a link ask of its parent, its own directions free."""
-    c = pair_at(link, k, QUADRATIC)
+def _carried(link: Array, free: Array, inverse: Array, k: int) -> PlanarVector:
+    """Return the wrench on the parent due to the velocity products of a link, with the link's directions free."""
+    c = load_pair(link, k, col.VELOCITY_PRODUCT)
     c = c[0], c[1], 0.0
-    x = push(inertia_at(link, k), c)
-    for n in range(int(link[k, LAST]) - 1, int(link[k, FIRST]) - 1, -1):
-        u = three_at(free, n, U)
-        part = dot3(u, c) * inverse[n]
+    x = inertia_times(load_planar_inertia(link, k), c)
+    for n in range(int(link[k, col.LAST]) - 1, int(link[k, col.FIRST]) - 1, -1):
+        u = load_triple(free, n, col.U)
+        part = planar_power(u, c) * inverse[n]
         x = x[0] - part * u[0], x[1] - part * u[1], x[2] - part * u[2]
     return x
 
 
 @fused
-def sweep_biases(link: Array, free: Array, rest: Array, inverse: Array) -> None:
-    """The remaining joint forces of the biases and of `rest`, in a tree whose inertias are swept."""
+def sweep_biases(link: Array, free: Array, joint_force: Array, inverse: Array) -> None:
+    """Compute the remaining joint forces from the biases and from known joint forces, articulated inertias swept."""
     for k in range(link.shape[0] - 2, -1, -1):
-        f = three_at(link, k, BIAS)
-        for n in range(int(link[k, LAST]) - 1, int(link[k, FIRST]) - 1, -1):
-            left = rest[n] - dot3(three_at(free, n, S), f)
-            free[n, REST] = left
-            u = three_at(free, n, U)
+        f = load_triple(link, k, col.BIAS)
+        for n in range(int(link[k, col.LAST]) - 1, int(link[k, col.FIRST]) - 1, -1):
+            left = joint_force[n] - planar_power(load_triple(free, n, col.S), f)
+            free[n, col.JOINT_FORCE] = left
+            u = load_triple(free, n, col.U)
             left *= inverse[n]
             f = f[0] + left * u[0], f[1] + left * u[1], f[2] + left * u[2]
-        p = int(link[k, PARENT])
+        p = int(link[k, col.PARENT])
         if p >= 0:
-            x, d = _carried(link, free, inverse, k), pair_at(link, k, STEP)
+            x, d = _carried(link, free, inverse, k), load_pair(link, k, col.OFFSET)
             a, b = f[0] + x[0], f[1] + x[1]
-            link[p, BIAS] += a
-            link[p, BIAS + 1] += b
-            link[p, BIAS + 2] += f[2] + x[2] + d[0] * b - d[1] * a
+            link[p, col.BIAS] += a
+            link[p, col.BIAS + 1] += b
+            link[p, col.BIAS + 2] += f[2] + x[2] + d[0] * b - d[1] * a
 
 
 @fused
-def next_order(link: Array, free: Array, of: Array, q: Array, inverse: Array, m: int) -> None:
-    """Accelerations of order m, links outwards, and the coefficients that follow from them."""
+def next_order(link: Array, free: Array, coef: Array, q: Array, inverse: Array, m: int) -> None:
+    """Compute accelerations of order m outward along the tree, and the coefficients that follow from them.
+
+    Parameters
+    ----------
+    link, free : see `arrays`
+    coef, q : ndarray
+        Fields link and q of `Series`; updated.
+    inverse : ndarray, shape (N,)
+        Reciprocals of the pivots D.
+    m : int
+    """
     one, two = 1.0 / (m + 1.0), 1.0 / (m + 2.0)
     for k in range(link.shape[0] - 1):
         a, d, c = (
-            three_at(link, int(link[k, PARENT]), ACCELERATION),
-            pair_at(link, k, STEP),
-            pair_at(link, k, QUADRATIC),
+            load_triple(link, int(link[k, col.PARENT]), col.ACCELERATION),
+            load_pair(link, k, col.OFFSET),
+            load_pair(link, k, col.VELOCITY_PRODUCT),
         )
         a = a[0] - a[2] * d[1] + c[0], a[1] + a[2] * d[0] + c[1], a[2]
-        for n in range(int(link[k, FIRST]), int(link[k, LAST])):
-            s = three_at(free, n, S)
-            u = (free[n, REST] - dot3(a, three_at(free, n, U))) * inverse[n]
+        for n in range(int(link[k, col.FIRST]), int(link[k, col.LAST])):
+            s = load_triple(free, n, col.S)
+            u = (free[n, col.JOINT_FORCE] - planar_power(a, load_triple(free, n, col.U))) * inverse[n]
             q[n, m + 2] = u * one * two
             a = a[0] + u * s[0], a[1] + u * s[1], a[2] + u * s[2]
-        put_three(link, k, ACCELERATION, a)
+        store_triple(link, k, col.ACCELERATION, a)
         w = one * a[2]
-        of[k, W, m + 1] = w
-        of[k, C, m + 2] -= two * w * of[k, SN, 0]
-        of[k, SN, m + 2] += two * w * of[k, C, 0]
-        of[k, FX, m] += link[k, MASS] * a[0]
-        of[k, FY, m] += link[k, MASS] * a[1]
+        coef[k, W, m + 1] = w
+        coef[k, C, m + 2] -= two * w * coef[k, SN, 0]
+        coef[k, SN, m + 2] += two * w * coef[k, C, 0]
+        coef[k, FX, m] += link[k, col.MASS] * a[0]
+        coef[k, FY, m] += link[k, col.MASS] * a[1]
 
 
 @fused
-def joint_forces(link: Array, free: Array, of: Array, q: Array, m: int) -> None:
-    """Forces of order m that the joints bring, links inwards, and P."""
+def joint_forces(link: Array, free: Array, coef: Array, q: Array, m: int) -> None:
+    """Compute the joint forces F of order m inward along the tree, and P.
+
+    Parameters
+    ----------
+    link, free : see `arrays`
+    coef, q : ndarray
+        Fields link and q of `Series`; coef is updated.
+    m : int
+    """
     for k in range(link.shape[0] - 2, -1, -1):
-        p, x, y = int(link[k, PARENT]), of[k, FX, m], of[k, FY, m]
-        press(of, k, m, pair_at(link, k, ARM), -x, -y)
-        press(of, p, m, pair_at(link, k, ARM_PARENT), x, y)
-        of[p, FX, m] += x
-        of[p, FY, m] += y
-        behind = _displacements(link, k)
-        if behind > int(link[k, FIRST]):
-            b, sense = _carrier(link, k), link[k, SENSE]
-            for n in range(int(link[k, FIRST]), behind):
+        p, x, y = int(link[k, col.PARENT]), coef[k, FX, m], coef[k, FY, m]
+        add_moment(coef, k, m, load_pair(link, k, col.ARM), -x, -y)
+        add_moment(coef, p, m, load_pair(link, k, col.ARM_PARENT), x, y)
+        coef[p, FX, m] += x
+        coef[p, FY, m] += y
+        behind = _translations_end(link, k)
+        if behind > int(link[k, col.FIRST]):
+            b, sense = _carrier(link, k), link[k, col.SENSE]
+            for n in range(int(link[k, col.FIRST]), behind):
                 away = sense * q[n, 0]
-                press(of, b, m, pair_at(free, n, DIRECTION), away * x, away * y)
+                add_moment(coef, b, m, load_pair(free, n, col.DIRECTION), away * x, away * y)

@@ -1,1 +1,1 @@
-"""What other programs and papers read of a run: JUnit XML, CSV, JSON, LaTeX, BibTeX, badges and plots."""
+"""Exports of a run for other programs and for papers: JUnit XML, CSV, JSON, LaTeX, BibTeX, badges and plots."""

@@ -1,4 +1,4 @@
-"""A badge for a README: one line that says in words, a symbol and a colour how an engine stands, as static SVG."""
+"""A badge for a README as static SVG: the verdict of an engine in words, by a symbol and by a colour."""
 
 from __future__ import annotations
 
@@ -8,11 +8,9 @@ from dataclasses import dataclass
 from jinja2 import Environment, StrictUndefined
 
 from consilience.compare import Verdict
-from consilience.report.exports.digest import Cell, cells, engines
+from consilience.report.exports.digest import QuestionCell, cells, engines
 from consilience.report.record import Record
 from consilience.report.wording import LOOKS, RANK, counted
-
-_WORST_IS_FINE = "agrees"
 
 COLOURS: dict[Verdict, str] = {
     Verdict.AGREES: "#00664b",
@@ -23,10 +21,10 @@ COLOURS: dict[Verdict, str] = {
     Verdict.MODEL: "#a83c00",
     Verdict.FAILED: "#8c2f5c",
 }
-"""Behind white text, at a contrast of 5 at least; the symbol and the words say the same."""
+"""Background of white text, with a contrast of at least 5."""
 
-# textLength makes the width exact in whatever font there is: 6.6 px a character at 11 px
 _CHARACTER, _MARGIN = 6.6, 7.0
+"""Width of a character of 11 px, and margin, in px; `textLength` makes the width exact in every font."""
 
 _TEMPLATE = """\
 <svg xmlns="http://www.w3.org/2000/svg" width="{{ width }}" height="20" role="img" aria-label="{{ label }}">
@@ -45,7 +43,7 @@ _TEMPLATE = """\
 
 @dataclass(frozen=True)
 class Badge:
-    """What a badge says."""
+    """Subject, statement and worst verdict of a badge."""
 
     subject: str
     statement: str
@@ -53,12 +51,12 @@ class Badge:
 
 
 def render(record: Record) -> str:
-    """Badge of a record as SVG."""
+    """Write the badge of a record as SVG."""
     return drawn(badge(record))
 
 
 def badge(record: Record) -> Badge:
-    """What can be said of all engines of a record, or of its one engine by name."""
+    """Make the badge of a record; a record of one engine has a badge with its name."""
     names = engines(record)
     missing = record.header["missing"]
     everyone = [*names, *missing]
@@ -72,21 +70,21 @@ def badge(record: Record) -> Badge:
     return Badge(subject, f"{LOOKS[worst].symbol} {_statement(worst, found)}", worst)
 
 
-def _statement(worst: Verdict, found: Sequence[Cell]) -> str:
-    """Digits where everything agrees, if only in the limit of small steps or hard constraints; else what does not."""
+def _statement(worst: Verdict, found: Sequence[QuestionCell]) -> str:
+    """State the digits where everything agrees, be it in the limit; else the number of cells with the worst verdict."""
     count = sum(cell.verdict is worst for cell in found)
     supported = [cell for cell in found if cell.verdict is not Verdict.UNSUPPORTED]
     digits = [cell.digits for cell in supported if cell.digits is not None]
     if RANK[worst] > RANK[Verdict.UNSUPPORTED]:
         return f"{count} of {len(found)} {worst.removeprefix('differs: ')}"
-    said = f"agrees {int(min(digits))} digits" if digits else _WORST_IS_FINE
+    said = f"agrees {int(min(digits))} digits" if digits else "agrees"
     if any(cell.verdict in (Verdict.DISCRETISATION, Verdict.REGULARISATION) for cell in supported):
         said += ", more in the limit"
     return said if worst is not Verdict.UNSUPPORTED else f"{said}, {count} unsupported"
 
 
 def drawn(given: Badge) -> str:
-    """Badge as SVG."""
+    """Write a badge as SVG."""
     lengths = [round(_CHARACTER * len(text), 1) for text in (given.subject, given.statement)]
     split = round(lengths[0] + 2 * _MARGIN, 1)
     environment = Environment(autoescape=True, undefined=StrictUndefined, keep_trailing_newline=True)

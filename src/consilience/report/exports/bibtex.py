@@ -1,7 +1,7 @@
-"""BibTeX of what a run rests on: the comparison, the engines and their methods, the sources of the cases.
+"""BibTeX of the literature behind a run: the comparison, the engines and their methods, the sources of the cases.
 
-Which work belongs to what stands in ``literature.toml``, here and beside an adapter; a source of a case that no entry of it knows becomes a note
-of its own, so that none is lost.
+``literature.toml``, here and beside an adapter, holds the works and the conditions under which each is cited. A source
+of a case that matches no work becomes a note of its own, so that no source is lost.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from consilience.report.record import Record
 
 CONDITIONS = ("engine", "question", "method", "source")
 _OWN = "All numbers are our own"
-"""Beginning of the source of a case that has none but the case file itself."""
+"""Beginning of the source of a case whose only source is the case file itself."""
 
 
 @cache
 def literature() -> dict[str, dict[str, str]]:
-    """Return the entries by key, type, conditions and fields: of ``literature.toml`` here, then of those of adapters."""
+    """Read the works of all ``literature.toml``, here and beside adapters: type, conditions and fields by key."""
     texts = [files("consilience.report.exports").joinpath("literature.toml").read_text(encoding="utf-8")]
     paths = [adapter_file(point, "literature.toml") for point in installed().values()]
     texts += [path.read_text(encoding="utf-8") for path in paths if path]
@@ -32,7 +32,7 @@ def literature() -> dict[str, dict[str, str]]:
 
 
 def render(record: Record) -> str:
-    """BibTeX of a record; a line above each entry says what it is cited for."""
+    """Write the BibTeX of a record; a line above each entry says what the entry is cited for."""
     version = record.header["packages"]["consilience"]
     own = {
         "type": "misc",
@@ -47,7 +47,7 @@ def render(record: Record) -> str:
 
 
 def cited(record: Record) -> dict[str, list[str]]:
-    """Keys of the literature that a record uses, each with what it is used for, in the order of the table."""
+    """Keys of the works that a record uses, in the order of the table, each with the engines and cases that use it."""
     asked = {_asked(run) for run in record.runs if run["method"] and run["status"] != "unsupported"}
     found: dict[str, list[str]] = {}
     for key, entry in literature().items():
@@ -66,7 +66,7 @@ def _asked(run: Mapping[str, Any]) -> tuple[str, str, str]:
 
 
 def _serves(entry: Mapping[str, str], engine: str, question: str, method: str) -> bool:
-    """Whether all conditions hold that an entry has on runs; False where it has none."""
+    """Whether a run meets all conditions of an entry on runs; False for an entry without such conditions."""
     held = []
     if "engine" in entry:
         held.append(entry["engine"] == engine)
@@ -78,7 +78,7 @@ def _serves(entry: Mapping[str, str], engine: str, question: str, method: str) -
 
 
 def others(record: Record) -> Iterator[tuple[str, str, list[str]]]:
-    """Sources of cases that the literature does not know: key, text, and the cases that name it."""
+    """List sources of cases that match no work: key, text, and the cases that name the source."""
     patterns = [entry["source"] for entry in literature().values() if "source" in entry]
     found: dict[str, list[str]] = {}
     for case in record.cases:

@@ -1,4 +1,4 @@
-"""What every output asks of a record: the verdict of a case, an engine and a question, and what decides it."""
+"""Verdict of each case, engine and question of a record, and the quantity that decides the verdict."""
 
 from __future__ import annotations
 
@@ -7,34 +7,24 @@ from dataclasses import dataclass
 from typing import Any
 
 from consilience.compare import Verdict
+from consilience.compare.judge import REFERENCE
 from consilience.report.record import Record
 from consilience.report.selection import is_matched, judged_largest
-from consilience.report.wording import CAUSES, CAUSES_BY_VERDICT, RANK
-
-REFERENCE = "reference"
-
-CODES: dict[Verdict, int] = {
-    Verdict.AGREES: 0,
-    Verdict.DISCRETISATION: 0,
-    Verdict.REGULARISATION: 0,
-    Verdict.UNSUPPORTED: 0,
-    Verdict.UNRESOLVED: 3,
-    Verdict.MODEL: 1,
-    Verdict.FAILED: 3,
-}
-"""Exit code that a verdict alone would make (docs/verdicts.md): an output calls good what the command calls good."""
+from consilience.report.wording import severity
 
 
 @dataclass(frozen=True)
-class Cell:
-    """One engine on one question of one case: its comparisons with matched settings, which alone decide.
+class QuestionCell:
+    """One engine on one question of one case.
 
     Attributes
     ----------
-    comparisons, runs : tuple of dict
-        As in the record; neither is empty.
+    comparisons : tuple of dict
+        Comparisons of the record with matched settings, which alone decide; at least one.
+    runs : tuple of dict
+        Runs of the record; at least one.
     replay : str
-        Command that asks again.
+        Command that asks the question again.
     """
 
     case: str
@@ -46,8 +36,8 @@ class Cell:
 
     @property
     def worst(self) -> dict[str, Any]:
-        """The comparison that decides: of the worst verdict, and of these the one of the fewest digits."""
-        return max(self.comparisons, key=lambda c: (RANK[c["verdict"]], -_digits(c)))
+        """The comparison that decides: of the worst verdict, then of the fewest digits."""
+        return max(self.comparisons, key=lambda c: severity(c["verdict"], c["digits"]))
 
     @property
     def verdict(self) -> Verdict:
@@ -66,12 +56,8 @@ class Cell:
         return float(sum(run["cpu"] for run in self.runs))
 
 
-def _digits(comparison: dict[str, Any]) -> float:
-    return 17.0 if comparison["digits"] is None else float(comparison["digits"])
-
-
-def cells(record: Record) -> Iterator[Cell]:
-    """All cells in which anything was compared: engine by engine, the reference's own last, then case and question."""
+def cells(record: Record) -> Iterator[QuestionCell]:
+    """List all cells with a comparison: by engine, the reference last, then by case and question."""
     runs: dict[tuple[str, str, str], list[dict[str, Any]]] = {}
     compared: dict[tuple[str, str, str], list[dict[str, Any]]] = {}
     for run in record.runs:
@@ -85,24 +71,18 @@ def cells(record: Record) -> Iterator[Cell]:
                 key = (case["name"], engine, question)
                 if key in compared:
                     again = record.again(case, engine, question)
-                    yield Cell(*key, tuple(compared[key]), tuple(runs[key]), again)
+                    yield QuestionCell(*key, tuple(compared[key]), tuple(runs[key]), again)
 
 
 def engines(record: Record, reference: bool = False) -> list[str]:
-    """Engines that started, without the reference, or with it as the last."""
+    """Names of the engines that started; the reference is left out, or comes last."""
     names = [name for name in record.header["engines"] if name != REFERENCE]
     return [*names, REFERENCE] if reference and REFERENCE in record.header["engines"] else names
 
 
-def cause(comparison: dict[str, Any]) -> str:
-    """Why the verdict is what it is, in a sentence without numbers."""
-    rule = comparison["rule"]
-    return CAUSES[rule] if rule in CAUSES else CAUSES_BY_VERDICT[comparison["verdict"]]
-
-
 @dataclass(frozen=True)
 class Deciding:
-    """The quantity nearest to its bar, or farthest beyond; None where a number is absent or not finite."""
+    """The quantity nearest to its bar, or farthest beyond; None for a number that is absent or not finite."""
 
     name: str
     difference: float | None
@@ -110,9 +90,9 @@ class Deciding:
 
 
 def deciding(comparison: dict[str, Any], case: dict[str, Any]) -> Deciding:
-    """The numbers behind a verdict.
+    """Return the quantity that decides a comparison.
 
-    Of a motion the largest difference of the finest level, up to the horizon, and the digits asked.
+    For a motion: the largest difference of the finest level up to the horizon, and the digits asked.
     """
     if comparison["levels"]:
         return Deciding("motion", judged_largest(comparison, comparison["levels"][-1]), 10.0 ** -case["digits"])
@@ -124,7 +104,7 @@ def deciding(comparison: dict[str, Any], case: dict[str, Any]) -> Deciding:
 
 
 def _nearness(quantity: dict[str, Any]) -> float:
-    """Difference over bar; infinite where the difference is not finite or a bar of 0 is missed."""
+    """Return difference over bar; infinite if the difference is not finite, or if a bar of 0 is missed."""
     difference, bar = quantity["difference"], quantity["bar"]
     if difference is None:
         return float("inf")

@@ -1,12 +1,13 @@
-"""JSON: a run in one document of a published form (`consilience export --schema`).
+"""JSON: a run as one document with a published schema (`consilience export --schema`).
 
-The record itself, ``report.jsonl``, holds more (every answer) and may change with the harness; this form is kept. A
-field that changes its meaning makes another `FORMAT`; new fields do not.
+The record itself, ``report.jsonl``, also holds every answer, and its format may change with the harness; the format of
+this document is stable. A field with a new meaning makes another `FORMAT`; a new field does not.
 """
 
 from __future__ import annotations
 
-from typing import Any, TypeVar
+from enum import StrEnum
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -20,14 +21,21 @@ FORMAT = 1
 SCHEMA_ID = "urn:consilience:schema:results:1"
 
 
-class _Table(BaseModel):
+if TYPE_CHECKING:
+    _QuestionName = Question
+else:
+    _QuestionName = StrEnum("Question", {name.upper(): str(name) for name in Question})
+    _QuestionName.__doc__ = "What can be asked of an engine."
+
+
+class _DocumentModel(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
 
-_T = TypeVar("_T", bound=_Table)
+_T = TypeVar("_T", bound=_DocumentModel)
 
 
-class EngineTable(_Table):
+class EngineTable(_DocumentModel):
     """An engine that started."""
 
     version: str
@@ -35,8 +43,11 @@ class EngineTable(_Table):
     remarks: str
 
 
-class CaseTable(_Table):
+class ExportedCase(_DocumentModel):
     """A case as it was asked."""
+
+    __qualname__ = "CaseTable"  # name in the published schema
+    model_config = ConfigDict(title="CaseTable")
 
     name: str
     title: str
@@ -50,7 +61,7 @@ class CaseTable(_Table):
     instants: int = Field(description="Number of states of the question `instant`.")
 
 
-class QuantityTable(_Table):
+class QuantityTable(_DocumentModel):
     """A compared quantity."""
 
     name: str
@@ -60,7 +71,7 @@ class QuantityTable(_Table):
     remark: str
 
 
-class LevelTable(_Table):
+class LevelTable(_DocumentModel):
     """A motion at one step size or tolerance."""
 
     step: float = Field(description="Step in s; of an adaptive method its tolerance.")
@@ -71,12 +82,12 @@ class LevelTable(_Table):
     counters: dict[str, float] = Field(description="Work, as the engine counts it.")
 
 
-class ComparisonTable(_Table):
+class ComparisonTable(_DocumentModel):
     """One engine, question and method against the reference."""
 
     case: str
     engine: str
-    question: Question
+    question: _QuestionName
     method: str
     route: str | None = Field(description="How much of the answer is the engine's own; null without a method.")
     profile: Profile = Field(description="Only `matched` decides the exit code.")
@@ -96,7 +107,7 @@ class ComparisonTable(_Table):
     levels: list[LevelTable] = Field(description="Coarse to fine.")
 
 
-class Document(_Table):
+class Document(_DocumentModel):
     """What a run found out."""
 
     model_config = ConfigDict(extra="forbid", title="Results of Consilience", json_schema_extra={"$id": SCHEMA_ID})
@@ -106,32 +117,32 @@ class Document(_Table):
     platform: str
     python: str
     packages: dict[str, str]
-    questions: list[Question]
+    questions: list[_QuestionName]
     exit_code: int = Field(description="0 agree, 1 some differ in the model, 3 incomplete.")
     engines: dict[str, EngineTable]
     missing: dict[str, str] = Field(description="Engines that did not start, and why.")
-    cases: list[CaseTable]
+    cases: list[ExportedCase]
     comparisons: list[ComparisonTable]
 
 
 def render(record: Record) -> str:
-    """JSON document of a record."""
+    """Write the JSON document of a record."""
     return document(record).model_dump_json(indent=2) + "\n"
 
 
 def schema() -> dict[str, Any]:
-    """JSON Schema (draft 2020-12) of the document."""
+    """Return the JSON Schema (draft 2020-12) of the document."""
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **Document.model_json_schema()}
 
 
 def document(record: Record) -> Document:
-    """Document of a record."""
+    """Make the document of a record."""
     header, cases = record.header, {case["name"]: case for case in record.cases}
     return Document(
         format=FORMAT,
         exit_code=record.footer["exit_code"],
         engines={name: _same(EngineTable, info) for name, info in header["engines"].items()},
-        cases=[_same(CaseTable, case | {"joints": [joint[0] for joint in case["joints"]]}) for case in record.cases],
+        cases=[_same(ExportedCase, case | {"joints": [joint[0] for joint in case["joints"]]}) for case in record.cases],
         comparisons=[_comparison(c, record, cases[c["case"]]) for c in record.comparisons],
         **{name: header[name] for name in ("written", "platform", "python", "packages", "questions", "missing")},
     )
@@ -154,5 +165,5 @@ def _comparison(comparison: dict[str, Any], record: Record, case: dict[str, Any]
 
 
 def _same(table: type[_T], values: dict[str, Any]) -> _T:
-    """A table of the fields that it has."""
+    """Make a table from the values of its fields; other values are ignored."""
     return table.model_validate({name: values[name] for name in table.model_fields})

@@ -1,9 +1,10 @@
-"""JUnit XML: one suite an engine, one test a case and question, for what shows tests of a build.
+"""JUnit XML: a suite for each engine, a test for each case and question.
 
-The form is the common part of the dialects, which Ant's schema (windyroad) and Jenkins's (junit-10) both accept: every
-attribute that the first requires, children in its order, and texts of a test nowhere but in its outcome.
+The document is valid against both Ant's schema (windyroad) and Jenkins's (junit-10): it has every attribute that Ant
+requires, children in Ant's order, and texts of a test only in its outcome.
 
-A verdict becomes what it does to the exit code: 1 a ``failure``, 3 an ``error``, unsupported ``skipped``; else passed.
+The exit code of a verdict decides the outcome of its test: 1 ``failure``, 3 ``error``, unsupported ``skipped``, else
+passed.
 """
 
 from __future__ import annotations
@@ -13,20 +14,21 @@ from collections.abc import Sequence
 from typing import Any
 from xml.etree import ElementTree as ET
 
-from consilience.compare import Verdict
-from consilience.report.exports.digest import CODES, REFERENCE, Cell, cause, cells, engines
+from consilience.compare import CODES, Verdict
+from consilience.compare.judge import REFERENCE
+from consilience.report.exports.digest import QuestionCell, cells, engines
 from consilience.report.record import Record
-from consilience.report.wording import digits_text, number
+from consilience.report.wording import cause_of, digits_text, number
 
 KINDS = {0: "", 1: "failure", 3: "error"}
-"""Element of a test by the exit code that its verdict makes."""
+"""Element of a test by the exit code of its verdict."""
 
 _FORBIDDEN = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-"""What XML 1.0 cannot hold, and an engine may print."""
+"""Characters that XML 1.0 cannot hold; an engine may print them."""
 
 
 def render(record: Record) -> str:
-    """JUnit XML of a record."""
+    """Write the JUnit XML of a record."""
     found = list(cells(record))
     root = ET.Element("testsuites")
     for engine in engines(record, reference=True):
@@ -39,7 +41,7 @@ def render(record: Record) -> str:
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
 
 
-def _suite(engine: str, number_: int, own: Sequence[Cell], record: Record) -> ET.Element:
+def _suite(engine: str, number_: int, own: Sequence[QuestionCell], record: Record) -> ET.Element:
     kinds = [_kind(cell.verdict) for cell in own]
     suite = _head(engine, number_, record, kinds, sum(cell.cpu for cell in own))
     for cell, kind in zip(own, kinds, strict=True):
@@ -102,17 +104,21 @@ def _kind(verdict: Verdict) -> str:
     return "skipped" if verdict is Verdict.UNSUPPORTED else KINDS[CODES[verdict]]
 
 
-def _line(cell: Cell) -> str:
-    """A test in one line, those that pass too: their digits are the news."""
+def _line(cell: QuestionCell) -> str:
+    """Write a test in one line, with its digits."""
     digits = "" if cell.digits is None else f", {digits_text(cell.digits)} digits"
     return f"{cell.case}, {cell.question}: {cell.verdict}{digits}: {cell.worst['why']}"
 
 
-def evidence(cell: Cell) -> str:
-    """Everything that a reader of a build needs: methods, numbers, cause, what the engine printed, how to ask again."""
+def evidence(cell: QuestionCell) -> str:
+    """Write the evidence of a cell: methods, numbers, causes, output of the engine, command that asks again."""
     lines = []
     for c in cell.comparisons:
-        lines += [f"{c['method'] or 'no method'}: {c['verdict']}", f"  {c['why']}", f"  {cause(c)}"]
+        lines += [
+            f"{c['method'] or 'no method'}: {c['verdict']}",
+            f"  {c['why']}",
+            f"  {cause_of(c['rule'], c['verdict'])}",
+        ]
         lines += [
             f"  {q['name']}: difference {_or_not_finite(q['difference'])}, bar {number(q['bar'])}"
             for q in c["quantities"]

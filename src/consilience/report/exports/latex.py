@@ -1,6 +1,6 @@
 """A LaTeX table for a paper: correct digits of every case and engine, set with booktabs.
 
-One group of columns a question; what differs from plain agreement is marked by a symbol that the note explains.
+Each question has a group of columns. Verdicts other than plain agreement have a symbol, explained in the note.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 
 from consilience.compare import Verdict
 from consilience.engine import Question
-from consilience.report.exports.digest import Cell, cells, engines
+from consilience.report.exports.digest import QuestionCell, cells, engines
 from consilience.report.record import Record
 from consilience.report.wording import LOOKS, digits_text
 
@@ -22,7 +22,7 @@ SYMBOLS: dict[Verdict, str] = {
     Verdict.MODEL: r"$\neq$",
     Verdict.FAILED: "!",
 }
-"""In front of the digits; those of `Look` as far as every font of LaTeX has them."""
+"""Symbols before the digits: those of `Look` where every font of LaTeX has them."""
 
 _SPECIAL = str.maketrans(
     {
@@ -37,12 +37,12 @@ _SPECIAL = str.maketrans(
 
 
 def escaped(text: str) -> str:
-    """Text that LaTeX sets literally."""
+    """Escape the special characters of LaTeX."""
     return text.translate(_SPECIAL)
 
 
 def render(record: Record) -> str:
-    """Table environment; it needs ``booktabs``."""
+    """Write a record as a table environment; the table needs ``booktabs``."""
     found = {(cell.case, cell.engine, cell.question): cell for cell in cells(record)}
     questions, names = _questions(record), engines(record)
     rows = [
@@ -55,20 +55,20 @@ def render(record: Record) -> str:
 
 
 def _questions(record: Record) -> list[str]:
-    """The questions that have a column: what is read back from a model tells nothing of an engine's accuracy."""
+    """Questions that have columns: all but `model`, which says nothing about accuracy."""
     asked: list[str] = record.header["questions"]
     return [q for q in asked if q != Question.MODEL] or asked
 
 
-def _entry(cell: Cell | None) -> str:
+def _entry(cell: QuestionCell | None) -> str:
     if cell is None:
         return ""
     digits = "" if cell.digits is None else digits_text(cell.digits)
     return f"{SYMBOLS[cell.verdict]} {digits}".strip()
 
 
-def _notes(shown: Sequence[Cell]) -> Iterator[str]:
-    """What the symbols mean that occur."""
+def _notes(shown: Sequence[QuestionCell]) -> Iterator[str]:
+    """Explain the symbols that occur."""
     occurring = {cell.verdict for cell in shown}
     for verdict, symbol in SYMBOLS.items():
         if symbol and verdict in occurring:

@@ -1,7 +1,7 @@
-"""Plots of a motion fit for a paper: every engine against the reference, as SVG, PDF or PNG.
+"""Plots of a motion for a paper: every engine against the reference, as SVG, PDF or PNG.
 
-Drawn by Matplotlib, which needs no browser: text as outlines, the same bytes for the same record. Engines differ by
-colour, dashes and marker at once, so that a print in grey can be read.
+Matplotlib draws without a browser: text is outlines, and the same record gives the same bytes. Engines differ by
+colour, dashes and marker at once, so that a plot can be read in grey.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from consilience.compare.judge import REFERENCE
 from consilience.errors import InvalidInput
-from consilience.report.exports.digest import REFERENCE
 from consilience.report.figure import COLOURS
 from consilience.report.record import Record
 from consilience.report.selection import is_matched, judged_largest, mean_step, method_of, motions_of
@@ -38,66 +38,62 @@ SETTINGS: Any = {
     "pdf.fonttype": 42,
 }
 WIDTH, HEIGHT, ENTRY = 4.8, 3.0, 0.15
-"""Inches: one and a half columns of a journal, and what an entry of the legend below adds."""
+"""Inches: one and a half columns of a journal, and the height of an entry of the legend below."""
 
-Motion = dict[str, Any]
+Points = Iterator[tuple[float | None, float | None]]
 
 
 @dataclass(frozen=True)
-class Kind:
+class PlotKind:
     """A kind of plot.
 
     Attributes
     ----------
+    across, upwards : str
+        Titles of the axes.
     points : callable
-        Abscissas and ordinates of a motion, of its method and of its case; None where there is none.
+        Function from the comparison of a motion, its method and its case to abscissas and ordinates; None: no value.
     over_time : bool
-        One line a motion; else one marker a level, both axes logarithmic.
+        Whether a motion is a line over time; else it has a marker for each level, on two logarithmic axes.
     asked : bool
-        Whether the digits asked are on the axis upwards.
+        Whether the digits asked can be shown on the axis upwards.
     """
 
     across: str
     upwards: str
-    points: Callable[[Motion, dict[str, Any], dict[str, Any]], Iterator[tuple[float | None, float | None]]]
+    points: Callable[[dict[str, Any], dict[str, Any], dict[str, Any]], Points]
     over_time: bool
     asked: bool
 
 
-def _over_time(name: str) -> Callable[[Motion, dict[str, Any], dict[str, Any]], Iterator[tuple[float, float | None]]]:
-    def points(motion: Motion, method: dict[str, Any], case: dict[str, Any]) -> Iterator[tuple[float, float | None]]:
-        yield from zip(motion["times"], motion["levels"][-1][name], strict=True)
-
-    return points
+def _over_time(name: str) -> Callable[[dict[str, Any], dict[str, Any], dict[str, Any]], Points]:
+    """Return the points of a field of the finest level over time."""
+    return lambda motion, _method, _case: zip(motion["times"], motion["levels"][-1][name], strict=True)
 
 
-def _over_step(
-    motion: Motion, method: dict[str, Any], case: dict[str, Any]
-) -> Iterator[tuple[float | None, float | None]]:
+def _over_step(motion: dict[str, Any], method: dict[str, Any], case: dict[str, Any]) -> Points:
     for level in motion["levels"]:
         yield mean_step(level, method, case["duration"]), judged_largest(motion, level)
 
 
-def _over_work(
-    motion: Motion, method: dict[str, Any], case: dict[str, Any]
-) -> Iterator[tuple[float | None, float | None]]:
+def _over_work(motion: dict[str, Any], _method: dict[str, Any], _case: dict[str, Any]) -> Points:
     for level in motion["levels"]:
         yield level["cpu"], judged_largest(motion, level)
 
 
 _DIFFERENCE = "largest difference to the reference"
-KINDS: dict[str, Kind] = {
-    "difference": Kind("time in s", "difference to the reference", _over_time("difference"), True, True),
-    "convergence": Kind("step in s", _DIFFERENCE, _over_step, False, True),
-    "energy": Kind("time in s", "|energy change| / largest kinetic energy", _over_time("energy"), True, False),
-    "work-precision": Kind("CPU time in s", _DIFFERENCE, _over_work, False, True),
+PLOTS: dict[str, PlotKind] = {
+    "difference": PlotKind("time in s", "difference to the reference", _over_time("difference"), True, True),
+    "convergence": PlotKind("step in s", _DIFFERENCE, _over_step, False, True),
+    "energy": PlotKind("time in s", "|energy change| / largest kinetic energy", _over_time("energy"), True, False),
+    "work-precision": PlotKind("CPU time in s", _DIFFERENCE, _over_work, False, True),
 }
-"""What can be drawn, by the word of ``--what``."""
+"""Kinds of plots by the value of ``--what``."""
 
 
 @dataclass(frozen=True)
-class Line:
-    """A motion as it is drawn: what a logarithmic axis cannot show is left out."""
+class PlottedMotion:
+    """The points of a motion, without those that a logarithmic axis cannot show."""
 
     label: str
     x: tuple[float, ...]
@@ -105,12 +101,15 @@ class Line:
 
 
 def plotted(record: Record, case: str, what: str, form: str) -> bytes:
-    """Plot of a case as the bytes of a file.
+    """Plot a case, and return the bytes of the file.
 
     Parameters
     ----------
+    record : Record
+    case : str
+        Name of the case.
     what : str
-        A key of `KINDS`.
+        A key of `PLOTS`.
     form : str
         One of `FORMATS`.
 
@@ -129,15 +128,15 @@ def plotted(record: Record, case: str, what: str, form: str) -> bytes:
             "Install the extra: pip install 'consilience[plot]'.",
         ) from None
     about = _case(record, case)
-    drawn, motions = lines(record, about, KINDS[what]), motions_of(case, record.comparisons)
+    drawn, motions = lines(record, about, PLOTS[what]), motions_of(case, record.comparisons)
     with rc_context(SETTINGS):
         figure = Figure(figsize=(WIDTH, HEIGHT + ENTRY * len(drawn)), layout="constrained")
         axes = figure.subplots()
-        _draw(axes, KINDS[what], drawn)
-        _mark(axes, KINDS[what], about, motions[0])
+        _draw(axes, PLOTS[what], drawn)
+        _mark(axes, PLOTS[what], about, motions[0])
         figure.legend(loc="outside lower left")
         target = io.BytesIO()
-        # no date: the same record makes the same file
+        # without a date the same record gives the same file
         figure.savefig(target, format=form, dpi=300, metadata={"Title": f"{case}: {what}"} | _undated(form))
     return target.getvalue()
 
@@ -154,8 +153,8 @@ def _case(record: Record, name: str) -> dict[str, Any]:
     raise InvalidInput(f"case '{name}'", "it is not in this run", f"Cases: {known}.")
 
 
-def lines(record: Record, case: dict[str, Any], kind: Kind) -> list[tuple[int, Line]]:
-    """Lines of the motions with matched settings, each with the number of its engine."""
+def lines(record: Record, case: dict[str, Any], kind: PlotKind) -> list[tuple[int, PlottedMotion]]:
+    """List the motions with matched settings, each with the number of its engine."""
     names = [name for name in record.header["engines"] if name != REFERENCE]
     found = []
     for motion in motions_of(case["name"], record.comparisons):
@@ -168,7 +167,7 @@ def lines(record: Record, case: dict[str, Any], kind: Kind) -> list[tuple[int, L
             if not kind.over_time and motion["order"] is not None:
                 label += f", order {order_text(motion['order'])}"
             x, y = zip(*shown, strict=True)
-            found.append((names.index(motion["engine"]), Line(label, x, y)))
+            found.append((names.index(motion["engine"]), PlottedMotion(label, x, y)))
     if not found:
         raise InvalidInput(
             f"case '{case['name']}'",
@@ -178,7 +177,7 @@ def lines(record: Record, case: dict[str, Any], kind: Kind) -> list[tuple[int, L
     return sorted(found, key=lambda pair: pair[0])
 
 
-def _draw(axes: Axes, kind: Kind, lines: list[tuple[int, Line]]) -> None:
+def _draw(axes: Axes, kind: PlotKind, lines: list[tuple[int, PlottedMotion]]) -> None:
     seen: dict[int, int] = {}
     for engine, line in lines:
         nth = seen[engine] = seen.get(engine, -1) + 1
@@ -204,7 +203,7 @@ def _draw(axes: Axes, kind: Kind, lines: list[tuple[int, Line]]) -> None:
 
 
 def _label(axes: Axes) -> None:
-    """Plain numbers at 1, 2, 5 where there are few powers of ten, instead of labels that run into one another."""
+    """Label 1, 2 and 5 times powers of ten as plain numbers on an axis of few decades: labels must not overlap."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter  # noqa: PLC0415 - an extra
 
     least, most = axes.get_xlim()
@@ -214,8 +213,8 @@ def _label(axes: Axes) -> None:
         axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
 
 
-def _mark(axes: Axes, kind: Kind, case: dict[str, Any], motion: Motion) -> None:
-    """What was asked, how certain the reference is, and what lies beyond the horizon."""
+def _mark(axes: Axes, kind: PlotKind, case: dict[str, Any], motion: dict[str, Any]) -> None:
+    """Mark the digits asked, the uncertainty of the reference, and the time beyond the horizon."""
     if kind.asked:
         axes.axhline(10.0 ** -case["digits"], color=GREY, linestyle="--", linewidth=0.8, label="asked")
         if motion["reference_spread"]:

@@ -1,4 +1,4 @@
-"""CSV: one row a comparison, those at the engines' defaults too."""
+"""CSV: a row for each comparison, with matched and with default settings."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ COLUMNS: dict[str, str] = {
     "cpu": "CPU time of its runs in s",
     "why": "the decision in numbers",
 }
-"""Columns and what they hold."""
+"""Columns, and their meaning."""
 
 
 def render(record: Record) -> str:
-    """CSV of a record (RFC 4180), numbers at full precision, absent ones empty."""
+    """Write the CSV of a record (RFC 4180): numbers at full precision, absent numbers empty."""
     text = io.StringIO()
     writer = csv.DictWriter(text, COLUMNS)
     writer.writeheader()
@@ -44,7 +44,7 @@ def render(record: Record) -> str:
 
 
 def rows(record: Record) -> Iterator[dict[str, Any]]:
-    """Rows by column; None for what is absent."""
+    """List the rows as values by column; None for an absent value."""
     cases = {case["name"]: case for case in record.cases}
     for comparison in record.comparisons:
         runs = levels_of(record.runs_of(comparison))

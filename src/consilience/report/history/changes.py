@@ -1,15 +1,15 @@
-"""Changes between two records: surroundings, cases, and every answer's verdict, digits and time.
+"""Changes between two records: versions, cases, engines, and verdict, digits and time of every answer.
 
-Answers are the same where case, engine, question and method are. A change is worse where the verdict is further down
-the list of `Verdict`, digits are lost, or an engine no longer starts. Of answers at the engines' own defaults, of cases
-that did not ask the same both times, and of time, changes are told and nothing is called worse: the first decide
-nothing, the second cannot be compared, the third is noisy.
+Answers correspond where case, engine, question and method are equal. A change is worse where the verdict is further
+down the list of `Verdict`, digits are lost, or an engine no longer starts. Three kinds of changes are listed and never
+called worse: answers at the engines' own defaults decide nothing, answers to a case that asked something else cannot
+be compared, and times are noisy.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from consilience.compare import Verdict
@@ -18,35 +18,38 @@ from consilience.report.selection import is_matched
 from consilience.report.wording import digits_text, seconds
 
 DIGITS = 0.5
-"""Change in digits that is told, if nobody says otherwise: a threefold difference."""
+"""Least change in digits that is listed by default: a factor of three in the difference."""
 
 RATIO, LEAST_TIME = 2.0, 0.1
-"""Ratio of CPU times from which on a change is told, and the time in s that the longer one has to take."""
+"""Least ratio of CPU times that is listed, and the least longer time in s."""
 
-Key = tuple[str, str, str, str]
+AnswerKey = tuple[str, str, str, str]
 """Case, engine, question and method."""
+
+HEADS = {"effect": "", "kind": "what", "where": "where", "before": "before", "after": "after", "why": "why"}
+"""Columns of a table of changes."""
 
 _ORDER = [str(verdict) for verdict in Verdict]
 
 _ASKED = ("duration", "sample", "digits", "instants", "bodies", "joints", "rows")
-"""Of a case, what an answer depends on and the record holds."""
+"""Fields of a case in the record that decide its answers."""
 
 
 @dataclass(frozen=True)
 class Change:
-    """One thing that is not as it was.
+    """A change from one record to another.
 
     Attributes
     ----------
     kind : {"version", "case", "engine", "answer", "verdict", "digits", "time"}
     effect : {"worse", "better", ""}
-        Empty where it is neither.
+        Empty for a change that is neither.
     where : str
-        What has changed, in words.
+        Name of what has changed.
     before, after : str
-        Empty where there was, or is, nothing.
+        Values; empty where a record has none.
     why : str
-        Of a verdict, what the later report says.
+        Reason of a verdict in the later record.
     """
 
     kind: str
@@ -58,13 +61,15 @@ class Change:
 
 
 @dataclass(frozen=True)
-class Answer:
-    """What a record says of one answer.
+class AnswerSummary:
+    """Verdict, digits and time of an answer in a record.
 
     Attributes
     ----------
     cpu : float, s
-        Of all runs of its method.
+        CPU time of all runs of the method.
+    matched : bool
+        Whether the engine ran with matched settings.
     """
 
     verdict: str
@@ -74,8 +79,8 @@ class Answer:
     why: str
 
 
-def answers(record: Record, renamed: Mapping[str, str] | None = None) -> dict[Key, Answer]:
-    """Every answer of a record; with other names for some engines, to stand beside another record's, theirs alone."""
+def answers(record: Record, renamed: Mapping[str, str] | None = None) -> dict[AnswerKey, AnswerSummary]:
+    """Summarise every answer of a record; with `renamed`, answers of the renamed engines alone, under the new names."""
     names = renamed or {name: name for name in record.header["engines"]}
     found = {}
     for c in record.comparisons:
@@ -83,7 +88,7 @@ def answers(record: Record, renamed: Mapping[str, str] | None = None) -> dict[Ke
             continue
         key = (c["case"], names[c["engine"]], c["question"], c["method"])
         cpu = sum(run["cpu"] for run in record.runs_of(c))
-        found[key] = Answer(c["verdict"], c["digits"], cpu, is_matched(c), c["why"])
+        found[key] = AnswerSummary(c["verdict"], c["digits"], cpu, is_matched(c), c["why"])
     return found
 
 
@@ -93,14 +98,15 @@ def changes(
     renamed: Mapping[str, str] | None = None,
     digits: float = DIGITS,
 ) -> list[Change]:
-    """All changes, the worse ones first, then the better ones.
+    """List the changes between two records: worse ones first, then better ones.
 
     Parameters
     ----------
+    before, after : Record
     renamed : mapping of str to str
-        Engines of `before` and the names they have in `after`; with it only these are compared.
+        Names of engines in `before` to their names in `after`; only these engines are compared.
     digits : float
-        Change in digits from which on one is told.
+        Least change in digits that is listed.
     """
     names = dict(renamed or {})
     old, new = answers(before, names), answers(after, {name: name for name in names.values()})
@@ -116,7 +122,7 @@ def changes(
 
 
 def _surroundings(before: Record, after: Record, names: Mapping[str, str]) -> Iterator[Change]:
-    """Versions of engines, adapters and packages, and the machine."""
+    """List changed versions of engines, adapters and packages, and another machine."""
     old, new = ({**r.header["packages"], "Python": r.header["python"]} for r in (before, after))
     old |= {"platform": before.header["platform"], "processor": before.header["processor"]}
     new |= {"platform": after.header["platform"], "processor": after.header["processor"]}
@@ -130,7 +136,7 @@ def _surroundings(before: Record, after: Record, names: Mapping[str, str]) -> It
 
 
 def _cases(before: Record, after: Record) -> Iterator[Change]:
-    """Cases that are new or gone, or ask something else."""
+    """List cases that only one record has, and cases that ask something else."""
     old, new = ({case["name"]: case for case in record.cases} for record in (before, after))
     for name in dict.fromkeys((*old, *new)):
         if name not in new:
@@ -143,7 +149,7 @@ def _cases(before: Record, after: Record) -> Iterator[Change]:
 
 
 def _asked_otherwise(before: Record, after: Record) -> set[str]:
-    """Cases of both records that do not ask the same."""
+    """Names of cases that both records have and that ask something else."""
     old, new = ({case["name"]: [case[what] for what in _ASKED] for case in r.cases} for r in (before, after))
     return {name for name in old.keys() & new.keys() if old[name] != new[name]}
 
@@ -153,7 +159,7 @@ def _short(value: Any) -> str:
 
 
 def _engines(before: Record, after: Record, names: Mapping[str, str]) -> Iterator[Change]:
-    """Engines that are new or gone, or no longer start; of engines under two names nothing can be said."""
+    """List engines that only one record has, or that start in one alone; nothing if engines are renamed."""
     if names:
         return
     old, new, missing = set(before.header["engines"]), set(after.header["engines"]), after.header["missing"]
@@ -170,9 +176,9 @@ def _engines(before: Record, after: Record, names: Mapping[str, str]) -> Iterato
 
 
 def _added_and_removed(
-    before: Record, after: Record, old: Mapping[Key, Answer], new: Mapping[Key, Answer]
+    before: Record, after: Record, old: Mapping[AnswerKey, AnswerSummary], new: Mapping[AnswerKey, AnswerSummary]
 ) -> Iterator[Change]:
-    """Answers by methods that only one of the records has, of cases and engines that both have."""
+    """List answers by methods that only one record has, of cases and engines that both have."""
     cases = {c["name"] for c in before.cases} & {c["name"] for c in after.cases}
     engines = {key[1] for key in old} & {key[1] for key in new}
     for key in sorted(old.keys() ^ new.keys()):
@@ -182,13 +188,15 @@ def _added_and_removed(
             yield Change("answer", "", _words(key), verdict if gone else "", "" if gone else verdict)
 
 
-def _words(key: Key) -> str:
+def _words(key: AnswerKey) -> str:
     case, engine, question, method = key
     return f"{case} on {engine}, {question}" + (f", {method}" if method else "")
 
 
-def _of_answer(key: Key, old: Answer, new: Answer, digits: float, timed: bool, same: bool) -> Iterator[Change]:
-    """Verdict, or else digits, and time; neither worse nor better where the case did not ask the same."""
+def _of_answer(
+    key: AnswerKey, old: AnswerSummary, new: AnswerSummary, digits: float, timed: bool, same: bool
+) -> Iterator[Change]:
+    """List a changed verdict, else changed digits, and changed time; `same`: the case asks the same in both records."""
     where = _words(key)
 
     def effect(gain: float) -> str:
@@ -206,3 +214,24 @@ def _of_answer(key: Key, old: Answer, new: Answer, digits: float, timed: bool, s
         yield Change("digits", effect(lost[1] - lost[0]), where, digits_text(lost[0]), digits_text(lost[1]))
     if timed and max(old.cpu, new.cpu) >= LEAST_TIME and not 1 / RATIO < (old.cpu + 1e-9) / (new.cpu + 1e-9) < RATIO:
         yield Change("time", "", where, seconds(old.cpu), seconds(new.cpu))
+
+
+# ---------------------------------------------------------------- statements
+
+
+def change_table(found: Sequence[Change], title: str) -> tuple[str, Sequence[str], Sequence[Sequence[str]]]:
+    """Write changes as a table of a `Statement`, without empty columns."""
+    shown = [name for name in HEADS if any(getattr(change, name) for change in found)]
+    rows = [tuple(str(getattr(change, name)) for name in shown) for change in found]
+    return title, [HEADS[name] for name in shown], rows
+
+
+def count_effects(found: Sequence[Change]) -> str:
+    """Count worse, better and other changes, in a sentence."""
+    count = {name: sum(change.effect == name for change in found) for name in ("worse", "better", "")}
+    return f"{count['worse']} worse, {count['better']} better, {count['']} other changes."
+
+
+def plain(found: Sequence[Change]) -> list[dict[str, str]]:
+    """Return changes as data for JSON."""
+    return [asdict(change) for change in found]

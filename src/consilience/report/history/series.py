@@ -1,4 +1,4 @@
-"""A series of reports in the order of their dates: verdicts, digits and time of every engine, and the changes."""
+"""A series of reports by date: verdicts, digits and time of every engine, and the changes between reports."""
 
 from __future__ import annotations
 
@@ -11,30 +11,38 @@ from typing import Any
 
 from consilience.compare import Verdict
 from consilience.errors import InvalidInput
-from consilience.report.history.changes import Answer, Change, answers, changes
-from consilience.report.history.show import Sheet, counted_effects, plain, table_of
+from consilience.report.history.changes import (
+    AnswerSummary,
+    Change,
+    answers,
+    change_table,
+    changes,
+    count_effects,
+    plain,
+)
 from consilience.report.record import Record, read_record
+from consilience.report.statement import Statement
 from consilience.report.wording import counted, digits_text, seconds
 
 MOST_REPORTS = 1_000
-"""Reports of a series at most."""
+"""Largest number of reports in a series."""
 
-Dated = tuple[str, Record]
-"""The folder of a report within that of the series, and its record."""
+NamedRecord = tuple[str, Record]
+"""Folder of a report, relative to the folder of the series, and its record."""
 
 
-def read_series(folder: Path) -> tuple[list[Dated], dict[str, str]]:
-    """Reports in and below a folder by their dates, and why others cannot be read.
+def read_series(folder: Path) -> tuple[list[NamedRecord], dict[str, str]]:
+    """Read the reports in and below a folder, sorted by date; the second result names unreadable reports and why.
 
     Raises
     ------
     InvalidInput
-        There is none, or there are too many.
+        If there is no readable report, or there are too many.
     """
     paths = sorted(folder.rglob("report.jsonl"))
     if len(paths) > MOST_REPORTS:
         raise InvalidInput(str(folder), f"it holds {len(paths)} reports", f"Choose {MOST_REPORTS} at most.")
-    found: list[Dated] = []
+    found: list[NamedRecord] = []
     unread: dict[str, str] = {}
     for path in paths:
         name = str(path.parent.relative_to(folder))
@@ -46,17 +54,17 @@ def read_series(folder: Path) -> tuple[list[Dated], dict[str, str]]:
         reasons = "; ".join(f"{name}: {why}" for name, why in unread.items())
         what = f"none of its reports can be read: {reasons}" if reasons else "there is no report in it"
         raise InvalidInput(str(folder), what, "Give a folder of folders that `consilience run -o` wrote.")
-    return sorted(found, key=lambda dated: datetime.fromisoformat(dated[1].header["written"])), unread
+    return sorted(found, key=lambda named: datetime.fromisoformat(named[1].header["written"])), unread
 
 
-def series_sheet(series: Sequence[Dated], unread: dict[str, str], digits: float) -> Sheet:
-    """What a series says: a line for each report and engine, then the changes from each report to the next."""
+def series_statement(series: Sequence[NamedRecord], unread: dict[str, str], digits: float) -> Statement:
+    """State a series: a row for each report and engine, then the changes from each report to the next."""
     steps = [(b[0], changes(a[1], b[1], digits=digits)) for a, b in pairwise(series)]
     rows = [row for name, record in series for row in _rows(name, record)]
     sentences = [
         f"{counted(len(series), 'report')} from {series[0][1].header['written']} to {series[-1][1].header['written']}."
     ]
-    sentences += [f"{name}: {counted_effects(found)}" for name, found in steps]
+    sentences += [f"{name}: {count_effects(found)}" for name, found in steps]
     sentences += [f"{name} is left out: {why}" for name, why in unread.items()]
     heads = ("report", "written", "engine", "version", "agree", "answers", "median digits", "CPU time")
     data: dict[str, Any] = {
@@ -66,8 +74,8 @@ def series_sheet(series: Sequence[Dated], unread: dict[str, str], digits: float)
         "changes": [{"report": name, "worse": _worse(found), "changes": plain(found)} for name, found in steps],
         "series": _series(series),
     }
-    told = [table_of(found, f"changes to {name}") for name, found in steps]
-    return Sheet(sentences, [("engines over time, matched methods", heads, rows), *told], data)
+    tables = [change_table(found, f"changes to {name}") for name, found in steps]
+    return Statement(sentences, [("engines over time, matched methods", heads, rows), *tables], data)
 
 
 def _worse(found: Sequence[Change]) -> int:
@@ -86,7 +94,7 @@ def _about(name: str, record: Record) -> dict[str, Any]:
 
 
 def _rows(name: str, record: Record) -> Iterator[tuple[str, ...]]:
-    """A line for each engine of a report: how many answers agree, their digits, their time."""
+    """Summarise each engine of a report: answers that agree, all answers, median digits, CPU time."""
     found = answers(record)
     for engine, about in record.header["engines"].items():
         own = [answer for key, answer in found.items() if key[1] == engine and answer.matched]
@@ -104,8 +112,8 @@ def _rows(name: str, record: Record) -> Iterator[tuple[str, ...]]:
             )
 
 
-def _series(series: Sequence[Dated]) -> list[dict[str, Any]]:
-    """Every answer over time; reports that do not have it are left out of its points."""
+def _series(series: Sequence[NamedRecord]) -> list[dict[str, Any]]:
+    """List every answer over time, a point for each report that has the answer."""
     found: dict[tuple[str, ...], list[dict[str, Any]]] = {}
     for name, record in series:
         for key, answer in answers(record).items():
@@ -114,6 +122,6 @@ def _series(series: Sequence[Dated]) -> list[dict[str, Any]]:
     return [{**dict(zip(heads, key, strict=True)), "points": points} for key, points in found.items()]
 
 
-def _point(name: str, record: Record, answer: Answer) -> dict[str, Any]:
+def _point(name: str, record: Record, answer: AnswerSummary) -> dict[str, Any]:
     written = record.header["written"]
     return {"report": name, "written": written, "verdict": answer.verdict, "digits": answer.digits, "cpu": answer.cpu}

@@ -1,15 +1,14 @@
-"""Tuples of arrays that kernels read through one address.
+"""Records of named tuples of arrays, which kernels read through one address.
 
-Numba takes a tuple to pieces: every array of it comes out of its object at each call from Python, and goes on from
-kernel to kernel as seven numbers or more. A mechanism has some hundred and fifty arrays. What is held is written down
-once, as words of eight bytes that never change; Python gives a kernel its address, kernels hand that on, and a number
-or an array is loaded where it is used. LLVM is told that the words do not change, so that it may load them once.
+Numba unboxes every array of a tuple at each call from Python, and passes it between kernels as seven or more values; a
+mechanism has about 150 arrays. A record stores the fields once, as words of eight bytes that never change: an array as
+its address, shape and strides, a number as itself, a nested tuple as its words in place, None as nothing. Kernels pass
+the address of the words and load a field where it is used; the loads are marked invariant for LLVM.
 
-A field reads as that of the tuple does: ``rest.fronts.W`` is the same code for both. Tuples within the tuple are part
-of the same words; a field that is None is None.
+In a kernel a field of a record reads like a field of the tuple: ``closure.qr.W``.
 
-Numba asks Python for the type of an object that it does not know: two microseconds. Where that counts, the words
-themselves are given (`words_of`), an array whose type it knows at once, and the kernel says `opened`.
+Numba asks Python for the type of an unknown object, which takes microseconds. For frequent calls `record_array` wraps
+the words in a NumPy array, whose type Numba knows; the kernel then calls `fields_of`.
 """
 
 from __future__ import annotations
@@ -43,16 +42,16 @@ _WORD = 8
 
 T = TypeVar("T")
 
-_KINDS: dict[str, HeldType] = {}
-"""Types of the words given to kernels, by name."""
+_RECORD_TYPES: dict[str, RecordType] = {}
+"""Types of the records given as arrays, by name."""
 
 _NUMBERS = (types.int64, types.float64, types.boolean)
 
 
-class HeldType(types.Type):  # type: ignore[misc]
-    """Type of what is held: names and types of the fields, and the word at which each begins.
+class RecordType(types.Type):  # type: ignore[misc]
+    """Numba type of a record: names and types of the fields, and the word at which each begins.
 
-    Symbols carry the name of every type of their arguments; it is short, where that of a tuple spells out all fields.
+    The name is a short digest, because symbols of kernels contain the names of all argument types.
     """
 
     def __init__(self, name: str, fields: tuple[tuple[str, types.Type], ...]) -> None:
@@ -60,46 +59,49 @@ class HeldType(types.Type):  # type: ignore[misc]
         self.begins, self.words = {}, 0
         for field, kind in fields:
             self.begins[field] = self.words
-            self.words += _words_of(kind)
+            self.words += _word_count(kind)
         digest = hashlib.sha256(repr(fields).encode()).hexdigest()[:12]
         super().__init__(name=f"{name}.{digest}")
 
 
-def _words_of(kind: types.Type) -> int:
+def _word_count(kind: types.Type) -> int:
     if isinstance(kind, types.Array):
         return 1 + 2 * kind.ndim
-    return kind.words if isinstance(kind, HeldType) else int(kind in _NUMBERS)
+    return kind.words if isinstance(kind, RecordType) else int(kind in _NUMBERS)
 
 
 @lru_cache(maxsize=256)
-def _held_type(name: str, fields: tuple[str, ...], kinds: tuple[types.Type, ...]) -> HeldType:
-    return HeldType(name, tuple(zip(fields, kinds, strict=True)))
+def _record_type(name: str, fields: tuple[str, ...], kinds: tuple[types.Type, ...]) -> RecordType:
+    return RecordType(name, tuple(zip(fields, kinds, strict=True)))
 
 
 def _type_of(value: Any) -> types.Type:
-    if isinstance(value, Held):
+    if isinstance(value, MechanismRecord):
         return value.numba_type
     if isinstance(value, tuple):
-        return _held_type(type(value).__name__, type(value)._fields, tuple(map(_type_of, value)))  # type: ignore[attr-defined]
+        return _record_type(type(value).__name__, type(value)._fields, tuple(map(_type_of, value)))  # type: ignore[attr-defined]
     kind = typeof(value)
     if not (kind in _NUMBERS or isinstance(kind, types.Array | types.NoneType)):
         raise TypeError(f"{kind} cannot be held: give arrays, int, float, bool, None, or named tuples of them")
     return kind
 
 
-def words_of(value: T) -> T:
-    """Words of a named tuple, for kernels that say `opened`; they keep it alive."""
+def record_array(value: T) -> T:
+    """Return the words of a named tuple as an array, for kernels that call `fields_of`.
+
+    The array keeps the tuple alive.
+    """
     if config.DISABLE_JIT:
         return value
     kind = _type_of(value)
     memory: Any = (c_int64 * kind.words)(*_words(value))
     memory.kept = value
-    _KINDS[kind.name] = kind
+    _RECORD_TYPES[kind.name] = kind
     return cast(T, np.frombuffer(memory, dtype=np.dtype([(kind.name, np.int64, (kind.words,))], align=True)))
 
 
-def opened(words: T) -> T:
-    """In a kernel: the tuple whose words are given."""
+def fields_of(words: T) -> T:
+    """Return, in a kernel, the record whose words an array holds."""
     return words
 
 
@@ -111,17 +113,17 @@ def _open(context: Any, words: types.Array) -> tuple[Any, Any]:
         array = make_array(words)(context, builder, arguments[0])
         return builder.bitcast(array.data, cgutils.voidptr_t)
 
-    return _KINDS[name](words), generate
+    return _RECORD_TYPES[name](words), generate
 
 
-@overload(opened, inline="always")
-def _opened(words):  # type: ignore[no-untyped-def] # Numba compares this line with the next
+@overload(fields_of, inline="always")
+def _fields_of(words):  # type: ignore[no-untyped-def] # Numba compares this line with the next
     return lambda words: _open(words)  # noqa: PLW0108
 
 
 def _words(value: Any) -> Iterator[int]:
-    """Words of a value, as integers."""
-    if isinstance(value, Held | tuple):
+    """Yield the words of a value as integers."""
+    if isinstance(value, MechanismRecord | tuple):
         for one in value:
             yield from _words(one)
     elif isinstance(value, np.ndarray):
@@ -132,16 +134,16 @@ def _words(value: Any) -> Iterator[int]:
         yield int(np.float64(value).view(np.int64)) if isinstance(value, float) else int(value)
 
 
-class Held:
-    """What kernels read through one address; it keeps the arrays alive. Made by `hold`.
+class MechanismRecord:
+    """A named tuple that kernels read through one address; keeps its arrays alive. Made by `record_of`.
 
-    Python reads fields as of the tuple, too.
+    Python reads the fields like those of the tuple.
 
     Attributes
     ----------
     address : int
-        Of the words.
-    numba_type : HeldType
+        Address of the words.
+    numba_type : RecordType
     """
 
     __slots__ = ("_memory", "_tuple", "address", "numba_type")
@@ -158,29 +160,31 @@ class Held:
         return iter(self._tuple)
 
 
-def hold(value: T) -> T:
-    """A named tuple of arrays and numbers, for kernels; as it is where they are not compiled, and where it is None.
+def record_of(value: T) -> T:
+    """Return the record of a named tuple of arrays and numbers.
+
+    None is returned as it is, and where Numba is disabled, any tuple.
 
     Raises
     ------
     TypeError, ValueError
         A field is neither an array, an int, float or bool, None, nor a named tuple of these.
     """
-    return value if value is None or config.DISABLE_JIT else cast(T, Held(cast(tuple[Any, ...], value)))
+    return value if value is None or config.DISABLE_JIT else cast(T, MechanismRecord(cast(tuple[Any, ...], value)))
 
 
-@typeof_impl.register(Held)
-def _typeof_held(value: Held, context: object) -> HeldType:
+@typeof_impl.register(MechanismRecord)
+def _typeof_record(value: MechanismRecord, context: object) -> RecordType:
     return value.numba_type
 
 
-@register_model(HeldType)
+@register_model(RecordType)
 class _Address(models.OpaqueModel):  # type: ignore[misc]
-    """An address, to Numba."""
+    """Numba's data model of a record: an address."""
 
 
-@unbox(HeldType)
-def _unbox(kind: HeldType, value: Any, c: Any) -> NativeValue:
+@unbox(RecordType)
+def _unbox(kind: RecordType, value: Any, c: Any) -> NativeValue:
     number = c.pyapi.object_getattr_string(value, "address")
     address = c.pyapi.long_as_voidptr(number)
     c.pyapi.decref(number)
@@ -189,17 +193,17 @@ def _unbox(kind: HeldType, value: Any, c: Any) -> NativeValue:
 
 @infer_getattr
 class _Fields(AttributeTemplate):  # type: ignore[misc]
-    """Types of the fields, to Numba."""
+    """Types of the fields of a record for Numba."""
 
-    key = HeldType
+    key = RecordType
 
-    def generic_resolve(self, kind: HeldType, field: str) -> types.Type | None:
+    def generic_resolve(self, kind: RecordType, field: str) -> types.Type | None:
         return kind.fields.get(field)
 
 
-@lower_getattr_generic(HeldType)
-def _field(context: Any, builder: Any, kind: HeldType, address: Any, field: str) -> Any:
-    """Instructions that load a field."""
+@lower_getattr_generic(RecordType)
+def _field(context: Any, builder: Any, kind: RecordType, address: Any, field: str) -> Any:
+    """Generate the instructions that load a field."""
     wanted, first = kind.fields[field], kind.begins[field]
 
     def load(n: int, as_type: Any) -> Any:
@@ -208,7 +212,7 @@ def _field(context: Any, builder: Any, kind: HeldType, address: Any, field: str)
         word.set_metadata("invariant.load", builder.module.add_metadata([]))
         return word
 
-    if isinstance(wanted, HeldType):
+    if isinstance(wanted, RecordType):
         return builder.gep(address, [ir.Constant(ir.IntType(64), _WORD * first)])
     if isinstance(wanted, types.NoneType):
         return context.get_dummy_value()
@@ -220,7 +224,7 @@ def _field(context: Any, builder: Any, kind: HeldType, address: Any, field: str)
 
 
 def _array(context: Any, builder: Any, kind: types.Array, load: Any) -> Any:
-    """An array that owns nothing, of words that `load` gives."""
+    """Generate an array without ownership from the words that `load` returns."""
     array = make_array(kind)(context, builder)
     item, size = context.get_data_type(kind.dtype), context.get_value_type(types.intp)
     shape = [load(1 + n, size) for n in range(kind.ndim)]

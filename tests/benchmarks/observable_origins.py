@@ -1,4 +1,4 @@
-"""Cases whose accuracy can be seen: the tip of a top and the centre of mass of a free body say nothing of turning."""
+"""Cases whose body origins show rotation: the tip of a top and the centre of mass of a free body do not."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from consilience.reference import simulate
 from reframing import in_frames, state_in_frames
 
 STILL = 1e-6
-"""An origin that is no further, in m, from where it was, or from where it would have fallen to, is there."""
+"""Distance in m within which an origin counts as at rest, or as falling freely."""
 
 
 def _aside(body: Body) -> Frame:
-    """A frame a radius of gyration from the centre of mass, off the axes of any symmetry."""
+    """Return a frame at a radius of gyration from the centre of mass, off the axes of any symmetry."""
     radius = np.sqrt(np.trace(body.inertia) / (2.0 * body.mass))
     return Frame(body.com + radius * np.array([2.0, 3.0, 6.0]) / 7.0, np.eye(3))
 
 
-def seen(case: Case) -> Case:
-    """The case, with other origins on its bodies if all of them rest, or fall as points do."""
+def with_observable_origins(case: Case) -> Case:
+    """Return the case, with other origins on its bodies if all of them rest or fall freely."""
     motion, t = simulate(case.mechanism, case.initial_state, case.times, 1e-6, "relative"), case.times[:, None, None]
     rest = motion.p_WB[0]
     fall = rest + t * motion.v_WB_W[0] + 0.5 * t**2 * case.mechanism.gravity
@@ -31,5 +31,5 @@ def seen(case: Case) -> Case:
     frames = [_aside(body) for body in case.mechanism.bodies]
     state = state_in_frames(case.initial_state, frames)
     moved = replace(case, mechanism=in_frames(case.mechanism, frames))
-    vars(moved)["initial_state"] = state  # that of the case; its own would be assembled from values of the old frames
+    vars(moved)["initial_state"] = state  # its own would be assembled from values in the old frames
     return moved

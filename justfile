@@ -1,0 +1,76 @@
+# Commands of everyday work: `pip install rust-just`, then `just`. Each recipe is what CI or a page would have you type.
+
+bin := env("VENV", ".venv") / "bin"
+export OMP_NUM_THREADS := "1"
+
+# list the recipes
+default:
+    @just --list --unsorted
+
+# install everything into .venv with the locked versions, and the hooks of git where pre-commit is there
+setup:
+    test -d .venv || python3 -m venv .venv
+    .venv/bin/pip install -q -c requirements.lock -e '.[test,docs]'
+    if command -v pre-commit >/dev/null; then pre-commit install; fi
+
+# all tests on all cores, or those given: `just test tests/unit/test_cli.py -x`
+test *arguments:
+    {{ bin }}/pytest -n auto {{ arguments }}
+
+# tests of single modules, up to the first failure
+quick *arguments:
+    {{ bin }}/pytest -n auto -q -x tests/unit {{ arguments }}
+
+# lay out all code
+format:
+    {{ bin }}/ruff format .
+
+# lint
+lint:
+    {{ bin }}/ruff format --check .
+    {{ bin }}/ruff check .
+
+# check types
+types:
+    {{ bin }}/mypy
+
+# the site, in build/site, with warnings as errors
+docs:
+    {{ bin }}/python -m sphinx -W --keep-going -q docs build/site
+
+# execute every command and example of the documentation, or of the pages given
+pages *pages:
+    {{ bin }}/python tests/pages.py {{ pages }}
+
+# speed beside the engines
+bench *arguments:
+    {{ bin }}/python tests/benchmarks {{ arguments }}
+
+# long campaigns: planted errors, random mechanisms, hostile files and messages, suites killed at random
+campaign:
+    {{ bin }}/consilience mutate -o build/mutate
+    {{ bin }}/consilience fuzz -n 500 -o build/fuzz
+    for kind in cases reports wire; do {{ bin }}/python tests/hostile/campaign.py --kind $kind --inputs 50000; done
+    {{ bin }}/python tests/harness/kills.py --kills 200
+
+# the README's report, in report
+report *arguments:
+    {{ bin }}/consilience run --tag tour -o report {{ arguments }}
+
+# compile the kernels that the tests use
+kernels:
+    {{ bin }}/python tests/kernels.py
+
+# forget all compiled kernels: after a change of a kernel that kernels of other files call
+forget:
+    find src -name '*.nb[ic]' -delete
+
+# resolve all dependencies anew into requirements.lock (needs uv)
+lock:
+    uv pip compile -q pyproject.toml --all-extras --python-version 3.11 --universal --upgrade \
+        --no-header --no-annotate --no-emit-index-url --no-emit-find-links -o requirements.lock
+    sed -i '1i # Exact versions of every dependency, for CI and `just setup`; `just lock` writes this file anew.' requirements.lock
+
+# everything that CI checks, from nothing
+ci:
+    .ci/run

@@ -1,0 +1,100 @@
+"""The command ``consilience run``."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from consilience.cli.options import (
+    CORES,
+    CaseNames,
+    EngineNames,
+    JobLimit,
+    Jobs,
+    QuestionNames,
+    Verbose,
+    chosen_cases,
+    chosen_engines,
+    chosen_questions,
+    connect_cluster,
+    require_folder,
+    tagged_cases,
+)
+
+
+def run(
+    cases: CaseNames = None,
+    engine: EngineNames = None,
+    question: QuestionNames = None,
+    tag: Annotated[
+        list[str] | None, typer.Option("--tag", help="Only cases with this tag or of this group; repeat it.")
+    ] = None,
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the report.")] = Path("consilience-report"),
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Few states, short motions, the headline of each engine alone.")
+    ] = False,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Ask again what the folder has answers to.")] = False,
+    jobs: Jobs = CORES,
+    limit: JobLimit = 180.0,
+    memory: Annotated[float, typer.Option(min=0.1, help="Memory that an engine may use in GiB.")] = 4.0,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Engines work on the Dask cluster of this scheduler.")
+    ] = None,
+    verbose: Verbose = False,
+) -> None:
+    """Ask the questions, compare, and write report.jsonl, report.html and report.md.
+
+    Answers are kept in the folder as they come: the same command after an interruption goes on where it was.
+    """
+    from consilience.cli.commands.report import print_matrix
+    from consilience.cli.terminal import log_to_stderr, progress_per_engine
+    from consilience.report.pages import write_pages
+    from consilience.report.record import exit_code, write_record
+    from consilience.suite import FULL, QUICK, Store, run_suite
+
+    folder = require_folder(output, "report")
+    chosen = tagged_cases(chosen_cases(cases), tag)
+    engines, questions = chosen_engines(engine), chosen_questions(question)
+    start, store = time.perf_counter(), Store(folder, fresh)
+    if verbose:
+        log_to_stderr()
+    asked = list(dict.fromkeys(["reference", *engines]))
+    with (
+        _resumable(folder),
+        connect_cluster(scheduler) as cluster,
+        progress_per_engine(asked, len(chosen), silent=verbose) as progress,
+    ):
+        results = run_suite(
+            chosen,
+            engines,
+            questions,
+            jobs=jobs,
+            limit=limit,
+            progress=progress,
+            thoroughness=QUICK if quick else FULL,
+            store=store,
+            memory=int(memory * 2**30),
+            cluster=cluster,
+        )
+    store.close()
+    write_record(results, time.perf_counter() - start, folder)
+    write_pages(folder)
+    print_matrix(folder)
+    raise typer.Exit(exit_code(results))
+
+
+@contextmanager
+def _resumable(folder: Path) -> Iterator[None]:
+    """Say after Ctrl-C how to resume the run."""
+    from consilience.cli.terminal import err
+
+    try:
+        yield
+    except KeyboardInterrupt:
+        err.print(f"stopped; answers so far are in {folder}: the same command goes on from there", markup=False)
+        raise typer.Exit(130) from None

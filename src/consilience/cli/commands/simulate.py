@@ -1,0 +1,70 @@
+"""The command ``consilience simulate``."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from consilience.cli.options import CaseName, EngineName, JobLimit, chosen_engines
+
+
+@contextmanager
+def _reference_in_this_process() -> Iterator[None]:
+    """Let Ctrl-C end compiled kernels of the reference, and say which kernel is being compiled."""
+    from numba.core.event import Event, Listener, install_listener
+
+    from consilience.cli.terminal import err
+
+    class CompilationListener(Listener):  # type: ignore[misc]
+        kernels = 0
+
+        def on_start(self, event: Event) -> None:
+            """Say which kernel is compiled; before the first kernel, that compilation takes a while."""
+            if self.kernels == 0:
+                err.print("compiling the reference solver for this machine: about a minute, the first time only")
+                status.start()
+            self.kernels += 1
+            status.update(f"kernel {self.kernels}: {event.data['dispatcher'].__name__}")
+
+        def on_end(self, event: Event) -> None: ...
+
+    status = err.status("")
+    before = signal.signal(signal.SIGINT, signal.SIG_DFL)
+    try:
+        with install_listener("numba:compile", CompilationListener()):
+            yield
+    finally:
+        status.stop()
+        signal.signal(signal.SIGINT, before)
+
+
+def simulate(
+    case: CaseName,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="File: .json, .npz or .csv; default: CASE.json here.")
+    ] = None,
+    engine: EngineName = "reference",
+    duration: Annotated[float | None, typer.Option(help="s; default: the case's.")] = None,
+    sample: Annotated[float | None, typer.Option(help="s; default: the case's.")] = None,
+    limit: JobLimit = 600.0,
+) -> None:
+    """Simulate one case on one engine, by its first method at its finest level, and write the observables."""
+    from consilience.case import load_case
+    from consilience.cli.terminal import out
+    from consilience.report.trajectory_files import check_target, export_trajectory
+    from consilience.suite import simulate_case
+
+    if output is not None:
+        check_target(output)
+    chosen = load_case(case).with_span(duration, sample)
+    (name,) = chosen_engines([engine])
+    with _reference_in_this_process() if name.partition(":")[0] == "reference" else nullcontext():
+        answer, how = simulate_case(chosen, name, limit)
+    output = output or Path(f"{chosen.name}.json")
+    export_trajectory(chosen.mechanism, answer, output)
+    out.print(f"{chosen.name} on {name} ({how}): {len(answer.time)} samples in {output}", soft_wrap=True)

@@ -1,0 +1,88 @@
+"""Terminal output: consoles, tables, live progress, and the log of a verbose command."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+
+from consilience.errors import visible
+
+out, err = Console(), Console(stderr=True)
+
+BAR = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+BAR_OF_ENGINE = (*BAR, TextColumn("left"), TimeRemainingColumn(), TextColumn("{task.fields[last]}"))
+
+
+def say(text: str) -> None:
+    """Print text to standard output as it is: neither wrapped nor highlighted."""
+    out.print(text, soft_wrap=True, highlight=False, markup=False)
+
+
+def print_table(heads: Sequence[str], rows: Sequence[Sequence[str]], title: str) -> None:
+    """Print a table with a title."""
+    table = Table(*map(escape, heads), title=title)
+    for row in rows:
+        table.add_row(*map(escape, row))
+    out.print(table)
+
+
+def print_missing(missing: Mapping[str, str]) -> None:
+    """Print to standard error the engines that did not start, and the reasons."""
+    for name, reason in missing.items():
+        err.print(f"{escape(visible(name))}: not available: {escape(visible(reason))}")
+
+
+def progress_bar(silent: bool = False) -> Progress:
+    """Return a progress bar on standard error; a silent bar draws nothing."""
+    return Progress(*BAR, console=err, disable=silent)
+
+
+@contextmanager
+def progress_per_engine(
+    engines: Sequence[str], cases: int, console: Console = err, *, silent: bool = False
+) -> Iterator[Callable[[str, str], None]]:
+    """Show a progress bar for each engine while the block runs.
+
+    Parameters
+    ----------
+    engines : sequence of str
+    cases : int
+        Number of cases of each engine.
+    console : Console
+    silent : bool
+        Draw nothing: a log goes to the same terminal.
+
+    Yields
+    ------
+    callable
+        To be called with the engine and the case that the engine has just finished.
+    """
+    with Progress(*BAR_OF_ENGINE, console=console, disable=silent) as bar:
+        tasks = {name: bar.add_task(name, total=cases, last="") for name in engines}
+
+        def advance(engine: str, case: str) -> None:
+            bar.update(tasks[engine], advance=1, last=case)
+
+        yield advance
+
+
+class _OneLineFormatter(logging.Formatter):
+    """Formatter that writes each message on one line, control characters written out."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        return visible(super().format(record)).replace("\n", "\\n")
+
+
+def log_to_stderr() -> None:
+    """Log to standard error what workers and the schedule do, with the time of day."""
+    handler = logging.StreamHandler()
+    handler.setFormatter(_OneLineFormatter("%(asctime)s.%(msecs)03d %(message)s", "%H:%M:%S"))
+    log = logging.getLogger("consilience")
+    log.setLevel(logging.DEBUG)
+    log.handlers = [handler]

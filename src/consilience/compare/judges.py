@@ -1,0 +1,116 @@
+"""Judges of the questions: each compares the answers of an engine to one question of one case with the reference.
+
+The table of questions (`consilience.engine.questions`) names the judge of each question.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from consilience.case import Case
+from consilience.compare.instant import Instants, compare_instant, compare_model
+from consilience.compare.judge import REFERENCE, reference_motion_of
+from consilience.compare.published import dispute, start_against_published
+from consilience.compare.result import Comparison, Verdict
+from consilience.compare.trajectory import compare_trajectory
+from consilience.engine import Method, Profile, Question, Run
+from consilience.mechanism import characteristic_length
+
+
+class QuestionJudge:
+    """Judge of one question of one case.
+
+    Parameters
+    ----------
+    case : Case
+    references : sequence of Run
+        Answered runs of the reference, one at least: the best first, then those that bound its uncertainty.
+    before : sequence of Comparison
+        Comparisons of the earlier questions of the table.
+    """
+
+    def __init__(self, case: Case, references: Sequence[Run], before: Sequence[Comparison]) -> None:
+        self.case, self.references, self.before = case, references, before
+        self.reference = references[0].answer
+
+    def compare(self, levels: Sequence[Run], softer: Sequence[Run]) -> Comparison:
+        """Compare the answers of an engine by one method with the reference.
+
+        Parameters
+        ----------
+        levels : sequence of Run
+            Answered runs, coarse to fine; one where the question has no levels.
+        softer : sequence of Run
+            Answered runs of the finest level with other softness of constraints; often none.
+        """
+        raise NotImplementedError
+
+
+def method_of(run: Run) -> Method:
+    """Return the method of an answered run."""
+    assert run.method is not None
+    return run.method
+
+
+class ModelJudge(QuestionJudge):
+    """Compare mass properties and degrees of freedom."""
+
+    def compare(self, levels: Sequence[Run], softer: Sequence[Run]) -> Comparison:
+        """Compare with fixed bars; lengths are relative to the size of the mechanism."""
+        run, case = levels[-1], self.case
+        length = max(float(np.max(np.abs(case.initial_state.p_WB))), characteristic_length(case.mechanism))
+        return compare_model(case.name, run.engine, method_of(run), run.answer, self.reference, length)
+
+
+class InstantJudge(QuestionJudge):
+    """Compare accelerations, reactions and energies at the states of a case."""
+
+    def __init__(self, case: Case, references: Sequence[Run], before: Sequence[Comparison]) -> None:
+        super().__init__(case, references, before)
+        self.instants = Instants.of(case.mechanism, case.states)
+        self.known = start_against_published(case.mechanism, case.published, self.reference, self.instants)
+
+    def compare(self, levels: Sequence[Run], softer: Sequence[Run]) -> Comparison:
+        """Compare with bars that depend on the condition; a disputed reference fails no engine."""
+        run, soft = levels[-1], [run.answer for run in softer]
+        compared = compare_instant(
+            self.case.name, run.engine, method_of(run), run.answer, self.reference, self.instants, soft
+        )
+        if run.engine == REFERENCE:
+            compared = replace(compared, quantities=(*compared.quantities, *self.known))
+        disputed = dispute(self.known)
+        if not disputed:
+            return compared
+        why = f"the reference is disputed: {disputed}"
+        return replace(compared, verdict=Verdict.UNRESOLVED, rule="disputed reference", why=why)
+
+
+class TrajectoryJudge(QuestionJudge):
+    """Compare motions at several step sizes."""
+
+    def __init__(self, case: Case, references: Sequence[Run], before: Sequence[Comparison]) -> None:
+        super().__init__(case, references, before)
+        self.reference_motion, self.known = reference_motion_of(case, references)
+
+    def compare(self, levels: Sequence[Run], softer: Sequence[Run]) -> Comparison:
+        """Compare by the rules; the coarser levels of the best reference are shown with the published values."""
+        own = [run for run in levels if run is not self.references[0]]
+        earlier = self._earlier(levels[0])
+        compared = compare_trajectory(self.case.mechanism, own, self.reference_motion, softer, earlier)
+        return compared if len(own) == len(levels) else replace(compared, quantities=self.known)
+
+    def _earlier(self, run: Run) -> str:
+        """Return what the engine differs in at `model`, or by all its methods of that profile at `instant`."""
+        own = [c for c in self.before if c.engine == run.engine]
+        model = [c for c in own if c.question is Question.MODEL and c.verdict is Verdict.MODEL]
+        if model:
+            return f"model: {model[0].why}"
+        instants = [c for c in own if c.question is Question.INSTANT]
+        same = [c for c in instants if c.profile is method_of(run).profile]
+        same = same or [c for c in instants if c.profile is Profile.MATCHED]
+        if same and all(c.verdict is Verdict.MODEL for c in same):
+            return f"instant: {same[0].why}"
+        return ""

@@ -1,0 +1,90 @@
+"""Compile the kernels that the tests use, once, in two processes: ``python tests/kernels.py``.
+
+Numba compiles a kernel for the types of its arguments at the first call and caches the result on disk, for all
+processes. Tests that run side by side would meet the same kernels at the same time, and each process compile its own.
+Here a process takes one set of types after another, and no set is given to two processes.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import subprocess
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+
+TYPES = ("loop_universal", "forced_chain", "long_chain", "four_bar", "branched")
+"""Mechanisms whose kernels in relative coordinates differ in type, slowest to compile first.
+
+In space with loops, with elements, as a plain tree; in a plane with loops and without.
+"""
+
+BODY = "single_revolute"
+"""Mechanism for formulations in body coordinates: the types are the same for all mechanisms."""
+
+SETS = (*TYPES, "body coordinates", "recursive")
+
+
+def _motions(mechanism):
+    """One sample by every integrator, accelerations and reactions, in relative coordinates."""
+    from consilience.errors import InvalidInput
+    from consilience.reference import formulation, simulate
+    from consilience.reference.tree.solver import INTEGRATORS
+    from mechanisms import states_of
+
+    (state,) = states_of(mechanism, 1)
+    equations = formulation("relative", mechanism)
+    equations.accelerations(state)
+    equations.reactions(state)
+    equations.settle(0.0, equations.coordinates(state))
+    for integrator in INTEGRATORS:
+        with contextlib.suppress(InvalidInput):  # series do not follow every mechanism
+            simulate(mechanism, state, [0.0, 1e-3], 1e-9, "relative", integrator)
+
+
+def _body_coordinates(mechanism, names):
+    """Accelerations, reactions and a motion in body coordinates by each kernel."""
+    from consilience.reference import formulation, simulate
+    from mechanisms import states_of
+
+    (state,) = states_of(mechanism, 1)
+    for name in names:
+        equations = formulation(name, mechanism)
+        equations.accelerations(state)
+        equations.reactions(state)
+        equations.settle(0.0, equations.coordinates(state))
+        simulate(mechanism, state, [0.0, 1e-3], 1e-9, name)
+
+
+def compile_set(name):
+    """Compile one set of kernels."""
+    from consilience.reference.formulations.body_velocities import KERNELS, TREE_KERNELS
+    from flat import PLANAR
+    from mechanisms import LOOPS, TREES
+
+    if name == "body coordinates":
+        _body_coordinates(TREES[BODY], KERNELS)
+    elif name == "recursive":
+        _body_coordinates(TREES[BODY], TREE_KERNELS)
+    else:
+        _motions((PLANAR | TREES | LOOPS)[name])
+
+
+def compile_all(processes: int = 2) -> None:
+    """Compile every set; an error is left to the tests, which say more about it."""
+    with ProcessPoolExecutor(processes, get_context("spawn")) as pool:
+        for name, found in [(name, pool.submit(compile_set, name)) for name in SETS]:
+            if found.exception() is not None:
+                print(f"kernels of {name} are not compiled: {found.exception()!r}", file=sys.stderr)
+
+
+def compile_apart() -> None:
+    """`compile_all` in a process of its own, as the caller may not be one that can be started again."""
+    environment = os.environ | {"OMP_NUM_THREADS": "1"}
+    subprocess.run([sys.executable, str(Path(__file__))], env=environment, check=False)
+
+
+if __name__ == "__main__":
+    compile_all()

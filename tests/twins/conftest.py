@@ -1,0 +1,1 @@
+"""One mechanism described in two ways: the descriptions differ, the physics does not."""
