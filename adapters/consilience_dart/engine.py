@@ -20,7 +20,7 @@ from consilience.engine import (
     Unsupported,
     beyond,
 )
-from consilience.mechanism import JOINT_KINDS, Array, Mechanism, State, to_elementary_tree
+from consilience.mechanism import Array, Mechanism, State, to_elementary_tree
 from consilience_dart import methods as ways
 from consilience_dart.dynamics import (
     body_accelerations,
@@ -67,20 +67,16 @@ APPROXIMATED = dict.fromkeys(("spherical joint", "free joint", "rod joint"), EXP
     "drive": "World.step: drives at velocity level, half of the position error removed in a step",
 }
 
-FEATURES = frozenset(f"{kind} joint" for kind in JOINT_KINDS) | {
-    "spring",
-    "joint spring",
-    "actuator",
-    "load",
-    "load in time",
-    "friction",
-    "control",
-    "drive",
-    "coupling",
-    "rolling",
-    "skate",
-}
-"""What of `Mechanism.features` has a translation."""
+JOINTS = (
+    *("revolute", "prismatic", "cylindrical", "universal", "spherical", "planar", "rigid", "rod", "free", "screw"),
+    *("point_on_line", "point_in_plane", "parallel_axes"),
+)
+ELEMENTS = (
+    *("spring", "joint spring", "actuator", "load", "load in time", "friction", "control"),
+    *("drive", "coupling", "rolling", "skate"),
+)
+FEATURES = frozenset((*(f"{kind} joint" for kind in JOINTS), *ELEMENTS))
+"""Of `Mechanism.features`, what the adapter translates. A feature that is not listed is refused."""
 
 
 class DartEngine:

@@ -18,7 +18,7 @@ from consilience.engine import (
     Unsupported,
     beyond,
 )
-from consilience.mechanism import JOINT_KINDS, Array, Mechanism, State
+from consilience.mechanism import Array, Mechanism, State
 from consilience_exudyn.kinematic_tree import build_tree, is_one_axis_tree
 from consilience_exudyn.library import POINTWISE, QUIET, SETTINGS, exu
 from consilience_exudyn.maximal import Axes, build
@@ -40,11 +40,16 @@ _TREE_INSTANT = "initial accelerations on KinematicTree"
 _EXPLICIT_SUBSTEPS = (20, 40, 80)
 _TERMS = "ComputeMassMatrix, ComputeODE2RHS, ComputeJacobianAE"
 
-FEATURES = frozenset(f"{kind} joint" for kind in JOINT_KINDS) | {
+JOINTS = (
+    *("revolute", "prismatic", "cylindrical", "universal", "spherical", "planar", "rigid", "rod", "free", "screw"),
+    *("point_on_line", "point_in_plane", "parallel_axes"),
+)
+ELEMENTS = (
     *("spring", "joint spring", "actuator", "load", "load in time", "friction", "control"),
     *("drive", "coupling", "rolling", "skate"),
-}
-"""What of `Mechanism.features` has a translation."""
+)
+FEATURES = frozenset((*(f"{kind} joint" for kind in JOINTS), *ELEMENTS))
+"""Of `Mechanism.features`, what the adapter translates. A feature that is not listed is refused."""
 
 _USER_FUNCTIONS = "Exudyn integrates and solves, the law is a user function of the adapter"
 _USER_ROW = "equation and Jacobian are a user function of ObjectConnectorCoordinateVector, by the adapter"

@@ -21,7 +21,7 @@ from consilience.engine import (
     Unsupported,
     beyond,
 )
-from consilience.mechanism import JOINT_KINDS, Array, Mechanism, State, Tree, continuous_in_time, to_elementary_tree
+from consilience.mechanism import Array, Mechanism, State, Tree, continuous_in_time, to_elementary_tree
 from consilience_mujoco.callback import answering
 from consilience_mujoco.evaluate import (
     accelerations,
@@ -40,20 +40,16 @@ from consilience_mujoco.rows import Equalities, count_rows, without_screws
 from consilience_mujoco.states import poses_and_velocities, set_state
 from consilience_mujoco.translate import Translation, slides_behind_balls, springs_cancel, springs_on, translate
 
-FEATURES = frozenset(f"{kind} joint" for kind in JOINT_KINDS) | {
-    "spring",
-    "joint spring",
-    "actuator",
-    "load",
-    "load in time",
-    "friction",
-    "control",
-    "drive",
-    "coupling",
-    "rolling",
-    "skate",
-}
-"""What of `Mechanism.features` has a translation."""
+JOINTS = (
+    *("revolute", "prismatic", "cylindrical", "universal", "spherical", "planar", "rigid", "rod", "free", "screw"),
+    *("point_on_line", "point_in_plane", "parallel_axes"),
+)
+ELEMENTS = (
+    *("spring", "joint spring", "actuator", "load", "load in time", "friction", "control"),
+    *("drive", "coupling", "rolling", "skate"),
+)
+FEATURES = frozenset((*(f"{kind} joint" for kind in JOINTS), *ELEMENTS))
+"""Of `Mechanism.features`, what the adapter translates. A feature that is not listed is refused."""
 
 
 class MujocoEngine:

@@ -20,7 +20,7 @@ from consilience.engine import (
     Unsupported,
     beyond,
 )
-from consilience.mechanism import JOINT_KINDS, Array, Mechanism, State
+from consilience.mechanism import Array, Mechanism, State
 from consilience_pinocchio.charts import suited
 from consilience_pinocchio.contacts import hold_all
 from consilience_pinocchio.dynamics import PROXIMAL, solve
@@ -100,12 +100,16 @@ _ELEMENT_REMARKS = {
     "skates": "skates: not native, rows of the adapter by Pinocchio's Jacobians",
 }
 
-FEATURES = frozenset(
-    {f"{kind} joint" for kind in JOINT_KINDS}
-    | {"spring", "joint spring", "actuator", "load", "load in time", "friction", "control"}
-    | {"drive", "coupling", "rolling", "skate"}
+JOINTS = (
+    *("revolute", "prismatic", "cylindrical", "universal", "spherical", "planar", "rigid", "rod", "free", "screw"),
+    *("point_on_line", "point_in_plane", "parallel_axes"),
 )
-"""What of `Mechanism.features` has a translation: all there is."""
+ELEMENTS = (
+    *("spring", "joint spring", "actuator", "load", "load in time", "friction", "control"),
+    *("drive", "coupling", "rolling", "skate"),
+)
+FEATURES = frozenset((*(f"{kind} joint" for kind in JOINTS), *ELEMENTS))
+"""Of `Mechanism.features`, what the adapter translates. A feature that is not listed is refused."""
 
 
 class PinocchioEngine:

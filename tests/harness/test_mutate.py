@@ -10,22 +10,23 @@ import sys
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import typer
 from typer.testing import CliRunner
 
-from consilience.audit.mutate import campaign, judge, plan, report, seams, seams_minimal, summary
-from consilience.audit.mutate.campaign import Alarm, Campaign, Outcome, Task, perform, run_campaign
+import consilience_mujoco.mutants
+from consilience.audit.mutate import campaign, judge, plan, report, seams, summary, table
+from consilience.audit.mutate.campaign import Alarm, MutationCampaign, MutationTask, TaskOutcome, perform, run_campaign
 from consilience.audit.mutate.judge import GREEN, verdicts
+from consilience.audit.mutate.mutants import TRAPS, UNPLANTED, Mutant
 from consilience.audit.mutate.mutated import Mutated, SeamError
-from consilience.audit.mutate.subjects import Subject, random_subject, random_subjects
-from consilience.audit.mutate.summary import Row, Standing
+from consilience.audit.mutate.subjects import MutationSubject, random_subject, random_subjects
+from consilience.audit.mutate.summary import MutantRow, Standing
 from consilience.audit.mutate.synthetic import NAME, SyntheticEngine, host
-from consilience.audit.mutate.table import MUTANTS
-from consilience.audit.mutate.table_model import EVERY
-from consilience.audit.mutate.traps import TRAPS, UNPLANTED
+from consilience.audit.mutate.table import HOSTS, MUTANTS
 from consilience.cli.commands.mutate import mutate
 from consilience.compare import Verdict
 from consilience.engine import Question
@@ -42,7 +43,7 @@ def subject(*kinds, seed=1, rest=False):
     if rest:
         zero = np.zeros_like(states[0].v_WB_W)
         states = [State(s.p_WB, s.quat_WB, zero, zero) for s in states]
-    return Subject("chain", mechanism, states)
+    return MutationSubject("chain", mechanism, states)
 
 
 def differences(name, magnitude, engine, about):
@@ -64,10 +65,21 @@ def test_every_trap_is_planted_or_has_a_reason():
 
 def test_the_table_is_in_order():
     for mutant in MUTANTS.values():
-        assert set(mutant.hosts) <= set(EVERY)
+        assert set(mutant.hosts) <= set(HOSTS)
         assert list(mutant.magnitudes) == sorted(mutant.magnitudes, reverse=True), mutant.name
         assert len(mutant.magnitudes) == 1 or mutant.unit or mutant.magnitudes[0] <= 1.0, mutant.name
         assert not mutant.unseen or mutant.remark
+
+
+def test_an_adapter_brings_mutants_of_its_own():
+    own = Mutant(1, "own", "changes nothing", (1.0,), "", Question.MODEL, seams.inside())
+    found = table.table_of({"third": SimpleNamespace(MUTANTS=(own,))})
+    assert found["own"].hosts == ("third",)
+    assert found["gravity too large"].hosts == (NAME, "third")
+    assert found["lower triangle"].hosts == ()  # it does not say where it solves
+    assert table.table_of({"third": SimpleNamespace(MUTANTS=(), SOLVER="x")})["lower triangle"].hosts == ("third",)
+    with pytest.raises(ValueError, match="one name: own"):
+        table.table_of({name: SimpleNamespace(MUTANTS=(own,)) for name in ("third", "fourth")})
 
 
 def test_the_document_names_every_trap_and_mutant():
@@ -121,7 +133,7 @@ def test_an_armature_divides_the_acceleration_of_a_hinge(engine, e):
     assert differences(name, e, engine, about)["accelerations"] == pytest.approx(e / (1.0 + e), rel=1e-9)
 
 
-@pytest.mark.parametrize("engine", EVERY)
+@pytest.mark.parametrize("engine", HOSTS)
 def test_gravity_too_large_shows_as_it_is(engine):
     about = subject("revolute", "revolute", rest=True)
     found = differences("gravity too large", 1e-3, engine, about)
@@ -129,7 +141,7 @@ def test_gravity_too_large_shows_as_it_is(engine):
     assert found["reactions"] == pytest.approx(1e-3, rel=1e-8)
 
 
-@pytest.mark.parametrize("engine", EVERY)
+@pytest.mark.parametrize("engine", HOSTS)
 def test_a_reaction_turned_round_is_off_by_twice_itself(engine):
     about = subject("revolute")
     found = differences("sign of one reaction", 1.0, engine, about)
@@ -137,7 +149,7 @@ def test_a_reaction_turned_round_is_off_by_twice_itself(engine):
     assert found["accelerations"] < 1e-11
 
 
-@pytest.mark.parametrize("engine", EVERY)
+@pytest.mark.parametrize("engine", HOSTS)
 def test_without_an_error_a_mutated_engine_is_its_host(engine):
     about = subject("universal", "revolute")
     for question in (Question.MODEL, Question.INSTANT):
@@ -176,7 +188,7 @@ def test_green_is_what_a_run_passes_over():
 
 def test_a_mutant_is_not_judged_where_its_host_differs_already(monkeypatch):
     seed = next(iter(random_subjects(1)))
-    task = Task("gravity too large", NAME, 1e-2, (seed,))
+    task = MutationTask("gravity too large", NAME, 1e-2, (seed,))
     assert perform(task).judged == 1
     wrong = random_subject(seed).instant_answer
     monkeypatch.setitem(vars(random_subject(seed)), "instant_answer", wrong_by_a_tenth(wrong))
@@ -193,13 +205,13 @@ def wrong_by_a_tenth(answer):
 
 def test_a_smaller_error_is_caught_on_no_more_mechanisms():
     keys = ("double_pendulum", *random_subjects(3))
-    counts = [perform(Task("inertia rotated", NAME, e, keys)) for e in (1e-2, 1e-8, 1e-15)]
+    counts = [perform(MutationTask("inertia rotated", NAME, e, keys)) for e in (1e-2, 1e-8, 1e-15)]
     assert [o.caught for o in counts] == [4, 4, 0]
     assert 0.0 < counts[2].largest_missed < 1.0 or counts[2].unchanged == 4
 
 
 def test_what_takes_too_long_is_noticed_and_named():
-    task = Task("gravity too large", NAME, 1e-2, ("double_pendulum",))
+    task = MutationTask("gravity too large", NAME, 1e-2, ("double_pendulum",))
     found = run_campaign([task], [], limit=0.05)
     assert found.outcomes[0].broken == "no answer within the time limit"
     assert found.outcomes[0].noticed
@@ -208,8 +220,8 @@ def test_what_takes_too_long_is_noticed_and_named():
 @pytest.fixture(scope="module")
 def short():
     chosen = plan.mutants_named([])
-    tasks, alarms = plan.short(chosen, list(EVERY))
-    return run_campaign(tasks, list(EVERY[1:]), alarms, jobs=os.cpu_count() or 2, limit=600.0)  # the first one compiles
+    tasks, alarms = plan.short(chosen, list(HOSTS))
+    return run_campaign(tasks, list(HOSTS[1:]), alarms, jobs=os.cpu_count() or 2, limit=600.0)  # the first one compiles
 
 
 def test_the_short_campaign_catches_every_mutant_and_nothing_else(short):
@@ -219,7 +231,7 @@ def test_the_short_campaign_catches_every_mutant_and_nothing_else(short):
     good = (Standing.CAUGHT, Standing.SILENT, Standing.UNSEEN)
     assert {key: s for key, s in bad.items() if s not in good} == {}
     assert short.alarms == []
-    assert set(short.judged) == set(EVERY[1:])
+    assert set(short.judged) == set(HOSTS[1:])
     assert summary.traps_caught(rows) == (27 - len(UNPLANTED),) * 2
     assert summary.exit_code(short) == 0
 
@@ -232,14 +244,16 @@ def test_no_mutant_is_caught_by_a_fault_of_its_own(short):
 
 def test_a_mutant_that_does_not_fit_is_not_judged(monkeypatch):
     lost = replace(MUTANTS["armature, MuJoCo"], plant=seams.inside(("translate", "no_such_name", lambda f, e: f)))
-    other = seams.on_result(seams_minimal._damping_mujoco)  # of a translation, which principal_inertia does not give
+    other = seams.on_result(
+        consilience_mujoco.mutants._damping
+    )  # of a translation, which principal_inertia does not give
     late = replace(lost, plant=seams.inside(("translate", "principal_inertia", other)))
     for mutant, words in ((lost, "no_such_name"), (late, "has no attribute 'model'")):
         monkeypatch.setitem(MUTANTS, mutant.name, mutant)
-        found = perform(Task(mutant.name, "mujoco", 1e-1, ("double_pendulum",)))
+        found = perform(MutationTask(mutant.name, "mujoco", 1e-1, ("double_pendulum",)))
         assert words in found.unusable
         assert not found.noticed
-        row = Row(mutant, "mujoco", (found,))
+        row = MutantRow(mutant, "mujoco", (found,))
         assert row.standing is Standing.NOT_JUDGED
         assert words in row.why_missed
 
@@ -254,12 +268,12 @@ def test_small_errors_are_caught_too(short):
 
 def outcome(mutant, magnitude, judged, caught, **more):
     by = Counter({"instant: accelerations": caught} if caught else {})
-    return Outcome(mutant, NAME, magnitude, judged=judged, caught=caught, by=by, **more)
+    return TaskOutcome(mutant, NAME, magnitude, judged=judged, caught=caught, by=by, **more)
 
 
 def test_standings():
     def standing(name, *outcomes):
-        return Row(MUTANTS[name], NAME, outcomes).standing
+        return MutantRow(MUTANTS[name], NAME, outcomes).standing
 
     g, h, u = "gravity too large", "other sign", "fields as a step leaves them"
     assert standing(g, outcome(g, 1e-2, 4, 4), outcome(g, 1e-8, 4, 0)) is Standing.CAUGHT
@@ -274,11 +288,11 @@ def test_standings():
 def test_the_smallest_magnitude_and_why_the_next_was_missed():
     g = "gravity too large"
     found = [outcome(g, 1e-2, 4, 4), outcome(g, 1e-8, 4, 4), outcome(g, 1e-10, 4, 3, largest_missed=0.5)]
-    row = Row(MUTANTS[g], NAME, (*found, outcome(g, 1e-12, 4, 0, largest_missed=0.25)))
+    row = MutantRow(MUTANTS[g], NAME, (*found, outcome(g, 1e-12, 4, 0, largest_missed=0.25)))
     assert row.smallest.magnitude == 1e-10
     assert row.smallest_everywhere.magnitude == 1e-8
     assert row.why_missed == "1e-12: 0.25 of the bar at most"
-    silent = Row(MUTANTS[g], NAME, (outcome(g, 1e-12, 4, 0, unchanged=4),))
+    silent = MutantRow(MUTANTS[g], NAME, (outcome(g, 1e-12, 4, 0, unchanged=4),))
     assert silent.why_missed == "1e-12: changes no number of any answer"
 
 
@@ -293,14 +307,16 @@ def test_the_smallest_magnitude_and_why_the_next_was_missed():
     ],
 )
 def test_exit_codes(outcomes, alarms, missing, code):
-    found = Campaign([outcome(name, 1.0, 4, caught) for name, caught in outcomes], alarms, missing=missing)
+    found = MutationCampaign([outcome(name, 1.0, 4, caught) for name, caught in outcomes], alarms, missing=missing)
     assert summary.exit_code(found) == code
 
 
 def test_the_report_tells_what_was_found(tmp_path):
     g = "gravity too large"
     alarm = Alarm("dart", "seed 7", "instant", "World.step", "differs: model", "accelerations: difference 1")
-    found = Campaign([outcome(g, 1e-2, 4, 4), outcome(g, 1e-12, 4, 0, unchanged=4)], [alarm], Counter(dart=300), 300)
+    found = MutationCampaign(
+        [outcome(g, 1e-2, 4, 4), outcome(g, 1e-12, 4, 0, unchanged=4)], [alarm], Counter(dart=300), 300
+    )
     report.write_report(found, tmp_path)
     text = (tmp_path / "detection.md").read_text(encoding="utf-8")
     assert "| gravity too large | synthetic | caught | 0.01 of gravity (4 of 4) |" in text

@@ -9,7 +9,7 @@ import sys
 import pytest
 from typer.testing import CliRunner
 
-from consilience.audit.mutate.traps import TRAPS
+from consilience.audit.mutate.mutants import TRAPS
 from consilience.cli.explanations import Explanation, Topic, find_explanations, read_explanations
 from consilience.cli.main import app
 from consilience.compare import Verdict

@@ -35,6 +35,9 @@ REFERENCE = (
 NEVER = {"compare": {"reference"}, "report": {"reference"}, "audit": {"report"}}
 """What a room does not import, though nothing circular would come of it: who judges does not know who answers."""
 
+ADAPTER_ROOMS = {"consilience.mechanism", "consilience.engine", "consilience.engine.native", "consilience.errors"}
+"""What an adapter imports of ours: packages, no module inside one."""
+
 ENGINES = re.compile(r"\b(exudyn|pinocchio|mujoco|dart|dartpy)\b", re.IGNORECASE)
 
 
@@ -101,7 +104,26 @@ def test_nothing_in_src_names_an_engine():
             if ENGINES.search(text):
                 named.append(f"{'/'.join(name)}, line {node.lineno}: {ENGINES.search(text)[0]}")
         named += [f"{'/'.join(name)} imports {t}" for t in imported(path) if ENGINES.match(t) or "consilience_" in t]
+    for path in sorted(SOURCE.rglob("*.toml")):
+        named += [f"{path.name}: {found}" for found in ENGINES.findall(path.read_text(encoding="utf-8"))]
     assert not named
+
+
+def test_an_adapter_imports_the_protocol_and_the_model_alone():
+    """`consilience.engine.native` for export and reading; the vocabulary of mutants in `mutants.py` alone."""
+    climbing, seen = [], 0
+    for path in sorted((ROOT / "adapters").rglob("*.py")):
+        rooms = ADAPTER_ROOMS | ({"consilience.audit.mutate"} if path.name == "mutants.py" else set())
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            names += [node.module] if isinstance(node, ast.ImportFrom) else []
+            ours = [name for name in names if name.split(".")[0] == "consilience"]
+            seen += len(ours)
+            climbing += [f"{path.parent.name}/{path.name}, line {node.lineno}: {n}" for n in ours if n not in rooms]
+            others = [n for n in names if n.startswith("consilience_") and n.split(".")[0] != path.parent.name]
+            climbing += [f"{path.parent.name}/{path.name}, line {node.lineno}: {n}" for n in others]
+    assert seen > 100
+    assert not climbing
 
 
 def test_no_file_is_so_long_that_nobody_reads_it():

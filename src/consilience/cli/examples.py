@@ -1,19 +1,19 @@
-"""Examples at the end of every command's help: what it is for, and how it is called. A test parses them all."""
+"""Examples at the end of the help of every command; a test parses them all. The reader fills in names in capitals."""
 
 from __future__ import annotations
 
 EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
     "run": (
         ("consilience run --tag tour -o report", "seven cases, all engines"),
-        ("consilience run double_pendulum my_case.toml -e mujoco -e dart", "two cases, two engines"),
+        ("consilience run double_pendulum my_case.toml -e ENGINE -e OTHER", "two cases, two engines"),
         ("consilience run --quick -q model -q instant", "the whole library, no motions"),
-        ("consilience run double_pendulum -e mujoco@3.3.7 -e mujoco@4.0.0", "two versions of one engine"),
+        ("consilience run double_pendulum -e ENGINE@OLD -e ENGINE@NEW", "two versions of one engine"),
     ),
     "list": (
         ("consilience list", "cases, families and engines"),
         ("consilience list -f json", "the same for a script"),
     ),
-    "doctor": (("consilience doctor", "this machine and all engines"), ("consilience doctor -e dart", "one of them")),
+    "doctor": (("consilience doctor", "this machine and all engines"), ("consilience doctor -e ENGINE", "one of them")),
     "explain": (
         ("consilience explain regularisation", "a verdict"),
         ("consilience explain horizon", "a term"),
@@ -22,9 +22,9 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
     ),
     "simulate": (
         ("consilience simulate four_bar", "the reference, as four_bar.json"),
-        ("consilience simulate four_bar -e mujoco --duration 1 -o motion.csv", "an engine, as a table"),
+        ("consilience simulate four_bar -e ENGINE --duration 1 -o motion.csv", "an engine, as a table"),
     ),
-    "coverage": (("consilience coverage double_pendulum -e mujoco", "whether the bands of one engine hold"),),
+    "coverage": (("consilience coverage double_pendulum -e ENGINE", "whether the bands of one engine hold"),),
     "crosscheck": (("consilience crosscheck --mechanisms 20 --states 5", "a short campaign"),),
     "report": (("consilience report report", "write the pages of a folder again"),),
     "schema": (("consilience schema case", "JSON Schema of a case file, for an editor"),),
@@ -38,16 +38,16 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
         ("consilience new arm", "arm.toml, with every element as a comment"),
         ("consilience new rods --from parallel_rods:rods=6", "from a family"),
     ),
-    "validate": (("consilience validate arm.toml -e mujoco", "what is wrong, and what the engine will make of it"),),
+    "validate": (("consilience validate arm.toml -e ENGINE", "what is wrong, and what the engine will make of it"),),
     "check": (
-        ("consilience check -e mujoco", "all cases"),
-        ("consilience check four_bar -e mujoco -o found.json", "one, every residual"),
+        ("consilience check -e ENGINE", "all cases"),
+        ("consilience check four_bar -e ENGINE -o found.json", "one, every residual"),
     ),
-    "fuzz": (("consilience fuzz -n 20 --seed 7 -e dart", "twenty random mechanisms"),),
+    "fuzz": (("consilience fuzz -n 20 --seed 7 -e ENGINE", "twenty random mechanisms"),),
     "values": (("consilience values double_pendulum", "expected values beside ours"),),
     "diff": (
         ("consilience diff before after", "what has changed; exit code 1 if anything is worse"),
-        ("consilience diff both both --as mujoco@3.3.7=mujoco@4.0.0", "two versions in one report"),
+        ("consilience diff both both --as ENGINE@OLD=ENGINE@NEW", "two versions in one report"),
     ),
     "trend": (("consilience trend nightly", "all reports of a folder"),),
     "export": (
@@ -56,10 +56,8 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
     ),
     "plot": (("consilience plot report four_bar --what convergence -o convergence.pdf", "a figure"),),
     "import": (("consilience import robot.urdf -o robot.toml", "a case from a robot"),),
-    "translate": (
-        ("consilience translate four_bar -e mujoco -o four_bar_mujoco", "the native model and its manifest"),
-    ),
-    "mutate": (("consilience mutate 3 --short", "one trap"), ("consilience mutate -e mujoco", "all, in one engine")),
+    "translate": (("consilience translate four_bar -e ENGINE -o native", "the native model and its manifest"),),
+    "mutate": (("consilience mutate 3 --short", "one trap"), ("consilience mutate -e ENGINE", "all, in one engine")),
 }
 """Calls and what they do, by command."""
 

@@ -1,4 +1,9 @@
-"""The explanations of ``consilience explain``: tables beside this file, and the search among them."""
+"""The explanations of ``consilience explain``, and the search among them.
+
+The tables are in the folder ``explained``. An adapter adds facts about its engine in a file ``explained.toml`` of its
+package: ``[KIND.NAME]`` with ``met`` and ``also``, as in the tables, and ``engines``, a sentence in place of
+``{engines}`` in the theory.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +15,7 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
+from consilience.engine import adapter_file, installed
 from consilience.errors import InvalidInput
 
 
@@ -77,16 +83,34 @@ class Explanation:
         return self.see or ("detection.md" if self.kind is Topic.TRAP else "verdicts.md")
 
 
+def _of_adapters() -> list[dict[str, dict[str, dict[str, Any]]]]:
+    """Read what adapters add: kind, name and fields."""
+    paths = [adapter_file(point, "explained.toml") for point in installed().values()]
+    return [tomllib.loads(path.read_text(encoding="utf-8")) for path in paths if path]
+
+
+def _extended(row: dict[str, Any], additions: list[dict[str, Any]]) -> dict[str, Any]:
+    """Add the facts of adapters about their engines to an explanation."""
+    lists = {
+        name: [*row.get(name, ()), *(x for one in additions for x in one.get(name, ()))] for name in ("met", "also")
+    }
+    engines = " ".join(one["engines"] for one in additions if "engines" in one)
+    lines = [line.replace("{engines}", engines).strip() for line in row["theory"].splitlines()]
+    return row | lists | {"theory": "\n".join(line for line in lines if line)}
+
+
 @cache
 def read_explanations() -> tuple[Explanation, ...]:
     """Read all explanations, sorted by kind, each kind in the order of its table."""
-    found = []
+    found, own = list[Explanation](), _of_adapters()
     for table in TABLES:
         text = files("consilience.cli").joinpath("explained", table).read_text(encoding="utf-8")
         for kind, rows in tomllib.loads(text).items():
             for row in rows:
+                additions = [one[kind][row["name"]] for one in own if row["name"] in one.get(kind, {})]
                 fields: dict[str, Any] = {
-                    name: tuple(value) if isinstance(value, list) else value for name, value in row.items()
+                    name: tuple(value) if isinstance(value, list) else value
+                    for name, value in _extended(row, additions).items()
                 }
                 found.append(Explanation(Topic(kind), **fields))
     return tuple(sorted(found, key=lambda entry: list(Topic).index(entry.kind)))

@@ -19,6 +19,7 @@ from consilience.engine.answers import (
     Unsupported,
 )
 from consilience.engine.harness_solvers import runge_kutta_4, solve_constrained
+from consilience.engine.installation import adapter_file, engine_distribution, lacks_engine, pip_requirement
 from consilience.engine.protocol import (
     Engine,
     beside_adapter,
@@ -46,13 +47,17 @@ __all__ = [
     "Status",
     "TrajectoryAnswer",
     "Unsupported",
+    "adapter_file",
     "beside_adapter",
     "beyond",
     "defects",
+    "engine_distribution",
     "engines_like",
     "installed",
+    "lacks_engine",
     "load_engine",
     "load_named",
+    "pip_requirement",
     "require_installed",
     "runge_kutta_4",
     "solve_constrained",

@@ -6,11 +6,10 @@ mechanism, states and a method, never a case: expected values cannot reach it.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import contextmanager
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
-from importlib.util import find_spec
-from pathlib import Path
 from types import ModuleType
 from typing import Protocol
 
@@ -23,6 +22,7 @@ from consilience.engine.answers import (
     TrajectoryAnswer,
     Unsupported,
 )
+from consilience.engine.installation import adapter_file, lacks_engine, pip_requirement
 from consilience.engine.questions import Question
 from consilience.errors import InvalidInput
 from consilience.mechanism import Array, Mechanism, State
@@ -91,13 +91,24 @@ class Engine(Protocol):
 
 
 def beside_adapter(point: EntryPoint, name: str) -> ModuleType | None:
-    """Import a module of an adapter's package; None if the package has no such module, or is a single file."""
-    package = point.module.partition(".")[0]
-    spec = find_spec(package)
-    folders = (spec.submodule_search_locations or ()) if spec else ()
-    # the file is looked for: looking for the module by name would import the package, whose engine may be missing
-    there = any((Path(folder) / f"{name}.py").exists() for folder in folders)
-    return import_module(f"{package}.{name}") if there else None
+    """A module of an adapter's package beside the engine; None where it has none, or is a single file."""
+    # looked for as a file: to ask for it by name imports the package, whose engine may not be there
+    if adapter_file(point, f"{name}.py") is None:
+        return None
+    with _engine_needed(point):
+        return import_module(f"{point.module.partition('.')[0]}.{name}")
+
+
+@contextmanager
+def _engine_needed(point: EntryPoint) -> Iterator[None]:
+    """Say how to get an engine whose package is missing, in place of the error of the import."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        if not lacks_engine(point):
+            raise
+        remedy = f"Install it: pip install '{pip_requirement(point)}'"
+        raise InvalidInput(f"engine '{point.name}'", f"its package is not here ({error})", remedy) from None
 
 
 def engines_like(incomplete: str) -> list[str]:
@@ -121,13 +132,15 @@ def load_engine(name: str) -> Engine:
     Raises
     ------
     InvalidInput
-        If no engine of that name is installed, or the engine has no such variant.
+        If no engine of that name is installed, its package is missing, or it has no such variant.
     ImportError
         If the package of the engine cannot be imported.
     """
     require_installed(name)
     base, variant, _ = split_name(name)
-    make = installed()[base].load()
+    point = installed()[base]
+    with _engine_needed(point):
+        make = point.load()
     if not variant:
         plain: Engine = make()
         return plain

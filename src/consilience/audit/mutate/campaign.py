@@ -23,11 +23,11 @@ from typing import Any
 from pebble import ProcessExpired, ProcessPool
 
 from consilience.audit.mutate.judge import GREEN, verdicts
+from consilience.audit.mutate.mutants import Mutant
 from consilience.audit.mutate.mutated import SeamError
-from consilience.audit.mutate.subjects import Subject, random_subject, shipped_subject
+from consilience.audit.mutate.subjects import MutationSubject, random_subject, shipped_subject
 from consilience.audit.mutate.synthetic import host as new_host
 from consilience.audit.mutate.table import MUTANTS
-from consilience.audit.mutate.traps import Mutant
 from consilience.compare import Comparison, Verdict
 from consilience.engine import Engine, Question
 
@@ -41,7 +41,7 @@ _EXAMPLE = 160
 """Characters kept of an example."""
 
 
-def subject_of(key: SubjectKey) -> Subject:
+def subject_of(key: SubjectKey) -> MutationSubject:
     """The subject of a key, kept in the process that asks."""
     found = shipped_subject(key) if isinstance(key, str) else random_subject(key)
     assert found is not None
@@ -49,7 +49,7 @@ def subject_of(key: SubjectKey) -> Subject:
 
 
 @dataclass(frozen=True)
-class Task:
+class MutationTask:
     """One mutant in one host at one magnitude."""
 
     mutant: str
@@ -59,7 +59,7 @@ class Task:
 
 
 @dataclass
-class Outcome:
+class TaskOutcome:
     """What became of a task.
 
     Attributes
@@ -112,7 +112,7 @@ class Alarm:
 
 
 @dataclass
-class Campaign:
+class MutationCampaign:
     """Everything a campaign found.
 
     Attributes
@@ -121,7 +121,7 @@ class Campaign:
         Random mechanisms that each correct adapter was judged on at `instant`: those that it can represent.
     """
 
-    outcomes: list[Outcome] = field(default_factory=list)
+    outcomes: list[TaskOutcome] = field(default_factory=list)
     alarms: list[Alarm] = field(default_factory=list)
     judged: Counter[str] = field(default_factory=Counter)
     mechanisms: int = 0
@@ -171,14 +171,14 @@ def _names(found: Sequence[Comparison]) -> set[str]:
 
 def _before(mutant: Mutant, name: str, key: SubjectKey) -> list[Comparison]:
     """Verdicts without the error; none where the mutant cannot be judged on this mechanism."""
-    if not mutant.needs(subject_of(key)):
+    if not mutant.precondition(subject_of(key)):
         return []
     before = [c for question in mutant.questions for c in _baseline(name, key, question, mutant.methods)]
     asked = any(c.question is mutant.question for c in before)
     return before if asked and not _red(before) else []
 
 
-def _judge(mutant: Mutant, engine: Engine, key: SubjectKey, before: Sequence[Comparison], outcome: Outcome) -> None:
+def _judge(mutant: Mutant, engine: Engine, key: SubjectKey, before: Sequence[Comparison], outcome: TaskOutcome) -> None:
     """Judge one mechanism."""
     subject = subject_of(key)
     found = [c for question in mutant.questions for c in verdicts(engine, subject, question, mutant.methods)]
@@ -195,11 +195,11 @@ def _judge(mutant: Mutant, engine: Engine, key: SubjectKey, before: Sequence[Com
         outcome.largest_missed = max([outcome.largest_missed, *ratios])
 
 
-def perform(task: Task) -> Outcome:
+def perform(task: MutationTask) -> TaskOutcome:
     """Judge one mutant in this process."""
     start = time.process_time()
     mutant = MUTANTS[task.mutant]
-    outcome = Outcome(task.mutant, task.host, task.magnitude)
+    outcome = TaskOutcome(task.mutant, task.host, task.magnitude)
     # before anything is planted: a seam of a module is open for every engine of this process
     before = {key: _before(mutant, task.host, key) for key in task.subjects}
     try:
@@ -208,7 +208,7 @@ def perform(task: Task) -> Outcome:
                 if comparisons:
                     _judge(mutant, engine, key, comparisons, outcome)
     except SeamError as error:
-        return Outcome(task.mutant, task.host, task.magnitude, unusable=str(error))
+        return TaskOutcome(task.mutant, task.host, task.magnitude, unusable=str(error))
     outcome.seconds = time.process_time() - start
     return outcome
 
@@ -245,10 +245,10 @@ def _quiet() -> None:
 
 def tasks_of(
     mutants: Sequence[Mutant], hosts: Sequence[str], instants: Sequence[SubjectKey], motions: Sequence[SubjectKey]
-) -> list[Task]:
+) -> list[MutationTask]:
     """Tasks of a campaign: every mutant, host and magnitude."""
     return [
-        Task(m.name, host, magnitude, tuple(motions if m.question is Question.TRAJECTORY else instants))
+        MutationTask(m.name, host, magnitude, tuple(motions if m.question is Question.TRAJECTORY else instants))
         for m in mutants
         for host in m.hosts
         if host in hosts
@@ -268,18 +268,18 @@ def _result(future: Future[Any]) -> tuple[Any, str]:
     return None, f"{type(error).__name__}: {error}"
 
 
-def _silent(_: Campaign) -> None:
+def _silent(_: MutationCampaign) -> None:
     """Report no progress."""
 
 
 def run_campaign(
-    tasks: Sequence[Task],
+    tasks: Sequence[MutationTask],
     hosts: Sequence[str],
     alarms: Sequence[SubjectKey] = (),
     jobs: int = 2,
     limit: float = 120.0,
-    progress: Callable[[Campaign], None] | None = None,
-) -> Campaign:
+    progress: Callable[[MutationCampaign], None] | None = None,
+) -> MutationCampaign:
     """Perform all tasks, and judge the correct adapters on the mechanisms `alarms`.
 
     Parameters
@@ -293,7 +293,7 @@ def run_campaign(
     """
     report = progress or _silent
     start = time.perf_counter()
-    campaign = Campaign(mechanisms=len(alarms))
+    campaign = MutationCampaign(mechanisms=len(alarms))
     batches = [tuple(alarms[n : n + _BATCH]) for n in range(0, len(alarms), _BATCH)]
     context = multiprocessing.get_context("spawn")
     with ProcessPool(max_workers=jobs, context=context, initializer=_quiet) as pool:
@@ -312,7 +312,7 @@ def run_campaign(
             report(campaign)
         for task, future in planted:
             outcome, reason = _result(future)
-            broken = Outcome(task.mutant, task.host, task.magnitude, broken=reason)
+            broken = TaskOutcome(task.mutant, task.host, task.magnitude, broken=reason)
             campaign.outcomes.append(outcome or broken)
             report(campaign)
     campaign.elapsed = time.perf_counter() - start

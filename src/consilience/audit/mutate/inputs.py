@@ -166,7 +166,7 @@ def frames_transposed(mechanism: Mechanism, magnitude: float) -> Mechanism:
 def anchors_elsewhere(mechanism: Mechanism, magnitude: float) -> Mechanism:
     """Joints that close loops hold what met in another pose, not assembled: every body moved by `magnitude`.
 
-    What `connect` and `weld` of MuJoCo do with a reference pose that is not the assembled one.
+    The error of constraints whose anchors are computed in a reference pose that is not the assembled one.
     """
     n = 6 * len(mechanism.bodies)
     pose = move(drawing_state(mechanism), magnitude * np.sin(np.arange(1.0, n + 1.0)))

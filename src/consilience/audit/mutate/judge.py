@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from consilience.audit.mutate.mutated import SeamError
-from consilience.audit.mutate.subjects import Subject
+from consilience.audit.mutate.subjects import MutationSubject
 from consilience.compare import Comparison, Verdict, compare_instant, compare_model, compare_trajectory
 from consilience.compare.softness import SCALES
 from consilience.engine import Engine, InstantAnswer, Method, ModelAnswer, Profile, Question, Run, Status, defects
@@ -24,13 +24,17 @@ GREEN = (Verdict.AGREES, Verdict.DISCRETISATION, Verdict.UNSUPPORTED)
 """Verdicts that a run passes over, with the exit code 0. Every other one is noticed."""
 
 
+_MUTANTS = ("seams.py", "mutants.py")
+"""Files with the code of mutants: here, and in an adapter."""
+
+
 def _raised_by_the_mutant(error: Exception) -> bool:
-    """Whether an error comes out of the code of a seam, which then no longer fits its adapter."""
+    """Whether an error comes out of the code of a mutant, which then no longer fits its adapter."""
     frames = traceback.extract_tb(error.__traceback__)
-    return isinstance(error, SeamError) or (bool(frames) and Path(frames[-1].filename).name.startswith("seams"))
+    return isinstance(error, SeamError) or (bool(frames) and Path(frames[-1].filename).name in _MUTANTS)
 
 
-def verdicts(engine: Engine, subject: Subject, question: Question, methods: str = "") -> list[Comparison]:
+def verdicts(engine: Engine, subject: MutationSubject, question: Question, methods: str = "") -> list[Comparison]:
     """Judge what an engine says, by every method of the matched profile whose name has the text `methods` in it.
 
     What a user of the defaults gets may differ, and says nothing about the adapter. What an engine raises is one
@@ -51,7 +55,7 @@ def verdicts(engine: Engine, subject: Subject, question: Question, methods: str 
         ask, compare = _QUESTIONS[question]
         try:
             answer = ask(engine, subject, method)
-        except _NoAnswerError as none:
+        except _UnusableAnswerError as none:
             found.append(_failed(subject, question, method, none.reason))
         else:
             found.append(compare(subject, method, answer))
@@ -62,7 +66,7 @@ class DefectiveAnswerError(Exception):
     """An answer of the wrong form."""
 
 
-class _NoAnswerError(Exception):
+class _UnusableAnswerError(Exception):
     """An engine gave no answer that can be compared; an error of ours is none, and goes its way."""
 
     def __init__(self, reason: Exception) -> None:
@@ -70,40 +74,40 @@ class _NoAnswerError(Exception):
         self.reason = reason
 
 
-def _sound(answer: _T | Raised, question: Question, subject: Subject, count: int) -> _T:
+def _sound(answer: _T | Raised, question: Question, subject: MutationSubject, count: int) -> _T:
     if isinstance(answer, Raised):
-        raise _NoAnswerError(answer.error)
+        raise _UnusableAnswerError(answer.error)
     wrong = defects(answer, question, subject.mechanism, count)
     if wrong:
-        raise _NoAnswerError(DefectiveAnswerError("; ".join(wrong)))
+        raise _UnusableAnswerError(DefectiveAnswerError("; ".join(wrong)))
     return answer
 
 
-def _model(engine: Engine, subject: Subject, method: Method) -> ModelAnswer:
+def _model(engine: Engine, subject: MutationSubject, method: Method) -> ModelAnswer:
     answer = attempt(engine.model, subject.mechanism, subject.states[0], method)
     return _sound(answer, Question.MODEL, subject, 1)
 
 
-def _compare_model(subject: Subject, method: Method, answer: ModelAnswer) -> Comparison:
+def _compare_model(subject: MutationSubject, method: Method, answer: ModelAnswer) -> Comparison:
     return compare_model(subject.name, "", method, answer, subject.model_answer, subject.size)
 
 
-def _instant(engine: Engine, subject: Subject, method: Method) -> InstantAnswer:
+def _instant(engine: Engine, subject: MutationSubject, method: Method) -> InstantAnswer:
     answer = attempt(engine.instant, subject.mechanism, subject.states, method)
     return _sound(answer, Question.INSTANT, subject, len(subject.states))
 
 
-def _compare_instant(subject: Subject, method: Method, answer: InstantAnswer) -> Comparison:
+def _compare_instant(subject: MutationSubject, method: Method, answer: InstantAnswer) -> Comparison:
     return compare_instant(subject.name, "", method, answer, subject.instant_answer, subject.instants)
 
 
-def _run(engine: Engine, subject: Subject, method: Method, level: int, step: float) -> Run:
+def _run(engine: Engine, subject: MutationSubject, method: Method, level: int, step: float) -> Run:
     answer = attempt(engine.trajectory, subject.mechanism, subject.states[0], subject.times, method, step)
     sound = _sound(answer, Question.TRAJECTORY, subject, len(subject.times))
     return Run(subject.name, "", Question.TRAJECTORY, method, level, step, Status.ANSWERED, sound)
 
 
-def _trajectory(engine: Engine, subject: Subject, method: Method) -> tuple[list[Run], list[Run]]:
+def _trajectory(engine: Engine, subject: MutationSubject, method: Method) -> tuple[list[Run], list[Run]]:
     """All levels, and the finest again at other softnesses where the engine has one."""
     assert subject.case is not None
     steps = [subject.case.sample / n for n in method.substeps] or list(method.tolerances)
@@ -113,7 +117,7 @@ def _trajectory(engine: Engine, subject: Subject, method: Method) -> tuple[list[
     return runs, softer
 
 
-def _compare_trajectory(subject: Subject, _: Method, answer: tuple[list[Run], list[Run]]) -> Comparison:
+def _compare_trajectory(subject: MutationSubject, _: Method, answer: tuple[list[Run], list[Run]]) -> Comparison:
     runs, softer = answer
     return compare_trajectory(subject.mechanism, runs, subject.yardstick, softer)
 
@@ -126,7 +130,7 @@ _QUESTIONS: dict[Question, tuple[Callable[..., Any], Callable[..., Comparison]]]
 """How an engine is asked, and how its answer is compared."""
 
 
-def _failed(subject: Subject, question: Question, method: Method | None, error: Exception) -> Comparison:
+def _failed(subject: MutationSubject, question: Question, method: Method | None, error: Exception) -> Comparison:
     if _raised_by_the_mutant(error):
         raise SeamError(f"{type(error).__name__}: {error}") from error
     return Comparison(

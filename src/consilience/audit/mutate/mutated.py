@@ -36,7 +36,7 @@ MethodChange = Callable[[Method, float], Method]
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
+class InstantRequest:
     """What an engine was asked at `instant`, for changes of its answer that need the engine again."""
 
     engine: Engine
@@ -46,7 +46,7 @@ class Asked:
 
 
 ModelChange = Callable[[ModelAnswer, float], ModelAnswer]
-InstantChange = Callable[[Asked, InstantAnswer, float], InstantAnswer]
+InstantChange = Callable[[InstantRequest, InstantAnswer, float], InstantAnswer]
 MotionChange = Callable[[Mechanism, TrajectoryAnswer, float], TrajectoryAnswer]
 
 
@@ -110,7 +110,7 @@ class Mutated:
         answer = self.host.instant(given, self._at(mechanism, states), own)
         if self.change_instant is None:
             return answer
-        return self.change_instant(Asked(self.host, given, states, own), answer, self.magnitude)
+        return self.change_instant(InstantRequest(self.host, given, states, own), answer, self.magnitude)
 
     def trajectory(
         self, mechanism: Mechanism, state: State, times: Array, method: Method, step: float

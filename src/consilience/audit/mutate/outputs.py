@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from consilience.audit.mutate.inputs import moved
-from consilience.audit.mutate.mutated import Asked, InstantChange, MethodChange
+from consilience.audit.mutate.mutated import InstantChange, InstantRequest, MethodChange
 from consilience.engine import InstantAnswer, Method, ModelAnswer, Question, TrajectoryAnswer
 from consilience.mechanism import (
     GROUND,
@@ -30,17 +30,17 @@ from consilience.mechanism import (
 # ---------------------------------------------------------------- accelerations
 
 
-def _velocities(asked: Asked) -> tuple[Array, Array]:
+def _velocities(asked: InstantRequest) -> tuple[Array, Array]:
     return np.array([s.v_WB_W for s in asked.states]), np.array([s.w_WB_W for s in asked.states])
 
 
-def acceleration_spatial(asked: Asked, answer: InstantAnswer, magnitude: float) -> InstantAnswer:
+def acceleration_spatial(asked: InstantRequest, answer: InstantAnswer, magnitude: float) -> InstantAnswer:
     """Linear part of the spatial acceleration, ``a - w x v``, where the classical one belongs."""
     v, w = _velocities(asked)
     return replace(answer, a_WB_W=answer.a_WB_W - magnitude * np.cross(w, v))
 
 
-def acceleration_of_centre(asked: Asked, answer: InstantAnswer, magnitude: float) -> InstantAnswer:
+def acceleration_of_centre(asked: InstantRequest, answer: InstantAnswer, magnitude: float) -> InstantAnswer:
     """Accelerations of the centres of mass and not of the origins."""
     R = np.array([rotation_from_quaternion(s.quat_WB) for s in asked.states])
     c = np.einsum("sbij,bj->sbi", R, np.array([b.com for b in asked.mechanism.bodies]))
@@ -49,7 +49,7 @@ def acceleration_of_centre(asked: Asked, answer: InstantAnswer, magnitude: float
     return replace(answer, a_WB_W=answer.a_WB_W + magnitude * extra)
 
 
-def answer_of_step_end(asked: Asked, answer: InstantAnswer, magnitude: float) -> InstantAnswer:
+def answer_of_step_end(asked: InstantRequest, answer: InstantAnswer, magnitude: float) -> InstantAnswer:
     """Accelerations and reactions that belong to the end of a step of `magnitude` seconds, energies to its start."""
     later = []
     for n, state in enumerate(asked.states):
@@ -60,7 +60,7 @@ def answer_of_step_end(asked: Asked, answer: InstantAnswer, magnitude: float) ->
     return replace(end, kinetic=answer.kinetic, potential=answer.potential)
 
 
-def constraints_half_ignored(asked: Asked, answer: InstantAnswer, magnitude: float) -> InstantAnswer:
+def constraints_half_ignored(asked: InstantRequest, answer: InstantAnswer, magnitude: float) -> InstantAnswer:
     """A fraction of the accelerations without any joint: bodies that fall, each on its own."""
     free = _falling(asked)
     a = answer.a_WB_W + magnitude * (free.a_WB_W - answer.a_WB_W)
@@ -68,7 +68,7 @@ def constraints_half_ignored(asked: Asked, answer: InstantAnswer, magnitude: flo
     return replace(answer, a_WB_W=a, alpha_WB_W=alpha)
 
 
-def _falling(asked: Asked) -> InstantAnswer:
+def _falling(asked: InstantRequest) -> InstantAnswer:
     m = asked.mechanism
     at = Frame(np.zeros(3), np.eye(3))
     joints = tuple(Joint(f"free {b.name}", "free", GROUND, b.name, at, at) for b in m.bodies)
@@ -84,10 +84,10 @@ def _holding(mechanism: Mechanism) -> int:
     return next(k for k, joint in enumerate(mechanism.joints) if JOINT_KINDS[joint.kind].rows)
 
 
-def _of_reactions(change: Callable[[Asked, Array, Array, float], tuple[Array, Array]]) -> InstantChange:
+def _of_reactions(change: Callable[[InstantRequest, Array, Array, float], tuple[Array, Array]]) -> InstantChange:
     """Change forces and torques of an answer; a method that gives none cannot give wrong ones."""
 
-    def of_answer(asked: Asked, answer: InstantAnswer, magnitude: float) -> InstantAnswer:
+    def of_answer(asked: InstantRequest, answer: InstantAnswer, magnitude: float) -> InstantAnswer:
         if answer.force_F is None or answer.torque_F is None:
             return answer
         force, torque = change(asked, answer.force_F.copy(), answer.torque_F.copy(), magnitude)
@@ -96,7 +96,7 @@ def _of_reactions(change: Callable[[Asked, Array, Array, float], tuple[Array, Ar
     return of_answer
 
 
-def _sign(asked: Asked, force: Array, torque: Array, magnitude: float) -> tuple[Array, Array]:
+def _sign(asked: InstantRequest, force: Array, torque: Array, magnitude: float) -> tuple[Array, Array]:
     """The reaction of one joint turned towards the one on its predecessor: at 1 it is that, at 0.5 nothing."""
     k = _holding(asked.mechanism)
     force[:, k] *= 1.0 - 2.0 * magnitude
@@ -104,20 +104,20 @@ def _sign(asked: Asked, force: Array, torque: Array, magnitude: float) -> tuple[
     return force, torque
 
 
-def _cleared(asked: Asked, force: Array, torque: Array, magnitude: float) -> tuple[Array, Array]:
+def _cleared(asked: InstantRequest, force: Array, torque: Array, magnitude: float) -> tuple[Array, Array]:
     """A fraction of the reactions is lost after the first state, as where an engine clears its forces."""
     kept = np.where(np.arange(len(asked.states)) > 0, 1.0 - magnitude, 1.0)[:, None, None]
     return kept * force, kept * torque
 
 
-def _in_world(asked: Asked, force: Array, torque: Array, magnitude: float) -> tuple[Array, Array]:
+def _in_world(asked: InstantRequest, force: Array, torque: Array, magnitude: float) -> tuple[Array, Array]:
     """Components in world axes and not in those of F."""
     U = np.array([[joint_frames(asked.mechanism, s, j).U for j in asked.mechanism.joints] for s in asked.states])
     both = (x + magnitude * (np.einsum("sjab,sjb->sja", U, x) - x) for x in (force, torque))
     return next(both), next(both)
 
 
-def _about_centre(asked: Asked, force: Array, torque: Array, magnitude: float) -> tuple[Array, Array]:
+def _about_centre(asked: InstantRequest, force: Array, torque: Array, magnitude: float) -> tuple[Array, Array]:
     """Torques about the successor's centre of mass and not about M."""
     m = asked.mechanism
     for n, state in enumerate(asked.states):
@@ -129,7 +129,7 @@ def _about_centre(asked: Asked, force: Array, torque: Array, magnitude: float) -
     return force, torque
 
 
-def _undetermined(asked: Asked, force: Array, torque: Array, magnitude: float) -> tuple[Array, Array]:
+def _undetermined(asked: InstantRequest, force: Array, torque: Array, magnitude: float) -> tuple[Array, Array]:
     """Other values where equilibrium leaves reactions open: another solution of the same equations, and no error."""
     both = np.concatenate([force, torque], axis=2)
     for n, state in enumerate(asked.states):
@@ -147,7 +147,7 @@ undetermined_reactions = _of_reactions(_undetermined)
 # ---------------------------------------------------------------- loads, forms, models
 
 
-def loads_cleared(asked: Asked, answer: InstantAnswer, magnitude: float) -> InstantAnswer:
+def loads_cleared(asked: InstantRequest, answer: InstantAnswer, magnitude: float) -> InstantAnswer:
     """Loads are there at the first state only, as where an engine clears its external forces after a step."""
     weaker = tuple(replace(load, vector=(1.0 - magnitude) * load.vector) for load in asked.mechanism.loads)
     later = asked.engine.instant(replace(asked.mechanism, loads=weaker), asked.states, asked.method)
@@ -159,14 +159,14 @@ def loads_cleared(asked: Asked, answer: InstantAnswer, magnitude: float) -> Inst
     return replace(answer, **mixed)
 
 
-def name_gone(asked: Asked, answer: InstantAnswer, magnitude: float) -> InstantAnswer:
+def name_gone(asked: InstantRequest, answer: InstantAnswer, magnitude: float) -> InstantAnswer:
     """A name of the engine's interface that its next version no longer has."""
     del answer, magnitude
     gone: InstantAnswer = asked.engine.accelerations_of_old  # type: ignore[attr-defined]
     return gone
 
 
-def array_transposed(asked: Asked, answer: InstantAnswer, magnitude: float) -> InstantAnswer:
+def array_transposed(asked: InstantRequest, answer: InstantAnswer, magnitude: float) -> InstantAnswer:
     """An array that the next version of the engine gives the other way round."""
     del asked, magnitude
     return replace(answer, a_WB_W=np.swapaxes(answer.a_WB_W, 1, 2))

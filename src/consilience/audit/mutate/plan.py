@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from consilience.audit.mutate.campaign import SubjectKey, Task, tasks_of
+from consilience.audit.mutate.campaign import MutationTask, SubjectKey, tasks_of
+from consilience.audit.mutate.mutants import Mutant
 from consilience.audit.mutate.subjects import CASES, MOTIONS, random_subjects
-from consilience.audit.mutate.synthetic import NAME as SYNTHETIC
-from consilience.audit.mutate.table import MUTANTS
-from consilience.audit.mutate.table_model import EVERY
-from consilience.audit.mutate.traps import Mutant
-from consilience.engine import Question, require_installed
+from consilience.audit.mutate.table import HOSTS, MUTANTS
+from consilience.engine import Question, beside_adapter, installed
 from consilience.errors import InvalidInput
 
 FIRST_SEED = 1000
@@ -52,24 +50,22 @@ def hosts_named(names: Sequence[str]) -> list[str]:
     InvalidInput
     """
     for name in names:
-        if name not in EVERY:
-            raise InvalidInput(f"engine '{name}'", "nothing is planted in it", f"Hosts: {', '.join(EVERY)}.")
-    chosen = list(names or EVERY)
-    for name in chosen:
-        if name != SYNTHETIC:
-            require_installed(name)
-    return chosen
+        if name in installed():
+            beside_adapter(installed()[name], "mutants")  # says how to get an engine that is missing
+        if name not in HOSTS:
+            raise InvalidInput(f"engine '{name}'", "nothing is planted in it", f"Hosts: {', '.join(HOSTS)}.")
+    return list(names or HOSTS)
 
 
 def full(
     mutants: Sequence[Mutant], hosts: Sequence[str], mechanisms: int, correct: int
-) -> tuple[list[Task], list[SubjectKey]]:
+) -> tuple[list[MutationTask], list[SubjectKey]]:
     """Tasks, and the mechanisms for the correct adapters."""
     instants: list[SubjectKey] = [*CASES, *random_subjects(mechanisms, FIRST_SEED, BODIES)]
     return tasks_of(mutants, hosts, instants, MOTIONS), list(random_subjects(correct))
 
 
-def short(mutants: Sequence[Mutant], hosts: Sequence[str]) -> tuple[list[Task], list[SubjectKey]]:
+def short(mutants: Sequence[Mutant], hosts: Sequence[str]) -> tuple[list[MutationTask], list[SubjectKey]]:
     """The same in a minute: each mutant in one host, in turn, at two magnitudes, on few mechanisms; no motion twice."""
     chosen = []
     for n, mutant in enumerate(mutants):

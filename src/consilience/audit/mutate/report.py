@@ -10,15 +10,15 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from consilience.audit.mutate.campaign import Campaign, Outcome
-from consilience.audit.mutate.summary import Row, Standing, exit_code, rows_of, verdict_of
-from consilience.audit.mutate.traps import TRAPS, UNPLANTED
+from consilience.audit.mutate.campaign import MutationCampaign, TaskOutcome
+from consilience.audit.mutate.mutants import TRAPS, UNPLANTED
+from consilience.audit.mutate.summary import MutantRow, Standing, exit_code, rows_of, verdict_of
 from consilience.compare import markdown_table, write_campaign
 
 FORMAT = 1
 
 
-def _shares(outcome: Outcome | None) -> str:
+def _shares(outcome: TaskOutcome | None) -> str:
     """Magnitude and how many mechanisms, as ``1e-08 (8 of 8)``."""
     if outcome is None:
         return "-"
@@ -27,7 +27,7 @@ def _shares(outcome: Outcome | None) -> str:
     return f"{outcome.magnitude:g} ({outcome.caught} of {outcome.judged})"
 
 
-def _cells(row: Row) -> tuple[str, ...]:
+def _cells(row: MutantRow) -> tuple[str, ...]:
     m = row.mutant
     if m.harmless or len(row.outcomes) == 1:
         first = row.outcomes[0]
@@ -57,7 +57,7 @@ def _escaped(cell: str) -> str:
     return cell.replace("|", "/")
 
 
-def markdown(campaign: Campaign) -> str:
+def markdown(campaign: MutationCampaign) -> str:
     """Tables by trap, then the false alarms."""
     rows = rows_of(campaign)
     lines = ["# Detection power", "", verdict_of(campaign), "", _settings(campaign), ""]
@@ -79,7 +79,7 @@ def markdown(campaign: Campaign) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _settings(campaign: Campaign) -> str:
+def _settings(campaign: MutationCampaign) -> str:
     engines = ", ".join(campaign.engines.values())
     missing = "".join(f"; {name} is missing: {reason}" for name, reason in campaign.missing.items())
     own = f"consilience {version('consilience')}, numpy {version('numpy')}, Python {platform.python_version()}"
@@ -87,7 +87,7 @@ def _settings(campaign: Campaign) -> str:
     return f"{engines}{missing}. {own}; {place}; {campaign.elapsed:.0f} s."
 
 
-def as_json(campaign: Campaign) -> dict[str, Any]:
+def as_json(campaign: MutationCampaign) -> dict[str, Any]:
     """Everything, in plain types."""
     rows = rows_of(campaign)
     return {
@@ -110,7 +110,7 @@ def as_json(campaign: Campaign) -> dict[str, Any]:
     }
 
 
-def _row(row: Row) -> dict[str, Any]:
+def _row(row: MutantRow) -> dict[str, Any]:
     smallest = row.smallest
     m = row.mutant
     return {
@@ -139,12 +139,12 @@ def _row(row: Row) -> dict[str, Any]:
     }
 
 
-def write_report(campaign: Campaign, folder: Path) -> None:
+def write_report(campaign: MutationCampaign, folder: Path) -> None:
     """Write ``detection.md`` and ``detection.json``."""
     write_campaign(folder, "detection", as_json(campaign), markdown(campaign))
 
 
-def short_table(campaign: Campaign) -> list[tuple[str, ...]]:
+def short_table(campaign: MutationCampaign) -> list[tuple[str, ...]]:
     """One line for each trap: title, mutants caught of judged, smallest magnitude caught."""
     lines: list[tuple[str, ...]] = []
     for trap, same in groupby(rows_of(campaign), key=lambda r: r.mutant.trap):

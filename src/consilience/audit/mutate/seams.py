@@ -1,7 +1,7 @@
-"""Errors inside the adapters, by names of their own: replaced while a mutant is asked, and put back.
+"""Errors inside an adapter: its names are replaced while a mutant is asked, and put back.
 
-No adapter is imported by name: its modules are found from the class of the engine that was loaded. A name that is gone
-makes a failed mutant, not a silent one.
+Modules of an adapter are found from the class of the engine that was loaded. A name that is gone makes a mutant that
+is not judged, which the summary tells.
 """
 
 from __future__ import annotations
@@ -59,15 +59,10 @@ def replaced(owner: Any, name: str, make: Callable[[Any], Any]) -> Iterator[None
             put(name, original)
 
 
-SOLVE = {"exudyn": "pointwise", "pinocchio": "dynamics", "mujoco": "evaluate", "dart": "dynamics"}
-"""Module of each adapter that solves for accelerations with the harness; in a seam: ``@solve``."""
-
-
 def inside(*seams: tuple[str, str, Callable[[Any, float], Any]]) -> Planting:
     """Plant by names of modules of the adapter: each seam is module, attribute, and ``make(original, magnitude)``.
 
-    ``module[NAME]`` is a dictionary of the module; the module ``""`` is the engine object, and ``@solve`` the module
-    of `SOLVE`.
+    ``module[NAME]`` is a dictionary of the module; the module ``""`` is the engine object.
     """
 
     @contextmanager
@@ -78,7 +73,6 @@ def inside(*seams: tuple[str, str, Callable[[Any, float], Any]]) -> Planting:
                 owner: Any = engine
                 if where:
                     home, _, table = where.partition("[")
-                    home = SOLVE[engine.info().name.lower()] if home == "@solve" else home
                     owner = module(engine, home)
                     if table and not hasattr(owner, table.rstrip("]")):
                         raise SeamError(f"{home} has no {table.rstrip(']')} to plant in")
@@ -150,7 +144,7 @@ class Proxy(SimpleNamespace):
         return getattr(self._original, name)
 
 
-# ---------------------------------------------------------------- every adapter
+# ---------------------------------------------------------------- adapters that solve or integrate with the harness
 
 
 def _lower_triangle(solve: Any, magnitude: float, M: Any, f: Any, J: Any, gamma: Any) -> Any:
@@ -158,7 +152,12 @@ def _lower_triangle(solve: Any, magnitude: float, M: Any, f: Any, J: Any, gamma:
     return solve(np.triu(M) + (1.0 - magnitude) * np.tril(M, -1), f, J, gamma)
 
 
-lower_triangle = wrapped(_lower_triangle)
+@contextmanager
+def lower_triangle(engine: Engine, magnitude: float) -> Iterator[Engine]:
+    """Plant `_lower_triangle` in the module of an adapter that its ``mutants`` name as ``SOLVER``."""
+    seam = (module(engine, "mutants").SOLVER, "solve_constrained", wrapped(_lower_triangle))
+    with inside(seam)(engine, magnitude) as planted:
+        yield planted
 
 
 def _first_order_step(

@@ -42,7 +42,7 @@ SPAN, SAMPLE = 0.5, 0.05
 
 
 @dataclass(eq=False)
-class Subject:
+class MutationSubject:
     """A mechanism with the states, and perhaps the trajectory, that it is asked about.
 
     Attributes
@@ -96,20 +96,20 @@ class Subject:
 
 
 @lru_cache(maxsize=512)
-def random_subject(seed: int) -> Subject | None:
+def random_subject(seed: int) -> MutationSubject | None:
     """Random mechanism of a seed with moving states; None where a state is too near to a singular pose."""
     mechanism = random_mechanism(seed)
     states = random_states(mechanism, drawing_state(mechanism), INSTANTS, seed)
     if max(worst_condition(mechanism, state) for state in states) > CLEAR:
         return None
-    return Subject(f"seed {seed}", mechanism, states)
+    return MutationSubject(f"seed {seed}", mechanism, states)
 
 
 @lru_cache(maxsize=16)
-def shipped_subject(name: str) -> Subject:
+def shipped_subject(name: str) -> MutationSubject:
     """A shipped case over a short span."""
     case = replace(load_case(name), instants=INSTANTS).with_span(SPAN, SAMPLE)
-    return Subject(name, case.mechanism, case.states, case)
+    return MutationSubject(name, case.mechanism, case.states, case)
 
 
 def random_subjects(count: int, first: int = 0, bodies: int = MOST_BODIES) -> Iterator[int]:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from enum import StrEnum
 from itertools import groupby
 
-from consilience.audit.mutate.campaign import Campaign, Outcome
+from consilience.audit.mutate.campaign import MutationCampaign, TaskOutcome
+from consilience.audit.mutate.mutants import TRAPS, UNPLANTED, Mutant
 from consilience.audit.mutate.table import MUTANTS
-from consilience.audit.mutate.traps import TRAPS, UNPLANTED, Mutant
 
 
 class Standing(StrEnum):
@@ -24,12 +24,12 @@ class Standing(StrEnum):
 
 
 @dataclass(frozen=True)
-class Row:
+class MutantRow:
     """One mutant in one host over its magnitudes, largest first."""
 
     mutant: Mutant
     host: str
-    outcomes: tuple[Outcome, ...]
+    outcomes: tuple[TaskOutcome, ...]
 
     @property
     def standing(self) -> Standing:
@@ -44,13 +44,13 @@ class Row:
         return Standing.UNSEEN if self.mutant.unseen else Standing.MISSED
 
     @property
-    def smallest(self) -> Outcome | None:
-        """Outcome of the smallest magnitude caught on any mechanism."""
+    def smallest(self) -> TaskOutcome | None:
+        """TaskOutcome of the smallest magnitude caught on any mechanism."""
         return next((o for o in reversed(self.outcomes) if o.noticed), None)
 
     @property
-    def smallest_everywhere(self) -> Outcome | None:
-        """Outcome of the smallest magnitude caught on every mechanism on which the largest was."""
+    def smallest_everywhere(self) -> TaskOutcome | None:
+        """TaskOutcome of the smallest magnitude caught on every mechanism on which the largest was."""
         most = max((o.caught for o in self.outcomes), default=0)
         return next((o for o in reversed(self.outcomes) if o.noticed and o.caught >= most), None)
 
@@ -74,32 +74,32 @@ class Row:
         return f"{missed.magnitude:g}: {missed.largest_missed:.2g} of the bar at most"
 
 
-def rows_of(campaign: Campaign) -> list[Row]:
+def rows_of(campaign: MutationCampaign) -> list[MutantRow]:
     """Rows in the order of the traps."""
 
-    def key(outcome: Outcome) -> tuple[int, int, str]:
+    def key(outcome: TaskOutcome) -> tuple[int, int, str]:
         return MUTANTS[outcome.mutant].trap, list(MUTANTS).index(outcome.mutant), outcome.host
 
     found = sorted(campaign.outcomes, key=lambda o: (*key(o), -o.magnitude))
     return [
-        Row(MUTANTS[group[0].mutant], group[0].host, tuple(group))
+        MutantRow(MUTANTS[group[0].mutant], group[0].host, tuple(group))
         for group in (list(same) for _, same in groupby(found, key))
     ]
 
 
-def count(rows: Sequence[Row], standing: Standing) -> int:
+def count(rows: Sequence[MutantRow], standing: Standing) -> int:
     """Number of rows of a standing."""
     return sum(row.standing is standing for row in rows)
 
 
-def traps_caught(rows: Sequence[Row]) -> tuple[int, int]:
+def traps_caught(rows: Sequence[MutantRow]) -> tuple[int, int]:
     """Traps of which every mutant judged was caught, and traps that were judged."""
     judged = {r.mutant.trap for r in rows if r.standing in (Standing.CAUGHT, Standing.MISSED)}
     missed = {r.mutant.trap for r in rows if r.standing is Standing.MISSED}
     return len(judged - missed), len(judged)
 
 
-def exit_code(campaign: Campaign) -> int:
+def exit_code(campaign: MutationCampaign) -> int:
     """0: all caught, no false alarm; 1: a mutant missed or a false alarm; 3: something was not judged."""
     rows = rows_of(campaign)
     if campaign.alarms or count(rows, Standing.MISSED) or count(rows, Standing.FALSE_ALARM):
@@ -107,7 +107,7 @@ def exit_code(campaign: Campaign) -> int:
     return 3 if campaign.missing or count(rows, Standing.NOT_JUDGED) else 0
 
 
-def verdict_of(campaign: Campaign) -> str:
+def verdict_of(campaign: MutationCampaign) -> str:
     """The whole in a sentence or two."""
     rows = rows_of(campaign)
     caught, judged = traps_caught(rows)

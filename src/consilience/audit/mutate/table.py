@@ -1,11 +1,58 @@
-"""The table of all mutants."""
+"""All mutants and all hosts: the common mutants in every host, those of an adapter in its own engine."""
 
 from __future__ import annotations
 
-from consilience.audit.mutate.table_answers import ANSWERS
-from consilience.audit.mutate.table_model import MODELS
-from consilience.audit.mutate.table_motion import MOTIONS
-from consilience.audit.mutate.traps import Mutant
+from collections.abc import Mapping
+from dataclasses import replace
+from types import ModuleType
 
-MUTANTS: dict[str, Mutant] = {mutant.name: mutant for mutant in (*MODELS, *ANSWERS, *MOTIONS)}
-"""By name, in the order of what they are wrong about: mechanism and state, answer, motion."""
+from consilience.audit.mutate.common_mutants import COMMON
+from consilience.audit.mutate.mutants import Mutant
+from consilience.audit.mutate.synthetic import NAME as SYNTHETIC
+from consilience.engine import adapter_file, beside_adapter, installed, lacks_engine
+
+
+def adapters_with_mutants() -> dict[str, ModuleType]:
+    """Return the modules ``mutants`` of the adapters whose engine is installed, by the engine's name."""
+    found = {}
+    for name, point in installed().items():
+        if lacks_engine(point) or adapter_file(point, "mutants.py") is None:
+            continue
+        try:
+            found[name] = beside_adapter(point, "mutants") or ModuleType(name)
+        except ImportError:  # the campaign says of each host why it does not start
+            found[name] = ModuleType(name)
+    return found
+
+
+def table_of(adapters: Mapping[str, ModuleType]) -> dict[str, Mutant]:
+    """Return mutants by name: the common ones first, then those of each adapter.
+
+    Parameters
+    ----------
+    adapters : mapping of str to module
+        Each has ``MUTANTS``, a tuple of `Mutant`, and perhaps ``SOLVER``, the module of the adapter that calls
+        `consilience.engine.solve_constrained` for the accelerations of an instant.
+
+    Raises
+    ------
+    ValueError
+        If two mutants have one name.
+    """
+    solving = tuple(name for name, module in adapters.items() if hasattr(module, "SOLVER"))
+    mutants = [replace(m, hosts=solving if m.solver else (SYNTHETIC, *adapters)) for m in COMMON]
+    mutants += [replace(m, hosts=(name,)) for name, module in adapters.items() for m in getattr(module, "MUTANTS", ())]
+    table = {mutant.name: mutant for mutant in mutants}
+    if len(table) < len(mutants):
+        names = [mutant.name for mutant in mutants]
+        raise ValueError(f"two mutants have one name: {', '.join(n for n in table if names.count(n) > 1)}")
+    return table
+
+
+_ADAPTERS = adapters_with_mutants()
+
+HOSTS = (SYNTHETIC, *_ADAPTERS)
+"""Engines that mutants are planted in."""
+
+MUTANTS = table_of(_ADAPTERS)
+"""By name."""

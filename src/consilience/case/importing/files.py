@@ -13,7 +13,7 @@ from consilience.case.file.reader import cases_from_tables
 from consilience.case.file.writer import case_text
 from consilience.case.importing.build import Built, build
 from consilience.case.importing.urdf import read_urdf
-from consilience.engine import beside_adapter, installed
+from consilience.engine import adapter_file, beside_adapter, installed, lacks_engine, pip_requirement
 from consilience.engine.native import Notes, Parts
 from consilience.errors import InvalidInput
 from consilience.mechanism import Initial
@@ -78,7 +78,7 @@ def readers() -> dict[str, Reader]:
     """
     found: dict[str, Reader] = {"robot": read_urdf}
     for point in installed().values():
-        if point.module.partition(".")[0] != "consilience" and (module := beside_adapter(point, "reading")):
+        if not lacks_engine(point) and (module := beside_adapter(point, "reading")):
             found |= module.READERS
     return found
 
@@ -101,7 +101,9 @@ def import_model(path: Path, free_base: bool = False) -> Imported:
     root, known, notes = _xml(path), readers(), Notes()
     if root.tag not in known:
         tags = ", ".join(f"<{tag}>" for tag in known)
-        raise InvalidInput(str(path), f"its root is <{root.tag}>", f"Give a file with one of {tags}.")
+        more = [pip_requirement(p) for p in installed().values() if lacks_engine(p) and adapter_file(p, "reading.py")]
+        remedy = f"Give a file with one of {tags}." + "".join(f" For more: pip install '{one}'" for one in more)
+        raise InvalidInput(str(path), f"its root is <{root.tag}>", remedy)
     if any("xacro" in e.tag for e in root.iter()):
         raise InvalidInput(str(path), "it has macros of xacro", "Run xacro on it, and import what comes out.")
     parts = known[root.tag](root, path, free_base, notes)

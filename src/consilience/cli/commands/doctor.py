@@ -20,8 +20,16 @@ from consilience.case import load_case
 from consilience.cli.options import EngineNames, Form, JobLimit, OutputFormat, chosen_engines
 from consilience.cli.terminal import err
 from consilience.compare import Verdict
-from consilience.engine import Profile, Question, installed, split_name
-from consilience.engine.worker.environments import REQUIREMENTS, cache_directory
+from consilience.engine import (
+    Profile,
+    Question,
+    engine_distribution,
+    installed,
+    lacks_engine,
+    pip_requirement,
+    split_name,
+)
+from consilience.engine.worker.environments import cache_directory
 from consilience.report.record import exit_code
 from consilience.report.statement import WRITERS, Statement
 from consilience.suite import Results, run_suite
@@ -93,24 +101,17 @@ def pinned() -> dict[str, str]:
     return {match[1].lower(): match[2] for match in found if match}
 
 
-def distribution_of(engine: str) -> str:
-    """Distribution that the adapter of an engine says it is; the adapter's own name where it says nothing."""
-    package = installed()[split_name(engine)[0]].module.partition(".")[0]
-    spec = importlib.util.find_spec(package)
-    for folder in (spec.submodule_search_locations or ()) if spec else ():
-        path = Path(folder) / REQUIREMENTS
-        if path.is_file():
-            return path.read_text(encoding="utf-8").split()[0]
-    return package
-
-
 def of_engine(engine: str, results: Results) -> Diagnosis:
     """Whether an engine starts, in the version it is tested with, and answers as the reference does."""
-    distribution, asked = distribution_of(engine), split_name(engine)[2]
+    name, _, asked = split_name(engine)
+    point = installed()[name]
+    distribution = engine_distribution(point) or point.module.partition(".")[0]
     tested = pinned().get(distribution.lower(), "")
     wanted = f"{distribution}=={asked or tested}" if asked or tested else distribution
     if engine in results.missing:
         reason = " ".join(results.missing[engine].split())
+        if not asked and lacks_engine(point):
+            wanted = pip_requirement(point)
         return Diagnosis(engine, "ill", f"does not start: {reason}", cure(reason, wanted, distribution))
     own = [c for c in results.comparisons if c.engine == engine and c.profile is Profile.MATCHED]
     bad = [c for c in own if c.verdict not in (Verdict.AGREES, Verdict.UNSUPPORTED)]

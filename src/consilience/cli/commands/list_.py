@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from consilience.case import Case, shipped_cases
 from consilience.case.families import FAMILIES, shown_parameters
 from consilience.cli.options import Form, OutputFormat
-from consilience.engine import installed
+from consilience.engine import installed, lacks_engine, pip_requirement
 from consilience.reference.formulations.registry import FORMULATIONS, SYSTEMS
 from consilience.report.statement import WRITERS, Statement
 
@@ -27,8 +27,10 @@ def list_(form: Form = OutputFormat.TEXT) -> None:
     rows = [(c.group, c.name, str(len(c.mechanism.bodies)), joints_of(c), c.title) for c in shipped_cases()]
     families = {name: shown_parameters(family) for name, family in FAMILIES.items()}
     engines, formulations = list(installed()), [*FORMULATIONS, *SYSTEMS]
+    lacking = {name: pip_requirement(point) for name, point in installed().items() if lacks_engine(point)}
     sentences = [
         f"engines: {', '.join(engines)}",
+        *(f"{name} is not installed: pip install '{requirement}'" for name, requirement in lacking.items()),
         f"formulations of the reference, as engines reference:NAME: {', '.join(formulations)}",
     ]
     tables: list[tuple[str, Sequence[str], Sequence[Sequence[str]]]] = [

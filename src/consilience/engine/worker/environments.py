@@ -24,6 +24,7 @@ from importlib.metadata import EntryPoint, version
 from pathlib import Path
 from typing import Any
 
+from consilience.engine.installation import REQUIREMENTS, adapter_file
 from consilience.engine.protocol import GROUP, installed, split_name
 from consilience.engine.worker.process import Launch
 
@@ -34,9 +35,6 @@ WORKER_SIDE = (
     *(f for f in sorted((SOURCES / "engine").rglob("*.py")) if f.stem not in ("client", "process", "environments")),
 )
 """Files of Consilience that a worker and an adapter may import; they import NumPy alone."""
-
-REQUIREMENTS = "worker-requirements.txt"
-"""File in an adapter's package; its first line names the distribution of the engine, without a version."""
 
 _VERSION = re.compile(r"[0-9][0-9A-Za-z.+!]*")
 
@@ -49,7 +47,7 @@ class NoEnvironment(Exception):
 
 
 def local_name(engine: str) -> str:
-    """Return the name of an engine without its version, as its worker knows it."""
+    """Return the name of an engine in the worker that has its version: ``NAME`` for ``NAME@VERSION``."""
     return engine.partition("@")[0]
 
 
@@ -90,12 +88,11 @@ def launch_of(engine: str, stopped: Callable[[], bool]) -> Launch:
 
 
 def _package(engine: str, point: EntryPoint) -> Path:
-    """Return the folder of an adapter that runs in an environment of its own; the adapter is not imported."""
-    spec = importlib.util.find_spec(point.module.partition(".")[0])
-    folders = spec.submodule_search_locations if spec is not None else None
-    if not folders or not (Path(folders[0]) / REQUIREMENTS).is_file():
+    """Folder of an adapter that can live elsewhere; nothing is imported."""
+    path = adapter_file(point, REQUIREMENTS)
+    if path is None:
         raise NoEnvironment(f"engine '{engine}': its adapter has no {REQUIREMENTS}: it comes in one version only")
-    return Path(folders[0])
+    return path.parent
 
 
 def _requirements(engine: str, package: Path, asked: str) -> list[str]:

@@ -1,7 +1,7 @@
 """BibTeX of the literature behind a run: the comparison, the engines and their methods, the sources of the cases.
 
-``literature.toml`` holds the works and the conditions under which each is cited. A source of a case that matches no
-work becomes a note of its own, so that no source is lost.
+``literature.toml``, here and beside an adapter, holds the works and the conditions under which each is cited. A source
+of a case that matches no work becomes a note of its own, so that no source is lost.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
+from consilience.engine import adapter_file, installed
 from consilience.report.exports.latex import escaped
 from consilience.report.record import Record
 
@@ -23,9 +24,11 @@ _OWN = "All numbers are our own"
 
 @cache
 def literature() -> dict[str, dict[str, str]]:
-    """Read the works of ``literature.toml``: type, conditions and fields by key."""
-    text = files("consilience.report.exports").joinpath("literature.toml").read_text(encoding="utf-8")
-    return tomllib.loads(text)
+    """Read the works of all ``literature.toml``, here and beside adapters: type, conditions and fields by key."""
+    texts = [files("consilience.report.exports").joinpath("literature.toml").read_text(encoding="utf-8")]
+    paths = [adapter_file(point, "literature.toml") for point in installed().values()]
+    texts += [path.read_text(encoding="utf-8") for path in paths if path]
+    return {key: entry for text in texts for key, entry in tomllib.loads(text).items()}
 
 
 def render(record: Record) -> str:

@@ -1,4 +1,4 @@
-"""The errors adapters are known to make, collected from the trackers of the engines, and what a mutant is."""
+"""Known errors of adapters (traps), collected from the trackers of the engines, and the mutants that stand for them."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from consilience.audit.mutate.mutated import Planting
-from consilience.audit.mutate.subjects import Subject
+from consilience.audit.mutate.subjects import MutationSubject
 from consilience.engine import Question
 
 TRAPS: dict[int, str] = {
@@ -43,11 +43,12 @@ TRAPS: dict[int, str] = {
 UNPLANTED: dict[int, str] = {}
 """Traps no mutant stands for, with the reason."""
 
-Need = Callable[[Subject], bool]
+Precondition = Callable[[MutationSubject], bool]
+"""Whether a mechanism has what an error acts on."""
 
 
-def anything(subject: Subject) -> bool:
-    """Every mechanism."""
+def anything(subject: MutationSubject) -> bool:
+    """Accept every mechanism."""
     del subject
     return True
 
@@ -64,51 +65,63 @@ class Mutant:
         Unique.
     how : str
         What is changed.
-    hosts : tuple of str
-        Engines it is planted in.
     magnitudes : tuple of float
-        Largest first; what they measure is `unit`. One magnitude, 1: all or nothing.
+        Largest first; `unit` is their unit. One magnitude, 1: all or nothing.
     question : Question
-        Expected to catch it. `model` and `instant` are always asked both; `trajectory` is asked alone.
+        Expected to catch the mutant. `model` and `instant` are always asked both; `trajectory` is asked alone.
     plant : callable
-    needs : callable
+    precondition : callable
         Whether a mechanism has what the error acts on.
     methods : str
         Text in the names of the methods that are asked; all of them without it.
     harmless : bool
-        It is no error: the harness must not notice it.
+        The change is no error: the harness must not notice it.
     unseen : bool
-        An error that no question sees; `remark` says why. It is planted to keep that in view.
+        No question sees the error, for the reason in `remark`. It is planted to keep that in view.
     remark : str
         Why some of its magnitudes cannot be noticed.
+    solver : bool
+        Planted only in adapters that solve for the accelerations of an instant with the harness.
+    hosts : tuple of str
+        Engines it is planted in; `table` fills this in.
     """
 
     trap: int
     name: str
     how: str
-    hosts: tuple[str, ...]
     magnitudes: tuple[float, ...]
     unit: str
     question: Question
     plant: Planting
-    needs: Need = anything
+    precondition: Precondition = anything
     methods: str = ""
     harmless: bool = False
     unseen: bool = False
     remark: str = ""
+    solver: bool = False
+    hosts: tuple[str, ...] = ()
 
     @property
     def questions(self) -> tuple[Question, ...]:
-        """Questions that are asked."""
+        """Return the questions that are asked."""
         if self.question is Question.TRAJECTORY:
             return (Question.TRAJECTORY,)
         return (Question.MODEL, Question.INSTANT)
 
 
 def decades(first: int, last: int, step: int = 1) -> tuple[float, ...]:
-    """Powers of ten from ``10**first`` down to ``10**last``."""
+    """Return powers of ten from ``10**first`` down to ``10**last``."""
     return tuple(float(f"1e{n}") for n in range(first, last - 1, -step))
 
 
 WHOLE = (1.0,)
 """All or nothing."""
+
+FINE = (1.0, 1e-4, 1e-8, 1e-10, 1e-11, 1e-12)
+"""Magnitudes down to the resolution of `model` and `instant`."""
+
+MOTION = (1.0, 1e-4, 1e-7, 1e-9)
+"""Magnitudes down to the resolution of `trajectory`."""
+
+FRACTION = "of the whole error"
+"""Unit of a magnitude that is 1 for the error as people make it."""

@@ -1,0 +1,95 @@
+"""Mutants of this adapter, for `consilience mutate`: known errors of users and adapters of DART.
+
+Only the campaign imports this module; the vocabulary of `consilience.audit.mutate` stays out of the adapter itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from consilience.audit.mutate import (
+    FINE,
+    FRACTION,
+    MOTION,
+    WHOLE,
+    Mutant,
+    Planting,
+    changed,
+    decades,
+    first_order_step,
+    inside,
+    on_result,
+    outputs,
+    preconditions,
+    wrapped,
+)
+from consilience.engine import Question
+
+M, I, T = Question.MODEL, Question.INSTANT, Question.TRAJECTORY
+
+SOLVER = "dynamics"
+
+_MASSLESS_LINKS = preconditions.kind(
+    *("cylindrical", "universal", "planar", "rod", "point_on_line", "point_in_plane", "parallel_axes")
+)
+
+
+def _time_step(model: Any, magnitude: float) -> None:
+    model.skeleton.setTimeStep(magnitude)
+
+
+def _default_inertia(original: Any, magnitude: float, node: Any, mass: float, com: Any, moment: Any) -> None:
+    """Leave a part of DART's default, mass 1 and inertia 1, to links without mass."""
+    if mass > 0.0:
+        original(node, mass, com, moment)
+    else:
+        original(node, magnitude, np.zeros(3), magnitude * np.eye(3))
+
+
+def _left_on(reduction: float, mixing: float) -> Planting:
+    """Keep error reduction and force mixing of the class as another run left them, beside what is set."""
+
+    def change(original: Any, magnitude: float, set_reduction: float, set_mixing: float) -> None:
+        original(set_reduction + reduction * magnitude, set_mixing + mixing * magnitude)
+
+    return inside(*((where, "set_softness", wrapped(change)) for where in ("stepping", "methods")))
+
+
+def _free_twist(original: Any, magnitude: float, model: Any, state: Any) -> Any:
+    """Exchange angular and linear velocity of free joints."""
+    c = original(model, state)
+    v = c.v.copy()
+    for link, i in zip(model.tree.links, model.start, strict=True):
+        if link.elementary == "F":
+            w, u = v[i : i + 3].copy(), v[i + 3 : i + 6].copy()
+            v[i : i + 3], v[i + 3 : i + 6] = w + magnitude * (u - w), u + magnitude * (w - u)
+    return replace(c, v=v)
+
+
+MUTANTS = (
+    Mutant(2, "implicit damping", "the skeleton keeps a time step, over which springs and dampers are implicit",
+           (1e-1, 1e-2, 1e-3, *decades(-4, -14, 2)), "s", I, inside(("", "_translated", on_result(_time_step))),
+           preconditions.damper),
+    Mutant(4, "default mass of massless links", "they keep this part of DART's mass 1 and inertia 1", FINE,
+           "kg, kg m^2", M, inside(("translation", "set_inertia", wrapped(_default_inertia))), _MASSLESS_LINKS),
+    Mutant(7, "free joint, DART", "linear part where the angular one belongs", FINE, FRACTION, I,
+           inside(("engine", "from_state", wrapped(_free_twist))), preconditions.kind("free")),
+    Mutant(16, "error reduction left on", "DART's class keeps an error reduction from another run",
+           (1.0, 1e-1, 1e-2, *decades(-3, -13, 2)), "a step", I, _left_on(1.0, 0.0), preconditions.loop,
+           methods="World.step"),
+    Mutant(16, "force mixing left on", "DART's class keeps a force mixing from another run", decades(-1, -13, 2),
+           "1/(kg s)", I, _left_on(0.0, 1.0), preconditions.loop, methods="World.step"),
+    Mutant(16, "error reduction left on, motion", "DART's class keeps more of it from another run", (0.5, 0.1),
+           "a step", T, _left_on(1.0, 0.0), preconditions.loop, methods="World.step", harmless=True,
+           remark="0.1 to 1 give one and the same motion: the error reduction is gone with the step"),
+    Mutant(16, "force mixing left on, motion", "DART's class keeps a force mixing from another run", decades(0, -8, 4),
+           "1/(kg s)", T, _left_on(0.0, 1.0), preconditions.loop, methods="World.step", harmless=True,
+           remark="the impulses of a step are in proportion to it, and what they lack, too"),
+    Mutant(24, "order two declared", "World.step is of order one", WHOLE, "", T,
+           changed(method=outputs.order_declared(2)), methods="World.step"),
+    Mutant(24, "part of Euler in RK4, DART", "this part of the step is by Euler's method", MOTION, FRACTION, T,
+           inside(("integration", "runge_kutta_4", first_order_step)), methods="RK4"),
+)  # fmt: skip
