@@ -185,14 +185,14 @@ def _small_singular_value(mechanism: Mechanism, state: State) -> float:
     return float(between.min()) if len(between) else 0.0
 
 
-_Answer = tuple[Array, Array | None]
+_FormulationAnswer = tuple[Array, Array | None]
 
 
 def _answers(
     able: dict[str, Formulation], state: State, t: float, seed: int, n: int
-) -> tuple[dict[str, _Answer], list[Exempt]]:
+) -> tuple[dict[str, _FormulationAnswer], list[Exempt]]:
     """Evaluate accelerations (6 n_b,) and reactions (n_j, 6) of each formulation; list missing answers."""
-    answers: dict[str, _Answer] = {}
+    answers: dict[str, _FormulationAnswer] = {}
     missing = []
     for name, equations in able.items():
         try:
@@ -212,7 +212,9 @@ def _carried(mechanism: Mechanism) -> NDArray[np.bool_]:
     return np.array([bool(joint.rows) for joint in mechanism.joints])[:, None]
 
 
-def _compared(answers: dict[str, _Answer], determined: NDArray[np.bool_]) -> tuple[dict[str, Array], dict[str, Array]]:
+def _compared(
+    answers: dict[str, _FormulationAnswer], determined: NDArray[np.bool_]
+) -> tuple[dict[str, Array], dict[str, Array]]:
     """Return the vectors to compare for each of `QUANTITIES`."""
     accelerations = {name: answer[0] for name, answer in answers.items()}
     reactions = {name: answer[1][determined] for name, answer in answers.items() if answer[1] is not None}

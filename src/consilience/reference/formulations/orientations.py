@@ -94,7 +94,7 @@ class Singularity:
 
 
 @dataclass(frozen=True)
-class Orientation:
+class OrientationCoordinates:
     """Kind of orientation coordinates.
 
     Parameters
@@ -345,10 +345,10 @@ def switch_chart(phi: Array, phi_dot: Array) -> tuple[Array, Array]:
 _ZXZ, _XYZ = (2, 0, 2), (0, 1, 2)
 
 ORIENTATIONS = {
-    "euler_parameters": Orientation(
+    "euler_parameters": OrientationCoordinates(
         "Euler parameters", 4, rotation_from_quaternion, np.copy, _parameters_H, _parameters_h, _parameters_rates
     ),
-    "euler_angles": Orientation(
+    "euler_angles": OrientationCoordinates(
         "Euler angles z-x-z",
         3,
         rotation_from_euler_zxz,
@@ -358,7 +358,7 @@ ORIENTATIONS = {
         partial(_turn_rates, _ZXZ),
         Singularity("theta", lambda x: float(x[1]), 0.0, pi, lambda x: abs(sin(x[1]))),
     ),
-    "bryant_angles": Orientation(
+    "bryant_angles": OrientationCoordinates(
         "Bryant angles x-y-z",
         3,
         rotation_from_bryant_xyz,
@@ -368,7 +368,7 @@ ORIENTATIONS = {
         partial(_turn_rates, _XYZ),
         Singularity("beta", lambda x: float(x[1]), pi / 2.0, pi, lambda x: abs(cos(x[1]))),
     ),
-    "rodrigues_parameters": Orientation(
+    "rodrigues_parameters": OrientationCoordinates(
         "Rodrigues parameters",
         3,
         _rodrigues_rotation,
@@ -378,7 +378,7 @@ ORIENTATIONS = {
         _rodrigues_rates,
         Singularity("|phi|", lambda g: 2.0 * atan(sqrt(g @ g)), pi, 2.0 * pi, lambda g: 1.0 / sqrt(1.0 + g @ g)),
     ),
-    "rotation_vector": Orientation(
+    "rotation_vector": OrientationCoordinates(
         "rotation vector components",
         3,
         _rotation_of_vector,
