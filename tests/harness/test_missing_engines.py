@@ -96,16 +96,20 @@ def test_no_command_crashes(consilience, arguments):
     assert REMEDY in done.stderr + done.stdout
 
 
+ENGINES = ("dart", "exudyn", "mujoco", "pinocchio")
 EXTRAS = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]["optional-dependencies"]
 
 
-@pytest.mark.parametrize("engine", ["dart", "exudyn", "mujoco", "pinocchio"])
+@pytest.mark.parametrize("engine", ENGINES)
 def test_an_extra_of_ours_has_the_distribution_that_the_adapter_names(engine):
     point = EntryPoint(engine, f"consilience_{engine}:x", "consilience.engines")
     (requirement,) = EXTRAS[engine]
     assert requirement.partition("==")[0] == engine_distribution(point)
     assert not lacks_engine(point)
-    distribution = SimpleNamespace(name="consilience", requires=[f'{requirement}; extra == "{engine}"'])
+    # as a wheel has them: an extra that names other extras is written out
+    all_of_them = [f"{one}; extra == 'engines'" for name in ENGINES for one in EXTRAS[name]]
+    requires = ["numpy>=2.0", *all_of_them, f"{requirement}; extra == '{engine}'"]
+    distribution = SimpleNamespace(name="consilience", requires=requires)
     assert pip_requirement(SimpleNamespace(module=point.module, dist=distribution)) == f"consilience[{engine}]"
 
 
