@@ -45,7 +45,7 @@ MARKED: dict[tuple[str, str], str] = {
     ("CONTRIBUTING.md", "pip install -e '.[docs]'"): INSTALLS,
     ("CONTRIBUTING.md", "python -m sphinx"): ".ci/run builds the site",
     ("docs/start.md", "python3 -m venv .venv"): INSTALLS,
-    ("docs/start.md", ".venv/bin/pip install ."): INSTALLS,
+    ("docs/start.md", ".venv/bin/pip install '.[engines]'"): INSTALLS,
     ("docs/start.md", ". .venv/bin/activate"): INSTALLS,
     ("docs/frames.md", "pip install 'consilience[frames]'"): INSTALLS,
     ("docs/add-an-engine.md", "pip install -e ."): "installs: tests/newcomer.py does it, in a fresh environment",

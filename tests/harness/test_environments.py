@@ -169,6 +169,8 @@ def test_an_adapter_needs_its_engine_and_the_worker_side(engine):
     for file in package.rglob("*.py"):
         for module in imported(file):
             first = module.partition(".")[0]
+            if file.name == "mutants.py" and module.startswith("consilience.audit.mutate"):
+                continue  # only the campaign imports it, in the environment of the harness
             if first == "consilience":
                 assert module in KNOWN or module.rpartition(".")[0] in KNOWN
             else:

@@ -11,6 +11,9 @@ REQUIREMENTS = "worker-requirements.txt"
 """File in an adapter's package: the distribution that is the engine on its first line, without a version."""
 
 
+_OF_EXTRA = re.compile(r"""(?P<distribution>[\w.-]+)[^;]*;.*\bextra\s*==\s*['"](?P<extra>[\w.-]+)['"]""")
+
+
 def adapter_file(point: EntryPoint, name: str) -> Path | None:
     """Return the path of a file in an adapter's package; None if there is no such file. No engine is imported."""
     spec = find_spec(point.module.partition(".")[0])
@@ -36,12 +39,15 @@ def lacks_engine(point: EntryPoint) -> bool:
 def pip_requirement(point: EntryPoint) -> str:
     """Return the requirement by which pip gets an engine, such as ``consilience[ENGINE]``.
 
-    The extra is the one of the adapter's own distribution that requires the engine; without such an extra the
-    requirement is the engine's distribution.
+    Of the extras of the adapter's distribution that require the engine, the one with the fewest requirements counts;
+    without such an extra the requirement is the engine's distribution.
     """
     wanted = engine_distribution(point)
     if not wanted or point.dist is None:
         return wanted
-    extra = re.compile(rf"{re.escape(wanted)}\b[^;\[]*;.*\bextra\s*==\s*['\"]([\w.-]+)['\"].*", re.IGNORECASE)
-    found = [match[1] for text in point.dist.requires or () if (match := extra.fullmatch(text))]
-    return f"{point.dist.name}[{found[0]}]" if found else wanted
+    extras: dict[str, list[str]] = {}
+    for text in point.dist.requires or ():
+        if found := _OF_EXTRA.match(text):
+            extras.setdefault(found["extra"], []).append(found["distribution"].lower())
+    fitting = [extra for extra, needs in extras.items() if wanted.lower() in needs]
+    return f"{point.dist.name}[{min(fitting, key=lambda extra: len(extras[extra]))}]" if fitting else wanted
