@@ -61,7 +61,7 @@ def reference(name, t):
     mechanism = ALL[name]
     state = at(explicit(mechanism, start(name), np.array([0.0, t])), 1)
     terms, y = BodyTerms(mechanism), pack(mechanism, state)
-    angles = terms.count_turns(pack(mechanism, start(name)), np.zeros(terms.angles))
+    angles = terms.count_turns(pack(mechanism, start(name)), np.zeros(terms.turns))
     found = terms.evaluate(t, y, terms.count_turns(y, angles))
     Q = found.Q.copy()
     return state, least_norm_multipliers(Q, Q.T @ terms.accelerations(found)[1])

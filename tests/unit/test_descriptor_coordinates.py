@@ -181,7 +181,7 @@ def test_a_rotation_vector_is_exchanged_without_projection_too():
     u[3:6] *= 1.2 * np.pi / np.linalg.norm(u[3:6])
     u[9:12] = np.linalg.solve(ORIENTATIONS["rotation_vector"].H(u[3:6]), state.w_WB_W[0])
     before = one.state(u)
-    after = one._exchange(u.copy(), one._packed(u)[0])
+    after = one._change_charts(u.copy(), one._packed(u)[0])
     assert np.linalg.norm(after[3:6]) < np.pi
     assert one.chart[0] == 1
     assert rotation_angle_between(one.state(after).quat_WB[0], before.quat_WB[0]) < 1e-14

@@ -216,7 +216,7 @@ def line_counts(closed):
     """Lines by route for 4, 8, 12 and 16 links, in a process without the compiler."""
     program = (
         f"import test_recursive as t; make = t.closed_chain if {closed} else lambda n: t.chain(*['universal'] * n)\n"
-        "for n in (4, 8, 12, 16): print(*(t.lines_of(route, make(n)) for route in ('articulated', 'composite')))"
+        "for n in (4, 8, 12, 16): print(*(t.lines_of(route, make(n)) for route in t.TREE_KERNELS))"
     )
     here = Path(__file__).parent
     path = os.pathsep.join([str(here), str(here.parent), os.environ.get("PYTHONPATH", "")])

@@ -167,7 +167,7 @@ def test_the_api_page_is_true(module, written, below):
         assert plain(inspect.signature(thing)) == arguments.removesuffix(")")
     elif dataclasses.is_dataclass(thing) and first_cells(below):
         fields = {field.name for field in dataclasses.fields(thing)}
-        properties = {key for key, value in vars(thing).items() if isinstance(value, property)}
+        properties = {key for base in thing.__mro__ for key, value in vars(base).items() if isinstance(value, property)}
         assert set(first_cells(below)) == fields | properties
     elif name == "FORMULATIONS":
         assert set(first_cells(below)) == set(thing)
