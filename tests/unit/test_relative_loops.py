@@ -26,7 +26,8 @@ from consilience.mechanism import (
 from consilience.mechanism.conditioning import mass_matrix_condition
 from consilience.reference import NumericalFailure, formulation, simulate
 from consilience.reference.tree.arrays import flatten_relative
-from consilience.reference.tree.explicit_rk import END, _polynomial, dense_output
+from consilience.reference.tree.dense_output import _polynomial, dense_output
+from consilience.reference.tree.explicit_rk import END
 from consilience.reference.tree.loop_groups import FRONT_ROWS, LAST_REACHED, OWN, OWN_END, ROW, ROW_END
 from consilience.reference.tree.methods import PAIRS
 

@@ -29,6 +29,7 @@ projection            projection of a state, selection of independent rows, ends
 state                 state z of a canonical state
 step_control          component sizes and step lengths
 methods               the explicit Runge-Kutta pairs
+dense_output          polynomial between the ends of a step; samples within the step
 explicit_rk           integrator: explicit pairs of order 8
 gauss                 integrator: collocation of order 16
 radau_coefficients    coefficients of Radau IIA of order 13
