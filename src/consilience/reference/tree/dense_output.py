@@ -12,6 +12,7 @@ from consilience.reference.kernel.compiled import inlined, kernel
 from consilience.reference.kernel.vectors import assign
 from consilience.reference.tree.arrays import LoopClosure, Planar, Spatial, TreeArrays, TreeElements
 from consilience.reference.tree.loop_groups import ACTIVE
+from consilience.reference.tree.methods import END
 from consilience.reference.tree.projection import AT_SAMPLE, project_state, record_sample
 
 

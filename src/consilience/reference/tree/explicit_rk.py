@@ -23,7 +23,7 @@ from consilience.reference.kernel.vectors import assign
 from consilience.reference.tree.arrays import KernelArguments, LoopClosure, Planar, Spatial, TreeArrays, TreeElements
 from consilience.reference.tree.dense_output import interpolate, record_samples_within
 from consilience.reference.tree.dynamics import state_derivative
-from consilience.reference.tree.methods import STAGES_AT_MOST, RungeKuttaPair
+from consilience.reference.tree.methods import BEGIN, END, SECOND, STAGES_AT_MOST, RungeKuttaPair
 from consilience.reference.tree.projection import (
     begin_motion,
     end_step,
@@ -31,9 +31,6 @@ from consilience.reference.tree.projection import (
     step_limit,
 )
 from consilience.reference.tree.step_control import component_sizes, first_step_length, next_sample, step_length
-
-BEGIN, SECOND, END = np.array([0, 1, STAGES])
-"""First two stages, and the stage at the end of a step, as NumPy integers: see `records`."""
 
 UNSUITABLE = 3
 """Status of a motion that another integrator has to take."""

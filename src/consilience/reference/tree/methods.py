@@ -14,6 +14,9 @@ from consilience.mechanism import Array
 from consilience.reference.integrators.coefficients import DORMAND_PRINCE, STAGES, Explicit
 from consilience.reference.integrators.tsitouras import TSITOURAS
 
+BEGIN, SECOND, END = np.array([0, 1, STAGES])
+"""First two stages, and the stage at the end of a step, as NumPy integers: see `records`."""
+
 
 class RungeKuttaPair(NamedTuple):
     """A pair of twelve stages; stage 12 is the end of the step, the s - 13 stages behind serve the dense output."""

@@ -26,7 +26,7 @@ def _weights(c: Array) -> Array:
 
 
 def _nested(c: Array) -> Array:
-    """Return the weights of the stages in the nested form of `explicit_rk.dense_output`, shape (7, 7)."""
+    """Return the weights of the stages in the nested form of `dense_output.dense_output`, shape (7, 7)."""
     factors = [c if i % 2 == 0 else 1.0 - c for i in range(STAGES)]
     return np.linalg.inv(np.cumprod(factors, axis=0).T)
 
