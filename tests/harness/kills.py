@@ -189,7 +189,7 @@ def campaign(suite: Suite, kills: int, seed: int, room: Path) -> list[str]:
 
 
 if __name__ == "__main__":
-    for module in ("suite", "report.pages", "report.record", "library"):  # once, for all forks
+    for module in ("suite", "report.pages", "report.record", "case.library"):  # once, for all forks
         import_module(f"consilience.{module}")
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     options.add_argument("--kills", type=int, default=200)

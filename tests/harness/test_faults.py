@@ -101,7 +101,7 @@ def test_the_miniature_engines_are_found_by_their_entry_points():
     assert {*FAULTS, *UNRULY, *MISSING, "liar", "honest", "hangs", "reference"} <= set(installed())
 
 
-@pytest.mark.parametrize("question", Question)
+@pytest.mark.parametrize("question", list(Question))
 @pytest.mark.parametrize("case", ["first", "second"])
 @pytest.mark.parametrize("engine", ["honest", *FAULTS, "selective", "chatters"])
 def test_everything_but_the_fault_is_answered_and_agrees(results, engine, case, question):
@@ -136,7 +136,7 @@ def test_a_malformed_answer_is_a_failed_run_with_the_evidence(results, method):
 
 
 @pytest.mark.parametrize("method", ["descriptor", "honest after all"])
-@pytest.mark.parametrize("question", Question)
+@pytest.mark.parametrize("question", list(Question))
 @pytest.mark.parametrize("case", ["first", "second"])
 def test_other_methods_of_an_engine_do_not_suffer_from_a_malformed_answer(results, case, question, method):
     assert verdict(results, "liar", case, question, method).verdict is Verdict.AGREES

@@ -142,7 +142,7 @@ REPLAY = textwrap.dedent(
     import sys
     sys.path[:0] = {[p for p in sys.path if p]!r} + [{str(Path(__file__).parent / "plugins")!r}]
     from pathlib import Path
-    from consilience.workers.serve import replay
+    from consilience.engine.worker.server import replay
     print(replay(Path(sys.argv[1]).read_bytes()))
     """
 )
@@ -230,7 +230,7 @@ RUNNER = textwrap.dedent(
     signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored where the shell runs tests in the background
     sys.path[:0] = {path!r}
     from test_workers import FIRST, instant_of
-    from consilience.worker import Request, Worker
+    from consilience.engine.worker.client import Request, Worker
 
     if __name__ == "__main__":
         workers = [Worker(name, 600.0) for name in ("loops", "loops_in_c", "zero", "leaves_a_child")]

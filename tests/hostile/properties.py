@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from consilience.case import Case, case_files, load_case
 from consilience.case.file.reader import load_file
-from consilience.cli import main
+from consilience.cli.commands.report import print_matrix
 from consilience.cli.commands.validate import examine, text
 from consilience.engine import Question
 from consilience.errors import ConsilienceError
@@ -115,7 +115,7 @@ def warm(report=None, folder=None):
         html.render_html(read)
         render_markdown(read)
         with redirect_stdout(io.StringIO()):
-            main._print_matrix(folder)
+            print_matrix(folder)
 
 
 SCRIPT = html.environment().get_template("script.js.j2").render()
@@ -134,7 +134,7 @@ def swallow_report(raw, folder, other=None):
             markdown = render_markdown(record)
             printed = io.StringIO()
             with redirect_stdout(printed), redirect_stderr(printed):
-                main._print_matrix(own)
+                print_matrix(own)
         except ConsilienceError as error:
             check_terminal(str(error))
             return False

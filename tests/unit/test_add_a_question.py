@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from consilience.case import load_case
-from consilience.cli.main import _questions
+from consilience.cli.options import chosen_questions
 from consilience.compare import Verdict
 from consilience.engine import EngineInfo, Question, Status, defects, questions
 from consilience.engine.worker import codec
@@ -56,7 +56,7 @@ def test_the_question_is_in_the_table(page):
     momentum = page["MOMENTUM"]
     assert list(Question)[-1] is momentum
     assert Question("momentum") is momentum
-    assert _questions(["momentum"]) == [momentum]
+    assert chosen_questions(["momentum"]) == [momentum]
     assert (momentum.at_states, momentum.over_time, momentum.at_levels) == (True, False, False)
     assert momentum.sample_count(7, 100) == 7
 

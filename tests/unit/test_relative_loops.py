@@ -26,10 +26,9 @@ from consilience.mechanism import (
 from consilience.mechanism.conditioning import mass_matrix_condition
 from consilience.reference import NumericalFailure, formulation, simulate
 from consilience.reference.tree.arrays import flatten_relative
-from consilience.reference.tree.dense_output import _polynomial, dense_output
-from consilience.reference.tree.explicit_rk import END
+from consilience.reference.tree.dense_output import dense_output, interpolate
 from consilience.reference.tree.loop_groups import FRONT_ROWS, LAST_REACHED, OWN, OWN_END, ROW, ROW_END
-from consilience.reference.tree.methods import PAIRS
+from consilience.reference.tree.methods import END, PAIRS
 
 MANY_LOOPS = (
     "windows:count=6",
@@ -92,7 +91,7 @@ def test_dense_output_is_exact_for_motions_up_to_degree_seven(name, rounding, de
     K = (degree * at ** (degree - 1))[:, None]
     assert at[END] == h
     z, end, F = np.zeros(1), np.array([h**degree]), np.empty((7, 1))
-    _polynomial(method.dense, z, end, K, h, F)
+    interpolate(method.dense, z, end, K, h, F)
     found = np.empty((len(x), 1))
     for n, part in enumerate(x):
         dense_output(z, F, part, found[n])

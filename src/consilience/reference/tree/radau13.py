@@ -32,7 +32,7 @@ from consilience.reference.kernel.vectors import assign
 from consilience.reference.tree.arrays import KernelArguments, LoopClosure, Planar, Spatial, TreeArrays, TreeElements
 from consilience.reference.tree.dense_output import dense_output, record_samples_within
 from consilience.reference.tree.dynamics import state_derivative
-from consilience.reference.tree.explicit_rk import SECOND
+from consilience.reference.tree.methods import SECOND
 from consilience.reference.tree.projection import begin_motion, end_step, record_sample, step_limit
 from consilience.reference.tree.radau_coefficients import ESTIMATE, IN, LAMBDA, NESTED, OUT, STAGES, A, C
 from consilience.reference.tree.step_control import component_sizes, first_step_length, next_sample, step_length
