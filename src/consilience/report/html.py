@@ -49,7 +49,6 @@ def shown(value: object) -> object:
     return visible(value) if type(value) is str else value
 
 
-@cache
 def environment() -> Environment:
     """Return the environment of the HTML templates."""
     return template_environment(autoescape=True, finalize=shown)

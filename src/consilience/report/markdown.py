@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from functools import cache
 
 from jinja2 import Template
 
@@ -24,7 +23,6 @@ def escaped(value: object) -> str:
     return re.sub(r"(?<!\w)_|_(?!\w)", r"\\_", text)
 
 
-@cache
 def _template() -> Template:
     environment = template_environment(autoescape=False, finalize=escaped, keep_trailing_newline=True)
     return environment.get_template("report.md.j2")
