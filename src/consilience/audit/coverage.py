@@ -88,7 +88,7 @@ def trials(cases: Sequence[Case], engine: str, limit: float = 300.0) -> Iterator
 
 
 def _trials(worker: Worker, case: Case, plan: Plan, method: Method, runs: list[Run]) -> Iterator[Trial | Skipped]:
-    answers = [run.answer for run in runs if isinstance(run.answer, TrajectoryAnswer)]
+    answers = [run.answer for run in runs if run.answer is not None]
     if declared_order(method) is None or len(answers) < max(2, len(runs)):
         reason = next((run.reason for run in runs if run.reason), "no ladder of steps")
         yield Skipped(case.name, worker.engine, method.name, reason)
@@ -110,7 +110,7 @@ def _finer(worker: Worker, case: Case, plan: Plan, method: Method, finest: Run) 
     if method.tolerances:
         factor = 100
     (run,) = ask_ladder(worker, case, plan, method, (finest.step / factor,))
-    return run.answer if isinstance(run.answer, TrajectoryAnswer) else f"the finer run: {run.reason}"
+    return run.answer or f"the finer run: {run.reason}"
 
 
 def coverage(found: Sequence[Trial]) -> tuple[float, float]:

@@ -61,7 +61,7 @@ def _headlines(runs: Sequence[Run]) -> Iterator[tuple[str, tuple[TrajectoryAnswe
         moved = [
             (run, run.answer, run.method)
             for run in runs
-            if run.engine == engine and isinstance(run.answer, TrajectoryAnswer) and run.method is not None
+            if run.engine == engine and run.question.over_time and run.answer is not None and run.method is not None
         ]
         name = next((method.name for _, _, method in moved if method.profile is Profile.MATCHED), None)
         own = [(r, a, m) for r, a, m in moved if m.name == name and m.softness in (None, 1.0)]

@@ -12,7 +12,7 @@ never raise an alarm.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -20,7 +20,7 @@ import numpy as np
 
 from consilience.audit.fuzz.workers import AnswerBatch
 from consilience.case import Case
-from consilience.compare import Verdict, compare_instant, compare_model
+from consilience.compare import Comparison, Verdict, compare_instant, compare_model
 from consilience.compare.instant import BARS, Bars, Instants
 from consilience.compare.judge import REFERENCE
 from consilience.engine import InstantAnswer, Method, ModelAnswer, Profile, Question, defects
@@ -130,7 +130,7 @@ class _MechanismJudge:
         """Say why an answer is not sound; empty for a sound answer."""
         if answer.reason or answer.method is None:
             return answer.reason or "it named no method"
-        count = 1 if answer.question is Question.MODEL else len(self.case.states)
+        count = answer.question.sample_count(len(self.case.states))
         return "; ".join(defects(answer.answer, answer.question, self.case.mechanism, count))
 
     def _against_reference(self, engine: str, answer: MethodAnswer) -> JudgedComparison:
@@ -150,26 +150,34 @@ class _MechanismJudge:
         return self._compared(engine, one, other, other.method.name)
 
     def _compared(self, engine: str, answer: MethodAnswer, other: MethodAnswer, against: str) -> JudgedComparison:
-        found, expected = answer.answer, other.answer
-        assert answer.method is not None
-        if isinstance(found, ModelAnswer) and isinstance(expected, ModelAnswer):
-            comparison = compare_model(self.case.name, engine, answer.method, found, expected, self.length)
-        else:
-            assert isinstance(found, InstantAnswer)
-            assert isinstance(expected, InstantAnswer)
-            if expected.force_F is None:  # reactions are compared only where both methods give them
-                found = replace(found, force_F=None, torque_F=None)
-            comparison = compare_instant(self.case.name, engine, answer.method, found, expected, self.instants)
+        comparison = _COMPARISONS[answer.question](self, engine, answer.method, answer.answer, other.answer)
         missed = next((q.name for q in comparison.quantities if not q.met), "")
         excess = max((q.difference / q.bar if q.bar else q.difference) for q in comparison.quantities)
         judged = self._judged(engine, answer, against, comparison.verdict, missed, comparison.why)
         return replace(judged, digits=comparison.digits, excess=float(excess))
+
+    def model(self, engine: str, method: Method, found: ModelAnswer, expected: ModelAnswer) -> Comparison:
+        """Compare mass properties and degrees of freedom."""
+        return compare_model(self.case.name, engine, method, found, expected, self.length)
+
+    def instant(self, engine: str, method: Method, found: InstantAnswer, expected: InstantAnswer) -> Comparison:
+        """Compare accelerations and energies, and reactions where both methods give them."""
+        if expected.force_F is None:
+            found = replace(found, force_F=None, torque_F=None)
+        return compare_instant(self.case.name, engine, method, found, expected, self.instants)
 
     def _judged(
         self, engine: str, answer: MethodAnswer, against: str, verdict: Verdict, quantity: str, why: str
     ) -> JudgedComparison:
         name = answer.method.name if answer.method else ""
         return JudgedComparison(engine, name, against, answer.question, _profile(answer), verdict, quantity, why)
+
+
+_COMPARISONS: dict[Question, Callable[..., Comparison]] = {
+    Question.MODEL: _MechanismJudge.model,
+    Question.INSTANT: _MechanismJudge.instant,
+}
+"""Comparison of two answers to each question of a campaign."""
 
 
 def _profile(answer: MethodAnswer) -> Profile:
