@@ -40,11 +40,12 @@ _Values = Callable[[dict[str, Any], dict[str, Any]], tuple[str, ...]]
 
 
 def method_tables(record: Record, cells: Sequence[Cell]) -> tuple[MethodTable, ...]:
-    """Make all tables."""
+    """Return the tables with a row for each method: orders, uncertainties, softness."""
     compared, quick = list(_compared(record, cells)), bool(record.header.get("quick"))
     names = list(dict.fromkeys(o["name"] for _, _, c, _ in compared for o in c["observables"]))
 
     def rows(values: _Values) -> tuple[MethodRow, ...]:
+        """Return a row for each comparison that has the values of the table."""
         return tuple(
             MethodRow(cell, answer, found)
             for cell, answer, comparison, method in compared

@@ -258,10 +258,8 @@ def _integrate(
         step = step_length(min(h, bound), last - t)
         if not step >= 1e-14 * max(1.0, abs(t)):
             return 1 if finite else 2
-        error = (
-            _attempt(tree, closure, spatial, elements, planar, pair, z, t, step, first, END, counters, scratch)
-            / tolerance
-        )
+        error = _attempt(tree, closure, spatial, elements, planar, pair, z, t, step, first, END, counters, scratch)
+        error /= tolerance
         if stop_if_stiff and last_step > 0.0:
             long = last_step * _decay_rate(tree.kind, z, K[0], scratch.last_stage, scratch.size, tolerance) > STIFF_STEP
             last_step, stiff_steps = 0.0, stiff_steps + 1 if long else max(0, stiff_steps - 1)
