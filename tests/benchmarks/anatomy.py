@@ -13,11 +13,11 @@ import numpy as np
 from consilience.case import load_case
 from consilience.reference import simulate
 from consilience.reference.kernel.compiled import inlined, kernel
-from consilience.reference.kernel.mechanism_record import record_of
+from consilience.reference.kernel.mechanism_record import fields_of, record_array, record_of
 from consilience.reference.tree import records
-from consilience.reference.tree.arrays import ELIMINATION_PIVOT, flatten_relative, tree_system
+from consilience.reference.tree.arrays import ELIMINATION_PIVOT, KernelArguments, flatten_relative, tree_system
 from consilience.reference.tree.articulated import gravity_biases, inward_sweep, rigid_inertias
-from consilience.reference.tree.dynamics import _element_biases, factorise_rows, state_derivative
+from consilience.reference.tree.dynamics import _element_biases, factorise_rows
 from consilience.reference.tree.either import (
     add_row_forces,
     bias_accelerations,
@@ -32,8 +32,9 @@ from consilience.reference.tree.loop_rows import mark_active_rows
 from consilience.reference.tree.planar import planar_inward_sweep
 from consilience.reference.tree.planar_detection import planar_system
 from consilience.reference.tree.planar_rows import add_force_biases
-from consilience.reference.tree.projection import AT_SAMPLE, end_step
+from consilience.reference.tree.projection import AT_SAMPLE
 from consilience.reference.tree.state import pack_relative
+from consilience.reference.tree.system import end_step, state_derivative
 
 CASES = ("four_bar", "slider_crank", "manipulator", "spatial_slider_crank", "rssr_four_bar", "furuta_pendulum")
 PARTS = ("placing", "inertias, forces", "rows", "tree", "closing", "rates")
@@ -64,7 +65,7 @@ def sweep(closure, spatial, planar):
         inward_sweep(closure.link, closure.free)
     if planar is not None:
         planar_inward_sweep(closure.link, closure.free, True)
-    sweep_accelerations(spatial, planar, closure.link, closure.free, closure.u, 1.0)
+    sweep_accelerations(closure, spatial, planar, 1.0)
 
 
 @inlined
@@ -72,7 +73,7 @@ def along(closure, spatial, planar, small):
     """Compute the accelerations of the tree without loops."""
     if spatial is not None:  # noqa: SIM102 - Numba prunes `is not None` alone
         if small:
-            bias_accelerations(closure.link, closure.free, closure.u)
+            bias_accelerations(closure)
     if not small:
         sweep(closure, spatial, planar)
 
@@ -80,17 +81,17 @@ def along(closure, spatial, planar, small):
 @inlined
 def close(closure, spatial, planar, small):
     """Add the effect of the rows to the accelerations of the tree."""
-    loops, qr, link, free, u = closure.loops, closure.qr, closure.link, closure.free, closure.u
-    loop_acceleration_residual(loops, qr, spatial, planar, link, closure.gamma)
+    loop_acceleration_residual(closure, spatial, planar)
     if spatial is not None:  # noqa: SIM102 - as above
         if small:
-            rows, freedoms, _ = eliminate_rows(loops, qr, spatial.elimination, link, free)
-            solve_reduced(spatial.elimination, rows, freedoms, link, free, u, 1.0)
-            add_link_accelerations(link, records.ACCELERATION, freedoms, spatial.elimination.V, spatial.elimination.G)
+            elimination, link = spatial.elimination, closure.link
+            rows, freedoms, _ = eliminate_rows(closure, elimination)
+            solve_reduced(elimination, rows, freedoms, link, closure.free, closure.u, 1.0)
+            add_link_accelerations(link, records.ACCELERATION, freedoms, elimination.V, elimination.G)
     if not small:
-        factorise_rows(loops, closure.layout, link, free, qr, spatial, planar, closure.row_norm[0])
-        add_row_forces(loops, qr, free)
-        sweep_accelerations(spatial, planar, link, free, u, 1.0)
+        factorise_rows(closure, spatial, planar)
+        add_row_forces(closure)
+        sweep_accelerations(closure, spatial, planar, 1.0)
 
 
 @kernel
@@ -115,19 +116,19 @@ def up_to(depth, closure, spatial, elements, planar, z, n):
 
 
 @kernel
-def whole(tree, closure, spatial, elements, planar, z, dz, n):
+def whole(run, z, dz, n):
     """Run an evaluation n times."""
     for _ in range(n):
-        state_derivative(tree, closure, spatial, elements, planar, 0.0, z, dz)
+        state_derivative(fields_of(run), 0.0, z, dz)
 
 
 @kernel
-def step_end(tree, closure, spatial, elements, planar, z, apart, target, n):
+def step_end(run, z, apart, target, n):
     """Project, n times, a state slightly off the constraint manifold that is not a sample."""
     for _ in range(n):
         for k in range(z.shape[0]):
             target[k] = z[k] + apart[k]
-        end_step(tree, closure, spatial, elements, planar, 0.0, target, not AT_SAMPLE)
+        end_step(fields_of(run), 0.0, target, not AT_SAMPLE)
 
 
 def least(calls, count):
@@ -146,14 +147,15 @@ def row(case):
     """Return the row of a case in the table."""
     links, spanning, model = flatten_relative(case.mechanism)
     given = case.mechanism, links, spanning, model
-    arrays = tuple(map(record_of, planar_system(*given) or tree_system(*given)))
+    system = planar_system(*given) or tree_system(*given)
+    arrays, run = tuple(map(record_of, system)), record_array(KernelArguments(*system, None))
     z = pack_relative(links, spanning, model, case.initial_state)
     dz, target = np.zeros_like(z), z.copy()
-    step_end(*arrays, z, dz, target, 1)
-    whole(*arrays, z, dz, 1)
+    step_end(run, z, dz, target, 1)
+    whole(run, z, dz, 1)
     calls = [lambda depth=depth: up_to(depth, *arrays[1:], z, COUNT) for depth in range(len(PARTS) - 1)]
-    calls.append(lambda: whole(*arrays, z, dz, COUNT))
-    calls.append(lambda: step_end(*arrays, z, DISPLACEMENT * dz, target, COUNT))
+    calls.append(lambda: whole(run, z, dz, COUNT))
+    calls.append(lambda: step_end(run, z, DISPLACEMENT * dz, target, COUNT))
     *ends, projection = least(calls, COUNT)
     times = np.linspace(0.0, DURATION, 2)
     motion = simulate(case.mechanism, case.initial_state, times, TOLERANCE, "relative", "tp86")

@@ -25,11 +25,12 @@ planar_rows           rows and force elements in a plane
 either                calls of the kernels of space or of a plane
 dynamics              accelerations and state derivative
 closing               projection of a state by elimination
-projection            projection of a state, selection of independent rows, ends of steps
+projection            projection of a state, selection of independent rows
 state                 state z of a canonical state
 step_control          component sizes and step lengths
 methods               the explicit Runge-Kutta pairs
-dense_output          polynomial between the ends of a step; samples within the step
+dense_output          polynomial between the ends of a step
+system                a mechanism as integrators see it: derivative, projection, samples
 explicit_rk           integrator: explicit pairs of order 8
 gauss                 integrator: collocation of order 16
 radau_coefficients    coefficients of Radau IIA of order 13

@@ -46,7 +46,7 @@ Numba prunes a branch ``if spatial is not None`` but not ``is None``: hence one 
 
 from __future__ import annotations
 
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -172,7 +172,7 @@ class KernelArguments(NamedTuple):
     spatial: Spatial
     elements: TreeElements | None
     planar: Planar
-    scratch: NamedTuple  # work arrays of the integrator
+    scratch: Any  # work arrays of the integrator, a named tuple
 
 
 def flatten_relative(mechanism: Mechanism) -> tuple[TreeLinks, TreeModel, Model]:

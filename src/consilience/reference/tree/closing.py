@@ -89,9 +89,7 @@ def _is_regular(closure: LoopClosure, spatial: SpatialArrays) -> bool:
 def record_pivot(closure: LoopClosure, spatial: SpatialArrays) -> None:
     """Record the least pivot of the rows once."""
     if closure.best[ELIMINATION_PIVOT] == 0.0 and _is_regular(closure, spatial):
-        closure.best[ELIMINATION_PIVOT] = eliminate_rows(
-            closure.loops, closure.qr, spatial.elimination, closure.link, closure.free
-        )[2]
+        closure.best[ELIMINATION_PIVOT] = eliminate_rows(closure, spatial.elimination)[2]
 
 
 @inner

@@ -19,7 +19,6 @@ from consilience.reference.tree.arrays import (
     Planar,
     Spatial,
     SpatialArrays,
-    TreeArrays,
     TreeElements,
 )
 from consilience.reference.tree.articulated import (
@@ -46,7 +45,7 @@ from consilience.reference.tree.few_freedoms import (
     solve_reduced,
 )
 from consilience.reference.tree.kinematics import coordinate_rates
-from consilience.reference.tree.loop_groups import ACTIVE, USED, Loops, MultifrontalQR
+from consilience.reference.tree.loop_groups import ACTIVE, USED
 from consilience.reference.tree.loop_rows import mark_active_rows
 from consilience.reference.tree.multifrontal import KEEP_ORDER, factorise, rank_threshold
 from consilience.reference.tree.planar import place_planar_links, planar_inward_sweep, planar_outward_sweep
@@ -55,29 +54,13 @@ from consilience.reference.tree.plane import PlanarArrays
 
 
 @inlined
-def factorise_rows(
-    loops: Loops,
-    layout: Array,
-    link: Array,
-    free: Array,
-    qr: MultifrontalQR,
-    spatial: Spatial,
-    planar: Planar,
-    size: float,
-) -> None:
-    """Factorise the responses of the tree to the active rows, articulated inertias swept.
-
-    Parameters
-    ----------
-    loops, layout, link, free, qr, spatial, planar : see `arrays`
-    size : float
-        Largest norm of a row, ``closure.row_norm``.
-    """
-    state = qr.state
-    for g in range(loops.group.shape[0]):
-        state[g, USED] = state[g, ACTIVE]
-    largest = row_responses(loops, layout, qr, spatial, planar, link, free)
-    factorise(loops.group, qr.order, state, qr.F, qr.tau, rank_threshold(size, largest), KEEP_ORDER)
+def factorise_rows(closure: LoopClosure, spatial: Spatial, planar: Planar) -> None:
+    """Factorise the responses of the tree to the active rows, articulated inertias swept."""
+    group, qr = closure.loops.group, closure.qr
+    for g in range(group.shape[0]):
+        qr.state[g, USED] = qr.state[g, ACTIVE]
+    smallest = rank_threshold(closure.row_norm[0], row_responses(closure, spatial, planar))
+    factorise(group, qr.order, qr.state, qr.F, qr.tau, smallest, KEEP_ORDER)
 
 
 @fused
@@ -110,17 +93,16 @@ def _place_with_biases(
 @inlined
 def _solve_articulated(closure: LoopClosure, spatial: Spatial, planar: Planar) -> None:
     """Compute accelerations by articulated bodies and, with loops, by the fronts."""
-    link, free, u, qr = closure.link, closure.free, closure.u, closure.qr
     if planar is not None:
-        planar_inward_sweep(link, free, True)
+        planar_inward_sweep(closure.link, closure.free, True)
     if spatial is not None:
-        inward_sweep(link, free)
-    sweep_accelerations(spatial, planar, link, free, u, 1.0)
+        inward_sweep(closure.link, closure.free)
+    sweep_accelerations(closure, spatial, planar, 1.0)
     if closure.loops.group.shape[0] > 0:
-        loop_acceleration_residual(closure.loops, qr, spatial, planar, link, closure.gamma)
-        factorise_rows(closure.loops, closure.layout, link, free, qr, spatial, planar, closure.row_norm[0])
-        add_row_forces(closure.loops, qr, free)
-        sweep_accelerations(spatial, planar, link, free, u, 1.0)
+        loop_acceleration_residual(closure, spatial, planar)
+        factorise_rows(closure, spatial, planar)
+        add_row_forces(closure)
+        sweep_accelerations(closure, spatial, planar, 1.0)
 
 
 @inner
@@ -132,20 +114,19 @@ def _solve_articulated_apart(closure: LoopClosure, spatial: SpatialArrays) -> No
 @inlined
 def _solve_by_elimination(closure: LoopClosure, spatial: SpatialArrays) -> bool:
     """Compute accelerations by elimination, if freedoms are few and the least pivot is regular; return whether."""
-    link, free, u = closure.link, closure.free, closure.u
-    loops, qr, elimination = closure.loops, closure.qr, spatial.elimination
+    link, group, elimination = closure.link, closure.loops.group, spatial.elimination
     found = (
-        loops.group.shape[0] > 0
+        group.shape[0] > 0
         and closure.best[ELIMINATION_PIVOT] > 0.0
-        and has_few_freedoms(loops.group, qr.state, elimination.independent)
+        and has_few_freedoms(group, closure.qr.state, elimination.independent)
     )
     if found:
-        bias_accelerations(link, free, u)
-        loop_acceleration_residual(loops, qr, spatial, None, link, closure.gamma)
-        rows, freedoms, least = eliminate_rows(loops, qr, elimination, link, free)
+        bias_accelerations(closure)
+        loop_acceleration_residual(closure, spatial, None)
+        rows, freedoms, least = eliminate_rows(closure, elimination)
         found = least >= REGULAR_PIVOT * closure.best[ELIMINATION_PIVOT]
         if found:
-            solve_reduced(elimination, rows, freedoms, link, free, u, 1.0)
+            solve_reduced(elimination, rows, freedoms, link, closure.free, closure.u, 1.0)
             add_link_accelerations(link, records.ACCELERATION, freedoms, elimination.V, elimination.G)
     return found
 
@@ -230,31 +211,6 @@ def planar_derivative(
     planar_inward_sweep(link, free, True)
     planar_outward_sweep(link, free, dz[first_speed:], 1.0)
     planar_coordinate_rates(planar, link, first_speed, t, z, dz)
-
-
-@inlined
-def state_derivative(
-    tree: TreeArrays,
-    closure: LoopClosure | None,
-    spatial: Spatial,
-    elements: TreeElements | None,
-    planar: Planar,
-    t: float,
-    z: Array,
-    dz: Array,
-) -> None:
-    """Compute the state derivative of any mechanism.
-
-    Parameters
-    ----------
-    tree, closure, spatial, elements, planar, t, z, dz : see `arrays`
-    """
-    if closure is not None:
-        loop_derivative(closure, spatial, elements, planar, t, z, dz)
-    elif planar is not None:
-        planar_derivative(planar, tree.link, tree.free, tree.first_speed, t, z, dz)
-    elif spatial is not None:
-        tree_derivative(tree.layout, tree.link, tree.free, tree.first_speed, z, dz)
 
 
 @kernel

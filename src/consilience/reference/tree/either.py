@@ -13,7 +13,6 @@ from consilience.reference.tree.arrays import LoopClosure, Planar, Spatial, Tree
 from consilience.reference.tree.articulated import articulated_inertias, outward_sweep, rigid_inertias
 from consilience.reference.tree.few_freedoms import ONE_TARGET, link_motions, solve_rows, store_targets
 from consilience.reference.tree.kinematics import place_bodies, place_links
-from consilience.reference.tree.loop_groups import Loops, MultifrontalQR
 from consilience.reference.tree.loop_rows import (
     acceleration_residual,
     evaluate_joint_rows,
@@ -79,15 +78,9 @@ def evaluate_rows(
 
 
 @inlined
-def row_responses(
-    loops: Loops, layout: Array, qr: MultifrontalQR, spatial: Spatial, planar: Planar, link: Array, free: Array
-) -> float:
-    """Fill the fronts with the whitened responses to the rows in use; return the largest squared norm of a column.
-
-    Parameters
-    ----------
-    loops, layout, qr, spatial, planar, link, free : see `arrays`
-    """
+def row_responses(closure: LoopClosure, spatial: Spatial, planar: Planar) -> float:
+    """Fill the fronts with the whitened responses to the rows in use; return the largest squared norm of a column."""
+    loops, layout, qr, link, free = closure.loops, closure.layout, closure.qr, closure.link, closure.free
     group, touched, path, owner = loops.group, loops.touched, loops.path, loops.owner
     order, state, W, wrench, F, largest = qr.order, qr.state, qr.W, qr.wrench, qr.F, 0.0
     if spatial is not None:
@@ -98,35 +91,30 @@ def row_responses(
 
 
 @inlined
-def add_row_forces(loops: Loops, qr: MultifrontalQR, free: Array) -> None:
+def add_row_forces(closure: LoopClosure) -> None:
     """Add the joint forces of least norm for the target of the fronts (`least_norm_forces`)."""
-    least_norm_forces(loops.group, loops.own_directions, qr.order, qr.state, qr.F, qr.tau, qr.x, qr.y, qr.target, free)
+    loops, qr = closure.loops, closure.qr
+    group, order, state = loops.group, qr.order, qr.state
+    least_norm_forces(group, loops.own_directions, order, state, qr.F, qr.tau, qr.x, qr.y, qr.target, closure.free)
 
 
 @inlined
-def sweep_accelerations(
-    spatial: Spatial, planar: Planar, link: Array, free: Array, u: Array, velocity_terms: float
-) -> None:
-    """Compute the accelerations of links and free directions by the outward sweep.
-
-    Parameters
-    ----------
-    spatial, planar, link, free, u, velocity_terms : see `arrays`
-    """
+def sweep_accelerations(closure: LoopClosure, spatial: Spatial, planar: Planar, velocity_terms: float) -> None:
+    """Compute the accelerations of links and free directions by the outward sweep."""
     if spatial is not None:
-        outward_sweep(link, free, u, velocity_terms)
+        outward_sweep(closure.link, closure.free, closure.u, velocity_terms)
     if planar is not None:
-        planar_outward_sweep(link, free, u, velocity_terms)
+        planar_outward_sweep(closure.link, closure.free, closure.u, velocity_terms)
 
 
 @inlined
-def articulate_tree(spatial: Spatial, planar: Planar, link: Array, free: Array) -> None:
+def articulate_tree(closure: LoopClosure, spatial: Spatial, planar: Planar) -> None:
     """Compute the articulated inertias of placed links."""
     if spatial is not None:
-        rigid_inertias(link)
-        articulated_inertias(link, free)
+        rigid_inertias(closure.link)
+        articulated_inertias(closure.link, closure.free)
     if planar is not None:
-        planar_inward_sweep(link, free, False)
+        planar_inward_sweep(closure.link, closure.free, False)
 
 
 @inlined
@@ -154,39 +142,25 @@ def loop_velocity_residual(closure: LoopClosure, spatial: Spatial, planar: Plana
 
 
 @inlined
-def loop_acceleration_residual(
-    loops: Loops, qr: MultifrontalQR, spatial: Spatial, planar: Planar, link: Array, gamma: Array
-) -> None:
-    """Compute the acceleration residual of the rows, ``gamma - Q a``, into the target of the fronts.
-
-    Parameters
-    ----------
-    loops, qr, spatial, planar, link : see `arrays`
-    gamma : ndarray, shape (q,)
-    """
+def loop_acceleration_residual(closure: LoopClosure, spatial: Spatial, planar: Planar) -> None:
+    """Compute the acceleration residual of the rows, ``gamma - Q a``, into the target of the fronts."""
+    touched, W, target = closure.loops.touched, closure.qr.W, closure.qr.target
     if spatial is not None:
-        acceleration_residual(loops.touched, qr.W, link, gamma, qr.target)
+        acceleration_residual(touched, W, closure.link, closure.gamma, target)
     if planar is not None:
-        planar_acceleration_residual(loops.touched, qr.W, link, gamma, qr.target)
+        planar_acceleration_residual(touched, W, closure.link, closure.gamma, target)
 
 
 @inlined
-def bias_accelerations(link: Array, free: Array, u: Array) -> None:
+def bias_accelerations(closure: LoopClosure) -> None:
     """Compute the accelerations of the links for u = 0."""
-    for n in range(u.shape[0]):
-        u[n] = 0.0
-    link_motions(link, free, u, 1.0, link, records.ACCELERATION)
+    closure.u[:] = 0.0
+    link_motions(closure.link, closure.free, closure.u, 1.0, closure.link, records.ACCELERATION)
 
 
 @inlined
-def eliminate_rows(
-    loops: Loops, qr: MultifrontalQR, elimination: EliminationArrays, link: Array, free: Array
-) -> tuple[int, int, float]:
-    """Solve the active rows by elimination; return the numbers of rows and freedoms, and the least pivot.
-
-    Parameters
-    ----------
-    loops, qr, elimination, link, free : see `arrays`
-    """
+def eliminate_rows(closure: LoopClosure, elimination: EliminationArrays) -> tuple[int, int, float]:
+    """Solve the active rows by elimination; return the numbers of rows and freedoms, and the least pivot."""
+    loops, qr, free = closure.loops, closure.qr, closure.free
     store_targets(loops.group, qr.order, qr.state, qr.target, elimination.J, free.shape[0])
-    return solve_rows(loops, qr, elimination, link, free, ONE_TARGET)
+    return solve_rows(loops, qr, elimination, closure.link, free, ONE_TARGET)

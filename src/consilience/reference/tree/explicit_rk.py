@@ -20,17 +20,17 @@ from consilience.reference.integrators.step_control import EVALUATIONS, LARGEST,
 from consilience.reference.kernel.compiled import inlined, inner, kernel
 from consilience.reference.kernel.mechanism_record import fields_of
 from consilience.reference.kernel.vectors import assign
-from consilience.reference.tree.arrays import KernelArguments, LoopClosure, Planar, Spatial, TreeArrays, TreeElements
-from consilience.reference.tree.dense_output import interpolate, record_samples_within
-from consilience.reference.tree.dynamics import state_derivative
+from consilience.reference.tree.arrays import KernelArguments, LoopClosure, TreeSystem
+from consilience.reference.tree.dense_output import interpolate
 from consilience.reference.tree.methods import BEGIN, END, SECOND, STAGES_AT_MOST, RungeKuttaPair
-from consilience.reference.tree.projection import (
+from consilience.reference.tree.step_control import component_sizes, first_step_length, step_length
+from consilience.reference.tree.system import (
     begin_motion,
-    end_step,
-    record_sample,
+    end_recorded_step,
+    record_samples_within,
+    state_derivative,
     step_limit,
 )
-from consilience.reference.tree.step_control import component_sizes, first_step_length, next_sample, step_length
 
 UNSUITABLE = 3
 """Status of a motion that another integrator has to take."""
@@ -58,10 +58,13 @@ class ExplicitScratch(NamedTuple):
     order: Array  # (q,) order of the rows at the end of the step, kept while samples are projected
     chosen: Array
     last_stage: Array  # (2, n_z) state and derivative of the last stage of the last step
+    pair: RungeKuttaPair
 
 
-def explicit_scratch(z: Array, closure: LoopClosure | None) -> ExplicitScratch:
-    """Return work arrays for a motion from the state z."""
+def explicit_scratch(
+    pair: RungeKuttaPair, z: Array, arrays: TreeSystem, closure: LoopClosure | None
+) -> ExplicitScratch:
+    """Return work arrays for a motion from the state z by a pair."""
     rows, groups = (0, 0) if closure is None else (len(closure.qr.order), len(closure.qr.state))
     return ExplicitScratch(
         K=np.zeros((STAGES_AT_MOST, len(z))),
@@ -72,6 +75,7 @@ def explicit_scratch(z: Array, closure: LoopClosure | None) -> ExplicitScratch:
         order=np.empty(rows, dtype=np.int64),
         chosen=np.empty(groups, dtype=np.int64),
         last_stage=np.empty((2, len(z))),
+        pair=pair,
     )
 
 
@@ -106,78 +110,39 @@ def _stage(table: Array, z: Array, K: Array, h: float, i: int, trial: Array) -> 
 
 
 @inner
-def _evaluate(
-    tree: TreeArrays,
-    closure: LoopClosure | None,
-    spatial: Spatial,
-    elements: TreeElements | None,
-    planar: Planar,
-    pair: RungeKuttaPair,
-    z: Array,
-    end: Array,
-    K: Array,
-    t: float,
-    h: float,
-    first: int,
-    last: int,
-    state: Array,
-) -> None:
-    """Evaluate stages `first` to `last` - 1 of a step from z; its end is `end`, where known."""
+def _evaluate(system: KernelArguments, z: Array, t: float, h: float, first: int, last: int, counters: Array) -> None:
+    """Evaluate stages `first` to `last` - 1 of a step from z; stage END is the end of the step in the scratch.
+
+    Parameters
+    ----------
+    system : KernelArguments
+        With an ExplicitScratch.
+    z : ndarray, shape (n_z,)
+    t, h : float, s
+        Start and length of the step.
+    first, last : int
+    counters : ndarray of int, shape (3,)
+    """
+    scratch = system.scratch
+    state, pair = scratch.state, scratch.pair
     for i in range(first, last):
         if i == END:
-            assign(state, end)
+            assign(state, scratch.end)
         else:
-            _stage(pair.table, z, K, h, i, state)
-        state_derivative(tree, closure, spatial, elements, planar, t + pair.nodes[i] * h, state, K[i])
+            _stage(pair.table, z, scratch.K, h, i, state)
+        state_derivative(system, t + pair.nodes[i] * h, state, scratch.K[i])
+    counters[EVALUATIONS] += last - first
 
 
 @inlined
-def _record_step(
-    tree: TreeArrays,
-    closure: LoopClosure | None,
-    spatial: Spatial,
-    elements: TreeElements | None,
-    planar: Planar,
-    pair: RungeKuttaPair,
-    z: Array,
-    t: float,
-    step: float,
-    at_sample: bool,
-    times: Array,
-    motion: Array,
-    counters: Array,
-    first: int,
-    first_after: int,
-    scratch: ExplicitScratch,
-) -> tuple[int, int]:
-    """Record the samples of a step; return the index of the next sample, and the first stage not yet known.
-
-    `first` is the next sample, `first_after` the first sample that is not within the step; at a sample, it is its end.
-    """
-    sample = first_after
-    if at_sample:
-        record_sample(tree, spatial, planar, motion[sample])
-        sample += 1
-    if first == first_after:
-        return sample, BEGIN
-    end, K, behind = scratch.end, scratch.K, pair.nodes.shape[0]
-    _evaluate(tree, closure, spatial, elements, planar, pair, z, end, K, t, step, END, behind, scratch.state)
-    counters[EVALUATIONS] += behind - END
-    interpolate(pair.dense, z, end, K, step, scratch.F)
-    record_samples_within(
-        tree,
-        closure,
-        spatial,
-        elements,
-        planar,
-        z,
-        t,
-        step,
-        times[first:first_after],
-        motion[first:first_after],
-        scratch,
-    )
-    return sample, SECOND
+def _attempt(system: KernelArguments, z: Array, t: float, step: float, first: int, last: int, counters: Array) -> float:
+    """Evaluate stages as `_evaluate`; store the end of the step in the scratch and return its scaled error."""
+    tree, scratch = system.tree, system.scratch
+    pair, K, size = scratch.pair, scratch.K, scratch.size
+    _evaluate(system, z, t, step, first, last, counters)
+    _stage(pair.table, z, K, step, END, scratch.end)
+    component_sizes(tree.kind, tree.length, z, size)
+    return _error(tree.kind, K, step, size, pair.estimate, pair.power)
 
 
 @inner
@@ -187,31 +152,6 @@ def _advance(z: Array, end: Array, K: Array, first: int) -> None:
         z[n] = end[n]
         if first == SECOND:
             K[0, n] = K[END, n]
-
-
-@inlined
-def _attempt(
-    tree: TreeArrays,
-    closure: LoopClosure | None,
-    spatial: Spatial,
-    elements: TreeElements | None,
-    planar: Planar,
-    pair: RungeKuttaPair,
-    z: Array,
-    t: float,
-    step: float,
-    first: int,
-    last: int,
-    counters: Array,
-    scratch: ExplicitScratch,
-) -> float:
-    """Evaluate stages `first` to `last` - 1 of a step; store its end in the scratch and return its scaled error."""
-    K, size = scratch.K, scratch.size
-    _evaluate(tree, closure, spatial, elements, planar, pair, z, z, K, t, step, first, last, scratch.state)
-    counters[EVALUATIONS] += last - first
-    _stage(pair.table, z, K, step, END, scratch.end)
-    component_sizes(tree.kind, tree.length, z, size)
-    return _error(tree.kind, K, step, size, pair.estimate, pair.power)
 
 
 @inner
@@ -227,13 +167,7 @@ def _decay_rate(kind: Array, z: Array, f: Array, last_stage: Array, size: Array,
 
 @inner
 def _integrate(
-    tree: TreeArrays,
-    closure: LoopClosure | None,
-    spatial: Spatial,
-    elements: TreeElements | None,
-    planar: Planar,
-    scratch: ExplicitScratch,
-    pair: RungeKuttaPair,
+    system: KernelArguments,
     z: Array,
     times: Array,
     tolerance: float,
@@ -242,26 +176,24 @@ def _integrate(
     counters: Array,
     stop_if_stiff: bool,
 ) -> int:
-    """Integrate as `integrate`, compiled for each combination of arguments that are None."""
+    """Integrate as `integrate`, compiled for each combination of arrays that are None."""
+    kind, scratch = system.tree.kind, system.scratch
+    K, end, size, behind = scratch.K, scratch.end, scratch.size, scratch.pair.nodes.shape[0]
     t, last, sample = times[0], times[-1], SECOND
-    K, end = scratch.K, scratch.end
-    counters[:] = 0
-    begin_motion(tree, closure, spatial, elements, planar, t, z)
-    record_sample(tree, spatial, planar, motion[0])
+    begin_motion(system, t, z, motion, counters)
     if times.shape[0] == 1:
         return 0
-    bound = step_limit(tree, elements, longest)
-    _attempt(tree, closure, spatial, elements, planar, pair, z, t, 0.0, BEGIN, SECOND, counters, scratch)
-    h, first = first_step_length(tree.kind, K[0], last - t, tolerance, scratch.size), SECOND
+    bound = step_limit(system, longest)
+    _attempt(system, z, t, 0.0, BEGIN, SECOND, counters)
+    h, first = first_step_length(kind, K[0], last - t, tolerance, size), SECOND
     finite, most, last_step, stiff_steps = np.isfinite(h), LARGEST_FIRST, 0.0, 0
     while sample < times.shape[0]:
         step = step_length(min(h, bound), last - t)
         if not step >= 1e-14 * max(1.0, abs(t)):
             return 1 if finite else 2
-        error = _attempt(tree, closure, spatial, elements, planar, pair, z, t, step, first, END, counters, scratch)
-        error /= tolerance
+        error = _attempt(system, z, t, step, first, END, counters) / tolerance
         if stop_if_stiff and last_step > 0.0:
-            long = last_step * _decay_rate(tree.kind, z, K[0], scratch.last_stage, scratch.size, tolerance) > STIFF_STEP
+            long = last_step * _decay_rate(kind, z, K[0], scratch.last_stage, size, tolerance) > STIFF_STEP
             last_step, stiff_steps = 0.0, stiff_steps + 1 if long else max(0, stiff_steps - 1)
             if stiff_steps >= STIFF_STEPS and last - t > FEWEST_STEPS_LEFT * step:
                 return UNSUITABLE
@@ -274,30 +206,15 @@ def _integrate(
         counters[STEPS] += 1
         assign(scratch.last_stage[0], scratch.state)
         assign(scratch.last_stage[1], K[END - 1])
-        after = last if step == last - t else t + step
-        left = next_sample(times, sample, after)
-        at_sample = left < times.shape[0] and times[left] == after
-        end_step(tree, closure, spatial, elements, planar, after, end, at_sample)
-        bound = step_limit(tree, elements, longest)
-        sample, first = _record_step(
-            tree,
-            closure,
-            spatial,
-            elements,
-            planar,
-            pair,
-            z,
-            t,
-            step,
-            at_sample,
-            times,
-            motion,
-            counters,
-            sample,
-            left,
-            scratch,
-        )
+        after, left, at_sample = end_recorded_step(system, t, step, end, times, sample, motion)
+        bound, first = step_limit(system, longest), BEGIN
+        if sample < left:
+            _evaluate(system, z, t, step, END, behind, counters)
+            interpolate(scratch.pair.dense, z, end, K, step, scratch.F)
+            record_samples_within(system, z, t, step, times[sample:left], motion[sample:left])
+            first = SECOND
         _advance(z, end, K, first)
+        sample = left + 1 if at_sample else left
         t, h, most, last_step = after, step * factor if step == h else max(h, step * factor), LARGEST, step
     return 0
 
@@ -305,7 +222,6 @@ def _integrate(
 @kernel
 def integrate(
     run: KernelArguments,
-    pair: RungeKuttaPair,
     z: Array,
     times: Array,
     tolerance: float,
@@ -318,8 +234,8 @@ def integrate(
 
     Parameters
     ----------
-    run, pair : KernelArguments and RungeKuttaPair
-        As record arrays (`record_array`).
+    run : KernelArguments
+        As a record array (`record_array`), with an ExplicitScratch.
     z : ndarray, shape (n_z,)
         Initial state; overwritten by the last.
     times : ndarray, shape (n_t,), s
@@ -339,21 +255,4 @@ def integrate(
     int
         Key of `integrators.step_control.STATUS`, or UNSUITABLE.
     """
-    on, pair = fields_of(run), fields_of(pair)
-    tree, closure, spatial, elements, planar = on.tree, on.closure, on.spatial, on.elements, on.planar
-    return _integrate(
-        tree,
-        closure,
-        spatial,
-        elements,
-        planar,
-        on.scratch,
-        pair,
-        z,
-        times,
-        tolerance,
-        longest,
-        motion,
-        counters,
-        stop_if_stiff,
-    )
+    return _integrate(fields_of(run), z, times, tolerance, longest, motion, counters, stop_if_stiff)

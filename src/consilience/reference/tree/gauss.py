@@ -21,10 +21,10 @@ from consilience.reference.integrators.step_control import EVALUATIONS, REJECTED
 from consilience.reference.kernel.compiled import inlined, inner, kernel
 from consilience.reference.kernel.mechanism_record import fields_of
 from consilience.reference.kernel.vectors import assign
-from consilience.reference.tree.arrays import KernelArguments, LoopClosure, Spatial, TreeArrays, TreeElements
-from consilience.reference.tree.dynamics import state_derivative
-from consilience.reference.tree.projection import AT_SAMPLE, begin_motion, end_step, record_sample, step_limit
+from consilience.reference.tree.arrays import KernelArguments, LoopClosure, TreeSystem
+from consilience.reference.tree.projection import AT_SAMPLE
 from consilience.reference.tree.step_control import component_sizes
+from consilience.reference.tree.system import begin_motion, end_step, record_sample, state_derivative, step_limit
 
 STAGES = 8
 MOST_ITERATIONS = 14
@@ -43,7 +43,7 @@ class GaussScratch(NamedTuple):
     size: Array  # (5,) sizes of the kinds of components
 
 
-def gauss_scratch(z: Array, closure: LoopClosure | None) -> GaussScratch:
+def gauss_scratch(z: Array, arrays: TreeSystem, closure: LoopClosure | None) -> GaussScratch:
     """Return work arrays for a motion from the state z."""
     count = len(z)
     return GaussScratch(
@@ -84,18 +84,18 @@ def _extrapolate(K: Array, ratio: float, guess: Array) -> None:
 
 
 @inlined
-def _iterate(
-    tree: TreeArrays,
-    closure: LoopClosure | None,
-    spatial: Spatial,
-    elements: TreeElements | None,
-    t: float,
-    h: float,
-    z: Array,
-    counters: Array,
-    scratch: GaussScratch,
-) -> bool:
-    """Iterate the guessed stages in place; return whether they converge to rounding."""
+def _iterate(system: KernelArguments, t: float, h: float, z: Array, counters: Array) -> bool:
+    """Iterate the guessed stages of a step in place; return whether they converge to rounding.
+
+    Parameters
+    ----------
+    system : KernelArguments
+        With a GaussScratch.
+    t, h : float, s
+        Start and length of the step.
+    z, counters : see `explicit_rk.integrate`
+    """
+    kind, scratch = system.tree.kind, system.scratch
     K, size, trial, found = scratch.guess, scratch.size, scratch.trial, scratch.found
     last = np.inf
     for _ in range(MOST_ITERATIONS):
@@ -105,9 +105,9 @@ def _iterate(
             for j in range(STAGES):
                 for n in range(z.shape[0]):
                     trial[n] += h * A[i, j] * K[j, n]
-            state_derivative(tree, closure, spatial, elements, None, t + C[i] * h, trial, found)
+            state_derivative(system, t + C[i] * h, trial, found)
             for n in range(z.shape[0]):
-                change = max(change, h * abs(found[n] - K[i, n]) / size[tree.kind[n]])
+                change = max(change, h * abs(found[n] - K[i, n]) / size[kind[n]])
                 K[i, n] = found[n]
         counters[EVALUATIONS] += STAGES
         if change <= 1e-16 or (change <= 1e-13 and change > 0.5 * last):
@@ -132,29 +132,18 @@ def _roughness(kind: Array, K: Array, h: float, size: Array) -> float:
 
 @inner
 def _integrate(
-    tree: TreeArrays,
-    closure: LoopClosure | None,
-    spatial: Spatial,
-    elements: TreeElements | None,
-    scratch: GaussScratch,
-    z: Array,
-    times: Array,
-    tolerance: float,
-    longest: float,
-    motion: Array,
-    counters: Array,
+    system: KernelArguments, z: Array, times: Array, tolerance: float, longest: float, motion: Array, counters: Array
 ) -> int:
-    """Integrate as `integrate_gauss`, compiled for each combination of arguments that are None."""
+    """Integrate as `integrate_gauss`, compiled for each combination of arrays that are None."""
+    tree, scratch = system.tree, system.scratch
     K, guess, size = scratch.K, scratch.guess, scratch.size
-    counters[:] = 0
-    begin_motion(tree, closure, spatial, elements, None, times[0], z)
-    record_sample(tree, spatial, None, motion[0])
+    begin_motion(system, times[0], z, motion, counters)
     allowed = np.sqrt(tolerance)
     t, h, before = times[0], 1e-3 * (times[-1] - times[0]), 0.0
     for sample in range(1, times.shape[0]):
         while t < times[sample]:
             remaining = times[sample] - t
-            free = min(h, step_limit(tree, elements, longest))
+            free = min(h, step_limit(system, longest))
             step = remaining if free >= remaining else min(free, 0.5 * remaining)
             if step < 1e-14 * max(1.0, abs(t)):
                 return 1
@@ -163,7 +152,7 @@ def _integrate(
                 _extrapolate(K, step / before, guess)
             if before == 0.0 or step > 2.0 * before:
                 guess[:] = 0.0
-            settled = _iterate(tree, closure, spatial, elements, t, step, z, counters, scratch)
+            settled = _iterate(system, t, step, z, counters)
             rough = _roughness(tree.kind, guess, step, size) / allowed if settled else np.inf
             if rough > 1.0:
                 counters[REJECTED] += 1
@@ -179,26 +168,32 @@ def _integrate(
             factor = LARGEST if rough == 0.0 else min(LARGEST, SAFETY * rough ** (-1.0 / STAGES))
             h = step * factor if step == free else max(h, step * factor)
             t = times[sample] if step == remaining else t + step
-            end_step(tree, closure, spatial, elements, None, t, z, AT_SAMPLE)
-        record_sample(tree, spatial, None, motion[sample])
+            end_step(system, t, z, AT_SAMPLE)
+        record_sample(system, motion[sample])
     return 0
 
 
 @kernel
 def integrate_gauss(
-    run: KernelArguments, z: Array, times: Array, tolerance: float, longest: float, motion: Array, counters: Array
+    run: KernelArguments,
+    z: Array,
+    times: Array,
+    tolerance: float,
+    longest: float,
+    motion: Array,
+    counters: Array,
+    stop_if_stiff: bool,
 ) -> int:
     """Integrate from ``times[0]`` and record the bodies at all sample times.
 
     Parameters
     ----------
-    run, z, times, tolerance, longest, motion, counters : see `explicit_rk.integrate`
+    run, z, times, tolerance, longest, motion, counters, stop_if_stiff : see `explicit_rk.integrate`
+        The last has no effect.
 
     Returns
     -------
     int
         Key of `integrators.step_control.STATUS`.
     """
-    on = fields_of(run)
-    tree, closure, spatial, elements = on.tree, on.closure, on.spatial, on.elements
-    return _integrate(tree, closure, spatial, elements, on.scratch, z, times, tolerance, longest, motion, counters)
+    return _integrate(fields_of(run), z, times, tolerance, longest, motion, counters)

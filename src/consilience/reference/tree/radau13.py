@@ -29,13 +29,18 @@ from consilience.reference.integrators.step_control import EVALUATIONS, LARGEST,
 from consilience.reference.kernel.compiled import inlined, inner, kernel
 from consilience.reference.kernel.mechanism_record import fields_of
 from consilience.reference.kernel.vectors import assign
-from consilience.reference.tree.arrays import KernelArguments, LoopClosure, Planar, Spatial, TreeArrays, TreeElements
-from consilience.reference.tree.dense_output import dense_output, record_samples_within
-from consilience.reference.tree.dynamics import state_derivative
+from consilience.reference.tree.arrays import KernelArguments, LoopClosure, TreeSystem
+from consilience.reference.tree.dense_output import dense_output
 from consilience.reference.tree.methods import SECOND
-from consilience.reference.tree.projection import begin_motion, end_step, record_sample, step_limit
 from consilience.reference.tree.radau_coefficients import ESTIMATE, IN, LAMBDA, NESTED, OUT, STAGES, A, C
-from consilience.reference.tree.step_control import component_sizes, first_step_length, next_sample, step_length
+from consilience.reference.tree.step_control import component_sizes, first_step_length, step_length
+from consilience.reference.tree.system import (
+    begin_motion,
+    end_recorded_step,
+    record_samples_within,
+    state_derivative,
+    step_limit,
+)
 
 SAFETY = 0.8
 MOST_ITERATIONS = 12
@@ -70,7 +75,7 @@ class RadauScratch(NamedTuple):
     chosen: Array
 
 
-def radau_scratch(z: Array, closure: LoopClosure | None) -> RadauScratch:
+def radau_scratch(z: Array, arrays: TreeSystem, closure: LoopClosure | None) -> RadauScratch:
     """Return work arrays for a motion from the state z."""
     rows, groups = (0, 0) if closure is None else (len(closure.qr.order), len(closure.qr.state))
     n, systems = len(z), len(LAMBDA)
@@ -138,44 +143,20 @@ def _solve(LU: Array, pivot: Array, x: Array) -> None:
         x[i] /= LU[i, i]
 
 
-@inner
-def _derivative(
-    tree: TreeArrays,
-    closure: LoopClosure | None,
-    spatial: Spatial,
-    elements: TreeElements | None,
-    planar: Planar,
-    t: float,
-    z: Array,
-    dz: Array,
-) -> None:
-    """Compute the state derivative; a kernel of its own, because the code is long."""
-    state_derivative(tree, closure, spatial, elements, planar, t, z, dz)
-
-
 @inlined
-def _linearise(
-    tree: TreeArrays,
-    closure: LoopClosure | None,
-    spatial: Spatial,
-    elements: TreeElements | None,
-    planar: Planar,
-    t: float,
-    z: Array,
-    counters: Array,
-    scratch: RadauScratch,
-) -> None:
+def _linearise(system: KernelArguments, t: float, z: Array, counters: Array) -> None:
     """Compute the derivative at the start of a step, and the Jacobian by differences.
 
     A single call in the loop evaluates all of them, so that the derivative is compiled into this kernel once.
     """
+    tree, scratch = system.tree, system.scratch
     f, found, state = scratch.f, scratch.perturbed, scratch.state
     component_sizes(tree.kind, tree.length, z, scratch.size)
     for m in range(-1, z.shape[0]):
         assign(state, z)
         if m >= 0:
             state[m] += DIFFERENCE_STEP * scratch.size[tree.kind[m]]
-        _derivative(tree, closure, spatial, elements, planar, t, state, found)
+        state_derivative(system, t, state, found)
         if m < 0:
             assign(f, found)
         else:
@@ -214,30 +195,30 @@ def _correct(kind: Array, W: Array, Z: Array, size: Array) -> float:
 
 @inlined
 def _iterate(
-    tree: TreeArrays,
-    closure: LoopClosure | None,
-    spatial: Spatial,
-    elements: TreeElements | None,
-    planar: Planar,
-    t: float,
-    h: float,
-    z: Array,
-    tolerance: float,
-    counters: Array,
-    scratch: RadauScratch,
+    system: KernelArguments, t: float, h: float, z: Array, tolerance: float, counters: Array
 ) -> tuple[bool, float]:
-    """Iterate the guessed stages in place; return whether they converge, and the convergence rate."""
+    """Iterate the guessed stages in place; return whether they converge, and the convergence rate.
+
+    Parameters
+    ----------
+    system : KernelArguments
+        With a RadauScratch.
+    t, h : float, s
+        Start and length of the step.
+    z, tolerance, counters : see `explicit_rk.integrate`
+    """
+    scratch = system.scratch
     Z, K, state, last, rate = scratch.Z, scratch.K, scratch.state, np.inf, 0.0
     for left in range(MOST_ITERATIONS, 0, -1):
         for i in range(STAGES):
             for n in range(z.shape[0]):
                 state[n] = z[n] + Z[i, n]
-            _derivative(tree, closure, spatial, elements, planar, t + C[i] * h, state, K[i])
+            state_derivative(system, t + C[i] * h, state, K[i])
         counters[EVALUATIONS] += STAGES
         _residuals(h, Z, K, scratch.W)
         for k in range(LAMBDA.shape[0]):
             _solve(scratch.LU[k], scratch.pivot[k], scratch.W[k])
-        change = _correct(tree.kind, scratch.W, Z, scratch.size)
+        change = _correct(system.tree.kind, scratch.W, Z, scratch.size)
         if not change < np.inf:
             return False, 1.0
         rate, last = change / last, change
@@ -275,27 +256,23 @@ def _guess(z: Array, F: Array, ratio: float, Z: Array) -> None:
 
 @inlined
 def _attempt(
-    tree: TreeArrays,
-    closure: LoopClosure | None,
-    spatial: Spatial,
-    elements: TreeElements | None,
-    planar: Planar,
-    t: float,
-    h: float,
-    z: Array,
-    tolerance: float,
-    counters: Array,
-    scratch: RadauScratch,
+    system: KernelArguments, t: float, h: float, z: Array, tolerance: float, counters: Array
 ) -> tuple[float, float]:
-    """Attempt a step: store its end in the scratch; return its error over the tolerance, and the convergence rate."""
+    """Attempt a step: store its end in the scratch; return its error over the tolerance, and the convergence rate.
+
+    Parameters
+    ----------
+    system, t, h, z, tolerance, counters : see `_iterate`
+    """
+    scratch = system.scratch
     for k in range(LAMBDA.shape[0]):
         _factorise(scratch.J, LAMBDA[k] / h, scratch.LU[k], scratch.pivot[k])
-    settled, rate = _iterate(tree, closure, spatial, elements, planar, t, h, z, tolerance, counters, scratch)
+    settled, rate = _iterate(system, t, h, z, tolerance, counters)
     if not settled:
         return np.inf, rate
     for n in range(z.shape[0]):
         scratch.end[n] = z[n] + scratch.Z[STAGES - 1, n]
-    return _error(tree.kind, h, scratch) / tolerance, rate
+    return _error(system.tree.kind, h, scratch) / tolerance, rate
 
 
 @inner
@@ -318,54 +295,36 @@ def _interpolate(Z: Array, F: Array) -> None:
 
 @inner
 def _integrate(
-    tree: TreeArrays,
-    closure: LoopClosure | None,
-    spatial: Spatial,
-    elements: TreeElements | None,
-    planar: Planar,
-    scratch: RadauScratch,
-    z: Array,
-    times: Array,
-    tolerance: float,
-    longest: float,
-    motion: Array,
-    counters: Array,
+    system: KernelArguments, z: Array, times: Array, tolerance: float, longest: float, motion: Array, counters: Array
 ) -> int:
-    """Integrate as `integrate_radau`, compiled for each combination of arguments that are None."""
+    """Integrate as `integrate_radau`, compiled for each combination of arrays that are None."""
+    scratch = system.scratch
     t, last, sample = times[0], times[-1], SECOND
-    counters[:], scratch.F[:] = 0, 0.0
-    begin_motion(tree, closure, spatial, elements, planar, t, z)
-    record_sample(tree, spatial, planar, motion[0])
+    scratch.F[:] = 0.0
+    begin_motion(system, t, z, motion, counters)
     if times.shape[0] == 1:
         return 0
-    bound, h, before, most, accepted = step_limit(tree, elements, longest), 0.0, np.inf, LARGEST, True
+    bound, h, before, most, accepted = step_limit(system, longest), 0.0, np.inf, LARGEST, True
     while sample < times.shape[0]:
         if accepted:
-            _linearise(tree, closure, spatial, elements, planar, t, z, counters, scratch)
-            h = h if h > 0.0 else first_step_length(tree.kind, scratch.f, last - t, tolerance, scratch.size)
+            _linearise(system, t, z, counters)
+            h = h if h > 0.0 else first_step_length(system.tree.kind, scratch.f, last - t, tolerance, scratch.size)
         step = step_length(min(h, bound), last - t)
         if not step >= 1e-14 * max(1.0, abs(t)):
             return 1
         _guess(z, scratch.F, step / before, scratch.Z)
-        error, rate = _attempt(tree, closure, spatial, elements, planar, t, step, z, tolerance, counters, scratch)
+        error, rate = _attempt(system, t, step, z, tolerance, counters)
         factor, accepted = _factor(error, rate, most), error <= 1.0
         if not accepted:
             counters[REJECTED] += 1
             h, most = step * factor, 1.0
             continue
         counters[STEPS] += 1
-        after = last if step == last - t else t + step
-        left = next_sample(times, sample, after)
-        at_sample = left < times.shape[0] and times[left] == after
         _interpolate(scratch.Z, scratch.F)
-        end_step(tree, closure, spatial, elements, planar, after, scratch.end, at_sample)
-        bound = step_limit(tree, elements, longest)
-        if at_sample:
-            record_sample(tree, spatial, planar, motion[left])
+        after, left, at_sample = end_recorded_step(system, t, step, scratch.end, times, sample, motion)
+        bound = step_limit(system, longest)
         if sample < left:
-            record_samples_within(
-                tree, closure, spatial, elements, planar, z, t, step, times[sample:left], motion[sample:left], scratch
-            )
+            record_samples_within(system, z, t, step, times[sample:left], motion[sample:left])
         sample = left + 1 if at_sample else left
         assign(z, scratch.end)
         t, h, before, most = after, step * factor if step == h else max(h, step * factor), step, LARGEST
@@ -374,21 +333,25 @@ def _integrate(
 
 @kernel
 def integrate_radau(
-    run: KernelArguments, z: Array, times: Array, tolerance: float, longest: float, motion: Array, counters: Array
+    run: KernelArguments,
+    z: Array,
+    times: Array,
+    tolerance: float,
+    longest: float,
+    motion: Array,
+    counters: Array,
+    stop_if_stiff: bool,
 ) -> int:
     """Integrate from ``times[0]`` and record the bodies at all sample times.
 
     Parameters
     ----------
-    run, z, times, tolerance, longest, motion, counters : see `explicit_rk.integrate`
+    run, z, times, tolerance, longest, motion, counters, stop_if_stiff : see `explicit_rk.integrate`
+        The last has no effect.
 
     Returns
     -------
     int
         Key of `integrators.step_control.STATUS`.
     """
-    on = fields_of(run)
-    tree, closure, spatial, elements, planar = on.tree, on.closure, on.spatial, on.elements, on.planar
-    return _integrate(
-        tree, closure, spatial, elements, planar, on.scratch, z, times, tolerance, longest, motion, counters
-    )
+    return _integrate(fields_of(run), z, times, tolerance, longest, motion, counters)

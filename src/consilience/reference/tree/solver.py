@@ -26,7 +26,7 @@ from consilience.reference.tree.arrays import (
 )
 from consilience.reference.tree.explicit_rk import UNSUITABLE, explicit_scratch, integrate
 from consilience.reference.tree.gauss import gauss_scratch, integrate_gauss
-from consilience.reference.tree.methods import PAIRS, RungeKuttaPair
+from consilience.reference.tree.methods import PAIRS
 from consilience.reference.tree.planar_detection import planar_system
 from consilience.reference.tree.radau13 import integrate_radau, radau_scratch
 from consilience.reference.tree.state import StatePacking, pack_state
@@ -124,40 +124,19 @@ class _Integrator(NamedTuple):
     """How an integrator is called."""
 
     scratch: Callable[[Array, TreeSystem, LoopClosure | None], Any]
-    run: Callable[[KernelArguments, _MotionRequest, bool], int]  # last argument: stop_if_stiff; returns the status
+    run: Callable[..., int]  # arguments: run, those of _MotionRequest, stop_if_stiff; returns the status
 
 
-def _run_explicit(pair: RungeKuttaPair, run: KernelArguments, request: _MotionRequest, stop_if_stiff: bool) -> int:
-    """Integrate by an explicit Runge-Kutta pair."""
-    return integrate(run, pair, *request, stop_if_stiff)
-
-
-def _run_gauss(run: KernelArguments, request: _MotionRequest, _leaves: bool) -> int:
-    """Integrate by collocation at the Gauss points."""
-    return integrate_gauss(run, *request)
-
-
-def _run_radau13(run: KernelArguments, request: _MotionRequest, _leaves: bool) -> int:
-    """Integrate by Radau IIA."""
-    return integrate_radau(run, *request)
-
-
-def _run_taylor(run: KernelArguments, request: _MotionRequest, _leaves: bool) -> int:
-    """Integrate by Taylor's method."""
-    z, times, tolerance, *others = request
-    return integrate_taylor(run, z, times, tolerance, order_for(tolerance), *others)
+def _run_taylor(run: KernelArguments, z: Array, times: Array, tolerance: float, *others: Any) -> int:
+    """Integrate by Taylor's method, which does not stop."""
+    return integrate_taylor(run, z, times, tolerance, order_for(tolerance), *others[:-1])
 
 
 INTEGRATORS = {
     "taylor": _Integrator(taylor_scratch, _run_taylor),
-    **{
-        name: _Integrator(
-            lambda z, arrays, closure: explicit_scratch(z, closure), partial(_run_explicit, record_array(pair))
-        )
-        for name, pair in PAIRS.items()
-    },
-    "radau13": _Integrator(lambda z, arrays, closure: radau_scratch(z, closure), _run_radau13),
-    "gauss": _Integrator(lambda z, arrays, closure: gauss_scratch(z, closure), _run_gauss),
+    **{name: _Integrator(partial(explicit_scratch, pair), integrate) for name, pair in PAIRS.items()},
+    "radau13": _Integrator(radau_scratch, integrate_radau),
+    "gauss": _Integrator(gauss_scratch, integrate_gauss),
 }
 """Compiled integrators of the relative form; ``taylor`` serves planar mechanisms without elements."""
 
@@ -208,7 +187,7 @@ def _run(
     working = prepared.working(name)
     motion, counters = np.empty((len(times), *working.arrays.tree.y.shape)), np.zeros(3, dtype=np.int64)
     request = _MotionRequest(z.copy(), times, tolerance, prepared.longest, motion, counters)
-    status = INTEGRATORS[name].run(working.run, request, stop_if_stiff)
+    status = INTEGRATORS[name].run(working.run, *request, stop_if_stiff)
     if status in (0, UNSUITABLE):  # a failure may leave NaN in the arrays
         prepared.idle[name].append(working)
     return status, motion, counters

@@ -20,7 +20,7 @@ import numpy as np
 from consilience.mechanism import Array
 from consilience.reference.integrators import step_control
 from consilience.reference.integrators.step_control import EVALUATIONS, STEPS
-from consilience.reference.kernel.compiled import inlined, inner, kernel
+from consilience.reference.kernel.compiled import fused, inner, kernel
 from consilience.reference.kernel.mechanism_record import fields_of
 from consilience.reference.tree.arrays import KernelArguments, LoopClosure, TreeArrays, TreeSystem
 from consilience.reference.tree.dynamics import factorise_rows
@@ -30,8 +30,9 @@ from consilience.reference.tree.loop_rows import mark_active_rows
 from consilience.reference.tree.multifrontal import multipliers
 from consilience.reference.tree.planar import planar_inward_sweep, planar_outward_sweep
 from consilience.reference.tree.plane import PlanarArrays
-from consilience.reference.tree.projection import AT_SAMPLE, begin_motion, end_step, project_state, record_sample
+from consilience.reference.tree.projection import AT_SAMPLE
 from consilience.reference.tree.step_control import component_sizes, next_sample, step_length
+from consilience.reference.tree.system import begin_motion, end_step, project_state, record_sample
 from consilience.reference.tree.taylor_rows import (
     RowSeries,
     begin_rows,
@@ -108,7 +109,7 @@ def order_for(tolerance: float) -> int:
     return min(LARGEST_ORDER, math.ceil(1.0 - 0.7 * math.log(tolerance)))
 
 
-@inlined
+@fused
 def _begin_step(
     tree: TreeArrays, closure: LoopClosure | None, planar: PlanarArrays, scratch: TaylorScratch, t: float, z: Array
 ) -> None:
@@ -119,11 +120,11 @@ def _begin_step(
         loops, qr, rows = closure.loops, closure.qr, scratch.rows
         mark_active_rows(loops.group, qr.order, qr.state, qr.active)
         evaluate_rows(closure, None, None, planar, t, z)
-        factorise_rows(loops, closure.layout, closure.link, closure.free, qr, None, planar, closure.row_norm[0])
+        factorise_rows(closure, None, planar)
         begin_rows(rows.kind, rows.row_table, rows.coef, closure.link, scratch.series.link)
 
 
-@inlined
+@fused
 def _solve_order(
     tree: TreeArrays, closure: LoopClosure | None, planar: PlanarArrays, scratch: TaylorScratch, m: int
 ) -> None:
@@ -139,8 +140,8 @@ def _solve_order(
         qr, rows = closure.qr, scratch.rows
         planar_outward_sweep(link, free, closure.u, 1.0)
         known_row_accelerations(rows.kind, rows.row_table, rows.coef, qr.active, qr.W, coef, m, closure.gamma)
-        loop_acceleration_residual(closure.loops, qr, None, planar, link, closure.gamma)
-        add_row_forces(closure.loops, qr, free)
+        loop_acceleration_residual(closure, None, planar)
+        add_row_forces(closure)
         multipliers(closure.loops.group, qr.order, qr.state, qr.F, qr.y, scratch.lam)
     next_order(link, free, coef, q, scratch.inverse, m)
     if closure is not None:
@@ -173,7 +174,7 @@ def _radius(kind: Array, q: Array, first_speed: int, order: int, size: Array) ->
     return least
 
 
-@inlined
+@inner
 def _rank(closure: LoopClosure | None) -> int:
     """Return the rank of the rows that close the loops."""
     return closure.rank_limit[0] if closure is not None else 0
@@ -192,10 +193,7 @@ def _evaluate_series(q: Array, first_speed: int, order: int, h: float, z: Array)
 
 @inner
 def _integrate(
-    tree: TreeArrays,
-    closure: LoopClosure | None,
-    planar: PlanarArrays,
-    scratch: TaylorScratch,
+    system: KernelArguments,
     z: Array,
     times: Array,
     tolerance: float,
@@ -204,13 +202,12 @@ def _integrate(
     motion: Array,
     counters: Array,
 ) -> int:
-    """Integrate as `integrate_taylor`, compiled for each combination of arguments that are None."""
+    """Integrate as `integrate_taylor`, compiled for each combination of arrays that are None."""
+    tree, closure, planar, scratch = system.tree, system.closure, system.planar, system.scratch
     t, last, sample = times[0], times[-1], 1
     q, end = scratch.series.q, scratch.end
     allowed = (LAST_TERM * tolerance) ** (1.0 / order)
-    counters[:] = 0
-    begin_motion(tree, closure, None, None, planar, t, z)
-    record_sample(tree, None, planar, motion[0])
+    begin_motion(system, t, z, motion, counters)
     rank = _rank(closure)
     while sample < times.shape[0]:
         _begin_step(tree, closure, planar, scratch, t, z)
@@ -229,15 +226,15 @@ def _integrate(
         left = next_sample(times, sample, after)
         for n in range(sample, left):
             _evaluate_series(q, tree.first_speed, order, times[n] - t, end)
-            project_state(tree, closure, None, None, planar, times[n], end, AT_SAMPLE)
-            record_sample(tree, None, planar, motion[n])
+            project_state(system, times[n], end, AT_SAMPLE)
+            record_sample(system, motion[n])
         _evaluate_series(q, tree.first_speed, order, step, z)
         t, sample, at_sample = after, left, left < times.shape[0] and times[left] == after
-        end_step(tree, closure, None, None, planar, t, z, at_sample)
+        end_step(system, t, z, at_sample)
         if _rank(closure) != rank:
             return UNSUITABLE
         if at_sample:
-            record_sample(tree, None, planar, motion[sample])
+            record_sample(system, motion[sample])
             sample += 1
     return 0
 
@@ -266,6 +263,4 @@ def integrate_taylor(
     int
         Key of STATUS.
     """
-    on = fields_of(run)
-    tree, closure, planar = on.tree, on.closure, on.planar
-    return _integrate(tree, closure, planar, on.scratch, z, times, tolerance, order, longest, motion, counters)
+    return _integrate(fields_of(run), z, times, tolerance, order, longest, motion, counters)
