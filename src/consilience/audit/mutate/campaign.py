@@ -80,8 +80,6 @@ class TaskOutcome:
         Why there is no result: the worker died or exceeded the time limit, which counts as caught.
     unusable : str
         Why the mutant does not fit the adapter.
-    seconds : float, s
-        CPU time.
     """
 
     mutant: str
@@ -95,7 +93,6 @@ class TaskOutcome:
     example: str = ""
     broken: str = ""
     unusable: str = ""
-    seconds: float = 0.0
 
     @property
     def noticed(self) -> bool:
@@ -223,7 +220,6 @@ def _judge(mutant: Mutant, engine: Engine, key: SubjectKey, before: Sequence[Com
 
 def perform(task: MutationTask) -> TaskOutcome:
     """Judge one mutant of one magnitude in one host, in this process."""
-    start = time.process_time()
     mutant = MUTANTS[task.mutant]
     outcome = TaskOutcome(task.mutant, task.host, task.magnitude)
     # before anything is planted: an error in a module acts on every engine of this process
@@ -235,7 +231,6 @@ def perform(task: MutationTask) -> TaskOutcome:
                     _judge(mutant, engine, key, comparisons, outcome)
     except SeamError as error:
         return TaskOutcome(task.mutant, task.host, task.magnitude, unusable=str(error))
-    outcome.seconds = time.process_time() - start
     return outcome
 
 

@@ -108,7 +108,7 @@ def as_json(campaign: MutationCampaign) -> dict[str, Any]:
     }
 
 
-_OF_THE_ROW = ("mutant", "host", "unusable", "seconds")
+_OF_THE_ROW = ("mutant", "host", "unusable")
 """Fields of an outcome that the JSON has once for a row, or not at all."""
 
 

@@ -85,7 +85,7 @@ def rows_of(campaign: MutationCampaign) -> list[MutantRow]:
 
 
 def count(rows: Sequence[MutantRow], standing: Standing) -> int:
-    """Number of rows of a standing."""
+    """Return the number of rows of a standing."""
     return sum(row.standing is standing for row in rows)
 
 
