@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from consilience.case import Case
-from consilience.compare import markdown_table
+from consilience.compare import grouped, markdown_table
 from consilience.compare.motion import OBSERVABLES, Scales
 from consilience.compare.uncertainty import declared_order, estimates
 from consilience.engine import Method, Question, Run, TrajectoryAnswer
@@ -88,12 +88,23 @@ def trials(cases: Sequence[Case], engine: str, limit: float = 300.0) -> Iterator
 
 
 def _trials(worker: Worker, case: Case, plan: Plan, method: Method, runs: list[Run]) -> Iterator[Trial | Skipped]:
+    """Yield the trials of one ladder, or the reason why there are none.
+
+    Parameters
+    ----------
+    worker : Worker
+    case : Case
+    plan : Plan
+        Plan of the engine for the case.
+    method : Method
+    runs : list of Run
+        The ladder, coarse to fine.
+    """
     answers = [run.answer for run in runs if run.answer is not None]
     if declared_order(method) is None or len(answers) < max(2, len(runs)):
-        reason = next((run.reason for run in runs if run.reason), "no ladder of steps")
-        yield Skipped(case.name, worker.engine, method.name, reason)
-        return
-    finer = _finer(worker, case, plan, method, runs[-1])
+        finer: TrajectoryAnswer | str = next((run.reason for run in runs if run.reason), "no ladder of steps")
+    else:
+        finer = _finer(worker, case, plan, method, runs[-1])
     if isinstance(finer, str):
         yield Skipped(case.name, worker.engine, method.name, finer)
         return
@@ -104,7 +115,18 @@ def _trials(worker: Worker, case: Case, plan: Plan, method: Method, runs: list[R
 
 
 def _finer(worker: Worker, case: Case, plan: Plan, method: Method, finest: Run) -> TrajectoryAnswer | str:
-    """Motion at far smaller steps, or the reason why there is none."""
+    """Return the motion at far smaller steps, or the reason why there is none.
+
+    Parameters
+    ----------
+    worker : Worker
+    case : Case
+    plan : Plan
+        Plan of the engine for the case.
+    method : Method
+    finest : Run
+        Run at the finest level of the ladder.
+    """
     assert finest.step is not None
     factor = next((f for f in FINER if f * finest.cpu <= BUDGET), FINER[-1])
     if method.tolerances:
@@ -130,9 +152,7 @@ def exit_code(found: Sequence[Trial | Skipped]) -> int:
 def table(found: Sequence[Trial | Skipped]) -> str:
     """Return Markdown: coverage and width by engine and method, bands that do not hold, skipped ladders."""
     done = [t for t in found if isinstance(t, Trial)]
-    groups: dict[tuple[str, str], list[Trial]] = {}
-    for t in done:
-        groups.setdefault((t.engine, t.method), []).append(t)
+    groups = grouped(done, lambda t: (t.engine, t.method))
     heads = ("engine", "method", "trials", "covered", "band / error, median")
     rows = []
     for (engine, method), group in [*groups.items(), (("all", ""), done)]:

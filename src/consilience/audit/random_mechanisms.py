@@ -1,13 +1,13 @@
 """Random mechanisms, assembled as drawn: the same seed gives the same mechanism.
 
-Bodies are lumpy (mass off the origin, the full inertia of a cloud of points), frames are skew, bodies and joints are
+Bodies have their mass off the origin and the full inertia of a cloud of points, frames are skew, bodies and joints are
 listed in random order, and either side of a joint may be the predecessor. A mechanism grows as a tree from the ground;
-then joints of any kind close loops in the drawn pose. Linkages with dependent rows hang on the ground or on a body:
-planar linkages, whose axes are parallel, and spherical linkages, whose axes meet in a point.
+then joints of any kind close loops in the drawn pose. Linkages with dependent rows hang on the ground or a body:
+planar linkages, with parallel axes, and spherical linkages, whose axes meet in a point.
 
-Every addition leaves a degree of freedom and a clear rank of the constraints: singular values of the Jacobian in the
-drawn pose are zero or above `GAP` of the largest. Half of the mechanisms have no elements but springs, joint springs
-and constant loads, which every formulation supports. A `Recipe` fixes some of the choices.
+Every addition leaves a degree of freedom and a clear rank: singular values of the constraint Jacobian in the drawn pose
+are zero or above `GAP` of the largest. Half of the mechanisms have no elements but springs, joint springs and constant
+loads, which every formulation supports. A `Recipe` fixes some of the choices.
 """
 
 from __future__ import annotations
@@ -38,6 +38,7 @@ from consilience.mechanism import (
     Rolling,
     Skate,
     Spring,
+    State,
     constraint_jacobian,
     drawing_state,
     quaternion_from_rotation_vector,
@@ -92,12 +93,11 @@ class Recipe:
     plain : bool or None
         No elements but springs, joint springs and constant loads; None: at random, one half.
     chain : bool
-        Every body hangs on the body before.
+        Every body is attached to the body before.
     linkages : float
-        Probability that a linkage, not a body, is hung on the tree.
+        Probability that a linkage, not a body, is attached to the tree.
     flat : float
-        Height of the linkages over the usual height. Near zero linkages are near the singular pose in which all joints
-        lie on a line, or all axes in a plane, and one constraint is lost.
+        Height of linkages over the usual height; near zero they are near a singular pose, with all joints on a line.
     """
 
     kinds: Collection[str] = tuple(JOINT_KINDS)
@@ -170,25 +170,32 @@ class _Draft:
         order = self.rng.permutation(len(self.joints))
         return self.mechanism([self.joints[k] for k in order], self.elements)
 
-    # ------------------------------------------------------------ bodies and joints
-
     def _place(self, body: str) -> Frame:
         return _WORLD if body == GROUND else self.bodies[body].drawing
 
     def _new_body(self, near: Array) -> str:
         name = f"b{len(self.bodies)}"
-        self.bodies[name] = lumpy_body(
-            name, Frame(near + self.rng.normal(scale=0.2, size=3), _rotation(self.rng)), self.rng
-        )
+        drawing = Frame(near + self.rng.normal(scale=0.2, size=3), _rotation(self.rng))
+        self.bodies[name] = lumpy_body(name, drawing, self.rng)
         return name
 
     def _base(self) -> str:
-        """Body that the next body hangs on: often the last, so that chains are long, or any other."""
+        """Return the body to which the next body is attached: half of the time the last, so that chains are long."""
         known = [GROUND, *self.bodies]
         return known[-1] if self.recipe.chain or self.rng.random() < 0.5 else str(self.rng.choice(known))
 
     def _joint(self, kind: str, i: str, j: str, at: Array, axes: Array, to: Array | None = None) -> Joint:
-        """Joint drawn in the world, F at `at`, M at `to` (default: at F); either body may be the predecessor."""
+        """Return a joint drawn in the world; either body may be the predecessor.
+
+        Parameters
+        ----------
+        kind, i, j : str
+            Kind of the joint, and names of the bodies.
+        at, to : ndarray, shape (3,), m
+            Origins of F and of M; default of `to`: the origin of F.
+        axes : ndarray, shape (3, 3)
+            Axes of both frames, as columns.
+        """
         to = at if to is None else to
         if self.rng.random() < 0.4:
             i, j = j, i
@@ -200,13 +207,13 @@ class _Draft:
         return Joint(f"j{len(self.joints)}", kind, i, j, F, M, length, pitch)
 
     def _between(self, kind: str, i: str, j: str) -> Joint:
-        """Joint at a random place and direction between two bodies."""
+        """Return a joint at a random place and direction between two bodies."""
         at = 0.5 * (self._place(i).p + self._place(j).p) + self.rng.normal(scale=0.2, size=3)
         to = at + self.rng.uniform(0.3, 0.9) * _direction(self.rng) if kind == "rod" else None
         return self._joint(kind, i, j, at, _rotation(self.rng), to)
 
     def add_body(self) -> None:
-        """Hang a body on the tree."""
+        """Attach a body to the tree."""
         base = self._base()
         name = self._new_body(self._place(base).p + 0.7 * _direction(self.rng))
         self.joints.append(self._between(self.recipe.kind(TREE_KINDS, self.rng), base, name))
@@ -214,11 +221,10 @@ class _Draft:
     def free_something(self) -> None:
         """Make the last joint spherical if all joints are rigid or locked."""
         if not rank_of(self.mechanism(self.joints, {}))[0]:
-            last = self.joints[-1]
-            self.joints[-1] = replace(last, kind="spherical", length=0.0, pitch=0.0)
+            self.joints[-1] = replace(self.joints[-1], kind="spherical", length=0.0, pitch=0.0)
 
     def add_linkage(self) -> None:
-        """Hang three bodies on the tree that close a loop with dependent rows."""
+        """Attach three bodies to the tree that close a loop with dependent rows."""
         shape, base = str(self.rng.choice(list(LINKAGES))), self._base()
         kinds, R = LINKAGES[shape], _rotation(self.rng)
         corners = np.array([[0.0, 0.0], [0.2, 0.6], [1.1, 0.8], [1.0, 0.0]]) + self.rng.uniform(-0.1, 0.1, (4, 2))
@@ -258,29 +264,27 @@ class _Draft:
         if after and clear and (moves or self.rng.random() < _LOCKING):
             self.joints.append(joint)
 
-    # ------------------------------------------------------------ elements
-
     def _add(self, group: str, element: Any) -> None:
         self.elements.setdefault(group, []).append(element)
 
     def _axes(self) -> list[tuple[str, str]]:
-        """Coordinates of joints with one axis, in random order."""
+        """Return the coordinates of joints with an axis, in random order."""
         found = [(j.name, coordinate) for j in self.joints for coordinate in AXIS_COORDINATES.get(j.kind, ())]
         return [found[k] for k in self.rng.permutation(len(found))]
 
     def _function(self) -> Function:
-        """Smooth function of time of order one."""
+        """Return a smooth function of time of order one."""
         rng = self.rng
         if rng.random() < 0.3:
             return through(np.linspace(-1.0, 11.0, 13), rng.normal(size=13))
         return Function(rng.normal(scale=0.5, size=2), np.array([[1.0, rng.uniform(1.0, 5.0), rng.uniform(0.0, 6.0)]]))
 
     def _history(self, plain: bool) -> Function | None:
-        """Function with probability one half, None if plain."""
+        """Return a function with probability one half; None if plain."""
         return self._function() if not plain and self.rng.random() < 0.5 else None
 
     def _motion(self) -> Function:
-        """Smooth function, zero at zero, with slope and curvature there."""
+        """Return a smooth function, zero at zero, with slope and curvature there."""
         a, w, phi = self.rng.uniform(0.1, 0.4), self.rng.uniform(1.0, 4.0), self.rng.uniform(0.2, 6.0)
         return Function(np.array([-a * np.sin(phi), self.rng.normal()]), np.array([[a, w, phi]]))
 
@@ -332,7 +336,7 @@ class _Draft:
             self.elements = more
 
     def _law(self, driver: str) -> Function:
-        """Law of a gear or rack, or of a cam: periodic in an angle, quadratic in a distance."""
+        """Return the law of a gear or rack, or of a cam: periodic in an angle, quadratic in a distance."""
         ratio = self.rng.choice([-1, 1]) * self.rng.uniform(0.3, 2.0)
         if self.rng.random() < 0.5:
             return Function(np.array([0.0, ratio]))
@@ -343,7 +347,7 @@ class _Draft:
         return through(x, [*lift[:-1], lift[0]], periodic=True)
 
     def _rolling(self, body: str) -> Rolling:
-        """Disc, torus or ball on a plane that touches the body in the drawing."""
+        """Return a disc, torus or ball on a plane that touches the body in the drawing."""
         rng, pose = self.rng, self.bodies[body].drawing
         normal, center = _direction(rng), rng.normal(scale=0.1, size=3)
         # leaning, but far from lying flat, where the contact is no point
@@ -367,23 +371,21 @@ def lumpy_body(name: str, drawing: Frame, rng: np.random.Generator) -> Body:
 
 
 def rank_of(mechanism: Mechanism, gap: float = GAP) -> tuple[int, bool]:
-    """Return the degrees of freedom in the drawing, and whether the rank of the constraints is clear.
-
-    The rank is clear if no nonzero singular value is below `gap` of the largest.
-    """
-    Q = constraint_jacobian(mechanism, drawing_state(mechanism))
-    if len(Q) == 0:
-        return Q.shape[1], True
-    singular = np.linalg.svd(Q, compute_uv=False)
-    singular /= singular[0]
-    freedom = Q.shape[1] - int(np.sum(singular > RANK_TOLERANCE))
+    """Return the degrees of freedom in the drawing, and whether nonzero singular values exceed `gap` of the largest."""
+    singular = relative_singular_values(mechanism, drawing_state(mechanism))
+    freedom = 6 * len(mechanism.bodies) - int(np.sum(singular > RANK_TOLERANCE))
     return freedom, not np.any((singular > 1e-12) & (singular < gap))
+
+
+def relative_singular_values(mechanism: Mechanism, state: State) -> Array:
+    """Return the singular values of the constraint Jacobian over the largest; empty without constraints."""
+    singular = np.linalg.svd(constraint_jacobian(mechanism, state), compute_uv=False)
+    return np.asarray(singular / singular[:1])
 
 
 def _direction(rng: np.random.Generator) -> Array:
     v = rng.normal(size=3)
-    unit: Array = v / np.linalg.norm(v)
-    return unit
+    return np.asarray(v / np.linalg.norm(v))
 
 
 def _rotation(rng: np.random.Generator) -> Array:
@@ -391,7 +393,7 @@ def _rotation(rng: np.random.Generator) -> Array:
 
 
 def _with_z(z: Array, rng: np.random.Generator) -> Array:
-    """Rotation matrix with the unit vector z as third column, turned about z at random."""
+    """Return a rotation matrix with the unit vector z as third column, turned about z at random."""
     x = np.cross(_direction(rng), z)
     x /= np.linalg.norm(x)
     return np.column_stack([x, np.cross(z, x), z])

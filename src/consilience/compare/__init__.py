@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from consilience.compare.campaigns import CODES, exit_code, markdown_table, write_campaign
+from consilience.compare.campaigns import CODES, exit_code, grouped, markdown_table, write_campaign
 from consilience.compare.instant import compare_instant, compare_model, relative_difference
 from consilience.compare.result import Comparison, Level, Quantity, Verdict, compare_by_bars
 from consilience.compare.trajectory import (
@@ -29,6 +29,7 @@ __all__ = [
     "compare_model",
     "compare_trajectory",
     "exit_code",
+    "grouped",
     "markdown_table",
     "reference_spread",
     "relative_difference",

@@ -1,11 +1,11 @@
-"""What campaigns share: the exit code of their verdicts, tables in Markdown, and the files of an outcome."""
+"""Parts of all campaigns: exit code of verdicts, groups of results, tables in Markdown, files of an outcome."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from consilience.compare.result import Verdict
 
@@ -38,6 +38,18 @@ def exit_code(verdicts: Iterable[Verdict], incomplete: bool) -> int:
     if 1 in codes:
         return 1
     return 3 if incomplete or 3 in codes else 0
+
+
+_Item = TypeVar("_Item")
+_Key = TypeVar("_Key", bound=Hashable)
+
+
+def grouped(items: Iterable[_Item], key: Callable[[_Item], _Key]) -> dict[_Key, list[_Item]]:
+    """Return the items by their keys; keys and items keep their order."""
+    groups: dict[_Key, list[_Item]] = {}
+    for item in items:
+        groups.setdefault(key(item), []).append(item)
+    return groups
 
 
 def markdown_table(

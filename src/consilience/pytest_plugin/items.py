@@ -7,7 +7,7 @@ import re
 import shlex
 import tomllib
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from consilience.compare import Verdict
 from consilience.engine import Question
 from consilience.errors import ConsilienceError
 from consilience.pytest_plugin.interview import JudgedQuestion
+from consilience.pytest_plugin.known import KnownDifference
 from consilience.pytest_plugin.setting import Setting
 from consilience.pytest_plugin.wording import evidence
 
@@ -107,7 +108,7 @@ class CaseTest(pytest.Item):
             raise Disagreement(text)
 
     def _again(self) -> tuple[str, str]:
-        """Commands that ask again: the report, and this test alone."""
+        """Return the commands that ask again: the report, and this test alone."""
         path = os.path.relpath(self.path, self.config.invocation_params.dir)
         quick = ("--quick",) if self.setting.effort == "quick" else ()
         options = self.setting.options
@@ -125,3 +126,34 @@ class CaseTest(pytest.Item):
     def reportinfo(self) -> tuple[Path, int | None, str]:
         """Return file and name of the test."""
         return self.path, None, self.name
+
+
+@dataclass(eq=False)
+class EngineTests:
+    """Hooks of a test run that names an engine."""
+
+    setting: Setting
+    _idle: list[KnownDifference] = field(default_factory=list)
+
+    def pytest_report_header(self) -> str:
+        """Return the line of the settings."""
+        return self.setting.header
+
+    def pytest_collect_file(self, file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
+        """Collect a TOML file that looks like a case, or that is named on the command line."""
+        if file_path.suffix != ".toml" or not (parent.session.isinitpath(file_path) or looks_like_a_case(file_path)):
+            return None
+        node: Any = CaseFile.from_parent(parent, path=file_path, setting=self.setting)
+        return node
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        """List the known differences of the engines that match no test, before tests are deselected."""
+        named = {id(known) for item in items if (known := getattr(item, "known", None)) is not None}
+        own = [known for known in self.setting.known if known.engine in self.setting.engines]
+        self._idle = [known for known in own if id(known) not in named]
+
+    def pytest_terminal_summary(self, terminalreporter: Any) -> None:
+        """Print the known differences that match no test: a case may have been renamed."""
+        for known in self._idle:
+            terminalreporter.write_line(f"consilience: no test collected for the known difference: {known}")

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
@@ -26,8 +26,6 @@ class Setting:
     ----------
     options : tuple of str
         Options of the command that runs a test again.
-    idle : list of KnownDifference
-        Known differences of the chosen engines that match no collected test.
     """
 
     engines: tuple[str, ...]
@@ -36,7 +34,6 @@ class Setting:
     known: list[KnownDifference]
     interview: Interview
     options: tuple[str, ...]
-    idle: list[KnownDifference] = field(default_factory=list)
 
     @property
     def header(self) -> str:
@@ -53,11 +50,6 @@ class Setting:
     def known_of(self, case: str, engine: str, question: Question) -> KnownDifference | None:
         """Find the known difference of a test."""
         return next((k for k in self.known if k.names(case, engine, question)), None)
-
-    def note_collected(self, items: Iterable[pytest.Item]) -> None:
-        """Note the known differences that match none of the tests."""
-        named = {id(known) for item in items if (known := getattr(item, "known", None)) is not None}
-        self.idle = [known for known in self.known if known.engine in self.engines and id(known) not in named]
 
 
 def setting_of(config: pytest.Config) -> Setting:

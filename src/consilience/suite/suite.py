@@ -147,12 +147,11 @@ class _Suite:
             if name in self.results.missing:
                 return False
             if name not in self.results.engines:
-                reply = self.workers[name].ask(Request())
-                if not isinstance(reply.value, EngineInfo):
-                    what = f"info() gave a {type(reply.value).__name__}, not an EngineInfo"
-                    self.results.missing[name] = reply.reason or what
+                info = self.workers[name].ask(Request()).info
+                if isinstance(info, str):
+                    self.results.missing[name] = info
                     return False
-                self.results.engines[name] = reply.value
+                self.results.engines[name] = info
         return True
 
     def _ask(self, name: str, number: int) -> list[Run]:

@@ -33,13 +33,12 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from consilience.audit.random_mechanisms import random_mechanism
+from consilience.audit.random_mechanisms import random_mechanism, relative_singular_values
 from consilience.errors import ConsilienceError
 from consilience.mechanism import (
     Array,
     Mechanism,
     State,
-    constraint_jacobian,
     determinate_reactions,
     initial_state,
     mass_matrix_condition,
@@ -176,11 +175,7 @@ def compare(mechanism: Mechanism, states: Sequence[State], names: Sequence[str],
 
 def _small_singular_value(mechanism: Mechanism, state: State) -> float:
     """Return the least relative singular value of the constraints between `ROUNDING` and `SINGULAR`, or zero."""
-    Q = constraint_jacobian(mechanism, state)
-    if len(Q) == 0:
-        return 0.0
-    singular = np.linalg.svd(Q, compute_uv=False)
-    singular /= singular[0]
+    singular = relative_singular_values(mechanism, state)
     between = singular[(singular > ROUNDING) & (singular < SINGULAR)]
     return float(between.min()) if len(between) else 0.0
 
@@ -191,7 +186,22 @@ _FormulationAnswer = tuple[Array, Array | None]
 def _answers(
     able: dict[str, Formulation], state: State, t: float, seed: int, n: int
 ) -> tuple[dict[str, _FormulationAnswer], list[Exempt]]:
-    """Evaluate accelerations (6 n_b,) and reactions (n_j, 6) of each formulation; list missing answers."""
+    """Evaluate accelerations and reactions of each formulation; list missing answers.
+
+    Parameters
+    ----------
+    able : dict of str to Formulation
+        Formulations that can represent the mechanism.
+    state : State
+    t : float, s
+    seed, n : int
+        Seed of the mechanism and number of the state, for the list.
+
+    Returns
+    -------
+    tuple
+        By formulation the accelerations, shape (6 n_b,), and the reactions, shape (n_j, 6), or None; and the list.
+    """
     answers: dict[str, _FormulationAnswer] = {}
     missing = []
     for name, equations in able.items():
@@ -222,6 +232,19 @@ def _compared(
 
 
 def _difference(seed: int, n: int, quantity: str, values: dict[str, Array], bar: float) -> Difference:
+    """Compare the answers of all formulations in one quantity.
+
+    Parameters
+    ----------
+    seed, n : int
+        Seed of the mechanism and number of the state.
+    quantity : str
+        One of `QUANTITIES`.
+    values : dict of str to ndarray
+        Answer of each formulation, all of one shape.
+    bar : float
+        Largest allowed relative difference.
+    """
     stacked = np.array(list(values.values()))
     finite = stacked[np.all(np.isfinite(stacked), axis=1)]
     if len(finite) == 0:
@@ -254,7 +277,7 @@ def _excuse(name: str, error: float, state: State, reaction_cond: float) -> str:
     """Return the excuse of a descriptor form in orientation coordinates for an error, or an empty string."""
     if name not in VARIANTS:
         return ""
-    d = _distance_to_singular(name, state)
+    d = distance_to_singular(name, state.quat_WB)
     if error <= LOST / d**2 and d <= NEAR:
         return f"a body is {d:.1e} from a singularity of the coordinates"
     if error <= CONDITION * reaction_cond and reaction_cond >= STEEP:
@@ -262,10 +285,10 @@ def _excuse(name: str, error: float, state: State, reaction_cond: float) -> str:
     return ""
 
 
-def _distance_to_singular(name: str, state: State) -> float:
-    """Return the least distance of any body from a singularity of the orientation coordinates of a form."""
+def distance_to_singular(name: str, quats: Array) -> float:
+    """Return the least distance of orientations, shape (n, 4), from a singularity of a form's coordinates."""
     kind = ORIENTATIONS[VARIANTS[name].orientation]
-    return min(kind.distance_to_singularity(kind.coordinates(quat)) for quat in state.quat_WB)
+    return min(kind.distance_to_singularity(kind.coordinates(quat)) for quat in quats)
 
 
 def campaign(

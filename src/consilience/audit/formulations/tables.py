@@ -1,17 +1,12 @@
-"""Markdown tables of a cross-check of formulations, and its command."""
+"""Markdown tables of a cross-check of formulations."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from pathlib import Path
-from typing import Annotated
 
-import typer
-
-from consilience.audit.formulations.compare import QUANTITIES, Difference, Examination, agrees, campaign, disagreements
+from consilience.audit.formulations.compare import QUANTITIES, Difference, Examination, disagreements
 from consilience.compare import markdown_table
-from consilience.reference.formulations import registry
 
 
 def formulation_table(examinations: Sequence[Examination]) -> str:
@@ -22,19 +17,18 @@ def formulation_table(examinations: Sequence[Examination]) -> str:
     for name in names:
         able = sum(not e.refusals[name] for e in examinations)
         missing = sum(x.formulation == name for e in examinations for x in e.exempt)
-        worst = [_worst(examinations, name, quantity) for quantity in QUANTITIES]
+        known = [d for e in examinations for d in e.differences if name in d.distances]
+        worst = [_worst([(d.distances[name], d) for d in known if d.quantity == q]) for q in QUANTITIES]
         rows.append([f"`{name}`", able, len(examinations) - able, missing, *worst])
     return "\n".join(markdown_table(heads, rows, "lrrrrr"))
 
 
-def _worst(examinations: Sequence[Examination], name: str, quantity: str) -> str:
-    """Describe the worst distance from the median relative to the bar."""
-    found = [d for e in examinations for d in e.differences if d.quantity == quantity and name in d.distances]
-    if not found:
+def _worst(sizes: Sequence[tuple[float, Difference]]) -> str:
+    """Describe the largest of some sizes relative to the bars of their differences."""
+    if not sizes:
         return "none"
-    worst = max(found, key=lambda d: d.distances[name] / d.bar)
-    distance = worst.distances[name]
-    return f"{distance:.1e} ({distance / worst.bar:.1g} of the bar; {worst.seed}/{worst.state})"
+    size, worst = max(sizes, key=lambda pair: pair[0] / pair[1].bar)
+    return f"{size:.1e} ({size / worst.bar:.1g} of the bar; {worst.seed}/{worst.state})"
 
 
 def summary(examinations: Sequence[Examination]) -> str:
@@ -57,16 +51,9 @@ def summary(examinations: Sequence[Examination]) -> str:
         found = [d for e in chosen for d in e.differences]
         cells = [title, len(chosen), f"{min(bodies)} to {max(bodies)}", sum(e.states for e in chosen)]
         cells.append(sum(d.quantity == QUANTITIES[0] for d in found))
-        cells += [_widest([d for d in found if d.quantity == q]) for q in QUANTITIES]
+        cells += [_worst([(d.spread, d) for d in found if d.quantity == q]) for q in QUANTITIES]
         rows.append([*cells, len(disagreements(chosen))])
     return "\n".join(markdown_table(heads, rows, "lrrrrrrr"))
-
-
-def _widest(found: Sequence[Difference]) -> str:
-    if not found:
-        return "none"
-    worst = max(found, key=lambda d: d.spread / d.bar)
-    return f"{worst.spread:.1e} ({worst.spread / worst.bar:.1g} of the bar; {worst.seed}/{worst.state})"
 
 
 def exceptions(examinations: Sequence[Examination]) -> str:
@@ -108,27 +95,3 @@ def _feature_kind(feature: str) -> str:
 def report(examinations: Sequence[Examination]) -> str:
     """Return all tables of a campaign."""
     return "\n\n".join([summary(examinations), formulation_table(examinations), exceptions(examinations)]) + "\n"
-
-
-def main(
-    mechanisms: Annotated[int, typer.Option(help="Number of random mechanisms.")] = 200,
-    states: Annotated[int, typer.Option(help="States of each.")] = 20,
-    seed: Annotated[int, typer.Option(help="Seed of the first mechanism; the others follow.")] = 1,
-    formulations: Annotated[list[str] | None, typer.Option("-f", "--formulation", help="Only these.")] = None,
-    jobs: Annotated[int, typer.Option(help="Processes.")] = 1,
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="Markdown file for the tables.")] = None,
-) -> None:
-    """Compare all formulations with one another on random mechanisms; exit code 1 if any two disagree."""
-    names = formulations or list(registry.FORMULATIONS)
-    for name in names:
-        registry.entry(name)
-    found = []
-    for examination in campaign(range(seed, seed + mechanisms), states, names, jobs):
-        found.append(examination)
-        typer.echo(f"\r{len(found)} of {mechanisms} mechanisms", nl=False, err=True)
-    typer.echo(err=True)
-    text = report(found)
-    if output is not None:
-        output.write_text(text, encoding="utf-8")
-    typer.echo(summary(found) if output is not None else text)
-    raise typer.Exit(0 if agrees(found) else 1)

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from consilience.audit.formulations.compare import distance_to_singular
 from consilience.compare import markdown_table
 from consilience.engine import TrajectoryAnswer
 from consilience.errors import NumericalFailure
@@ -32,7 +33,7 @@ from consilience.mechanism import (
 )
 from consilience.reference.formulations import registry
 from consilience.reference.formulations.coordinates import VARIANTS
-from consilience.reference.formulations.orientations import ORIENTATIONS, SingularOrientation
+from consilience.reference.formulations.orientations import SingularOrientation
 from consilience.reference.solver import simulate
 
 BAR, LONG_BAR, AMPLIFYING = 1e-9, 1e-8, 100.0
@@ -100,14 +101,8 @@ class CaseMotions:
 
 def differences(found: TrajectoryAnswer, wanted: TrajectoryAnswer) -> dict[str, float]:
     """Return the largest difference of each kind, relative to the largest value of the kind or to one."""
-    return {
-        kind: float(np.max(np.abs(getattr(found, kind) - getattr(wanted, kind))) / _scale(getattr(wanted, kind)))
-        for kind in KINDS
-    }
-
-
-def _scale(values: Array) -> float:
-    return max(1.0, float(np.max(np.abs(values))))
+    pairs = {kind: (getattr(found, kind), getattr(wanted, kind)) for kind in KINDS}
+    return {kind: float(np.max(np.abs(a - b)) / max(1.0, np.max(np.abs(b)))) for kind, (a, b) in pairs.items()}
 
 
 def amplification(mechanism: Mechanism, state: State, times: Array, wanted: TrajectoryAnswer) -> float:
@@ -175,6 +170,24 @@ def follow(
 def _compared_motion(
     case: str, mechanism: Mechanism, state: State, name: str, wanted: TrajectoryAnswer, tolerance: float, bar: float
 ) -> FormulationMotion:
+    """Integrate one case in one formulation and compare the motion.
+
+    Parameters
+    ----------
+    case : str
+        Name of the case.
+    mechanism : Mechanism
+    state : State
+        Consistent initial state.
+    name : str
+        Key of `registry.FORMULATIONS`.
+    wanted : TrajectoryAnswer
+        Motion to compare with, at the same samples.
+    tolerance : float
+        Tolerance of the integrator.
+    bar : float
+        Largest allowed difference.
+    """
     refused = registry.unsupported(name, mechanism)
     if refused:
         return FormulationMotion(case, name, {}, 0.0, 0, bar, f"{refused[0].feature}: {refused[0].reason}", True)
@@ -196,10 +209,9 @@ def _closest_to_singular(mechanism: Mechanism, state: State, name: str, times: A
     """Return the least distance of a motion from a singularity of the orientation coordinates of a form."""
     if name not in VARIANTS:
         return 1.0
-    kind = ORIENTATIONS[VARIANTS[name].orientation]
     fine = np.linspace(times[0], times[-1], PASSING_SAMPLES)
     motion = simulate(mechanism, state, fine, 1e-9)
-    return min(kind.distance_to_singularity(kind.coordinates(quat)) for quat in motion.quat_WB.reshape(-1, 4))
+    return distance_to_singular(name, motion.quat_WB.reshape(-1, 4))
 
 
 def table(cases: Sequence[CaseMotions]) -> str:
@@ -236,5 +248,4 @@ def exceptions(cases: Sequence[CaseMotions]) -> str:
     """Tabulate the formulations without a motion, with reasons."""
     missing = [one for case in cases for one in case.motions if one.refusal]
     rows = [(p.case, f"`{p.formulation}`", f"{'' if p.exempt else '**failed**: '}{p.refusal}") for p in missing]
-    lines = markdown_table(("case", "formulation", "no motion because"), rows)
-    return "\n".join(lines)
+    return "\n".join(markdown_table(("case", "formulation", "no motion because"), rows))

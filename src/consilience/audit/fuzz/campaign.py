@@ -98,12 +98,11 @@ class EnginePanel:
                 starting.callback(stream.stop)
             waiting = {name: stream.submit(Request()) for name, stream in streams.items()}
             for name, future in waiting.items():
-                reply = streams[name].reply(future)
-                if isinstance(reply.value, EngineInfo):
-                    self.infos[name], self.members[name] = reply.value, streams[name]
+                info = streams[name].reply(future).info
+                if isinstance(info, EngineInfo):
+                    self.infos[name], self.members[name] = info, streams[name]
                 else:
-                    got = f"info() gave a {type(reply.value).__name__}, not an EngineInfo"
-                    self.missing[name] = reply.reason or got
+                    self.missing[name] = info
             self._stack = starting.pop_all()
         return self
 

@@ -17,7 +17,7 @@ from consilience.audit.fuzz.reductions import without_rest
 from consilience.audit.fuzz.shrink import Shrinker
 from consilience.audit.fuzz.workers import AnswerBatch
 from consilience.case.file.writer import table_text
-from consilience.compare import Verdict
+from consilience.compare import Verdict, grouped
 from consilience.compare import exit_code as exit_code_of
 from consilience.compare.judge import REFERENCE
 from consilience.engine import InstantAnswer
@@ -80,12 +80,9 @@ def shrink_disagreements(
     progress : callable, optional
         Called with the name of each disagreement before it is shrunk.
     """
-    kinds: dict[tuple[str, ...], list[tuple[JudgedMechanism, JudgedComparison]]] = {}
-    for judged in campaign.judged:
-        for entry in alarms(judged.entries):
-            kinds.setdefault(entry.signature, []).append((judged, entry))
     found = []
-    for met in kinds.values():
+    pairs = [(judged, entry) for judged in campaign.judged for entry in alarms(judged.entries)]
+    for met in grouped(pairs, lambda pair: pair[1].signature).values():
         judged, entry = min(met, key=lambda pair: len(pair[0].specimen.case.mechanism.bodies))
         if progress is not None:
             progress(f"{entry.engine}, {entry.method or entry.quantity}, seed {judged.specimen.seed}")
@@ -101,7 +98,23 @@ def _shrunk(
     folder: Path,
     limit: float,
 ) -> ShrunkDisagreement:
-    """Shrink one disagreement; `seeds` are all mechanisms with the disagreement."""
+    """Shrink one disagreement, and write its case file.
+
+    Parameters
+    ----------
+    panel : EnginePanel
+        Engines that are asked about smaller cases.
+    judged : JudgedMechanism
+        Mechanism to shrink.
+    entry : JudgedComparison
+        Comparison that shows the disagreement.
+    seeds : tuple of int
+        Seeds of all mechanisms with the disagreement.
+    folder : Path
+        Folder of the case file.
+    limit : float, s
+        Time to shrink.
+    """
     seen: dict[str, JudgedComparison] = {}
 
     def shows(text: str) -> bool:

@@ -142,12 +142,8 @@ class _MechanismJudge:
 
     def _against_one_another(self, engine: str, one: MethodAnswer, other: MethodAnswer) -> JudgedComparison:
         """Compare two methods of an engine by the more lenient bars of the two."""
-        assert one.method is not None
-        assert other.method is not None
-        if _bars(other.method).acceleration > _bars(one.method).acceleration:
-            one, other = other, one
-        assert other.method is not None
-        return self._compared(engine, one, other, other.method.name)
+        lenient, strict = sorted((one, other), key=_acceleration_bar, reverse=True)
+        return self._compared(engine, lenient, strict, _name(strict))
 
     def _compared(self, engine: str, answer: MethodAnswer, other: MethodAnswer, against: str) -> JudgedComparison:
         comparison = _COMPARISONS[answer.question](self, engine, answer.method, answer.answer, other.answer)
@@ -169,8 +165,21 @@ class _MechanismJudge:
     def _judged(
         self, engine: str, answer: MethodAnswer, against: str, verdict: Verdict, quantity: str, why: str
     ) -> JudgedComparison:
-        name = answer.method.name if answer.method else ""
-        return JudgedComparison(engine, name, against, answer.question, _profile(answer), verdict, quantity, why)
+        """Return a comparison with the fields of an answer.
+
+        Parameters
+        ----------
+        engine : str
+        answer : MethodAnswer
+        against : str
+            The reference, or another method of the engine.
+        verdict : Verdict
+        quantity : str
+            First quantity that misses its bar; of a failure its kind.
+        why : str
+        """
+        profile = _profile(answer)
+        return JudgedComparison(engine, _name(answer), against, answer.question, profile, verdict, quantity, why)
 
 
 _COMPARISONS: dict[Question, Callable[..., Comparison]] = {
@@ -184,12 +193,17 @@ def _profile(answer: MethodAnswer) -> Profile:
     return answer.method.profile if answer.method else Profile.MATCHED
 
 
-def _bars(method: Method) -> Bars:
-    return BARS.get(method.route, Bars())
+def _name(answer: MethodAnswer) -> str:
+    return answer.method.name if answer.method else ""
+
+
+def _acceleration_bar(answer: MethodAnswer) -> float:
+    bars = BARS.get(answer.method.route) if answer.method else None
+    return (bars or Bars()).acceleration
 
 
 def _kind(defect: str) -> str:
-    """Kind of a failure: the words before the first number or name."""
+    """Return the kind of a failure: the words before the first number or name."""
     return re.split(r"[:'0-9]", defect, maxsplit=1)[0].strip()
 
 

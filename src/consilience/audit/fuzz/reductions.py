@@ -94,7 +94,8 @@ def tidy(table: TomlTable) -> TomlTable:
     def stands(entry: Mapping[str, Any]) -> bool:
         coordinates = [(entry[j], entry[c]) for j, c in _JOINTS if j in entry]
         known = all(c in AXIS_COORDINATES.get(kinds.get(j, ""), ()) for j, c in coordinates)
-        return known and entry.get("body") != GROUND and not (_SIDES[0] in entry and _ends(entry)[0] == _ends(entry)[1])
+        loose = "predecessor" in entry and entry["predecessor"] == entry["successor"]
+        return known and entry.get("body") != GROUND and not loose
 
     for group in ELEMENTS:
         if group in table:
@@ -110,10 +111,6 @@ def without_rest(table: TomlTable) -> TomlTable:
     for name in [name for name, guess in guesses.items() if not any(any(v) for v in guess.values())]:
         del guesses[name]
     return table
-
-
-def _ends(entry: Mapping[str, Any]) -> tuple[str, str]:
-    return entry[_SIDES[0]], entry[_SIDES[1]]
 
 
 # ---------------------------------------------------------------- simpler
@@ -139,7 +136,7 @@ def knobs(table: TomlTable) -> list[Knob]:
     found += [_gravity]
     names = [b["name"] for b in table["body"]]
     found += [_guess(name) for name in names if name in table.get("initial", {}).get("bodies", {})]
-    found += [_entry("body", n, change) for change in (_axes_of_body, _inertia, _com, _mass, _at) for n in bodies]
+    found += [_entry("body", n, change) for change in (_axes_of_body, _inertia, _com, _mass, _places) for n in bodies]
     found += [_entry(group, n, _element) for group in ELEMENTS for n in range(len(table.get(group, [])))]
     return found
 
@@ -250,10 +247,6 @@ def _com(body: TomlTable, choice: int) -> None:
 
 def _mass(body: TomlTable, choice: int) -> None:
     body["mass"] = _number(body["mass"], choice)
-
-
-def _at(body: TomlTable, choice: int) -> None:
-    body["at"] = _vector(body["at"], choice)
 
 
 def _element(entry: TomlTable, choice: int) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from importlib.metadata import version
 from typing import Any
 
@@ -12,13 +12,25 @@ import numpy as np
 from consilience.audit.fuzz.campaign import FuzzCampaign
 from consilience.audit.fuzz.findings import ShrunkDisagreement, exit_code
 from consilience.audit.fuzz.judging import JudgedComparison
-from consilience.compare import Verdict, markdown_table
+from consilience.compare import Verdict, grouped, markdown_table
 from consilience.engine import Profile, Question
+
+_VERDICTS = {
+    "differs": Verdict.MODEL,
+    "failed": Verdict.FAILED,
+    "unresolved": Verdict.UNRESOLVED,
+    "unsupported": Verdict.UNSUPPORTED,
+}
+
+COUNTS = ("judged", *_VERDICTS)
+"""Counts of mechanisms of an engine: those with comparisons of matched methods, and those with each verdict."""
 
 
 def outcome(campaign: FuzzCampaign, findings: Sequence[ShrunkDisagreement]) -> dict[str, Any]:
     """Summarise a campaign as data for JSON."""
     entries = [entry for judged in campaign.judged for entry in judged.entries]
+    compared = [entry for entry in entries if entry.question is Question.INSTANT and entry.method]
+    groups = grouped(compared, lambda entry: (entry.engine, entry.method, entry.against))
     spent, count = campaign.spent, len(campaign.judged)
     return {
         "consilience": version("consilience"),
@@ -27,7 +39,7 @@ def outcome(campaign: FuzzCampaign, findings: Sequence[ShrunkDisagreement]) -> d
         "not_drawn": campaign.undrawn,
         "missing": campaign.missing,
         "engines": {name: _engine(name, info.version, campaign) for name, info in campaign.engines.items()},
-        "methods": [_method(group) for group in _groups(entries)],
+        "methods": [_method(group) for group in groups.values()],
         "findings": [_finding(finding) for finding in findings],
         "time": {
             "elapsed": spent.elapsed,
@@ -40,29 +52,20 @@ def outcome(campaign: FuzzCampaign, findings: Sequence[ShrunkDisagreement]) -> d
 
 def _engine(name: str, of_version: str, campaign: FuzzCampaign) -> dict[str, Any]:
     """Count the mechanisms of an engine by verdict, and by the reasons of those that the engine refuses."""
-    counts: Counter[str] = Counter()
+    counts = dict.fromkeys(COUNTS, 0)
     reasons: Counter[str] = Counter()
     digits = []
     for judged in campaign.judged:
         own = [e for e in judged.entries if e.engine == name and (e.alarm or e.profile is Profile.MATCHED)]
         verdicts = {e.verdict for e in own}
-        for verdict in (Verdict.FAILED, Verdict.MODEL, Verdict.UNRESOLVED, Verdict.UNSUPPORTED):
-            counts[str(verdict)] += verdict in verdicts
+        for name_of_count, verdict in _VERDICTS.items():
+            counts[name_of_count] += verdict in verdicts
         reasons.update({e.why for e in own if e.verdict is Verdict.UNSUPPORTED})
         matched = [e for e in own if e.profile is Profile.MATCHED and e.question is Question.INSTANT]
         found = [e.digits for e in matched if e.digits is not None]
         counts["judged"] += bool(found)
         digits += [min(found)] if found else []
-    return {
-        "version": of_version,
-        "judged": counts["judged"],
-        "differs": counts[Verdict.MODEL],
-        "failed": counts[Verdict.FAILED],
-        "unresolved": counts[Verdict.UNRESOLVED],
-        "unsupported": counts[Verdict.UNSUPPORTED],
-        "reasons": dict(reasons.most_common()),
-        **_digits(digits),
-    }
+    return {"version": of_version, **counts, "reasons": dict(reasons.most_common()), **_digits(digits)}
 
 
 def _digits(found: Sequence[float]) -> dict[str, float | None]:
@@ -70,15 +73,6 @@ def _digits(found: Sequence[float]) -> dict[str, float | None]:
         "worst_digits": min(found) if found else None,
         "median_digits": float(np.median(found)) if found else None,
     }
-
-
-def _groups(entries: Iterable[JudgedComparison]) -> list[list[JudgedComparison]]:
-    """Group the comparisons of the question `instant` by engine and pair of methods."""
-    groups: dict[tuple[str, ...], list[JudgedComparison]] = {}
-    for entry in entries:
-        if entry.question is Question.INSTANT and entry.method:
-            groups.setdefault((entry.engine, entry.method, entry.against), []).append(entry)
-    return list(groups.values())
 
 
 def _method(group: Sequence[JudgedComparison]) -> dict[str, Any]:
@@ -119,7 +113,6 @@ def markdown(data: dict[str, Any]) -> str:
     count, clock = len(data["seeds"]), data["time"]
     cpu = ", ".join(f"{name} {1e3 * spent / max(count, 1):.0f}" for name, spent in clock["cpu"].items())
     sorts = ", ".join(f"{number} {sort}" for sort, number in data["sorts"].items())
-    counts = ("version", "judged", "differs", "failed", "unresolved", "unsupported")
     rows = [{"engine": name, **e} for name, e in data["engines"].items()]
     lines = [
         "# Differential fuzzing",
@@ -127,7 +120,7 @@ def markdown(data: dict[str, Any]) -> str:
         f"{count} mechanisms ({sorts}) in {clock['elapsed']:.0f} s, {clock['per_minute']:.0f} a minute.",
         f"CPU time of a mechanism in ms: {cpu}.",
         "",
-        *_table(("engine", *counts), rows),
+        *_table(("engine", "version", *COUNTS), rows),
         *_reason_lines(data["engines"]),
         *_method_lines("How far each way agrees", data["methods"], Profile.MATCHED),
         *_method_lines(
@@ -175,9 +168,7 @@ def _method_lines(title: str, methods: Sequence[dict[str, Any]], profile: Profil
 
 
 def _finding_lines(findings: Sequence[dict[str, Any]]) -> list[str]:
-    if not findings:
-        return ["## Disagreements", "", "None.", ""]
-    lines = ["## Disagreements", ""]
+    lines = ["## Disagreements", "", *(() if findings else ("None.", ""))]
     for f in findings:
         seeds, smallest = f["seeds"], f["smallest"]
         named = ", ".join(map(str, seeds[:12])) + (", ..." if len(seeds) > 12 else "")

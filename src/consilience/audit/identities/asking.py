@@ -16,21 +16,15 @@ Ask = Callable[[Request], Reply]
 
 @dataclass(frozen=True, eq=False)
 class Asker:
-    """One engine; returns sound answers, raises the reason otherwise."""
+    """One engine: sound answers, or an exception with the reason why there is none.
+
+    Attributes
+    ----------
+    ask : callable
+        Request to reply.
+    """
 
     ask: Ask
-
-    def plan(self, mechanism: Mechanism) -> Plan:
-        """Return the engine's plan for a mechanism.
-
-        Raises
-        ------
-        NoAnswerError
-        """
-        reply = self.ask(Request(mechanism))
-        if not isinstance(reply.value, Plan):
-            raise UnansweredError(reply.reason or f"the plan is a {type(reply.value).__name__}")
-        return reply.value
 
     def methods(self, mechanism: Mechanism, question: Question) -> tuple[Method, ...]:
         """Return the methods for a question.
@@ -39,10 +33,13 @@ class Asker:
         ------
         NotApplicableError
             The engine cannot represent the mechanism.
-        NoAnswerError
-            The engine supports the question and offers no method.
+        UnansweredError
+            The engine has no plan, or supports the question and offers no method.
         """
-        plan = self.plan(mechanism)
+        reply = self.ask(Request(mechanism))
+        plan = reply.value
+        if not isinstance(plan, Plan):
+            raise UnansweredError(reply.reason or f"the plan is a {type(plan).__name__}")
         if plan.unsupported[question]:
             raise NotApplicableError("; ".join(f"{u.feature}: {u.reason}" for u in plan.unsupported[question]))
         if not plan.methods[question]:
@@ -67,12 +64,11 @@ class Asker:
 
         Raises
         ------
-        NoAnswerError
+        UnansweredError
         """
-        reply = self.ask(Request(mechanism, Question.INSTANT, method, states))
-        _refuse(reply, Question.INSTANT, mechanism, len(states))
-        assert isinstance(reply.value, InstantAnswer)
-        return reply.value
+        answer = self._sound(Request(mechanism, Question.INSTANT, method, states), len(states))
+        assert isinstance(answer, InstantAnswer)
+        return answer
 
     def trajectory(
         self, mechanism: Mechanism, state: State, times: Array, method: Method, step: float
@@ -81,23 +77,28 @@ class Asker:
 
         Parameters
         ----------
+        mechanism : Mechanism
         state : State
             At the first time.
         times : ndarray, shape (n_t,), s
-        step : float, s
-            Step of the method, or its tolerance.
+        method : Method
+        step : float
+            Step size in s, or tolerance.
 
         Raises
         ------
-        NoAnswerError
+        UnansweredError
         """
-        reply = self.ask(Request(mechanism, Question.TRAJECTORY, method, [state], times, step))
-        _refuse(reply, Question.TRAJECTORY, mechanism, len(times))
-        assert isinstance(reply.value, TrajectoryAnswer)
+        answer = self._sound(Request(mechanism, Question.TRAJECTORY, method, [state], times, step), len(times))
+        assert isinstance(answer, TrajectoryAnswer)
+        return answer
+
+    def _sound(self, request: Request, count: int) -> object:
+        """Return the answer to a request, with `count` states or samples."""
+        assert request.mechanism is not None
+        assert request.question is not None
+        reply = self.ask(request)
+        wrong = defects(reply.value, request.question, request.mechanism, count) if reply.returned else [reply.reason]
+        if wrong:
+            raise UnansweredError("; ".join(wrong))
         return reply.value
-
-
-def _refuse(reply: Reply, question: Question, mechanism: Mechanism, count: int) -> None:
-    reason = "; ".join(defects(reply.value, question, mechanism, count)) if reply.returned else reply.reason
-    if reason:
-        raise UnansweredError(reason)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
 from consilience.audit.identities import dynamics
@@ -67,6 +67,8 @@ IDENTITIES: tuple[Identity, ...] = (
     Identity("constraints on velocities", "drift that smaller steps do not cure", None),
 )
 
+AT_INSTANTS = {identity.name: identity.measure for identity in IDENTITIES if identity.measure is not None}
+
 ALONG_A_MOTION = tuple(identity.name for identity in IDENTITIES if identity.measure is None)
 
 
@@ -112,44 +114,57 @@ def check_engines(
     for case in cases:
         _ = case.states  # assembled before any worker starts: a failure is bad input
 
-    def work(worker: Worker) -> tuple[object, str, list[Finding]]:
-        """Check one engine on all cases: its info, the reason if there is none, and the findings."""
+    def work(worker: Worker) -> tuple[EngineInfo | str, list[Finding]]:
+        """Check one engine on all cases; return its description, or why there is none, and the findings."""
         with worker:
-            reply = worker.ask(Request())
+            info = worker.ask(Request()).info
             found: list[Finding] = []
-            for case in cases if isinstance(reply.value, EngineInfo) else ():
+            for case in cases if isinstance(info, EngineInfo) else ():
                 found += check_case(worker.ask, worker.engine, case, states)
                 if progress is not None:
                     progress(worker.engine, case.name)
-        return reply.value, reply.reason, found
+        return info, found
 
     checks = Checks()
     results = in_parallel(work, [Worker(name, limit) for name in engines], jobs)
-    for name, (info, reason, found) in zip(engines, results, strict=True):
+    for name, (info, found) in zip(engines, results, strict=True):
         if isinstance(info, EngineInfo):
             checks.engines[name] = info
             checks.findings += found
         else:
-            checks.missing[name] = reason or f"info() gave a {type(info).__name__}, not an EngineInfo"
+            checks.missing[name] = info
     return checks
 
 
 def check_case(ask: Ask, engine: str, case: Case, states: int) -> list[Finding]:
     """Check all identities for all methods of one engine on one case."""
     asker = Asker(ask)
-    return [*_at_instants(asker, engine, case, states), *_along_a_motion(asker, engine, case)]
 
-
-def _at_instants(asker: Asker, engine: str, case: Case, states: int) -> Iterator[Finding]:
-    record = _FindingContext(case.name, engine, Question.INSTANT)
-    identities = [identity for identity in IDENTITIES if identity.measure is not None]
-    methods, refused = _methods(asker, case, record, [i.name for i in identities])
-    yield from refused
-    for method in methods:
+    def at_instants(method: Method) -> list[_Measured]:
         subject = IdentitySubject(case.mechanism, case.states[:states], asker, method)
-        for identity in identities:
-            assert identity.measure is not None
-            yield record.finding(identity.name, method, _measured(identity.measure, subject))
+        return [_measured(measure, subject) for measure in AT_INSTANTS.values()]
+
+    def along_a_motion(method: Method) -> Sequence[_Measured]:
+        try:
+            return measure_drift(asker, case.mechanism, case.initial_state, case.times[: SAMPLES + 1], method)
+        except (NotApplicableError, UnansweredError) as reason:
+            return [reason] * len(ALONG_A_MOTION)
+
+    found = []
+    for question, names, measured in (
+        (Question.INSTANT, tuple(AT_INSTANTS), at_instants),
+        (Question.TRAJECTORY, ALONG_A_MOTION, along_a_motion),
+    ):
+        context = _FindingContext(case.name, engine, question)
+        try:
+            methods = asker.methods(case.mechanism, question)
+        except (NotApplicableError, UnansweredError) as reason:
+            found += [context.finding(name, None, reason) for name in names]
+            continue
+        for method in methods:
+            pairs = zip(names, measured(method), strict=True)
+            found += [context.finding(name, method, residual) for name, residual in pairs]
+    return found
 
 
 def _measured(measure: Measure, subject: IdentitySubject) -> _Measured:
@@ -157,30 +172,6 @@ def _measured(measure: Measure, subject: IdentitySubject) -> _Measured:
         return worst(list(measure(subject)))
     except (NotApplicableError, UnansweredError) as reason:
         return reason
-
-
-def _along_a_motion(asker: Asker, engine: str, case: Case) -> Iterator[Finding]:
-    record = _FindingContext(case.name, engine, Question.TRAJECTORY)
-    methods, refused = _methods(asker, case, record, ALONG_A_MOTION)
-    yield from refused
-    for method in methods:
-        found: Sequence[_Measured]
-        try:
-            found = measure_drift(asker, case.mechanism, case.initial_state, case.times[: SAMPLES + 1], method)
-        except (NotApplicableError, UnansweredError) as reason:
-            found = [reason] * len(ALONG_A_MOTION)
-        for name, residual in zip(ALONG_A_MOTION, found, strict=True):
-            yield record.finding(name, method, residual)
-
-
-def _methods(
-    asker: Asker, case: Case, record: _FindingContext, names: Sequence[str]
-) -> tuple[tuple[Method, ...], list[Finding]]:
-    """Methods, or one finding for each identity with the reason why there are none."""
-    try:
-        return asker.methods(case.mechanism, record.question), []
-    except (NotApplicableError, UnansweredError) as reason:
-        return (), [record.finding(name, None, reason) for name in names]
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """Equivalent descriptions of one mechanism: other numbers and names, the same physics.
 
-Each function gives a `Description`: the second description of the mechanism, the map of states to it, and the map of
-its answers back.
+Each function returns a `Description`: the second description of the mechanism, the map of states to the second
+description, and the map of answers back to the first.
 """
 
 from __future__ import annotations
@@ -53,8 +53,11 @@ def _compose(outer: Frame, inner: Frame) -> Frame:
 
 
 def _seen_from(mechanism: Mechanism, world: Frame) -> Description:
-    """The mechanism in another world frame, given in the old world; gravity and all on the ground are converted."""
+    """Describe the mechanism in another world frame, given in the old one: convert gravity and points of the ground."""
     R, back = world.R.T, Frame(-world.R.T @ world.p, world.R.T)
+
+    def frame(body: str, old: Frame) -> Frame:
+        return _compose(back, old) if body == GROUND else old
 
     def point(body: str, p: Array) -> Array:
         return back.p + R @ p if body == GROUND else p
@@ -63,14 +66,7 @@ def _seen_from(mechanism: Mechanism, world: Frame) -> Description:
         mechanism,
         gravity=R @ mechanism.gravity,
         bodies=tuple(replace(b, drawing=_compose(back, b.drawing)) for b in mechanism.bodies),
-        joints=tuple(
-            replace(
-                j,
-                F=_compose(back, j.F) if j.predecessor == GROUND else j.F,
-                M=_compose(back, j.M) if j.successor == GROUND else j.M,
-            )
-            for j in mechanism.joints
-        ),
+        joints=tuple(replace(j, F=frame(j.predecessor, j.F), M=frame(j.successor, j.M)) for j in mechanism.joints),
         springs=tuple(
             replace(
                 s,
@@ -135,12 +131,12 @@ def reordered(mechanism: Mechanism, bodies: Sequence[int], joints: Sequence[int]
 
 
 def _of_bodies(state: State, bodies: Array) -> State:
-    """State of the bodies of some indices, in that order."""
+    """Return the state of the bodies of some indices, in that order."""
     return State(state.p_WB[bodies], state.quat_WB[bodies], state.v_WB_W[bodies], state.w_WB_W[bodies])
 
 
 def _picked(answer: InstantAnswer, bodies: Array | slice, joints: Array | slice) -> InstantAnswer:
-    """Answer about some bodies and joints."""
+    """Return the part of an answer about some bodies and joints."""
     return replace(
         answer,
         a_WB_W=answer.a_WB_W[:, bodies],
@@ -153,8 +149,8 @@ def _picked(answer: InstantAnswer, bodies: Array | slice, joints: Array | slice)
 def recut(mechanism: Mechanism) -> Description | None:
     """List joints so that other joints close the loops of a spanning tree; None without a loop or such an order.
 
-    Only the order changes; the cut moves in engines that cut the joint they reach last, as
-    `consilience.mechanism.spanning_tree` does.
+    Only the order of the joints changes. The cut moves in engines that cut the joint reached last by a search of the
+    graph, as `consilience.mechanism.spanning_tree` does.
     """
 
     def cut(order: Sequence[int]) -> set[str]:
@@ -170,16 +166,16 @@ def recut(mechanism: Mechanism) -> Description | None:
 
 
 _Z_TO_X = np.array([[0.0, 0, 1], [0, -1, 0], [1, 0, 0]])
-"""Columns z, -y, x: the axes of a universal joint are z of F and x of M, which swapping exchanges."""
+"""Columns z, -y, x. The axes of a universal joint are z of F and x of M; this rotation exchanges them."""
 
 _ONE_WAY = ("point_on_line", "point_in_plane")
 """Kinds of joints that become another kind when their sides are swapped."""
 
 
 def swapped(mechanism: Mechanism) -> Description:
-    """Exchange predecessor and successor of every joint, but of joints that would become another kind.
+    """Exchange predecessor and successor of every joint, except joints that would become another kind.
 
-    Joint coordinates change sign, and with them the numbers of springs, controls, drives and couplings.
+    Joint coordinates change sign, and so do the numbers of springs, controls, drives and couplings.
     """
     turns = [_Z_TO_X if j.kind == "universal" else np.eye(3) for j in mechanism.joints]
     joints = tuple(_swap(j, turn) for j, turn in zip(mechanism.joints, turns, strict=True))
@@ -187,7 +183,7 @@ def swapped(mechanism: Mechanism) -> Description:
     second = in_units(replace(mechanism, joints=joints), sign={name: -1.0 for name in swapped_names})
 
     def answer(states: Sequence[State], a: InstantAnswer) -> InstantAnswer:
-        """Convert reactions to the successors and axes of the first description; all else is the same in both."""
+        """Convert reactions to the successors and axes of the first description; other values are equal in both."""
         if a.force_F is None or a.torque_F is None:
             return a
         force, torque = np.array(a.force_F), np.array(a.torque_F)
@@ -213,22 +209,16 @@ def _swap(joint: Joint, turn: Array) -> Joint:
 def scaled_units(mechanism: Mechanism, length: float, mass: float, time: float) -> Description:
     """Describe a mechanism in other units: how many of the new units make a metre, a kilogram, a second."""
     second = in_units(mechanism, length, mass, time)
-    a_unit, alpha_unit = length / time**2, 1.0 / time**2
-    force, energy = mass * a_unit, mass * length**2 / time**2
+    acceleration, energy = length / time**2, mass * length**2 / time**2
+    units = {"a_WB_W": acceleration, "alpha_WB_W": 1.0 / time**2, "force_F": mass * acceleration}
+    units |= dict.fromkeys(("torque_F", "kinetic", "potential"), energy)
 
     def state(s: State) -> State:
         return State(s.p_WB * length, s.quat_WB, s.v_WB_W * length / time, s.w_WB_W / time)
 
     def answer(_: Sequence[State], a: InstantAnswer) -> InstantAnswer:
         """Convert every quantity back to m, kg and s."""
-        return InstantAnswer(
-            a.a_WB_W / a_unit,
-            a.alpha_WB_W / alpha_unit,
-            None if a.force_F is None else a.force_F / force,
-            None if a.torque_F is None else a.torque_F / energy,
-            a.kinetic / energy,
-            a.potential / energy,
-        )
+        return replace(a, **{name: old / units[name] for name, old in vars(a).items() if old is not None})
 
     return Description(second, state, answer)
 

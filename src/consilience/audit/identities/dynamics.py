@@ -1,6 +1,6 @@
 """Identities between the answers about one mechanism: balance, power, momentum, response to loads.
 
-Each identity takes a `IdentitySubject` and gives a residual for every state. Vectors are scaled as in
+Each identity takes an `IdentitySubject` and yields a residual for every state. Vectors are scaled as in
 `consilience.audit.identities.equations`.
 """
 
@@ -54,7 +54,7 @@ def balance(subject: IdentitySubject) -> Iterator[Residual]:
 
 
 def _without(columns: Array, vector: Array) -> Array:
-    """Part of a vector orthogonal to the columns."""
+    """Return the part of a vector orthogonal to the columns."""
     if columns.shape[1] == 0:
         return vector
     return vector - columns @ np.linalg.lstsq(columns, vector, rcond=None)[0]
@@ -87,7 +87,7 @@ def momentum(subject: IdentitySubject) -> Iterator[Residual]:
 
 
 def _summation(eq: Equations) -> Array:
-    """Matrix (6, 6 n_b) from scaled wrenches to total force and torque about the common centre of mass."""
+    """Return the matrix (6, 6 n_b) from scaled wrenches to total force and torque about the common centre of mass."""
     masses = np.array([b.mass for b in eq.mechanism.bodies])
     centre = masses @ centres_of_mass(eq.mechanism, eq.state)[0] / masses.sum()
     sums = np.zeros((6, 6 * len(masses)))
@@ -143,7 +143,7 @@ def energy(subject: IdentitySubject) -> Iterator[Residual]:
 
 
 def _along(subject: IdentitySubject, n: int, h: float) -> State:
-    """State a time h later, to second order, projected onto the constraints."""
+    """Return the state a time h later, to second order, projected onto the constraints."""
     s, a, alpha = subject.states[n], subject.answer.a_WB_W[n], subject.answer.alpha_WB_W[n]
     ahead = move(s, np.hstack([h * s.v_WB_W + 0.5 * h**2 * a, h * s.w_WB_W + 0.5 * h**2 * alpha]).ravel())
     try:
@@ -175,7 +175,7 @@ def forward_after_inverse(subject: IdentitySubject) -> Iterator[Residual]:
 
 
 def _inverse(eq: Equations, rng: np.random.Generator) -> tuple[ScaledSolution, Array]:
-    """Random consistent accelerations with random multipliers, and the scaled wrench that causes both."""
+    """Return random consistent accelerations and multipliers, and the scaled wrench that causes both."""
     own = eq.solution
     size = largest(own.x) or 1.0
     free = eq.N @ rng.normal(size=eq.N.shape[1])

@@ -6,16 +6,8 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from consilience.audit.identities.descriptions import (
-    Description,
-    moved,
-    recut,
-    reordered,
-    rotated,
-    scaled_units,
-    split,
-    swapped,
-)
+from consilience.audit.identities import descriptions
+from consilience.audit.identities.descriptions import Description
 from consilience.audit.identities.equations import Equations, largest
 from consilience.audit.identities.result import NotApplicableError, Residual, relative, worst
 from consilience.audit.identities.subject import IdentitySubject
@@ -29,45 +21,41 @@ from consilience.mechanism import (
 )
 
 _TURN = rotation_from_quaternion(quaternion_from_rotation_vector(np.array([1.1, -0.7, 2.0])))
-"""A rotation that takes no axis near an axis."""
+"""Rotation of the world that leaves no axis near a coordinate axis."""
 
 _AWAY = np.array([0.48, -0.64, 0.6])
-"""Direction along no axis in which the world moves by a characteristic length."""
+"""Unit vector, along no coordinate axis, in whose direction the world moves by a characteristic length."""
 
 UNITS = {"length": 3.0, "mass": 7.0, "time": 0.3}
-"""New units in a metre, a kilogram, a second: no factor is a power of two or ten."""
-
-
-def _turned(mechanism: Mechanism) -> Description:
-    return rotated(mechanism, _TURN)
-
-
-def _moved(mechanism: Mechanism) -> Description:
-    return moved(mechanism, characteristic_length(mechanism) * _AWAY)
+"""Number of new units in a metre, a kilogram, a second: no factor is a power of two or ten."""
 
 
 def _reordered(mechanism: Mechanism) -> Description:
     n_b, n_j = len(mechanism.bodies), len(mechanism.joints)
     if n_b == n_j == 1:
         raise NotApplicableError("one body and one joint have one order")
-    return reordered(mechanism, range(n_b)[::-1], range(n_j)[::-1])
+    return descriptions.reordered(mechanism, range(n_b)[::-1], range(n_j)[::-1])
 
 
 def _recut(mechanism: Mechanism) -> Description:
-    found = recut(mechanism)
+    found = descriptions.recut(mechanism)
     if found is None:
         raise NotApplicableError("no order of the joints cuts a loop elsewhere")
     return found
 
 
-def _in_units(mechanism: Mechanism) -> Description:
-    return scaled_units(mechanism, **UNITS)
+_DESCRIPTIONS: dict[str, Callable[[Mechanism], Description]] = {
+    "rotated world": lambda m: descriptions.rotated(m, _TURN),
+    "moved world": lambda m: descriptions.moved(m, characteristic_length(m) * _AWAY),
+    "bodies and joints reordered": _reordered,
+    "sides of joints swapped": descriptions.swapped,
+    "other units": lambda m: descriptions.scaled_units(m, **UNITS),
+    "loops cut elsewhere": _recut,
+    "a body in two welded parts": descriptions.split,
+}
 
 
-Describe = Callable[[Mechanism], Description]
-
-
-def _invariance(describe: Describe) -> Callable[[IdentitySubject], Iterator[Residual]]:
+def _invariance(describe: Callable[[Mechanism], Description]) -> Callable[[IdentitySubject], Iterator[Residual]]:
     def measure(subject: IdentitySubject) -> Iterator[Residual]:
         """Yield the worst residual between the two descriptions at each state."""
         description = describe(subject.mechanism)
@@ -82,7 +70,7 @@ def _invariance(describe: Describe) -> Callable[[IdentitySubject], Iterator[Resi
 
 
 def _differences(subject: IdentitySubject, eq: Equations, told: InstantAnswer, n: int) -> Iterator[Residual]:
-    """Residuals of accelerations, determined reactions and energies of a state; both answers have allowed errors."""
+    """Yield residuals of accelerations, determined reactions and energies of state n; both answers may have errors."""
     own, solution = subject.answer, eq.solution
     x = eq.motion(told.a_WB_W[n], told.alpha_WB_W[n])
     allowed = 2.0 * eq.acceleration_error(solution, subject.route)
@@ -100,13 +88,5 @@ def _differences(subject: IdentitySubject, eq: Equations, told: InstantAnswer, n
         yield relative(abs(change), 2.0 * eq.guard * size, size, f"state {n}, {name} energy")
 
 
-INVARIANCES: dict[str, Callable[[IdentitySubject], Iterator[Residual]]] = {
-    "rotated world": _invariance(_turned),
-    "moved world": _invariance(_moved),
-    "bodies and joints reordered": _invariance(_reordered),
-    "sides of joints swapped": _invariance(swapped),
-    "other units": _invariance(_in_units),
-    "loops cut elsewhere": _invariance(_recut),
-    "a body in two welded parts": _invariance(split),
-}
-"""Identities by name; each asks again about another description of the mechanism."""
+INVARIANCES = {name: _invariance(describe) for name, describe in _DESCRIPTIONS.items()}
+"""Identities by name: each asks the engine about another description of the mechanism."""

@@ -1,7 +1,7 @@
 """Constraints along a motion: residuals of ``g = 0`` and of ``Q v = nu`` at the samples of a trajectory.
 
-The constraints hold where the residual is rounding: that of one evaluation for each step, because roundings of steps
-may add up. A larger residual may be an error of the steps, which vanishes at step zero. From the finest levels with
+The constraints hold if the residual is rounding: that of one evaluation for each step, because roundings of steps may
+add up. A larger residual may be an error of the steps, which vanishes at step zero. From the finest levels with
 residuals r1, r2, r3, whose steps (or tolerances) have the ratio q, and an integrator of order P (tolerances: 1):
 
 - limit ``r3 + (r3 - r2) / (q^P - 1)`` [Richardson 1911];
@@ -14,7 +14,6 @@ A constraint that is ignored or soft has a limit beyond the band.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -33,16 +32,11 @@ SAMPLES = 20
 """Sample intervals of a case's trajectory that are checked: drift shows from the start."""
 
 
-@dataclass(frozen=True, eq=False)
-class Drift:
-    """Relative residuals of the constraints at the samples of one level, each shape (n_t, rows)."""
+def drift_of(mechanism: Mechanism, answer: TrajectoryAnswer) -> tuple[Array, Array]:
+    """Return the residuals of positions and of velocities at the samples, each shape (n_t, rows).
 
-    positions: Array
-    velocities: Array
-
-
-def drift_of(mechanism: Mechanism, answer: TrajectoryAnswer) -> Drift:
-    """Return residuals of all rows: of positions in characteristic lengths or rad, of velocities over the largest."""
+    Residuals of positions are in characteristic lengths or rad, of velocities relative to the largest velocity.
+    """
     states = [_state(answer, n) for n in range(len(answer.time))]
     equations = [Equations(mechanism, state) for state in states]
     fastest = max(eq.speed for eq in equations) or 1.0
@@ -53,17 +47,12 @@ def drift_of(mechanism: Mechanism, answer: TrajectoryAnswer) -> Drift:
         g = constraint_residual(mechanism, state, float(t), angles)
         positions.append(g / (norms[: len(g)] * eq.length))
         velocities.append((eq.Q @ eq.velocity - constraint_rates(mechanism, float(t))) / (norms * fastest))
-    return Drift(np.array(positions), np.array(velocities))
+    return np.array(positions), np.array(velocities)
 
 
 def _state(answer: TrajectoryAnswer, n: int) -> State:
     quat = answer.quat_WB[n] / np.linalg.norm(answer.quat_WB[n], axis=-1, keepdims=True)
     return State(answer.p_WB[n], quat, answer.v_WB_W[n], answer.w_WB_W[n])
-
-
-def levels(method: Method, sample: float) -> list[float]:
-    """Return the three finest steps of a method, or its tightest tolerances, coarse to fine."""
-    return ([sample / n for n in method.substeps] or list(method.tolerances))[-3:]
 
 
 def measure_drift(
@@ -73,31 +62,34 @@ def measure_drift(
 
     Parameters
     ----------
+    asker : Asker
+    mechanism : Mechanism
     start : State
         At the first time.
     times : ndarray, shape (n_t,), s
         Uniform samples.
+    method : Method
 
     Raises
     ------
     NotApplicableError
         Nothing is constrained.
-    NoAnswerError
+    UnansweredError
     """
     if mechanism.constraint_count() == 0:
         raise NotApplicableError("there are no constraints")
-    steps = levels(method, float(times[1] - times[0]))
+    sample = float(times[1] - times[0])
+    steps = ([sample / n for n in method.substeps] or list(method.tolerances))[-3:]  # the finest, coarse to fine
     found = [drift_of(mechanism, asker.trajectory(mechanism, start, times, method, step)) for step in steps]
     order = (method.order or 1) if method.substeps else 1
     count = (times[-1] - times[0]) / steps[-1] if method.substeps else 1.0
     guard = Equations(mechanism, start).guard * float(count)
-    return (
-        _limit([d.positions for d in found], steps, order, guard),
-        _limit([d.velocities for d in found], steps, order, guard),
-    )
+    positions, velocities = (_limit(residuals, steps, order, guard) for residuals in zip(*found, strict=True))
+    return positions, velocities
 
 
 def _limit(residuals: Sequence[Array], steps: Sequence[float], order: int, guard: float) -> Residual:
+    """Extrapolate the residuals of the levels to step zero; the bar is their band and `guard`, the rounding."""
     finest = largest(residuals[-1])
     if finest <= guard or len(steps) < 2:
         return relative(finest, guard, 1.0, f"{finest:.1e} at {steps[-1]:.3g}")
@@ -111,7 +103,7 @@ def _limit(residuals: Sequence[Array], steps: Sequence[float], order: int, guard
 
 
 def _observed_order(residuals: Sequence[Array], steps: Sequence[float]) -> float:
-    """Order of the differences of three levels; NaN of two levels, or of equal levels."""
+    """Return the order of the differences of three levels; NaN of two levels, or of equal levels."""
     if len(steps) < 3:
         return float("nan")
     first, second = largest(residuals[-2] - residuals[-3]), largest(residuals[-1] - residuals[-2])

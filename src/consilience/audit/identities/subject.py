@@ -141,7 +141,7 @@ class IdentitySubject:
 
 
 def _with_loads(mechanism: Mechanism, wrenches: Array) -> Mechanism:
-    """Forces and torques about the origins of the bodies, shape (n_b, 6), world axes, as loads."""
+    """Add forces and torques about the origins of the bodies, shape (n_b, 6), world axes, as loads."""
     loads = []
     for body, wrench in zip(mechanism.bodies, wrenches, strict=True):
         loads.append(Load(f"force on {body.name} (identity)", "force", body.name, wrench[:3], "world"))

@@ -79,9 +79,9 @@ def _escaped(text: str) -> str:
     return " ".join(text.split()).replace("|", "\\|").replace("<", "&lt;")
 
 
-def document(checks: Checks) -> dict[str, object]:
-    """Return all findings as plain data."""
-    return {
+def as_json(checks: Checks) -> str:
+    """Return all findings as JSON."""
+    data = {
         "format": FORMAT,
         "engines": {name: asdict(info) for name, info in checks.engines.items()},
         "missing": checks.missing,
@@ -89,6 +89,8 @@ def document(checks: Checks) -> dict[str, object]:
         "findings": [asdict(finding) for finding in checks.findings],
         "exit_code": exit_code(checks.findings, len(checks.missing)),
     }
+    # `defects` refuses residuals that are not numbers, and JSON has no infinity
+    return json.dumps(data, indent=1, allow_nan=False) + "\n"
 
 
 def check_target(path: Path) -> None:
@@ -102,12 +104,6 @@ def check_target(path: Path) -> None:
         raise InvalidInput(str(path), f"'{path.suffix}' names no format", "End it with .json or .md.")
     if not path.resolve().parent.is_dir():
         raise InvalidInput(str(path), "its folder does not exist", "Create the folder first.")
-
-
-def as_json(checks: Checks) -> str:
-    """Return all findings as JSON."""
-    # `defects` refuses residuals that are not numbers, and JSON has no infinity
-    return json.dumps(document(checks), indent=1, allow_nan=False) + "\n"
 
 
 def write(checks: Checks, path: Path) -> None:

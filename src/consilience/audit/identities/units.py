@@ -1,9 +1,9 @@
-"""A mechanism in other units, and with joint coordinates that count the other way."""
+"""A mechanism in other units, and with joint coordinates of the opposite sense."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,78 +21,57 @@ def rescaled(function: Function, value: float, argument: float) -> Function:
     return Function(value * function.polynomial / powers, function.harmonics * [value, 1.0 / argument, 1.0], table)
 
 
-@dataclass(frozen=True)
-class _Units:
-    """Factors from old numbers to new numbers, for one element.
-
-    Attributes
-    ----------
-    coordinate, effort : float
-        Of the joint coordinate of the element, sign included, and of the effort in that coordinate. A load has its
-        force or torque for effort.
-    """
-
-    length: float
-    force: float
-    time: float
-    coordinate: float
-    effort: float
-
-    @property
-    def stiffness(self) -> float:
-        """Effort over coordinate."""
-        return self.effort / self.coordinate
-
-
-def _length(u: _Units) -> float:
-    return u.length
-
-
-def _coordinate(u: _Units) -> float:
-    return u.coordinate
-
-
-def _effort(u: _Units) -> float:
-    return u.effort
-
-
-def _damping(u: _Units) -> float:
-    return u.stiffness * u.time
-
-
-_FACTORS: dict[str, dict[str, Callable[[_Units], float]]] = {
+_FACTORS: dict[str, dict[str, str]] = {
     "springs": {
-        "point_predecessor": _length,
-        "point_successor": _length,
-        "stiffness": lambda u: u.force / u.length,
-        "damping": lambda u: u.force * u.time / u.length,
-        "free_length": _length,
-        "actuator": lambda u: u.force,
+        "point_predecessor": "length",
+        "point_successor": "length",
+        "stiffness": "force / length",
+        "damping": "force time / length",
+        "free_length": "length",
+        "actuator": "force",
     },
-    "joint_springs": {
-        "stiffness": lambda u: u.stiffness,
-        "damping": _damping,
-        "rest": _coordinate,
-        "actuator": _effort,
-    },
-    "loads": {"vector": _effort, "point": _length, "history": lambda _: 1.0},
-    "frictions": {
-        "viscous": _damping,
-        "coulomb": lambda u: abs(u.effort),
-        "speed": lambda u: abs(u.coordinate) / u.time,
-    },
+    "joint_springs": {"stiffness": "stiffness", "damping": "damping", "rest": "coordinate", "actuator": "effort"},
+    "loads": {"vector": "effort", "point": "length", "history": "one"},
+    "frictions": {"viscous": "damping", "coulomb": "|effort|", "speed": "|coordinate| / time"},
     "controls": {
-        "target": _coordinate,
-        "proportional": lambda u: u.stiffness,
-        "integral": lambda u: u.stiffness / u.time,
-        "derivative": _damping,
+        "target": "coordinate",
+        "proportional": "stiffness",
+        "integral": "stiffness / time",
+        "derivative": "damping",
     },
-    "drives": {"motion": _coordinate},
-    "couplings": {"law": _coordinate},
-    "rollings": {"center": _length, "point": _length, "radius": _length, "rounding": _length},
-    "skates": {"point": _length},
+    "drives": {"motion": "coordinate"},
+    "couplings": {"law": "coordinate"},
+    "rollings": {"center": "length", "point": "length", "radius": "length", "rounding": "length"},
+    "skates": {"point": "length"},
 }
-"""Factor of each number, vector or function of each kind of element."""
+"""Dimension of each number, vector or function of each kind of element; see `_factors`."""
+
+
+def _factors(length: float, force: float, time: float, coordinate: float, effort: float) -> dict[str, float]:
+    """Return the factors from old numbers to new numbers by dimension, for one element.
+
+    Parameters
+    ----------
+    length, force, time : float
+        New units in a metre, a newton, a second.
+    coordinate, effort : float
+        Factors of the joint coordinate of the element, sign included, and of the effort in that coordinate. The effort
+        of a load is its force or torque.
+    """
+    return {
+        "one": 1.0,
+        "length": length,
+        "force": force,
+        "force / length": force / length,
+        "force time / length": force * time / length,
+        "coordinate": coordinate,
+        "|coordinate| / time": abs(coordinate) / time,
+        "effort": effort,
+        "|effort|": abs(effort),
+        "stiffness": effort / coordinate,
+        "stiffness / time": effort / coordinate / time,
+        "damping": effort / coordinate * time,
+    }
 
 
 def in_units(
@@ -106,10 +85,11 @@ def in_units(
 
     Parameters
     ----------
+    mechanism : Mechanism
     length, mass, time : float
         New units in a metre, a kilogram, a second.
     sign : mapping of joint name to float, optional
-        -1 for joints whose coordinates count the other way; the frames of these joints stay as they are.
+        -1 for joints whose coordinates have the opposite sense; the frames of these joints stay as they are.
     """
     force, signs = mass * length / time**2, sign or {}
 
@@ -119,20 +99,20 @@ def in_units(
     def coordinate(joint: str, name: str) -> float:
         return signs.get(joint, 1.0) * (length if name == "distance" else 1.0)
 
-    def convert(element: Any, factors: Mapping[str, Callable[[_Units], float]]) -> Any:
+    def convert(element: Any, dimensions: Mapping[str, str]) -> Any:
         """Convert one element; None stays None."""
         own = coordinate(element.joint, element.coordinate) if hasattr(element, "coordinate") else 1.0
         effort = force if getattr(element, "kind", "") == "force" else force * length / own
         is_coupling = hasattr(element, "driver_joint")
         argument = coordinate(element.driver_joint, element.driver_coordinate) if is_coupling else time
-        units = _Units(length, force, time, own, effort)
+        factors = _factors(length, force, time, own, effort)
         new: dict[str, Any] = {}
-        for name, factor in factors.items():
+        for name, dimension in dimensions.items():
             old = getattr(element, name)
             if isinstance(old, Function):
-                new[name] = rescaled(old, factor(units), argument)
+                new[name] = rescaled(old, factors[dimension], argument)
             elif old is not None:
-                new[name] = old * factor(units)
+                new[name] = old * factors[dimension]
         return replace(element, **new)
 
     elements: dict[str, Any] = {

@@ -1,8 +1,8 @@
 """Mutation testing of the harness: known errors are planted in the adapters, one at a time, and judged as in a run.
 
-`common_mutants` are planted in every adapter; an adapter brings more in a module ``mutants`` beside its engine, written
-with the names of this package. `table` joins both, `campaign` judges every mutant by the comparisons of the suite,
-`report` writes down what was caught, missed, and alarmed about for nothing. The results stand in docs/detection.md.
+`common_mutants` are planted in every adapter. An adapter may have a module ``mutants`` beside its engine, written with
+the names of this package. `table` joins both, `campaign` judges every mutant by the comparisons of the suite, `report`
+lists what was caught, what was missed, and false alarms. docs/detection.md has the results.
 """
 
 from __future__ import annotations

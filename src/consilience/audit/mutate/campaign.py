@@ -1,11 +1,11 @@
-"""Plant every mutant, judge it, and judge the correct adapters as well: what was caught, missed, alarmed about.
+"""Campaigns of mutants: each mutant is planted and judged, and the correct adapters are judged for false alarms.
 
-A mutant of a magnitude in a host is one task. It is judged on every mechanism that has what the error acts on, that
-the host can represent, and on which the host *without* the error agrees with the reference: there, and only there, a
-difference is the mutant's. It is caught on a mechanism if any answer of it gets a verdict that a run would not pass
-over (`judge.GREEN`).
+A mutant of a magnitude in a host is one task. The mutant is judged on every mechanism that has what the error acts on,
+that the host can represent, and on which the host without the error agrees with the reference. On these mechanisms any
+difference is due to the mutant. A mechanism catches the mutant if any answer gets a verdict that a run does not pass
+over (not in `judge.GREEN`).
 
-Tasks run in worker processes; one that crashes or takes too long is one failed task, and that is noticed, too.
+Tasks run in worker processes. A task that crashes or exceeds the time limit counts as caught.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _EXAMPLE = 160
 
 
 def subject_of(key: SubjectKey) -> MutationSubject:
-    """The subject of a key, kept in the process that asks."""
+    """Return the subject of a key; each process keeps its subjects."""
     found = shipped_subject(key) if isinstance(key, str) else random_subject(key)
     assert found is not None
     return found
@@ -60,24 +60,26 @@ class MutationTask:
 
 @dataclass
 class TaskOutcome:
-    """What became of a task.
+    """Result of a task.
 
     Attributes
     ----------
+    mutant, host : str
+    magnitude : float
     judged, caught : int
-        Mechanisms.
+        Number of mechanisms on which the mutant was judged, and of those on which it was caught.
     unchanged : int
-        Of those not caught: the answers are, number for number, those without the error.
+        Number of mechanisms on which all differences are equal to those without the error.
     by : Counter
-        What gave it away, and on how many mechanisms: question and quantity, or question and verdict.
+        Number of mechanisms by what caught the mutant: question and quantity, or question and verdict.
     largest_missed : float
-        Largest difference, as a part of its bar, on a mechanism on which it was not caught.
+        Largest difference over bar on a mechanism on which the mutant was not caught.
     example : str
-        The words of one verdict that caught it.
+        Words of one verdict that caught the mutant.
     broken : str
-        Why there is no result at all: the worker died or ran out of time, which counts as caught.
+        Why there is no result: the worker died or exceeded the time limit, which counts as caught.
     unusable : str
-        Why the mutant could not be planted: it does not fit the adapter.
+        Why the mutant does not fit the adapter.
     """
 
     mutant: str
@@ -91,17 +93,16 @@ class TaskOutcome:
     example: str = ""
     broken: str = ""
     unusable: str = ""
-    seconds: float = 0.0
 
     @property
     def noticed(self) -> bool:
-        """Whether it was caught on any mechanism."""
+        """Whether the mutant was caught on any mechanism."""
         return self.caught > 0 or bool(self.broken)
 
 
 @dataclass
 class Alarm:
-    """A verdict on a correct adapter that is not green."""
+    """A verdict on a correct adapter that a run does not pass over."""
 
     host: str
     subject: str
@@ -113,12 +114,21 @@ class Alarm:
 
 @dataclass
 class MutationCampaign:
-    """Everything a campaign found.
+    """Results of a campaign.
 
     Attributes
     ----------
+    outcomes : list of TaskOutcome
+    alarms : list of Alarm
     judged : Counter
-        Random mechanisms that each correct adapter was judged on at `instant`: those that it can represent.
+        Number of random mechanisms on which each correct adapter was judged at `instant`: those that it can represent.
+    mechanisms : int
+        Number of random mechanisms for the correct adapters.
+    engines : dict
+        Name and version by adapter.
+    missing : dict
+        Adapters that did not start, and the reasons.
+    elapsed : float, s
     """
 
     outcomes: list[TaskOutcome] = field(default_factory=list)
@@ -140,7 +150,7 @@ def _correct(name: str) -> Engine:
 
 @lru_cache(maxsize=4096)
 def _baseline(name: str, key: SubjectKey, question: Question, methods: str) -> tuple[Comparison, ...]:
-    """Verdicts on the host without an error."""
+    """Return the comparisons of the host without an error."""
     return tuple(verdicts(_correct(name), subject_of(key), question, methods))
 
 
@@ -149,7 +159,7 @@ def _red(found: Sequence[Comparison]) -> list[Comparison]:
 
 
 def _numbers(found: Sequence[Comparison]) -> dict[str, tuple[float, ...]]:
-    """Differences by method: two runs without any change between them have the same."""
+    """Return all differences by question and method, to tell whether a mutant changes any number."""
     return {
         f"{c.question} {c.method}": (*(q.difference for q in c.quantities), *(level.largest for level in c.levels))
         for c in found
@@ -157,7 +167,7 @@ def _numbers(found: Sequence[Comparison]) -> dict[str, tuple[float, ...]]:
 
 
 def _names(found: Sequence[Comparison]) -> set[str]:
-    """What gave a mutant away."""
+    """Return what caught a mutant: questions with quantities, or with verdicts."""
     names: set[str] = set()
     for c in found:
         if c.verdict is Verdict.FAILED:
@@ -170,7 +180,7 @@ def _names(found: Sequence[Comparison]) -> set[str]:
 
 
 def _before(mutant: Mutant, name: str, key: SubjectKey) -> list[Comparison]:
-    """Verdicts without the error; none where the mutant cannot be judged on this mechanism."""
+    """Return the comparisons without the error; none if the mutant cannot be judged on the mechanism."""
     if not mutant.precondition(subject_of(key)):
         return []
     before = [c for question in mutant.questions for c in _baseline(name, key, question, mutant.methods)]
@@ -179,7 +189,20 @@ def _before(mutant: Mutant, name: str, key: SubjectKey) -> list[Comparison]:
 
 
 def _judge(mutant: Mutant, engine: Engine, key: SubjectKey, before: Sequence[Comparison], outcome: TaskOutcome) -> None:
-    """Judge one mechanism."""
+    """Judge a mutant on one mechanism.
+
+    Parameters
+    ----------
+    mutant : Mutant
+    engine : Engine
+        The engine with the error.
+    key : str or int
+        Key of the mechanism.
+    before : sequence of Comparison
+        Comparisons without the error.
+    outcome : TaskOutcome
+        The result is added to this outcome.
+    """
     subject = subject_of(key)
     found = [c for question in mutant.questions for c in verdicts(engine, subject, question, mutant.methods)]
     outcome.judged += 1
@@ -196,11 +219,10 @@ def _judge(mutant: Mutant, engine: Engine, key: SubjectKey, before: Sequence[Com
 
 
 def perform(task: MutationTask) -> TaskOutcome:
-    """Judge one mutant in this process."""
-    start = time.process_time()
+    """Judge one mutant of one magnitude in one host, in this process."""
     mutant = MUTANTS[task.mutant]
     outcome = TaskOutcome(task.mutant, task.host, task.magnitude)
-    # before anything is planted: a seam of a module is open for every engine of this process
+    # before anything is planted: an error in a module acts on every engine of this process
     before = {key: _before(mutant, task.host, key) for key in task.subjects}
     try:
         with mutant.plant(new_host(task.host), task.magnitude) as engine:
@@ -209,12 +231,11 @@ def perform(task: MutationTask) -> TaskOutcome:
                     _judge(mutant, engine, key, comparisons, outcome)
     except SeamError as error:
         return TaskOutcome(task.mutant, task.host, task.magnitude, unusable=str(error))
-    outcome.seconds = time.process_time() - start
     return outcome
 
 
 def alarms_of(names: Sequence[str], keys: Sequence[SubjectKey]) -> tuple[Counter[str], list[Alarm]]:
-    """Judge correct adapters; on how many mechanisms each, and every verdict that is not green."""
+    """Judge correct adapters; return the number of mechanisms of each, and every verdict not in `GREEN`."""
     judged: Counter[str] = Counter()
     found = []
     for key in keys:
@@ -234,7 +255,7 @@ def _version(name: str) -> str:
 
 
 def _quiet() -> None:
-    """What engines print in a worker is lost: verdicts have their reasons."""
+    """Discard the output of engines in a worker; verdicts state their reasons."""
     sink = os.open(os.devnull, os.O_WRONLY)
     os.dup2(sink, 1)
     os.dup2(sink, 2)
@@ -246,7 +267,10 @@ def _quiet() -> None:
 def tasks_of(
     mutants: Sequence[Mutant], hosts: Sequence[str], instants: Sequence[SubjectKey], motions: Sequence[SubjectKey]
 ) -> list[MutationTask]:
-    """Tasks of a campaign: every mutant, host and magnitude."""
+    """Return the tasks of a campaign, one for each mutant, host and magnitude.
+
+    Mutants of the question `trajectory` are judged on the subjects `motions`, all others on `instants`.
+    """
     return [
         MutationTask(m.name, host, magnitude, tuple(motions if m.question is Question.TRAJECTORY else instants))
         for m in mutants
@@ -257,8 +281,8 @@ def tasks_of(
 
 
 def _result(future: Future[Any]) -> tuple[Any, str]:
-    """What a job returned, or why it did not."""
-    error = future.exception()  # whatever was raised in the worker is evidence about this one task
+    """Return the value of a job, or None and the reason."""
+    error = future.exception()  # any exception of the worker is evidence about this one task
     if error is None:
         return future.result(), ""
     if isinstance(error, TimeoutError):
@@ -268,30 +292,30 @@ def _result(future: Future[Any]) -> tuple[Any, str]:
     return None, f"{type(error).__name__}: {error}"
 
 
-def _silent(_: MutationCampaign) -> None:
-    """Report no progress."""
-
-
 def run_campaign(
     tasks: Sequence[MutationTask],
     hosts: Sequence[str],
     alarms: Sequence[SubjectKey] = (),
     jobs: int = 2,
     limit: float = 120.0,
-    progress: Callable[[MutationCampaign], None] | None = None,
+    progress: Callable[[MutationCampaign], None] = lambda _: None,
 ) -> MutationCampaign:
     """Perform all tasks, and judge the correct adapters on the mechanisms `alarms`.
 
     Parameters
     ----------
+    tasks : sequence of MutationTask
     hosts : sequence of str
-        Adapters to be judged without an error, too.
+        Correct adapters to be judged.
+    alarms : sequence of str or int
+        Keys of the mechanisms for the correct adapters.
+    jobs : int
+        Number of worker processes.
     limit : float, s
         Time limit of a task.
     progress : callable, optional
-        Called with what has been found so far, after each task and each batch of correct mechanisms.
+        Called with the results so far, after each task and each batch of mechanisms for the correct adapters.
     """
-    report = progress or _silent
     start = time.perf_counter()
     campaign = MutationCampaign(mechanisms=len(alarms))
     batches = [tuple(alarms[n : n + _BATCH]) for n in range(0, len(alarms), _BATCH)]
@@ -309,11 +333,11 @@ def run_campaign(
             counts, found = value or (Counter[str](), lost)
             campaign.judged.update(counts)
             campaign.alarms += found
-            report(campaign)
+            progress(campaign)
         for task, future in planted:
             outcome, reason = _result(future)
             broken = TaskOutcome(task.mutant, task.host, task.magnitude, broken=reason)
             campaign.outcomes.append(outcome or broken)
-            report(campaign)
+            progress(campaign)
     campaign.elapsed = time.perf_counter() - start
     return campaign

@@ -1,6 +1,6 @@
-"""Mutants of every adapter: errors at the public seam of an engine, in what goes in and in what comes out.
+"""Mutants of every adapter: errors at the public seam of an engine, in requests (`inputs`) and answers (`outputs`).
 
-`table` adds the mutants that an adapter brings in its own module ``mutants``.
+`table` adds the mutants of each adapter's own module ``mutants``.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Errors in what an engine is given: the mechanism and its states, translated wrongly.
+"""Errors in the request to an engine: the mechanism and its states, translated wrongly.
 
-The magnitude is the fraction of the whole error where nothing else is said: 1 is the error as people make it.
+The magnitude is the fraction of the whole error, unless the docstring says otherwise; 1 is the error as it occurs.
 """
 
 from __future__ import annotations
@@ -38,19 +38,21 @@ from consilience.mechanism import (
 )
 
 _SKEW = np.array([1.0, 2.0, 3.0]) / np.sqrt(14.0)
-"""Direction along no axis of anything."""
+"""Unit vector along no coordinate axis."""
 
 _DENSITY = 1000.0
+"""Default density of engines that derive inertia from geometry, kg/m^3."""
 
 _ATTEMPTS = 12
-"""Random guesses, in the plane across the axis, from which another assembly is looked for."""
+"""Random guesses, in the plane normal to the axis, from which another assembly is sought."""
 
 
 def _turn(angle: float) -> Array:
     return rotation_from_quaternion(quaternion_from_rotation_vector(angle * _SKEW))
 
 
-def _blend(wrong: Array, right: Array, magnitude: float) -> Array:
+def blend(wrong: Array, right: Array, magnitude: float) -> Array:
+    """Interpolate from right, at magnitude 0, to wrong, at magnitude 1."""
     return np.asarray(right + magnitude * (wrong - right))
 
 
@@ -76,7 +78,7 @@ def _rotated(body: Body, magnitude: float) -> Body:
 
 
 def _without_products(body: Body, magnitude: float) -> Body:
-    return replace(body, inertia=_blend(np.diag(np.diag(body.inertia)), body.inertia, magnitude))
+    return replace(body, inertia=blend(np.diag(np.diag(body.inertia)), body.inertia, magnitude))
 
 
 def _centre_at_origin(body: Body, magnitude: float) -> Body:
@@ -84,7 +86,7 @@ def _centre_at_origin(body: Body, magnitude: float) -> Body:
 
 
 def _with_geometry(body: Body, magnitude: float) -> Body:
-    """A sphere of water about the origin: `magnitude` is its mass over that of the body."""
+    """Add a sphere about the origin, of `magnitude` times the mass of the body and of the default density."""
     extra = magnitude * body.mass
     radius = (3.0 * extra / (4.0 * np.pi * _DENSITY)) ** (1.0 / 3.0)
     mass = body.mass + extra
@@ -105,22 +107,22 @@ geometry_masses = _each_body(_with_geometry)
 
 
 def gravity_scaled(mechanism: Mechanism, magnitude: float) -> Mechanism:
-    """Gravity too large by a fraction."""
+    """Enlarge gravity by a fraction."""
     return replace(mechanism, gravity=(1.0 + magnitude) * mechanism.gravity)
 
 
 def gravity_turned(mechanism: Mechanism, magnitude: float) -> Mechanism:
-    """Gravity turned by an angle in rad."""
+    """Turn gravity by an angle in rad."""
     return replace(mechanism, gravity=_turn(magnitude) @ mechanism.gravity)
 
 
 def gravity_default(mechanism: Mechanism, magnitude: float) -> Mechanism:
-    """Gravity of the engine, downwards in z, in place of that of the case."""
-    return replace(mechanism, gravity=_blend(np.array([0.0, 0.0, -9.81]), mechanism.gravity, magnitude))
+    """Take the engine's default gravity, along -z, in place of the mechanism's."""
+    return replace(mechanism, gravity=blend(np.array([0.0, 0.0, -9.81]), mechanism.gravity, magnitude))
 
 
 def loads_in_other_axes(mechanism: Mechanism, magnitude: float) -> Mechanism:
-    """A fraction of each load in axes of the body in place of the world, or the other way round."""
+    """Take a fraction of each load in the axes of the body in place of the world, or in the world's for the body's."""
     other = {"world": "body", "body": "world"}
     loads: list[Load] = []
     for load in mechanism.loads:
@@ -131,12 +133,12 @@ def loads_in_other_axes(mechanism: Mechanism, magnitude: float) -> Mechanism:
 
 
 def loads_at_the_origin(mechanism: Mechanism, magnitude: float) -> Mechanism:
-    """Forces pushed towards the origin of their body."""
+    """Move the points of forces towards the origins of the bodies."""
     return replace(mechanism, loads=tuple(replace(x, point=(1.0 - magnitude) * x.point) for x in mechanism.loads))
 
 
 def damping_hidden(mechanism: Mechanism, magnitude: float) -> Mechanism:
-    """A damper on every joint axis, `magnitude` in N m s or N s/m."""
+    """Add a damper to every joint axis, of `magnitude` in N m s or N s/m."""
     hidden = [
         JointSpring(f"hidden {j.name} {c}", j.name, c, 0.0, magnitude, 0.0)
         for j in mechanism.joints
@@ -153,20 +155,19 @@ def _with_frames(mechanism: Mechanism, change: Callable[[Joint], Frame]) -> Mech
 
 
 def frames_turned(mechanism: Mechanism, magnitude: float) -> Mechanism:
-    """Frames M turned in their bodies by an angle in rad."""
+    """Turn the frames M in their bodies by an angle in rad."""
     return _with_frames(mechanism, lambda j: Frame(j.M.p, j.M.R @ _turn(magnitude)))
 
 
-def frames_transposed(mechanism: Mechanism, magnitude: float) -> Mechanism:
-    """Components of frame M taken from the body to the frame and not back; all or nothing."""
-    del magnitude
+def frames_transposed(mechanism: Mechanism, _: float) -> Mechanism:
+    """Transpose the rotations of the frames M; all or nothing."""
     return _with_frames(mechanism, lambda j: Frame(j.M.p, j.M.R.T))
 
 
 def anchors_elsewhere(mechanism: Mechanism, magnitude: float) -> Mechanism:
-    """Joints that close loops hold what met in another pose, not assembled: every body moved by `magnitude`.
+    """Compute the frames M of joints that close loops in a pose that is not assembled.
 
-    The error of constraints whose anchors are computed in a reference pose that is not the assembled one.
+    In that pose every coordinate of every body differs by up to `magnitude`, in m or rad, from the drawing.
     """
     n = 6 * len(mechanism.bodies)
     pose = move(drawing_state(mechanism), magnitude * np.sin(np.arange(1.0, n + 1.0)))
@@ -176,15 +177,14 @@ def anchors_elsewhere(mechanism: Mechanism, magnitude: float) -> Mechanism:
         f = joint_frames(mechanism, pose, joint)
         shift, turned = joint.M.R @ (f.W.T @ -f.d), joint.M.R @ (f.W.T @ f.U)
         drawn = joint_frames(mechanism, drawing_state(mechanism), joint)
-        # only what the other pose adds: in the drawing itself the frames need not coincide
+        # subtract the offset of the frames in the drawing, where they need not coincide
         back = joint.M.R @ (drawn.W.T @ -drawn.d), joint.M.R @ (drawn.W.T @ drawn.U)
         joints[k] = replace(joint, M=Frame(joint.M.p + shift - back[0], turned @ back[1].T @ joint.M.R))
     return replace(mechanism, joints=tuple(joints))
 
 
-def joint_ignored(mechanism: Mechanism, magnitude: float) -> Mechanism:
-    """The joint that closes the first loop holds nothing; all or nothing."""
-    del magnitude
+def joint_ignored(mechanism: Mechanism, _: float) -> Mechanism:
+    """Free the joint that closes the first loop; all or nothing."""
     k = spanning_tree(mechanism)[1][0]
     joints = list(mechanism.joints)
     joints[k] = replace(joints[k], kind="free", length=0.0)
@@ -203,7 +203,7 @@ def _each_state(change: Callable[[Mechanism, State, float], State]) -> Callable[
 
 
 def _turned(_: Mechanism, state: State, magnitude: float) -> State:
-    """Orientations off by a rotation of an angle in rad."""
+    """Turn all orientations by an angle in rad."""
     off = quaternion_from_rotation_vector(magnitude * _SKEW)
     quats = np.array([quaternion_product(off, q) for q in state.quat_WB])
     return replace(state, quat_WB=quats / np.linalg.norm(quats, axis=1, keepdims=True))
@@ -211,7 +211,7 @@ def _turned(_: Mechanism, state: State, magnitude: float) -> State:
 
 def _in_body_axes(vectors: Array, state: State, magnitude: float) -> Array:
     R = rotation_from_quaternion(state.quat_WB)
-    return _blend(np.einsum("bji,bj->bi", R, vectors), vectors, magnitude)
+    return blend(np.einsum("bji,bj->bi", R, vectors), vectors, magnitude)
 
 
 def _of_the_centre(mechanism: Mechanism, state: State, magnitude: float) -> State:
@@ -222,11 +222,11 @@ def _of_the_centre(mechanism: Mechanism, state: State, magnitude: float) -> Stat
 
 def _swapped(_: Mechanism, state: State, magnitude: float) -> State:
     v, w = state.v_WB_W, state.w_WB_W
-    return replace(state, v_WB_W=_blend(w, v, magnitude), w_WB_W=_blend(v, w, magnitude))
+    return replace(state, v_WB_W=blend(w, v, magnitude), w_WB_W=blend(v, w, magnitude))
 
 
 def moved(state: State, time: float) -> State:
-    """Poses carried on for a time at the velocities of the state."""
+    """Return the state with its poses advanced by a time at constant velocities."""
     return move(state, time * np.hstack([state.v_WB_W, state.w_WB_W]).ravel())
 
 
@@ -243,7 +243,7 @@ poses_stale = _each_state(lambda m, s, e: moved(s, -e))
 
 @lru_cache(maxsize=256)
 def other_branch(mechanism: Mechanism, state: State) -> State | None:
-    """Another assembly with the same coordinate of the first joint of one axis, or None if none is found."""
+    """Return another assembly with the same coordinate of the first joint of one axis; None if none is found."""
     for joint in mechanism.joints:
         names = AXIS_COORDINATES.get(joint.kind, ())
         if len(names) == 1 and GROUND in (joint.predecessor, joint.successor):
@@ -268,7 +268,6 @@ def _other_assembly(mechanism: Mechanism, state: State, joint: Joint, name: str)
     return None
 
 
-def branch_flipped(mechanism: Mechanism, states: Sequence[State], magnitude: float) -> list[State]:
-    """The first state in its other assembly, those that have none as they are; all or nothing."""
-    del magnitude
+def branch_flipped(mechanism: Mechanism, states: Sequence[State], _: float) -> list[State]:
+    """Replace every state by its other assembly, if there is one; all or nothing."""
     return [other_branch(mechanism, state) or state for state in states]

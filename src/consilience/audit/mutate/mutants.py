@@ -1,4 +1,4 @@
-"""Known errors of adapters (traps), collected from the trackers of the engines, and the mutants that stand for them."""
+"""Traps, the known errors of adapters as the trackers of the engines report them, and the mutants that plant them."""
 
 from __future__ import annotations
 
@@ -38,18 +38,17 @@ TRAPS: dict[int, str] = {
     26: "sparse or dense, islands, warm start, solver stopped early",
     27: "drift of the engine's interface",
 }
-"""Number and title. The numbers are those by which the mutants, the reports and docs/detection.md refer to them."""
+"""Title of each trap by its number, which mutants, reports and docs/detection.md refer to."""
 
 UNPLANTED: dict[int, str] = {}
-"""Traps no mutant stands for, with the reason."""
+"""Traps without a mutant, with the reason."""
 
 Precondition = Callable[[MutationSubject], bool]
 """Whether a mechanism has what an error acts on."""
 
 
-def anything(subject: MutationSubject) -> bool:
+def anything(_: MutationSubject) -> bool:
     """Accept every mechanism."""
-    del subject
     return True
 
 
@@ -66,24 +65,27 @@ class Mutant:
     how : str
         What is changed.
     magnitudes : tuple of float
-        Largest first; `unit` is their unit. One magnitude, 1: all or nothing.
+        Largest first. `WHOLE` for an error that is planted all or nothing.
+    unit : str
+        Unit of the magnitudes.
     question : Question
         Expected to catch the mutant. `model` and `instant` are always asked both; `trajectory` is asked alone.
     plant : callable
+        See `mutated.Planting`.
     precondition : callable
         Whether a mechanism has what the error acts on.
     methods : str
-        Text in the names of the methods that are asked; all of them without it.
+        Text in the names of the methods that are asked; all methods by default.
     harmless : bool
         The change is no error: the harness must not notice it.
     unseen : bool
-        No question sees the error, for the reason in `remark`. It is planted to keep that in view.
+        No question sees the error, for the reason in `remark`; the report shows the mutant as a known limit.
     remark : str
-        Why some of its magnitudes cannot be noticed.
+        Why some of the magnitudes cannot be noticed.
     solver : bool
         Planted only in adapters that solve for the accelerations of an instant with the harness.
     hosts : tuple of str
-        Engines it is planted in; `table` fills this in.
+        Engines in which the mutant is planted; `table` fills this in.
     """
 
     trap: int
@@ -124,4 +126,4 @@ MOTION = (1.0, 1e-4, 1e-7, 1e-9)
 """Magnitudes down to the resolution of `trajectory`."""
 
 FRACTION = "of the whole error"
-"""Unit of a magnitude that is 1 for the error as people make it."""
+"""Unit of a magnitude that is 1 for the error as it occurs in practice."""

@@ -1,10 +1,10 @@
-"""An engine with one error at its public seam: what goes into it, or what comes out, is changed."""
+"""An engine with one error at its public seam: the mechanism, the states or the method it gets, or its answer."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from consilience.engine import (
@@ -22,22 +22,22 @@ from consilience.mechanism import Array, Mechanism, State
 
 
 class SeamError(Exception):
-    """A mutant does not fit the adapter it is planted in: a name is gone, or no longer means what it did."""
+    """A mutant does not fit its adapter: a name is gone, or has another meaning."""
 
 
 MechanismChange = Callable[[Mechanism, float], Mechanism]
-"""Mechanism and magnitude in, what the engine is given out."""
+"""Map the mechanism of a request and a magnitude to the mechanism that the host gets."""
 
 StatesChange = Callable[[Mechanism, Sequence[State], float], list[State]]
-"""The same of the states of a mechanism."""
+"""Map the mechanism and states of a request and a magnitude to the states that the host gets."""
 
 MethodChange = Callable[[Method, float], Method]
-"""What the engine says of its method; it still answers by the one it has."""
+"""Map a method of the host and a magnitude to another description of the method."""
 
 
 @dataclass(frozen=True, eq=False)
 class InstantRequest:
-    """What an engine was asked at `instant`, for changes of its answer that need the engine again."""
+    """The request of an answer to `instant`, for changes of the answer that ask the engine again."""
 
     engine: Engine
     mechanism: Mechanism
@@ -47,26 +47,42 @@ class InstantRequest:
 
 ModelChange = Callable[[ModelAnswer, float], ModelAnswer]
 InstantChange = Callable[[InstantRequest, InstantAnswer, float], InstantAnswer]
-MotionChange = Callable[[Mechanism, TrajectoryAnswer, float], TrajectoryAnswer]
+MotionChange = Callable[[TrajectoryAnswer, float], TrajectoryAnswer]
 
 
 @dataclass(eq=False)
 class Mutated:
-    """An engine whose questions or answers are changed; everything else is the host's."""
+    """An engine with changed requests or answers.
+
+    Attributes
+    ----------
+    host : Engine
+        The correct engine.
+    magnitude : float
+    change_mechanism, change_states : callable, optional
+        Change the mechanism, and the states, of a request.
+    change_method : callable, optional
+        Change the methods that the engine offers; the host still answers by its own.
+    change_own_method : callable, optional
+        Change the method by which the host answers; the engine offers the methods of the host.
+    change_model, change_instant, change_motion : callable, optional
+        Change the answer to a question.
+    """
 
     host: Engine
     magnitude: float
     change_mechanism: MechanismChange | None = None
     change_states: StatesChange | None = None
     change_method: MethodChange | None = None
+    change_own_method: MethodChange | None = None
     change_model: ModelChange | None = None
     change_instant: InstantChange | None = None
     change_motion: MotionChange | None = None
     _last: tuple[Mechanism, Mechanism] | None = None
-    _methods: dict[str, Method] | None = None
+    _methods: dict[str, Method] = field(default_factory=dict)
 
     def _given(self, mechanism: Mechanism) -> Mechanism:
-        """What the host is given: the same object each time, for hosts keep the translation of the last one."""
+        """Return the mechanism for the host: one object for one mechanism, whose translation hosts keep."""
         if self.change_mechanism is None:
             return mechanism
         if self._last is None or self._last[0] is not mechanism:
@@ -77,15 +93,15 @@ class Mutated:
         return list(states) if self.change_states is None else self.change_states(mechanism, states, self.magnitude)
 
     def info(self) -> EngineInfo:
-        """Those of the host."""
+        """Return the description of the host."""
         return self.host.info()
 
     def unsupported(self, mechanism: Mechanism, question: Question) -> tuple[Unsupported, ...]:
-        """Those of the host for what it is given."""
+        """Return what the host cannot represent of the changed mechanism."""
         return self.host.unsupported(self._given(mechanism), question)
 
     def methods(self, mechanism: Mechanism, question: Question) -> tuple[Method, ...]:
-        """Those of the host, perhaps described otherwise."""
+        """Return the methods of the host, with changed descriptions."""
         own = self.host.methods(self._given(mechanism), question)
         self._methods = {method.name: method for method in own}
         if self.change_method is None:
@@ -93,19 +109,20 @@ class Mutated:
         return tuple(self.change_method(method, self.magnitude) for method in own)
 
     def manifest(self, mechanism: Mechanism) -> Manifest:
-        """That of the host."""
+        """Return the manifest of the host for the changed mechanism."""
         return self.host.manifest(self._given(mechanism))
 
     def _own(self, method: Method) -> Method:
-        return replace((self._methods or {}).get(method.name, method), softness=method.softness)
+        own = replace(self._methods.get(method.name, method), softness=method.softness)
+        return own if self.change_own_method is None else self.change_own_method(own, self.magnitude)
 
     def model(self, mechanism: Mechanism, state: State, method: Method) -> ModelAnswer:
-        """The host's answer to the changed question, changed."""
+        """Return the changed answer of the host to the changed request."""
         answer = self.host.model(self._given(mechanism), self._at(mechanism, [state])[0], self._own(method))
         return answer if self.change_model is None else self.change_model(answer, self.magnitude)
 
     def instant(self, mechanism: Mechanism, states: Sequence[State], method: Method) -> InstantAnswer:
-        """As above."""
+        """Return the changed answer of the host to the changed request."""
         given, own = self._given(mechanism), self._own(method)
         answer = self.host.instant(given, self._at(mechanism, states), own)
         if self.change_instant is None:
@@ -115,18 +132,29 @@ class Mutated:
     def trajectory(
         self, mechanism: Mechanism, state: State, times: Array, method: Method, step: float
     ) -> TrajectoryAnswer:
-        """As above."""
+        """Return the changed motion of the host from the changed state.
+
+        Parameters
+        ----------
+        mechanism : Mechanism
+        state : State
+            At the first time.
+        times : ndarray, shape (n_t,), s
+        method : Method
+        step : float
+            Step size in s, or tolerance.
+        """
         start = self._at(mechanism, [state])[0]
         answer = self.host.trajectory(self._given(mechanism), start, times, self._own(method), step)
-        return answer if self.change_motion is None else self.change_motion(mechanism, answer, self.magnitude)
+        return answer if self.change_motion is None else self.change_motion(answer, self.magnitude)
 
 
 Planting = Callable[[Engine, float], Any]
-"""Context manager that plants an error of a magnitude in an engine, gives the engine to ask, and takes it out again."""
+"""Context manager that plants an error of a magnitude in an engine, yields the engine to ask, and removes the error."""
 
 
 def changed(**changes: Any) -> Planting:
-    """Plant a change at the public seam; `changes` are fields of `Mutated` without their ``change_``."""
+    """Plant changes at the public seam, named as the fields of `Mutated` without ``change_``."""
 
     @contextmanager
     def plant(engine: Engine, magnitude: float) -> Iterator[Engine]:

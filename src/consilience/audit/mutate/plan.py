@@ -1,4 +1,4 @@
-"""What a campaign consists of: which mutants, where, on which mechanisms."""
+"""Plans of campaigns: mutants, hosts and mechanisms of the full and of the short campaign."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from consilience.engine import Question, beside_adapter, installed
 from consilience.errors import InvalidInput
 
 FIRST_SEED = 1000
-"""Random mechanisms of the mutants; those of the correct adapters start from zero, and are others."""
+"""First seed of the random mechanisms of mutants; those of the correct adapters start at zero."""
 
 BODIES = 5
-"""Of a random mechanism that mutants are judged on, at most: an error is as easy to see, and seen in less time."""
+"""Largest number of bodies of the random mechanisms of mutants: few bodies show an error as well, in less time."""
 
 _SHORT_INSTANTS: tuple[SubjectKey, ...] = ("double_pendulum", "slider_crank", 1000, 1011, 1053)
-"""Few mechanisms that have between them what every error acts on."""
+"""A few mechanisms that together have what every error acts on."""
 
 _SHORT_CORRECT = 6
 _SMALL = 1e-6
-"""Besides the largest, the short campaign plants the magnitude nearest to this one."""
+"""The short campaign plants the largest magnitude and the magnitude nearest to this number."""
 
 
 def mutants_named(names: Sequence[str]) -> list[Mutant]:
-    """Mutants by name or by number of the trap; all of them without a name.
+    """Return mutants by name or by number of the trap; all mutants without a name.
 
     Raises
     ------
@@ -43,7 +43,7 @@ def mutants_named(names: Sequence[str]) -> list[Mutant]:
 
 
 def hosts_named(names: Sequence[str]) -> list[str]:
-    """Hosts by name; all of them without one.
+    """Return hosts by name; all hosts without a name.
 
     Raises
     ------
@@ -51,7 +51,7 @@ def hosts_named(names: Sequence[str]) -> list[str]:
     """
     for name in names:
         if name in installed():
-            beside_adapter(installed()[name], "mutants")  # says how to get an engine that is missing
+            beside_adapter(installed()[name], "mutants")  # the error of a missing engine says how to install it
         if name not in HOSTS:
             raise InvalidInput(f"engine '{name}'", "nothing is planted in it", f"Hosts: {', '.join(HOSTS)}.")
     return list(names or HOSTS)
@@ -60,13 +60,19 @@ def hosts_named(names: Sequence[str]) -> list[str]:
 def full(
     mutants: Sequence[Mutant], hosts: Sequence[str], mechanisms: int, correct: int
 ) -> tuple[list[MutationTask], list[SubjectKey]]:
-    """Tasks, and the mechanisms for the correct adapters."""
+    """Return the tasks of the full campaign, and the mechanisms for the correct adapters.
+
+    The numbers `mechanisms` and `correct` are those of random mechanisms, for mutants and for correct adapters.
+    """
     instants: list[SubjectKey] = [*CASES, *random_subjects(mechanisms, FIRST_SEED, BODIES)]
     return tasks_of(mutants, hosts, instants, MOTIONS), list(random_subjects(correct))
 
 
 def short(mutants: Sequence[Mutant], hosts: Sequence[str]) -> tuple[list[MutationTask], list[SubjectKey]]:
-    """The same in a minute: each mutant in one host, in turn, at two magnitudes, on few mechanisms; no motion twice."""
+    """Return the tasks and mechanisms of a campaign of a minute.
+
+    Each mutant is planted in one host, in turn, at two magnitudes (motions: one), and judged on few mechanisms.
+    """
     chosen = []
     for n, mutant in enumerate(mutants):
         here = [host for host in mutant.hosts if host in hosts]

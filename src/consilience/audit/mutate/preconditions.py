@@ -1,4 +1,4 @@
-"""Preconditions of mutants: whether a mechanism has what an error acts on."""
+"""Preconditions of mutants: whether a mechanism has the elements on which an error acts."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def tree(subject: MutationSubject) -> bool:
 
 
 def springless_loop(subject: MutationSubject) -> bool:
-    """Require a loop and no element that a joint holds or pushes."""
+    """Require a loop and no joint spring."""
     return loop(subject) and not subject.mechanism.joint_springs
 
 
@@ -49,7 +49,7 @@ def damper(subject: MutationSubject) -> bool:
 
 
 def branch(subject: MutationSubject) -> bool:
-    """Require a shipped case with a second assembly of its first state: random mechanisms seldom have one."""
+    """Require a shipped case whose first state has a second assembly, which random mechanisms rarely have."""
     return subject.case is not None and loop(subject) and other_branch(subject.mechanism, subject.states[0]) is not None
 
 
@@ -60,16 +60,16 @@ def redundant(subject: MutationSubject) -> bool:
 
 
 def only_joints(subject: MutationSubject) -> bool:
-    """Require no constraint but joints: others are rows that an adapter writes into a dense Jacobian itself."""
+    """Require joints as the only constraints: adapters write the rows of others into a dense Jacobian."""
     m = subject.mechanism
     return not (m.drives or m.couplings or m.rollings or m.skates)
 
 
 def held(subject: MutationSubject) -> bool:
-    """Require a joint that holds something, with a component that equilibrium determines."""
+    """Require a joint with constraint rows."""
     return any(joint.rows for joint in subject.mechanism.joints)
 
 
 def random(subject: MutationSubject) -> bool:
-    """Require a random mechanism: gravity of the shipped cases is the default of every engine."""
+    """Require a random mechanism: shipped cases have the default gravity of engines."""
     return subject.case is None

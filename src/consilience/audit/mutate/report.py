@@ -1,4 +1,4 @@
-"""A campaign as Markdown and as JSON."""
+"""Results of a campaign of mutants as Markdown and as JSON."""
 
 from __future__ import annotations
 
@@ -6,20 +6,19 @@ import os
 import platform
 from datetime import UTC, datetime
 from importlib.metadata import version
-from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 from consilience.audit.mutate.campaign import MutationCampaign, TaskOutcome
 from consilience.audit.mutate.mutants import TRAPS, UNPLANTED
 from consilience.audit.mutate.summary import MutantRow, Standing, exit_code, rows_of, verdict_of
-from consilience.compare import markdown_table, write_campaign
+from consilience.compare import grouped, markdown_table, write_campaign
 
 FORMAT = 1
 
 
 def _shares(outcome: TaskOutcome | None) -> str:
-    """Magnitude and how many mechanisms, as ``1e-08 (8 of 8)``."""
+    """Return magnitude and number of mechanisms, as ``1e-08 (8 of 8)``."""
     if outcome is None:
         return "-"
     if outcome.broken:
@@ -58,11 +57,10 @@ def _escaped(cell: str) -> str:
 
 
 def markdown(campaign: MutationCampaign) -> str:
-    """Tables by trap, then the false alarms."""
+    """Return tables of mutants by trap, then the false alarms."""
     rows = rows_of(campaign)
     lines = ["# Detection power", "", verdict_of(campaign), "", _settings(campaign), ""]
-    for trap, same in groupby(rows, key=lambda r: r.mutant.trap):
-        group = list(same)
+    for trap, group in grouped(rows, lambda r: r.mutant.trap).items():
         lines += [f"## {trap}. {TRAPS[trap]}", "", *markdown_table(_HEADINGS, map(_cells, group), escape=_escaped), ""]
         told = {r.mutant.name: r.mutant for r in group}.values()
         lines += [f"- {m.name}: {m.how}{f'. {m.remark}' if m.remark else ''}" for m in told] + [""]
@@ -88,7 +86,7 @@ def _settings(campaign: MutationCampaign) -> str:
 
 
 def as_json(campaign: MutationCampaign) -> dict[str, Any]:
-    """Everything, in plain types."""
+    """Return all results as data for JSON."""
     rows = rows_of(campaign)
     return {
         "format": FORMAT,
@@ -110,6 +108,10 @@ def as_json(campaign: MutationCampaign) -> dict[str, Any]:
     }
 
 
+_OF_THE_ROW = ("mutant", "host", "unusable")
+"""Fields of an outcome that the JSON has once for a row, or not at all."""
+
+
 def _row(row: MutantRow) -> dict[str, Any]:
     smallest = row.smallest
     m = row.mutant
@@ -124,17 +126,8 @@ def _row(row: MutantRow) -> dict[str, Any]:
         "standing": str(row.standing),
         "smallest_caught": None if smallest is None else smallest.magnitude,
         "magnitudes": [
-            {
-                "magnitude": o.magnitude,
-                "judged": o.judged,
-                "caught": o.caught,
-                "unchanged": o.unchanged,
-                "by": dict(o.by),
-                "largest_missed": o.largest_missed,
-                "example": o.example,
-                "broken": o.broken,
-            }
-            for o in row.outcomes
+            {name: value for name, value in vars(outcome).items() if name not in _OF_THE_ROW}
+            for outcome in row.outcomes
         ],
     }
 
@@ -145,9 +138,9 @@ def write_report(campaign: MutationCampaign, folder: Path) -> None:
 
 
 def short_table(campaign: MutationCampaign) -> list[tuple[str, ...]]:
-    """One line for each trap: title, mutants caught of judged, smallest magnitude caught."""
+    """Return a row for each trap: number, title, mutants caught of those judged, smallest magnitude caught."""
     lines: list[tuple[str, ...]] = []
-    for trap, same in groupby(rows_of(campaign), key=lambda r: r.mutant.trap):
+    for trap, same in grouped(rows_of(campaign), lambda r: r.mutant.trap).items():
         group = [r for r in same if r.standing in (Standing.CAUGHT, Standing.MISSED)]
         caught = [r for r in group if r.standing is Standing.CAUGHT]
         small = [r.smallest.magnitude for r in caught if r.smallest is not None and len(r.outcomes) > 1]

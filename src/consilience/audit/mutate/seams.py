@@ -1,7 +1,7 @@
-"""Errors inside an adapter: its names are replaced while a mutant is asked, and put back.
+"""Errors inside an adapter: names of its modules are replaced while a mutant is asked, and restored afterwards.
 
-Modules of an adapter are found from the class of the engine that was loaded. A name that is gone makes a mutant that
-is not judged, which the summary tells.
+The class of the loaded engine gives the package of the adapter. If a name is gone, the mutant is not judged, and the
+summary lists the mutant with the reason.
 """
 
 from __future__ import annotations
@@ -13,20 +13,21 @@ from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
 from typing import Any
+from unittest import mock
 
 import numpy as np
 
-from consilience.audit.mutate.mutated import Mutated, Planting, SeamError
-from consilience.engine import Engine
+from consilience.audit.mutate.mutated import Planting, SeamError, changed
+from consilience.engine import Engine, Method
 
 
 def module(engine: Engine, name: str) -> Any:
-    """Module of the adapter an engine comes from.
+    """Return a module of the adapter of an engine.
 
     Raises
     ------
     SeamError
-        If the adapter has none of that name.
+        If the adapter has no module of that name.
     """
     try:
         return importlib.import_module(f"{type(engine).__module__.partition('.')[0]}.{name}")
@@ -36,83 +37,75 @@ def module(engine: Engine, name: str) -> Any:
 
 @contextmanager
 def replaced(owner: Any, name: str, make: Callable[[Any], Any]) -> Iterator[None]:
-    """Replace an attribute, or an entry of a dictionary, by what `make` makes of it.
+    """Replace an attribute, or an entry of a dictionary, by ``make(original)`` until the end of a ``with``.
 
     Raises
     ------
     SeamError
-        If there is none of that name.
+        If there is no such attribute or entry.
     """
-    table = owner if isinstance(owner, dict) else vars(owner)
-    inherited = not isinstance(owner, dict) and name not in table and hasattr(owner, name)
-    if name not in table and not inherited:
+    is_table = isinstance(owner, dict)
+    if not (name in owner if is_table else hasattr(owner, name)):
         raise SeamError(f"there is no '{name}' to plant in")
-    original = getattr(owner, name) if inherited else table[name]
-    put = owner.__setitem__ if isinstance(owner, dict) else partial(setattr, owner)
-    put(name, make(original))
-    try:
+    if is_table:
+        change: Any = mock.patch.dict(owner, {name: make(owner[name])})
+    else:
+        change = mock.patch.object(owner, name, make(getattr(owner, name)))
+    with change:
         yield
-    finally:
-        if inherited:
-            delattr(owner, name)
-        else:
-            put(name, original)
 
 
 def inside(*seams: tuple[str, str, Callable[[Any, float], Any]]) -> Planting:
-    """Plant by names of modules of the adapter: each seam is module, attribute, and ``make(original, magnitude)``.
+    """Plant in names of the adapter: each seam is the owner, the attribute, and ``make(original, magnitude)``.
 
-    ``module[NAME]`` is a dictionary of the module; the module ``""`` is the engine object.
+    The owner is a module of the adapter; ``module[NAME]`` is a dictionary of the module, ``""`` the engine object.
     """
 
     @contextmanager
     def plant(engine: Engine, magnitude: float) -> Iterator[Engine]:
-        """The engine itself, with every seam replaced until the end of a ``with``."""
+        """Yield the engine itself, with every seam replaced until the end of a ``with``."""
         with ExitStack() as stack:
             for where, name, make in seams:
-                owner: Any = engine
-                if where:
-                    home, _, table = where.partition("[")
-                    owner = module(engine, home)
-                    if table and not hasattr(owner, table.rstrip("]")):
-                        raise SeamError(f"{home} has no {table.rstrip(']')} to plant in")
-                    owner = getattr(owner, table.rstrip("]")) if table else owner
-                stack.enter_context(replaced(owner, name, partial(_at, make, magnitude)))
+                made = partial(_made, make, magnitude)
+                stack.enter_context(replaced(_owner(engine, where), name, made))
             yield engine
 
     return plant
 
 
-def _at(make: Callable[[Any, float], Any], magnitude: float, original: Any) -> Any:
+def _owner(engine: Engine, where: str) -> Any:
+    if not where:
+        return engine
+    home, _, table = where.rstrip("]").partition("[")
+    owner = module(engine, home)
+    if not table:
+        return owner
+    if not hasattr(owner, table):
+        raise SeamError(f"{home} has no {table} to plant in")
+    return getattr(owner, table)
+
+
+def _made(make: Callable[[Any, float], Any], magnitude: float, original: Any) -> Any:
     return make(original, magnitude)
 
 
 def with_settings(change: Callable[[dict[str, Any], float], dict[str, Any]]) -> Planting:
-    """Plant in the settings of a method: the engine is asked by other settings than the method says."""
+    """Plant in the settings of methods: the host answers by other settings than the engine declares."""
 
-    @contextmanager
-    def plant(engine: Engine, magnitude: float) -> Iterator[Engine]:
-        """The engine behind a mutant that alters the settings it is asked by."""
-        mutant = Mutated(engine, magnitude)
+    def own(method: Method, magnitude: float) -> Method:
+        return replace(method, settings=method.settings | change(method.settings, magnitude))
 
-        def own(method: Any) -> Any:
-            return replace(method, settings=method.settings | change(method.settings, magnitude))
-
-        mutant._own = own  # type: ignore[method-assign]
-        yield mutant
-
-    return plant
+    return changed(own_method=own)
 
 
 def on_result(change: Callable[[Any, float], None]) -> Callable[[Any, float], Any]:
-    """Let a function's result be changed in place, each object once."""
+    """Replace a function by one that changes the result in place, each object once."""
 
     def make(original: Any, magnitude: float) -> Any:
-        """The function to put in place of `original`."""
         seen: list[Any] = []
 
         def altered(*arguments: Any, **named: Any) -> Any:
-            """The original's result, changed unless it has been before."""
+            """Return the result of the original, changed when it is returned for the first time."""
             result = original(*arguments, **named)
             if not any(result is known for known in seen):
                 seen.append(result)
@@ -134,7 +127,7 @@ def wrapped(change: Callable[..., Any]) -> Callable[[Any, float], Any]:
 
 
 class Proxy(SimpleNamespace):
-    """A module with some of its functions replaced."""
+    """A module with some functions replaced."""
 
     def __init__(self, original: Any, **other: Any) -> None:
         super().__init__(**other)
@@ -148,7 +141,16 @@ class Proxy(SimpleNamespace):
 
 
 def _lower_triangle(solve: Any, magnitude: float, M: Any, f: Any, J: Any, gamma: Any) -> Any:
-    """Solve with a mass matrix whose lower triangle is missing, or smaller by a fraction."""
+    """Solve with a mass matrix whose lower triangle is smaller by a fraction; 1: missing.
+
+    Parameters
+    ----------
+    solve : callable
+        The original, `consilience.engine.solve_constrained`.
+    magnitude : float
+    M, f, J, gamma : ndarray
+        Mass matrix (n, n), forces (n,), constraint Jacobian (m, n) and right-hand side (m,).
+    """
     return solve(np.triu(M) + (1.0 - magnitude) * np.tril(M, -1), f, J, gamma)
 
 
@@ -163,7 +165,24 @@ def lower_triangle(engine: Engine, magnitude: float) -> Iterator[Engine]:
 def _first_order_step(
     _: Any, magnitude: float, derivative: Any, y: Any, step: float, count: int, record: Any, every: int
 ) -> Any:
-    """Runge-Kutta of order four with a part `magnitude` of Euler's method in it."""
+    """Integrate by the classical Runge-Kutta method, with a fraction of Euler's increment in each step.
+
+    Parameters
+    ----------
+    magnitude : float
+        Fraction; 1 is Euler's method.
+    derivative : callable
+        Right-hand side f(y).
+    y : ndarray
+        Initial state.
+    step : float, s
+    count : int
+        Number of steps.
+    record : callable
+        Called with the initial state and the state of each sample.
+    every : int
+        Steps per sample.
+    """
     record(y)
     for n in range(1, count + 1):
         k1 = derivative(y)

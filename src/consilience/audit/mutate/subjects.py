@@ -28,14 +28,14 @@ INSTANTS = 3
 """States of each mechanism."""
 
 CLEAR = Bars().reaction / (4.0 * EPS)
-"""Largest `worst_condition` of a random state that is judged, about 1e5: bars are up to eleven times those
-of well-conditioned equations there. States nearer to a singular pose are the business of `consilience.audit.fuzz`."""
+"""Largest `worst_condition` of a random state that is judged, about 1e5. Bars at this condition are eleven times those
+of well-conditioned equations; `consilience.audit.fuzz` judges states nearer to a singular pose."""
 
 CASES = ("double_pendulum", "four_bar", "rotating_end_pendulum", "slider_crank", "spatial_pendulum")
 """Shipped cases that mutants are judged on. The simple pendulum, a mass on a string, shows hardly any error."""
 
 MOTIONS = ("double_pendulum", "four_bar")
-"""Of these, the ones that are asked for trajectories: a tree and a loop with dependent rows."""
+"""Cases that are asked for trajectories: a tree, and a loop with dependent rows."""
 
 SPAN, SAMPLE = 0.5, 0.05
 """Duration and sampling interval of the trajectories, s."""
@@ -43,12 +43,15 @@ SPAN, SAMPLE = 0.5, 0.05
 
 @dataclass(eq=False)
 class MutationSubject:
-    """A mechanism with the states, and perhaps the trajectory, that it is asked about.
+    """A mechanism with the states, and for a shipped case the trajectory, that engines are asked about.
 
     Attributes
     ----------
+    name : str
+    mechanism : Mechanism
+    states : list of State
     case : Case or None
-        The shipped case it comes from; only these are asked for trajectories.
+        The shipped case; None for a random mechanism, which is asked for no trajectory.
     """
 
     name: str
@@ -58,31 +61,30 @@ class MutationSubject:
 
     @cached_property
     def size(self) -> float:
-        """Size of the mechanism in m, as the suite takes it."""
+        """Length in m to which the suite relates differences of the question `model`."""
         return max(float(np.max(np.abs(self.states[0].p_WB))), characteristic_length(self.mechanism))
 
     @cached_property
     def instants(self) -> Instants:
-        """What the harness knows of the states."""
+        """Conditions and scales of the states, for the bars."""
         return Instants.of(self.mechanism, self.states)
 
     @cached_property
     def model_answer(self) -> ModelAnswer:
-        """Of the reference."""
+        """Answer of the reference to `model`."""
         engine = ReferenceEngine()
         return engine.model(self.mechanism, self.states[0], engine.methods(self.mechanism, Question.MODEL)[0])
 
     @cached_property
     def instant_answer(self) -> InstantAnswer:
-        """Of the reference."""
+        """Answer of the reference to `instant`."""
         engine = ReferenceEngine()
         return engine.instant(self.mechanism, self.states, engine.methods(self.mechanism, Question.INSTANT)[0])
 
     @property
     def times(self) -> Array:
-        """Samples of the trajectory."""
-        assert self.case is not None
-        return self.case.times
+        """Samples of the trajectory, s; none of a random mechanism."""
+        return self.case.times if self.case is not None else np.empty(0)
 
     @cached_property
     def yardstick(self) -> ReferenceMotion:
@@ -97,7 +99,7 @@ class MutationSubject:
 
 @lru_cache(maxsize=512)
 def random_subject(seed: int) -> MutationSubject | None:
-    """Random mechanism of a seed with moving states; None where a state is too near to a singular pose."""
+    """Return the random mechanism of a seed with moving states; None if a state is too near to a singular pose."""
     mechanism = random_mechanism(seed)
     states = random_states(mechanism, drawing_state(mechanism), INSTANTS, seed)
     if max(worst_condition(mechanism, state) for state in states) > CLEAR:
@@ -107,13 +109,13 @@ def random_subject(seed: int) -> MutationSubject | None:
 
 @lru_cache(maxsize=16)
 def shipped_subject(name: str) -> MutationSubject:
-    """A shipped case over a short span."""
+    """Return a shipped case over a short span."""
     case = replace(load_case(name), instants=INSTANTS).with_span(SPAN, SAMPLE)
     return MutationSubject(name, case.mechanism, case.states, case)
 
 
 def random_subjects(count: int, first: int = 0, bodies: int = MOST_BODIES) -> Iterator[int]:
-    """Seeds, from `first` on, of `count` random mechanisms of at most so many bodies that can be judged."""
+    """Yield the seeds, from `first` on, of `count` random mechanisms that can be judged, of at most `bodies` bodies."""
     seed = first
     while count:
         subject = random_subject(seed)

@@ -1,19 +1,19 @@
-"""What a campaign says of each mutant in each host, and of the whole."""
+"""Summary of a campaign of mutants: standing of each mutant in each host, exit code, verdict in words."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from itertools import groupby
 
 from consilience.audit.mutate.campaign import MutationCampaign, TaskOutcome
 from consilience.audit.mutate.mutants import TRAPS, UNPLANTED, Mutant
 from consilience.audit.mutate.table import MUTANTS
+from consilience.compare import grouped
 
 
 class Standing(StrEnum):
-    """How a mutant in a host fared."""
+    """Outcome of a mutant in a host, over all magnitudes."""
 
     CAUGHT = "caught"
     MISSED = "missed"
@@ -25,7 +25,7 @@ class Standing(StrEnum):
 
 @dataclass(frozen=True)
 class MutantRow:
-    """One mutant in one host over its magnitudes, largest first."""
+    """One mutant in one host; outcomes by magnitude, largest first."""
 
     mutant: Mutant
     host: str
@@ -33,7 +33,7 @@ class MutantRow:
 
     @property
     def standing(self) -> Standing:
-        """Caught at any magnitude; of a harmless one: noticed at any."""
+        """Whether the mutant, or the harmless change, was noticed at any magnitude."""
         noticed = any(o.noticed for o in self.outcomes)
         if any(o.unusable for o in self.outcomes) or not any(o.judged or o.broken for o in self.outcomes):
             return Standing.NOT_JUDGED
@@ -45,24 +45,24 @@ class MutantRow:
 
     @property
     def smallest(self) -> TaskOutcome | None:
-        """TaskOutcome of the smallest magnitude caught on any mechanism."""
+        """Outcome of the smallest magnitude caught on any mechanism."""
         return next((o for o in reversed(self.outcomes) if o.noticed), None)
 
     @property
     def smallest_everywhere(self) -> TaskOutcome | None:
-        """TaskOutcome of the smallest magnitude caught on every mechanism on which the largest was."""
+        """Outcome of the smallest magnitude caught on as many mechanisms as any magnitude."""
         most = max((o.caught for o in self.outcomes), default=0)
         return next((o for o in reversed(self.outcomes) if o.noticed and o.caught >= most), None)
 
     @property
     def by(self) -> str:
-        """What gave the largest magnitude away, most often first."""
+        """Questions and quantities that caught the largest magnitude, most frequent first."""
         first = next((o for o in self.outcomes if o.noticed), None)
         return ", ".join(name for name, _ in first.by.most_common(3)) if first else ""
 
     @property
     def why_missed(self) -> str:
-        """What became of the largest magnitude that was not caught anywhere; empty if every one was."""
+        """Why the largest magnitude without a catch was missed; empty if every magnitude was caught."""
         unusable = next((o.unusable for o in self.outcomes if o.unusable), "")
         if unusable:
             return f"the mutant does not fit the adapter: {unusable}"
@@ -75,32 +75,29 @@ class MutantRow:
 
 
 def rows_of(campaign: MutationCampaign) -> list[MutantRow]:
-    """Rows in the order of the traps."""
+    """Return the rows in the order of traps and of the table of mutants."""
 
     def key(outcome: TaskOutcome) -> tuple[int, int, str]:
         return MUTANTS[outcome.mutant].trap, list(MUTANTS).index(outcome.mutant), outcome.host
 
     found = sorted(campaign.outcomes, key=lambda o: (*key(o), -o.magnitude))
-    return [
-        MutantRow(MUTANTS[group[0].mutant], group[0].host, tuple(group))
-        for group in (list(same) for _, same in groupby(found, key))
-    ]
+    return [MutantRow(MUTANTS[same[0].mutant], same[0].host, tuple(same)) for same in grouped(found, key).values()]
 
 
 def count(rows: Sequence[MutantRow], standing: Standing) -> int:
-    """Number of rows of a standing."""
+    """Return the number of rows of a standing."""
     return sum(row.standing is standing for row in rows)
 
 
 def traps_caught(rows: Sequence[MutantRow]) -> tuple[int, int]:
-    """Traps of which every mutant judged was caught, and traps that were judged."""
+    """Return the number of traps of which every judged mutant was caught, and the number of traps judged."""
     judged = {r.mutant.trap for r in rows if r.standing in (Standing.CAUGHT, Standing.MISSED)}
     missed = {r.mutant.trap for r in rows if r.standing is Standing.MISSED}
     return len(judged - missed), len(judged)
 
 
 def exit_code(campaign: MutationCampaign) -> int:
-    """0: all caught, no false alarm; 1: a mutant missed or a false alarm; 3: something was not judged."""
+    """Return 0 if all mutants are caught without a false alarm, 1 if not, 3 if a mutant or engine was not judged."""
     rows = rows_of(campaign)
     if campaign.alarms or count(rows, Standing.MISSED) or count(rows, Standing.FALSE_ALARM):
         return 1
@@ -108,7 +105,7 @@ def exit_code(campaign: MutationCampaign) -> int:
 
 
 def verdict_of(campaign: MutationCampaign) -> str:
-    """The whole in a sentence or two."""
+    """Return the counts of traps, mutants and false alarms as a sentence."""
     rows = rows_of(campaign)
     caught, judged = traps_caught(rows)
     harmful = [r for r in rows if not r.mutant.harmless]

@@ -1,7 +1,6 @@
-"""The synthetic engine: the reference under a name of its own, and what it can do that no engine of ours does.
+"""The synthetic engine: the reference under another name, as a host without errors of its own.
 
-It is right in all it says, so that a mutant of it is wrong by what was planted and by nothing else. Mechanisms that no
-adapter can represent (drives, couplings, rolling, skates) are planted here.
+Mutants that act on elements which no adapter represents (drives, couplings, rolling, skates) are planted in this host.
 """
 
 from __future__ import annotations
@@ -14,18 +13,18 @@ NAME = "synthetic"
 
 
 class SyntheticEngine(ReferenceEngine):
-    """The descriptor form of the reference, to be judged like any other engine."""
+    """The descriptor form of the reference, judged like any other engine."""
 
     def info(self) -> EngineInfo:
-        """Name, and version of the reference."""
+        """Return the name, and the version of the reference."""
         return EngineInfo(NAME, super().info().version, NAME)
 
     def methods(self, mechanism: Mechanism, question: Question) -> tuple[Method, ...]:
-        """The descriptor form alone."""
+        """Return the descriptor form as the only method."""
         tolerances = (1e-9, 1e-10, 1e-11) if question is Question.TRAJECTORY else ()
         return (Method("descriptor", Route.NATIVE, tolerances=tolerances),)
 
 
 def host(name: str) -> Engine:
-    """A new engine to plant in: an installed one, or the synthetic."""
+    """Return a new engine to plant in: an installed engine, or the synthetic engine."""
     return SyntheticEngine() if name == NAME else load_engine(name)

@@ -1,4 +1,4 @@
-"""All mutants and all hosts: the common mutants in every host, those of an adapter in its own engine."""
+"""Table of all mutants and hosts: the common mutants in every host, the mutants of an adapter in its own engine."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def adapters_with_mutants() -> dict[str, ModuleType]:
             continue
         try:
             found[name] = beside_adapter(point, "mutants") or ModuleType(name)
-        except ImportError:  # the campaign says of each host why it does not start
+        except ImportError:  # the campaign states why an engine does not start
             found[name] = ModuleType(name)
     return found
 
@@ -52,7 +52,7 @@ def table_of(adapters: Mapping[str, ModuleType]) -> dict[str, Mutant]:
 _ADAPTERS = adapters_with_mutants()
 
 HOSTS = (SYNTHETIC, *_ADAPTERS)
-"""Engines that mutants are planted in."""
+"""Engines in which mutants are planted."""
 
 MUTANTS = table_of(_ADAPTERS)
-"""By name."""
+"""All mutants by name."""

@@ -17,6 +17,15 @@ def crosscheck(
     output: TablesFile = None,
 ) -> None:
     """Compare all formulations of the reference with one another on random mechanisms."""
-    from consilience.audit.formulations.tables import main as compare_formulations
+    from consilience.audit.formulations.compare import agrees, campaign
+    from consilience.audit.formulations.tables import report, summary
 
-    compare_formulations(mechanisms, states, seed, None, jobs, output)
+    found = []
+    for examination in campaign(range(seed, seed + mechanisms), states, jobs=jobs):
+        found.append(examination)
+        typer.echo(f"\r{len(found)} of {mechanisms} mechanisms", nl=False, err=True)
+    typer.echo(err=True)
+    if output is not None:
+        output.write_text(report(found), encoding="utf-8")
+    typer.echo(summary(found) if output is not None else report(found))
+    raise typer.Exit(0 if agrees(found) else 1)

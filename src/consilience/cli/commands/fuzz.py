@@ -11,7 +11,7 @@ from rich.markup import escape
 from consilience.audit.fuzz.campaign import EnginePanel, run_campaign, run_on_cluster
 from consilience.audit.fuzz.findings import shrink_disagreements
 from consilience.audit.fuzz.shrink import require_hypothesis
-from consilience.audit.fuzz.summary import digits_cell, markdown, outcome
+from consilience.audit.fuzz.summary import COUNTS, digits_cell, markdown, outcome
 from consilience.cli.options import EngineNames, MessageLimit, Verbose, chosen_engines, connect_cluster, require_folder
 from consilience.cli.terminal import log_to_stderr, print_missing, print_table, progress_bar, say
 from consilience.compare import write_campaign
@@ -49,13 +49,12 @@ def fuzz(
             )
     data = outcome(campaign, found)
     write_campaign(output, "fuzz", data, markdown(data))
-    counts = ("judged", "differs", "failed", "unresolved", "unsupported")
     rows = [
-        (name, *(str(e[key]) for key in counts), digits_cell(e["worst_digits"]), digits_cell(e["median_digits"]))
+        (name, *(str(e[key]) for key in COUNTS), digits_cell(e["worst_digits"]), digits_cell(e["median_digits"]))
         for name, e in data["engines"].items()
     ]
     title = f"{len(data['seeds'])} mechanisms, {data['time']['per_minute']:.0f} a minute"
-    print_table(("engine", *counts, "worst digits", "median"), rows, title)
+    print_table(("engine", *COUNTS, "worst digits", "median"), rows, title)
     for one in found:
         say(f"{output / one.file}: {one.bodies} bodies: {one.shown.why}")
     print_missing(data["missing"])

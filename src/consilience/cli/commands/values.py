@@ -22,7 +22,7 @@ TOLERANCE = 1e-13
 
 HEADING = """# Expected values
 
-Every expected value of the shipped cases beside what the reference finds at a tolerance of 1e-13, by
+Every expected value of the shipped cases, and the value of the reference at a tolerance of 1e-13, by
 `consilience values`. Origins: [cases.md](cases.md). SI units; off is the difference, of angles modulo full turns.
 
 """

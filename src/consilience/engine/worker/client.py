@@ -75,6 +75,13 @@ class Reply:
     log: str = ""
     job: bytes = b""
 
+    @property
+    def info(self) -> EngineInfo | str:
+        """Description of the engine in the reply to an empty request, or why there is none."""
+        if isinstance(self.value, EngineInfo):
+            return self.value
+        return self.reason or f"info() gave a {type(self.value).__name__}, not an EngineInfo"
+
 
 class EngineHandle(Protocol):
     """Access to an engine in this process, in a worker, or on a cluster."""
