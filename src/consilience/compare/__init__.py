@@ -3,7 +3,7 @@
 `judge` and `judges` are imported by name: they import the cases, which these functions do not need.
 """
 
-from __future__ import annotations
+# mypy: implicit-reexport
 
 from consilience.compare.campaigns import CODES, exit_code, markdown_table, write_campaign
 from consilience.compare.instant import compare_instant, compare_model, relative_difference
@@ -15,23 +15,3 @@ from consilience.compare.trajectory import (
     reference_spread,
     spread_over_time,
 )
-
-__all__ = [
-    "CODES",
-    "Comparison",
-    "Level",
-    "Prospect",
-    "Quantity",
-    "ReferenceMotion",
-    "Verdict",
-    "compare_by_bars",
-    "compare_instant",
-    "compare_model",
-    "compare_trajectory",
-    "exit_code",
-    "markdown_table",
-    "reference_spread",
-    "relative_difference",
-    "spread_over_time",
-    "write_campaign",
-]

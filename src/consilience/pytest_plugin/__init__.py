@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 if TYPE_CHECKING:
-    from consilience.pytest_plugin.setting import Setting  # noqa: F401 - named by the key of the stash
+    from consilience.pytest_plugin.setting import Setting  # named by the key of the stash
 
 MARKER = (
     "consilience(engine, question, case, group, tag): a case of Consilience on an engine; choose with "

@@ -16,8 +16,8 @@ from consilience.compare.judge import DISPLACED_START, REFERENCE
 from consilience.compare.softness import SCALES
 from consilience.compare.uncertainty import needs_another_level
 from consilience.engine import EngineInfo, Method, Question, Run, Status, defects, load_named
-from consilience.engine.worker.client import EngineHandle, Plan, Request, replayable_job
-from consilience.engine.worker.requests import NO_METHOD
+from consilience.engine.worker.client import EngineHandle, replayable_job
+from consilience.engine.worker.requests import NO_METHOD, Plan, Request
 from consilience.mechanism import State, displaced_states
 from consilience.suite.store import Store, StoredAnswer
 
