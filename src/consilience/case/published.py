@@ -82,27 +82,20 @@ class Published:
         return abs(difference)
 
 
-def _center(mechanism: Mechanism, state: State, i: int) -> Array:
-    return body_point(mechanism, state, mechanism.bodies[i].name, mechanism.bodies[i].com)[0]
-
-
-def _velocity_of_center(mechanism: Mechanism, state: State, i: int) -> Array:
-    return body_point(mechanism, state, mechanism.bodies[i].name, mechanism.bodies[i].com)[1]
-
-
-def _axis(k: int) -> Callable[[Mechanism, State, int], Array]:
-    return lambda mechanism, state, i: state.R_WB[i][:, k]
+def _center(mechanism: Mechanism, state: State, i: int) -> tuple[Array, Array]:
+    """Position and velocity of the centre of mass of a body, world axes."""
+    return body_point(mechanism, state, mechanism.bodies[i].name, mechanism.bodies[i].com)
 
 
 OF_A_BODY: dict[str, tuple[Callable[[Mechanism, State, int], Array], Scale]] = {
     "p_WB": (lambda mechanism, state, i: state.p_WB[i], "size"),
     "v_WB_W": (lambda mechanism, state, i: state.v_WB_W[i], "speed"),
     "w_WB_W": (lambda mechanism, state, i: state.w_WB_W[i], "spin"),
-    "p_WBcm": (_center, "size"),
-    "v_WBcm_W": (_velocity_of_center, "speed"),
-    "x_axis": (_axis(0), ""),
-    "y_axis": (_axis(1), ""),
-    "z_axis": (_axis(2), ""),
+    "p_WBcm": (lambda mechanism, state, i: _center(mechanism, state, i)[0], "size"),
+    "v_WBcm_W": (lambda mechanism, state, i: _center(mechanism, state, i)[1], "speed"),
+    "x_axis": (lambda mechanism, state, i: state.R_WB[i][:, 0], ""),
+    "y_axis": (lambda mechanism, state, i: state.R_WB[i][:, 1], ""),
+    "z_axis": (lambda mechanism, state, i: state.R_WB[i][:, 2], ""),
 }
 """Vectors of a body in a motion: pose and velocities of the origin and of the centre of mass, axes in the world."""
 
@@ -119,8 +112,6 @@ BODY_AT_START = ("a_WB_W", "alpha_WB_W")
 
 JOINT_AT_START = ("force_F", "torque_F")
 """Reaction of a joint on the successor, at the origin of M, in axes of F."""
-
-VECTORS_OF_A_BODY = (*OF_A_BODY, *BODY_AT_START)
 
 
 def has_coordinate(mechanism: Mechanism, joint: str, observable: str) -> bool:

@@ -247,7 +247,9 @@ def _with_softness(compared: Comparison, soft: Softness) -> Comparison:
     return compared
 
 
-def _worst(found: Sequence[Array], expected: Sequence[Array], scale: float, bars: Array) -> tuple[int, float, float]:
+def _worst(
+    found: Sequence[Array] | Array, expected: Sequence[Array] | Array, scale: float, bars: Array
+) -> tuple[int, float, float]:
     """Return the state with the largest ratio of difference to bar (NaN is the largest), its difference and its bar.
 
     Parameters

@@ -157,12 +157,7 @@ class RelativeMotion:
 def relative_motion(mechanism: Mechanism, state: State, joint: Joint) -> RelativeMotion:
     """Return pose and twist of frame M relative to frame F of a joint."""
     f = joint_frames(mechanism, state, joint)
-    return RelativeMotion(
-        p=f.U.T @ f.d,
-        R=f.U.T @ f.W,
-        v=f.U.T @ (f.d_dot - cross(f.w_i, f.d)),
-        w=f.U.T @ (f.w_j - f.w_i),
-    )
+    return RelativeMotion(f.U.T @ f.d, f.U.T @ f.W, f.U.T @ (f.d_dot - cross(f.w_i, f.d)), f.U.T @ (f.w_j - f.w_i))
 
 
 def joint_coordinates(joint: Joint, motion: RelativeMotion) -> dict[str, Array]:

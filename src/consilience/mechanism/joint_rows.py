@@ -142,8 +142,7 @@ def row_value(frames: JointFrames, row: str) -> float:
 
 def row_jacobian(frames: JointFrames, row: str) -> Array:
     """Return the coefficients of a basic constraint, shape (12,)."""
-    found: Array = row_jacobians(frames, (row,))[0]
-    return found
+    return row_jacobians(frames, (row,))[0]
 
 
 def row_jacobians(frames: JointFrames, rows: Sequence[str]) -> Array:

@@ -9,7 +9,7 @@ called ``ground``; B is the frame of a body. ``p_WB`` is the position of the ori
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
@@ -155,20 +155,6 @@ class Joint:
 
 Element = Spring | JointSpring | Load | Friction | Control | Drive | Coupling | Rolling | Skate | Contact
 
-_ELEMENT_KINDS = {
-    "springs": "spring",
-    "joint_springs": "joint spring",
-    "loads": "load",
-    "frictions": "friction",
-    "controls": "control",
-    "drives": "drive",
-    "couplings": "coupling",
-    "rollings": "rolling",
-    "skates": "skate",
-    "contacts": "contact",
-}
-"""Fields of `Mechanism` that hold elements, with the name of one element in messages."""
-
 
 @dataclass(frozen=True, eq=False)
 class Mechanism:
@@ -230,9 +216,10 @@ class Mechanism:
     @property
     def _elements(self) -> Iterator[tuple[str, Element]]:
         """Every element that is neither body nor joint, with its kind as messages name it."""
-        for group, what in _ELEMENT_KINDS.items():
-            for element in getattr(self, group):
-                yield what, element
+        for group in fields(self):
+            if group.default == ():  # bodies and joints have no default
+                for element in getattr(self, group.name):
+                    yield group.name.removesuffix("s").replace("_", " "), element
 
     @cached_property
     def features(self) -> dict[str, str]:

@@ -21,7 +21,6 @@ from consilience.mechanism.constraints import (
     null_space,
     relative_motion,
 )
-from consilience.mechanism.elements import JointSpring, Spring
 from consilience.mechanism.joint_rows import joint_frames, row_jacobian
 from consilience.mechanism.model import GROUND, Joint, Mechanism, State
 from consilience.mechanism.spatial import Array, cross, skew
@@ -94,10 +93,7 @@ def joint_spring_motion(mechanism: Mechanism, state: State, joint: str, coordina
     """Return a joint coordinate, an angle in (-pi, pi], and its rate."""
     target = mechanism.joints[mechanism.joint_index[joint]]
     motion = relative_motion(mechanism, state, target)
-    return (
-        float(joint_coordinates(target, motion)[coordinate]),
-        float(joint_rates(target, motion)[coordinate]),
-    )
+    return float(joint_coordinates(target, motion)[coordinate]), float(joint_rates(target, motion)[coordinate])
 
 
 def kinetic_energies(mechanism: Mechanism, motion: BodyMotion) -> Array:
@@ -150,22 +146,6 @@ def load_potentials(mechanism: Mechanism, motion: BodyMotion) -> Array:
         if load.kind == "force" and load.frame == "world":
             energy = energy - body_point(mechanism, motion, load.body, load.point)[0] @ load.vector
     return energy
-
-
-def load_potential(mechanism: Mechanism, state: State) -> float:
-    """Return the potential energy of forces fixed in the world at a state in J."""
-    return float(load_potentials(mechanism, state))
-
-
-def is_conservative(mechanism: Mechanism) -> bool:
-    """Tell whether kinetic plus potential energy is constant: nothing dissipates or does work from outside."""
-    elastic: list[Spring | JointSpring] = [*mechanism.springs, *mechanism.joint_springs]
-    working = (mechanism.frictions, mechanism.drives, mechanism.controls, mechanism.contacts)
-    return not (
-        any(working)
-        or any(s.damping != 0 or s.actuator is not None for s in elastic)
-        or any(x.kind != "force" or x.frame != "world" or x.history is not None for x in mechanism.loads)
-    )
 
 
 def characteristic_length(mechanism: Mechanism) -> float:

@@ -43,7 +43,6 @@ class TaskCache(Protocol):
 
     def stop(self) -> None:
         """Release all resources."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -107,8 +106,7 @@ class Pool(distributed.WorkerPlugin):  # type: ignore[misc]
 
 def pool(name: str) -> Pool:
     """Return the pool of a run; called in a task."""
-    found: Pool = distributed.get_worker().plugins[name]
-    return found
+    return distributed.get_worker().plugins[name]
 
 
 class Cluster:

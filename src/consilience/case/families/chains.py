@@ -10,7 +10,7 @@ import numpy as np
 import scipy
 
 from consilience.case.families.drawing import (
-    GRAVITY,
+    GRAVITY_W,
     SkewPlane,
     body,
     case_table,
@@ -66,7 +66,7 @@ def chain(bodies: Annotated[int, Range(1, 1000)] = 10, seed: Annotated[int, Rang
         "Tests how cost and rounding grow with the number of bodies, and every term of spatial motion.",
         ["All numbers are our own, drawn at random"],
         ["chain", "revolute", "spatial", "lumpy"],
-        {"gravity": numbers([0.0, 0.0, -GRAVITY]), "body": parts, "joint": joints},
+        {"gravity": numbers(GRAVITY_W), "body": parts, "joint": joints},
         {"joints": held, "rates": rates},
         (2.0, 0.02),
     )

@@ -12,12 +12,12 @@ from consilience.case.file.values import TomlTable
 from consilience.mechanism import Array, elementary_rotation, quaternion_from_rotation, rotation_from_quaternion
 
 GRAVITY = 9.81
+GRAVITY_W = np.array([0.0, 0.0, -GRAVITY])
 
 
 def numbers(values: ArrayLike) -> list[float]:
     """Return a list of numbers."""
-    found: list[float] = np.asarray(values, dtype=float).tolist()
-    return found
+    return np.asarray(values, dtype=float).tolist()
 
 
 class SkewPlane:
@@ -43,7 +43,7 @@ class SkewPlane:
         normal = np.array([-1.0, 2.0, 2.0]) / 3.0
         down = np.array([-2.0, 4.0, -5.0]) / np.sqrt(45.0)
         self.R = np.column_stack([down, np.cross(normal, down), normal])
-        self.gravity = -GRAVITY * normal if level else np.array([0.0, 0.0, -GRAVITY])
+        self.gravity = -GRAVITY * normal if level else GRAVITY_W
         self.slope = 0.0 if level else float(down @ self.gravity)
 
     def point(self, x: float, y: float, z: float = 0.0) -> Array:
@@ -201,7 +201,7 @@ def case_table(
     published : sequence of dict
         Values in closed form, see `known`.
     """
-    table: TomlTable = {
+    return {
         "title": title,
         "sources": list(sources),
         "remarks": remarks.strip(),
@@ -210,5 +210,5 @@ def case_table(
         "initial": initial,
         "trajectory": {"duration": span[0], "sample": span[1], "digits": 8},
         "instant": {"states": 10, "seed": 1},
+        **({"published": list(published)} if published else {}),
     }
-    return table | ({"published": list(published)} if published else {})

@@ -9,6 +9,7 @@ import numpy as np
 from consilience.case.families.closed_forms import PENDULUM, TOP, HeavyTop, pendulum
 from consilience.case.families.drawing import (
     GRAVITY,
+    GRAVITY_W,
     body,
     case_table,
     joint,
@@ -26,8 +27,6 @@ from consilience.mechanism import (
     rotation_from_euler_zxz,
     rotation_from_quaternion,
 )
-
-GRAVITY_W = np.array([0.0, 0.0, -GRAVITY])
 
 WIDTHS = {"position": 3, "orientation": 3}
 

@@ -267,16 +267,11 @@ def _held(table: HeldTable, where: str, rates: bool) -> dict[str, Any]:
 def _initial(mechanism: Mechanism, table: InitialTable) -> Initial:
     poses = {}
     for name, guess in table.bodies.items():
+        poses[name] = Frame(np.zeros(3), np.eye(3))  # of an unknown body, which assembly names
         if name in mechanism.body_index and name != GROUND:
-            drawn = mechanism.bodies[mechanism.body_index[name]].drawing
-            R = (
-                drawn.R
-                if guess.orientation is None
-                else _matrix(guess.orientation, f"initial.bodies.{name}.orientation")
-            )
+            drawn, given = mechanism.bodies[mechanism.body_index[name]].drawing, guess.orientation
+            R = drawn.R if given is None else _matrix(given, f"initial.bodies.{name}.orientation")
             poses[name] = Frame(drawn.p if guess.at is None else np.array(guess.at), R)
-        else:
-            poses[name] = Frame(np.zeros(3), np.eye(3))  # assembly names the unknown body
     return Initial(
         coordinates={n: _held(t, f"initial.joints.{n}", rates=False) for n, t in table.joints.items()},
         rates={n: _held(t, f"initial.rates.{n}", rates=True) for n, t in table.rates.items()},
