@@ -77,13 +77,17 @@ def _references(runs: Sequence[Run], question: Question) -> list[Run]:
     return [*headline[-1:], *headline[1:-1], *others]
 
 
+_WITHOUT_ANSWER = {
+    Status.ANSWERED: Verdict.UNRESOLVED,
+    Status.UNSUPPORTED: Verdict.UNSUPPORTED,
+    Status.FAILED: Verdict.FAILED,
+}
+"""Verdict of a group of runs without an answer, or (where all have answered) without a reference."""
+
+
 def _without_answer(group: Sequence[Run]) -> Comparison:
     """Return the comparison of a group without answers, or without a reference."""
-    bad = next((run for run in group if run.status is not Status.ANSWERED), None)
-    run = bad or group[0]
-    verdict = Verdict.UNSUPPORTED if run.status is Status.UNSUPPORTED else Verdict.FAILED
-    if bad is None:
-        verdict = Verdict.UNRESOLVED
+    run = next((run for run in group if run.status is not Status.ANSWERED), group[0])
     return Comparison(
         case=run.case,
         engine=run.engine,
@@ -91,6 +95,6 @@ def _without_answer(group: Sequence[Run]) -> Comparison:
         method=run.method.name if run.method else "",
         route=run.method.route if run.method else None,
         profile=run.method.profile if run.method else Profile.MATCHED,
-        verdict=verdict,
-        why=run.reason if bad else "the reference did not answer",
+        verdict=_WITHOUT_ANSWER[run.status],
+        why="the reference did not answer" if run.status is Status.ANSWERED else run.reason,
     )

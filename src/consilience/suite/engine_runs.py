@@ -135,12 +135,13 @@ class EngineCase:
 
     def finest(self, question: Question) -> Run:
         """Ask a question by the headline method at its finest level alone."""
-        for method in self.plan.methods[question][:1]:
-            levels = levels_of(self.case, question, method)
-            if levels:
-                return self.once(question, method, len(levels) - 1, levels[-1])
+        if not self.plan.methods[question]:
+            return self._failed(question, None, NO_METHOD)
+        method = self.plan.methods[question][0]
+        levels = levels_of(self.case, question, method)
+        if not levels:
             return self._failed(question, method, _NO_LEVEL)
-        return self._failed(question, None, NO_METHOD)
+        return self.once(question, method, len(levels) - 1, levels[-1])
 
     def ladder(self, question: Question, method: Method, levels: Sequence[float | None]) -> Iterator[Run]:
         """Ask at all levels of a method; if closer, at finer ones until the order settles, and with other softness."""
@@ -209,21 +210,14 @@ class EngineCase:
 
     def _perform(self, run: Run, request: Request) -> Run:
         """Let the worker do a job, and check the form of the answer."""
-        reply, reason = self.worker.ask(request), ""
+        reply, wrong = self.worker.ask(request), ""
         if reply.returned:
             count = run.question.sample_count(len(request.states), len(self.case.times))
-            reason = "; ".join(defects(reply.value, run.question, self.case.mechanism, count))
-        sound = reply.returned and not reason
-        reason = reason or reply.reason
-        return replace(
-            run,
-            status=Status.ANSWERED if sound else Status.FAILED,
-            answer=reply.value if sound else None,
-            reason=reason,
-            manifest=self.plan.manifest,
-            cpu=reply.cpu,
-            log=reply.log,
-        )
+            wrong = "; ".join(defects(reply.value, run.question, self.case.mechanism, count))
+        run = replace(run, reason=wrong or reply.reason, manifest=self.plan.manifest, cpu=reply.cpu, log=reply.log)
+        if not reply.returned or wrong:
+            return replace(run, status=Status.FAILED)
+        return replace(run, answer=reply.value)
 
     def _failed(self, question: Question, method: Method | None, reason: str) -> Run:
         return Run(self.case.name, self.worker.engine, question, method, 0, None, Status.FAILED, reason=reason)
@@ -266,8 +260,7 @@ def ask_case(
     if store is not None and info is not None:
         log = _with_job(log, store, store.key(info, request), worker.engine, request)
     for question in questions:
-        failed = Run(case.name, worker.engine, question, None, 0, None, Status.FAILED)
-        yield replace(failed, reason=reply.reason, log=log)
+        yield Run(case.name, worker.engine, question, None, 0, None, Status.FAILED, reason=reply.reason, log=log)
 
 
 def ask_ladder(

@@ -13,7 +13,7 @@ from collections import Counter
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing, contextmanager, nullcontext
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from queue import SimpleQueue
 from threading import Condition, Lock
 from typing import TYPE_CHECKING
@@ -279,9 +279,7 @@ def simulate_case(case: Case, engine: str, limit: float) -> tuple[TrajectoryAnsw
         If the engine does not answer, with the reason.
     """
     if engine.partition(":")[0] == REFERENCE:
-        run = _finest(
-            InProcessEngine(engine), case
-        )  # the reference needs no process of its own, which takes time to start
+        run = _finest(InProcessEngine(engine), case)  # no process of its own, which would take time to start
     else:
         with Worker(engine, limit) as worker:
             run = _finest(worker, case)
@@ -293,9 +291,8 @@ def simulate_case(case: Case, engine: str, limit: float) -> tuple[TrajectoryAnsw
 
 def _finest(worker: EngineHandle, case: Case) -> Run:
     plan = open_plan(worker, case)
-    failed = Run(case.name, worker.engine, Question.TRAJECTORY, None, 0, None, Status.FAILED)
     if isinstance(plan, str):
-        return replace(failed, reason=plan)
+        return Run(case.name, worker.engine, Question.TRAJECTORY, None, 0, None, Status.FAILED, reason=plan)
     engine_case = EngineCase(worker, case, plan)
     if plan.refusals(Question.TRAJECTORY):
         return next(engine_case.question(Question.TRAJECTORY))

@@ -186,11 +186,9 @@ def _beads(
         _link(plane, i, top, bead - below, length)
         for i, (top, bead, below) in enumerate(zip(tops, beads, [*tops[1:], 0.0], strict=True))
     ]
+    names = ["ground", *(f"link_{i + 1}" for i in range(n))]
     joints = [
-        plane.joint(
-            f"hinge_{i + 1}", f"link_{i}" if i else "ground", f"link_{i + 1}", plane.point(i * length, 0.0, 0.02 * i)
-        )
-        for i in range(n)
+        plane.joint(f"hinge_{i + 1}", names[i], names[i + 1], plane.point(i * length, 0.0, 0.02 * i)) for i in range(n)
     ]
     sample = round_step(2 * np.pi / w / 40)
     span = (100 * sample, sample)

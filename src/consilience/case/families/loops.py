@@ -201,9 +201,8 @@ def scissor(
             R, layer = plane.turned(sign * angle), 0.05 * sign
             at = plane.point(along / 2, (k + 0.5) * across, layer)
             bodies.append(body(f"{name}_{k + 1}", mass, at, R, [0, 0, 0.04 * sign], [0.03, 0.025, J, 0, 0.004, -0.003]))
-        joints.append(
-            plane.joint(f"pin_{k + 1}", f"rise_{k + 1}", f"fall_{k + 1}", plane.point(along / 2, (k + 0.5) * across))
-        )
+        middle = plane.point(along / 2, (k + 0.5) * across)
+        joints.append(plane.joint(f"pin_{k + 1}", f"rise_{k + 1}", f"fall_{k + 1}", middle))
         if k:
             left, right = plane.point(0.0, k * across), plane.point(along, k * across)
             joints.append(plane.joint(f"left_{k}", f"fall_{k}", f"rise_{k + 1}", left))
@@ -225,10 +224,9 @@ def scissor(
     for t in (span / 4, span):
         q = second_kind_inverse(m, angle, growth * t)
         last = plane.point(half * np.cos(q), (2 * n - 1) * half * np.sin(q), 0.05)
-        published.append(
-            known(("body", "slider"), "p_WB", t, plane.point(2 * half * np.cos(q), 0.0), 1e-12 * n, source)
-        )
-        published.append(known(("body", f"rise_{n}"), "p_WB", t, last, 1e-12 * n, source))
+        slid = plane.point(2 * half * np.cos(q), 0.0)
+        for name, at in (("slider", slid), (f"rise_{n}", last)):
+            published.append(known(("body", name), "p_WB", t, at, 1e-12 * n, source))
     return case_table(
         f"Scissor linkage of {stages} stage{'s' * (stages > 1)}",
         "Gravity is along the normal of its plane, so that the reactions bear it. Tests many small loops in a row.",
@@ -352,12 +350,11 @@ def four_bar(
     ):
         com, inertia = lumps(rng, mass, 0.4 * length)
         R = plane.turned(q) @ elementary_rotation(0, 0.7)
-        parts.append(
-            body(name, mass, plane.point(start[0], start[1], 0.03), R, com + np.array([length / 2, 0.0, 0.0]), inertia)
-        )
+        middle = com + np.array([length / 2, 0.0, 0.0])
+        parts.append(body(name, mass, plane.point(start[0], start[1], 0.03), R, middle, inertia))
     names = ("ground", "crank", "coupler", "rocker", "ground")
     joints = [
-        plane.joint(name, names[i], names[i + 1], plane.point(points[i][0], points[i][1]))
+        plane.joint(name, names[i], names[i + 1], plane.point(*points[i]))
         for i, name in enumerate(("crank_pivot", "crank_pin", "rocker_pin", "rocker_pivot"))
     ]
     rates = {

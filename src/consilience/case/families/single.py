@@ -19,6 +19,7 @@ from consilience.case.families.drawing import (
     random_rotation,
 )
 from consilience.case.families.parameters import Range
+from consilience.case.file.schema import InertiaTable
 from consilience.case.file.values import TomlTable
 from consilience.mechanism import (
     JOINT_KINDS,
@@ -73,11 +74,8 @@ def single_joint(
     rates = {name: rng.normal(scale=1.0, size=WIDTHS.get(name, 1)) for name in JOINT_KINDS[kind].coordinates}
     initial: TomlTable = {"joints": {"joint": _held(held)}, "rates": {"joint": _held(rates, rates=True)}}
     if kind == "rod":
-        initial = {
-            "bodies": {
-                "lump": {"velocity": numbers(rng.normal(size=3)), "angular_velocity": numbers(rng.normal(size=3))}
-            }
-        }
+        moving = {name: numbers(rng.normal(size=3)) for name in ("velocity", "angular_velocity")}
+        initial = {"bodies": {"lump": moving}}
     published = _published(kind, lump, _Placed(pin, axes, held, rates))
     return case_table(
         f"A lumpy body on a {kind.replace('_', ' ')} joint",
@@ -147,11 +145,9 @@ def _published(kind: str, lump: TomlTable, start: _Placed) -> list[TomlTable]:
     found = []
     for t in times:
         center = start.p + arm + velocity * t + 0.5 * t * t * (U @ (U.T @ GRAVITY_W))
-        if kind == "free":
-            found.append(known(("body", "lump"), "p_WBcm", t, center, 1e-12, source))
-        else:
-            origin = center - start.rotation(start.angle + start.rate * t) @ com
-            found.append(known(("body", "lump"), "p_WB", t, origin, 1e-12, source))
+        origin = center - start.rotation(start.angle + start.rate * t) @ com
+        of, place = ("p_WBcm", center) if kind == "free" else ("p_WB", origin)
+        found.append(known(("body", "lump"), of, t, place, 1e-12, source))
     return found
 
 
@@ -161,17 +157,15 @@ def _on_axis(kind: str, lump: TomlTable, start: _Placed, R: Array, t: float) -> 
     at = np.array(lump["at"]) - start.pin
     arm = at + R @ np.array(lump["com"])
     across = arm - n * (n @ arm)
-    I = {k: lump["inertia"][k] for k in ("xx", "yy", "zz", "xy", "xz", "yz")}
-    tensor = np.array([[I["xx"], I["xy"], I["xz"]], [I["xy"], I["yy"], I["yz"]], [I["xz"], I["yz"], I["zz"]]])
+    tensor = InertiaTable(**lump["inertia"]).tensor()
     moment = float(n @ R @ tensor @ R.T @ n + lump["mass"] * across @ across)
     g = GRAVITY_W - n * (n @ GRAVITY_W)
     drawn = float(np.arctan2(n @ np.cross(g, across), g @ across))
     w = np.sqrt(lump["mass"] * np.linalg.norm(across) * np.linalg.norm(g) / moment)
     angle, _ = pendulum(float(w), drawn + start.angle, start.rate, [t])
     fall = (start.v @ n * t + 0.5 * t * t * (n @ GRAVITY_W)) * n if kind == "cylindrical" else 0.0
-    return known(
-        ("body", "lump"), "p_WB", t, start.p + fall + start.rotation(float(angle[0]) - drawn) @ at, 1e-12, PENDULUM
-    )
+    origin = start.p + fall + start.rotation(float(angle[0]) - drawn) @ at
+    return known(("body", "lump"), "p_WB", t, origin, 1e-12, PENDULUM)
 
 
 def top(
@@ -217,16 +211,10 @@ def top(
     times = np.array([25, 100]) * sample
     node = np.array([np.cos(angles[0]), np.sin(angles[0]), 0.0])
     w = precession * np.array([0.0, 0.0, 1.0]) + rates[1] * node + spin * R[:, 2]
+    places = [pivot + rotation_from_euler_zxz(at) @ origin for at in motion.solve(times)]
     published = [
-        known(
-            ("body", "wheel"),
-            "p_WB",
-            t,
-            pivot + rotation_from_euler_zxz(at) @ origin,
-            1e-11 + 1e-15 * spin * t,
-            TOP,
-        )
-        for t, at in zip(times, motion.solve(times), strict=True)
+        known(("body", "wheel"), "p_WB", t, at, 1e-11 + 1e-15 * spin * t, TOP)
+        for t, at in zip(times, places, strict=True)
     ]
     ball = {"name": "ball", "kind": "spherical", "predecessor": "ground", "successor": "wheel", "at": numbers(pivot)}
     return case_table(

@@ -140,15 +140,9 @@ def stiff_spring(
         SLANTING, mass, np.array([soft, stiffness, soft]), np.array([0.0, damping, 0.0]), np.array([rest, 0.0, -rest])
     )
     source = "closed form: two damped oscillators, the sum and the difference of the displacements"
+    rounding = speed / fast * 4e-16
     published = [
-        known(
-            ("joint", f"slide_{b}"),
-            "distance",
-            t,
-            m + sign * a,
-            1e-12 + speed / fast * 4e-16 * (fast * t + 1.0),
-            source,
-        )
+        known(("joint", f"slide_{b}"), "distance", t, m + sign * a, 1e-12 + rounding * (fast * t + 1.0), source)
         for t, m, a in zip(times, mean, apart, strict=True)
         for b, sign in ((1, -1.0), (2, 1.0))
     ]
