@@ -1,4 +1,4 @@
-"""Expected values of a case, each with an uncertainty and a source, and the same quantities of an answer.
+"""Expected values of a case, each with an uncertainty and a source, and their counterparts in an answer.
 
 Values of a motion are read at a sample time. Accelerations and reactions are those of the initial state.
 """
@@ -105,7 +105,7 @@ OF_A_JOINT: dict[str, tuple[str, Scale]] = {
     **{name: (name, "" if name.startswith("angle") else "size") for name in _COORDINATES},
     **{f"{name}_rate": (name, "spin" if name.startswith("angle") else "speed") for name in _COORDINATES},
 }
-"""Scalars of a joint in a motion: the coordinate, of which each is the value or the rate, and the scale."""
+"""Scalars of a joint in a motion, each the value or the rate of a joint coordinate: that coordinate, and the scale."""
 
 BODY_AT_START = ("a_WB_W", "alpha_WB_W")
 """Acceleration of the origin of a body, and its angular acceleration."""

@@ -1,6 +1,6 @@
-"""Comparison of answers with the reference: runs in, verdicts out. No engine is known by name here.
+"""Comparison of answers with the reference: verdicts from runs, independent of any engine.
 
-`judge` and `judges` are imported by name: they import the cases, which these functions do not need.
+The modules `judge` and `judges` import the cases, which these functions do not need: import from them directly.
 """
 
 # mypy: implicit-reexport

@@ -1,4 +1,4 @@
-"""What campaigns share: the exit code of their verdicts, tables in Markdown, and the files of an outcome."""
+"""Exit codes, tables in Markdown, and files of the outcome of campaigns."""
 
 from __future__ import annotations
 

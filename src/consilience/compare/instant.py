@@ -268,6 +268,7 @@ def _worst(
 
 
 def _accelerations(answer: InstantAnswer, reference: InstantAnswer, instants: Instants, bar: float) -> Quantity:
+    """Compare linear and angular accelerations of all bodies."""
     found, expected = stacked_accelerations(answer), stacked_accelerations(reference)
     n, difference, grown = _worst(found, expected, instants.acceleration, bar * instants.rounding)
     remark = f"state {n}, condition of the equations {instants.condition[n]:.3g}"
@@ -275,6 +276,7 @@ def _accelerations(answer: InstantAnswer, reference: InstantAnswer, instants: In
 
 
 def _reactions(answer: InstantAnswer, reference: InstantAnswer, instants: Instants, bar: float) -> Quantity:
+    """Compare the reaction components that equilibrium determines."""
     determined = instants.determined
     open_ones = int(np.sum(~determined))
     remark = f"{open_ones} values not determined by equilibrium and not compared" if open_ones else ""

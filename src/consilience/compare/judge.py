@@ -1,4 +1,4 @@
-"""Judgement of a case: all its runs in, all its comparisons out.
+"""Judge a case: compare all runs of the engines with those of the reference.
 
 The answers of the reference are sorted first: the best one is the reference of the others, which bound its uncertainty;
 its motions from displaced states give the horizon. The questions are judged in the order of the table, so that the
@@ -37,7 +37,7 @@ def judge_case(case: Case, runs: Sequence[Run]) -> list[Comparison]:
             if judge is None or any(run.status is not Status.ANSWERED for run in levels):
                 found.append(_without_answer(levels))
             elif group[0] is not references[0]:  # the best reference is not compared with itself
-                # levels count without a probe of softness that failed; the record keeps that run
+                # if a run with other softness failed, the levels are judged without softness; the record keeps that run
                 probed = all(run.status is Status.ANSWERED for run in softer)
                 found.append(judge.compare(levels, softer if probed else []))
     return found
@@ -73,7 +73,7 @@ def _references(runs: Sequence[Run], question: Question) -> list[Run]:
     answered = [r for r in runs if r.engine == REFERENCE and r.question is question and r.status is Status.ANSWERED]
     headline = [r for r in answered if r.method == answered[0].method]
     others = [r for r in answered if r.method != answered[0].method]
-    # the coarsest tolerance is there for work-precision; the uncertainty is that of the finer ones
+    # the coarsest tolerance serves the work-precision plot alone and does not bound the uncertainty
     return [*headline[-1:], *headline[1:-1], *others]
 
 

@@ -111,6 +111,7 @@ class _Levels:
         self.ladder = self._ladder()
 
     def _ladder(self) -> _Ladder:
+        """Return orders, band and limit up to the horizon; all None without two levels of a declared order."""
         method, judged = self.runs[0].method, slice(self.judged)
         assert method is not None
         declared = uncertainty.declared_order(method)

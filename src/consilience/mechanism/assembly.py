@@ -2,8 +2,8 @@
 
 Positions satisfy ``g(p, R, t) = 0`` by Newton-Raphson's method with minimum-norm (SVD) steps [MASS], velocities
 ``Q v = nu`` by least squares. Joint coordinates and rates that a user gives are *held* ("emphasised" in MASS): rows of
-their own beside those of the constraints. The drawing, or poses given for bodies, is the guess, and all else moves as
-little as possible, m and rad counted alike.
+their own beside those of the constraints. The drawing, or poses given for bodies, is the initial guess; bodies move as
+little as possible from there, m and rad counted alike.
 
 A displacement of a body is ``(dr, phi)``: of the origin in m, and a rotation vector in rad, both in axes of the world.
 """
@@ -114,6 +114,7 @@ def held_error(mechanism: Mechanism, state: State, joint: Joint, coordinate: str
 
     Parameters
     ----------
+    joint : Joint
     coordinate : str
         Name of the coordinate in `JOINT_KINDS`.
     target : array_like, m or rad
@@ -222,7 +223,7 @@ def largest_residual(values: Array) -> float:
 
 
 def refuse_flipped(mechanism: Mechanism, state: State) -> None:
-    """Refuse a joint with M turned by half a turn: ``D_kl = 0`` holds there, too, but the mechanism is another one."""
+    """Refuse joints with frame M turned by half a turn: ``D_kl = 0`` holds there as well, for another mechanism."""
     for joint in mechanism.joints:
         f = joint_frames(mechanism, state, joint)
         if any(row in joint.rows and f.U[:, k] @ f.W[:, k] < 0 for row, k in (("D13", 2), ("D12", 0))):

@@ -188,7 +188,7 @@ def _end_frames(joint: Joint, backward: bool) -> tuple[Frame, Frame]:
 
 
 def _chain_of(joint: Joint, backward: bool) -> str:
-    """Key of `_CHAINS`."""
+    """Key of `_CHAINS` for a joint, as the tree passes it."""
     return f"{joint.kind}~" if backward and f"{joint.kind}~" in _CHAINS else joint.kind
 
 
@@ -276,6 +276,7 @@ def to_elementary_tree(mechanism: Mechanism) -> Tree:
 
 
 def _share_masses(mechanism: Mechanism, links: list[Link]) -> list[Link]:
+    """Give each link that carries a body its share of mass and inertia: equal shares for a body and its copies."""
     counts = [sum(link.body == b for link in links) for b in range(len(mechanism.bodies))]
 
     def loaded(link: Link) -> Link:

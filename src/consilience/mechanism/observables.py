@@ -1,7 +1,7 @@
 """Energy, momentum, mass properties and determined reactions of a mechanism from its motion alone.
 
-The same functions serve every engine: what is plotted and judged over a trajectory is computed here from poses and
-velocities. The energies an engine states for itself are an answer, and are compared with these.
+For every engine, energies over a trajectory are computed here, from poses and velocities. The energies that an engine
+itself states at an instant are an answer, and are compared with these.
 
 All vectors are in axes of the world W. A body's velocity ``v_WB_W`` is that of its origin B, in m/s; the velocity of
 its centre of mass c at the arm ``s = R_WB com`` is ``v + w x s``. SI units throughout.
@@ -26,8 +26,8 @@ from consilience.mechanism.model import GROUND, Joint, Mechanism, State
 from consilience.mechanism.spatial import Array, cross, skew
 
 _DETERMINED_TOLERANCE = 1e-6
-"""Largest component of a unit null vector that counts as zero: far above the rounding of a null space (1e-14 over the
-gap of the rank), far below the order of one of a component that the null space does reach."""
+"""Largest reaction, in the null space of ``Q^T``, of a component that counts as determined: far above the rounding of a
+null space (1e-14 over the gap of the rank), far below 1, the size of a component that the null space reaches."""
 
 
 class BodyMotion(Protocol):

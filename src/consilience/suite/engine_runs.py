@@ -1,4 +1,4 @@
-"""Runs of one engine about one case: questions, methods, levels; more levels and softnesses where three decide nothing.
+"""Runs of one engine about one case: questions, methods, levels; more levels where three leave the verdict open.
 
 Answers that are in the store are not asked for again. A job that fails is one failed run, and is not stored.
 """
@@ -189,7 +189,19 @@ class EngineCase:
     def once(
         self, question: Question, method: Method, level: int, step: float | None, start: State | None = None
     ) -> Run:
-        """Return one run, from the store if the answer is there."""
+        """Return one run, from the store if the answer is there.
+
+        Parameters
+        ----------
+        question : Question
+        method : Method
+        level : int
+            Index of the level.
+        step : float or None
+            Step size in s, or tolerance; None for a question without levels.
+        start : State, optional
+            Initial state of a motion; default: that of the case.
+        """
         case = self.case
         states = case.states if question.at_states else [start or case.initial_state]
         parameters = load_named(question.parameters)(case) if question.parameters else {}
@@ -224,7 +236,18 @@ class EngineCase:
 
 
 def _with_job(log: str, store: Store, key: str, engine: str, request: Request) -> str:
-    """Write a failed job to the store; return the output of the engine, and how to repeat the job."""
+    """Write a failed job to the store; return the output of the engine, and how to repeat the job.
+
+    Parameters
+    ----------
+    log : str
+        Output of the engine.
+    store : Store
+    key : str
+        Key of the job in the store.
+    engine : str
+    request : Request
+    """
     job = store.keep_job(key, replayable_job(engine, request))
     lines = [log.rstrip("\n")] if log.strip() else []
     return "\n".join([*lines, f"to do it again: python -m consilience.engine.worker {job}"])
@@ -266,7 +289,18 @@ def ask_case(
 def ask_ladder(
     worker: EngineHandle, case: Case, plan: Plan, method: Method, steps: Sequence[float] | None = None
 ) -> Iterator[Run]:
-    """Ask for motions by a method at all levels and with other softness, or at the given steps alone."""
+    """Ask for motions by a method at all levels and with other softness, or at the given steps alone.
+
+    Parameters
+    ----------
+    worker : EngineHandle
+    case : Case
+    plan : Plan
+        Plan of the engine for the case.
+    method : Method
+    steps : sequence of float, s, optional
+        Step sizes or tolerances in place of those of the method.
+    """
     engine_case = EngineCase(worker, case, plan)
     if steps is None:
         yield from engine_case.ladder(Question.TRAJECTORY, method, levels_of(case, Question.TRAJECTORY, method))

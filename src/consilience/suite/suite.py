@@ -156,6 +156,7 @@ class _Suite:
         return True
 
     def _ask(self, name: str, number: int) -> list[Run]:
+        """Ask an engine about a case; of the reference, keep the motion that judges further levels of the engines."""
         results, worker = self.results, self.workers[name]
         case, info = results.cases[number], results.engines[name]
         motion = self._reference_motions.get(number)
@@ -290,6 +291,7 @@ def simulate_case(case: Case, engine: str, limit: float) -> tuple[TrajectoryAnsw
 
 
 def _finest(worker: EngineHandle, case: Case) -> Run:
+    """Return the motion by the first method at the finest level, or why there is none."""
     plan = open_plan(worker, case)
     if isinstance(plan, str):
         return Run(case.name, worker.engine, Question.TRAJECTORY, None, 0, None, Status.FAILED, reason=plan)

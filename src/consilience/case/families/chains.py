@@ -27,7 +27,7 @@ from consilience.errors import InvalidInput
 from consilience.mechanism import Array
 
 LINEAR = 1e-2
-"""Part of the amplitude that nonlinearity may add where a small oscillation is worth comparing."""
+"""Largest nonlinear share of the amplitude at which the linear solution is an expected value."""
 
 
 def chain(bodies: Annotated[int, Range(1, 1000)] = 10, seed: Annotated[int, Range(0, 1_000_000)] = 1) -> TomlTable:
@@ -89,7 +89,7 @@ def planar_chain(
     mode : int, 1 to `bodies`
         Released in this mode, the slowest is 1.
     amplitude : float, 1e-6 to 1.5 rad
-        Largest angle of a link from hanging. Where it is not small nothing is known in closed form.
+        Largest angle of a link from the vertical line. Large angles have no closed form.
     length : float, 0.01 to 10 m
         Of a link.
 
@@ -100,10 +100,10 @@ def planar_chain(
 
     Notes
     -----
-    A link that has the moments of two points at its pins moves in the plane like these two points: the chain like beads
-    of equal mass, ``w_k^2 = x_k g / l`` with the zeros x_k of the Laguerre polynomial L_n, and bead j from below moves
-    by ``L_j(x_k)`` [D. Bernoulli 1733; A. B. Pippard, The Physics of Vibration, 1978]. What nonlinearity adds is of the
-    third order in the amplitude, and grows with w^2.
+    A link with the mass moments of two points at its pins moves in the plane like these two points. The chain therefore
+    moves like beads of equal mass on a thread: ``w_k^2 = x_k g / l`` with the zeros x_k of the Laguerre polynomial L_n,
+    and bead j from below moves by ``L_j(x_k)`` [D. Bernoulli 1733; A. B. Pippard, The Physics of Vibration, 1978].
+    Nonlinear terms are of the third order in the amplitude, and grow with w^2.
 
     Raises
     ------
@@ -130,7 +130,7 @@ def mass_ratio(
 ) -> TomlTable:
     """Double pendulum of very unequal masses, released in one of its two modes.
 
-    Tests rounding where a heavy body hangs on a light one, and stiffness: the fast mode is there even if it rests.
+    Tests rounding where a heavy body hangs on a light one, and stiffness: the fast mode limits steps in either motion.
 
     Parameters
     ----------
@@ -139,8 +139,8 @@ def mass_ratio(
     mode : "slow" or "fast"
         Released in this mode.
     amplitude : float, 1e-6 to 1.5 rad
-        Largest angle of a link from hanging. Where it is not small against ``1 / sqrt(mu)`` in the fast mode, or one in
-        the slow, nothing is known in closed form.
+        Largest angle of a link from the vertical line. Only angles far below ``1 / sqrt(mu)`` in the fast mode, or far
+        below one in the slow mode, have a closed form.
 
     Returns
     -------
@@ -150,8 +150,8 @@ def mass_ratio(
     Notes
     -----
     ``w^2 = ((1 + mu) -+ sqrt(mu (1 + mu))) g / l`` [Landau & Lifshitz, Mechanics, section 23, problem 2, equal
-    lengths]; links as in `planar_chain`. The heavy bead does not follow in height what the fast mode asks of it:
-    nonlinearity grows with w^2.
+    lengths]; links as in `planar_chain`. Nonlinear terms grow with w^2, because of the height of the heavy bead in the
+    fast mode.
     """
     a, b = np.sqrt(1.0 + ratio), np.sqrt(ratio)
     # a^2 - a b without cancellation
@@ -174,8 +174,14 @@ def _beads(
         From above.
     shape : ndarray, shape (n,)
         Displacements of the beads in the mode, from above.
+    title, source : str
+        Title of the case, and formula of the expected values.
     x : float
         ``w^2 l / g`` of the mode.
+    amplitude : float, rad
+        Largest angle of a link.
+    length : float, m
+        Of a link.
     """
     plane = SkewPlane()
     n, w = len(beads), float(np.sqrt(x * plane.slope / length))
@@ -217,7 +223,17 @@ Known difficulties: the fastest mode takes part in every rounding error.""",
 
 
 def _link(plane: SkewPlane, i: int, top: float, bottom: float, length: float) -> TomlTable:
-    """Link i that moves in the plane like masses `top` and `bottom` at its pins; its origin is the lower pin."""
+    """Link that moves in the plane like two masses at its pins; the origin is the lower pin.
+
+    Parameters
+    ----------
+    plane : SkewPlane
+    i : int
+        Number of the link from above.
+    top, bottom : float, kg
+        Masses at the upper and at the lower pin.
+    length : float, m
+    """
     mass = top + bottom
     across = top * bottom / mass * length**2
     inertia = across * np.array([0.6, 0.7, 1.0, 0.0, 0.08, -0.05])

@@ -152,7 +152,18 @@ def _published(kind: str, lump: TomlTable, start: _Placed) -> list[TomlTable]:
 
 
 def _on_axis(kind: str, lump: TomlTable, start: _Placed, R: Array, t: float) -> TomlTable:
-    """A pendulum about the axis, in free fall along it."""
+    """Position of the body at a time: a pendulum about the axis and, on a cylindrical joint, free fall along the axis.
+
+    Parameters
+    ----------
+    kind : {"revolute", "cylindrical"}
+    lump : dict
+        Table of the body.
+    start : _Placed
+    R : ndarray, shape (3, 3)
+        Axes of the body in the drawing, world components.
+    t : float, s
+    """
     n = start.axes[:, 2]
     at = np.array(lump["at"]) - start.pin
     arm = at + R @ np.array(lump["com"])

@@ -117,6 +117,7 @@ def _direction(mechanism: Mechanism, body: str, direction: Array) -> list[float]
 
 
 def _joint(joint: Joint, mechanism: Mechanism) -> TomlTable:
+    """Table of a joint whose frames F and M coincide in the drawing; a rod has two ends."""
     start, end = _place(mechanism, joint.predecessor), _place(mechanism, joint.successor)
     at, to = start.p + start.R @ joint.F.p, end.p + end.R @ joint.M.p
     axes, others = start.R @ joint.F.R, end.R @ joint.M.R
@@ -170,6 +171,7 @@ def _in_joint(element: Any, *names: str) -> TomlTable:
 
 
 def _elements(m: Mechanism) -> dict[str, list[TomlTable]]:
+    """Tables of all elements by kind, with points and directions in the drawing."""
     return {
         "spring": [
             _copied(s, "predecessor", "successor")

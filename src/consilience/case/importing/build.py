@@ -159,7 +159,7 @@ class _Builder:
         return set(idle)
 
     def _row(self, piece: Piece, shares: dict[str, tuple[float, Array, Array]]) -> tuple[str, tuple[NativeJoint, ...]]:
-        """Piece with mass that carries a piece, and the joints in between, through pieces without mass."""
+        """Return the next piece with mass towards the root, and the joints on the way, past pieces without mass."""
         motions, base = piece.motions, self._base(piece)
         while base and shares[base][0] == 0.0:
             motions, base = (*self.pieces[base].motions, *motions), self._base(self.pieces[base])
@@ -192,21 +192,20 @@ class _Builder:
             if found.kind == "spherical" and len(row) == 3:
                 self.notes.add(LOCKS, title)
             axes = rotation_with_z_axis(found.axis, found.second)
-            joints.append(self._drawn(title, found.kind, base, name, found.at, axes))
+            F, M = self._local(base, found.at, axes), self._local(name, found.at, axes)
+            joints.append(Joint(title, found.kind, self.homes[base], self.names[name], F, M))
             coordinates |= {motion: (title, c, sign) for motion, (c, sign) in found.coordinates.items()}
         return joints, coordinates
 
-    def _drawn(self, title: str, kind: str, base: str, name: str, at: Array, axes: Array) -> Joint:
-        F, M = self._local(base, at, axes), self._local(name, at, axes)
-        return Joint(title, kind, self.homes[base], self.names[name], F, M)
-
     def _local(self, name: str, at: Array, axes: Array) -> Frame:
+        """Frame in the drawing as a frame of a piece, or of the ground (empty name)."""
         if not name:
             return Frame(at, axes)
         frame = self.pieces[name].frame
         return Frame(frame.R.T @ (at - frame.p), frame.R.T @ axes)
 
     def _bodies(self) -> Iterable[Body]:
+        """Yield the bodies with mass; refuse inertia tensors that no rigid body can have."""
         for name, (mass, com, inertia) in self.kept.items():
             tensor = 0.5 * (inertia + inertia.T)  # turned tensors are symmetric up to rounding
             try:
@@ -226,6 +225,7 @@ class _Builder:
         return self._local(self.merged_into.get(name, name), p, R)
 
     def _loops(self) -> Iterable[Joint]:
+        """Yield the joints that close loops, with frames in axes of the bodies."""
         titles = usable_names([loop.name for loop in self.parts.loops], "loop", self.notes)
         for loop in self.parts.loops:
             ends = loop.predecessor, loop.successor
@@ -236,6 +236,7 @@ class _Builder:
             yield replace(loop, name=titles[loop.name], predecessor=predecessor, successor=successor, F=F, M=M)
 
     def _springs(self) -> Iterable[Spring]:
+        """Yield the springs between points, with points in axes of the bodies."""
         for spring in self.parts.springs:
             ends = spring.predecessor, spring.successor
             if not self._absent("spring", spring.name, ends):
@@ -258,6 +259,7 @@ class _Builder:
         return False
 
     def _joint_springs(self, coordinates: dict[str, tuple[str, str, float]]) -> Iterable[JointSpring]:
+        """Yield springs and dampers of joints; note those whose joint has no such coordinate in the case."""
         present = [m for p in self.parts.pieces for m in p.motions if m.stiffness or m.damping]
         titles = usable_names([m.name for m in present], "spring", Notes())
         for motion in present:
@@ -269,6 +271,7 @@ class _Builder:
                 self.notes.add(NO_COORDINATE, motion.name)
 
     def _couplings(self, coordinates: dict[str, tuple[str, str, float]], idle: set[str]) -> Iterable[Coupling]:
+        """Yield the couplings of coordinates; note or refuse those without both coordinates in the case."""
         gone = {m.name for name in idle for m in self.pieces[name].motions}
         titles = usable_names([law.name for law in self.parts.laws], "coupling", Notes())
         for law in self.parts.laws:
