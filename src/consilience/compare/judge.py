@@ -44,7 +44,7 @@ def judge_case(case: Case, runs: Sequence[Run]) -> list[Comparison]:
 
 
 def reference_motion(case: Case, runs: Sequence[Run]) -> ReferenceMotion | None:
-    """Return the reference motion of a case from the runs of the reference; None if it did not answer."""
+    """Return the reference motion of a case from the runs of the reference; None without an answer."""
     references = _references(runs, Question.TRAJECTORY)
     return reference_motion_of(case, references)[0] if references else None
 

@@ -54,12 +54,12 @@ class Softness:
     limit: float
 
     def explains(self, difference: float, allowed: float) -> bool:
-        """Whether a difference to the reference vanishes with the softness, up to what is allowed."""
+        """Whether a difference to the reference vanishes with the softness, up to the allowed difference."""
         settled = self.order is not None and LEAST <= self.order <= MOST
         return settled and self.limit <= max(EXPLAINED * difference, allowed)
 
     def matters(self, difference: float) -> bool:
-        """Whether softness changes the answer by a good share of a difference, in any direction."""
+        """Whether softness changes the answer by at least `EXPLAINED` of a difference, in any direction."""
         return self.shift >= EXPLAINED * difference
 
 

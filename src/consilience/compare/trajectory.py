@@ -187,7 +187,7 @@ class _Levels:
         )
 
 
-# squares of a motion that diverges overflow: they are compared as infinite
+# squares of a diverging motion overflow and count as infinite
 _BLOWN_UP = np.errstate(over="ignore", invalid="ignore")
 
 

@@ -9,7 +9,7 @@ its centre of mass c at the arm ``s = R_WB com`` is ``v + w x s``. SI units thro
 
 from __future__ import annotations
 
-from typing import Protocol
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,24 +30,26 @@ _DETERMINED_TOLERANCE = 1e-6
 null space (1e-14 over the gap of the rank), far below 1, the size of a component that the null space reaches."""
 
 
-class BodyMotion(Protocol):
-    """Poses and velocities of all bodies at one instant (a `State`) or, with leading axes, at several."""
+@dataclass(frozen=True, eq=False)
+class SampledMotion:
+    """Poses and velocities of all bodies at several instants: arrays of a `State` with leading axes.
 
-    @property
-    def p_WB(self) -> Array:
-        """Origins of the bodies, shape (..., n_b, 3), m."""
+    Attributes
+    ----------
+    p_WB, v_WB_W, w_WB_W : ndarray, shape (..., n_b, 3), m, m/s and rad/s
+        Origins, their velocities, and angular velocities, in world axes.
+    R_WB : ndarray, shape (..., n_b, 3, 3)
+        Rotation matrices.
+    """
 
-    @property
-    def R_WB(self) -> Array:
-        """Rotation matrices, shape (..., n_b, 3, 3)."""
+    p_WB: Array
+    R_WB: Array
+    v_WB_W: Array
+    w_WB_W: Array
 
-    @property
-    def v_WB_W(self) -> Array:
-        """Velocities of the origins, shape (..., n_b, 3), m/s."""
 
-    @property
-    def w_WB_W(self) -> Array:
-        """Angular velocities, shape (..., n_b, 3), rad/s."""
+BodyMotion = State | SampledMotion
+"""Motion of all bodies at one instant or at several; results have the leading axes of the motion."""
 
 
 def _masses(mechanism: Mechanism) -> Array:

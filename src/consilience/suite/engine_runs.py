@@ -115,7 +115,7 @@ class EngineCase:
     reference_motion: ReferenceMotion | None = None
 
     def question(self, question: Question) -> Iterator[Run]:
-        """Ask a question by all methods at all levels; without any there is one failed run, to appear in the record."""
+        """Ask a question by all methods at all levels; yield one failed run for the record where there is no level."""
         case, worker, plan = self.case, self.worker, self.plan
         if refusals := plan.refusals(question):
             reason = "; ".join(f"{u.feature}: {u.reason}" for u in refusals)
@@ -144,7 +144,7 @@ class EngineCase:
         return self.once(question, method, len(levels) - 1, levels[-1])
 
     def ladder(self, question: Question, method: Method, levels: Sequence[float | None]) -> Iterator[Run]:
-        """Ask at all levels of a method; if closer, at finer ones until the order settles, and with other softness."""
+        """Ask at all levels of a method; if `closer`, also at finer ones until the order settles, and softer."""
         runs: list[Run] = []
         for level, step in enumerate(levels):
             runs.append(self.once(question, method, level, step))
@@ -169,7 +169,7 @@ class EngineCase:
 
     @staticmethod
     def _finer(method: Method, runs: Sequence[Run], prospect: Prospect) -> float | None:
-        """Return the next step size, if that level would show more and takes little enough time."""
+        """Return the next step size; None where a further level would show nothing new or take too long."""
         last = runs[-1].step
         if last is None or not method.substeps or len(runs) >= MOST_LEVELS or 2.0 * runs[-1].cpu >= LEVEL_BUDGET:
             return None

@@ -93,7 +93,7 @@ class _Schedule:
         return engine == self._first or self._through[self._next[engine]]
 
     def done(self, engine: str, case: int, dead: bool = False) -> None:
-        """Mark an engine as idle again; a dead one gets no more cases."""
+        """Mark an engine as idle again; a dead engine gets no more cases."""
         with self._changed:
             self._busy[engine] -= 1
             if dead:
@@ -143,7 +143,7 @@ class _Suite:
 
     def _introduced(self, name: str) -> bool:
         """Whether an engine has started and described itself."""
-        with self._doors[name]:  # once, although several threads may need the engine
+        with self._doors[name]:  # one thread asks, the others wait for the result
             if name in self.results.missing:
                 return False
             if name not in self.results.engines:
@@ -262,7 +262,7 @@ def _in_parallel(suite: _Suite, jobs: int) -> Generator[tuple[str, int, list[Run
                 yield finished
         for future in futures:
             future.result()
-    except BaseException:  # Ctrl-C above all, here or in the consumer of the results: no engine may go on working
+    except BaseException:  # Ctrl-C, here or in the consumer of the results, among others: stop all engines
         suite.schedule.close()
         for worker in suite.workers.values():
             worker.cancel()

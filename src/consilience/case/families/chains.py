@@ -31,7 +31,7 @@ LINEAR = 1e-2
 
 
 def chain(bodies: Annotated[int, Range(1, 1000)] = 10, seed: Annotated[int, Range(0, 1_000_000)] = 1) -> TomlTable:
-    """Spatial chain of lumpy bodies on hinges that point anywhere.
+    """Spatial chain of lumpy bodies on hinges of random directions.
 
     Tests how cost and rounding of an engine grow with the number of bodies; every term of spatial motion.
 
@@ -57,7 +57,7 @@ def chain(bodies: Annotated[int, Range(1, 1000)] = 10, seed: Annotated[int, Rang
         parts.append(body(f"link_{i + 1}", mass, at + 0.4 * arm, R, com, inertia))
         before = f"link_{i}" if i else "ground"
         joints.append(joint(f"hinge_{i + 1}", "revolute", before, f"link_{i + 1}", at, rng.normal(size=3)))
-        # the farther down, the less: otherwise the end of a long chain cracks like a whip
+        # amplitudes fall along the chain: otherwise the end of a long chain cracks like a whip
         held[f"hinge_{i + 1}"] = {"angle": float(rng.normal(scale=0.3 / np.sqrt(i + 1)))}
         rates[f"hinge_{i + 1}"] = {"angle": float(rng.normal(scale=0.5 / np.sqrt(i + 1)))}
         at = at + arm

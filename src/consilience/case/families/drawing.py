@@ -21,12 +21,12 @@ def numbers(values: ArrayLike) -> list[float]:
 
 
 class SkewPlane:
-    """A skew plane of planar mechanisms: x down the slope, y across it, z along its normal (-1, 2, 2) / 3.
+    """A skew plane of planar mechanisms: x down the slope, y horizontal, z along the normal (-1, 2, 2) / 3.
 
     Parameters
     ----------
     level : bool
-        Gravity is along the normal, against it, in place of minus z of the world.
+        Gravity is opposite to the normal, in place of along minus z of the world.
 
     Attributes
     ----------

@@ -62,7 +62,7 @@ def windows(count: Annotated[int, Range(1, 200)] = 2) -> TomlTable:
             joints.append(joint(f"left_{i}", "revolute", f"upright_{i}", f"over_{i}", head, [0.0, 0.0, 1.0]))
     c = GRAVITY * ((count + 1) / 2 + count) / ((count + 1) / 3 + count)
     times = np.array([1.0, 5.0])
-    angle, _ = pendulum(float(np.sqrt(c)), -np.pi, 1.0, times)  # from downward, against the sense of the hinges
+    angle, _ = pendulum(float(np.sqrt(c)), -np.pi, 1.0, times)  # from the stable pose, opposite in sense to the hinges
     source = "closed form: all uprights turn alike, theta'' = c sin(theta), in Jacobi elliptic functions"
     published = [
         known(("body", "over_0"), "p_WB", t, [-np.sin(q), -np.cos(q), 0.0], 1e-11, source)

@@ -99,7 +99,7 @@ def _held(values: dict[str, Array], rates: bool = False) -> TomlTable:
 
 
 class _Placed:
-    """Where M is and how it moves at the start, from the held joint coordinates: F at `pin` with `axes`."""
+    """Pose and velocity of frame M at the start, from the held joint coordinates; frame F is at `pin` with `axes`."""
 
     def __init__(self, pin: Array, axes: Array, held: dict[str, Array], rates: dict[str, Array]) -> None:
         self.pin, self.axes = pin, axes
@@ -119,12 +119,12 @@ class _Placed:
         self.spin = axes @ rates.get("orientation", np.zeros(3))
 
     def rotation(self, angle: float) -> Array:
-        """About the axis of the joint, in the world."""
+        """Return the rotation matrix about the axis of the joint, world components."""
         return rotation_from_quaternion(quaternion_from_rotation_vector(self.axes[:, 2] * angle))
 
 
 def _published(kind: str, lump: TomlTable, start: _Placed) -> list[TomlTable]:
-    """Position after 0.5 s and 2 s, where it is known."""
+    """Expected positions after 0.5 s and 2 s; none for joints without a closed form."""
     R = rotation_from_quaternion(np.array(lump["orientation"]["quaternion"]))
     at, com = np.array(lump["at"]) - start.pin, R @ np.array(lump["com"])
     allowed = {"prismatic": (2,), "planar": (0, 1), "rigid": (), "parallel_axes": (0, 1, 2), "free": (0, 1, 2)}
@@ -213,7 +213,7 @@ def top(
     angles, rates = (0.3, tilt, 0.0), (precession, nutation or 1e-3, spin)
     R = rotation_from_euler_zxz(angles)
     origin = np.array([0.1, 0.05, 0.2])  # off the axis, so that its motion shows the spin, too
-    S = rotation_from_euler_zxz([0.4, 0.8, -0.3])  # axes of the body against those of the symmetry
+    S = rotation_from_euler_zxz([0.4, 0.8, -0.3])  # axes of the body, in axes of the symmetry
     tensor = S.T @ np.diag([across, across, along]) @ S
     com = S.T @ (np.array([0.0, 0.0, length]) - origin)
     wheel = body("wheel", mass, pivot + R @ origin, R @ S, com, (tensor + tensor.T) / 2)

@@ -69,7 +69,7 @@ def spring_chain(
             "damping", f"{damping:g} N s/m is more than critical", f"Give less than {2 * stiffness / fastest:g}."
         )
     sample = round_step(2 * np.pi / fastest / 10)
-    # enough that the springs stay long, whatever moves
+    # small enough that no spring shrinks to a point
     push = min(1.0, 0.02 * fastest)
     i = np.arange(1, n + 1)
     times = np.array([25, 100]) * sample
@@ -108,7 +108,7 @@ def stiff_spring(
 ) -> TomlTable:
     """Two equal masses on a rail, each on a soft spring of 20 N/m, joined by a stiff one.
 
-    Tests stiffness: the slow motion is what one wants to see, the fast one what limits the steps of an explicit method.
+    Tests stiffness: the slow motion is of interest, the fast motion limits the steps of an explicit method.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def stiff_spring(
     damping_ratio : float, 0 to 0.99
         Of the fast mode, by a damper along the stiff spring.
     speed : float, 0 to 1 m/s
-        At which the masses part at the start: amplitude of the fast motion's speed. Zero: the slow motion alone.
+        Speed at which the masses part at the start. Zero: the slow motion alone.
 
     Returns
     -------

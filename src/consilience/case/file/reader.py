@@ -274,7 +274,7 @@ def _held(table: HeldTable, where: str, rates: bool) -> dict[str, Any]:
 def _initial(mechanism: Mechanism, table: InitialTable) -> Initial:
     poses = {}
     for name, guess in table.bodies.items():
-        poses[name] = Frame(np.zeros(3), np.eye(3))  # of an unknown body, which assembly names
+        poses[name] = Frame(np.zeros(3), np.eye(3))  # any pose for an unknown body, which assembly refuses
         if name in mechanism.body_index and name != GROUND:
             drawn, given = mechanism.bodies[mechanism.body_index[name]].drawing, guess.orientation
             R = drawn.R if given is None else _matrix(given, f"initial.bodies.{name}.orientation")

@@ -262,7 +262,7 @@ def _published(case: Case) -> list[TomlTable]:
 
 
 def _value(value: Any) -> str:
-    """A value in one line, texts of several lines apart; nested tables are inline."""
+    """A value in one line (texts of several lines excepted); nested tables are inline."""
     if isinstance(value, dict):
         return "{ " + ", ".join(f"{name} = {_value(entry)}" for name, entry in value.items()) + " }"
     if isinstance(value, list):
