@@ -9,19 +9,9 @@ from typing import Annotated, Literal
 import numpy as np
 import scipy
 
-from consilience.case.families.drawing import (
-    GRAVITY_W,
-    SkewPlane,
-    body,
-    case_table,
-    joint,
-    known,
-    lumps,
-    numbers,
-    random_rotation,
-    round_step,
-)
+from consilience.case.families.drawing import GRAVITY_W, SkewPlane, lumps, random_rotation, round_step
 from consilience.case.families.parameters import Range
+from consilience.case.families.tables import body, case_table, joint, known, numbers
 from consilience.case.file.values import TomlTable
 from consilience.errors import InvalidInput
 from consilience.mechanism import Array

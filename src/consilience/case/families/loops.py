@@ -7,19 +7,9 @@ from typing import Annotated, Literal
 import numpy as np
 
 from consilience.case.families.closed_forms import PENDULUM, pendulum, second_kind_inverse
-from consilience.case.families.drawing import (
-    GRAVITY,
-    SkewPlane,
-    body,
-    case_table,
-    joint,
-    known,
-    lumps,
-    numbers,
-    random_rotation,
-    round_step,
-)
+from consilience.case.families.drawing import GRAVITY, SkewPlane, lumps, random_rotation, round_step
 from consilience.case.families.parameters import Range
+from consilience.case.families.tables import body, case_table, joint, known, numbers
 from consilience.case.file.values import TomlTable
 from consilience.errors import InvalidInput
 from consilience.mechanism import elementary_rotation

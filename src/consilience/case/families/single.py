@@ -7,18 +7,9 @@ from typing import Annotated, Any
 import numpy as np
 
 from consilience.case.families.closed_forms import PENDULUM, TOP, HeavyTop, pendulum
-from consilience.case.families.drawing import (
-    GRAVITY,
-    GRAVITY_W,
-    body,
-    case_table,
-    joint,
-    known,
-    lumps,
-    numbers,
-    random_rotation,
-)
+from consilience.case.families.drawing import GRAVITY, GRAVITY_W, lumps, random_rotation
 from consilience.case.families.parameters import Range
+from consilience.case.families.tables import body, case_table, joint, known, numbers
 from consilience.case.file.schema import InertiaTable
 from consilience.case.file.values import TomlTable
 from consilience.mechanism import (

@@ -7,18 +7,9 @@ from typing import Annotated
 import numpy as np
 
 from consilience.case.families.closed_forms import oscillator
-from consilience.case.families.drawing import (
-    GRAVITY_W,
-    body,
-    case_table,
-    joint,
-    known,
-    lumps,
-    numbers,
-    random_rotation,
-    round_step,
-)
+from consilience.case.families.drawing import GRAVITY_W, lumps, random_rotation, round_step
 from consilience.case.families.parameters import Range
+from consilience.case.families.tables import body, case_table, joint, known, numbers
 from consilience.case.file.values import TomlTable
 from consilience.errors import InvalidInput
 from consilience.mechanism import Array
