@@ -7,11 +7,7 @@ is), `joints` and `joint_rows` (what a joint holds), `constraints` (the equation
 
 # mypy: implicit-reexport
 
-from consilience.mechanism.applied_forces import (
-    Wrenches,
-    applied_wrenches,
-    conservative_part,
-)
+from consilience.mechanism.applied_forces import Wrenches, applied_wrenches, conservative_part
 from consilience.mechanism.assembly import (
     Initial,
     assemble_positions,
@@ -22,11 +18,7 @@ from consilience.mechanism.assembly import (
     move,
     random_states,
 )
-from consilience.mechanism.conditioning import (
-    mass_matrix_condition,
-    reaction_condition,
-    worst_condition,
-)
+from consilience.mechanism.conditioning import mass_matrix_condition, reaction_condition, worst_condition
 from consilience.mechanism.constraints import (
     RANK_TOLERANCE,
     RelativeMotion,
@@ -41,12 +33,7 @@ from consilience.mechanism.constraints import (
     reaction_in_F,
     relative_motion,
 )
-from consilience.mechanism.contacts import (
-    Contact,
-    PointPlane,
-    SpherePlane,
-    SphereSphere,
-)
+from consilience.mechanism.contacts import Contact, PointPlane, SpherePlane, SphereSphere
 from consilience.mechanism.element_rows import (
     Angles,
     ElementRow,
@@ -57,13 +44,7 @@ from consilience.mechanism.element_rows import (
     rolling_contact,
     rolling_rows,
 )
-from consilience.mechanism.elementary_tree import (
-    Coordinate,
-    Link,
-    Tree,
-    coordinates,
-    to_elementary_tree,
-)
+from consilience.mechanism.elementary_tree import Coordinate, Link, Tree, coordinates, to_elementary_tree
 from consilience.mechanism.elements import (
     Control,
     Coupling,
@@ -76,38 +57,10 @@ from consilience.mechanism.elements import (
     Spring,
     friction_law,
 )
-from consilience.mechanism.functions import (
-    Function,
-    Jet,
-    Table,
-    constant,
-    linear,
-    sine,
-    through,
-)
-from consilience.mechanism.joint_rows import (
-    full_turns,
-    joint_frames,
-    row_gamma,
-    row_jacobian,
-    row_target,
-    row_value,
-)
-from consilience.mechanism.joints import (
-    AXIS_COORDINATES,
-    BASIC_CONSTRAINTS,
-    JOINT_KINDS,
-    JointKind,
-)
-from consilience.mechanism.model import (
-    GROUND,
-    Body,
-    Frame,
-    Joint,
-    Mechanism,
-    State,
-    check_inertia,
-)
+from consilience.mechanism.functions import Function, Jet, Table, constant, linear, sine, through
+from consilience.mechanism.joint_rows import full_turns, joint_frames, row_gamma, row_jacobian, row_target, row_value
+from consilience.mechanism.joints import AXIS_COORDINATES, BASIC_CONSTRAINTS, JOINT_KINDS, JointKind
+from consilience.mechanism.model import GROUND, Body, Frame, Joint, Mechanism, State, check_inertia
 from consilience.mechanism.observables import (
     body_point,
     centres_of_mass,
@@ -125,9 +78,7 @@ from consilience.mechanism.observables import (
     reaction_map,
     world_inertias,
 )
-from consilience.mechanism.spanning_tree import (
-    spanning_tree,
-)
+from consilience.mechanism.spanning_tree import spanning_tree
 from consilience.mechanism.spatial import (
     Array,
     continuous_in_time,
