@@ -42,6 +42,17 @@ def rotation(rng: np.random.Generator) -> np.ndarray:
     return rotation_from_quaternion(quaternion_from_rotation_vector(rng.normal(size=3)))
 
 
+def is_conservative(mechanism: Mechanism) -> bool:
+    """Tell whether kinetic plus potential energy is constant: nothing dissipates or does work from outside."""
+    elastic = [*mechanism.springs, *mechanism.joint_springs]
+    working = (mechanism.frictions, mechanism.drives, mechanism.controls, mechanism.contacts)
+    return not (
+        any(working)
+        or any(s.damping != 0 or s.actuator is not None for s in elastic)
+        or any(x.kind != "force" or x.frame != "world" or x.history is not None for x in mechanism.loads)
+    )
+
+
 def lumpy_body(name: str, rng: np.random.Generator) -> Body:
     """Mass near 1 kg, inertia of a random cloud of points (so that it is a possible one), centre of mass off-centre."""
     points = rng.normal(scale=0.3, size=(8, 3))

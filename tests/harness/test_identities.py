@@ -19,8 +19,8 @@ from consilience.audit.identities.tables import write
 from consilience.case import Case, load_case
 from consilience.cli.commands.check import check
 from consilience.engine import Profile, Question, load_engine
-from consilience.engine.worker.client import Plan, Reply
-from consilience.engine.worker.requests import perform
+from consilience.engine.worker.client import Reply
+from consilience.engine.worker.requests import Plan, perform
 from consilience.errors import InvalidInput
 from consilience.mechanism import GROUND, Initial, JointSpring, Load, skew, spanning_tree
 from mechanisms import ELEMENTS, LOOPS, TREES, chain, drawn_joint, four_bar, lumpy_body, rotation, states_of

@@ -10,7 +10,8 @@ from consilience.compare import ReferenceMotion
 from consilience.compare.rules import RULES
 from consilience.compare.softness import SCALES
 from consilience.engine import Method, Profile, Question, Route
-from consilience.engine.worker.client import Plan, Reply
+from consilience.engine.worker.client import Reply
+from consilience.engine.worker.requests import Plan
 from consilience.mechanism import Initial
 from consilience.suite.engine_runs import LEVEL_BUDGET, MOST_LEVELS, EngineCase
 from situations import MECHANISM, SHAPE, SITUATIONS, SIZE, TIMES, TRUE, Situation, motion

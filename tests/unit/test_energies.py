@@ -7,7 +7,7 @@ from consilience.audit.random_mechanisms import random_mechanism
 from consilience.compare.energies import energies_over_time
 from consilience.engine import TrajectoryAnswer
 from consilience.mechanism import drawing_state, kinetic_energy, potential_energy, random_states
-from consilience.mechanism.observables import load_potential
+from consilience.mechanism.observables import load_potentials
 
 SEEDS = [seed for seed in range(60) if random_mechanism(seed).springs or random_mechanism(seed).joint_springs][:12]
 
@@ -23,7 +23,7 @@ def test_energies_are_those_of_the_states(seed):
     for n, sample in enumerate([3, 0, 2]):
         state = states[sample]
         assert kinetic[n] == pytest.approx(kinetic_energy(mechanism, state), rel=1e-13)
-        expected = potential_energy(mechanism, state) + load_potential(mechanism, state)
+        expected = potential_energy(mechanism, state) + load_potentials(mechanism, state)
         assert potential[n] == pytest.approx(expected, rel=1e-12, abs=1e-11)
 
 

@@ -35,7 +35,7 @@ from consilience.mechanism import (
     rotation_from_quaternion,
 )
 from consilience.mechanism.conditioning import mass_matrix_condition
-from consilience.mechanism.observables import angular_momentum, is_conservative, linear_momentum, load_potential
+from consilience.mechanism.observables import angular_momentum, linear_momentum, load_potentials
 from consilience.reference import NumericalFailure, accelerations, simulate
 from consilience.reference.bodies import constraints, forces
 from consilience.reference.bodies.arrays import flatten, pack, unpack, workspace
@@ -49,7 +49,18 @@ from consilience.reference.formulations.null_space import basis
 from consilience.reference.integrators.coefficients import DORMAND_PRINCE
 from consilience.reference.integrators.tsitouras import TSITOURAS
 from consilience.reference.kernel.factorisation import least_norm, pivoted_qr
-from mechanisms import ELEMENTS, GRAVITY, LOOPS, TREES, chain, drawn_joint, lumpy_body, rotation, states_of
+from mechanisms import (
+    ELEMENTS,
+    GRAVITY,
+    LOOPS,
+    TREES,
+    chain,
+    drawn_joint,
+    is_conservative,
+    lumpy_body,
+    rotation,
+    states_of,
+)
 
 ALL = TREES | LOOPS | ELEMENTS
 EPS = np.finfo(float).eps
@@ -585,7 +596,7 @@ def test_energy_of_a_conservative_mechanism_is_constant(name, formulation):
     answer = simulate(mechanism, states_of(mechanism)[0], np.linspace(0, 0.5, 6), 1e-13, formulation)
     along = states_along(answer)
     kinetic = np.array([kinetic_energy(mechanism, s) for s in along])
-    total = kinetic + [potential_energy(mechanism, s) + load_potential(mechanism, s) for s in along]
+    total = kinetic + [potential_energy(mechanism, s) + load_potentials(mechanism, s) for s in along]
     assert np.ptp(kinetic) > 0.1 * np.max(kinetic)  # or nothing was exchanged
     assert np.max(np.abs(total - total[0])) < 1e-11 * np.max(kinetic)
 
@@ -623,7 +634,7 @@ def test_energy_changes_by_the_work_of_dampers_and_loads(formulation):
     along = states_along(simulate(mechanism, states_of(mechanism)[0], times, 1e-13, formulation))
     ends = (along[0], along[-1])
     energy = [
-        kinetic_energy(mechanism, s) + potential_energy(mechanism, s) + load_potential(mechanism, s) for s in ends
+        kinetic_energy(mechanism, s) + potential_energy(mechanism, s) + load_potentials(mechanism, s) for s in ends
     ]
     work = 0.5 * T * w @ np.array([power(mechanism, s) for s in along[1:-1]])
     assert abs(work) > 0.1

@@ -17,7 +17,8 @@ from consilience.compare import grouped, markdown_table
 from consilience.compare.motion import OBSERVABLES, Scales
 from consilience.compare.uncertainty import declared_order, estimates
 from consilience.engine import Method, Question, Run, TrajectoryAnswer
-from consilience.engine.worker.client import Plan, Worker
+from consilience.engine.worker.client import Worker
+from consilience.engine.worker.requests import Plan
 from consilience.suite import ask_ladder, open_plan
 
 ASKED_COVERAGE, WIDEST = 0.95, 20.0

@@ -1,7 +1,7 @@
 """Bounded reading of files from elsewhere: size, nesting and numbers have limits.
 
 A TOML or JSON file of a few kilobytes can occupy a parser for minutes, or end the parser with an error of its own; such
-files are refused with a sentence.
+files are refused as invalid input.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Expected values of a case, each with an uncertainty and a source, and the same quantities of an answer.
+"""Expected values of a case, each with an uncertainty and a source, and their counterparts in an answer.
 
 Values of a motion are read at a sample time. Accelerations and reactions are those of the initial state.
 """
@@ -82,27 +82,20 @@ class Published:
         return abs(difference)
 
 
-def _center(mechanism: Mechanism, state: State, i: int) -> Array:
-    return body_point(mechanism, state, mechanism.bodies[i].name, mechanism.bodies[i].com)[0]
-
-
-def _velocity_of_center(mechanism: Mechanism, state: State, i: int) -> Array:
-    return body_point(mechanism, state, mechanism.bodies[i].name, mechanism.bodies[i].com)[1]
-
-
-def _axis(k: int) -> Callable[[Mechanism, State, int], Array]:
-    return lambda mechanism, state, i: state.R_WB[i][:, k]
+def _center(mechanism: Mechanism, state: State, i: int) -> tuple[Array, Array]:
+    """Position and velocity of the centre of mass of a body, world axes."""
+    return body_point(mechanism, state, mechanism.bodies[i].name, mechanism.bodies[i].com)
 
 
 OF_A_BODY: dict[str, tuple[Callable[[Mechanism, State, int], Array], Scale]] = {
     "p_WB": (lambda mechanism, state, i: state.p_WB[i], "size"),
     "v_WB_W": (lambda mechanism, state, i: state.v_WB_W[i], "speed"),
     "w_WB_W": (lambda mechanism, state, i: state.w_WB_W[i], "spin"),
-    "p_WBcm": (_center, "size"),
-    "v_WBcm_W": (_velocity_of_center, "speed"),
-    "x_axis": (_axis(0), ""),
-    "y_axis": (_axis(1), ""),
-    "z_axis": (_axis(2), ""),
+    "p_WBcm": (lambda mechanism, state, i: _center(mechanism, state, i)[0], "size"),
+    "v_WBcm_W": (lambda mechanism, state, i: _center(mechanism, state, i)[1], "speed"),
+    "x_axis": (lambda mechanism, state, i: state.R_WB[i][:, 0], ""),
+    "y_axis": (lambda mechanism, state, i: state.R_WB[i][:, 1], ""),
+    "z_axis": (lambda mechanism, state, i: state.R_WB[i][:, 2], ""),
 }
 """Vectors of a body in a motion: pose and velocities of the origin and of the centre of mass, axes in the world."""
 
@@ -112,15 +105,13 @@ OF_A_JOINT: dict[str, tuple[str, Scale]] = {
     **{name: (name, "" if name.startswith("angle") else "size") for name in _COORDINATES},
     **{f"{name}_rate": (name, "spin" if name.startswith("angle") else "speed") for name in _COORDINATES},
 }
-"""Scalars of a joint in a motion: the coordinate, of which each is the value or the rate, and the scale."""
+"""Scalars of a joint in a motion, each the value or the rate of a joint coordinate: that coordinate, and the scale."""
 
 BODY_AT_START = ("a_WB_W", "alpha_WB_W")
 """Acceleration of the origin of a body, and its angular acceleration."""
 
 JOINT_AT_START = ("force_F", "torque_F")
 """Reaction of a joint on the successor, at the origin of M, in axes of F."""
-
-VECTORS_OF_A_BODY = (*OF_A_BODY, *BODY_AT_START)
 
 
 def has_coordinate(mechanism: Mechanism, joint: str, observable: str) -> bool:

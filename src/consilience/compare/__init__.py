@@ -1,9 +1,9 @@
-"""Comparison of answers with the reference: runs in, verdicts out. No engine is known by name here.
+"""Comparison of answers with the reference: verdicts from runs, independent of any engine.
 
-`judge` and `judges` are imported by name: they import the cases, which these functions do not need.
+The modules `judge` and `judges` import the cases, which these functions do not need: import from them directly.
 """
 
-from __future__ import annotations
+# mypy: implicit-reexport
 
 from consilience.compare.campaigns import CODES, exit_code, grouped, markdown_table, write_campaign
 from consilience.compare.instant import compare_instant, compare_model, relative_difference
@@ -15,24 +15,3 @@ from consilience.compare.trajectory import (
     reference_spread,
     spread_over_time,
 )
-
-__all__ = [
-    "CODES",
-    "Comparison",
-    "Level",
-    "Prospect",
-    "Quantity",
-    "ReferenceMotion",
-    "Verdict",
-    "compare_by_bars",
-    "compare_instant",
-    "compare_model",
-    "compare_trajectory",
-    "exit_code",
-    "grouped",
-    "markdown_table",
-    "reference_spread",
-    "relative_difference",
-    "spread_over_time",
-    "write_campaign",
-]

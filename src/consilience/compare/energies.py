@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,16 +17,7 @@ from consilience.mechanism import (
     potential_energies,
     rotation_from_quaternion,
 )
-
-
-@dataclass(frozen=True, eq=False)
-class _Samples:
-    """Poses and velocities of all bodies at samples of a motion: arrays of a `State` with a leading axis of samples."""
-
-    p_WB: Array
-    R_WB: Array
-    v_WB_W: Array
-    w_WB_W: Array
+from consilience.mechanism.observables import SampledMotion
 
 
 def energies_over_time(mechanism: Mechanism, answer: TrajectoryAnswer, samples: Sequence[int]) -> tuple[Array, Array]:
@@ -38,7 +28,7 @@ def energies_over_time(mechanism: Mechanism, answer: TrajectoryAnswer, samples: 
     kept = list(samples)
     p, v, w = answer.p_WB[kept], answer.v_WB_W[kept], answer.w_WB_W[kept]
     quat = answer.quat_WB[kept] / np.linalg.norm(answer.quat_WB[kept], axis=-1, keepdims=True)
-    motion = _Samples(p, rotation_from_quaternion(quat), v, w)
+    motion = SampledMotion(p, rotation_from_quaternion(quat), v, w)
     q = np.zeros((0, len(kept)))
     if mechanism.joint_springs:
         states = [State(*of_state) for of_state in zip(p, quat, v, w, strict=True)]

@@ -34,7 +34,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from consilience.compare.result import Comparison, Quantity, Verdict, compare_by_bars
-from consilience.compare.softness import SCALES, Softness, of_accelerations
+from consilience.compare.softness import SCALES, Softness, of_accelerations, stacked_accelerations
 from consilience.engine import InstantAnswer, Method, ModelAnswer, Question, Route
 from consilience.mechanism import (
     Array,
@@ -148,21 +148,10 @@ def _floor(largest: float, scale: float) -> float:
     return FLOOR * max(largest, scale)
 
 
-def _stacked(answer: InstantAnswer) -> Array:
-    """Return linear and angular accelerations, shape (n_s, n_b, 6)."""
-    return np.concatenate([answer.a_WB_W, answer.alpha_WB_W], axis=2)
-
-
 def _sizes(expected: Sequence[Array] | Array, scale: float) -> Array:
     """Return the divisor of a difference at each state, shape (n_s,)."""
     floor = _floor(max(_largest(e) for e in expected), scale)
     return np.array([max(_largest(e), floor) for e in expected])
-
-
-def _by_state(found: Sequence[Array], expected: Sequence[Array], scale: float) -> list[float]:
-    """Return the relative difference at each state; `scale` is the magnitude of the terms of the quantity."""
-    floor = _floor(max(_largest(e) for e in expected), scale)
-    return [relative_difference(f, e, floor) for f, e in zip(found, expected, strict=True)]
 
 
 def compare_model(
@@ -237,7 +226,7 @@ def compare_instant(
     )
     if not softer:
         return compared
-    sizes = _sizes(_stacked(reference), instants.acceleration)
+    sizes = _sizes(stacked_accelerations(reference), instants.acceleration)
     return _with_softness(compared, of_accelerations([answer, *softer], SCALES[method.profile], reference, sizes))
 
 
@@ -258,35 +247,49 @@ def _with_softness(compared: Comparison, soft: Softness) -> Comparison:
     return compared
 
 
-def _worst(differences: Sequence[float], bars: Sequence[float]) -> int:
-    """Return the state with the largest ratio of difference to bar; a difference that is not a number comes first."""
-    ratios = np.array(differences) / np.array(bars)
-    return int(np.argmax(np.where(np.isnan(ratios), np.inf, ratios)))
+def _worst(
+    found: Sequence[Array] | Array, expected: Sequence[Array] | Array, scale: float, bars: Array
+) -> tuple[int, float, float]:
+    """Return the state with the largest ratio of difference to bar (NaN is the largest), its difference and its bar.
+
+    Parameters
+    ----------
+    found, expected : sequence of ndarray
+        Vectors at each state.
+    scale : float
+        Magnitude of the terms of the quantity, in its unit.
+    bars : ndarray, shape (n_s,)
+    """
+    sizes = _sizes(expected, scale).tolist()
+    differences = np.array([relative_difference(f, e, s) for f, e, s in zip(found, expected, sizes, strict=True)])
+    ratios = differences / bars
+    n = int(np.argmax(np.where(np.isnan(ratios), np.inf, ratios)))
+    return n, float(differences[n]), float(bars[n])
 
 
 def _accelerations(answer: InstantAnswer, reference: InstantAnswer, instants: Instants, bar: float) -> Quantity:
-    differences = _by_state(list(_stacked(answer)), list(_stacked(reference)), instants.acceleration)
-    bars = bar * instants.rounding
-    n = _worst(differences, list(bars))
+    """Compare linear and angular accelerations of all bodies."""
+    found, expected = stacked_accelerations(answer), stacked_accelerations(reference)
+    n, difference, grown = _worst(found, expected, instants.acceleration, bar * instants.rounding)
     remark = f"state {n}, condition of the equations {instants.condition[n]:.3g}"
-    return Quantity("accelerations", differences[n], float(bars[n]), reference.a_WB_W.size * 2, remark)
+    return Quantity("accelerations", difference, grown, expected.size, remark)
 
 
 def _reactions(answer: InstantAnswer, reference: InstantAnswer, instants: Instants, bar: float) -> Quantity:
+    """Compare the reaction components that equilibrium determines."""
     determined = instants.determined
     open_ones = int(np.sum(~determined))
     remark = f"{open_ones} values not determined by equilibrium and not compared" if open_ones else ""
     if answer.force_F is None or answer.torque_F is None:
         return Quantity("reactions", 0.0, bar, 0, "this method gives none")
-    assert reference.force_F is not None
-    assert reference.torque_F is not None
-    found = np.concatenate([answer.force_F, answer.torque_F], axis=2)
-    expected = np.concatenate([reference.force_F, reference.torque_F], axis=2)
-    differences = _by_state(
-        [f[known] for f, known in zip(found, determined, strict=True)],
-        [e[known] for e, known in zip(expected, determined, strict=True)],
-        instants.inertial(reference),
-    )
-    bars = bar * instants.rounding
-    n = _worst(differences, list(bars))
-    return Quantity("reactions", differences[n], float(bars[n]), int(np.sum(determined)), remark)
+
+    def compared(force_F: Array | None, torque_F: Array | None) -> list[Array]:
+        """Determined components at each state."""
+        assert force_F is not None
+        assert torque_F is not None
+        wrenches = np.concatenate([force_F, torque_F], axis=2)
+        return [values[known] for values, known in zip(wrenches, determined, strict=True)]
+
+    found, expected = compared(answer.force_F, answer.torque_F), compared(reference.force_F, reference.torque_F)
+    _, difference, grown = _worst(found, expected, instants.inertial(reference), bar * instants.rounding)
+    return Quantity("reactions", difference, grown, int(np.sum(determined)), remark)

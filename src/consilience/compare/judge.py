@@ -1,4 +1,4 @@
-"""Judgement of a case: all its runs in, all its comparisons out.
+"""Judge a case: compare all runs of the engines with those of the reference.
 
 The answers of the reference are sorted first: the best one is the reference of the others, which bound its uncertainty;
 its motions from displaced states give the horizon. The questions are judged in the order of the table, so that the
@@ -37,14 +37,14 @@ def judge_case(case: Case, runs: Sequence[Run]) -> list[Comparison]:
             if judge is None or any(run.status is not Status.ANSWERED for run in levels):
                 found.append(_without_answer(levels))
             elif group[0] is not references[0]:  # the best reference is not compared with itself
-                # levels count without a probe of softness that failed; the record keeps that run
+                # if a run with other softness failed, the levels are judged without softness; the record keeps that run
                 probed = all(run.status is Status.ANSWERED for run in softer)
                 found.append(judge.compare(levels, softer if probed else []))
     return found
 
 
 def reference_motion(case: Case, runs: Sequence[Run]) -> ReferenceMotion | None:
-    """Return the reference motion of a case from the runs of the reference; None if it did not answer."""
+    """Return the reference motion of a case from the runs of the reference; None without an answer."""
     references = _references(runs, Question.TRAJECTORY)
     return reference_motion_of(case, references)[0] if references else None
 
@@ -73,17 +73,21 @@ def _references(runs: Sequence[Run], question: Question) -> list[Run]:
     answered = [r for r in runs if r.engine == REFERENCE and r.question is question and r.status is Status.ANSWERED]
     headline = [r for r in answered if r.method == answered[0].method]
     others = [r for r in answered if r.method != answered[0].method]
-    # the coarsest tolerance is there for work-precision; the uncertainty is that of the finer ones
+    # the coarsest tolerance serves the work-precision plot alone and does not bound the uncertainty
     return [*headline[-1:], *headline[1:-1], *others]
+
+
+_WITHOUT_ANSWER = {
+    Status.ANSWERED: Verdict.UNRESOLVED,
+    Status.UNSUPPORTED: Verdict.UNSUPPORTED,
+    Status.FAILED: Verdict.FAILED,
+}
+"""Verdict of a group of runs without an answer, or (where all have answered) without a reference."""
 
 
 def _without_answer(group: Sequence[Run]) -> Comparison:
     """Return the comparison of a group without answers, or without a reference."""
-    bad = next((run for run in group if run.status is not Status.ANSWERED), None)
-    run = bad or group[0]
-    verdict = Verdict.UNSUPPORTED if run.status is Status.UNSUPPORTED else Verdict.FAILED
-    if bad is None:
-        verdict = Verdict.UNRESOLVED
+    run = next((run for run in group if run.status is not Status.ANSWERED), group[0])
     return Comparison(
         case=run.case,
         engine=run.engine,
@@ -91,6 +95,6 @@ def _without_answer(group: Sequence[Run]) -> Comparison:
         method=run.method.name if run.method else "",
         route=run.method.route if run.method else None,
         profile=run.method.profile if run.method else Profile.MATCHED,
-        verdict=verdict,
-        why=run.reason if bad else "the reference did not answer",
+        verdict=_WITHOUT_ANSWER[run.status],
+        why="the reference did not answer" if run.status is Status.ANSWERED else run.reason,
     )

@@ -103,7 +103,7 @@ class TrajectoryJudge(QuestionJudge):
         return compared if len(own) == len(levels) else replace(compared, quantities=self.known)
 
     def _earlier(self, run: Run) -> str:
-        """Return what the engine differs in at `model`, or by all its methods of that profile at `instant`."""
+        """Describe the difference of an engine at `model`, or at `instant` if all methods of the profile differ."""
         own = [c for c in self.before if c.engine == run.engine]
         model = [c for c in own if c.question is Question.MODEL and c.verdict is Verdict.MODEL]
         if model:

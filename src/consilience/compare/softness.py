@@ -12,14 +12,17 @@ settings are so soft that answers are no longer proportional to s: their ladder 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
 from consilience.compare.motion import Scales, difference_over_time, extrapolated
 from consilience.engine import InstantAnswer, Profile, TrajectoryAnswer
 from consilience.mechanism import Array
+
+_T = TypeVar("_T")
 
 SCALES: dict[Profile, tuple[float, ...]] = {Profile.MATCHED: (2.0, 4.0), Profile.DEFAULT: (0.01, 0.005, 0.0025)}
 """Factors of the softness of a method, which itself has the factor one. The three hardest answers form the ladder."""
@@ -51,23 +54,42 @@ class Softness:
     limit: float
 
     def explains(self, difference: float, allowed: float) -> bool:
-        """Whether a difference to the reference vanishes with the softness, up to what is allowed."""
+        """Whether a difference to the reference vanishes with the softness, up to the allowed difference."""
         settled = self.order is not None and LEAST <= self.order <= MOST
         return settled and self.limit <= max(EXPLAINED * difference, allowed)
 
     def matters(self, difference: float) -> bool:
-        """Whether softness changes the answer by a good share of a difference, in any direction."""
+        """Whether softness changes the answer by at least `EXPLAINED` of a difference, in any direction."""
         return self.shift >= EXPLAINED * difference
 
 
-def _order(hard: float, soft: float) -> float | None:
-    """Return the order in s from the changes between the two hardest and the two softest answers."""
-    return float(np.log2(soft / hard)) if hard > 0.0 and soft > 0.0 else None
+def _dependence(
+    answers: Sequence[_T],
+    softness: Sequence[float],
+    reference: _T,
+    difference: Callable[[_T, _T], float],
+    extrapolate: Callable[[_T, _T, float], _T],
+) -> Softness:
+    """Extrapolate a ladder of answers to no softness, and compare the limit with the reference.
 
-
-def _ladder(scales: Sequence[float]) -> list[int]:
-    """Return the indices of the three hardest answers among those at the scales 1 and `scales`, hard to soft."""
-    return [int(n) for n in np.argsort([1.0, *scales])[:3]]
+    Parameters
+    ----------
+    answers : sequence
+        The judged answer, then those at other softness.
+    softness : sequence of float
+        Factors of the softness of the other answers.
+    reference : answer
+    difference : callable
+        Largest relative difference of two answers.
+    extrapolate : callable
+        Function of a soft answer, a harder one and ``d = 2^p - 1``: ``hard + (hard - soft) / d``.
+    """
+    one, two, four = (answers[n] for n in np.argsort([1.0, *softness])[:3])  # the three hardest, hard to soft
+    hard, soft = difference(one, two), difference(two, four)
+    order = float(np.log2(soft / hard)) if hard > 0.0 and soft > 0.0 else None
+    limit = one if order is None or order <= 0 else extrapolate(two, one, 2.0**order - 1.0)
+    shift = difference(answers[0], limit) if one is not answers[0] or limit is not one else hard
+    return Softness(order, shift, difference(limit, reference))
 
 
 def of_motions(
@@ -90,15 +112,13 @@ def of_motions(
     judged : slice
         Samples before the horizon.
     """
-
-    def largest(a: TrajectoryAnswer, b: TrajectoryAnswer) -> float:
-        return float(np.max(difference_over_time(a, b, scales.size)[judged]))
-
-    one, two, four = (answers[n] for n in _ladder(softness))
-    order = _order(largest(one, two), largest(two, four))
-    limit = one if order is None or order <= 0 else extrapolated(two, one, 1.0 / (2.0**order - 1.0))
-    moved = largest(answers[0], limit) if one is not answers[0] or limit is not one else largest(one, two)
-    return Softness(order, moved, largest(limit, reference))
+    return _dependence(
+        answers,
+        softness,
+        reference,
+        lambda a, b: float(np.max(difference_over_time(a, b, scales.size)[judged])),
+        lambda soft, hard, d: extrapolated(soft, hard, 1.0 / d),
+    )
 
 
 def of_accelerations(
@@ -116,17 +136,15 @@ def of_accelerations(
     sizes : ndarray, shape (n_s,)
         Divisors of the differences at each state.
     """
-    found, expected = [_accelerations(a) for a in answers], _accelerations(reference)
-
-    def largest(difference: Array) -> float:
-        return float(np.max(np.max(np.abs(difference), axis=(1, 2)) / sizes))
-
-    one, two, four = (found[n] for n in _ladder(softness))
-    order = _order(largest(two - one), largest(four - two))
-    limit = one if order is None or order <= 0 else one + (one - two) / (2.0**order - 1.0)
-    moved = found[0] - limit if one is not found[0] or limit is not one else two - one
-    return Softness(order, largest(moved), largest(limit - expected))
+    return _dependence(
+        [stacked_accelerations(answer) for answer in answers],
+        softness,
+        stacked_accelerations(reference),
+        lambda a, b: float(np.max(np.max(np.abs(a - b), axis=(1, 2)) / sizes)),
+        lambda soft, hard, d: hard + (hard - soft) / d,
+    )
 
 
-def _accelerations(answer: InstantAnswer) -> Array:
+def stacked_accelerations(answer: InstantAnswer) -> Array:
+    """Return linear and angular accelerations, shape (n_s, n_b, 6)."""
     return np.concatenate([answer.a_WB_W, answer.alpha_WB_W], axis=2)

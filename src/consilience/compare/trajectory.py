@@ -81,6 +81,8 @@ class ReferenceMotion:
 
 @dataclass(frozen=True)
 class _Ladder:
+    """Orders of the levels against the reference and among themselves; band of the finest level; Richardson limit."""
+
     order: float | None = None
     self_order: float | None = None
     band: float | None = None
@@ -97,29 +99,95 @@ class _Ladder:
         return self.declared is not None and uncertainty.settled(self.settled, self.declared)
 
 
-def _ladder(
-    runs: Sequence[Run], answers: Sequence[TrajectoryAnswer], size: float, reference_motion: ReferenceMotion
-) -> _Ladder:
-    method = runs[0].method
-    assert method is not None
-    declared, judged = uncertainty.declared_order(method), slice(reference_motion.judged)
-    if declared is None or len(answers) < 2 or reference_motion.judged < 1:
-        return _Ladder()
-    ratio = uncertainty.ratio_of([run.step for run in runs])
-    errors = [difference_over_time(a, reference_motion.answer, size)[judged] for a in answers]
-    changes = [difference_over_time(a, b, size)[judged] for a, b in pairwise(answers)]
-    limit = uncertainty.richardson(answers[-2], answers[-1], declared, ratio)
-    found = _Ladder(
-        order=uncertainty.finest_order([uncertainty.rms(e) for e in errors], ratio),
-        self_order=uncertainty.finest_order([uncertainty.rms(c) for c in changes], ratio),
-        limit=float(np.max(difference_over_time(limit, reference_motion.answer, size)[judged])),
-        declared=declared,
-    )
-    wide = uncertainty.band(float(np.max(changes[-1])), found.settled, declared, ratio, 0.0)
-    return _Ladder(found.order, found.self_order, wide, found.limit, declared)
+class _Levels:
+    """Answered runs of one method, coarse to fine, compared with a reference motion."""
+
+    def __init__(self, mechanism: Mechanism, runs: Sequence[Run], reference_motion: ReferenceMotion) -> None:
+        self.mechanism, self.runs, self.reference_motion = mechanism, runs, reference_motion
+        self.answers, self.steps = [run.answer for run in runs], [run.step for run in runs]
+        self.reference, self.judged = reference_motion.answer, reference_motion.judged
+        self.scales = Scales.of(mechanism, self.reference)
+        self.errors = [difference_over_time(a, self.reference, self.scales.size) for a in self.answers]
+        self.ladder = self._ladder()
+
+    def _ladder(self) -> _Ladder:
+        """Return orders, band and limit up to the horizon; all None without two levels of a declared order."""
+        method, judged = self.runs[0].method, slice(self.judged)
+        assert method is not None
+        declared = uncertainty.declared_order(method)
+        if declared is None or len(self.answers) < 2 or self.judged < 1:
+            return _Ladder()
+        ratio, size = uncertainty.ratio_of(self.steps), self.scales.size
+        changes = [difference_over_time(a, b, size)[judged] for a, b in pairwise(self.answers)]
+        limit = uncertainty.richardson(self.answers[-2], self.answers[-1], declared, ratio)
+        found = _Ladder(
+            order=uncertainty.finest_order([uncertainty.rms(e[judged]) for e in self.errors], ratio),
+            self_order=uncertainty.finest_order([uncertainty.rms(c) for c in changes], ratio),
+            limit=float(np.max(difference_over_time(limit, self.reference, size)[judged])),
+            declared=declared,
+        )
+        band = uncertainty.band(float(np.max(changes[-1])), found.settled, declared, ratio, 0.0)
+        return replace(found, band=band)
+
+    def evidence(self, soft: softness.Softness | None = None, earlier: str = "") -> Evidence:
+        """Return the numbers by which the levels are judged."""
+        last, time, ladder = max(self.judged - 1, 0), self.reference.time, self.ladder
+        return Evidence(
+            asked=10.0**-self.reference_motion.digits,
+            judged=float(time[last] - time[0]),
+            duration=float(np.ptp(time)),
+            reference=float(self.reference_motion.spread[last]),
+            dispute=self.reference_motion.dispute,
+            finest=float(np.max(self.errors[-1][: self.judged], initial=0.0)),
+            limit=ladder.limit,
+            band=ladder.band,
+            order=ladder.settled,
+            declared=ladder.declared,
+            asymptotic=ladder.asymptotic,
+            softness=soft,
+            earlier=earlier,
+            velocities=self._velocities(),
+        )
+
+    def _velocities(self) -> float:
+        """Return the difference of the velocities of the finest level, or of the limit at order one if smaller."""
+        candidates, steps = [self.answers[-1]], self.steps[-2:]
+        if len(steps) == 2 and steps[0] and steps[1] and steps[0] > steps[1]:
+            candidates.append(extrapolated(self.answers[-2], self.answers[-1], steps[1] / (steps[0] - steps[1])))
+
+        def largest(motion: TrajectoryAnswer) -> float:
+            found = [OBSERVABLES[n](motion, self.reference, self.scales) for n in ("velocity", "angular velocity")]
+            return max(float(np.max(difference[: self.judged], initial=0.0)) for difference in found)
+
+        return min(map(largest, candidates))
+
+    def dependence(self, softer: Sequence[Run]) -> softness.Softness | None:
+        """Return the dependence on softness, from runs of the finest level with other softness; None without any."""
+        answers = [self.answers[-1], *(run.answer for run in softer)]
+        if len(answers) < 3 or self.judged < 2:
+            return None
+        found = [run.method.softness or 1.0 for run in softer if run.method is not None]
+        return softness.of_motions(answers, found, self.reference, self.scales, slice(self.judged))
+
+    def shown(self, samples: Sequence[int]) -> tuple[Level, ...]:
+        """Return the levels as the record shows them, with differences and energies at some samples."""
+        few, judged = kept_samples(len(self.reference.time), RESIDUAL_SAMPLES), slice(max(self.judged, 1))
+        return tuple(
+            Level(
+                step=run.step or 0.0,
+                cpu=run.cpu,
+                largest=float(np.max(error[judged])),
+                rms=uncertainty.rms(error[judged]),
+                difference=tuple(float(x) for x in error[samples]),
+                energy=tuple(float(x) for x in energy_over_time(self.mechanism, run.answer, samples)),
+                residual=largest_residual(self.mechanism, run.answer, few),
+                counters=run.answer.counters,
+            )
+            for run, error in zip(self.runs, self.errors, strict=True)
+        )
 
 
-# squares of a motion that diverges overflow: they are compared as infinite
+# squares of a diverging motion overflow and count as infinite
 _BLOWN_UP = np.errstate(over="ignore", invalid="ignore")
 
 
@@ -137,20 +205,16 @@ def compare_trajectory(
     ----------
     runs : sequence of Run
         Answered runs of one case, engine and method.
-    reference_motion : Yardstick
+    reference_motion : ReferenceMotion
     softer : sequence of Run
         Runs of the finest level at the scales of `softness.SCALES`, if the engine has a softness.
     earlier : str
         Difference of the engine at `model` or `instant`, in words.
     """
-    answers = [run.answer for run in runs]
-    method, reference = runs[0].method, reference_motion.answer
+    levels, method, reference = _Levels(mechanism, runs, reference_motion), runs[0].method, reference_motion.answer
     assert method is not None
-    scales = Scales.of(mechanism, reference)
-    ladder = _ladder(runs, answers, scales.size, reference_motion)
-    levels = _levels(mechanism, runs, answers, reference_motion, scales.size)
-    soft = _softness(answers[-1], softer, reference_motion, scales)
-    evidence = replace(_evidence(runs, answers, reference_motion, scales, ladder), softness=soft, earlier=earlier)
+    ladder, soft = levels.ladder, levels.dependence(softer)
+    evidence = levels.evidence(soft, earlier)
     rule, why = decide(evidence)
     samples = kept_samples(len(reference.time))
     return Comparison(
@@ -163,19 +227,19 @@ def compare_trajectory(
         verdict=rule.verdict,
         rule=rule.name,
         why=why,
-        digits=digits_of(evidence.finest) if reference_motion.judged > 1 else None,
+        digits=digits_of(evidence.finest) if levels.judged > 1 else None,
         limit_digits=None if ladder.limit is None else digits_of(ladder.limit),
         declared_order=ladder.declared,
         order=ladder.order,
         self_order=ladder.self_order,
         band=ladder.band,
         reference_spread=evidence.reference,
-        horizon=evidence.judged if reference_motion.judged < len(reference.time) else None,
+        horizon=evidence.judged if levels.judged < len(reference.time) else None,
         softness=soft,
-        observables=uncertainty.estimates(answers, method, [run.step for run in runs], scales),
+        observables=uncertainty.estimates(levels.answers, method, levels.steps, levels.scales),
         times=tuple(float(t) for t in reference.time[samples]),
         growth=() if reference_motion.growth is None else tuple(float(g) for g in reference_motion.growth[samples]),
-        levels=levels,
+        levels=levels.shown(samples),
     )
 
 
@@ -198,100 +262,11 @@ class Prospect:
     @_BLOWN_UP
     def of(cls, mechanism: Mechanism, runs: Sequence[Run], reference_motion: ReferenceMotion) -> Prospect:
         """Return the prospect of answered levels."""
-        answers = [run.answer for run in runs]
-        scales = Scales.of(mechanism, reference_motion.answer)
-        evidence = _evidence(
-            runs, answers, reference_motion, scales, _ladder(runs, answers, scales.size, reference_motion)
-        )
+        levels = _Levels(mechanism, runs, reference_motion)
+        evidence = levels.evidence()
         rule, _ = decide(evidence)
         if rule.verdict is not Verdict.DISCRETISATION:
             return cls(rule.final, False)
         assert evidence.declared is not None
-        ratio = uncertainty.ratio_of([run.step for run in runs])
-        near = evidence.finest / ratio**evidence.declared <= evidence.allowed
+        near = evidence.finest / uncertainty.ratio_of(levels.steps) ** evidence.declared <= evidence.allowed
         return cls(not near, near)
-
-
-def _evidence(
-    runs: Sequence[Run],
-    answers: Sequence[TrajectoryAnswer],
-    reference_motion: ReferenceMotion,
-    scales: Scales,
-    ladder: _Ladder,
-) -> Evidence:
-    """Return the evidence of the levels, without softness and earlier differences."""
-    reference = reference_motion.answer
-    return Evidence(
-        asked=10.0**-reference_motion.digits,
-        judged=float(reference.time[max(reference_motion.judged - 1, 0)] - reference.time[0]),
-        duration=float(np.ptp(reference.time)),
-        reference=float(reference_motion.spread[max(reference_motion.judged - 1, 0)]),
-        dispute=reference_motion.dispute,
-        finest=float(
-            np.max(difference_over_time(answers[-1], reference, scales.size)[: reference_motion.judged], initial=0.0)
-        ),
-        limit=ladder.limit,
-        band=ladder.band,
-        order=ladder.settled,
-        declared=ladder.declared,
-        asymptotic=ladder.asymptotic,
-        velocities=_velocities(runs, answers, reference_motion, scales),
-    )
-
-
-def _velocities(
-    runs: Sequence[Run], answers: Sequence[TrajectoryAnswer], reference_motion: ReferenceMotion, scales: Scales
-) -> float:
-    """Return the difference of the velocities of the finest level, or of the limit at order one if smaller."""
-    candidates = [answers[-1]]
-    steps = [run.step for run in runs[-2:]]
-    if len(steps) == 2 and steps[0] and steps[1] and steps[0] > steps[1]:
-        candidates.append(extrapolated(answers[-2], answers[-1], steps[1] / (steps[0] - steps[1])))
-    names = ("velocity", "angular velocity")
-    return min(
-        max(
-            float(
-                np.max(
-                    OBSERVABLES[name](motion, reference_motion.answer, scales)[: reference_motion.judged], initial=0.0
-                )
-            )
-            for name in names
-        )
-        for motion in candidates
-    )
-
-
-def _softness(
-    finest: TrajectoryAnswer, softer: Sequence[Run], reference_motion: ReferenceMotion, scales: Scales
-) -> softness.Softness | None:
-    answers = [finest, *(run.answer for run in softer)]
-    if len(answers) < 3 or reference_motion.judged < 2:
-        return None
-    found = [run.method.softness or 1.0 for run in softer if run.method is not None]
-    return softness.of_motions(answers, found, reference_motion.answer, scales, slice(reference_motion.judged))
-
-
-def _levels(
-    mechanism: Mechanism,
-    runs: Sequence[Run],
-    answers: Sequence[TrajectoryAnswer],
-    reference_motion: ReferenceMotion,
-    size: float,
-) -> tuple[Level, ...]:
-    reference, judged = reference_motion.answer, slice(max(reference_motion.judged, 1))
-    samples = kept_samples(len(reference.time))
-    few = kept_samples(len(reference.time), RESIDUAL_SAMPLES)
-    differences = [difference_over_time(a, reference, size) for a in answers]
-    return tuple(
-        Level(
-            step=run.step or 0.0,
-            cpu=run.cpu,
-            largest=float(np.max(d[judged])),
-            rms=uncertainty.rms(d[judged]),
-            difference=tuple(float(x) for x in d[samples]),
-            energy=tuple(float(x) for x in energy_over_time(mechanism, answer, samples)),
-            residual=largest_residual(mechanism, answer, few),
-            counters=answer.counters,
-        )
-        for run, answer, d in zip(runs, answers, differences, strict=True)
-    )

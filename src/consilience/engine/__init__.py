@@ -3,7 +3,7 @@
 An adapter needs nothing beyond this package and `consilience.mechanism`. Both import NumPy and the standard library.
 """
 
-from __future__ import annotations
+# mypy: implicit-reexport
 
 from consilience.engine.answers import (
     EngineInfo,
@@ -31,35 +31,3 @@ from consilience.engine.protocol import (
     split_name,
 )
 from consilience.engine.questions import Answer, Question, defects, load_named
-
-__all__ = [
-    "Answer",
-    "Engine",
-    "EngineInfo",
-    "InstantAnswer",
-    "Manifest",
-    "Method",
-    "ModelAnswer",
-    "Profile",
-    "Question",
-    "Route",
-    "Run",
-    "Status",
-    "TrajectoryAnswer",
-    "Unsupported",
-    "adapter_file",
-    "beside_adapter",
-    "beyond",
-    "defects",
-    "engine_distribution",
-    "engines_like",
-    "installed",
-    "lacks_engine",
-    "load_engine",
-    "load_named",
-    "pip_requirement",
-    "require_installed",
-    "runge_kutta_4",
-    "solve_constrained",
-    "split_name",
-]

@@ -5,13 +5,9 @@ is), `joints` and `joint_rows` (what a joint holds), `constraints` (the equation
 `elementary_tree` (the form for engines in minimal coordinates). Conventions are in docs/conventions.md.
 """
 
-from __future__ import annotations
+# mypy: implicit-reexport
 
-from consilience.mechanism.applied_forces import (
-    Wrenches,
-    applied_wrenches,
-    conservative_part,
-)
+from consilience.mechanism.applied_forces import Wrenches, applied_wrenches, conservative_part
 from consilience.mechanism.assembly import (
     Initial,
     assemble_positions,
@@ -22,11 +18,7 @@ from consilience.mechanism.assembly import (
     move,
     random_states,
 )
-from consilience.mechanism.conditioning import (
-    mass_matrix_condition,
-    reaction_condition,
-    worst_condition,
-)
+from consilience.mechanism.conditioning import mass_matrix_condition, reaction_condition, worst_condition
 from consilience.mechanism.constraints import (
     RANK_TOLERANCE,
     RelativeMotion,
@@ -41,12 +33,7 @@ from consilience.mechanism.constraints import (
     reaction_in_F,
     relative_motion,
 )
-from consilience.mechanism.contacts import (
-    Contact,
-    PointPlane,
-    SpherePlane,
-    SphereSphere,
-)
+from consilience.mechanism.contacts import Contact, PointPlane, SpherePlane, SphereSphere
 from consilience.mechanism.element_rows import (
     Angles,
     ElementRow,
@@ -57,13 +44,7 @@ from consilience.mechanism.element_rows import (
     rolling_contact,
     rolling_rows,
 )
-from consilience.mechanism.elementary_tree import (
-    Coordinate,
-    Link,
-    Tree,
-    coordinates,
-    to_elementary_tree,
-)
+from consilience.mechanism.elementary_tree import Coordinate, Link, Tree, coordinates, to_elementary_tree
 from consilience.mechanism.elements import (
     Control,
     Coupling,
@@ -76,38 +57,10 @@ from consilience.mechanism.elements import (
     Spring,
     friction_law,
 )
-from consilience.mechanism.functions import (
-    Function,
-    Jet,
-    Table,
-    constant,
-    linear,
-    sine,
-    through,
-)
-from consilience.mechanism.joint_rows import (
-    full_turns,
-    joint_frames,
-    row_gamma,
-    row_jacobian,
-    row_target,
-    row_value,
-)
-from consilience.mechanism.joints import (
-    AXIS_COORDINATES,
-    BASIC_CONSTRAINTS,
-    JOINT_KINDS,
-    JointKind,
-)
-from consilience.mechanism.model import (
-    GROUND,
-    Body,
-    Frame,
-    Joint,
-    Mechanism,
-    State,
-    check_inertia,
-)
+from consilience.mechanism.functions import Function, Jet, Table, constant, linear, sine, through
+from consilience.mechanism.joint_rows import full_turns, joint_frames, row_gamma, row_jacobian, row_target, row_value
+from consilience.mechanism.joints import AXIS_COORDINATES, BASIC_CONSTRAINTS, JOINT_KINDS, JointKind
+from consilience.mechanism.model import GROUND, Body, Frame, Joint, Mechanism, State, check_inertia
 from consilience.mechanism.observables import (
     body_point,
     centres_of_mass,
@@ -125,9 +78,7 @@ from consilience.mechanism.observables import (
     reaction_map,
     world_inertias,
 )
-from consilience.mechanism.spanning_tree import (
-    spanning_tree,
-)
+from consilience.mechanism.spanning_tree import spanning_tree
 from consilience.mechanism.spatial import (
     Array,
     continuous_in_time,
@@ -147,116 +98,3 @@ from consilience.mechanism.spatial import (
     rotation_with_z_axis,
     skew,
 )
-
-__all__ = [
-    "AXIS_COORDINATES",
-    "BASIC_CONSTRAINTS",
-    "GROUND",
-    "JOINT_KINDS",
-    "RANK_TOLERANCE",
-    "Angles",
-    "Array",
-    "Body",
-    "Contact",
-    "Control",
-    "Coordinate",
-    "Coupling",
-    "Drive",
-    "ElementRow",
-    "Frame",
-    "Friction",
-    "Function",
-    "Initial",
-    "Jet",
-    "Joint",
-    "JointKind",
-    "JointSpring",
-    "Link",
-    "Load",
-    "Mechanism",
-    "PointPlane",
-    "RelativeMotion",
-    "Rolling",
-    "Skate",
-    "SpherePlane",
-    "SphereSphere",
-    "Spring",
-    "State",
-    "Table",
-    "Tree",
-    "Wrenches",
-    "applied_wrenches",
-    "assemble_positions",
-    "assemble_velocities",
-    "body_point",
-    "centres_of_mass",
-    "characteristic_length",
-    "check_inertia",
-    "conservative_part",
-    "constant",
-    "constraint_gamma",
-    "constraint_jacobian",
-    "constraint_rates",
-    "constraint_residual",
-    "continuous_in_time",
-    "coordinates",
-    "count_turns",
-    "cross",
-    "determinate_reactions",
-    "displaced_states",
-    "drawing_state",
-    "elementary_rotation",
-    "euler_parameter_matrix",
-    "free_directions",
-    "friction_law",
-    "full_turns",
-    "holonomic_rows",
-    "initial_state",
-    "joint_coordinates",
-    "joint_frames",
-    "joint_rates",
-    "joint_spring_coordinates",
-    "joint_spring_motion",
-    "kinetic_energies",
-    "kinetic_energy",
-    "linear",
-    "load_potentials",
-    "mass_matrix",
-    "mass_matrix_condition",
-    "mass_properties",
-    "move",
-    "non_holonomic_rows",
-    "null_space",
-    "orthogonal_triad",
-    "plane_axes",
-    "potential_energies",
-    "potential_energy",
-    "quaternion_from_rotation",
-    "quaternion_from_rotation_vector",
-    "quaternion_product",
-    "random_states",
-    "reaction_condition",
-    "reaction_in_F",
-    "reaction_map",
-    "relative_motion",
-    "rolling_contact",
-    "rolling_rows",
-    "rotation_angle_between",
-    "rotation_from_bryant_xyz",
-    "rotation_from_euler_zxz",
-    "rotation_from_quaternion",
-    "rotation_from_three_points",
-    "rotation_vector_from_quaternion",
-    "rotation_with_z_axis",
-    "row_gamma",
-    "row_jacobian",
-    "row_target",
-    "row_value",
-    "sine",
-    "skew",
-    "spanning_tree",
-    "through",
-    "to_elementary_tree",
-    "world_inertias",
-    "worst_condition",
-]

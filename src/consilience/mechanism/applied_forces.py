@@ -46,6 +46,7 @@ class Wrenches:
 
         Parameters
         ----------
+        body : str
         force, torque : ndarray, shape (3,), N and N m
             World axes.
         point_W : ndarray, shape (3,), m
@@ -87,6 +88,7 @@ def applied_wrenches(mechanism: Mechanism, state: State, t: float = 0.0) -> Wren
 
 
 def _add_springs(sums: Wrenches, t: float) -> None:
+    """Add the forces of springs, dampers and actuators between points at the time t, s."""
     mechanism, state = sums.mechanism, sums.state
     for s in mechanism.springs:
         p_i, v_i = body_point(mechanism, state, s.predecessor, s.point_predecessor)
@@ -101,6 +103,7 @@ def _add_springs(sums: Wrenches, t: float) -> None:
 
 
 def _add_loads(sums: Wrenches, t: float) -> None:
+    """Add the forces and torques on bodies at the time t, s."""
     mechanism, state = sums.mechanism, sums.state
     for load in mechanism.loads:
         if load.body == GROUND:

@@ -2,8 +2,8 @@
 
 Positions satisfy ``g(p, R, t) = 0`` by Newton-Raphson's method with minimum-norm (SVD) steps [MASS], velocities
 ``Q v = nu`` by least squares. Joint coordinates and rates that a user gives are *held* ("emphasised" in MASS): rows of
-their own beside those of the constraints. The drawing, or poses given for bodies, is the guess, and all else moves as
-little as possible, m and rad counted alike.
+their own beside those of the constraints. The drawing, or poses given for bodies, is the initial guess; bodies move as
+little as possible from there, m and rad counted alike.
 
 A displacement of a body is ``(dr, phi)``: of the origin in m, and a rotation vector in rad, both in axes of the world.
 """
@@ -53,7 +53,7 @@ class Initial:
     Attributes
     ----------
     coordinates, rates : mapping of joint name to mapping of coordinate name to value
-        HeldCoordinates joint coordinates and rates, by the names of `JOINT_KINDS`.
+        Held joint coordinates and rates, by the names of `JOINT_KINDS`.
     poses : mapping of body name to Frame
         Poses in the world, the guess in place of the drawing.
     velocities : mapping of body name to (v_WB_W, w_WB_W)
@@ -114,6 +114,7 @@ def held_error(mechanism: Mechanism, state: State, joint: Joint, coordinate: str
 
     Parameters
     ----------
+    joint : Joint
     coordinate : str
         Name of the coordinate in `JOINT_KINDS`.
     target : array_like, m or rad
@@ -222,12 +223,10 @@ def largest_residual(values: Array) -> float:
 
 
 def refuse_flipped(mechanism: Mechanism, state: State) -> None:
-    """Refuse a joint with M turned by half a turn: ``D_kl = 0`` holds there, too, but the mechanism is another one."""
+    """Refuse joints with frame M turned by half a turn: ``D_kl = 0`` holds there as well, for another mechanism."""
     for joint in mechanism.joints:
         f = joint_frames(mechanism, state, joint)
-        flipped = "D13" in joint.rows and f.U[:, 2] @ f.W[:, 2] < 0
-        flipped = flipped or ("D12" in joint.rows and f.U[:, 0] @ f.W[:, 0] < 0)
-        if flipped:
+        if any(row in joint.rows and f.U[:, k] @ f.W[:, k] < 0 for row, k in (("D13", 2), ("D12", 0))):
             raise CannotAssemble(
                 f"mechanism '{mechanism.name}': joint '{joint.name}'",
                 "it closes only with frame M flipped over",
@@ -292,6 +291,24 @@ def initial_state(mechanism: Mechanism, initial: Initial | None = None, t: float
     return assemble_velocities(mechanism, State(placed.p_WB, placed.quat_WB, v, w), rates, t)
 
 
+def _free_motion(
+    mechanism: Mechanism, state: State, rng: np.random.Generator, holonomic: bool = False, scale: float = 1.0
+) -> Array:
+    """Return a random vector of the free directions, shape (6 n_b,), each component of standard deviation `scale`.
+
+    Parameters
+    ----------
+    state : State
+        Consistent state of the mechanism.
+    rng : Generator
+    holonomic : bool
+        A displacement, m and rad; default: a velocity, m/s and rad/s.
+    scale : float
+    """
+    basis = free_directions(mechanism, state, holonomic)
+    return basis @ rng.normal(scale=scale, size=basis.shape[1])
+
+
 def random_states(mechanism: Mechanism, start: State, count: int, seed: int, speed: float = 2.0) -> list[State]:
     """Return consistent states on the branch of `start`: a random walk on the constraint manifold, random velocities.
 
@@ -315,8 +332,7 @@ def random_states(mechanism: Mechanism, start: State, count: int, seed: int, spe
                 f"{failed} random steps away from a state of it led nowhere",
                 "Ask for fewer states (instant.states = 1 asks for the initial one alone).",
             )
-        basis = free_directions(mechanism, state, holonomic=True)
-        step = basis @ rng.normal(size=basis.shape[1])
+        step = _free_motion(mechanism, state, rng, holonomic=True)
         step *= 0.25 / max(largest_residual(step), 1e-300)
         try:
             state = assemble_positions(mechanism, move(state, step))
@@ -324,8 +340,7 @@ def random_states(mechanism: Mechanism, start: State, count: int, seed: int, spe
             failed += 1
             continue  # no pose near there: draw another step
         failed = 0
-        free = free_directions(mechanism, state)
-        velocity = (free @ rng.normal(scale=speed, size=free.shape[1])).reshape(-1, 6)
+        velocity = _free_motion(mechanism, state, rng, scale=speed).reshape(-1, 6)
         moving = State(state.p_WB, state.quat_WB, velocity[:, :3], velocity[:, 3:])
         states.append(assemble_velocities(mechanism, moving))
     return states
@@ -346,11 +361,9 @@ def displaced_states(mechanism: Mechanism, start: State, size: float, count: int
     rng = np.random.default_rng(seed)
     states = []
     for _ in range(count):
-        basis = free_directions(mechanism, start, holonomic=True)
-        step = basis @ rng.normal(size=basis.shape[1])
+        step = _free_motion(mechanism, start, rng, holonomic=True)
         placed = assemble_positions(mechanism, move(start, size * step / max(float(np.linalg.norm(step)), 1e-300)))
-        free = free_directions(mechanism, placed)
-        push = free @ rng.normal(size=free.shape[1])
+        push = _free_motion(mechanism, placed, rng)
         change = (size * push / max(float(np.linalg.norm(push)), 1e-300)).reshape(-1, 6)
         moving = State(placed.p_WB, placed.quat_WB, placed.v_WB_W + change[:, :3], placed.w_WB_W + change[:, 3:])
         states.append(assemble_velocities(mechanism, moving))

@@ -14,7 +14,7 @@ mass matrix M of all bodies and the constraint Jacobian Q, five condition number
 
 The error of a solution is some eps times the condition number of its matrix; for H and A in unit-diagonal form,
 whatever the units of the coordinates [J. Demmel 1989; N. J. Higham, Accuracy and Stability of Numerical Algorithms,
-2002, theorem 10.6]. The condition number of A is the square of what a method pays that does not form A.
+2002, theorem 10.6]. A method that does not form A has the square root of the condition number of A.
 """
 
 from __future__ import annotations

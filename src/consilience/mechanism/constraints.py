@@ -46,7 +46,7 @@ def _elements(mechanism: Mechanism, state: State, t: float, angles: Angles | Non
 def constraint_residual(mechanism: Mechanism, state: State, t: float = 0.0, angles: Angles | None = None) -> Array:
     """Return the violation g of every holonomic row, shape (holonomic_count,), in m, rad or dimensionless.
 
-    A state does not count turns: `angles` (see `count_turns`) are the previous angles of joints that drive a coupling.
+    A state has no count of turns: `angles` (see `count_turns`) are the previous angles of joints that drive a coupling.
     """
     values = []
     for joint in mechanism.joints:
@@ -119,7 +119,7 @@ def constraint_gamma(
 def free_directions(mechanism: Mechanism, state: State, holonomic: bool = False, t: float = 0.0) -> Array:
     """Return an orthonormal basis of the velocities that the constraints allow, shape (6 n_b, freedom).
 
-    With `holonomic`, of the displacements that they allow: non-holonomic rows hold velocities and no positions.
+    With `holonomic`, a basis of the allowed displacements: non-holonomic rows constrain velocities, not positions.
     """
     Q = constraint_jacobian(mechanism, state, t=t)
     return null_space(Q[: mechanism.holonomic_count] if holonomic else Q)
@@ -157,12 +157,7 @@ class RelativeMotion:
 def relative_motion(mechanism: Mechanism, state: State, joint: Joint) -> RelativeMotion:
     """Return pose and twist of frame M relative to frame F of a joint."""
     f = joint_frames(mechanism, state, joint)
-    return RelativeMotion(
-        p=f.U.T @ f.d,
-        R=f.U.T @ f.W,
-        v=f.U.T @ (f.d_dot - cross(f.w_i, f.d)),
-        w=f.U.T @ (f.w_j - f.w_i),
-    )
+    return RelativeMotion(f.U.T @ f.d, f.U.T @ f.W, f.U.T @ (f.d_dot - cross(f.w_i, f.d)), f.U.T @ (f.w_j - f.w_i))
 
 
 def joint_coordinates(joint: Joint, motion: RelativeMotion) -> dict[str, Array]:

@@ -30,16 +30,24 @@ def _unit(where: str, value: Array) -> Array:
     return _vector(where, a / length)
 
 
-def _check(name: str, body: str, partner: str, restitution: float, friction: float, *radii: float) -> None:
-    where = f"contact '{name}'"
-    if body == partner:
-        raise InvalidInput(where, f"both sides are '{body}'", "Let two different bodies touch.")
+_MADE = {"center": _vector, "corner": _vector, "point": _vector, "partner_center": _vector, "normal": _unit}
+"""Fields of contacts that are vectors, with the function that checks and freezes them."""
+
+
+def _check(contact: Contact) -> None:
+    """Refuse values out of range, and freeze the vectors."""
+    where, restitution, friction = f"contact '{contact.name}'", contact.restitution, contact.friction
+    if contact.body == contact.partner:
+        raise InvalidInput(where, f"both sides are '{contact.body}'", "Let two different bodies touch.")
     if not 0.0 <= restitution <= 1.0:
         raise InvalidInput(f"{where}: restitution", f"{restitution} is out of range", "Choose 0 to 1.")
     if not 0.0 <= friction < np.inf:
         raise InvalidInput(f"{where}: friction", f"{friction} is out of range", "Give a coefficient of at least 0.")
-    if not all(0.0 < radius < np.inf for radius in radii):
+    if not all(0.0 < value < np.inf for name, value in vars(contact).items() if name.endswith("radius")):
         raise InvalidInput(f"{where}: radius", "it is not positive", "Give a radius above zero.")
+    for name, make in _MADE.items():
+        if name in vars(contact):
+            object.__setattr__(contact, name, make(f"{where}: {name}", getattr(contact, name)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,11 +83,7 @@ class SpherePlane:
     friction: float = 0.0
 
     def __post_init__(self) -> None:
-        _check(self.name, self.body, self.partner, self.restitution, self.friction, self.radius)
-        where = f"contact '{self.name}'"
-        object.__setattr__(self, "center", _vector(f"{where}: center", self.center))
-        object.__setattr__(self, "point", _vector(f"{where}: point", self.point))
-        object.__setattr__(self, "normal", _unit(f"{where}: normal", self.normal))
+        _check(self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,11 +106,7 @@ class PointPlane:
     friction: float = 0.0
 
     def __post_init__(self) -> None:
-        _check(self.name, self.body, self.partner, self.restitution, self.friction)
-        where = f"contact '{self.name}'"
-        object.__setattr__(self, "corner", _vector(f"{where}: corner", self.corner))
-        object.__setattr__(self, "point", _vector(f"{where}: point", self.point))
-        object.__setattr__(self, "normal", _unit(f"{where}: normal", self.normal))
+        _check(self)
 
     @property
     def center(self) -> Array:
@@ -134,10 +134,7 @@ class SphereSphere:
     friction: float = 0.0
 
     def __post_init__(self) -> None:
-        _check(self.name, self.body, self.partner, self.restitution, self.friction, self.radius, self.partner_radius)
-        where = f"contact '{self.name}'"
-        object.__setattr__(self, "center", _vector(f"{where}: center", self.center))
-        object.__setattr__(self, "partner_center", _vector(f"{where}: partner_center", self.partner_center))
+        _check(self)
 
 
 Contact = SpherePlane | PointPlane | SphereSphere

@@ -48,7 +48,15 @@ Angles = Mapping[str, float]
 def _coordinate(
     mechanism: Mechanism, state: State, name: str, coordinate: str, near: float
 ) -> tuple[float, Array, float, float]:
-    """Value, coefficients (6 n_b,), gamma and rate of a coordinate of the joint of a name."""
+    """Value, coefficients (6 n_b,), gamma and rate of a joint coordinate.
+
+    Parameters
+    ----------
+    name, coordinate : str
+        Joint, and its coordinate.
+    near : float, rad
+        Angle from which turns are counted.
+    """
     joint = mechanism.joints[mechanism.joint_index[name]]
     frames = joint_frames(mechanism, state, joint)
     pair = coordinate_jacobian(frames, coordinate)
@@ -151,6 +159,7 @@ def rolling_rows(mechanism: Mechanism, state: State, rolling: Rolling) -> Iterat
 
 
 def _skate_row(mechanism: Mechanism, state: State, skate: Skate) -> ElementRow:
+    """Row ``l . (v + w x s) = 0`` of a skate."""
     i = mechanism.body_index[skate.body]
     R_WB, v, w = state.R_WB[i], state.v_WB_W[i], state.w_WB_W[i]
     s, lateral = R_WB @ skate.point, R_WB @ skate.lateral

@@ -34,7 +34,7 @@ frame where its coordinate is zero; the inertia of a link is about its centre of
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -51,6 +51,7 @@ _Z_TO_X = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # colum
 _Z_TO_Y = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])  # columns z, x, y: the new z is the old y
 _SWAP_X_Z = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])
 _ONE = np.eye(3)
+_IDENTITY = Frame(np.zeros(3), _ONE)
 
 # elementary joints of a chain, with the axes of their frames in F (in M where the tree passes a joint backwards)
 _CHAINS: dict[str, tuple[tuple[ElementaryJoint, Array], ...]] = {
@@ -113,12 +114,12 @@ class Link:
     joint: int
     reversed: bool
     last: bool
-    body: int
-    share: float
-    body_frame: Frame
-    mass: float
-    com: Array
-    inertia: Array
+    body: int = -1
+    share: float = 0.0
+    body_frame: Frame = _IDENTITY
+    mass: float = 0.0
+    com: Array = field(default_factory=lambda: np.zeros(3))
+    inertia: Array = field(default_factory=lambda: np.zeros((3, 3)))
 
 
 @dataclass(frozen=True)
@@ -172,6 +173,11 @@ class Coordinate:
     w: Array | None = None
 
 
+def _bodies(joint: Joint, backward: bool) -> tuple[str, str]:
+    """Names of the bodies before and after a joint, as the tree passes it."""
+    return (joint.successor, joint.predecessor) if backward else (joint.predecessor, joint.successor)
+
+
 def _end_frames(joint: Joint, backward: bool) -> tuple[Frame, Frame]:
     """Frames at the start and at the end of the chain of a joint, as the tree passes it."""
     if not backward:
@@ -182,7 +188,7 @@ def _end_frames(joint: Joint, backward: bool) -> tuple[Frame, Frame]:
 
 
 def _chain_of(joint: Joint, backward: bool) -> str:
-    """Key of `_CHAINS`."""
+    """Key of `_CHAINS` for a joint, as the tree passes it."""
     return f"{joint.kind}~" if backward and f"{joint.kind}~" in _CHAINS else joint.kind
 
 
@@ -202,7 +208,7 @@ def _chain(mechanism: Mechanism, k: int, backward: bool, parent_frame: Frame, na
     """
     joint = mechanism.joints[k]
     start, end = _end_frames(joint, backward)
-    body = mechanism.body_index[joint.predecessor if backward else joint.successor]
+    body = mechanism.body_index[_bodies(joint, backward)[1]]
     p, R = parent_frame.p + parent_frame.R @ start.p, parent_frame.R @ start.R
     links: list[Link] = []
     axes_before = _ONE
@@ -224,10 +230,7 @@ def _chain(mechanism: Mechanism, k: int, backward: bool, parent_frame: Frame, na
                 last=last,
                 body=body if last else -1,
                 share=1.0 if last else 0.0,
-                body_frame=Frame(-R_LB @ end.p, R_LB) if last else Frame(np.zeros(3), _ONE),
-                mass=0.0,
-                com=np.zeros(3),
-                inertia=np.zeros((3, 3)),
+                body_frame=Frame(-R_LB @ end.p, R_LB) if last else _IDENTITY,
             )
         )
         p, R, axes_before = np.zeros(3), axes.T, axes
@@ -250,47 +253,40 @@ def to_elementary_tree(mechanism: Mechanism) -> Tree:
     joints, closing = spanning_tree(mechanism)
     links: list[Link] = []
     carrier: dict[str, int] = {}
-    identity = Frame(np.zeros(3), _ONE)
 
     def append(k: int, backward: bool, name: str) -> None:
         """Append the chain of joint k to the link of the body before the joint."""
-        joint = mechanism.joints[k]
-        from_body = joint.successor if backward else joint.predecessor
-        parent = carrier.get(from_body, -1)
-        chain = _chain(mechanism, k, backward, links[parent].body_frame if parent >= 0 else identity, name)
+        parent = carrier.get(_bodies(mechanism.joints[k], backward)[0], -1)
+        chain = _chain(mechanism, k, backward, links[parent].body_frame if parent >= 0 else _IDENTITY, name)
         for n, link in enumerate(chain):
             links.append(replace(link, parent=parent if n == 0 else len(links) - 1))
 
     for k, backward in joints:
-        joint = mechanism.joints[k]
-        to_body = joint.predecessor if backward else joint.successor
+        to_body = _bodies(mechanism.joints[k], backward)[1]
         append(k, backward, to_body)
         carrier[to_body] = len(links) - 1
     welds = []
     for k in closing:
         joint = mechanism.joints[k]
         backward = joint.successor == GROUND
-        to_body = joint.predecessor if backward else joint.successor
+        to_body = _bodies(joint, backward)[1]
         append(k, backward, f"{to_body}~{joint.name}")
         welds.append(Weld(joint=k, original=carrier[to_body], copy=len(links) - 1))
     return _in_depth_first_order(_share_masses(mechanism, links), welds)
 
 
 def _share_masses(mechanism: Mechanism, links: list[Link]) -> list[Link]:
+    """Give each link that carries a body its share of mass and inertia: equal shares for a body and its copies."""
     counts = [sum(link.body == b for link in links) for b in range(len(mechanism.bodies))]
-    shared = []
-    for link in links:
-        if link.body >= 0:
-            body, R, share = mechanism.bodies[link.body], link.body_frame.R, 1.0 / counts[link.body]
-            link = replace(  # noqa: PLW2901 - the loaded link takes the place of the bare one
-                link,
-                share=share,
-                mass=share * body.mass,
-                com=link.body_frame.p + R @ body.com,
-                inertia=share * R @ body.inertia @ R.T,
-            )
-        shared.append(link)
-    return shared
+
+    def loaded(link: Link) -> Link:
+        if link.body < 0:
+            return link
+        body, R, share = mechanism.bodies[link.body], link.body_frame.R, 1.0 / counts[link.body]
+        com, inertia = link.body_frame.p + R @ body.com, share * R @ body.inertia @ R.T
+        return replace(link, share=share, mass=share * body.mass, com=com, inertia=inertia)
+
+    return [loaded(link) for link in links]
 
 
 def _in_depth_first_order(links: list[Link], welds: list[Weld]) -> Tree:
@@ -320,10 +316,8 @@ def coordinates(mechanism: Mechanism, tree: Tree, state: State) -> list[Coordina
         if not cache.get(key):
             joint = mechanism.joints[link.joint]
             start, end = _end_frames(joint, link.reversed)
-            if link.reversed:
-                passed = replace(joint, predecessor=joint.successor, successor=joint.predecessor, F=start, M=end)
-            else:
-                passed = joint
+            before, after = _bodies(joint, link.reversed)
+            passed = replace(joint, predecessor=before, successor=after, F=start, M=end)
             cache[key] = _chain_coordinates(_chain_of(joint, link.reversed), relative_motion(mechanism, state, passed))
         result.append(cache[key].pop(0))
     return result
@@ -338,26 +332,23 @@ def _chain_coordinates(chain: str, motion: RelativeMotion) -> list[Coordinate]:
     ball = Coordinate(quat=quat, w=w_link)
     p_seen, v_seen = R.T @ p, R.T @ (v - np.cross(w, p))  # in the axes of the end frame
     seen = [Coordinate(q=float(p_seen[n]), rate=float(v_seen[n])) for n in range(3)]
-    chains = {
-        "revolute": lambda: [angle],
-        "prismatic": lambda: [slide[2]],
-        "cylindrical": lambda: [slide[2], angle],
-        "universal": lambda: [
-            angle,
-            Coordinate(q=float(np.arctan2(R[2, 1], R[2, 2])), rate=float(R[:, 0] @ w)),
-        ],
-        "planar": lambda: [slide[0], slide[1], angle],
-        "spherical": lambda: [ball],
-        "free": lambda: [Coordinate(p=p, v=v, quat=quat, w=w_link)],
-        "rigid": lambda: [Coordinate()],
-        "rod": lambda: _rod_coordinates(motion),
-        "point_on_line": lambda: [slide[2], ball],
-        "point_in_plane": lambda: [slide[0], slide[1], ball],
-        "parallel_axes": lambda: [*slide, angle],
-        "point_on_line~": lambda: [ball, seen[2]],
-        "point_in_plane~": lambda: [ball, seen[0], seen[1], Coordinate()],
-    }
-    return chains[chain]()
+    if chain == "rod":
+        return _rod_coordinates(motion)
+    return {
+        "revolute": [angle],
+        "prismatic": [slide[2]],
+        "cylindrical": [slide[2], angle],
+        "universal": [angle, Coordinate(q=float(np.arctan2(R[2, 1], R[2, 2])), rate=float(R[:, 0] @ w))],
+        "planar": [slide[0], slide[1], angle],
+        "spherical": [ball],
+        "free": [Coordinate(p=p, v=v, quat=quat, w=w_link)],
+        "rigid": [Coordinate()],
+        "point_on_line": [slide[2], ball],
+        "point_in_plane": [slide[0], slide[1], ball],
+        "parallel_axes": [*slide, angle],
+        "point_on_line~": [ball, seen[2]],
+        "point_in_plane~": [ball, seen[0], seen[1], Coordinate()],
+    }[chain]
 
 
 def _rod_coordinates(motion: RelativeMotion) -> list[Coordinate]:

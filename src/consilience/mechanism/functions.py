@@ -3,8 +3,7 @@
     f(x) = sum_k c_k x^k + sum_n a_n sin(w_n x + phi_n) + table(x)
 
 Functions are data: a case file holds them and a compiled kernel evaluates them. A table is interpolated by a spline of
-degree five through its points, continuous to the fourth derivative, so that accelerations of what follows the table are
-smooth.
+degree five through its points, continuous to the fourth derivative, so that driven accelerations are smooth.
 """
 
 from __future__ import annotations
@@ -76,14 +75,15 @@ class Table:
     def pieces(self) -> Array:
         """Polynomials of the spline as rows: left end, right end, coefficients of ``(x - left)^0..5``.
 
-        One polynomial from each point to the next: terms of longer polynomials cancel, and miss the points by more.
+        One polynomial from each point to the next, in powers of the distance to the left point: terms of polynomials
+        over longer pieces cancel, and the curve misses the points by more.
         """
         from scipy.interpolate import make_interp_spline  # noqa: PLC0415 - a worker has no SciPy
 
         spline = make_interp_spline(self.x, self.y, _DEGREE, bc_type="periodic" if self.periodic else None)
         left, right = self.x[:-1], self.x[1:]
         terms = [spline(left, k) / factorial(k) for k in range(1, _DEGREE)]
-        # constant in a piece, with jumps at the points: taken in the middle, whatever the rounding of a period
+        # the fifth derivative is constant in a piece and jumps at the points: evaluate it in the middle of the piece
         terms.append(spline((left + right) / 2, _DEGREE) / factorial(_DEGREE))
         return np.column_stack([left, right, self.y[:-1], *terms])
 

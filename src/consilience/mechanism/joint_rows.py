@@ -8,9 +8,9 @@ rad, D without unit.
 Coefficients of a row multiply ``(v_i, w_i, v_j, w_j)``: velocities of the body *origins* and angular velocities, in
 world axes. Gamma is the right-hand side of ``row . (a_i, alpha_i, a_j, alpha_j) = gamma``.
 
-The reference solver has compiled rows of its own, about the *centres of mass* (`reference.bodies.joint_rows`). The two
-share no code on purpose: tests compare one with the other. A test that takes its rows from here is not independent of
-an adapter that does.
+The reference solver has compiled rows of its own, about the *centres of mass* (`reference.bodies.joint_rows`). Both
+share no code on purpose, and tests compare them. An adapter that takes rows from here needs a test with rows from
+elsewhere.
 """
 
 from __future__ import annotations
@@ -142,8 +142,7 @@ def row_value(frames: JointFrames, row: str) -> float:
 
 def row_jacobian(frames: JointFrames, row: str) -> Array:
     """Return the coefficients of a basic constraint, shape (12,)."""
-    found: Array = row_jacobians(frames, (row,))[0]
-    return found
+    return row_jacobians(frames, (row,))[0]
 
 
 def row_jacobians(frames: JointFrames, rows: Sequence[str]) -> Array:

@@ -1,4 +1,4 @@
-"""The neutral mechanism (ground, bodies, joints, elements, gravity) and its state: immutable data, no word of engines.
+"""Mechanism (ground, bodies, joints, elements, gravity) and state: immutable data, independent of any engine.
 
 Conventions (docs/conventions.md): SI units, radians, right-handed frames. W is the world frame, fixed to the body
 called ``ground``; B is the frame of a body. ``p_WB`` is the position of the origin of B from that of W in axes of W,
@@ -9,7 +9,7 @@ called ``ground``; B is the frame of a body. ``p_WB`` is the position of the ori
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
@@ -155,20 +155,6 @@ class Joint:
 
 Element = Spring | JointSpring | Load | Friction | Control | Drive | Coupling | Rolling | Skate | Contact
 
-_ELEMENT_KINDS = {
-    "springs": "spring",
-    "joint_springs": "joint spring",
-    "loads": "load",
-    "frictions": "friction",
-    "controls": "control",
-    "drives": "drive",
-    "couplings": "coupling",
-    "rollings": "rolling",
-    "skates": "skate",
-    "contacts": "contact",
-}
-"""Fields of `Mechanism` that hold elements, with the name of one element in messages."""
-
 
 @dataclass(frozen=True, eq=False)
 class Mechanism:
@@ -230,9 +216,10 @@ class Mechanism:
     @property
     def _elements(self) -> Iterator[tuple[str, Element]]:
         """Every element that is neither body nor joint, with its kind as messages name it."""
-        for group, what in _ELEMENT_KINDS.items():
-            for element in getattr(self, group):
-                yield what, element
+        for group in fields(self):
+            if group.default == ():  # bodies and joints have no default
+                for element in getattr(self, group.name):
+                    yield group.name.removesuffix("s").replace("_", " "), element
 
     @cached_property
     def features(self) -> dict[str, str]:
@@ -252,6 +239,7 @@ class Mechanism:
         return found
 
     def _check_names(self) -> None:
+        """Refuse two bodies, joints or elements of one name."""
         groups: dict[str, list[str]] = {
             "body": [GROUND, *(b.name for b in self.bodies)],
             "joint": [j.name for j in self.joints],
@@ -265,6 +253,7 @@ class Mechanism:
                 seen.add(name)
 
     def _check_references(self) -> None:
+        """Refuse names of bodies, joints and coordinates that do not exist, and guides on the ground."""
         bodies = [(f"joint '{j.name}'", n) for j in self.joints for n in (j.predecessor, j.successor)]
         for what, element in self._elements:
             where = f"{what} '{element.name}'"
@@ -300,6 +289,7 @@ class Mechanism:
             raise InvalidInput(where, f"a {kind} joint has no '{coordinate}'", f"It has: {', '.join(known)}.")
 
     def _check_connected(self) -> None:
+        """Refuse bodies that no chain of joints connects to the ground."""
         beside: dict[str, list[str]] = {}
         for j in self.joints:
             beside.setdefault(j.predecessor, []).append(j.successor)

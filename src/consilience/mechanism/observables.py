@@ -1,7 +1,7 @@
 """Energy, momentum, mass properties and determined reactions of a mechanism from its motion alone.
 
-The same functions serve every engine: what is plotted and judged over a trajectory is computed here from poses and
-velocities. The energies an engine states for itself are an answer, and are compared with these.
+For every engine, energies over a trajectory are computed here, from poses and velocities. The energies that an engine
+itself states at an instant are an answer, and are compared with these.
 
 All vectors are in axes of the world W. A body's velocity ``v_WB_W`` is that of its origin B, in m/s; the velocity of
 its centre of mass c at the arm ``s = R_WB com`` is ``v + w x s``. SI units throughout.
@@ -9,7 +9,7 @@ its centre of mass c at the arm ``s = R_WB com`` is ``v + w x s``. SI units thro
 
 from __future__ import annotations
 
-from typing import Protocol
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,34 +21,35 @@ from consilience.mechanism.constraints import (
     null_space,
     relative_motion,
 )
-from consilience.mechanism.elements import JointSpring, Spring
 from consilience.mechanism.joint_rows import joint_frames, row_jacobian
 from consilience.mechanism.model import GROUND, Joint, Mechanism, State
 from consilience.mechanism.spatial import Array, cross, skew
 
 _DETERMINED_TOLERANCE = 1e-6
-"""Largest component of a unit null vector that counts as zero: far above the rounding of a null space (1e-14 over the
-gap of the rank), far below the order of one of a component that the null space does reach."""
+"""Largest reaction, in the null space of ``Q^T``, of a component that counts as determined: far above the rounding of a
+null space (1e-14 over the gap of the rank), far below 1, the size of a component that the null space reaches."""
 
 
-class BodyMotion(Protocol):
-    """Poses and velocities of all bodies at one instant (a `State`) or, with leading axes, at several."""
+@dataclass(frozen=True, eq=False)
+class SampledMotion:
+    """Poses and velocities of all bodies at several instants: arrays of a `State` with leading axes.
 
-    @property
-    def p_WB(self) -> Array:
-        """Origins of the bodies, shape (..., n_b, 3), m."""
+    Attributes
+    ----------
+    p_WB, v_WB_W, w_WB_W : ndarray, shape (..., n_b, 3), m, m/s and rad/s
+        Origins, their velocities, and angular velocities, in world axes.
+    R_WB : ndarray, shape (..., n_b, 3, 3)
+        Rotation matrices.
+    """
 
-    @property
-    def R_WB(self) -> Array:
-        """Rotation matrices, shape (..., n_b, 3, 3)."""
+    p_WB: Array
+    R_WB: Array
+    v_WB_W: Array
+    w_WB_W: Array
 
-    @property
-    def v_WB_W(self) -> Array:
-        """Velocities of the origins, shape (..., n_b, 3), m/s."""
 
-    @property
-    def w_WB_W(self) -> Array:
-        """Angular velocities, shape (..., n_b, 3), rad/s."""
+BodyMotion = State | SampledMotion
+"""Motion of all bodies at one instant or at several; results have the leading axes of the motion."""
 
 
 def _masses(mechanism: Mechanism) -> Array:
@@ -94,10 +95,7 @@ def joint_spring_motion(mechanism: Mechanism, state: State, joint: str, coordina
     """Return a joint coordinate, an angle in (-pi, pi], and its rate."""
     target = mechanism.joints[mechanism.joint_index[joint]]
     motion = relative_motion(mechanism, state, target)
-    return (
-        float(joint_coordinates(target, motion)[coordinate]),
-        float(joint_rates(target, motion)[coordinate]),
-    )
+    return float(joint_coordinates(target, motion)[coordinate]), float(joint_rates(target, motion)[coordinate])
 
 
 def kinetic_energies(mechanism: Mechanism, motion: BodyMotion) -> Array:
@@ -150,22 +148,6 @@ def load_potentials(mechanism: Mechanism, motion: BodyMotion) -> Array:
         if load.kind == "force" and load.frame == "world":
             energy = energy - body_point(mechanism, motion, load.body, load.point)[0] @ load.vector
     return energy
-
-
-def load_potential(mechanism: Mechanism, state: State) -> float:
-    """Return the potential energy of forces fixed in the world at a state in J."""
-    return float(load_potentials(mechanism, state))
-
-
-def is_conservative(mechanism: Mechanism) -> bool:
-    """Tell whether kinetic plus potential energy is constant: nothing dissipates or does work from outside."""
-    elastic: list[Spring | JointSpring] = [*mechanism.springs, *mechanism.joint_springs]
-    working = (mechanism.frictions, mechanism.drives, mechanism.controls, mechanism.contacts)
-    return not (
-        any(working)
-        or any(s.damping != 0 or s.actuator is not None for s in elastic)
-        or any(x.kind != "force" or x.frame != "world" or x.history is not None for x in mechanism.loads)
-    )
 
 
 def characteristic_length(mechanism: Mechanism) -> float:

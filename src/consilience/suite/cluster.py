@@ -43,7 +43,6 @@ class TaskCache(Protocol):
 
     def stop(self) -> None:
         """Release all resources."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -93,11 +92,10 @@ class Pool(distributed.WorkerPlugin):  # type: ignore[misc]
         if code_of(engines.names) != engines.code:
             raise ClusterError(f"the Dask worker {self._address} has another version of Consilience than this machine")
         with self._lock:
-            idle = self._idle[engines]
-            one = idle.pop() if idle else None
-            if one is None:
-                one = make()
-                self._all.append(one)
+            if not self._idle[engines]:
+                self._all.append(make())
+                self._idle[engines].append(self._all[-1])
+            one = self._idle[engines].pop()
         try:
             return work(one)
         finally:
@@ -107,8 +105,7 @@ class Pool(distributed.WorkerPlugin):  # type: ignore[misc]
 
 def pool(name: str) -> Pool:
     """Return the pool of a run; called in a task."""
-    found: Pool = distributed.get_worker().plugins[name]
-    return found
+    return distributed.get_worker().plugins[name]
 
 
 class Cluster:
@@ -149,11 +146,11 @@ class Cluster:
 
     def worker(self, engine: str, limit: float, memory: int) -> Remote:
         """Return a handle of an engine that runs on any free machine."""
-        return Remote(self, engines(engine, limit=limit, memory=memory))
+        return Remote(self, self.engines([engine], limit, memory))
 
-    def engines(self, names: Sequence[str], limit: float) -> Engines:
-        """Return engines for tasks that ask several, with the digest of this machine's sources."""
-        return engines(*names, limit=limit)
+    def engines(self, names: Sequence[str], limit: float, memory: int = MEMORY) -> Engines:
+        """Return engines with their limits (s, bytes) and the digest of this machine's sources."""
+        return Engines(tuple(names), limit, memory, code_of(names))
 
     def submit(self, task: Callable[..., _T], *values: object) -> distributed.Future:
         """Queue a task: a function whose first argument is the name of the pool."""
@@ -184,11 +181,6 @@ class Cluster:
         finally:
             for _, future in waiting:
                 future.cancel()
-
-
-def engines(*names: str, limit: float, memory: int = MEMORY) -> Engines:
-    """Return engines with the digest of this machine's sources."""
-    return Engines(names, limit, memory, code_of(names))
 
 
 class Remote:

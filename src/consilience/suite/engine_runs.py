@@ -1,4 +1,4 @@
-"""Runs of one engine about one case: questions, methods, levels; more levels and softnesses where three decide nothing.
+"""Runs of one engine about one case: questions, methods, levels; more levels where three leave the verdict open.
 
 Answers that are in the store are not asked for again. A job that fails is one failed run, and is not stored.
 """
@@ -16,8 +16,8 @@ from consilience.compare.judge import DISPLACED_START, REFERENCE
 from consilience.compare.softness import SCALES
 from consilience.compare.uncertainty import needs_another_level
 from consilience.engine import EngineInfo, Method, Question, Run, Status, defects, load_named
-from consilience.engine.worker.client import EngineHandle, Plan, Request, replayable_job
-from consilience.engine.worker.requests import NO_METHOD
+from consilience.engine.worker.client import EngineHandle, replayable_job
+from consilience.engine.worker.requests import NO_METHOD, Plan, Request
 from consilience.mechanism import State, displaced_states
 from consilience.suite.store import Store, StoredAnswer
 
@@ -115,7 +115,7 @@ class EngineCase:
     reference_motion: ReferenceMotion | None = None
 
     def question(self, question: Question) -> Iterator[Run]:
-        """Ask a question by all methods at all levels; without any there is one failed run, to appear in the record."""
+        """Ask a question by all methods at all levels; yield one failed run for the record where there is no level."""
         case, worker, plan = self.case, self.worker, self.plan
         if refusals := plan.refusals(question):
             reason = "; ".join(f"{u.feature}: {u.reason}" for u in refusals)
@@ -135,15 +135,16 @@ class EngineCase:
 
     def finest(self, question: Question) -> Run:
         """Ask a question by the headline method at its finest level alone."""
-        for method in self.plan.methods[question][:1]:
-            levels = levels_of(self.case, question, method)
-            if levels:
-                return self.once(question, method, len(levels) - 1, levels[-1])
+        if not self.plan.methods[question]:
+            return self._failed(question, None, NO_METHOD)
+        method = self.plan.methods[question][0]
+        levels = levels_of(self.case, question, method)
+        if not levels:
             return self._failed(question, method, _NO_LEVEL)
-        return self._failed(question, None, NO_METHOD)
+        return self.once(question, method, len(levels) - 1, levels[-1])
 
     def ladder(self, question: Question, method: Method, levels: Sequence[float | None]) -> Iterator[Run]:
-        """Ask at all levels of a method; if closer, at finer ones until the order settles, and with other softness."""
+        """Ask at all levels of a method; if `closer`, also at finer ones until the order settles, and softer."""
         runs: list[Run] = []
         for level, step in enumerate(levels):
             runs.append(self.once(question, method, level, step))
@@ -168,7 +169,7 @@ class EngineCase:
 
     @staticmethod
     def _finer(method: Method, runs: Sequence[Run], prospect: Prospect) -> float | None:
-        """Return the next step size, if that level would show more and takes little enough time."""
+        """Return the next step size; None where a further level would show nothing new or take too long."""
         last = runs[-1].step
         if last is None or not method.substeps or len(runs) >= MOST_LEVELS or 2.0 * runs[-1].cpu >= LEVEL_BUDGET:
             return None
@@ -188,7 +189,19 @@ class EngineCase:
     def once(
         self, question: Question, method: Method, level: int, step: float | None, start: State | None = None
     ) -> Run:
-        """Return one run, from the store if the answer is there."""
+        """Return one run, from the store if the answer is there.
+
+        Parameters
+        ----------
+        question : Question
+        method : Method
+        level : int
+            Index of the level.
+        step : float or None
+            Step size in s, or tolerance; None for a question without levels.
+        start : State, optional
+            Initial state of a motion; default: that of the case.
+        """
         case = self.case
         states = case.states if question.at_states else [start or case.initial_state]
         parameters = load_named(question.parameters)(case) if question.parameters else {}
@@ -209,28 +222,32 @@ class EngineCase:
 
     def _perform(self, run: Run, request: Request) -> Run:
         """Let the worker do a job, and check the form of the answer."""
-        reply, reason = self.worker.ask(request), ""
+        reply, wrong = self.worker.ask(request), ""
         if reply.returned:
             count = run.question.sample_count(len(request.states), len(self.case.times))
-            reason = "; ".join(defects(reply.value, run.question, self.case.mechanism, count))
-        sound = reply.returned and not reason
-        reason = reason or reply.reason
-        return replace(
-            run,
-            status=Status.ANSWERED if sound else Status.FAILED,
-            answer=reply.value if sound else None,
-            reason=reason,
-            manifest=self.plan.manifest,
-            cpu=reply.cpu,
-            log=reply.log,
-        )
+            wrong = "; ".join(defects(reply.value, run.question, self.case.mechanism, count))
+        run = replace(run, reason=wrong or reply.reason, manifest=self.plan.manifest, cpu=reply.cpu, log=reply.log)
+        if not reply.returned or wrong:
+            return replace(run, status=Status.FAILED)
+        return replace(run, answer=reply.value)
 
     def _failed(self, question: Question, method: Method | None, reason: str) -> Run:
         return Run(self.case.name, self.worker.engine, question, method, 0, None, Status.FAILED, reason=reason)
 
 
 def _with_job(log: str, store: Store, key: str, engine: str, request: Request) -> str:
-    """Write a failed job to the store; return the output of the engine, and how to repeat the job."""
+    """Write a failed job to the store; return the output of the engine, and how to repeat the job.
+
+    Parameters
+    ----------
+    log : str
+        Output of the engine.
+    store : Store
+    key : str
+        Key of the job in the store.
+    engine : str
+    request : Request
+    """
     job = store.keep_job(key, replayable_job(engine, request))
     lines = [log.rstrip("\n")] if log.strip() else []
     return "\n".join([*lines, f"to do it again: python -m consilience.engine.worker {job}"])
@@ -266,14 +283,24 @@ def ask_case(
     if store is not None and info is not None:
         log = _with_job(log, store, store.key(info, request), worker.engine, request)
     for question in questions:
-        failed = Run(case.name, worker.engine, question, None, 0, None, Status.FAILED)
-        yield replace(failed, reason=reply.reason, log=log)
+        yield Run(case.name, worker.engine, question, None, 0, None, Status.FAILED, reason=reply.reason, log=log)
 
 
 def ask_ladder(
     worker: EngineHandle, case: Case, plan: Plan, method: Method, steps: Sequence[float] | None = None
 ) -> Iterator[Run]:
-    """Ask for motions by a method at all levels and with other softness, or at the given steps alone."""
+    """Ask for motions by a method at all levels and with other softness, or at the given steps alone.
+
+    Parameters
+    ----------
+    worker : EngineHandle
+    case : Case
+    plan : Plan
+        Plan of the engine for the case.
+    method : Method
+    steps : sequence of float, s, optional
+        Step sizes or tolerances in place of those of the method.
+    """
     engine_case = EngineCase(worker, case, plan)
     if steps is None:
         yield from engine_case.ladder(Question.TRAJECTORY, method, levels_of(case, Question.TRAJECTORY, method))

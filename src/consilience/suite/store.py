@@ -50,7 +50,7 @@ class StoredAnswer:
 
 
 def _pieces(value: Any) -> Iterator[bytes]:
-    """Return bytes that differ for different values, whatever their identity."""
+    """Yield bytes that stand for the content of a value: equal for equal values, different for different values."""
     if is_dataclass(value) and not isinstance(value, type):
         yield type(value).__name__.encode()
         for item in fields(value):

@@ -13,7 +13,7 @@ from collections import Counter
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing, contextmanager, nullcontext
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from queue import SimpleQueue
 from threading import Condition, Lock
 from typing import TYPE_CHECKING
@@ -93,7 +93,7 @@ class _Schedule:
         return engine == self._first or self._through[self._next[engine]]
 
     def done(self, engine: str, case: int, dead: bool = False) -> None:
-        """Mark an engine as idle again; a dead one gets no more cases."""
+        """Mark an engine as idle again; a dead engine gets no more cases."""
         with self._changed:
             self._busy[engine] -= 1
             if dead:
@@ -143,7 +143,7 @@ class _Suite:
 
     def _introduced(self, name: str) -> bool:
         """Whether an engine has started and described itself."""
-        with self._doors[name]:  # once, although several threads may need the engine
+        with self._doors[name]:  # one thread asks, the others wait for the result
             if name in self.results.missing:
                 return False
             if name not in self.results.engines:
@@ -155,6 +155,7 @@ class _Suite:
         return True
 
     def _ask(self, name: str, number: int) -> list[Run]:
+        """Ask an engine about a case; of the reference, keep the motion that judges further levels of the engines."""
         results, worker = self.results, self.workers[name]
         case, info = results.cases[number], results.engines[name]
         motion = self._reference_motions.get(number)
@@ -260,7 +261,7 @@ def _in_parallel(suite: _Suite, jobs: int) -> Generator[tuple[str, int, list[Run
                 yield finished
         for future in futures:
             future.result()
-    except BaseException:  # Ctrl-C above all, here or in the consumer of the results: no engine may go on working
+    except BaseException:  # Ctrl-C, here or in the consumer of the results, among others: stop all engines
         suite.schedule.close()
         for worker in suite.workers.values():
             worker.cancel()
@@ -278,9 +279,7 @@ def simulate_case(case: Case, engine: str, limit: float) -> tuple[TrajectoryAnsw
         If the engine does not answer, with the reason.
     """
     if engine.partition(":")[0] == REFERENCE:
-        run = _finest(
-            InProcessEngine(engine), case
-        )  # the reference needs no process of its own, which takes time to start
+        run = _finest(InProcessEngine(engine), case)  # no process of its own, which would take time to start
     else:
         with Worker(engine, limit) as worker:
             run = _finest(worker, case)
@@ -291,10 +290,10 @@ def simulate_case(case: Case, engine: str, limit: float) -> tuple[TrajectoryAnsw
 
 
 def _finest(worker: EngineHandle, case: Case) -> Run:
+    """Return the motion by the first method at the finest level, or why there is none."""
     plan = open_plan(worker, case)
-    failed = Run(case.name, worker.engine, Question.TRAJECTORY, None, 0, None, Status.FAILED)
     if isinstance(plan, str):
-        return replace(failed, reason=plan)
+        return Run(case.name, worker.engine, Question.TRAJECTORY, None, 0, None, Status.FAILED, reason=plan)
     engine_case = EngineCase(worker, case, plan)
     if plan.refusals(Question.TRAJECTORY):
         return next(engine_case.question(Question.TRAJECTORY))

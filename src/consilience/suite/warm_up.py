@@ -15,7 +15,8 @@ from threading import Thread
 from consilience.case import Case
 from consilience.compare.judge import REFERENCE
 from consilience.engine import Question
-from consilience.engine.worker.client import Plan, Request, Worker
+from consilience.engine.worker.client import Worker
+from consilience.engine.worker.requests import Plan, Request
 
 _LAST = "integrate.integrate-*.nbi"
 """Cache file of the kernel of a motion that is compiled last."""

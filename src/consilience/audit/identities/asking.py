@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 from consilience.audit.identities.result import NotApplicableError, UnansweredError
 from consilience.engine import InstantAnswer, Method, Question, TrajectoryAnswer, defects
-from consilience.engine.worker.client import Plan, Reply, Request
+from consilience.engine.worker.client import Reply
+from consilience.engine.worker.requests import Plan, Request
 from consilience.mechanism import Array, Mechanism, State
 
 Ask = Callable[[Request], Reply]

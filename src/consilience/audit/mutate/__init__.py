@@ -5,7 +5,7 @@ the names of this package. `table` joins both, `campaign` judges every mutant by
 lists what was caught, what was missed, and false alarms. docs/detection.md has the results.
 """
 
-from __future__ import annotations
+# mypy: implicit-reexport
 
 from consilience.audit.mutate import outputs, preconditions
 from consilience.audit.mutate.mutants import FINE, FRACTION, MOTION, WHOLE, Mutant, decades
@@ -19,23 +19,3 @@ from consilience.audit.mutate.seams import (
     with_settings,
     wrapped,
 )
-
-__all__ = [
-    "FINE",
-    "FRACTION",
-    "MOTION",
-    "WHOLE",
-    "Mutant",
-    "Planting",
-    "Proxy",
-    "changed",
-    "decades",
-    "first_order_step",
-    "inside",
-    "on_result",
-    "outputs",
-    "preconditions",
-    "replaced",
-    "with_settings",
-    "wrapped",
-]

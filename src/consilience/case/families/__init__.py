@@ -5,6 +5,8 @@ documented parameters that returns the tables of a case file, with values of a c
 parameters give the same case.
 """
 
+# mypy: implicit-reexport
+
 from __future__ import annotations
 
 from consilience.case.case import Case
@@ -24,18 +26,6 @@ from consilience.case.families.springs import spring_chain, stiff_spring
 from consilience.case.file.reader import cases_from_tables
 from consilience.case.file.values import TomlTable
 from consilience.errors import InvalidInput
-
-__all__ = [
-    "FAMILIES",
-    "Family",
-    "Parameter",
-    "Range",
-    "family_cases",
-    "family_table",
-    "is_family",
-    "parameters",
-    "shown_parameters",
-]
 
 FAMILIES: dict[str, Family] = {
     family.__name__: family

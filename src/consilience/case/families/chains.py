@@ -9,29 +9,19 @@ from typing import Annotated, Literal
 import numpy as np
 import scipy
 
-from consilience.case.families.drawing import (
-    GRAVITY,
-    SkewPlane,
-    body,
-    case_table,
-    joint,
-    known,
-    lumps,
-    numbers,
-    random_rotation,
-    round_step,
-)
+from consilience.case.families.drawing import GRAVITY_W, SkewPlane, lumps, random_rotation, round_step
 from consilience.case.families.parameters import Range
+from consilience.case.families.tables import body, case_table, joint, known, numbers
 from consilience.case.file.values import TomlTable
 from consilience.errors import InvalidInput
 from consilience.mechanism import Array
 
 LINEAR = 1e-2
-"""Part of the amplitude that nonlinearity may add where a small oscillation is worth comparing."""
+"""Largest nonlinear share of the amplitude at which the linear solution is an expected value."""
 
 
 def chain(bodies: Annotated[int, Range(1, 1000)] = 10, seed: Annotated[int, Range(0, 1_000_000)] = 1) -> TomlTable:
-    """Spatial chain of lumpy bodies on hinges that point anywhere.
+    """Spatial chain of lumpy bodies on hinges of random directions.
 
     Tests how cost and rounding of an engine grow with the number of bodies; every term of spatial motion.
 
@@ -57,7 +47,7 @@ def chain(bodies: Annotated[int, Range(1, 1000)] = 10, seed: Annotated[int, Rang
         parts.append(body(f"link_{i + 1}", mass, at + 0.4 * arm, R, com, inertia))
         before = f"link_{i}" if i else "ground"
         joints.append(joint(f"hinge_{i + 1}", "revolute", before, f"link_{i + 1}", at, rng.normal(size=3)))
-        # the farther down, the less: otherwise the end of a long chain cracks like a whip
+        # amplitudes fall along the chain: otherwise the end of a long chain cracks like a whip
         held[f"hinge_{i + 1}"] = {"angle": float(rng.normal(scale=0.3 / np.sqrt(i + 1)))}
         rates[f"hinge_{i + 1}"] = {"angle": float(rng.normal(scale=0.5 / np.sqrt(i + 1)))}
         at = at + arm
@@ -66,7 +56,7 @@ def chain(bodies: Annotated[int, Range(1, 1000)] = 10, seed: Annotated[int, Rang
         "Tests how cost and rounding grow with the number of bodies, and every term of spatial motion.",
         ["All numbers are our own, drawn at random"],
         ["chain", "revolute", "spatial", "lumpy"],
-        {"gravity": numbers([0.0, 0.0, -GRAVITY]), "body": parts, "joint": joints},
+        {"gravity": numbers(GRAVITY_W), "body": parts, "joint": joints},
         {"joints": held, "rates": rates},
         (2.0, 0.02),
     )
@@ -89,7 +79,7 @@ def planar_chain(
     mode : int, 1 to `bodies`
         Released in this mode, the slowest is 1.
     amplitude : float, 1e-6 to 1.5 rad
-        Largest angle of a link from hanging. Where it is not small nothing is known in closed form.
+        Largest angle of a link from the vertical line. Large angles have no closed form.
     length : float, 0.01 to 10 m
         Of a link.
 
@@ -100,10 +90,10 @@ def planar_chain(
 
     Notes
     -----
-    A link that has the moments of two points at its pins moves in the plane like these two points: the chain like beads
-    of equal mass, ``w_k^2 = x_k g / l`` with the zeros x_k of the Laguerre polynomial L_n, and bead j from below moves
-    by ``L_j(x_k)`` [D. Bernoulli 1733; A. B. Pippard, The Physics of Vibration, 1978]. What nonlinearity adds is of the
-    third order in the amplitude, and grows with w^2.
+    A link with the mass moments of two points at its pins moves in the plane like these two points. The chain therefore
+    moves like beads of equal mass on a thread: ``w_k^2 = x_k g / l`` with the zeros x_k of the Laguerre polynomial L_n,
+    and bead j from below moves by ``L_j(x_k)`` [D. Bernoulli 1733; A. B. Pippard, The Physics of Vibration, 1978].
+    Nonlinear terms are of the third order in the amplitude, and grow with w^2.
 
     Raises
     ------
@@ -130,7 +120,7 @@ def mass_ratio(
 ) -> TomlTable:
     """Double pendulum of very unequal masses, released in one of its two modes.
 
-    Tests rounding where a heavy body hangs on a light one, and stiffness: the fast mode is there even if it rests.
+    Tests rounding where a heavy body hangs on a light one, and stiffness: the fast mode limits steps in either motion.
 
     Parameters
     ----------
@@ -139,8 +129,8 @@ def mass_ratio(
     mode : "slow" or "fast"
         Released in this mode.
     amplitude : float, 1e-6 to 1.5 rad
-        Largest angle of a link from hanging. Where it is not small against ``1 / sqrt(mu)`` in the fast mode, or one in
-        the slow, nothing is known in closed form.
+        Largest angle of a link from the vertical line. Only angles far below ``1 / sqrt(mu)`` in the fast mode, or far
+        below one in the slow mode, have a closed form.
 
     Returns
     -------
@@ -150,8 +140,8 @@ def mass_ratio(
     Notes
     -----
     ``w^2 = ((1 + mu) -+ sqrt(mu (1 + mu))) g / l`` [Landau & Lifshitz, Mechanics, section 23, problem 2, equal
-    lengths]; links as in `planar_chain`. The heavy bead does not follow in height what the fast mode asks of it:
-    nonlinearity grows with w^2.
+    lengths]; links as in `planar_chain`. Nonlinear terms grow with w^2, because of the height of the heavy bead in the
+    fast mode.
     """
     a, b = np.sqrt(1.0 + ratio), np.sqrt(ratio)
     # a^2 - a b without cancellation
@@ -174,8 +164,14 @@ def _beads(
         From above.
     shape : ndarray, shape (n,)
         Displacements of the beads in the mode, from above.
+    title, source : str
+        Title of the case, and formula of the expected values.
     x : float
         ``w^2 l / g`` of the mode.
+    amplitude : float, rad
+        Largest angle of a link.
+    length : float, m
+        Of a link.
     """
     plane = SkewPlane()
     n, w = len(beads), float(np.sqrt(x * plane.slope / length))
@@ -186,11 +182,9 @@ def _beads(
         _link(plane, i, top, bead - below, length)
         for i, (top, bead, below) in enumerate(zip(tops, beads, [*tops[1:], 0.0], strict=True))
     ]
+    names = ["ground", *(f"link_{i + 1}" for i in range(n))]
     joints = [
-        plane.joint(
-            f"hinge_{i + 1}", f"link_{i}" if i else "ground", f"link_{i + 1}", plane.point(i * length, 0.0, 0.02 * i)
-        )
-        for i in range(n)
+        plane.joint(f"hinge_{i + 1}", names[i], names[i + 1], plane.point(i * length, 0.0, 0.02 * i)) for i in range(n)
     ]
     sample = round_step(2 * np.pi / w / 40)
     span = (100 * sample, sample)
@@ -219,7 +213,17 @@ Known difficulties: the fastest mode takes part in every rounding error.""",
 
 
 def _link(plane: SkewPlane, i: int, top: float, bottom: float, length: float) -> TomlTable:
-    """Link i that moves in the plane like masses `top` and `bottom` at its pins; its origin is the lower pin."""
+    """Link that moves in the plane like two masses at its pins; the origin is the lower pin.
+
+    Parameters
+    ----------
+    plane : SkewPlane
+    i : int
+        Number of the link from above.
+    top, bottom : float, kg
+        Masses at the upper and at the lower pin.
+    length : float, m
+    """
     mass = top + bottom
     across = top * bottom / mass * length**2
     inertia = across * np.array([0.6, 0.7, 1.0, 0.0, 0.08, -0.05])

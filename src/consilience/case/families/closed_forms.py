@@ -23,7 +23,7 @@ def _amplitude(u: Array, m: float) -> tuple[Array, Array, Array, Array]:
 
 
 def pendulum(frequency: float, angle: float, rate: float, times: ArrayLike) -> tuple[Array, Array]:
-    """Return angle from hanging, over full turns, and rate of ``phi'' = -w^2 sin(phi)``, each shape (n_t,).
+    """Return angle from the stable pose, over full turns, and rate of ``phi'' = -w^2 sin(phi)``, each shape (n_t,).
 
     With ``m = (phi' / 2 w)^2 + sin(phi / 2)^2`` at the start: it swings where m < 1,
     ``sin(phi / 2) = k sn(w t + u0 | m)``, ``k^2 = m``; it turns over where m > 1,

@@ -7,19 +7,9 @@ from typing import Annotated, Literal
 import numpy as np
 
 from consilience.case.families.closed_forms import PENDULUM, pendulum, second_kind_inverse
-from consilience.case.families.drawing import (
-    GRAVITY,
-    SkewPlane,
-    body,
-    case_table,
-    joint,
-    known,
-    lumps,
-    numbers,
-    random_rotation,
-    round_step,
-)
+from consilience.case.families.drawing import GRAVITY, SkewPlane, lumps, random_rotation, round_step
 from consilience.case.families.parameters import Range
+from consilience.case.families.tables import body, case_table, joint, known, numbers
 from consilience.case.file.values import TomlTable
 from consilience.errors import InvalidInput
 from consilience.mechanism import elementary_rotation
@@ -62,7 +52,7 @@ def windows(count: Annotated[int, Range(1, 200)] = 2) -> TomlTable:
             joints.append(joint(f"left_{i}", "revolute", f"upright_{i}", f"over_{i}", head, [0.0, 0.0, 1.0]))
     c = GRAVITY * ((count + 1) / 2 + count) / ((count + 1) / 3 + count)
     times = np.array([1.0, 5.0])
-    angle, _ = pendulum(float(np.sqrt(c)), -np.pi, 1.0, times)  # from downward, against the sense of the hinges
+    angle, _ = pendulum(float(np.sqrt(c)), -np.pi, 1.0, times)  # from the stable pose, opposite in sense to the hinges
     source = "closed form: all uprights turn alike, theta'' = c sin(theta), in Jacobi elliptic functions"
     published = [
         known(("body", "over_0"), "p_WB", t, [-np.sin(q), -np.cos(q), 0.0], 1e-11, source)
@@ -201,9 +191,8 @@ def scissor(
             R, layer = plane.turned(sign * angle), 0.05 * sign
             at = plane.point(along / 2, (k + 0.5) * across, layer)
             bodies.append(body(f"{name}_{k + 1}", mass, at, R, [0, 0, 0.04 * sign], [0.03, 0.025, J, 0, 0.004, -0.003]))
-        joints.append(
-            plane.joint(f"pin_{k + 1}", f"rise_{k + 1}", f"fall_{k + 1}", plane.point(along / 2, (k + 0.5) * across))
-        )
+        middle = plane.point(along / 2, (k + 0.5) * across)
+        joints.append(plane.joint(f"pin_{k + 1}", f"rise_{k + 1}", f"fall_{k + 1}", middle))
         if k:
             left, right = plane.point(0.0, k * across), plane.point(along, k * across)
             joints.append(plane.joint(f"left_{k}", f"fall_{k}", f"rise_{k + 1}", left))
@@ -225,10 +214,9 @@ def scissor(
     for t in (span / 4, span):
         q = second_kind_inverse(m, angle, growth * t)
         last = plane.point(half * np.cos(q), (2 * n - 1) * half * np.sin(q), 0.05)
-        published.append(
-            known(("body", "slider"), "p_WB", t, plane.point(2 * half * np.cos(q), 0.0), 1e-12 * n, source)
-        )
-        published.append(known(("body", f"rise_{n}"), "p_WB", t, last, 1e-12 * n, source))
+        slid = plane.point(2 * half * np.cos(q), 0.0)
+        for name, at in (("slider", slid), (f"rise_{n}", last)):
+            published.append(known(("body", name), "p_WB", t, at, 1e-12 * n, source))
     return case_table(
         f"Scissor linkage of {stages} stage{'s' * (stages > 1)}",
         "Gravity is along the normal of its plane, so that the reactions bear it. Tests many small loops in a row.",
@@ -352,12 +340,11 @@ def four_bar(
     ):
         com, inertia = lumps(rng, mass, 0.4 * length)
         R = plane.turned(q) @ elementary_rotation(0, 0.7)
-        parts.append(
-            body(name, mass, plane.point(start[0], start[1], 0.03), R, com + np.array([length / 2, 0.0, 0.0]), inertia)
-        )
+        middle = com + np.array([length / 2, 0.0, 0.0])
+        parts.append(body(name, mass, plane.point(start[0], start[1], 0.03), R, middle, inertia))
     names = ("ground", "crank", "coupler", "rocker", "ground")
     joints = [
-        plane.joint(name, names[i], names[i + 1], plane.point(points[i][0], points[i][1]))
+        plane.joint(name, names[i], names[i + 1], plane.point(*points[i]))
         for i, name in enumerate(("crank_pivot", "crank_pin", "rocker_pin", "rocker_pivot"))
     ]
     rates = {

@@ -7,17 +7,10 @@ from typing import Annotated, Any
 import numpy as np
 
 from consilience.case.families.closed_forms import PENDULUM, TOP, HeavyTop, pendulum
-from consilience.case.families.drawing import (
-    GRAVITY,
-    body,
-    case_table,
-    joint,
-    known,
-    lumps,
-    numbers,
-    random_rotation,
-)
+from consilience.case.families.drawing import GRAVITY, GRAVITY_W, lumps, random_rotation
 from consilience.case.families.parameters import Range
+from consilience.case.families.tables import body, case_table, joint, known, numbers
+from consilience.case.file.schema import InertiaTable
 from consilience.case.file.values import TomlTable
 from consilience.mechanism import (
     JOINT_KINDS,
@@ -26,8 +19,6 @@ from consilience.mechanism import (
     rotation_from_euler_zxz,
     rotation_from_quaternion,
 )
-
-GRAVITY_W = np.array([0.0, 0.0, -GRAVITY])
 
 WIDTHS = {"position": 3, "orientation": 3}
 
@@ -74,11 +65,8 @@ def single_joint(
     rates = {name: rng.normal(scale=1.0, size=WIDTHS.get(name, 1)) for name in JOINT_KINDS[kind].coordinates}
     initial: TomlTable = {"joints": {"joint": _held(held)}, "rates": {"joint": _held(rates, rates=True)}}
     if kind == "rod":
-        initial = {
-            "bodies": {
-                "lump": {"velocity": numbers(rng.normal(size=3)), "angular_velocity": numbers(rng.normal(size=3))}
-            }
-        }
+        moving = {name: numbers(rng.normal(size=3)) for name in ("velocity", "angular_velocity")}
+        initial = {"bodies": {"lump": moving}}
     published = _published(kind, lump, _Placed(pin, axes, held, rates))
     return case_table(
         f"A lumpy body on a {kind.replace('_', ' ')} joint",
@@ -102,7 +90,7 @@ def _held(values: dict[str, Array], rates: bool = False) -> TomlTable:
 
 
 class _Placed:
-    """Where M is and how it moves at the start, from the held joint coordinates: F at `pin` with `axes`."""
+    """Pose and velocity of frame M at the start, from the held joint coordinates; frame F is at `pin` with `axes`."""
 
     def __init__(self, pin: Array, axes: Array, held: dict[str, Array], rates: dict[str, Array]) -> None:
         self.pin, self.axes = pin, axes
@@ -122,12 +110,12 @@ class _Placed:
         self.spin = axes @ rates.get("orientation", np.zeros(3))
 
     def rotation(self, angle: float) -> Array:
-        """About the axis of the joint, in the world."""
+        """Return the rotation matrix about the axis of the joint, world components."""
         return rotation_from_quaternion(quaternion_from_rotation_vector(self.axes[:, 2] * angle))
 
 
 def _published(kind: str, lump: TomlTable, start: _Placed) -> list[TomlTable]:
-    """Position after 0.5 s and 2 s, where it is known."""
+    """Expected positions after 0.5 s and 2 s; none for joints without a closed form."""
     R = rotation_from_quaternion(np.array(lump["orientation"]["quaternion"]))
     at, com = np.array(lump["at"]) - start.pin, R @ np.array(lump["com"])
     allowed = {"prismatic": (2,), "planar": (0, 1), "rigid": (), "parallel_axes": (0, 1, 2), "free": (0, 1, 2)}
@@ -148,31 +136,38 @@ def _published(kind: str, lump: TomlTable, start: _Placed) -> list[TomlTable]:
     found = []
     for t in times:
         center = start.p + arm + velocity * t + 0.5 * t * t * (U @ (U.T @ GRAVITY_W))
-        if kind == "free":
-            found.append(known(("body", "lump"), "p_WBcm", t, center, 1e-12, source))
-        else:
-            origin = center - start.rotation(start.angle + start.rate * t) @ com
-            found.append(known(("body", "lump"), "p_WB", t, origin, 1e-12, source))
+        origin = center - start.rotation(start.angle + start.rate * t) @ com
+        of, place = ("p_WBcm", center) if kind == "free" else ("p_WB", origin)
+        found.append(known(("body", "lump"), of, t, place, 1e-12, source))
     return found
 
 
 def _on_axis(kind: str, lump: TomlTable, start: _Placed, R: Array, t: float) -> TomlTable:
-    """A pendulum about the axis, in free fall along it."""
+    """Position of the body at a time: a pendulum about the axis and, on a cylindrical joint, free fall along the axis.
+
+    Parameters
+    ----------
+    kind : {"revolute", "cylindrical"}
+    lump : dict
+        Table of the body.
+    start : _Placed
+    R : ndarray, shape (3, 3)
+        Axes of the body in the drawing, world components.
+    t : float, s
+    """
     n = start.axes[:, 2]
     at = np.array(lump["at"]) - start.pin
     arm = at + R @ np.array(lump["com"])
     across = arm - n * (n @ arm)
-    I = {k: lump["inertia"][k] for k in ("xx", "yy", "zz", "xy", "xz", "yz")}
-    tensor = np.array([[I["xx"], I["xy"], I["xz"]], [I["xy"], I["yy"], I["yz"]], [I["xz"], I["yz"], I["zz"]]])
+    tensor = InertiaTable(**lump["inertia"]).tensor()
     moment = float(n @ R @ tensor @ R.T @ n + lump["mass"] * across @ across)
     g = GRAVITY_W - n * (n @ GRAVITY_W)
     drawn = float(np.arctan2(n @ np.cross(g, across), g @ across))
     w = np.sqrt(lump["mass"] * np.linalg.norm(across) * np.linalg.norm(g) / moment)
     angle, _ = pendulum(float(w), drawn + start.angle, start.rate, [t])
     fall = (start.v @ n * t + 0.5 * t * t * (n @ GRAVITY_W)) * n if kind == "cylindrical" else 0.0
-    return known(
-        ("body", "lump"), "p_WB", t, start.p + fall + start.rotation(float(angle[0]) - drawn) @ at, 1e-12, PENDULUM
-    )
+    origin = start.p + fall + start.rotation(float(angle[0]) - drawn) @ at
+    return known(("body", "lump"), "p_WB", t, origin, 1e-12, PENDULUM)
 
 
 def top(
@@ -209,7 +204,7 @@ def top(
     angles, rates = (0.3, tilt, 0.0), (precession, nutation or 1e-3, spin)
     R = rotation_from_euler_zxz(angles)
     origin = np.array([0.1, 0.05, 0.2])  # off the axis, so that its motion shows the spin, too
-    S = rotation_from_euler_zxz([0.4, 0.8, -0.3])  # axes of the body against those of the symmetry
+    S = rotation_from_euler_zxz([0.4, 0.8, -0.3])  # axes of the body, in axes of the symmetry
     tensor = S.T @ np.diag([across, across, along]) @ S
     com = S.T @ (np.array([0.0, 0.0, length]) - origin)
     wheel = body("wheel", mass, pivot + R @ origin, R @ S, com, (tensor + tensor.T) / 2)
@@ -218,16 +213,10 @@ def top(
     times = np.array([25, 100]) * sample
     node = np.array([np.cos(angles[0]), np.sin(angles[0]), 0.0])
     w = precession * np.array([0.0, 0.0, 1.0]) + rates[1] * node + spin * R[:, 2]
+    places = [pivot + rotation_from_euler_zxz(at) @ origin for at in motion.solve(times)]
     published = [
-        known(
-            ("body", "wheel"),
-            "p_WB",
-            t,
-            pivot + rotation_from_euler_zxz(at) @ origin,
-            1e-11 + 1e-15 * spin * t,
-            TOP,
-        )
-        for t, at in zip(times, motion.solve(times), strict=True)
+        known(("body", "wheel"), "p_WB", t, at, 1e-11 + 1e-15 * spin * t, TOP)
+        for t, at in zip(times, places, strict=True)
     ]
     ball = {"name": "ball", "kind": "spherical", "predecessor": "ground", "successor": "wheel", "at": numbers(pivot)}
     return case_table(

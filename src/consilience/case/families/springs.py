@@ -7,25 +7,15 @@ from typing import Annotated
 import numpy as np
 
 from consilience.case.families.closed_forms import oscillator
-from consilience.case.families.drawing import (
-    GRAVITY,
-    body,
-    case_table,
-    joint,
-    known,
-    lumps,
-    numbers,
-    random_rotation,
-    round_step,
-)
+from consilience.case.families.drawing import GRAVITY_W, lumps, random_rotation, round_step
 from consilience.case.families.parameters import Range
+from consilience.case.families.tables import body, case_table, joint, known, numbers
 from consilience.case.file.values import TomlTable
 from consilience.errors import InvalidInput
 from consilience.mechanism import Array
 
 LEVEL, SLANTING = np.array([3.0, 4.0, 0.0]) / 5.0, np.array([2.0, -1.0, 2.0]) / 3.0
 START = np.array([0.3, 0.2, -0.1])
-GRAVITY_W = np.array([0.0, 0.0, -GRAVITY])
 SPACING = 0.5
 
 
@@ -70,7 +60,7 @@ def spring_chain(
             "damping", f"{damping:g} N s/m is more than critical", f"Give less than {2 * stiffness / fastest:g}."
         )
     sample = round_step(2 * np.pi / fastest / 10)
-    # enough that the springs stay long, whatever moves
+    # small enough that no spring shrinks to a point
     push = min(1.0, 0.02 * fastest)
     i = np.arange(1, n + 1)
     times = np.array([25, 100]) * sample
@@ -84,7 +74,7 @@ def spring_chain(
     )
     displacement = modes @ moved
     source = "closed form: modes of a chain of equal masses and springs, Goldstein, Poole & Safko, section 6"
-    rail = _Rail(LEVEL, mass, np.full(n + 1, stiffness), np.full(n + 1, damping), np.zeros(n + 1))
+    rail = _rail(LEVEL, mass, np.full(n + 1, stiffness), np.full(n + 1, damping), np.zeros(n + 1))
     published = [
         known(("joint", f"slide_{b + 1}"), "distance", t, displacement[b, k], 1e-12, source)
         for k, t in enumerate(times)
@@ -95,7 +85,7 @@ def spring_chain(
         "Drawn at rest; the first mass is pushed. Tests springs between points and prismatic joints.",
         [source.removeprefix("closed form: ")],
         ["prismatic", "spring", "closed form"],
-        rail.tables(),
+        rail,
         {"rates": {"slide_1": {"distance": push}}},
         (100 * sample, sample),
         published,
@@ -109,7 +99,7 @@ def stiff_spring(
 ) -> TomlTable:
     """Two equal masses on a rail, each on a soft spring of 20 N/m, joined by a stiff one.
 
-    Tests stiffness: the slow motion is what one wants to see, the fast one what limits the steps of an explicit method.
+    Tests stiffness: the slow motion is of interest, the fast motion limits the steps of an explicit method.
 
     Parameters
     ----------
@@ -118,7 +108,7 @@ def stiff_spring(
     damping_ratio : float, 0 to 0.99
         Of the fast mode, by a damper along the stiff spring.
     speed : float, 0 to 1 m/s
-        At which the masses part at the start: amplitude of the fast motion's speed. Zero: the slow motion alone.
+        Speed at which the masses part at the start. Zero: the slow motion alone.
 
     Returns
     -------
@@ -137,23 +127,13 @@ def stiff_spring(
     mean = oscillator(slow, 0.0, 0.0, start, times)
     apart = oscillator(fast, damping_ratio, 0.0, speed / 2, times)
     rest = mass * float(GRAVITY_W @ SLANTING) / soft
-    rail = _Rail(
-        SLANTING,
-        mass,
-        np.array([soft, stiffness, soft]),
-        np.array([0.0, damping, 0.0]),
-        np.array([rest, 0.0, -rest]),
+    rail = _rail(
+        SLANTING, mass, np.array([soft, stiffness, soft]), np.array([0.0, damping, 0.0]), np.array([rest, 0.0, -rest])
     )
     source = "closed form: two damped oscillators, the sum and the difference of the displacements"
+    rounding = speed / fast * 4e-16
     published = [
-        known(
-            ("joint", f"slide_{b}"),
-            "distance",
-            t,
-            m + sign * a,
-            1e-12 + speed / fast * 4e-16 * (fast * t + 1.0),
-            source,
-        )
+        known(("joint", f"slide_{b}"), "distance", t, m + sign * a, 1e-12 + rounding * (fast * t + 1.0), source)
         for t, m, a in zip(times, mean, apart, strict=True)
         for b, sign in ((1, -1.0), (2, 1.0))
     ]
@@ -165,54 +145,47 @@ rad/s and a fast one of {fast:.4g} rad/s. Tests stiffness. Known difficulties: e
 {2 / fast:.2g} s.""",
         [source.removeprefix("closed form: ")],
         ["prismatic", "spring", "stiff", "closed form"],
-        rail.tables(),
+        rail,
         {"rates": {"slide_1": {"distance": start - speed / 2}, "slide_2": {"distance": start + speed / 2}}},
         (2.0, 0.02),
         published,
     )
 
 
-class _Rail:
-    """Lumpy bodies on prismatic joints along one line, springs along a line beside it.
+def _rail(direction: Array, mass: float, stiffness: Array, damping: Array, strain: Array) -> TomlTable:
+    """Return lumpy bodies on prismatic joints along one line, and springs along a line beside it.
 
     Parameters
     ----------
     direction : ndarray, shape (3,)
-        Of the rail, a unit vector.
+        Of the rail, a unit vector in world axes.
+    mass : float, kg
+        Of each body.
     stiffness, damping : ndarray, shape (n + 1,), N/m and N s/m
     strain : ndarray, shape (n + 1,), m
         By which the springs are longer than free in the drawing.
     """
-
-    def __init__(self, direction: Array, mass: float, stiffness: Array, damping: Array, strain: Array) -> None:
-        self.direction, self.mass = direction, mass
-        self.stiffness, self.damping, self.strain = stiffness, damping, strain
-
-    def tables(self) -> TomlTable:
-        """Bodies, joints and springs."""
-        rng = np.random.default_rng(7)
-        n = len(self.stiffness) - 1
-        names = ["ground", *(f"mass_{i + 1}" for i in range(n)), "ground"]
-        ends = [START + self.direction * SPACING * i for i in range(n + 2)]
-        bodies = []
-        for name, at in zip(names[1:-1], ends[1:-1], strict=True):
-            com, inertia = lumps(rng, self.mass, 0.1)
-            bodies.append(body(name, self.mass, at + rng.uniform(-0.05, 0.05, 3), random_rotation(rng), com, inertia))
-        joints = [
-            joint(f"slide_{i}", "prismatic", "ground", names[i], ends[i], self.direction) for i in range(1, n + 1)
-        ]
-        beside = np.array([0.0, 0.1, 0.05])
-        springs = [
-            {
-                "name": f"spring_{i + 1}",
-                "predecessor": names[i],
-                "successor": names[i + 1],
-                "at": numbers(ends[i] + beside),
-                "to": numbers(ends[i + 1] + beside),
-                "stiffness": float(self.stiffness[i]),
-                "damping": float(self.damping[i]),
-                "free_length": float(SPACING - self.strain[i]),
-            }
-            for i in range(n + 1)
-        ]
-        return {"gravity": numbers(GRAVITY_W), "body": bodies, "joint": joints, "spring": springs}
+    rng = np.random.default_rng(7)
+    n = len(stiffness) - 1
+    names = ["ground", *(f"mass_{i + 1}" for i in range(n)), "ground"]
+    ends = [START + direction * SPACING * i for i in range(n + 2)]
+    bodies = []
+    for name, at in zip(names[1:-1], ends[1:-1], strict=True):
+        com, inertia = lumps(rng, mass, 0.1)
+        bodies.append(body(name, mass, at + rng.uniform(-0.05, 0.05, 3), random_rotation(rng), com, inertia))
+    joints = [joint(f"slide_{i}", "prismatic", "ground", names[i], ends[i], direction) for i in range(1, n + 1)]
+    beside = np.array([0.0, 0.1, 0.05])
+    springs = [
+        {
+            "name": f"spring_{i + 1}",
+            "predecessor": names[i],
+            "successor": names[i + 1],
+            "at": numbers(ends[i] + beside),
+            "to": numbers(ends[i + 1] + beside),
+            "stiffness": float(stiffness[i]),
+            "damping": float(damping[i]),
+            "free_length": float(SPACING - strain[i]),
+        }
+        for i in range(n + 1)
+    ]
+    return {"gravity": numbers(GRAVITY_W), "body": bodies, "joint": joints, "spring": springs}

@@ -159,6 +159,7 @@ def _skate(s: SkateTable, drawing: Drawing) -> Any:
 
 
 def _contact(c: ContactTable, drawing: Drawing) -> Contact:
+    """Contact of the class that the fields of the table stand for."""
     where = f"contact '{c.name}'"
     center, law = _point(drawing, c.body, c.at, f"{where}: body"), (c.restitution, c.friction)
     partner = drawn(drawing, c.partner, f"{where}: partner")

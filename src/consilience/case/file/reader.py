@@ -81,6 +81,7 @@ def cases_from_tables(name: str, file: str, raw: Mapping[str, Any]) -> list[Case
 
 
 def _first_problem(file: str, raw: Mapping[str, Any], error: ValidationError) -> InvalidInput:
+    """The first problem that Pydantic found, with the number of further ones, as an error of ours."""
     problem = error.errors(include_url=False)[0]
     where = _location(raw, problem["loc"])
     more = error.error_count() - 1
@@ -104,7 +105,7 @@ def _shown(value: Any) -> str:
 
 
 def _location(raw: Any, loc: tuple[int | str, ...]) -> str:
-    """Path of a field, entries of lists by their names."""
+    """Path of a field in a file; entries of lists are named by their field `name`."""
     text = ""
     for part in loc:
         if isinstance(part, int):
@@ -121,23 +122,27 @@ def _location(raw: Any, loc: tuple[int | str, ...]) -> str:
 def _cases(stem: str, file: str, table: CaseTable) -> list[Case]:
     mechanism = _mechanism(stem, table)
     if not table.variants:
-        return [_case(stem, file, table.title, table, mechanism, table)]
-    return [_case(f"{stem}-{name}", file, v.title, table, mechanism, v) for name, v in table.variants.items()]
+        return [_case(stem, file, table, mechanism, table)]
+    return [_case(f"{stem}-{name}", file, table, mechanism, v) for name, v in table.variants.items()]
 
 
-def _case(
-    name: str,
-    file: str,
-    title: str,
-    table: CaseTable,
-    mechanism: Mechanism,
-    own: CaseTable | VariantTable,
-) -> Case:
+def _case(name: str, file: str, table: CaseTable, mechanism: Mechanism, own: CaseTable | VariantTable) -> Case:
+    """Case of a file or of one of its variants.
+
+    Parameters
+    ----------
+    name, file : str
+        Names of the case and, for messages, of the file.
+    table : CaseTable
+    mechanism : Mechanism
+    own : CaseTable or VariantTable
+        Table with the title, initial state, span and expected values of the case.
+    """
     span = own.trajectory or table.trajectory
     return Case(
         name=name,
         file=file,
-        title=title,
+        title=own.title,
         mechanism=mechanism,
         initial=_initial(mechanism, own.initial or table.initial),
         duration=span.duration,
@@ -231,6 +236,7 @@ def _joint_axes(j: JointTable) -> Array:
 
 
 def _joint(j: JointTable, drawing: Mapping[str, Frame]) -> Joint:
+    """Joint whose frames F and M are drawn as one frame in the world (of a rod: as two)."""
     where = f"joint '{j.name}'"
     if j.kind == "screw" and j.pitch is None:
         raise InvalidInput(f"{where}: pitch", "the field is missing", "Give the advance of the screw in a turn.")
@@ -252,6 +258,7 @@ def _joint(j: JointTable, drawing: Mapping[str, Frame]) -> Joint:
 
 
 def _held(table: HeldTable, where: str, rates: bool) -> dict[str, Any]:
+    """Held coordinates, or rates, by the names of `JOINT_KINDS`; orientations as quaternions."""
     wrong = "orientation" if rates else "angular_velocity"
     if getattr(table, wrong) is not None:
         right = "angular_velocity" if rates else "orientation"
@@ -267,16 +274,11 @@ def _held(table: HeldTable, where: str, rates: bool) -> dict[str, Any]:
 def _initial(mechanism: Mechanism, table: InitialTable) -> Initial:
     poses = {}
     for name, guess in table.bodies.items():
+        poses[name] = Frame(np.zeros(3), np.eye(3))  # any pose for an unknown body, which assembly refuses
         if name in mechanism.body_index and name != GROUND:
-            drawn = mechanism.bodies[mechanism.body_index[name]].drawing
-            R = (
-                drawn.R
-                if guess.orientation is None
-                else _matrix(guess.orientation, f"initial.bodies.{name}.orientation")
-            )
+            drawn, given = mechanism.bodies[mechanism.body_index[name]].drawing, guess.orientation
+            R = drawn.R if given is None else _matrix(given, f"initial.bodies.{name}.orientation")
             poses[name] = Frame(drawn.p if guess.at is None else np.array(guess.at), R)
-        else:
-            poses[name] = Frame(np.zeros(3), np.eye(3))  # assembly names the unknown body
     return Initial(
         coordinates={n: _held(t, f"initial.joints.{n}", rates=False) for n, t in table.joints.items()},
         rates={n: _held(t, f"initial.rates.{n}", rates=True) for n, t in table.rates.items()},

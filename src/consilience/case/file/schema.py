@@ -80,47 +80,41 @@ class SpringTable(TableModel):
     actuator: FunctionTable | None = Field(None, description="Force over time that pushes the points apart, N.")
 
 
-class JointSpringTable(TableModel):
-    """Spring-damper-actuator about or along the axis of a joint."""
-
+class _InJoint(TableModel):
     name: Name
     joint: Name
     coordinate: AxisCoordinate
+
+
+class JointSpringTable(_InJoint):
+    """Spring-damper-actuator about or along the axis of a joint."""
+
     stiffness: Finite = Field(description="N m/rad or N/m.")
     damping: Finite = Field(0.0, description="N m s/rad or N s/m.")
     rest: Finite = Field(0.0, description="Coordinate at which the spring is free, rad or m.")
     actuator: FunctionTable | None = Field(None, description="Effort on the successor over time, N m or N.")
 
 
-class FrictionTable(TableModel):
+class FrictionTable(_InJoint):
     """Viscous and regularised Coulomb friction in a joint, ``-(viscous q' + coulomb tanh(q' / speed))``."""
 
-    name: Name
-    joint: Name
-    coordinate: AxisCoordinate
     viscous: Finite = Field(0.0, description="N m s/rad or N s/m.")
     coulomb: Finite = Field(0.0, description="Friction of sliding, N m or N.")
     speed: Finite | None = Field(None, description="Speed that regularises the Coulomb part, rad/s or m/s.")
 
 
-class ControlTable(TableModel):
+class ControlTable(_InJoint):
     """PID control of a joint coordinate, ``P e + I int e dt + D e'`` with ``e = target(t) - q``."""
 
-    name: Name
-    joint: Name
-    coordinate: AxisCoordinate
     target: FunctionTable = Field(description="Over time, rad or m.")
     proportional: Finite = Field(description="N m/rad or N/m.")
     integral: Finite = 0.0
     derivative: Finite = 0.0
 
 
-class DriveTable(TableModel):
+class DriveTable(_InJoint):
     """A joint coordinate as a function of time."""
 
-    name: Name
-    joint: Name
-    coordinate: AxisCoordinate
     motion: FunctionTable = Field(description="Over time, rad or m.")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Annotated, Any
 
 import numpy as np
@@ -61,26 +62,30 @@ class Orientation(TableModel):
 
     @model_validator(mode="after")
     def _exactly_one(self) -> Orientation:
-        given = [n for n in ("quaternion", "euler_zxz", "bryant_xyz", "three_points") if getattr(self, n) is not None]
+        given = self._given()
         if len(given) != 1:
-            raise ValueError(
-                f"{len(given)} ways given; give exactly one of quaternion, euler_zxz, bryant_xyz, three_points"
-            )
-        if self.quaternion is not None and abs(np.linalg.norm(self.quaternion) - 1.0) > 1e-9:
-            norm = np.linalg.norm(self.quaternion)
+            raise ValueError(f"{len(given)} ways given; give exactly one of {', '.join(_ROTATIONS)}")
+        norm = 1.0 if self.quaternion is None else float(np.linalg.norm(self.quaternion))
+        if abs(norm - 1.0) > 1e-9:
             raise ValueError(f"the quaternion has norm {norm:.9g}; give a unit quaternion, scalar first")
         return self
 
+    def _given(self) -> list[str]:
+        return [way for way in _ROTATIONS if getattr(self, way) is not None]
+
     def matrix(self) -> Array:
         """Return the rotation matrix; raises ValueError for three points on one line."""
-        if self.quaternion is not None:
-            return rotation_from_quaternion(np.array(self.quaternion) / np.linalg.norm(self.quaternion))
-        if self.euler_zxz is not None:
-            return rotation_from_euler_zxz(self.euler_zxz)
-        if self.bryant_xyz is not None:
-            return rotation_from_bryant_xyz(self.bryant_xyz)
-        assert self.three_points is not None
-        return rotation_from_three_points(*self.three_points)
+        (way,) = self._given()
+        return _ROTATIONS[way](getattr(self, way))
+
+
+_ROTATIONS: dict[str, Callable[[list[Any]], Array]] = {
+    "quaternion": lambda given: rotation_from_quaternion(np.array(given) / np.linalg.norm(given)),
+    "euler_zxz": rotation_from_euler_zxz,
+    "bryant_xyz": rotation_from_bryant_xyz,
+    "three_points": lambda given: rotation_from_three_points(*given),
+}
+"""Rotation matrix by each of the ways to give an orientation."""
 
 
 class CurveTable(TableModel):

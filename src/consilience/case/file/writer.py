@@ -63,7 +63,7 @@ def table_text(table: TomlTable, heading: str = "") -> str:
 def case_table(case: Case) -> TomlTable:
     """Return the tables of a case file, by the names of `schema`."""
     mechanism = case.mechanism
-    table: TomlTable = {
+    return {
         "title": case.title,
         "sources": list(case.sources) or ["written by Consilience"],
         **({"remarks": case.remarks} if case.remarks else {}),
@@ -77,7 +77,6 @@ def case_table(case: Case) -> TomlTable:
         "instant": {"states": case.instants, "seed": case.seed},
         **({"published": _published(case)} if case.published else {}),
     }
-    return table
 
 
 # ---------------------------------------------------------------- bodies and joints
@@ -110,16 +109,15 @@ def _place(mechanism: Mechanism, body: str) -> Frame:
 def _point(mechanism: Mechanism, body: str, point: Array) -> list[float]:
     """Point of a body in the drawing."""
     place = _place(mechanism, body)
-    drawn: list[float] = (place.p + place.R @ point).tolist()
-    return drawn
+    return (place.p + place.R @ point).tolist()
 
 
 def _direction(mechanism: Mechanism, body: str, direction: Array) -> list[float]:
-    drawn: list[float] = (_place(mechanism, body).R @ direction).tolist()
-    return drawn
+    return (_place(mechanism, body).R @ direction).tolist()
 
 
 def _joint(joint: Joint, mechanism: Mechanism) -> TomlTable:
+    """Table of a joint whose frames F and M coincide in the drawing; a rod has two ends."""
     start, end = _place(mechanism, joint.predecessor), _place(mechanism, joint.successor)
     at, to = start.p + start.R @ joint.F.p, end.p + end.R @ joint.M.p
     axes, others = start.R @ joint.F.R, end.R @ joint.M.R
@@ -173,6 +171,7 @@ def _in_joint(element: Any, *names: str) -> TomlTable:
 
 
 def _elements(m: Mechanism) -> dict[str, list[TomlTable]]:
+    """Tables of all elements by kind, with points and directions in the drawing."""
     return {
         "spring": [
             _copied(s, "predecessor", "successor")
@@ -229,12 +228,10 @@ def _held(values: Mapping[str, Any], rates: bool) -> TomlTable:
 
 
 def _initial(initial: Initial) -> TomlTable:
-    bodies: dict[str, TomlTable] = {}
-    for name, frame in initial.poses.items():
-        bodies[name] = {
-            "at": frame.p.tolist(),
-            "orientation": {"quaternion": quaternion_from_rotation(frame.R).tolist()},
-        }
+    bodies: dict[str, TomlTable] = {
+        name: {"at": f.p.tolist(), "orientation": {"quaternion": quaternion_from_rotation(f.R).tolist()}}
+        for name, f in initial.poses.items()
+    }
     for name, (v, w) in initial.velocities.items():
         velocities = {"velocity": np.asarray(v).tolist(), "angular_velocity": np.asarray(w).tolist()}
         bodies.setdefault(name, {}).update(velocities)
@@ -265,7 +262,7 @@ def _published(case: Case) -> list[TomlTable]:
 
 
 def _value(value: Any) -> str:
-    """A value in one line, texts of several lines apart; nested tables are inline."""
+    """A value in one line (texts of several lines excepted); nested tables are inline."""
     if isinstance(value, dict):
         return "{ " + ", ".join(f"{name} = {_value(entry)}" for name, entry in value.items()) + " }"
     if isinstance(value, list):

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from itertools import chain, count
+from typing import Any
 
 import numpy as np
 
@@ -26,6 +28,8 @@ from consilience.mechanism import (
     check_inertia,
     rotation_with_z_axis,
 )
+
+_ONE = np.eye(3)
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
 
@@ -59,10 +63,8 @@ def usable_names(names: Iterable[str], what: str, notes: Notes) -> dict[str, str
     for name in names:
         plain = re.sub(r"[^A-Za-z0-9_]", "_", name)[:60]
         plain = plain if _NAME.fullmatch(plain) else f"{what}_{plain}"[:60]
-        usable, count = plain, 1
-        while usable in taken:
-            count += 1
-            usable = f"{plain}_{count}"
+        candidates = chain([plain], (f"{plain}_{k}" for k in count(2)))
+        usable = next(candidate for candidate in candidates if candidate not in taken)
         taken.add(usable)
         found[name] = usable
         if usable != name:
@@ -108,18 +110,15 @@ class _Builder:
             if home in self.homes:
                 self.homes[name] = self.homes[home]
         joints, coordinates = self._joints(idle, shares)
-        bodies, loops, springs = tuple(self._bodies()), tuple(self._loops()), tuple(self._springs())
-        joint_springs, couplings = tuple(self._joint_springs(coordinates)), tuple(self._couplings(coordinates, idle))
+        fields: dict[str, tuple[Any, ...]] = {
+            "bodies": tuple(self._bodies()),
+            "joints": (*joints, *self._loops()),
+            "springs": tuple(self._springs()),
+            "joint_springs": tuple(self._joint_springs(coordinates)),
+            "couplings": tuple(self._couplings(coordinates, idle)),
+        }
         self.notes.check(self.parts.name)
-        mechanism = Mechanism(
-            name=self.parts.name,
-            gravity=self.parts.gravity,
-            bodies=bodies,
-            joints=(*joints, *loops),
-            springs=springs,
-            joint_springs=joint_springs,
-            couplings=couplings,
-        )
+        mechanism = Mechanism(self.parts.name, self.parts.gravity, **fields)
         return Built(mechanism, {body: piece for piece, body in self.names.items()})
 
     def _merge(self) -> dict[str, tuple[float, Array, Array]]:
@@ -160,7 +159,7 @@ class _Builder:
         return set(idle)
 
     def _row(self, piece: Piece, shares: dict[str, tuple[float, Array, Array]]) -> tuple[str, tuple[NativeJoint, ...]]:
-        """Piece with mass that carries a piece, and the joints in between, through pieces without mass."""
+        """Return the next piece with mass towards the root, and the joints on the way, past pieces without mass."""
         motions, base = piece.motions, self._base(piece)
         while base and shares[base][0] == 0.0:
             motions, base = (*self.pieces[base].motions, *motions), self._base(self.pieces[base])
@@ -193,21 +192,20 @@ class _Builder:
             if found.kind == "spherical" and len(row) == 3:
                 self.notes.add(LOCKS, title)
             axes = rotation_with_z_axis(found.axis, found.second)
-            joints.append(self._drawn(title, found.kind, base, name, found.at, axes))
+            F, M = self._local(base, found.at, axes), self._local(name, found.at, axes)
+            joints.append(Joint(title, found.kind, self.homes[base], self.names[name], F, M))
             coordinates |= {motion: (title, c, sign) for motion, (c, sign) in found.coordinates.items()}
         return joints, coordinates
 
-    def _drawn(self, title: str, kind: str, base: str, name: str, at: Array, axes: Array) -> Joint:
-        F, M = self._local(base, at, axes), self._local(name, at, axes)
-        return Joint(title, kind, self.homes[base], self.names[name], F, M)
-
     def _local(self, name: str, at: Array, axes: Array) -> Frame:
+        """Frame in the drawing as a frame of a piece, or of the ground (empty name)."""
         if not name:
             return Frame(at, axes)
         frame = self.pieces[name].frame
         return Frame(frame.R.T @ (at - frame.p), frame.R.T @ axes)
 
     def _bodies(self) -> Iterable[Body]:
+        """Yield the bodies with mass; refuse inertia tensors that no rigid body can have."""
         for name, (mass, com, inertia) in self.kept.items():
             tensor = 0.5 * (inertia + inertia.T)  # turned tensors are symmetric up to rounding
             try:
@@ -219,40 +217,26 @@ class _Builder:
 
     # ---------------------------------------------------------------- elements
 
-    def _on_body(self, name: str, point: Array) -> Array:
-        """Point of a piece in the frame of its body."""
-        home = self.merged_into.get(name, name)
-        frame = self.pieces[name].frame if name else None
-        drawn = point if frame is None else frame.p + frame.R @ point
-        if not home:
-            return drawn
-        body = self.pieces[home].frame
-        return np.asarray(body.R.T @ (drawn - body.p))
-
-    def _turned(self, name: str, R: Array) -> Array:
-        home = self.merged_into.get(name, name)
-        drawn = self.pieces[name].frame.R @ R if name else R
-        return np.asarray(self.pieces[home].frame.R.T @ drawn) if home else drawn
+    def _in_body(self, name: str, p: Array, R: Array = _ONE) -> Frame:
+        """Frame of a piece, or of the ground, in axes of the body that the piece belongs to."""
+        if name:
+            frame = self.pieces[name].frame
+            p, R = frame.p + frame.R @ p, frame.R @ R
+        return self._local(self.merged_into.get(name, name), p, R)
 
     def _loops(self) -> Iterable[Joint]:
+        """Yield the joints that close loops, with frames in axes of the bodies."""
         titles = usable_names([loop.name for loop in self.parts.loops], "loop", self.notes)
         for loop in self.parts.loops:
             ends = loop.predecessor, loop.successor
             if self._absent("loop", loop.name, ends):
                 continue
-            F, M = (
-                Frame(self._on_body(n, f.p), self._turned(n, f.R)) for n, f in zip(ends, (loop.F, loop.M), strict=True)
-            )
-            yield replace(
-                loop,
-                name=titles[loop.name],
-                predecessor=self.homes[ends[0]],
-                successor=self.homes[ends[1]],
-                F=F,
-                M=M,
-            )
+            predecessor, successor = (self.homes[end] for end in ends)
+            F, M = (self._in_body(n, f.p, f.R) for n, f in zip(ends, (loop.F, loop.M), strict=True))
+            yield replace(loop, name=titles[loop.name], predecessor=predecessor, successor=successor, F=F, M=M)
 
     def _springs(self) -> Iterable[Spring]:
+        """Yield the springs between points, with points in axes of the bodies."""
         for spring in self.parts.springs:
             ends = spring.predecessor, spring.successor
             if not self._absent("spring", spring.name, ends):
@@ -260,8 +244,8 @@ class _Builder:
                     spring,
                     predecessor=self.homes[ends[0]],
                     successor=self.homes[ends[1]],
-                    point_predecessor=self._on_body(ends[0], spring.point_predecessor),
-                    point_successor=self._on_body(ends[1], spring.point_successor),
+                    point_predecessor=self._in_body(ends[0], spring.point_predecessor).p,
+                    point_successor=self._in_body(ends[1], spring.point_successor).p,
                 )
 
     def _absent(self, what: str, name: str, ends: tuple[str, ...]) -> bool:
@@ -275,6 +259,7 @@ class _Builder:
         return False
 
     def _joint_springs(self, coordinates: dict[str, tuple[str, str, float]]) -> Iterable[JointSpring]:
+        """Yield springs and dampers of joints; note those whose joint has no such coordinate in the case."""
         present = [m for p in self.parts.pieces for m in p.motions if m.stiffness or m.damping]
         titles = usable_names([m.name for m in present], "spring", Notes())
         for motion in present:
@@ -286,6 +271,7 @@ class _Builder:
                 self.notes.add(NO_COORDINATE, motion.name)
 
     def _couplings(self, coordinates: dict[str, tuple[str, str, float]], idle: set[str]) -> Iterable[Coupling]:
+        """Yield the couplings of coordinates; note or refuse those without both coordinates in the case."""
         gone = {m.name for name in idle for m in self.pieces[name].motions}
         titles = usable_names([law.name for law in self.parts.laws], "coupling", Notes())
         for law in self.parts.laws:

@@ -1,4 +1,4 @@
-"""A file of another format as a case: which reader it needs is told by the root of its XML."""
+"""Import of a file of another format as a case; the root element of the XML selects the reader."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ class Imported:
     ----------
     case : Case
     built : Built
-        Where its pieces went.
+        Mechanism, with the piece of the file for each body.
     notes : Notes
-        What the case has differently, or not at all.
+        Changes and omissions.
     """
 
     case: Case
@@ -134,5 +134,6 @@ def imported_text(imported: Imported) -> str:
     """
     heading = [f"Imported from {imported.case.file}. Changed or left out:", *imported.notes.lines()]
     text = case_text(imported.case, "\n".join(heading))
-    cases_from_tables(imported.case.name, imported.case.file, tomllib.loads(text))  # what is written can be read
+    # refuse a text that the reader of case files would refuse
+    cases_from_tables(imported.case.name, imported.case.file, tomllib.loads(text))
     return text

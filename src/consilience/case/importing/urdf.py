@@ -193,7 +193,7 @@ def _in_order(links: dict[str, Element], joints: list[_UrdfJoint], notes: Notes)
     for joint in joints:
         hanging.setdefault(joint.parent, []).append(joint.child)
     order = list(roots[:1])
-    for name in order:  # grows while it is walked through
+    for name in order:  # the list grows during the loop
         if len(order) <= len(links):
             order += hanging.get(name, [])
     if set(order) != set(links) and len(roots) == 1:

@@ -14,7 +14,8 @@ from consilience.case import Case, load_cases
 from consilience.cli.options import CaseFiles, EngineNames, Form, MessageLimit, OutputFormat, chosen_engines
 from consilience.cli.terminal import say
 from consilience.engine import EngineInfo, Method, Question
-from consilience.engine.worker.client import Plan, Request, Worker, in_parallel
+from consilience.engine.worker.client import Worker, in_parallel
+from consilience.engine.worker.requests import Plan, Request
 from consilience.errors import InvalidInput, visible
 from consilience.report.anatomy import anatomy, dependency_lines, expected_lines, freedom_line, warnings
 
