@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from math import log10
 from typing import Any
@@ -11,7 +11,7 @@ from consilience.compare import Verdict
 from consilience.compare.rules import RULES
 from consilience.engine import Profile
 from consilience.report.facts import Fact, facts_of, horizon_text, softness_facts
-from consilience.report.selection import judged_largest, levels_of, method_of, probes_of, softness_of
+from consilience.report.selection import AnswerLines, judged_largest, softness_of
 from consilience.report.wording import (
     DASH,
     LOOKS,
@@ -91,6 +91,8 @@ class AnswerView:
 
     Attributes
     ----------
+    lines : AnswerLines
+        Lines of the record that the view is made from.
     matched : bool
         Whether the engine ran with matched settings; else with its own defaults.
     rule, condition : str
@@ -101,6 +103,7 @@ class AnswerView:
         Time up to which a motion is judged; empty if that is its end.
     """
 
+    lines: AnswerLines
     question: str
     method: str
     route: str
@@ -135,27 +138,13 @@ class AnswerView:
         return counted(len(self.settings), "setting")
 
 
-def answer_view(
-    comparison: dict[str, Any],
-    runs: Sequence[dict[str, Any]],
-    case: dict[str, Any],
-    reference: dict[str, Any] | None,
-) -> AnswerView:
-    """Make the view of a comparison.
-
-    Parameters
-    ----------
-    comparison, case : dict
-        Lines of the record.
-    runs : sequence of dict
-        All runs of the method.
-    reference : dict or None
-        Answer of the reference to the question `model`.
-    """
-    method, levels, probes = method_of(runs), levels_of(runs), probes_of(runs)
+def answer_view(lines: AnswerLines) -> AnswerView:
+    """Make the view of an answer."""
+    comparison, case, method = lines.comparison, lines.case, lines.method
     verdict, rule = Verdict(comparison["verdict"]), comparison["rule"]
     short, sentence = ROUTES.get(comparison["route"], ("no method", "the engine offered none"))
     return AnswerView(
+        lines=lines,
         question=comparison["question"],
         method=comparison["method"],
         route=short,
@@ -172,12 +161,12 @@ def answer_view(
         quantities=tuple(_quantity(q, case) for q in comparison["quantities"]),
         gauges=tuple(_gauges(comparison, case)),
         tables=tuple(t for t in (_levels(comparison, method), _observables(comparison)) if t.rows),
-        facts=tuple(facts_of(comparison, levels, case, reference)),
-        softness=tuple(softness_facts(comparison, probes)),
+        facts=tuple(facts_of(lines)),
+        softness=tuple(softness_facts(lines)),
         settings=tuple((str(k), plain(v)) for k, v in method.get("settings", {}).items()),
-        troubles=tuple(_trouble(r, method) for r in (*levels, *probes) if r["status"] == "failed"),
+        troubles=tuple(_trouble(r, method) for r in (*lines.levels, *lines.probes) if r["status"] == "failed"),
         unsupported=tuple(comparison["why"].split("; ")) if verdict is Verdict.UNSUPPORTED else (),
-        log="" if verdict is Verdict.FAILED else "\n".join(r["log"].strip() for r in levels if r["log"].strip()),
+        log="" if verdict is Verdict.FAILED else "\n".join(r["log"].strip() for r in lines.levels if r["log"].strip()),
     )
 
 

@@ -12,7 +12,7 @@ from consilience.report.anatomy import COMPONENTS
 from consilience.report.cells import Cell, cell_view
 from consilience.report.facts import Fact
 from consilience.report.record import Record
-from consilience.report.selection import growing_motion, mean_step, method_of, motions_of
+from consilience.report.selection import mean_step, method_of
 from consilience.report.wording import DASH, anchor, number
 
 
@@ -88,8 +88,8 @@ def unwrapped(paragraph: str) -> str:
 
 def case_figures(record: Record, case: dict[str, Any]) -> Iterator[str]:
     """Kinds of figures that have data, in the order of the page."""
-    motions = motions_of(case["name"], record.of_case(case["name"])[1])
-    if growing_motion(case["name"], record.of_case(case["name"])[1]) is not None:
+    motions = record.motions(case["name"])
+    if record.growing_motion(case["name"]) is not None:
         yield "horizon"
     if motions:
         yield "work"
@@ -104,9 +104,8 @@ def _reference_model(record: Record, case: str) -> dict[str, Any] | None:
 
 
 def _limits(record: Record, case: dict[str, Any]) -> Limits:
-    motions = motions_of(case["name"], record.of_case(case["name"])[1])
+    motions, growing = record.motions(case["name"]), record.growing_motion(case["name"])
     uncertainty = number(motions[0]["reference_spread"]) if motions else DASH
-    growing = growing_motion(case["name"], record.of_case(case["name"])[1])
     if growing is None:
         return Limits(DASH, DASH, uncertainty)
     horizon = growing["horizon"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from html import escape
 from typing import Any
 
@@ -12,35 +12,30 @@ from consilience.report.selection import is_matched, judged_largest, mean_step, 
 from consilience.report.wording import order_text, step_name, step_text
 
 
-def work_precision(compared: Sequence[dict[str, Any]], record: Record, case: dict[str, Any]) -> Figure:
+def work_precision(record: Record, case: dict[str, Any]) -> Figure:
     """Draw the largest difference over CPU time."""
-    return _precision(compared, record, case, "CPU time in s", lambda level, _: level["cpu"])
+    return _precision(record, case, "CPU time in s", lambda level, _: level["cpu"])
 
 
-def step_precision(compared: Sequence[dict[str, Any]], record: Record, case: dict[str, Any]) -> Figure:
+def step_precision(record: Record, case: dict[str, Any]) -> Figure:
     """Draw the largest difference over the step; over the mean step of an adaptive method."""
     duration = case["duration"]
-    return _precision(
-        compared, record, case, "step in s", lambda level, method: mean_step(level, method, duration), orders=True
-    )
+    return _precision(record, case, "step in s", lambda level, method: mean_step(level, method, duration), orders=True)
 
 
 def _precision(
-    compared: Sequence[dict[str, Any]],
     record: Record,
     case: dict[str, Any],
     axis: str,
     abscissa: Callable[[dict[str, Any], dict[str, Any]], float | None],
     orders: bool = False,
 ) -> Figure:
-    """Draw the largest differences of all levels.
+    """Draw the largest differences of all levels of a case.
 
     Engines differ by colour, methods by the shape of the marker; markers of default methods are hollow.
 
     Parameters
     ----------
-    compared : sequence of dict
-        Comparisons of motions.
     record : Record
     case : dict
     axis : str
@@ -52,7 +47,7 @@ def _precision(
     """
     engines = list(record.header["engines"])
     traces, seen = [], dict.fromkeys(engines, 0)
-    for comparison in sorted(compared, key=lambda c: engines.index(c["engine"])):
+    for comparison in sorted(record.motions(case["name"]), key=lambda c: engines.index(c["engine"])):
         engine, method = comparison["engine"], method_of(record.runs_of(comparison))
         marker = MARKERS[seen[engine] % len(MARKERS)]
         seen[engine] += 1

@@ -31,6 +31,7 @@ from consilience.mechanism import determinate_reactions
 from consilience.report.recordschema import FORMAT, checked, contradictions
 from consilience.report.replay import replays
 from consilience.report.replayschema import NAME
+from consilience.report.selection import is_matched
 from consilience.suite import QUICK, Results
 
 LARGEST_FILE = 500_000_000
@@ -71,6 +72,14 @@ class Record:
     def of_case(self, name: str) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
         """Return the runs and the comparisons of a case."""
         return self._by_case.get(name, ([], []))
+
+    def motions(self, case: str) -> list[dict[str, Any]]:
+        """List the comparisons of motions of a case, matched methods first."""
+        return sorted((c for c in self.of_case(case)[1] if c["levels"]), key=lambda c: not is_matched(c))
+
+    def growing_motion(self, case: str) -> dict[str, Any] | None:
+        """Return a comparison with the growth of perturbations, which is the same for all motions of a case."""
+        return next((c for c in self.motions(case) if c["growth"]), None)
 
     def again(self, case: dict[str, Any] | None = None, engine: str = "", question: str = "") -> str:
         """Return the command that asks again: about one case or all, one engine or all, one question or all."""

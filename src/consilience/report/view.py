@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from consilience.compare import Verdict
@@ -22,7 +22,6 @@ from consilience.report.facts import Fact
 from consilience.report.record import Record
 from consilience.report.tables import MethodTable, method_tables
 from consilience.report.wording import (
-    CAPTIONS,
     EXIT_CODES,
     LOOKS,
     NOT_ASKED,
@@ -47,15 +46,6 @@ class Column:
 
 
 @dataclass(frozen=True)
-class Tally:
-    """The cells of a verdict, and their number."""
-
-    look: Look
-    count: int
-    cells: tuple[Cell, ...]
-
-
-@dataclass(frozen=True)
 class Page:
     """Contents of a page."""
 
@@ -64,7 +54,6 @@ class Page:
     exit_code: int
     again: str
     facts: tuple[Fact, ...]
-    tallies: tuple[Tally, ...]
     columns: tuple[Column, ...]
     missing: tuple[tuple[str, str], ...]
     cases: tuple[CaseView, ...]
@@ -74,7 +63,6 @@ class Page:
     questions: tuple[str, ...]
     legend: tuple[Look, ...] = (*LOOKS.values(), NOT_ASKED, YARDSTICK)
     routes: tuple[tuple[str, str], ...] = tuple(ROUTES.values())
-    captions: Mapping[str, str] = field(default_factory=lambda: CAPTIONS)
 
     @property
     def cells(self) -> list[Cell]:
@@ -106,20 +94,18 @@ def page(record: Record) -> Page:
     cases = tuple(case_view(record, case, [column.name for column in columns]) for case in record.cases)
     every = [cell for case in cases for cell in case.cells]
     cells = [cell for cell in every if cell.engine != REFERENCE]
-    code = record.footer["exit_code"]
-    tallies = _tallies(cells)
+    code, quick = record.footer["exit_code"], bool(record.header.get("quick"))
     return Page(
-        headline=_headline(cells, tallies, record),
+        headline=_headline(cells, record.header["missing"]),
         status=EXIT_CODES.get(code, "unknown"),
         exit_code=code,
         again=record.again(),
         facts=tuple(_facts(record.header)),
-        tallies=tallies,
         columns=columns,
         missing=tuple(record.header["missing"].items()),
         cases=cases,
-        defaults=defaults_view(record, every),
-        tables=method_tables(record, every),
+        defaults=defaults_view(every, quick),
+        tables=method_tables(every, quick),
         engines=tuple(_engines(record.header, columns, every)),
         questions=tuple(str(q) for q in record.header["questions"]),
     )
@@ -139,18 +125,12 @@ def _engines(header: dict[str, Any], columns: Sequence[Column], cells: Sequence[
             yield engine_view(column.name, facts, [c for c in cells if c.engine == column.name])
 
 
-def _tallies(cells: Sequence[Cell]) -> tuple[Tally, ...]:
-    groups = ((look, tuple(c for c in cells if c.look is look)) for look in (*LOOKS.values(), NOT_ASKED))
-    return tuple(Tally(look, len(found), found) for look, found in groups if found)
-
-
-def _headline(cells: Sequence[Cell], tallies: Sequence[Tally], record: Record) -> str:
+def _headline(cells: Sequence[Cell], missing: Mapping[str, str]) -> str:
     """State how many cells agree, the verdicts of the other cells, and the missing engines."""
-    count = {t.look.name: t.count for t in tallies}
-    agreeing = count.get(Verdict.AGREES, 0)
+    count = Counter(cell.look.name for cell in cells)
+    agreeing = count[Verdict.AGREES]
     parts = [f"{agreeing} of {counted(len(cells), 'cell')} {phrase(Verdict.AGREES, agreeing)}"]
     parts += [f"{count[v]} {phrase(v, count[v])}" for v in LOOKS if v in count and v is not Verdict.AGREES]
-    missing = record.header["missing"]
     if missing:
         parts.append(f"{counted(len(missing), 'engine')} not available ({', '.join(missing)})")
     return "; ".join(parts) + "."

@@ -15,7 +15,7 @@ from consilience.compare.judge import REFERENCE
 from consilience.errors import InvalidInput
 from consilience.report.figure import COLOURS
 from consilience.report.record import Record
-from consilience.report.selection import is_matched, judged_largest, mean_step, method_of, motions_of
+from consilience.report.selection import is_matched, judged_largest, mean_step, method_of
 from consilience.report.wording import order_text
 
 if TYPE_CHECKING:
@@ -128,7 +128,7 @@ def plotted(record: Record, case: str, what: str, form: str) -> bytes:
             "Install the extra: pip install 'consilience[plot]'.",
         ) from None
     about = _case(record, case)
-    drawn, motions = lines(record, about, PLOTS[what]), motions_of(case, record.comparisons)
+    drawn, motions = lines(record, about, PLOTS[what]), record.motions(case)
     with rc_context(SETTINGS):
         figure = Figure(figsize=(WIDTH, HEIGHT + ENTRY * len(drawn)), layout="constrained")
         axes = figure.subplots()
@@ -157,7 +157,7 @@ def lines(record: Record, case: dict[str, Any], kind: PlotKind) -> list[tuple[in
     """List the motions with matched settings, each with the number of its engine."""
     names = [name for name in record.header["engines"] if name != REFERENCE]
     found = []
-    for motion in motions_of(case["name"], record.comparisons):
+    for motion in record.motions(case["name"]):
         if motion["engine"] not in names or not is_matched(motion):
             continue
         method = method_of(record.runs_of(motion))
