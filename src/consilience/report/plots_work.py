@@ -6,7 +6,7 @@ from collections.abc import Callable
 from html import escape
 from typing import Any
 
-from consilience.report.figure import COLOURS, MARKERS, Figure, add_asked, compact, figure, title_of
+from consilience.report.figure import COLOURS, MARKERS, Figure, add_asked, compact, figure, log_axis, title_of
 from consilience.report.record import Record
 from consilience.report.selection import is_matched, judged_largest, mean_step, method_of
 from consilience.report.wording import order_text, step_name, step_text
@@ -75,10 +75,6 @@ def _precision(
                 "hovertemplate": "%{text}<br>%{x:.2g} s, %{y:.2e}",
             }
         )
-    found = figure(
-        traces,
-        {"title": {"text": axis}, "type": "log", "exponentformat": "power"},
-        "largest difference to the reference",
-    )
+    found = figure(traces, log_axis(axis), "largest difference to the reference")
     add_asked(found, case["digits"])
     return found

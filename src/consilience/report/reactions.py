@@ -84,12 +84,9 @@ def reactions(mechanism: Mechanism, state: State, t: float, angles: Angles | Non
         constraint_jacobian(mechanism, state, t=t, angles=angles),
         constraint_gamma(mechanism, state, t=t, angles=angles),
     )
-    found, start = [], 0
-    for joint in mechanism.joints:
-        rows = slice(start, start + len(joint.rows))
-        start = rows.stop
-        found.append(reaction_map(mechanism, state, joint) @ lam[rows])
-    return np.array(found)
+    own = np.split(lam, np.cumsum([len(joint.rows) for joint in mechanism.joints]))
+    # after the rows of the joints come those of the elements
+    return np.array([reaction_map(mechanism, state, j) @ f for j, f in zip(mechanism.joints, own, strict=False)])
 
 
 def drift_over_time(mechanism: Mechanism, answer: TrajectoryAnswer, samples: Array) -> Array:

@@ -32,46 +32,37 @@ class Look:
     sentence: str
 
 
-LOOKS: dict[Verdict, Look] = {
-    Verdict.AGREES: Look(
-        "agrees", "\N{CHECK MARK}", Verdict.AGREES, "The difference to the reference is within the bar that was asked."
-    ),
-    Verdict.DISCRETISATION: Look(
-        "discretisation",
+_SYMBOLS_AND_MEANINGS = {
+    Verdict.AGREES: ("\N{CHECK MARK}", "The difference to the reference is within the bar that was asked."),
+    Verdict.DISCRETISATION: (
         "\N{ALMOST EQUAL TO}",
-        Verdict.DISCRETISATION,
         "The steps are too coarse for the digits asked, but smaller ones lead to the reference: no disagreement.",
     ),
-    Verdict.REGULARISATION: Look(
-        "regularisation",
+    Verdict.REGULARISATION: (
         "\N{PROPORTIONAL TO}",
-        Verdict.REGULARISATION,
         "The engine's constraints are soft, and the difference goes away with that softness: the model is the same.",
     ),
-    Verdict.UNSUPPORTED: Look(
-        "unsupported",
+    Verdict.UNSUPPORTED: (
         "\N{EMPTY SET}",
-        Verdict.UNSUPPORTED,
         "The engine cannot represent something in the case, and says what: not a failure, and not counted as one.",
     ),
-    Verdict.UNRESOLVED: Look(
-        "unresolved",
+    Verdict.UNRESOLVED: (
         "?",
-        Verdict.UNRESOLVED,
         "The runs do not suffice to decide: not asymptotic at these steps, past the horizon, or no sure reference.",
     ),
-    Verdict.MODEL: Look(
-        "model",
+    Verdict.MODEL: (
         "\N{NOT EQUAL TO}",
-        Verdict.MODEL,
         "A difference that neither smaller steps nor harder constraints remove: another model, or another reading.",
     ),
-    Verdict.FAILED: Look(
-        "failed",
+    Verdict.FAILED: (
         "!",
-        Verdict.FAILED,
         "No usable answer: an exception, a crash, a time limit or values that are not finite; the evidence is kept.",
     ),
+}
+
+LOOKS: dict[Verdict, Look] = {
+    verdict: Look(verdict.name.lower(), symbol, verdict, sentence)
+    for verdict, (symbol, sentence) in _SYMBOLS_AND_MEANINGS.items()
 }
 """Verdicts, best first."""
 
