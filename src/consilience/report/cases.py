@@ -12,7 +12,7 @@ from consilience.report.anatomy import COMPONENTS
 from consilience.report.cells import Cell, cell_view
 from consilience.report.facts import Fact
 from consilience.report.record import Record
-from consilience.report.selection import mean_step, method_of
+from consilience.report.selection import grouped, mean_step, method_of
 from consilience.report.wording import DASH, anchor, number
 
 
@@ -114,14 +114,14 @@ def _limits(record: Record, case: dict[str, Any]) -> Limits:
 
 
 def _facts(case: dict[str, Any], reference: dict[str, Any] | None, limits: Limits, count: str) -> Iterator[Fact]:
-    rows = case["rows"]
-    if reference is not None:
-        dependent = rows - (6 * len(case["bodies"]) - reference["freedom"])
-        yield Fact("degrees of freedom", str(reference["freedom"]))
-        yield Fact("constraint rows", str(rows), f"{dependent} of them dependent")
-        yield Fact("total mass", f"{number(reference['mass'], 3)} kg")
+    rows = str(case["rows"])
+    if reference is None:
+        yield Fact("constraint rows", rows)
     else:
-        yield Fact("constraint rows", str(rows))
+        dependent = case["rows"] - (6 * len(case["bodies"]) - reference["freedom"])
+        yield Fact("degrees of freedom", str(reference["freedom"]))
+        yield Fact("constraint rows", rows, f"{dependent} of them dependent")
+        yield Fact("total mass", f"{number(reference['mass'], 3)} kg")
     yield Fact("trajectory", f"{case['duration']:g} s", f"sampled every {case['sample']:g} s")
     yield Fact("digits asked of a trajectory", str(case["digits"]))
     if limits.horizon != DASH:
@@ -141,9 +141,7 @@ def _undetermined_count(case: dict[str, Any]) -> str:
 
 def _undetermined(case: dict[str, Any]) -> Iterator[OpenReactions]:
     """Group the joints by their undetermined components."""
-    joints: dict[str, list[str]] = {}
-    for joint, counts in case["undetermined"].items():
-        joints.setdefault(_components(counts, case["instants"]), []).append(joint)
+    joints = grouped((_components(counts, case["instants"]), joint) for joint, counts in case["undetermined"].items())
     for components, names in joints.items():
         yield OpenReactions(", ".join(names), components)
 

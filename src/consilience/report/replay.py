@@ -20,6 +20,7 @@ from consilience.report.motion import Encoded, chosen_samples, encoded_differenc
 from consilience.report.reactions import can_be_told, drift_over_time, reactions_over_time
 from consilience.report.replayschema import FORMAT
 from consilience.report.scene import Scene, scene
+from consilience.report.selection import grouped
 
 PLOTTED = 31
 """Largest number of samples in a plot of reactions."""
@@ -119,8 +120,6 @@ def _plain(values: Array) -> list[float | None]:
 
 def replays(cases: Sequence[Case], runs: Sequence[Run]) -> str:
     """Write the text of ``replay.json``: the replays of all cases."""
-    of_case: dict[str, list[Run]] = {}
-    for run in runs:
-        of_case.setdefault(run.case, []).append(run)
+    of_case = grouped((run.case, run) for run in runs)
     found = [replay_of(case, of_case.get(case.name, [])) for case in cases]
     return json.dumps({"format": FORMAT, "cases": found}, allow_nan=False, separators=(",", ":"))

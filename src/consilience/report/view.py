@@ -37,24 +37,15 @@ QUICKLY = "quickly (few states, the start of each motion, one method of each eng
 
 
 @dataclass(frozen=True)
-class Column:
-    """An engine of the matrix."""
-
-    name: str
-    version: str
-    remarks: str
-
-
-@dataclass(frozen=True)
 class Page:
-    """Contents of a page."""
+    """Contents of a page; `columns` are names and versions of the engines."""
 
     headline: str
     status: str
     exit_code: int
     again: str
     facts: tuple[Fact, ...]
-    columns: tuple[Column, ...]
+    columns: tuple[tuple[str, str], ...]
     missing: tuple[tuple[str, str], ...]
     cases: tuple[CaseView, ...]
     defaults: Defaults
@@ -90,8 +81,10 @@ class Page:
 
 def page(record: Record) -> Page:
     """Make the view of a record."""
-    columns = _columns(record.header)
-    cases = tuple(case_view(record, case, [column.name for column in columns]) for case in record.cases)
+    engines = record.header["engines"]
+    # the engines in the order asked; the reference comes last
+    names = sorted(engines, key=lambda name: name == REFERENCE)
+    cases = tuple(case_view(record, case, names) for case in record.cases)
     every = [cell for case in cases for cell in case.cells]
     cells = [cell for cell in every if cell.engine != REFERENCE]
     code, quick = record.footer["exit_code"], bool(record.header.get("quick"))
@@ -101,28 +94,20 @@ def page(record: Record) -> Page:
         exit_code=code,
         again=record.again(),
         facts=tuple(_facts(record.header)),
-        columns=columns,
+        columns=tuple((name, engines[name]["version"]) for name in names),
         missing=tuple(record.header["missing"].items()),
         cases=cases,
         defaults=defaults_view(every, quick),
         tables=method_tables(every, quick),
-        engines=tuple(_engines(record.header, columns, every)),
+        engines=tuple(_engine(name, engines[name], every) for name in names if name != REFERENCE),
         questions=tuple(str(q) for q in record.header["questions"]),
     )
 
 
-def _columns(header: dict[str, Any]) -> tuple[Column, ...]:
-    """List the engines that started, in the order asked; the reference comes last."""
-    names = sorted(header["engines"], key=lambda name: name == REFERENCE)
-    return tuple(Column(n, header["engines"][n]["version"], header["engines"][n]["remarks"]) for n in names)
-
-
-def _engines(header: dict[str, Any], columns: Sequence[Column], cells: Sequence[Cell]) -> Iterator[EngineView]:
-    for column in columns:
-        if column.name != REFERENCE:
-            facts = [Fact("version", column.version), Fact("adapter", header["engines"][column.name]["adapter"])]
-            facts += [Fact("remarks", column.remarks)] if column.remarks else []
-            yield engine_view(column.name, facts, [c for c in cells if c.engine == column.name])
+def _engine(name: str, info: dict[str, str], cells: Sequence[Cell]) -> EngineView:
+    facts = [Fact("version", info["version"]), Fact("adapter", info["adapter"])]
+    facts += [Fact("remarks", info["remarks"])] if info["remarks"] else []
+    return engine_view(name, facts, [c for c in cells if c.engine == name])
 
 
 def _headline(cells: Sequence[Cell], missing: Mapping[str, str]) -> str:

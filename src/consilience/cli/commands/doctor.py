@@ -145,51 +145,50 @@ def writable(folder: Path) -> bool:
         return False
 
 
+def _noted(what: str, found: str, remedy: str = "") -> Diagnosis:
+    """Make the diagnosis of a part of this machine: a note if there is a remedy, else all is well."""
+    return Diagnosis(what, "note" if remedy else "well", found, remedy)
+
+
 def _python() -> Diagnosis:
-    return Diagnosis("Python", "well", platform.python_version())
+    return _noted("Python", platform.python_version())
 
 
 def _kernels() -> Diagnosis:
-    folder = kernels_folder()
-    what = "compiled kernels"
+    folder, what = kernels_folder(), "compiled kernels"
     if not writable(folder):
         remedy = "export NUMBA_CACHE_DIR=$HOME/.cache/consilience-numba, or each process compiles for a minute or two"
-        return Diagnosis(what, "note", f"{folder} cannot be written", remedy)
+        return _noted(what, f"{folder} cannot be written", remedy)
     if next(folder.rglob("*.nbi"), None) is None:
         remedy = "none: the first run compiles for a minute or two; `consilience simulate double_pendulum` does it now"
-        return Diagnosis(what, "note", f"none yet in {folder}", remedy)
-    return Diagnosis(what, "well", f"in {folder}")
+        return _noted(what, f"none yet in {folder}", remedy)
+    return _noted(what, f"in {folder}")
 
 
 def _processors() -> Diagnosis:
     count = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    if count < 2:
-        return Diagnosis("processors", "note", f"{count}", "run with --jobs 1: engines then take their turns")
-    return Diagnosis("processors", "well", f"{count}")
+    return _noted("processors", f"{count}", "run with --jobs 1: engines then take their turns" * (count < 2))
 
 
 def _memory() -> Diagnosis:
     free = psutil.virtual_memory().available / GIBI
-    if free < 2.0:
-        return Diagnosis("memory", "note", f"{free:.1f} GiB free", "close other programs, or run with --jobs 1")
-    return Diagnosis("memory", "well", f"{free:.1f} GiB free")
+    return _noted("memory", f"{free:.1f} GiB free", "close other programs, or run with --jobs 1" * (free < 2.0))
 
 
 def _threads() -> Diagnosis:
     asked = os.environ.get("OMP_NUM_THREADS", "1")
-    if asked != "1":
-        remedy = "unset OMP_NUM_THREADS: several threads change timings, and the last digits of some engines"
-        return Diagnosis("threads", "note", f"OMP_NUM_THREADS={asked}", remedy)
-    return Diagnosis("threads", "well", "one for each engine")
+    if asked == "1":
+        return _noted("threads", "one for each engine")
+    remedy = "unset OMP_NUM_THREADS: several threads change timings, and the last digits of some engines"
+    return _noted("threads", f"OMP_NUM_THREADS={asked}", remedy)
 
 
 def _versions_folder() -> Diagnosis:
-    folder = cache_directory()
-    what = "cache for other versions"
-    if not writable(folder):
-        remedy = "export XDG_CACHE_HOME to a folder of yours; only NAME@VERSION needs it"
-        return Diagnosis(what, "note", f"{folder} cannot be written", remedy)
-    return Diagnosis(what, "well", str(folder))
+    folder, what = cache_directory(), "cache for other versions"
+    if writable(folder):
+        return _noted(what, str(folder))
+    remedy = "export XDG_CACHE_HOME to a folder of yours; only NAME@VERSION needs it"
+    return _noted(what, f"{folder} cannot be written", remedy)
 
 
 EXTRAS = {
@@ -206,10 +205,8 @@ EXTRAS = {
 def _extras() -> Diagnosis:
     lacking = sorted({extra for module, extra in EXTRAS.items() if importlib.util.find_spec(module) is None})
     if lacking:
-        return Diagnosis(
-            "extras", "note", f"not here: {', '.join(lacking)}", f"pip install 'consilience[{','.join(lacking)}]'"
-        )
-    return Diagnosis("extras", "well", ", ".join(sorted(set(EXTRAS.values()))))
+        return _noted("extras", f"not here: {', '.join(lacking)}", f"pip install 'consilience[{','.join(lacking)}]'")
+    return _noted("extras", ", ".join(sorted(set(EXTRAS.values()))))
 
 
 CHECKS: tuple[Callable[[], Diagnosis], ...] = (

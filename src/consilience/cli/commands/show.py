@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from consilience.case import load_cases
-from consilience.cli.options import AnyCaseName, ReportFolder, writing
+from consilience.cli.options import AnyCaseName, ReportFolder, require_ending, writing
 from consilience.cli.terminal import say
 from consilience.compare.judge import REFERENCE
 from consilience.errors import InvalidInput
@@ -44,8 +44,8 @@ def show(
     cases = load_cases(case)
     first = cases[0]
     for path, ending in ((drawn, ".svg"), (output, ".html")):
-        if path is not None and path.suffix != ending:
-            raise InvalidInput(str(path), "it is no name of a picture", f"Let it end with {ending}.")
+        if path is not None:
+            require_ending(path, "picture", ending)
     if (drawn is not None or view) and len(cases) > 1:
         names = ", ".join(c.name for c in cases)
         raise InvalidInput(f"case '{case}'", f"it has {len(cases)} variants", f"Name one: {names}.")

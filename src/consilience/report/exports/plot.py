@@ -21,7 +21,8 @@ from consilience.report.wording import order_text
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-FORMATS = ("svg", "pdf", "png")
+UNDATED: dict[str, dict[str, None]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {}}
+"""Formats of a file, and the metadata that leave out its date."""
 
 DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 1)), (0, (8, 2)))
 MARKERS = ("o", "s", "D", "^", "v", "x", "P")
@@ -72,13 +73,11 @@ def _over_time(name: str) -> Callable[[dict[str, Any], dict[str, Any], dict[str,
 
 
 def _over_step(motion: dict[str, Any], method: dict[str, Any], case: dict[str, Any]) -> Points:
-    for level in motion["levels"]:
-        yield mean_step(level, method, case["duration"]), judged_largest(motion, level)
+    return ((mean_step(level, method, case["duration"]), judged_largest(motion, level)) for level in motion["levels"])
 
 
 def _over_work(motion: dict[str, Any], _method: dict[str, Any], _case: dict[str, Any]) -> Points:
-    for level in motion["levels"]:
-        yield level["cpu"], judged_largest(motion, level)
+    return ((level["cpu"], judged_largest(motion, level)) for level in motion["levels"])
 
 
 _DIFFERENCE = "largest difference to the reference"
@@ -111,7 +110,7 @@ def plotted(record: Record, case: str, what: str, form: str) -> bytes:
     what : str
         A key of `PLOTS`.
     form : str
-        One of `FORMATS`.
+        A key of `UNDATED`.
 
     Raises
     ------
@@ -137,12 +136,8 @@ def plotted(record: Record, case: str, what: str, form: str) -> bytes:
         figure.legend(loc="outside lower left")
         target = io.BytesIO()
         # without a date the same record gives the same file
-        figure.savefig(target, format=form, dpi=300, metadata={"Title": f"{case}: {what}"} | _undated(form))
+        figure.savefig(target, format=form, dpi=300, metadata={"Title": f"{case}: {what}"} | UNDATED[form])
     return target.getvalue()
-
-
-def _undated(form: str) -> dict[str, None]:
-    return {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(form, {})
 
 
 def _case(record: Record, name: str) -> dict[str, Any]:
