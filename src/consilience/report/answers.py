@@ -20,7 +20,9 @@ from consilience.report.wording import (
     Look,
     cause_of,
     counted,
+    difference_text,
     digits_text,
+    level_text,
     method_title,
     number,
     order_text,
@@ -211,7 +213,7 @@ def _quantity(q: dict[str, Any], case: dict[str, Any]) -> QuantityRow:
         return QuantityRow(q["name"], DASH, number(q["bar"]), DASH, "absent", remark, undetermined)
     difference, bar = q["difference"], q["bar"]
     state = "met" if difference is not None and bar is not None and difference <= bar else "missed"
-    text = "not finite" if difference is None else number(difference)
+    text = difference_text(difference)
     return QuantityRow(q["name"], text, number(bar), str(q["count"]), state, remark, undetermined)
 
 
@@ -262,7 +264,7 @@ def _counter(value: float | None) -> str:
 
 
 def _trouble(run: dict[str, Any], method: dict[str, Any]) -> Trouble:
-    name = run["question"] if run["step"] is None else f"{step_name(method)} {step_text(run['step'], method)}"
+    name = run["question"] if run["step"] is None else level_text(run["step"], method)
     softness = softness_of(run)
     if softness not in (None, 1.0):
         name += f", softness {softness:g}"

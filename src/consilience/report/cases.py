@@ -87,7 +87,7 @@ def unwrapped(paragraph: str) -> str:
 
 
 def case_figures(record: Record, case: dict[str, Any]) -> Iterator[str]:
-    """Kinds of figures that have data, in the order of the page."""
+    """List the kinds of figures that have data, in the order of the page."""
     motions = record.motions(case["name"])
     if record.growing_motion(case["name"]) is not None:
         yield "horizon"
@@ -98,7 +98,7 @@ def case_figures(record: Record, case: dict[str, Any]) -> Iterator[str]:
 
 
 def _reference_model(record: Record, case: str) -> dict[str, Any] | None:
-    """Answer of the reference to the question `model`, if the question was asked."""
+    """Return the answer of the reference to the question `model`; None if the question was not asked."""
     found = (r["answer"] for r in record.of_case(case)[0] if (r["engine"], r["question"]) == (REFERENCE, "model"))
     return next((answer for answer in found if answer), None)
 

@@ -60,7 +60,7 @@ def _library(name: str) -> Any:
 
 
 def _columns(answer: TrajectoryAnswer) -> dict[str, Array]:
-    """Values by column, over time and bodies; the body index varies faster."""
+    """Collect the values by column, over time and bodies; the index of the body varies faster."""
     return {
         f"{name}.{part}": getattr(answer, name)[:, :, n].ravel()
         for name, (parts, _, _) in QUANTITIES.items()

@@ -127,7 +127,7 @@ def index_of(mechanism: Mechanism, body: str) -> int:
 
 
 def connections(mechanism: Mechanism, state: State) -> Iterator[Polyline]:
-    """Draw lines between two bodies: rods, displacements from frame F to frame M of other joints, and springs.
+    """List the lines between two bodies: rods, displacements from frame F to frame M of other joints, and springs.
 
     The two frames of a joint may coincide.
     """
@@ -154,7 +154,7 @@ def _skeleton(ends: list[Array], center: Array, origin: Array) -> Iterator[Array
 
 
 def _other_lines(mechanism: Mechanism, state: State) -> Iterator[Polyline]:
-    """Draw connections that are longer than rounding, rolling circles, and spheres with contacts."""
+    """List the connections whose ends differ by more than rounding, rolling circles, and spheres with contacts."""
     for line in connections(mechanism, state):
         if line.kind == "spring" or np.linalg.norm(line.points[0] - line.points[1]) > 1e-9:
             yield line
@@ -173,7 +173,7 @@ def _other_lines(mechanism: Mechanism, state: State) -> Iterator[Polyline]:
 
 
 def _circle(center: Array, axes: Array, radius: float) -> Array:
-    """Points of a circle normal to the third column of `axes`, shape (49, 3), m."""
+    """Return points of a circle normal to the third column of `axes`, shape (49, 3), m."""
     turns = np.linspace(0.0, 2 * np.pi, 49)
     arms = np.outer(np.cos(turns), axes[:, 0]) + np.outer(np.sin(turns), axes[:, 1])
     return np.asarray(center + radius * arms)

@@ -23,7 +23,7 @@ from consilience.report.figure import (
 from consilience.report.plots_work import step_precision, work_precision
 from consilience.report.record import Record
 from consilience.report.selection import method_of
-from consilience.report.wording import anchor, step_name, step_text
+from consilience.report.wording import anchor, level_text
 
 
 def figures(record: Record) -> dict[str, Figure]:
@@ -89,7 +89,7 @@ def _over_time(compared: Sequence[dict[str, Any]], record: Record, name: str) ->
                 {
                     **grid(comparison["times"]),
                     "y": compact(level[name]),
-                    "name": f"{step_name(method)} {step_text(level['step'], method)}",
+                    "name": level_text(level["step"], method),
                     "mode": "lines",
                     "legendgroup": str(n),
                     "legendgrouptitle": {"text": title_of(comparison)},

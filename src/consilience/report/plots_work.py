@@ -9,7 +9,7 @@ from typing import Any
 from consilience.report.figure import COLOURS, MARKERS, Figure, add_asked, compact, figure, log_axis, title_of
 from consilience.report.record import Record
 from consilience.report.selection import is_matched, judged_largest, mean_step, method_of
-from consilience.report.wording import order_text, step_name, step_text
+from consilience.report.wording import level_text, order_text
 
 
 def work_precision(record: Record, case: dict[str, Any]) -> Figure:
@@ -61,7 +61,7 @@ def _precision(
             {
                 "x": compact([x for x, _ in placed]),
                 "y": compact([judged_largest(comparison, level) for _, level in placed]),
-                "text": [f"{step_name(method)} {step_text(level['step'], method)}" for _, level in placed],
+                "text": [level_text(level["step"], method) for _, level in placed],
                 "name": title_of(comparison) + own,
                 "legendgroup": escape(engine),
                 "legendgrouptitle": {"text": escape(engine)},

@@ -1,4 +1,4 @@
-"""The scene of a mechanism: its lines and labelled places in coordinates of the bodies, to be drawn in any pose.
+"""Scene of a mechanism: lines and labelled places in coordinates of the bodies, to be drawn in any pose.
 
 Lines and places are those of the picture of a case (`figure3d`), each fixed to the body that carries it.
 """
@@ -106,6 +106,6 @@ def figure_of_scene(drawn: Scene) -> Figure3D:
 
 
 def _numbers(drawn: Scene) -> Iterator[float]:
-    """Coordinates of a line or of a place."""
+    """List the coordinates of a line or of a place."""
     for point in drawn.get("points", [drawn.get("point", [])]):
         yield from point

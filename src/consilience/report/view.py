@@ -21,17 +21,7 @@ from consilience.report.engines import EngineView, Group, engine_view
 from consilience.report.facts import Fact
 from consilience.report.record import Record
 from consilience.report.tables import MethodTable, method_tables
-from consilience.report.wording import (
-    EXIT_CODES,
-    LOOKS,
-    NOT_ASKED,
-    RANK,
-    ROUTES,
-    YARDSTICK,
-    Look,
-    counted,
-    phrase,
-)
+from consilience.report.wording import EXIT_CODES, LOOKS, NOT_ASKED, RANK, ROUTES, YARDSTICK, Look, counted, phrase
 
 QUICKLY = "quickly (few states, the start of each motion, one method of each engine)"
 

@@ -92,7 +92,7 @@ def _write(path: Path, text: str) -> None:
 
 
 def _open(path: Path, place: str = "") -> None:
-    """Open a page in the browser, and print its address: there may be no browser."""
+    """Open a page in the browser, and print the address of the page, since there may be no browser."""
     address = path.resolve().as_uri() + (f"#{place}" if place else "")
     opened = webbrowser.open(address)
     say(f"{'opened' if opened else 'open'}: {address}")

@@ -1,4 +1,4 @@
-"""The command ``consilience validate``: facts of a case, and the plan of every engine for it, before anything runs."""
+"""The command ``consilience validate``: facts of cases, and the plan of every engine, before anything runs."""
 
 from __future__ import annotations
 

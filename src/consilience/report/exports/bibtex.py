@@ -48,7 +48,7 @@ def render(record: Record) -> str:
 
 
 def cited(record: Record) -> dict[str, list[str]]:
-    """Keys of the works that a record uses, in the order of the table, each with the engines and cases that use it."""
+    """List the works that a record uses, by key in the order of the table: the engines and cases that use each."""
     asked = {_asked(run) for run in record.runs if run["method"] and run["status"] != "unsupported"}
     found: dict[str, list[str]] = {}
     for key, entry in literature().items():

@@ -72,14 +72,14 @@ def cells(record: Record) -> Iterator[QuestionCell]:
 
 
 def engines(record: Record, reference: bool = False) -> list[str]:
-    """Names of the engines that started; the reference is left out, or comes last."""
+    """List the engines that started; the reference is left out, or comes last."""
     names = [name for name in record.header["engines"] if name != REFERENCE]
     return [*names, REFERENCE] if reference and REFERENCE in record.header["engines"] else names
 
 
 @dataclass(frozen=True)
 class Deciding:
-    """The quantity nearest to its bar, or farthest beyond; None for a number that is absent or not finite."""
+    """The quantity with the largest ratio of difference to bar; None for a number that is absent or not finite."""
 
     name: str
     difference: float | None

@@ -126,26 +126,20 @@ def plotted(record: Record, case: str, what: str, form: str) -> bytes:
             "it is not installed, and draws the plots",
             "Install the extra: pip install 'consilience[plot]'.",
         ) from None
-    about = _case(record, case)
-    drawn, motions = lines(record, about, PLOTS[what]), record.motions(case)
+    cases = {one["name"]: one for one in record.cases}
+    if case not in cases:
+        raise InvalidInput(f"case '{case}'", "it is not in this run", f"Cases: {', '.join(cases)}.")
+    drawn, motions = lines(record, cases[case], PLOTS[what]), record.motions(case)
     with rc_context(SETTINGS):
         figure = Figure(figsize=(WIDTH, HEIGHT + ENTRY * len(drawn)), layout="constrained")
         axes = figure.subplots()
         _draw(axes, PLOTS[what], drawn)
-        _mark(axes, PLOTS[what], about, motions[0])
+        _mark(axes, PLOTS[what], cases[case], motions[0])
         figure.legend(loc="outside lower left")
         target = io.BytesIO()
         # without a date the same record gives the same file
         figure.savefig(target, format=form, dpi=300, metadata={"Title": f"{case}: {what}"} | UNDATED[form])
     return target.getvalue()
-
-
-def _case(record: Record, name: str) -> dict[str, Any]:
-    for case in record.cases:
-        if case["name"] == name:
-            return case
-    known = ", ".join(case["name"] for case in record.cases)
-    raise InvalidInput(f"case '{name}'", "it is not in this run", f"Cases: {known}.")
 
 
 def lines(record: Record, case: dict[str, Any], kind: PlotKind) -> list[tuple[int, PlottedMotion]]:

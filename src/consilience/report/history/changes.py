@@ -2,8 +2,8 @@
 
 Answers correspond where case, engine, question and method are equal. A change is worse where the verdict is further
 down the list of `Verdict`, digits are lost, or an engine no longer starts. Three kinds of changes are listed and never
-called worse: answers at the engines' own defaults decide nothing, answers to a case that asked something else cannot
-be compared, and times are noisy.
+called worse: those of answers at the engines' own defaults, which decide nothing; those of answers to a case that asks
+something else, which cannot be compared; and those of times, which are noisy.
 """
 
 from __future__ import annotations
@@ -148,7 +148,7 @@ def _cases(before: Record, after: Record) -> Iterator[Change]:
 
 
 def _asked_otherwise(before: Record, after: Record) -> set[str]:
-    """Names of cases that both records have and that ask something else."""
+    """List the cases that both records have, and whose questions differ."""
     old, new = ({case["name"]: [case[what] for what in _ASKED] for case in r.cases} for r in (before, after))
     return {name for name in old.keys() & new.keys() if old[name] != new[name]}
 
@@ -194,7 +194,20 @@ def _words(key: AnswerKey) -> str:
 def _of_answer(
     key: AnswerKey, old: AnswerSummary, new: AnswerSummary, digits: float, timed: bool, same: bool
 ) -> Iterator[Change]:
-    """List a changed verdict, else changed digits, and changed time; `same`: the case asks the same in both records."""
+    """List a changed verdict, else changed digits, and changed time.
+
+    Parameters
+    ----------
+    key : AnswerKey
+    old, new : AnswerSummary
+        The answer in the two records.
+    digits : float
+        Least change in digits that is listed.
+    timed : bool
+        Whether the times can be compared: the records come from processors of one kind.
+    same : bool
+        Whether the case asks the same in both records.
+    """
     where = _words(key)
 
     def effect(gain: float) -> str:
