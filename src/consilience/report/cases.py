@@ -35,8 +35,9 @@ class OpenReactions:
 
 @dataclass(frozen=True)
 class CaseView:
-    """A case: a row of the matrix, and a page."""
+    """A case: a row of the matrix, and a page; `line` is the line of the record."""
 
+    line: dict[str, Any]
     anchor: str
     name: str
     title: str
@@ -44,9 +45,6 @@ class CaseView:
     limits: Limits
     undetermined: tuple[OpenReactions, ...]
     undetermined_count: str
-    bodies: tuple[str, ...]
-    joints: tuple[tuple[str, str, str, str], ...]
-    sources: tuple[str, ...]
     remarks: tuple[str, ...]
     tags: tuple[str, ...]
     command: str
@@ -60,6 +58,7 @@ def case_view(record: Record, case: dict[str, Any], engines: Sequence[str]) -> C
     reference = _reference_model(record, name)
     limits, count = _limits(record, case), _undetermined_count(case)
     return CaseView(
+        line=case,
         anchor=anchor("case", name),
         name=name,
         title=case["title"],
@@ -67,9 +66,6 @@ def case_view(record: Record, case: dict[str, Any], engines: Sequence[str]) -> C
         limits=limits,
         undetermined=tuple(_undetermined(case)),
         undetermined_count=count,
-        bodies=tuple(case["bodies"]),
-        joints=tuple((j[0], j[1], j[2], j[3]) for j in case["joints"]),
-        sources=tuple(case["sources"]),
         remarks=tuple(unwrapped(p) for p in case["remarks"].split("\n\n") if p.strip()),
         tags=tuple(case["tags"]),
         command=record.again(case),

@@ -45,7 +45,6 @@ class Cell:
 
     anchor: str
     case: str
-    title: str
     engine: str
     command: str
     look: Look
@@ -111,7 +110,6 @@ def cell_view(record: Record, case: dict[str, Any], engine: str, reference: dict
     return Cell(
         anchor=cell_anchor(name, engine),
         case=name,
-        title=case["title"],
         engine=engine,
         command=record.again(case, engine),
         look=max((a.look for a in matched), key=lambda look: RANK[look.name], default=otherwise),
