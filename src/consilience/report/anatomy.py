@@ -100,7 +100,7 @@ def row_names(mechanism: Mechanism) -> Iterator[tuple[str, str]]:
 def fastest(mechanism: Mechanism, state: State) -> tuple[float, str]:
     """Estimate the largest angular frequency of the motion, rad/s, and name its source: spin, a spring or gravity.
 
-    The frequency of a spring between two bodies is that of the spring and its two bodies alone,
+    A spring between two bodies counts with the frequency of the spring and the two bodies alone,
     ``w^2 = k (1 / m_1 + 1 / m_2)`` with effective masses, or moments about the axis.
     """
     found = [(float(np.max(np.linalg.norm(state.w_WB_W, axis=1), initial=0.0)), "the spin at the start")]

@@ -102,7 +102,7 @@ class AnswerView:
     cause : str
         Cause of the verdict in a sentence without numbers; `why` has the numbers.
     judged : str
-        Time up to which a motion is judged; empty if that is its end.
+        Time up to which a motion is judged; empty if the whole motion is judged.
     """
 
     lines: AnswerLines

@@ -27,7 +27,7 @@ class QuestionSummary:
 class Layer:
     """One question of a cell: the worst verdict of its matched methods, and all answers.
 
-    The page opens layers with `opened`: those that do not plainly agree, else the last.
+    The page shows layers with `opened` unfolded: those that do not plainly agree; if all agree, the last.
     """
 
     question: str

@@ -77,7 +77,7 @@ class Record:
         return next((c for c in self.motions(case) if c["growth"]), None)
 
     def again(self, case: dict[str, Any] | None = None, engine: str = "", question: str = "") -> str:
-        """Return the command that asks again: about one case or all, one engine or all, one question or all."""
+        """Return the command that repeats the run, for one case or all, one engine or all, one question or all."""
         words = ["consilience", "run"]
         words += [] if case is None else [case.get("call") or case["name"]]
         words += ["-e", engine] if engine else []

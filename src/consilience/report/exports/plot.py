@@ -39,7 +39,7 @@ SETTINGS: Any = {
     "pdf.fonttype": 42,
 }
 WIDTH, HEIGHT, ENTRY = 4.8, 3.0, 0.15
-"""Inches: one and a half columns of a journal, and the height of an entry of the legend below."""
+"""Size in inches, one and a half columns of a journal, and height of an entry of the legend below."""
 
 Points = Iterator[tuple[float | None, float | None]]
 
