@@ -1,4 +1,4 @@
-"""Examples at the end of the help of every command; a test parses them all. The reader fills in names in capitals."""
+"""Examples at the end of the help of every command, each parsed by a test. Names in capitals stand for others."""
 
 from __future__ import annotations
 
@@ -59,16 +59,16 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
     "translate": (("consilience translate four_bar -e ENGINE -o native", "the native model and its manifest"),),
     "mutate": (("consilience mutate 3 --short", "one trap"), ("consilience mutate -e ENGINE", "all, in one engine")),
 }
-"""Calls and what they do, by command."""
+"""Calls and their effects, by command."""
 
 START = (
     ("consilience doctor", "is everything there?"),
     ("consilience run double_pendulum four_bar --quick -o first", "a first report"),
     ("consilience explain regularisation", "what does the verdict mean?"),
 )
-"""The same of the whole."""
+"""Examples at the end of the help of the program."""
 
 
 def epilog(examples: tuple[tuple[str, str], ...]) -> str:
-    """Text below the help: one paragraph a line, as Typer wants it."""
+    """Write examples as the text below a help; Typer wants a paragraph for each line."""
     return "\n\n".join(["Examples:", *(f"{call}   # {what}" for call, what in examples)])

@@ -49,11 +49,11 @@ class Explanation:
     name : str
         Unique among the explanations of a kind.
     rule : str
-        A sentence: what decides, or what to do.
+        The condition that decides, or the action to take, in a sentence.
     theory : str
         Three lines.
     met : tuple of str
-        Threads of public trackers, each with its gist.
+        Threads of public trackers, each with a summary.
     also : tuple of str
         Other names.
     see : str
@@ -84,7 +84,7 @@ class Explanation:
 
 
 def _of_adapters() -> list[dict[str, dict[str, dict[str, Any]]]]:
-    """Read what adapters add: kind, name and fields."""
+    """Read the additions of adapters: fields by kind and name."""
     paths = [adapter_file(point, "explained.toml") for point in installed().values()]
     return [tomllib.loads(path.read_text(encoding="utf-8")) for path in paths if path]
 
@@ -117,7 +117,7 @@ def read_explanations() -> tuple[Explanation, ...]:
 
 
 def _key(text: str) -> str:
-    """Letters and digits of a text, in lower case, words separated by single blanks."""
+    """Reduce a text to letters and digits in lower case, words separated by single blanks."""
     return " ".join("".join(c if c.isalnum() else " " for c in text.lower()).split())
 
 

@@ -52,7 +52,7 @@ LAZY_COMMANDS: dict[str, tuple[str, str]] = {
 """Module and function of each command in `consilience.cli.commands`, and its line in the list of commands."""
 
 COLLECTOR_THRESHOLD = 50_000
-"""Allocations between two runs of the garbage collector: imports allocate many objects and next to no garbage."""
+"""Allocations between two runs of the garbage collector, since imports allocate many objects and hardly any garbage."""
 
 
 def command_of(name: str) -> Any:
@@ -102,8 +102,8 @@ for _name, (_, _help) in LAZY_COMMANDS.items():
 def main() -> None:
     """Run the program: bad input is one clear message and exit code 2, never a traceback."""
     gc.set_threshold(COLLECTOR_THRESHOLD)
-    atexit.register(gc.freeze)  # no collection at the end: the system takes all memory back
-    # one thread per engine: the comparison is about answers, and timings must not depend on idle cores
+    atexit.register(gc.freeze)  # no collection at exit: the operating system frees all memory
+    # one thread for each engine: CPU times must not depend on the number of idle cores
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(variable, "1")
     try:

@@ -171,7 +171,7 @@ def write_new_case(path: Path, text: str) -> None:
             raise InvalidInput(str(path), "it exists, and nothing is overwritten", "Choose another name.") from None
 
 
-def require_case_file_name(path: Path) -> None:
-    """Refuse a path that does not end with ``.toml``."""
-    if path.suffix != ".toml":
-        raise InvalidInput(str(path), "it is no name of a case file", "Let it end with .toml.")
+def require_ending(path: Path, content: str, *endings: str) -> None:
+    """Refuse a path for the content that has none of the endings."""
+    if path.suffix not in endings:
+        raise InvalidInput(str(path), f"it is no name of a {content}", f"Let it end with {', '.join(endings)}.")

@@ -1,1 +1,1 @@
-"""Reports: JSON Lines are the record, every page and table is rendered from it."""
+"""Reports: a record as JSON Lines, from which every page and table is rendered."""

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import compress
+from operator import attrgetter
 
 import numpy as np
 
-from consilience.case import Case, Published
+from consilience.case import Case
 from consilience.case.published import OF_A_JOINT
 from consilience.mechanism import (
     GROUND,
@@ -28,6 +30,7 @@ from consilience.mechanism import (
     joint_frames,
     world_inertias,
 )
+from consilience.report.selection import grouped
 
 COMPONENTS = ("force x", "force y", "force z", "torque x", "torque y", "torque z")
 
@@ -69,10 +72,7 @@ def anatomy(mechanism: Mechanism, state: State) -> Anatomy:
     U, singular, _ = np.linalg.svd(Q) if q else (np.zeros((0, 0)), np.zeros(0), None)
     rank = int(np.sum(singular > RANK_TOLERANCE * singular[0])) if q else 0
     taking_part = np.linalg.norm(U[:, rank:], axis=1) > 1e-6
-    dependent: dict[str, tuple[str, ...]] = {}
-    for (owner, row), does in zip(row_names(mechanism), taking_part, strict=True):
-        if does:
-            dependent[owner] = (*dependent.get(owner, ()), row)
+    dependent = grouped(compress(row_names(mechanism), taking_part))
     determined = determinate_reactions(mechanism, state)
     undetermined = {
         joint.name: tuple(c for c, sure in zip(COMPONENTS, known, strict=True) if not sure)
@@ -80,7 +80,8 @@ def anatomy(mechanism: Mechanism, state: State) -> Anatomy:
         if not np.all(known)
     }
     residual = float(np.max(np.abs(constraint_residual(mechanism, state)), initial=0.0))
-    return Anatomy(residual, width - rank, q, q - rank, dependent, undetermined, tuple(mechanism.features))
+    rows = {owner: tuple(own) for owner, own in dependent.items()}
+    return Anatomy(residual, width - rank, q, q - rank, rows, undetermined, tuple(mechanism.features))
 
 
 def row_names(mechanism: Mechanism) -> Iterator[tuple[str, str]]:
@@ -99,7 +100,7 @@ def row_names(mechanism: Mechanism) -> Iterator[tuple[str, str]]:
 def fastest(mechanism: Mechanism, state: State) -> tuple[float, str]:
     """Estimate the largest angular frequency of the motion, rad/s, and name its source: spin, a spring or gravity.
 
-    The frequency of a spring between two bodies is that of the spring and its two bodies alone,
+    A spring between two bodies counts with the frequency of the spring and the two bodies alone,
     ``w^2 = k (1 / m_1 + 1 / m_2)`` with effective masses, or moments about the axis.
     """
     found = [(float(np.max(np.linalg.norm(state.w_WB_W, axis=1), initial=0.0)), "the spin at the start")]
@@ -110,45 +111,50 @@ def fastest(mechanism: Mechanism, state: State) -> tuple[float, str]:
         length = float(np.linalg.norm(line))
         if length > 0.0:
             soft = sum(
-                _along(mechanism, state, n, body_point(mechanism, state, n, p)[0], line / length) for n, p in ends
+                _mobility(mechanism, state, n, body_point(mechanism, state, n, p)[0], line / length) for n, p in ends
             )
             found.append((float(np.sqrt(abs(spring.stiffness) * soft)), f"spring '{spring.name}'"))
     for sprung in mechanism.joint_springs:
         joint = mechanism.joints[mechanism.joint_index[sprung.joint]]
         frames = joint_frames(mechanism, state, joint)
         axis, p = frames.U[:, 2], body_point(mechanism, state, joint.successor, joint.M.p)[0]
-        answer = _along if sprung.coordinate == "distance" else _about
-        soft = sum(answer(mechanism, state, n, p, axis) for n in (joint.predecessor, joint.successor))
+        about = sprung.coordinate != "distance"
+        soft = sum(_mobility(mechanism, state, n, p, axis, about) for n in (joint.predecessor, joint.successor))
         found.append((float(np.sqrt(abs(sprung.stiffness) * soft)), f"joint spring '{sprung.name}'"))
     return max(found)
 
 
-def _along(mechanism: Mechanism, state: State, body: str, point: Array, e: Array) -> float:
-    """Return the acceleration of a point of a body along e by a unit force, 1/kg; zero for the ground."""
+def _mobility(mechanism: Mechanism, state: State, body: str, point: Array, e: Array, about: bool = False) -> float:
+    """Return the acceleration of a free body by a unit force, 1/kg, or by a unit torque about an axis, 1/(kg m^2).
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    state : State
+    body : str
+        The mobility of the ground is zero.
+    point : ndarray, shape (3,), m
+        Point of the force or of the axis, world axes.
+    e : ndarray, shape (3,)
+        Unit vector of the force or of the axis, world axes.
+    about : bool
+        Whether the body turns about the axis, which is fixed; else its point accelerates along e.
+    """
     if body == GROUND:
         return 0.0
     i = mechanism.body_index[body]
+    mass, inertia = mechanism.bodies[i].mass, world_inertias(mechanism, state)[i]
     arm = np.cross(point - centres_of_mass(mechanism, state)[0][i], e)
-    return float(1.0 / mechanism.bodies[i].mass + arm @ np.linalg.solve(world_inertias(mechanism, state)[i], arm))
-
-
-def _about(mechanism: Mechanism, state: State, body: str, point: Array, e: Array) -> float:
-    """Return the angular acceleration about a fixed axis by a unit torque, 1/(kg m^2); zero for the ground."""
-    if body == GROUND:
-        return 0.0
-    i = mechanism.body_index[body]
-    arm = np.cross(e, centres_of_mass(mechanism, state)[0][i] - point)
-    return float(1.0 / (e @ world_inertias(mechanism, state)[i] @ e + mechanism.bodies[i].mass * arm @ arm))
+    if about:
+        return float(1.0 / (e @ inertia @ e + mass * arm @ arm))
+    return float(1.0 / mass + arm @ np.linalg.solve(inertia, arm))
 
 
 def expected_lines(case: Case) -> list[str]:
     """Write expected values with uncertainty, origin and source; the components of a vector share a line."""
-    together: dict[tuple[object, ...], list[Published]] = {}
-    for known in case.published:
-        fields = ("observable", "of", "time", "uncertainty", "origin", "source", "second")
-        together.setdefault(tuple(getattr(known, name) for name in fields), []).append(known)
+    fields = attrgetter("observable", "of", "time", "uncertainty", "origin", "source", "second")
     lines = []
-    for components in together.values():
+    for components in grouped((fields(known), known) for known in case.published).values():
         k = components[0]
         values = ", ".join(f"{c.value:.12g}" if c.uncertainty > 1e-12 else f"{c.value:.15g}" for c in components)
         axes = "" if k.observable in OF_A_JOINT else f" ({', '.join('xyz'[c.component] for c in components)})"
@@ -162,9 +168,7 @@ def expected_lines(case: Case) -> list[str]:
 
 def listed(groups: Mapping[str, Sequence[str]], joint: str) -> str:
     """Write names with their entries; names with equal entries share a group."""
-    together: dict[tuple[str, ...], list[str]] = {}
-    for name, entries in groups.items():
-        together.setdefault(tuple(entries), []).append(name)
+    together = grouped((tuple(entries), name) for name, entries in groups.items())
     return "; ".join(f"{', '.join(names)}: {joint.join(entries)}" for entries, names in together.items())
 
 

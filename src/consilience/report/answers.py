@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from math import log10
 from typing import Any
@@ -11,7 +11,7 @@ from consilience.compare import Verdict
 from consilience.compare.rules import RULES
 from consilience.engine import Profile
 from consilience.report.facts import Fact, facts_of, horizon_text, softness_facts
-from consilience.report.selection import judged_largest, levels_of, method_of, probes_of, softness_of
+from consilience.report.selection import AnswerLines, judged_largest, softness_of
 from consilience.report.wording import (
     DASH,
     LOOKS,
@@ -20,7 +20,9 @@ from consilience.report.wording import (
     Look,
     cause_of,
     counted,
+    difference_text,
     digits_text,
+    level_text,
     method_title,
     number,
     order_text,
@@ -91,6 +93,8 @@ class AnswerView:
 
     Attributes
     ----------
+    lines : AnswerLines
+        Lines of the record that the view is made from.
     matched : bool
         Whether the engine ran with matched settings; else with its own defaults.
     rule, condition : str
@@ -98,9 +102,10 @@ class AnswerView:
     cause : str
         Cause of the verdict in a sentence without numbers; `why` has the numbers.
     judged : str
-        Time up to which a motion is judged; empty if that is its end.
+        Time up to which a motion is judged; empty if the whole motion is judged.
     """
 
+    lines: AnswerLines
     question: str
     method: str
     route: str
@@ -135,27 +140,13 @@ class AnswerView:
         return counted(len(self.settings), "setting")
 
 
-def answer_view(
-    comparison: dict[str, Any],
-    runs: Sequence[dict[str, Any]],
-    case: dict[str, Any],
-    reference: dict[str, Any] | None,
-) -> AnswerView:
-    """Make the view of a comparison.
-
-    Parameters
-    ----------
-    comparison, case : dict
-        Lines of the record.
-    runs : sequence of dict
-        All runs of the method.
-    reference : dict or None
-        Answer of the reference to the question `model`.
-    """
-    method, levels, probes = method_of(runs), levels_of(runs), probes_of(runs)
+def answer_view(lines: AnswerLines) -> AnswerView:
+    """Make the view of an answer."""
+    comparison, case, method = lines.comparison, lines.case, lines.method
     verdict, rule = Verdict(comparison["verdict"]), comparison["rule"]
     short, sentence = ROUTES.get(comparison["route"], ("no method", "the engine offered none"))
     return AnswerView(
+        lines=lines,
         question=comparison["question"],
         method=comparison["method"],
         route=short,
@@ -172,12 +163,12 @@ def answer_view(
         quantities=tuple(_quantity(q, case) for q in comparison["quantities"]),
         gauges=tuple(_gauges(comparison, case)),
         tables=tuple(t for t in (_levels(comparison, method), _observables(comparison)) if t.rows),
-        facts=tuple(facts_of(comparison, levels, case, reference)),
-        softness=tuple(softness_facts(comparison, probes)),
+        facts=tuple(facts_of(lines)),
+        softness=tuple(softness_facts(lines)),
         settings=tuple((str(k), plain(v)) for k, v in method.get("settings", {}).items()),
-        troubles=tuple(_trouble(r, method) for r in (*levels, *probes) if r["status"] == "failed"),
+        troubles=tuple(_trouble(r, method) for r in (*lines.levels, *lines.probes) if r["status"] == "failed"),
         unsupported=tuple(comparison["why"].split("; ")) if verdict is Verdict.UNSUPPORTED else (),
-        log="" if verdict is Verdict.FAILED else "\n".join(r["log"].strip() for r in levels if r["log"].strip()),
+        log="" if verdict is Verdict.FAILED else "\n".join(r["log"].strip() for r in lines.levels if r["log"].strip()),
     )
 
 
@@ -222,7 +213,7 @@ def _quantity(q: dict[str, Any], case: dict[str, Any]) -> QuantityRow:
         return QuantityRow(q["name"], DASH, number(q["bar"]), DASH, "absent", remark, undetermined)
     difference, bar = q["difference"], q["bar"]
     state = "met" if difference is not None and bar is not None and difference <= bar else "missed"
-    text = "not finite" if difference is None else number(difference)
+    text = difference_text(difference)
     return QuantityRow(q["name"], text, number(bar), str(q["count"]), state, remark, undetermined)
 
 
@@ -273,7 +264,7 @@ def _counter(value: float | None) -> str:
 
 
 def _trouble(run: dict[str, Any], method: dict[str, Any]) -> Trouble:
-    name = run["question"] if run["step"] is None else f"{step_name(method)} {step_text(run['step'], method)}"
+    name = run["question"] if run["step"] is None else level_text(run["step"], method)
     softness = softness_of(run)
     if softness not in (None, 1.0):
         name += f", softness {softness:g}"

@@ -12,7 +12,7 @@ from consilience.report.anatomy import COMPONENTS
 from consilience.report.cells import Cell, cell_view
 from consilience.report.facts import Fact
 from consilience.report.record import Record
-from consilience.report.selection import growing_motion, mean_step, method_of, motions_of
+from consilience.report.selection import grouped, mean_step, method_of
 from consilience.report.wording import DASH, anchor, number
 
 
@@ -35,8 +35,9 @@ class OpenReactions:
 
 @dataclass(frozen=True)
 class CaseView:
-    """A case: a row of the matrix, and a page."""
+    """A case: a row of the matrix, and a page; `line` is the line of the record."""
 
+    line: dict[str, Any]
     anchor: str
     name: str
     title: str
@@ -44,9 +45,6 @@ class CaseView:
     limits: Limits
     undetermined: tuple[OpenReactions, ...]
     undetermined_count: str
-    bodies: tuple[str, ...]
-    joints: tuple[tuple[str, str, str, str], ...]
-    sources: tuple[str, ...]
     remarks: tuple[str, ...]
     tags: tuple[str, ...]
     command: str
@@ -60,6 +58,7 @@ def case_view(record: Record, case: dict[str, Any], engines: Sequence[str]) -> C
     reference = _reference_model(record, name)
     limits, count = _limits(record, case), _undetermined_count(case)
     return CaseView(
+        line=case,
         anchor=anchor("case", name),
         name=name,
         title=case["title"],
@@ -67,9 +66,6 @@ def case_view(record: Record, case: dict[str, Any], engines: Sequence[str]) -> C
         limits=limits,
         undetermined=tuple(_undetermined(case)),
         undetermined_count=count,
-        bodies=tuple(case["bodies"]),
-        joints=tuple((j[0], j[1], j[2], j[3]) for j in case["joints"]),
-        sources=tuple(case["sources"]),
         remarks=tuple(unwrapped(p) for p in case["remarks"].split("\n\n") if p.strip()),
         tags=tuple(case["tags"]),
         command=record.again(case),
@@ -87,9 +83,9 @@ def unwrapped(paragraph: str) -> str:
 
 
 def case_figures(record: Record, case: dict[str, Any]) -> Iterator[str]:
-    """Kinds of figures that have data, in the order of the page."""
-    motions = motions_of(case["name"], record.of_case(case["name"])[1])
-    if growing_motion(case["name"], record.of_case(case["name"])[1]) is not None:
+    """List the kinds of figures that have data, in the order of the page."""
+    motions = record.motions(case["name"])
+    if record.growing_motion(case["name"]) is not None:
         yield "horizon"
     if motions:
         yield "work"
@@ -98,15 +94,14 @@ def case_figures(record: Record, case: dict[str, Any]) -> Iterator[str]:
 
 
 def _reference_model(record: Record, case: str) -> dict[str, Any] | None:
-    """Answer of the reference to the question `model`, if the question was asked."""
+    """Return the answer of the reference to the question `model`; None if the question was not asked."""
     found = (r["answer"] for r in record.of_case(case)[0] if (r["engine"], r["question"]) == (REFERENCE, "model"))
     return next((answer for answer in found if answer), None)
 
 
 def _limits(record: Record, case: dict[str, Any]) -> Limits:
-    motions = motions_of(case["name"], record.of_case(case["name"])[1])
+    motions, growing = record.motions(case["name"]), record.growing_motion(case["name"])
     uncertainty = number(motions[0]["reference_spread"]) if motions else DASH
-    growing = growing_motion(case["name"], record.of_case(case["name"])[1])
     if growing is None:
         return Limits(DASH, DASH, uncertainty)
     horizon = growing["horizon"]
@@ -115,14 +110,14 @@ def _limits(record: Record, case: dict[str, Any]) -> Limits:
 
 
 def _facts(case: dict[str, Any], reference: dict[str, Any] | None, limits: Limits, count: str) -> Iterator[Fact]:
-    rows = case["rows"]
-    if reference is not None:
-        dependent = rows - (6 * len(case["bodies"]) - reference["freedom"])
-        yield Fact("degrees of freedom", str(reference["freedom"]))
-        yield Fact("constraint rows", str(rows), f"{dependent} of them dependent")
-        yield Fact("total mass", f"{number(reference['mass'], 3)} kg")
+    rows = str(case["rows"])
+    if reference is None:
+        yield Fact("constraint rows", rows)
     else:
-        yield Fact("constraint rows", str(rows))
+        dependent = case["rows"] - (6 * len(case["bodies"]) - reference["freedom"])
+        yield Fact("degrees of freedom", str(reference["freedom"]))
+        yield Fact("constraint rows", rows, f"{dependent} of them dependent")
+        yield Fact("total mass", f"{number(reference['mass'], 3)} kg")
     yield Fact("trajectory", f"{case['duration']:g} s", f"sampled every {case['sample']:g} s")
     yield Fact("digits asked of a trajectory", str(case["digits"]))
     if limits.horizon != DASH:
@@ -142,9 +137,7 @@ def _undetermined_count(case: dict[str, Any]) -> str:
 
 def _undetermined(case: dict[str, Any]) -> Iterator[OpenReactions]:
     """Group the joints by their undetermined components."""
-    joints: dict[str, list[str]] = {}
-    for joint, counts in case["undetermined"].items():
-        joints.setdefault(_components(counts, case["instants"]), []).append(joint)
+    joints = grouped((_components(counts, case["instants"]), joint) for joint, counts in case["undetermined"].items())
     for components, names in joints.items():
         yield OpenReactions(", ".join(names), components)
 

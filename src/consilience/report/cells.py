@@ -11,6 +11,7 @@ from consilience.compare.judge import REFERENCE
 from consilience.engine import Question
 from consilience.report.answers import AnswerView, answer_view
 from consilience.report.record import Record
+from consilience.report.selection import AnswerLines
 from consilience.report.wording import DASH, LOOKS, NOT_ASKED, RANK, YARDSTICK, Look, cell_anchor
 
 
@@ -26,7 +27,7 @@ class QuestionSummary:
 class Layer:
     """One question of a cell: the worst verdict of its matched methods, and all answers.
 
-    The page opens layers with `opened`: those that do not plainly agree, else the last.
+    The page shows layers with `opened` unfolded: those that do not plainly agree; if all agree, the last.
     """
 
     question: str
@@ -44,7 +45,6 @@ class Cell:
 
     anchor: str
     case: str
-    title: str
     engine: str
     command: str
     look: Look
@@ -71,11 +71,6 @@ class Cell:
             )
             for n, (q, text, answers, decisive) in enumerate(asked)
         ]
-
-    @property
-    def look_of(self) -> dict[str, str]:
-        """Style of the worst verdict of each question."""
-        return {q: worst([a.look for a in self.matched if a.question == q], NOT_ASKED).key for q in Question}
 
     @property
     def decisive(self) -> AnswerView | None:
@@ -107,17 +102,17 @@ def cell_view(record: Record, case: dict[str, Any], engine: str, reference: dict
     """Make the view of a cell; `reference` is the answer of the reference to the question `model`."""
     name = case["name"]
     runs, found = ([one for one in own if one["engine"] == engine] for own in record.of_case(name))
-    answers = sorted((answer_view(c, record.runs_of(c), case, reference) for c in found), key=lambda a: not a.matched)
+    lines = (AnswerLines(c, record.runs_of(c), case, reference) for c in found)
+    answers = sorted(map(answer_view, lines), key=lambda a: not a.matched)
     manifests = [r["manifest"] for r in runs if r["manifest"]]
     otherwise = YARDSTICK if engine == REFERENCE else NOT_ASKED
     matched = [a for a in answers if a.matched]
     return Cell(
         anchor=cell_anchor(name, engine),
         case=name,
-        title=case["title"],
         engine=engine,
         command=record.again(case, engine),
-        look=worst([a.look for a in matched], otherwise),
+        look=max((a.look for a in matched), key=lambda look: RANK[look.name], default=otherwise),
         marks=tuple(_marks(record.header["questions"], matched, otherwise)),
         answers=tuple(answers),
         exact=tuple(manifests[0]["exact"]) if manifests else (),
@@ -128,11 +123,6 @@ def cell_view(record: Record, case: dict[str, Any], engine: str, reference: dict
 def _decisive(answers: Sequence[AnswerView]) -> AnswerView | None:
     """Return the first matched answer with the worst verdict."""
     return max((a for a in answers if a.matched), key=lambda a: RANK[a.look.name], default=None)
-
-
-def worst(looks: Sequence[Look], otherwise: Look) -> Look:
-    """Return the worst of some verdicts; `otherwise` if there is none."""
-    return max(looks, key=lambda look: RANK[look.name], default=otherwise)
 
 
 def _marks(questions: Sequence[str], answers: Sequence[AnswerView], otherwise: Look) -> Iterator[QuestionSummary]:

@@ -60,7 +60,7 @@ def _library(name: str) -> Any:
 
 
 def _columns(answer: TrajectoryAnswer) -> dict[str, Array]:
-    """Values by column, over time and bodies; the body index varies faster."""
+    """Collect the values by column, over time and bodies; the index of the body varies faster."""
     return {
         f"{name}.{part}": getattr(answer, name)[:, :, n].ravel()
         for name, (parts, _, _) in QUANTITIES.items()
@@ -225,8 +225,8 @@ def report_to_pandas(folder: Path | str) -> pandas.DataFrame:
         If pandas is not installed, or there is no such report.
     """
     pd = _library("pandas")
-    frame = pd.DataFrame(_report_rows(folder))
-    labels = _report_labels()
+    rows, labels = _report_rows(folder)
+    frame = pd.DataFrame(rows)
     frame.attrs = {"units": {"step": "s or 1", "horizon": "s", "cpu": "s", "digits": "1"}, "labels": labels}
     return frame
 
@@ -239,18 +239,12 @@ def report_to_polars(folder: Path | str) -> polars.DataFrame:
     InvalidInput
         If polars is not installed, or there is no such report.
     """
-    return _library("polars").DataFrame(_report_rows(folder), infer_schema_length=None)
+    return _library("polars").DataFrame(_report_rows(folder)[0], infer_schema_length=None)
 
 
-def _report_rows(folder: Path | str) -> list[dict[str, Any]]:
-    from consilience.report.exports.spreadsheet import rows  # noqa: PLC0415 - only reports need it
+def _report_rows(folder: Path | str) -> tuple[list[dict[str, Any]], dict[str, str]]:
+    """Return the rows of a report, and the meaning of their columns."""
+    from consilience.report.exports.spreadsheet import COLUMNS, rows  # noqa: PLC0415 - only reports need it
     from consilience.report.record import read_record  # noqa: PLC0415 - only this reads reports
 
-    labels = _report_labels()
-    return [{name: row.get(name) for name in labels} for row in rows(read_record(Path(folder)))]
-
-
-def _report_labels() -> dict[str, str]:
-    from consilience.report.exports.spreadsheet import COLUMNS  # noqa: PLC0415 - only reports need it
-
-    return COLUMNS
+    return [{name: row.get(name) for name in COLUMNS} for row in rows(read_record(Path(folder)))], COLUMNS

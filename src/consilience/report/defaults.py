@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from consilience.compare import Verdict
 from consilience.compare.judge import REFERENCE
 from consilience.compare.result import digits_of
 from consilience.report.answers import AnswerView
 from consilience.report.cells import Cell
-from consilience.report.record import Record
-from consilience.report.selection import judged_largest, method_of
+from consilience.report.selection import judged_largest
 from consilience.report.wording import DASH, LOOKS, digits_text, step_text
 
 
@@ -52,68 +50,49 @@ class Defaults:
     without: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class _OwnStepMotion:
-    """Digits of a motion at the engine's own step, and the digits asked."""
-
-    cell: Cell
-    digits: float | None
-    asked: int
-
-
-def defaults_view(record: Record, cells: Sequence[Cell]) -> Defaults:
+def defaults_view(cells: Sequence[Cell], quick: bool) -> Defaults:
     """Make the view of all default methods of the cells."""
-    found = {(c["case"], c["engine"], c["question"], c["method"]): c for c in record.comparisons}
-    rows: list[DefaultRow] = []
-    motions: list[_OwnStepMotion] = []
-    asked = {case["name"]: case["digits"] for case in record.cases}
-    for cell in cells:
-        for n, answer in enumerate(cell.defaults):
-            comparison = found[cell.case, cell.engine, answer.question, answer.method]
-            own = _own_digits(comparison)
-            rows.append(_row(cell, answer, n, comparison, method_of(record.runs_of(comparison))))
-            if answer.question == "trajectory":
-                motions.append(_OwnStepMotion(cell, own, asked[cell.case]))
-    # a quick run asks no engine at its defaults, so it cannot tell which engines have no default methods
-    quick = bool(record.header.get("quick"))
+    rows = [_row(cell, answer, n) for cell in cells for n, answer in enumerate(cell.defaults)]
+    # a quick run asks no engine at its defaults, so the record cannot tell which engines have no default methods
     without = () if quick else tuple(_without(cells))
     empty = "No engine was asked at its own defaults." + " A quick run leaves them out." * quick
-    return Defaults(tuple(_sentences(rows, motions)), tuple(rows), empty, without)
+    return Defaults(tuple(_sentences(rows)), tuple(rows), empty, without)
 
 
-def _own_digits(comparison: dict[str, Any]) -> float | None:
+def _own_digits(answer: AnswerView) -> float | None:
     """Return the digits at an instant, or at the first level of a motion, which has the engine's own step."""
-    levels = comparison["levels"]
-    if not levels:
+    comparison = answer.lines.comparison
+    if not comparison["levels"]:
         digits: float | None = comparison["digits"]
         return digits
-    largest = judged_largest(comparison, levels[0])
+    largest = judged_largest(comparison, comparison["levels"][0])
     return None if largest is None else digits_of(largest)
 
 
-def _row(cell: Cell, answer: AnswerView, n: int, comparison: dict[str, Any], method: dict[str, Any]) -> DefaultRow:
+def _row(cell: Cell, answer: AnswerView, n: int) -> DefaultRow:
+    comparison, method = answer.lines.comparison, answer.lines.method
     levels = comparison["levels"]
     return DefaultRow(
         cell=cell,
         answer=answer,
         first=n == 0,
         count=len(cell.defaults),
-        digits=digits_text(_own_digits(comparison)),
+        digits=digits_text(_own_digits(answer)),
         step=step_text(levels[0]["step"], method) if levels else DASH,
         finest=digits_text(comparison["digits"]) if levels else DASH,
         finest_step=step_text(levels[-1]["step"], method) if levels else DASH,
     )
 
 
-def _sentences(rows: Sequence[DefaultRow], motions: Sequence[_OwnStepMotion]) -> Iterator[str]:
+def _sentences(rows: Sequence[DefaultRow]) -> Iterator[str]:
     """Summarise the section in one or two sentences."""
-    instants = [row for row in rows if row.answer.question == "instant"]
+    instants, motions = ([r for r in rows if r.answer.question == question] for question in ("instant", "trajectory"))
     if instants:
         within = sum(row.answer.look is LOOKS[Verdict.AGREES] for row in instants)
         yield f"Answers within the bars at given states: {within} of {len(instants)}."
     if motions:
-        answered = [(m.digits, m) for m in motions if m.digits is not None]
-        enough = sum(digits >= m.asked for digits, m in answered)
+        answered = [(digits, row) for row in motions if (digits := _own_digits(row.answer)) is not None]
+        enough = sum(digits >= row.answer.lines.case["digits"] for digits, row in answered)
         text = f"Motions with the digits asked at the engine's own step: {enough} of {len(motions)}"
         if answered:
             digits, least = min(answered, key=lambda pair: pair[0])

@@ -26,7 +26,7 @@ class KnownFinding:
 
 @dataclass(frozen=True)
 class Group:
-    """Cells with the same text: a reason, a line of the manifest, a cause."""
+    """Cells with the same text: a reason, a line of a manifest or a cause."""
 
     text: str
     look: Look | None

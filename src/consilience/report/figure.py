@@ -6,7 +6,7 @@ opened.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from html import escape
 from math import isfinite
 from typing import Any
@@ -49,9 +49,15 @@ def title_of(comparison: dict[str, Any]) -> str:
     return escape(method_title(comparison["method"], is_matched(comparison)), quote=False)
 
 
-def figure(traces: Sequence[Figure], xaxis: Figure, title: str) -> Figure:
-    """Make a figure with a logarithmic axis upwards."""
-    yaxis = {"title": {"text": title}, "type": "log", "exponentformat": "power", "showexponent": "all"}
+def log_axis(title: str) -> Figure:
+    """Return a logarithmic axis with powers of ten."""
+    return {"title": {"text": title}, "type": "log", "exponentformat": "power"}
+
+
+def figure(traces: Iterable[Figure], xaxis: Figure, yaxis: Figure | str) -> Figure:
+    """Make a figure; an ordinate given by its title alone is logarithmic, and labels all powers."""
+    if isinstance(yaxis, str):
+        yaxis = {**log_axis(yaxis), "showexponent": "all"}
     layout: Figure = {"xaxis": xaxis, "yaxis": yaxis, "shapes": [], "annotations": []}
     return {"data": [{"type": "scatter", **trace} for trace in traces], "layout": layout}
 

@@ -11,7 +11,6 @@ import numpy as np
 from consilience.mechanism import (
     GROUND,
     Array,
-    Joint,
     Mechanism,
     State,
     body_point,
@@ -99,7 +98,8 @@ def figure_of(mechanism: Mechanism, state: State) -> Figure3D:
     """Make the figure of a mechanism in a state."""
     joints, ends = [], {body.name: list[Array]() for body in mechanism.bodies}
     for n, joint in enumerate(mechanism.joints):
-        first, second = _ends(mechanism, state, joint)
+        first = body_point(mechanism, state, joint.predecessor, joint.F.p)[0]
+        second = body_point(mechanism, state, joint.successor, joint.M.p)[0]
         for name, point in ((joint.predecessor, first), (joint.successor, second)):
             if name != GROUND and joint.kind != "free":
                 ends[name].append(point)
@@ -126,11 +126,20 @@ def index_of(mechanism: Mechanism, body: str) -> int:
     return -1 if body == GROUND else mechanism.body_index[body]
 
 
-def _ends(mechanism: Mechanism, state: State, joint: Joint) -> tuple[Array, Array]:
-    return (
-        body_point(mechanism, state, joint.predecessor, joint.F.p)[0],
-        body_point(mechanism, state, joint.successor, joint.M.p)[0],
-    )
+def connections(mechanism: Mechanism, state: State) -> Iterator[Polyline]:
+    """List the lines between two bodies: rods, displacements from frame F to frame M of other joints, and springs.
+
+    The two frames of a joint may coincide.
+    """
+    lines = [
+        ("rod" if j.kind == "rod" else "way", j.predecessor, j.F.p, j.successor, j.M.p)
+        for j in mechanism.joints
+        if j.kind != "free"
+    ]
+    lines += [("spring", s.predecessor, s.point_predecessor, s.successor, s.point_successor) for s in mechanism.springs]
+    for kind, first, p, second, q in lines:
+        ends = np.array([body_point(mechanism, state, first, p)[0], body_point(mechanism, state, second, q)[0]])
+        yield Polyline(-1, kind, ends, (index_of(mechanism, first), index_of(mechanism, second)))
 
 
 def _skeleton(ends: list[Array], center: Array, origin: Array) -> Iterator[Array]:
@@ -145,20 +154,10 @@ def _skeleton(ends: list[Array], center: Array, origin: Array) -> Iterator[Array
 
 
 def _other_lines(mechanism: Mechanism, state: State) -> Iterator[Polyline]:
-    """Draw rods, displacements of joints, springs, rolling circles, and spheres with contacts."""
-    for joint in mechanism.joints:
-        ends = np.array(_ends(mechanism, state, joint))
-        if np.linalg.norm(ends[0] - ends[1]) > 1e-9 and joint.kind != "free":
-            held = (index_of(mechanism, joint.predecessor), index_of(mechanism, joint.successor))
-            yield Polyline(-1, "rod" if joint.kind == "rod" else "way", ends, held)
-    for s in mechanism.springs:
-        ends = np.array(
-            [
-                body_point(mechanism, state, s.predecessor, s.point_predecessor)[0],
-                body_point(mechanism, state, s.successor, s.point_successor)[0],
-            ]
-        )
-        yield Polyline(-1, "spring", ends, (index_of(mechanism, s.predecessor), index_of(mechanism, s.successor)))
+    """List the connections whose ends differ by more than rounding, rolling circles, and spheres with contacts."""
+    for line in connections(mechanism, state):
+        if line.kind == "spring" or np.linalg.norm(line.points[0] - line.points[1]) > 1e-9:
+            yield line
     for r in mechanism.rollings:
         i = mechanism.body_index[r.body]
         R = rotation_from_quaternion(state.quat_WB[i])
@@ -174,7 +173,7 @@ def _other_lines(mechanism: Mechanism, state: State) -> Iterator[Polyline]:
 
 
 def _circle(center: Array, axes: Array, radius: float) -> Array:
-    """Points of a circle normal to the third column of `axes`, shape (49, 3), m."""
+    """Return points of a circle normal to the third column of `axes`, shape (49, 3), m."""
     turns = np.linspace(0.0, 2 * np.pi, 49)
     arms = np.outer(np.cos(turns), axes[:, 0]) + np.outer(np.sin(turns), axes[:, 1])
     return np.asarray(center + radius * arms)

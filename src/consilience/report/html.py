@@ -109,7 +109,7 @@ def fragments(view: Page, replays: Replays, drawings: set[str]) -> Iterator[tupl
 
 
 def replay_data(view: Page, replays: Replays) -> dict[str, Any]:
-    """Data for the script that draws cases in motion: scenes, motions, colours."""
+    """Collect the data of the script that draws cases in motion: scenes, motions, colours."""
     found = {c.name: {k: replays[c.name][k] for k in ("scene", "motion")} for c in view.cases if c.name in replays}
     engines = [engine.name for engine in view.engines]
     return {"colours": COLOURS, "engines": engines, "cases": found}

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import re
 
-from jinja2 import Template
-
 from consilience.errors import visible
 from consilience.report.record import Record
 from consilience.report.templating import template_environment
@@ -23,11 +21,7 @@ def escaped(value: object) -> str:
     return re.sub(r"(?<!\w)_|_(?!\w)", r"\\_", text)
 
 
-def _template() -> Template:
-    environment = template_environment(autoescape=False, finalize=escaped, keep_trailing_newline=True)
-    return environment.get_template("report.md.j2")
-
-
 def render_markdown(record: Record) -> str:
     """Render the Markdown page of a record; every inserted value is escaped."""
-    return _template().render(page=page(record))
+    environment = template_environment(autoescape=False, finalize=escaped, keep_trailing_newline=True)
+    return environment.get_template("report.md.j2").render(page=page(record))

@@ -47,7 +47,8 @@ class Projection:
 def views(figure: Figure3D) -> list[Projection]:
     """Choose the views; the axonometric view is from the side from which the mechanism is wider."""
     right, up, toward = upright(figure.gravity)
-    tilted = [_axonometric(side * 0.5 * right + 0.45 * up + 0.75 * toward, up) for side in (1.0, -1.0)]
+    normals = [side * 0.5 * right + 0.45 * up + 0.75 * toward for side in (1.0, -1.0)]
+    tilted = [view_axes(normal / np.linalg.norm(normal), up) for normal in normals]
     points = figure.points - figure.points.mean(axis=0)
     widest = max(tilted, key=lambda axes: float(np.prod(np.linalg.svd(points @ axes.T, compute_uv=False))))
     return [
@@ -56,11 +57,6 @@ def views(figure: Figure3D) -> list[Projection]:
         Projection("from the right", np.array([-toward, up]), 1, 1),
         Projection("axonometric", widest, 1, 0),
     ]
-
-
-def _axonometric(toward: Array, up: Array) -> Array:
-    """Return the directions (rows) of the view against `toward`."""
-    return view_axes(toward / np.linalg.norm(toward), up)
 
 
 def picture(mechanism: Mechanism, state: State, title: str) -> str:

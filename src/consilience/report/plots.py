@@ -22,32 +22,28 @@ from consilience.report.figure import (
 )
 from consilience.report.plots_work import step_precision, work_precision
 from consilience.report.record import Record
-from consilience.report.selection import growing_motion, method_of, motions_of
-from consilience.report.wording import anchor, step_name, step_text
+from consilience.report.selection import method_of
+from consilience.report.wording import anchor, level_text
 
 
 def figures(record: Record) -> dict[str, Figure]:
     """Draw all figures of a record, by the identifier of their place on the page."""
     found: dict[str, Figure] = {}
     for case in record.cases:
-        motions, kinds = motions_of(case["name"], record.of_case(case["name"])[1]), list(case_figures(record, case))
-        growing = growing_motion(case["name"], record.of_case(case["name"])[1])
-        if growing is not None:
-            found[anchor("horizon", case["name"])] = horizon(growing, case["digits"])
-        if "work" in kinds:
-            found[anchor("work", case["name"])] = work_precision(motions, record, case)
-        if "steps" in kinds:
-            found[anchor("steps", case["name"])] = step_precision(motions, record, case)
+        name, motions = case["name"], record.motions(case["name"])
+        found |= {anchor(kind, name): OF_CASE[kind](record, case) for kind in case_figures(record, case)}
         for engine in record.header["engines"]:
             own = [c for c in motions if c["engine"] == engine]
             if own:
-                found[anchor("difference", case["name"], engine)] = differences(own, record, case["digits"])
-                found[anchor("energy", case["name"], engine)] = energies(own, record)
+                found[anchor("difference", name, engine)] = differences(own, record, case["digits"])
+                found[anchor("energy", name, engine)] = energies(own, record)
     return found
 
 
-def horizon(comparison: dict[str, Any], digits: int) -> Figure:
+def horizon(record: Record, case: dict[str, Any]) -> Figure:
     """Draw the growth of a rounding error along the reference, against the digits asked."""
+    comparison = record.growing_motion(case["name"])
+    assert comparison is not None  # as `case_figures` has found
     grown = {
         **grid(comparison["times"]),
         "y": compact([EPS * g for g in comparison["growth"]]),
@@ -57,9 +53,13 @@ def horizon(comparison: dict[str, Any], digits: int) -> Figure:
         "hovertemplate": "%{x:.3g} s: %{y:.2e}",
     }
     found = figure([grown, *_uncertainty(comparison)], TIME, "difference to the reference")
-    add_asked(found, digits)
+    add_asked(found, case["digits"])
     add_horizon(found, comparison)
     return found
+
+
+OF_CASE = {"horizon": horizon, "work": work_precision, "steps": step_precision}
+"""Functions that draw the figures of a case, by the names that `case_figures` lists."""
 
 
 def differences(compared: Sequence[dict[str, Any]], record: Record, digits: int) -> Figure:
@@ -89,7 +89,7 @@ def _over_time(compared: Sequence[dict[str, Any]], record: Record, name: str) ->
                 {
                     **grid(comparison["times"]),
                     "y": compact(level[name]),
-                    "name": f"{step_name(method)} {step_text(level['step'], method)}",
+                    "name": level_text(level["step"], method),
                     "mode": "lines",
                     "legendgroup": str(n),
                     "legendgrouptitle": {"text": title_of(comparison)},

@@ -7,7 +7,7 @@ from html import escape
 from typing import Any
 
 from consilience.compare.judge import REFERENCE
-from consilience.report.figure import COLOURS, GREY, TIME, Figure
+from consilience.report.figure import COLOURS, GREY, TIME, Figure, figure, log_axis
 from consilience.report.record import Record
 from consilience.report.wording import anchor
 
@@ -30,9 +30,8 @@ def replay_figures(record: Record, replays: Mapping[str, dict[str, Any]]) -> dic
 
 def reactions(along: dict[str, Any], engines: list[str]) -> Figure:
     """Draw the reaction force on the successor of every joint over time: a colour for each joint, dashes by engine."""
-    traces = list(_series(along, engines))
     yaxis = {"title": {"text": "reaction force in N"}, "rangemode": "tozero"}
-    return {"data": traces, "layout": {"xaxis": TIME, "yaxis": yaxis, "shapes": [], "annotations": []}}
+    return figure(_series(along, engines), TIME, yaxis)
 
 
 def _series(along: dict[str, Any], engines: list[str]) -> Iterator[Figure]:
@@ -43,7 +42,6 @@ def _series(along: dict[str, Any], engines: list[str]) -> Iterator[Figure]:
         dash = "solid" if own else DASHES[(others.index(engine) if engine in others else 0) % len(DASHES)]
         for n, joint in enumerate(along["joints"][:MOST_JOINTS]):
             yield {
-                "type": "scatter",
                 "x": along["times"],
                 "y": series["force"][n],
                 "name": escape(joint),
@@ -60,7 +58,6 @@ def drift(along: dict[str, Any], engines: list[str]) -> Figure:
     """Draw the largest violation of a joint constraint over time, a colour for each engine."""
     traces = [
         {
-            "type": "scatter",
             "x": along["times"],
             "y": [v or None for v in series["drift"]],
             "name": escape(engine),
@@ -75,5 +72,4 @@ def drift(along: dict[str, Any], engines: list[str]) -> Figure:
         for engine, series in along["engines"].items()
         if engine in engines
     ]
-    yaxis = {"title": {"text": "joint violation in m or rad"}, "type": "log", "exponentformat": "power"}
-    return {"data": traces, "layout": {"xaxis": TIME, "yaxis": yaxis, "shapes": [], "annotations": []}}
+    return figure(traces, TIME, log_axis("joint violation in m or rad"))

@@ -2,45 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from html import escape
 from typing import Any
 
-from consilience.report.figure import COLOURS, MARKERS, Figure, add_asked, compact, figure, title_of
+from consilience.report.figure import COLOURS, MARKERS, Figure, add_asked, compact, figure, log_axis, title_of
 from consilience.report.record import Record
 from consilience.report.selection import is_matched, judged_largest, mean_step, method_of
-from consilience.report.wording import order_text, step_name, step_text
+from consilience.report.wording import level_text, order_text
 
 
-def work_precision(compared: Sequence[dict[str, Any]], record: Record, case: dict[str, Any]) -> Figure:
+def work_precision(record: Record, case: dict[str, Any]) -> Figure:
     """Draw the largest difference over CPU time."""
-    return _precision(compared, record, case, "CPU time in s", lambda level, _: level["cpu"])
+    return _precision(record, case, "CPU time in s", lambda level, _: level["cpu"])
 
 
-def step_precision(compared: Sequence[dict[str, Any]], record: Record, case: dict[str, Any]) -> Figure:
+def step_precision(record: Record, case: dict[str, Any]) -> Figure:
     """Draw the largest difference over the step; over the mean step of an adaptive method."""
     duration = case["duration"]
-    return _precision(
-        compared, record, case, "step in s", lambda level, method: mean_step(level, method, duration), orders=True
-    )
+    return _precision(record, case, "step in s", lambda level, method: mean_step(level, method, duration), orders=True)
 
 
 def _precision(
-    compared: Sequence[dict[str, Any]],
     record: Record,
     case: dict[str, Any],
     axis: str,
     abscissa: Callable[[dict[str, Any], dict[str, Any]], float | None],
     orders: bool = False,
 ) -> Figure:
-    """Draw the largest differences of all levels.
+    """Draw the largest differences of all levels of a case.
 
     Engines differ by colour, methods by the shape of the marker; markers of default methods are hollow.
 
     Parameters
     ----------
-    compared : sequence of dict
-        Comparisons of motions.
     record : Record
     case : dict
     axis : str
@@ -52,7 +47,7 @@ def _precision(
     """
     engines = list(record.header["engines"])
     traces, seen = [], dict.fromkeys(engines, 0)
-    for comparison in sorted(compared, key=lambda c: engines.index(c["engine"])):
+    for comparison in sorted(record.motions(case["name"]), key=lambda c: engines.index(c["engine"])):
         engine, method = comparison["engine"], method_of(record.runs_of(comparison))
         marker = MARKERS[seen[engine] % len(MARKERS)]
         seen[engine] += 1
@@ -66,7 +61,7 @@ def _precision(
             {
                 "x": compact([x for x, _ in placed]),
                 "y": compact([judged_largest(comparison, level) for _, level in placed]),
-                "text": [f"{step_name(method)} {step_text(level['step'], method)}" for _, level in placed],
+                "text": [level_text(level["step"], method) for _, level in placed],
                 "name": title_of(comparison) + own,
                 "legendgroup": escape(engine),
                 "legendgrouptitle": {"text": escape(engine)},
@@ -80,10 +75,6 @@ def _precision(
                 "hovertemplate": "%{text}<br>%{x:.2g} s, %{y:.2e}",
             }
         )
-    found = figure(
-        traces,
-        {"title": {"text": axis}, "type": "log", "exponentformat": "power"},
-        "largest difference to the reference",
-    )
+    found = figure(traces, log_axis(axis), "largest difference to the reference")
     add_asked(found, case["digits"])
     return found

@@ -1,4 +1,4 @@
-"""Reactions of the joints and violation of their constraints over time, computed from a motion, alike for all engines.
+"""Compute reactions of the joints and violation of their constraints along a motion, by one method for all engines.
 
 The Newton-Euler equations ``M a = f + Q^T lam`` and the constraints ``Q a = gamma`` are solved densely at states of
 the motion. (Reactions given by the engine itself belong to the question `instant`.)
@@ -35,7 +35,7 @@ LARGEST = 12
 
 
 def can_be_told(mechanism: Mechanism) -> bool:
-    """Whether a state determines the reactions: neither integral controllers nor contacts, and few bodies."""
+    """Whether a state determines the reactions: without integral controllers and contacts, and with few bodies."""
     held = bool(mechanism.joints) and any(joint.rows for joint in mechanism.joints)
     small = len(mechanism.bodies) <= LARGEST and len(mechanism.joints) <= 2 * LARGEST
     return held and small and not mechanism.contacts and not any(c.integral for c in mechanism.controls)
@@ -84,12 +84,9 @@ def reactions(mechanism: Mechanism, state: State, t: float, angles: Angles | Non
         constraint_jacobian(mechanism, state, t=t, angles=angles),
         constraint_gamma(mechanism, state, t=t, angles=angles),
     )
-    found, start = [], 0
-    for joint in mechanism.joints:
-        rows = slice(start, start + len(joint.rows))
-        start = rows.stop
-        found.append(reaction_map(mechanism, state, joint) @ lam[rows])
-    return np.array(found)
+    own = np.split(lam, np.cumsum([len(joint.rows) for joint in mechanism.joints]))
+    # after the rows of the joints come those of the elements
+    return np.array([reaction_map(mechanism, state, j) @ f for j, f in zip(mechanism.joints, own, strict=False)])
 
 
 def drift_over_time(mechanism: Mechanism, answer: TrajectoryAnswer, samples: Array) -> Array:

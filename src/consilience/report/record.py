@@ -31,6 +31,7 @@ from consilience.mechanism import determinate_reactions
 from consilience.report.recordschema import FORMAT, checked, contradictions
 from consilience.report.replay import replays
 from consilience.report.replayschema import NAME
+from consilience.report.selection import grouped, is_matched
 from consilience.suite import QUICK, Results
 
 LARGEST_FILE = 500_000_000
@@ -49,11 +50,9 @@ class Record:
 
     @cached_property
     def _by_method(self) -> dict[tuple[str, ...], list[dict[str, Any]]]:
-        found: dict[tuple[str, ...], list[dict[str, Any]]] = {}
-        for run in self.runs:
-            method = run["method"]["name"] if run["method"] else ""
-            found.setdefault((run["case"], run["engine"], run["question"], method), []).append(run)
-        return found
+        return grouped(
+            ((r["case"], r["engine"], r["question"], r["method"]["name"] if r["method"] else ""), r) for r in self.runs
+        )
 
     def runs_of(self, comparison: dict[str, Any]) -> list[dict[str, Any]]:
         """Return the runs of the method of a comparison: levels, and probes of other softness."""
@@ -61,19 +60,24 @@ class Record:
         return self._by_method.get((c["case"], c["engine"], c["question"], c["method"]), [])
 
     @cached_property
-    def _by_case(self) -> dict[str, tuple[list[dict[str, Any]], list[dict[str, Any]]]]:
-        found: dict[str, tuple[list[dict[str, Any]], list[dict[str, Any]]]] = {}
-        for n, records in enumerate((self.runs, self.comparisons)):
-            for one in records:
-                found.setdefault(one["case"], ([], []))[n].append(one)
-        return found
+    def _by_case(self) -> list[dict[str, list[dict[str, Any]]]]:
+        return [grouped((one["case"], one) for one in lines) for lines in (self.runs, self.comparisons)]
 
     def of_case(self, name: str) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
         """Return the runs and the comparisons of a case."""
-        return self._by_case.get(name, ([], []))
+        runs, comparisons = self._by_case
+        return runs.get(name, []), comparisons.get(name, [])
+
+    def motions(self, case: str) -> list[dict[str, Any]]:
+        """List the comparisons of motions of a case, matched methods first."""
+        return sorted((c for c in self.of_case(case)[1] if c["levels"]), key=lambda c: not is_matched(c))
+
+    def growing_motion(self, case: str) -> dict[str, Any] | None:
+        """Return a comparison with the growth of perturbations, which is the same for all motions of a case."""
+        return next((c for c in self.motions(case) if c["growth"]), None)
 
     def again(self, case: dict[str, Any] | None = None, engine: str = "", question: str = "") -> str:
-        """Return the command that asks again: about one case or all, one engine or all, one question or all."""
+        """Return the command that repeats the run, for one case or all, one engine or all, one question or all."""
         words = ["consilience", "run"]
         words += [] if case is None else [case.get("call") or case["name"]]
         words += ["-e", engine] if engine else []

@@ -16,10 +16,11 @@ from consilience.case import Case
 from consilience.compare.judge import REFERENCE
 from consilience.engine import Profile, Run, TrajectoryAnswer
 from consilience.mechanism import Array, Mechanism
-from consilience.report.motion import Encoded, chosen_samples, encoded_difference, encoded_poses
+from consilience.report.motion import chosen_samples, encoded_difference, encoded_poses
 from consilience.report.reactions import can_be_told, drift_over_time, reactions_over_time
 from consilience.report.replayschema import FORMAT
-from consilience.report.scene import Scene, scene
+from consilience.report.scene import scene
+from consilience.report.selection import grouped
 
 PLOTTED = 31
 """Largest number of samples in a plot of reactions."""
@@ -38,21 +39,15 @@ def replay_of(case: Case, runs: Sequence[Run]) -> Replay:
         All runs of the case; the replay shows the first matched method of each engine at its finest level.
     """
     shown = dict(_headlines(runs))
-    found: Replay = {"case": case.name, "seed": case.seed, "motion": None, "along": None}
-    found["scene"] = drawn = scene(case.mechanism, case.initial_state)
-    if REFERENCE in shown:
-        found["motion"] = _motion(drawn, shown)
-        found["along"] = _along(case.mechanism, shown)
-    return found
+    motion, along = (_motion(shown), _along(case.mechanism, shown)) if REFERENCE in shown else (None, None)
+    drawn = scene(case.mechanism, case.initial_state)
+    return {"case": case.name, "seed": case.seed, "motion": motion, "along": along, "scene": drawn}
 
 
 def motion_alone(case: Case, answer: TrajectoryAnswer, how: str) -> Replay:
     """Make the replay of a single motion in place of the reference."""
-    drawn = scene(case.mechanism, case.initial_state)
-    samples = chosen_samples(answer)
-    return {"case": case.name, "seed": case.seed, "scene": drawn, "along": None} | {
-        "motion": _grid(answer, samples) | {"reference": encoded_poses(answer, samples) | {"how": how}, "engines": {}}
-    }
+    drawn, motion = scene(case.mechanism, case.initial_state), _motion({REFERENCE: (answer, how)})
+    return {"case": case.name, "seed": case.seed, "scene": drawn, "along": None, "motion": motion}
 
 
 def _headlines(runs: Sequence[Run]) -> Iterator[tuple[str, tuple[TrajectoryAnswer, str]]]:
@@ -71,22 +66,22 @@ def _headlines(runs: Sequence[Run]) -> Iterator[tuple[str, tuple[TrajectoryAnswe
             yield engine, (answer, f"{method.name}, {kind} {run.step:.3g}{' s' if method.substeps else ''}")
 
 
-def _grid(answer: TrajectoryAnswer, samples: Array) -> Replay:
-    time = answer.time[samples]
-    step = float(time[1] - time[0]) if len(time) > 1 else 0.0
-    return {"start": float(time[0]), "step": step, "count": len(samples), "end": float(answer.time[-1])}
-
-
-def _motion(drawn: Scene, shown: dict[str, tuple[TrajectoryAnswer, str]]) -> Replay:
+def _motion(shown: dict[str, tuple[TrajectoryAnswer, str]]) -> Replay:
+    """Encode the motion of the reference, and the differences of motions on the same time grid."""
     reference, how = shown[REFERENCE]
     samples = chosen_samples(reference)
-    engines: dict[str, Encoded] = {}
-    for engine, (answer, own) in shown.items():
-        if engine != REFERENCE and np.array_equal(answer.time, reference.time):
-            engines[engine] = encoded_difference(answer, reference, samples) | {"how": own}
-    return _grid(reference, samples) | {
+    time = reference.time[samples]
+    return {
+        "start": float(time[0]),
+        "step": float(time[1] - time[0]) if len(time) > 1 else 0.0,
+        "count": len(samples),
+        "end": float(reference.time[-1]),
         "reference": encoded_poses(reference, samples) | {"how": how},
-        "engines": engines,
+        "engines": {
+            engine: encoded_difference(answer, reference, samples) | {"how": own}
+            for engine, (answer, own) in shown.items()
+            if engine != REFERENCE and np.array_equal(answer.time, reference.time)
+        },
     }
 
 
@@ -119,8 +114,6 @@ def _plain(values: Array) -> list[float | None]:
 
 def replays(cases: Sequence[Case], runs: Sequence[Run]) -> str:
     """Write the text of ``replay.json``: the replays of all cases."""
-    of_case: dict[str, list[Run]] = {}
-    for run in runs:
-        of_case.setdefault(run.case, []).append(run)
+    of_case = grouped((run.case, run) for run in runs)
     found = [replay_of(case, of_case.get(case.name, [])) for case in cases]
     return json.dumps({"format": FORMAT, "cases": found}, allow_nan=False, separators=(",", ":"))

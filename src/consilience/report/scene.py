@@ -1,4 +1,4 @@
-"""The scene of a mechanism: its lines and labelled places in coordinates of the bodies, to be drawn in any pose.
+"""Scene of a mechanism: lines and labelled places in coordinates of the bodies, to be drawn in any pose.
 
 Lines and places are those of the picture of a case (`figure3d`), each fixed to the body that carries it.
 """
@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from consilience.mechanism import Array, Mechanism, State, body_point, rotation_from_quaternion
-from consilience.report.figure3d import Figure3D, PlaceLabel, Polyline, figure_of, index_of
+from consilience.mechanism import Array, Mechanism, State, rotation_from_quaternion
+from consilience.report.figure3d import Figure3D, PlaceLabel, Polyline, connections, figure_of
 
 Scene = dict[str, Any]
 """Data of a scene, as `replayschema.ReplayScene`."""
@@ -26,17 +26,14 @@ def scene(mechanism: Mechanism, state: State) -> Scene:
     Coordinates of a body are in its frame B, those of the ground (body -1) in the world; m.
     """
     figure = figure_of(mechanism, state)
-    R = rotation_from_quaternion(state.quat_WB)
+    p, R = _placements(state.p_WB, state.quat_WB)
     decimals = DECIMALS - int(np.floor(np.log10(max(float(np.max(np.abs(figure.points), initial=0.0)), 1e-12))))
 
     def local(body: int, point: Array) -> list[float]:
-        own = point if body < 0 else R[body].T @ (point - state.p_WB[body])
-        return [round(float(x), decimals) + 0.0 for x in own]
+        return [round(float(x), decimals) + 0.0 for x in R[body].T @ (point - p[body])]
 
     def along(body: int, axis: Array | None) -> list[float] | None:
-        if axis is None:
-            return None
-        return [round(float(x), DECIMALS) + 0.0 for x in (axis if body < 0 else R[body].T @ axis)]
+        return None if axis is None else [round(float(x), DECIMALS) + 0.0 for x in R[body].T @ axis]
 
     return {
         "gravity": [float(x) for x in mechanism.gravity],
@@ -64,36 +61,29 @@ def scene(mechanism: Mechanism, state: State) -> Scene:
             if line.ends is None
         ],
         "ties": [
-            {"kind": kind, "ends": list(held), "points": [local(i, p) for i, p in zip(held, points, strict=True)]}
-            for kind, held, points in _ties(mechanism, state)
+            {"kind": tie.kind, "ends": list(tie.ends), "points": list(map(local, tie.ends, tie.points))}
+            # the frames of a joint may be apart at another time
+            for tie in connections(mechanism, state)
+            if tie.ends is not None
         ],
     }
 
 
-def _ties(mechanism: Mechanism, state: State) -> list[tuple[str, tuple[int, int], Array]]:
-    """List lines between two bodies: springs, rods, and joints, whose frames may be apart at another time."""
-    found = []
-    for j in mechanism.joints:
-        if j.kind != "free":
-            ends = ((j.predecessor, j.F.p), (j.successor, j.M.p))
-            kind = "rod" if j.kind == "rod" else "way"
-            found.append((kind, j.predecessor, j.successor, [body_point(mechanism, state, n, p)[0] for n, p in ends]))
-    for s in mechanism.springs:
-        ends = ((s.predecessor, s.point_predecessor), (s.successor, s.point_successor))
-        found.append(("spring", s.predecessor, s.successor, [body_point(mechanism, state, n, p)[0] for n, p in ends]))
-    return [(kind, (index_of(mechanism, i), index_of(mechanism, j)), np.array(points)) for kind, i, j, points in found]
+def _placements(p: Array, quats: Array) -> tuple[Array, Array]:
+    """Return origins, shape (n + 1, 3), and rotation matrices of the bodies; last, as body -1, those of the ground."""
+    return np.vstack([p, np.zeros(3)]), np.concatenate([rotation_from_quaternion(quats), np.eye(3)[None]])
 
 
 def figure_of_scene(drawn: Scene) -> Figure3D:
     """Make the figure of a scene in the poses of its state."""
-    p, R = np.array(drawn["p"]).reshape(-1, 3), rotation_from_quaternion(np.array(drawn["quat"]).reshape(-1, 4))
+    p, R = _placements(np.array(drawn["p"]).reshape(-1, 3), np.array(drawn["quat"]).reshape(-1, 4))
 
     def placed(body: int, point: list[float]) -> Array:
-        return np.array(point) if body < 0 else p[body] + R[body] @ np.array(point)
+        return np.asarray(p[body] + R[body] @ np.array(point))
 
     def mark(m: Scene, kind: str) -> PlaceLabel:
         body, axis = m["body"], m.get("axis")
-        turned = None if axis is None else (np.array(axis) if body < 0 else R[body] @ np.array(axis))
+        turned = None if axis is None else R[body] @ np.array(axis)
         return PlaceLabel(m["letter"], m["name"], kind, placed(body, m["point"]), turned, m.get("ground", False), body)
 
     # coordinates are rounded: ends nearer than the rounding coincide
@@ -116,6 +106,6 @@ def figure_of_scene(drawn: Scene) -> Figure3D:
 
 
 def _numbers(drawn: Scene) -> Iterator[float]:
-    """Coordinates of a line or of a place."""
+    """List the coordinates of a line or of a place."""
     for point in drawn.get("points", [drawn.get("point", [])]):
         yield from point

@@ -1,11 +1,24 @@
-"""Selection of lines of a record: runs of a comparison, levels and probes, matched and default methods."""
+"""Select lines of a record: runs of a comparison, levels and probes, matched and default methods."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Hashable, Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, TypeVar
 
 from consilience.engine import Profile
+
+_Key = TypeVar("_Key", bound=Hashable)
+_Value = TypeVar("_Value")
+
+
+def grouped(pairs: Iterable[tuple[_Key, _Value]]) -> dict[_Key, list[_Value]]:
+    """Collect values by key, keys and values in the order of the pairs."""
+    found: dict[_Key, list[_Value]] = {}
+    for key, value in pairs:
+        found.setdefault(key, []).append(value)
+    return found
 
 
 def is_matched(comparison: dict[str, Any]) -> bool:
@@ -57,12 +70,35 @@ def mean_step(level: dict[str, Any], method: dict[str, Any], duration: float) ->
     return duration / steps if steps else None
 
 
-def motions_of(case: str, comparisons: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """List the comparisons of motions of a case, matched methods first."""
-    found = [c for c in comparisons if c["case"] == case and c["levels"]]
-    return sorted(found, key=lambda c: not is_matched(c))
+@dataclass(frozen=True)
+class AnswerLines:
+    """Lines of a record about one answer.
 
+    Attributes
+    ----------
+    comparison, case : dict
+    runs : sequence of dict
+        All runs of the method.
+    reference : dict or None
+        Answer of the reference to the question `model`.
+    """
 
-def growing_motion(case: str, comparisons: Sequence[dict[str, Any]]) -> dict[str, Any] | None:
-    """Return a comparison with the growth of perturbations, which is the same for all motions of a case."""
-    return next((c for c in motions_of(case, comparisons) if c["growth"]), None)
+    comparison: dict[str, Any]
+    runs: Sequence[dict[str, Any]]
+    case: dict[str, Any]
+    reference: dict[str, Any] | None
+
+    @cached_property
+    def method(self) -> dict[str, Any]:
+        """The method; empty if the engine offered none."""
+        return method_of(self.runs)
+
+    @cached_property
+    def levels(self) -> list[dict[str, Any]]:
+        """Runs at the method's own softness, coarse to fine."""
+        return levels_of(self.runs)
+
+    @cached_property
+    def probes(self) -> list[dict[str, Any]]:
+        """Runs at other softness, hard to soft."""
+        return probes_of(self.runs)

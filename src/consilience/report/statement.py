@@ -16,12 +16,12 @@ from consilience.errors import visible
 from consilience.report.markdown import escaped
 
 LEAST_WIDTH = 8
-"""Characters that every column of a table in a terminal keeps, with its line and its blanks."""
+"""Least width of a column in a terminal, in characters, with its line and its blanks."""
 
 
 @dataclass(frozen=True)
 class Statement:
-    """What a command prints.
+    """Output of a command.
 
     Attributes
     ----------
@@ -29,7 +29,7 @@ class Statement:
     tables : sequence of (title, heads, rows)
         Tables without rows are left out.
     data : dict
-        Everything, for machines.
+        The same and more, for programs.
     """
 
     sentences: Sequence[str]
@@ -38,7 +38,7 @@ class Statement:
 
 
 def _text(statement: Statement) -> str:
-    """Text for a pipe or a terminal: as wide as the terminal, and never cut off."""
+    """Write text for a pipe or a terminal, as wide as the terminal; no cell is cut off."""
     console = Console(highlight=False)
     with console.capture() as captured:
         for sentence in statement.sentences:
@@ -55,7 +55,7 @@ def _text(statement: Statement) -> str:
 
 
 def _unbroken(heads: Sequence[str], rows: Sequence[Sequence[str]], width: int) -> list[bool]:
-    """Choose columns that are not broken into lines: names, which readers copy; the narrowest first, while they fit."""
+    """Choose the columns of names to keep unbroken, since readers copy names: the narrowest first, while all fit."""
     columns = [[visible(row[n]) for row in rows] for n in range(len(heads))]
     widths = [max(map(len, (head, *column))) + 3 for head, column in zip(heads, columns, strict=True)]
     chosen, left = [False] * len(heads), width - LEAST_WIDTH * len(heads)

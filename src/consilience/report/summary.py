@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -110,30 +111,22 @@ def _load(load: Load) -> str:
     return f"{load.kind} {load.name}: {_vector(load.vector)}, fixed in the {load.frame}{varies}"
 
 
-def _elements(mechanism: Mechanism) -> list[str]:
-    """Describe each friction, control, drive, coupling, rolling, contact and skate in a line."""
-    m = mechanism
-    return [
-        *(
-            f"friction {f.name}: {f.joint}, viscous {f.viscous:g}, Coulomb {f.coulomb:g} regularised"
-            for f in m.frictions
-        ),
-        *(
-            f"control {c.name}: {c.coordinate} of {c.joint}, P {c.proportional:g}, I {c.integral:g}, D {c.derivative:g}"
-            for c in m.controls
-        ),
-        *(f"drive {d.name}: {d.coordinate} of {d.joint} is a function of time" for d in m.drives),
-        *(
-            f"coupling {c.name}: {c.coordinate} of {c.joint} follows {c.driver_coordinate} of {c.driver_joint}"
-            for c in m.couplings
-        ),
-        *(f"rolling {r.name}: {r.body}, radius {r.radius:g} m, rounding {r.rounding:g} m" for r in m.rollings),
-        *(
-            f"contact {c.name}: {c.body} on {c.partner}, restitution {c.restitution:g}, friction {c.friction:g}"
-            for c in m.contacts
-        ),
-        *(f"skate {s.name}: {s.body}, no motion along {_vector(s.lateral)}" for s in m.skates),
-    ]
+_ELEMENTS = {
+    "frictions": "friction {0.name}: {0.joint}, viscous {0.viscous:g}, Coulomb {0.coulomb:g} regularised",
+    "controls": "control {0.name}: {0.coordinate} of {0.joint}, "
+    "P {0.proportional:g}, I {0.integral:g}, D {0.derivative:g}",
+    "drives": "drive {0.name}: {0.coordinate} of {0.joint} is a function of time",
+    "couplings": "coupling {0.name}: {0.coordinate} of {0.joint} follows {0.driver_coordinate} of {0.driver_joint}",
+    "rollings": "rolling {0.name}: {0.body}, radius {0.radius:g} m, rounding {0.rounding:g} m",
+    "contacts": "contact {0.name}: {0.body} on {0.partner}, restitution {0.restitution:g}, friction {0.friction:g}",
+}
+"""Line of an element in a description, by the field of a mechanism that has the elements."""
+
+
+def _elements(mechanism: Mechanism) -> Iterator[str]:
+    """Describe each element that is neither a spring nor a load."""
+    yield from (line.format(element) for field, line in _ELEMENTS.items() for element in getattr(mechanism, field))
+    yield from (f"skate {s.name}: {s.body}, no motion along {_vector(s.lateral)}" for s in mechanism.skates)
 
 
 def _vector(v: np.typing.ArrayLike) -> str:

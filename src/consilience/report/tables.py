@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from consilience.report.answers import AnswerView
 from consilience.report.cells import Cell
 from consilience.report.facts import declared_text
-from consilience.report.record import Record
-from consilience.report.selection import method_of
 from consilience.report.wording import DASH, digits_text, number, order_text
 
 
@@ -35,22 +32,14 @@ class MethodTable:
     empty: str
 
 
-_Values = Callable[[dict[str, Any], dict[str, Any]], tuple[str, ...]]
-"""Function from a comparison and its method to the numbers of a row; empty for no row."""
-
-
-def method_tables(record: Record, cells: Sequence[Cell]) -> tuple[MethodTable, ...]:
+def method_tables(cells: Sequence[Cell], quick: bool) -> tuple[MethodTable, ...]:
     """Return the tables with a row for each method: orders, uncertainties, softness."""
-    compared, quick = list(_compared(record, cells)), bool(record.header.get("quick"))
-    names = list(dict.fromkeys(o["name"] for _, _, c, _ in compared for o in c["observables"]))
+    compared = [(cell, answer) for cell in cells for answer in cell.answers]
+    names = list(dict.fromkeys(o["name"] for _, a in compared for o in a.lines.comparison["observables"]))
 
-    def rows(values: _Values) -> tuple[MethodRow, ...]:
-        """Return a row for each comparison that has the values of the table."""
-        return tuple(
-            MethodRow(cell, answer, found)
-            for cell, answer, comparison, method in compared
-            if (found := values(comparison, method))
-        )
+    def rows(values: Callable[[AnswerView], tuple[str, ...]]) -> tuple[MethodRow, ...]:
+        """Return a row for each answer that has the values of the table."""
+        return tuple(MethodRow(cell, answer, found) for cell, answer in compared if (found := values(answer)))
 
     return (
         MethodTable(
@@ -70,7 +59,7 @@ def method_tables(record: Record, cells: Sequence[Cell]) -> tuple[MethodTable, .
             "alone, without the reference. Relative to the size, the largest speed and the largest angular velocity of "
             "the motion; angles in rad.",
             tuple(names),
-            rows(lambda comparison, _: _observables(comparison, names)),
+            rows(lambda answer: _observables(answer, names)),
             "No motion has a ladder of steps or tolerances.",
         ),
         MethodTable(
@@ -86,22 +75,12 @@ def method_tables(record: Record, cells: Sequence[Cell]) -> tuple[MethodTable, .
     )
 
 
-def _compared(
-    record: Record, cells: Sequence[Cell]
-) -> Iterator[tuple[Cell, AnswerView, dict[str, Any], dict[str, Any]]]:
-    """List every answer of the cells with its comparison and its method."""
-    found = {(c["case"], c["engine"], c["question"], c["method"]): c for c in record.comparisons}
-    for cell in cells:
-        for answer in cell.answers:
-            comparison = found[cell.case, cell.engine, answer.question, answer.method]
-            yield cell, answer, comparison, method_of(record.runs_of(comparison))
-
-
-def _orders(c: dict[str, Any], method: dict[str, Any]) -> tuple[str, ...]:
+def _orders(answer: AnswerView) -> tuple[str, ...]:
+    c = answer.lines.comparison
     if not c["levels"] or c["declared_order"] is None:
         return ()
     return (
-        declared_text(c, method),
+        declared_text(answer.lines),
         order_text(c["order"]),
         order_text(c["self_order"]),
         digits_text(c["digits"]),
@@ -110,13 +89,14 @@ def _orders(c: dict[str, Any], method: dict[str, Any]) -> tuple[str, ...]:
     )
 
 
-def _observables(c: dict[str, Any], names: Sequence[str]) -> tuple[str, ...]:
-    own = {o["name"]: f"{number(o['band'])} ({order_text(o['order'])})" for o in c["observables"]}
+def _observables(answer: AnswerView, names: Sequence[str]) -> tuple[str, ...]:
+    found = answer.lines.comparison["observables"]
+    own = {o["name"]: f"{number(o['band'])} ({order_text(o['order'])})" for o in found}
     return tuple(own.get(name, DASH) for name in names) if own else ()
 
 
-def _softness(c: dict[str, Any], _method: dict[str, Any]) -> tuple[str, ...]:
-    soft = c["softness"]
+def _softness(answer: AnswerView) -> tuple[str, ...]:
+    soft = answer.lines.comparison["softness"]
     if not soft:
         return ()
-    return c["question"], order_text(soft["order"]), number(soft["shift"]), number(soft["limit"])
+    return answer.question, order_text(soft["order"]), number(soft["shift"]), number(soft["limit"])

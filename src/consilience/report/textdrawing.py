@@ -44,13 +44,13 @@ class Canvas:
         x, y = np.round(point).astype(int)
         return self.letters.setdefault((int(y // 4), int(x // 2)), letter)
 
-    def text(self) -> list[str]:
-        """Return the lines without blanks at their ends."""
+    def text(self) -> str:
+        """Return the lines without blanks at their ends, and without empty lines above and below."""
         rows = []
         for r, row in enumerate(self.bits):
             cells = (self.letters.get((r, c)) or (chr(0x2800 + b) if b else " ") for c, b in enumerate(row))
             rows.append("".join(cells).rstrip())
-        return rows
+        return "\n".join(rows).strip("\n")
 
 
 def draw(mechanism: Mechanism, state: State) -> str:
@@ -87,15 +87,7 @@ def draw(mechanism: Mechanism, state: State) -> str:
     length = COLUMNS // 4
     right, up = (f"({', '.join(f'{c:.2g}' for c in np.round(axis, 3) + 0.0)})" for axis in view)
     seen = f"right {right}, up {up} of the world; {2 * length / scale:.2g} m is {'─' * length}"
-    return "\n".join([*_trimmed(canvas.text()), "", f"  {seen}", "", *legend])
-
-
-def _trimmed(rows: list[str]) -> list[str]:
-    while rows and not rows[0]:
-        rows = rows[1:]
-    while rows and not rows[-1]:
-        rows = rows[:-1]
-    return rows
+    return "\n".join([canvas.text(), "", f"  {seen}", "", *legend])
 
 
 def _letters(figure: Figure3D, mechanism: Mechanism, canvas: Canvas, place: Callable[[Array], Array]) -> list[str]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from consilience.compare import Verdict
@@ -21,51 +21,21 @@ from consilience.report.engines import EngineView, Group, engine_view
 from consilience.report.facts import Fact
 from consilience.report.record import Record
 from consilience.report.tables import MethodTable, method_tables
-from consilience.report.wording import (
-    CAPTIONS,
-    EXIT_CODES,
-    LOOKS,
-    NOT_ASKED,
-    RANK,
-    ROUTES,
-    YARDSTICK,
-    Look,
-    counted,
-    phrase,
-)
+from consilience.report.wording import EXIT_CODES, LOOKS, NOT_ASKED, RANK, ROUTES, YARDSTICK, Look, counted, phrase
 
 QUICKLY = "quickly (few states, the start of each motion, one method of each engine)"
 
 
 @dataclass(frozen=True)
-class Column:
-    """An engine of the matrix."""
-
-    name: str
-    version: str
-    remarks: str
-
-
-@dataclass(frozen=True)
-class Tally:
-    """The cells of a verdict, and their number."""
-
-    look: Look
-    count: int
-    cells: tuple[Cell, ...]
-
-
-@dataclass(frozen=True)
 class Page:
-    """Contents of a page."""
+    """Contents of a page; `columns` are names and versions of the engines."""
 
     headline: str
     status: str
     exit_code: int
     again: str
     facts: tuple[Fact, ...]
-    tallies: tuple[Tally, ...]
-    columns: tuple[Column, ...]
+    columns: tuple[tuple[str, str], ...]
     missing: tuple[tuple[str, str], ...]
     cases: tuple[CaseView, ...]
     defaults: Defaults
@@ -74,7 +44,6 @@ class Page:
     questions: tuple[str, ...]
     legend: tuple[Look, ...] = (*LOOKS.values(), NOT_ASKED, YARDSTICK)
     routes: tuple[tuple[str, str], ...] = tuple(ROUTES.values())
-    captions: Mapping[str, str] = field(default_factory=lambda: CAPTIONS)
 
     @property
     def cells(self) -> list[Cell]:
@@ -102,55 +71,41 @@ class Page:
 
 def page(record: Record) -> Page:
     """Make the view of a record."""
-    columns = _columns(record.header)
-    cases = tuple(case_view(record, case, [column.name for column in columns]) for case in record.cases)
+    engines = record.header["engines"]
+    # the engines in the order asked; the reference comes last
+    names = sorted(engines, key=lambda name: name == REFERENCE)
+    cases = tuple(case_view(record, case, names) for case in record.cases)
     every = [cell for case in cases for cell in case.cells]
     cells = [cell for cell in every if cell.engine != REFERENCE]
-    code = record.footer["exit_code"]
-    tallies = _tallies(cells)
+    code, quick = record.footer["exit_code"], bool(record.header.get("quick"))
     return Page(
-        headline=_headline(cells, tallies, record),
+        headline=_headline(cells, record.header["missing"]),
         status=EXIT_CODES.get(code, "unknown"),
         exit_code=code,
         again=record.again(),
         facts=tuple(_facts(record.header)),
-        tallies=tallies,
-        columns=columns,
+        columns=tuple((name, engines[name]["version"]) for name in names),
         missing=tuple(record.header["missing"].items()),
         cases=cases,
-        defaults=defaults_view(record, every),
-        tables=method_tables(record, every),
-        engines=tuple(_engines(record.header, columns, every)),
+        defaults=defaults_view(every, quick),
+        tables=method_tables(every, quick),
+        engines=tuple(_engine(name, engines[name], every) for name in names if name != REFERENCE),
         questions=tuple(str(q) for q in record.header["questions"]),
     )
 
 
-def _columns(header: dict[str, Any]) -> tuple[Column, ...]:
-    """List the engines that started, in the order asked; the reference comes last."""
-    names = sorted(header["engines"], key=lambda name: name == REFERENCE)
-    return tuple(Column(n, header["engines"][n]["version"], header["engines"][n]["remarks"]) for n in names)
+def _engine(name: str, info: dict[str, str], cells: Sequence[Cell]) -> EngineView:
+    facts = [Fact("version", info["version"]), Fact("adapter", info["adapter"])]
+    facts += [Fact("remarks", info["remarks"])] if info["remarks"] else []
+    return engine_view(name, facts, [c for c in cells if c.engine == name])
 
 
-def _engines(header: dict[str, Any], columns: Sequence[Column], cells: Sequence[Cell]) -> Iterator[EngineView]:
-    for column in columns:
-        if column.name != REFERENCE:
-            facts = [Fact("version", column.version), Fact("adapter", header["engines"][column.name]["adapter"])]
-            facts += [Fact("remarks", column.remarks)] if column.remarks else []
-            yield engine_view(column.name, facts, [c for c in cells if c.engine == column.name])
-
-
-def _tallies(cells: Sequence[Cell]) -> tuple[Tally, ...]:
-    groups = ((look, tuple(c for c in cells if c.look is look)) for look in (*LOOKS.values(), NOT_ASKED))
-    return tuple(Tally(look, len(found), found) for look, found in groups if found)
-
-
-def _headline(cells: Sequence[Cell], tallies: Sequence[Tally], record: Record) -> str:
+def _headline(cells: Sequence[Cell], missing: Mapping[str, str]) -> str:
     """State how many cells agree, the verdicts of the other cells, and the missing engines."""
-    count = {t.look.name: t.count for t in tallies}
-    agreeing = count.get(Verdict.AGREES, 0)
+    count = Counter(cell.look.name for cell in cells)
+    agreeing = count[Verdict.AGREES]
     parts = [f"{agreeing} of {counted(len(cells), 'cell')} {phrase(Verdict.AGREES, agreeing)}"]
     parts += [f"{count[v]} {phrase(v, count[v])}" for v in LOOKS if v in count and v is not Verdict.AGREES]
-    missing = record.header["missing"]
     if missing:
         parts.append(f"{counted(len(missing), 'engine')} not available ({', '.join(missing)})")
     return "; ".join(parts) + "."

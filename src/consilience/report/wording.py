@@ -20,8 +20,10 @@ class Look:
     ----------
     key : str
         Class of the style sheet.
-    symbol, name : str
-        One character, and the verdict's own words.
+    symbol : str
+        One character.
+    name : str
+        The verdict itself.
     sentence : str
         Meaning of the verdict, for the legend.
     """
@@ -32,46 +34,37 @@ class Look:
     sentence: str
 
 
-LOOKS: dict[Verdict, Look] = {
-    Verdict.AGREES: Look(
-        "agrees", "\N{CHECK MARK}", Verdict.AGREES, "The difference to the reference is within the bar that was asked."
-    ),
-    Verdict.DISCRETISATION: Look(
-        "discretisation",
+_SYMBOLS_AND_MEANINGS = {
+    Verdict.AGREES: ("\N{CHECK MARK}", "The difference to the reference is within the bar that was asked."),
+    Verdict.DISCRETISATION: (
         "\N{ALMOST EQUAL TO}",
-        Verdict.DISCRETISATION,
         "The steps are too coarse for the digits asked, but smaller ones lead to the reference: no disagreement.",
     ),
-    Verdict.REGULARISATION: Look(
-        "regularisation",
+    Verdict.REGULARISATION: (
         "\N{PROPORTIONAL TO}",
-        Verdict.REGULARISATION,
         "The engine's constraints are soft, and the difference goes away with that softness: the model is the same.",
     ),
-    Verdict.UNSUPPORTED: Look(
-        "unsupported",
+    Verdict.UNSUPPORTED: (
         "\N{EMPTY SET}",
-        Verdict.UNSUPPORTED,
         "The engine cannot represent something in the case, and says what: not a failure, and not counted as one.",
     ),
-    Verdict.UNRESOLVED: Look(
-        "unresolved",
+    Verdict.UNRESOLVED: (
         "?",
-        Verdict.UNRESOLVED,
         "The runs do not suffice to decide: not asymptotic at these steps, past the horizon, or no sure reference.",
     ),
-    Verdict.MODEL: Look(
-        "model",
+    Verdict.MODEL: (
         "\N{NOT EQUAL TO}",
-        Verdict.MODEL,
         "A difference that neither smaller steps nor harder constraints remove: another model, or another reading.",
     ),
-    Verdict.FAILED: Look(
-        "failed",
+    Verdict.FAILED: (
         "!",
-        Verdict.FAILED,
         "No usable answer: an exception, a crash, a time limit or values that are not finite; the evidence is kept.",
     ),
+}
+
+LOOKS: dict[Verdict, Look] = {
+    verdict: Look(verdict.name.lower(), symbol, verdict, sentence)
+    for verdict, (symbol, sentence) in _SYMBOLS_AND_MEANINGS.items()
 }
 """Verdicts, best first."""
 
@@ -90,7 +83,7 @@ _OF_ONE = {"are": "is", "failed": "failed"}
 
 
 def phrase(verdict: Verdict, count: int) -> str:
-    """Words after a number of cells of a verdict: ``differ in the model``, ``is unresolved``."""
+    """Word the verdict of a number of cells: ``differ in the model``, ``is unresolved``."""
     verb, rest = PHRASES[verdict]
     return f"{_OF_ONE.get(verb, verb + 's') if count == 1 else verb} {rest}".rstrip()
 
@@ -155,7 +148,7 @@ def cause_of(rule: str, verdict: str) -> str:
 
 
 def severity(verdict: str, digits: float | None) -> tuple[int, float]:
-    """Key of a comparison for `max`: larger for a worse verdict, then for fewer digits."""
+    """Rank a comparison for `max`: larger for a worse verdict, then for fewer digits."""
     return RANK[verdict], -(17.0 if digits is None else digits)
 
 
@@ -189,6 +182,11 @@ UNITS: dict[str, str] = {"mass": "kg", "com": "m", "inertia": "kg m\N{SUPERSCRIP
 def number(value: float | None, digits: int = 2) -> str:
     """Write a number to some significant digits; a dash for None."""
     return DASH if value is None else f"{value:.{digits}g}"
+
+
+def difference_text(value: float | None) -> str:
+    """Write a difference; None stands for a difference that is not finite."""
+    return "not finite" if value is None else number(value)
 
 
 def seconds(value: float | None) -> str:
@@ -228,6 +226,11 @@ def step_text(step: float | None, method: dict[str, Any]) -> str:
     return DASH if step is None else f"{step:.3g}{unit}"
 
 
+def level_text(step: float | None, method: dict[str, Any]) -> str:
+    """Name a level by its step or its tolerance."""
+    return f"{step_name(method)} {step_text(step, method)}"
+
+
 def order_text(value: float | None) -> str:
     """Write an observed order to two decimals; a dash for None."""
     return DASH if value is None else f"{value:.2f}"
@@ -253,10 +256,10 @@ _KINDS = ("case", "horizon", "work", "steps", "reactions", "drift", "cell")
 
 
 def cell_anchor(case: str, engine: str) -> str:
-    """Identifier of a cell: ``CASE.ENGINE``, or ``cell.CASE.ENGINE`` if the case is named like a kind of element."""
+    """Make the identifier of a cell: ``CASE.ENGINE``; ``cell.CASE.ENGINE`` if the case is named like an element."""
     return anchor("cell", case, engine) if case in _KINDS else anchor(case, engine)
 
 
 def anchor(*names: str) -> str:
-    """Identifier of an element: valid in a URL, and different for different names."""
+    """Make the identifier of an element: valid in a URL, and different for different names."""
     return ".".join(re.sub(r"[^A-Za-z0-9_-]", lambda m: f"~{ord(m[0]):x}~", name) for name in names)

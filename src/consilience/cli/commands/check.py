@@ -8,18 +8,9 @@ from typing import Annotated
 
 import typer
 
+from consilience.audit.identities import tables
 from consilience.audit.identities.check import Checks, check_engines
 from consilience.audit.identities.result import exit_code
-from consilience.audit.identities.tables import (
-    LEGEND,
-    as_json,
-    blemishes,
-    check_target,
-    markdown,
-    matrix,
-    sentence,
-    write,
-)
 from consilience.cli.options import (
     CORES,
     CaseNames,
@@ -49,7 +40,7 @@ def check(
 ) -> None:
     """Check each engine alone, without a reference, against identities that hold whatever the truth is."""
     if output is not None:
-        check_target(output)
+        tables.check_target(output)
     engines, chosen = chosen_engines(engine), chosen_cases(cases)
     for case in chosen:
         if case.mechanism.contacts:
@@ -68,21 +59,21 @@ def check(
     if form is OutputFormat.TEXT:
         _print(checks)
     else:
-        sys.stdout.write(as_json(checks) if form is OutputFormat.JSON else markdown(checks))
+        sys.stdout.write(tables.as_json(checks) if form is OutputFormat.JSON else tables.markdown(checks))
     if output is not None:
-        write(checks, output)
+        tables.write(checks, output)
     raise typer.Exit(exit_code(checks.findings, len(checks.missing)))
 
 
 def _print(checks: Checks) -> None:
     for profile in Profile:
         if any(f.profile is profile for f in checks.findings):
-            rows = [(name, *cells) for name, cells in matrix(checks, profile)]
+            rows = [(name, *cells) for name, cells in tables.matrix(checks, profile)]
             print_table(("identity", *checks.engines), rows, f"identities, settings: {profile}")
-    say(LEGEND)
+    say(tables.LEGEND)
     print_missing(checks.missing)
-    found = list(blemishes(checks))
+    found = list(tables.blemishes(checks))
     for finding in found[:MOST_PRINTED]:
-        say(sentence(finding))
+        say(tables.sentence(finding))
     if len(found) > MOST_PRINTED:
         say(f"and {len(found) - MOST_PRINTED} more: see the file of --output")

@@ -1,4 +1,4 @@
-"""``consilience doctor``: what stands in the way of a run here, and how to mend it, a line each."""
+"""``consilience doctor``: obstacles to a run on this machine, each with its remedy."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ import platform
 import re
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections import Counter
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
@@ -36,12 +37,11 @@ from consilience.suite import Results, run_suite
 from consilience.suite.warm_up import kernels_folder
 
 GIBI = 2**30
-STATES = ("well", "note", "ill")
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """One thing that was looked at.
+    """Finding about a part of this machine or about an engine.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class Diagnosis:
         ``well``; ``note``: a run works, with a loss; ``ill``: something does not work.
     found : str
     remedy : str
-        What to do, in a line; empty where all is well.
+        Action to take, in a line; empty where all is well.
     """
 
     what: str
@@ -74,20 +74,20 @@ CURES: tuple[tuple[str, str], ...] = (
     ),
     (r"AttributeError|TypeError", "the adapter was written for another version: pip install '{wanted}'"),
 )
-"""What to do about an engine that does not start, by what its worker said; the first that is found."""
+"""Patterns in the reason of a failed start, each with its remedy; the first pattern that matches counts."""
 
 
 def cure(reason: str, wanted: str, module: str) -> str:
-    """What to do about an engine that does not start.
+    """Choose the remedy for an engine that does not start.
 
     Parameters
     ----------
     reason : str
-        Why, in the words of its worker.
+        Message of the worker of the engine.
     wanted : str
-        The distribution with its version, as pip takes it.
+        Distribution with its version, as an argument of pip.
     module : str
-        Name of the module that the adapter is.
+        Module of the engine, to be imported in a trial.
     """
     for pattern, text in CURES:
         if found := re.search(pattern, reason):
@@ -96,13 +96,13 @@ def cure(reason: str, wanted: str, module: str) -> str:
 
 
 def pinned() -> dict[str, str]:
-    """Version that Consilience asks for, by distribution."""
+    """Return the version that Consilience pins, by distribution."""
     found = (re.match(r"([\w.-]+)\s*==\s*([\w.]+)", text) for text in requires("consilience") or ())
     return {match[1].lower(): match[2] for match in found if match}
 
 
 def of_engine(engine: str, results: Results) -> Diagnosis:
-    """Whether an engine starts, in the version it is tested with, and answers as the reference does."""
+    """Diagnose an engine: does not start, differs from the reference, is of an untested version, or agrees."""
     name, _, asked = split_name(engine)
     point = installed()[name]
     distribution = engine_distribution(point) or point.module.partition(".")[0]
@@ -135,7 +135,7 @@ def _version_of(distribution: str) -> str:
 
 
 def writable(folder: Path) -> bool:
-    """Whether files can be made in a folder, or in the first above it that is there."""
+    """Whether files can be created in a folder, or in its nearest parent that exists."""
     while not folder.exists() and folder != folder.parent:
         folder = folder.parent
     try:
@@ -145,51 +145,50 @@ def writable(folder: Path) -> bool:
         return False
 
 
+def _noted(what: str, found: str, remedy: str = "") -> Diagnosis:
+    """Make the diagnosis of a part of this machine: a note if there is a remedy, else all is well."""
+    return Diagnosis(what, "note" if remedy else "well", found, remedy)
+
+
 def _python() -> Diagnosis:
-    return Diagnosis("Python", "well", platform.python_version())
+    return _noted("Python", platform.python_version())
 
 
 def _kernels() -> Diagnosis:
-    folder = kernels_folder()
-    what = "compiled kernels"
+    folder, what = kernels_folder(), "compiled kernels"
     if not writable(folder):
         remedy = "export NUMBA_CACHE_DIR=$HOME/.cache/consilience-numba, or each process compiles for a minute or two"
-        return Diagnosis(what, "note", f"{folder} cannot be written", remedy)
+        return _noted(what, f"{folder} cannot be written", remedy)
     if next(folder.rglob("*.nbi"), None) is None:
         remedy = "none: the first run compiles for a minute or two; `consilience simulate double_pendulum` does it now"
-        return Diagnosis(what, "note", f"none yet in {folder}", remedy)
-    return Diagnosis(what, "well", f"in {folder}")
+        return _noted(what, f"none yet in {folder}", remedy)
+    return _noted(what, f"in {folder}")
 
 
 def _processors() -> Diagnosis:
     count = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    if count < 2:
-        return Diagnosis("processors", "note", f"{count}", "run with --jobs 1: engines then take their turns")
-    return Diagnosis("processors", "well", f"{count}")
+    return _noted("processors", f"{count}", "run with --jobs 1: engines then take their turns" * (count < 2))
 
 
 def _memory() -> Diagnosis:
     free = psutil.virtual_memory().available / GIBI
-    if free < 2.0:
-        return Diagnosis("memory", "note", f"{free:.1f} GiB free", "close other programs, or run with --jobs 1")
-    return Diagnosis("memory", "well", f"{free:.1f} GiB free")
+    return _noted("memory", f"{free:.1f} GiB free", "close other programs, or run with --jobs 1" * (free < 2.0))
 
 
 def _threads() -> Diagnosis:
     asked = os.environ.get("OMP_NUM_THREADS", "1")
-    if asked != "1":
-        remedy = "unset OMP_NUM_THREADS: several threads change timings, and the last digits of some engines"
-        return Diagnosis("threads", "note", f"OMP_NUM_THREADS={asked}", remedy)
-    return Diagnosis("threads", "well", "one for each engine")
+    if asked == "1":
+        return _noted("threads", "one for each engine")
+    remedy = "unset OMP_NUM_THREADS: several threads change timings, and the last digits of some engines"
+    return _noted("threads", f"OMP_NUM_THREADS={asked}", remedy)
 
 
 def _versions_folder() -> Diagnosis:
-    folder = cache_directory()
-    what = "cache for other versions"
-    if not writable(folder):
-        remedy = "export XDG_CACHE_HOME to a folder of yours; only NAME@VERSION needs it"
-        return Diagnosis(what, "note", f"{folder} cannot be written", remedy)
-    return Diagnosis(what, "well", str(folder))
+    folder, what = cache_directory(), "cache for other versions"
+    if writable(folder):
+        return _noted(what, str(folder))
+    remedy = "export XDG_CACHE_HOME to a folder of yours; only NAME@VERSION needs it"
+    return _noted(what, f"{folder} cannot be written", remedy)
 
 
 EXTRAS = {
@@ -200,16 +199,14 @@ EXTRAS = {
     "polars": "frames",
     "xarray": "frames",
 }
-"""Optional modules and the extra that has them."""
+"""Extra that installs an optional module."""
 
 
 def _extras() -> Diagnosis:
     lacking = sorted({extra for module, extra in EXTRAS.items() if importlib.util.find_spec(module) is None})
     if lacking:
-        return Diagnosis(
-            "extras", "note", f"not here: {', '.join(lacking)}", f"pip install 'consilience[{','.join(lacking)}]'"
-        )
-    return Diagnosis("extras", "well", ", ".join(sorted(set(EXTRAS.values()))))
+        return _noted("extras", f"not here: {', '.join(lacking)}", f"pip install 'consilience[{','.join(lacking)}]'")
+    return _noted("extras", ", ".join(sorted(set(EXTRAS.values()))))
 
 
 CHECKS: tuple[Callable[[], Diagnosis], ...] = (
@@ -221,13 +218,7 @@ CHECKS: tuple[Callable[[], Diagnosis], ...] = (
     _versions_folder,
     _extras,
 )
-"""What is looked at before any engine starts."""
-
-
-def diagnose(results: Results, engines: list[str]) -> Iterator[Diagnosis]:
-    """Everything that was looked at: this machine, then each engine."""
-    yield from (check() for check in CHECKS)
-    yield from (of_engine(engine, results) for engine in engines)
+"""Diagnoses of this machine, before any engine starts."""
 
 
 def doctor(
@@ -242,12 +233,11 @@ def doctor(
     names = chosen_engines(engine)
     with err.status("starting engines; the reference compiles for a minute or two, the first time"):
         results = run_suite([load_case("double_pendulum")], names, [Question.MODEL, Question.INSTANT], limit=limit)
-    found = list(diagnose(results, names))
-    ill = sum(one.state == "ill" for one in found)
-    notes = sum(one.state == "note" for one in found)
-    sentence = f"{ill} ill, {notes} to note, {len(found) - ill - notes} well."
+    found = [*(check() for check in CHECKS), *(of_engine(name, results) for name in names)]
+    count = Counter(one.state for one in found)
+    sentence = f"{count['ill']} ill, {count['note']} to note, {count['well']} well."
     rows = [(one.what, one.state, one.found, one.remedy) for one in found]
     table = ("what was looked at", ("what", "state", "found", "remedy"), rows)
-    data = {"ill": ill, "notes": notes, "diagnoses": [asdict(one) for one in found]}
+    data = {"ill": count["ill"], "notes": count["note"], "diagnoses": [asdict(one) for one in found]}
     sys.stdout.write(WRITERS[form](Statement([sentence], [table], data)))
     raise typer.Exit(exit_code(results))

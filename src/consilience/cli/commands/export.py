@@ -11,9 +11,9 @@ from typing import Annotated
 
 import typer
 
-from consilience.cli.options import writing
+from consilience.cli.options import require_ending, writing
 from consilience.errors import InvalidInput
-from consilience.report.exports.plot import FORMATS, plotted
+from consilience.report.exports.plot import UNDATED, plotted
 from consilience.report.record import read_record, write_atomically
 
 
@@ -81,10 +81,8 @@ def plot(
 ) -> None:
     """Plot the motion of a case on every engine, fit for a paper."""
     target = output or Path(f"{case}-{what}.svg")
-    form = target.suffix.removeprefix(".")
-    if form not in FORMATS:
-        raise InvalidInput(str(target), "it is no name of a plot", f"Let it end with .{', .'.join(FORMATS)}.")
-    picture = plotted(read_record(run), case, what, form)
+    require_ending(target, "plot", *(f".{form}" for form in UNDATED))
+    picture = plotted(read_record(run), case, what, target.suffix[1:])
     with writing(target):
         target.write_bytes(picture)
     typer.echo(f"plot: {target}")

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from consilience.case.importing.files import import_model, imported_text
-from consilience.cli.options import require_case_file_name, write_new_case
+from consilience.cli.options import require_ending, write_new_case
 from consilience.cli.terminal import say
 
 
@@ -20,7 +20,7 @@ def import_(
     ] = False,
 ) -> None:
     """Write a case file from a URDF or MJCF file, and say what was changed or left out."""
-    require_case_file_name(output)
+    require_ending(output, "case file", ".toml")
     imported = import_model(file, free_base)
     write_new_case(output, imported_text(imported))
     bodies, joints = len(imported.case.mechanism.bodies), len(imported.case.mechanism.joints)

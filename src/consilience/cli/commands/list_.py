@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections import Counter
 from collections.abc import Sequence
 
 from consilience.case import Case, shipped_cases
@@ -17,8 +18,7 @@ HEADS = ("group", "name", "bodies", "joints", "title")
 
 def joints_of(case: Case) -> str:
     """Name the joint kinds of a case, with the number of joints of each kind."""
-    kinds = [joint.kind for joint in case.mechanism.joints]
-    count = {kind: kinds.count(kind) for kind in kinds}
+    count = Counter(joint.kind for joint in case.mechanism.joints)
     return ", ".join(f"{n} {kind}" if n > 1 else kind for kind, n in count.items())
 
 

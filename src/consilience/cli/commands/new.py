@@ -12,7 +12,7 @@ import typer
 from consilience.case import case_files, load_cases
 from consilience.case.families import family_table, is_family
 from consilience.case.file.writer import table_text
-from consilience.cli.options import require_case_file_name, write_new_case
+from consilience.cli.options import require_ending, write_new_case
 from consilience.cli.terminal import say
 from consilience.errors import InvalidInput
 
@@ -55,7 +55,7 @@ def write_new(name: str, source: str | None, target: Path | None) -> Path:
     if not NAME.fullmatch(name):
         raise InvalidInput(f"name '{name}'", "it is no name of a case", "Use letters, digits and _, a letter first.")
     path = target or Path(f"{name}.toml")
-    require_case_file_name(path)
+    require_ending(path, "case file", ".toml")
     write_new_case(path, starter_text(name) if source is None else copied_text(source))
     return path
 

@@ -12,16 +12,13 @@ from consilience.cli.options import ReportFolder
 def report(folder: ReportFolder) -> None:
     """Render the pages of a report again from its report.jsonl."""
     from consilience.report.pages import write_pages
-    from consilience.report.record import read_record
 
-    record = read_record(folder)
     write_pages(folder)
-    print_matrix(folder)
-    raise typer.Exit(record.footer["exit_code"])
+    raise typer.Exit(print_matrix(folder))
 
 
-def print_matrix(folder: Path) -> None:
-    """Print the verdicts of a report: a row for each case, a column for each engine."""
+def print_matrix(folder: Path) -> int:
+    """Print the verdicts of a report, a row for each case and a column for each engine; return the exit code."""
     from rich.markup import escape
     from rich.table import Table
 
@@ -44,3 +41,4 @@ def print_matrix(folder: Path) -> None:
         say(line)
     print_missing(record.header["missing"])
     say(f"report: {folder / 'report.html'}")
+    return int(record.footer["exit_code"])

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -52,7 +50,7 @@ def run(
     Answers are kept in the folder as they come: the same command after an interruption goes on where it was.
     """
     from consilience.cli.commands.report import print_matrix
-    from consilience.cli.terminal import log_to_stderr, progress_per_engine
+    from consilience.cli.terminal import err, log_to_stderr, progress_per_engine
     from consilience.report.pages import write_pages
     from consilience.report.record import exit_code, write_record
     from consilience.suite import FULL, QUICK, Store, run_suite
@@ -64,37 +62,26 @@ def run(
     if verbose:
         log_to_stderr()
     asked = list(dict.fromkeys(["reference", *engines]))
-    with (
-        _resumable(folder),
-        connect_cluster(scheduler) as cluster,
-        progress_per_engine(asked, len(chosen), silent=verbose) as progress,
-    ):
-        results = run_suite(
-            chosen,
-            engines,
-            questions,
-            jobs=jobs,
-            limit=limit,
-            progress=progress,
-            thoroughness=QUICK if quick else FULL,
-            store=store,
-            memory=int(memory * 2**30),
-            cluster=cluster,
-        )
+    progress_bars = progress_per_engine(asked, len(chosen), silent=verbose)
+    try:
+        with connect_cluster(scheduler) as cluster, progress_bars as progress:
+            results = run_suite(
+                chosen,
+                engines,
+                questions,
+                jobs=jobs,
+                limit=limit,
+                progress=progress,
+                thoroughness=QUICK if quick else FULL,
+                store=store,
+                memory=int(memory * 2**30),
+                cluster=cluster,
+            )
+    except KeyboardInterrupt:
+        err.print(f"stopped; answers so far are in {folder}: the same command goes on from there", markup=False)
+        raise typer.Exit(130) from None
     store.close()
     write_record(results, time.perf_counter() - start, folder)
     write_pages(folder)
     print_matrix(folder)
     raise typer.Exit(exit_code(results))
-
-
-@contextmanager
-def _resumable(folder: Path) -> Iterator[None]:
-    """Say after Ctrl-C how to resume the run."""
-    from consilience.cli.terminal import err
-
-    try:
-        yield
-    except KeyboardInterrupt:
-        err.print(f"stopped; answers so far are in {folder}: the same command goes on from there", markup=False)
-        raise typer.Exit(130) from None

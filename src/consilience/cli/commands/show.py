@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from consilience.case import load_cases
-from consilience.cli.options import AnyCaseName, ReportFolder, writing
+from consilience.cli.options import AnyCaseName, ReportFolder, require_ending, writing
 from consilience.cli.terminal import say
 from consilience.compare.judge import REFERENCE
 from consilience.errors import InvalidInput
@@ -44,8 +44,8 @@ def show(
     cases = load_cases(case)
     first = cases[0]
     for path, ending in ((drawn, ".svg"), (output, ".html")):
-        if path is not None and path.suffix != ending:
-            raise InvalidInput(str(path), "it is no name of a picture", f"Let it end with {ending}.")
+        if path is not None:
+            require_ending(path, "picture", ending)
     if (drawn is not None or view) and len(cases) > 1:
         names = ", ".join(c.name for c in cases)
         raise InvalidInput(f"case '{case}'", f"it has {len(cases)} variants", f"Name one: {names}.")
@@ -92,7 +92,7 @@ def _write(path: Path, text: str) -> None:
 
 
 def _open(path: Path, place: str = "") -> None:
-    """Open a page in the browser, and print its address: there may be no browser."""
+    """Open a page in the browser, and print the address of the page, since there may be no browser."""
     address = path.resolve().as_uri() + (f"#{place}" if place else "")
     opened = webbrowser.open(address)
     say(f"{'opened' if opened else 'open'}: {address}")

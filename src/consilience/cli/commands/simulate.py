@@ -24,7 +24,7 @@ def _reference_in_this_process() -> Iterator[None]:
         kernels = 0
 
         def on_start(self, event: Event) -> None:
-            """Say which kernel is compiled; before the first kernel, that compilation takes a while."""
+            """Show the kernel that is compiled; before the first one, announce that compilation takes a while."""
             if self.kernels == 0:
                 err.print("compiling the reference solver for this machine: about a minute, the first time only")
                 status.start()

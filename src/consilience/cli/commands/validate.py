@@ -1,4 +1,4 @@
-"""The command ``consilience validate``: facts of a case, and the plan of every engine for it, before anything runs."""
+"""The command ``consilience validate``: facts of cases, and the plan of every engine, before anything runs."""
 
 from __future__ import annotations
 
@@ -84,15 +84,8 @@ def _plan(plan: Plan, case: Case) -> dict[str, Any]:
 
 
 def _method(method: Method, case: Case) -> dict[str, Any]:
-    steps = [case.sample / n for n in method.substeps]
-    known = ("name", "order", "settings", "softness")
-    own = {name: getattr(method, name) for name in known}
-    return own | {
-        "route": str(method.route),
-        "profile": str(method.profile),
-        "steps": steps,
-        "tolerances": list(method.tolerances),
-    }
+    own = {name: getattr(method, name) for name in ("name", "order", "settings", "softness", "route", "profile")}
+    return own | {"steps": [case.sample / n for n in method.substeps], "tolerances": list(method.tolerances)}
 
 
 def validate_cases(names: Sequence[str], engines: Sequence[str], limit: float, jobs: int = 2) -> list[dict[str, Any]]:

@@ -77,7 +77,7 @@ HEADS = ("case", "value", "expected", "uncertainty", "ours", "off", "origin")
 
 
 def rows(found: Sequence[ComparedValue]) -> Iterator[tuple[str, ...]]:
-    """Rows of the table: one cell for each of `HEADS`."""
+    """List the rows of the table, with a cell for each of `HEADS`."""
     for one in found:
         known = one.known
         digits = max(3, min(15, 1 + round(np.log10(max(abs(known.value), known.uncertainty) / known.uncertainty))))

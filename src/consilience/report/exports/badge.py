@@ -71,7 +71,7 @@ def badge(record: Record) -> Badge:
 
 
 def _statement(worst: Verdict, found: Sequence[QuestionCell]) -> str:
-    """State the digits where everything agrees, be it in the limit; else the number of cells with the worst verdict."""
+    """State the digits if all cells agree, at least in the limit; else the number of cells with the worst verdict."""
     count = sum(cell.verdict is worst for cell in found)
     supported = [cell for cell in found if cell.verdict is not Verdict.UNSUPPORTED]
     digits = [cell.digits for cell in supported if cell.digits is not None]

@@ -16,6 +16,7 @@ from typing import Any
 from consilience.engine import adapter_file, installed
 from consilience.report.exports.latex import escaped
 from consilience.report.record import Record
+from consilience.report.selection import grouped
 
 CONDITIONS = ("engine", "question", "method", "source")
 _OWN = "All numbers are our own"
@@ -47,7 +48,7 @@ def render(record: Record) -> str:
 
 
 def cited(record: Record) -> dict[str, list[str]]:
-    """Keys of the works that a record uses, in the order of the table, each with the engines and cases that use it."""
+    """List the works that a record uses, by key in the order of the table: the engines and cases that use each."""
     asked = {_asked(run) for run in record.runs if run["method"] and run["status"] != "unsupported"}
     found: dict[str, list[str]] = {}
     for key, entry in literature().items():
@@ -80,11 +81,12 @@ def _serves(entry: Mapping[str, str], engine: str, question: str, method: str) -
 def others(record: Record) -> Iterator[tuple[str, str, list[str]]]:
     """List sources of cases that match no work: key, text, and the cases that name the source."""
     patterns = [entry["source"] for entry in literature().values() if "source" in entry]
-    found: dict[str, list[str]] = {}
-    for case in record.cases:
-        for text in case["sources"]:
-            if not text.startswith(_OWN) and not any(re.search(pattern, text) for pattern in patterns):
-                found.setdefault(text, []).append(case["name"])
+    found = grouped(
+        (text, case["name"])
+        for case in record.cases
+        for text in case["sources"]
+        if not text.startswith(_OWN) and not any(re.search(pattern, text) for pattern in patterns)
+    )
     taken: dict[str, int] = {}
     for text, cases in found.items():
         stem = re.sub(r"[^A-Za-z0-9_-]", "_", cases[0])

@@ -9,7 +9,7 @@ from typing import Any
 from consilience.compare import Verdict
 from consilience.compare.judge import REFERENCE
 from consilience.report.record import Record
-from consilience.report.selection import is_matched, judged_largest
+from consilience.report.selection import grouped, is_matched, judged_largest
 from consilience.report.wording import severity
 
 
@@ -58,13 +58,10 @@ class QuestionCell:
 
 def cells(record: Record) -> Iterator[QuestionCell]:
     """List all cells with a comparison: by engine, the reference last, then by case and question."""
-    runs: dict[tuple[str, str, str], list[dict[str, Any]]] = {}
-    compared: dict[tuple[str, str, str], list[dict[str, Any]]] = {}
-    for run in record.runs:
-        runs.setdefault((run["case"], run["engine"], run["question"]), []).append(run)
-    for comparison in filter(is_matched, record.comparisons):
-        c = comparison
-        compared.setdefault((c["case"], c["engine"], c["question"]), []).append(comparison)
+    runs, compared = (
+        grouped(((one["case"], one["engine"], one["question"]), one) for one in lines)
+        for lines in (record.runs, filter(is_matched, record.comparisons))
+    )
     for engine in engines(record, reference=True):
         for case in record.cases:
             for question in record.header["questions"]:
@@ -75,14 +72,14 @@ def cells(record: Record) -> Iterator[QuestionCell]:
 
 
 def engines(record: Record, reference: bool = False) -> list[str]:
-    """Names of the engines that started; the reference is left out, or comes last."""
+    """List the engines that started; the reference is left out, or comes last."""
     names = [name for name in record.header["engines"] if name != REFERENCE]
     return [*names, REFERENCE] if reference and REFERENCE in record.header["engines"] else names
 
 
 @dataclass(frozen=True)
 class Deciding:
-    """The quantity nearest to its bar, or farthest beyond; None for a number that is absent or not finite."""
+    """The quantity with the largest ratio of difference to bar; None for a number that is absent or not finite."""
 
     name: str
     difference: float | None

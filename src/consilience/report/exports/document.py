@@ -15,7 +15,7 @@ from consilience.compare import Verdict
 from consilience.engine import Profile, Question
 from consilience.report.exports.digest import deciding
 from consilience.report.record import Record
-from consilience.report.selection import judged_largest, levels_of
+from consilience.report.selection import judged_largest, levels_of, method_of
 
 FORMAT = 1
 SCHEMA_ID = "urn:consilience:schema:results:1"
@@ -150,12 +150,11 @@ def document(record: Record) -> Document:
 
 def _comparison(comparison: dict[str, Any], record: Record, case: dict[str, Any]) -> ComparisonTable:
     runs, found = levels_of(record.runs_of(comparison)), deciding(comparison, case)
-    method = next((run["method"] for run in runs if run["method"]), None)
     own = {
         "difference": found.difference,
         "bar": found.bar,
         "cpu": sum(run["cpu"] for run in runs),
-        "settings": method["settings"] if method else {},
+        "settings": method_of(runs).get("settings", {}),
         "quantities": [_same(QuantityTable, q) for q in comparison["quantities"]],
         "levels": [
             _same(LevelTable, level | {"largest": judged_largest(comparison, level)}) for level in comparison["levels"]

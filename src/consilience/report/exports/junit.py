@@ -18,7 +18,7 @@ from consilience.compare import CODES, Verdict
 from consilience.compare.judge import REFERENCE
 from consilience.report.exports.digest import QuestionCell, cells, engines
 from consilience.report.record import Record
-from consilience.report.wording import cause_of, digits_text, number
+from consilience.report.wording import cause_of, difference_text, digits_text, number
 
 KINDS = {0: "", 1: "failure", 3: "error"}
 """Element of a test by the exit code of its verdict."""
@@ -70,6 +70,19 @@ def _missing(engine: str, number_: int, reason: str, record: Record) -> ET.Eleme
 
 
 def _head(engine: str, number_: int, record: Record, kinds: Sequence[str], time: float) -> ET.Element:
+    """Make a suite with its attributes and properties, without tests.
+
+    Parameters
+    ----------
+    engine : str
+    number_ : int
+        Number of the suite in the document.
+    record : Record
+    kinds : sequence of str
+        Element of each test, as in `KINDS`.
+    time : float, s
+        CPU time of all tests.
+    """
     suite = ET.Element(
         "testsuite",
         name=_clean(engine),
@@ -120,16 +133,12 @@ def evidence(cell: QuestionCell) -> str:
             f"  {cause_of(c['rule'], c['verdict'])}",
         ]
         lines += [
-            f"  {q['name']}: difference {_or_not_finite(q['difference'])}, bar {number(q['bar'])}"
+            f"  {q['name']}: difference {difference_text(q['difference'])}, bar {number(q['bar'])}"
             for q in c["quantities"]
             if q["count"] and cell.engine != REFERENCE
         ]
     lines += [f"  printed: {run['log'].strip()}" for run in cell.runs if run["status"] == "failed" and run["log"]]
     return "\n".join([*lines, f"again: {cell.replay}"])
-
-
-def _or_not_finite(difference: float | None) -> str:
-    return "not finite" if difference is None else number(difference)
 
 
 def _clean(text: str) -> str:

@@ -55,7 +55,7 @@ def render(record: Record) -> str:
 
 
 def _questions(record: Record) -> list[str]:
-    """Questions that have columns: all but `model`, which says nothing about accuracy."""
+    """List the questions that have columns: all but `model`, whose answers say nothing about accuracy."""
     asked: list[str] = record.header["questions"]
     return [q for q in asked if q != Question.MODEL] or asked
 
@@ -78,6 +78,20 @@ def _notes(shown: Sequence[QuestionCell]) -> Iterator[str]:
 def _lines(
     record: Record, questions: Sequence[str], names: Sequence[str], rows: Sequence[list[str]], notes: Sequence[str]
 ) -> Iterator[str]:
+    """Write the lines of the table environment.
+
+    Parameters
+    ----------
+    record : Record
+    questions : sequence of str
+        Questions that have columns.
+    names : sequence of str
+        Engines, the columns of each question.
+    rows : sequence of list of str
+        Cells of each case, escaped.
+    notes : sequence of str
+        Explanations of the symbols that occur.
+    """
     versions = ", ".join(f"{name} {record.header['engines'][name]['version']}" for name in names)
     yield "% needs \\usepackage{booktabs}"
     yield r"\begin{table}"

@@ -15,13 +15,14 @@ from consilience.compare.judge import REFERENCE
 from consilience.errors import InvalidInput
 from consilience.report.figure import COLOURS
 from consilience.report.record import Record
-from consilience.report.selection import is_matched, judged_largest, mean_step, method_of, motions_of
+from consilience.report.selection import is_matched, judged_largest, mean_step, method_of
 from consilience.report.wording import order_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-FORMATS = ("svg", "pdf", "png")
+UNDATED: dict[str, dict[str, None]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {}}
+"""Formats of a file, and the metadata that leave out its date."""
 
 DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 1)), (0, (8, 2)))
 MARKERS = ("o", "s", "D", "^", "v", "x", "P")
@@ -38,7 +39,7 @@ SETTINGS: Any = {
     "pdf.fonttype": 42,
 }
 WIDTH, HEIGHT, ENTRY = 4.8, 3.0, 0.15
-"""Inches: one and a half columns of a journal, and the height of an entry of the legend below."""
+"""Size in inches, one and a half columns of a journal, and height of an entry of the legend below."""
 
 Points = Iterator[tuple[float | None, float | None]]
 
@@ -72,13 +73,11 @@ def _over_time(name: str) -> Callable[[dict[str, Any], dict[str, Any], dict[str,
 
 
 def _over_step(motion: dict[str, Any], method: dict[str, Any], case: dict[str, Any]) -> Points:
-    for level in motion["levels"]:
-        yield mean_step(level, method, case["duration"]), judged_largest(motion, level)
+    return ((mean_step(level, method, case["duration"]), judged_largest(motion, level)) for level in motion["levels"])
 
 
 def _over_work(motion: dict[str, Any], _method: dict[str, Any], _case: dict[str, Any]) -> Points:
-    for level in motion["levels"]:
-        yield level["cpu"], judged_largest(motion, level)
+    return ((level["cpu"], judged_largest(motion, level)) for level in motion["levels"])
 
 
 _DIFFERENCE = "largest difference to the reference"
@@ -111,7 +110,7 @@ def plotted(record: Record, case: str, what: str, form: str) -> bytes:
     what : str
         A key of `PLOTS`.
     form : str
-        One of `FORMATS`.
+        A key of `UNDATED`.
 
     Raises
     ------
@@ -127,37 +126,27 @@ def plotted(record: Record, case: str, what: str, form: str) -> bytes:
             "it is not installed, and draws the plots",
             "Install the extra: pip install 'consilience[plot]'.",
         ) from None
-    about = _case(record, case)
-    drawn, motions = lines(record, about, PLOTS[what]), motions_of(case, record.comparisons)
+    cases = {one["name"]: one for one in record.cases}
+    if case not in cases:
+        raise InvalidInput(f"case '{case}'", "it is not in this run", f"Cases: {', '.join(cases)}.")
+    drawn, motions = lines(record, cases[case], PLOTS[what]), record.motions(case)
     with rc_context(SETTINGS):
         figure = Figure(figsize=(WIDTH, HEIGHT + ENTRY * len(drawn)), layout="constrained")
         axes = figure.subplots()
         _draw(axes, PLOTS[what], drawn)
-        _mark(axes, PLOTS[what], about, motions[0])
+        _mark(axes, PLOTS[what], cases[case], motions[0])
         figure.legend(loc="outside lower left")
         target = io.BytesIO()
         # without a date the same record gives the same file
-        figure.savefig(target, format=form, dpi=300, metadata={"Title": f"{case}: {what}"} | _undated(form))
+        figure.savefig(target, format=form, dpi=300, metadata={"Title": f"{case}: {what}"} | UNDATED[form])
     return target.getvalue()
-
-
-def _undated(form: str) -> dict[str, None]:
-    return {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(form, {})
-
-
-def _case(record: Record, name: str) -> dict[str, Any]:
-    for case in record.cases:
-        if case["name"] == name:
-            return case
-    known = ", ".join(case["name"] for case in record.cases)
-    raise InvalidInput(f"case '{name}'", "it is not in this run", f"Cases: {known}.")
 
 
 def lines(record: Record, case: dict[str, Any], kind: PlotKind) -> list[tuple[int, PlottedMotion]]:
     """List the motions with matched settings, each with the number of its engine."""
     names = [name for name in record.header["engines"] if name != REFERENCE]
     found = []
-    for motion in motions_of(case["name"], record.comparisons):
+    for motion in record.motions(case["name"]):
         if motion["engine"] not in names or not is_matched(motion):
             continue
         method = method_of(record.runs_of(motion))

@@ -1,1 +1,1 @@
-"""What has changed from one report to the next, verdict by verdict: `consilience diff` and `consilience trend`."""
+"""Changes from one report to the next, verdict by verdict: `consilience diff` and `consilience trend`."""

@@ -2,8 +2,8 @@
 
 Answers correspond where case, engine, question and method are equal. A change is worse where the verdict is further
 down the list of `Verdict`, digits are lost, or an engine no longer starts. Three kinds of changes are listed and never
-called worse: answers at the engines' own defaults decide nothing, answers to a case that asked something else cannot
-be compared, and times are noisy.
+called worse: those of answers at the engines' own defaults, which decide nothing; those of answers to a case that asks
+something else, which cannot be compared; and those of times, which are noisy.
 """
 
 from __future__ import annotations
@@ -123,9 +123,10 @@ def changes(
 
 def _surroundings(before: Record, after: Record, names: Mapping[str, str]) -> Iterator[Change]:
     """List changed versions of engines, adapters and packages, and another machine."""
-    old, new = ({**r.header["packages"], "Python": r.header["python"]} for r in (before, after))
-    old |= {"platform": before.header["platform"], "processor": before.header["processor"]}
-    new |= {"platform": after.header["platform"], "processor": after.header["processor"]}
+    old, new = (
+        {**h["packages"], "Python": h["python"], "platform": h["platform"], "processor": h["processor"]}
+        for h in (before.header, after.header)
+    )
     engines = before.header["engines"], after.header["engines"]
     for name, other in (names or {name: name for name in engines[0].keys() & engines[1].keys()}).items():
         for what in ("version", "adapter"):
@@ -139,17 +140,15 @@ def _cases(before: Record, after: Record) -> Iterator[Change]:
     """List cases that only one record has, and cases that ask something else."""
     old, new = ({case["name"]: case for case in record.cases} for record in (before, after))
     for name in dict.fromkeys((*old, *new)):
-        if name not in new:
-            yield Change("case", "", f"case {name}", "asked", "")
-        elif name not in old:
-            yield Change("case", "", f"case {name}", "", "asked")
+        if name not in old or name not in new:
+            yield Change("case", "", f"case {name}", "asked" * (name in old), "asked" * (name in new))
         for what in _ASKED if name in old and name in new else ():
             if old[name][what] != new[name][what]:
                 yield Change("case", "", f"case {name}, {what}", _short(old[name][what]), _short(new[name][what]))
 
 
 def _asked_otherwise(before: Record, after: Record) -> set[str]:
-    """Names of cases that both records have and that ask something else."""
+    """List the cases that both records have, and whose questions differ."""
     old, new = ({case["name"]: [case[what] for what in _ASKED] for case in r.cases} for r in (before, after))
     return {name for name in old.keys() & new.keys() if old[name] != new[name]}
 
@@ -162,17 +161,16 @@ def _engines(before: Record, after: Record, names: Mapping[str, str]) -> Iterato
     """List engines that only one record has, or that start in one alone; nothing if engines are renamed."""
     if names:
         return
-    old, new, missing = set(before.header["engines"]), set(after.header["engines"]), after.header["missing"]
-    for name in sorted(old - new):
-        if name in missing:
+    old, new = before.header, after.header
+    for name in sorted(old["engines"].keys() ^ new["engines"].keys()):
+        gone = name in old["engines"]
+        missing = (new if gone else old)["missing"]
+        if name not in missing:
+            yield Change("engine", "", f"engine {name}", "asked" * gone, "asked" * (not gone))
+        elif gone:
             yield Change("engine", "worse", f"engine {name}", "available", "not available", missing[name])
         else:
-            yield Change("engine", "", f"engine {name}", "asked", "")
-    for name in sorted(new - old):
-        if name in before.header["missing"]:
             yield Change("engine", "better", f"engine {name}", "not available", "available")
-        else:
-            yield Change("engine", "", f"engine {name}", "", "asked")
 
 
 def _added_and_removed(
@@ -196,7 +194,20 @@ def _words(key: AnswerKey) -> str:
 def _of_answer(
     key: AnswerKey, old: AnswerSummary, new: AnswerSummary, digits: float, timed: bool, same: bool
 ) -> Iterator[Change]:
-    """List a changed verdict, else changed digits, and changed time; `same`: the case asks the same in both records."""
+    """List a changed verdict, else changed digits, and changed time.
+
+    Parameters
+    ----------
+    key : AnswerKey
+    old, new : AnswerSummary
+        The answer in the two records.
+    digits : float
+        Least change in digits that is listed.
+    timed : bool
+        Whether the times can be compared: the records come from processors of one kind.
+    same : bool
+        Whether the case asks the same in both records.
+    """
     where = _words(key)
 
     def effect(gain: float) -> str:

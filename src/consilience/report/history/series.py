@@ -21,6 +21,7 @@ from consilience.report.history.changes import (
     plain,
 )
 from consilience.report.record import Record, read_record
+from consilience.report.selection import grouped
 from consilience.report.statement import Statement
 from consilience.report.wording import counted, digits_text, seconds
 
@@ -114,10 +115,9 @@ def _rows(name: str, record: Record) -> Iterator[tuple[str, ...]]:
 
 def _series(series: Sequence[NamedRecord]) -> list[dict[str, Any]]:
     """List every answer over time, a point for each report that has the answer."""
-    found: dict[tuple[str, ...], list[dict[str, Any]]] = {}
-    for name, record in series:
-        for key, answer in answers(record).items():
-            found.setdefault(key, []).append(_point(name, record, answer))
+    found = grouped(
+        (key, _point(name, record, answer)) for name, record in series for key, answer in answers(record).items()
+    )
     heads = ("case", "engine", "question", "method")
     return [{**dict(zip(heads, key, strict=True)), "points": points} for key, points in found.items()]
 
