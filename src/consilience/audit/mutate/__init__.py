@@ -10,12 +10,4 @@ lists what was caught, what was missed, and false alarms. docs/detection.md has 
 from consilience.audit.mutate import outputs, preconditions
 from consilience.audit.mutate.mutants import FINE, FRACTION, MOTION, WHOLE, Mutant, decades
 from consilience.audit.mutate.mutated import Planting, changed
-from consilience.audit.mutate.seams import (
-    Proxy,
-    first_order_step,
-    inside,
-    on_result,
-    replaced,
-    with_settings,
-    wrapped,
-)
+from consilience.audit.mutate.seams import Proxy, first_order_step, inside, on_result, replaced, with_settings, wrapped

@@ -36,10 +36,7 @@ from consilience.reference.tree.either import (
     sweep_accelerations,
 )
 from consilience.reference.tree.few_freedoms import REGULAR_PIVOT
-from consilience.reference.tree.kinematics import (
-    displace,
-    normalise,
-)
+from consilience.reference.tree.kinematics import displace, normalise
 from consilience.reference.tree.loop_groups import ACTIVE, RANK, ROW, ROW_END, USED
 from consilience.reference.tree.multifrontal import PIVOTING, factorise, rank_threshold
 from consilience.reference.tree.records import JOINT_FORCE
