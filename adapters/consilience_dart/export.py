@@ -1,4 +1,4 @@
-"""A skeleton as a script for DART alone: its joints and nodes one by one, and what DART does not have of its own."""
+"""Export of a skeleton as a script for DART alone; elements that DART lacks are code of the script."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from consilience_dart.translation import CREATORS, SCREW, Model, build, sprung
 
 
 def _links(model: Model) -> list[list[Any]]:
-    """Name, parent, what makes the joint, pitch, placement, mass, centre of mass, tensor about it of each link."""
+    """Name, parent, creator of the joint, axis, pitch, placement, mass, centre of mass and inertia of each link."""
     tree, mechanism, found = model.tree, model.mechanism, []
     for link in tree.links:
         pitch = mechanism.joints[link.joint].pitch
@@ -29,7 +29,7 @@ def _links(model: Model) -> list[list[Any]]:
 
 
 def _joint_springs(model: Model) -> list[list[Any]]:
-    """Link, stiffness, damping and rest of each joint of DART that has a spring."""
+    """Link, stiffness, damping and rest position of each joint with a spring."""
     found = []
     for i in sprung(model.mechanism, model.tree):
         joint, name = model.joints[i], model.tree.links[i].name
@@ -58,12 +58,14 @@ def _places(model: Model) -> Places:
 
 
 def export_model(title: str, mechanism: Mechanism, state: State) -> dict[str, str]:
-    """``run.py``, which builds the skeleton.
+    """Return the script ``run.py``, which builds the skeleton and prints accelerations.
 
     Parameters
     ----------
+    title : str
+    mechanism : Mechanism
     state : State
-        Where the script starts.
+        Initial state of the script.
     """
     model = build(mechanism)
     send(model, from_state(model, state))

@@ -18,7 +18,8 @@ from consilience.engine.answers import (
     TrajectoryAnswer,
     Unsupported,
 )
-from consilience.engine.harness_solvers import runge_kutta_4, solve_constrained
+from consilience.engine.elementary_models import axis_link, merged_spring, without_screws
+from consilience.engine.harness_solvers import numerical_rank, runge_kutta_4, solve_constrained
 from consilience.engine.installation import adapter_file, engine_distribution, lacks_engine, pip_requirement
 from consilience.engine.protocol import (
     Engine,
@@ -48,6 +49,7 @@ __all__ = [
     "TrajectoryAnswer",
     "Unsupported",
     "adapter_file",
+    "axis_link",
     "beside_adapter",
     "beyond",
     "defects",
@@ -57,9 +59,12 @@ __all__ = [
     "lacks_engine",
     "load_engine",
     "load_named",
+    "merged_spring",
+    "numerical_rank",
     "pip_requirement",
     "require_installed",
     "runge_kutta_4",
     "solve_constrained",
     "split_name",
+    "without_screws",
 ]
