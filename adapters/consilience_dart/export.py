@@ -80,7 +80,7 @@ def export_model(title: str, mechanism: Mechanism, state: State) -> dict[str, st
         "WELDS": [[[link.name, link.body_frame.p, link.body_frame.R] for link in pair] for pair in welds],
         "POSITIONS": model.skeleton.getPositions(),
         "VELOCITIES": model.skeleton.getVelocities(),
-        "TOLERANCE": RANK_TOLERANCE,
+        "RANK_TOLERANCE": RANK_TOLERANCE,
         **element_data(mechanism, _places(model)),
     }
     about = f"{title}, for DART {dartpy.__version__} alone."

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from inspect import getsource
 from typing import Any
 
+from consilience.engine.harness_solvers import solve_constrained
 from consilience.engine.native.script import function_data
 from consilience.mechanism import Array, Function, Mechanism, friction_law, rolling_contact
 
@@ -119,7 +120,7 @@ FRICTION = "\n" + getsource(friction_law)
 """Source of `friction_law`; the script imports math."""
 
 ROLLING = (
-    "\nArray, cross = np.ndarray, np.cross\n\n\n"
+    "\ncross = np.cross\n\n\n"
     + getsource(rolling_contact)
     + '''
 
@@ -225,15 +226,5 @@ def held(t):
 ELEMENTS = FRICTION + "\n" + _APPLIED + "\n" + ROWS
 """Source of ``applied(t, integrals)`` and ``held(t)``."""
 
-SOLVE = '''
-def solve(M, f, J, gamma):
-    """Accelerations a of ``M a = f + J^T lam``, ``J a = gamma``, whatever the rank of J."""
-    L = np.linalg.cholesky(M)
-    free = np.linalg.solve(L, f)
-    Y = np.linalg.solve(L, J.T)
-    U, s, Vt = np.linalg.svd(Y, full_matrices=False)
-    rank = int(np.sum(s > TOLERANCE * s[0])) if len(s) else 0
-    along = (Vt[:rank] @ (gamma - Y.T @ free)) / s[:rank]
-    return np.linalg.solve(L.T, free + U[:, :rank] @ along)
-'''
-"""Source of the solution of equations with dependent rows; ``TOLERANCE`` is that of the rank."""
+SOLVE = "\n" + getsource(solve_constrained)
+"""Source of `solve_constrained`; the script imports NumPy and has the constant ``RANK_TOLERANCE``."""
