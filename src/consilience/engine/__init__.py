@@ -18,7 +18,7 @@ from consilience.engine.answers import (
     TrajectoryAnswer,
     Unsupported,
 )
-from consilience.engine.elementary_models import axis_link, merged_spring, without_screws
+from consilience.engine.elementary_models import ELEMENTARY, axis_link, merged_spring, without_screws
 from consilience.engine.harness_solvers import numerical_rank, runge_kutta_4, solve_constrained
 from consilience.engine.installation import adapter_file, engine_distribution, lacks_engine, pip_requirement
 from consilience.engine.protocol import (
@@ -34,6 +34,7 @@ from consilience.engine.protocol import (
 from consilience.engine.questions import Answer, Question, defects, load_named
 
 __all__ = [
+    "ELEMENTARY",
     "Answer",
     "Engine",
     "EngineInfo",

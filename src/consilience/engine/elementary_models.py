@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from consilience.mechanism import JointSpring, Mechanism, Tree
 
-_ELEMENTARY = {"angle": "R", "distance": "P"}
+ELEMENTARY = {"angle": "R", "distance": "P"}
 """Elementary joint that has a coordinate of a joint with one axis."""
 
 
@@ -24,7 +24,7 @@ def axis_link(mechanism: Mechanism, tree: Tree, joint: str, coordinate: str) -> 
 
     The sign is -1 where the tree passes the joint backwards.
     """
-    k, elementary = mechanism.joint_index[joint], _ELEMENTARY[coordinate]
+    k, elementary = mechanism.joint_index[joint], ELEMENTARY[coordinate]
     n = next(i for i, link in enumerate(tree.links) if link.joint == k and link.elementary == elementary)
     return n, -1.0 if tree.links[n].reversed else 1.0
 
