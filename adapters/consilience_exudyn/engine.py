@@ -18,6 +18,7 @@ from consilience.engine import (
     TrajectoryAnswer,
     Unsupported,
     beyond,
+    feature_names,
 )
 from consilience.mechanism import Array, Mechanism, State
 from consilience_exudyn.kinematic_tree import build_tree, is_one_axis_tree
@@ -42,16 +43,12 @@ _TREE_INSTANT = "initial accelerations on KinematicTree"
 _EXPLICIT_SUBSTEPS = (20, 40, 80)
 _TERMS = "ComputeMassMatrix, ComputeODE2RHS, ComputeJacobianAE"
 
-JOINTS = (
-    *("revolute", "prismatic", "cylindrical", "universal", "spherical", "planar", "rigid", "rod", "free", "screw"),
-    *("point_on_line", "point_in_plane", "parallel_axes"),
+FEATURES = feature_names(
+    joints="revolute, prismatic, cylindrical, universal, spherical, planar, rigid, rod, free, screw, "
+    "point_on_line, point_in_plane, parallel_axes",
+    elements="spring, joint spring, actuator, load, load in time, friction, control, drive, coupling, rolling, skate",
 )
-ELEMENTS = (
-    *("spring", "joint spring", "actuator", "load", "load in time", "friction", "control"),
-    *("drive", "coupling", "rolling", "skate"),
-)
-FEATURES = frozenset((*(f"{kind} joint" for kind in JOINTS), *ELEMENTS))
-"""Of `Mechanism.features`, what the adapter translates. A feature that is not listed is refused."""
+"""Features of a mechanism that the adapter translates; features that are not listed are refused."""
 
 _USER_FUNCTIONS = "Exudyn integrates and solves, the law is a user function of the adapter"
 _USER_ROW = "equation and Jacobian are a user function of ObjectConnectorCoordinateVector, by the adapter"

@@ -21,6 +21,7 @@ from consilience.engine import (
     TrajectoryAnswer,
     Unsupported,
     beyond,
+    feature_names,
     without_screws,
 )
 from consilience.mechanism import Array, Mechanism, State, Tree, continuous_in_time, to_elementary_tree
@@ -42,16 +43,12 @@ from consilience_mujoco.rows import count_rows
 from consilience_mujoco.states import poses_and_velocities, set_state
 from consilience_mujoco.translate import Translation, slides_behind_balls, springs_cancel, springs_on, translate
 
-JOINTS = (
-    *("revolute", "prismatic", "cylindrical", "universal", "spherical", "planar", "rigid", "rod", "free", "screw"),
-    *("point_on_line", "point_in_plane", "parallel_axes"),
+FEATURES = feature_names(
+    joints="revolute, prismatic, cylindrical, universal, spherical, planar, rigid, rod, free, screw, "
+    "point_on_line, point_in_plane, parallel_axes",
+    elements="spring, joint spring, actuator, load, load in time, friction, control, drive, coupling, rolling, skate",
 )
-ELEMENTS = (
-    *("spring", "joint spring", "actuator", "load", "load in time", "friction", "control"),
-    *("drive", "coupling", "rolling", "skate"),
-)
-FEATURES = frozenset((*(f"{kind} joint" for kind in JOINTS), *ELEMENTS))
-"""Of `Mechanism.features`, what the adapter translates. A feature that is not listed is refused."""
+"""Features of a mechanism that the adapter translates; features that are not listed are refused."""
 
 
 def _tree(mechanism: Mechanism) -> Tree:

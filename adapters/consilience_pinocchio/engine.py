@@ -21,6 +21,7 @@ from consilience.engine import (
     TrajectoryAnswer,
     Unsupported,
     beyond,
+    feature_names,
 )
 from consilience.mechanism import Array, Mechanism, State
 from consilience_pinocchio.charts import suited
@@ -91,16 +92,12 @@ _ELEMENT_REMARKS = {
     "skates": "skates: not native, rows of the adapter by Pinocchio's Jacobians",
 }
 
-JOINTS = (
-    *("revolute", "prismatic", "cylindrical", "universal", "spherical", "planar", "rigid", "rod", "free", "screw"),
-    *("point_on_line", "point_in_plane", "parallel_axes"),
+FEATURES = feature_names(
+    joints="revolute, prismatic, cylindrical, universal, spherical, planar, rigid, rod, free, screw, "
+    "point_on_line, point_in_plane, parallel_axes",
+    elements="spring, joint spring, actuator, load, load in time, friction, control, drive, coupling, rolling, skate",
 )
-ELEMENTS = (
-    *("spring", "joint spring", "actuator", "load", "load in time", "friction", "control"),
-    *("drive", "coupling", "rolling", "skate"),
-)
-FEATURES = frozenset((*(f"{kind} joint" for kind in JOINTS), *ELEMENTS))
-"""Of `Mechanism.features`, what the adapter translates. A feature that is not listed is refused."""
+"""Features of a mechanism that the adapter translates; features that are not listed are refused."""
 
 
 def _translated(mechanism: Mechanism) -> tuple[Translation, Elements]:
