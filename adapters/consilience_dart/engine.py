@@ -166,7 +166,13 @@ class DartEngine:
     def trajectory(
         self, mechanism: Mechanism, state: State, times: Array, method: Method, step: float
     ) -> TrajectoryAnswer:
-        """Integrate the motion from `state`, sampled at `times`."""
+        """Integrate the motion from `state`, sampled at `times`.
+
+        Parameters
+        ----------
+        mechanism, state, times, method, step
+            As in `consilience.engine.Engine.trajectory`.
+        """
         substeps = round((times[1] - times[0]) / step)
         if method.route is Route.HARNESS_INTEGRATOR:
             (p, quat, v, w), work = rk4_trajectory(mechanism, state, times, substeps)

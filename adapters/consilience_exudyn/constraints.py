@@ -103,11 +103,23 @@ def _add_row(system: Any, row: Row, kept: tuple[int, ...], nodes: Sequence[Any])
         return known[1]
 
     def residual(_system: Any, t: float, _item: int, q: Floats, q_t: Floats, velocity_level: bool) -> Array:
+        """User function for the equations of a row.
+
+        Parameters
+        ----------
+        _system, _item
+            System and number of the object; not used.
+        t : float, s
+        q, q_t : list of float
+            Coordinates of the bodies (positions, Euler parameters) and their rates.
+        velocity_level : bool
+            Return rates instead of values.
+        """
         if velocity_level:
             return np.asarray(jacobian_at(q) @ q_t - np.array(row.rates(t))[list(kept)])
         return np.array(row.values(t, _poses(q)))[list(kept)]
 
-    def jacobian(_system: Any, _t: float, _item: int, q: Floats, _q_t: Floats, _level: bool) -> Array:
+    def jacobian(_system: Any, _t: float, _item: int, q: Floats, *_: Any) -> Array:
         return jacobian_at(q)
 
     return system.AddObject(

@@ -83,7 +83,7 @@ class Integrals:
         if not watched:
             return
 
-        def errors(_system: Any, t: float, _item: int, _q: Any, _q_t: Any) -> Array:
+        def errors(_system: Any, t: float, *_: Any) -> Array:
             return np.array([target(t)[0] - measure(coordinate) for coordinate, target in watched])
 
         self._node = add_coordinates(system, self.count)
@@ -111,6 +111,16 @@ def opposed(laws: list[Law], integrals: Integrals, sign: float = 1.0) -> Callabl
     """
 
     def force(_system: Any, t: float, _item: int, q: float, rate: float, *_: float) -> float:
+        """Force or torque that pulls the ends together.
+
+        Parameters
+        ----------
+        _system, _item
+            System and number of the object; not used.
+        t : float, s
+        q, rate : float
+            Coordinate and rate measured by Exudyn, in m or rad and per second.
+        """
         now = integrals.current()
         return -sign * sum(law(t, sign * q, sign * rate, now) for law in laws)
 

@@ -166,7 +166,13 @@ class ExudynEngine:
     def trajectory(
         self, mechanism: Mechanism, state: State, times: Array, method: Method, step: float
     ) -> TrajectoryAnswer:
-        """Integrate the motion from `state` by one of Exudyn's integrators."""
+        """Integrate the motion from `state` by one of Exudyn's integrators.
+
+        Parameters
+        ----------
+        mechanism, state, times, method, step
+            As in `consilience.engine.Engine.trajectory`.
+        """
         if method.name == _TREE:
             return tree_answer(build_tree(mechanism, state), times, step)
         held = self._independent(mechanism)

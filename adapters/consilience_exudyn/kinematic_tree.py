@@ -159,6 +159,19 @@ def _add_efforts(system: Any, mechanism: Mechanism, tree: Tree, node: Any) -> in
 
 
 def _add_sensors(system: Any, tree: Any, link: int, p_LB: Array, outputs: Sequence[str]) -> tuple[Any, ...]:
+    """Add sensors at the origin of a body, and return their indices.
+
+    Parameters
+    ----------
+    system : exudyn.MainSystem
+    tree : exudyn.ObjectIndex
+        The kinematic tree.
+    link : int
+    p_LB : ndarray, shape (3,), m
+        Origin of the body in its link.
+    outputs : sequence of str
+        Exudyn's output variables.
+    """
     return tuple(
         system.AddSensor(
             items.SensorKinematicTree(

@@ -69,7 +69,17 @@ def _integration(of: Callable[[float], Any], *knobs: str) -> Planting:
 
 
 def _default_steps(original: Any, magnitude: float, system: Any, integration: Any, times: Any, step: float) -> Any:
-    """Take a hundred steps for the whole run, whatever the step."""
+    """Take a hundred steps for the whole run, whatever the step.
+
+    Parameters
+    ----------
+    original : callable
+        Function of the adapter, of the parameters after `magnitude`.
+    magnitude : float
+        Not used.
+    system, integration, times, step
+        As in `trajectory.solve`.
+    """
     del magnitude, step
     return original(system, integration, times, (times[-1] - times[0]) / 100.0)
 

@@ -136,7 +136,13 @@ class MujocoEngine:
     def trajectory(
         self, mechanism: Mechanism, state: State, times: Array, method: Method, step: float
     ) -> TrajectoryAnswer:
-        """Integrate the motion from `state` at ``times[0]`` by one of MuJoCo's integrators with a fixed step."""
+        """Integrate the motion from `state` by one of MuJoCo's integrators with a fixed step.
+
+        Parameters
+        ----------
+        mechanism, state, times, method, step
+            As in `consilience.engine.Engine.trajectory`.
+        """
         translation = self._prepare(mechanism, method)
         model, data = translation.model, translation.data
         interval = float(times[1] - times[0])

@@ -282,6 +282,17 @@ def count_rows(mechanism: Mechanism, tree: Tree) -> Equalities:
 
 
 def _add_joint_equality(spec: Any, name: str, held: str, driver: str, coefficients: Sequence[float]) -> None:
+    """Add a joint equality ``q_held = sum c_k q_driver^k``.
+
+    Parameters
+    ----------
+    spec : mujoco.MjSpec
+    name : str
+    held, driver : str
+        MuJoCo joints; without a driver the held joint is at the constant.
+    coefficients : sequence of float
+        The c_k, from k = 0.
+    """
     data = np.zeros(mujoco.mjNEQDATA)
     data[: len(coefficients)] = coefficients
     spec.add_equality(
@@ -295,6 +306,18 @@ def _add_joint_equality(spec: Any, name: str, held: str, driver: str, coefficien
 
 
 def _add_tendon_equality(spec: Any, mechanism: Mechanism, tree: Tree, body: str, name: str) -> None:
+    """Add the equality of a tendon from the world to a body, whose row the callback overwrites.
+
+    Parameters
+    ----------
+    spec : mujoco.MjSpec
+    mechanism : Mechanism
+    tree : Tree
+    body : str
+        Body that rolls or skates.
+    name : str
+        Name of equality, tendon and site.
+    """
     frame = mechanism.bodies[mechanism.body_index[body]].drawing
     add_site(spec.worldbody, name, Frame(frame.p - 2.0 * _ASIDE, np.eye(3)))
     add_point(spec, mechanism, tree, body, _ASIDE, f"end of {name}")
@@ -336,6 +359,16 @@ def rows_of(model: Any, mechanism: Mechanism, tree: Tree) -> Rows:
         return int(model.jnt_qposadr[number]), int(model.jnt_dofadr[number]), sign
 
     def held(name: str, x: Any, driver: tuple[int, int, float] | None, law: Function, written: bool) -> JointRow:
+        """Return the row of a drive or coupling.
+
+        Parameters
+        ----------
+        name : str
+            Equality of the row.
+        x : Drive or Coupling
+        driver, law, written
+            As in `JointRow`.
+        """
         number, angle = model.equality(name).id, x.coordinate == "angle"
         return JointRow(number, *axis(x.joint, x.coordinate), driver, law, jet_of(law), angle, written)
 

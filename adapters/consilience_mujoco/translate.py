@@ -162,6 +162,17 @@ def _add_body(spec: Any, mechanism: Mechanism, tree: Tree, chain: list[int]) -> 
 
 
 def _add_joint(body: Any, name: str, link: Link, frame: Frame, mechanism: Mechanism) -> None:
+    """Add the elementary joint of a link to a body, with its springs.
+
+    Parameters
+    ----------
+    body : mujoco.MjsBody
+    name : str
+    link : Link
+    frame : Frame
+        Joint frame in the frame of the MuJoCo body.
+    mechanism : Mechanism
+    """
     joint = body.add_joint(
         name=name,
         type=JOINT_TYPES[link.elementary],

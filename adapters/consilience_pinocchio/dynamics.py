@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -32,6 +33,7 @@ WeldWrenches = list[tuple[Array, Array]]
 that carry them."""
 
 
+@dataclass(frozen=True, eq=False)
 class Solution:
     """Accelerations at one state, with the forces that belong to them.
 
@@ -45,8 +47,11 @@ class Solution:
         Springs, loads and the constraint forces of the welds and contacts on the links, as in `Forces.wrenches`.
     """
 
-    def __init__(self, q: Array, v: Array, a: Array, tau: Array, wrenches: Array) -> None:
-        self.q, self.v, self.a, self.tau, self.wrenches = q, v, a, tau, wrenches
+    q: Array
+    v: Array
+    a: Array
+    tau: Array
+    wrenches: Array
 
 
 def articulated_body(translation: Translation, elements: Elements) -> Accelerations:
@@ -163,7 +168,15 @@ def weld_rows(translation: Translation, q: Array, v: Array) -> tuple[Array, Arra
 
 
 def all_rows(translation: Translation, elements: Elements, q: Array, v: Array, t: float) -> tuple[Array, Array]:
-    """Return J (n, nv) and gamma (n,) of the welds, then of the elements."""
+    """Return J (n, nv) and gamma (n,) of the welds, then of the elements.
+
+    Parameters
+    ----------
+    translation : Translation
+    elements : Elements
+    q, v : ndarray, shape (nq,) and (nv,)
+    t : float, s
+    """
     welds, rows = weld_rows(translation, q, v), elements.rows.at(q, v, t)
     return np.vstack([welds[0], rows[0]]), np.concatenate([welds[1], rows[1]])
 
@@ -215,7 +228,15 @@ def _multiplier_wrenches(translation: Translation, lam: Array) -> WeldWrenches:
 def _solved(
     translation: Translation, elements: Elements, method: Method, q: Array, v: Array
 ) -> tuple[Array, WeldWrenches, Array]:
-    """Accelerations, wrenches of the welds, and multipliers of the elements' rows at time zero, by a method."""
+    """Accelerations, wrenches of the welds, and multipliers of the elements' rows at time zero, by a method.
+
+    Parameters
+    ----------
+    translation : Translation
+    elements : Elements
+    method : Method
+    q, v : ndarray, shape (nq,) and (nv,)
+    """
     start = q, v, 0.0, np.zeros(elements.efforts.control_count)
     if method.settings == MIMIC:
         a, lam = mimic_accelerations(translation, elements, q, v, _applied(translation, elements)(*start))

@@ -172,7 +172,13 @@ class PinocchioEngine:
     def trajectory(
         self, mechanism: Mechanism, state: State, times: Array, method: Method, step: float
     ) -> TrajectoryAnswer:
-        """Integrate the motion from `state` at ``times[0]`` on the uniform grid `times`, which `step` divides."""
+        """Integrate the motion from `state` by Pinocchio's accelerations and the harness's integrator.
+
+        Parameters
+        ----------
+        mechanism, state, times, method, step
+            As in `consilience.engine.Engine.trajectory`.
+        """
         translation, elements = self._suited(mechanism, state)
         q, v = configuration(translation, state)
         return integrate(translation, elements, q, v, times, step)

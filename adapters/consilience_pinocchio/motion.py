@@ -60,7 +60,16 @@ def _derivative(translation: Translation, elements: Elements, end: float) -> Cal
 
 
 class _Motion:
-    """State of an integration: the translation in use, y in its coordinates, and the samples so far."""
+    """State of an integration: the translation in use, y in its coordinates, and the samples so far.
+
+    Parameters
+    ----------
+    translation : Translation
+    elements : Elements
+    q, v : ndarray, shape (nq,) and (nv,)
+        Initial configuration and velocity.
+    times : ndarray, shape (n_t,), s
+    """
 
     def __init__(self, translation: Translation, elements: Elements, q: Array, v: Array, times: Array) -> None:
         self.samples: list[tuple[Array, Array, Array, Array]] = []
