@@ -45,15 +45,9 @@ class _Data:
         """Return the name of the joint, then origin and axes of a frame in the moving frame of the joint."""
         return [self.t.model.names[seat.joint], np.array(seat.placement.translation), np.array(seat.placement.rotation)]
 
-    def point(self, body: str, point: Array) -> list[Any]:
-        """Return the name of the joint, then a point of a body in the moving frame of the joint."""
-        seat = self.t.body_seat(self.mechanism.body_index[body])
-        return [self.t.model.names[seat.joint], np.array(seat.placement.act(np.array(point)))]
-
-    def turned(self, body: str, vector: Array) -> Array:
-        """Return a direction of a body in axes of the joint that carries the body."""
-        seat = self.t.body_seat(self.mechanism.body_index[body])
-        return np.asarray(seat.placement.rotation @ vector)
+    def frame(self, body: str) -> list[Any]:
+        """Return the name of the joint that carries a body, then origin and axes of the body in its moving frame."""
+        return self.seat(self.t.body_seat(self.mechanism.body_index[body]))
 
     def axis(self, joint: str, coordinate: str) -> list[Any]:
         """Return the name of the joint and the sign of a coordinate."""
@@ -87,10 +81,9 @@ class _Data:
         return {
             "GRAVITY": m.gravity,
             **({"PLACEMENTS": self.placements()} if urdf else {"JOINTS": self.joints(), "MASSES": masses}),
-            "BODIES": {b.name: self.seat(t.body_seat(k)) for k, b in enumerate(m.bodies)},
             "START": self.start,
             "WELDS": [[self.seat(original), self.seat(copy)] for original, copy in t.welds],
-            **element_data(m, Places(self.point, self.turned, self.axis)),
+            **element_data(m, Places(self.frame, self.axis)),
         }
 
 

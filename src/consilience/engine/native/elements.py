@@ -26,24 +26,26 @@ from consilience.mechanism import Array, Function, Mechanism, friction_law, roll
 
 @dataclass(frozen=True)
 class Places:
-    """Points, directions and coordinates of elements in terms of an engine.
+    """Bodies and joint coordinates in terms of an engine.
 
     Attributes
     ----------
-    point : callable
-        From body and point in its axes: owner, and the point in the axes of the owner.
-    turned : callable
-        From body and direction in its axes: the direction in the axes of the owner.
+    frame : callable
+        From body: owner, origin and axes of the body in the frame of the owner.
     axis : callable
         From joint and coordinate: the place of the coordinate for the script, often owner and sign.
     own_springs : bool
         The engine has springs and dampers of joints; only the actuators are data.
     """
 
-    point: Callable[[str, Array], list[Any]]
-    turned: Callable[[str, Array], Array]
+    frame: Callable[[str], list[Any]]
     axis: Callable[[str, str], list[Any]]
     own_springs: bool = False
+
+    def point(self, body: str, p: Array) -> list[Any]:
+        """Return the owner of a body, and a point of the body in the frame of the owner."""
+        owner, origin, R = self.frame(body)
+        return [owner, origin + R @ p]
 
 
 def _law(function: Function | None) -> dict[str, Any] | None:
@@ -67,7 +69,7 @@ def _forces(m: Mechanism, at: Places) -> dict[str, Any]:
             "at": at.point(x.body, x.point),
             "kind": x.kind,
             "frame": x.frame,
-            "vector": at.turned(x.body, x.vector) if x.frame == "body" else x.vector,
+            "vector": at.frame(x.body)[2] @ x.vector if x.frame == "body" else x.vector,
             "f": _law(x.history),
         }
         for x in m.loads
@@ -113,7 +115,8 @@ def row_data(m: Mechanism, axis: Callable[[str, str], list[Any]]) -> dict[str, A
 
 def element_data(mechanism: Mechanism, at: Places) -> dict[str, Any]:
     """Return the constants of a script with `ELEMENTS`, without the closed loops ``WELDS``, pairs of (owner, p, R)."""
-    return _forces(mechanism, at) | _efforts(mechanism, at) | row_data(mechanism, at.axis)
+    bodies = {"BODIES": {body.name: at.frame(body.name) for body in mechanism.bodies}}
+    return bodies | _forces(mechanism, at) | _efforts(mechanism, at) | row_data(mechanism, at.axis)
 
 
 FRICTION = "\n" + getsource(friction_law)
