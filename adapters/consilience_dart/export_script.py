@@ -3,7 +3,7 @@
 CODE = '''
 SKELETON, NODES = dartpy.dynamics.Skeleton("exported"), {"": None}
 SKELETON.setGravity(np.array(GRAVITY))
-SKELETON.setTimeStep(0.0)  # joint springs act at the state as it is; World sets its own
+SKELETON.setTimeStep(0.0)  # joint springs act at the present state; World sets its own step
 
 
 def isometry(p, R):

@@ -51,7 +51,7 @@ def _in_proportion(reduction: float, softness: float) -> float:
 
 
 def _compounded(reduction: float, softness: float) -> float:
-    """Reduction that removes in `softness` steps what `reduction` removes in one: about ``reduction / softness``."""
+    """Reduction that removes in `softness` steps the error that `reduction` removes in one step."""
     return float(1.0 - (1.0 - reduction) ** (1.0 / softness))
 
 

@@ -158,7 +158,7 @@ def _add_link(skeleton: Any, parent: Any, link: Link, pitch: float) -> tuple[Any
         joint.setAxis(Z)
     if pitch:
         joint.setPitch(pitch)
-    if link.elementary != "F":  # a free joint keeps the identity: elsewhere its velocity has an odd basis
+    if link.elementary != "F":  # a free joint keeps the identity: with other frames its velocities have another basis
         transform = dartpy.math.Isometry3()
         transform.set_rotation(link.placement.R)
         transform.set_translation(link.placement.p)

@@ -7,7 +7,6 @@ functions of the script, which also contains their right-hand sides for accelera
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
 from inspect import getsource
 from typing import Any
 
@@ -38,10 +37,15 @@ from consilience_exudyn.terms import convective_terms
 _KINDS = ("Node", "Object", "Marker", "Load")
 
 
-def _item(told: dict[str, Any]) -> dict[str, Any]:
+def _items(system: Any, kind: str) -> list[dict[str, Any]]:
+    """Items of a kind of `_KINDS`, as returned by Exudyn."""
+    return [getattr(system, f"Get{kind}")(k) for k in range(getattr(system.systemData, f"NumberOf{kind}s")())]
+
+
+def _written(item: dict[str, Any]) -> dict[str, Any]:
     """Item without graphics, user functions and empty arrays."""
     found = {}
-    for name, value in told.items():
+    for name, value in item.items():
         dense = value.Convert2DenseMatrix() if isinstance(value, exu.MatrixContainer) else value
         unwritten = name.startswith("V") or name.endswith("UserFunction")
         if not unwritten and not (isinstance(dense, np.ndarray) and dense.size == 0):
@@ -49,38 +53,25 @@ def _item(told: dict[str, Any]) -> dict[str, Any]:
     return found
 
 
-def _items(system: Any) -> dict[str, list[dict[str, Any]]]:
-    data = system.systemData
-    return {
-        f"{kind.upper()}S": [
-            _item(getattr(system, f"Get{kind}")(k)) for k in range(getattr(data, f"NumberOf{kind}s")())
-        ]
-        for kind in _KINDS
-    }
-
-
-def _with_user_function(system: Any, kind: str, wanted: Callable[[str], bool]) -> list[int]:
-    """Numbers of the items of a type with a user function, in their order."""
-    count = getattr(system.systemData, f"NumberOf{kind}s")()
-    told = [getattr(system, f"Get{kind}")(k) for k in range(count)]
+def _with_user_function(system: Any, kind: str) -> list[tuple[str, int]]:
+    """Type and number of the items of a kind with a user function, in their order."""
     return [
-        k
-        for k, item in enumerate(told)
-        if wanted(item[f"{kind.lower()}Type"])
-        and any(isinstance(v, dict) for n, v in item.items() if n.endswith("UserFunction"))
+        (item[f"{kind.lower()}Type"], k)
+        for k, item in enumerate(_items(system, kind))
+        if any(isinstance(value, dict) for name, value in item.items() if name.endswith("UserFunction"))
     ]
 
 
 def _laws(model: Maximal) -> dict[str, Any]:
     """Laws by the numbers of their loads and objects."""
     m, system = model.mechanism, model.system
-    loads = _with_user_function(system, "Load", lambda _: True)
+    loads = [number for _, number in _with_user_function(system, "Load")]
+    objects = _with_user_function(system, "Object")
     histories = [load for load in m.loads if load.history is not None]
-    actuators = _with_user_function(system, "Object", lambda kind: kind == "ConnectorSpringDamper")
+    actuators = [number for kind, number in objects if kind == "ConnectorSpringDamper"]
     actuated = [spring for spring in m.springs if spring.actuator is not None]
-    connectors = _with_user_function(
-        system, "Object", lambda kind: kind in ("ConnectorTorsionalSpringDamper", "ConnectorLinearSpringDamper")
-    )
+    on_joints = ("ConnectorTorsionalSpringDamper", "ConnectorLinearSpringDamper")
+    connectors = [number for kind, number in objects if kind in on_joints]
     efforts = dict(zip(efforts_of(m), connectors, strict=True))
     integrals = [
         {"connector": efforts[c.joint, c.coordinate], "turns": c.coordinate == "angle", "f": function_data(c.target)}
@@ -96,7 +87,7 @@ def _laws(model: Maximal) -> dict[str, Any]:
         "ACTUATORS": {n: function_data(s.actuator) for n, s in zip(actuators, actuated, strict=True) if s.actuator},
         "EFFORTS": {number: _effort(m, *where) for where, number in efforts.items()},
         "INTEGRALS": integrals,
-        "INTEGRATOR": _with_user_function(system, "Object", lambda kind: kind == "GenericODE2"),
+        "INTEGRATOR": [number for kind, number in objects if kind == "GenericODE2"],
     }
 
 
@@ -175,16 +166,9 @@ def _rows(model: Maximal) -> dict[str, Any]:
 
 
 def _discs(model: Maximal) -> list[dict[str, Any]]:
-    names = ("center", "axis", "radius", "normal")
-    return [
-        {
-            "object": int(added.index),
-            "body": model.mechanism.body_index[added.row.rolling.body],
-            **{name: getattr(added.row.rolling, name) for name in names},
-        }
-        for added in model.rows
-        if isinstance(added.row, DiscRow)
-    ]
+    discs = [(int(added.index), added.row.rolling) for added in model.rows if isinstance(added.row, DiscRow)]
+    index = model.mechanism.body_index
+    return [vars(rolling) | {"object": number, "body": index[rolling.body]} for number, rolling in discs]
 
 
 def export_model(title: str, mechanism: Mechanism, state: State) -> dict[str, str]:
@@ -206,7 +190,7 @@ def export_model(title: str, mechanism: Mechanism, state: State) -> dict[str, st
         if joint.kind == "rod" and objects
     }
     constants = {
-        **_items(model.system),
+        **{f"{kind.upper()}S": [_written(item) for item in _items(model.system, kind)] for kind in _KINDS},
         **_laws(model),
         **_rows(model),
         "BODIES": {body.name: [body.name, np.zeros(3), np.eye(3)] for body in mechanism.bodies},

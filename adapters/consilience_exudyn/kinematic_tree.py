@@ -32,7 +32,7 @@ class KinematicTree:
     tree : Tree
     container, system : exudyn.SystemContainer, exudyn.MainSystem
     sensors : tuple of tuple of exudyn.SensorIndex
-        Sensors of each body; rotation matrices are those of its link.
+        Sensors of each body; sensors of rotation matrices give axes of the link.
     R_LB : ndarray, shape (n_b, 3, 3)
         Axes of each body in its link.
     integrals : int
