@@ -1,8 +1,8 @@
 """Constraint rows in DART's coordinates: welds of split bodies, drives, couplings, rolling contacts and skates.
 
-Every row is ``J a = gamma`` in the skeleton's accelerations. Rows that hold bodies are of DART's Jacobians and of its
-accelerations at ``a = 0``, the bias; drives and couplings are of single coordinates and have no bias. Coefficients of
-contacts and skates in the velocities of their body are the harness's (`consilience.mechanism.element_rows`).
+Every row is ``J a = gamma`` in the skeleton's accelerations. Rows on bodies are made of DART's Jacobians and of the
+bias, DART's accelerations of bodies at ``a = 0``. Rows of drives and couplings are on single coordinates and have no
+bias. Coefficients of contacts and skates in the velocities of a body are from `consilience.mechanism.element_rows`.
 """
 
 from __future__ import annotations
@@ -20,9 +20,10 @@ Rows = tuple[Array, Array]
 
 
 def weld_terms(model: Model) -> Rows:
-    """Jacobian (6 per weld, n) of the copy's motion relative to the original, and its bias at zero accelerations.
+    """Return the Jacobian (6 per weld, n) of the motion of copies relative to originals, and its bias.
 
-    Rows: angular velocity, then velocity of the body's origin, world axes. The skeleton's accelerations must be zero.
+    Rows of a weld: angular velocity, then velocity of the body's origin, world axes. The skeleton's accelerations must
+    be zero.
     """
     links, nodes, skeleton = model.tree.links, model.nodes, model.skeleton
     jacobian = np.zeros((6 * len(model.tree.welds), skeleton.getNumDofs()))
@@ -31,7 +32,7 @@ def weld_terms(model: Model) -> Rows:
         rows = slice(6 * n, 6 * n + 6)
         for i, sign in ((weld.copy, 1.0), (weld.original, -1.0)):
             node, origin = nodes[i], links[i].body_frame.p
-            # explicit halves: DART's six-row Jacobian stacks angular over linear, in axes of its own choice
+            # two calls: DART's Jacobian of six rows is in axes of its own choice
             jacobian[rows] += sign * np.vstack(
                 [skeleton.getAngularJacobian(node), skeleton.getLinearJacobian(node, origin)]
             )
@@ -56,7 +57,7 @@ def _drives(model: Model, t: float) -> Rows:
 
 
 def _couplings(model: Model, t: float) -> Rows:
-    """``q'' - f' q_driver'' = f'' q_driver'^2``, the driving angle over full turns."""
+    """``q'' - f' q_driver'' = f'' q_driver'^2``, with the driving angle over full turns."""
     couplings = model.mechanism.couplings
     J, gamma = np.zeros((len(couplings), model.skeleton.getNumDofs())), np.zeros(len(couplings))
     for n, coupling in enumerate(couplings):
@@ -70,7 +71,10 @@ def _couplings(model: Model, t: float) -> Rows:
 
 
 def ground_rows(model: Model) -> list[ElementRow]:
-    """Contact and slip of each rolling body, then skates, at the skeleton's state, in the velocities of all bodies."""
+    """Return the harness's rows of rolling bodies, then of skates, at the skeleton's state.
+
+    Each rolling body has rows of contact and slip. All rows are in the velocities of all bodies.
+    """
     mechanism = model.mechanism
     if not (mechanism.rollings or mechanism.skates):
         return []
@@ -82,7 +86,7 @@ def ground_rows(model: Model) -> list[ElementRow]:
 
 
 def _ground(model: Model, t: float) -> Rows:
-    """Contacts, slip and skates: ``Q a = gamma`` of the harness in DART's coordinates."""
+    """Rows ``Q a = gamma`` of `ground_rows`, transformed to DART's coordinates."""
     rows = ground_rows(model)
     J, gamma = np.zeros((len(rows), model.skeleton.getNumDofs())), np.array([row.gamma for row in rows])
     held = {r.body for r in model.mechanism.rollings} | {s.body for s in model.mechanism.skates}
@@ -100,7 +104,7 @@ _KINDS: tuple[Callable[[Model, float], Rows], ...] = (_welds, _drives, _coupling
 
 
 def rows(model: Model, t: float) -> Rows:
-    """All rows at the skeleton's state and the time t, the welds first. The skeleton's accelerations must be zero."""
+    """Return all rows at the skeleton's state and the time t, welds first. The accelerations must be zero."""
     J, gamma = zip(*(kind(model, t) for kind in _KINDS), strict=True)
     return np.vstack(J), np.concatenate(gamma)
 
@@ -108,7 +112,7 @@ def rows(model: Model, t: float) -> Rows:
 def push(model: Model, multipliers: Array) -> None:
     """Add the wrenches of welds, contacts, slip and skates to the external forces.
 
-    Efforts of drives and couplings are forces of joints: inverse dynamics finds them.
+    Efforts of drives and couplings are joint forces, which inverse dynamics computes.
     """
     for n, weld in enumerate(model.tree.welds):
         torque, force = multipliers[6 * n : 6 * n + 3], multipliers[6 * n + 3 : 6 * n + 6]

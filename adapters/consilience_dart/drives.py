@@ -1,6 +1,6 @@
-"""Drives as DART's own acceleration actuators: a joint that takes its acceleration and gives the force it needs.
+"""Drives as DART's acceleration actuators, which take the acceleration of a joint and return its force.
 
-`translation.build` makes these of the driven joints.
+`translation.build` makes the driven joints such actuators.
 """
 
 from __future__ import annotations
@@ -13,17 +13,26 @@ TURN = 2.0 * np.pi
 
 
 def command_accelerations(model: Model, t: float) -> None:
-    """Command ``f''(t)`` for forward dynamics."""
+    """Command the acceleration ``f''(t)`` of each drive for forward dynamics."""
     for drive in model.mechanism.drives:
         axis = model.axes[drive.joint, drive.coordinate]
         axis.joint.setCommand(0, axis.sign * float(drive.motion.at(t)[2]))
 
 
 def command_steps(model: Model, t: float, step: float, reduction: float) -> None:
-    """Command what takes a step from t to the rate of the drive at its end, and removes part of the position error.
+    """Command the accelerations by which a step ends at the rate of the drive, less a part of the position error.
 
-    ``v+ = f'(t + h) + reduction (f(t) - q) / h``, as DART's constraints do it. Turns are not counted by a drive, only
-    kept: the error is the one within half a turn.
+    ``v+ = f'(t + h) + reduction (f(t) - q) / h``, as in DART's constraints. The position error of an angle is taken
+    within half a turn.
+
+    Parameters
+    ----------
+    model : Model
+    t : float, s
+        Beginning of the step.
+    step : float, s
+    reduction : float
+        Part of the position error that the step removes.
     """
     for drive in model.mechanism.drives:
         axis = model.axes[drive.joint, drive.coordinate]

@@ -1,47 +1,26 @@
-"""Efforts in joint coordinates: actuators of joint springs, friction and control, as forces of DART's joints.
+"""Efforts in joint coordinates (actuators of joint springs, friction, control) as forces of DART's joints.
 
-DART takes a joint's force explicitly and its damper implicitly in the time step. An effort ``f(q')`` that brakes,
-``df/dq' = -c``, is split into the damper c and the rest ``f + c q'``: at time step zero the two are f again, and in
-`World.step` friction is linearly implicit, stable also where it is much steeper than a step can follow.
+DART treats the force of a joint explicitly and its damper implicitly in the time step. An effort ``f(q')`` with the
+slope ``df/dq' = -c`` is split into the damper c and the force ``f + c q'``. At time step zero the two sum to f; in
+`World.step` friction is linearly implicit, and stable where its slope is too steep for an explicit step.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
-from consilience.mechanism import Array, Control, Friction, JointSpring, friction_law
+from consilience.mechanism import Array, Control, Friction, Function, friction_law
 from consilience_dart.translation import Axis, Model
 
 Law = Callable[[float, float, float], tuple[float, float]]
-"""Effort and ``-df/dq'``, not below zero, from the time, the coordinate and its rate."""
+"""Effort f and slope ``-df/dq'`` (not below zero), from time, coordinate and rate."""
+
+Effort = tuple[Axis, Law]
 
 
-@dataclass(frozen=True, eq=False)
-class Effort:
-    """An effort in one coordinate."""
-
-    axis: Axis
-    law: Law
-
-
-@dataclass(frozen=True, eq=False)
-class Controller:
-    """A control with the coordinate it reads."""
-
-    axis: Axis
-    control: Control
-
-    def error(self, t: float) -> float:
-        """``target(t) - q``: the rate of its integral."""
-        return float(self.control.target.at(t)[0]) - self.axis.value
-
-
-def _actuator(spring: JointSpring) -> Law:
-    motion = spring.actuator
-    assert motion is not None
+def _actuator(motion: Function) -> Law:
     return lambda t, q, rate: (float(motion.at(t)[0]), 0.0)
 
 
@@ -58,33 +37,29 @@ def _control(control: Control, integrals: Array, n: int) -> Law:
     return law
 
 
-def controllers(model: Model) -> list[Controller]:
-    """Controls of the mechanism, in its order."""
-    return [Controller(model.axes[c.joint, c.coordinate], c) for c in model.mechanism.controls]
-
-
 def efforts(model: Model, integrals: Array) -> list[Effort]:
-    """Efforts of all elements of joints that are not DART's own.
+    """Return the efforts of all joint elements for which DART has no means of its own.
 
     Parameters
     ----------
+    model : Model
     integrals : ndarray, shape (n_controls,)
-        Integrals of the controllers, read whenever an effort is evaluated.
+        Integrals of the controllers, read at each evaluation of an effort.
     """
     m = model.mechanism
     return [
-        *(Effort(model.axes[s.joint, s.coordinate], _actuator(s)) for s in m.joint_springs if s.actuator is not None),
-        *(Effort(model.axes[f.joint, f.coordinate], _friction(f)) for f in m.frictions),
-        *(Effort(model.axes[c.joint, c.coordinate], _control(c, integrals, n)) for n, c in enumerate(m.controls)),
+        *((model.axes[s.joint, s.coordinate], _actuator(s.actuator)) for s in m.joint_springs if s.actuator),
+        *((model.axes[f.joint, f.coordinate], _friction(f)) for f in m.frictions),
+        *((model.axes[c.joint, c.coordinate], _control(c, integrals, n)) for n, c in enumerate(m.controls)),
     ]
 
 
 def dampers(model: Model, all_efforts: list[Effort]) -> dict[int, float]:
-    """Damping coefficient that joint springs give each coordinate with an effort, by index in the skeleton.
+    """Return the damping of joint springs in each coordinate with an effort, by index in the skeleton.
 
-    From the mechanism: DART's own may be those that another run has left.
+    The damping is read from the mechanism: DART's joints may still hold the dampers of another run.
     """
-    own = {effort.axis.index: 0.0 for effort in all_efforts}
+    own = {axis.index: 0.0 for axis, _ in all_efforts}
     for spring in model.mechanism.joint_springs:
         index = model.axes[spring.joint, spring.coordinate].index
         if index in own:
@@ -93,22 +68,24 @@ def dampers(model: Model, all_efforts: list[Effort]) -> dict[int, float]:
 
 
 def exert(model: Model, all_efforts: list[Effort], own_dampers: dict[int, float], t: float) -> Array:
-    """Give the joints the forces and dampers of all efforts at the skeleton's state; the forces, shape (n,).
+    """Set forces and dampers of the joints from all efforts at the skeleton's state; return the forces, shape (n,).
 
     Parameters
     ----------
+    model : Model
+    all_efforts : list of Effort
     own_dampers : dict
-        See `dampers`.
+        Result of `dampers`.
+    t : float, s
     """
     forces = np.zeros(model.skeleton.getNumDofs())
     damping = dict(own_dampers)
-    for effort in all_efforts:
-        axis = effort.axis
+    for axis, law in all_efforts:
         rate = axis.rate
-        value, steepness = effort.law(t, axis.value, rate)
+        value, steepness = law(t, axis.value, rate)
         forces[axis.index] += axis.sign * (value + steepness * rate)
         damping[axis.index] += steepness
-    for effort in all_efforts:
-        effort.axis.joint.setDampingCoefficient(0, damping[effort.axis.index])
+    for axis, _ in all_efforts:
+        axis.joint.setDampingCoefficient(0, damping[axis.index])
     model.skeleton.setForces(forces)
     return forces

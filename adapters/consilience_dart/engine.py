@@ -1,8 +1,9 @@
-"""`DartEngine`: DART behind the protocol of Consilience."""
+"""`DartEngine`: answers of DART through the protocol `consilience.engine.Engine`."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import dartpy
 import numpy as np
@@ -19,6 +20,8 @@ from consilience.engine import (
     TrajectoryAnswer,
     Unsupported,
     beyond,
+    feature_names,
+    without_screws,
 )
 from consilience.mechanism import Array, Mechanism, State, to_elementary_tree
 from consilience_dart import methods as ways
@@ -31,7 +34,7 @@ from consilience_dart.dynamics import (
     reactions,
 )
 from consilience_dart.integration import rk4_trajectory
-from consilience_dart.loads import appliers, spring_energy
+from consilience_dart.loads import Forces, spring_energy
 from consilience_dart.state import from_state, send
 from consilience_dart.stepping import (
     Stepper,
@@ -40,7 +43,7 @@ from consilience_dart.stepping import (
     stepper,
     zero_step_accelerations,
 )
-from consilience_dart.translation import Model, build, without_screws
+from consilience_dart.translation import Model, build
 
 EXACT = {
     "cylindrical joint": "cylindrical: prismatic, then revolute joint, with a massless link between",
@@ -59,7 +62,7 @@ EXACT = {
     "drive": "drives: acceleration actuators (trees, World.step), rows of the harness's solve (loops)",
     "coupling": "couplings, rolling, skates: rows of the harness's solve beside DART's terms; not in World.step",
 }
-"""What becomes of a feature of the mechanism (`Mechanism.features`)."""
+"""Translation of each feature of a mechanism (`Mechanism.features`), for the manifest."""
 EXACT |= dict.fromkeys(("rolling", "skate"), EXACT["coupling"])
 
 EXPONENTIAL = "World.step: rotations by a truncated exponential map, error (w h)^3 / 6 a step"
@@ -67,32 +70,28 @@ APPROXIMATED = dict.fromkeys(("spherical joint", "free joint", "rod joint"), EXP
     "drive": "World.step: drives at velocity level, half of the position error removed in a step",
 }
 
-JOINTS = (
-    *("revolute", "prismatic", "cylindrical", "universal", "spherical", "planar", "rigid", "rod", "free", "screw"),
-    *("point_on_line", "point_in_plane", "parallel_axes"),
+FEATURES = feature_names(
+    joints="revolute, prismatic, cylindrical, universal, spherical, planar, rigid, rod, free, screw, "
+    "point_on_line, point_in_plane, parallel_axes",
+    elements="spring, joint spring, actuator, load, load in time, friction, control, drive, coupling, rolling, skate",
 )
-ELEMENTS = (
-    *("spring", "joint spring", "actuator", "load", "load in time", "friction", "control"),
-    *("drive", "coupling", "rolling", "skate"),
-)
-FEATURES = frozenset((*(f"{kind} joint" for kind in JOINTS), *ELEMENTS))
-"""Of `Mechanism.features`, what the adapter translates. A feature that is not listed is refused."""
+"""Features of a mechanism that the adapter translates; features that are not listed are refused."""
 
 
 class DartEngine:
     """DART: generalised coordinates, articulated bodies, loops closed by constraints at velocity level."""
 
     def __init__(self) -> None:
-        self._model: Model | None = None
+        self._translated = lru_cache(maxsize=1)(build)
 
     def info(self) -> EngineInfo:
-        """Name and version."""
+        """Return name and version of DART and its adapter."""
         return EngineInfo("dart", dartpy.__version__, "consilience_dart")
 
     def unsupported(self, mechanism: Mechanism, question: Question) -> tuple[Unsupported, ...]:
-        """Features without a translation; joint springs and dampers below zero, which DART would set to zero.
+        """Return features without a translation, and joint springs and dampers below zero.
 
-        For a trajectory also constraints that only the harness's integrator can keep, where it cannot.
+        For a trajectory also constraints that no integrator can keep in this mechanism.
         """
         refused = beyond(mechanism, FEATURES, "DART")
         if question is Question.MODEL:
@@ -107,12 +106,12 @@ class DartEngine:
         )
 
     def methods(self, mechanism: Mechanism, question: Question) -> tuple[Method, ...]:
-        """Ways to answer the question, the headline first."""
+        """Return the methods that answer the question, the headline method first."""
         return ways.methods(mechanism, question)
 
     def manifest(self, mechanism: Mechanism) -> Manifest:
-        """Say what the translation keeps exact and what it approximates."""
-        tree = to_elementary_tree(without_screws(mechanism))
+        """Return the features that the translation keeps exact, and those that it approximates."""
+        tree = to_elementary_tree(without_screws(mechanism, "revolute"))
         exact = ["bodies, revolute, prismatic and rigid joints, gravity"]
         exact += dict.fromkeys(EXACT[feature] for feature in mechanism.features if feature in EXACT)
         approximated = list(dict.fromkeys(APPROXIMATED[f] for f in mechanism.features if f in APPROXIMATED))
@@ -124,14 +123,8 @@ class DartEngine:
             )
         return Manifest(tuple(exact), tuple(approximated))
 
-    def _translated(self, mechanism: Mechanism) -> Model:
-        """Skeleton of the mechanism, built anew only when the mechanism changes."""
-        if self._model is None or self._model.mechanism is not mechanism:
-            self._model = build(mechanism)
-        return self._model
-
     def model(self, mechanism: Mechanism, state: State, method: Method) -> ModelAnswer:
-        """Mass, centre of mass and inertia from the skeleton's nodes; freedom from its Jacobians."""
+        """Return mass, centre of mass and inertia of the skeleton's nodes, and the freedom by its Jacobians."""
         model = self._translated(mechanism)
         send(model, from_state(model, state))
         com = np.asarray(model.skeleton.getCOM())
@@ -143,11 +136,11 @@ class DartEngine:
         return ModelAnswer(float(model.skeleton.getMass()), com, inertia, freedom)
 
     def instant(self, mechanism: Mechanism, states: Sequence[State], method: Method) -> InstantAnswer:
-        """Accelerations, joint reactions and energies at consistent states."""
+        """Return accelerations, joint reactions and energies at consistent states."""
         native = method.route is Route.EXTRAPOLATED
         stepping = _stepper(mechanism, states[0], method) if native else None
         model = self._translated(mechanism) if stepping is None else stepping.model
-        forces = appliers(model)
+        forces = Forces(model)
         accelerations, wrenches, energies = [], [], []
         for state in states:
             c = from_state(model, state)
@@ -173,7 +166,13 @@ class DartEngine:
     def trajectory(
         self, mechanism: Mechanism, state: State, times: Array, method: Method, step: float
     ) -> TrajectoryAnswer:
-        """Motion from `state`, sampled at `times`."""
+        """Integrate the motion from `state`, sampled at `times`.
+
+        Parameters
+        ----------
+        mechanism, state, times, method, step
+            As in `consilience.engine.Engine.trajectory`.
+        """
         substeps = round((times[1] - times[0]) / step)
         if method.route is Route.HARNESS_INTEGRATOR:
             (p, quat, v, w), work = rk4_trajectory(mechanism, state, times, substeps)
@@ -188,6 +187,6 @@ def _stepper(mechanism: Mechanism, start: State, method: Method) -> Stepper:
 
 
 def _energies(model: Model) -> tuple[float, float]:
-    """Kinetic and potential energy by DART's account; DART knows nothing of the springs between points."""
+    """Kinetic and potential energy by DART; the energy of springs between points is added."""
     potential = model.skeleton.computePotentialEnergy() + model.spring_offset + spring_energy(model)
     return model.skeleton.computeKineticEnergy(), potential

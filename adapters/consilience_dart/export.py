@@ -1,4 +1,4 @@
-"""A skeleton as a script for DART alone: its joints and nodes one by one, and what DART does not have of its own."""
+"""Export of a skeleton as a script for DART alone; elements that DART lacks are code of the script."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ import dartpy
 import numpy as np
 
 from consilience.engine.native import ELEMENTS, JET, SOLVE, Places, element_data, script
-from consilience.mechanism import GROUND, RANK_TOLERANCE, Array, Mechanism, State
+from consilience.mechanism import GROUND, RANK_TOLERANCE, Link, Mechanism, State
 from consilience_dart.export_script import CODE, RUN
 from consilience_dart.state import from_state, send
 from consilience_dart.translation import CREATORS, SCREW, Model, build, sprung
 
 
 def _links(model: Model) -> list[list[Any]]:
-    """Name, parent, what makes the joint, pitch, placement, mass, centre of mass, tensor about it of each link."""
+    """Name, parent, creator of the joint, axis, pitch, placement, mass, centre of mass and inertia of each link."""
     tree, mechanism, found = model.tree, model.mechanism, []
     for link in tree.links:
         pitch = mechanism.joints[link.joint].pitch
@@ -29,7 +29,7 @@ def _links(model: Model) -> list[list[Any]]:
 
 
 def _joint_springs(model: Model) -> list[list[Any]]:
-    """Link, stiffness, damping and rest of each joint of DART that has a spring."""
+    """Link, stiffness, damping and rest position of each joint with a spring."""
     found = []
     for i in sprung(model.mechanism, model.tree):
         joint, name = model.joints[i], model.tree.links[i].name
@@ -37,48 +37,46 @@ def _joint_springs(model: Model) -> list[list[Any]]:
     return found
 
 
+def _frame(link: Link) -> list[Any]:
+    """Name of a link, and frame B of its body in the link."""
+    return [link.name, link.body_frame.p, link.body_frame.R]
+
+
 def _places(model: Model) -> Places:
-    index = model.mechanism.body_index
+    index, links = model.mechanism.body_index, model.tree.links
 
-    def point(body: str, p: Array) -> list[Any]:
-        if body == GROUND:
-            return ["", p]
-        link = model.tree.links[model.carriers[index[body]]]
-        return [link.name, link.body_frame.p + link.body_frame.R @ p]
-
-    def turned(body: str, vector: Array) -> Array:
-        return vector if body == GROUND else model.tree.links[model.carriers[index[body]]].body_frame.R @ vector
+    def frame(body: str) -> list[Any]:
+        return ["", np.zeros(3), np.eye(3)] if body == GROUND else _frame(links[model.carriers[index[body]]])
 
     def axis(joint: str, coordinate: str) -> list[Any]:
         place = model.axes[joint, coordinate]
-        owner = next(link.name for link, own in zip(model.tree.links, model.joints, strict=True) if own is place.joint)
+        owner = next(link.name for link, own in zip(links, model.joints, strict=True) if own is place.joint)
         return [owner, place.sign]
 
-    return Places(point, turned, axis, own_springs=True)
+    return Places(frame, axis, own_springs=True)
 
 
 def export_model(title: str, mechanism: Mechanism, state: State) -> dict[str, str]:
-    """``run.py``, which builds the skeleton.
+    """Return the script ``run.py``, which builds the skeleton and prints accelerations.
 
     Parameters
     ----------
+    title : str
+    mechanism : Mechanism
     state : State
-        Where the script starts.
+        Initial state of the script.
     """
     model = build(mechanism)
     send(model, from_state(model, state))
     links = model.tree.links
-    frames = {b.name: links[i] for b, i in zip(mechanism.bodies, model.carriers, strict=True)}
-    welds = [[links[i] for i in (weld.original, weld.copy)] for weld in model.tree.welds]
     constants = {
         "GRAVITY": mechanism.gravity,
         "LINKS": _links(model),
         "JOINT_SPRINGS": _joint_springs(model),
-        "BODIES": {name: [link.name, link.body_frame.p, link.body_frame.R] for name, link in frames.items()},
-        "WELDS": [[[link.name, link.body_frame.p, link.body_frame.R] for link in pair] for pair in welds],
+        "WELDS": [[_frame(links[weld.original]), _frame(links[weld.copy])] for weld in model.tree.welds],
         "POSITIONS": model.skeleton.getPositions(),
         "VELOCITIES": model.skeleton.getVelocities(),
-        "TOLERANCE": RANK_TOLERANCE,
+        "RANK_TOLERANCE": RANK_TOLERANCE,
         **element_data(mechanism, _places(model)),
     }
     about = f"{title}, for DART {dartpy.__version__} alone."

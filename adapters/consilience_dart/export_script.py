@@ -1,9 +1,9 @@
-"""Code of exported scripts; the constants before it are those of `export`."""
+"""Code of exported scripts, which follows the constants of `export`."""
 
 CODE = '''
 SKELETON, NODES = dartpy.dynamics.Skeleton("exported"), {"": None}
 SKELETON.setGravity(np.array(GRAVITY))
-SKELETON.setTimeStep(0.0)  # joint springs act at the state as it is; World sets its own
+SKELETON.setTimeStep(0.0)  # joint springs act at the present state; World sets its own step
 
 
 def isometry(p, R):
@@ -14,7 +14,7 @@ def isometry(p, R):
 
 
 def build():
-    """Add the links, massless ones among them, of which DART warns."""
+    """Add all links; DART warns of massless links."""
     for name, parent, creator, has_axis, pitch, p, R, mass, com, inertia in LINKS:
         joint, node = getattr(SKELETON, creator)(NODES[parent])
         node.setName(name)
@@ -57,7 +57,7 @@ def motion(owner, p):
 
 
 def drift(owner, p):
-    """Accelerations as the skeleton has them; they are set to zero before this is asked."""
+    """Present accelerations of the skeleton; those of its coordinates are set to zero before."""
     node = NODES[owner]
     return np.concatenate([node.getLinearAcceleration(p), node.getAngularAcceleration()]) if owner else np.zeros(6)
 
@@ -77,13 +77,13 @@ def start():
 
 
 def joint_accelerations(t=0.0, integrals=(0.0,) * len(CONTROLS)):
-    """DART's accelerations at the state the skeleton has: its own of a tree, else from its terms."""
+    """Accelerations at the present state of the skeleton: of a tree by DART, else solved from DART's terms."""
     SKELETON.setAccelerations(np.zeros(COUNT))
     tau = applied(t, integrals)
     J, gamma = held(t)
     if len(J):
         SKELETON.computeInverseDynamics(True, True, True)
-        a = solve(SKELETON.getMassMatrix(), tau - SKELETON.getForces(), J, gamma)
+        a, _ = solve_constrained(SKELETON.getMassMatrix(), tau - SKELETON.getForces(), J, gamma)
         SKELETON.setAccelerations(a)
         return a
     SKELETON.setForces(tau)

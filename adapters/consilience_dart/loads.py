@@ -1,4 +1,4 @@
-"""Springs between points and loads: DART has none of its own, so they are external forces on body nodes.
+"""Springs between points, and loads, as external forces on body nodes: DART has no such elements.
 
 `Forces` holds them together with the efforts in joint coordinates.
 """
@@ -11,17 +11,17 @@ from typing import Any
 import numpy as np
 
 from consilience.mechanism import GROUND, Array, Function, Load, Spring
-from consilience_dart.efforts import controllers, dampers, efforts, exert
+from consilience_dart.efforts import dampers, efforts, exert
 from consilience_dart.translation import Model
 
 Apply = Callable[[float], None]
-"""Adds a force at a time to the skeleton's body nodes."""
+"""Adds a force at a time in s to the body nodes of a skeleton."""
 
 ZERO = np.zeros(3)
 
 
 class _End:
-    """One end of a spring: a point of a body node (None: of the ground, fixed in the world)."""
+    """End of a spring: a point of a body node, or of the ground (`node` is None)."""
 
     def __init__(self, model: Model, body: str, point: Array) -> None:
         index = model.mechanism.body_index[body]
@@ -34,13 +34,13 @@ class _End:
             self.offset = frame.p + frame.R @ point
 
     def position(self) -> Array:
-        """World position of the point."""
+        """World position of the point in m, shape (3,)."""
         if self.node is None:
             return self.offset
         return np.asarray(self.node.getWorldTransform().multiply(self.offset))
 
     def velocity(self) -> Array:
-        """World velocity of the point."""
+        """World velocity of the point in m/s, shape (3,)."""
         return ZERO if self.node is None else np.asarray(self.node.getLinearVelocity(self.offset))
 
     def push(self, force: Array) -> None:
@@ -50,12 +50,12 @@ class _End:
 
 
 def _factor(history: Function | None, t: float, otherwise: float) -> float:
-    """Function of time, or a constant where there is none."""
+    """Value of a function at the time t, or `otherwise` where there is no function."""
     return otherwise if history is None else float(history.at(t)[0])
 
 
 def _length(ends: tuple[_End, _End]) -> tuple[float, Array]:
-    """Length and direction (predecessor to successor) of a spring."""
+    """Length in m of a spring, and its direction from predecessor to successor."""
     d = ends[1].position() - ends[0].position()
     length = float(d @ d) ** 0.5
     return length, d / length
@@ -72,7 +72,7 @@ def _spring(model: Model, spring: Spring) -> Apply:
     ends = _ends(model, spring)
 
     def apply(t: float) -> None:
-        """Push both ends along the line between them."""
+        """Apply the force of the spring to both ends, along the line between them."""
         length, e = _length(ends)
         rate = float(e @ (ends[1].velocity() - ends[0].velocity()))
         pull = spring.stiffness * (length - spring.free_length) + spring.damping * rate
@@ -95,18 +95,18 @@ def _load(model: Model, load: Load) -> Apply:
 
 
 class Forces:
-    """Everything that pushes on a skeleton beside gravity and DART's own joint springs.
+    """All forces on a skeleton but gravity and those of DART's own joint springs.
 
     Attributes
     ----------
     integrals : ndarray, shape (n_controls,)
-        Integrals of the controllers; whoever integrates a motion keeps them.
+        Integrals of the controllers, updated by the integrator of a motion.
     """
 
     def __init__(self, model: Model) -> None:
         self.integrals = np.zeros(len(model.mechanism.controls))
         self._model = model
-        self._controllers = controllers(model)
+        self._targets = [(model.axes[c.joint, c.coordinate], c.target) for c in model.mechanism.controls]
         self._efforts = efforts(model, self.integrals)
         self._dampers = dampers(model, self._efforts)
         self._pushes: list[Apply] = [
@@ -115,12 +115,12 @@ class Forces:
         ]
 
     def apply(self, t: float) -> Array:
-        """Replace the forces on the skeleton by those of its present state and the time t, in s.
+        """Replace the forces on the skeleton by those at its present state and the time t in s.
 
         Returns
         -------
         ndarray, shape (n,)
-            Forces of the joints: DART overwrites its own account of them.
+            Forces of the joints, which DART's inverse dynamics overwrites in the skeleton.
         """
         self._model.skeleton.clearExternalForces()
         for push in self._pushes:
@@ -130,19 +130,14 @@ class Forces:
         return exert(self._model, self._efforts, self._dampers, t)
 
     def errors(self, t: float) -> Array:
-        """Rates of the integrals at the skeleton's present state."""
-        return np.array([controller.error(t) for controller in self._controllers])
+        """Return the rates of the integrals, ``target(t) - q``, at the skeleton's present state."""
+        return np.array([float(target.at(t)[0]) - axis.value for axis, target in self._targets])
 
     def __bool__(self) -> bool:
-        """Whether there is anything to apply."""
+        """Whether there are any forces to apply."""
         return bool(self._pushes or self._efforts)
 
 
-def appliers(model: Model) -> Forces:
-    """Forces on a skeleton by all elements that are not DART's own."""
-    return Forces(model)
-
-
 def spring_energy(model: Model) -> float:
-    """Potential energy in J of the springs between points at the skeleton's present state."""
+    """Return the potential energy in J of the springs between points at the skeleton's present state."""
     return sum(0.5 * s.stiffness * (_length(_ends(model, s))[0] - s.free_length) ** 2 for s in model.mechanism.springs)

@@ -1,11 +1,11 @@
-"""The ways in which DART answers, and what each sets that is not at DART's default."""
+"""Methods by which DART answers, and the settings of each that differ from DART's defaults."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any
 
-from consilience.engine import Method, Profile, Question, Route, Unsupported
+from consilience.engine import Method, Profile, Question, Route, Unsupported, without_screws
 from consilience.mechanism import Mechanism, Tree, initial_state, to_elementary_tree
 from consilience_dart.dynamics import constraint_rank
 from consilience_dart.state import from_state, send
@@ -20,7 +20,7 @@ from consilience_dart.stepping import (
     STEP_SIZES,
     set_softness,
 )
-from consilience_dart.translation import build, constrained, unstepped, without_screws
+from consilience_dart.translation import build, constrained, unstepped
 
 MODEL = "inertias of the skeleton"
 ARTICULATED = "computeForwardDynamics"
@@ -34,7 +34,7 @@ RK4_ARTICULATED = "computeForwardDynamics + RK4 of the harness"
 RK4_CONSTRAINED = "mass matrix + constraint solve and RK4 of the harness"
 
 EULER_SUBSTEPS = (100, 200, 400)
-EULER_SUBSTEPS_WITH_FORCES = (50, 100, 200)  # forces that the adapter applies each step cost ten times the step
+EULER_SUBSTEPS_WITH_FORCES = (50, 100, 200)  # applying forces from Python costs ten times the step
 EULER_SUBSTEPS_DEFAULT = (50, 100, 200)  # DART's step of 0.001 s at samples every 0.05 s, then its halves
 RK4_SUBSTEPS = (4, 8, 16)
 
@@ -51,7 +51,7 @@ def _in_proportion(reduction: float, softness: float) -> float:
 
 
 def _compounded(reduction: float, softness: float) -> float:
-    """Reduction that does in as many steps as the softness what the given one does in one: about 1 / softness of it."""
+    """Reduction that removes in `softness` steps the error that `reduction` removes in one step."""
     return float(1.0 - (1.0 - reduction) ** (1.0 / softness))
 
 
@@ -60,18 +60,18 @@ REDUCTIONS: dict[str, tuple[float, Callable[[float, float], float]]] = {
     EULER_DEFAULT: (ERROR_REDUCTION_DEFAULT, _compounded),
     EXTRAPOLATED_DEFAULT: (ERROR_REDUCTION_DEFAULT, _in_proportion),
 }
-"""Error reduction of the welds by method, and what softness makes of it: `stepping` says what it leaves behind."""
+"""Error reduction of the welds by method, and the function that scales it by a softness (errors: see `stepping`)."""
 
 
 def soften(method: Method) -> None:
-    """Set the error reduction and the force mixing of all constraints to those of a method of its softness.
+    """Set error reduction and force mixing of all constraints to the values of a method, scaled by its softness.
 
-    DART takes no force mixing below its default: harder than that, the error reduction moves alone.
+    DART accepts no force mixing below its default: a softness below 1 scales the error reduction alone.
 
     Raises
     ------
     ValueError
-        If the softness is not positive, or an instant's asks for more than to remove the whole error in a step.
+        The softness is not positive, or gives an error reduction above 1.
     """
     softness = 1.0 if method.softness is None else method.softness
     if not softness > 0.0:
@@ -111,14 +111,14 @@ def _instant(mechanism: Mechanism, tree: Tree) -> tuple[Method, ...]:
 
 
 def _has_elements(mechanism: Mechanism) -> bool:
-    """Whether the adapter has something to do at every step."""
+    """Whether the adapter applies forces or commands at every step."""
     m = mechanism
     actuated = any(spring.actuator is not None for spring in m.joint_springs)
     return bool(m.springs or m.loads or m.frictions or m.controls or m.drives or actuated)
 
 
 def _moves_as_told(mechanism: Mechanism) -> bool:
-    """Whether drives leave no freedom: positions are then those of the drives and of the welds, of order two."""
+    """Whether drives leave no freedom: the positions of `World.step` are then of order two."""
     if not mechanism.drives:
         return False
     model = build(mechanism)
@@ -127,7 +127,7 @@ def _moves_as_told(mechanism: Mechanism) -> bool:
 
 
 def _stepped(mechanism: Mechanism, loops: bool) -> tuple[Method, Method]:
-    """`World.step` with the settings of the adapter, and as it comes."""
+    """Methods by `World.step`: with settings of the adapter, and with DART's defaults."""
     substeps = EULER_SUBSTEPS_WITH_FORCES if _has_elements(mechanism) else EULER_SUBSTEPS
     settings = STEPPING | ({"errorReductionParameter": ERROR_REDUCTION_TRAJECTORY} if loops else {})
     route = Route.TUNED if loops else Route.NATIVE
@@ -152,7 +152,7 @@ def _has_rods(mechanism: Mechanism) -> bool:
 
 
 def unmovable(mechanism: Mechanism) -> tuple[Unsupported, ...]:
-    """What neither `World.step` nor the harness's Runge-Kutta method can move."""
+    """Return the constraints that neither `World.step` nor the harness's Runge-Kutta method can integrate."""
     if not _has_rods(mechanism):
         return ()
     reason = "World.step has no such constraint, and Runge-Kutta on DART's accelerations needs mechanisms without rods"
@@ -160,8 +160,8 @@ def unmovable(mechanism: Mechanism) -> tuple[Unsupported, ...]:
 
 
 def methods(mechanism: Mechanism, question: Question) -> tuple[Method, ...]:
-    """Methods for a question, the headline first."""
+    """Return the methods for a question, the headline method first."""
     if question is Question.MODEL:
         return (Method(MODEL, Route.NATIVE),)
-    tree = to_elementary_tree(without_screws(mechanism))
+    tree = to_elementary_tree(without_screws(mechanism, "revolute"))
     return _instant(mechanism, tree) if question is Question.INSTANT else _trajectory(mechanism, tree)

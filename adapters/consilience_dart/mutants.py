@@ -42,7 +42,17 @@ def _time_step(model: Any, magnitude: float) -> None:
 
 
 def _default_inertia(original: Any, magnitude: float, node: Any, mass: float, com: Any, moment: Any) -> None:
-    """Leave a part of DART's default, mass 1 and inertia 1, to links without mass."""
+    """Leave a part of DART's default, mass 1 and inertia 1, to links without mass.
+
+    Parameters
+    ----------
+    original : callable
+        Function of the adapter, of the parameters after `magnitude`.
+    magnitude : float
+        Part of the default in kg and kg m^2.
+    node, mass, com, moment
+        As in `translation.set_inertia`.
+    """
     if mass > 0.0:
         original(node, mass, com, moment)
     else:
@@ -50,7 +60,7 @@ def _default_inertia(original: Any, magnitude: float, node: Any, mass: float, co
 
 
 def _left_on(reduction: float, mixing: float) -> Planting:
-    """Keep error reduction and force mixing of the class as another run left them, beside what is set."""
+    """Add error reduction and force mixing of another run, which DART keeps in a class, to those that are set."""
 
     def change(original: Any, magnitude: float, set_reduction: float, set_mixing: float) -> None:
         original(set_reduction + reduction * magnitude, set_mixing + mixing * magnitude)

@@ -1,7 +1,7 @@
-"""Constraint rows that depend on each other on the manifold only, as those of an overconstrained spatial loop.
+"""Constraint rows that are dependent on the constraint manifold only, as those of an overconstrained spatial loop.
 
-A motion that drifts off the manifold by d makes such rows independent to d, and a solution that takes them so locks the
-mechanism. Its rank on the manifold then says how many combinations of the rows are to be solved for.
+At a distance d from the manifold such rows are independent, with singular values of order d, and solving for all of
+them locks the mechanism. The rank on the manifold tells how many combinations of rows to solve for.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ OFF_THE_MANIFOLD = 1e-3  # rad and m: far above the tolerance of the rank, far b
 def _rank_at(model: Model, state: State, off: float = 0.0) -> int:
     send(model, from_state(model, state))
     q = np.asarray(model.skeleton.getPositions())
-    # no symmetry of a mechanism survives displacements in proportion to sines of whole numbers
+    # sines of whole numbers: displacements that keep no symmetry of a mechanism
     model.skeleton.setPositions(q + off * np.sin(np.arange(1.0, len(q) + 1.0)))
     return constraint_rank(model)
 
 
 def rank_limit(model: Model, state: State) -> int | None:
-    """Rank of the rows on the manifold if it is less than beside it, at a consistent state; None if it is the same.
+    """Return the rank of the rows on the manifold if it is less than the rank beside the manifold, else None.
 
-    A state in a singular pose loses rank as well, but its neighbours on the manifold do not.
+    A singular pose has a lower rank too, but its neighbours on the manifold have not; they are examined as well.
     """
     beside = _rank_at(model, state, OFF_THE_MANIFOLD)
     if _rank_at(model, state) == beside:
@@ -38,6 +38,6 @@ def rank_limit(model: Model, state: State) -> int | None:
 
 
 def strongest(J: Array, gamma: Array, count: int) -> tuple[Array, Array]:
-    """The combinations of rows with the largest singular values, as many as asked, orthonormal in the rows."""
+    """Return the `count` combinations of rows with the largest singular values, orthonormal in the rows."""
     U = np.linalg.svd(J, full_matrices=False)[0][:, :count]
     return U.T @ J, U.T @ gamma

@@ -1,8 +1,8 @@
-"""States: from and to DART's positions and velocities.
+"""Conversion of states to DART's positions and velocities, and back.
 
-DART's coordinates: a ball joint has the rotation vector of the link in the joint frame, and as velocity the angular
-velocity in axes of the **link**; a free joint with identity frames has rotation vector and origin in axes of the
-**parent**, and as velocity angular velocity and rate of the origin, both in axes of the parent.
+Positions of a ball joint are the rotation vector of the link in the joint frame, velocities the angular velocity in
+axes of the **link**. Positions of a free joint with identity frames are rotation vector and origin, velocities angular
+velocity and rate of the origin, all in axes of the **parent**.
 """
 
 from __future__ import annotations
@@ -26,17 +26,18 @@ from consilience.mechanism import (
 from consilience_dart.translation import Model
 
 SMALL_ANGLE = 2e-3
-"""DART's exponential map is a truncated series below about 1e-3 rad (error up to 1.6e-10): stay out of its range."""
+"""Angle below which rotation vectors are replaced: under about 1e-3 rad DART's exponential map is a truncated series
+with an error up to 1.6e-10."""
 
 
 @dataclass(frozen=True, eq=False)
 class Coordinates:
-    """Coordinates of a state without the defects of rotation vectors.
+    """Coordinates of a state with quaternions in place of rotation vectors.
 
     Attributes
     ----------
     q, v : ndarray, shape (n,)
-        DART's positions (zero where `quats` tells the rotation) and velocities.
+        DART's positions (zero for rotation vectors, see `quats`) and velocities.
     quats : ndarray, shape (n_rotations, 4)
         Orientation of each ball and free joint, in the order of the links.
     """
@@ -47,7 +48,7 @@ class Coordinates:
 
 
 def rotations(model: Model) -> list[tuple[int, bool]]:
-    """First coordinate of each ball and free joint, and whether its angular velocity is in axes of the parent."""
+    """Return the first coordinate of each ball and free joint; True if its angular velocity is in parent axes."""
     return [
         (start, link.elementary == "F")
         for start, link in zip(model.start, model.tree.links, strict=True)
@@ -56,7 +57,7 @@ def rotations(model: Model) -> list[tuple[int, bool]]:
 
 
 def from_state(model: Model, state: State) -> Coordinates:
-    """Coordinates of the skeleton at a state of the mechanism."""
+    """Compute the coordinates of the skeleton at a state of the mechanism."""
     q, v = np.zeros(model.skeleton.getNumDofs()), np.zeros(model.skeleton.getNumDofs())
     quats = [np.zeros((0, 4))]
     elementary = coordinates(model.lowered, model.tree, state)
@@ -79,16 +80,16 @@ def from_state(model: Model, state: State) -> Coordinates:
 
 
 def _screw_angle(model: Model, link: Link, state: State) -> float:
-    """Coordinate of a screw, whose turns are those of its displacement."""
+    """Angle of a screw; its full turns follow from the displacement."""
     joint = model.mechanism.joints[link.joint]
     angle = float(joint_coordinates(joint, relative_motion(model.mechanism, state, joint))["angle"])
     return -angle if link.reversed else angle
 
 
 def rotation_vector(quat: Array) -> Array:
-    """Rotation vector that DART maps to the rotation without loss: small angles are sent as their other name.
+    """Return the rotation vector that DART maps to the rotation without loss of digits.
 
-    A rotation by a small angle t about an axis is the one by ``2 pi - t`` about the opposite axis.
+    A rotation by a small angle t is given as the rotation by ``2 pi - t`` about the opposite axis.
     """
     phi = rotation_vector_from_quaternion(quat)
     angle = float(np.linalg.norm(phi))
@@ -109,7 +110,7 @@ def send(model: Model, c: Coordinates) -> None:
 
 
 def read(model: Model) -> tuple[Array, Array, Array, Array]:
-    """``p_WB, quat_WB, v_WB_W, w_WB_W`` of all bodies at the skeleton's state, one row per body."""
+    """Return ``p_WB, quat_WB, v_WB_W, w_WB_W`` of all bodies at the skeleton's state, one row for each body."""
     if not np.all(np.isfinite(model.skeleton.getPositions())):
         raise FloatingPointError("DART's positions are not finite; its transforms show an identity in their place")
     p, quat, v, w = [], [], [], []

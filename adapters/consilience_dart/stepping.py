@@ -1,12 +1,12 @@
 """DART's own time stepping: `World.step`, semi-implicit Euler with constraints at velocity level.
 
-A constraint of position error phi holds ``J v = -reduction phi / h``, with force mixing, a part of the diagonal of
-``J M^-1 J^T``, that lets it yield. What the two leave behind depends on the question:
+A constraint of position error phi holds ``J v = -reduction phi / h``. Force mixing, a part of the diagonal of
+``J M^-1 J^T``, softens the constraint. The errors of both depend on the question:
 
 - at an instant, the first step from a consistent state holds ``J v = 0`` and drifts to ``phi = h^2 (dJ/dt v) / 2``;
-  in the limit of small steps the second one then has ``J a = -(1 + reduction / 2) dJ/dt v``;
-- along a trajectory the drift of h^2 a step settles at a phi in proportion to ``1 / reduction``;
-- the mixing adds an error in the accelerations that no step removes, linear in it.
+  in the limit of small steps the second step then has ``J a = -(1 + reduction / 2) dJ/dt v``;
+- along a trajectory, the drift of h^2 in each step settles at a phi in proportion to ``1 / reduction``;
+- force mixing adds an error of the accelerations that is linear in the mixing and independent of the step.
 """
 
 from __future__ import annotations
@@ -19,90 +19,96 @@ import numpy as np
 
 from consilience.mechanism import Array, Mechanism, State
 from consilience_dart.drives import command_steps
-from consilience_dart.dynamics import apply_forces
-from consilience_dart.loads import Forces, appliers
+from consilience_dart.loads import Forces
 from consilience_dart.state import Coordinates, from_state, read, send
 from consilience_dart.translation import Model, build
 
 ERROR_REDUCTION_INSTANT = 0.0
-"""Any other value, DART's default of 0.01 included, mixes the position error into the acceleration."""
+"""Any other value, such as DART's default of 0.01, adds a part of the position error to the acceleration."""
 
 ERROR_REDUCTION_TRAJECTORY = 0.5
-"""Fraction of the position error removed in a step. The default of 0.01 lets welds drift over a hundred steps, which
-spoils the order (1.0 becomes 1.1 to 1.8) and locks overconstrained loops; 0.1 to 1 give one and the same motion."""
+"""Fraction of the position error removed in a step. With the default of 0.01 welds drift over a hundred steps, which
+spoils the order (1.0 becomes 1.1 to 1.8) and locks overconstrained loops. Values from 0.1 to 1 give the same motion."""
 
 ERROR_REDUCTION_DEFAULT = 0.01
 
 CONSTRAINT_FORCE_MIXING = 1e-9
-"""DART's default, and the least it accepts."""
+"""DART's default, and the smallest value that DART accepts."""
 
 MIXINGS = ((1, 8.0 / 3.0), (2, -2.0), (4, 1.0 / 3.0))
-"""Factors on the force mixing, and weights that extrapolate to none: near singular poses its error is quadratic."""
+"""Factors on the force mixing, with the weights of the extrapolation to zero mixing.
+
+Three of them, because near singular poses the error is quadratic in the mixing."""
 
 STEP_SIZES = (1, 2, 4, 8)
 LARGEST_STEP = 1e-4
 LARGEST_ROTATION = 5e-4
-"""Rotation per step in rad: below about 1e-3 DART's exponential map is one truncated series, which is smooth in the
-step, so that extrapolation removes its error; across the threshold it is not."""
+"""Rotation of a body in two steps, rad. Below about 1e-3 rad DART's exponential map is a truncated series: smooth in
+the step, so that extrapolation removes the error. Steps on both sides of the threshold cannot be extrapolated."""
 
 LARGEST_TURN = 1e-3
-"""The same for any link, massless ones too: near the singular pose of a rod's two angles these turn tens of times
-faster than any body, and what extrapolation leaves grows with the fourth power of their turn in a step."""
+"""Rotation of a link in a step, rad. Near the singular pose of a rod's two angles massless links turn tens of times
+faster than bodies, and the error of the extrapolation grows with the fourth power of their rotation in a step."""
 
 
 @dataclass(eq=False)
 class Stepper:
-    """A world with one skeleton in it, ready to step.
+    """World with one skeleton, ready to step.
 
     Attributes
     ----------
+    model : Model
+    world : dartpy World
+    forces : Forces
     time : float, s
     reduction : float
-        Part of the position error of a drive that is removed in a step.
+        Part of the position error of a drive that a step removes.
     """
 
     model: Model
     world: Any
-    appliers: Forces
+    forces: Forces
     time: float = 0.0
     reduction: float = 0.0
 
     def restart(self, c: Coordinates, time: float, step: float) -> None:
-        """Set state, time and step; the controllers forget."""
+        """Set state, time and step, and the integrals of controllers to zero."""
         send(self.model, c)
         self.world.setTimeStep(step)
         self.time = time
-        self.appliers.integrals[:] = 0.0
+        self.forces.integrals[:] = 0.0
 
     def step(self, count: int) -> None:
-        """Take `count` steps; external forces and integrands are those of the beginning of each step."""
-        if not self.appliers and not self.model.mechanism.drives:
+        """Take `count` steps, with external forces and integrands of the beginning of each step."""
+        if not self.forces and not self.model.mechanism.drives:
             for _ in range(count):
                 self.world.step()
             return
         h, start = self.world.getTimeStep(), self.time
         for n in range(count):
-            apply_forces(self.model, self.appliers, self.time)
+            self.forces.apply(self.time)
             command_steps(self.model, self.time, h, self.reduction)
-            errors = self.appliers.errors(self.time)
+            errors = self.forces.errors(self.time)
             self.world.step()
-            self.appliers.integrals += h * errors
+            self.forces.integrals += h * errors
             self.time = start + (n + 1) * h
 
 
 def set_softness(reduction: float, mixing: float) -> None:
-    """Set DART's error reduction and force mixing: one pair of numbers for all constraints of the process."""
+    """Set DART's error reduction and force mixing, which all constraints of the process share."""
     dartpy.constraint.WeldJointConstraint.setErrorReductionParameter(reduction)
     dartpy.constraint.WeldJointConstraint.setConstraintForceMixing(mixing)
 
 
 def stepper(mechanism: Mechanism, start: State, sleeping: bool = False) -> Stepper:
-    """Build a world at a consistent state, whose poses give the welds of split bodies their anchors.
+    """Build a world at a consistent state, in whose poses the welds of split bodies are anchored.
 
     Parameters
     ----------
+    mechanism : Mechanism
+    start : State
     sleeping : bool
-        Whether slow bodies may be put to sleep, as is DART's default.
+        DART may put slow bodies to sleep, which is its default.
     """
     model = build(mechanism)
     world = dartpy.simulation.World()
@@ -115,11 +121,11 @@ def stepper(mechanism: Mechanism, start: State, sleeping: bool = False) -> Stepp
     for weld in model.tree.welds:
         constraint = dartpy.constraint.WeldJointConstraint(model.nodes[weld.original], model.nodes[weld.copy])
         world.getConstraintSolver().addConstraint(constraint)
-    return Stepper(model, world, appliers(model))
+    return Stepper(model, world, Forces(model))
 
 
 def native_trajectory(stepping: Stepper, times: Array, substeps: int) -> tuple[list[Array], int]:
-    """Positions, quaternions, velocities and angular velocities at `times` by `World.step`, and the steps taken."""
+    """Integrate by `World.step`; return positions, quaternions, velocities, angular velocities, and the step count."""
     stepping.world.setTimeStep((times[1] - times[0]) / substeps)
     stepping.time, stepping.reduction = float(times[0]), ERROR_REDUCTION_TRAJECTORY
     samples = [read(stepping.model)]
@@ -131,7 +137,7 @@ def native_trajectory(stepping: Stepper, times: Array, substeps: int) -> tuple[l
 
 
 def _difference_quotient(stepping: Stepper, c: Coordinates, step: float) -> Array:
-    """``(v2 - v1) / h``: the first step only brings the velocities into line and knows nothing of ``Jdot v``."""
+    """``(v2 - v1) / h`` of two steps: the first step projects the velocities and ignores ``Jdot v``."""
     stepping.restart(c, 0.0, step)
     stepping.step(1)
     before = np.array(stepping.model.skeleton.getVelocities())
@@ -151,7 +157,7 @@ def _to_zero_step(stepping: Stepper, c: Coordinates, step: float) -> Array:
 
 
 def _largest_step(model: Model, state: State) -> float:
-    """Step in s that extrapolation starts from, for the state that the skeleton is in."""
+    """Largest step of the extrapolation in s, for the present state of the skeleton."""
     of_bodies = float(np.max(np.abs(state.w_WB_W)))
     of_links = max(float(np.max(np.abs(node.getAngularVelocity()))) for node in model.nodes)
     rates = max(2.0 * of_bodies / LARGEST_ROTATION, of_links / LARGEST_TURN)
@@ -159,7 +165,7 @@ def _largest_step(model: Model, state: State) -> float:
 
 
 def zero_step_accelerations(stepping: Stepper, c: Coordinates, state: State) -> Array:
-    """Generalised accelerations by the difference quotient, extrapolated to zero step.
+    """Compute generalised accelerations by the difference quotient, extrapolated to zero step.
 
     The skeleton is left at the state, with these accelerations.
     """
@@ -171,7 +177,7 @@ def zero_step_accelerations(stepping: Stepper, c: Coordinates, state: State) -> 
 
 
 def extrapolated_accelerations(stepping: Stepper, c: Coordinates, state: State) -> Array:
-    """Generalised accelerations from DART's constraint solver, extrapolated to zero step and zero force mixing.
+    """Compute generalised accelerations by DART's constraint solver, extrapolated to zero step and zero force mixing.
 
     The skeleton is left at the state, with these accelerations.
     """

@@ -1,10 +1,10 @@
 """Translation of a mechanism into one DART skeleton, by way of the tree of elementary joints.
 
-Each link of the tree is one body node whose frame is the link's frame; the joint frame coincides with it, so
-``T_ChildBodyToJoint`` is the identity everywhere. Massless links are body nodes of zero mass: exact, for DART never
-inverts the inertia of a node, only its projection on the joint, and a link with mass hangs behind each of them.
-The tree knows no screws: it is that of the mechanism with revolute joints in their place, and these become DART's
-`ScrewJoint`, whose coordinate is the angle and whose pitch is the advance in a turn, as ours is.
+Each link of the tree becomes one body node. The frame of the node is the frame of the link and coincides with the joint
+frame, so that ``T_ChildBodyToJoint`` is the identity everywhere. Massless links become body nodes of zero mass. The
+dynamics stays exact: DART inverts no node's inertia, only the projection of an articulated inertia on a joint, and a
+link with mass hangs behind each massless link. The tree is built with revolute joints in place of screws; DART's
+`ScrewJoint` takes their place, whose coordinate is the angle and whose pitch is the advance in a turn.
 """
 
 from __future__ import annotations
@@ -12,12 +12,13 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import dartpy
 import numpy as np
 
+from consilience.engine import axis_link, merged_spring, without_screws
 from consilience.mechanism import (
     AXIS_COORDINATES,
     Array,
@@ -41,23 +42,22 @@ CREATORS = {
     "W": "createWeldJointAndBodyNodePair",
 }
 FREEDOM = {"R": 1, "P": 1, "S": 3, "F": 6, "W": 0}
-ELEMENTARY = {"angle": "R", "distance": "P"}  # joint coordinate -> elementary joint that has it
 SCREW = "createScrewJointAndBodyNodePair"
 
 
 @dataclass(frozen=True, eq=False)
 class Axis:
-    """A coordinate of a joint of the mechanism as a coordinate of the skeleton, or its negative.
+    """Coordinate of a joint of the mechanism in terms of the skeleton.
 
     Attributes
     ----------
     joint : dartpy Joint
     index : int
-        Of the coordinate in the skeleton.
+        Index of the coordinate in the skeleton.
     sign : float
-        -1 where the tree passes the joint backwards.
+        -1 where the tree passes the joint backwards: the skeleton's coordinate is the negative one.
     turns : bool
-        Whether it is an angle.
+        The coordinate is an angle.
     """
 
     joint: Any
@@ -67,34 +67,36 @@ class Axis:
 
     @property
     def value(self) -> float:
-        """Coordinate in rad or m; the angle over full turns, for DART never wraps it."""
+        """Coordinate in rad or m; DART does not wrap angles, so that full turns are counted."""
         return self.sign * float(self.joint.getPosition(0))
 
     @property
     def rate(self) -> float:
-        """Its rate."""
+        """Rate of the coordinate in rad/s or m/s."""
         return self.sign * float(self.joint.getVelocity(0))
 
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """A mechanism as DART holds it.
+    """Skeleton of a mechanism.
 
     Attributes
     ----------
+    mechanism : Mechanism
     lowered : Mechanism
-        The mechanism with revolute joints in place of screws, as `tree` describes it.
+        The mechanism with revolute joints in place of screws, from which `tree` is built.
+    tree : Tree
     skeleton : dartpy Skeleton
     nodes, joints : list
-        Body node and its parent joint of each link of `tree`.
+        Body node, and its parent joint, of each link of `tree`.
     start : list of int
-        Index of each link's first coordinate in the skeleton.
+        Index of the first coordinate of each link in the skeleton; -1 for a welded link.
     carriers : list of int
         Link that carries the original of each body of the mechanism.
     axes : dict
-        Coordinates of all joints with one axis, by joint and name.
+        Coordinates of all joints with one axis, by names of joint and coordinate.
     spring_offset : float, J
-        What DART's spring energy lacks where several springs on one joint were merged.
+        Constant that DART's spring energy lacks where several springs on one joint were merged.
     """
 
     mechanism: Mechanism
@@ -111,7 +113,7 @@ class Model:
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Silence the standard error of native code: DART warns there of every massless link."""
+    """Silence the standard error of native code, where DART warns of every massless link."""
     saved = os.dup(2)
     sink = os.open(os.devnull, os.O_WRONLY)
     os.dup2(sink, 2)
@@ -124,7 +126,7 @@ def quiet() -> Iterator[None]:
 
 
 def unstepped(mechanism: Mechanism) -> dict[str, str]:
-    """Constraints that `World.step` has no means for: what they are called, and the first of each kind."""
+    """Return the kinds of constraints that `World.step` cannot hold, each with the name of its first element."""
     groups: dict[str, tuple[Coupling | Rolling | Skate, ...]] = {
         "coupling": mechanism.couplings,
         "rolling": mechanism.rollings,
@@ -134,20 +136,12 @@ def unstepped(mechanism: Mechanism) -> dict[str, str]:
 
 
 def constrained(mechanism: Mechanism, tree: Tree) -> bool:
-    """Whether a skeleton alone does not know all constraints: drives are its own, loops and others are not."""
+    """Whether the mechanism has constraints beside drives, which a skeleton holds as acceleration actuators."""
     return bool(tree.welds or unstepped(mechanism))
 
 
-def isometry(p: Array, R: Array) -> Any:
-    """DART's rigid transform from an origin and a rotation matrix."""
-    transform = dartpy.math.Isometry3()
-    transform.set_rotation(R)
-    transform.set_translation(p)
-    return transform
-
-
 def set_inertia(node: Any, mass: float, com: Array, moment: Array) -> None:
-    """Give a node its inertia: `moment` is about the centre of mass, in axes of the node."""
+    """Set the inertia of a node; `moment` is about the centre of mass, in axes of the node."""
     if mass > 0.0:
         node.setInertia(dartpy.dynamics.Inertia(mass, com, moment))
         return
@@ -155,15 +149,7 @@ def set_inertia(node: Any, mass: float, com: Array, moment: Array) -> None:
         node.setInertia(dartpy.dynamics.Inertia(0.0, np.zeros(3), np.zeros((3, 3))))
 
 
-def without_screws(mechanism: Mechanism) -> Mechanism:
-    """The mechanism with a revolute joint in place of each screw."""
-    if all(joint.kind != "screw" for joint in mechanism.joints):
-        return mechanism
-    joints = (replace(j, kind="revolute", pitch=0.0) if j.kind == "screw" else j for j in mechanism.joints)
-    return replace(mechanism, joints=tuple(joints))
-
-
-def _add(skeleton: Any, parent: Any, link: Link, pitch: float) -> tuple[Any, Any]:
+def _add_link(skeleton: Any, parent: Any, link: Link, pitch: float) -> tuple[Any, Any]:
     joint, node = getattr(skeleton, SCREW if pitch else CREATORS[link.elementary])(parent)
     node.setName(link.name)
     joint.setName(f"to {link.name}")
@@ -172,22 +158,19 @@ def _add(skeleton: Any, parent: Any, link: Link, pitch: float) -> tuple[Any, Any
         joint.setAxis(Z)
     if pitch:
         joint.setPitch(pitch)
-    if link.elementary != "F":  # a free joint keeps the identity: elsewhere its velocity has an odd basis
-        joint.setTransformFromParentBodyNode(isometry(link.placement.p, link.placement.R))
+    if link.elementary != "F":  # a free joint keeps the identity: with other frames its velocities have another basis
+        transform = dartpy.math.Isometry3()
+        transform.set_rotation(link.placement.R)
+        transform.set_translation(link.placement.p)
+        joint.setTransformFromParentBodyNode(transform)
     return joint, node
 
 
-def axis_link(tree: Tree, joint: int, coordinate: str) -> int:
-    """Index of the link whose elementary joint has a coordinate of a joint with one axis."""
-    elementary = ELEMENTARY[coordinate]
-    return next(i for i, link in enumerate(tree.links) if link.joint == joint and link.elementary == elementary)
-
-
 def sprung(mechanism: Mechanism, tree: Tree) -> dict[int, list[JointSpring]]:
-    """Joint springs by the link whose coordinate they act on."""
+    """Group the joint springs by the link whose coordinate they act on."""
     found: dict[int, list[JointSpring]] = {}
     for spring in mechanism.joint_springs:
-        link = axis_link(tree, mechanism.joint_index[spring.joint], spring.coordinate)
+        link, _ = axis_link(mechanism, tree, spring.joint, spring.coordinate)
         found.setdefault(link, []).append(spring)
     return found
 
@@ -196,31 +179,26 @@ def _add_joint_springs(mechanism: Mechanism, tree: Tree, joints: list[Any]) -> f
     """Give DART's joints their springs and dampers; return the energy that merging several on one joint loses."""
     offset = 0.0
     for i, springs in sprung(mechanism, tree).items():
-        # the coordinate of a joint passed backwards is the negative of the mechanism's
-        sign = -1.0 if tree.links[i].reversed else 1.0
-        stiffness = sum(s.stiffness for s in springs)
-        moment = sum(s.stiffness * s.rest for s in springs)
-        rest = moment / stiffness if stiffness else 0.0
+        stiffness, damping, rest, lost = merged_spring(springs)
         joints[i].setSpringStiffness(0, stiffness)
-        joints[i].setDampingCoefficient(0, sum(s.damping for s in springs))
-        joints[i].setRestPosition(0, sign * rest)
-        offset += 0.5 * (sum(s.stiffness * s.rest**2 for s in springs) - stiffness * rest**2)
+        joints[i].setDampingCoefficient(0, damping)
+        joints[i].setRestPosition(0, -rest if tree.links[i].reversed else rest)
+        offset += lost
     return offset
 
 
 def _axes(mechanism: Mechanism, tree: Tree, joints: list[Any], start: list[int]) -> dict[tuple[str, str], Axis]:
     axes = {}
-    for k, joint in enumerate(mechanism.joints):
+    for joint in mechanism.joints:
         for coordinate in AXIS_COORDINATES.get(joint.kind, ()):
-            i = axis_link(tree, k, coordinate)
-            sign = -1.0 if tree.links[i].reversed else 1.0
+            i, sign = axis_link(mechanism, tree, joint.name, coordinate)
             axes[joint.name, coordinate] = Axis(joints[i], start[i], sign, coordinate == "angle")
     return axes
 
 
 def build(mechanism: Mechanism) -> Model:
-    """Translate a mechanism. The skeleton has time step zero, so that its joint springs act at the state as it is."""
-    lowered = without_screws(mechanism)
+    """Build the skeleton of a mechanism, with time step zero so that joint springs act at the present state."""
+    lowered = without_screws(mechanism, "revolute")
     tree = to_elementary_tree(lowered)
     skeleton = dartpy.dynamics.Skeleton(mechanism.name)
     skeleton.setGravity(mechanism.gravity)
@@ -229,7 +207,7 @@ def build(mechanism: Mechanism) -> Model:
     joints: list[Any] = []
     for link in tree.links:
         parent = nodes[link.parent] if link.parent >= 0 else None
-        joint, node = _add(skeleton, parent, link, mechanism.joints[link.joint].pitch)
+        joint, node = _add_link(skeleton, parent, link, mechanism.joints[link.joint].pitch)
         joints.append(joint)
         nodes.append(node)
     offset = _add_joint_springs(mechanism, tree, joints)

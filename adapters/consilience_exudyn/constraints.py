@@ -1,7 +1,7 @@
-"""The rows of `consilience_exudyn.rows` in Exudyn: its rolling disc, else ObjectConnectorCoordinateVector.
+"""Rows of `consilience_exudyn.rows` as Exudyn's rolling disc or as ObjectConnectorCoordinateVector.
 
-The latter has user functions of its own equations. It reads the coordinates of all bodies of a row through one object
-without mass or forces, an ObjectGenericODE2 on their nodes.
+The equations of an ObjectConnectorCoordinateVector are user functions. The coordinates of all bodies of a row are read
+through one object without mass or forces, an ObjectGenericODE2 on the nodes of the bodies.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ _ONE = np.eye(3)
 _WIDTH = 7
 
 Floats = Sequence[float]
-"""Coordinates as Exudyn hands them to these user functions: a list, whatever its signatures say."""
+"""Coordinates as Exudyn passes them to these user functions: a list, unlike in their signatures."""
 
 
 @dataclass(frozen=True, eq=False)
 class Added:
-    """A row, or rows, in an Exudyn system.
+    """Row object in an Exudyn system.
 
     Attributes
     ----------
     row : Row
     number : int
-        Its place in `rows_of`.
+        Place of the row in `rows_of`.
     kept : tuple of int
-        Which of its equations are held.
+        Equations of the row that are held.
     index : exudyn.ObjectIndex
     """
 
@@ -49,16 +49,19 @@ class Added:
 def add_rows(
     system: Any, rows: Sequence[Row], held: Sequence[Sequence[int]], node: Callable[[str], Any], mark: Mark
 ) -> tuple[Added, ...]:
-    """Add rows to a system that is not yet assembled, but for those of which nothing is held.
+    """Add the rows of which equations are held.
 
     Parameters
     ----------
+    system : exudyn.MainSystem
+        Not yet assembled.
+    rows : sequence of Row
     held : sequence of sequence of int
-        Which equations of each row are held (1) or left out (0).
+        For each row, which equations are held (1) or left out (0).
     node : callable
-        Node of a body.
+        Returns the node of a body.
     mark : callable
-        Adds a marker.
+        Adds a rigid marker.
     """
     added = []
     for number, (row, axes) in enumerate(zip(rows, held, strict=True)):
@@ -93,18 +96,30 @@ def _add_row(system: Any, row: Row, kept: tuple[int, ...], nodes: Sequence[Any])
     known: tuple[Floats, Array] = ([], np.zeros(0))
 
     def jacobian_at(q: Floats) -> Array:
-        """Jacobian, kept for the next call: Exudyn asks for it several times at the same coordinates."""
+        """Jacobian, kept for the next call: Exudyn evaluates it several times at the same coordinates."""
         nonlocal known
         if known[0] != q:
             known = (q, _coordinate_jacobian(row, q)[list(kept)])
         return known[1]
 
     def residual(_system: Any, t: float, _item: int, q: Floats, q_t: Floats, velocity_level: bool) -> Array:
+        """User function for the equations of a row.
+
+        Parameters
+        ----------
+        _system, _item
+            System and number of the object; not used.
+        t : float, s
+        q, q_t : list of float
+            Coordinates of the bodies (positions, Euler parameters) and their rates.
+        velocity_level : bool
+            Return rates instead of values.
+        """
         if velocity_level:
             return np.asarray(jacobian_at(q) @ q_t - np.array(row.rates(t))[list(kept)])
         return np.array(row.values(t, _poses(q)))[list(kept)]
 
-    def jacobian(_system: Any, _t: float, _item: int, q: Floats, _q_t: Floats, _level: bool) -> Array:
+    def jacobian(_system: Any, _t: float, _item: int, q: Floats, *_: Any) -> Array:
         return jacobian_at(q)
 
     return system.AddObject(
@@ -119,29 +134,33 @@ def _add_row(system: Any, row: Row, kept: tuple[int, ...], nodes: Sequence[Any])
 
 
 def _poses(q: Floats) -> list[Pose]:
-    return [_pose(q[n : n + _WIDTH]) for n in range(0, len(q), _WIDTH)]
+    return [Pose(np.array(q[n : n + 3]), rotation(q[n + 3 : n + _WIDTH])) for n in range(0, len(q), _WIDTH)]
 
 
-def _pose(q: Floats) -> Pose:
-    """Position, and rotation matrix of Euler parameters as they are, like Exudyn's."""
-    w, x, y, z = q[3:]
-    R = [
-        [w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z],
-    ]
-    return Pose(np.array(q[:3]), np.array(R))
+def rotation(quaternion: Floats) -> Array:
+    """Return the rotation matrix of Euler parameters that are not normalised, as in Exudyn."""
+    w, x, y, z = quaternion
+    return np.array(
+        [
+            [w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z],
+        ]
+    )
+
+
+def rate_map(quaternion: Floats) -> Array:
+    """Return ``2 E(e)`` of ``w_W = 2 E(e) e'``, ``E = (-e_v, e_0 1 + ~e_v)``, shape (3, 4)."""
+    w, x, y, z = (2 * component for component in quaternion)
+    return np.array([[-x, w, -z, y], [-y, z, w, -x], [-z, -y, x, w]])
 
 
 def _coordinate_jacobian(row: Row, q: Floats) -> Array:
-    """Jacobian in positions and Euler parameters: ``w_W = 2 E(e) e'``, ``E = (-e_v, e_0 1 + ~e_v)``."""
+    """Jacobian of a row in positions and Euler parameters of its bodies."""
     J = row.coefficients(_poses(q))
     result = np.empty((len(J), len(q)))
     for n in range(len(row.bodies)):
         first = _WIDTH * n
-        w, x, y, z = q[first + 3 : first + _WIDTH]
-        w, x, y, z = 2 * w, 2 * x, 2 * y, 2 * z
-        E = np.array([[-x, w, -z, y], [-y, z, w, -x], [-z, -y, x, w]])
         result[:, first : first + 3] = J[:, 6 * n : 6 * n + 3]
-        result[:, first + 3 : first + _WIDTH] = J[:, 6 * n + 3 : 6 * n + 6] @ E
+        result[:, first + 3 : first + _WIDTH] = J[:, 6 * n + 3 : 6 * n + 6] @ rate_map(q[first + 3 : first + _WIDTH])
     return result

@@ -1,9 +1,10 @@
-"""The adapter: questions of the harness to Exudyn."""
+"""`ExudynEngine`: answers of Exudyn through the protocol `consilience.engine.Engine`."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 from consilience.engine import (
     EngineInfo,
@@ -17,11 +18,12 @@ from consilience.engine import (
     TrajectoryAnswer,
     Unsupported,
     beyond,
+    feature_names,
 )
 from consilience.mechanism import Array, Mechanism, State
 from consilience_exudyn.kinematic_tree import build_tree, is_one_axis_tree
 from consilience_exudyn.library import POINTWISE, QUIET, SETTINGS, exu
-from consilience_exudyn.maximal import Axes, build
+from consilience_exudyn.maximal import build
 from consilience_exudyn.pointwise import instant_answer, model_answer, tree_instant_answer
 from consilience_exudyn.redundancy import independent_axes, left_out
 from consilience_exudyn.terms import Terms
@@ -32,7 +34,8 @@ _TRAJECTORIES = {
     "GeneralizedAlpha": (Integration("GeneralizedAlpha", SETTINGS), Profile.MATCHED, (20, 40, 80)),
     "GeneralizedAlpha, defaults": (Integration("GeneralizedAlpha", QUIET), Profile.DEFAULT, (5, 10, 20)),
 }
-"""Of rigid bodies with constraints; Exudyn's step is 0.01 s: five at samples every 0.05 s."""
+"""Integrator, profile and substeps of each method for rigid bodies with constraints. Exudyn's default step is 0.01 s:
+five steps for samples every 0.05 s."""
 
 _ROUTES = {Profile.MATCHED: Route.TUNED, Profile.DEFAULT: Route.NATIVE}
 _TREE = "ExplicitRungeKutta44 on KinematicTree"
@@ -40,16 +43,12 @@ _TREE_INSTANT = "initial accelerations on KinematicTree"
 _EXPLICIT_SUBSTEPS = (20, 40, 80)
 _TERMS = "ComputeMassMatrix, ComputeODE2RHS, ComputeJacobianAE"
 
-JOINTS = (
-    *("revolute", "prismatic", "cylindrical", "universal", "spherical", "planar", "rigid", "rod", "free", "screw"),
-    *("point_on_line", "point_in_plane", "parallel_axes"),
+FEATURES = feature_names(
+    joints="revolute, prismatic, cylindrical, universal, spherical, planar, rigid, rod, free, screw, "
+    "point_on_line, point_in_plane, parallel_axes",
+    elements="spring, joint spring, actuator, load, load in time, friction, control, drive, coupling, rolling, skate",
 )
-ELEMENTS = (
-    *("spring", "joint spring", "actuator", "load", "load in time", "friction", "control"),
-    *("drive", "coupling", "rolling", "skate"),
-)
-FEATURES = frozenset((*(f"{kind} joint" for kind in JOINTS), *ELEMENTS))
-"""Of `Mechanism.features`, what the adapter translates. A feature that is not listed is refused."""
+"""Features of a mechanism that the adapter translates; features that are not listed are refused."""
 
 _USER_FUNCTIONS = "Exudyn integrates and solves, the law is a user function of the adapter"
 _USER_ROW = "equation and Jacobian are a user function of ObjectConnectorCoordinateVector, by the adapter"
@@ -72,19 +71,18 @@ _ROLLING = {
     True: f"rounded discs and balls: contact and slip: {_USER_ROW}",
 }
 
-
 _MANY = 24
-"""Bodies above which a tree moves as a kinematic tree alone: redundant coordinates of a hundred take minutes."""
-
+"""Number of bodies above which a tree is integrated as a kinematic tree alone: redundant coordinates are too slow."""
 
 _LARGE = 6
+"""Number of bodies above which a sparse solver of the equations in redundant coordinates is faster, to the same digits.
+The profile ``default`` keeps Exudyn's dense solver."""
+
 _SPARSE = {"linearSolver.solverType": "EigenSparse"}
-"""Bodies above which the equations of redundant coordinates are sparse enough to be solved as such: fifty take a
-fifteenth of the time, to the same digits. Defaults stay dense."""
 
 
 def _integration(mechanism: Mechanism, name: str) -> Integration:
-    """Integrator of a method, with the knobs it runs with."""
+    """Integrator of a method, with its settings for a mechanism."""
     integration, profile, _ = _TRAJECTORIES[name]
     if profile is Profile.DEFAULT or len(mechanism.bodies) <= _LARGE:
         return integration
@@ -95,12 +93,12 @@ class ExudynEngine:
     """Exudyn with rigid bodies in redundant coordinates, and kinematic trees where a mechanism is one."""
 
     def __init__(self) -> None:
-        # built models of the last mechanism asked, recognised by identity
-        self._terms: tuple[Mechanism, Terms] | None = None
-        self._held: tuple[Mechanism, tuple[Axes, ...]] | None = None
+        self._terms: tuple[Mechanism, Terms] | None = None  # of the last mechanism, recognised by identity
+        # looked up at each call, because mutants replace `independent_axes`
+        self._independent = lru_cache(maxsize=1)(lambda mechanism: independent_axes(mechanism))  # noqa: PLW0108
 
     def info(self) -> EngineInfo:
-        """Name and version."""
+        """Return name and version of Exudyn and its adapter."""
         return EngineInfo(
             name="exudyn",
             version=exu.__version__,
@@ -109,11 +107,11 @@ class ExudynEngine:
         )
 
     def unsupported(self, mechanism: Mechanism, question: Question) -> tuple[Unsupported, ...]:
-        """Features without a translation: those the adapter does not know."""
+        """Return the features without a translation."""
         return beyond(mechanism, FEATURES, "Exudyn")
 
     def methods(self, mechanism: Mechanism, question: Question) -> tuple[Method, ...]:
-        """Ways to answer, the headline first."""
+        """Return the methods that answer the question, the headline method first."""
         tree = is_one_axis_tree(mechanism)
         if question is Question.MODEL:
             return (Method("ComputeMassMatrix, ComputeJacobianAE", Route.NATIVE, settings=POINTWISE),)
@@ -143,7 +141,7 @@ class ExudynEngine:
         return tuple(methods)
 
     def manifest(self, mechanism: Mechanism) -> Manifest:
-        """Say what the translation keeps; it approximates nothing."""
+        """Return the features that the translation keeps exact; nothing is approximated."""
         exact = [
             "bodies: ObjectRigidBody, inertia moved to the body's origin",
             "joints: constraints without compliance",
@@ -156,11 +154,11 @@ class ExudynEngine:
         return Manifest(exact=tuple(exact))
 
     def model(self, mechanism: Mechanism, state: State, method: Method) -> ModelAnswer:
-        """Mass properties and freedom from Exudyn's mass matrix and constraint Jacobian."""
+        """Return mass properties and freedom by Exudyn's mass matrix and constraint Jacobian."""
         return model_answer(self._terms_of(mechanism, state), state)
 
     def instant(self, mechanism: Mechanism, states: Sequence[State], method: Method) -> InstantAnswer:
-        """Accelerations, reactions and energies at consistent states."""
+        """Return accelerations, reactions and energies at consistent states."""
         if method.name == _TREE_INSTANT:
             return tree_instant_answer(mechanism, states)
         return instant_answer(self._terms_of(mechanism, states[0]), states)
@@ -168,7 +166,13 @@ class ExudynEngine:
     def trajectory(
         self, mechanism: Mechanism, state: State, times: Array, method: Method, step: float
     ) -> TrajectoryAnswer:
-        """Motion by one of Exudyn's integrators."""
+        """Integrate the motion from `state` by one of Exudyn's integrators.
+
+        Parameters
+        ----------
+        mechanism, state, times, method, step
+            As in `consilience.engine.Engine.trajectory`.
+        """
         if method.name == _TREE:
             return tree_answer(build_tree(mechanism, state), times, step)
         held = self._independent(mechanism)
@@ -179,8 +183,3 @@ class ExudynEngine:
         if self._terms is None or self._terms[0] is not mechanism:
             self._terms = (mechanism, Terms(build(mechanism, state)))
         return self._terms[1]
-
-    def _independent(self, mechanism: Mechanism) -> tuple[Axes, ...]:
-        if self._held is None or self._held[0] is not mechanism:
-            self._held = (mechanism, independent_axes(mechanism))
-        return self._held[1]

@@ -1,24 +1,24 @@
-"""An assembled Exudyn system as a script: its items as Exudyn itself tells them, and the laws of its user functions.
+"""Export of an assembled Exudyn system as a script: the items as returned by Exudyn, and laws of user functions.
 
 Constraints that are user functions of the adapter (screws, drives, couplings, skates, rounded rolling bodies) are user
-functions of the script. Their second derivatives, which Exudyn does not ask for, are written beside them.
+functions of the script, which also contains their right-hand sides for accelerations at a state.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from inspect import getsource
 from typing import Any
 
 import numpy as np
 
 from consilience.engine.native import FRICTION, JET, ROWS, SOLVE, function_data, row_data, script
 from consilience.mechanism import GROUND, RANK_TOLERANCE, Joint, Mechanism, State, linear
-from consilience_exudyn.constraints import Added
+from consilience_exudyn.constraints import Added, rate_map, rotation
 from consilience_exudyn.efforts import efforts_of
 from consilience_exudyn.export_rows import CONNECTIONS
 from consilience_exudyn.export_script import CODE
-from consilience_exudyn.library import POINTWISE, exu
+from consilience_exudyn.library import POINTWISE, exu, simulation_settings
 from consilience_exudyn.maximal import Maximal, build, coordinates, velocities
 from consilience_exudyn.rows import (
     TURN,
@@ -32,14 +32,20 @@ from consilience_exudyn.rows import (
     SlipRow,
     displacement_turns,
 )
+from consilience_exudyn.terms import convective_terms
 
 _KINDS = ("Node", "Object", "Marker", "Load")
 
 
-def _item(told: dict[str, Any]) -> dict[str, Any]:
-    """An item without what draws it, without user functions, and without what is empty."""
+def _items(system: Any, kind: str) -> list[dict[str, Any]]:
+    """Items of a kind of `_KINDS`, as returned by Exudyn."""
+    return [getattr(system, f"Get{kind}")(k) for k in range(getattr(system.systemData, f"NumberOf{kind}s")())]
+
+
+def _written(item: dict[str, Any]) -> dict[str, Any]:
+    """Item without graphics, user functions and empty arrays."""
     found = {}
-    for name, value in told.items():
+    for name, value in item.items():
         dense = value.Convert2DenseMatrix() if isinstance(value, exu.MatrixContainer) else value
         unwritten = name.startswith("V") or name.endswith("UserFunction")
         if not unwritten and not (isinstance(dense, np.ndarray) and dense.size == 0):
@@ -47,38 +53,25 @@ def _item(told: dict[str, Any]) -> dict[str, Any]:
     return found
 
 
-def _items(system: Any) -> dict[str, list[dict[str, Any]]]:
-    data = system.systemData
-    return {
-        f"{kind.upper()}S": [
-            _item(getattr(system, f"Get{kind}")(k)) for k in range(getattr(data, f"NumberOf{kind}s")())
-        ]
-        for kind in _KINDS
-    }
-
-
-def _with_user_function(system: Any, kind: str, wanted: Callable[[str], bool]) -> list[int]:
-    """Numbers of items of a type that have a user function, in their order."""
-    count = getattr(system.systemData, f"NumberOf{kind}s")()
-    told = [getattr(system, f"Get{kind}")(k) for k in range(count)]
+def _with_user_function(system: Any, kind: str) -> list[tuple[str, int]]:
+    """Type and number of the items of a kind with a user function, in their order."""
     return [
-        k
-        for k, item in enumerate(told)
-        if wanted(item[f"{kind.lower()}Type"])
-        and any(isinstance(v, dict) for n, v in item.items() if n.endswith("UserFunction"))
+        (item[f"{kind.lower()}Type"], k)
+        for k, item in enumerate(_items(system, kind))
+        if any(isinstance(value, dict) for name, value in item.items() if name.endswith("UserFunction"))
     ]
 
 
 def _laws(model: Maximal) -> dict[str, Any]:
-    """Laws by the number of the load or object that has them."""
+    """Laws by the numbers of their loads and objects."""
     m, system = model.mechanism, model.system
-    loads = _with_user_function(system, "Load", lambda _: True)
+    loads = [number for _, number in _with_user_function(system, "Load")]
+    objects = _with_user_function(system, "Object")
     histories = [load for load in m.loads if load.history is not None]
-    actuators = _with_user_function(system, "Object", lambda kind: kind == "ConnectorSpringDamper")
+    actuators = [number for kind, number in objects if kind == "ConnectorSpringDamper"]
     actuated = [spring for spring in m.springs if spring.actuator is not None]
-    connectors = _with_user_function(
-        system, "Object", lambda kind: kind in ("ConnectorTorsionalSpringDamper", "ConnectorLinearSpringDamper")
-    )
+    on_joints = ("ConnectorTorsionalSpringDamper", "ConnectorLinearSpringDamper")
+    connectors = [number for kind, number in objects if kind in on_joints]
     efforts = dict(zip(efforts_of(m), connectors, strict=True))
     integrals = [
         {"connector": efforts[c.joint, c.coordinate], "turns": c.coordinate == "angle", "f": function_data(c.target)}
@@ -94,12 +87,12 @@ def _laws(model: Maximal) -> dict[str, Any]:
         "ACTUATORS": {n: function_data(s.actuator) for n, s in zip(actuators, actuated, strict=True) if s.actuator},
         "EFFORTS": {number: _effort(m, *where) for where, number in efforts.items()},
         "INTEGRALS": integrals,
-        "INTEGRATOR": _with_user_function(system, "Object", lambda kind: kind == "GenericODE2"),
+        "INTEGRATOR": [number for kind, number in objects if kind == "GenericODE2"],
     }
 
 
 def _effort(m: Mechanism, joint: str, coordinate: str) -> dict[str, Any]:
-    """Everything that acts in one coordinate, as `efforts.Effort` has it."""
+    """Data of all efforts in one coordinate, as in `efforts.efforts_of`."""
 
     def here(x: Any) -> bool:
         return (x.joint, x.coordinate) == (joint, coordinate)
@@ -131,14 +124,14 @@ _CONNECTIONS: dict[type[Row], str] = {
     SlipRow: "slip",
     SkateRow: "skate",
 }
-"""What the script calls the rows that are user functions, those of screws before those of couplings."""
+"""Names in the script of the rows that are user functions; screws come before couplings."""
 
 
 def _connections(added_rows: tuple[Added, ...]) -> dict[int, list[Any]]:
-    """Kind, place among its kind, and bodies by the object's number; in the order of the script's ``held``."""
+    """Kind, place within the kind, and bodies by object number, in the order of ``held`` of the script."""
     seen: Counter[str] = Counter()
     found: dict[int, list[Any]] = {}
-    # drives come before screws there
+    # ``held`` has drives before screws
     for added in sorted(added_rows, key=lambda added: not isinstance(added.row, DriveRow)):
         if not isinstance(added.row, DiscRow):
             kind = _CONNECTIONS[type(added.row)]
@@ -152,7 +145,7 @@ def _frames(joint: Joint) -> list[Any]:
 
 
 def _rows(model: Maximal) -> dict[str, Any]:
-    """Data of constraints that are user functions: a screw is a coupling of its distance to its angle."""
+    """Data of constraints that are user functions; a screw is a coupling of its distance to its angle."""
     m = model.mechanism
     data = row_data(m, lambda joint, coordinate: [joint, coordinate])
     screws = [
@@ -166,32 +159,27 @@ def _rows(model: Maximal) -> dict[str, Any]:
         "GROUND": GROUND,
         "WELDS": [],
         "COUPLINGS": couplings,
-        "ROLLINGS": [rolling for rolling in data["ROLLINGS"] if rolling["rounding"]],  # Exudyn has discs
+        "ROLLINGS": [rolling for rolling in data["ROLLINGS"] if rolling["rounding"]],  # discs are Exudyn's
         "FRAMES": {joint.name: _frames(joint) for joint in m.joints if joint.name in used},
         "CONNECTIONS": _connections(model.rows),
     }
 
 
 def _discs(model: Maximal) -> list[dict[str, Any]]:
-    names = ("center", "axis", "radius", "normal")
-    return [
-        {
-            "object": int(added.index),
-            "body": model.mechanism.body_index[added.row.rolling.body],
-            **{name: getattr(added.row.rolling, name) for name in names},
-        }
-        for added in model.rows
-        if isinstance(added.row, DiscRow)
-    ]
+    discs = [(int(added.index), added.row.rolling) for added in model.rows if isinstance(added.row, DiscRow)]
+    index = model.mechanism.body_index
+    return [vars(rolling) | {"object": number, "body": index[rolling.body]} for number, rolling in discs]
 
 
 def export_model(title: str, mechanism: Mechanism, state: State) -> dict[str, str]:
-    """``run.py``, which adds the items of the system one by one.
+    """Return the script ``run.py``, which adds the items of the system one by one and prints accelerations.
 
     Parameters
     ----------
+    title : str
+    mechanism : Mechanism
     state : State
-        Where the script starts.
+        Initial state of the script.
     """
     model = build(mechanism, state)
     added = {int(row.index) for row in model.rows}
@@ -202,7 +190,7 @@ def export_model(title: str, mechanism: Mechanism, state: State) -> dict[str, st
         if joint.kind == "rod" and objects
     }
     constants = {
-        **_items(model.system),
+        **{f"{kind.upper()}S": [_written(item) for item in _items(model.system, kind)] for kind in _KINDS},
         **_laws(model),
         **_rows(model),
         "BODIES": {body.name: [body.name, np.zeros(3), np.eye(3)] for body in mechanism.bodies},
@@ -214,11 +202,12 @@ def export_model(title: str, mechanism: Mechanism, state: State) -> dict[str, st
         "QUATERNIONS": state.quat_WB,
         "TURNS": [displacement_turns(mechanism, state, joint) for joint in model.turning],
         "SETTINGS": POINTWISE,
-        "TOLERANCE": RANK_TOLERANCE,
+        "RANK_TOLERANCE": RANK_TOLERANCE,
     }
     about = f"{title}, for Exudyn {exu.__version__} alone, in redundant coordinates."
     imports = (
         "import json\nimport math\nimport os\nfrom functools import reduce\n\n"
         'os.environ["EXUDYN_NO_USER_SETTINGS"] = "1"  # read at import\n\nimport exudyn as exu\nimport numpy as np'
     )
-    return {"run.py": script(about, imports, constants, JET, FRICTION, SOLVE, CONNECTIONS, ROWS, CODE)}
+    shared = ["\n" + getsource(function) for function in (rotation, rate_map, simulation_settings, convective_terms)]
+    return {"run.py": script(about, imports, constants, JET, FRICTION, SOLVE, *shared, CONNECTIONS, ROWS, CODE)}

@@ -1,24 +1,12 @@
 """Code of exported scripts: constraints that are user functions, beside `consilience.engine.native.ROWS`.
 
-The same functions give Exudyn values and Jacobian while it integrates, and the accelerations at a state their
-second-derivative terms, which Exudyn does not ask for.
+The functions give values and Jacobians to Exudyn's integrators, and right-hand sides for accelerations at a state.
 """
 
 CONNECTIONS = '''
 PLACES = {GROUND: (np.zeros(3), np.eye(3), np.zeros(3), np.zeros(3))}  # origin, axes, velocity, angular velocity
 ANGLES = {}  # last angles of joints, from which full turns are counted
 COUNT = 6 * len(BODIES)
-
-
-def rotation(quaternion):
-    w, x, y, z = quaternion
-    return np.array(
-        [
-            [w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z],
-        ]
-    )
 
 
 def pose(owner):
@@ -45,7 +33,7 @@ def drift(owner, p):
 
 
 def coordinate(joint, kind):
-    """Distance along z of the frame on the predecessor, or angle about it; a screw's distance tells its turns."""
+    """Distance along, or angle about, z of the frame on the predecessor; turns of a screw are those of its distance."""
     (i, p, R_i), (j, r, R_j), pitch = FRAMES[joint]
     p, r, U = np.array(p), np.array(r), pose(i)[1] @ R_i
     here, there, relative = jacobian(i, p), jacobian(j, r), motion(j, r) - motion(i, p)
@@ -63,19 +51,19 @@ def coordinate(joint, kind):
 
 
 def gap(place, wanted):
-    """How far a coordinate is from where it is to be; of an angle full turns do not count."""
+    """Difference of a coordinate from its wanted value, for an angle within half a turn."""
     found = coordinate(*place)[0] - wanted
     return math.remainder(found, 2.0 * math.pi) if place[1] == "angle" else found
 
 
 def height(r):
-    """Height of the point of contact over its plane."""
+    """Height of the point of contact over the plane."""
     (p, R), n = pose(r["body"]), np.array(r["normal"])
     rho, _ = rolling_contact(R @ r["axis"], n, np.zeros(3), r["radius"], r["rounding"])
     return n @ (p + R @ r["center"] + rho - r["point"])
 
 
-EQUATIONS = {  # coefficients; values, none where velocities alone are held; rates: of row n of a kind, at a time
+EQUATIONS = {  # of row n of a kind at a time: coefficients; values, None for rows of velocities; rates
     "drive": (
         lambda n, t: drive_row(t, *DRIVES[n])[0],
         lambda n, t: [gap(DRIVES[n][0], jet(DRIVES[n][1], t)[0])],
@@ -93,7 +81,7 @@ EQUATIONS = {  # coefficients; values, none where velocities alone are held; rat
 
 
 def connection(kind, n, bodies):
-    """User functions of a constraint: of positions and Euler parameters of its bodies, ``w = 2 E(e) e'``."""
+    """User functions of a constraint, of positions and Euler parameters of its bodies."""
     coefficients, values, rates = EQUATIONS[kind]
 
     def look(q):
@@ -105,9 +93,8 @@ def connection(kind, n, bodies):
         look(q)
         J, found = coefficients(n, t), []
         for k, body in enumerate(bodies):
-            at, (w, x, y, z) = 6 * list(BODIES).index(body), q[7 * k + 3 : 7 * k + 7]
-            E = np.array([[-x, w, -z, y], [-y, z, w, -x], [-z, -y, x, w]])
-            found += [J[:, at : at + 3], J[:, at + 3 : at + 6] @ (2.0 * E)]
+            at, e = 6 * list(BODIES).index(body), q[7 * k + 3 : 7 * k + 7]
+            found += [J[:, at : at + 3], J[:, at + 3 : at + 6] @ rate_map(e)]
         return np.hstack(found)
 
     def residual(system, t, item, q, q_t, velocity_level):

@@ -1,4 +1,4 @@
-"""Code of exported scripts; the constants before it are those of `export`."""
+"""Code of exported scripts, which follows the constants of `export`."""
 
 CODE = '''
 exu.config.printToConsole = False
@@ -17,7 +17,7 @@ def actuator(law):
 
 
 def integrals():
-    """Integrals of the controllers: rates of coordinates without mechanical meaning."""
+    """Integrals of the controllers, which are rates of coordinates without mechanical meaning."""
     if not INTEGRALS:
         return []
     node = OBJECTS[INTEGRATOR[0]]["nodeNumbers"][0]
@@ -25,7 +25,7 @@ def integrals():
 
 
 def effort(law):
-    """Exudyn's force pulls the ends together; an effort acts on the successor."""
+    """User function of a connector, whose force pulls the ends together; an effort acts on the successor."""
 
     def force(_, t, __, q, rate, *more):
         total = sum(jet(f, t)[0] for f in law["actuators"])
@@ -64,7 +64,7 @@ def functions_of(number):
 
 
 def build():
-    """Add all items, in the order in which they refer to one another."""
+    """Add all items, each after the items to which it refers."""
     for node in NODES:
         SYSTEM.AddNode(node)
     for number, item in enumerate(OBJECTS):
@@ -87,18 +87,9 @@ def place(q, v, configuration=exu.ConfigurationType.Current):
     DATA.SetODE2Coordinates_t(v, configuration=configuration)
 
 
-def settings():
-    """Settings for terms at a state; go on with `exu.SimulationSettings` of your own and `SYSTEM.SolveDynamic`."""
-    found = exu.SimulationSettings()
-    for name, value in SETTINGS.items():
-        *groups, knob = name.split(".")
-        setattr(reduce(getattr, groups, found), knob, value)
-    return found
-
-
 build()
-SOLVER = exu.MainSolverImplicitSecondOrder()
-SOLVER.InitializeSolver(SYSTEM, settings())
+SOLVER = exu.MainSolverImplicitSecondOrder()  # for a motion: `SYSTEM.SolveDynamic` with settings of your own
+SOLVER.InitializeSolver(SYSTEM, simulation_settings(SETTINGS))
 CONSTRAINTS = JOINTS + [disc["object"] for disc in DISCS] + [int(number) for number in CONNECTIONS]
 ROWS = [row for number in CONSTRAINTS for row in DATA.GetObjectLTGAE(number)]
 NATIVE = sum(len(DATA.GetObjectLTGAE(number)) for number in JOINTS)
@@ -112,25 +103,9 @@ def algebraic(velocity_level):
     return np.array(SOLVER.GetSystemResidual())[len(Q) :]
 
 
-def convective():
-    """``c = d/ds C'(q + s v, v)`` by a central stencil that is exact for polynomials of degree four.
-
-    In Euler parameters the constraints of joints are such; that of a rod is one times its length.
-    """
-    q, v = np.array(Q), np.array(V)
-    step = 0.25 / max(1.0, np.max(np.abs(v)))
-    rod, total = LENGTHS > 0.0, np.zeros(len(LENGTHS))
-    for point, weight in ((-2.0, 1.0), (-1.0, -8.0), (1.0, 8.0), (2.0, -1.0)):
-        place(q + point * step * v, v)
-        distance = np.where(rod, LENGTHS + algebraic(False), 1.0)
-        total += weight * distance * algebraic(True)
-    place(q, v)
-    return (total / (12.0 * step) / np.where(rod, LENGTHS, 1.0))[ROWS]
-
-
 def body_state(b):
     """Rotation, ``G`` of ``w' = 2 G dp/dt`` and angular velocity in the world, of a body."""
-    w, x, y, z = QUATERNIONS[b]  # Q lacks a bit or two of them: it has them less one
+    w, x, y, z = QUATERNIONS[b]  # all digits: in Q the first parameter is stored less one
     R = rotation(QUATERNIONS[b])
     G = np.array([[-x, w, z, -y], [-y, -z, w, x], [-z, y, -x, w]])
     return R, G, R @ (2.0 * G @ np.array(V[7 * b + 3 : 7 * b + 7]))
@@ -147,7 +122,7 @@ def velocity_map():
 
 
 def look():
-    """Let `held` see the bodies where the script starts."""
+    """Set the places of the bodies for `held` to the initial state."""
     ANGLES.clear()
     for b, body in enumerate(BODIES):
         R, _, w = body_state(b)
@@ -155,7 +130,7 @@ def look():
 
 
 def contact(disc):
-    """Acceleration that the accelerations of the body's origin and of its angle must make up for at the contact."""
+    """Right-hand side of the acceleration of the point of contact, less the terms of the body's velocities."""
     R, _, w = body_state(disc["body"])
     rho, rho_dot = rolling_contact(R @ disc["axis"], np.array(disc["normal"]), w, disc["radius"], 0.0)
     return np.cross(w, np.cross(w, rho) - rho_dot) - np.cross(w, np.cross(w, R @ disc["center"] + rho))
@@ -163,11 +138,13 @@ def contact(disc):
 
 def accelerations():
     """Acceleration of the origin and angular acceleration of each body, world axes."""
-    c, T = convective(), velocity_map()
-    ANGLES.clear()  # the stencil went far
+    q, v, T = np.array(Q), np.array(V), velocity_map()
+    c = convective_terms(q, v, LENGTHS, place, algebraic)[ROWS]
+    place(q, v)
+    ANGLES.clear()  # the stencil has counted turns of distant states
     SOLVER.ComputeMassMatrix(SYSTEM)
     M = np.array(SOLVER.GetSystemMassMatrix())[:SIZE, :SIZE]
-    # the first call sets the whole matrix to zero, the second adds to it
+    # the first call sets the whole matrix to zero, the second adds the rows
     SOLVER.ComputeJacobianODE2RHS(SYSTEM, scalarFactor_ODE2=0.0, scalarFactor_ODE2_t=0.0, scalarFactor_ODE1=0.0)
     SOLVER.ComputeJacobianAE(
         SYSTEM, scalarFactor_ODE2=1.0, scalarFactor_ODE2_t=1.0, scalarFactor_ODE1=1.0, velocityLevel=False
@@ -181,8 +158,9 @@ def accelerations():
     gamma[NATIVE + 3 * len(DISCS) :] = held(0.0)[1]
     SOLVER.ComputeODE2RHS(SYSTEM)
     f = np.array(SOLVER.GetSystemResidual())[:SIZE]
-    a = solve(T.T @ M @ T, T.T @ f, J, gamma).reshape(-1, 6)
-    return {body: {"a": row[:3].tolist(), "alpha": row[3:].tolist()} for body, row in zip(BODIES, a, strict=True)}
+    a, _ = solve_constrained(T.T @ M @ T, T.T @ f, J, gamma)
+    pairs = zip(BODIES, a.reshape(-1, 6), strict=True)
+    return {body: {"a": row[:3].tolist(), "alpha": row[3:].tolist()} for body, row in pairs}
 
 
 if __name__ == "__main__":

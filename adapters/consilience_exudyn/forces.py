@@ -1,6 +1,6 @@
-"""Springs, joint springs and loads as Exudyn's own connectors and loads, for either model.
+"""Springs, joint springs and loads as Exudyn's connectors and loads, in rigid bodies and kinematic trees.
 
-What depends on time, and laws that are not linear, are user functions of these.
+Functions of time and laws that are not linear are user functions of the connectors and loads.
 """
 
 from __future__ import annotations
@@ -25,7 +25,9 @@ def add_springs_and_loads(system: Any, mechanism: Mechanism, mark: Mark) -> None
     ----------
     system : exudyn.MainSystem
         Not yet assembled.
+    mechanism : Mechanism
     mark : callable
+        Adds a rigid marker (`constraints.Mark`).
     """
     for spring in mechanism.springs:
         markers = [
@@ -49,7 +51,7 @@ def _spring_damper(spring: Spring, markers: list[Any]) -> Any:
 
 
 def _actuator(spring: Spring, markers: list[Any]) -> Any:
-    """Actuator of a spring, apart from it so that the spring keeps its potential energy; Exudyn's force pulls."""
+    """Connector for the actuator of a spring, so that the connector of the spring keeps its potential energy."""
     assert spring.actuator is not None
     push = spring.actuator.jet
 
@@ -78,9 +80,10 @@ def _load(load: Load, mark: Mark) -> Any:
 
 
 def add_joint_forces(system: Any, mechanism: Mechanism, mark: Mark) -> tuple[tuple[str, ...], int]:
-    """Add what acts about and along joint axes, as connectors between the frames F and M.
+    """Add joint springs and efforts as connectors between the frames F and M, about and along the joint axes.
 
-    A torsional connector gets a data node: Exudyn counts full turns only with one, else the angle jumps at half a turn.
+    A torsional connector gets a data node, with which Exudyn counts full turns; without it the angle jumps at half a
+    turn.
 
     Returns
     -------
@@ -94,7 +97,7 @@ def add_joint_forces(system: Any, mechanism: Mechanism, mark: Mark) -> tuple[tup
     integrals = Integrals(system, mechanism, lambda where: _measured(system, meters[where], where[1]))
 
     def connect(joint_name: str, coordinate: str, **law: Any) -> Any:
-        """Add a linear or torsional connector along a joint's z axes, and say its number of object."""
+        """Add a linear or torsional connector along z of a joint, and return its object number."""
         joint = mechanism.joints[mechanism.joint_index[joint_name]]
         markers = [mark(joint.predecessor, joint.F.p, joint.F.R), mark(joint.successor, joint.M.p, joint.M.R)]
         if coordinate == "distance":
@@ -110,8 +113,8 @@ def add_joint_forces(system: Any, mechanism: Mechanism, mark: Mark) -> tuple[tup
 
     for s in mechanism.joint_springs:
         connect(s.joint, s.coordinate, stiffness=s.stiffness, damping=s.damping, offset=s.rest)
-    for (joint, coordinate), effort in efforts_of(mechanism).items():
-        meters[joint, coordinate] = connect(joint, coordinate, **{_USER[coordinate]: opposed(effort, integrals)})
+    for (joint, coordinate), laws in efforts_of(mechanism).items():
+        meters[joint, coordinate] = connect(joint, coordinate, **{_USER[coordinate]: opposed(laws, integrals)})
     return tuple(turning), integrals.count
 
 
@@ -121,8 +124,3 @@ def _measured(system: Any, connector: Any, coordinate: str) -> float:
 
 _USER = {"angle": "springTorqueUserFunction", "distance": "springForceUserFunction"}
 _MEASURED = {"angle": exu.OutputVariableType.Rotation, "distance": exu.OutputVariableType.DisplacementLocal}
-
-
-def transformation(p: Array, R: Array) -> Any:
-    """Homogeneous transformation of Exudyn from an origin, shape (3,), and axes, shape (3, 3)."""
-    return exu.HT(rotation=R, translation=p)

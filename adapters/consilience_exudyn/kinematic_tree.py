@@ -1,4 +1,4 @@
-"""A tree of one-axis joints as an ObjectKinematicTree: Exudyn's minimal coordinates."""
+"""Trees of one-axis joints as an ObjectKinematicTree, in minimal coordinates."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from typing import Any
 
 import numpy as np
 
+from consilience.engine import axis_link
 from consilience.mechanism import GROUND, Array, Mechanism, State, Tree, coordinates, to_elementary_tree
 from consilience_exudyn.efforts import Coordinate, Integrals, efforts_of, opposed
-from consilience_exudyn.forces import add_springs_and_loads, transformation
-from consilience_exudyn.library import exu, items
+from consilience_exudyn.forces import add_springs_and_loads
+from consilience_exudyn.library import add_coordinates, exu, items
 
 _JOINT_TYPES = {"R": exu.JointType.RevoluteZ, "P": exu.JointType.PrismaticZ}
 _BEYOND = {"screw joint", "drive", "coupling", "rolling", "skate"}
-"""What would be a constraint: Exudyn's explicit integrators take none."""
+"""Features that would be constraints, which Exudyn's explicit integrators do not accept."""
 
-_SPRUNG = {"angle": "R", "distance": "P"}
 MOTION = ("Position", "RotationMatrix", "Velocity", "AngularVelocity")
 ACCELERATIONS = ("Acceleration", "AngularAcceleration")
 
 
 @dataclass(frozen=True, eq=False)
 class KinematicTree:
-    """An assembled Exudyn system of one kinematic tree.
+    """Assembled Exudyn system of one kinematic tree.
 
     Attributes
     ----------
@@ -32,11 +32,11 @@ class KinematicTree:
     tree : Tree
     container, system : exudyn.SystemContainer, exudyn.MainSystem
     sensors : tuple of tuple of exudyn.SensorIndex
-        What was asked of each body; rotation matrices are those of the link.
+        Sensors of each body; sensors of rotation matrices give axes of the link.
     R_LB : ndarray, shape (n_b, 3, 3)
         Axes of each body in its link.
     integrals : int
-        Coordinates behind those of the tree: integrals of controllers.
+        Number of coordinates behind those of the tree: integrals of controllers.
     """
 
     mechanism: Mechanism
@@ -57,7 +57,7 @@ def is_one_axis_tree(mechanism: Mechanism) -> bool:
 
 
 def set_initial(model: KinematicTree, state: State) -> None:
-    """Make the joint coordinates of a state the initial values from which Exudyn's solvers start."""
+    """Set the initial values of Exudyn's solvers to the joint coordinates of a state."""
     at, data = coordinates(model.mechanism, model.tree, state), model.system.systemData
     zero = [0.0] * model.integrals
     data.SetODE2Coordinates([*(c.q for c in at), *zero], configuration=exu.ConfigurationType.Initial)
@@ -69,6 +69,8 @@ def build_tree(mechanism: Mechanism, state: State, outputs: Sequence[str] = MOTI
 
     Parameters
     ----------
+    mechanism : Mechanism
+    state : State
     outputs : sequence of str
         Exudyn's output variables that sensors read at the origin of each body.
     """
@@ -76,25 +78,17 @@ def build_tree(mechanism: Mechanism, state: State, outputs: Sequence[str] = MOTI
     container = exu.SystemContainer()
     system = container.AddSystem()
     ground = system.AddObject(items.ObjectGround())
-    zero = [0.0] * len(tree.links)
-    node = system.AddNode(
-        items.NodeGenericODE2(
-            referenceCoordinates=zero,
-            initialCoordinates=zero,
-            initialCoordinates_t=zero,
-            numberOfODE2Coordinates=len(zero),
-        )
-    )
+    node = add_coordinates(system, len(tree.links))
     index = system.AddObject(_tree_object(mechanism, tree, node))
     integrals = _add_efforts(system, mechanism, tree, node)
 
     def mark(name: str, p: Array, R: Array) -> Any:
-        """Marker at a frame of a body or of the ground."""
+        """Add a marker at a frame of a body or of the ground."""
         if name == GROUND:
-            return system.AddMarker(items.MarkerBodyRigid(bodyNumber=ground, localHT=transformation(p, R)))
+            return system.AddMarker(items.MarkerBodyRigid(bodyNumber=ground, localHT=exu.HT(rotation=R, translation=p)))
         carrier = tree.carrier(mechanism.body_index[name])
         B = tree.links[carrier].body_frame
-        place = transformation(B.p + B.R @ p, B.R @ R)
+        place = exu.HT(rotation=B.R @ R, translation=B.p + B.R @ p)
         return system.AddMarker(items.MarkerKinematicTreeRigid(objectNumber=index, linkNumber=carrier, localHT=place))
 
     add_springs_and_loads(system, mechanism, mark)
@@ -129,51 +123,55 @@ def _tree_object(mechanism: Mechanism, tree: Tree, node: Any) -> Any:
 
 
 def _joint_controls(mechanism: Mechanism, tree: Tree) -> tuple[Array, Array, Array]:
-    """Joint springs as the tree's joint control: constant force, stiffness and damping of each coordinate.
+    """Joint springs as joint control of the tree: constant force, stiffness and damping of each coordinate.
 
-    A joint passed backwards has the negative coordinate, so the constant part ``k q0`` changes sign.
+    A joint passed backwards has the negative coordinate, so that the constant force ``k q0`` changes sign.
     """
     force, stiffness, damping = np.zeros((3, len(tree.links)))
     for spring in mechanism.joint_springs:
-        n, sign = _place(mechanism, tree, (spring.joint, spring.coordinate))
+        n, sign = axis_link(mechanism, tree, spring.joint, spring.coordinate)
         force[n] += sign * spring.stiffness * spring.rest
         stiffness[n] += spring.stiffness
         damping[n] += spring.damping
     return force, stiffness, damping
 
 
-def _place(mechanism: Mechanism, tree: Tree, where: Coordinate) -> tuple[int, float]:
-    """Index of the link that has a joint coordinate, and -1 where the tree passes the joint backwards."""
-    joint, elementary = mechanism.joint_index[where[0]], _SPRUNG[where[1]]
-    n = next(i for i, link in enumerate(tree.links) if link.joint == joint and link.elementary == elementary)
-    return n, -1.0 if tree.links[n].reversed else 1.0
-
-
 def _add_efforts(system: Any, mechanism: Mechanism, tree: Tree, node: Any) -> int:
-    """Add the efforts that are no linear springs; returns how many integrals of controllers they need.
+    """Add all efforts but linear springs; return the number of integrals of controllers.
 
-    They are connectors on the coordinates: with a user function of its own the tree has no potential energy.
+    Efforts are connectors on the coordinates: a kinematic tree with a user function of its own has no potential energy.
     """
     at_rest = items.MarkerNodeCoordinate(nodeNumber=system.AddNode(items.NodePointGround()), coordinate=0)
     ground = system.AddMarker(at_rest)
 
     def measure(where: Coordinate) -> float:
-        n, sign = _place(mechanism, tree, where)
+        n, sign = axis_link(mechanism, tree, *where)
         return sign * float(np.atleast_1d(system.GetNodeOutput(node, exu.OutputVariableType.Coordinates))[n])
 
     integrals = Integrals(system, mechanism, measure)
-    for where, effort in efforts_of(mechanism).items():
-        n, sign = _place(mechanism, tree, where)
+    for where, laws in efforts_of(mechanism).items():
+        n, sign = axis_link(mechanism, tree, *where)
         moved = system.AddMarker(items.MarkerNodeCoordinate(nodeNumber=node, coordinate=n))
-        force = opposed(effort, integrals, sign)
-        connector = items.ObjectConnectorCoordinateSpringDamper(
-            markerNumbers=[ground, moved], springForceUserFunction=force
-        )
-        system.AddObject(connector)
+        force = opposed(laws, integrals, sign)
+        law = {"markerNumbers": [ground, moved], "springForceUserFunction": force}
+        system.AddObject(items.ObjectConnectorCoordinateSpringDamper(**law))
     return integrals.count
 
 
 def _add_sensors(system: Any, tree: Any, link: int, p_LB: Array, outputs: Sequence[str]) -> tuple[Any, ...]:
+    """Add sensors at the origin of a body, and return their indices.
+
+    Parameters
+    ----------
+    system : exudyn.MainSystem
+    tree : exudyn.ObjectIndex
+        The kinematic tree.
+    link : int
+    p_LB : ndarray, shape (3,), m
+        Origin of the body in its link.
+    outputs : sequence of str
+        Exudyn's output variables.
+    """
     return tuple(
         system.AddSensor(
             items.SensorKinematicTree(

@@ -1,4 +1,4 @@
-"""The Exudyn library, imported once in the way the adapter needs: no user settings, nothing on the console."""
+"""Import of the Exudyn library without user settings and console output, and settings of simulations."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from functools import reduce
 from typing import Any
 
-# read at import: a user's ~/.exudyn/config.json may change solver settings behind the script
+# Exudyn reads this at import: a user's ~/.exudyn/config.json could change settings of solvers
 os.environ["EXUDYN_NO_USER_SETTINGS"] = "1"
 
 import exudyn as _exudyn
@@ -24,7 +24,7 @@ exu.config.printToConsole = False
 NEWTON_TOLERANCE = 1e-12
 
 QUIET: dict[str, Any] = {"solution.file.write": False}
-"""What has to be set for a run at Exudyn's defaults: it would write into the working directory."""
+"""Settings of a run at Exudyn's defaults: no files in the working directory."""
 
 SETTINGS: dict[str, Any] = {
     **QUIET,
@@ -32,18 +32,27 @@ SETTINGS: dict[str, Any] = {
     "timeIntegration.newton.relativeTolerance": NEWTON_TOLERANCE,
     "timeIntegration.newton.absoluteTolerance": NEWTON_TOLERANCE,
 }
-"""A fixed step, and Newton's equations solved nearly to rounding."""
+"""Settings for a fixed step, with Newton's equations solved nearly to rounding."""
 
 POINTWISE: dict[str, Any] = {**SETTINGS, "timeIntegration.generalizedAlpha.computeInitialAccelerations": False}
-"""For terms at a state: with dependent rows initial accelerations are singular, and else right to 1e-8 at best."""
+"""Settings for terms at a state, without initial accelerations: these are singular for dependent rows, and otherwise
+right to 1e-8 at best."""
 
 
 def simulation_settings(changed: Mapping[str, Any]) -> Any:
-    """Build an exudyn.SimulationSettings with these knobs, by their own names, and all else at its default."""
+    """Return an exudyn.SimulationSettings with the given knobs by their names, all others at their defaults."""
     settings = exu.SimulationSettings()
     for name, value in changed.items():
         *groups, knob = name.split(".")
-        # choices are named
         chosen = getattr(exu.LinearSolverType, value) if knob == "solverType" else value
         setattr(reduce(getattr, groups, settings), knob, chosen)
     return settings
+
+
+def add_coordinates(system: Any, count: int) -> Any:
+    """Add a node of `count` coordinates of second order, zero in the reference and initially; return the node."""
+    zero = [0.0] * count
+    node = items.NodeGenericODE2(
+        referenceCoordinates=zero, initialCoordinates=zero, initialCoordinates_t=zero, numberOfODE2Coordinates=count
+    )
+    return system.AddNode(node)

@@ -1,4 +1,4 @@
-"""A mechanism in Exudyn's redundant coordinates: a rigid body with Euler parameters each, joints as constraints."""
+"""Mechanisms in Exudyn's redundant coordinates: rigid bodies with Euler parameters, joints as constraints."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from consilience.mechanism import (
     rotation_from_quaternion,
 )
 from consilience_exudyn.constraints import Added, Mark, add_rows
-from consilience_exudyn.forces import add_joint_forces, add_springs_and_loads, transformation
+from consilience_exudyn.forces import add_joint_forces, add_springs_and_loads
 from consilience_exudyn.library import exu, items
 from consilience_exudyn.rows import displacement_turns, rows_of
 
 Axes = tuple[int, ...]
-"""Axes an ObjectJointGeneric holds (1) or leaves free (0): three translations, three rotations, in turned frame F.
+"""Axes that an ObjectJointGeneric holds (1) or leaves free (0): three translations, three rotations, in turned frame F.
 
-Of a rod its distance, of rows without an object of Exudyn's each of them.
+A rod has one entry, its distance; a row of `rows_of` has one entry for each equation.
 """
 
 _UNIT_QUATERNION = np.array([1.0, 0.0, 0.0, 0.0])
@@ -43,9 +43,9 @@ class JointItem:
     Attributes
     ----------
     axes : tuple of int
-        The joint as an ObjectJointGeneric; for a rod one entry, its distance.
+        Axes of the joint as an ObjectJointGeneric; for a rod one entry, its distance.
     native : callable or None
-        Exudyn's own object for the joint; None where it has only the generic one.
+        Exudyn's object for the joint; None where there is only the generic joint.
     turn : ndarray, shape (3, 3)
         Axes of Exudyn's joint frames in F and in M.
     """
@@ -74,21 +74,22 @@ JOINT_ITEMS: dict[str, JointItem] = {
 
 @dataclass(frozen=True, eq=False)
 class Maximal:
-    """An assembled Exudyn system.
+    """Assembled Exudyn system of rigid bodies.
 
     Attributes
     ----------
+    mechanism : Mechanism
     container, system : exudyn.SystemContainer, exudyn.MainSystem
     bodies : tuple of exudyn.ObjectIndex
         In the mechanism's order; seven coordinates each.
     joints : tuple of tuple of exudyn.ObjectIndex
-        In the mechanism's order: the objects whose constraints are those of the joint.
+        In the mechanism's order: the objects that hold the constraints of the joint.
     rows : tuple of Added
-        Constraints beside those of Exudyn's joints, those of screws among them.
+        Constraints beside those of Exudyn's joints, including those of screws.
     turning : tuple of str
-        Joints whose angles the data coordinates hold, so that turns are counted.
+        Joints whose angles are data coordinates, so that turns are counted.
     integrals : int
-        Coordinates behind those of the bodies: integrals of controllers.
+        Number of coordinates behind those of the bodies: integrals of controllers.
     gravity : tuple of exudyn.LoadIndex
     sensors : tuple of tuple of exudyn.SensorIndex
         Coordinates, velocity and angular velocity of each body.
@@ -107,49 +108,49 @@ class Maximal:
 
 
 def full_axes(mechanism: Mechanism) -> tuple[Axes, ...]:
-    """Constrained axes of every joint, then of every row of `rows_of`, with nothing left out."""
+    """Return all constrained axes of every joint, then of every row of `rows_of`."""
     joints = (JOINT_ITEMS[joint.kind].axes for joint in mechanism.joints)
     return (*joints, *((1,) * len(row.axes) for row in rows_of(mechanism)))
 
 
 def inertia_about_origin(body: Body) -> Array:
-    """Inertia tensor about the body's origin in body axes, ``I + m (c.c 1 - c c^T)``, shape (3, 3)."""
+    """Return the inertia about the body's origin in body axes, ``I + m (c.c 1 - c c^T)``, shape (3, 3)."""
     c = body.com
     return np.asarray(body.inertia + body.mass * ((c @ c) * _ONE - np.outer(c, c)))
 
 
 def inertia_vector(I: Array) -> list[float]:
-    """Six entries of an inertia tensor in Exudyn's order, xx yy zz yz xz xy."""
+    """Return the six entries of an inertia tensor in Exudyn's order, xx yy zz yz xz xy."""
     return [I[0, 0], I[1, 1], I[2, 2], I[1, 2], I[0, 2], I[0, 1]]
 
 
 def coordinates(state: State) -> Array:
-    """Coordinates of a state, shape (7 n_b,): displacement and Euler parameters from a pose at the world's origin."""
+    """Return the coordinates of a state, shape (7 n_b,): displacement and Euler parameters from the world's frame."""
     return np.hstack([state.p_WB, state.quat_WB - _UNIT_QUATERNION]).ravel()
 
 
 def velocities(state: State) -> Array:
-    """Rates of the coordinates, shape (7 n_b,): ``dp/dt = 1/2 G^T w_B``."""
+    """Return the rates of the coordinates, shape (7 n_b,): ``dp/dt = 1/2 G^T w_B``."""
     pairs = zip(state.quat_WB, state.w_WB_W, strict=True)
     rates = [0.5 * euler_parameter_matrix(q).T @ (rotation_from_quaternion(q).T @ w) for q, w in pairs]
     return np.hstack([state.v_WB_W, np.array(rates)]).ravel()
 
 
 def set_initial(model: Maximal, state: State) -> None:
-    """Make a state the initial values from which Exudyn's solvers start."""
+    """Set the initial values of Exudyn's solvers to a state."""
     place(model, coordinates(state), velocities(state), exu.ConfigurationType.Initial)
     count_turns(model, state, exu.ConfigurationType.Initial)
 
 
 def place(model: Maximal, q: Array, v: Array, configuration: Any) -> None:
-    """Put a configuration at coordinates of the bodies and their rates, integrals of controllers at zero."""
+    """Set coordinates and rates of the bodies in a configuration, and integrals of controllers to zero."""
     data, zero = model.system.systemData, np.zeros(model.integrals)
     data.SetODE2Coordinates(np.append(q, zero), configuration=configuration)
     data.SetODE2Coordinates_t(np.append(v, zero), configuration=configuration)
 
 
 def count_turns(model: Maximal, state: State, configuration: Any) -> None:
-    """Let a configuration count the turns of angles from a state."""
+    """Start counting the full turns of angles from a state, in a configuration."""
     for added in model.rows:
         added.row.forget()
     if model.turning:
@@ -162,11 +163,12 @@ def build(mechanism: Mechanism, state: State, held: tuple[Axes, ...] | None = No
 
     Parameters
     ----------
+    mechanism : Mechanism
     state : State
         Initial values. The reference configuration of every body is the pose at the world's origin.
     held : tuple of Axes, optional
-        Constrained axes as of `full_axes`, where dependent ones are left out. A joint with all of its axes becomes
-        Exudyn's own object of that kind.
+        Constrained axes in the form of `full_axes`, without dependent axes; by default all. A joint with all of its
+        axes becomes Exudyn's own object for its kind.
     """
     container = exu.SystemContainer()
     system = container.AddSystem()
@@ -183,7 +185,7 @@ def build(mechanism: Mechanism, state: State, held: tuple[Axes, ...] | None = No
 
     def mark(name: str, p: Array, R: Array) -> Any:
         index = ground if name == GROUND else bodies[mechanism.body_index[name]]
-        return system.AddMarker(items.MarkerBodyRigid(bodyNumber=index, localHT=transformation(p, R)))
+        return system.AddMarker(items.MarkerBodyRigid(bodyNumber=index, localHT=exu.HT(rotation=R, translation=p)))
 
     held = held or full_axes(mechanism)
     own = [_add_joint(system, joint, axes, mark) for joint, axes in zip(mechanism.joints, held, strict=False)]
@@ -233,7 +235,7 @@ def _add_sensors(system: Any, node: Any, body: Any) -> tuple[Any, Any, Any]:
 
 
 def _add_joint(system: Any, joint: Joint, axes: Axes, mark: Mark) -> tuple[Any, ...]:
-    """Add the native object if every axis is held, else the generic joint; nothing if no axis is."""
+    """Add Exudyn's own object if every axis is held, else the generic joint; nothing if no axis is held."""
     if not any(axes):
         return ()
     item = JOINT_ITEMS[joint.kind]

@@ -53,49 +53,33 @@ def _tree_about_origin(original: Any, magnitude: float, mechanism: Any) -> Any:
 
 @contextmanager
 def _redundant_rows(planted: Engine, magnitude: float) -> Iterator[Engine]:
-    """Keep every row of every joint, dependent or not; all or nothing."""
+    """Keep every row of every joint, dependent or not, at any magnitude."""
     del magnitude
     with replaced(engine, "independent_axes", lambda _: maximal.full_axes):
         yield planted
 
 
-def _integration(change: Callable[[Any, float], None]) -> Planting:
-    """Change the ``timeIntegration`` of the settings that a trajectory runs with."""
+def _integration(of: Callable[[float], Any], *knobs: str) -> Planting:
+    """Change settings of ``timeIntegration`` with which a trajectory runs."""
 
-    def make(original: Any, magnitude: float) -> Any:
-        """Return the function to put in place of the adapter's ``simulation_settings``."""
+    def change(original: Any, magnitude: float, settings: Any) -> Any:
+        return original({**settings, **{f"timeIntegration.{knob}": of(magnitude) for knob in knobs}})
 
-        def simulation_settings(changed: Any) -> Any:
-            settings = original(changed)
-            change(settings.timeIntegration, magnitude)
-            return settings
-
-        return simulation_settings
-
-    return inside(("trajectory", "simulation_settings", make))
-
-
-def _newton(integration: Any, magnitude: float) -> None:
-    integration.newton.relativeTolerance = magnitude
-    integration.newton.absoluteTolerance = magnitude
-
-
-def _adaptive(integration: Any, magnitude: float) -> None:
-    del magnitude
-    integration.adaptiveStep = True
-
-
-def _radius(integration: Any, magnitude: float) -> None:
-    integration.generalizedAlpha.spectralRadius = 1.0 - magnitude
-
-
-def _initial(integration: Any, magnitude: float) -> None:
-    del magnitude
-    integration.generalizedAlpha.computeInitialAccelerations = False
+    return inside(("trajectory", "simulation_settings", wrapped(change)))
 
 
 def _default_steps(original: Any, magnitude: float, system: Any, integration: Any, times: Any, step: float) -> Any:
-    """Take hundred steps for the whole run, whatever step was asked."""
+    """Take a hundred steps for the whole run, whatever the step.
+
+    Parameters
+    ----------
+    original : callable
+        Function of the adapter, of the parameters after `magnitude`.
+    magnitude : float
+        Not used.
+    system, integration, times, step
+        As in `trajectory.solve`.
+    """
     del magnitude, step
     return original(system, integration, times, (times[-1] - times[0]) / 100.0)
 
@@ -110,14 +94,15 @@ MUTANTS = (
            methods="KinematicTree"),
     Mutant(20, "redundant rows", "every row of every joint given to Exudyn's integrators", WHOLE, "", T,
            _redundant_rows, preconditions.redundant, methods="TrapezoidalIndex2"),
-    Mutant(21, "loose Newton iteration", "its tolerances", decades(0, -10, 2), "", T, _integration(_newton),
-           methods="GeneralizedAlpha"),
+    Mutant(21, "loose Newton iteration", "its tolerances", decades(0, -10, 2), "", T,
+           _integration(float, "newton.relativeTolerance", "newton.absoluteTolerance"), methods="GeneralizedAlpha"),
     Mutant(21, "steps by default", "hundred for the whole run, whatever step was asked", WHOLE, "", T,
            inside(("trajectory", "solve", wrapped(_default_steps))), methods="GeneralizedAlpha"),
     Mutant(21, "adaptive step", "on, as it is by default: steps are halved where Newton's iteration fails, here never",
-           WHOLE, "", T, _integration(_adaptive), methods="GeneralizedAlpha", harmless=True),
+           WHOLE, "", T, _integration(lambda e: True, "adaptiveStep"), methods="GeneralizedAlpha", harmless=True),
     Mutant(21, "spectral radius", "one minus this; 0.9 is the default, every one is of order two", (0.5, 0.2), "", T,
-           _integration(_radius), methods="GeneralizedAlpha", harmless=True),
+           _integration(lambda e: 1.0 - e, "generalizedAlpha.spectralRadius"), methods="GeneralizedAlpha",
+           harmless=True),
     Mutant(21, "initial accelerations", "not computed: the integration starts from zero", WHOLE, "", T,
-           _integration(_initial), methods="GeneralizedAlpha"),
+           _integration(lambda e: False, "generalizedAlpha.computeInitialAccelerations"), methods="GeneralizedAlpha"),
 )  # fmt: skip

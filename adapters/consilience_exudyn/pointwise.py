@@ -1,7 +1,7 @@
 """Answers at given states: mass properties, accelerations, reactions and energies.
 
-Rigid bodies: Exudyn's terms, solved by the harness. Kinematic trees, which have no constraints: the initial
-accelerations of Exudyn's own solver; these have no reactions.
+Accelerations of rigid bodies are solved by the harness from Exudyn's terms. Accelerations of kinematic trees, which
+have no constraints, are the initial accelerations of Exudyn's own solver; kinematic trees have no reactions.
 """
 
 from __future__ import annotations
@@ -11,10 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from consilience.engine import InstantAnswer, ModelAnswer, solve_constrained
+from consilience.engine import InstantAnswer, ModelAnswer, numerical_rank, solve_constrained
 from consilience.mechanism import (
     GROUND,
-    RANK_TOLERANCE,
     Array,
     Frame,
     Joint,
@@ -30,21 +29,13 @@ from consilience_exudyn.maximal import Maximal
 from consilience_exudyn.terms import Terms
 
 
-def rank(J: Array) -> int:
-    """Rank of constraint rows by their singular values."""
-    if J.size == 0:
-        return 0
-    singular = np.linalg.svd(J, compute_uv=False)
-    return int(np.sum(singular > RANK_TOLERANCE * singular[0]))
-
-
 def model_answer(terms: Terms, state: State) -> ModelAnswer:
-    """Mass properties out of Exudyn's mass matrix, freedom out of its constraint Jacobian.
+    """Compute mass properties from Exudyn's mass matrix, and the freedom from its constraint Jacobian.
 
     The block of a body about its origin is ``[[m 1, -m ~c], [m ~c, I + m (c.c 1 - c c^T)]]`` in world axes.
     """
     M = terms.mass_matrix(state)
-    freedom = len(M) - rank(terms.constraint_jacobian(state))
+    freedom = len(M) - numerical_rank(terms.constraint_jacobian(state))
     masses, centres, about_origin = [], [], []
     for i, body in enumerate(terms.model.bodies):
         block = M[6 * i : 6 * i + 6, 6 * i : 6 * i + 6]
@@ -65,7 +56,7 @@ def _steiner(mass: float, c: Array) -> Array:
 
 
 def instant_answer(terms: Terms, states: Sequence[State]) -> InstantAnswer:
-    """Accelerations from Exudyn's terms by the harness's solve; reactions and energies as Exudyn evaluates them."""
+    """Compute accelerations from Exudyn's terms by the harness's solver; reactions and energies are Exudyn's."""
     energy = SystemEnergy(terms.model.system)
     accelerations, reactions, energies = [], [], []
     for state in states:
@@ -91,8 +82,9 @@ def instant_answer(terms: Terms, states: Sequence[State]) -> InstantAnswer:
 def _reaction(model: Maximal, state: State, k: int) -> tuple[Array, Array]:
     """Wrench of joint k in the harness's convention, from Exudyn's ReactionForces at the current multipliers.
 
-    They are ``Cq^T lam`` in the coordinates of the joined bodies, on the left of the equations of motion: the joint
-    exerts their negative. What acts along the Euler parameters of a body is ``2 G^T tau_B``, so ``tau_B = 1/2 G Q``.
+    ReactionForces are ``Cq^T lam`` in the coordinates of the joined bodies, on the left-hand side of the equations of
+    motion: the joint exerts their negative. A torque gives the generalised forces ``Q = 2 G^T tau_B`` along the Euler
+    parameters, so ``tau_B = 1/2 G Q``.
     """
     joint: Joint = model.mechanism.joints[k]
     if not model.joints[k]:
@@ -113,8 +105,8 @@ def _reaction(model: Maximal, state: State, k: int) -> tuple[Array, Array]:
 def _energies(model: Maximal, energy: Any) -> tuple[float, float]:
     """Kinetic energy, and potential energy of gravity and springs, of the current configuration.
 
-    Exudyn's potential of a load is zero in the reference configuration, where every body stands at the world's
-    origin; the loads of the mechanism that are not gravity have no part in the harness's potential energy.
+    Exudyn's potential of gravity is zero in the reference configuration, where every body is at the world's origin. The
+    mechanism's loads are not part of the harness's potential energy.
     """
     kinetic, springs, _, _ = energy.ComputeSystemEnergies()
     mechanism = model.mechanism
@@ -124,7 +116,7 @@ def _energies(model: Maximal, energy: Any) -> tuple[float, float]:
 
 
 def tree_instant_answer(mechanism: Mechanism, states: Sequence[State]) -> InstantAnswer:
-    """Accelerations and energies of a kinematic tree by Exudyn's solver, which starts from those it finds itself."""
+    """Compute energies of a kinematic tree, and its accelerations as the initial accelerations of Exudyn's solver."""
     model = build_tree(mechanism, states[0], ACCELERATIONS)
     solver, settings = exu.MainSolverImplicitSecondOrder(), simulation_settings(QUIET)
     energy, offset = SystemEnergy(model.system), _potential_where_it_is_zero(model)
@@ -141,9 +133,9 @@ def tree_instant_answer(mechanism: Mechanism, states: Sequence[State]) -> Instan
 
 
 def _potential_where_it_is_zero(model: KinematicTree) -> float:
-    """Potential energy by the harness's account where Exudyn's is zero: all joint coordinates zero.
+    """Potential energy in the harness's convention where all joint coordinates are zero, as is Exudyn's energy.
 
-    Of a joint spring Exudyn counts ``k q^2 / 2 - k q0 q``, the harness ``k (q - q0)^2 / 2``.
+    The energy of a joint spring is ``k q^2 / 2 - k q0 q`` in Exudyn, ``k (q - q0)^2 / 2`` in the harness.
     """
     poses: list[Frame] = []
     for link in model.tree.links:

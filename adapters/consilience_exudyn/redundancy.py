@@ -1,9 +1,9 @@
-"""Which constraint equations to leave out, so that Exudyn's integrators see independent ones.
+"""Choice of independent constraint equations for Exudyn's integrators.
 
-With dependent rows Exudyn's matrices are singular: initial accelerations become zero with a console warning,
-the integrators stop, and TrapezoidalIndex2 has been seen to lock an over-constrained mechanism and report success.
-The rows of the joints of the tree are always independent; of each joint that closes a loop, then of each element, as
-many axes are held as it adds to the rank.
+With dependent rows Exudyn's matrices are singular: initial accelerations become zero with a console warning, the
+integrators stop, and TrapezoidalIndex2 may lock an over-constrained mechanism and report success. The rows of the
+joints of a spanning tree are independent; of each joint that closes a loop, then of each element, as many axes are held
+as the joint or element adds to the rank.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from itertools import combinations
 
 import numpy as np
 
+from consilience.engine import numerical_rank
 from consilience.mechanism import Array, Mechanism, State, initial_state, random_states, spanning_tree
 from consilience_exudyn.maximal import Axes, build, full_axes
-from consilience_exudyn.pointwise import rank
 from consilience_exudyn.rows import rows_of
 from consilience_exudyn.terms import Terms
 
@@ -25,10 +25,10 @@ _NAMES = ("translation x", "translation y", "translation z", "rotation x", "rota
 
 
 def independent_axes(mechanism: Mechanism) -> tuple[Axes, ...]:
-    """Constrained axes of every joint and row such that no equation depends on the others.
+    """Choose the constrained axes of every joint and row such that the equations are independent.
 
-    The choice is made by Exudyn's own Jacobian in the drawing and at a few states along its branch, for the set whose
-    smallest singular value is largest in the worst of them. It depends on the mechanism only.
+    The smallest singular value of the chosen rows, in Exudyn's own Jacobian, is largest in the worst of the drawing and
+    a few states along its branch. The choice depends on the mechanism only.
     """
     full = full_axes(mechanism)
     _, closing = spanning_tree(mechanism)
@@ -58,7 +58,7 @@ def equations(held: Sequence[Axes]) -> int:
 
 
 def left_out(mechanism: Mechanism, held: Sequence[Axes]) -> dict[str, str]:
-    """Axes no longer constrained, in words, by the name of the joint or element."""
+    """Return the axes that are left out, in words, by the name of the joint or element."""
     joints = [(joint.name, ("distance",) if joint.kind == "rod" else _NAMES) for joint in mechanism.joints]
     named = [*joints, *((row.name, row.axes) for row in rows_of(mechanism))]
     words: dict[str, str] = {}
@@ -87,11 +87,21 @@ def _jacobians(mechanism: Mechanism, states: Sequence[State], held: Sequence[Axe
 
 
 def _ranks(mechanism: Mechanism, states: Sequence[State], held: Sequence[Axes]) -> list[int]:
-    return [rank(J) for J in _jacobians(mechanism, states, held)]
+    return [numerical_rank(J) for J in _jacobians(mechanism, states, held)]
 
 
 def _best(mechanism: Mechanism, states: Sequence[State], held: Sequence[Axes], k: int, count: int) -> Axes:
-    """Of all ways to hold `count` axes of joint or row k, the one that stays furthest from losing rank."""
+    """Choose `count` axes of joint or row k such that the smallest singular value is largest in the worst state.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    states : sequence of State
+    held : sequence of Axes
+        Axes of all joints and rows; entry k is replaced by each candidate.
+    k : int
+    count : int
+    """
     full = held_axes = full_axes(mechanism)[k]
     best = -1.0
     for chosen in combinations([n for n, axis in enumerate(full) if axis], count):

@@ -1,9 +1,9 @@
-"""Constraint rows that Exudyn has no object for, as functions of the positions and Euler parameters of bodies.
+"""Constraint rows for which Exudyn has no object, as functions of the positions and Euler parameters of bodies.
 
-Every row is ``J v = rate`` for the velocities (v_W, w_W) of its bodies' origins, and ``value = 0`` where it is
-holonomic. Angular velocities are ``w_W = 2 E(e) e'``, as in Exudyn's own joints: a change of the norm of e is no
-motion, so that rows do not see it. What is written here is what an integrator needs; the second derivatives that
-accelerations at a state need are those of `consilience.mechanism.element_rows` (`gamma`).
+Every row is ``J v = rate`` for the velocities (v_W, w_W) of the origins of its bodies, and ``value = 0`` if holonomic.
+Angular velocities are ``w_W = 2 E(e) e'``, as in Exudyn's own joints: a change of the norm of e is no motion and does
+not change a row. An integrator needs values, coefficients and rates; the right-hand sides `gamma` for accelerations at
+a state are those of `consilience.mechanism.element_rows`.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from consilience.mechanism import (
     full_turns,
     holonomic_rows,
     joint_frames,
+    linear,
     non_holonomic_rows,
     plane_axes,
     rolling_contact,
@@ -38,7 +39,7 @@ TURN = 2.0 * math.pi
 
 
 class Pose(NamedTuple):
-    """Position and rotation matrix of a body."""
+    """Position of the origin, and rotation matrix, of a body."""
 
     p: Array
     R: Array
@@ -48,12 +49,14 @@ _FIXED = Pose(np.zeros(3), np.eye(3))
 
 
 class JointCoordinate:
-    """Angle or distance of a joint with one axis, and its coefficients.
+    """Angle or distance of a joint with one axis, and coefficients of its rate.
 
     Parameters
     ----------
+    mechanism : Mechanism
+    joint, coordinate : str
     bodies : sequence of str
-        Bodies of the row, of whose poses and velocities it is a function.
+        Bodies of the row, in the order of poses and coefficients.
     """
 
     def __init__(self, mechanism: Mechanism, joint: str, coordinate: str, bodies: Sequence[str]) -> None:
@@ -63,13 +66,13 @@ class JointCoordinate:
         self._F, self._M = self._joint.F, self._joint.M
 
     def value(self, poses: Sequence[Pose], near: float = 0.0) -> float:
-        """Value, an angle within half a turn of `near`; the turns of a screw are those of its displacement."""
+        """Return the value; an angle is within half a turn of `near`, for a screw of the angle of its displacement."""
         if not self._angular:
             return self._distance(poses)
         if self._joint.pitch:
             near = TURN * self._distance(poses) / self._joint.pitch
         x_M = self._F.R.T @ (_at(poses, self._i).R.T @ (_at(poses, self._j).R @ self._M.R[:, 0]))
-        if math.isnan(near):  # a function beyond its table: Newton's iteration must fail, and says so
+        if math.isnan(near):  # a function beyond its table, at which Newton's iteration must fail
             return near
         return full_turns(math.atan2(x_M[1], x_M[0]), near)
 
@@ -78,13 +81,13 @@ class JointCoordinate:
         return float(u @ d)
 
     def _along(self, poses: Sequence[Pose]) -> tuple[Array, Array, Array, Array]:
-        """Axis, arms of the origins of F and M, and what leads from F to M."""
+        """Axis, arms to the origins of F and M from those of their bodies, and the vector from F to M; world axes."""
         here, there = _at(poses, self._i), _at(poses, self._j)
         s_i, s_j = here.R @ self._F.p, there.R @ self._M.p
         return here.R @ self._F.R[:, 2], s_i, s_j, there.p + s_j - here.p - s_i
 
     def coefficients(self, poses: Sequence[Pose]) -> Array:
-        """Coefficients of the velocities of all bodies of the row, shape (6 n,)."""
+        """Return the coefficients of the velocities of all bodies of the row, shape (6 n,)."""
         J = np.zeros(6 * len(poses))
         i, j = 6 * self._i, 6 * self._j
         if self._angular:
@@ -113,25 +116,25 @@ def _place(bodies: Sequence[str], name: str) -> int:
 
 
 def _bodies_of(mechanism: Mechanism, *joints: str) -> tuple[str, ...]:
-    """Bodies that the joints join, each once, without the ground."""
+    """Bodies that joints connect, each once, without the ground."""
     found = [mechanism.joints[mechanism.joint_index[name]] for name in joints]
     ends = [end for joint in found for end in (joint.predecessor, joint.successor)]
     return tuple(name for name in dict.fromkeys(ends) if name != GROUND)
 
 
 class Row:
-    """One or two constraint rows on some bodies.
+    """Constraint rows of one element or screw.
 
     Attributes
     ----------
     name : str
     bodies : tuple of str
     axes : tuple of str
-        What each row holds, in words.
+        Name of the motion that each row constrains.
     holonomic : bool
-        Without it the row holds velocities only.
+        False if the rows hold velocities only.
     joint : str or None
-        Joint whose constraint it is; None for an element beside the joints.
+        Joint to which the constraint belongs; None for an element.
     """
 
     axes: tuple[str, ...] = ("motion",)
@@ -142,19 +145,19 @@ class Row:
         self.name, self.bodies = name, bodies
 
     def values(self, t: float, poses: Sequence[Pose]) -> list[float]:
-        """Values, which a holonomic row holds at zero."""
+        """Return the values that holonomic rows hold at zero."""
         raise NotImplementedError
 
     def coefficients(self, poses: Sequence[Pose]) -> Array:
-        """Coefficients of ``(v_W, w_W)`` of the bodies, shape (rows, 6 n)."""
+        """Return the coefficients of ``(v_W, w_W)`` of the bodies, shape (rows, 6 n)."""
         raise NotImplementedError
 
     def rates(self, t: float) -> list[float]:
-        """Rates that the rows hold."""
+        """Return the rates that the rows hold."""
         return [0.0] * len(self.axes)
 
     def forget(self) -> None:
-        """Count turns from zero again."""
+        """Count full turns from zero again."""
 
 
 class DriveRow(Row):
@@ -166,21 +169,21 @@ class DriveRow(Row):
         self._motion = drive.motion.jet
 
     def values(self, t: float, poses: Sequence[Pose]) -> list[float]:
-        """Distance of the coordinate from where it is driven."""
+        """Return ``q - f(t)``."""
         wanted = self._motion(t)[0]
         return [self._q.value(poses, wanted) - wanted]
 
     def coefficients(self, poses: Sequence[Pose]) -> Array:
-        """Those of the coordinate."""
+        """Return the coefficients of ``q'``."""
         return self._q.coefficients(poses)[None]
 
     def rates(self, t: float) -> list[float]:
-        """Rate of the motion."""
+        """Return ``f'(t)``."""
         return [self._motion(t)[1]]
 
 
 class CouplingRow(Row):
-    """``q = f(x)``, turns of x counted from one evaluation to the next."""
+    """``q = f(x)``, with full turns of x counted from one evaluation to the next."""
 
     def __init__(self, mechanism: Mechanism, coupling: Coupling) -> None:
         super().__init__(coupling.name, _bodies_of(mechanism, coupling.driver_joint, coupling.joint))
@@ -194,88 +197,78 @@ class CouplingRow(Row):
         return self._last
 
     def values(self, t: float, poses: Sequence[Pose]) -> list[float]:
-        """Distance of the coordinate from where the driving one puts it."""
+        """Return ``q - f(x)``."""
         wanted = self._law(self._driver(poses))[0]
         return [self._q.value(poses, wanted) - wanted]
 
     def coefficients(self, poses: Sequence[Pose]) -> Array:
-        """``q' - f'(x) x'``."""
+        """Return the coefficients of ``q' - f'(x) x'``."""
         slope = self._law(self._driver(poses))[1]
         return np.asarray(self._q.coefficients(poses) - slope * self._x.coefficients(poses))[None]
 
     def forget(self) -> None:
-        """Back to the angle within half a turn of zero."""
+        """Count full turns of x from zero again."""
         self._last = 0.0
 
 
-class ScrewRow(Row):
-    """``Z - pitch angle / 2 pi = 0``; the other rows of the screw are those of a cylindrical joint."""
+class ScrewRow(CouplingRow):
+    """Thread ``Z = pitch angle / 2 pi`` of a screw, whose other rows are those of a cylindrical joint."""
 
     axes = ("thread",)
 
     def __init__(self, mechanism: Mechanism, joint: Joint) -> None:
-        super().__init__(joint.name, _bodies_of(mechanism, joint.name))
+        thread = Coupling(joint.name, joint.name, "angle", joint.name, "distance", linear(joint.pitch / TURN))
+        super().__init__(mechanism, thread)
         self.joint = joint.name
-        self._lead = joint.pitch / TURN
-        self._z = JointCoordinate(mechanism, joint.name, "distance", self.bodies)
-        self._angle = JointCoordinate(mechanism, joint.name, "angle", self.bodies)
-
-    def values(self, t: float, poses: Sequence[Pose]) -> list[float]:
-        """Distance from the thread."""
-        return [self._z.value(poses) - self._lead * self._angle.value(poses)]
-
-    def coefficients(self, poses: Sequence[Pose]) -> Array:
-        """``Z' - pitch angle' / 2 pi``."""
-        return np.asarray(self._z.coefficients(poses) - self._lead * self._angle.coefficients(poses))[None]
 
 
-class ContactRow(Row):
-    """The rolling body touches the plane: centre c, axis a, ``n . (c - point) = R |n - (n.a) a| + r``."""
-
-    axes = ("contact",)
+class _RollingRow(Row):
+    """Row of a rolling body."""
 
     def __init__(self, rolling: Rolling) -> None:
         super().__init__(rolling.name, (rolling.body,))
-        self._rolling, self._directions = rolling, plane_axes(rolling)[:1]
+        self.rolling, self._plane = rolling, plane_axes(rolling)
+
+    def _contact_velocity(self, directions: Array, pose: Pose) -> Array:
+        """Coefficients of the velocity of the point of contact along directions, shape (rows, 6)."""
+        return _point_velocity(directions, np.add(*lever(self.rolling, pose)))
+
+
+class ContactRow(_RollingRow):
+    """Contact of a rolling body with its plane: ``n . (c - point) = R |n - (n.a) a| + r``, centre c, axis a."""
+
+    axes = ("contact",)
 
     def values(self, t: float, poses: Sequence[Pose]) -> list[float]:
-        """Height over the plane."""
-        s, rho = lever(self._rolling, poses[0])
-        return [float(self._rolling.normal @ (poses[0].p + s + rho - self._rolling.point))]
+        """Return the height of the point of contact over the plane."""
+        s, rho = lever(self.rolling, poses[0])
+        return [float(self.rolling.normal @ (poses[0].p + s + rho - self.rolling.point))]
 
     def coefficients(self, poses: Sequence[Pose]) -> Array:
-        """Velocity of the point of contact along the normal."""
-        return _point_velocity(self._directions, np.add(*lever(self._rolling, poses[0])))
+        """Return the coefficients of the velocity of the point of contact along the normal."""
+        return self._contact_velocity(self._plane[:1], poses[0])
 
 
-class SlipRow(Row):
-    """The point of contact does not move along the plane."""
+class SlipRow(_RollingRow):
+    """Velocity zero of the point of contact along two directions of the plane."""
 
     axes = ("slip", "slip across it")
     holonomic = False
 
-    def __init__(self, rolling: Rolling) -> None:
-        super().__init__(rolling.name, (rolling.body,))
-        self._rolling, self._directions = rolling, plane_axes(rolling)[1:]
-
     def coefficients(self, poses: Sequence[Pose]) -> Array:
-        """Velocity of the point of contact along two directions of the plane."""
-        return _point_velocity(self._directions, np.add(*lever(self._rolling, poses[0])))
+        """Return the coefficients of the velocity of the point of contact along the plane."""
+        return self._contact_velocity(self._plane[1:], poses[0])
 
 
-class DiscRow(Row):
-    """A sharp-edged disc: Exudyn has a joint for it, which holds the velocity of the point of contact."""
+class DiscRow(_RollingRow):
+    """Sharp-edged disc, held by a joint of Exudyn's at the velocity of the point of contact."""
 
     axes = ("lateral slip", "longitudinal slip", "contact")
     holonomic = False
 
-    def __init__(self, rolling: Rolling) -> None:
-        super().__init__(rolling.name, (rolling.body,))
-        self.rolling = rolling
-
 
 class SkateRow(Row):
-    """A point of the body does not move along a direction of the body."""
+    """Velocity zero of a point of a body along a direction of the body."""
 
     axes = ("lateral motion",)
     holonomic = False
@@ -285,13 +278,13 @@ class SkateRow(Row):
         self._skate = skate
 
     def coefficients(self, poses: Sequence[Pose]) -> Array:
-        """Velocity of the point along the direction."""
+        """Return the coefficients of the velocity of the point along the direction."""
         R = poses[0].R
         return _point_velocity((R @ self._skate.lateral)[None], R @ self._skate.point)
 
 
 def lever(rolling: Rolling, pose: Pose) -> tuple[Array, Array]:
-    """From the body's origin to the centre, and from there to the point of contact, world axes."""
+    """Return the arm of the centre from the body's origin, and of the point of contact from the centre, world axes."""
     rho, _ = rolling_contact(pose.R @ rolling.axis, rolling.normal, np.zeros(3), rolling.radius, rolling.rounding)
     return pose.R @ rolling.center, rho
 
@@ -301,7 +294,7 @@ def _point_velocity(directions: Array, arm: Array) -> Array:
 
 
 def rows_of(mechanism: Mechanism) -> tuple[Row, ...]:
-    """Rows of screws, drives, couplings, rolling bodies and skates, in this order."""
+    """Return the rows of screws, drives, couplings, rolling bodies and skates, in this order."""
     return (
         *(ScrewRow(mechanism, joint) for joint in mechanism.joints if joint.kind == "screw"),
         *(DriveRow(mechanism, drive) for drive in mechanism.drives),
@@ -316,10 +309,10 @@ def _rolling(rolling: Rolling) -> tuple[Row, ...]:
 
 
 def gammas(mechanism: Mechanism, state: State) -> list[Array]:
-    """Right-hand side of ``J a = gamma`` of each row of `rows_of`, at time zero and angles within half a turn.
+    """Return gamma of ``J a = gamma`` of each row of `rows_of`, at time zero and angles within half a turn.
 
-    Of a disc the acceleration of its point of contact in world axes, shape (3,): the rows are Exudyn's, along axes of
-    its own.
+    For a disc, whose rows are along axes of Exudyn's choice, the acceleration of the point of contact in world axes,
+    shape (3,).
     """
     screws = [joint for joint in mechanism.joints if joint.kind == "screw"]
     found = [np.array([row_gamma(joint_frames(mechanism, state, joint), "H")]) for joint in screws]
@@ -334,7 +327,7 @@ def gammas(mechanism: Mechanism, state: State) -> list[Array]:
 
 
 def displacement_turns(mechanism: Mechanism, state: State, name: str) -> float:
-    """Angle near which the turns of a joint are counted at a state: a screw's displacement tells it, else zero."""
+    """Return the angle in rad about which turns are counted at a state: that of a screw's displacement, else zero."""
     joint = mechanism.joints[mechanism.joint_index[name]]
     if not joint.pitch:
         return 0.0

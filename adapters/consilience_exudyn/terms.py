@@ -1,13 +1,14 @@
-"""Mass matrix, forces and constraint equations of an assembled Exudyn system, read from its own solver.
+"""Mass matrix, forces and constraint equations of an assembled Exudyn system, read from Exudyn's solver.
 
-Exudyn's equations are ``M q'' + Cq^T lam = f`` and ``Cq q'' = -c`` in seven coordinates per body. They are brought
-to ``a = (a_WB_W, alpha_WB_W)`` of each body by ``q' = T v`` and ``q'' = T a + S``; the columns of T span what the unit
-norms of the Euler parameters e allow. S is ``-1/4 |w|^2 e`` and no term sees it: Exudyn writes ``w = 2 G e'``, and
+Exudyn's equations are ``M q'' + Cq^T lam = f`` and ``Cq q'' = -c`` in seven coordinates per body. They are transformed
+to ``a = (a_WB_W, alpha_WB_W)`` of each body by ``q' = T v`` and ``q'' = T a + S``; the columns of T span the tangent
+space of unit Euler parameters e. ``S = -1/4 |w|^2 e`` has no effect on any term: Exudyn writes ``w = 2 G e'``, and
 ``G e = 0``.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,9 +19,6 @@ from consilience.mechanism import Array, State, euler_parameter_matrix, rotation
 from consilience_exudyn.library import POINTWISE, exu, simulation_settings
 from consilience_exudyn.maximal import Maximal, coordinates, count_turns, place, velocities
 from consilience_exudyn.rows import DiscRow, gammas
-
-_STENCIL = ((-2.0, 1.0), (-1.0, -8.0), (1.0, 8.0), (2.0, -1.0))
-"""Points and twelvefold weights of the central first derivative; exact for polynomials of degree four."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,20 +41,55 @@ class Equations:
 
 
 def velocity_map(state: State) -> Array:
-    """T of ``q' = T (v_WB_W, w_WB_W)``, shape (7 n_b, 6 n_b)."""
+    """Return T of ``q' = T (v_WB_W, w_WB_W)``, shape (7 n_b, 6 n_b)."""
     blocks = [
         block_diag(np.eye(3), 0.5 * euler_parameter_matrix(q).T @ rotation_from_quaternion(q).T) for q in state.quat_WB
     ]
     return np.asarray(block_diag(*blocks))
 
 
+def convective_terms(
+    q: Array,
+    v: Array,
+    lengths: Array,
+    place: Callable[[Array, Array], None],
+    algebraic: Callable[[bool], Array],
+) -> Array:
+    """Return ``c = d/ds C'(q + s v, v)`` of all algebraic rows by a central stencil with a large step.
+
+    The stencil is exact for polynomials of degree four. C is a polynomial in the Euler parameters, C' along a straight
+    line a polynomial of degree four at most. The equation ``|d| - L`` of a rod is no polynomial, but ``|d| C'`` is, and
+    where ``C' = 0`` its derivative is ``|d| c``. Exported scripts contain the text of this function.
+
+    Parameters
+    ----------
+    q, v : ndarray, shape (n,)
+        Coordinates and rates.
+    lengths : ndarray, shape (n_rows,), m
+        Distance of the rod of each row; zero for rows that are polynomials.
+    place : callable
+        Sets coordinates and rates of the current configuration.
+    algebraic : callable
+        Returns the algebraic rows there: C' if its argument is true, else C.
+    """
+    step = 0.25 / max(1.0, float(np.max(np.abs(v), initial=0.0)))
+    rod = lengths > 0.0
+    total = np.zeros(len(lengths))
+    for point, weight in ((-2.0, 1.0), (-1.0, -8.0), (1.0, 8.0), (2.0, -1.0)):
+        place(q + point * step * v, v)
+        distance = np.where(rod, lengths + algebraic(False), 1.0)
+        total += weight * distance * algebraic(True)
+    return total / (12.0 * step) / np.where(rod, lengths, 1.0)
+
+
 class Terms:
-    """Exudyn's solver, initialised on one system, as a source of the terms of its equations.
+    """Terms of the equations of one system, evaluated by Exudyn's solver.
 
     Attributes
     ----------
+    model : Maximal
     rows : ndarray of int, shape (r,)
-        Algebraic equations of joints, then of all rows without an object of Exudyn's; the others are the unit norms
+        Algebraic equations of joints, then of the rows of `rows_of`; the other algebraic equations are the unit norms
         of Euler parameters.
     """
 
@@ -74,7 +107,7 @@ class Terms:
         self._lengths = self._rod_lengths()
 
     def _rod_lengths(self) -> Array:
-        """Length per algebraic row: of a rod its distance, zero for rows that are polynomials as they are."""
+        """Distance of the rod of each algebraic row; zero for rows that are polynomials."""
         lengths = np.zeros(self._solver.GetAEsize())
         for joint, objects in zip(self.model.mechanism.joints, self.model.joints, strict=True):
             if joint.kind == "rod" and objects:
@@ -82,25 +115,25 @@ class Terms:
         return lengths
 
     def place(self, q: Array, v: Array) -> None:
-        """Put the current configuration at coordinates `q` and rates `v`."""
+        """Set coordinates and rates of the current configuration."""
         place(self.model, q, v, exu.ConfigurationType.Current)
 
     def mass_matrix(self, state: State) -> Array:
-        """Mass matrix in ``(v_WB_W, w_WB_W)`` of each body, shape (6 n_b, 6 n_b)."""
+        """Return the mass matrix in ``(v_WB_W, w_WB_W)`` of each body, shape (6 n_b, 6 n_b)."""
         self.place(coordinates(state), velocities(state))
         T = velocity_map(state)
         return np.asarray(T.T @ self._coordinate_mass() @ T)
 
     def constraint_jacobian(self, state: State) -> Array:
-        """Jacobian of the joint rows for ``(v_WB_W, w_WB_W)`` of each body, shape (r, 6 n_b)."""
+        """Return the Jacobian of the constraint rows in ``(v_WB_W, w_WB_W)`` of each body, shape (r, 6 n_b)."""
         self.place(coordinates(state), velocities(state))
         return np.asarray(self._coordinate_jacobian() @ velocity_map(state))
 
     def equations(self, state: State) -> Equations:
-        """All terms at a consistent state; leaves the current configuration there."""
+        """Return all terms at a consistent state, at which the current configuration is left."""
         q, v = coordinates(state), velocities(state)
         count_turns(self.model, state, exu.ConfigurationType.Current)
-        c = self._convective(q, v)[: self._native]
+        c = convective_terms(q, v, self._lengths, self.place, self._algebraic)[self.rows][: self._native]
         self.place(q, v)
         T = velocity_map(state)
         M, J = self._coordinate_mass(), self._coordinate_jacobian() @ T
@@ -110,10 +143,10 @@ class Terms:
         return Equations(M=T.T @ M @ T, f=T.T @ f, J=J, gamma=gamma)
 
     def _added_gamma(self, state: State, J: Array) -> Array:
-        """Gamma of the rows behind the native ones, whose Jacobian is J.
+        """Gamma of the rows behind those of Exudyn's joints, whose Jacobian is J.
 
-        Those of a disc are directions in which the point of contact does not move; the columns of the body's
-        velocity hold them.
+        The rows of a disc are along directions in which the point of contact does not move; these directions are the
+        columns of J for the velocity of the body.
         """
         known, found, start = gammas(self.model.mechanism, state), [np.zeros(0)], 0
         for added in self.model.rows:
@@ -128,7 +161,7 @@ class Terms:
         return np.concatenate(found)
 
     def set_multipliers(self, mu: Array) -> None:
-        """Give the current configuration the multipliers that belong to `Equations`."""
+        """Set the multipliers of the current configuration to those of `Equations`."""
         lam = np.zeros(self._solver.GetAEsize())
         lam[self.rows] = -mu
         self._data.SetAECoordinates(lam, exu.ConfigurationType.Current)
@@ -153,18 +186,3 @@ class Terms:
     def _algebraic(self, velocity_level: bool) -> Array:
         self._solver.ComputeAlgebraicEquations(self.model.system, velocityLevel=velocity_level)
         return self._residual()[self._above :]
-
-    def _convective(self, q: Array, v: Array) -> Array:
-        """``c = d/ds C'(q + s v, v)`` of the joint rows by one central stencil with a big step, without truncation.
-
-        C is a polynomial in the Euler parameters, C' along a straight line one of degree at most four. The rod's
-        ``|d| - L`` is not, but ``|d| C'`` is, and where ``C' = 0`` its derivative is ``|d| c``.
-        """
-        step = 0.25 / max(1.0, float(np.max(np.abs(v), initial=0.0)))
-        rod = self._lengths > 0.0
-        total = np.zeros(len(self._lengths))
-        for point, weight in _STENCIL:
-            self.place(q + point * step * v, v)
-            distance = np.where(rod, self._lengths + self._algebraic(False), 1.0)
-            total += weight * distance * self._algebraic(True)
-        return np.asarray((total / (12.0 * step) / np.where(rod, self._lengths, 1.0))[self.rows])

@@ -1,4 +1,4 @@
-"""Motion by Exudyn's own integrators: one run of SolveDynamic, sampled by sensors that store internally."""
+"""Trajectories by Exudyn's integrators: one run of SolveDynamic, sampled by sensors that store internally."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from consilience_exudyn.redundancy import equations, left_out, smallest_singular
 from consilience_exudyn.terms import Terms
 
 _ON_GRID = 1e-9
-"""A sample may miss its time by this fraction of the sample interval: sums of steps, rounded."""
+"""Largest rounding error of the time of a sample, as a fraction of the sample interval."""
 
 
 @dataclass(frozen=True)
 class Integration:
-    """One of Exudyn's integrators, and the knobs it runs with, by Exudyn's own names."""
+    """Integrator of Exudyn's, with its settings by Exudyn's names."""
 
     solver: str
     settings: Mapping[str, Any]
@@ -32,12 +32,12 @@ RUNGE_KUTTA = Integration("RK44", SETTINGS)
 
 
 def solve(system: Any, integration: Integration, times: Array, step: float) -> int:
-    """Run SolveDynamic from the initial values over the grid `times` in steps; returns how many.
+    """Run SolveDynamic from the initial values over the grid `times`; return the number of steps.
 
     Raises
     ------
     RuntimeError
-        If Newton's iteration fails, a matrix is singular, or the run stops without reaching the end.
+        Newton's iteration fails, a matrix is singular, or the run stops before the end.
     """
     interval = float(times[1] - times[0])
     steps = (len(times) - 1) * round(interval / step)
@@ -48,7 +48,7 @@ def solve(system: Any, integration: Integration, times: Array, step: float) -> i
     settings.timeIntegration.numberOfSteps = steps
     try:
         finished = system.SolveDynamic(settings, solverType=getattr(exu.DynamicSolverType, integration.solver))
-    except exu.SolverError as error:  # its text may say no more than that it terminated
+    except exu.SolverError as error:  # the text of Exudyn may lack any reason
         raise RuntimeError(f"{integration.solver} with {steps} steps to {times[-1]} s: {error}") from error
     if not finished:
         raise RuntimeError(f"{integration.solver} with {steps} steps stopped before {times[-1]} s")
@@ -56,12 +56,12 @@ def solve(system: Any, integration: Integration, times: Array, step: float) -> i
 
 
 def stored(system: Any, sensor: Any, times: Array) -> Array:
-    """Values of a sensor on the grid `times`, shape (n_t, width).
+    """Return the values of a sensor on the grid `times`, shape (n_t, width).
 
     Raises
     ------
     RuntimeError
-        If Exudyn sampled at other times.
+        Exudyn sampled at other times.
     """
     data = np.array(system.GetSensorStoredData(sensor))
     if len(data) != len(times):
@@ -79,9 +79,18 @@ def stored(system: Any, sensor: Any, times: Array) -> Array:
 def maximal_answer(
     model: Maximal, held: Sequence[Axes], integration: Integration, times: Array, step: float
 ) -> TrajectoryAnswer:
-    """Motion in redundant coordinates.
+    """Integrate in redundant coordinates.
 
-    Quaternions are divided by their norm, which index-2 solvers hold to their own error only.
+    Quaternions are divided by their norm, which index-2 solvers hold only to their discretisation error.
+
+    Parameters
+    ----------
+    model : Maximal
+    held : sequence of Axes
+        Constrained axes with which the model was built.
+    integration : Integration
+    times : ndarray, shape (n_t,), s
+    step : float, s
     """
     steps = solve(model.system, integration, times, step)
     series = [[stored(model.system, sensor, times) for sensor in three] for three in model.sensors]
@@ -102,12 +111,12 @@ def maximal_answer(
 
 
 def refuse_lost_rank(model: Maximal, held: Sequence[Axes], answer: TrajectoryAnswer) -> None:
-    """Stop if the kept equations became dependent at a sample: the motion would no longer be the mechanism's.
+    """Refuse an answer if the kept equations are dependent at a sample: some constraint is then not held.
 
     Raises
     ------
     RuntimeError
-        Naming the time and the axes that were left out.
+        The equations are dependent; the error names the time and the axes that were left out.
     """
     terms = Terms(model)
     for n, time in enumerate(answer.time):
@@ -118,7 +127,7 @@ def refuse_lost_rank(model: Maximal, held: Sequence[Axes], answer: TrajectoryAns
 
 
 def tree_answer(model: KinematicTree, times: Array, step: float) -> TrajectoryAnswer:
-    """Motion in minimal coordinates by the explicit Runge-Kutta method of order four."""
+    """Integrate in minimal coordinates by the explicit Runge-Kutta method of order four."""
     steps = solve(model.system, RUNGE_KUTTA, times, step)
     series = [[stored(model.system, sensor, times) for sensor in four] for four in model.sensors]
     p, R, v, w = (np.stack([body[n] for body in series], axis=1) for n in range(4))

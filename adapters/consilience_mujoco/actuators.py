@@ -1,11 +1,11 @@
-"""Loads, actuators of springs, friction and control, as actuators of MuJoCo.
+"""Loads, actuators of springs, friction and control as actuators of MuJoCo.
 
-A force of an actuator is ``gain * input + bias``; the input is a control, or the integral of one. Controls are signals:
-functions of time, and of the length and velocity of what the actuator pulls at. MuJoCo asks for them at every stage
-of a step (`callback`), so that none is held over it and none lags behind.
+The force of an actuator is ``gain * input + bias``; the input is a control, or the integral of a control. Controls are
+signals: functions of time, and of length and velocity of the target of the actuator. MuJoCo evaluates them at every
+stage of a step (`callback`), so that no control is held constant over a step.
 
 ===================  =================  ==========================  =================  ================================
-element              pulls at           control                     input              bias
+element              target             control                     input              bias
 ===================  =================  ==========================  =================  ================================
 load                 site               none, or the history        control            its factor 1, without a history
 spring, actuator     tendon             f(t)                        control            none
@@ -25,6 +25,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from consilience.engine import axis_link
 from consilience.mechanism import (
     Array,
     Control,
@@ -38,7 +39,7 @@ from consilience.mechanism import (
     friction_law,
 )
 from consilience_mujoco.functions import jet_of
-from consilience_mujoco.places import add_point, axis_link, link_name
+from consilience_mujoco.places import add_point, link_name
 
 Value = Callable[[float, float, float], float]
 """Control from time, length and velocity."""
@@ -46,30 +47,31 @@ Value = Callable[[float, float, float], float]
 
 @dataclass(frozen=True, eq=False)
 class Signal:
-    """Control of the actuator of a name."""
+    """Control of the actuator of a name, and the law of the control as data for `export`."""
 
     name: str
     value: Value
+    law: dict[str, Any]
 
 
-def in_time(function: Function) -> Value:
-    """Control that is a function of time."""
+def in_time(name: str, function: Function) -> Signal:
+    """Return the signal of an actuator that is a function of time."""
     jet = jet_of(function)
-    return lambda t, _, __: jet(t)[0]
+    return Signal(name, lambda t, _, __: jet(t)[0], {"kind": "time", "f": function})
 
 
 def load_name(load: Load) -> str:
-    """Name of the actuator, and of the site, that stand for a load."""
+    """Return the name of actuator and site of a load."""
     return f"load {load.name}"
 
 
 def load_wrench(load: Load) -> Array:
-    """Force, then torque, of a load, shape (6,), in the axes in which it is constant, for a factor of one."""
+    """Return force, then torque, of a load for a factor of one, shape (6,), in the axes in which it is constant."""
     return np.concatenate([load.vector, np.zeros(3)] if load.kind == "force" else [np.zeros(3), load.vector])
 
 
 def _add_load(spec: Any, mechanism: Mechanism, tree: Tree, load: Load) -> list[Signal]:
-    """Add an actuator at a site: its `gear` is the wrench, in the axes of the reference site."""
+    """Add an actuator at a site, whose `gear` is the wrench in axes of the reference site."""
     name = load_name(load)
     add_point(spec, mechanism, tree, load.body, load.point, name)
     actuator = spec.add_actuator(
@@ -84,11 +86,11 @@ def _add_load(spec: Any, mechanism: Mechanism, tree: Tree, load: Load) -> list[S
         actuator.biastype, actuator.biasprm[0] = mujoco.mjtBias.mjBIAS_AFFINE, 1.0
         return []
     actuator.gainprm[0] = 1.0
-    return [Signal(name, in_time(load.history))]
+    return [in_time(name, load.history)]
 
 
 def _add_spring(spec: Any, mechanism: Mechanism, tree: Tree, spring: Spring) -> list[Signal]:
-    """Add a tendon between two sites; a positive force of an actuator makes it longer."""
+    """Add a tendon between two sites; a positive force of its actuator lengthens the tendon."""
     name = f"spring {spring.name}"
     tendon = spec.add_tendon(name=name, springlength=[spring.free_length] * 2)
     tendon.stiffness[0], tendon.damping[0] = spring.stiffness, spring.damping
@@ -100,11 +102,22 @@ def _add_spring(spec: Any, mechanism: Mechanism, tree: Tree, spring: Spring) -> 
         return []
     actuator = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_TENDON)
     actuator.gainprm[0] = 1.0
-    return [Signal(name, in_time(spring.actuator))]
+    return [in_time(name, spring.actuator)]
 
 
 def _add_on_joint(spec: Any, mechanism: Mechanism, tree: Tree, element: Any, name: str, gain: float = 1.0) -> Any:
-    """Add an actuator on the coordinate of an element, in the direction in which the mechanism counts it."""
+    """Add an actuator on the joint coordinate of an element, with the sign of the mechanism's coordinate.
+
+    Parameters
+    ----------
+    spec : mujoco.MjSpec
+    mechanism : Mechanism
+    tree : Tree
+    element : JointSpring, Friction or Control
+    name : str
+        Name of the actuator.
+    gain : float
+    """
     link, sign = axis_link(mechanism, tree, element.joint, element.coordinate)
     target = link_name(tree, link)
     actuator = spec.add_actuator(name=name, target=target, trntype=mujoco.mjtTrn.mjTRN_JOINT)
@@ -116,7 +129,7 @@ def _add_joint_spring(spec: Any, mechanism: Mechanism, tree: Tree, spring: Joint
     if spring.actuator is None:
         return []
     _add_on_joint(spec, mechanism, tree, spring, f"joint spring {spring.name}")
-    return [Signal(f"joint spring {spring.name}", in_time(spring.actuator))]
+    return [in_time(f"joint spring {spring.name}", spring.actuator)]
 
 
 def _add_friction(spec: Any, mechanism: Mechanism, tree: Tree, friction: Friction) -> list[Signal]:
@@ -124,7 +137,8 @@ def _add_friction(spec: Any, mechanism: Mechanism, tree: Tree, friction: Frictio
         return []
     name, force, speed = f"friction {friction.name}", friction.coulomb, friction.speed
     _add_on_joint(spec, mechanism, tree, friction, name)
-    return [Signal(name, lambda _, __, rate: friction_law(rate, 0.0, force, speed)[0])]
+    law = {"kind": "coulomb", "force": force, "speed": speed}
+    return [Signal(name, lambda _, __, rate: friction_law(rate, 0.0, force, speed)[0], law)]
 
 
 def _add_control(spec: Any, mechanism: Mechanism, tree: Tree, control: Control) -> list[Signal]:
@@ -137,11 +151,12 @@ def _add_control(spec: Any, mechanism: Mechanism, tree: Tree, control: Control) 
         value, rate, _bend = target(t)
         return P * value + D * rate
 
-    signals = [Signal(name, wanted)]
+    signals = [Signal(name, wanted, {"kind": "servo", "f": control.target, "P": P, "D": D})]
     if control.integral != 0.0:
-        memory = _add_on_joint(spec, mechanism, tree, control, f"integral of {name}", control.integral)
-        memory.dyntype = mujoco.mjtDyn.mjDYN_INTEGRATOR
-        signals.append(Signal(f"integral of {name}", lambda t, q, _: target(t)[0] - q))
+        integral = _add_on_joint(spec, mechanism, tree, control, f"integral of {name}", control.integral)
+        integral.dyntype = mujoco.mjtDyn.mjDYN_INTEGRATOR
+        law = {"kind": "error", "f": control.target}
+        signals.append(Signal(f"integral of {name}", lambda t, q, _: target(t)[0] - q, law))
     return signals
 
 
@@ -155,9 +170,9 @@ _ADD: dict[str, Callable[[Any, Mechanism, Tree, Any], list[Signal]]] = {
 
 
 def add_forces(spec: Any, mechanism: Mechanism, tree: Tree) -> tuple[Signal, ...]:
-    """Add every force element of a mechanism but what the joints of MuJoCo have of their own; what they must be told.
+    """Add the force elements of a mechanism that are actuators or tendons, and return their signals.
 
-    Stiffness and damping of joint springs, and viscous friction, are those of the joints (`translate`).
+    Stiffness and damping of joint springs, and viscous friction, are properties of MuJoCo's joints (`translate`).
     """
     signals: list[Signal] = []
     for group, add in _ADD.items():

@@ -1,7 +1,7 @@
-"""What MuJoCo asks for at every stage of a step: controls of actuators, and what its constraints lack.
+"""Callback of MuJoCo at every stage of a step: controls of actuators, and missing terms of constraint rows.
 
-`mjcb_control` is called after positions, velocities and constraint rows, before the actuators and the solver, with the
-time of the stage. It is global to the process: it is set around calls of MuJoCo, and only where something needs it.
+`mjcb_control` is called after positions, velocities and constraint rows, before actuators and solver, with the time of
+the stage. The callback is global to the process; it is set around calls of MuJoCo, and only where a model needs it.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from consilience_mujoco.messages import EngineWarningError
 from consilience_mujoco.translate import Translation
 
 _CLEAR = 1e-3
-"""Singular values above this fraction of the largest are no drift: the rows have become independent."""
+"""Fraction of the largest singular value above which a singular value is no effect of drift: the row is independent."""
 
 
 def first_rows(data: Any, equalities: Array) -> Array:
-    """Find the rows of equalities that have one row each.
+    """Return the rows of equalities that have one row each.
 
     Raises
     ------
     EngineWarningError
-        If MuJoCo has left one out: nothing it holds can move.
+        MuJoCo has left out an equality, because nothing that it holds can move.
     """
     ids = data.efc_id[: data.nefc]
     rows: Array = np.searchsorted(ids, equalities)
@@ -49,7 +49,7 @@ def _controls(translation: Translation) -> Callable[[Any], None]:
 
 
 class _Places:
-    """Rows of equalities, looked for again only when their number changes."""
+    """Rows of equalities, searched again only when the number of rows changes."""
 
     def __init__(self, equalities: Sequence[int]) -> None:
         self._equalities = np.array(equalities)
@@ -68,7 +68,7 @@ def _joint_rows(translation: Translation) -> Callable[[Any], None]:
     written = [(n, row.driver[1]) for n, row in enumerate(held) if row.driver is not None and row.written]
 
     def write(data: Any) -> None:
-        """Write right sides into the rows that hold joints, and coefficients of drivers where they vary."""
+        """Write right-hand sides of rows on joints, and coefficients of driving joints that vary."""
         rows, found = places(data), [row.evaluate(data) for row in held]
         gains = data.efc_KBIP[rows].tolist()
         data.efc_aref[rows] = [
@@ -88,7 +88,7 @@ def _guide_rows(translation: Translation) -> Callable[[Any], None]:
     guides = [(guide, _Places(guide.equalities)) for guide in translation.rows.guides]
 
     def write(data: Any) -> None:
-        """Write directions and right sides into the rows that guide points."""
+        """Write Jacobian and right-hand sides of rows on guided bodies."""
         for guide, places in guides:
             J, residual, rate, gamma = guide.rows(model, data)
             rows = places(data)
@@ -100,15 +100,15 @@ def _guide_rows(translation: Translation) -> Callable[[Any], None]:
 
 
 def _limited(rank: int, nv: int) -> Callable[[Any], None]:
-    """Take the part of the rows beyond a rank out of them, by their singular value decomposition.
+    """Reduce the rows to a rank by their singular value decomposition.
 
-    A loop in space may hold more rows than it needs. On the manifold they agree; off it, where the stages of a step
-    lie, they contradict one another, and hard rows answer with forces without bound. Cut to their rank they are a
-    smooth function of the state again, and on the manifold nothing changes.
+    A spatial loop may have dependent rows. On the constraint manifold they are consistent; off the manifold, at the
+    stages of a step, they are inconsistent, and hard rows give unbounded forces. Reduced to their rank on the manifold
+    the rows are a smooth function of the state, and on the manifold they do not change.
     """
 
     def write(data: Any) -> None:
-        """Replace all rows and right sides by what their rank leaves of them."""
+        """Replace all rows and right-hand sides by their projections on the largest singular values."""
         J, aref = data.efc_J[: data.nefc * nv].reshape(-1, nv), data.efc_aref
         U, s, Vt = np.linalg.svd(J, full_matrices=False)
         kept = max(rank, int(np.sum(s > _CLEAR * s[0])))
@@ -121,12 +121,13 @@ def _limited(rank: int, nv: int) -> Callable[[Any], None]:
 
 @contextmanager
 def answering(translation: Translation, rank: int | None = None) -> Iterator[None]:
-    """Answer what MuJoCo asks about a model within the block.
+    """Set MuJoCo's callback for a model within the block.
 
     Parameters
     ----------
+    translation : Translation
     rank : int, optional
-        Rank to which dependent rows of constraints are cut.
+        Rank to which dependent rows of constraints are reduced.
     """
     parts = [
         make(translation)

@@ -1,8 +1,9 @@
-"""The adapter: methods, what they need, and the three questions."""
+"""`MujocoEngine`: answers of MuJoCo through the protocol `consilience.engine.Engine`."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any
 
 import mujoco
@@ -20,6 +21,8 @@ from consilience.engine import (
     TrajectoryAnswer,
     Unsupported,
     beyond,
+    feature_names,
+    without_screws,
 )
 from consilience.mechanism import Array, Mechanism, State, Tree, continuous_in_time, to_elementary_tree
 from consilience_mujoco.callback import answering
@@ -36,32 +39,32 @@ from consilience_mujoco.evaluate import (
 from consilience_mujoco.manifest import manifest
 from consilience_mujoco.messages import warnings_raise
 from consilience_mujoco.methods import configured, evaluations, methods
-from consilience_mujoco.rows import Equalities, count_rows, without_screws
+from consilience_mujoco.rows import count_rows
 from consilience_mujoco.states import poses_and_velocities, set_state
 from consilience_mujoco.translate import Translation, slides_behind_balls, springs_cancel, springs_on, translate
 
-JOINTS = (
-    *("revolute", "prismatic", "cylindrical", "universal", "spherical", "planar", "rigid", "rod", "free", "screw"),
-    *("point_on_line", "point_in_plane", "parallel_axes"),
+FEATURES = feature_names(
+    joints="revolute, prismatic, cylindrical, universal, spherical, planar, rigid, rod, free, screw, "
+    "point_on_line, point_in_plane, parallel_axes",
+    elements="spring, joint spring, actuator, load, load in time, friction, control, drive, coupling, rolling, skate",
 )
-ELEMENTS = (
-    *("spring", "joint spring", "actuator", "load", "load in time", "friction", "control"),
-    *("drive", "coupling", "rolling", "skate"),
-)
-FEATURES = frozenset((*(f"{kind} joint" for kind in JOINTS), *ELEMENTS))
-"""Of `Mechanism.features`, what the adapter translates. A feature that is not listed is refused."""
+"""Features of a mechanism that the adapter translates; features that are not listed are refused."""
+
+
+def _tree(mechanism: Mechanism) -> Tree:
+    return to_elementary_tree(without_screws(mechanism, "cylindrical"))
 
 
 class MujocoEngine:
-    """MuJoCo behind the protocol `consilience.engine.Engine`."""
+    """MuJoCo: minimal coordinates, loops and constraint elements by soft equalities."""
 
     def __init__(self) -> None:
-        self._lowered: tuple[Mechanism, Tree] | None = None
-        self._compiled: Translation | None = None
+        self._tree = lru_cache(maxsize=1)(_tree)
+        self._compiled: Translation | None = None  # of the last mechanism, recognised by identity
         self._last: tuple[Method, Translation] | None = None
 
     def info(self) -> EngineInfo:
-        """Name and version."""
+        """Return name and version of MuJoCo and its adapter."""
         return EngineInfo(
             "MuJoCo",
             mujoco.__version__,
@@ -70,7 +73,7 @@ class MujocoEngine:
         )
 
     def unsupported(self, mechanism: Mechanism, question: Question) -> tuple[Unsupported, ...]:
-        """Everything of the mechanism MuJoCo cannot represent."""
+        """Return the features of the mechanism that MuJoCo cannot represent."""
         refused = beyond(mechanism, FEATURES, "MuJoCo")
         if refused:
             return refused
@@ -99,15 +102,15 @@ class MujocoEngine:
         return (*tendons, *joints, *derivatives)
 
     def methods(self, mechanism: Mechanism, question: Question) -> tuple[Method, ...]:
-        """Ways to answer, the headline first."""
-        return methods(question, self._equalities(mechanism))
+        """Return the methods that answer the question, the headline method first."""
+        return methods(question, count_rows(mechanism, self._tree(mechanism)))
 
     def manifest(self, mechanism: Mechanism) -> Manifest:
-        """Say what the translation keeps exact and what it approximates."""
+        """Return the features that the translation keeps exact, and those that it approximates."""
         return manifest(mechanism, bool(self._tree(mechanism).welds))
 
     def model(self, mechanism: Mechanism, state: State, method: Method) -> ModelAnswer:
-        """Mass properties and freedom of the compiled model at a state."""
+        """Return mass properties and freedom of the compiled model at a state."""
         translation = self._prepare(mechanism, method)
         with warnings_raise(), answering(translation):
             set_state(translation, state)
@@ -115,7 +118,7 @@ class MujocoEngine:
         return model_answer(translation)
 
     def instant(self, mechanism: Mechanism, states: Sequence[State], method: Method) -> InstantAnswer:
-        """Accelerations, joint reactions and energies at consistent states."""
+        """Return accelerations, joint reactions and energies at consistent states."""
         translation = self._prepare(mechanism, method)
         rows: list[tuple[Any, ...]] = []
         with warnings_raise(), answering(translation):
@@ -133,7 +136,13 @@ class MujocoEngine:
     def trajectory(
         self, mechanism: Mechanism, state: State, times: Array, method: Method, step: float
     ) -> TrajectoryAnswer:
-        """Motion from `state` at ``times[0]`` by one of MuJoCo's integrators with a fixed step."""
+        """Integrate the motion from `state` by one of MuJoCo's integrators with a fixed step.
+
+        Parameters
+        ----------
+        mechanism, state, times, method, step
+            As in `consilience.engine.Engine.trajectory`.
+        """
         translation = self._prepare(mechanism, method)
         model, data = translation.model, translation.data
         interval = float(times[1] - times[0])
@@ -146,7 +155,7 @@ class MujocoEngine:
         for n in range(len(times)):
             with warnings_raise(), answering(translation, rank):
                 if n > 0:
-                    data.time = times[n - 1]  # its own clock sums up steps
+                    data.time = times[n - 1]  # MuJoCo's clock sums up steps and their rounding errors
                     mujoco.mj_step(model, data, steps)
                 if checked:
                     mujoco.mj_forward(model, data)
@@ -158,24 +167,15 @@ class MujocoEngine:
         return TrajectoryAnswer(np.array(times), p, continuous_in_time(quat), v, w, counters)
 
     def _cut(self, translation: Translation, state: State) -> int | None:
-        """Rank of the constraints at a state, if some depend on others."""
+        """Rank of the constraints at a state if rows are dependent, else None."""
         with warnings_raise(), answering(translation):
             set_state(translation, state)
             mujoco.mj_forward(translation.model, translation.data)
         rank, rows = constraint_rank(translation)
         return rank if rank < rows else None
 
-    def _tree(self, mechanism: Mechanism) -> Tree:
-        """Lower, unless it is the mechanism of last time."""
-        if self._lowered is None or self._lowered[0] is not mechanism:
-            self._lowered = mechanism, to_elementary_tree(without_screws(mechanism))
-        return self._lowered[1]
-
-    def _equalities(self, mechanism: Mechanism) -> Equalities:
-        return count_rows(mechanism, self._tree(mechanism))
-
     def _prepare(self, mechanism: Mechanism, method: Method) -> Translation:
-        """Compile, unless it is the mechanism of last time, and set what the method sets on a copy."""
+        """Compiled model of a mechanism with the settings of a method; the last one is kept."""
         if self._compiled is None or self._compiled.mechanism is not mechanism:
             self._compiled, self._last = translate(mechanism), None
         if self._last is None or self._last[0] != method:

@@ -1,27 +1,28 @@
-"""Accelerations, reactions, energies and mass properties of a compiled model in the state its data holds."""
+"""Accelerations, reactions, energies and mass properties of a compiled model at the state of its data."""
 
 from __future__ import annotations
 
 import mujoco
 import numpy as np
 
-from consilience.engine import ModelAnswer, solve_constrained
-from consilience.mechanism import GROUND, RANK_TOLERANCE, Array, State, reaction_in_F
+from consilience.engine import ModelAnswer, numerical_rank, solve_constrained
+from consilience.mechanism import GROUND, Array, State, reaction_in_F
 from consilience_mujoco.actuators import load_name, load_wrench
 from consilience_mujoco.callback import first_rows
 from consilience_mujoco.messages import EngineWarningError
 from consilience_mujoco.translate import Translation
 
 _SOLVED = 1e-6
-"""Sound solutions stay below 1e-9, failed ones are of order one; between them reactions lose digits, not motion."""
+"""Largest relative residual of a solution. Converged solutions are below 1e-9, failed ones of order one; in between
+reactions lose digits, but not the motion."""
 
 _SCALAR = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 
 
 def constraint_jacobian(translation: Translation) -> Array:
-    """Jacobian of the equalities in MuJoCo's velocities, shape (rows, nv).
+    """Return the Jacobian of the equalities in MuJoCo's velocities, shape (rows, nv).
 
-    MuJoCo leaves out welds between bodies that cannot move, and the buffers are longer than what is left.
+    MuJoCo leaves out welds between bodies that cannot move; the buffers are longer than the rows in use.
     """
     model, data = translation.model, translation.data
     rows, nv = data.nefc, model.nv
@@ -34,14 +35,13 @@ def constraint_jacobian(translation: Translation) -> Array:
 
 
 def constraint_rank(translation: Translation) -> tuple[int, int]:
-    """Rank of the Jacobian of the constraints, and how many rows it has."""
+    """Return the rank and the number of rows of the Jacobian of the constraints."""
     J = constraint_jacobian(translation)
-    singular = np.linalg.svd(J, compute_uv=False) if len(J) else np.zeros(0)
-    return (int(np.sum(singular > RANK_TOLERANCE * singular[0])) if len(singular) else 0), len(J)
+    return numerical_rank(J), len(J)
 
 
 def mass_matrix(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
-    """Mass matrix of evaluated data, shape (nv, nv)."""
+    """Return the mass matrix of evaluated data, shape (nv, nv)."""
     M = np.zeros((model.nv, model.nv))
     if hasattr(data, "qM"):  # before MuJoCo 4
         mujoco.mj_fullM(model, M, data.qM)
@@ -51,7 +51,7 @@ def mass_matrix(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
 
 
 def solve_by_harness(translation: Translation) -> None:
-    """Replace the accelerations and constraint forces of the data by the harness's solution of MuJoCo's equations."""
+    """Replace accelerations and constraint forces of the data by the harness's solution of MuJoCo's equations."""
     model, data = translation.model, translation.data
     M = mass_matrix(model, data)
     J = constraint_jacobian(translation)
@@ -64,11 +64,12 @@ def solve_by_harness(translation: Translation) -> None:
 def check_solved(translation: Translation) -> None:
     """Refuse accelerations and constraint forces that do not satisfy ``M a = f + J^T lam``.
 
-    A solver of MuJoCo that runs out of iterations, or out of digits, says nothing.
+    MuJoCo's solvers do not report that they ran out of iterations, or lost all digits.
 
     Raises
     ------
     EngineWarningError
+        The relative residual is too large.
     """
     model, data = translation.model, translation.data
     inertial = np.zeros(model.nv)
@@ -83,9 +84,9 @@ def check_solved(translation: Translation) -> None:
 def evaluate_bodies(translation: Translation) -> None:
     """Compute body accelerations and joint wrenches from `qacc` and `efc_force`.
 
-    `mj_rnePostConstraint` counts welds and tendons as outside forces, but not actuators on sites: the loads are shown
-    to it as applied wrenches. So are the forces on guided bodies: it would take them for forces along the tendons whose
-    rows they have.
+    `mj_rnePostConstraint` counts forces of welds and tendons as external forces, but not those of actuators on sites:
+    loads are given to it as applied wrenches. So are the constraint forces on guided bodies, which MuJoCo's function
+    would take for forces along the tendons of which the rows are used.
     """
     model, data = translation.model, translation.data
     multipliers = np.array(data.efc_force)
@@ -94,26 +95,36 @@ def evaluate_bodies(translation: Translation) -> None:
             site, factor = data.site(load_name(load)), float(data.actuator(load_name(load)).force[0])
             wrench = factor * load_wrench(load).reshape(2, 3)
             force, torque = wrench @ site.xmat.reshape(3, 3).T if load.frame == "body" else wrench
-            _show(translation, model.site(load_name(load)).bodyid[0], force, torque, site.xpos)
+            _apply(translation, model.site(load_name(load)).bodyid[0], force, torque, site.xpos)
     for guide in translation.rows.guides:
         rows = first_rows(data, np.array(guide.equalities))
         point, directions, _, _ = guide.place(model, data)
-        _show(translation, guide.body, multipliers[rows] @ directions, np.zeros(3), point)
+        _apply(translation, guide.body, multipliers[rows] @ directions, np.zeros(3), point)
         data.efc_force[rows] = 0.0
     mujoco.mj_rnePostConstraint(model, data)
     data.xfrc_applied[:] = 0.0
     data.efc_force[:] = multipliers
 
 
-def _show(translation: Translation, body: int, force: Array, torque: Array, point: Array) -> None:
-    """Add a wrench about a point to those applied to a body, which are about its centre of mass."""
+def _apply(translation: Translation, body: int, force: Array, torque: Array, point: Array) -> None:
+    """Add a wrench about a point to the applied wrench of a body, which is about its centre of mass.
+
+    Parameters
+    ----------
+    translation : Translation
+    body : int
+    force, torque : ndarray, shape (3,), N and N m
+        In world axes.
+    point : ndarray, shape (3,), m
+        In world axes.
+    """
     data = translation.data
     data.xfrc_applied[body, :3] += force
     data.xfrc_applied[body, 3:] += torque + np.cross(point - data.xipos[body], force)
 
 
 def accelerations(translation: Translation) -> tuple[Array, Array]:
-    """a_WB_W and alpha_WB_W, each shape (n_b, 3). MuJoCo's are proper accelerations: gravity is added."""
+    """Return a_WB_W and alpha_WB_W, each shape (n_b, 3): MuJoCo's proper accelerations plus gravity."""
     t = translation
     both = np.zeros((len(t.body_site), 6))
     for row, site in zip(both, t.body_site, strict=True):
@@ -122,7 +133,7 @@ def accelerations(translation: Translation) -> tuple[Array, Array]:
 
 
 def element_efforts(translation: Translation) -> Array:
-    """Efforts of springs, friction, controls, drives and couplings in MuJoCo's velocities, shape (nv,)."""
+    """Return the efforts of springs, friction, controls, drives and couplings in MuJoCo's velocities, shape (nv,)."""
     model, data, rows = translation.model, translation.data, translation.rows.joints
     efforts = np.zeros(model.nv)
     for joint in range(model.njnt):
@@ -142,7 +153,19 @@ def element_efforts(translation: Translation) -> Array:
 def _without(
     translation: Translation, chain: list[int], efforts: Array, force: Array, torque: Array, point: Array
 ) -> None:
-    """Take the efforts in the joints of a chain out of a wrench about `point`, in place."""
+    """Subtract the efforts in the joints of a chain from a wrench about a point, in place.
+
+    Parameters
+    ----------
+    translation : Translation
+    chain : list of int
+        MuJoCo joints.
+    efforts : ndarray, shape (nv,)
+    force, torque : ndarray, shape (3,), N and N m
+        Wrench in world axes, which is changed.
+    point : ndarray, shape (3,), m
+        In world axes.
+    """
     model, data = translation.model, translation.data
     for joint in chain:
         if model.jnt_type[joint] in _SCALAR:
@@ -155,11 +178,11 @@ def _without(
 
 
 def reactions(translation: Translation, state: State) -> tuple[Array, Array]:
-    """force_F and torque_F of all joints, each shape (n_j, 3).
+    """Return force_F and torque_F of all joints, each shape (n_j, 3).
 
-    `cfrc_int` is torque, force, from the parent on the body, in world axes, about the centre of mass of the whole
-    tree that the body stands in; the efforts of elements in the joint's coordinates are in it. What couples the two
-    coordinates of a screw stays: it is a reaction.
+    `cfrc_int` is the torque, then the force, of the parent on the body in world axes, about the centre of mass of the
+    whole tree of the body. Efforts of elements in the joint's coordinates are subtracted; the effort of the thread of a
+    screw is a part of the reaction.
     """
     t = translation
     both = np.zeros((len(t.mechanism.joints), 2, 3))
@@ -176,7 +199,7 @@ def reactions(translation: Translation, state: State) -> tuple[Array, Array]:
 
 
 def energies(translation: Translation) -> tuple[float, float]:
-    """Kinetic and potential energy in J."""
+    """Return kinetic and potential energy in J."""
     t = translation
     mujoco.mj_energyPos(t.model, t.data)
     mujoco.mj_energyVel(t.model, t.data)
@@ -185,7 +208,7 @@ def energies(translation: Translation) -> tuple[float, float]:
 
 
 def model_answer(translation: Translation) -> ModelAnswer:
-    """Mass properties from the compiled model, freedom from the rank of MuJoCo's Jacobian of the constraints."""
+    """Return mass properties of the compiled model, and the freedom by the rank of MuJoCo's constraint Jacobian."""
     model, data = translation.model, translation.data
     masses, com = model.body_mass, np.array(data.subtree_com[0])
     R, c = data.ximat.reshape(-1, 3, 3), data.xipos - data.subtree_com[0]

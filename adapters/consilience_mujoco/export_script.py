@@ -1,8 +1,8 @@
-"""Code of the script beside an exported MJCF file; the constants before it are those of `export`."""
+"""Code of the script beside an exported MJCF file, which follows the constants of `export`."""
 
 CODE = '''
 MODEL = mujoco.MjModel.from_xml_path(str(Path(__file__).with_name("model.xml")))
-for name, factor in FACTORS.items():  # how soft constraints are: no attribute of MJCF goes so far
+for name, factor in FACTORS.items():  # softness of constraints, for which MJCF has no attribute
     getattr(MODEL, name)[:] *= factor
 
 
@@ -23,12 +23,12 @@ def rows_of(data, names):
 
 
 def jacobian(data):
-    """Jacobian of the constraints, which may be written to."""
+    """View of the Jacobian of the constraints."""
     return data.efc_J[: data.nefc * MODEL.nv].reshape(-1, MODEL.nv)
 
 
 def set_right_hand_side(data, rows, residual, rate, gamma):
-    """What J a is to be."""
+    """Write the right-hand sides of rows from their residuals, rates and gamma."""
     K, B, d, _ = data.efc_KBIP[rows].T
     data.efc_aref[rows] = gamma - B * rate - K * d * residual
 
@@ -53,46 +53,28 @@ def hold(data, row):
         jacobian(data)[at, dof] = -sign * turn * slope
 
 
-def contact_of(guide, p, R, v, w):
-    """Arm of the point held, directions, violations, accelerations of the point along them."""
-    if "lateral" in guide:
-        arm, lateral = R @ guide["point"], R @ guide["lateral"]
-        return arm, lateral[None], np.zeros(1), np.array([-np.cross(w, lateral) @ (v + np.cross(w, arm))])
-    n = np.array(guide["normal"])
-    rho, rho_dot = rolling_contact(R @ guide["axis"], n, w, guide["radius"], guide["rounding"])
-    arm, plane = R @ guide["center"] + rho, axes_of_plane(n)
-    height = n @ (p + arm - guide["point"])
-    return arm, plane, np.array([height, 0.0, 0.0]), plane @ np.cross(w, np.cross(w, rho) - rho_dot)
+def plane_axes(rolling):
+    return axes_of_plane(rolling.normal)
 
 
 def guide_body(data, guide):
     """Write the rows of a body that rolls or skates."""
     site = MODEL.site(guide["site"]).id
-    body, twist, J = MODEL.site_bodyid[site], np.zeros(6), np.zeros((3, MODEL.nv))
+    body, twist, J = int(MODEL.site_bodyid[site]), np.zeros(6), np.zeros((3, MODEL.nv))
     mujoco.mj_objectVelocity(MODEL, data, mujoco.mjtObj.mjOBJ_SITE, site, twist, 0)
-    p, R, w, v = data.site_xpos[site], data.site_xmat[site].reshape(3, 3), twist[:3], twist[3:]
-    arm, directions, residual, gamma = contact_of(guide, p, R, v, w)
+    p, R = data.site_xpos[site], data.site_xmat[site].reshape(3, 3)
+    element = SimpleNamespace(**{name: np.array(value) for name, value in guide["element"].items()})
+    hold = hold_skate if "lateral" in guide["element"] else hold_rolling
+    arm, directions, residual, gamma = hold(element, p, R, twist[3:], twist[:3])
     mujoco.mj_jac(MODEL, data, J, None, p + arm, body)
-    dofs = np.flatnonzero([MODEL.dof_bodyid[i] in carriers(body) for i in range(MODEL.nv)])
-    angular, linear = (data.cdof_dot[dofs].T @ data.qvel[dofs]).reshape(2, 3)
-    spin, speed = data.cvel[body].reshape(2, 3)
-    lever = p + arm - data.subtree_com[MODEL.body_rootid[body]]
-    bias = linear + np.cross(angular, lever) + np.cross(spin, speed + np.cross(spin, lever))
+    bias = velocity_term(MODEL, data, body, moving_dofs(MODEL, body), p + arm)
     at = rows_of(data, guide["equalities"])
     jacobian(data)[at] = directions @ J
     set_right_hand_side(data, at, residual, directions @ J @ data.qvel, gamma - directions @ bias)
 
 
-def carriers(body):
-    """A body and all that carry it."""
-    found = [body]
-    while found[-1]:
-        found.append(MODEL.body_parentid[found[-1]])
-    return found
-
-
 def answer(_, data):
-    """What MuJoCo asks for at every stage of a step."""
+    """Callback of MuJoCo at every stage of a step."""
     for signal in SIGNALS:
         n = MODEL.actuator(signal["actuator"]).id
         data.ctrl[n] = control_of(signal, data.time, data.actuator_length[n], data.actuator_velocity[n])

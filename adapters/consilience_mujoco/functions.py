@@ -1,4 +1,4 @@
-"""Functions for a callback of MuJoCo, whose clock overruns the end of a table by rounding."""
+"""Functions for a callback of MuJoCo, whose clock exceeds the end of a table by rounding."""
 
 from __future__ import annotations
 
@@ -6,15 +6,13 @@ from collections.abc import Callable
 
 from consilience.mechanism import Function, Jet
 
-__all__ = ["Jet", "jet_of"]
-
 _SLACK = 1e-9
-"""How far beyond the ends of a table, of its length, it has the values of its ends: a clock that sums up its steps runs
-so far over."""
+"""Distance beyond the ends of a table, relative to its length, up to which the values at the ends apply: the rounding
+error of a clock that sums up its steps."""
 
 
 def jet_of(function: Function) -> Callable[[float], Jet]:
-    """Value and two derivatives of a function, as a function of its argument; NaN outside a table."""
+    """Return a function for value and two derivatives of `function`; NaN outside a table."""
     table = function.table
     if table is None or table.periodic:
         return function.jet

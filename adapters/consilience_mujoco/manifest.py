@@ -1,4 +1,4 @@
-"""What the translation keeps exact, and what it approximates."""
+"""Manifest of a translation: features that are exact, and features that are approximated."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _EXACT = {
     "rod: massless link of two hinges and a ball (chart singular when the rod lies along x of F)": ("rod joint",),
     "free joint: the body hangs from the world": ("free joint",),
 }
-"""By the features it is about."""
+"""Texts of the manifest, with the features of a mechanism to which they apply."""
 
 _SOFT = (
     ("screws", ("screw joint",), "joint equalities"),
@@ -36,7 +36,7 @@ _SOFT = (
 
 
 def manifest(mechanism: Mechanism, loops: bool) -> Manifest:
-    """Manifest of a mechanism."""
+    """Return the manifest of a mechanism with or without loops."""
     features: Any = mechanism.features.keys()
     exact = ["masses, centres of mass, inertia tensors (given by principal axes)"]
     exact += [text for text, about in _EXACT.items() if features & set(about)]

@@ -1,6 +1,6 @@
-"""What MuJoCo warns of: kept off the console and out of the file it would write to the working directory.
+"""Warnings of MuJoCo, kept off the console and out of MuJoCo's log file in the working directory.
 
-The handler is global to the process, as MuJoCo has it; an adapter runs in a worker of its own.
+MuJoCo's handler of warnings is global to the process; an adapter runs in a worker of its own.
 """
 
 from __future__ import annotations
@@ -16,21 +16,21 @@ mujoco.set_mju_user_warning(_messages.append)
 
 
 class EngineWarningError(RuntimeError):
-    """MuJoCo warned, so its numbers are not to be trusted: divergence, singular inertia, a failed factorisation."""
+    """A warning of MuJoCo that makes its numbers unreliable: divergence, singular inertia, failed factorisation."""
 
 
 @contextmanager
 def warnings_raise() -> Iterator[None]:
-    """Turn whatever MuJoCo warns of in the block into an exception.
+    """Turn warnings of MuJoCo in the block into an exception.
 
     Raises
     ------
     EngineWarningError
-        At the end of the block, with the words of MuJoCo.
+        At the end of the block, with the texts of MuJoCo.
     """
     _messages.clear()
     with warnings.catch_warnings():
-        warnings.simplefilter("error")  # the compiler's own warnings come as Python warnings
+        warnings.simplefilter("error")  # warnings of MuJoCo's compiler are Python warnings
         yield
     if _messages:
         raise EngineWarningError("; ".join(_messages))

@@ -1,10 +1,10 @@
-"""The ways in which MuJoCo answers, every option each sets, and a model with these options.
+"""Methods by which MuJoCo answers, their options, and models with these options.
 
-Two profiles: `matched` has hard welds, `default` sets nothing. A weld holds ``J a + R f = aref`` with the
-regularisation ``R = (1 - d) / d`` times the inverse inertia `body_invweight0`, d the impedance of `solimp`. While R is
-small beside the inverse inertia ``J M^-1 J^T`` that the weld truly sees, the error of an acceleration is linear in R;
-where R is not small, as at the defaults for many a loop, it saturates: the weld hardly holds at all. The softness of
-a method is a factor on R, by way of `body_invweight0`; the impedance has no room, MuJoCo clips it at 0.9999.
+The profile `matched` has hard welds; the profile `default` sets nothing. A weld holds ``J a + R f = aref`` with the
+regularisation ``R = (1 - d) / d`` times the inverse inertia `body_invweight0`, with the impedance d of `solimp`. The
+error of an acceleration is linear in R while R is small beside the actual inverse inertia ``J M^-1 J^T`` of the weld.
+Where R is not small, as for many loops at the defaults, the error saturates: the weld hardly holds. The softness of a
+method is a factor on R by way of `body_invweight0`, because MuJoCo clips the impedance at 0.9999.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from consilience_mujoco.rows import Equalities
 from consilience_mujoco.translate import Translation
 
 INVWEIGHT_SCALE = 2e-11
-"""Factor on `body_invweight0`: with impedance 0.9999 the regularisation of a weld is 1e-4 times this, relative."""
+"""Factor on `body_invweight0`; with impedance 0.9999 the relative regularisation of a weld is 1e-4 times the factor."""
 
 OPTIONS: dict[str, Any] = {
     "opt.jacobian": "DENSE",
@@ -35,34 +35,34 @@ HARD: dict[str, Any] = {
     "eq_solimp": [0.9999, 0.9999, 0.001, 0.5, 2.0],
 }
 
-_WEIGHTS = ("body_invweight0", "dof_invweight0", "tendon_invweight0")
-"""What the regularisation of welds, of rows on joints, and of rows on guided bodies is in proportion to."""
+WEIGHTS = ("body_invweight0", "dof_invweight0", "tendon_invweight0")
+"""Inverse inertias to which the regularisation of welds, rows on joints, and rows on guided bodies is proportional."""
 
 _MATCHED_STEPS = {"RK4": (4, (10, 20, 40)), "Euler": (1, (200, 400, 800))}
 _DEFAULT_STEPS = (25, 50, 100)
-"""MuJoCo's time step of 0.002 s at samples every 0.05 s, then its halves."""
+"""MuJoCo's time step of 0.002 s at samples every 0.05 s, then a half and a quarter."""
 
 _AT_AN_INSTANT = 2000
-"""Iterations of the solver at an instant. CG brings accelerations to rest in tens; forces inside a linkage that cannot
-move (a slider-crank whose coupling locks it) creep: 2.4e-10 off after 500, 3e-12 after 2000."""
+"""Iterations of the solver at an instant. By CG accelerations converge in tens of iterations; forces inside a linkage
+that cannot move (a slider-crank locked by its coupling) converge slowly: 2.4e-10 off after 500, 3e-12 after 2000."""
 
 _CUT = "cut to its rank at the start"
-"""Setting of a motion with hard constraints: nothing where they are independent."""
+"""Setting of a motion with hard constraints; without effect where the rows are independent."""
 
 _SPARSE = 60
-"""Coordinates from which MuJoCo's Jacobian is sparse, unless told."""
+"""Number of coordinates from which MuJoCo's Jacobian is sparse by default."""
 
 _SELF_DIFFERENCES: dict[str, dict[str, Any]] = {
     "mj_forward, defaults but sparse": {"opt.jacobian": "SPARSE"},
     "mj_forward, defaults but CG": {"opt.solver": "CG", "opt.tolerance": 0.0, "opt.iterations": 500},
 }
-"""The same soft problem, which has one solution, by another code path of MuJoCo."""
+"""Methods that solve the same soft problem, whose solution is unique, by another code path of MuJoCo."""
 
 _EVALUATIONS = {"RK4": 4, "EULER": 1}
 
 
 def evaluations(method: Method) -> int:
-    """Evaluations of the accelerations in a step; MuJoCo's default integrator is Euler."""
+    """Return the evaluations of the accelerations in a step; MuJoCo's default integrator is Euler."""
     return _EVALUATIONS[method.settings.get("opt.integrator", "EULER")]
 
 
@@ -82,8 +82,8 @@ def _tree(question: Question) -> tuple[Method, ...]:
 
 
 def _hard(equalities: Equalities) -> dict[str, Any]:
-    """What makes the constraints hard, and what the callback does to them."""
-    counts = zip(_WEIGHTS, (equalities.welds, equalities.joints, equalities.guides), strict=True)
+    """Settings that make the constraints hard, and the fields that the callback writes."""
+    counts = zip(WEIGHTS, (equalities.welds, equalities.joints, equalities.guides), strict=True)
     factors = {f"{name}, factor": INVWEIGHT_SCALE for name, count in counts if count}
     callback = {"mjcb_control": "efc_aref, efc_J" if equalities.written else "efc_aref"}
     return HARD | factors | (callback if equalities.completed or equalities.written else {})
@@ -104,7 +104,7 @@ def _held(question: Question, equalities: Equalities) -> tuple[Method, ...]:
     forward = Method("mj_forward", Route.TUNED, settings=settings | {"opt.iterations": _AT_AN_INSTANT}, softness=1.0)
     if question is Question.MODEL:
         return (replace(forward, softness=None),)
-    # nothing else of the constraints enters their equations
+    # other settings of constraints do not enter these equations
     borrowed = {name: settings[name] for name in ("eq_solref", "mjcb_control") if name in settings}
     harness = Method("mj_fullM, efc_J", Route.HARNESS_SOLVE, settings=OPTIONS | borrowed)
     differences = tuple(
@@ -116,7 +116,7 @@ def _held(question: Question, equalities: Equalities) -> tuple[Method, ...]:
 
 
 def methods(question: Question, equalities: Equalities) -> tuple[Method, ...]:
-    """Methods for a question about a mechanism with such constraints, the headline first."""
+    """Return the methods for a question about a mechanism with such constraints, the headline method first."""
     held = equalities.welds + equalities.joints + equalities.guides
     return _held(question, equalities) if held else _tree(question)
 
@@ -133,16 +133,16 @@ _VALUES: dict[str, Callable[[Any], Any]] = {
     "opt.iterations": int,
     "opt.tolerance": float,
 }
-"""From a value of `Method.settings`, by the names of MuJoCo's enumerations, to MuJoCo's."""
+"""Functions from values of `Method.settings`, by the names of MuJoCo's enumerations, to values of MuJoCo's."""
 
 
 def configured(translation: Translation, method: Method) -> Translation:
-    """Copy a translation as it was compiled, and set what the method sets, and nothing else.
+    """Copy a translation as compiled, with the settings of a method.
 
     Raises
     ------
     ValueError
-        If the softness is not positive.
+        The softness is not positive.
     """
     model, settings = copy.copy(translation.model), method.settings
     for name, value in _VALUES.items():
@@ -154,6 +154,6 @@ def configured(translation: Translation, method: Method) -> Translation:
     softness = 1.0 if method.softness is None else method.softness
     if not softness > 0.0:
         raise ValueError(f"the softness of a constraint is positive, not {softness:g}")
-    for name in _WEIGHTS:
+    for name in WEIGHTS:
         getattr(model, name)[:] *= softness * settings.get(f"{name}, factor", 1.0)
     return replace(translation, model=model, data=mujoco.MjData(model))

@@ -38,22 +38,22 @@ _RADIUS = 0.05
 
 
 def _model(change: Callable[[Any, float], None]) -> Planting:
-    """Change the translation of a mechanism after the adapter has compiled it."""
+    """Change the translation of a mechanism after its compilation by the adapter."""
     return inside(("", "_prepare", on_result(change)))
 
 
 def _body(change: Callable[..., None]) -> Planting:
-    """Change what the adapter adds to the specification for a body."""
+    """Change the function by which the adapter adds a body to the specification."""
     return inside(("translate", "_add_body", wrapped(change)))
 
 
 def _setting(name: str, of: Callable[[float], Any]) -> Planting:
-    """Plant another value of one setting of a method that has it."""
+    """Plant another value of one setting in methods with this setting."""
     return with_settings(lambda settings, e: {name: of(e)} if name in settings else {})
 
 
 def _without_flag(name: str) -> Callable[[dict[str, Any], float], dict[str, Any]]:
-    """Take back one of the switches that the adapter sets."""
+    """Remove one of the flags that the adapter sets."""
 
     def change(settings: dict[str, Any], magnitude: float) -> dict[str, Any]:
         del magnitude
@@ -94,7 +94,7 @@ def _identity_axes(original: Any, magnitude: float, inertia: Any) -> Any:
 
 
 def _geometry(original: Any, magnitude: float, spec: Any, *more: Any) -> None:
-    """Add a ball of the body's mass and density 1000 to each body, and take the inertia from it."""
+    """Add a ball of the body's mass and density 1000 to each body, from which MuJoCo takes the inertia."""
     del magnitude
     original(spec, *more)
     body = spec.bodies[-1]
@@ -104,7 +104,17 @@ def _geometry(original: Any, magnitude: float, spec: Any, *more: Any) -> None:
 
 
 def _touching(original: Any, magnitude: float, spec: Any, mechanism: Any, tree: Any, chain: Any) -> None:
-    """Add a ball to each body, and one on the ground that it touches in the drawing, `magnitude` deep."""
+    """Add a ball to each body, and a ball on the ground that touches it in the drawing.
+
+    Parameters
+    ----------
+    original : callable
+        Function of the adapter, of the parameters after `magnitude`.
+    magnitude : float, m
+        Depth of the contact.
+    spec, mechanism, tree, chain
+        As in `translate._add_body`.
+    """
     original(spec, mechanism, tree, chain)
     spec.bodies[-1].add_geom(size=[_RADIUS, 0.0, 0.0], pos=tree.links[chain[-1]].body_frame.p, mass=0.0)
     number = tree.links[chain[-1]].body
@@ -115,7 +125,7 @@ def _touching(original: Any, magnitude: float, spec: Any, mechanism: Any, tree: 
 
 @contextmanager
 def _contacts_on(engine: Engine, magnitude: float) -> Iterator[Engine]:
-    """Switch contacts on, as they are by default, between geometry that touches."""
+    """Enable contacts, as by default, between geometries that touch."""
     flags = with_settings(_without_flag("CONTACT"))
     with _body(_touching)(engine, magnitude) as inner, flags(inner, magnitude) as outer:
         yield outer
@@ -123,11 +133,11 @@ def _contacts_on(engine: Engine, magnitude: float) -> Iterator[Engine]:
 
 @contextmanager
 def _stale_samples(engine: Engine, magnitude: float) -> Iterator[Engine]:
-    """Read samples from the derived fields as a step leaves them; all or nothing."""
+    """Read samples from the derived fields as they are after a step, at any magnitude."""
     del magnitude
 
     def only_at_start(name: str) -> Any:
-        """Return a function of MuJoCo that does its work at time zero alone."""
+        """Return a function of MuJoCo that has an effect at time zero only."""
 
         def evaluate(model: Any, data: Any) -> None:
             if data.time == 0.0:
@@ -141,6 +151,17 @@ def _stale_samples(engine: Engine, magnitude: float) -> Iterator[Engine]:
 
 
 def _free_in_world(original: Any, magnitude: float, link: Any, coordinate: Any, state: Any) -> Any:
+    """Give angular velocities of free joints in world axes where those of the body belong.
+
+    Parameters
+    ----------
+    original : callable
+        Function of the adapter, of the parameters after `magnitude`.
+    magnitude : float
+        Part of the error.
+    link, coordinate, state
+        As in `states._free`.
+    """
     q, v = original(link, coordinate, state)
     w = state.w_WB_W[link.body]
     return q, np.concatenate([v[:3], v[3:] + magnitude * (w - v[3:])])

@@ -1,4 +1,4 @@
-"""Where things of a mechanism are in a MuJoCo specification: names of links, sites on bodies, axes of joints."""
+"""Places of a mechanism in a MuJoCo specification: names of links, sites on bodies."""
 
 from __future__ import annotations
 
@@ -8,43 +8,41 @@ import numpy as np
 
 from consilience.mechanism import GROUND, Array, Frame, Mechanism, Tree, quaternion_from_rotation
 
-ELEMENTARY = {"angle": "R", "distance": "P"}
-"""Elementary joint that has a coordinate elements refer to."""
-
 
 def compose(a: Frame, b: Frame) -> Frame:
-    """Pose of b, given in a, in the frame in which a is given."""
+    """Return the pose of b in the frame in which `a` is given; b is given in a."""
     return Frame(a.p + a.R @ b.p, a.R @ b.R)
 
 
 def inverse(a: Frame) -> Frame:
-    """Pose of the frame in which `a` is given, as seen from `a`."""
+    """Return the pose, in `a`, of the frame in which `a` is given."""
     return Frame(-a.R.T @ a.p, a.R.T)
 
 
 def link_name(tree: Tree, link: int) -> str:
-    """Name of the joint of a link, and of the body and of the site B where it is the last of its chain."""
-    return f"{link} {tree.links[link].name}"  # the number keeps clear of MuJoCo's "world"
-
-
-def axis_link(mechanism: Mechanism, tree: Tree, joint: str, coordinate: str) -> tuple[int, float]:
-    """Link whose MuJoCo joint has a joint coordinate, and the sign with which it has it.
-
-    Passed backwards, a joint has the opposite coordinate.
-    """
-    k = mechanism.joint_index[joint]
-    found = (i for i, x in enumerate(tree.links) if x.joint == k and x.elementary == ELEMENTARY[coordinate])
-    link = next(found)
-    return link, -1.0 if tree.links[link].reversed else 1.0
+    """Return the name of the joint of a link, and of body and site B if the link is the last of its chain."""
+    return f"{link} {tree.links[link].name}"  # the number avoids MuJoCo's name "world"
 
 
 def add_site(body: Any, name: str, frame: Frame) -> None:
-    """Mark a frame of a body of the specification."""
+    """Mark a frame of a body of the specification by a site."""
     body.add_site(name=name, pos=frame.p, quat=quaternion_from_rotation(frame.R))
 
 
 def add_point(spec: Any, mechanism: Mechanism, tree: Tree, body: str, point: Array, name: str) -> None:
-    """Mark a point of a body by a site with the axes of the body."""
+    """Mark a point of a body by a site with the axes of the body.
+
+    Parameters
+    ----------
+    spec : mujoco.MjSpec
+    mechanism : Mechanism
+    tree : Tree
+    body : str
+    point : ndarray, shape (3,), m
+        In axes of the body, from its origin.
+    name : str
+        Name of the site.
+    """
     if body == GROUND:
         add_site(spec.worldbody, name, Frame(point, np.eye(3)))
     else:

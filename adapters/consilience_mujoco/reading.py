@@ -1,7 +1,7 @@
-"""MJCF files as parts of a case, after MuJoCo's own compiler has read them.
+"""Import of MJCF files as parts of a case, by MuJoCo's own compiler.
 
-The compiler resolves defaults, includes, and inertia from shapes; what is read is the compiled model, drawn at its
-`qpos0`, where MuJoCo's joints and those of the case are at zero.
+The compiler resolves defaults, includes, and inertia from shapes. The compiled model is read at its `qpos0`, where the
+joint coordinates of MuJoCo and of the case are zero.
 """
 
 from __future__ import annotations
@@ -17,18 +17,15 @@ import numpy as np
 from consilience.engine.native import CoordinateLaw, NativeJoint, Notes, Parts, Piece
 from consilience.errors import InvalidInput
 from consilience.mechanism import Array, Frame, Joint, Spring, rotation_from_quaternion
+from consilience_mujoco.translate import JOINT_TYPES
 
 _OBJ, _OFF = mujoco.mjtObj, mujoco.mjtDisableBit
 _JOINT, _CONNECT, _WELD = (
     int(kind) for kind in (mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
 )
 _SITE = int(mujoco.mjtWrap.mjWRAP_SITE)
-_LETTERS = {
-    int(mujoco.mjtJoint.mjJNT_HINGE): "R",
-    int(mujoco.mjtJoint.mjJNT_SLIDE): "P",
-    int(mujoco.mjtJoint.mjJNT_BALL): "S",
-    int(mujoco.mjtJoint.mjJNT_FREE): "F",
-}
+_LETTERS = {int(kind): letter for letter, kind in JOINT_TYPES.items()}
+_WIDTH = {kind: {"S": 3, "F": 6}.get(letter, 1) for kind, letter in _LETTERS.items()}
 
 _LISTS = {
     "motors and muscles, which a case does not have": (_OBJ.mjOBJ_ACTUATOR, "nu"),
@@ -39,13 +36,13 @@ _LISTS = {
 
 
 def name_of(model: Any, kind: Any, number: int) -> str:
-    """Name of an object, or what it is and its number where it has none."""
+    """Return the name of an object, or its kind and number if it has no name."""
     name = mujoco.mj_id2name(model, kind, number)
     return name or f"{kind.name.removeprefix('mjOBJ_').lower()}_{number}"
 
 
 class _Model:
-    """A compiled model at `qpos0`, read piece by piece."""
+    """Compiled model at `qpos0`."""
 
     def __init__(self, path: Path, notes: Notes) -> None:
         try:
@@ -69,7 +66,7 @@ class _Model:
         return Frame(self.data.xpos[body], self.data.xmat[body].reshape(3, 3))
 
     def pieces(self) -> Iterator[Piece]:
-        """Bodies with the motions to their parents; inertia (3, 3) about the centre of mass in body axes, kg m^2."""
+        """Return the bodies, with the joints to their parents."""
         model = self.model
         for body in range(1, model.nbody):
             R = rotation_from_quaternion(model.body_iquat[body])
@@ -85,10 +82,9 @@ class _Model:
             )
 
     def motion(self, joint: int) -> NativeJoint:
-        """One joint of the engine: anchor (3,) in m and axis (3,) in world axes, spring, damper, rest."""
+        """Return a joint with its spring and damper, in the drawing."""
         model, dof, at = self.model, self.model.jnt_dofadr[joint], self.model.jnt_qposadr[joint]
-        letter = _LETTERS[int(model.jnt_type[joint])]
-        width = {"S": 3, "F": 6}.get(letter, 1)
+        letter, width = _LETTERS[int(model.jnt_type[joint])], _WIDTH[int(model.jnt_type[joint])]
         damping = 0.0 if self.off(_OFF.mjDSBL_DAMPER) else float(np.max(model.dof_damping[dof : dof + width]))
         rest = float(model.qpos_spring[at] - model.qpos0[at]) if width == 1 else 0.0
         return NativeJoint(
@@ -110,7 +106,7 @@ class _Model:
                 yield name_of(model, _OBJ.mjOBJ_EQUALITY, row), row
 
     def laws(self) -> Iterator[CoordinateLaw]:
-        """Equalities between two joints, as polynomials of the driver's coordinate; those of one joint are refused."""
+        """Return equalities of two joints as polynomials of the driver's coordinate; refuse those of one joint."""
         for name, row in self._active(_JOINT):
             driver = int(self.model.eq_obj2id[row])
             if driver < 0:
@@ -120,7 +116,7 @@ class _Model:
             yield CoordinateLaw(name, self.joint_name(self.model.eq_obj1id[row]), self.joint_name(driver), powers)
 
     def loops(self) -> Iterator[Joint]:
-        """Equalities that tie two bodies, as spherical or rigid joints that close loops."""
+        """Return equalities of two bodies as spherical or rigid joints that close loops."""
         for name, row in self._active(_CONNECT, _WELD):
             weld = self.model.eq_type[row] == _WELD
             bodies, F, M = self._ends(row, weld)
@@ -128,7 +124,7 @@ class _Model:
             yield Joint(name, "rigid" if weld else "spherical", first, second, F, M)
 
     def _ends(self, row: int, weld: bool) -> tuple[list[int], Frame, Frame]:
-        """Bodies and frames that an equality holds together; of a ball, with the axes of the drawing."""
+        """Bodies and frames that an equality holds together; for a ball, with the axes of the drawing."""
         model, data = self.model, self.model.eq_data[row]
         ids = [int(model.eq_obj1id[row]), int(model.eq_obj2id[row])]
         if model.eq_objtype[row] == int(_OBJ.mjOBJ_SITE):
@@ -147,7 +143,7 @@ class _Model:
         return bodies, Frame(points[0], turns[0]), Frame(points[1], turns[1])
 
     def springs(self) -> Iterator[Spring]:
-        """Tendons between two sites with a spring or damper."""
+        """Return tendons between two sites with a spring or damper as springs."""
         model = self.model
         for tendon in range(model.ntendon):
             name, first = name_of(model, _OBJ.mjOBJ_TENDON, tendon), model.tendon_adr[tendon]
@@ -166,10 +162,10 @@ class _Model:
                 at, to = (np.array(model.site_pos[i]) for i in sites)
                 yield Spring(name, start, end, at, to, stiffness, damping, length)
 
-    # ---------------------------------------------------------------- what is left out
+    # ---------------------------------------------------------------- elements that a case lacks
 
     def note_rest(self) -> None:
-        """Note everything of the model that the case has no place for, and refuse what constrains it."""
+        """Note the elements that a case lacks, and refuse those that constrain the model."""
         model, add = self.model, self.notes.add
         for reason, (kind, count) in _LISTS.items():
             add(reason, *(name_of(model, kind, i) for i in range(getattr(model, count))))
@@ -209,23 +205,23 @@ class _Model:
             )
 
 
-_WIDTH = {kind: {"S": 3, "F": 6}.get(letter, 1) for kind, letter in _LETTERS.items()}
-
-
 def read_mjcf(root: Element, path: Path, free_base: bool, notes: Notes) -> Parts:
-    """Parts of an MJCF file.
+    """Return the parts of an MJCF file.
 
     Parameters
     ----------
     root : Element
-        Of its XML; MuJoCo reads the file itself, with what it includes.
+        Root of the XML; not used, because MuJoCo reads the file and its includes.
+    path : Path
     free_base : bool
-        Not for MJCF, which says itself what floats.
+        Refused: an MJCF file has free joints of its own.
+    notes : Notes
+        Takes notes of elements that are left out or refused.
 
     Raises
     ------
     InvalidInput
-        If MuJoCo refuses the file, or a base is asked for.
+        MuJoCo refuses the file, or `free_base` is true.
     """
     if free_base:
         raise InvalidInput(str(path), "an MJCF file says itself what floats", "Leave the option for URDF.")
@@ -238,4 +234,4 @@ def read_mjcf(root: Element, path: Path, free_base: bool, notes: Notes) -> Parts
 
 
 READERS = {"mujoco": read_mjcf}
-"""By the root element of the XML: `consilience.case.importing` finds it."""
+"""Readers by the root element of the XML, for `consilience.case.importing`."""

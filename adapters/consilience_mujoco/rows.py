@@ -1,10 +1,10 @@
 """Drives, couplings, screws, rolling bodies and skates as equality constraints of MuJoCo.
 
-MuJoCo holds ``J a + R f = aref`` [MuJoCo, Computation]. Its joint equality ``q1 = poly(q2)``, degree four at most, has
-no velocity term ``poly'' q2'^2`` in aref, and its offset does not move with time. So
+MuJoCo holds ``J a + R f = aref`` [MuJoCo, Computation]. A joint equality ``q1 = poly(q2)``, of degree four at most, has
+no velocity term ``poly'' q2'^2`` in aref, and its offset is constant in time. A callback writes the missing terms:
 
 ========================  =============================  ==========================================================
-element                   equality                       what the callback puts in its row
+element                   equality                       terms that the callback writes into the row
 ========================  =============================  ==========================================================
 screw                     joint, ``P = pitch R / 2 pi``  nothing
 drive                     joint, ``q = 0``               aref
@@ -13,28 +13,31 @@ any other coupling        joint                          aref and J, ``1`` and `
 rolling body, skate       tendon, only for its row       aref and J, from `mj_jac` and `cdof_dot`, at the point held
 ========================  =============================  ==========================================================
 
-With residual g, rate g' and the gamma of ``J a = gamma``: ``aref = gamma - B g' - K d g``, K, B and the impedance d as
-MuJoCo has them from `solref` and `solimp` (d for the residual of its own row). A row may only have coefficients where
-the equality it is written over has some: islands are found before.
+With residual g, its rate g', and gamma of ``J a = gamma``: ``aref = gamma - B g' - K d g``. K, B and the impedance d
+are MuJoCo's, from `solref` and `solimp` (d at the residual of MuJoCo's own row). MuJoCo finds islands before the
+callback, so that a row has room only for coefficients in the same trees as the equality over which it is written.
 
-The point of contact of a rolling body is at ``rho = -R m / |m| - r n`` from its centre, ``m = n - (n.a) a``. It moves
-in the body, so the velocity ``v + w x rho = 0`` of the body *there* has the rate
-``a_P + w x (rho' - w x rho) = 0``, a_P the acceleration of the point of the body.
+The point of contact of a rolling body is at ``rho = -R m / |m| - r n`` from the centre, ``m = n - (n.a) a``, and moves
+in the body. The condition ``v + w x rho = 0`` therefore has the rate ``a_P + w x (rho' - w x rho) = 0`` with the
+acceleration a_P of the material point.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import mujoco
 import numpy as np
 
+from consilience.engine import axis_link
 from consilience.mechanism import (
     Array,
     Frame,
     Function,
+    Jet,
     Mechanism,
     Rolling,
     Skate,
@@ -43,36 +46,40 @@ from consilience.mechanism import (
     plane_axes,
     rolling_contact,
 )
-from consilience_mujoco.functions import Jet, jet_of
-from consilience_mujoco.places import add_point, add_site, axis_link, link_name
+from consilience_mujoco.functions import jet_of
+from consilience_mujoco.places import add_point, add_site, link_name
 
 _TURN = 2.0 * np.pi
 _POWERS = 5
-"""Coefficients of the polynomial of a joint equality."""
+"""Number of coefficients of the polynomial of a joint equality."""
 
 _FREEDOM = {"R": 1, "P": 1, "S": 3, "F": 6, "W": 0}
 
 _ASIDE = np.array([0.37, -0.23, 0.41])
-"""Ends of the tendons whose rows are lent: points that move whenever their body does."""
+"""Ends in m of the tendons of which rows are used: points that move with every motion of their body."""
 
 
 @dataclass(frozen=True, eq=False)
 class JointRow:
-    """``q = sign f(x)``, x the time, or the coordinate of a driving joint; q as MuJoCo counts it.
+    """Row ``q = sign f(x)`` in MuJoCo's coordinate q; x is the time or the coordinate of a driving joint.
 
     Attributes
     ----------
     equality : int
-    qpos, dof, sign
-        Of the held joint.
+    qpos, dof : int
+        Places of the held joint in `qpos` and `qvel`.
+    sign : float
+        -1 where the tree passes the held joint backwards.
     driver : (qpos, dof, sign) or None
-        Of the driving joint; None for a drive.
+        The same of the driving joint; None for a drive.
+    law : Function
+        The function f.
     jet : callable
-        Of f.
+        Value and two derivatives of f.
     angle : bool
-        Full turns of the residual do not count.
+        The residual is taken within half a turn.
     written : bool
-        MuJoCo's own row is not this one's.
+        The callback also writes the coefficient of the driving joint.
     """
 
     equality: int
@@ -80,12 +87,13 @@ class JointRow:
     dof: int
     sign: float
     driver: tuple[int, int, float] | None
+    law: Function
     jet: Callable[[float], Jet]
     angle: bool
     written: bool
 
     def evaluate(self, data: Any) -> tuple[float, float, float, float]:
-        """Residual, its rate, gamma, and the coefficient of the driving joint."""
+        """Return the residual, its rate, gamma, and the coefficient of the driving joint."""
         if self.driver is None:
             x, x_dot, turn = data.time, 1.0, 0.0
         else:
@@ -100,7 +108,7 @@ class JointRow:
 
 
 def moving_dofs(model: Any, body: int) -> Array:
-    """Velocities that move a body, from its own to those of the body at the root."""
+    """Return the velocities that move a body, from its own to those of the root. Exported scripts contain this text."""
     while body > 0 and model.body_dofnum[body] == 0:
         body = int(model.body_parentid[body])
     dof, found = int(model.body_dofadr[body] + model.body_dofnum[body]) - 1 if body > 0 else -1, []
@@ -111,48 +119,57 @@ def moving_dofs(model: Any, body: int) -> Array:
 
 
 def velocity_term(model: Any, data: Any, body: int, dofs: Array, point: Array) -> Array:
-    """Acceleration ``J' v`` of a point of a body, shape (3,), in the world.
+    """Return the acceleration ``J' v`` of a point of a body, shape (3,), in the world.
 
-    From `cdof_dot`, as MuJoCo's own accelerations: its `mj_jacDot` is wrong where a slide follows a ball on one body.
+    `cdof_dot` is used, as in MuJoCo's own accelerations, because `mj_jacDot` is wrong where a slide follows a ball on
+    one body. Exported scripts contain the text of this function.
+
+    Parameters
+    ----------
+    model, data : mujoco.MjModel, mujoco.MjData
+    body : int
+    dofs : ndarray of int
+        Velocities that move the body (`moving_dofs`).
+    point : ndarray, shape (3,), m
+        In world axes.
     """
     angular, linear = (data.cdof_dot[dofs].T @ data.qvel[dofs]).reshape(2, 3)
     w, v = data.cvel[body].reshape(2, 3)  # about the centre of mass of the tree, as the line above
     arm = point - data.subtree_com[model.body_rootid[body]]
-    term: Array = linear + cross(angular, arm) + cross(w, v + cross(w, arm))
-    return term
+    return np.asarray(linear + cross(angular, arm) + cross(w, v + cross(w, arm)))
 
 
 Held = tuple[Array, Array, Array, Array]
-"""Point or arm, directions, violations, accelerations: see `Guide`."""
-
-Hold = Callable[[Array, Array, Array, Array], Held]
+"""Arm or point (3,), directions (k, 3), violations (k,), wanted accelerations along the directions (k,); world axes."""
 
 
 @dataclass(frozen=True, eq=False)
 class Guide:
-    """Directions in which a point of a body, which may move in it, has no velocity.
+    """Rows of a rolling body or a skate: directions in which a point of the body has no velocity.
 
     Attributes
     ----------
+    element : Rolling or Skate
     equalities : tuple of int
-        One for each direction.
+        One equality for each direction.
     body, site : int
         MuJoCo body, and the site of frame B.
     dofs : ndarray of int
         Velocities that move the body.
     hold : callable
-        From position, axes, velocity and angular velocity of B: the arm of the point from B, the directions (k, 3),
-        and the violation and the acceleration of the point of the body along each (k,), in the world.
+        From position, axes, velocity and angular velocity of B to `Held`, with the arm of the point from B.
     """
+
+    element: Rolling | Skate
 
     equalities: tuple[int, ...]
     body: int
     site: int
     dofs: Array
-    hold: Hold
+    hold: Callable[[Array, Array, Array, Array], Held]
 
     def place(self, model: Any, data: Any) -> Held:
-        """Point in the world, directions, and violations and accelerations along them."""
+        """Return `Held` at the state of the data, with the point in the world."""
         p, R = data.site_xpos[self.site], data.site_xmat[self.site].reshape(3, 3)
         twist = np.zeros(6)
         mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_SITE, self.site, twist, 0)
@@ -160,7 +177,7 @@ class Guide:
         return p + arm, directions, residuals, accelerations
 
     def rows(self, model: Any, data: Any) -> tuple[Array, Array, Array, Array]:
-        """Jacobian in MuJoCo's velocities, residuals, their rates, and gamma."""
+        """Return the Jacobian in MuJoCo's velocities, residuals, their rates, and gamma."""
         point, directions, residuals, accelerations = self.place(model, data)
         J = np.zeros((3, model.nv))
         mujoco.mj_jac(model, data, J, None, point, self.body)
@@ -171,18 +188,18 @@ class Guide:
 
 @dataclass(frozen=True)
 class Equalities:
-    """How many equality constraints a model has.
+    """Numbers of equality constraints of a model.
 
     Attributes
     ----------
     welds, joints, guides : int
-        Welds of six rows; single rows on joints and on guided bodies.
+        Welds, of six rows each; single rows on joints; single rows on guided bodies.
     completed : bool
         The callback completes right-hand sides of rows on joints.
     written : bool
-        The callback writes rows of the Jacobian too.
+        The callback also writes rows of the Jacobian.
     freedom : int
-        Coordinates of the model; from 60 on MuJoCo's default is a sparse Jacobian, which has no room for other rows.
+        Number of coordinates. From 60 on MuJoCo's default is a sparse Jacobian, which has no room for written rows.
     """
 
     welds: int
@@ -200,9 +217,9 @@ class Rows:
     Attributes
     ----------
     joints, guides : tuple
-        What the callback completes.
+        Rows that the callback completes.
     screws : tuple of (int, int, float)
-        Places of the two coordinates in `qpos`, slide and hinge, and the pitch in m.
+        Places of slide and hinge in `qpos`, and the pitch in m.
     """
 
     joints: tuple[JointRow, ...]
@@ -210,42 +227,52 @@ class Rows:
     screws: tuple[tuple[int, int, float], ...]
 
 
-def _rolling(rolling: Rolling) -> Hold:
+def hold_rolling(rolling: Rolling, p: Array, R_WB: Array, v: Array, w: Array) -> Held:
+    """Return `Held` at the point of contact of a rolling body. Exported scripts contain the text of this function.
+
+    Parameters
+    ----------
+    rolling : Rolling
+    p, v, w : ndarray, shape (3,), m, m/s and rad/s
+        Position, velocity and angular velocity of the body's origin, world axes.
+    R_WB : ndarray, shape (3, 3)
+    """
     n, plane = rolling.normal, plane_axes(rolling)
-
-    def hold(p: Array, R_WB: Array, _: Array, w: Array) -> Held:
-        """The point of contact of a body at `p` (3,) in m, turned by `R_WB` (3, 3) at `w` (3,) in rad/s."""
-        rho, rho_dot = rolling_contact(R_WB @ rolling.axis, n, w, rolling.radius, rolling.rounding)
-        arm = R_WB @ rolling.center + rho
-        height = n @ (p + arm - rolling.point)
-        return arm, plane, np.array([height, 0.0, 0.0]), plane @ cross(w, cross(w, rho) - rho_dot)
-
-    return hold
+    rho, rho_dot = rolling_contact(R_WB @ rolling.axis, n, w, rolling.radius, rolling.rounding)
+    arm = R_WB @ rolling.center + rho
+    height = n @ (p + arm - rolling.point)
+    return arm, plane, np.array([height, 0.0, 0.0]), plane @ cross(w, cross(w, rho) - rho_dot)
 
 
-def _skate(skate: Skate) -> Hold:
-    def hold(_: Array, R_WB: Array, v: Array, w: Array) -> Held:
-        arm, lateral = R_WB @ skate.point, R_WB @ skate.lateral
-        return arm, lateral[None], np.zeros(1), np.array([-cross(w, lateral) @ (v + cross(w, arm))])
+def hold_skate(skate: Skate, p: Array, R_WB: Array, v: Array, w: Array) -> Held:
+    """Return `Held` at the point of a skate. Exported scripts contain the text of this function.
 
-    return hold
+    Parameters
+    ----------
+    skate : Skate
+    p, v, w : ndarray, shape (3,), m, m/s and rad/s
+        Position, velocity and angular velocity of the body's origin, world axes.
+    R_WB : ndarray, shape (3, 3)
+    """
+    arm, lateral = R_WB @ skate.point, R_WB @ skate.lateral
+    return arm, lateral[None], np.zeros(1), np.array([-cross(w, lateral) @ (v + cross(w, arm))])
 
 
-_GUIDES: dict[str, tuple[int, Callable[[Any], Any]]] = {"rollings": (3, _rolling), "skates": (1, _skate)}
+_GUIDES: dict[str, tuple[int, Callable[..., Held]]] = {"rollings": (3, hold_rolling), "skates": (1, hold_skate)}
 
 
-def _guided(mechanism: Mechanism) -> list[tuple[Any, int, Callable[[Any], Any]]]:
-    """Elements that guide a body, how many rows each has, and what makes them."""
-    return [(x, count, make) for group, (count, make) in _GUIDES.items() for x in getattr(mechanism, group)]
+def _guided(mechanism: Mechanism) -> list[tuple[Any, int, Callable[..., Held]]]:
+    """Rolling bodies and skates, with the number of rows and the function of each."""
+    return [(x, count, hold) for group, (count, hold) in _GUIDES.items() for x in getattr(mechanism, group)]
 
 
 def is_own(law: Function) -> bool:
-    """Whether MuJoCo's joint equality has the law of a coupling."""
+    """Whether MuJoCo's joint equality can express the law of a coupling."""
     return law.table is None and not len(law.harmonics) and len(law.polynomial) <= _POWERS
 
 
 def count_rows(mechanism: Mechanism, tree: Tree) -> Equalities:
-    """Equality constraints of the model of a mechanism."""
+    """Count the equality constraints of the model of a mechanism."""
     screws = sum(joint.kind == "screw" for joint in mechanism.joints)
     guides = sum(count for _, count, _ in _guided(mechanism))
     completed = len(mechanism.drives) + len(mechanism.couplings)
@@ -254,15 +281,18 @@ def count_rows(mechanism: Mechanism, tree: Tree) -> Equalities:
     return Equalities(len(tree.welds), screws + completed, guides, completed > 0, written, freedom)
 
 
-def without_screws(mechanism: Mechanism) -> Mechanism:
-    """Let cylindrical joints stand for the screws; a row couples their two coordinates."""
-    if not any(joint.kind == "screw" for joint in mechanism.joints):
-        return mechanism
-    joints = (replace(x, kind="cylindrical", pitch=0.0) if x.kind == "screw" else x for x in mechanism.joints)
-    return replace(mechanism, joints=tuple(joints))
-
-
 def _add_joint_equality(spec: Any, name: str, held: str, driver: str, coefficients: Sequence[float]) -> None:
+    """Add a joint equality ``q_held = sum c_k q_driver^k``.
+
+    Parameters
+    ----------
+    spec : mujoco.MjSpec
+    name : str
+    held, driver : str
+        MuJoCo joints; without a driver the held joint is at the constant.
+    coefficients : sequence of float
+        The c_k, from k = 0.
+    """
     data = np.zeros(mujoco.mjNEQDATA)
     data[: len(coefficients)] = coefficients
     spec.add_equality(
@@ -276,6 +306,18 @@ def _add_joint_equality(spec: Any, name: str, held: str, driver: str, coefficien
 
 
 def _add_tendon_equality(spec: Any, mechanism: Mechanism, tree: Tree, body: str, name: str) -> None:
+    """Add the equality of a tendon from the world to a body, whose row the callback overwrites.
+
+    Parameters
+    ----------
+    spec : mujoco.MjSpec
+    mechanism : Mechanism
+    tree : Tree
+    body : str
+        Body that rolls or skates.
+    name : str
+        Name of equality, tendon and site.
+    """
     frame = mechanism.bodies[mechanism.body_index[body]].drawing
     add_site(spec.worldbody, name, Frame(frame.p - 2.0 * _ASIDE, np.eye(3)))
     add_point(spec, mechanism, tree, body, _ASIDE, f"end of {name}")
@@ -293,7 +335,7 @@ def add_rows(spec: Any, mechanism: Mechanism, tree: Tree) -> None:
         return link_name(tree, link), direction
 
     for joint in mechanism.joints:
-        if joint.kind == "screw":  # both coordinates change their sign where it is passed backwards
+        if joint.kind == "screw":  # both coordinates change their signs where the joint is passed backwards
             slide, turn = axis(joint.name, "distance")[0], axis(joint.name, "angle")[0]
             _add_joint_equality(spec, f"screw {joint.name}", slide, turn, [0.0, joint.pitch / _TURN])
     for drive in mechanism.drives:
@@ -309,7 +351,7 @@ def add_rows(spec: Any, mechanism: Mechanism, tree: Tree) -> None:
 
 
 def rows_of(model: Any, mechanism: Mechanism, tree: Tree) -> Rows:
-    """Find the equalities of a compiled model that need the callback."""
+    """Return the rows of a compiled model that the callback completes, and the coordinates of screws."""
 
     def axis(joint: str, coordinate: str) -> tuple[int, int, float]:
         link, sign = axis_link(mechanism, tree, joint, coordinate)
@@ -317,19 +359,29 @@ def rows_of(model: Any, mechanism: Mechanism, tree: Tree) -> Rows:
         return int(model.jnt_qposadr[number]), int(model.jnt_dofadr[number]), sign
 
     def held(name: str, x: Any, driver: tuple[int, int, float] | None, law: Function, written: bool) -> JointRow:
+        """Return the row of a drive or coupling.
+
+        Parameters
+        ----------
+        name : str
+            Equality of the row.
+        x : Drive or Coupling
+        driver, law, written
+            As in `JointRow`.
+        """
         number, angle = model.equality(name).id, x.coordinate == "angle"
-        return JointRow(number, *axis(x.joint, x.coordinate), driver, jet_of(law), angle, written)
+        return JointRow(number, *axis(x.joint, x.coordinate), driver, law, jet_of(law), angle, written)
 
     joints = [held(f"drive {d.name}", d, None, d.motion, False) for d in mechanism.drives]
     for c in mechanism.couplings:
         driver = axis(c.driver_joint, c.driver_coordinate)
         joints.append(held(f"coupling {c.name}", c, driver, c.law, not is_own(c.law)))
     guides = []
-    for element, count, make in _guided(mechanism):
+    for element, count, hold in _guided(mechanism):
         equalities = tuple(model.equality(f"row {k} of {element.name}").id for k in range(count))
         site = model.site(link_name(tree, tree.carrier(mechanism.body_index[element.body]))).id
         body = int(model.site_bodyid[site])
-        guides.append(Guide(equalities, body, site, moving_dofs(model, body), make(element)))
+        guides.append(Guide(element, equalities, body, site, moving_dofs(model, body), partial(hold, element)))
     screws = [
         (axis(joint.name, "distance")[0], axis(joint.name, "angle")[0], joint.pitch)
         for joint in mechanism.joints

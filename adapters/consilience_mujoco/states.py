@@ -1,4 +1,4 @@
-"""Body poses and velocities to MuJoCo's coordinates, and back."""
+"""Conversion of body poses and velocities to MuJoCo's coordinates, and back."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def _scalar(_: Link, coordinate: Coordinate, __: State) -> tuple[Any, Any]:
 
 
 def _ball(_: Link, coordinate: Coordinate, __: State) -> tuple[Any, Any]:
-    return coordinate.quat, coordinate.w  # both in axes of the link, which are those of the MuJoCo body
+    return coordinate.quat, coordinate.w  # in axes of the link, which are those of the MuJoCo body
 
 
 def _free(link: Link, _: Coordinate, state: State) -> tuple[Any, Any]:
@@ -46,7 +46,7 @@ _WRITE: dict[str, Callable[[Link, Coordinate, State], tuple[Any, Any]]] = {
 
 
 def set_state(translation: Translation, state: State) -> None:
-    """Reset the data, and write `qpos` and `qvel` of a state; nothing is evaluated."""
+    """Reset the data and write `qpos` and `qvel` of a state, without any evaluation."""
     t = translation
     mujoco.mj_resetData(t.model, t.data)
     coords = coordinates(t.plain, t.tree, state)
@@ -56,14 +56,14 @@ def set_state(translation: Translation, state: State) -> None:
             start_q, start_v = t.model.jnt_qposadr[joint], t.model.jnt_dofadr[joint]
             t.data.qpos[start_q : start_q + len(q)] = q
             t.data.qvel[start_v : start_v + len(v)] = v
-    for slide, turn, pitch in t.rows.screws:  # the turns of a screw are those of its displacement
+    for slide, turn, pitch in t.rows.screws:  # full turns of a screw follow from the displacement
         t.data.qpos[turn] = full_turns(float(t.data.qpos[turn]), 2.0 * np.pi * float(t.data.qpos[slide]) / pitch)
 
 
 def poses_and_velocities(translation: Translation) -> tuple[Array, Array, Array, Array]:
-    """p_WB, quat_WB, v_WB_W, w_WB_W of all bodies, from `qpos` and `qvel` as they are now.
+    """Return p_WB, quat_WB, v_WB_W, w_WB_W of all bodies from the present `qpos` and `qvel`.
 
-    After a step the derived fields of the data belong to the state before it: they are evaluated here.
+    After a step the derived fields of the data belong to the state before the step, and are evaluated here again.
     """
     t = translation
     mujoco.mj_kinematics(t.model, t.data)

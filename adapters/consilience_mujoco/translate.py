@@ -1,9 +1,9 @@
-"""A mechanism as a compiled MuJoCo model.
+"""Translation of a mechanism into a compiled MuJoCo model.
 
-All elementary joints of one joint stand on one MuJoCo body, which composes them in order: no massless link is
-needed, not even for the rod (hinge, hinge, ball). The frame of a MuJoCo body is that of the last link of the chain,
-and a site marks frame B of the mechanism's body on it. A body on a free joint hangs from the world, whatever the
-predecessor: MuJoCo has free joints only there, and a free joint holds nothing.
+All elementary joints of one joint belong to one MuJoCo body, which composes them in order, so that no massless link is
+needed, not even for a rod (hinge, hinge, ball). The frame of a MuJoCo body is that of the last link of the chain; a
+site marks frame B of the mechanism's body. A body on a free joint is a child of the world, whatever the predecessor:
+MuJoCo has free joints only there, and a free joint constrains nothing.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from consilience.engine import ELEMENTARY, merged_spring, without_screws
 from consilience.mechanism import (
     Array,
     Frame,
@@ -27,10 +28,10 @@ from consilience.mechanism import (
 )
 from consilience_mujoco.actuators import Signal, add_forces
 from consilience_mujoco.messages import warnings_raise
-from consilience_mujoco.places import ELEMENTARY, add_site, compose, inverse, link_name
-from consilience_mujoco.rows import Rows, add_rows, rows_of, without_screws
+from consilience_mujoco.places import add_site, compose, inverse, link_name
+from consilience_mujoco.rows import Rows, add_rows, rows_of
 
-_JOINT_TYPES = {
+JOINT_TYPES = {
     "R": mujoco.mjtJoint.mjJNT_HINGE,
     "P": mujoco.mjtJoint.mjJNT_SLIDE,
     "S": mujoco.mjtJoint.mjJNT_BALL,
@@ -40,27 +41,28 @@ _JOINT_TYPES = {
 
 @dataclass(frozen=True, eq=False)
 class Translation:
-    """A compiled model, and where the parts of the mechanism are in it.
+    """Compiled model of a mechanism, with the places of the mechanism's parts.
 
     Attributes
     ----------
     mechanism : Mechanism
     plain : Mechanism
-        With cylindrical joints for screws, whose rows couple their coordinates: what the tree is made of.
+        The mechanism with cylindrical joints in place of screws, whose threads are rows of `rows`.
     tree : Tree
+        Elementary tree of `plain`.
     model, data : mujoco.MjModel, mujoco.MjData
     link_body : ndarray of int, shape (n_links,)
-        MuJoCo body that holds each link; the links of one chain share it.
+        MuJoCo body of each link; the links of one chain share a body.
     link_joint : ndarray of int, shape (n_links,)
         MuJoCo joint of each link; -1 for a welded one.
     body_site : ndarray of int, shape (n_b,)
         Site that marks frame B of each body of the mechanism.
     energy_offset : float, J
-        What MuJoCo's potential energy lacks: the constant that several springs on one coordinate leave.
+        Constant that MuJoCo's potential energy lacks where several springs on one coordinate are merged.
     signals : tuple of Signal
         Controls of actuators.
     rows : Rows
-        Constraints that MuJoCo's own rows do not state fully.
+        Constraints whose rows a callback completes.
     """
 
     mechanism: Mechanism
@@ -77,10 +79,10 @@ class Translation:
 
 
 def principal_inertia(inertia: Array) -> tuple[Array, Array]:
-    """Principal moments, ascending, and the quaternion of their axes.
+    """Return the principal moments, ascending, and the quaternion of their axes.
 
-    MuJoCo's own reduction of a full tensor loses a digit and then refuses a lamina (A + B = C) on the rounding of it.
-    The largest moment is bounded by the sum of the others, which `consilience.mechanism.check_inertia` grants to 1e-12.
+    MuJoCo's own reduction of a full tensor loses a digit, and MuJoCo then refuses a lamina (A + B = C). Here the
+    largest moment is limited to the sum of the others, which `consilience.mechanism.check_inertia` ensures to 1e-12.
 
     Parameters
     ----------
@@ -99,7 +101,7 @@ def principal_inertia(inertia: Array) -> tuple[Array, Array]:
 
 
 def _chains(tree: Tree) -> list[list[int]]:
-    """Group the indices of the links by the joint they belong to, in the order of the tree."""
+    """Group the indices of the links by the joint to which they belong, in the order of the tree."""
     chains: list[list[int]] = [[]]
     for i, link in enumerate(tree.links):
         chains[-1].append(i)
@@ -109,10 +111,10 @@ def _chains(tree: Tree) -> list[list[int]]:
 
 
 def slides_behind_balls(tree: Tree) -> list[int]:
-    """Joints in a loop that become a ball and then a slide on one body: MuJoCo's `mj_jacDot` is wrong for these.
+    """Return the joints in a loop that are a ball, then a slide, on one body, where MuJoCo's `mj_jacDot` is wrong.
 
-    It takes the velocity of the slide for a motion of the ball's axes. Where both ends of a weld hang behind the joint,
-    the errors cancel.
+    MuJoCo's function takes the velocity of the slide for a motion of the ball's axes. Where both ends of a weld hang
+    behind the joint, the errors cancel.
     """
     found = []
     for chain in _chains(tree):
@@ -124,9 +126,9 @@ def slides_behind_balls(tree: Tree) -> list[int]:
 
 
 def _behind(tree: Tree, root: int) -> set[int]:
-    """Indices of a link and of all that hang on it, by way of others too."""
+    """Indices of a link and of all its descendants."""
     found = {root}
-    for i, link in enumerate(tree.links):  # parents stand before their children
+    for i, link in enumerate(tree.links):  # parents come before their children
         if link.parent in found:
             found.add(i)
     return found
@@ -154,28 +156,38 @@ def _add_body(spec: Any, mechanism: Mechanism, tree: Tree, chain: list[int]) -> 
         explicitinertial=True,
     )
     for i, link, pose in zip(chain, links, poses, strict=True):
-        if link.elementary in _JOINT_TYPES:
+        if link.elementary in JOINT_TYPES:
             _add_joint(body, link_name(tree, i), link, compose(inverse(at), pose), mechanism)
     add_site(body, link_name(tree, chain[-1]), last.body_frame)
 
 
 def _add_joint(body: Any, name: str, link: Link, frame: Frame, mechanism: Mechanism) -> None:
+    """Add the elementary joint of a link to a body, with its springs.
+
+    Parameters
+    ----------
+    body : mujoco.MjsBody
+    name : str
+    link : Link
+    frame : Frame
+        Joint frame in the frame of the MuJoCo body.
+    mechanism : Mechanism
+    """
     joint = body.add_joint(
         name=name,
-        type=_JOINT_TYPES[link.elementary],
+        type=JOINT_TYPES[link.elementary],
         pos=frame.p,
         axis=frame.R[:, 2],
         align=mujoco.mjtAlignFree.mjALIGNFREE_FALSE,
     )
     springs = springs_on(mechanism, link)
     if springs:
-        stiffness, damping, rest = _one_spring(springs)
-        joint.stiffness[0], joint.damping[0] = stiffness, damping
+        joint.stiffness[0], joint.damping[0], rest, _ = merged_spring(springs)
         joint.springref = -rest if link.reversed else rest  # passed backwards, a joint has the opposite coordinate
 
 
 def springs_on(mechanism: Mechanism, link: Link) -> list[JointSpring]:
-    """Joint springs that act on the elementary joint of a link, viscous friction among them."""
+    """Return the joint springs in the coordinate of a link, including viscous friction as dampers."""
     viscous = [JointSpring(f.name, f.joint, f.coordinate, 0.0, f.viscous, 0.0) for f in mechanism.frictions]
     name = mechanism.joints[link.joint].name
     return [
@@ -185,26 +197,14 @@ def springs_on(mechanism: Mechanism, link: Link) -> list[JointSpring]:
     ]
 
 
-def _one_spring(springs: list[JointSpring]) -> tuple[float, float, float]:
-    """Stiffness, damping and rest of the one spring-damper with the same effort: MuJoCo has one for each joint."""
-    stiffness = sum(s.stiffness for s in springs)
-    rest = sum(s.stiffness * s.rest for s in springs) / stiffness if stiffness else 0.0
-    return stiffness, sum(s.damping for s in springs), rest
-
-
 def springs_cancel(springs: list[JointSpring]) -> bool:
-    """Whether stiffnesses of opposite sign cancel, so that no one spring has the same effort."""
+    """Whether stiffnesses of opposite sign cancel, so that no single spring has the same effort."""
     return abs(sum(s.stiffness for s in springs)) < 1e-9 * sum(abs(s.stiffness) for s in springs)
 
 
 def _energy_offset(mechanism: Mechanism, tree: Tree) -> float:
-    offset = 0.0
-    for link in tree.links:
-        springs = springs_on(mechanism, link)
-        if len(springs) > 1:
-            stiffness, _, rest = _one_spring(springs)
-            offset += 0.5 * sum(s.stiffness * s.rest**2 for s in springs) - 0.5 * stiffness * rest**2
-    return offset
+    several = (springs for link in tree.links if len(springs := springs_on(mechanism, link)) > 1)
+    return sum((merged_spring(springs)[3] for springs in several), 0.0)
 
 
 def _add_weld(spec: Any, tree: Tree, original: int, copy: int) -> None:
@@ -218,14 +218,14 @@ def _add_weld(spec: Any, tree: Tree, original: int, copy: int) -> None:
 
 
 def translate(mechanism: Mechanism) -> Translation:
-    """Compile a mechanism, with every option of MuJoCo at its default; `methods.configured` sets those of a method.
+    """Compile a mechanism with all options at MuJoCo's defaults; `methods.configured` sets those of a method.
 
     Raises
     ------
     ValueError
-        With the words of MuJoCo's compiler, if it refuses the model.
+        MuJoCo's compiler refuses the model, for the reason in its text.
     """
-    plain = without_screws(mechanism)
+    plain = without_screws(mechanism, "cylindrical")
     tree, spec = to_elementary_tree(plain), mujoco.MjSpec()
     spec.compiler.degree = False
     spec.option.gravity = mechanism.gravity

@@ -1,8 +1,8 @@
-"""Charts of rods: turning the frame at the start of a rod's chain, so that its two axes stay far from coinciding.
+"""Charts of rods: start frames turned such that the two revolute axes of a rod stay far from coinciding.
 
-The chain of a rod is a revolute about x, one about y and a ball (`to_elementary_tree`); the revolutes coincide when the
-rod lies along x of its start frame. A rod holds a distance only, so how that frame is turned is free: here it is
-turned until the rod lies along its z. The dynamics stays exactly the same, and so does every other coordinate.
+The chain of a rod is a revolute about x, a revolute about y and a ball (`to_elementary_tree`). The chain is singular
+where the rod lies along x of its start frame. A rod holds a distance only, so the orientation of the start frame is
+free: the frame is turned until the rod lies along its z. Dynamics and all other coordinates stay the same.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ from consilience.mechanism import Array, Frame, Joint, Link, Mechanism, State, e
 from consilience_pinocchio.translate import Translation, translate
 
 MARGIN = 0.5
-"""A chart is left where the cosine of its second angle falls below this: rounding grows with the inverse square."""
+"""Smallest cosine of the second angle of a chart; rounding errors grow with the inverse square of the cosine."""
 
 
 def _turned(joint: Joint, backward: bool, C: Array) -> Joint:
-    """Rod whose start frame, as the tree passes it, is turned by C (columns: the new axes in the old ones)."""
+    """Rod with its start frame, as the tree passes the rod, turned by C (columns: new axes in the old frame)."""
     if backward:
         return replace(joint, M=Frame(joint.M.p, joint.M.R @ C))
     return replace(joint, F=Frame(joint.F.p, joint.F.R @ C))
 
 
 def _rods(translation: Translation) -> list[tuple[int, Link]]:
-    """Index of the first link of the chain of each rod, with that link."""
+    """Index and link of the start of the chain of each rod."""
     joints = translation.mechanism.joints
     links = translation.tree.links
     return [
@@ -43,7 +43,7 @@ def _with_joints(mechanism: Mechanism, joints: dict[int, Joint]) -> Mechanism:
 
 
 def suited(translation: Translation, state: State) -> Translation:
-    """Return `translation` if all its rods are far from singular at `state`, else one in which they are."""
+    """Return a translation whose rods are far from singular at `state`: the given one, or one with turned frames."""
     joints: dict[int, Joint] = {}
     for _, link in _rods(translation):
         joint = translation.mechanism.joints[link.joint]
@@ -61,7 +61,7 @@ def suited(translation: Translation, state: State) -> Translation:
 
 
 class ChartWatch:
-    """Looks after the charts of a translation during an integration."""
+    """Charts of the rods of a translation during an integration."""
 
     def __init__(self, translation: Translation) -> None:
         self._translation = translation
@@ -73,18 +73,18 @@ class ChartWatch:
 
     @property
     def needed(self) -> bool:
-        """Whether there is a rod at all."""
+        """Whether there are rods."""
         return bool(self._chains)
 
     def left(self, q: Array) -> bool:
-        """Whether a rod has come too near to its singular pose."""
+        """Whether a rod is too near to its singular pose."""
         return any(abs(np.cos(q[second.idx_q])) < MARGIN for _, (_, second, _) in self._chains)
 
     def change(self, q: Array, v: Array) -> tuple[Translation, Array, Array]:
-        """Turn the start frames of all rods until the rods lie along z, and bring q and v into the new coordinates.
+        """Turn the start frames of all rods until the rods lie along z, and transform q and v.
 
-        With C = Rx(a) Ry(b) as the turn the new angles are zero and the ball keeps its quaternion; the part of the
-        massless link's angular velocity that is along the rod moves on to the ball.
+        With the turn ``C = Rx(a) Ry(b)`` the new angles are zero and the ball keeps its quaternion; the component of
+        the massless link's angular velocity along the rod is added to that of the ball.
         """
         joints: dict[int, Joint] = {}
         q, v = q.copy(), v.copy()

@@ -1,11 +1,11 @@
-"""Constraints that `constraintDynamics` holds: welds, drives and rolling bodies.
+"""Constraints for `constraintDynamics`: welds, drives and rolling bodies.
 
-A contact accelerates relative to its partner by ``contact_acceleration_desired`` of its **data**, zero unless it is
-set; the field ``desired_contact_acceleration`` of its model is not read.
+Frame 1 of a contact accelerates relative to frame 2 by ``contact_acceleration_desired`` of the constraint **data**,
+zero by default; the field ``desired_contact_acceleration`` of the constraint model is not read.
 
-- Drive: CONTACT_6D between the moving frame of the joint and the frame on its parent. Those of the six rows in which
-  the joint does not move are empty; the proximal iteration leaves them alone.
-- Rolling: CONTACT_3D at the material point that touches, which has an acceleration (`consilience_pinocchio.rows`).
+- Drive: CONTACT_6D between the moving frame of the joint and the frame on its parent. Rows along which the joint does
+  not move are zero; the proximal iteration does not change their multipliers.
+- Rolling: CONTACT_3D at the material point in contact, which has an acceleration (`consilience_pinocchio.rows`).
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ import pinocchio as pin
 
 from consilience.mechanism import Array
 from consilience_pinocchio.elements import Elements
-from consilience_pinocchio.translate import Translation
+from consilience_pinocchio.translate import Translation, initialised, rigid_contact
 
 
 def hold_all(translation: Translation) -> bool:
-    """Whether contacts hold everything that is to be held: there are no couplings and no skates."""
+    """Whether contacts can hold all constraints: there are no couplings and no skates."""
     return not (translation.mechanism.couplings or translation.mechanism.skates)
 
 
@@ -31,29 +31,25 @@ class Contacts:
     Attributes
     ----------
     translation : Translation
-        With all of them among its constraints.
+        The translation, its `constraints` extended by those of drives and rolling bodies.
     """
 
     def __init__(self, translation: Translation, elements: Elements) -> None:
         model, rows = translation.model, elements.rows
         self._drives, self._rolls = rows.drives, rows.rolls
-        models, data = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData()
-        for weld in translation.constraints:
-            models.append(weld)
+        contacts = list(translation.constraints)
         for place, _ in self._drives:
             ends = place.joint, pin.SE3.Identity(), model.parents[place.joint], model.jointPlacements[place.joint]
-            models.append(pin.RigidConstraintModel(pin.ContactType.CONTACT_6D, model, *ends, pin.ReferenceFrame.LOCAL))
+            contacts.append(rigid_contact("CONTACT_6D", model, *ends))
         for rolls in self._rolls:
             ends = rolls.seat.joint, pin.SE3.Identity(), 0, pin.SE3.Identity()
-            models.append(pin.RigidConstraintModel(pin.ContactType.CONTACT_3D, model, *ends, pin.ReferenceFrame.LOCAL))
-        for constraint in models:
-            data.append(constraint.createData())
-        pin.initConstraintDynamics(model, translation.data, models, data)
+            contacts.append(rigid_contact("CONTACT_3D", model, *ends))
+        models, data = initialised(model, translation.data, contacts)
         self.translation = replace(translation, constraints=models, constraint_data=data)
         self._first = len(translation.welds)
 
     def update(self, q: Array, v: Array, t: float) -> None:
-        """Set where the contacts are and how they accelerate, at the time t."""
+        """Set placements and desired accelerations of the contacts at the time t."""
         model, data = self.translation.model, self.translation.data
         contacts = self.translation.constraint_data
         for number, (place, law) in enumerate(self._drives, self._first):
@@ -62,12 +58,12 @@ class Contacts:
             pin.forwardKinematics(model, data, q, v)
         for number, rolls in enumerate(self._rolls, self._first + len(self._drives)):
             point, acceleration = rolls.touch()
-            # the universe is at rest, wherever the frame on it stands
+            # frame 2 stays at the world origin: the universe is at rest at any point
             self.translation.constraints[number].joint1_placement = rolls.placement_at(point)
             contacts[number].contact_acceleration_desired = pin.Motion(acceleration, np.zeros(3))
 
     def multipliers(self) -> Array:
-        """Multipliers of the elements' rows after a solution; data must hold placements."""
+        """Return the multipliers of the elements' rows after a solution; data must hold placements."""
         forces = [contact.contact_force for contact in self.translation.constraint_data][self._first :]
         driving, rolling = forces[: len(self._drives)], forces[len(self._drives) :]
         efforts = [place.subspace @ force.vector for (place, _), force in zip(self._drives, driving, strict=True)]

@@ -1,8 +1,9 @@
-"""Accelerations of a translated mechanism, by Pinocchio's solvers or by the harness's on Pinocchio's terms."""
+"""Accelerations of a translated mechanism, by Pinocchio's solvers or by the harness's solver on Pinocchio's terms."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,22 +17,25 @@ from consilience_pinocchio.mimic import MIMIC, mimic_accelerations
 from consilience_pinocchio.translate import WORLD_AXES, Translation
 
 PROXIMAL: dict[str, Any] = {"absolute_accuracy": 1e-14, "mu": 1e-8, "max_iter": 20}
-"""With the default mu = 0 and a single iteration, dependent constraint rows give NaN; with these values the
-iteration converges to round-off, whatever the rank: nothing is left of mu, so the constraints have no softness."""
+"""Settings with which the proximal iteration converges to rounding, whatever the rank of the constraint rows.
+
+The result does not depend on mu: the constraints have no softness. With the default mu = 0 and one iteration, dependent
+rows give NaN."""
 
 STOCK: dict[str, Any] = {"absolute_accuracy": 1e-12, "mu": 0.0, "max_iter": 1}
-"""Pinocchio's own."""
+"""Pinocchio's default settings."""
 
 Accelerations = Callable[[Array, Array, float, Array], Array]
-"""Of q, v, the time and the integrals of the controllers."""
+"""Joint accelerations (nv,) as a function of q, v, the time and the integrals of the controllers."""
 
 WeldWrenches = list[tuple[Array, Array]]
-"""For each weld the wrenches on original and copy, force then torque, in the axes and about the origins of their
-joints."""
+"""For each weld the wrenches on original and copy: force, then torque, in the axes and about the origins of the joints
+that carry them."""
 
 
+@dataclass(frozen=True, eq=False)
 class Solution:
-    """Accelerations at one state, and the forces that belong to them.
+    """Accelerations at one state, with the forces that belong to them.
 
     Attributes
     ----------
@@ -43,19 +47,18 @@ class Solution:
         Springs, loads and the constraint forces of the welds and contacts on the links, as in `Forces.wrenches`.
     """
 
-    def __init__(self, q: Array, v: Array, a: Array, tau: Array, wrenches: Array) -> None:
-        self.q, self.v, self.a, self.tau, self.wrenches = q, v, a, tau, wrenches
-
-
-def _zero(model: Any) -> Array:
-    return np.zeros(model.nv)
+    q: Array
+    v: Array
+    a: Array
+    tau: Array
+    wrenches: Array
 
 
 def articulated_body(translation: Translation, elements: Elements) -> Accelerations:
-    """Forward dynamics of a tree by `pinocchio.aba`; springs and loads enter as external forces on the joints."""
+    """Return the forward dynamics of a tree by `pinocchio.aba`; springs and loads are external forces on the joints."""
     model, data = translation.model, translation.data
     forces, efforts = elements.forces, elements.efforts
-    zero = _zero(model)
+    zero = np.zeros(model.nv)
     external = pin.StdVec_Force()
     for _ in range(model.njoints):
         external.append(pin.Force.Zero())
@@ -80,12 +83,14 @@ def articulated_body(translation: Translation, elements: Elements) -> Accelerati
 
 
 def _applied(translation: Translation, elements: Elements) -> Accelerations:
-    """All applied generalised forces: the loop solvers take no external wrenches, so the Jacobians carry them over."""
+    """Return all applied generalised forces as a function.
+
+    Wrenches on links are transformed by Jacobians, because Pinocchio's solvers for loops take no external wrenches.
+    """
     model, data = translation.model, translation.data
     forces, efforts = elements.forces, elements.efforts
 
     def applied(q: Array, v: Array, t: float, integrals: Array) -> Array:
-        """Joint efforts, the wrenches on the links among them."""
         tau = efforts.at(q, v, t, integrals) if efforts.active else np.zeros(model.nv)
         if forces.active:
             pin.forwardKinematics(model, data, q, v)
@@ -99,7 +104,7 @@ def _applied(translation: Translation, elements: Elements) -> Accelerations:
 
 
 def constraint_dynamics(contacts: Contacts, elements: Elements, proximal: Mapping[str, Any]) -> Accelerations:
-    """Forward dynamics of loops by `pinocchio.constraintDynamics`, with these proximal settings away from default."""
+    """Return the forward dynamics of loops by `pinocchio.constraintDynamics`; without settings, at its defaults."""
     translation = contacts.translation
     model, data = translation.model, translation.data
     constraints, constraint_data = translation.constraints, translation.constraint_data
@@ -117,10 +122,11 @@ def constraint_dynamics(contacts: Contacts, elements: Elements, proximal: Mappin
 
 
 def forward_dynamics(translation: Translation, elements: Elements, proximal: Mapping[str, Any]) -> Accelerations:
-    """Forward dynamics under rows of the adapter by `pinocchio.forwardDynamics`; multipliers stay in ``lambda_c``.
+    """Return the forward dynamics under rows of the adapter by `pinocchio.forwardDynamics`.
 
-    It regularises once, ``(J M^-1 J^T + mu) lam = ...``; repeated with the last multipliers on the right it is the
-    proximal iteration of `constraintDynamics`, which removes the error of mu.
+    The function of Pinocchio regularises once, ``(J M^-1 J^T + mu) lam = ...``. Repeated with the last multipliers on
+    the right-hand side, this is the proximal iteration of `constraintDynamics`, which removes the error of mu. The
+    multipliers stay in ``data.lambda_c``.
     """
     model, data = translation.model, translation.data
     applied = _applied(translation, elements)
@@ -128,7 +134,7 @@ def forward_dynamics(translation: Translation, elements: Elements, proximal: Map
     mu, accuracy = settings["mu"], settings["absolute_accuracy"]
 
     def accelerations(q: Array, v: Array, t: float, integrals: Array) -> Array:
-        """Joint accelerations (nv,), once the rows are as exact as asked or all rounds are over."""
+        """Iterate until the multipliers change by less than the accuracy, or ``max_iter`` times."""
         tau = applied(q, v, t, integrals)
         pin.computeAllTerms(model, data, q, v)
         J, gamma = all_rows(translation, elements, q, v, t)
@@ -145,12 +151,12 @@ def forward_dynamics(translation: Translation, elements: Elements, proximal: Map
 
 
 def weld_rows(translation: Translation, q: Array, v: Array) -> tuple[Array, Array]:
-    """Jacobian (6 n_welds, nv) and right-hand side (6 n_welds,) of the accelerations that hold the welds.
+    """Return the Jacobian (6 n_welds, nv) and the right-hand side (6 n_welds,) of the welds in joint accelerations.
 
-    Rows of a weld: velocity of the copy's frame B relative to the original's, linear then angular, world axes.
+    Rows of a weld: velocity of frame B of the copy relative to the original, linear then angular, world axes.
     """
     model, data = translation.model, translation.data
-    pin.forwardKinematics(model, data, q, v, _zero(model))
+    pin.forwardKinematics(model, data, q, v, np.zeros(model.nv))
     pin.computeJointJacobians(model, data)
     rows, bias = [np.zeros((0, model.nv))], [np.zeros(0)]
     for original, copy in translation.welds:
@@ -162,7 +168,15 @@ def weld_rows(translation: Translation, q: Array, v: Array) -> tuple[Array, Arra
 
 
 def all_rows(translation: Translation, elements: Elements, q: Array, v: Array, t: float) -> tuple[Array, Array]:
-    """Rows of the welds, then of the elements: J (n, nv) and gamma (n,)."""
+    """Return J (n, nv) and gamma (n,) of the welds, then of the elements.
+
+    Parameters
+    ----------
+    translation : Translation
+    elements : Elements
+    q, v : ndarray, shape (nq,) and (nv,)
+    t : float, s
+    """
     welds, rows = weld_rows(translation, q, v), elements.rows.at(q, v, t)
     return np.vstack([welds[0], rows[0]]), np.concatenate([welds[1], rows[1]])
 
@@ -170,7 +184,17 @@ def all_rows(translation: Translation, elements: Elements, q: Array, v: Array, t
 def own_rows(
     translation: Translation, elements: Elements, q: Array, v: Array, t: float, tau: Array
 ) -> tuple[Array, Array]:
-    """Accelerations (nv,) and multipliers of `all_rows`, solved by the harness."""
+    """Solve for accelerations (nv,) and multipliers of `all_rows` by the harness's solver.
+
+    Parameters
+    ----------
+    translation : Translation
+    elements : Elements
+    q, v : ndarray, shape (nq,) and (nv,)
+    t : float, s
+    tau : ndarray, shape (nv,)
+        All applied generalised forces.
+    """
     J, gamma = all_rows(translation, elements, q, v, t)
     M = np.array(pin.crba(translation.model, translation.data, q))
     bias = np.array(pin.nle(translation.model, translation.data, q, v))
@@ -178,7 +202,7 @@ def own_rows(
 
 
 def _contact_wrenches(translation: Translation) -> WeldWrenches:
-    """Pinocchio gives the wrench on joint 1, at and in constraint frame 1; the copy has its opposite."""
+    """Wrenches of the welds by `constraintDynamics`, given on joint 1 at and in constraint frame 1."""
     data, result = translation.data, []
     for (original, copy), contact in zip(translation.welds, translation.constraint_data, strict=False):
         frame_1 = data.oMi[original.joint] * original.placement
@@ -189,7 +213,7 @@ def _contact_wrenches(translation: Translation) -> WeldWrenches:
 
 
 def _multiplier_wrenches(translation: Translation, lam: Array) -> WeldWrenches:
-    """Multipliers of `weld_rows` push the copy at B, in world axes."""
+    """Wrenches of the welds from multipliers of `weld_rows`: wrenches on the copy at B, world axes."""
     data, result = translation.data, []
     for n, seats in enumerate(translation.welds):
         sides = []
@@ -201,77 +225,55 @@ def _multiplier_wrenches(translation: Translation, lam: Array) -> WeldWrenches:
     return result
 
 
-Way = Callable[[Translation, Elements, Method, Array, Array], tuple[Array, WeldWrenches, Array]]
-"""Accelerations, wrenches of the welds, and multipliers of the elements' rows, at the start of all motion."""
-
-
-def _integrals(elements: Elements) -> Array:
-    return np.zeros(elements.efforts.control_count)
-
-
-def _tree(
-    translation: Translation, elements: Elements, _: Method, q: Array, v: Array
-) -> tuple[Array, WeldWrenches, Array]:
-    return articulated_body(translation, elements)(q, v, 0.0, _integrals(elements)), [], np.zeros(0)
-
-
-def _proximal(
+def _solved(
     translation: Translation, elements: Elements, method: Method, q: Array, v: Array
 ) -> tuple[Array, WeldWrenches, Array]:
-    contacts = Contacts(translation, elements)
-    a = constraint_dynamics(contacts, elements, method.settings)(q, v, 0.0, _integrals(elements))
-    pin.forwardKinematics(translation.model, translation.data, q)
-    return a, _contact_wrenches(contacts.translation), contacts.multipliers()
+    """Accelerations, wrenches of the welds, and multipliers of the elements' rows at time zero, by a method.
 
-
-def _forward(
-    translation: Translation, elements: Elements, method: Method, q: Array, v: Array
-) -> tuple[Array, WeldWrenches, Array]:
-    a = forward_dynamics(translation, elements, method.settings)(q, v, 0.0, _integrals(elements))
-    return a, *_split(translation, np.array(translation.data.lambda_c))
-
-
-def _harness(
-    translation: Translation, elements: Elements, _: Method, q: Array, v: Array
-) -> tuple[Array, WeldWrenches, Array]:
-    tau = _applied(translation, elements)(q, v, 0.0, _integrals(elements))
-    a, lam = own_rows(translation, elements, q, v, 0.0, tau)
-    return a, *_split(translation, lam)
-
-
-def _split(translation: Translation, lam: Array) -> tuple[WeldWrenches, Array]:
-    """Multipliers of `all_rows`: wrenches of the welds, and what belongs to the elements."""
-    return _multiplier_wrenches(translation, lam), lam[6 * len(translation.welds) :]
-
-
-def _mimic(
-    translation: Translation, elements: Elements, _: Method, q: Array, v: Array
-) -> tuple[Array, WeldWrenches, Array]:
-    tau = _applied(translation, elements)(q, v, 0.0, _integrals(elements))
-    a, lam = mimic_accelerations(translation, elements, q, v, tau)
-    return a, [], lam
-
-
-def _way(translation: Translation, elements: Elements, method: Method) -> Way:
+    Parameters
+    ----------
+    translation : Translation
+    elements : Elements
+    method : Method
+    q, v : ndarray, shape (nq,) and (nv,)
+    """
+    start = q, v, 0.0, np.zeros(elements.efforts.control_count)
     if method.settings == MIMIC:
-        return _mimic
+        a, lam = mimic_accelerations(translation, elements, q, v, _applied(translation, elements)(*start))
+        return a, [], lam
     if method.route is Route.HARNESS_SOLVE:
-        return _harness
-    if method.name.startswith("forwardDynamics"):
-        return _forward
-    return _proximal if translation.welds or elements.rows.count else _tree
+        a, lam = own_rows(translation, elements, q, v, 0.0, _applied(translation, elements)(*start))
+    elif method.name.startswith("forwardDynamics"):
+        a = forward_dynamics(translation, elements, method.settings)(*start)
+        lam = np.array(translation.data.lambda_c)
+    elif translation.welds or elements.rows.count:
+        contacts = Contacts(translation, elements)
+        a = constraint_dynamics(contacts, elements, method.settings)(*start)
+        pin.forwardKinematics(translation.model, translation.data, q)
+        return a, _contact_wrenches(contacts.translation), contacts.multipliers()
+    else:
+        return articulated_body(translation, elements)(*start), [], np.zeros(0)
+    return a, _multiplier_wrenches(translation, lam), lam[6 * len(translation.welds) :]
 
 
 def solve(translation: Translation, elements: Elements, method: Method, q: Array, v: Array) -> Solution:
-    """Solve for accelerations at the start of all motion, and collect the forces that act on the links with them."""
-    a, weld_wrenches, lam = _way(translation, elements, method)(translation, elements, method, q, v)
+    """Solve for accelerations at time zero by a method, and collect the forces that belong to them.
+
+    Parameters
+    ----------
+    translation : Translation
+    elements : Elements
+    method : Method
+    q, v : ndarray, shape (nq,) and (nv,)
+    """
+    a, weld_wrenches, lam = _solved(translation, elements, method, q, v)
     # the solvers leave other accelerations in `data` than those of the moving frames
     pin.forwardKinematics(translation.model, translation.data, q, v, a)
     W = elements.forces.wrenches()
     for weld, (on_original, on_copy) in zip(translation.tree.welds, weld_wrenches, strict=True):
         W[weld.original] += on_original
         W[weld.copy] += on_copy
-    tau = elements.efforts.at(q, v, 0.0, _integrals(elements))
+    tau = elements.efforts.at(q, v, 0.0, np.zeros(elements.efforts.control_count))
     if elements.rows.count:
         tau = tau + elements.rows.efforts(q, lam)
         for link, wrench in elements.rows.wrenches(lam):

@@ -1,4 +1,4 @@
-"""Efforts in joint coordinates, which Pinocchio does not have: springs, actuators, friction and control of joints."""
+"""Efforts in joint coordinates, which Pinocchio lacks: springs, actuators, friction and control of joints."""
 
 from __future__ import annotations
 
@@ -7,21 +7,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from consilience.engine import axis_link
 from consilience.mechanism import AXIS_COORDINATES, Array, Function, friction_law
 from consilience_pinocchio.translate import Translation
 
 
 @dataclass(frozen=True, eq=False)
 class Axis:
-    """Where a coordinate of a one-axis joint stands in Pinocchio's q and v.
+    """Coordinate of a one-axis joint in terms of Pinocchio.
 
     Attributes
     ----------
     idx_q, idx_v : int
+        Places in q and v.
     sign : float
-        -1 where the tree passes the joint backwards: Pinocchio's coordinate is the opposite one.
+        -1 where the tree passes the joint backwards: Pinocchio's coordinate is the negative one.
     slot : int
-        Component of a wrench (force, torque) on the link behind the joint, in its axes, that is the effort.
+        Component of the effort in a wrench (force, torque) on the link behind the joint, in axes of the link.
     joint : int
         Pinocchio joint.
     subspace : ndarray, shape (6,)
@@ -38,27 +40,25 @@ class Axis:
 
 def axis(translation: Translation, joint: str, coordinate: str) -> Axis:
     """Find a coordinate, ``angle`` or ``distance``, of a joint."""
-    tree, k = translation.tree, translation.mechanism.joint_index[joint]
-    elementary, slot = ("R", 5) if coordinate == "angle" else ("P", 2)
-    link = next(i for i, li in enumerate(tree.links) if li.joint == k and li.elementary == elementary)
-    index, sign = translation.seats[link].joint, -1.0 if tree.links[link].reversed else 1.0
+    mechanism, slot = translation.mechanism, 5 if coordinate == "angle" else 2
+    link, sign = axis_link(mechanism, translation.tree, joint, coordinate)
+    index = translation.seats[link].joint
     model = translation.model.joints[index]
     subspace = np.zeros(6)
     subspace[slot] = sign
-    subspace[2] += sign * translation.mechanism.joints[k].pitch / (2.0 * math.pi)
+    subspace[2] += sign * mechanism.joints[mechanism.joint_index[joint]].pitch / (2.0 * math.pi)
     return Axis(model.idx_q, model.idx_v, sign, slot, index, subspace)
 
 
 class Efforts:
-    """Efforts of springs, actuators, friction and control, as generalised forces.
+    """Generalised forces of springs, actuators, friction and control in joint coordinates.
 
-    All that is linear in q, v and the integrals of the controllers stands in matrices; what is a function of time or
-    of a speed is added one by one.
+    Terms linear in q, v and the integrals of the controllers are kept as matrices, functions of time or speed as lists.
 
     Attributes
     ----------
     active : bool
-        Whether there is any, so that `at` is worth a call.
+        Whether there are efforts, so that `at` has to be called.
     control_count : int
     """
 
@@ -87,7 +87,7 @@ class Efforts:
         ]
 
     def _add_linear(self, place: Axis, stiffness: float, damping: float) -> None:
-        """Effort ``-k q - d q'``: quadratic in the sense of the coordinate, which drops out."""
+        """Add the effort ``-k q - d q'``, which is the same for either sign of the coordinate."""
         self._by_q[place.idx_v, place.idx_q] -= stiffness
         self._by_v[place.idx_v, place.idx_v] -= damping
 
@@ -105,7 +105,15 @@ class Efforts:
             self._by_integral[place.idx_v, n] = place.sign * control.integral
 
     def at(self, q: Array, v: Array, t: float, integrals: Array) -> Array:
-        """Generalised forces, shape (nv,), at the time t and the integrals of the controllers, shape (n_controls,)."""
+        """Return the generalised forces, shape (nv,).
+
+        Parameters
+        ----------
+        q, v : ndarray, shape (nq,) and (nv,)
+        t : float, s
+        integrals : ndarray, shape (n_controls,)
+            Integrals of the controllers.
+        """
         tau = self._constant + self._by_q @ q + self._by_v @ v
         if self.control_count:
             tau += self._by_integral @ integrals
@@ -117,13 +125,13 @@ class Efforts:
         return np.asarray(tau)
 
     def control_errors(self, q: Array, t: float) -> Array:
-        """Rates of the integrals of the controllers, ``target(t) - q``, shape (n_controls,)."""
+        """Return the rates of the integrals of the controllers, ``target(t) - q``, shape (n_controls,)."""
         return np.array([law.jet(t)[0] - place.sign * q[place.idx_q] for place, law in self._targets])
 
     def wrench(self, joint: int, tau: Array) -> Array:
-        """Part of the wrench through a joint of the mechanism that is an effort, shape (6,): force, torque.
+        """Return the efforts in a joint of the mechanism as a wrench (force, torque) on the link behind the joint.
 
-        It acts on the link behind the joint, in that link's axes: all coordinates of a one-axis joint share z.
+        The wrench, shape (6,), is in axes of the link, whose z is the axis of all coordinates of a one-axis joint.
         """
         wrench = np.zeros(6)
         for place in self._slots[joint]:
@@ -131,5 +139,5 @@ class Efforts:
         return wrench
 
     def potential(self, q: Array) -> float:
-        """Potential energy of the joint springs in J."""
+        """Return the potential energy of the joint springs in J."""
         return sum(0.5 * k * (place.sign * float(q[place.idx_q]) - rest) ** 2 for place, k, rest in self._springs)

@@ -1,4 +1,4 @@
-"""Everything of a mechanism beyond bodies and joints: the adapter forms it from Pinocchio's kinematics."""
+"""Force elements and constraints of a mechanism, which the adapter evaluates from Pinocchio's kinematics."""
 
 from __future__ import annotations
 

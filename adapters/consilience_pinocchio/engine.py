@@ -1,8 +1,10 @@
-"""The questions of the harness, answered by Pinocchio."""
+"""`PinocchioEngine`: answers of Pinocchio through the protocol `consilience.engine.Engine`."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -19,6 +21,7 @@ from consilience.engine import (
     TrajectoryAnswer,
     Unsupported,
     beyond,
+    feature_names,
 )
 from consilience.mechanism import Array, Mechanism, State
 from consilience_pinocchio.charts import suited
@@ -31,48 +34,37 @@ from consilience_pinocchio.observe import accelerations, composite_inertia, ener
 from consilience_pinocchio.reactions import reactions
 from consilience_pinocchio.translate import Translation, configuration, translate
 
-_SUBSTEPS = (10, 20, 40)
+
+def _integrated(solver: str, settings: dict[str, Any]) -> Method:
+    """Method by the accelerations of a solver and the harness's integrator."""
+    name = f"{solver} + RK4 of the harness"
+    return Method(name, Route.HARNESS_INTEGRATOR, order=4, substeps=(10, 20, 40), settings=settings)
+
+
+def _constrained(model: Method, solver: str, harness: str) -> dict[Question, tuple[Method, ...]]:
+    """Methods of a mechanism with constraints: Pinocchio's solver, tuned and at its defaults, and the harness's."""
+    instant = (
+        Method(solver, Route.TUNED, settings=dict(PROXIMAL)),
+        Method(harness, Route.HARNESS_SOLVE),
+        Method(f"{solver}, defaults", Route.NATIVE, profile=Profile.DEFAULT),
+    )
+    motion = _integrated(solver, dict(PROXIMAL))
+    return {Question.MODEL: (model,), Question.INSTANT: instant, Question.TRAJECTORY: (motion,)}
+
 
 _TREE_METHODS = {
     Question.MODEL: (Method("model inertias", Route.NATIVE),),
     Question.INSTANT: (Method("aba", Route.NATIVE), Method("crba and nle", Route.HARNESS_SOLVE)),
-    Question.TRAJECTORY: (Method("aba + RK4 of the harness", Route.HARNESS_INTEGRATOR, order=4, substeps=_SUBSTEPS),),
+    Question.TRAJECTORY: (_integrated("aba", {}),),
 }
-_LOOP_METHODS = {
-    Question.MODEL: (Method("model inertias, getConstraintsJacobian", Route.NATIVE),),
-    Question.INSTANT: (
-        Method("constraintDynamics", Route.TUNED, settings=dict(PROXIMAL)),
-        Method("crba, nle and own weld rows", Route.HARNESS_SOLVE),
-        Method("constraintDynamics, defaults", Route.NATIVE, profile=Profile.DEFAULT),
-    ),
-    Question.TRAJECTORY: (
-        Method(
-            "constraintDynamics + RK4 of the harness",
-            Route.HARNESS_INTEGRATOR,
-            order=4,
-            substeps=_SUBSTEPS,
-            settings=dict(PROXIMAL),
-        ),
-    ),
-}
-
-_ROW_METHODS = {
-    Question.MODEL: (Method("model inertias, rank of own rows", Route.HARNESS_SOLVE),),
-    Question.INSTANT: (
-        Method("forwardDynamics on own rows", Route.TUNED, settings=dict(PROXIMAL)),
-        Method("crba, nle and own rows", Route.HARNESS_SOLVE),
-        Method("forwardDynamics on own rows, defaults", Route.NATIVE, profile=Profile.DEFAULT),
-    ),
-    Question.TRAJECTORY: (
-        Method(
-            "forwardDynamics on own rows + RK4 of the harness",
-            Route.HARNESS_INTEGRATOR,
-            order=4,
-            substeps=_SUBSTEPS,
-            settings=dict(PROXIMAL),
-        ),
-    ),
-}
+_LOOP_METHODS = _constrained(
+    Method("model inertias, getConstraintsJacobian", Route.NATIVE), "constraintDynamics", "crba, nle and own weld rows"
+)
+_ROW_METHODS = _constrained(
+    Method("model inertias, rank of own rows", Route.HARNESS_SOLVE),
+    "forwardDynamics on own rows",
+    "crba, nle and own rows",
+)
 _CONTACT_METHODS = {
     Question.MODEL: _ROW_METHODS[Question.MODEL],
     Question.INSTANT: (_LOOP_METHODS[Question.INSTANT][0], *_ROW_METHODS[Question.INSTANT]),
@@ -100,46 +92,41 @@ _ELEMENT_REMARKS = {
     "skates": "skates: not native, rows of the adapter by Pinocchio's Jacobians",
 }
 
-JOINTS = (
-    *("revolute", "prismatic", "cylindrical", "universal", "spherical", "planar", "rigid", "rod", "free", "screw"),
-    *("point_on_line", "point_in_plane", "parallel_axes"),
+FEATURES = feature_names(
+    joints="revolute, prismatic, cylindrical, universal, spherical, planar, rigid, rod, free, screw, "
+    "point_on_line, point_in_plane, parallel_axes",
+    elements="spring, joint spring, actuator, load, load in time, friction, control, drive, coupling, rolling, skate",
 )
-ELEMENTS = (
-    *("spring", "joint spring", "actuator", "load", "load in time", "friction", "control"),
-    *("drive", "coupling", "rolling", "skate"),
-)
-FEATURES = frozenset((*(f"{kind} joint" for kind in JOINTS), *ELEMENTS))
-"""Of `Mechanism.features`, what the adapter translates. A feature that is not listed is refused."""
+"""Features of a mechanism that the adapter translates; features that are not listed are refused."""
+
+
+def _translated(mechanism: Mechanism) -> tuple[Translation, Elements]:
+    translation = translate(mechanism)
+    return translation, Elements(translation)
 
 
 class PinocchioEngine:
     """Pinocchio: minimal coordinates, `aba` for trees, `constraintDynamics` on split bodies for loops."""
 
     def __init__(self) -> None:
-        self._built: tuple[Translation, Elements] | None = None
-
-    def _translated(self, mechanism: Mechanism) -> tuple[Translation, Elements]:
-        if self._built is None or self._built[0].mechanism is not mechanism:
-            translation = translate(mechanism)
-            self._built = translation, Elements(translation)
-        return self._built
+        self._translated = lru_cache(maxsize=1)(_translated)
 
     def _suited(self, mechanism: Mechanism, state: State) -> tuple[Translation, Elements]:
-        """Choose the translation for a state: the common one unless a rod stands badly in it."""
+        """Return the translation of a mechanism whose rods are far from singular at a state, with its elements."""
         common, elements = self._translated(mechanism)
         translation = suited(common, state)
         return translation, elements if translation is common else Elements(translation)
 
     def info(self) -> EngineInfo:
-        """Name and version."""
+        """Return name and version of Pinocchio and its adapter."""
         return EngineInfo("pinocchio", pin.__version__, "consilience_pinocchio")
 
     def unsupported(self, mechanism: Mechanism, question: Question) -> tuple[Unsupported, ...]:
-        """Features without a translation."""
+        """Return the features without a translation."""
         return beyond(mechanism, FEATURES, "Pinocchio")
 
     def methods(self, mechanism: Mechanism, question: Question) -> tuple[Method, ...]:
-        """Ways to answer the question, the headline first; which ones depends on what is to be held."""
+        """Return the methods that answer the question, the headline method first, by the kinds of constraints."""
         translation, elements = self._translated(mechanism)
         if elements.rows.count:
             more = question is Question.INSTANT and has_mimic(translation)
@@ -148,7 +135,7 @@ class PinocchioEngine:
         return (_LOOP_METHODS if translation.welds else _TREE_METHODS)[question]
 
     def manifest(self, mechanism: Mechanism) -> Manifest:
-        """Say what the translation keeps exact; it approximates nothing."""
+        """Return the features that the translation keeps exact; nothing is approximated."""
         translation, _ = self._translated(mechanism)
         kinds = {joint.kind for joint in mechanism.joints}
         exact = [text for kind, text in _KIND_REMARKS.items() if kind in kinds]
@@ -158,7 +145,7 @@ class PinocchioEngine:
         return Manifest(exact=tuple(exact))
 
     def model(self, mechanism: Mechanism, state: State, method: Method) -> ModelAnswer:
-        """Mass, centre of mass and inertia from Pinocchio's inertias, freedom from its constraint Jacobian."""
+        """Return mass, centre of mass and inertia by Pinocchio's inertias, freedom by its constraint Jacobian."""
         translation, elements = self._suited(mechanism, state)
         q, v = configuration(translation, state)
         total = composite_inertia(translation, q)
@@ -167,7 +154,7 @@ class PinocchioEngine:
         )
 
     def instant(self, mechanism: Mechanism, states: Sequence[State], method: Method) -> InstantAnswer:
-        """Accelerations, joint reactions and energies at consistent states."""
+        """Return accelerations, joint reactions and energies at consistent states."""
         n_b, n_j, n_s = len(mechanism.bodies), len(mechanism.joints), len(states)
         a, alpha = np.zeros((2, n_s, n_b, 3))
         force, torque = np.zeros((2, n_s, n_j, 3))
@@ -185,7 +172,13 @@ class PinocchioEngine:
     def trajectory(
         self, mechanism: Mechanism, state: State, times: Array, method: Method, step: float
     ) -> TrajectoryAnswer:
-        """Motion from `state` at ``times[0]`` on the uniform grid `times`, which `step` divides."""
+        """Integrate the motion from `state` by Pinocchio's accelerations and the harness's integrator.
+
+        Parameters
+        ----------
+        mechanism, state, times, method, step
+            As in `consilience.engine.Engine.trajectory`.
+        """
         translation, elements = self._suited(mechanism, state)
         q, v = configuration(translation, state)
         return integrate(translation, elements, q, v, times, step)

@@ -1,7 +1,7 @@
-"""A translated mechanism as a script for Pinocchio alone, and as URDF where URDF has all of its joints.
+"""Export of a translated mechanism as a script for Pinocchio alone, and as URDF where URDF has all of its joints.
 
-What Pinocchio does not have of its own (springs, loads, efforts, drives, couplings, guided bodies) is in the script. It
-finds joints by their names: a model from URDF has them in another order.
+Elements that Pinocchio lacks (springs, loads, efforts, drives, couplings, guided bodies) are code of the script. The
+script finds joints by name, because a model from URDF has another order of joints.
 """
 
 from __future__ import annotations
@@ -21,15 +21,14 @@ from consilience_pinocchio.export_script import BUILD, CODE, LOAD, RUN
 from consilience_pinocchio.translate import Seat, Translation, configuration, translate
 
 _UNBOUNDED = "1e9"
-"""Limits that URDF wants to be told; nothing here looks at them."""
+"""Limits of joints, which URDF requires; the script does not use them."""
 
 _URDF_KINDS = {"R": "revolute", "P": "prismatic", "F": "floating", "W": "fixed"}
-_KINDS = {"R": "JointModelRZ", "P": "JointModelPZ", "S": "JointModelSpherical", "F": "JointModelFreeFlyer"}
 _ROOT = "ground"
 
 
 class _Data:
-    """Everything of a translation in numbers and names."""
+    """Data of a translation for the script, as numbers and names."""
 
     def __init__(self, translation: Translation, state: State) -> None:
         self.t, self.mechanism = translation, translation.mechanism
@@ -43,46 +42,37 @@ class _Data:
         }
 
     def seat(self, seat: Seat) -> list[Any]:
-        """Name of the joint, then origin and axes of a frame in its moving frame."""
+        """Return the name of the joint, then origin and axes of a frame in the moving frame of the joint."""
         return [self.t.model.names[seat.joint], np.array(seat.placement.translation), np.array(seat.placement.rotation)]
 
-    def point(self, body: str, point: Array) -> list[Any]:
-        """Name of the joint, then a point of a body in its moving frame."""
-        seat = self.t.body_seat(self.mechanism.body_index[body])
-        return [self.t.model.names[seat.joint], np.array(seat.placement.act(np.array(point)))]
-
-    def turned(self, body: str, vector: Array) -> Array:
-        """A direction of a body, in the axes of the joint that carries it."""
-        seat = self.t.body_seat(self.mechanism.body_index[body])
-        return np.asarray(seat.placement.rotation @ vector)
+    def frame(self, body: str) -> list[Any]:
+        """Return the name of the joint that carries a body, then origin and axes of the body in its moving frame."""
+        return self.seat(self.t.body_seat(self.mechanism.body_index[body]))
 
     def axis(self, joint: str, coordinate: str) -> list[Any]:
-        """Name of the joint and sign of a coordinate."""
+        """Return the name of the joint and the sign of a coordinate."""
         place: Axis = axis(self.t, joint, coordinate)
         return [self.t.model.names[place.joint], place.sign]
 
     def joints(self) -> list[list[Any]]:
-        """Joints of the model: name, carrier, kind, pitch in m/rad, origin and axes in the carrier's moving frame."""
+        """Return name, carrier, kind, pitch in m/rad, origin and axes in the carrier's moving frame of each joint."""
         model, found = self.t.model, []
         for link in self.t.tree.links:
             if link.elementary != "W":
                 j = model.getJointId(link.name)
                 pitch = self.mechanism.joints[link.joint].pitch / (2.0 * math.pi)
-                kind = "JointModelHZ" if pitch else _KINDS[link.elementary]
-                placement = model.jointPlacements[j]
-                found.append(
-                    [link.name, model.names[model.parents[j]], kind, pitch, placement.translation, placement.rotation]
-                )
+                kind, at = model.joints[j].shortname(), model.jointPlacements[j]
+                found.append([link.name, model.names[model.parents[j]], kind, pitch, at.translation, at.rotation])
         return found
 
     def placements(self) -> dict[str, list[Any]]:
-        """Origin and axes of each joint in the moving frame that carries it."""
+        """Return origin and axes of each joint in the moving frame of its carrier."""
         model = self.t.model
         found = zip(model.names[1:], model.jointPlacements[1:], strict=True)
         return {name: [np.array(place.translation), np.array(place.rotation)] for name, place in found}
 
     def constants(self, urdf: bool) -> dict[str, Any]:
-        """Data of the script."""
+        """Return the constants of the script; with `urdf`, without those that the URDF file contains."""
         t, m = self.t, self.mechanism
         masses = [
             [*self.seat(seat), link.mass, link.com, link.inertia]
@@ -91,10 +81,9 @@ class _Data:
         return {
             "GRAVITY": m.gravity,
             **({"PLACEMENTS": self.placements()} if urdf else {"JOINTS": self.joints(), "MASSES": masses}),
-            "BODIES": {b.name: self.seat(t.body_seat(k)) for k, b in enumerate(m.bodies)},
             "START": self.start,
             "WELDS": [[self.seat(original), self.seat(copy)] for original, copy in t.welds],
-            **element_data(m, Places(self.point, self.turned, self.axis)),
+            **element_data(m, Places(self.frame, self.axis)),
         }
 
 
@@ -112,10 +101,10 @@ def _text(values: Any) -> str:
 
 
 def roll_pitch_yaw(R: Array) -> Array:
-    """Angles of ``Rz(yaw) Ry(pitch) Rx(roll)``, shape (3,); the roll makes up for a yaw that is lost in rounding.
+    """Return the angles of ``R = Rz(yaw) Ry(pitch) Rx(roll)``, shape (3,), to all digits for every R.
 
-    Where x of the frame comes to lie along z, the yaw is whatever rounding makes of it, and the roll, computed in the
-    frame so yawed, still gives R to all digits.
+    Where x of the frame lies along z of the parent, the yaw is lost in rounding; the roll is computed in the frame
+    after the yaw and compensates it.
     """
     yaw = math.atan2(R[1, 0], R[0, 0])
     s, c = math.sin(yaw), math.cos(yaw)
@@ -135,7 +124,7 @@ def _inertial(element: Element, link: Link) -> None:
 
 
 def urdf_text(translation: Translation, title: str) -> str:
-    """URDF of a model that has one (`has_urdf`)."""
+    """Return the URDF of a model for which `has_urdf` is true."""
     robot = Element("robot", name="".join(c if c.isalnum() else "_" for c in title)[:60])
     SubElement(robot, "link", name=_ROOT)
     links = translation.tree.links
@@ -155,14 +144,17 @@ def urdf_text(translation: Translation, title: str) -> str:
 
 
 def export_model(title: str, mechanism: Mechanism, state: State) -> dict[str, str]:
-    """``run.py``, and ``model.urdf`` where it can be had, from which the script then takes joints and masses.
+    """Return the script ``run.py``, and ``model.urdf`` if URDF has all joints.
 
-    Placements of joints it has to all digits; those of the URDF are angles.
+    With a URDF the script takes joints and masses from the file; it sets the placements of joints itself, because the
+    angles of a URDF lose digits.
 
     Parameters
     ----------
+    title : str
+    mechanism : Mechanism
     state : State
-        Where the script starts.
+        Initial state of the script.
     """
     translation = suited(translate(mechanism), state)
     urdf = has_urdf(translation)

@@ -1,15 +1,15 @@
-"""Code of exported scripts; the constants before it are those of `export`."""
+"""Code of exported scripts, which follows the constants of `export`."""
 
 LOAD = """
 MODEL = pin.buildModelFromUrdf(str(Path(__file__).with_name("model.urdf")))
-MODEL.gravity = pin.Motion(np.array(GRAVITY), np.zeros(3))  # URDF has none
-for name, (p, R) in PLACEMENTS.items():  # URDF has angles for them, which lose the last digit
+MODEL.gravity = pin.Motion(np.array(GRAVITY), np.zeros(3))  # URDF has no gravity
+for name, (p, R) in PLACEMENTS.items():  # URDF has angles, which lose the last digit
     MODEL.jointPlacements[MODEL.getJointId(name)] = pin.SE3(np.array(R), np.array(p))
 """
 
 BUILD = '''
 def build():
-    """The model, joint by joint: URDF has no balls, screws or loops."""
+    """Build the model joint by joint, because URDF has no balls, screws or loops."""
     model = pin.Model()
     model.gravity = pin.Motion(np.array(GRAVITY), np.zeros(3))
     for name, carrier, kind, pitch, p, R in JOINTS:
@@ -41,7 +41,7 @@ def start():
 
 
 def frame(owner, p):
-    """Joint, and a frame at a point of what it moves."""
+    """Joint, and a frame at a point of its moving frame."""
     return MODEL.getJointId(owner), pin.SE3(np.eye(3), p)
 
 
@@ -75,7 +75,7 @@ NOW = start()
 
 RUN = '''
 def contacts():
-    """Closed loops and drives as constraints of Pinocchio's own."""
+    """Closed loops and drives as constraints of Pinocchio's."""
     models, contacts_data, kind, local = [], pin.StdVec_RigidConstraintData(), pin.ContactType.CONTACT_6D, pin.LOCAL
     for pair in WELDS:
         ends = [x for owner, p, R in pair for x in (MODEL.getJointId(owner), pin.SE3(np.array(R), np.array(p)))]
@@ -97,7 +97,7 @@ OWN_ROWS = bool(COUPLINGS or ROLLINGS or SKATES)
 
 
 def with_contacts(q, v, t, tau):
-    """By `pin.constraintDynamics`; a driven joint accelerates relative to its carrier as it is told."""
+    """Accelerations by `pin.constraintDynamics`; driven joints get their accelerations relative to their carriers."""
     for n, ((owner, sign), law) in enumerate(DRIVES, len(WELDS)):
         S = np.array(DATA.joints[MODEL.getJointId(owner)].S).ravel()
         CONTACTS[1][n].contact_acceleration_desired = pin.Motion(sign * jet(law, t)[2] * S)
@@ -106,9 +106,9 @@ def with_contacts(q, v, t, tau):
 
 
 def with_rows(q, v, tau, J, gamma):
-    """By `pin.forwardDynamics`, whose mu takes dependent rows.
+    """Accelerations by `pin.forwardDynamics`, whose mu regularises dependent rows.
 
-    Repeated with the last multipliers on the right, it leaves no error of mu.
+    Repetition with the last multipliers on the right-hand side removes the error of mu.
     """
     pin.computeAllTerms(MODEL, DATA, q, v)
     mu, multipliers = 1e-8, np.zeros(len(gamma))
@@ -122,7 +122,7 @@ def with_rows(q, v, tau, J, gamma):
 
 
 def joint_accelerations(q, v, t=0.0, integrals=(0.0,) * len(CONTROLS)):
-    """Pinocchio's a: of a tree by `pin.aba`, with constraints of its own, or with rows that it has none for."""
+    """Joint accelerations: of a tree by `pin.aba`, else with Pinocchio's constraints, or with rows of the script."""
     NOW[0][:], NOW[1][:] = q, v
     pin.forwardKinematics(MODEL, DATA, q, v, np.zeros(COUNT))
     pin.computeJointJacobians(MODEL, DATA, q)

@@ -1,7 +1,7 @@
-"""Springs and loads, which Pinocchio does not have: wrenches on the links from its placements and velocities.
+"""Springs and loads, which Pinocchio lacks, as wrenches on the links from Pinocchio's placements and velocities.
 
-Everything that does not change is prepared once, and the evaluations use small matrix products only: they stand in
-the innermost loop of an integration.
+Constants are prepared once, and an evaluation uses small matrix products only, because it is in the innermost loop of
+an integration.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from consilience_pinocchio.translate import Translation
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """A point of a body as Pinocchio sees it.
+    """Point of a body in terms of Pinocchio.
 
     Attributes
     ----------
     link : int
-        Link that carries it; -1 is the ground.
+        Link that carries the point; -1 is the ground.
     joint : int
         Pinocchio joint that carries the link.
     p : ndarray, shape (3,), m
@@ -30,7 +30,7 @@ class Point:
     force : ndarray, shape (6, 3)
         Wrench (force, torque about the joint's origin) of a force at the point, all in the axes of the joint.
     R_WJ, p_WJ, twist : ndarray, shape (3, 3), (3,) and (6,)
-        Pose and spatial velocity of the joint: live views into Pinocchio's data, which follow every evaluation.
+        Pose and spatial velocity of the joint: views of Pinocchio's data, which change with every evaluation.
     """
 
     link: int
@@ -42,11 +42,11 @@ class Point:
     twist: Array
 
     def position(self) -> Array:
-        """World position in m, shape (3,)."""
+        """Return the world position in m, shape (3,)."""
         return np.asarray(self.p_WJ + self.R_WJ @ self.p)
 
     def velocity(self) -> Array:
-        """World velocity in m/s, shape (3,)."""
+        """Return the world velocity in m/s, shape (3,)."""
         return np.asarray(self.R_WJ @ (self.force.T @ self.twist))
 
 
@@ -68,10 +68,10 @@ def _point(translation: Translation, body: str, point: Array) -> Point:
 
 @dataclass(frozen=True, eq=False)
 class _Push:
-    """Load as a wrench in the axes of the joint: ``matrix @ view``, times a function of time.
+    """Load as a wrench in axes of the joint: ``matrix @ view``, times a function of time.
 
-    A vector fixed in the world is R^T f in the joint's axes, linear in the nine entries of R^T, which `view` follows;
-    of one fixed in the body `matrix` is the wrench itself, and `view` is 1.
+    A vector f fixed in the world is R^T f in axes of the joint, linear in the nine entries of R^T; `view` is a view of
+    them. For a vector fixed in the body `matrix` is the wrench, shape (6, 1), and `view` is 1.
     """
 
     link: int
@@ -86,9 +86,9 @@ class Forces:
     Attributes
     ----------
     active : bool
-        Whether there are any, so that `wrenches` is worth a call.
+        Whether there are springs or loads, so that `wrenches` has to be called.
     loaded : tuple of (int, int)
-        Links that they may push, with their joints; without what stands on the ground.
+        Links with springs or loads, and their joints, without links on the ground.
     """
 
     def __init__(self, translation: Translation) -> None:
@@ -103,7 +103,7 @@ class Forces:
             )
             for s in mechanism.springs
         ]
-        # one row more than links: the last takes what acts on the ground (link -1), and is never read
+        # one row more than links: the last row takes wrenches on the ground (link -1) and is not read
         self._constant = np.zeros((len(translation.tree.links) + 1, 6))
         self._pushes: list[_Push] = []
         for load in mechanism.loads:
@@ -127,17 +127,17 @@ class Forces:
                 self._constant[point.link] += wrench
                 return
             matrix, view = wrench[:, None], np.ones(1)
-        if history is None:  # those of a link are one
+        if history is None:  # constant loads of a link are merged into one
             for push in [push for push in self._pushes if push.history is None and push.link == point.link]:
                 self._pushes.remove(push)
                 matrix = matrix + push.matrix
         self._pushes.append(_Push(point.link, matrix, view, history))
 
     def wrenches(self, t: float = 0.0) -> Array:
-        """Wrenches of springs and loads on the links, shape (n_links + 1, 6), the last row being the ground's.
+        """Return the wrenches of springs and loads on the links, shape (n_links + 1, 6); the last row is the ground's.
 
-        Force, then torque about the origin of the joint that carries the link, in the axes of that joint. Pinocchio's
-        data must hold placements and velocities (`pinocchio.forwardKinematics`).
+        A wrench is the force, then the torque about the origin of the link's joint, in axes of the joint.
+        Pinocchio's data must hold placements and velocities (`pinocchio.forwardKinematics`).
         """
         W = self._constant.copy()
         for push in self._pushes:
@@ -160,7 +160,7 @@ class Forces:
         return W
 
     def potential(self) -> float:
-        """Potential energy of the springs in J, at Pinocchio's current placements."""
+        """Return the potential energy of the springs in J, at Pinocchio's current placements."""
         energy = 0.0
         for spring, i, j, _ in self._springs:
             length = float(np.linalg.norm(j.position() - i.position()))

@@ -1,9 +1,9 @@
-"""Linear couplings by Pinocchio's own means, `JointModelMimic`, on trees: the coupled coordinate is no coordinate.
+"""Linear couplings on trees by Pinocchio's `JointModelMimic`, which removes the coupled coordinate.
 
-`aba`, `forwardDynamics` and `constraintDynamics` refuse such a model, so the accelerations are of `crba` and `nle`,
-solved by the harness. `crba` adds to the mass matrix that its data holds where another joint hangs on the one that
-mimics: the second call on the same data is wrong. So each call has fresh data. And it is wrong at once where a joint of
-more than one degree of freedom stands between the two: a tree that has any is not offered.
+`aba`, `forwardDynamics` and `constraintDynamics` refuse such a model; accelerations are solved by the harness from
+`crba` and `nle`. Where another joint hangs on the mimicking joint, `crba` adds to the mass matrix in its data, so that
+a second call on the same data is wrong: each call gets fresh data. Where a joint of more than one degree of freedom
+stands between the two joints, `crba` is wrong in the first call too: such trees are not offered.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from consilience_pinocchio.elements import Elements
 from consilience_pinocchio.translate import Translation
 
 MIMIC = {"couplings": "JointModelMimic"}
-"""Settings of the method."""
+"""Settings of the method with mimicking joints."""
 
 
 @dataclass(frozen=True)
 class _Gear:
-    """``q_slave = ratio q_master + offset`` between two of Pinocchio's joints, the slave behind the master."""
+    """``q_slave = ratio q_master + offset`` between two joints of Pinocchio's, the slave behind the master."""
 
     master: int
     slave: int
@@ -49,7 +49,7 @@ def _gear(translation: Translation, coupling: Coupling) -> _Gear:
 
 
 def _gears(translation: Translation) -> list[_Gear]:
-    """Couplings as Pinocchio can have them; none if it cannot have all rows of the mechanism so."""
+    """Couplings as mimicking joints; empty if any constraint of the mechanism cannot be a mimicking joint."""
     mechanism, model = translation.mechanism, translation.model
     if model.nv != model.njoints - 1:
         return []
@@ -65,17 +65,20 @@ def _gears(translation: Translation) -> list[_Gear]:
 
 
 def has_mimic(translation: Translation) -> bool:
-    """Whether `mimic_accelerations` answers: linear couplings, nothing else held, no slave of a slave, no balls."""
+    """Whether `mimic_accelerations` applies: linear couplings alone, no slave of a slave, joints of one axis only."""
     return bool(_gears(translation))
 
 
 def mimic_accelerations(
     translation: Translation, elements: Elements, q: Array, v: Array, tau: Array
 ) -> tuple[Array, Array]:
-    """Accelerations of all joints (nv,), and multipliers of the couplings' rows from the inverse dynamics.
+    """Compute accelerations of all joints (nv,), and multipliers of the couplings' rows by inverse dynamics.
 
     Parameters
     ----------
+    translation : Translation
+    elements : Elements
+    q, v : ndarray, shape (nq,) and (nv,)
     tau : ndarray, shape (nv,)
         All applied generalised forces.
     """

@@ -1,4 +1,4 @@
-"""Trajectories: Pinocchio's accelerations under the harness's integrator, for Pinocchio integrates nothing itself."""
+"""Trajectories by Pinocchio's accelerations and the harness's integrator; Pinocchio has no integrator."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ def _accelerations(translation: Translation, elements: Elements) -> Acceleration
 
 
 def _derivative(translation: Translation, elements: Elements, end: float) -> Callable[[Array], Array]:
-    """Rate of ``y = (q, v, t, integrals of the controllers)``.
+    """Return the rate of ``y = (q, v, t, integrals of the controllers)`` as a function.
 
     The rate of q is ``tangentMap(q) v``, a smooth function of the vector q, so that a Runge-Kutta method keeps its
-    order; applying it to `pinocchio.integrate` stage by stage falls to order 2 on quaternions. Quaternions are
-    normalised for the evaluation, and not in y. The time is a component of y, so that each stage has its own; its
-    rounding must not carry it beyond the `end`, where a table may have no value.
+    order; stages by `pinocchio.integrate` reduce the order to 2 on quaternions. Quaternions are normalised for the
+    evaluation, and not in y. The time is a component of y, so that each stage has its own time. The time is limited to
+    `end`, because rounding may carry it beyond the end of a table.
     """
     model, efforts = translation.model, elements.efforts
     accelerations = _accelerations(translation, elements)
@@ -45,7 +45,7 @@ def _derivative(translation: Translation, elements: Elements, end: float) -> Cal
     only_time = np.ones(1)
 
     def rest(q: Array, t: float) -> Array:
-        """Rates of the time and of the integrals."""
+        """Rates of the time and of the integrals of the controllers."""
         return np.concatenate([only_time, efforts.control_errors(q, t)]) if efforts.control_count else only_time
 
     def one_axis_joints_only(y: Array) -> Array:
@@ -60,7 +60,16 @@ def _derivative(translation: Translation, elements: Elements, end: float) -> Cal
 
 
 class _Motion:
-    """An integration under way: the translation in use, y in its coordinates, and the samples so far."""
+    """State of an integration: the translation in use, y in its coordinates, and the samples so far.
+
+    Parameters
+    ----------
+    translation : Translation
+    elements : Elements
+    q, v : ndarray, shape (nq,) and (nv,)
+        Initial configuration and velocity.
+    times : ndarray, shape (n_t,), s
+    """
 
     def __init__(self, translation: Translation, elements: Elements, q: Array, v: Array, times: Array) -> None:
         self.samples: list[tuple[Array, Array, Array, Array]] = []
@@ -74,7 +83,7 @@ class _Motion:
         self.derivative = _derivative(translation, elements, self.end)
 
     def split(self, y: Array) -> tuple[Array, Array, Array]:
-        """q, v and the rest."""
+        """Split y into q, v and the rest."""
         nq, nt = self.translation.model.nq, self.translation.model.nq + self.translation.model.nv
         return y[:nq], y[nq:nt], y[nt:]
 
@@ -85,7 +94,7 @@ class _Motion:
         self.samples.append(poses(self.translation))
 
     def change_chart_if_left(self) -> None:
-        """Turn the start frames of rods whose chart is no longer good, and express the state anew."""
+        """Turn the start frames of rods near their singular poses, and transform the state."""
         q, v, rest = self.split(self.y)
         if self.watch.left(q):
             translation, q, v = self.watch.change(q, v)
@@ -95,13 +104,24 @@ class _Motion:
 
 
 def _ignore(y: Array) -> None:
-    """Record nothing: these steps end between samples."""
+    """Record nothing at steps that end between samples."""
 
 
 def integrate(
     translation: Translation, elements: Elements, q: Array, v: Array, times: Array, step: float
 ) -> TrajectoryAnswer:
-    """Integrate from ``times[0]`` and sample on the uniform grid `times`, whose interval `step` divides."""
+    """Integrate from ``times[0]`` and sample on a uniform grid.
+
+    Parameters
+    ----------
+    translation : Translation
+    elements : Elements
+    q, v : ndarray, shape (nq,) and (nv,)
+        Initial configuration and velocity.
+    times : ndarray, shape (n_t,), s
+    step : float, s
+        Step, which divides the interval of `times`.
+    """
     motion = _Motion(translation, elements, q, v, np.asarray(times))
     interval = times[1] - times[0]
     every = round(interval / step)

@@ -36,7 +36,7 @@ SOLVER = "dynamics"
 
 
 def _hinges_without_springs(subject: Any) -> bool:
-    """Require a hinge and no joint spring: the adapter reads the angle of a spring from one coordinate."""
+    """Require a hinge and no joint spring, whose angle the adapter reads from one coordinate."""
     hinges = preconditions.kind("revolute", "cylindrical", "planar", "universal")
     return hinges(subject) and not subject.mechanism.joint_springs
 
@@ -74,7 +74,7 @@ def _spatial(original: Any, magnitude: float) -> Any:
 
 
 def _free_in_parent(original: Any, magnitude: float, coordinate: Any) -> Any:
-    """Give velocities of a free-flyer in axes of the parent where those of the body belong."""
+    """Give velocities of a free-flyer in axes of the parent instead of the body."""
     q, v = original(coordinate)
     return q, [*(np.array(v[:3]) + magnitude * (coordinate.v - np.array(v[:3]))), *v[3:]]
 
@@ -87,7 +87,7 @@ def _scalar_first(original: Any, magnitude: float, coordinate: Any) -> Any:
 
 @contextmanager
 def _continuous_joints(engine: Engine, magnitude: float) -> Iterator[Engine]:
-    """Make hinges continuous joints, whose cosine and sine have drifted off the circle by a fraction."""
+    """Make hinges continuous joints, whose cosine and sine are off the unit circle by a fraction."""
 
     def of(coordinate: Any) -> Any:
         size = 1.0 + magnitude

@@ -1,4 +1,4 @@
-"""What Pinocchio says of a state: poses and twists of bodies, mass properties, energies, freedom."""
+"""Observables of a state by Pinocchio: poses and twists of bodies, mass properties, energies, freedom."""
 
 from __future__ import annotations
 
@@ -7,14 +7,15 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from consilience.mechanism import RANK_TOLERANCE, Array
+from consilience.engine import numerical_rank
+from consilience.mechanism import Array
 from consilience_pinocchio.dynamics import all_rows
 from consilience_pinocchio.elements import Elements
 from consilience_pinocchio.translate import WORLD_AXES, Translation
 
 
 def poses(translation: Translation) -> tuple[Array, Array, Array, Array]:
-    """Poses and velocities of the bodies from Pinocchio's current placements and velocities.
+    """Return poses and velocities of the bodies from Pinocchio's current placements and velocities.
 
     Returns
     -------
@@ -37,7 +38,7 @@ def poses(translation: Translation) -> tuple[Array, Array, Array, Array]:
 
 
 def accelerations(translation: Translation) -> tuple[Array, Array]:
-    """Classical accelerations of the body origins and angular accelerations, world axes, each shape (n_b, 3).
+    """Return classical accelerations of body origins and angular accelerations, world axes, each shape (n_b, 3).
 
     Pinocchio's `data` must hold the accelerations (`pinocchio.forwardKinematics` with a).
     """
@@ -48,7 +49,10 @@ def accelerations(translation: Translation) -> tuple[Array, Array]:
 
 
 def composite_inertia(translation: Translation, q: Array) -> Any:
-    """`pinocchio.Inertia` of all joints in the world frame; unlike Pinocchio's own sums with what is on the ground."""
+    """Return the `pinocchio.Inertia` of all bodies in the world frame.
+
+    Pinocchio's own sums leave out bodies welded to the ground.
+    """
     model, data = translation.model, translation.data
     pin.forwardKinematics(model, data, q)
     total = pin.Inertia.Zero()
@@ -58,16 +62,16 @@ def composite_inertia(translation: Translation, q: Array) -> Any:
 
 
 def energies(translation: Translation, q: Array, v: Array) -> tuple[float, float]:
-    """Kinetic energy, and potential energy of gravity (zero at the world origin), in J."""
+    """Return the kinetic energy, and the potential energy of gravity (zero at the world origin), in J."""
     model, data = translation.model, translation.data
     kinetic = pin.computeKineticEnergy(model, data, q, v)
-    on_ground = model.inertias[0]  # computePotentialEnergy leaves out what is welded to the universe
+    on_ground = model.inertias[0]  # computePotentialEnergy leaves out bodies welded to the universe
     constant = -on_ground.mass * float(model.gravity.linear @ on_ground.lever)
     return float(kinetic), float(pin.computePotentialEnergy(model, data, q)) + constant
 
 
 def freedom(translation: Translation, elements: Elements, q: Array, v: Array) -> int:
-    """Velocities less the rank of Pinocchio's constraint Jacobian, or of all rows where elements have some."""
+    """Return nv less the rank of Pinocchio's constraint Jacobian, or of all rows where elements have rows."""
     model, data = translation.model, translation.data
     if model.nv == 0 or not (translation.welds or elements.rows.count):
         return int(model.nv)
@@ -76,5 +80,4 @@ def freedom(translation: Translation, elements: Elements, q: Array, v: Array) ->
     else:
         pin.computeJointJacobians(model, data, q)
         J = pin.getConstraintsJacobian(model, data, translation.constraints, translation.constraint_data)
-    singular = np.linalg.svd(J, compute_uv=False)
-    return int(model.nv - np.sum(singular > RANK_TOLERANCE * singular[0]))
+    return int(model.nv) - numerical_rank(J)

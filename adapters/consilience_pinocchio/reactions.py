@@ -1,4 +1,4 @@
-"""Joint reactions by Pinocchio's inverse dynamics, with the check that they balance."""
+"""Joint reactions by Pinocchio's inverse dynamics, with a check of the balance of joint efforts."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from consilience_pinocchio.elements import Elements
 from consilience_pinocchio.translate import Translation, link_inertia
 
 BALANCE_TOLERANCE = 1e-8
-"""Inverse dynamics with the constraint forces must leave no joint effort but the elements', relative to the largest
-wrench: round-off stays three digits below this, a wrong constraint force lies far above it."""
+"""Largest joint effort that inverse dynamics may leave unbalanced, relative to the largest wrench. Rounding stays three
+digits below this tolerance, a wrong constraint force lies far above."""
 
 
 def reactions(
@@ -24,14 +24,18 @@ def reactions(
     state: State,
     profile: Profile = Profile.MATCHED,
 ) -> tuple[Array, Array]:
-    """Reactions of all joints by inverse dynamics: on the successor, at the origin of M, in axes of F.
+    """Compute the reactions of all joints by inverse dynamics: on the successor, at the origin of M, in axes of F.
 
     Parameters
     ----------
     mechanism : Mechanism
-        With the frames in which the reactions are asked; those of `translation` may have turned rods.
+        Mechanism with the joint frames of the answer; start frames of rods may be turned in `translation`.
+    translation : Translation
+    elements : Elements
+    solution : Solution
+    state : State
     profile : Profile
-        What the engine gives at its defaults is not refused here, whatever it is.
+        The balance is not checked for the profile ``default``.
 
     Returns
     -------
@@ -40,7 +44,7 @@ def reactions(
     Raises
     ------
     ArithmeticError
-        If the efforts of the inverse dynamics are not those of the elements: the constraint forces are wrong.
+        The joint efforts of inverse dynamics are not those of the elements: the constraint forces are wrong.
     """
     tree, data = translation.tree, translation.data
     defect, largest = _inverse_dynamics(translation, solution), _largest_wrench(translation)
@@ -63,7 +67,7 @@ def reactions(
 
 
 def _inverse_dynamics(translation: Translation, solution: Solution) -> float:
-    """Leave the joint wrenches in ``data.f``, and return the largest joint effort they leave unbalanced."""
+    """Compute the joint wrenches ``data.f``, and return the largest joint effort that stays unbalanced."""
     model, data = translation.model, translation.data
     per_joint = np.zeros((model.njoints, 6))
     for seat, wrench in zip(translation.seats, solution.wrenches[:-1], strict=True):
@@ -77,7 +81,7 @@ def _inverse_dynamics(translation: Translation, solution: Solution) -> float:
 
 
 def _largest_wrench(translation: Translation) -> float:
-    """Largest component of joint wrenches, inertial wrenches and weights: free bodies have joint wrenches of zero."""
+    """Largest component of joint wrenches, inertial wrenches and weights; joint wrenches of free bodies are zero."""
     model, data = translation.model, translation.data
     moving = list(zip(model.inertias, data.v, data.a_gf, strict=True))
     wrenches = [f.vector for f in data.f]
@@ -89,10 +93,10 @@ def _largest_wrench(translation: Translation) -> float:
 
 
 def _welded_wrench(translation: Translation, solution: Solution, index: int) -> Array:
-    """Wrench on a welded link through its weld, shape (6,), in the joint that carries it, by Newton-Euler.
+    """Wrench on a welded link through its weld, shape (6,), in the frame of the joint that carries it, by Newton-Euler.
 
-    Pinocchio merges a welded link into its parent and knows no wrench between them. The wrench is what moves the
-    link and everything welded to it, less what acts on them, plus what they pass on through further joints.
+    Pinocchio merges a welded link into its parent and has no wrench between them. The wrench is the inertial wrench of
+    the link and of all links welded to it, less applied wrenches, plus the wrenches on links behind further joints.
     """
     data, tree = translation.data, translation.tree
     joint = translation.seats[index].joint

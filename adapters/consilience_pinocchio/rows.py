@@ -1,15 +1,15 @@
-"""Drives, couplings, rolling bodies and skates, which Pinocchio does not have: rows ``J a = gamma`` in its velocities.
+"""Rows ``J a = gamma`` of drives, couplings, rolling bodies and skates, which Pinocchio lacks, in its velocities.
 
-- Drive ``q = f(t)``: ``a_q = f''``. Coupling ``q = f(p)``: ``a_q - f' a_p = f'' p'^2``. Both are rows of single joint
-  coordinates: minimal coordinates have them as they are.
+- Drive ``q = f(t)``: ``a_q = f''``. Coupling ``q = f(p)``: ``a_q - f' a_p = f'' p'^2``. Both are rows in single joint
+  coordinates.
 - Rolling: the point of contact is at rho from the centre (`mechanism.rolling_contact`). The material point P in contact
-  has no velocity at any time, so the acceleration ``a_P = w x (w x rho - rho')``.
+  has no velocity at any time, so its acceleration is ``a_P = w x (w x rho - rho')``.
 - Skate, at a point P of the body: ``l . a_P = -(w x l) . v_P``.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,27 +19,13 @@ from consilience.mechanism import Array, Function, Rolling, Skate, cross, plane_
 from consilience_pinocchio.efforts import Axis, axis
 from consilience_pinocchio.translate import WORLD_AXES, Translation
 
-
-@dataclass(frozen=True, eq=False)
-class _Contact:
-    """Rows at a point of a body, ``directions @ a_P = gamma``, at one moment.
-
-    Attributes
-    ----------
-    placement : pinocchio.SE3
-        Frame at the point P, with the axes of the body, in the moving frame of the joint.
-    directions : ndarray, shape (n, 3)
-        World axes.
-    gamma : ndarray, shape (n,)
-    """
-
-    placement: Any
-    directions: Array
-    gamma: Array
+_Contact = tuple[Any, Array, Array]
+"""Rows ``directions @ a_P = gamma`` at a point P of a body: the `pinocchio.SE3` of P in the moving frame of the joint,
+with the axes of the body; directions, shape (n, 3), in world axes; gamma, shape (n,)."""
 
 
 class _Guided:
-    """A body that rolls or skates, at Pinocchio's current placements and velocities."""
+    """Body that rolls or skates, at Pinocchio's current placements and velocities."""
 
     def __init__(self, translation: Translation, body: str) -> None:
         index = translation.mechanism.body_index[body]
@@ -47,17 +33,17 @@ class _Guided:
         self._data = translation.data
 
     def motion(self) -> tuple[Array, Array, Array]:
-        """R_WB, and the velocity of the body's origin and its angular velocity, both in body axes."""
+        """Return R_WB, and velocity of the body's origin and angular velocity in body axes."""
         twist = self.seat.placement.actInv(self._data.v[self.seat.joint])
         return self._data.oMi[self.seat.joint].rotation @ self.seat.placement.rotation, twist.linear, twist.angular
 
     def placement_at(self, point: Array) -> Any:
-        """Frame at a point given in body axes from the body's origin."""
+        """Return the frame at a point given from the body's origin in body axes."""
         return self.seat.placement * pin.SE3(np.eye(3), np.array(point))
 
 
 class Rolls(_Guided):
-    """The point of contact of a rolling body: along the normal and two directions of the plane."""
+    """Rows of a rolling body at its point of contact: along the normal and two directions of the plane."""
 
     def __init__(self, translation: Translation, rolling: Rolling) -> None:
         super().__init__(translation, rolling.body)
@@ -66,7 +52,7 @@ class Rolls(_Guided):
         self.count = 3
 
     def touch(self) -> tuple[Array, Array]:
-        """Point P of contact, from the body's origin, and acceleration of the material there, both in body axes."""
+        """Return the point of contact from the body's origin, and the acceleration of the material point, body axes."""
         r = self._rolling
         R_WB, _, w_B = self.motion()
         w = R_WB @ w_B
@@ -74,17 +60,17 @@ class Rolls(_Guided):
         return r.center + R_WB.T @ rho, R_WB.T @ cross(w, cross(w, rho) - rho_dot)
 
     def contact(self) -> _Contact:
-        """Rows at the point of contact."""
+        """Return the rows at the point of contact."""
         point, acceleration = self.touch()
-        return _Contact(self.placement_at(point), self._directions, self.along(acceleration))
+        return self.placement_at(point), self._directions, self.along(acceleration)
 
     def along(self, vector: Array) -> Array:
-        """Components along the normal and the two directions of a vector in body axes."""
+        """Return the components along the normal and the two directions of a vector in body axes."""
         return np.asarray(self._directions @ (self.motion()[0] @ vector))
 
 
 class _Skates(_Guided):
-    """The point of a skate: along its lateral direction, which turns with the body."""
+    """Row of a skate at its point, along the lateral direction, which turns with the body."""
 
     def __init__(self, translation: Translation, skate: Skate) -> None:
         super().__init__(translation, skate.body)
@@ -96,7 +82,7 @@ class _Skates(_Guided):
         point, lateral = self._skate.point, self._skate.lateral
         R_WB, v, w = self.motion()
         gamma = -cross(w, lateral) @ (v + cross(w, point))
-        return _Contact(self._placement, (R_WB @ lateral)[None], np.array([gamma]))
+        return self._placement, (R_WB @ lateral)[None], np.array([gamma])
 
 
 class Rows:
@@ -110,16 +96,11 @@ class Rows:
     """
 
     def __init__(self, translation: Translation) -> None:
-        mechanism = translation.mechanism
+        mechanism, at = translation.mechanism, partial(axis, translation)
         self._model, self._data = translation.model, translation.data
-        self.drives = [(axis(translation, d.joint, d.coordinate), d.motion) for d in mechanism.drives]
+        self.drives = [(at(d.joint, d.coordinate), d.motion) for d in mechanism.drives]
         self._couplings: list[tuple[Axis, Axis, Function]] = [
-            (
-                axis(translation, c.joint, c.coordinate),
-                axis(translation, c.driver_joint, c.driver_coordinate),
-                c.law,
-            )
-            for c in mechanism.couplings
+            (at(c.joint, c.coordinate), at(c.driver_joint, c.driver_coordinate), c.law) for c in mechanism.couplings
         ]
         self.rolls = [Rolls(translation, rolling) for rolling in mechanism.rollings]
         self._guided: list[Rolls | _Skates] = [
@@ -130,7 +111,7 @@ class Rows:
         self.count = self._first_contact + sum(guided.count for guided in self._guided)
 
     def at(self, q: Array, v: Array, t: float) -> tuple[Array, Array]:
-        """Jacobian J (count, nv) and gamma (count,).
+        """Return the Jacobian J (count, nv) and gamma (count,).
 
         Pinocchio's data must hold placements, velocities, the accelerations of the frames at ``a = 0``
         (`pinocchio.forwardKinematics`) and the joint Jacobians.
@@ -145,15 +126,15 @@ class Rows:
             gamma[row] = bend * v[driver.idx_v] ** 2
         row = self._first_contact
         for guided in self._guided:
-            contact, rows = guided.contact(), slice(row, row + guided.count)
-            where = self._model, self._data, guided.seat.joint, contact.placement, WORLD_AXES
-            J[rows] = contact.directions @ pin.getFrameJacobian(*where)[:3]
-            gamma[rows] = contact.gamma - contact.directions @ pin.getFrameClassicalAcceleration(*where).linear
+            (placement, directions, wanted), rows = guided.contact(), slice(row, row + guided.count)
+            where = self._model, self._data, guided.seat.joint, placement, WORLD_AXES
+            J[rows] = directions @ pin.getFrameJacobian(*where)[:3]
+            gamma[rows] = wanted - directions @ pin.getFrameClassicalAcceleration(*where).linear
             row += guided.count
         return J, gamma
 
     def efforts(self, q: Array, lam: Array) -> Array:
-        """Generalised forces of drives and couplings, shape (nv,), of multipliers (count,)."""
+        """Return the generalised forces of drives and couplings, shape (nv,), for multipliers (count,)."""
         tau = np.zeros(self._model.nv)
         for row, (place, _) in enumerate(self.drives):
             tau[place.idx_v] += place.sign * lam[row]
@@ -163,14 +144,14 @@ class Rows:
         return tau
 
     def wrenches(self, lam: Array) -> list[tuple[int, Array]]:
-        """Links and wrenches on them of the contacts, of multipliers (count,), at Pinocchio's current placements.
+        """Return the wrenches of the contacts on links for multipliers (count,), at Pinocchio's current placements.
 
         A wrench, shape (6,), is in the axes and about the origin of the joint that carries the link.
         """
         result, row = [], self._first_contact
         for guided in self._guided:
-            contact = guided.contact()
-            force = guided.motion()[0].T @ (lam[row : row + guided.count] @ contact.directions)
-            result.append((guided.link, contact.placement.act(pin.Force(force, np.zeros(3))).vector))
+            placement, directions, _ = guided.contact()
+            force = guided.motion()[0].T @ (lam[row : row + guided.count] @ directions)
+            result.append((guided.link, placement.act(pin.Force(force, np.zeros(3))).vector))
             row += guided.count
         return result

@@ -1,4 +1,4 @@
-"""From a mechanism to a Pinocchio model: joints in depth-first order, welded links merged, split bodies welded.
+"""Translation of a mechanism into a Pinocchio model: joints depth first, welded links merged, split bodies welded.
 
 Pinocchio's conventions: linear part first in `Motion` and `Force`, quaternions scalar last, spatial quantities of a
 joint in the axes of the joint's moving frame and about its origin, inertia about the centre of mass.
@@ -7,12 +7,14 @@ joint in the axes of the joint's moving frame and about its origin, inertia abou
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
+from consilience.engine import without_screws
 from consilience.mechanism import (
     Coordinate,
     Frame,
@@ -42,14 +44,14 @@ _JOINT_MODELS: dict[str, Any] = {
 
 @dataclass(frozen=True, eq=False)
 class Seat:
-    """Where a link sits in the Pinocchio model.
+    """Place of a link in the Pinocchio model.
 
     Attributes
     ----------
     joint : int
         Pinocchio joint that carries the link; 0 is the universe.
     placement : pinocchio.SE3
-        Frame of the link in the moving frame of that joint; the identity unless the link is welded to its parent.
+        Frame of the link in the moving frame of the joint; the identity unless the link is welded to its parent.
     """
 
     joint: int
@@ -58,14 +60,14 @@ class Seat:
 
 @dataclass(frozen=True, eq=False)
 class Translation:
-    """A mechanism in Pinocchio's terms.
+    """Pinocchio model of a mechanism.
 
     Attributes
     ----------
     mechanism, plain : Mechanism
-        As given, and with a revolute in the place of each screw.
+        The given mechanism, and the same with revolute joints in place of screws.
     tree : Tree
-        Of `plain`: a screw is one elementary joint, too, which Pinocchio has (``JointModelHZ``).
+        Tree of `plain`. A screw is one joint in Pinocchio as well (``JointModelHZ``).
     model, data : pinocchio.Model, pinocchio.Data
     seats : tuple of Seat
         One for each link of `tree`.
@@ -86,7 +88,7 @@ class Translation:
     constraint_data: Any
 
     def body_seat(self, body: int) -> Seat:
-        """Joint and placement of frame B of a body (of its original, if it is split); the universe for -1."""
+        """Return joint and placement of frame B of a body (of the original of a split body); the universe for -1."""
         link = self.tree.carrier(body)
         return Seat(0, pin.SE3.Identity()) if link < 0 else _body_seat(self.tree.links[link], self.seats[link])
 
@@ -100,19 +102,12 @@ def _body_seat(link: Link, seat: Seat) -> Seat:
 
 
 def link_inertia(link: Link) -> Any:
-    """Inertia of a link in its own frame, as `pinocchio.Inertia`."""
+    """Return the inertia of a link in its own frame, as `pinocchio.Inertia`."""
     return pin.Inertia(link.mass, np.array(link.com), np.array(link.inertia))
 
 
-def _without_screws(mechanism: Mechanism) -> Mechanism:
-    if not any(joint.pitch for joint in mechanism.joints):
-        return mechanism
-    joints = [replace(joint, kind="revolute", pitch=0.0) if joint.pitch else joint for joint in mechanism.joints]
-    return replace(mechanism, joints=tuple(joints))
-
-
 def _joint_model(joint: Joint, link: Link) -> Any:
-    """Elementary joint; of a screw, passed in either sense, the pitch in m/rad."""
+    """Pinocchio's joint for an elementary joint; the pitch of a screw is in m/rad, the same in both senses."""
     return pin.JointModelHZ(joint.pitch / _TURN) if joint.pitch else _JOINT_MODELS[link.elementary]()
 
 
@@ -122,9 +117,9 @@ def translate(mechanism: Mechanism) -> Translation:
     Raises
     ------
     RuntimeError
-        If Pinocchio's own check of the model fails; with joints out of depth-first order `crba` is silently wrong.
+        Pinocchio's own check of the model fails. With joints out of depth-first order `crba` is silently wrong.
     """
-    plain = _without_screws(mechanism)
+    plain = without_screws(mechanism, "revolute")
     tree = to_elementary_tree(plain)
     model = pin.Model()
     model.gravity = pin.Motion(np.array(mechanism.gravity), np.zeros(3))
@@ -147,26 +142,24 @@ def translate(mechanism: Mechanism) -> Translation:
         (_body_seat(tree.links[w.original], seats[w.original]), _body_seat(tree.links[w.copy], seats[w.copy]))
         for w in tree.welds
     )
-    constraints, constraint_data = _rigid_constraints(model, data, welds)
+    held = [rigid_contact("CONTACT_6D", model, a.joint, a.placement, b.joint, b.placement) for a, b in welds]
+    constraints, constraint_data = initialised(model, data, held)
     return Translation(mechanism, plain, tree, model, data, tuple(seats), welds, constraints, constraint_data)
 
 
-def _rigid_constraints(model: Any, data: Any, welds: tuple[tuple[Seat, Seat], ...]) -> tuple[Any, Any]:
-    constraints, constraint_data = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData()
-    for original, copy in welds:
-        constraint = pin.RigidConstraintModel(
-            pin.ContactType.CONTACT_6D,
-            model,
-            original.joint,
-            original.placement,
-            copy.joint,
-            copy.placement,
-            pin.ReferenceFrame.LOCAL,
-        )
-        constraints.append(constraint)
-        constraint_data.append(constraint.createData())
-    pin.initConstraintDynamics(model, data, constraints, constraint_data)
-    return constraints, constraint_data
+def rigid_contact(kind: str, model: Any, *ends: Any) -> Any:
+    """Return a constraint of a `pinocchio.ContactType`; the ends are joint 1, placement 1, joint 2, placement 2."""
+    return pin.RigidConstraintModel(getattr(pin.ContactType, kind), model, *ends, pin.ReferenceFrame.LOCAL)
+
+
+def initialised(model: Any, data: Any, contacts: Iterable[Any]) -> tuple[Any, Any]:
+    """Return constraints and their data as Pinocchio's vectors, after ``initConstraintDynamics``."""
+    models, contact_data = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData()
+    for contact in contacts:
+        models.append(contact)
+        contact_data.append(contact.createData())
+    pin.initConstraintDynamics(model, data, models, contact_data)
+    return models, contact_data
 
 
 def _no_coordinate(c: Coordinate) -> tuple[list[float], list[float]]:
@@ -184,7 +177,7 @@ def _ball(c: Coordinate) -> tuple[list[float], list[float]]:
 
 
 def _free(c: Coordinate) -> tuple[list[float], list[float]]:
-    """Free-flyer velocities are those of the moving frame in its own axes, linear first."""
+    """Position and velocity of a free-flyer; velocities are in axes of the moving frame, linear first."""
     assert c.p is not None
     assert c.v is not None
     quat, w = _ball(c)
@@ -196,9 +189,9 @@ _COORDINATES = {"R": _scalar, "P": _scalar, "S": _ball, "F": _free, "W": _no_coo
 
 
 def configuration(translation: Translation, state: State) -> tuple[Any, Any]:
-    """Pinocchio's configuration q, shape (nq,), and velocity v, shape (nv,), of a state.
+    """Compute Pinocchio's configuration q, shape (nq,), and velocity v, shape (nv,), of a state.
 
-    Angles are in (-pi, pi], but for those of screws, whose turns are those of their displacements.
+    Angles are in (-pi, pi], except those of screws, whose full turns follow from the displacement.
     """
     mechanism, tree = translation.mechanism, translation.tree
     q: list[float] = []

@@ -14,7 +14,7 @@ from consilience.mechanism import Array
 from consilience_dart import methods
 from consilience_dart.dynamics import constrained_terms, forward_dynamics
 from consilience_dart.engine import DartEngine
-from consilience_dart.loads import appliers
+from consilience_dart.loads import Forces
 from consilience_dart.state import from_state, rotations, send
 from consilience_dart.stepping import ERROR_REDUCTION_TRAJECTORY, stepper
 from consilience_dart.translation import build, constrained, unstepped
@@ -48,7 +48,7 @@ def _stepped(case: Case) -> Route:
 def _high_order(case: Case) -> Iterator[Route]:
     """Integrate accelerations in joint coordinates by methods of high order, for skeletons without rotation vectors."""
     model = build(case.mechanism)
-    skeleton, forces, start = model.skeleton, appliers(model), from_state(model, case.initial_state)
+    skeleton, forces, start = model.skeleton, Forces(model), from_state(model, case.initial_state)
     n = skeleton.getNumDofs()
     rate = np.empty(2 * n)
     bare = not forces and not case.mechanism.drives

@@ -26,7 +26,7 @@ from consilience.mechanism import (
 from consilience.reference import simulate
 from consilience_dart import DartEngine
 from consilience_dart.dynamics import body_accelerations, forward_dynamics
-from consilience_dart.loads import appliers
+from consilience_dart.loads import Forces
 from consilience_dart.redundancy import rank_limit
 from consilience_dart.state import from_state, read, send
 from consilience_dart.stepping import CONSTRAINT_FORCE_MIXING, ERROR_REDUCTION_TRAJECTORY, set_softness, stepper
@@ -284,7 +284,7 @@ def test_massless_links_cost_no_accuracy_and_no_noise(capfd):
     mechanism = chain("universal", "planar", "cylindrical", "rod", seed=31)
     model, state = placed(mechanism)
     assert sum(link.mass == 0.0 for link in model.tree.links) == 6
-    forward_dynamics(model, appliers(model))
+    forward_dynamics(model, Forces(model))
     a, alpha, _, _ = truth.solve(mechanism, state)
     found = np.hstack(body_accelerations(model))
     expected = np.hstack([a, alpha])

@@ -243,9 +243,9 @@ def test_dampers_of_one_answer_are_not_left_in_the_next(engine):
 def test_a_brake_is_split_into_a_damper_and_a_rest_that_give_it_back(engine):
     mechanism = ELEMENTS["powered"]
     model = build(mechanism)
-    for effort in efforts(model, np.zeros(2)):
-        value, steepness = effort.law(0.3, 0.4, 0.7)
-        ahead, behind = (effort.law(0.3, 0.4, 0.7 + d)[0] for d in (1e-6, -1e-6))
+    for _, law in efforts(model, np.zeros(2)):
+        value, steepness = law(0.3, 0.4, 0.7)
+        ahead, behind = (law(0.3, 0.4, 0.7 + d)[0] for d in (1e-6, -1e-6))
         assert steepness == pytest.approx(-(ahead - behind) / 2e-6, abs=1e-7)
         assert np.isfinite(value)
 

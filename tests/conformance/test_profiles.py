@@ -330,19 +330,20 @@ def dart_engine():
 
 def with_scaled_velocity_term(mechanism, state, factor):
     """Accelerations where the welds hold ``J a = -factor dJ/dt v``, with DART's terms and the harness's solve."""
-    from consilience_dart.dynamics import _weld_terms, apply_forces, body_accelerations, impose
-    from consilience_dart.loads import appliers
+    from consilience_dart.constraints import weld_terms
+    from consilience_dart.dynamics import body_accelerations, impose
+    from consilience_dart.loads import Forces
     from consilience_dart.state import from_state, send
     from consilience_dart.translation import build
 
     model = build(mechanism)
     skeleton = model.skeleton
     send(model, from_state(model, state))
-    apply_forces(model, appliers(model))
+    Forces(model).apply(0.0)
     skeleton.setAccelerations(np.zeros(skeleton.getNumDofs()))
     skeleton.computeInverseDynamics(True, True, True)
     f = -np.asarray(skeleton.getForces())
-    J, bias = _weld_terms(model)
+    J, bias = weld_terms(model)
     impose(model, *solve_constrained(np.asarray(skeleton.getMassMatrix()), f, J, -factor * bias))
     return np.hstack(body_accelerations(model))
 

@@ -18,13 +18,15 @@ from consilience.engine.answers import (
     TrajectoryAnswer,
     Unsupported,
 )
-from consilience.engine.harness_solvers import runge_kutta_4, solve_constrained
+from consilience.engine.elementary_models import ELEMENTARY, axis_link, merged_spring, without_screws
+from consilience.engine.harness_solvers import numerical_rank, runge_kutta_4, solve_constrained
 from consilience.engine.installation import adapter_file, engine_distribution, lacks_engine, pip_requirement
 from consilience.engine.protocol import (
     Engine,
     beside_adapter,
     beyond,
     engines_like,
+    feature_names,
     installed,
     load_engine,
     require_installed,

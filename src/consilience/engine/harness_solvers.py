@@ -13,6 +13,14 @@ import numpy as np
 from consilience.mechanism import RANK_TOLERANCE, Array
 
 
+def numerical_rank(J: Array) -> int:
+    """Return the number of singular values of J, shape (r, n), above `RANK_TOLERANCE` times the largest."""
+    if J.size == 0:
+        return 0
+    singular = np.linalg.svd(J, compute_uv=False)
+    return int(np.sum(singular > RANK_TOLERANCE * singular[0]))
+
+
 def solve_constrained(M: Array, f: Array, J: Array, gamma: Array) -> tuple[Array, Array]:
     """Solve ``M a = f + J^T lam``, ``J a = gamma`` with dependent rows allowed.
 

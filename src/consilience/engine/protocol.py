@@ -171,6 +171,17 @@ def require_installed(name: str) -> None:
         raise InvalidInput(f"engine '{name}'", "it is not installed", f"Installed engines: {', '.join(known)}.")
 
 
+def feature_names(joints: str, elements: str) -> frozenset[str]:
+    """Return the features of the listed kinds of joints and elements, in the names of `Mechanism.features`.
+
+    Parameters
+    ----------
+    joints, elements : str
+        Names, separated by ``", "``.
+    """
+    return frozenset((*(f"{kind} joint" for kind in joints.split(", ")), *elements.split(", ")))
+
+
 def beyond(mechanism: Mechanism, known: Collection[str], name: str) -> tuple[Unsupported, ...]:
     """Return the features of a mechanism (`Mechanism.features`) for which an adapter has no translation.
 

@@ -19,30 +19,33 @@ from dataclasses import dataclass
 from inspect import getsource
 from typing import Any
 
+from consilience.engine.harness_solvers import solve_constrained
 from consilience.engine.native.script import function_data
 from consilience.mechanism import Array, Function, Mechanism, friction_law, rolling_contact
 
 
 @dataclass(frozen=True)
 class Places:
-    """Points, directions and coordinates of elements in terms of an engine.
+    """Bodies and joint coordinates in terms of an engine.
 
     Attributes
     ----------
-    point : callable
-        From body and point in its axes: owner, and the point in the axes of the owner.
-    turned : callable
-        From body and direction in its axes: the direction in the axes of the owner.
+    frame : callable
+        From body: owner, origin and axes of the body in the frame of the owner.
     axis : callable
         From joint and coordinate: the place of the coordinate for the script, often owner and sign.
     own_springs : bool
         The engine has springs and dampers of joints; only the actuators are data.
     """
 
-    point: Callable[[str, Array], list[Any]]
-    turned: Callable[[str, Array], Array]
+    frame: Callable[[str], list[Any]]
     axis: Callable[[str, str], list[Any]]
     own_springs: bool = False
+
+    def point(self, body: str, p: Array) -> list[Any]:
+        """Return the owner of a body, and a point of the body in the frame of the owner."""
+        owner, origin, R = self.frame(body)
+        return [owner, origin + R @ p]
 
 
 def _law(function: Function | None) -> dict[str, Any] | None:
@@ -66,7 +69,7 @@ def _forces(m: Mechanism, at: Places) -> dict[str, Any]:
             "at": at.point(x.body, x.point),
             "kind": x.kind,
             "frame": x.frame,
-            "vector": at.turned(x.body, x.vector) if x.frame == "body" else x.vector,
+            "vector": at.frame(x.body)[2] @ x.vector if x.frame == "body" else x.vector,
             "f": _law(x.history),
         }
         for x in m.loads
@@ -112,14 +115,15 @@ def row_data(m: Mechanism, axis: Callable[[str, str], list[Any]]) -> dict[str, A
 
 def element_data(mechanism: Mechanism, at: Places) -> dict[str, Any]:
     """Return the constants of a script with `ELEMENTS`, without the closed loops ``WELDS``, pairs of (owner, p, R)."""
-    return _forces(mechanism, at) | _efforts(mechanism, at) | row_data(mechanism, at.axis)
+    bodies = {"BODIES": {body.name: at.frame(body.name) for body in mechanism.bodies}}
+    return bodies | _forces(mechanism, at) | _efforts(mechanism, at) | row_data(mechanism, at.axis)
 
 
 FRICTION = "\n" + getsource(friction_law)
 """Source of `friction_law`; the script imports math."""
 
 ROLLING = (
-    "\nArray, cross = np.ndarray, np.cross\n\n\n"
+    "\ncross = np.cross\n\n\n"
     + getsource(rolling_contact)
     + '''
 
@@ -225,15 +229,5 @@ def held(t):
 ELEMENTS = FRICTION + "\n" + _APPLIED + "\n" + ROWS
 """Source of ``applied(t, integrals)`` and ``held(t)``."""
 
-SOLVE = '''
-def solve(M, f, J, gamma):
-    """Accelerations a of ``M a = f + J^T lam``, ``J a = gamma``, whatever the rank of J."""
-    L = np.linalg.cholesky(M)
-    free = np.linalg.solve(L, f)
-    Y = np.linalg.solve(L, J.T)
-    U, s, Vt = np.linalg.svd(Y, full_matrices=False)
-    rank = int(np.sum(s > TOLERANCE * s[0])) if len(s) else 0
-    along = (Vt[:rank] @ (gamma - Y.T @ free)) / s[:rank]
-    return np.linalg.solve(L.T, free + U[:, :rank] @ along)
-'''
-"""Source of the solution of equations with dependent rows; ``TOLERANCE`` is that of the rank."""
+SOLVE = "\n" + getsource(solve_constrained)
+"""Source of `solve_constrained`; the script imports NumPy and has the constant ``RANK_TOLERANCE``."""

@@ -75,4 +75,5 @@ def script(title: str, imports: str, constants: Mapping[str, Any], *code: str) -
     """Return the text of a script: title, imports, data by names, code."""
     data = "\n".join(f"{name} = {literal(value)}" for name, value in constants.items())
     heading = title.replace("\\", "/").replace('"', "'")
-    return f'"""{heading}"""\n\n{imports.strip()}\n\n{data}\n' + "".join(f"\n{part}" for part in code)
+    future = "from __future__ import annotations"  # sources of functions may have annotations of any names
+    return f'"""{heading}"""\n\n{future}\n\n{imports.strip()}\n\n{data}\n' + "".join(f"\n{part}" for part in code)
