@@ -97,7 +97,7 @@ FILES: dict[str, dict[str, str]] = {
 <axis xyz="0 1 0"/><limit effort="1" velocity="1" lower="-1" upper="1"/></joint></robot>""",
         "scene.xml": """<mujoco><worldbody><body name="rod" pos="0 0 1"><joint name="pin" axis="0 1 0"/>
 <inertial pos="0 0 -0.2" mass="1" diaginertia="0.01 0.012 0.004"/></body></worldbody></mujoco>""",
-    },
+    }
 }
 """Files that a page expects in its folder."""
 

@@ -231,11 +231,5 @@ SITUATIONS = (
     Situation("an uncertain reference", lambda h, s: 0.0, U, "uncertain reference", spread=1e-7),
     Situation("a disputed reference", lambda h, s: 1e-4, U, "disputed reference", dispute="published value"),
     Situation("chaotic from the start", lambda h, s: 1e-3, U, "horizon", growth=np.full(41, 1e9)),
-    Situation(
-        "soft without order",
-        lambda h, s: 1e-3 * np.sin(9 * s) + h**2,
-        U,
-        "softness unclear",
-        soft=True,
-    ),
+    Situation("soft without order", lambda h, s: 1e-3 * np.sin(9 * s) + h**2, U, "softness unclear", soft=True),
 )

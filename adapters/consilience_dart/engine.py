@@ -67,7 +67,7 @@ EXACT |= dict.fromkeys(("rolling", "skate"), EXACT["coupling"])
 
 EXPONENTIAL = "World.step: rotations by a truncated exponential map, error (w h)^3 / 6 a step"
 APPROXIMATED = dict.fromkeys(("spherical joint", "free joint", "rod joint"), EXPONENTIAL) | {
-    "drive": "World.step: drives at velocity level, half of the position error removed in a step",
+    "drive": "World.step: drives at velocity level, half of the position error removed in a step"
 }
 
 FEATURES = feature_names(

@@ -43,10 +43,7 @@ def add_springs_and_loads(system: Any, mechanism: Mechanism, mark: Mark) -> None
 
 def _spring_damper(spring: Spring, markers: list[Any]) -> Any:
     return items.ObjectConnectorSpringDamper(
-        markerNumbers=markers,
-        referenceLength=spring.free_length,
-        stiffness=spring.stiffness,
-        damping=spring.damping,
+        markerNumbers=markers, referenceLength=spring.free_length, stiffness=spring.stiffness, damping=spring.damping
     )
 
 

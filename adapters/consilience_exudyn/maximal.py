@@ -198,16 +198,7 @@ def build(mechanism: Mechanism, state: State, held: tuple[Axes, ...] | None = No
     turning, integrals = add_joint_forces(system, mechanism, mark)
     system.Assemble()
     model = Maximal(
-        mechanism,
-        container,
-        system,
-        tuple(bodies),
-        joints,
-        rows,
-        turning,
-        integrals,
-        tuple(gravity),
-        tuple(sensors),
+        mechanism, container, system, tuple(bodies), joints, rows, turning, integrals, tuple(gravity), tuple(sensors)
     )
     set_initial(model, state)
     return model
@@ -216,10 +207,7 @@ def build(mechanism: Mechanism, state: State, held: tuple[Axes, ...] | None = No
 def _add_body(system: Any, body: Body) -> tuple[Any, Any]:
     node = system.AddNode(items.NodeRigidBodyEP(referenceCoordinates=[0, 0, 0, *_UNIT_QUATERNION]))
     item = items.ObjectRigidBody(
-        mass=body.mass,
-        inertia=inertia_vector(inertia_about_origin(body)),
-        centerOfMass=list(body.com),
-        nodeNumber=node,
+        mass=body.mass, inertia=inertia_vector(inertia_about_origin(body)), centerOfMass=list(body.com), nodeNumber=node
     )
     return node, system.AddObject(item)
 

@@ -49,11 +49,7 @@ def velocity_map(state: State) -> Array:
 
 
 def convective_terms(
-    q: Array,
-    v: Array,
-    lengths: Array,
-    place: Callable[[Array, Array], None],
-    algebraic: Callable[[bool], Array],
+    q: Array, v: Array, lengths: Array, place: Callable[[Array, Array], None], algebraic: Callable[[bool], Array]
 ) -> Array:
     """Return ``c = d/ds C'(q + s v, v)`` of all algebraic rows by a central stencil with a large step.
 

@@ -296,12 +296,7 @@ def _add_joint_equality(spec: Any, name: str, held: str, driver: str, coefficien
     data = np.zeros(mujoco.mjNEQDATA)
     data[: len(coefficients)] = coefficients
     spec.add_equality(
-        name=name,
-        type=mujoco.mjtEq.mjEQ_JOINT,
-        objtype=mujoco.mjtObj.mjOBJ_JOINT,
-        name1=held,
-        name2=driver,
-        data=data,
+        name=name, type=mujoco.mjtEq.mjEQ_JOINT, objtype=mujoco.mjtObj.mjOBJ_JOINT, name1=held, name2=driver, data=data
     )
 
 

@@ -53,12 +53,7 @@ def double_pendulum(c):
     drive = dot(c["gravity"], turned(times(t1, c["moment_1"]))), m2 * dot(c["gravity"], turned(arm))
     one, two = drive[0] - across * r2**2, drive[1] + across * r1**2
     det = c["A"] * c["B"] - along**2
-    return [
-        (q1, r1),
-        (q2, r2),
-        (r1, (c["B"] * one - along * two) / det),
-        (r2, (c["A"] * two - along * one) / det),
-    ]
+    return [(q1, r1), (q2, r2), (r1, (c["B"] * one - along * two) / det), (r2, (c["A"] * two - along * one) / det)]
 
 
 def components(one, two, of):
@@ -80,11 +75,7 @@ def four_bar(c):
     rest = minus(plus(scaled(b * b, coupler), scaled(-1.0 * d * d, rocker)), second)
     bb, dd = components(turned(coupler), scaled(-1.0, turned(rocker)), rest)
     nothing = (0.0, 0.0)
-    parts = [
-        (nothing, nothing, crank, 1.0, 0.0),
-        (first, second, coupler, b, bb),
-        (nothing, nothing, rocker, d, dd),
-    ]
+    parts = [(nothing, nothing, crank, 1.0, 0.0), (first, second, coupler, b, bb), (nothing, nothing, rocker, d, dd)]
     J = h = Q = 0.0
     for (v, a, arm, rate, bend), body in zip(parts, c["bodies"], strict=True):
         out = times(arm, body["arm"])

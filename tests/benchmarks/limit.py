@@ -99,12 +99,7 @@ def double(case: Case) -> Minimal:
     r1 = _dot(g, _left(_turned(k.mass_1 * k.arm_1 + k.mass_2 * k.link, q1))) - z[1] * w2**2.0
     r2 = k.mass_2 * _dot(g, _left(_turned(k.arm_2, q2))) + z[1] * w1**2.0
     determinant = a * b - z[0] ** 2.0
-    system = [
-        (q1, w1),
-        (q2, w2),
-        (w1, (b * r1 - z[0] * r2) / determinant),
-        (w2, (a * r2 - z[0] * r1) / determinant),
-    ]
+    system = [(q1, w1), (q2, w2), (w1, (b * r1 - z[0] * r2) / determinant), (w2, (a * r2 - z[0] * r1) / determinant)]
 
     def positions(y: Array) -> Array:
         turns = np.exp(1j * y[:, :2].T)

@@ -359,10 +359,7 @@ def test_only_methods_that_dart_carries_alone_are_called_native(engine):
         question: [[m.route for m in matched(engine, mechanism, question)] for mechanism in (tree, loop)]
         for question in (Question.INSTANT, Question.TRAJECTORY)
     }
-    assert routes[Question.INSTANT] == [
-        [Route.NATIVE, Route.HARNESS_SOLVE],
-        [Route.HARNESS_SOLVE, Route.EXTRAPOLATED],
-    ]
+    assert routes[Question.INSTANT] == [[Route.NATIVE, Route.HARNESS_SOLVE], [Route.HARNESS_SOLVE, Route.EXTRAPOLATED]]
     assert routes[Question.TRAJECTORY] == [
         [Route.NATIVE, Route.HARNESS_INTEGRATOR],
         [Route.TUNED, Route.HARNESS_INTEGRATOR],

@@ -161,10 +161,7 @@ MJCF = {
         )
     ),
     "spring on a slide that its joint counts backwards": world(
-        body(
-            "a",
-            '<joint axis="0 0.6 0.8"/><joint type="slide" axis="0 -0.6 -0.8" stiffness="30" springref="0.2"/>',
-        )
+        body("a", '<joint axis="0 0.6 0.8"/><joint type="slide" axis="0 -0.6 -0.8" stiffness="30" springref="0.2"/>')
     ),
     "coupled": world(
         body("a", HINGE.format("j")),

@@ -13,7 +13,7 @@ from consilience.engine import Profile, Question, load_engine
 CASES = {case.name: replace(case, instants=min(case.instants, 2)) for case in shipped_cases()}
 
 KNOWN: dict[tuple[str, str], str] = {
-    ("mujoco", "excavator_arm"): "constraints cannot be harder than an absolute floor, which forces of 4e4 N show",
+    ("mujoco", "excavator_arm"): "constraints cannot be harder than an absolute floor, which forces of 4e4 N show"
 }
 """Known differences at an instant, by engine and case, with the reason; a case that stops differing fails here."""
 

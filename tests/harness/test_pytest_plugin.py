@@ -177,10 +177,7 @@ KNOWN = {
     "honest": ("", "*XPASS(strict)*the first body floats*"),
     "aborts": ("", "known as 'differs: model' (the first body floats), it is now 'failed': *"),
     "selective": ("", "known as 'differs: model' (the first body floats), it is now 'unsupported': *"),
-    "acceleration_point": (
-        'verdict = "failed"',
-        "known as 'failed' (*), it is now 'differs: model': *",
-    ),
+    "acceleration_point": ('verdict = "failed"', "known as 'failed' (*), it is now 'differs: model': *"),
 }
 """By engine: more of the entry, and what is said of it."""
 

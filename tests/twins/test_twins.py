@@ -233,8 +233,7 @@ def two_sided(mechanisms):
 
 
 @pytest.mark.parametrize(
-    ("name", "describe"),
-    [(name, d) for d in DESCRIPTIONS for name in (two_sided(ALL) if d is swapped else ALL)],
+    ("name", "describe"), [(name, d) for d in DESCRIPTIONS for name in (two_sided(ALL) if d is swapped else ALL)]
 )
 def test_another_description_has_the_same_accelerations(name, describe):
     assert_same_accelerations(describe(ALL[name]), "descriptor")

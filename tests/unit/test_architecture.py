@@ -9,8 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from public import public_names
-
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 SOURCE = ROOT / "src" / "consilience"
@@ -50,8 +48,7 @@ def test_a_drawing_shows_an_import_that_is_new():
 
 
 @pytest.mark.parametrize(
-    ("package", "captions", "extra"),
-    [("", draw.CAPTIONS, set()), ("reference", draw.REFERENCE_CAPTIONS, {"__init__"})],
+    ("package", "captions", "extra"), [("", draw.CAPTIONS, set()), ("reference", draw.REFERENCE_CAPTIONS, {"__init__"})]
 )
 def test_every_room_is_drawn_and_described(package, captions, extra):
     assert draw.rooms(package).keys() == captions.keys()
@@ -132,7 +129,7 @@ def test_every_class_of_the_main_rooms_is_a_term(package):
     module = importlib.import_module(package)
     known = [resolved(name) for _, name in TERMS]
     assert not [
-        name for name in public_names(package) if inspect.isclass(thing := getattr(module, name)) and thing not in known
+        name for name in module.__all__ if inspect.isclass(thing := getattr(module, name)) and thing not in known
     ]
 
 

@@ -88,9 +88,7 @@ def test_origins_that_stay_where_they_are_are_measured_by_the_reach_of_the_bodie
     assert size == pytest.approx(max(np.linalg.norm(body.com), np.linalg.norm(joint.M.p)), rel=1e-15)
     assert np.max(difference_over_time(replace(still, p_WB=0 * still.p_WB), still, size)) < 1e-15
     bare = replace(
-        MECHANISM,
-        bodies=(replace(body, com=np.zeros(3)),),
-        joints=(replace(joint, M=Frame(np.zeros(3), np.eye(3))),),
+        MECHANISM, bodies=(replace(body, com=np.zeros(3)),), joints=(replace(joint, M=Frame(np.zeros(3), np.eye(3))),)
     )
     assert size_of_motion(bare, still) == 1.0
 

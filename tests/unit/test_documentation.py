@@ -25,7 +25,6 @@ from consilience.mechanism import JOINT_KINDS
 from consilience.pytest_plugin.known import read_known
 from mechanisms import chain, four_bar, states_of
 from pages import LANGUAGES, MARKED, PAGES, ROOT, SITE, Block, blocks, mark
-from public import public_names
 from truth import solve
 
 BLOCKS = [block for page in PAGES for block in blocks(page)]
@@ -330,7 +329,7 @@ def test_every_public_name_is_documented_where_it_is_imported_from():
         "consilience.reference.impacts",
     ):
         package = importlib.import_module(module)
-        for name in public_names(module):
+        for name in package.__all__:
             thing = getattr(package, name)
             assert not callable(thing) or inspect.getdoc(thing), f"{module}.{name}"
 

@@ -715,9 +715,7 @@ def test_a_probe_that_fails_says_which_one_it_was():
     ]
     failed = comparison("swing", "soft", "trajectory", SOFT, Verdict.FAILED, "ValueError: too soft")
     (answer,) = cell_of(page(record([(runs, [failed])], [case("swing")])), "soft").answers
-    assert [(t.run, t.reason) for t in answer.troubles] == [
-        ("step 0.0025 s, softness 2", "ValueError: too soft"),
-    ]
+    assert [(t.run, t.reason) for t in answer.troubles] == [("step 0.0025 s, softness 2", "ValueError: too soft")]
 
 
 def test_a_motion_tells_its_rule_its_horizon_and_its_observables(soft):

@@ -177,10 +177,7 @@ def turned(body, hinge, R_hinge, axis_R, sign):
     def R(b):
         return axis_R @ elementary_rotation(2, sign * b) @ axis_R.T
 
-    return (
-        lambda b: R_hinge(b) + R(b) @ arm,
-        lambda b: R(b) @ R0 @ body.inertia @ R0.T @ R(b).T,
-    )
+    return (lambda b: R_hinge(b) + R(b) @ arm, lambda b: R(b) @ R0 @ body.inertia @ R0.T @ R(b).T)
 
 
 def pendulum_on_a_shaft(damping=0.0):
@@ -198,10 +195,7 @@ def pendulum_on_a_shaft(damping=0.0):
     still = [bodies["shaft"].drawing.p + bodies["shaft"].drawing.R @ bodies["shaft"].com, bodies["shaft"]]
     fixed = still[1].drawing.R @ still[1].inertia @ still[1].drawing.R.T
     com, tensor = turned(bodies["arm"], hinge, lambda b: hinge, across, 1.0)
-    parts = [
-        (still[1].mass, lambda b: still[0], lambda b: fixed, 0.0),
-        (bodies["arm"].mass, com, tensor, 1.0),
-    ]
+    parts = [(still[1].mass, lambda b: still[0], lambda b: fixed, 0.0), (bodies["arm"].mass, com, tensor, 1.0)]
     return mechanism, Rotating(parts, G, across[:, 2])
 
 

@@ -31,10 +31,7 @@ def swing(function):
     mbs = container.AddSystem()
     node = mbs.AddNode(
         ii.NodeGenericODE2(
-            referenceCoordinates=[0.0],
-            initialCoordinates=[0.4],
-            initialCoordinates_t=[0.0],
-            numberOfODE2Coordinates=1,
+            referenceCoordinates=[0.0], initialCoordinates=[0.4], initialCoordinates_t=[0.0], numberOfODE2Coordinates=1
         )
     )
     one, zero = exu.Matrix3DList([np.eye(3)]), exu.Vector3DList([[0.0, 0.0, 0.0]])
@@ -54,10 +51,7 @@ def swing(function):
     )
     sensor = mbs.AddSensor(
         ii.SensorKinematicTree(
-            objectNumber=tree,
-            linkNumber=0,
-            localPosition=COM,
-            outputVariableType=exu.OutputVariableType.Position,
+            objectNumber=tree, linkNumber=0, localPosition=COM, outputVariableType=exu.OutputVariableType.Position
         )
     )
     mbs.Assemble()

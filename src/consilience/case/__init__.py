@@ -4,8 +4,6 @@ Names of the library of cases are imported when first used: case files and famil
 needs NumPy alone.
 """
 
-# mypy: implicit-reexport
-
 from __future__ import annotations
 
 from importlib import import_module
@@ -17,10 +15,22 @@ from consilience.case.published import Published, read_motion, read_start, scale
 if TYPE_CHECKING:
     from consilience.case.library import case_files, case_names, cases_like, load_case, load_cases, shipped_cases
 
-_LIBRARY = ("case_files", "case_names", "cases_like", "load_case", "load_cases", "shipped_cases")
+__all__ = [
+    "Case",
+    "Published",
+    "case_files",
+    "case_names",
+    "cases_like",
+    "load_case",
+    "load_cases",
+    "read_motion",
+    "read_start",
+    "scale_of",
+    "shipped_cases",
+]
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _LIBRARY:
+    if name not in __all__:
         raise AttributeError(f"module 'consilience.case' has no attribute '{name}'")
     return getattr(import_module("consilience.case.library"), name)

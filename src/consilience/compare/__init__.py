@@ -3,8 +3,6 @@
 The modules `judge` and `judges` import the cases, which these functions do not need: import from them directly.
 """
 
-# mypy: implicit-reexport
-
 from consilience.compare.campaigns import CODES, exit_code, grouped, markdown_table, write_campaign
 from consilience.compare.instant import compare_instant, compare_model, relative_difference
 from consilience.compare.result import Comparison, Level, Quantity, Verdict, compare_by_bars
@@ -15,3 +13,24 @@ from consilience.compare.trajectory import (
     reference_spread,
     spread_over_time,
 )
+
+__all__ = [
+    "CODES",
+    "Comparison",
+    "Level",
+    "Prospect",
+    "Quantity",
+    "ReferenceMotion",
+    "Verdict",
+    "compare_by_bars",
+    "compare_instant",
+    "compare_model",
+    "compare_trajectory",
+    "exit_code",
+    "grouped",
+    "markdown_table",
+    "reference_spread",
+    "relative_difference",
+    "spread_over_time",
+    "write_campaign",
+]

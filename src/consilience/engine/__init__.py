@@ -3,8 +3,6 @@
 An adapter needs nothing beyond this package and `consilience.mechanism`. Both import NumPy and the standard library.
 """
 
-# mypy: implicit-reexport
-
 from consilience.engine.answers import (
     EngineInfo,
     InstantAnswer,
@@ -33,3 +31,41 @@ from consilience.engine.protocol import (
     split_name,
 )
 from consilience.engine.questions import Answer, Question, defects, load_named
+
+__all__ = [
+    "ELEMENTARY",
+    "Answer",
+    "Engine",
+    "EngineInfo",
+    "InstantAnswer",
+    "Manifest",
+    "Method",
+    "ModelAnswer",
+    "Profile",
+    "Question",
+    "Route",
+    "Run",
+    "Status",
+    "TrajectoryAnswer",
+    "Unsupported",
+    "adapter_file",
+    "axis_link",
+    "beside_adapter",
+    "beyond",
+    "defects",
+    "engine_distribution",
+    "engines_like",
+    "feature_names",
+    "installed",
+    "lacks_engine",
+    "load_engine",
+    "load_named",
+    "merged_spring",
+    "numerical_rank",
+    "pip_requirement",
+    "require_installed",
+    "runge_kutta_4",
+    "solve_constrained",
+    "split_name",
+    "without_screws",
+]

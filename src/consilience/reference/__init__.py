@@ -5,9 +5,18 @@
 a fresh installation compiles the kernels (a minute or two); later processes load them from the cache.
 """
 
-# mypy: implicit-reexport
-
 from consilience.errors import NumericalFailure
 from consilience.reference.formulations.registry import FORMULATIONS, SYSTEMS, formulation, unsupported
 from consilience.reference.solver import accelerations, simulate
 from consilience.reference.tree.forward_dynamics import ForwardDynamics
+
+__all__ = [
+    "FORMULATIONS",
+    "SYSTEMS",
+    "ForwardDynamics",
+    "NumericalFailure",
+    "accelerations",
+    "formulation",
+    "simulate",
+    "unsupported",
+]

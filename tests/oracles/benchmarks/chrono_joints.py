@@ -30,11 +30,7 @@ PLACES = {
     "Cylindrical_02": ("cylindrical", HERE, turned(X, -90)),
     "Cylindrical_03": ("cylindrical", THERE, turned(X, -45)),
 }
-UNIVERSALS = {
-    "Universal_01": turned(X, 90),
-    "Universal_02": turned(Y, 90),
-    "Universal_03": turned((1, -1, 0), 90),
-}
+UNIVERSALS = {"Universal_01": turned(X, 90), "Universal_02": turned(Y, 90), "Universal_03": turned((1, -1, 0), 90)}
 
 
 def pendulum(case, **forces):

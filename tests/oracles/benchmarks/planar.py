@@ -36,10 +36,7 @@ def slider_pendulum_solve(times):
 
 def acrobot():
     """Drake's acrobot, drawn hanging: m = 1, 1, l = 1, 2, centres at 0.5, 1, J = 0.083, 0.33, damping 0.1; g = 9.81."""
-    bodies = [
-        body("upper", 1, -0.5 * Z, 3 * (0.083,), at=0 * Z),
-        body("lower", 1, -2.0 * Z, 3 * (0.33,), at=-Z),
-    ]
+    bodies = [body("upper", 1, -0.5 * Z, 3 * (0.083,), at=0 * Z), body("lower", 1, -2.0 * Z, 3 * (0.33,), at=-Z)]
     joints = [("shoulder", "revolute", GROUND, "upper", 0 * Z, Y), ("elbow", "revolute", "upper", "lower", -Z, Y)]
     springs = (damper("shoulder", 0.1), damper("elbow", 0.1))
     return mechanism("acrobot", -9.81 * Z, bodies, joints, joint_springs=springs)

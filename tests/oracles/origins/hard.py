@@ -55,10 +55,9 @@ class Row:
         (a, w), k, plane = np.split(y, 2), self.index[known.of], self.plane
         alpha = self.acceleration(y)
         rise = np.sum(((1j * alpha - w**2) * self.link * np.exp(1j * a))[:k])
-        return {
-            "a_WB_W": rise.real * plane.e1 + rise.imag * plane.e2,
-            "alpha_WB_W": alpha[k] * plane.normal,
-        }[known.observable][known.component]
+        return {"a_WB_W": rise.real * plane.e1 + rise.imag * plane.e2, "alpha_WB_W": alpha[k] * plane.normal}[
+            known.observable
+        ][known.component]
 
 
 def row(ring):

@@ -19,18 +19,7 @@ from typing import Any
 from consilience.case.file.values import TomlTable
 from consilience.mechanism import AXIS_COORDINATES, GROUND, Mechanism, spanning_tree
 
-ELEMENTS = (
-    "spring",
-    "joint_spring",
-    "force",
-    "torque",
-    "friction",
-    "control",
-    "drive",
-    "coupling",
-    "rolling",
-    "skate",
-)
+ELEMENTS = ("spring", "joint_spring", "force", "torque", "friction", "control", "drive", "coupling", "rolling", "skate")
 _SIDES = ("predecessor", "successor")
 _JOINTS = (("joint", "coordinate"), ("driver_joint", "driver_coordinate"))
 _FRAMELESS = ("spherical", "free", "rigid")

@@ -69,10 +69,7 @@ def _engine(name: str, of_version: str, campaign: FuzzCampaign) -> dict[str, Any
 
 
 def _digits(found: Sequence[float]) -> dict[str, float | None]:
-    return {
-        "worst_digits": min(found) if found else None,
-        "median_digits": float(np.median(found)) if found else None,
-    }
+    return {"worst_digits": min(found) if found else None, "median_digits": float(np.median(found)) if found else None}
 
 
 def _method(group: Sequence[JudgedComparison]) -> dict[str, Any]:

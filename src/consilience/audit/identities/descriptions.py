@@ -121,10 +121,7 @@ def reordered(mechanism: Mechanism, bodies: Sequence[int], joints: Sequence[int]
     elements = ("springs", "joint_springs", "loads", "frictions", "controls")
     reverse = {name: getattr(mechanism, name)[::-1] for name in elements}
     second = replace(
-        mechanism,
-        bodies=tuple(mechanism.bodies[k] for k in b),
-        joints=tuple(mechanism.joints[k] for k in j),
-        **reverse,
+        mechanism, bodies=tuple(mechanism.bodies[k] for k in b), joints=tuple(mechanism.joints[k] for k in j), **reverse
     )
     old_b, old_j = np.argsort(b), np.argsort(j)
     return Description(second, lambda s: _of_bodies(s, b), lambda _, a: _picked(a, old_b, old_j))

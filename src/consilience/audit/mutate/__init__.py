@@ -5,9 +5,27 @@ the names of this package. `table` joins both, `campaign` judges every mutant by
 lists what was caught, what was missed, and false alarms. docs/detection.md has the results.
 """
 
-# mypy: implicit-reexport
-
 from consilience.audit.mutate import outputs, preconditions
 from consilience.audit.mutate.mutants import FINE, FRACTION, MOTION, WHOLE, Mutant, decades
 from consilience.audit.mutate.mutated import Planting, changed
 from consilience.audit.mutate.seams import Proxy, first_order_step, inside, on_result, replaced, with_settings, wrapped
+
+__all__ = [
+    "FINE",
+    "FRACTION",
+    "MOTION",
+    "WHOLE",
+    "Mutant",
+    "Planting",
+    "Proxy",
+    "changed",
+    "decades",
+    "first_order_step",
+    "inside",
+    "on_result",
+    "outputs",
+    "preconditions",
+    "replaced",
+    "with_settings",
+    "wrapped",
+]

@@ -5,8 +5,6 @@ documented parameters that returns the tables of a case file, with values of a c
 parameters give the same case.
 """
 
-# mypy: implicit-reexport
-
 from __future__ import annotations
 
 from consilience.case.case import Case
@@ -78,3 +76,30 @@ def family_cases(name: str) -> list[Case]:
     """Return the case of a member of a family; see `family_table`."""
     full, table = family_table(name)
     return cases_from_tables(full, full, table)
+
+
+__all__ = [
+    "Case",
+    "Family",
+    "InvalidInput",
+    "Parameter",
+    "Range",
+    "TomlTable",
+    "cases_from_tables",
+    "chain",
+    "closed_ring",
+    "four_bar",
+    "mass_ratio",
+    "parallel_rods",
+    "parameters",
+    "planar_chain",
+    "read_name",
+    "scissor",
+    "shown",
+    "shown_parameters",
+    "single_joint",
+    "spring_chain",
+    "stiff_spring",
+    "top",
+    "windows",
+]

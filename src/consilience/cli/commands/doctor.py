@@ -221,11 +221,7 @@ CHECKS: tuple[Callable[[], Diagnosis], ...] = (
 """Diagnoses of this machine, before any engine starts."""
 
 
-def doctor(
-    engine: EngineNames = None,
-    limit: JobLimit = 600.0,
-    form: Form = OutputFormat.TEXT,
-) -> None:
+def doctor(engine: EngineNames = None, limit: JobLimit = 600.0, form: Form = OutputFormat.TEXT) -> None:
     """Diagnose this machine, start every engine and let it answer two questions; tell the remedy for what is ill.
 
     Exit code: 0 every engine agrees, 1 one differs, 3 one does not start. Notes do not count.

@@ -170,10 +170,7 @@ def _method_line(method: dict[str, Any]) -> str:
 
 
 def validate(
-    cases: CaseFiles,
-    engine: EngineNames = None,
-    form: Form = OutputFormat.TEXT,
-    limit: MessageLimit = 180.0,
+    cases: CaseFiles, engine: EngineNames = None, form: Form = OutputFormat.TEXT, limit: MessageLimit = 180.0
 ) -> None:
     """Check cases, and say what every engine will make of them before anything runs."""
     found = validate_cases(cases, chosen_engines(engine), limit)

@@ -1,7 +1,25 @@
 """Native models: texts of runnable scripts for an engine alone, and parts of models of other formats."""
 
-# mypy: implicit-reexport
-
 from consilience.engine.native.elements import ELEMENTS, FRICTION, ROLLING, ROWS, SOLVE, Places, element_data, row_data
 from consilience.engine.native.parts import CoordinateLaw, NativeJoint, Notes, Parts, Piece
 from consilience.engine.native.script import JET, function_data, literal, script
+
+__all__ = [
+    "ELEMENTS",
+    "FRICTION",
+    "JET",
+    "ROLLING",
+    "ROWS",
+    "SOLVE",
+    "CoordinateLaw",
+    "NativeJoint",
+    "Notes",
+    "Parts",
+    "Piece",
+    "Places",
+    "element_data",
+    "function_data",
+    "literal",
+    "row_data",
+    "script",
+]

@@ -4,8 +4,6 @@ The protocol is in docs/workers.md. A mechanism is sent once and kept in the wor
 reuse its translation.
 """
 
-# mypy: implicit-reexport
-
 from __future__ import annotations
 
 import logging
@@ -26,6 +24,19 @@ from consilience.engine.worker.messages import RecentlySent, job, loading, repla
 from consilience.engine.worker.process import Fault, Launch, Process
 from consilience.engine.worker.requests import Raised, Request, attempt, perform, raised
 from consilience.engine.worker.wire import Message, ProtocolError
+
+__all__ = [
+    "MEMORY",
+    "EngineHandle",
+    "InProcessEngine",
+    "Plan",
+    "Reply",
+    "Request",
+    "Worker",
+    "WorkerHandle",
+    "in_parallel",
+    "replayable_job",
+]
 
 _T = TypeVar("_T")
 

@@ -194,9 +194,7 @@ def _plan(engine: Engine, mechanism: Mechanism) -> Plan:
     unsupported = {q: _unsupported(engine, mechanism, q) for q in Question}
     can = [q for q in Question if not unsupported[q]]
     return Plan(
-        unsupported,
-        {q: engine.methods(mechanism, q) for q in can},
-        engine.manifest(mechanism) if can else Manifest(),
+        unsupported, {q: engine.methods(mechanism, q) for q in can}, engine.manifest(mechanism) if can else Manifest()
     )
 
 

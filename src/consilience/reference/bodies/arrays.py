@@ -150,10 +150,7 @@ def _force_arrays(mechanism: Mechanism, number: _Numbers) -> dict[str, Array]:
         "spring_body": _indices([[index[s.predecessor], index[s.successor]] for s in springs], 2),
         "spring_arm": np.array(
             [
-                [
-                    _arm(mechanism, s.predecessor, s.point_predecessor),
-                    _arm(mechanism, s.successor, s.point_successor),
-                ]
+                [_arm(mechanism, s.predecessor, s.point_predecessor), _arm(mechanism, s.successor, s.point_successor)]
                 for s in springs
             ]
         ).reshape(-1, 2, 3),

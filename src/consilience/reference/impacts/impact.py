@@ -117,11 +117,7 @@ class Impact:
 
 
 def solve_impact(
-    mechanism: Mechanism,
-    state: State,
-    contacts: tuple[Contact, ...],
-    time: float = 0.0,
-    turns: Array | None = None,
+    mechanism: Mechanism, state: State, contacts: tuple[Contact, ...], time: float = 0.0, turns: Array | None = None
 ) -> Impact:
     """Solve the impact of contacts that are closed at a state.
 

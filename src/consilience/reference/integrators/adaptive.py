@@ -223,11 +223,7 @@ def _one_step(run: _Integration, u: Array, method: OneStep) -> None:
 
 
 def _settled(
-    run: _Integration,
-    method: OneStep,
-    start: tuple[float, Array, float],
-    t: float,
-    end: Array,
+    run: _Integration, method: OneStep, start: tuple[float, Array, float], t: float, end: Array
 ) -> tuple[Array, Array]:
     """Settle the end of a step and record its dense output; return settled coordinates and their derivative."""
     formulation = run.formulation

@@ -93,8 +93,5 @@ def drawn(given: Badge) -> str:
         width=round(split + lengths[1] + 2 * _MARGIN, 1),
         split=split,
         colour=COLOURS[given.verdict],
-        texts=[
-            (given.subject, _MARGIN, lengths[0]),
-            (given.statement, round(split + _MARGIN, 1), lengths[1]),
-        ],
+        texts=[(given.subject, _MARGIN, lengths[0]), (given.statement, round(split + _MARGIN, 1), lengths[1])],
     )

@@ -93,10 +93,7 @@ def answers(record: Record, renamed: Mapping[str, str] | None = None) -> dict[An
 
 
 def changes(
-    before: Record,
-    after: Record,
-    renamed: Mapping[str, str] | None = None,
-    digits: float = DIGITS,
+    before: Record, after: Record, renamed: Mapping[str, str] | None = None, digits: float = DIGITS
 ) -> list[Change]:
     """List the changes between two records: worse ones first, then better ones.
 
