@@ -26,15 +26,13 @@ from consilience.reference.kernel.vectors import Vector, add, cross, dot, load, 
 @inlined
 def _joints(model: Model, y: Array, ws: Workspace) -> int:
     """Write the rows of all joints; return the index of the next row."""
-    body_i, body_j, arm_i, arm_j = model.body_i, model.body_j, model.arm_i, model.arm_j
     A, Q = ws.A, ws.Q
     for k in range(model.body_i.shape[0]):
         if model.first_row[k] == model.first_row[k + 1]:
             continue
-        m = joint_motion(body_i, body_j, arm_i, arm_j, y, A, k)
-        axes_i, axes_j, pitch = model.axes_i[k], model.axes_j[k], model.pitch[k]
+        m = joint_motion(model, y, A, k)
         for n in range(model.first_row[k], model.first_row[k + 1]):
-            row: Row = joint_row(axes_i, axes_j, pitch, A, m, model.row_kind[n])
+            row: Row = joint_row(model, A, m, k, model.row_kind[n])
             ws.value[n] = row.value - model.row_target[n]
             ws.gamma[n] = row.gamma
             place(Q, n, A, m.i, m.j, 1.0, row)

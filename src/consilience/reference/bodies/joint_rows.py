@@ -5,7 +5,7 @@
     U = A_i A_Ji,  W = A_j A_Jj,  s = A s',  d = r_j + s_j - r_i - s_i.
 
 The rate of a row has the coefficients e of the velocity of the centre of mass of j, -e of that of i, and c_i, c_j of
-the angular velocities, all in world axes. Kernels that run for every row take the arrays they read, not the model.
+the angular velocities, all in world axes.
 
 `consilience.mechanism.joint_rows` has the same rows about body origins in NumPy. Neither is derived from the other: the
 two check each other.
@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from consilience.mechanism import Array
-from consilience.reference.bodies.arrays import Model
+from consilience.reference.bodies.arrays import DISTANCE, Model
 from consilience.reference.bodies.motion import ZERO, add_coefficients, arm, motion
 from consilience.reference.kernel.compiled import fused, inner, kernel
 from consilience.reference.kernel.vectors import Vector, add, column, cross, dot, load, scale, sub
@@ -93,10 +93,10 @@ def motion_between(
 
 
 @inner
-def joint_motion(body_i: Array, body_j: Array, arm_i: Array, arm_j: Array, y: Array, A: Array, k: int) -> JointMotion:
-    """Return the relative motion of the frames of joint k; arrays as in `Model`, rotation matrices A of all bodies."""
-    i, j = body_i[k], body_j[k]
-    s_i, s_j = arm(A, i, load(arm_i[k])), arm(A, j, load(arm_j[k]))
+def joint_motion(model: Model, y: Array, A: Array, k: int) -> JointMotion:
+    """Return the relative motion of the frames of joint k at a packed state, rotation matrices A of all bodies."""
+    i, j = model.body_i[k], model.body_j[k]
+    s_i, s_j = arm(A, i, load(model.arm_i[k])), arm(A, j, load(model.arm_j[k]))
     r_i, v_i, w_i = motion(y, A, i)
     r_j, v_j, w_j = motion(y, A, j)
     return motion_between(i, j, s_i, s_j, r_i, r_j, v_i, v_j, w_i, w_j)
@@ -129,14 +129,14 @@ def product_row(u: Vector, w: Vector, m: JointMotion) -> Row:
 
 
 @inner
-def basic_row(axes_i: Array, axes_j: Array, A: Array, m: JointMotion, kind: int) -> Row:
-    """Return one of the thirteen basic constraint rows of a joint with the frames A_Ji, A_Jj; kind indexes `ROWS`."""
+def basic_row(model: Model, A: Array, m: JointMotion, k: int, kind: int) -> Row:
+    """Return one of the thirteen basic constraint rows of joint k; kind indexes `ROWS`."""
     if kind < 3:
-        return displacement_row(arm(A, m.i, column(axes_i, kind)), m)
+        return displacement_row(arm(A, m.i, column(model.axes_i[k], kind)), m)
     if kind == 3:
         return distance_row(m)
-    u = arm(A, m.i, column(axes_i, (kind - 4) // 3))
-    return product_row(u, arm(A, m.j, column(axes_j, (kind - 4) % 3)), m)
+    u = arm(A, m.i, column(model.axes_i[k], (kind - 4) // 3))
+    return product_row(u, arm(A, m.j, column(model.axes_j[k], (kind - 4) % 3)), m)
 
 
 @kernel
@@ -173,87 +173,40 @@ def row_of_screw(z: Row, turn: Row, pitch: float) -> Row:
 
 
 @inner
-def angle_row(axes_i: Array, axes_j: Array, A: Array, m: JointMotion, near: float) -> Row:
-    """Return the row of the joint angle ``atan2(D21, D11)`` within half a turn of `near`."""
-    return row_of_angle(basic_row(axes_i, axes_j, A, m, _D11), basic_row(axes_i, axes_j, A, m, _D21), m, near)
+def angle_row(model: Model, A: Array, m: JointMotion, k: int, near: float) -> Row:
+    """Return the row of the angle of joint k, ``atan2(D21, D11)`` within half a turn of `near`."""
+    return row_of_angle(basic_row(model, A, m, k, _D11), basic_row(model, A, m, k, _D21), m, near)
 
 
 @inner
-def screw_row(axes_i: Array, axes_j: Array, pitch: float, A: Array, m: JointMotion) -> Row:
+def screw_row(model: Model, A: Array, m: JointMotion, k: int) -> Row:
     """Return the row ``Z - pitch angle / 2 pi`` of a screw; Z gives the full turns of the angle."""
-    z = basic_row(axes_i, axes_j, A, m, _Z)
-    return row_of_screw(z, angle_row(axes_i, axes_j, A, m, TURN * z.value / pitch), pitch)
+    z, pitch = basic_row(model, A, m, k, _Z), model.pitch[k]
+    return row_of_screw(z, angle_row(model, A, m, k, TURN * z.value / pitch), pitch)
 
 
 @inner
-def joint_row(axes_i: Array, axes_j: Array, pitch: float, A: Array, m: JointMotion, kind: int) -> Row:
-    """Return a row of a joint; kind indexes `arrays.ROWS`."""
+def joint_row(model: Model, A: Array, m: JointMotion, k: int, kind: int) -> Row:
+    """Return a row of joint k; kind indexes `arrays.ROWS`."""
     if kind == 13:
-        return screw_row(axes_i, axes_j, pitch, A, m)
-    return basic_row(axes_i, axes_j, A, m, kind)
+        return screw_row(model, A, m, k)
+    return basic_row(model, A, m, k, kind)
 
 
 @inner
-def _coordinate(
-    body_i: Array,
-    body_j: Array,
-    arm_i: Array,
-    arm_j: Array,
-    axes_i: Array,
-    axes_j: Array,
-    pitch: float,
-    y: Array,
-    A: Array,
-    k: int,
-    kind: int,
-    near: float,
-) -> CoordinateRow:
-    """Return a coordinate of joint k.
-
-    Parameters
-    ----------
-    body_i, body_j, arm_i, arm_j : ndarray
-        As in `Model`.
-    axes_i, axes_j : ndarray, shape (3, 3)
-    pitch : float, m
-        Of joint k.
-    y, A : ndarray
-        Packed state and rotation matrices of all bodies.
-    k, kind : int
-        Joint; `ANGLE` or `DISTANCE`.
-    near : float, rad
-        The angle is within half a turn of it.
-    """
-    m = joint_motion(body_i, body_j, arm_i, arm_j, y, A, k)
-    if kind == 1:
-        row = basic_row(axes_i, axes_j, A, m, _Z)
-        # the velocities of the centres of mass enter only through those of the frames' origins
-        rate = dot(row.e, m.d_dot) + dot(cross(m.w_i, row.e), m.d)
-        return CoordinateRow(row.value, rate, row, m.i, m.j)
-    if pitch != 0.0:
-        near = TURN * basic_row(axes_i, axes_j, A, m, _Z).value / pitch
-    row = angle_row(axes_i, axes_j, A, m, near)
-    return CoordinateRow(row.value, dot(row.c_i, m.w_i) + dot(row.c_j, m.w_j), row, m.i, m.j)
-
-
-@fused
 def coordinate(model: Model, y: Array, A: Array, n: int, near: float) -> CoordinateRow:
     """Return joint coordinate n of `Model.coordinate`; angles within half a turn of `near`, of a screw by its Z."""
     k = model.coordinate[n, 0]
-    return _coordinate(
-        model.body_i,
-        model.body_j,
-        model.arm_i,
-        model.arm_j,
-        model.axes_i[k],
-        model.axes_j[k],
-        model.pitch[k],
-        y,
-        A,
-        k,
-        model.coordinate[n, 1],
-        near,
-    )
+    m = joint_motion(model, y, A, k)
+    if model.coordinate[n, 1] == DISTANCE:
+        row = basic_row(model, A, m, k, _Z)
+        # the velocities of the centres of mass enter only through those of the frames' origins
+        rate = dot(row.e, m.d_dot) + dot(cross(m.w_i, row.e), m.d)
+        return CoordinateRow(row.value, rate, row, m.i, m.j)
+    if model.pitch[k] != 0.0:
+        near = TURN * basic_row(model, A, m, k, _Z).value / model.pitch[k]
+    row = angle_row(model, A, m, k, near)
+    return CoordinateRow(row.value, dot(row.c_i, m.w_i) + dot(row.c_j, m.w_j), row, m.i, m.j)
 
 
 @inner
