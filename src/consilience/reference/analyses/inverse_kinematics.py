@@ -21,7 +21,6 @@ from numpy.typing import ArrayLike
 from consilience.errors import CannotAssemble, ConsilienceError, InvalidInput
 from consilience.mechanism import (
     GROUND,
-    RANK_TOLERANCE,
     Array,
     Mechanism,
     State,
@@ -30,6 +29,7 @@ from consilience.mechanism import (
     characteristic_length,
     constraint_jacobian,
     move,
+    null_space,
     quaternion_product,
     rotation_vector_from_quaternion,
     skew,
@@ -127,14 +127,8 @@ def inverse_kinematics(
     quat = None if orientation is None else _vector(orientation, 4, "orientation")
     if quat is not None and abs(float(np.linalg.norm(quat)) - 1.0) > 1e-9:
         raise InvalidInput("inverse kinematics: orientation", "the quaternion is not unit", "Normalise it.")
-    task = _PoseTask(
-        mechanism,
-        body,
-        _vector(point, 3, "point"),
-        _vector(target, 3, "target"),
-        quat,
-        characteristic_length(mechanism),
-    )
+    at, to = _vector(point, 3, "point"), _vector(target, 3, "target")
+    task = _PoseTask(mechanism, body, at, to, quat, characteristic_length(mechanism))
     start = assemble_positions(mechanism, guess)
     rng = np.random.default_rng(0)
     best = _pose(task, start)
@@ -162,9 +156,7 @@ def _scales(task: _PoseTask) -> Array:
 def _pose(task: _PoseTask, state: State) -> _TaskPose:
     mechanism, i = task.mechanism, task.mechanism.body_index[task.body]
     scales = _scales(task)
-    Q = constraint_jacobian(mechanism, state) * scales
-    _, singular, Vt = np.linalg.svd(Q) if len(Q) else (None, np.zeros(0), np.eye(len(scales)))
-    N = Vt[int(np.sum(singular > RANK_TOLERANCE * np.max(singular, initial=0.0))) :].T
+    N = null_space(constraint_jacobian(mechanism, state) * scales)
     p, _ = body_point(mechanism, state, task.body, task.point)
     of_body = (scales[:, None] * N)[6 * i : 6 * i + 6]
     rows = [(of_body[:3] - skew(p - state.p_WB[i]) @ of_body[3:]) / task.length]

@@ -68,10 +68,7 @@ def parameter_scale(subject: Mechanism | Case, path: str) -> float:
 
 
 def sensitivity(
-    subject: T,
-    result: Callable[[T], ArrayLike],
-    paths: Sequence[str],
-    steps: Mapping[str, float] | None = None,
+    subject: T, result: Callable[[T], ArrayLike], paths: Sequence[str], steps: Mapping[str, float] | None = None
 ) -> Sensitivity:
     """Differentiate a result with respect to parameters.
 

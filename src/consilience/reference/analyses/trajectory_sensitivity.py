@@ -71,11 +71,7 @@ def _mechanism(subject: Mechanism | Case) -> Mechanism:
 
 
 def trajectory_sensitivity(
-    subject: T,
-    start: Callable[[T], State],
-    times: ArrayLike,
-    paths: Sequence[str],
-    tolerance: float = 1e-11,
+    subject: T, start: Callable[[T], State], times: ArrayLike, paths: Sequence[str], tolerance: float = 1e-11
 ) -> TrajectorySensitivity:
     """Differentiate the motion of a mechanism with respect to parameters.
 
