@@ -86,9 +86,7 @@ def _open_rows(mechanism: Mechanism, closing: list[int]) -> Model:
         chosen += [int(model.first_row[k]) + n for n, row in enumerate(joint.rows) if row not in taken]
         first.append(len(chosen))
     return model._replace(
-        first_row=np.array(first, dtype=np.int64),
-        row_kind=model.row_kind[chosen],
-        row_target=model.row_target[chosen],
+        first_row=np.array(first, dtype=np.int64), row_kind=model.row_kind[chosen], row_target=model.row_target[chosen]
     )
 
 

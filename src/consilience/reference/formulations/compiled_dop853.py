@@ -85,14 +85,7 @@ def _copy(y: Array, into: Array) -> None:
 
 @inlined
 def _stages(
-    formulation: int,
-    model: Model,
-    t: float,
-    y: Array,
-    h: float,
-    turns: Array,
-    ws: Workspace,
-    scratch: Dop853Scratch,
+    formulation: int, model: Model, t: float, y: Array, h: float, turns: Array, ws: Workspace, scratch: Dop853Scratch
 ) -> None:
     """Evaluate stages 2 to 12 of a step of length h; the end of the step is left in ``scratch.trial``.
 

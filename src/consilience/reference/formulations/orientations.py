@@ -39,6 +39,9 @@ turn for the rotation vector.
 """
 
 
+_OfRates = Callable[[Array, Array], Array]
+
+
 class SingularOrientation(ConsilienceError):
     """The orientation of a body is singular in its coordinates.
 
@@ -122,8 +125,8 @@ class OrientationCoordinates:
     rotation: Callable[[Array], Array]
     coordinates: Callable[[Array], Array]
     H: Callable[[Array], Array]
-    h: Callable[[Array, Array], Array]
-    solve: Callable[[Array, Array], Array]
+    h: _OfRates
+    solve: _OfRates
     singularity: Singularity | None = None
 
     def from_rotation(self, R_WB: ArrayLike, body: str = "a body") -> Array:
@@ -342,7 +345,10 @@ def switch_chart(phi: Array, phi_dot: Array) -> tuple[Array, Array]:
     return axis * (f - turns), phi_dot - turns / f * (phi_dot - axis * (axis @ phi_dot))
 
 
-_ZXZ, _XYZ = (2, 0, 2), (0, 1, 2)
+def _three_turns(sequence: tuple[int, int, int]) -> tuple[Callable[[Array], Array], _OfRates, _OfRates]:
+    """Return H, h and rates of three successive rotations."""
+    return partial(_turn_axes, sequence), partial(_turn_h, sequence), partial(_turn_rates, sequence)
+
 
 ORIENTATIONS = {
     "euler_parameters": OrientationCoordinates(
@@ -353,9 +359,7 @@ ORIENTATIONS = {
         3,
         rotation_from_euler_zxz,
         _euler_angles,
-        partial(_turn_axes, _ZXZ),
-        partial(_turn_h, _ZXZ),
-        partial(_turn_rates, _ZXZ),
+        *_three_turns((2, 0, 2)),
         Singularity("theta", lambda x: float(x[1]), 0.0, pi, lambda x: abs(sin(x[1]))),
     ),
     "bryant_angles": OrientationCoordinates(
@@ -363,9 +367,7 @@ ORIENTATIONS = {
         3,
         rotation_from_bryant_xyz,
         _bryant_angles,
-        partial(_turn_axes, _XYZ),
-        partial(_turn_h, _XYZ),
-        partial(_turn_rates, _XYZ),
+        *_three_turns((0, 1, 2)),
         Singularity("beta", lambda x: float(x[1]), pi / 2.0, pi, lambda x: abs(cos(x[1]))),
     ),
     "rodrigues_parameters": OrientationCoordinates(

@@ -49,8 +49,9 @@ from consilience.reference.integrators.tableaus import (
     RADAU,
     RKF45,
     Collocation,
+    CollocationStep,
+    ExplicitStep,
     OneStep,
-    begin,
     difference_quotients,
     root_mean_square,
 )
@@ -223,11 +224,7 @@ def _one_step(run: _Integration, u: Array, method: OneStep) -> None:
 
 
 def _settled(
-    run: _Integration,
-    method: OneStep,
-    start: tuple[float, Array, float],
-    t: float,
-    end: Array,
+    run: _Integration, method: OneStep, start: tuple[float, Array, float], t: float, end: Array
 ) -> tuple[Array, Array]:
     """Settle the end of a step and record its dense output; return settled coordinates and their derivative."""
     formulation = run.formulation
@@ -349,6 +346,8 @@ def integrate(
         return run.motion()
     if tableau is None:
         _multistep(run, u)
+    elif isinstance(tableau, Explicit):
+        _one_step(run, u, ExplicitStep(tableau, run))
     else:
-        _one_step(run, u, begin(tableau, run.derivative, run.jacobian, run.tolerance, run.counters))
+        _one_step(run, u, CollocationStep(tableau, run))
     return run.motion()
