@@ -27,6 +27,10 @@ TURN = 2.0 * np.pi
 _D11, _D21, _Z = np.array([4, 7, 2])  # NumPy integers: Numba types them as array elements, not as literals
 
 
+BodyVectors = tuple[Vector, Vector, Vector]
+"""Position (m) and velocity (m/s) of a centre of mass, and angular velocity (rad/s), world axes."""
+
+
 class JointMotion(NamedTuple):
     """Relative motion of the two frames of a joint, world axes."""
 
@@ -62,18 +66,7 @@ class CoordinateRow(NamedTuple):
 
 
 @fused
-def motion_between(
-    i: int,
-    j: int,
-    s_i: Vector,
-    s_j: Vector,
-    r_i: Vector,
-    r_j: Vector,
-    v_i: Vector,
-    v_j: Vector,
-    w_i: Vector,
-    w_j: Vector,
-) -> JointMotion:
+def motion_between(i: int, j: int, s_i: Vector, s_j: Vector, body_i: BodyVectors, body_j: BodyVectors) -> JointMotion:
     """Return the relative motion of two frames of bodies i and j, world axes.
 
     Parameters
@@ -82,10 +75,11 @@ def motion_between(
         Bodies, -1 for the ground.
     s_i, s_j : Vector, m
         Arms from the centres of mass to the frames' origins.
-    r_i, r_j, v_i, v_j : Vector, m and m/s
-        Positions and velocities of the centres of mass.
-    w_i, w_j : Vector, rad/s
+    body_i, body_j : BodyVectors
+        Motion of the bodies.
     """
+    r_i, v_i, w_i = body_i
+    r_j, v_j, w_j = body_j
     d = sub(add(r_j, s_j), add(r_i, s_i))
     d_dot = sub(add(v_j, cross(w_j, s_j)), add(v_i, cross(w_i, s_i)))
     centripetal = sub(cross(w_j, cross(w_j, s_j)), cross(w_i, cross(w_i, s_i)))
@@ -97,9 +91,7 @@ def joint_motion(model: Model, y: Array, A: Array, k: int) -> JointMotion:
     """Return the relative motion of the frames of joint k at a packed state, rotation matrices A of all bodies."""
     i, j = model.body_i[k], model.body_j[k]
     s_i, s_j = arm(A, i, load(model.arm_i[k])), arm(A, j, load(model.arm_j[k]))
-    r_i, v_i, w_i = motion(y, A, i)
-    r_j, v_j, w_j = motion(y, A, j)
-    return motion_between(i, j, s_i, s_j, r_i, r_j, v_i, v_j, w_i, w_j)
+    return motion_between(i, j, s_i, s_j, motion(y, A, i), motion(y, A, j))
 
 
 @fused
@@ -130,7 +122,16 @@ def product_row(u: Vector, w: Vector, m: JointMotion) -> Row:
 
 @inner
 def basic_row(model: Model, A: Array, m: JointMotion, k: int, kind: int) -> Row:
-    """Return one of the thirteen basic constraint rows of joint k; kind indexes `ROWS`."""
+    """Return one of the thirteen basic constraint rows of joint k; kind indexes `ROWS`.
+
+    Parameters
+    ----------
+    model : Model
+    A : ndarray, shape (n_b, 3, 3)
+    m : JointMotion
+        Of joint k.
+    k, kind : int
+    """
     if kind < 3:
         return displacement_row(arm(A, m.i, column(model.axes_i[k], kind)), m)
     if kind == 3:
@@ -174,7 +175,14 @@ def row_of_screw(z: Row, turn: Row, pitch: float) -> Row:
 
 @inner
 def angle_row(model: Model, A: Array, m: JointMotion, k: int, near: float) -> Row:
-    """Return the row of the angle of joint k, ``atan2(D21, D11)`` within half a turn of `near`."""
+    """Return the row of the angle of joint k, ``atan2(D21, D11)`` within half a turn of `near`.
+
+    Parameters
+    ----------
+    model, A, m, k
+        As in `basic_row`.
+    near : float, rad
+    """
     return row_of_angle(basic_row(model, A, m, k, _D11), basic_row(model, A, m, k, _D21), m, near)
 
 
@@ -187,7 +195,13 @@ def screw_row(model: Model, A: Array, m: JointMotion, k: int) -> Row:
 
 @inner
 def joint_row(model: Model, A: Array, m: JointMotion, k: int, kind: int) -> Row:
-    """Return a row of joint k; kind indexes `arrays.ROWS`."""
+    """Return a row of joint k; kind indexes `arrays.ROWS`.
+
+    Parameters
+    ----------
+    model, A, m, k, kind
+        As in `basic_row`.
+    """
     if kind == 13:
         return screw_row(model, A, m, k)
     return basic_row(model, A, m, k, kind)
@@ -195,7 +209,16 @@ def joint_row(model: Model, A: Array, m: JointMotion, k: int, kind: int) -> Row:
 
 @inner
 def coordinate(model: Model, y: Array, A: Array, n: int, near: float) -> CoordinateRow:
-    """Return joint coordinate n of `Model.coordinate`; angles within half a turn of `near`, of a screw by its Z."""
+    """Return joint coordinate n of `Model.coordinate`; angles within half a turn of `near`, of a screw by its Z.
+
+    Parameters
+    ----------
+    model : Model
+    y : ndarray, shape (n_b + n_e, 13)
+    A : ndarray, shape (n_b, 3, 3)
+    n : int
+    near : float, rad
+    """
     k = model.coordinate[n, 0]
     m = joint_motion(model, y, A, k)
     if model.coordinate[n, 1] == DISTANCE:
@@ -211,6 +234,17 @@ def coordinate(model: Model, y: Array, A: Array, n: int, near: float) -> Coordin
 
 @inner
 def place(Q: Array, index: int, A: Array, i: int, j: int, factor: float, row: Row) -> None:
-    """Add `factor` times the coefficients of a row to row `index` of Q, columns of bodies i and j."""
+    """Add `factor` times the coefficients of a row to row `index` of Q, columns of bodies i and j.
+
+    Parameters
+    ----------
+    Q : ndarray, shape (q, 6 n_b)
+    index : int
+    A : ndarray, shape (n_b, 3, 3)
+    i, j : int
+        Predecessor and successor.
+    factor : float
+    row : Row
+    """
     add_coefficients(Q, index, A, i, -factor, row.e, scale(-1.0, row.c_i))
     add_coefficients(Q, index, A, j, factor, row.e, row.c_j)
