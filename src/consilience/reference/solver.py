@@ -93,7 +93,15 @@ def simulate(
 
 
 def _compiled(mechanism: Mechanism, state: State, times: Array, tolerance: float, formulation: str) -> TrajectoryAnswer:
-    """Integrate by DOP853 in one compiled call."""
+    """Integrate by DOP853 in one compiled call.
+
+    Parameters
+    ----------
+    mechanism, state, times, tolerance
+        As in `simulate`.
+    formulation : str
+        Key of `compiled_choice.FORMULATIONS`.
+    """
     model = flatten(mechanism)
     ws, y = workspace(model), pack(mechanism, state)
     motion = np.empty((len(times), *y.shape))

@@ -30,10 +30,9 @@ from consilience.mechanism import (
     constraint_jacobian,
     move,
     null_space,
-    quaternion_product,
-    rotation_vector_from_quaternion,
     skew,
 )
+from consilience.reference.analyses.joint_rows import turn_between
 from consilience.reference.analyses.statics import at_rest
 
 _ACCURATE = 1e-12
@@ -163,14 +162,8 @@ def _pose(task: _PoseTask, state: State) -> _TaskPose:
     errors = [(task.p - p) / task.length]
     if task.quat is not None:
         rows.append(of_body[3:])
-        errors.append(_turn(state.quat_WB[i], task.quat))
+        errors.append(turn_between(state.quat_WB[i], task.quat))
     return _TaskPose(state, N, np.vstack(rows), np.concatenate(errors))
-
-
-def _turn(start: Array, end: Array) -> Array:
-    """Return the rotation vector, world axes, from one orientation to another."""
-    conjugate = start * np.array([1.0, -1.0, -1.0, -1.0])
-    return rotation_vector_from_quaternion(quaternion_product(end, conjugate))
 
 
 def _stepped(task: _PoseTask, pose: _TaskPose, y: Array) -> _TaskPose | None:
@@ -214,7 +207,7 @@ def _meet(task: _PoseTask, pose: _TaskPose) -> _TaskPose:
 
 def _displacement(task: _PoseTask, state: State, start: State) -> Array:
     """Return the scaled displacement of all bodies from a pose to the guess, shape (6 n_b,)."""
-    turns = np.array([_turn(a, b) for a, b in zip(state.quat_WB, start.quat_WB, strict=True)])
+    turns = np.array([turn_between(a, b) for a, b in zip(state.quat_WB, start.quat_WB, strict=True)])
     return np.hstack([(start.p_WB - state.p_WB) / task.length, turns]).ravel()
 
 

@@ -23,7 +23,9 @@ from consilience.mechanism import (
     cross,
     joint_coordinates,
     joint_frames,
+    quaternion_product,
     relative_motion,
+    rotation_vector_from_quaternion,
     row_gamma,
 )
 from consilience.mechanism.assembly import held_rows
@@ -81,6 +83,11 @@ def coordinate_rows(mechanism: Mechanism, state: State, wanted: Sequence[JointCo
 def unturned(coordinates: Sequence[JointCoordinate]) -> dict[JointCoordinate, Array]:
     """Return zero for every coordinate, the unit quaternion for an orientation."""
     return {c: np.eye(4)[0] if c[1] == "orientation" else np.zeros(()) for c in coordinates}
+
+
+def turn_between(start: Array, end: Array) -> Array:
+    """Return the rotation vector from one orientation to another, unit quaternions, in the axes of reference."""
+    return rotation_vector_from_quaternion(quaternion_product(end, start * np.array([1.0, -1.0, -1.0, -1.0])))
 
 
 def least_squares(S: Array, b: Array) -> Array:

@@ -247,6 +247,7 @@ def _prescribed(driven: _DrivenMechanism, t: float) -> _Prescribed:
 
 
 def _first(driven: _DrivenMechanism, t: float, guess: State) -> _Sample:
+    """Assemble the first pose, and check the number of drives."""
     mechanism, given = driven.mechanism, _prescribed(driven, t)
     near = {**unturned(all_coordinates(mechanism)), **given.values}
     try:
@@ -259,6 +260,7 @@ def _first(driven: _DrivenMechanism, t: float, guess: State) -> _Sample:
 
 
 def _check_count(mechanism: Mechanism, state: State, rows: int) -> None:
+    """Refuse a number of driven rows that differs from the degrees of freedom."""
     freedom = free_directions(mechanism, state).shape[1]
     if rows != freedom:
         raise InvalidInput(
@@ -306,6 +308,7 @@ def _solved(driven: _DrivenMechanism, given: _Prescribed, placed: State, near: C
 
 
 def _distance(mechanism: Mechanism, one: State, other: State) -> float:
+    """Return the largest translation (lengths of the mechanism) or rotation (rad) of a body between two poses."""
     translation = float(np.max(np.abs(other.p_WB - one.p_WB))) / characteristic_length(mechanism)
     return max(translation, float(np.max(rotation_angle_between(one.quat_WB, other.quat_WB))))
 
@@ -381,6 +384,7 @@ def driven_dynamics(mechanism: Mechanism, motion: KinematicMotion) -> DrivenDyna
 
 
 def _by_joint(driven: Sequence[JointCoordinate], tau: Array) -> dict[str, dict[str, Array]]:
+    """Return drive efforts, shape (n_t, rows), by the names of joint and coordinate."""
     by_joint: dict[str, dict[str, Array]] = {}
     start = 0
     for joint, name in driven:

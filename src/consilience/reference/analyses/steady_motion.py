@@ -28,9 +28,7 @@ from consilience.mechanism import (
     State,
     constraint_jacobian,
     free_directions,
-    quaternion_product,
     rotation_from_quaternion,
-    rotation_vector_from_quaternion,
     skew,
 )
 from consilience.reference.analyses.joint_rows import (
@@ -40,6 +38,7 @@ from consilience.reference.analyses.joint_rows import (
     coordinate_values,
     least_squares,
     named_coordinate,
+    turn_between,
     unturned,
     width,
     with_velocities,
@@ -298,11 +297,7 @@ def _displacement(point: _SteadyPoint, state: State) -> Array:
     parts = [np.zeros(0)]
     for coordinate in point.wanted:
         now, before = values[coordinate], point.values[coordinate]
-        if coordinate[1] == "orientation":
-            turn = quaternion_product(now, before * np.array([1.0, -1.0, -1.0, -1.0]))
-            parts.append(rotation_vector_from_quaternion(turn))
-        else:
-            parts.append(np.atleast_1d(now - before))
+        parts.append(turn_between(before, now) if coordinate[1] == "orientation" else np.atleast_1d(now - before))
     return np.concatenate(parts)
 
 

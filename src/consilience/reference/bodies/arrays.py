@@ -56,7 +56,7 @@ class Model(NamedTuple):
     row_kind: Array  # (q,) index into ROWS
     row_target: Array  # (q,)
     coordinate: Array  # (n_c, 2) joint, ANGLE or DISTANCE
-    counted: Array  # (n_c,) whether it is an angle whose turns matter
+    counted: Array  # (n_c,) true for an angle whose full turns are counted
     functions: Functions
     spring_body: Array  # (n, 2)
     spring_arm: Array  # (n, 2, 3)
@@ -101,6 +101,7 @@ def _table(rows: list[list[float]], width: int) -> Array:
 
 
 def _vectors(rows: list[Array] | list[list[Array]], *shape: int) -> Array:
+    """Return vectors as an array of shape (n, *shape, 3)."""
     return np.array(rows, dtype=float).reshape(-1, *shape, 3)
 
 

@@ -41,7 +41,15 @@ def _joints(model: Model, y: Array, ws: Workspace) -> int:
 
 @inlined
 def _drives(model: Model, t: float, y: Array, ws: Workspace, first: int) -> int:
-    """Write the rows of drives, ``q - f(t) = 0``."""
+    """Write the rows of drives, ``q - f(t) = 0``.
+
+    Parameters
+    ----------
+    model, t, y, ws
+        As in `evaluate`.
+    first : int
+        Index of the first row.
+    """
     for n in range(model.drive.shape[0]):
         f, f_dot, f_ddot = functions.evaluate(model.functions, model.drive[n, 1], t)
         q = coordinate(model, y, ws.A, model.drive[n, 0], f)
@@ -54,7 +62,15 @@ def _drives(model: Model, t: float, y: Array, ws: Workspace, first: int) -> int:
 
 @inlined
 def _couplings(model: Model, y: Array, turns: Array, ws: Workspace, first: int) -> int:
-    """Write the rows of couplings, ``q - f(q_driver) = 0``."""
+    """Write the rows of couplings, ``q - f(q_driver) = 0``.
+
+    Parameters
+    ----------
+    model, y, turns, ws
+        As in `evaluate`.
+    first : int
+        Index of the first row.
+    """
     for n in range(model.coupling.shape[0]):
         driver = coordinate(model, y, ws.A, model.coupling[n, 1], turns[model.coupling[n, 1]])
         f, slope, bend = functions.evaluate(model.functions, model.coupling[n, 2], driver.value)

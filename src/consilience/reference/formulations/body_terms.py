@@ -28,7 +28,17 @@ from consilience.reference.kernel.compiled import kernel
 
 @kernel
 def _evaluate(model: Model, t: float, y: Array, turns: Array, ws: Workspace, rates: Array, errors: Array) -> None:
-    """Evaluate all terms at the rotation matrices in ``ws.A``."""
+    """Evaluate all terms at the rotation matrices in ``ws.A``.
+
+    Parameters
+    ----------
+    model, t, y, turns, ws
+        As in `constraints.evaluate`.
+    rates : ndarray, shape (n_c,)
+        Overwritten by the rates of the joint coordinates that elements read.
+    errors : ndarray, shape (n_b + n_e, 13)
+        Its rows after those of the bodies are overwritten by the control errors.
+    """
     forces.evaluate(model, t, y, turns, ws)
     constraints.evaluate(model, t, y, turns, ws)
     forces.control_errors(model, t, y, turns, ws, errors)

@@ -103,7 +103,7 @@ class _LagrangianSystem:
         return T
 
     def _point(self, body: str, point: Array) -> Expression:
-        """World position of a point given in body axes."""
+        """Return the world position of a point given in body axes."""
         pose = self.poses.body(body)
         return pose.p + pose.R @ ca.DM(point)
 
@@ -359,8 +359,9 @@ class Lagrange:
         n, c = self._layout.size, 4 * len(self._layout.charted)
         return u[:n], u[n : 2 * n], u[2 * n : 2 * n + c].reshape(-1, 4).T, u[2 * n + c :]
 
-    def _evaluate(self, t: float, y: Array, y_dot: Array, charts: Array, turns: Array) -> _LagrangianTerms:
-        M, f, g, Q, *rest = self._equations(t, y, y_dot, charts, turns)
+    def _evaluate(self, t: float, *coordinates: Array) -> _LagrangianTerms:
+        """Evaluate the terms at the time t and the parts of u (see `_split`)."""
+        M, f, g, Q, *rest = self._equations(t, *coordinates)
         return _LagrangianTerms(M, f[:, 0], g[:, 0], Q, *(value[:, 0] for value in rest))
 
     def _solve(self, y: Array, values: _LagrangianTerms) -> tuple[Array, Array]:

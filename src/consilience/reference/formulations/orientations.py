@@ -1,4 +1,4 @@
-"""Orientation coordinates: what stands for the rotation of a body in the state, each kind one row of `ORIENTATIONS`.
+"""Orientation coordinates of a body, each kind one row of `ORIENTATIONS`.
 
 Every row gives the rotation matrix ``R_WB(x)`` and the matrix H of ``w = H x'``, ``dw/dt = H x'' + h(x, x')``
 [C4 (4.55)-(4.56)], with w = w_WB_W: the angular velocity of the body in the world, in world components, rad/s. Arrays
@@ -40,6 +40,7 @@ turn for the rotation vector.
 
 
 _OfRates = Callable[[Array, Array], Array]
+"""Function of the coordinates and their rates, or of the coordinates and the angular velocity."""
 
 
 class SingularOrientation(ConsilienceError):

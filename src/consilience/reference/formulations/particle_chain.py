@@ -82,8 +82,9 @@ class ChainModel(NamedTuple):
     frame_body: Array  # (n_j + 1, 2)
     reversed: Array  # (n_j,) tree joints passed from successor to predecessor
     outer: Array  # (n_j,) body that a tree joint carries, -1 for a joint with multipliers
-    equation: Array  # (d, 4) body of a momentum equation, with all bodies outboard of it; joint (n_j: world axes of a
-    # floating body) and vector on which the equation is projected; 1 for angular momentum
+    # momentum equations of a body and all bodies outboard of it: body; joint (n_j: world axes of a floating body);
+    # vector of the joint on which the equation is projected; 1 for angular momentum
+    equation: Array  # (d, 4)
     distance: Array  # (n_distances, 2) body, index into the distances of particles 1, 2, 4
     distance_target: Array  # (n_distances,)
     rows: Array  # (n_rows, 3) joint and its two vectors

@@ -71,7 +71,7 @@ def _fehlberg() -> Explicit:
     A[5, :5] = [-8 / 27, 2, -3544 / 2565, 1859 / 4104, -11 / 40]
     fourth = np.array([25 / 216, 0, 1408 / 2565, 2197 / 4104, -1 / 5, 0])
     fifth = np.array([16 / 135, 0, 6656 / 12825, 28561 / 56430, -9 / 50, 2 / 55])
-    # where x (1 - x) (1 - 2 x) is largest, so that the derivative there says most about F_3
+    # x (1 - x) (1 - 2 x) is largest there: the derivative determines F_3 best
     x = 0.5 - np.sqrt(1 / 12)
     A_dense, D = _quartic(fifth, x)
     return Explicit(
@@ -236,7 +236,7 @@ class CollocationStep:
     """Steps of a collocation method of three stages."""
 
     least_growth = 1.2
-    """A step that could grow by less keeps its length, and with it the factors."""
+    """Least growth of a step for which new factors are computed."""
 
     def __init__(self, method: Collocation, problem: InitialValueProblem) -> None:
         self.method, self._problem = method, problem
@@ -260,7 +260,7 @@ class CollocationStep:
         self._problem.counters["jacobians"] += 1
 
     def _factorise(self, h: float) -> tuple[Any, Any]:
-        # a length that differs by rounding asks for no new factors: they only steer Newton's method
+        # keep the factors if the length differs by rounding: only the convergence of Newton's method depends on them
         if self._factors is None or abs(self._factors[0] - h) > 1e-10 * h:
             one, split = np.eye(len(self._J)), self._split
             self._factors = h, lu_factor(split.gamma / h * one - self._J), lu_factor(split.pair / h * one - self._J)
