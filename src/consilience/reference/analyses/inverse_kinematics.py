@@ -155,7 +155,7 @@ def _scales(task: _PoseTask) -> Array:
 def _pose(task: _PoseTask, state: State) -> _TaskPose:
     mechanism, i = task.mechanism, task.mechanism.body_index[task.body]
     scales = _scales(task)
-    N = null_space(constraint_jacobian(mechanism, state) * scales)
+    N = np.asfortranarray(null_space(constraint_jacobian(mechanism, state) * scales))
     p, _ = body_point(mechanism, state, task.body, task.point)
     of_body = (scales[:, None] * N)[6 * i : 6 * i + 6]
     rows = [(of_body[:3] - skew(p - state.p_WB[i]) @ of_body[3:]) / task.length]

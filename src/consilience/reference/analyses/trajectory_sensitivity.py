@@ -220,14 +220,14 @@ def _canonical(
     y, s : ndarray, shape (n_b + n_e, 13)
         Packed state and its derivative with respect to the parameter.
     """
-    p = np.zeros((len(y), 3))
-    v, w, quat = np.zeros_like(p), np.zeros_like(p), np.zeros((len(y), 4))
+    n_b = len(mechanism.bodies)
+    p, quat, v, w = (np.zeros((n_b, width)) for width in (3, 4, 3, 3))
     h = varied.h * min(1.0, _STEP / max(varied.h * float(np.max(np.abs(s))), 1e-300))
     # total derivative: along s at the step h, plus along p at the step of the parameter
     for c, weight, other in zip(_OFFSETS, _WEIGHTS, varied.mechanisms, strict=True):
         for part, step in ((unpack(mechanism, y + c * h * s), h), (unpack(other, y), varied.h)):
             p, quat, v, w = (total + weight / step * value for total, value in zip((p, quat, v, w), part, strict=True))
-    conjugate = y[:, P] * np.array([1.0, -1.0, -1.0, -1.0])
+    conjugate = y[:n_b, P] * np.array([1.0, -1.0, -1.0, -1.0])
     turn = 2.0 * quaternion_product(quat, conjugate)[:, 1:]
     return np.array([p, turn, v, w]), _violation(mechanism, varied, t, angles, y, np.hstack([p, turn]))
 
