@@ -314,12 +314,13 @@ MOTIONS = {
     "loop_spherical": ["body.b.mass", "body.a.com[0]", "joint.j1.M.p[1]", "joint.j3.F.turn[1]"],
     "loop_rod": ["joint.j2.length", "body.c.inertia[0,1]", "gravity[1]"],
     "four_bar": ["body.coupler.mass", "body.crank.com[1]", "gravity[0]"],
+    "powered": ["body.b3.mass", "control.c0.integral"],
 }
 
 
 @pytest.mark.parametrize("name", MOTIONS)
 def test_the_direct_route_agrees_with_differences_of_whole_motions(name):
-    mechanism, times = (TREES | LOOPS)[name], np.array([0.0, 0.1, 0.25])
+    mechanism, times = (TREES | LOOPS | ELEMENTS)[name], np.array([0.0, 0.1, 0.25])
     found = trajectory_sensitivity(mechanism, initial_state, times, MOTIONS[name])
     other = sensitivity(mechanism, lambda m: poses_and_velocities(m, initial_state, times), MOTIONS[name])
     direct = np.stack([found.p_WB, found.v_WB_W, found.w_WB_W], axis=1)

@@ -27,7 +27,7 @@ from consilience.mechanism import (
 from consilience.reference.bodies.arrays import pack, unpack
 from consilience.reference.bodies.lie_group import displaced, exponential, increment_rates
 from consilience.reference.formulations.body_terms import BodyTerms, least_norm_multipliers
-from consilience.reference.formulations.coordinates import form
+from consilience.reference.formulations.coordinates import DescriptorForm
 from consilience.reference.formulations.dae_generalised_alpha import GeneralisedAlpha, generalised_alpha
 from consilience.reference.formulations.dae_radau import DescriptorDae, integrate_dae
 from consilience.reference.integrators.adaptive import integrate
@@ -49,7 +49,7 @@ def at(answer, k):
 
 def explicit(mechanism, state, times):
     """Motion by an explicit method of order eight on the form of index 1, which has a test of its own."""
-    one = form(mechanism, "descriptor_euler_parameters")
+    one = DescriptorForm(mechanism, "descriptor_euler_parameters")
     motion = integrate(one, one.coordinates(state), times, 1e-13, "dop853")
     parts = (np.array([getattr(s, part) for s in motion.states]) for part in ("p_WB", "quat_WB", "v_WB_W", "w_WB_W"))
     return TrajectoryAnswer(times, *parts)

@@ -18,7 +18,7 @@ from consilience.mechanism import (
     rotation_from_euler_zxz,
 )
 from consilience.mechanism.conditioning import mass_matrix_condition
-from consilience.reference.formulations.coordinates import VARIANTS, form
+from consilience.reference.formulations.coordinates import VARIANTS, DescriptorForm
 from consilience.reference.formulations.orientations import ORIENTATIONS, SingularOrientation
 from consilience.reference.formulations.stabilisation import ALPHA, BETA
 from consilience.reference.integrators.adaptive import integrate
@@ -48,7 +48,7 @@ def solved(name):
 @pytest.mark.parametrize("name", ALL)
 def test_accelerations_and_reactions_are_those_of_dense_numpy(name):
     mechanism = ALL[name]
-    forms = [form(mechanism, variant) for variant in VARIANTS]
+    forms = [DescriptorForm(mechanism, variant) for variant in VARIANTS]
     for state, (a, alpha, force, torque), bar in solved(name):
         size, load = np.max(np.abs([a, alpha])), max(np.max(np.abs([force, torque])), 1e-3)
         free = determinate_reactions(mechanism, state)
@@ -62,7 +62,7 @@ def test_accelerations_and_reactions_are_those_of_dense_numpy(name):
 @pytest.mark.parametrize("orientation", ORIENTATIONS)
 @pytest.mark.parametrize("name", ["branched", "four_bar", "coupled", "rolling_torus"])
 def test_plain_and_symmetrised_forms_have_the_same_second_derivatives(name, orientation):
-    symmetrised, plain = (form(ALL[name], f"descriptor_{orientation}{suffix}") for suffix in ("", "_plain"))
+    symmetrised, plain = (DescriptorForm(ALL[name], f"descriptor_{orientation}{suffix}") for suffix in ("", "_plain"))
     for state in states(name):
         u = symmetrised.coordinates(state)
         wanted = symmetrised.derivative(0.0, u)
@@ -72,7 +72,7 @@ def test_plain_and_symmetrised_forms_have_the_same_second_derivatives(name, orie
 @pytest.mark.parametrize("variant", VARIANTS)
 @pytest.mark.parametrize("name", ["floating_chain", "powered"])
 def test_state_inverts_coordinates(name, variant):
-    one = form(ALL[name], variant)
+    one = DescriptorForm(ALL[name], variant)
     for state in states(name):
         again = one.state(one.coordinates(state))
         for part in ("p_WB", "v_WB_W", "w_WB_W"):
@@ -84,7 +84,7 @@ def test_state_inverts_coordinates(name, variant):
 def test_the_derivative_of_the_state_is_that_of_the_coordinates(orientation):
     """Velocities and accelerations of the canonical state by central differences along ``x + t x' + t^2/2 x''``."""
     mechanism, name = ALL["floating_chain"], f"descriptor_{orientation}"
-    one = form(mechanism, name)
+    one = DescriptorForm(mechanism, name)
     state = states("floating_chain")[0]
     u, t = one.coordinates(state), 1e-5
     slope = one.derivative(0.0, u)
@@ -120,7 +120,7 @@ def error_of(one, name, method="dop853", tolerance=1e-12):
 
 @pytest.mark.parametrize("variant", [name for name, variant in VARIANTS.items() if variant.mass == "symmetrised"])
 def test_a_loop_with_dependent_rows_moves_as_in_the_compiled_solver(variant):
-    one = form(ALL["four_bar"], variant)
+    one = DescriptorForm(ALL["four_bar"], variant)
     error, motion = error_of(one, "four_bar")
     assert error < 1e-9
     if variant in PROJECTED:
@@ -139,7 +139,7 @@ def test_a_loop_with_dependent_rows_moves_as_in_the_compiled_solver(variant):
 )
 def test_elements_are_carried_along_over_turns_and_charts(name, variant):
     """Integrals of controllers, angles counted for couplings and springs, contacts and slip."""
-    assert error_of(form(ALL[name], variant), name)[0] < 1e-9
+    assert error_of(DescriptorForm(ALL[name], variant), name)[0] < 1e-9
 
 
 def spinning():
@@ -165,7 +165,7 @@ def test_charts_are_exchanged_on_the_way_to_a_singularity(orientation, method, t
     mechanism, state = spinning()
     times = np.array([0.0, 0.4, 1.0])
     wanted = simulate(mechanism, state, times, 1e-13)
-    one = form(mechanism, f"descriptor_{orientation}")
+    one = DescriptorForm(mechanism, f"descriptor_{orientation}")
     motion = integrate(one, one.coordinates(state), times, tolerance, method)
     assert one.chart[0] >= 2
     quats = np.array([s.quat_WB for s in motion.states])
@@ -176,7 +176,7 @@ def test_charts_are_exchanged_on_the_way_to_a_singularity(orientation, method, t
 def test_a_rotation_vector_is_exchanged_without_projection_too():
     """No state is moved by it."""
     mechanism, state = spinning()
-    one = form(mechanism, "descriptor_rotation_vector")
+    one = DescriptorForm(mechanism, "descriptor_rotation_vector")
     u = one.coordinates(state)
     u[3:6] *= 1.2 * np.pi / np.linalg.norm(u[3:6])
     u[9:12] = np.linalg.solve(ORIENTATIONS["rotation_vector"].H(u[3:6]), state.w_WB_W[0])
@@ -202,7 +202,7 @@ def test_a_singular_orientation_names_body_and_angle(orientation):
     R, angle = SINGULAR[orientation]
     mechanism = chain("free", seed=61)
     state = State(np.zeros((1, 3)), quaternion_from_rotation(R)[None], np.zeros((1, 3)), np.ones((1, 3)))
-    one = form(mechanism, f"descriptor_{orientation}")
+    one = DescriptorForm(mechanism, f"descriptor_{orientation}")
     with pytest.raises(SingularOrientation) as caught:
         one.coordinates(state)
     assert caught.value.body == "b0"
@@ -214,7 +214,7 @@ def test_a_motion_into_gimbal_lock_ends_with_the_name_of_the_body():
     mechanism = chain("free", seed=61)
     still = np.zeros((1, 3))
     state = State(still, np.array([[1.0, 0.0, 0.0, 0.0]]), still, np.array([[0.0, 1.0, 0.0]]))
-    one = form(mechanism, "descriptor_bryant_angles")
+    one = DescriptorForm(mechanism, "descriptor_bryant_angles")
     u = one.coordinates(state)
     u[4] = np.pi / 2 - 1e-7
     assert np.all(np.isnan(one.derivative(0.0, u)))
@@ -227,7 +227,7 @@ def test_a_motion_into_gimbal_lock_ends_with_the_name_of_the_body():
 
 @pytest.mark.parametrize("name", ["four_bar", "branched", "driven"])
 def test_baumgarte_changes_nothing_at_consistent_states(name):
-    stabilised, plain = (form(ALL[name], f"descriptor_{kind}") for kind in ("baumgarte", "unprojected"))
+    stabilised, plain = (DescriptorForm(ALL[name], f"descriptor_{kind}") for kind in ("baumgarte", "unprojected"))
     for state in states(name):
         u = plain.coordinates(state)
         wanted = plain.derivative(0.0, u)
@@ -238,7 +238,7 @@ def test_baumgarte_changes_nothing_at_consistent_states(name):
 def test_baumgarte_makes_violations_obey_a_damped_oscillator(name):
     """``g'' + 2 alpha g' + beta^2 g = 0`` off the constraints, g by NumPy along ``x + t x' + t^2/2 x''``."""
     mechanism, rng = ALL[name], np.random.default_rng(5)
-    one = form(mechanism, "descriptor_baumgarte")
+    one = DescriptorForm(mechanism, "descriptor_baumgarte")
     u, n_b = one.coordinates(states(name)[0]), len(mechanism.bodies)
     bodies = u[: 14 * n_b].reshape(2, n_b, 7)
     bodies[:, :, :3] += rng.normal(scale=0.02, size=(2, n_b, 3))
@@ -266,7 +266,7 @@ def test_drift_is_left_damped_or_removed():
     mechanism, state = ALL["loop_universal"], states("loop_universal")[0]
     found = {}
     for kind in ("unprojected", "baumgarte", "euler_parameters"):
-        one = form(mechanism, f"descriptor_{kind}")
+        one = DescriptorForm(mechanism, f"descriptor_{kind}")
         motion = integrate(one, one.coordinates(state), np.linspace(0.0, 3.0, 4), 1e-6, "rkf45")
         found[kind] = np.max([violation(mechanism, s, 0.0) for s in motion.states[1:]], axis=0)
     assert np.all(found["euler_parameters"] < 1e-13)

@@ -54,7 +54,7 @@ from consilience.mechanism import (
 from consilience.reference.bodies import constraints
 from consilience.reference.bodies.arrays import flatten, pack, workspace
 from consilience.reference.bodies.motion import rotations
-from consilience.reference.formulations import compiled_choice, descriptor
+from consilience.reference.formulations import descriptor
 from consilience.reference.solver import accelerations, simulate
 from mechanisms import ELEMENTS, PITCH, chain, drawn_joint, rotation, states_of
 
@@ -349,7 +349,7 @@ def multipliers(mechanism, state, t):
     model = flatten(mechanism)
     ws, y, a = workspace(model), pack(mechanism, state), np.empty(6 * len(mechanism.bodies))
     turns = np.zeros(len(model.coordinate))
-    compiled_choice.accelerations(0, model, t, y, turns, ws, a)
+    descriptor.accelerations(model, t, y, turns, ws, a)
     return np.array(descriptor.multipliers(model, t, y, turns, ws, a))
 
 

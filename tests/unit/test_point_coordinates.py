@@ -150,7 +150,7 @@ def test_there_is_an_equation_for_every_coordinate(name):
     """A tree has as many momentum equations as freedoms, and with its constraints as many as coordinates."""
     model = formulation(name).model
     tree_rows = len(model.distance) + len(model.rows) - len(model.multiplied)
-    assert len(model.equation_body) + tree_rows == model.size
+    assert len(model.equation) + tree_rows == model.size
 
 
 @pytest.mark.parametrize("name", ALL)

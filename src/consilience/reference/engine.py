@@ -120,7 +120,19 @@ class ReferenceEngine:
     def trajectory(
         self, mechanism: Mechanism, state: State, times: Array, method: Method, step: float
     ) -> TrajectoryAnswer:
-        """Integrate the motion; `step` is the tolerance, or the step of a formulation with constant steps."""
+        """Integrate the motion.
+
+        Parameters
+        ----------
+        mechanism : Mechanism
+        state : State
+            Consistent state at ``times[0]``.
+        times : ndarray, shape (n_t,), s
+        method : Method
+            One of `methods`.
+        step : float
+            Tolerance, or for a formulation with constant steps the step, s.
+        """
         if mechanism.contacts:
             return simulate_with_impacts(mechanism, state, np.asarray(times), mechanism.contacts, step)[0]
         formulation, integrator, _ = _OTHER.get(method.name, (method.name, None, ()))

@@ -9,20 +9,13 @@ import numpy as np
 from consilience.engine import InstantAnswer, TrajectoryAnswer
 from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import Array, Mechanism, State, continuous_in_time, kinetic_energy, potential_energy
-from consilience.reference.bodies import forces
-from consilience.reference.bodies.arrays import Model, Workspace, flatten, pack, workspace
+from consilience.reference.bodies.arrays import flatten, pack, workspace
 from consilience.reference.bodies.canonical import canonical_motion, sample_times
+from consilience.reference.bodies.forces import count_turns
 from consilience.reference.formulations import compiled_choice, compiled_dop853, registry
 from consilience.reference.formulations.body_velocities import AppliedForces, KernelFormulation, kernel_names
 from consilience.reference.integrators.step_control import STATUS
 from consilience.reference.tree.solver import INTEGRATORS, simulate_relative
-
-
-def _first_turns(model: Model, y: Array, ws: Workspace) -> Array:
-    """Return the joint coordinates that elements read at a first state, angles within half a turn of zero."""
-    turns = np.zeros(len(model.coordinate))
-    forces.count_turns(model, y, ws, turns)
-    return turns
 
 
 def simulate(
@@ -100,12 +93,21 @@ def simulate(
 
 
 def _compiled(mechanism: Mechanism, state: State, times: Array, tolerance: float, formulation: str) -> TrajectoryAnswer:
-    """Integrate by DOP853 in one compiled call."""
+    """Integrate by DOP853 in one compiled call.
+
+    Parameters
+    ----------
+    mechanism, state, times, tolerance
+        As in `simulate`.
+    formulation : str
+        Key of `compiled_choice.FORMULATIONS`.
+    """
     model = flatten(mechanism)
     ws, y = workspace(model), pack(mechanism, state)
     motion = np.empty((len(times), *y.shape))
     counters = np.zeros(3, dtype=np.int64)
-    number, turns = compiled_choice.FORMULATIONS[formulation], _first_turns(model, y, ws)
+    number, turns = compiled_choice.FORMULATIONS[formulation], np.zeros(len(model.coordinate))
+    count_turns(model, y, ws, turns)
     scratch = compiled_dop853.dop853_scratch(model, y)
     status = compiled_dop853.integrate(number, model, y, times, float(tolerance), turns, ws, motion, counters, scratch)
     if status:

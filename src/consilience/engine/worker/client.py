@@ -29,7 +29,6 @@ __all__ = [
     "MEMORY",
     "EngineHandle",
     "InProcessEngine",
-    "Plan",
     "Reply",
     "Request",
     "Worker",

@@ -10,12 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from consilience.errors import CannotAssemble
-from consilience.mechanism import RANK_TOLERANCE, Mechanism, State, move
+from consilience.mechanism import Mechanism, State
 from consilience.mechanism.assembly import (
     CONVERGED,
     MAX_ITERATIONS,
@@ -25,6 +26,7 @@ from consilience.mechanism.assembly import (
     refuse_flipped,
     row_names,
 )
+from consilience.reference.analyses.placing import newton_iterates
 
 
 @dataclass(frozen=True)
@@ -98,29 +100,18 @@ def assemble_with_history(
     """
     held = held_coordinates(mechanism, emphasised or {}, "emphasised")
     names = row_names(mechanism, held, velocities=False)
-    state = guess
     history: list[Iteration] = []
-    residual, jacobian = linear_system(mechanism, state, held, 0.0)
-
-    def note(step: float, scale: float) -> None:
-        worst = names[int(np.argmax(np.abs(residual)))] if len(residual) else "none"
-        norm = float(np.linalg.norm(residual))
-        history.append(Iteration(len(history), norm, largest_residual(residual), worst, step, scale))
-
-    note(0.0, 1.0)
-    for _ in range(MAX_ITERATIONS):
-        error = largest_residual(residual)
+    iterates = newton_iterates(guess, lambda state: linear_system(mechanism, state, held, 0.0))
+    for found in islice(iterates, MAX_ITERATIONS + 1):
+        error = largest_residual(found.residual)
+        if history and history[-1].largest < CONVERGED and error >= history[-1].largest:
+            break
+        state = found.state
+        worst = names[int(np.argmax(np.abs(found.residual)))] if names else "none"
+        norm = float(np.linalg.norm(found.residual))
+        history.append(Iteration(len(history), norm, error, worst, found.step, found.scale))
         if error == 0.0:
             break
-        step = np.linalg.lstsq(jacobian, -residual, rcond=RANK_TOLERANCE)[0]
-        longest = largest_residual(step)
-        scale = min(1.0, 1.0 / max(longest, 1e-300))
-        trial = move(state, scale * step)
-        trial_residual, trial_jacobian = linear_system(mechanism, trial, held, 0.0)
-        if error < CONVERGED and largest_residual(trial_residual) >= error:
-            break
-        state, residual, jacobian = trial, trial_residual, trial_jacobian
-        note(longest, scale)
     return Assembly(state, tuple(history), _failure(mechanism, state, history[-1]))
 
 

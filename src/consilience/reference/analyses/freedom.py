@@ -12,9 +12,10 @@ from consilience.mechanism import (
     Joint,
     Mechanism,
     State,
-    constraint_jacobian,
     determinate_reactions,
+    free_directions,
     joint_frames,
+    null_space,
     row_jacobian,
     skew,
 )
@@ -66,33 +67,24 @@ def count_freedom(mechanism: Mechanism, state: State) -> Freedom:
     LinAlgError
         If the singular value decomposition of the Jacobian fails.
     """
-    width = 6 * len(mechanism.bodies)
-    rows = mechanism.constraint_count()
-    rank = _rank(constraint_jacobian(mechanism, state))
+    width, rows = 6 * len(mechanism.bodies), mechanism.constraint_count()
+    freedom = free_directions(mechanism, state).shape[1]
     determined = determinate_reactions(mechanism, state)
     return Freedom(
         kutzbach=width - rows,
         planar=_planar_count(mechanism, state),
-        rank=rank,
-        freedom=width - rank,
-        redundant=rows - rank,
+        rank=width - freedom,
+        freedom=freedom,
+        redundant=rows - width + freedom,
         undetermined=tuple(j.name for j, known in zip(mechanism.joints, determined, strict=True) if not np.all(known)),
     )
-
-
-def _rank(matrix: Array) -> int:
-    """Return the numerical rank by singular values."""
-    if matrix.size == 0:
-        return 0
-    singular = np.linalg.svd(matrix, compute_uv=False)
-    return int(np.sum(singular > RANK_TOLERANCE * singular[0]))
 
 
 def _relative_freedom(mechanism: Mechanism, state: State, joint: Joint) -> tuple[Array, Array]:
     """Return the free velocities of the successor's origin and angular velocities, world axes, each (freedom, 3)."""
     frames = joint_frames(mechanism, state, joint)
     rows = np.array([row_jacobian(frames, row)[6:] for row in joint.rows]).reshape(-1, 6)
-    basis = np.linalg.svd(rows)[2][len(rows) :]
+    basis = null_space(rows).T
     return basis[:, :3], basis[:, 3:]
 
 

@@ -21,7 +21,7 @@ from consilience.mechanism import (
     constraint_jacobian,
     cross,
 )
-from consilience.reference.analyses.joint_rows import coordinate_rows
+from consilience.reference.analyses.joint_rows import all_coordinates, coordinate_rows
 from consilience.reference.analyses.statics import JointValues, applied_forces, solver_velocities
 from consilience.reference.bodies.arrays import flatten
 from consilience.reference.bodies.canonical import joint_wrenches
@@ -113,15 +113,11 @@ def _coordinates(mechanism: Mechanism) -> list[tuple[Joint, str]]:
             "drives, couplings or rolling contacts prescribe part of the motion already",
             "Give joints alone, and the accelerations of their coordinates.",
         )
-    free = []
     for joint in mechanism.joints:
-        names = JOINT_KINDS[joint.kind].coordinates
-        if len(names) != 6 - len(joint.rows):
-            raise InvalidInput(
-                f"joint '{joint.name}'", f"a {joint.kind} joint has no scalar coordinates", "Use joints with axes."
-            )
-        free += [(joint, name) for name in names]
-    return free
+        if len(JOINT_KINDS[joint.kind].coordinates) != 6 - len(joint.rows):
+            what = f"a {joint.kind} joint has no scalar coordinates"
+            raise InvalidInput(f"joint '{joint.name}'", what, "Use joints with axes.")
+    return all_coordinates(mechanism)
 
 
 def _required(free: list[tuple[Joint, str]], accelerations: JointAccelerations) -> Array:

@@ -21,7 +21,6 @@ from numpy.typing import ArrayLike
 from consilience.errors import CannotAssemble, ConsilienceError, InvalidInput
 from consilience.mechanism import (
     GROUND,
-    RANK_TOLERANCE,
     Array,
     Mechanism,
     State,
@@ -30,10 +29,10 @@ from consilience.mechanism import (
     characteristic_length,
     constraint_jacobian,
     move,
-    quaternion_product,
-    rotation_vector_from_quaternion,
+    null_space,
     skew,
 )
+from consilience.reference.analyses.joint_rows import turn_between
 from consilience.reference.analyses.statics import at_rest
 
 _ACCURATE = 1e-12
@@ -127,14 +126,8 @@ def inverse_kinematics(
     quat = None if orientation is None else _vector(orientation, 4, "orientation")
     if quat is not None and abs(float(np.linalg.norm(quat)) - 1.0) > 1e-9:
         raise InvalidInput("inverse kinematics: orientation", "the quaternion is not unit", "Normalise it.")
-    task = _PoseTask(
-        mechanism,
-        body,
-        _vector(point, 3, "point"),
-        _vector(target, 3, "target"),
-        quat,
-        characteristic_length(mechanism),
-    )
+    at, to = _vector(point, 3, "point"), _vector(target, 3, "target")
+    task = _PoseTask(mechanism, body, at, to, quat, characteristic_length(mechanism))
     start = assemble_positions(mechanism, guess)
     rng = np.random.default_rng(0)
     best = _pose(task, start)
@@ -162,23 +155,15 @@ def _scales(task: _PoseTask) -> Array:
 def _pose(task: _PoseTask, state: State) -> _TaskPose:
     mechanism, i = task.mechanism, task.mechanism.body_index[task.body]
     scales = _scales(task)
-    Q = constraint_jacobian(mechanism, state) * scales
-    _, singular, Vt = np.linalg.svd(Q) if len(Q) else (None, np.zeros(0), np.eye(len(scales)))
-    N = Vt[int(np.sum(singular > RANK_TOLERANCE * np.max(singular, initial=0.0))) :].T
+    N = np.asfortranarray(null_space(constraint_jacobian(mechanism, state) * scales))
     p, _ = body_point(mechanism, state, task.body, task.point)
     of_body = (scales[:, None] * N)[6 * i : 6 * i + 6]
     rows = [(of_body[:3] - skew(p - state.p_WB[i]) @ of_body[3:]) / task.length]
     errors = [(task.p - p) / task.length]
     if task.quat is not None:
         rows.append(of_body[3:])
-        errors.append(_turn(state.quat_WB[i], task.quat))
+        errors.append(turn_between(state.quat_WB[i], task.quat))
     return _TaskPose(state, N, np.vstack(rows), np.concatenate(errors))
-
-
-def _turn(start: Array, end: Array) -> Array:
-    """Return the rotation vector, world axes, from one orientation to another."""
-    conjugate = start * np.array([1.0, -1.0, -1.0, -1.0])
-    return rotation_vector_from_quaternion(quaternion_product(end, conjugate))
 
 
 def _stepped(task: _PoseTask, pose: _TaskPose, y: Array) -> _TaskPose | None:
@@ -222,7 +207,7 @@ def _meet(task: _PoseTask, pose: _TaskPose) -> _TaskPose:
 
 def _displacement(task: _PoseTask, state: State, start: State) -> Array:
     """Return the scaled displacement of all bodies from a pose to the guess, shape (6 n_b,)."""
-    turns = np.array([_turn(a, b) for a, b in zip(state.quat_WB, start.quat_WB, strict=True)])
+    turns = np.array([turn_between(a, b) for a, b in zip(state.quat_WB, start.quat_WB, strict=True)])
     return np.hstack([(start.p_WB - state.p_WB) / task.length, turns]).ravel()
 
 

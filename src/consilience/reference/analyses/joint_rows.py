@@ -15,6 +15,7 @@ import numpy as np
 from consilience.errors import InvalidInput
 from consilience.mechanism import (
     JOINT_KINDS,
+    RANK_TOLERANCE,
     Array,
     Joint,
     Mechanism,
@@ -22,11 +23,13 @@ from consilience.mechanism import (
     cross,
     joint_coordinates,
     joint_frames,
+    quaternion_product,
     relative_motion,
+    rotation_vector_from_quaternion,
     row_gamma,
 )
 from consilience.mechanism.assembly import held_rows
-from consilience.mechanism.joint_rows import scatter
+from consilience.mechanism.joint_rows import full_turns, scatter
 
 JointCoordinate = tuple[Joint, str]
 
@@ -77,9 +80,26 @@ def coordinate_rows(mechanism: Mechanism, state: State, wanted: Sequence[JointCo
     return np.vstack(rows), np.concatenate(drift)
 
 
-def nearest_turn(value: float, near: float) -> float:
-    """Return the angle that differs from `value` by full turns and is nearest to `near`, rad."""
-    return value + 2.0 * np.pi * round((near - value) / (2.0 * np.pi))
+def unturned(coordinates: Sequence[JointCoordinate]) -> dict[JointCoordinate, Array]:
+    """Return zero for every coordinate, the unit quaternion for an orientation."""
+    return {c: np.eye(4)[0] if c[1] == "orientation" else np.zeros(()) for c in coordinates}
+
+
+def turn_between(start: Array, end: Array) -> Array:
+    """Return the rotation vector from one orientation to another, unit quaternions, in the axes of reference."""
+    return rotation_vector_from_quaternion(quaternion_product(end, start * np.array([1.0, -1.0, -1.0, -1.0])))
+
+
+def least_squares(S: Array, b: Array) -> Array:
+    """Solve ``S x = b`` by least squares with one refinement."""
+    x = np.linalg.lstsq(S, b, rcond=RANK_TOLERANCE)[0]
+    return x + np.linalg.lstsq(S, b - S @ x, rcond=RANK_TOLERANCE)[0]
+
+
+def with_velocities(state: State, v: Array) -> State:
+    """Return the pose of a state with other velocities ``(v_WB_W, w_WB_W)``, shape (6 n_b,)."""
+    both = v.reshape(-1, 6)
+    return State(state.p_WB, state.quat_WB, both[:, :3], both[:, 3:])
 
 
 def coordinate_values(
@@ -90,7 +110,7 @@ def coordinate_values(
     for (joint, name), before in near.items():
         value = joint_coordinates(joint, relative_motion(mechanism, state, joint))[name]
         if name.startswith("angle"):
-            value = np.asarray(nearest_turn(float(value), float(before)))
+            value = np.asarray(full_turns(float(value), float(before)))
         elif name == "orientation" and value @ before < 0:
             value = -value
         values[joint, name] = value

@@ -16,13 +16,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from consilience.errors import CannotAssemble, ConsilienceError, InvalidInput
 from consilience.mechanism import (
-    RANK_TOLERANCE,
     Array,
     Mechanism,
     State,
@@ -37,10 +37,14 @@ from consilience.reference.analyses.joint_rows import (
     all_coordinates,
     coordinate_rows,
     coordinate_values,
+    least_squares,
     named_coordinate,
+    unturned,
     width,
+    with_velocities,
 )
-from consilience.reference.analyses.placing import acceleration_rows, place, require_holonomic
+from consilience.reference.analyses.placing import CoordinateValues, acceleration_rows, place, require_holonomic
+from consilience.reference.analyses.statics import step_size
 from consilience.reference.bodies.canonical import joint_wrenches, sample_times
 
 DriveFunction = Callable[[float], tuple[ArrayLike, ArrayLike, ArrayLike] | Array]
@@ -112,8 +116,23 @@ class DrivenDynamics:
     torque_F: Array
 
 
-@dataclass(frozen=True, eq=False)
-class _Sample:
+class _DrivenMechanism(NamedTuple):
+    """Mechanism without drives, and the functions that drive its joint coordinates."""
+
+    mechanism: Mechanism
+    functions: dict[JointCoordinate, DriveFunction]
+
+
+class _Prescribed(NamedTuple):
+    """Driven coordinates at a time: values by coordinate, rates and accelerations in the order of the rows."""
+
+    t: float
+    values: dict[JointCoordinate, Array]
+    rates: Array
+    accelerations: Array
+
+
+class _Sample(NamedTuple):
     """State, accelerations (6 n_b,), coordinates and margin at one time."""
 
     t: float
@@ -159,22 +178,22 @@ def kinematic_motion(mechanism: Mechanism, drives: Drives, times: ArrayLike, gue
     """
     t = sample_times(times)
     functions = _functions(mechanism, drives)
-    driven = {named_coordinate(mechanism, *name, "drives"): function for name, function in functions.items()}
-    mechanism = replace(mechanism, drives=())
-    sample = _first(mechanism, driven, float(t[0]), guess)
+    by_coordinate = {named_coordinate(mechanism, *name, "drives"): function for name, function in functions.items()}
+    driven = _DrivenMechanism(replace(mechanism, drives=()), by_coordinate)
+    sample = _first(driven, float(t[0]), guess)
     samples = [sample]
     for end in t[1:]:
         step = end - sample.t
         shortest = _SMALLEST_STEP * step
         while sample.t < end:
             step = min(step, end - sample.t)
-            ahead = _next(mechanism, driven, sample, end if step == end - sample.t else sample.t + step)
+            ahead = _next(driven, sample, end if step == end - sample.t else sample.t + step)
             if ahead is not None:
                 sample, step = ahead, 2.0 * step
                 continue
             step *= 0.5
             if step < shortest:
-                raise _stuck(mechanism, driven, sample)
+                raise _stuck(driven, sample)
         samples.append(sample)
     return _gathered(samples, tuple(functions))
 
@@ -208,12 +227,10 @@ def _gathered(samples: Sequence[_Sample], names: tuple[tuple[str, str], ...]) ->
     )
 
 
-def _prescribed(
-    driven: Mapping[JointCoordinate, DriveFunction], t: float
-) -> tuple[dict[JointCoordinate, Array], Array, Array]:
-    """Evaluate the drives: values by coordinate, rates and accelerations in the order of the rows."""
+def _prescribed(driven: _DrivenMechanism, t: float) -> _Prescribed:
+    """Evaluate the drives."""
     values, rates, accelerations = {}, [np.zeros(0)], [np.zeros(0)]
-    for (joint, name), function in driven.items():
+    for (joint, name), function in driven.functions.items():
         given = [np.asarray(part, dtype=float) for part in function(t)]
         n = width(name)
         shapes = [(4,) if name == "orientation" else (3,), (3,), (3,)] if n == 3 else [()] * 3
@@ -226,23 +243,24 @@ def _prescribed(
         values[joint, name] = given[0]
         rates.append(np.atleast_1d(given[1]))
         accelerations.append(np.atleast_1d(given[2]))
-    return values, np.concatenate(rates), np.concatenate(accelerations)
+    return _Prescribed(t, values, np.concatenate(rates), np.concatenate(accelerations))
 
 
-def _first(mechanism: Mechanism, driven: Mapping[JointCoordinate, DriveFunction], t: float, guess: State) -> _Sample:
-    values, rates, accelerations = _prescribed(driven, t)
-    unturned = {"orientation": np.array([1.0, 0.0, 0.0, 0.0])}
-    near = {(j, c): values.get((j, c), unturned.get(c, np.zeros(()))) for j, c in all_coordinates(mechanism)}
+def _first(driven: _DrivenMechanism, t: float, guess: State) -> _Sample:
+    """Assemble the first pose, and check the number of drives."""
+    mechanism, given = driven.mechanism, _prescribed(driven, t)
+    near = {**unturned(all_coordinates(mechanism)), **given.values}
     try:
-        state = place(mechanism, guess, values, near)
+        state = place(mechanism, guess, given.values, near)
     except CannotAssemble:
-        _check_count(mechanism, place(mechanism, guess, {}, near), len(rates))
+        _check_count(mechanism, place(mechanism, guess, {}, near), len(given.rates))
         raise
-    _check_count(mechanism, state, len(rates))
-    return _solved(mechanism, driven, t, state, near, rates, accelerations)
+    _check_count(mechanism, state, len(given.rates))
+    return _solved(driven, given, state, near)
 
 
 def _check_count(mechanism: Mechanism, state: State, rows: int) -> None:
+    """Refuse a number of driven rows that differs from the degrees of freedom."""
     freedom = free_directions(mechanism, state).shape[1]
     if rows != freedom:
         raise InvalidInput(
@@ -253,79 +271,55 @@ def _check_count(mechanism: Mechanism, state: State, rows: int) -> None:
         )
 
 
-def _next(
-    mechanism: Mechanism, driven: Mapping[JointCoordinate, DriveFunction], sample: _Sample, t: float
-) -> _Sample | None:
+def _next(driven: _DrivenMechanism, sample: _Sample, t: float) -> _Sample | None:
     """Return the sample at a later time on the same branch, or None if the step is too long."""
-    values, rates, accelerations = _prescribed(driven, t)
+    mechanism, given = driven.mechanism, _prescribed(driven, t)
     state, h = sample.state, t - sample.t
     v = np.hstack([state.v_WB_W, state.w_WB_W]).ravel()
     step = h * v + 0.5 * h * h * sample.a
-    if _size(mechanism, step) > 1.0:  # full turns would be ambiguous
+    if step_size(step, characteristic_length(mechanism)) > 1.0:  # full turns would be ambiguous
         return None
     predicted = move(state, step)
     try:
-        placed = place(mechanism, predicted, values, coordinate_values(mechanism, predicted, sample.values))
+        placed = place(mechanism, predicted, given.values, coordinate_values(mechanism, predicted, sample.values))
     except CannotAssemble:
         return None
     if _distance(mechanism, predicted, placed) > _TRUST:
         return None
-    return _solved(mechanism, driven, t, placed, sample.values, rates, accelerations)
+    return _solved(driven, given, placed, sample.values)
 
 
-def _solved(
-    mechanism: Mechanism,
-    driven: Mapping[JointCoordinate, DriveFunction],
-    t: float,
-    placed: State,
-    near: Mapping[JointCoordinate, Array],
-    rates: Array,
-    accelerations: Array,
-) -> _Sample:
+def _solved(driven: _DrivenMechanism, given: _Prescribed, placed: State, near: CoordinateValues) -> _Sample:
     """Solve for velocities and accelerations at an assembled pose."""
+    mechanism, coordinates = driven.mechanism, list(driven.functions)
     counted = coordinate_values(mechanism, placed, near)
     Q, _ = acceleration_rows(mechanism, placed, counted)
-    rows, _ = coordinate_rows(mechanism, placed, list(driven))
+    rows, _ = coordinate_rows(mechanism, placed, coordinates)
     S = np.vstack([Q, rows])
     singular = np.linalg.svd(S, compute_uv=False)
     margin = float(singular[-1] / singular[0]) if len(S) >= S.shape[1] else 0.0
     if margin < _SINGULAR:
-        raise SingularDrive(
-            f"{_weakest(mechanism, driven, t, Q, rows)}: a dead centre, or drives that depend on others"
-        )
-    v = _least_squares(S, np.concatenate([np.zeros(len(Q)), rates])).reshape(-1, 6)
-    state = State(placed.p_WB, placed.quat_WB, v[:, :3], v[:, 3:])
-    _, drift = coordinate_rows(mechanism, state, list(driven))
+        raise SingularDrive(f"{_weakest(driven, given.t, Q, rows)}: a dead centre, or drives that depend on others")
+    state = with_velocities(placed, least_squares(S, np.concatenate([np.zeros(len(Q)), given.rates])))
+    _, drift = coordinate_rows(mechanism, state, coordinates)
     _, gamma = acceleration_rows(mechanism, state, counted)
-    a = _least_squares(S, np.concatenate([gamma, accelerations - drift]))
-    return _Sample(t, state, a, counted, margin)
-
-
-def _least_squares(S: Array, b: Array) -> Array:
-    """Solve by least squares with one refinement."""
-    x = np.linalg.lstsq(S, b, rcond=RANK_TOLERANCE)[0]
-    return x + np.linalg.lstsq(S, b - S @ x, rcond=RANK_TOLERANCE)[0]
-
-
-def _size(mechanism: Mechanism, step: Array) -> float:
-    """Return the largest rotation (rad) or translation (lengths of the mechanism) of a step, shape (6 n_b,)."""
-    motion = np.abs(step).reshape(-1, 6)
-    return max(float(np.max(motion[:, :3])) / characteristic_length(mechanism), float(np.max(motion[:, 3:])))
+    a = least_squares(S, np.concatenate([gamma, given.accelerations - drift]))
+    return _Sample(given.t, state, a, counted, margin)
 
 
 def _distance(mechanism: Mechanism, one: State, other: State) -> float:
+    """Return the largest translation (lengths of the mechanism) or rotation (rad) of a body between two poses."""
     translation = float(np.max(np.abs(other.p_WB - one.p_WB))) / characteristic_length(mechanism)
     return max(translation, float(np.max(rotation_angle_between(one.quat_WB, other.quat_WB))))
 
 
-def _weakest(
-    mechanism: Mechanism, driven: Mapping[JointCoordinate, DriveFunction], t: float, Q: Array, rows: Array
-) -> str:
+def _weakest(driven: _DrivenMechanism, t: float, Q: Array, rows: Array) -> str:
     """Describe the drive that determines the motion least, and the body that it leaves free."""
+    mechanism = driven.mechanism
     _, singular, Vt = np.linalg.svd(Q) if len(Q) else (None, np.zeros(0), np.eye(Q.shape[1]))
     N = Vt[int(np.sum(singular > _SINGULAR * np.max(singular, initial=0.0))) :].T
     U, _, Vt = np.linalg.svd(rows @ N)
-    owners = [coordinate for coordinate in driven for _ in range(width(coordinate[1]))]
+    owners = [coordinate for coordinate in driven.functions for _ in range(width(coordinate[1]))]
     joint, name = owners[int(np.argmax(np.abs(U[:, -1])))]
     body = mechanism.bodies[int(np.argmax(np.abs(N @ Vt[-1]))) // 6].name
     return (
@@ -334,10 +328,10 @@ def _weakest(
     )
 
 
-def _stuck(mechanism: Mechanism, driven: Mapping[JointCoordinate, DriveFunction], sample: _Sample) -> SingularDrive:
-    Q, _ = acceleration_rows(mechanism, sample.state, sample.values)
-    rows, _ = coordinate_rows(mechanism, sample.state, list(driven))
-    where = _weakest(mechanism, driven, sample.t, Q, rows)
+def _stuck(driven: _DrivenMechanism, sample: _Sample) -> SingularDrive:
+    Q, _ = acceleration_rows(driven.mechanism, sample.state, sample.values)
+    rows, _ = coordinate_rows(driven.mechanism, sample.state, list(driven.functions))
+    where = _weakest(driven, sample.t, Q, rows)
     return SingularDrive(
         f"{where} beyond this pose: a dead centre lies ahead (margin {sample.margin:.3g}), or a pose out of reach"
     )
@@ -380,7 +374,7 @@ def driven_dynamics(mechanism: Mechanism, motion: KinematicMotion) -> DrivenDyna
         rows, _ = coordinate_rows(mechanism, state, driven)
         a = np.hstack([motion.a_WB_W[k], motion.alpha_WB_W[k]]).ravel()
         missing = missing_forces(mechanism, state, a, float(t), values)
-        unknowns = _least_squares(np.vstack([Q, rows]).T, missing)
+        unknowns = least_squares(np.vstack([Q, rows]).T, missing)
         efforts.append(unknowns[len(Q) :])
         couplings.append(unknowns[joint_rows : len(Q)])
         wrenches.append(joint_wrenches(mechanism, state, unknowns))
@@ -390,6 +384,7 @@ def driven_dynamics(mechanism: Mechanism, motion: KinematicMotion) -> DrivenDyna
 
 
 def _by_joint(driven: Sequence[JointCoordinate], tau: Array) -> dict[str, dict[str, Array]]:
+    """Return drive efforts, shape (n_t, rows), by the names of joint and coordinate."""
     by_joint: dict[str, dict[str, Array]] = {}
     start = 0
     for joint, name in driven:

@@ -12,12 +12,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from consilience.errors import InvalidInput
-from consilience.mechanism import Array, Mechanism, State, assemble_positions, body_point, free_directions, move
-from consilience.reference.analyses.statics import require_equilibrium, require_static, solver_velocities
+from consilience.mechanism import Array, Mechanism, State, assemble_positions, free_directions, move
+from consilience.reference.analyses.joint_rows import with_velocities
+from consilience.reference.analyses.statics import (
+    require_equilibrium,
+    require_static,
+    solver_velocities,
+    spring_length,
+    step_size,
+)
 from consilience.reference.bodies.arrays import flatten, pack, workspace
 from consilience.reference.bodies.forces import count_turns
 from consilience.reference.bodies.mass_metric import mass_matrix
-from consilience.reference.formulations import compiled_choice
+from consilience.reference.formulations import descriptor
 
 Complex = NDArray[np.complex128]
 
@@ -172,7 +179,7 @@ def solver_accelerations(mechanism: Mechanism, start: State, states: Sequence[St
     found = []
     for state in states:
         y, a = pack(mechanism, state), np.empty(6 * len(mechanism.bodies))
-        compiled_choice.accelerations(compiled_choice.FORMULATIONS["descriptor"], model, 0.0, y, turns.copy(), ws, a)
+        descriptor.accelerations(model, 0.0, y, turns.copy(), ws, a)
         found.append((y, a))
     return found
 
@@ -187,8 +194,7 @@ def derivatives_along(
     length = _shortest_length(mechanism, start)
     columns = []
     for direction in N.T:
-        motion = np.abs(direction).reshape(-1, 6)
-        step = _DIFFERENCE / max(float(np.max(motion[:, :3])) / length, float(np.max(motion[:, 3:])))
+        step = _DIFFERENCE / step_size(direction, length)
         steps = [step, step / 2, step / 4]
         found = values(
             [assemble_positions(mechanism, move(start, sign * h * direction)) for h in steps for sign in (1, -1)]
@@ -209,10 +215,7 @@ def _by_velocity(mechanism: Mechanism, equilibrium: State, N: Array) -> Array:
     """Return ``dy''/dy'``, shape (d, d)."""
     columns = []
     for direction in N.T:
-        moving = []
-        for sign in (1.0, -1.0):
-            v = sign * direction.reshape(-1, 6)
-            moving.append(State(equilibrium.p_WB, equilibrium.quat_WB, v[:, :3], v[:, 3:]))
+        moving = [with_velocities(equilibrium, sign * direction) for sign in (1.0, -1.0)]
         ahead, behind = _accelerations(mechanism, equilibrium, moving) @ N
         columns.append(0.5 * (ahead - behind))
     return np.array(columns).reshape(N.shape[1], N.shape[1]).T
@@ -221,8 +224,5 @@ def _by_velocity(mechanism: Mechanism, equilibrium: State, N: Array) -> Array:
 def _shortest_length(mechanism: Mechanism, state: State) -> float:
     """Return the shortest length over which forces change: of the joints' arms, of a rod or of a spring, m."""
     lengths = [flatten(mechanism).length, *(j.length for j in mechanism.joints)]
-    for s in mechanism.springs:
-        start = body_point(mechanism, state, s.predecessor, s.point_predecessor)[0]
-        end = body_point(mechanism, state, s.successor, s.point_successor)[0]
-        lengths.append(float(np.linalg.norm(end - start)))
+    lengths += [spring_length(mechanism, state, spring) for spring in mechanism.springs]
     return min(length for length in lengths if length > 0.0)

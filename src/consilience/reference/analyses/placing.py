@@ -6,7 +6,9 @@ from given values of the joint coordinates.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from itertools import islice
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,11 +21,8 @@ from consilience.mechanism import (
     assemble_positions,
     constraint_gamma,
     constraint_jacobian,
-    holonomic_rows,
-    joint_frames,
+    constraint_residual,
     move,
-    row_target,
-    row_value,
 )
 from consilience.mechanism.assembly import (
     CONVERGED,
@@ -41,6 +40,34 @@ from consilience.reference.analyses.joint_rows import JointCoordinate
 CoordinateValues = Mapping[JointCoordinate, Array]
 
 
+class NewtonIterate(NamedTuple):
+    """Iterate of an assembly: pose, residual of all rows, and the step to the pose before it was shortened."""
+
+    state: State
+    residual: Array
+    step: float  # largest component, m and rad
+    scale: float  # fraction of the step taken
+
+
+def newton_iterates(state: State, linear_system: Callable[[State], tuple[Array, Array]]) -> Iterator[NewtonIterate]:
+    """Yield a guess and the iterates of Newton's method, by least-norm steps of at most a metre and a radian.
+
+    Parameters
+    ----------
+    state : State
+        Guess.
+    linear_system : function of a state to residual, shape (q,), and Jacobian, shape (q, 6 n_b)
+    """
+    longest, scale = 0.0, 1.0
+    while True:
+        residual, jacobian = linear_system(state)
+        yield NewtonIterate(state, residual, longest, scale)
+        step = np.linalg.lstsq(jacobian, -residual, rcond=RANK_TOLERANCE)[0]
+        longest = largest_residual(step)
+        scale = min(1.0, 1.0 / max(longest, 1e-300))
+        state = move(state, scale * step)
+
+
 def _angles(values: CoordinateValues) -> dict[str, float]:
     """Return the angles of the values by joint name."""
     return {joint.name: float(value) for (joint, name), value in values.items() if name == "angle"}
@@ -54,20 +81,12 @@ def require_holonomic(mechanism: Mechanism, why: str, remedy: str) -> None:
 
 
 def acceleration_rows(mechanism: Mechanism, state: State, near: CoordinateValues) -> tuple[Array, Array]:
-    """Return Q, shape (q, 6 n_b), and gamma, shape (q,), of all holonomic rows of a mechanism without drives.
+    """Return Q, shape (q, 6 n_b), and gamma, shape (q,), of a mechanism without drives and non-holonomic rows.
 
     Angles that couplings read are within half a turn of `near`.
     """
-    elements = holonomic_rows(mechanism, state, 0.0, _angles(near))
-    Q = [constraint_jacobian(mechanism, state, mechanism.joints), *(row.Q[None] for row in elements)]
-    gamma = np.append(constraint_gamma(mechanism, state, mechanism.joints), [row.gamma for row in elements])
-    return np.vstack(Q), gamma
-
-
-def _joint_residual(mechanism: Mechanism, state: State) -> Array:
-    """Return the violation of all joint rows."""
-    frames = ((joint, joint_frames(mechanism, state, joint)) for joint in mechanism.joints)
-    return np.array([row_value(f, row) - row_target(joint, row) for joint, f in frames for row in joint.rows])
+    angles = _angles(near)
+    return constraint_jacobian(mechanism, state, angles=angles), constraint_gamma(mechanism, state, angles=angles)
 
 
 def place(mechanism: Mechanism, guess: State, held: CoordinateValues, near: CoordinateValues) -> State:
@@ -81,25 +100,25 @@ def place(mechanism: Mechanism, guess: State, held: CoordinateValues, near: Coor
     wanted: HeldCoordinates = [(joint, coordinate, value) for (joint, coordinate), value in held.items()]
     if not mechanism.couplings:
         return assemble_positions(mechanism, guess, wanted)
-    state, error = guess, np.inf
-    for _ in range(MAX_ITERATIONS):
-        elements = holonomic_rows(mechanism, state, 0.0, _angles(near))
-        joints = _joint_residual(mechanism, state)
-        parts = [held_error(mechanism, state, *one) for one in wanted]
-        residual = np.concatenate([joints, [row.value for row in elements], *parts])
-        if largest_residual(residual) == 0.0 or (error < CONVERGED and largest_residual(residual) >= error):
-            break
-        error = largest_residual(residual)
+    angles = _angles(near)
+
+    def linear_system(state: State) -> tuple[Array, Array]:
+        errors = [held_error(mechanism, state, *one) for one in wanted]
         rows = [scatter(mechanism, j, held_rows(mechanism, state, j, c)) for j, c, _ in wanted]
-        Q = [constraint_jacobian(mechanism, state, mechanism.joints), *(row.Q[None] for row in elements)]
-        jacobian = np.vstack([*Q, *rows])
-        step = np.linalg.lstsq(jacobian, -residual, rcond=RANK_TOLERANCE)[0]
-        state = move(state, step * min(1.0, 1.0 / max(largest_residual(step), 1e-300)))
-    if largest_residual(residual) > 10.0 * CONVERGED * max(1.0, largest_residual(state.p_WB)):
+        residual = np.concatenate([constraint_residual(mechanism, state, angles=angles), *errors])
+        return residual, np.vstack([constraint_jacobian(mechanism, state, angles=angles), *rows])
+
+    before = np.inf
+    for found in islice(newton_iterates(guess, linear_system), MAX_ITERATIONS):
+        state, residual, error = found.state, found.residual, largest_residual(found.residual)
+        if error == 0.0 or (before < CONVERGED and error >= before):
+            break
+        before = error
+    if error > 10.0 * CONVERGED * max(1.0, largest_residual(state.p_WB)):
         worst = int(np.argmax(np.abs(residual)))
         raise CannotAssemble(
             f"mechanism '{mechanism.name}': {row_names(mechanism, wanted, velocities=False)[worst]}",
-            f"it stays violated by {abs(residual[worst]):.3g} after {MAX_ITERATIONS} iterations",
+            f"it stays violated by {error:.3g} after {MAX_ITERATIONS} iterations",
             "Draw the mechanism closer to an assembled pose, or drive fewer or other joint coordinates.",
         )
     refuse_flipped(mechanism, state)

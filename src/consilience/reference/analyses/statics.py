@@ -18,6 +18,7 @@ from consilience.errors import CannotAssemble, ConsilienceError, InvalidInput
 from consilience.mechanism import (
     Array,
     Mechanism,
+    Spring,
     State,
     assemble_positions,
     body_point,
@@ -91,6 +92,19 @@ def applied_forces(mechanism: Mechanism, state: State, t: float = 0.0, near: Joi
     return ws.f
 
 
+def step_size(step: Array, length: float) -> float:
+    """Return the largest translation, over a length, or rotation (rad) of a displacement, shape (6 n_b,)."""
+    motion = np.abs(step).reshape(-1, 6)
+    return max(float(np.max(motion[:, :3])) / length, float(np.max(motion[:, 3:])))
+
+
+def spring_length(mechanism: Mechanism, state: State, spring: Spring) -> float:
+    """Return the distance of the ends of a spring, m."""
+    start, _ = body_point(mechanism, state, spring.predecessor, spring.point_predecessor)
+    end, _ = body_point(mechanism, state, spring.successor, spring.point_successor)
+    return float(np.linalg.norm(end - start))
+
+
 def force_scale(mechanism: Mechanism, state: State) -> float:
     """Sum the magnitudes of all forces, N and N m alike: weights, loads, actuators, springs, controls.
 
@@ -105,11 +119,7 @@ def force_scale(mechanism: Mechanism, state: State) -> float:
         q, _ = joint_spring_motion(mechanism, state, c.joint, c.coordinate)
         scale += abs(c.proportional) * (abs(q) + abs(float(c.target.at(0.0)[0])))
     for s in mechanism.springs:
-        ends = [
-            body_point(mechanism, state, body, point)[0]
-            for body, point in ((s.predecessor, s.point_predecessor), (s.successor, s.point_successor))
-        ]
-        scale += abs(s.stiffness) * (float(np.linalg.norm(ends[1] - ends[0])) + abs(s.free_length))
+        scale += abs(s.stiffness) * (spring_length(mechanism, state, s) + abs(s.free_length))
     for k in mechanism.joint_springs:
         q, _ = joint_spring_motion(mechanism, state, k.joint, k.coordinate)
         scale += abs(k.stiffness) * (abs(q) + abs(k.rest))
@@ -165,8 +175,7 @@ def _search(mechanism: Mechanism, start: _Point, step: Array, accept: Callable[[
     step : ndarray, shape (freedom,)
     accept : function of a point to bool
     """
-    motion = np.abs(start.N @ step).reshape(-1, 6)
-    longest = max(float(np.max(motion[:, :3])) / _model(mechanism).length, float(np.max(motion[:, 3:])))
+    longest = step_size(start.N @ step, _model(mechanism).length)
     step = step * min(1.0, _LONGEST / max(longest, 1e-300))
     for _ in range(_HALVINGS):
         try:

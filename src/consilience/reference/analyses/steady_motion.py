@@ -28,9 +28,7 @@ from consilience.mechanism import (
     State,
     constraint_jacobian,
     free_directions,
-    quaternion_product,
     rotation_from_quaternion,
-    rotation_vector_from_quaternion,
     skew,
 )
 from consilience.reference.analyses.joint_rows import (
@@ -38,8 +36,12 @@ from consilience.reference.analyses.joint_rows import (
     all_coordinates,
     coordinate_rows,
     coordinate_values,
+    least_squares,
     named_coordinate,
+    turn_between,
+    unturned,
     width,
+    with_velocities,
 )
 from consilience.reference.analyses.linearisation import (
     Complex,
@@ -182,8 +184,7 @@ def _labels(wanted: Sequence[JointCoordinate]) -> list[str]:
 def _steady_point(mechanism: Mechanism, state: State, cyclic: list[JointCoordinate]) -> _SteadyPoint:
     """Evaluate the steady motion at a state, cyclic coordinates first."""
     wanted = [*cyclic, *(c for c in all_coordinates(mechanism) if c not in cyclic)]
-    unturned = {"orientation": np.array([1.0, 0.0, 0.0, 0.0])}
-    values = coordinate_values(mechanism, state, {c: unturned.get(c[1], np.zeros(())) for c in wanted})
+    values = coordinate_values(mechanism, state, unturned(wanted))
     rows, _ = coordinate_rows(mechanism, state, wanted)
     u = rows @ np.hstack([state.v_WB_W, state.w_WB_W]).ravel()
     n = len(u)
@@ -275,9 +276,7 @@ def _moving(point: _SteadyPoint, placed: State, rows: Array, u: Array) -> State:
     Q = constraint_jacobian(point.mechanism, placed)
     all_rows, _ = coordinate_rows(point.mechanism, placed, point.wanted)
     S, b = np.vstack([Q, all_rows[rows]]), np.concatenate([np.zeros(len(Q)), u])
-    v = np.linalg.lstsq(S, b, rcond=None)[0]
-    v = (v + np.linalg.lstsq(S, b - S @ v, rcond=None)[0]).reshape(-1, 6)
-    return State(placed.p_WB, placed.quat_WB, v[:, :3], v[:, 3:])
+    return with_velocities(placed, least_squares(S, b))
 
 
 def _rates(point: _SteadyPoint, states: Sequence[State]) -> tuple[Array, Array]:
@@ -298,11 +297,7 @@ def _displacement(point: _SteadyPoint, state: State) -> Array:
     parts = [np.zeros(0)]
     for coordinate in point.wanted:
         now, before = values[coordinate], point.values[coordinate]
-        if coordinate[1] == "orientation":
-            turn = quaternion_product(now, before * np.array([1.0, -1.0, -1.0, -1.0]))
-            parts.append(rotation_vector_from_quaternion(turn))
-        else:
-            parts.append(np.atleast_1d(now - before))
+        parts.append(turn_between(before, now) if coordinate[1] == "orientation" else np.atleast_1d(now - before))
     return np.concatenate(parts)
 
 

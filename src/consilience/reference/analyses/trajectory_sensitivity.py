@@ -208,15 +208,26 @@ class _Flow:
 def _canonical(
     mechanism: Mechanism, varied: _VariedParameter, t: float, angles: Angles, y: Array, s: Array
 ) -> tuple[Array, float]:
-    """Return derivatives of origins, orientations and velocities, (4, n_b, 3), and their constraint violation."""
-    p = np.zeros((len(y), 3))
-    v, w, quat = np.zeros_like(p), np.zeros_like(p), np.zeros((len(y), 4))
+    """Return derivatives of origins, orientations and velocities, (4, n_b, 3), and their constraint violation.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    varied : _VariedParameter
+    t : float, s
+    angles : mapping of joint name to float, rad
+        Angles that couplings read, over full turns.
+    y, s : ndarray, shape (n_b + n_e, 13)
+        Packed state and its derivative with respect to the parameter.
+    """
+    n_b = len(mechanism.bodies)
+    p, quat, v, w = (np.zeros((n_b, width)) for width in (3, 4, 3, 3))
     h = varied.h * min(1.0, _STEP / max(varied.h * float(np.max(np.abs(s))), 1e-300))
     # total derivative: along s at the step h, plus along p at the step of the parameter
     for c, weight, other in zip(_OFFSETS, _WEIGHTS, varied.mechanisms, strict=True):
         for part, step in ((unpack(mechanism, y + c * h * s), h), (unpack(other, y), varied.h)):
             p, quat, v, w = (total + weight / step * value for total, value in zip((p, quat, v, w), part, strict=True))
-    conjugate = y[:, P] * np.array([1.0, -1.0, -1.0, -1.0])
+    conjugate = y[:n_b, P] * np.array([1.0, -1.0, -1.0, -1.0])
     turn = 2.0 * quaternion_product(quat, conjugate)[:, 1:]
     return np.array([p, turn, v, w]), _violation(mechanism, varied, t, angles, y, np.hstack([p, turn]))
 
@@ -224,7 +235,15 @@ def _canonical(
 def _violation(
     mechanism: Mechanism, varied: _VariedParameter, t: float, angles: Angles, y: Array, step: Array
 ) -> float:
-    """Return the largest row of ``|Q s + g_p|`` by differences along the displacement `step` and the parameter."""
+    """Return the largest row of ``|Q s + g_p|`` by differences along the displacement `step` and the parameter.
+
+    Parameters
+    ----------
+    mechanism, varied, t, angles, y
+        As in `_canonical`.
+    step : ndarray, shape (n_b, 6), m and rad
+        Derivatives of origins and orientations, world axes.
+    """
     p, quat, v, w = unpack(mechanism, y)
     state = State(p, quat / np.linalg.norm(quat, axis=1)[:, None], v, w)
     g = np.zeros(mechanism.holonomic_count)

@@ -9,13 +9,14 @@ world axes; Euler parameters p; angular velocity w' in body axes. The last n_e r
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from consilience.mechanism import (
     BASIC_CONSTRAINTS,
     Array,
+    Coupling,
     Function,
     Joint,
     Mechanism,
@@ -55,7 +56,7 @@ class Model(NamedTuple):
     row_kind: Array  # (q,) index into ROWS
     row_target: Array  # (q,)
     coordinate: Array  # (n_c, 2) joint, ANGLE or DISTANCE
-    counted: Array  # (n_c,) whether it is an angle whose turns matter
+    counted: Array  # (n_c,) true for an angle whose full turns are counted
     functions: Functions
     spring_body: Array  # (n, 2)
     spring_arm: Array  # (n, 2, 3)
@@ -99,6 +100,11 @@ def _table(rows: list[list[float]], width: int) -> Array:
     return np.array(rows, dtype=float).reshape(-1, width)
 
 
+def _vectors(rows: list[Array] | list[list[Array]], *shape: int) -> Array:
+    """Return vectors as an array of shape (n, *shape, 3)."""
+    return np.array(rows, dtype=float).reshape(-1, *shape, 3)
+
+
 def _indices(rows: list[int] | list[list[int]], *width: int) -> Array:
     return np.array(rows, dtype=np.int64).reshape(-1, *width)
 
@@ -115,6 +121,15 @@ class _Numbers:
         key = (self.joints[joint], _COORDINATES[name])
         return self.coordinates.setdefault(key, len(self.coordinates))
 
+    def pair(self, element: Any, function: Function | None) -> list[int]:
+        """Return the indices of the joint coordinate of an element and of its function."""
+        return [self.coordinate(element.joint, element.coordinate), self.function(function)]
+
+    def triple(self, coupling: Coupling) -> list[int]:
+        """Return the indices of both coordinates of a coupling and of its law."""
+        first = self.coordinate(coupling.joint, coupling.coordinate)
+        return [first, self.coordinate(coupling.driver_joint, coupling.driver_coordinate), self.function(coupling.law)]
+
     def function(self, function: Function | None) -> int:
         if function is None:
             return -1
@@ -127,10 +142,10 @@ def _joint_arrays(mechanism: Mechanism) -> dict[str, Array]:
     return {
         "body_i": _indices([index[j.predecessor] for j in joints]),
         "body_j": _indices([index[j.successor] for j in joints]),
-        "arm_i": np.array([_arm(mechanism, j.predecessor, j.F.p) for j in joints]).reshape(-1, 3),
-        "arm_j": np.array([_arm(mechanism, j.successor, j.M.p) for j in joints]).reshape(-1, 3),
-        "axes_i": np.array([j.F.R for j in joints]).reshape(-1, 3, 3),
-        "axes_j": np.array([j.M.R for j in joints]).reshape(-1, 3, 3),
+        "arm_i": _vectors([_arm(mechanism, j.predecessor, j.F.p) for j in joints]),
+        "arm_j": _vectors([_arm(mechanism, j.successor, j.M.p) for j in joints]),
+        "axes_i": _vectors([j.F.R for j in joints], 3),
+        "axes_j": _vectors([j.M.R for j in joints], 3),
         "pitch": np.array([j.pitch for j in joints]),
         "first_row": np.concatenate([[0], np.cumsum([len(j.rows) for j in joints])]).astype(np.int64),
         "row_kind": _indices([ROWS.index(row) for j in joints for row in j.rows]),
@@ -146,31 +161,23 @@ def _arm(mechanism: Mechanism, body: str, point: Array) -> Array:
 
 def _force_arrays(mechanism: Mechanism, number: _Numbers) -> dict[str, Array]:
     index, springs, loads = mechanism.body_index, mechanism.springs, mechanism.loads
+    arm_i = [_arm(mechanism, s.predecessor, s.point_predecessor) for s in springs]
+    arm_j = [_arm(mechanism, s.successor, s.point_successor) for s in springs]
     return {
         "spring_body": _indices([[index[s.predecessor], index[s.successor]] for s in springs], 2),
-        "spring_arm": np.array(
-            [
-                [_arm(mechanism, s.predecessor, s.point_predecessor), _arm(mechanism, s.successor, s.point_successor)]
-                for s in springs
-            ]
-        ).reshape(-1, 2, 3),
+        "spring_arm": _vectors([list(ends) for ends in zip(arm_i, arm_j, strict=True)], 2),
         "spring_law": _table([[s.stiffness, s.damping, s.free_length] for s in springs], 3),
         "spring_function": _indices([number.function(s.actuator) for s in springs]),
-        "joint_spring": _indices(
-            [[number.coordinate(s.joint, s.coordinate), number.function(s.actuator)] for s in mechanism.joint_springs],
-            2,
-        ),
+        "joint_spring": _indices([number.pair(s, s.actuator) for s in mechanism.joint_springs], 2),
         "joint_spring_law": _table([[s.stiffness, s.damping, s.rest] for s in mechanism.joint_springs], 3),
         "friction": _indices([number.coordinate(f.joint, f.coordinate) for f in mechanism.frictions]),
         "friction_law": _table([[f.viscous, f.coulomb, f.speed] for f in mechanism.frictions], 3),
-        "control": _indices(
-            [[number.coordinate(c.joint, c.coordinate), number.function(c.target)] for c in mechanism.controls], 2
-        ),
+        "control": _indices([number.pair(c, c.target) for c in mechanism.controls], 2),
         "control_law": _table([[c.proportional, c.integral, c.derivative] for c in mechanism.controls], 3),
         "load_body": _indices([index[load.body] for load in loads]),
         "load_kind": _indices([[int(load.kind == "torque"), int(load.frame == "body")] for load in loads], 2),
-        "load_vector": np.array([load.vector for load in loads]).reshape(-1, 3),
-        "load_arm": np.array([_arm(mechanism, load.body, load.point) for load in loads]).reshape(-1, 3),
+        "load_vector": _vectors([load.vector for load in loads]),
+        "load_arm": _vectors([_arm(mechanism, load.body, load.point) for load in loads]),
         "load_function": _indices([number.function(load.history) for load in loads]),
     }
 
@@ -178,36 +185,23 @@ def _force_arrays(mechanism: Mechanism, number: _Numbers) -> dict[str, Array]:
 def _constraint_arrays(mechanism: Mechanism, number: _Numbers) -> dict[str, Array]:
     index, rollings, skates = mechanism.body_index, mechanism.rollings, mechanism.skates
     return {
-        "drive": _indices(
-            [[number.coordinate(d.joint, d.coordinate), number.function(d.motion)] for d in mechanism.drives], 2
-        ),
-        "coupling": _indices(
-            [
-                [
-                    number.coordinate(c.joint, c.coordinate),
-                    number.coordinate(c.driver_joint, c.driver_coordinate),
-                    number.function(c.law),
-                ]
-                for c in mechanism.couplings
-            ],
-            3,
-        ),
+        "drive": _indices([number.pair(d, d.motion) for d in mechanism.drives], 2),
+        "coupling": _indices([number.triple(c) for c in mechanism.couplings], 3),
         "rolling_body": _indices([index[r.body] for r in rollings]),
-        "rolling_arm": np.array([_arm(mechanism, r.body, r.center) for r in rollings]).reshape(-1, 3),
-        "rolling_axis": np.array([r.axis for r in rollings]).reshape(-1, 3),
-        "rolling_plane": np.array([plane_axes(r) for r in rollings]).reshape(-1, 3, 3),
-        "rolling_point": np.array([r.point for r in rollings]).reshape(-1, 3),
+        "rolling_arm": _vectors([_arm(mechanism, r.body, r.center) for r in rollings]),
+        "rolling_axis": _vectors([r.axis for r in rollings]),
+        "rolling_plane": _vectors([plane_axes(r) for r in rollings], 3),
+        "rolling_point": _vectors([r.point for r in rollings]),
         "rolling_radii": _table([[r.radius, r.rounding] for r in rollings], 2),
         "skate_body": _indices([index[s.body] for s in skates]),
-        "skate_arm": np.array([_arm(mechanism, s.body, s.point) for s in skates]).reshape(-1, 3),
-        "skate_lateral": np.array([s.lateral for s in skates]).reshape(-1, 3),
+        "skate_arm": _vectors([_arm(mechanism, s.body, s.point) for s in skates]),
+        "skate_lateral": _vectors([s.lateral for s in skates]),
     }
 
 
 def _length(joints: tuple[Joint, ...], arrays: dict[str, Array]) -> float:
-    arms = [*arrays["arm_i"], *arrays["arm_j"]]
-    lengths = [float(np.linalg.norm(a)) for a in arms] + [j.length for j in joints]
-    return max(lengths) or 1.0
+    arms = [float(np.linalg.norm(a)) for a in (*arrays["arm_i"], *arrays["arm_j"])]
+    return max(*arms, *(j.length for j in joints)) or 1.0
 
 
 def _counted(coordinate: Array, elements: dict[str, Array]) -> Array:

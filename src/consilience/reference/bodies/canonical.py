@@ -63,7 +63,18 @@ def canonical_motion(com: Array, y: Array) -> tuple[Array, Array, Array, Array]:
 
 @kernel
 def _canonical(com: Array, y: Array, A: Array, p: Array, quat: Array, v: Array, w: Array) -> None:
-    """Fill p, quat, v and w; A is a work array for the rotation matrix of one body [MASS (2)]."""
+    """Write the canonical motion of packed states; the compiled equivalent of `unpack` [MASS (2)].
+
+    Parameters
+    ----------
+    com : ndarray, shape (n_b, 3), m
+        Centres of mass in body axes.
+    y : ndarray, shape (n_t, n_b + n_e, 13)
+    A : ndarray, shape (3, 3)
+        Work array for the rotation matrix of one body.
+    p, quat, v, w : ndarray, shape (n_t, n_b, 3 or 4)
+        Overwritten.
+    """
     for b in range(com.shape[0]):
         for n in range(y.shape[0]):
             e0, e1, e2, e3 = y[n, b, 3], y[n, b, 4], y[n, b, 5], y[n, b, 6]

@@ -26,15 +26,13 @@ from consilience.reference.kernel.vectors import Vector, add, cross, dot, load, 
 @inlined
 def _joints(model: Model, y: Array, ws: Workspace) -> int:
     """Write the rows of all joints; return the index of the next row."""
-    body_i, body_j, arm_i, arm_j = model.body_i, model.body_j, model.arm_i, model.arm_j
     A, Q = ws.A, ws.Q
     for k in range(model.body_i.shape[0]):
         if model.first_row[k] == model.first_row[k + 1]:
             continue
-        m = joint_motion(body_i, body_j, arm_i, arm_j, y, A, k)
-        axes_i, axes_j, pitch = model.axes_i[k], model.axes_j[k], model.pitch[k]
+        m = joint_motion(model, y, A, k)
         for n in range(model.first_row[k], model.first_row[k + 1]):
-            row: Row = joint_row(axes_i, axes_j, pitch, A, m, model.row_kind[n])
+            row: Row = joint_row(model, A, m, k, model.row_kind[n])
             ws.value[n] = row.value - model.row_target[n]
             ws.gamma[n] = row.gamma
             place(Q, n, A, m.i, m.j, 1.0, row)
@@ -43,7 +41,15 @@ def _joints(model: Model, y: Array, ws: Workspace) -> int:
 
 @inlined
 def _drives(model: Model, t: float, y: Array, ws: Workspace, first: int) -> int:
-    """Write the rows of drives, ``q - f(t) = 0``."""
+    """Write the rows of drives, ``q - f(t) = 0``.
+
+    Parameters
+    ----------
+    model, t, y, ws
+        As in `evaluate`.
+    first : int
+        Index of the first row.
+    """
     for n in range(model.drive.shape[0]):
         f, f_dot, f_ddot = functions.evaluate(model.functions, model.drive[n, 1], t)
         q = coordinate(model, y, ws.A, model.drive[n, 0], f)
@@ -56,7 +62,15 @@ def _drives(model: Model, t: float, y: Array, ws: Workspace, first: int) -> int:
 
 @inlined
 def _couplings(model: Model, y: Array, turns: Array, ws: Workspace, first: int) -> int:
-    """Write the rows of couplings, ``q - f(q_driver) = 0``."""
+    """Write the rows of couplings, ``q - f(q_driver) = 0``.
+
+    Parameters
+    ----------
+    model, y, turns, ws
+        As in `evaluate`.
+    first : int
+        Index of the first row.
+    """
     for n in range(model.coupling.shape[0]):
         driver = coordinate(model, y, ws.A, model.coupling[n, 1], turns[model.coupling[n, 1]])
         f, slope, bend = functions.evaluate(model.functions, model.coupling[n, 2], driver.value)

@@ -31,7 +31,18 @@ from consilience.reference.kernel.vectors import (
 
 @inner
 def _push(f: Array, A: Array, body: int, force: Vector, s: Vector, torque: Vector) -> None:
-    """Add a force at the arm s from the centre of mass, and a torque, world axes; loads on the ground are ignored."""
+    """Add a force at the arm s from the centre of mass, and a torque, to the generalised forces of a body.
+
+    Parameters
+    ----------
+    f : ndarray, shape (6 n_b,)
+        Generalised forces, added to.
+    A : ndarray, shape (n_b, 3, 3)
+    body : int
+        -1 for the ground.
+    force, s, torque : Vector, N, m and N m
+        World axes.
+    """
     if body >= 0:
         accumulate(f[6 * body : 6 * body + 3], force)
         accumulate(f[6 * body + 3 : 6 * body + 6], rotate_back(A[body], add(torque, cross(s, force))))
@@ -59,7 +70,13 @@ def friction_effort(law: Vector, rate: float) -> float:
 
 @inlined
 def _joint_elements(model: Model, t: float, y: Array, turns: Array, ws: Workspace) -> None:
-    """Add the efforts of joint springs, friction and controllers."""
+    """Add the efforts of joint springs, friction and controllers.
+
+    Parameters
+    ----------
+    model, t, y, turns, ws
+        As in `constraints.evaluate`.
+    """
     for n in range(model.joint_spring.shape[0]):
         c = model.joint_spring[n, 0]
         q = coordinate(model, y, ws.A, c, turns[c])
@@ -81,7 +98,15 @@ def _joint_elements(model: Model, t: float, y: Array, turns: Array, ws: Workspac
 
 @kernel
 def control_errors(model: Model, t: float, y: Array, turns: Array, ws: Workspace, dy: Array) -> None:
-    """Write the control errors ``target(t) - q``, the rates of the controllers' integrals, into the last rows of dy."""
+    """Write the control errors ``target(t) - q``, the rates of the controllers' integrals, into the last rows of dy.
+
+    Parameters
+    ----------
+    model, t, y, turns, ws
+        As in `constraints.evaluate`.
+    dy : ndarray, shape (n_b + n_e, 13)
+        Its rows after those of the bodies are overwritten.
+    """
     for n in range(model.control.shape[0]):
         c = model.control[n, 0]
         target = functions.evaluate(model.functions, model.control[n, 1], t)[0]
@@ -99,7 +124,17 @@ def count_turns(model: Model, y: Array, ws: Workspace, turns: Array) -> None:
 
 @kernel
 def read(model: Model, y: Array, A: Array, near: Array, value: Array, rate: Array) -> None:
-    """Evaluate the joint coordinates that elements read, angles within half a turn of `near`, and their rates."""
+    """Evaluate the joint coordinates that elements read, angles within half a turn of `near`, and their rates.
+
+    Parameters
+    ----------
+    model : Model
+    y : ndarray, shape (n_b + n_e, 13)
+    A : ndarray, shape (n_b, 3, 3)
+    near : ndarray, shape (n_c,), m or rad
+    value, rate : ndarray, shape (n_c,)
+        Overwritten.
+    """
     for n in range(near.shape[0]):
         q = coordinate(model, y, A, n, near[n])
         value[n], rate[n] = q.value, q.rate
@@ -107,7 +142,16 @@ def read(model: Model, y: Array, A: Array, near: Array, value: Array, rate: Arra
 
 @inlined
 def _springs(model: Model, t: float, y: Array, A: Array, f: Array) -> None:
-    """Add ``F = (k (L - L0) + c L' - f(t)) e`` on the predecessor, the opposite on the successor [MASS (31)]."""
+    """Add ``F = (k (L - L0) + c L' - f(t)) e`` on the predecessor, the opposite on the successor [MASS (31)].
+
+    Parameters
+    ----------
+    model, t, y
+        As in `constraints.evaluate`.
+    A : ndarray, shape (n_b, 3, 3)
+    f : ndarray, shape (6 n_b,)
+        Generalised forces, added to.
+    """
     for n in range(model.spring_body.shape[0]):
         i, j = model.spring_body[n, 0], model.spring_body[n, 1]
         s_i, s_j = arm(A, i, load(model.spring_arm[n, 0])), arm(A, j, load(model.spring_arm[n, 1]))

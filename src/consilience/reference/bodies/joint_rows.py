@@ -5,7 +5,7 @@
     U = A_i A_Ji,  W = A_j A_Jj,  s = A s',  d = r_j + s_j - r_i - s_i.
 
 The rate of a row has the coefficients e of the velocity of the centre of mass of j, -e of that of i, and c_i, c_j of
-the angular velocities, all in world axes. Kernels that run for every row take the arrays they read, not the model.
+the angular velocities, all in world axes.
 
 `consilience.mechanism.joint_rows` has the same rows about body origins in NumPy. Neither is derived from the other: the
 two check each other.
@@ -18,13 +18,17 @@ from typing import NamedTuple
 import numpy as np
 
 from consilience.mechanism import Array
-from consilience.reference.bodies.arrays import Model
+from consilience.reference.bodies.arrays import DISTANCE, Model
 from consilience.reference.bodies.motion import ZERO, add_coefficients, arm, motion
 from consilience.reference.kernel.compiled import fused, inner, kernel
 from consilience.reference.kernel.vectors import Vector, add, column, cross, dot, load, scale, sub
 
 TURN = 2.0 * np.pi
 _D11, _D21, _Z = np.array([4, 7, 2])  # NumPy integers: Numba types them as array elements, not as literals
+
+
+BodyVectors = tuple[Vector, Vector, Vector]
+"""Position (m) and velocity (m/s) of a centre of mass, and angular velocity (rad/s), world axes."""
 
 
 class JointMotion(NamedTuple):
@@ -62,18 +66,7 @@ class CoordinateRow(NamedTuple):
 
 
 @fused
-def motion_between(
-    i: int,
-    j: int,
-    s_i: Vector,
-    s_j: Vector,
-    r_i: Vector,
-    r_j: Vector,
-    v_i: Vector,
-    v_j: Vector,
-    w_i: Vector,
-    w_j: Vector,
-) -> JointMotion:
+def motion_between(i: int, j: int, s_i: Vector, s_j: Vector, body_i: BodyVectors, body_j: BodyVectors) -> JointMotion:
     """Return the relative motion of two frames of bodies i and j, world axes.
 
     Parameters
@@ -82,10 +75,11 @@ def motion_between(
         Bodies, -1 for the ground.
     s_i, s_j : Vector, m
         Arms from the centres of mass to the frames' origins.
-    r_i, r_j, v_i, v_j : Vector, m and m/s
-        Positions and velocities of the centres of mass.
-    w_i, w_j : Vector, rad/s
+    body_i, body_j : BodyVectors
+        Motion of the bodies.
     """
+    r_i, v_i, w_i = body_i
+    r_j, v_j, w_j = body_j
     d = sub(add(r_j, s_j), add(r_i, s_i))
     d_dot = sub(add(v_j, cross(w_j, s_j)), add(v_i, cross(w_i, s_i)))
     centripetal = sub(cross(w_j, cross(w_j, s_j)), cross(w_i, cross(w_i, s_i)))
@@ -93,13 +87,11 @@ def motion_between(
 
 
 @inner
-def joint_motion(body_i: Array, body_j: Array, arm_i: Array, arm_j: Array, y: Array, A: Array, k: int) -> JointMotion:
-    """Return the relative motion of the frames of joint k; arrays as in `Model`, rotation matrices A of all bodies."""
-    i, j = body_i[k], body_j[k]
-    s_i, s_j = arm(A, i, load(arm_i[k])), arm(A, j, load(arm_j[k]))
-    r_i, v_i, w_i = motion(y, A, i)
-    r_j, v_j, w_j = motion(y, A, j)
-    return motion_between(i, j, s_i, s_j, r_i, r_j, v_i, v_j, w_i, w_j)
+def joint_motion(model: Model, y: Array, A: Array, k: int) -> JointMotion:
+    """Return the relative motion of the frames of joint k at a packed state, rotation matrices A of all bodies."""
+    i, j = model.body_i[k], model.body_j[k]
+    s_i, s_j = arm(A, i, load(model.arm_i[k])), arm(A, j, load(model.arm_j[k]))
+    return motion_between(i, j, s_i, s_j, motion(y, A, i), motion(y, A, j))
 
 
 @fused
@@ -129,14 +121,23 @@ def product_row(u: Vector, w: Vector, m: JointMotion) -> Row:
 
 
 @inner
-def basic_row(axes_i: Array, axes_j: Array, A: Array, m: JointMotion, kind: int) -> Row:
-    """Return one of the thirteen basic constraint rows of a joint with the frames A_Ji, A_Jj; kind indexes `ROWS`."""
+def basic_row(model: Model, A: Array, m: JointMotion, k: int, kind: int) -> Row:
+    """Return one of the thirteen basic constraint rows of joint k; kind indexes `ROWS`.
+
+    Parameters
+    ----------
+    model : Model
+    A : ndarray, shape (n_b, 3, 3)
+    m : JointMotion
+        Of joint k.
+    k, kind : int
+    """
     if kind < 3:
-        return displacement_row(arm(A, m.i, column(axes_i, kind)), m)
+        return displacement_row(arm(A, m.i, column(model.axes_i[k], kind)), m)
     if kind == 3:
         return distance_row(m)
-    u = arm(A, m.i, column(axes_i, (kind - 4) // 3))
-    return product_row(u, arm(A, m.j, column(axes_j, (kind - 4) % 3)), m)
+    u = arm(A, m.i, column(model.axes_i[k], (kind - 4) // 3))
+    return product_row(u, arm(A, m.j, column(model.axes_j[k], (kind - 4) % 3)), m)
 
 
 @kernel
@@ -173,91 +174,77 @@ def row_of_screw(z: Row, turn: Row, pitch: float) -> Row:
 
 
 @inner
-def angle_row(axes_i: Array, axes_j: Array, A: Array, m: JointMotion, near: float) -> Row:
-    """Return the row of the joint angle ``atan2(D21, D11)`` within half a turn of `near`."""
-    return row_of_angle(basic_row(axes_i, axes_j, A, m, _D11), basic_row(axes_i, axes_j, A, m, _D21), m, near)
-
-
-@inner
-def screw_row(axes_i: Array, axes_j: Array, pitch: float, A: Array, m: JointMotion) -> Row:
-    """Return the row ``Z - pitch angle / 2 pi`` of a screw; Z gives the full turns of the angle."""
-    z = basic_row(axes_i, axes_j, A, m, _Z)
-    return row_of_screw(z, angle_row(axes_i, axes_j, A, m, TURN * z.value / pitch), pitch)
-
-
-@inner
-def joint_row(axes_i: Array, axes_j: Array, pitch: float, A: Array, m: JointMotion, kind: int) -> Row:
-    """Return a row of a joint; kind indexes `arrays.ROWS`."""
-    if kind == 13:
-        return screw_row(axes_i, axes_j, pitch, A, m)
-    return basic_row(axes_i, axes_j, A, m, kind)
-
-
-@inner
-def _coordinate(
-    body_i: Array,
-    body_j: Array,
-    arm_i: Array,
-    arm_j: Array,
-    axes_i: Array,
-    axes_j: Array,
-    pitch: float,
-    y: Array,
-    A: Array,
-    k: int,
-    kind: int,
-    near: float,
-) -> CoordinateRow:
-    """Return a coordinate of joint k.
+def angle_row(model: Model, A: Array, m: JointMotion, k: int, near: float) -> Row:
+    """Return the row of the angle of joint k, ``atan2(D21, D11)`` within half a turn of `near`.
 
     Parameters
     ----------
-    body_i, body_j, arm_i, arm_j : ndarray
-        As in `Model`.
-    axes_i, axes_j : ndarray, shape (3, 3)
-    pitch : float, m
-        Of joint k.
-    y, A : ndarray
-        Packed state and rotation matrices of all bodies.
-    k, kind : int
-        Joint; `ANGLE` or `DISTANCE`.
+    model, A, m, k
+        As in `basic_row`.
     near : float, rad
-        The angle is within half a turn of it.
     """
-    m = joint_motion(body_i, body_j, arm_i, arm_j, y, A, k)
-    if kind == 1:
-        row = basic_row(axes_i, axes_j, A, m, _Z)
+    return row_of_angle(basic_row(model, A, m, k, _D11), basic_row(model, A, m, k, _D21), m, near)
+
+
+@inner
+def screw_row(model: Model, A: Array, m: JointMotion, k: int) -> Row:
+    """Return the row ``Z - pitch angle / 2 pi`` of a screw; Z gives the full turns of the angle."""
+    z, pitch = basic_row(model, A, m, k, _Z), model.pitch[k]
+    return row_of_screw(z, angle_row(model, A, m, k, TURN * z.value / pitch), pitch)
+
+
+@inner
+def joint_row(model: Model, A: Array, m: JointMotion, k: int, kind: int) -> Row:
+    """Return a row of joint k; kind indexes `arrays.ROWS`.
+
+    Parameters
+    ----------
+    model, A, m, k, kind
+        As in `basic_row`.
+    """
+    if kind == 13:
+        return screw_row(model, A, m, k)
+    return basic_row(model, A, m, k, kind)
+
+
+@inner
+def coordinate(model: Model, y: Array, A: Array, n: int, near: float) -> CoordinateRow:
+    """Return joint coordinate n of `Model.coordinate`; angles within half a turn of `near`, of a screw by its Z.
+
+    Parameters
+    ----------
+    model : Model
+    y : ndarray, shape (n_b + n_e, 13)
+    A : ndarray, shape (n_b, 3, 3)
+    n : int
+    near : float, rad
+    """
+    k = model.coordinate[n, 0]
+    m = joint_motion(model, y, A, k)
+    if model.coordinate[n, 1] == DISTANCE:
+        row = basic_row(model, A, m, k, _Z)
         # the velocities of the centres of mass enter only through those of the frames' origins
         rate = dot(row.e, m.d_dot) + dot(cross(m.w_i, row.e), m.d)
         return CoordinateRow(row.value, rate, row, m.i, m.j)
-    if pitch != 0.0:
-        near = TURN * basic_row(axes_i, axes_j, A, m, _Z).value / pitch
-    row = angle_row(axes_i, axes_j, A, m, near)
+    if model.pitch[k] != 0.0:
+        near = TURN * basic_row(model, A, m, k, _Z).value / model.pitch[k]
+    row = angle_row(model, A, m, k, near)
     return CoordinateRow(row.value, dot(row.c_i, m.w_i) + dot(row.c_j, m.w_j), row, m.i, m.j)
-
-
-@fused
-def coordinate(model: Model, y: Array, A: Array, n: int, near: float) -> CoordinateRow:
-    """Return joint coordinate n of `Model.coordinate`; angles within half a turn of `near`, of a screw by its Z."""
-    k = model.coordinate[n, 0]
-    return _coordinate(
-        model.body_i,
-        model.body_j,
-        model.arm_i,
-        model.arm_j,
-        model.axes_i[k],
-        model.axes_j[k],
-        model.pitch[k],
-        y,
-        A,
-        k,
-        model.coordinate[n, 1],
-        near,
-    )
 
 
 @inner
 def place(Q: Array, index: int, A: Array, i: int, j: int, factor: float, row: Row) -> None:
-    """Add `factor` times the coefficients of a row to row `index` of Q, columns of bodies i and j."""
+    """Add `factor` times the coefficients of a row to row `index` of Q, columns of bodies i and j.
+
+    Parameters
+    ----------
+    Q : ndarray, shape (q, 6 n_b)
+    index : int
+    A : ndarray, shape (n_b, 3, 3)
+    i, j : int
+        Predecessor and successor.
+    factor : float
+    row : Row
+    """
     add_coefficients(Q, index, A, i, -factor, row.e, scale(-1.0, row.c_i))
     add_coefficients(Q, index, A, j, factor, row.e, row.c_j)

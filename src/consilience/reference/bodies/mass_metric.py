@@ -35,9 +35,8 @@ def solve_factor(model: Model, x: Array) -> None:
         s = 1.0 / np.sqrt(model.mass[b])
         F = model.inertia_factor[b]
         o = 6 * b
-        x[o] *= s
-        x[o + 1] *= s
-        x[o + 2] *= s
+        for k in range(3):
+            x[o + k] *= s
         x[o + 3] = x[o + 3] / F[0, 0]
         x[o + 4] = (x[o + 4] - F[1, 0] * x[o + 3]) / F[1, 1]
         x[o + 5] = (x[o + 5] - F[2, 0] * x[o + 3] - F[2, 1] * x[o + 4]) / F[2, 2]
@@ -50,9 +49,8 @@ def solve_factor_transposed(model: Model, x: Array) -> None:
         s = 1.0 / np.sqrt(model.mass[b])
         F = model.inertia_factor[b]
         o = 6 * b
-        x[o] *= s
-        x[o + 1] *= s
-        x[o + 2] *= s
+        for k in range(3):
+            x[o + k] *= s
         x[o + 5] = x[o + 5] / F[2, 2]
         x[o + 4] = (x[o + 4] - F[2, 1] * x[o + 5]) / F[1, 1]
         x[o + 3] = (x[o + 3] - F[1, 0] * x[o + 4] - F[2, 0] * x[o + 5]) / F[0, 0]

@@ -15,9 +15,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from consilience.mechanism import RANK_TOLERANCE, Array, Mechanism
+from consilience.engine import TrajectoryAnswer
+from consilience.mechanism import RANK_TOLERANCE, Array, Mechanism, State, continuous_in_time
 from consilience.reference.bodies import constraints, forces
-from consilience.reference.bodies.arrays import Model, Workspace, flatten, holonomic_rows, workspace
+from consilience.reference.bodies.arrays import Model, Workspace, flatten, holonomic_rows, pack, unpack, workspace
 from consilience.reference.bodies.joint_rows import coordinate
 from consilience.reference.bodies.mass_metric import factorise, mass_matrix
 from consilience.reference.bodies.motion import rotations
@@ -27,7 +28,17 @@ from consilience.reference.kernel.compiled import kernel
 
 @kernel
 def _evaluate(model: Model, t: float, y: Array, turns: Array, ws: Workspace, rates: Array, errors: Array) -> None:
-    """Evaluate all terms at the rotation matrices in ``ws.A``."""
+    """Evaluate all terms at the rotation matrices in ``ws.A``.
+
+    Parameters
+    ----------
+    model, t, y, turns, ws
+        As in `constraints.evaluate`.
+    rates : ndarray, shape (n_c,)
+        Overwritten by the rates of the joint coordinates that elements read.
+    errors : ndarray, shape (n_b + n_e, 13)
+        Its rows after those of the bodies are overwritten by the control errors.
+    """
     forces.evaluate(model, t, y, turns, ws)
     constraints.evaluate(model, t, y, turns, ws)
     forces.control_errors(model, t, y, turns, ws, errors)
@@ -56,6 +67,8 @@ class BodyTerms:
 
     Attributes
     ----------
+    inertia : ndarray, shape (n_b, 3, 3)
+        I' about the centres of mass, body axes.
     mass : ndarray, shape (6 n_b, 6 n_b)
         M.
     holonomic : int
@@ -67,7 +80,7 @@ class BodyTerms:
     def __init__(self, mechanism: Mechanism) -> None:
         self._model = flatten(mechanism)
         self._ws = workspace(self._model)
-        self.mass = mass_matrix(self._model)
+        self.inertia, self.mass = self._model.inertia, mass_matrix(self._model)
         self.holonomic = holonomic_rows(self._model)
         self.integrals = len(mechanism.controls)
         self.turns = len(self._model.coordinate)
@@ -132,6 +145,20 @@ class BodyTerms:
         lam[rows] = solution[n:]
         return solution[:n], lam
 
+    def read(self, y: Array, A: Array, near: Array) -> Array:
+        """Return the joint coordinates that elements read, angles within half a turn of `near`, shape (n_c,).
+
+        Parameters
+        ----------
+        y : ndarray, shape (n_b + n_e, 13)
+        A : ndarray, shape (n_b, 3, 3)
+            Rotation matrices in place of those of the Euler parameters in y.
+        near : ndarray, shape (n_c,), m or rad
+        """
+        value, rate = np.empty(self.turns), np.empty(self.turns)
+        forces.read(self._model, y, A, near, value, rate)
+        return value
+
     def count_turns(self, y: Array, turns: Array) -> Array:
         """Return the joint coordinates that elements read at y, angles within half a turn of `turns`, shape (n_c,)."""
         counted = turns.copy()
@@ -142,6 +169,42 @@ class BodyTerms:
         """Project y in place onto ``g = 0``, ``Q (v, w') = nu``; return the rank until the next projection [MASS]."""
         project(self._model, t, y, turns, self._ws)
         return int(self._ws.limit[0])
+
+
+class DaeMotion:
+    """State of an integration of the descriptor form with multipliers as unknowns, step by step.
+
+    Attributes
+    ----------
+    t : float, s
+    y : ndarray, shape (n_b + n_e, 13)
+        Packed state.
+    counters : dict
+    """
+
+    def __init__(self, mechanism: Mechanism, state: State, t: float, counters: tuple[str, ...]) -> None:
+        self.t, self.y = t, pack(mechanism, state)
+        self.counters: dict[str, int | float] = dict.fromkeys(counters, 0)
+        self._mechanism, self._terms, self._n_b = mechanism, BodyTerms(mechanism), len(mechanism.bodies)
+        self._inverse_mass = np.linalg.inv(self._terms.mass)
+        self._angles = self._terms.count_turns(self.y, np.zeros(self._terms.turns))
+
+    def _end_step(self, terms: Terms, rows: Array, lam: Array) -> None:
+        """Record the multipliers of independent rows at the end of a step, and count turns."""
+        self._lam = np.zeros(len(terms.Q))
+        self._lam[rows] = lam
+        self._force, self._Q = terms.Q.T @ self._lam, terms.Q.copy()
+        self._angles = self._terms.count_turns(self.y, self._angles)
+        self.counters["steps"] += 1
+
+    def multipliers(self) -> Array:
+        """Return the multipliers lam of all rows, of least norm for dependent rows, shape (q,)."""
+        return least_norm_multipliers(self._Q, self._force)
+
+    def answer(self, times: Array, samples: list[Array]) -> TrajectoryAnswer:
+        """Return the canonical motion of packed samples, with the counters."""
+        p, quat, v, w = unpack(self._mechanism, np.array(samples))
+        return TrajectoryAnswer(times, p, continuous_in_time(quat), v, w, self.counters)
 
 
 def least_norm_multipliers(Q: Array, constraint_force: Array) -> Array:

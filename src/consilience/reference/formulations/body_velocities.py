@@ -77,7 +77,19 @@ def unsupported(mechanism: Mechanism) -> tuple[Unsupported, ...]:
 
 @kernel
 def _rates(model: Model, t: float, y: Array, turns: Array, ws: Workspace, a: Array, dy: Array, rates: Array) -> None:
-    """Write the derivative dy of y with the accelerations a, and the rates of the turns; ``ws.A`` belongs to y."""
+    """Write the derivative dy of y with the accelerations a, and the rates of the turns; ``ws.A`` belongs to y.
+
+    Parameters
+    ----------
+    model, t, y, turns, ws
+        As in `constraints.evaluate`.
+    a : ndarray, shape (6 n_b,)
+        Accelerations (dv/dt, dw'/dt).
+    dy : ndarray, shape (n_b + n_e, 13)
+        Overwritten.
+    rates : ndarray, shape (n_c,)
+        Overwritten by the rates of the joint coordinates that elements read.
+    """
     control_errors(model, t, y, turns, ws, dy)
     state_rates(y, a, dy)
     for n in range(turns.shape[0]):

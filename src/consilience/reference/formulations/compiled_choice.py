@@ -18,22 +18,24 @@ FORMULATIONS = {"descriptor": 0, "null_space": 1}
 
 
 @inlined
-def accelerations(formulation: int, model: Model, t: float, y: Array, turns: Array, ws: Workspace, a: Array) -> int:
-    """Compute accelerations (dv/dt, dw'/dt) into a, shape (6 n_b,); return the rank of the constraints.
-
-    Parameters as in `descriptor.accelerations`, after the number of the formulation.
-    """
-    if formulation == 0:
-        return descriptor.accelerations(model, t, y, turns, ws, a)
-    return null_space.accelerations(model, t, y, turns, ws, a)
-
-
-@inlined
 def derivative(
     formulation: int, model: Model, t: float, y: Array, turns: Array, ws: Workspace, a: Array, dy: Array
 ) -> None:
-    """Compute the state derivative dy, shape of y, with the accelerations a on the way; parameters as above."""
-    accelerations(formulation, model, t, y, turns, ws, a)
+    """Compute the state derivative dy, shape of y, with the accelerations a on the way.
+
+    Parameters
+    ----------
+    formulation : int
+        Number in `FORMULATIONS`.
+    model, t, y, turns, ws, a
+        As in `descriptor.accelerations`.
+    dy : ndarray, shape (n_b + n_e, 13)
+        Overwritten.
+    """
+    if formulation == 0:
+        descriptor.accelerations(model, t, y, turns, ws, a)
+    else:
+        null_space.accelerations(model, t, y, turns, ws, a)
     if model.control.shape[0]:
         control_errors(model, t, y, turns, ws, dy)
     state_rates(y, a, dy)

@@ -45,8 +45,6 @@ from consilience.reference.formulations.body_terms import BodyTerms, Terms, leas
 from consilience.reference.formulations.orientations import NEAR_SINGULAR, ORIENTATIONS, switch_chart
 from consilience.reference.formulations.stabilisation import Stabilisation, right_hand_side
 
-MassMatrix = Literal["plain", "symmetrised"]
-
 Chart = tuple[int, tuple[tuple[float, ...], ...]]
 """Number of chart changes, and Euler parameters of the reference orientations of Rodrigues parameters."""
 
@@ -57,8 +55,8 @@ _CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])
 class Variant(NamedTuple):
     """Options of a descriptor form in orientation coordinates."""
 
-    orientation: str
-    mass: MassMatrix
+    orientation: str  # key of `orientations.ORIENTATIONS`
+    mass: Literal["plain", "symmetrised"]
     stabilisation: Stabilisation
 
 
@@ -93,12 +91,6 @@ class DescriptorForm:
     Parameters
     ----------
     mechanism : Mechanism
-    orientation : str
-        Key of `consilience.reference.formulations.orientations.ORIENTATIONS`.
-    mass : str
-        ``plain`` or ``symmetrised``.
-    stabilisation : str
-        See `consilience.reference.formulations.stabilisation`.
     name : str
         Key of `VARIANTS`.
 
@@ -108,22 +100,12 @@ class DescriptorForm:
         Chart of the orientation coordinates in u; only `settle` changes it.
     """
 
-    def __init__(
-        self,
-        mechanism: Mechanism,
-        orientation: str,
-        mass: MassMatrix,
-        stabilisation: Stabilisation,
-        name: str = "descriptor in coordinates",
-    ) -> None:
-        self.name = name
+    def __init__(self, mechanism: Mechanism, name: str) -> None:
+        self.name, self._variant = name, VARIANTS[name]
         self.chart: Chart = (0, ((1.0, 0.0, 0.0, 0.0),) * len(mechanism.bodies))
         self._mechanism = mechanism
-        self._kind = orientation
-        self._orientation = ORIENTATIONS[orientation]
+        self._orientation = ORIENTATIONS[self._variant.orientation]
         self._normed = self._orientation.size == 4
-        self._plain = mass == "plain"
-        self._stabilisation: Stabilisation = stabilisation
         self._terms = BodyTerms(mechanism)
         self._names = [b.name for b in mechanism.bodies]
         self._n_b, self._k = len(mechanism.bodies), 3 + self._orientation.size
@@ -233,18 +215,13 @@ class DescriptorForm:
         rows = self._terms.independent_rows(motion.limit)
         Q = terms.Q[rows]
         velocity = motion.y[:n_b, 7:].reshape(-1)
-        gamma = right_hand_side(
-            self._stabilisation, terms.gamma[rows] - Q @ h, Q @ velocity - terms.rate[rows], terms.value[rows]
-        )
+        drift, residual = Q @ velocity - terms.rate[rows], terms.value[rows]
+        gamma = right_hand_side(self._variant.stabilisation, terms.gamma[rows] - Q @ h, drift, residual)
         Q_x, MH, f = Q @ H, self._terms.mass @ H, terms.f - self._terms.mass @ h
         norm, norm_right = self._norm_rows(u)
-        if self._plain:
-            top, force, right = (
-                np.vstack([MH, norm]),
-                np.vstack([Q.T, np.zeros((len(norm), len(rows)))]),
-                [f, norm_right],
-            )
-            second = _saddle_point(top, force, np.concatenate(right), Q_x, gamma)
+        if self._variant.mass == "plain":
+            force = np.vstack([Q.T, np.zeros((len(norm), len(rows)))])
+            second = _saddle_point(np.vstack([MH, norm]), force, np.concatenate([f, norm_right]), Q_x, gamma)
         else:
             Q_x, gamma = np.vstack([Q_x, norm]), np.concatenate([gamma, norm_right])
             second = _saddle_point(H.T @ MH, Q_x.T, H.T @ f, Q_x, gamma)
@@ -259,7 +236,7 @@ class DescriptorForm:
         for b in range(self._n_b):
             rows[b, b, 3:] = p[b]
         rate, value = np.sum(p * p_dot, axis=1), 0.5 * (np.sum(p * p, axis=1) - 1.0)
-        right = right_hand_side(self._stabilisation, -np.sum(p_dot * p_dot, axis=1), rate, value)
+        right = right_hand_side(self._variant.stabilisation, -np.sum(p_dot * p_dot, axis=1), rate, value)
         return rows.reshape(self._n_b, self._n), right
 
     def accelerations(self, state: State, t: float = 0.0) -> tuple[Array, Array]:
@@ -295,7 +272,7 @@ class DescriptorForm:
         for b, name in enumerate(self._names):
             self._orientation.rates(self._positions(u)[b, 3:], np.zeros(3), name)
         y, turns = self._packed(u)
-        if self._stabilisation == "projection":
+        if self._variant.stabilisation == "projection":
             rank = self._terms.project(t, y, turns)
             u = self._from_packed(y, self._continued(u, y), turns, rank)
         else:
@@ -325,11 +302,11 @@ class DescriptorForm:
         x, x_dot = self._positions(u), self._speeds(u)
         references, count = list(self.chart[1]), 0
         for b in range(self._n_b):
-            if self._kind == "rotation_vector":
+            if self._variant.orientation == "rotation_vector":
                 new, x_dot[b, 3:] = switch_chart(x[b, 3:], x_dot[b, 3:])
                 count += int(not np.array_equal(new, x[b, 3:]))
                 x[b, 3:] = new
-            elif self._kind == "rodrigues_parameters" and x[b, 3:] @ x[b, 3:] > 1.0:
+            elif self._variant.orientation == "rodrigues_parameters" and x[b, 3:] @ x[b, 3:] > 1.0:
                 w = self._orientation.H(x[b, 3:]) @ x_dot[b, 3:]
                 references[b] = tuple(y[b, P].tolist())
                 x[b, 3:], x_dot[b, 3:] = 0.0, 0.5 * w
@@ -354,8 +331,3 @@ def _saddle_point(top: Array, force: Array, right: Array, rows: Array, gamma: Ar
     K = np.zeros((n + q, n + q))
     K[:n, :n], K[:n, n:], K[n:, :n] = top, -force, rows
     return np.linalg.solve(K, np.concatenate([right, gamma]))[:n]
-
-
-def form(mechanism: Mechanism, name: str) -> DescriptorForm:
-    """Return the form of `VARIANTS` with this name for a mechanism."""
-    return DescriptorForm(mechanism, **VARIANTS[name]._asdict(), name=name)

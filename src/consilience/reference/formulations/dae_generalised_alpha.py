@@ -37,11 +37,11 @@ from scipy.linalg import lu_factor, lu_solve
 
 from consilience.engine import TrajectoryAnswer
 from consilience.errors import InvalidInput, NumericalFailure
-from consilience.mechanism import RANK_TOLERANCE, Array, Mechanism, State, continuous_in_time, quaternion_product
-from consilience.reference.bodies.arrays import P, R, W, pack, unpack
+from consilience.mechanism import RANK_TOLERANCE, Array, Mechanism, State, quaternion_product
+from consilience.reference.bodies.arrays import P, R, W, pack
 from consilience.reference.bodies.canonical import sample_times
 from consilience.reference.bodies.lie_group import SPEEDS, displaced
-from consilience.reference.formulations.body_terms import BodyTerms, Terms, least_norm_multipliers
+from consilience.reference.formulations.body_terms import DaeMotion, Terms
 
 _ITERATIONS = 12
 _FAST = 5
@@ -83,10 +83,9 @@ class _StepEnd(NamedTuple):
     dv: Array
     terms: Terms
     residual: Array  # dynamic rows, then all constraint rows
-    angles: Array
 
 
-class GeneralisedAlpha:
+class GeneralisedAlpha(DaeMotion):
     """Integrator of one motion, step by step.
 
     Parameters
@@ -110,14 +109,8 @@ class GeneralisedAlpha:
     """
 
     def __init__(self, mechanism: Mechanism, state: State, t: float, step: float, rho_inf: float) -> None:
-        self.t, self._h = t, step
-        self._c = Coefficients.of(rho_inf)
-        self._terms = BodyTerms(mechanism)
-        self._n_b = len(mechanism.bodies)
-        self._inverse_mass = np.linalg.inv(self._terms.mass)
-        self.counters: dict[str, int | float] = dict.fromkeys(("steps", "evaluations", "iterations", "jacobians"), 0)
-        self.y = pack(mechanism, state)
-        self._angles = self._terms.count_turns(self.y, np.zeros(self._terms.turns))
+        self._h, self._c = step, Coefficients.of(rho_inf)
+        super().__init__(mechanism, state, t, ("steps", "evaluations", "iterations", "jacobians"))
         self._factors: tuple[Array, Array] | None = None
         self._rows = np.zeros(0, dtype=np.int64)
         self._start()
@@ -152,10 +145,9 @@ class GeneralisedAlpha:
         wanted = Q @ missed.reshape(-1)
         wanted[self._terms.holonomic :] = 0.0
         L = np.linalg.cholesky(self._terms.mass)
-        normal = (
-            np.linalg.lstsq(np.linalg.solve(L, Q.T).T, wanted, rcond=RANK_TOLERANCE)[0] if len(Q) else 0.0 * self.dv
-        )
-        self.y[: self._n_b, SPEEDS] += h**2 * np.linalg.solve(L.T, normal).reshape(-1, 6)
+        if len(Q):
+            normal = np.linalg.lstsq(np.linalg.solve(L, Q.T).T, wanted, rcond=RANK_TOLERANCE)[0]
+            self.y[: self._n_b, SPEEDS] += h**2 * np.linalg.solve(L.T, normal).reshape(-1, 6)
 
     # ------------------------------------------------------------ one step
 
@@ -177,7 +169,7 @@ class GeneralisedAlpha:
         slip = slice(self._terms.holonomic, None)
         rows[slip] = beta * h / gamma * (terms.Q[slip] @ y[: self._n_b, SPEEDS].reshape(-1) - terms.rate[slip])
         residual = np.concatenate([beta * h**2 * (dv - force), rows])
-        return _StepEnd(y, dv, terms, residual, self._angles)
+        return _StepEnd(y, dv, terms, residual)
 
     def _linearise(self, a: Array, lam: Array) -> None:
         """Compute and factorise the Jacobian in (beta h^2 a, beta h^2 lam)."""
@@ -239,17 +231,8 @@ class GeneralisedAlpha:
         if count > _FAST:
             self._factors = None
         self.t, self.y, self.dv = self.t + self._h, trial.y, trial.dv
-        self._lam = np.zeros(len(trial.terms.Q))
-        self._lam[self._rows] = lam
-        self._force = trial.terms.Q.T @ self._lam
-        self._Q = trial.terms.Q.copy()
+        self._end_step(trial.terms, self._rows, lam)
         self._integral_rates = trial.terms.integral_rates
-        self._angles = self._terms.count_turns(self.y, self._angles)
-        self.counters["steps"] += 1
-
-    def multipliers(self) -> Array:
-        """Return the multipliers of all rows, of least norm for dependent rows, shape (q,)."""
-        return least_norm_multipliers(self._Q, self._force)
 
 
 def _rates(y: Array, dv: Array, n_b: int) -> Array:
@@ -303,5 +286,4 @@ def generalised_alpha(
             blend = blend + step * x * (1.0 - x) * ((1.0 - x) * rates - x * rates_after)
             blend[:, P] /= np.linalg.norm(blend[:, P], axis=1)[:, None]
             samples.append(blend)
-    p, quat, v, w = unpack(mechanism, np.array(samples))
-    return TrajectoryAnswer(times, p, continuous_in_time(quat), v, w, motion.counters)
+    return motion.answer(times, samples)

@@ -38,12 +38,11 @@ from scipy.linalg import lu_factor, lu_solve
 
 from consilience.engine import TrajectoryAnswer
 from consilience.errors import InvalidInput, NumericalFailure
-from consilience.mechanism import Array, Mechanism, State, continuous_in_time
-from consilience.reference.bodies.arrays import pack, unpack
+from consilience.mechanism import Array, Mechanism, State
 from consilience.reference.bodies.canonical import sample_times
 from consilience.reference.bodies.lie_group import SPEEDS, displaced, increment_rates
-from consilience.reference.formulations.body_terms import BodyTerms, least_norm_multipliers
-from consilience.reference.integrators.tableaus import RADAU, root_mean_square
+from consilience.reference.formulations.body_terms import DaeMotion
+from consilience.reference.integrators.tableaus import RADAU, Splitting, root_mean_square
 
 Index = Literal[2, 3]
 
@@ -58,18 +57,7 @@ _SAFETY, _SMALLEST, _LARGEST, _KEEP = 0.9, 0.2, 5.0, 1.2
 _RESOLVED = 1e-12
 _DIFFERENCE = 1e-7
 
-
-def _transformation() -> tuple[float, complex, Array, Array, Array, Array]:
-    """Return the real and one complex eigenvalue of A^-1, their eigenvectors and the rows of the inverse."""
-    values, vectors = np.linalg.eig(np.linalg.inv(RADAU.A))
-    real, pair = int(np.argmin(np.abs(values.imag))), int(np.argmax(values.imag))
-    T = vectors[:, real].real, vectors[:, pair]
-    rows = np.linalg.inv(np.column_stack([T[0], T[1], T[1].conj()]))
-    return float(values[real].real), complex(values[pair]), T[0], T[1], rows[0].real, rows[1]
-
-
-_GAMMA, _PAIR, _T_REAL, _T_PAIR, _ROW_REAL, _ROW_PAIR = _transformation()
-_A_INVERSE = np.linalg.inv(RADAU.A)
+_SPLIT = Splitting.of(RADAU)
 
 
 class _Matrix(NamedTuple):
@@ -81,7 +69,7 @@ class _Matrix(NamedTuple):
     pair: Any
 
 
-class DescriptorDae:
+class DescriptorDae(DaeMotion):
     """Integrator of one motion, step by step.
 
     Parameters
@@ -105,14 +93,9 @@ class DescriptorDae:
     """
 
     def __init__(self, mechanism: Mechanism, state: State, t: float, index: Index, tolerance: float) -> None:
-        self.t, self._index, self._tolerance = t, index, tolerance
-        self._terms = BodyTerms(mechanism)
-        self._n_b, self._n = len(mechanism.bodies), 6 * len(mechanism.bodies)
-        self._inverse_mass = np.linalg.inv(self._terms.mass)
-        names = ("steps", "rejected", "evaluations", "jacobians", "factorisations")
-        self.counters: dict[str, int | float] = dict.fromkeys(names, 0)
-        self.y = pack(mechanism, state)
-        self._angles = self._terms.count_turns(self.y, np.zeros(self._terms.turns))
+        counters = ("steps", "rejected", "evaluations", "jacobians", "factorisations")
+        super().__init__(mechanism, state, t, counters)
+        self._index, self._tolerance, self._n = index, tolerance, 6 * self._n_b
         terms = self._terms.evaluate(t, self.y, self._angles)
         self._acceleration, self._lam = self._terms.accelerations(terms)
         self._rows = self._terms.independent_rows()
@@ -189,7 +172,7 @@ class DescriptorDae:
                 scale[c:] = 1.0 / h
             E = np.diag(self._differential.astype(float))
             # columns scale the unknowns; rows are scaled by their largest entry for partial pivoting
-            matrices = [(eigenvalue / h * E - self._J) * scale for eigenvalue in (_GAMMA, _PAIR)]
+            matrices = [(eigenvalue / h * E - self._J) * scale for eigenvalue in (_SPLIT.gamma, _SPLIT.pair)]
             rows = 1.0 / np.max(np.abs(matrices[0]), axis=1)
             factors = [lu_factor(rows[:, None] * matrix) for matrix in matrices]
             self._matrix = _Matrix(h, np.vstack([scale, rows]), *factors)
@@ -212,12 +195,12 @@ class DescriptorDae:
         floor = _ROUNDING if self._index == 2 else max(_ROUNDING, 0.1 * _ROUNDING / h)
         for n in range(_ITERATIONS):
             F = np.array([self._right(self.t + x * h, z + part) for x, part in zip(RADAU.c, Z, strict=True)])
-            residual = F - _A_INVERSE @ (Z * self._differential) / h
+            residual = F - _SPLIT.A_inverse @ (Z * self._differential) / h
             if not np.all(np.isfinite(residual)):
                 return None
-            real = scale * lu_solve(matrix.real, rows * (_ROW_REAL @ residual))
-            pair = scale * lu_solve(matrix.pair, rows * (_ROW_PAIR @ residual))
-            change = np.outer(_T_REAL, real) + 2.0 * np.outer(_T_PAIR, pair).real
+            real = scale * lu_solve(matrix.real, rows * (_SPLIT.row_real @ residual))
+            pair = scale * lu_solve(matrix.pair, rows * (_SPLIT.row_pair @ residual))
+            change = _SPLIT.back(real, pair)
             Z = Z + change
             size = root_mean_square(change[:, :c] / weights)
             rounding = n > 0 and size > 0.3 * before and size * self._tolerance < floor
@@ -268,18 +251,10 @@ class DescriptorDae:
         self._terms.integrals_of(self.y)[:] = z[b:c]
         self.t += h
         terms = self._terms.evaluate(self.t, self.y, self._angles)
-        self._lam = np.zeros(len(terms.Q))
-        self._lam[self._rows] = z[c:d]
-        self._force, self._Q = terms.Q.T @ self._lam, terms.Q.copy()
-        self._angles = self._terms.count_turns(self.y, self._angles)
+        self._end_step(terms, self._rows, z[c:d])
         self._fresh = False
         if self._slow:
             self._J = np.empty((0, 0))
-        self.counters["steps"] += 1
-
-    def multipliers(self) -> Array:
-        """Return the multipliers lam of all rows, of least norm for dependent rows, shape (q,)."""
-        return least_norm_multipliers(self._Q, self._force)
 
     def advance(self, target: float, h: float) -> float:
         """Integrate to the time `target` with step size control, from the step size h; return the next step size.
@@ -350,5 +325,4 @@ def integrate_dae(
     for target in times[1:]:
         h = motion.advance(float(target), h)
         samples.append(motion.y)
-    p, quat, v, w = unpack(mechanism, np.array(samples))
-    return TrajectoryAnswer(times, p, continuous_in_time(quat), v, w, motion.counters)
+    return motion.answer(times, samples)

@@ -47,7 +47,7 @@ from consilience.reference.formulations.lagrange_kinematics import (
     Expression,
     Layout,
     Poses,
-    casadi,
+    ca,
     layout,
     unsupported_joints,
 )
@@ -71,14 +71,13 @@ def unsupported(mechanism: Mechanism) -> tuple[Unsupported, ...]:
 
 def _axial(S: Expression) -> Expression:
     """Return the vector a of a skew matrix ~a."""
-    return casadi().vertcat(S[2, 1], S[0, 2], S[1, 0])
+    return ca.vertcat(S[2, 1], S[0, 2], S[1, 0])
 
 
 class _LagrangianSystem:
     """Energies, generalised forces and motion of a mechanism, as expressions of time and coordinates."""
 
     def __init__(self, mechanism: Mechanism, arrangement: Layout, released: bool = False) -> None:
-        ca = casadi()
         self.mechanism, self.layout, self.released = mechanism, arrangement, released
         self.poses = Poses(mechanism, arrangement, released)
         self.p = ca.horzcat(*(pose.p for pose in self.poses.bodies))
@@ -96,7 +95,7 @@ class _LagrangianSystem:
     @cached_property
     def kinetic(self) -> Expression:
         """Kinetic energy T of all bodies (4.111)."""
-        ca, T = casadi(), casadi().SX(0)
+        T = ca.SX(0)
         for b, body in enumerate(self.mechanism.bodies):
             v = self.poses.rate(self._point(body.name, body.com))
             w = self.w_body[:, b]
@@ -104,13 +103,13 @@ class _LagrangianSystem:
         return T
 
     def _point(self, body: str, point: Array) -> Expression:
-        """World position of a point given in body axes."""
-        ca, pose = casadi(), self.poses.body(body)
+        """Return the world position of a point given in body axes."""
+        pose = self.poses.body(body)
         return pose.p + pose.R @ ca.DM(point)
 
     def _extension(self, spring: JointSpring) -> Expression:
         """Return the coordinate of a joint spring: from y for a tree joint, from the pose of M in F for a cut joint."""
-        ca, joint = casadi(), self.mechanism.joint_index[spring.joint]
+        joint = self.mechanism.joint_index[spring.joint]
         if joint not in self.layout.cut:
             q = self.poses.x[self.layout.column(joint, spring.coordinate)]
             axis = self.layout.size + 6 * joint + (5 if spring.coordinate == "angle" else 2)
@@ -125,7 +124,7 @@ class _LagrangianSystem:
     @cached_property
     def generalised_force(self) -> Expression:
         """Generalised forces q_gen of gravity, springs, dampers and loads, (4.115) and (4.116)."""
-        ca, x, x_dot = casadi(), self.poses.x, self.poses.x_dot
+        x, x_dot = self.poses.x, self.poses.x_dot
         V, D = ca.SX(0), ca.SX(0)
         for body in self.mechanism.bodies:
             V -= body.mass * ca.dot(ca.DM(self.mechanism.gravity), self._point(body.name, body.com))
@@ -142,7 +141,7 @@ class _LagrangianSystem:
 
     def _work_of_loads(self) -> Expression:
         """Return ``sum_k f.dx/dy + l.dw/dy'`` with constant vectors f, l (4.116)."""
-        ca, q = casadi(), casadi().SX.zeros(self.poses.x.shape[0])
+        q = ca.SX.zeros(self.poses.x.shape[0])
         for load in self.mechanism.loads:
             if load.body == GROUND:
                 continue
@@ -159,7 +158,7 @@ class _LagrangianSystem:
     @cached_property
     def frame_motion(self) -> Expression:
         """Norms of the motion of all frames of cut joints per unit of each coordinate, shape (n,)."""
-        ca, frames = casadi(), [casadi().SX.zeros(0, 1)]
+        frames = [ca.SX.zeros(0, 1)]
         for k in self.layout.cut:
             joint = self.mechanism.joints[k]
             for name, frame in ((joint.predecessor, joint.F), (joint.successor, joint.M)):
@@ -168,7 +167,7 @@ class _LagrangianSystem:
 
     def equations(self) -> Compiled:
         """Compile the function of (t, y, y', charts, turns) to the fields of `_LagrangianTerms`."""
-        ca, poses = casadi(), self.poses
+        poses = self.poses
         h = poses.rate(self.momentum) - ca.gradient(self.kinetic, poses.x)
         g, g_dot = poses.closure, poses.rate(poses.closure)
         values = [
@@ -190,13 +189,13 @@ class _LagrangianSystem:
 
     def acceleration(self) -> Compiled:
         """Compile the function of (t, y, y', charts, turns, y'') to a_WB_W and alpha_WB_W, side by side."""
-        x_ddot = casadi().SX.sym("x_ddot", self.poses.x.shape[0])
+        x_ddot = ca.SX.sym("x_ddot", self.poses.x.shape[0])
         values = [self._second_rate(velocity, x_ddot) for velocity in (self.v, self.w)]
         return Compiled("acceleration", [*self.arguments, x_ddot], values)
 
     def reaction(self) -> Compiled:
         """Compile the function of (t, x, x', charts, turns, x'', lam) to the joint wrenches, shape (6, n_j)."""
-        ca, x, g = casadi(), self.poses.x, self.poses.closure
+        x, g = self.poses.x, self.poses.closure
         x_ddot, lam = ca.SX.sym("x_ddot", x.shape[0]), ca.SX.sym("lam", g.shape[0])
         inertial = self._second_rate(self.momentum, x_ddot) - ca.gradient(self.kinetic, x)
         residual = inertial - self.generalised_force - ca.jtimes(g, x, lam, True)
@@ -207,7 +206,7 @@ class _LagrangianSystem:
 
     def _second_rate(self, expression: Expression, x_ddot: Expression) -> Expression:
         """Return the total time derivative of a function of t, x and x'."""
-        ca, poses = casadi(), self.poses
+        poses = self.poses
         along = ca.vertcat(1, poses.x_dot, x_ddot)
         return ca.jtimes(expression, ca.vertcat(poses.t, poses.x, poses.x_dot), along)
 
@@ -240,11 +239,8 @@ class _Factors:
         self._L = np.linalg.cholesky(values.M)
         B = self.forward(Q.T) if len(Q) else Q.T
         U, s, Vt = np.linalg.svd(B, full_matrices=False)
-        rank = (
-            int(np.sum(s > RANK_TOLERANCE * np.linalg.norm(self.forward(np.diag(values.frame_motion)))))
-            if len(s)
-            else 0
-        )
+        size = np.linalg.norm(self.forward(np.diag(values.frame_motion))) if len(s) else 0.0
+        rank = int(np.sum(s > RANK_TOLERANCE * size))
         self._B, self._U, self._s, self._Vt = B, U[:, :rank], s[:rank], Vt[:rank]
 
     def forward(self, x: Array) -> Array:
@@ -363,8 +359,9 @@ class Lagrange:
         n, c = self._layout.size, 4 * len(self._layout.charted)
         return u[:n], u[n : 2 * n], u[2 * n : 2 * n + c].reshape(-1, 4).T, u[2 * n + c :]
 
-    def _evaluate(self, t: float, y: Array, y_dot: Array, charts: Array, turns: Array) -> _LagrangianTerms:
-        M, f, g, Q, *rest = self._equations(t, y, y_dot, charts, turns)
+    def _evaluate(self, t: float, *coordinates: Array) -> _LagrangianTerms:
+        """Evaluate the terms at the time t and the parts of u (see `_split`)."""
+        M, f, g, Q, *rest = self._equations(t, *coordinates)
         return _LagrangianTerms(M, f[:, 0], g[:, 0], Q, *(value[:, 0] for value in rest))
 
     def _solve(self, y: Array, values: _LagrangianTerms) -> tuple[Array, Array]:

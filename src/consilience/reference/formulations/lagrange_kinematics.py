@@ -61,23 +61,27 @@ Expression = Any
 """SX expression of CasADi, which has no type information."""
 
 
-def casadi() -> Any:
-    """Import CasADi, an optional dependency; raise `InvalidInput` if it is missing."""
-    try:
-        return import_module("casadi")
-    except ImportError as error:
-        raise InvalidInput(
-            "formulation 'lagrange'",
-            "it differentiates with CasADi, which is not installed",
-            "Install the extra: pip install 'consilience[lagrange]'.",
-        ) from error
+class _CasADi:
+    """CasADi, an optional dependency, imported at its first use; raises `InvalidInput` if it is missing."""
+
+    def __getattr__(self, name: str) -> Any:
+        try:
+            return getattr(import_module("casadi"), name)
+        except ImportError as error:
+            raise InvalidInput(
+                "formulation 'lagrange'",
+                "it differentiates with CasADi, which is not installed",
+                "Install the extra: pip install 'consilience[lagrange]'.",
+            ) from error
+
+
+ca = _CasADi()
 
 
 class Compiled:
     """Function of symbols to expressions, evaluated by CasADi's virtual machine in buffers shared with NumPy."""
 
     def __init__(self, name: str, arguments: list[Expression], values: list[Expression]) -> None:
-        ca = casadi()
         dense = [ca.densify(value) for value in values]
         function = ca.Function(name, [ca.veccat(*arguments)], [ca.veccat(*dense)])
         self._shapes = [value.shape for value in dense]
@@ -115,7 +119,6 @@ class PoseExpression(NamedTuple):
 
 def turn(axis: int, angle: Expression) -> Expression:
     """Return the rotation matrix about coordinate axis 0, 1 or 2."""
-    ca = casadi()
     b, d = (axis + 1) % 3, (axis + 2) % 3
     R = ca.SX.eye(3)
     R[b, b] = R[d, d] = ca.cos(angle)
@@ -124,28 +127,27 @@ def turn(axis: int, angle: Expression) -> Expression:
 
 
 def _along(axis: int, distance: Expression) -> PoseExpression:
-    p = casadi().SX.zeros(3)
+    p = ca.SX.zeros(3)
     p[axis] = distance
-    return PoseExpression(p, casadi().SX.eye(3))
+    return PoseExpression(p, ca.SX.eye(3))
 
 
 def _about(axis: int, angle: Expression) -> PoseExpression:
-    return PoseExpression(casadi().SX.zeros(3), turn(axis, angle))
+    return PoseExpression(ca.SX.zeros(3), turn(axis, angle))
 
 
 def _reference(chart: Expression) -> Expression:
     """Return C from its Euler parameters [MASS (2)]."""
-    e0, e, ca = chart[0], chart[1:], casadi()
+    e0, e = chart[0], chart[1:]
     return (e0 * e0 - ca.dot(e, e)) * ca.SX.eye(3) + 2 * e @ e.T + 2 * e0 * ca.skew(e)
 
 
 def _direction(x: Expression, chart: Expression, length: float) -> PoseExpression:
-    ca = casadi()
     return PoseExpression(length * _reference(chart) @ turn(0, x[0]) @ turn(1, x[1])[:, 2], ca.SX.eye(3))
 
 
 def _orientation(x: Expression, chart: Expression, _length: float) -> PoseExpression:
-    return PoseExpression(casadi().SX.zeros(3), _reference(chart) @ turn(0, x[0]) @ turn(1, x[1]) @ turn(2, x[2]))
+    return PoseExpression(ca.SX.zeros(3), _reference(chart) @ turn(0, x[0]) @ turn(1, x[1]) @ turn(2, x[2]))
 
 
 def _read_direction(motion: RelativeMotion) -> tuple[Array, Array, Array]:
@@ -186,7 +188,7 @@ STEPS: dict[str, JointStep] = {
     "distance": JointStep(1, lambda x, _c, _l: _along(2, x)),
     "x": JointStep(1, lambda x, _c, _l: _along(0, x)),
     "y": JointStep(1, lambda x, _c, _l: _along(1, x)),
-    "position": JointStep(3, lambda x, _c, _l: PoseExpression(x, casadi().SX.eye(3))),
+    "position": JointStep(3, lambda x, _c, _l: PoseExpression(x, ca.SX.eye(3))),
     "orientation": JointStep(3, _orientation, _read_orientation),
     "direction": JointStep(2, _direction, _read_direction),
 }
@@ -292,7 +294,6 @@ def unsupported_joints(mechanism: Mechanism) -> tuple[Unsupported, ...]:
 
 
 def _frame(frame: Frame) -> PoseExpression:
-    ca = casadi()
     return PoseExpression(ca.SX(ca.DM(frame.p)), ca.SX(ca.DM(frame.R)))
 
 
@@ -319,7 +320,7 @@ class Poses:
     """
 
     def __init__(self, mechanism: Mechanism, layout: Layout, released: bool = False) -> None:
-        SX = casadi().SX
+        SX = ca.SX
         self._mechanism, self._layout, self._released = mechanism, layout, released
         size = layout.size + (6 * len(mechanism.joints) if released else 0)
         self.t, self.x, self.x_dot = SX.sym("t"), SX.sym("x", size), SX.sym("x_dot", size)
@@ -353,7 +354,7 @@ class Poses:
         """Displace M by the z of the joint."""
         if not self._released:
             return pose
-        ca, first = casadi(), self._layout.size + 6 * joint
+        first = self._layout.size + 6 * joint
         shift, tilt = self.x[first : first + 3], self.x[first + 3 : first + 6]
         return PoseExpression(pose.p + shift, (ca.SX.eye(3) + ca.skew(tilt)) @ pose.R)
 
@@ -366,7 +367,7 @@ class Poses:
     @cached_property
     def closure(self) -> Expression:
         """Residual ``g(y)`` of all rows of cut joints, shape (q,)."""
-        ca, rows = casadi(), []
+        rows = []
         for k in self._layout.cut:
             joint = self._mechanism.joints[k]
             p, R = self._release(k, self.relative(k))
@@ -381,5 +382,4 @@ class Poses:
 
     def rate(self, expression: Expression) -> Expression:
         """Return the total time derivative of a function of t and x."""
-        ca = casadi()
         return ca.jtimes(expression, ca.vertcat(self.t, self.x), ca.vertcat(1, self.x_dot))

@@ -62,7 +62,13 @@ def solve_reduced(model: Model, f: Array, J: Array, abar: Array, a: Array) -> in
 
 @allocating
 def accelerations(model: Model, t: float, y: Array, turns: Array, ws: Workspace, a: Array) -> int:
-    """Compute accelerations (dv/dt, dw'/dt); parameters and return value as in `descriptor.accelerations`."""
+    """Compute accelerations (dv/dt, dw'/dt) with a null space by singular values; return the rank of the constraints.
+
+    Parameters
+    ----------
+    model, t, y, turns, ws, a
+        As in `descriptor.accelerations`.
+    """
     rotations(y, ws.A)
     forces.evaluate(model, t, y, turns, ws)
     constraints.evaluate(model, t, y, turns, ws)

@@ -58,7 +58,13 @@ def basis(ws: Workspace) -> tuple[Array, Array]:
 
 @allocating
 def accelerations(model: Model, t: float, y: Array, turns: Array, ws: Workspace, a: Array) -> int:
-    """Compute accelerations (dv/dt, dw'/dt); parameters and return value as in `descriptor.accelerations`."""
+    """Compute accelerations (dv/dt, dw'/dt) with a null space by pivoted QR; return the rank of the constraints.
+
+    Parameters
+    ----------
+    model, t, y, turns, ws, a
+        As in `descriptor.accelerations`.
+    """
     rotations(y, ws.A)
     forces.evaluate(model, t, y, turns, ws)
     constraints.evaluate(model, t, y, turns, ws)

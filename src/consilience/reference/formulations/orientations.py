@@ -1,4 +1,4 @@
-"""Orientation coordinates: what stands for the rotation of a body in the state, each kind one row of `ORIENTATIONS`.
+"""Orientation coordinates of a body, each kind one row of `ORIENTATIONS`.
 
 Every row gives the rotation matrix ``R_WB(x)`` and the matrix H of ``w = H x'``, ``dw/dt = H x'' + h(x, x')``
 [C4 (4.55)-(4.56)], with w = w_WB_W: the angular velocity of the body in the world, in world components, rad/s. Arrays
@@ -37,6 +37,10 @@ NEAR_SINGULAR = 1e-6
 As an angle: 1e-6 rad for theta and beta, 2e-6 rad from a half turn for Rodrigues parameters, 6.3e-6 rad from a full
 turn for the rotation vector.
 """
+
+
+_OfRates = Callable[[Array, Array], Array]
+"""Function of the coordinates and their rates, or of the coordinates and the angular velocity."""
 
 
 class SingularOrientation(ConsilienceError):
@@ -122,8 +126,8 @@ class OrientationCoordinates:
     rotation: Callable[[Array], Array]
     coordinates: Callable[[Array], Array]
     H: Callable[[Array], Array]
-    h: Callable[[Array, Array], Array]
-    solve: Callable[[Array, Array], Array]
+    h: _OfRates
+    solve: _OfRates
     singularity: Singularity | None = None
 
     def from_rotation(self, R_WB: ArrayLike, body: str = "a body") -> Array:
@@ -342,7 +346,10 @@ def switch_chart(phi: Array, phi_dot: Array) -> tuple[Array, Array]:
     return axis * (f - turns), phi_dot - turns / f * (phi_dot - axis * (axis @ phi_dot))
 
 
-_ZXZ, _XYZ = (2, 0, 2), (0, 1, 2)
+def _three_turns(sequence: tuple[int, int, int]) -> tuple[Callable[[Array], Array], _OfRates, _OfRates]:
+    """Return H, h and rates of three successive rotations."""
+    return partial(_turn_axes, sequence), partial(_turn_h, sequence), partial(_turn_rates, sequence)
+
 
 ORIENTATIONS = {
     "euler_parameters": OrientationCoordinates(
@@ -353,9 +360,7 @@ ORIENTATIONS = {
         3,
         rotation_from_euler_zxz,
         _euler_angles,
-        partial(_turn_axes, _ZXZ),
-        partial(_turn_h, _ZXZ),
-        partial(_turn_rates, _ZXZ),
+        *_three_turns((2, 0, 2)),
         Singularity("theta", lambda x: float(x[1]), 0.0, pi, lambda x: abs(sin(x[1]))),
     ),
     "bryant_angles": OrientationCoordinates(
@@ -363,9 +368,7 @@ ORIENTATIONS = {
         3,
         rotation_from_bryant_xyz,
         _bryant_angles,
-        partial(_turn_axes, _XYZ),
-        partial(_turn_h, _XYZ),
-        partial(_turn_rates, _XYZ),
+        *_three_turns((0, 1, 2)),
         Singularity("beta", lambda x: float(x[1]), pi / 2.0, pi, lambda x: abs(cos(x[1]))),
     ),
     "rodrigues_parameters": OrientationCoordinates(

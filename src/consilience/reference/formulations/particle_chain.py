@@ -82,10 +82,9 @@ class ChainModel(NamedTuple):
     frame_body: Array  # (n_j + 1, 2)
     reversed: Array  # (n_j,) tree joints passed from successor to predecessor
     outer: Array  # (n_j,) body that a tree joint carries, -1 for a joint with multipliers
-    equation_body: Array  # (d,) momentum equation of this body and all bodies outboard of it,
-    equation_joint: Array  # (d,) projected on a vector of this joint (n_j: world axes, floating body),
-    equation_vector: Array  # (d,) index of the vector,
-    equation_moment: Array  # (d,) true for angular momentum
+    # momentum equations of a body and all bodies outboard of it: body; joint (n_j: world axes of a floating body);
+    # vector of the joint on which the equation is projected; 1 for angular momentum
+    equation: Array  # (d, 4)
     distance: Array  # (n_distances, 2) body, index into the distances of particles 1, 2, 4
     distance_target: Array  # (n_distances,)
     rows: Array  # (n_rows, 3) joint and its two vectors
@@ -220,22 +219,18 @@ def chain_model(mechanism: Mechanism) -> ChainModel:
         frame_body=np.array([*([index[j.predecessor], index[j.successor]] for j in mechanism.joints), [-1, -1]]),
         reversed=backwards,
         outer=outer,
-        equation_body=equation[:, 0],
-        equation_joint=equation[:, 1],
-        equation_vector=equation[:, 2],
-        equation_moment=equation[:, 3].astype(bool),
+        equation=equation,
         distance=np.array(distances, dtype=np.int64).reshape(-1, 2),
-        distance_target=np.array([_square_distances(drawn[b])[n] for b, n in distances]),
+        distance_target=np.array([np.sum(_edges(drawn)[b, n] ** 2) for b, n in distances]),
         rows=rows,
         target=target,
         multiplied=np.flatnonzero(outer[rows[:, 0]] < 0),
     )
 
 
-def _square_distances(basis: Array) -> Array:
-    """Return the squared distances of particles 1, 2, 4."""
-    edges = np.array([basis[1], basis[2], basis[2] - basis[1]])
-    return np.sum(edges * edges, axis=1)
+def _edges(basis: Array) -> Array:
+    """Return the vectors between particles 1, 2, 4 of generators, or their D arrays, shape (n, 3, 3, ...)."""
+    return np.stack([basis[:, 1], basis[:, 2], basis[:, 2] - basis[:, 1]], axis=1)
 
 
 def _frames(mechanism: Mechanism, drawn: Array) -> Array:
@@ -323,8 +318,7 @@ def constraint_rows(model: ChainModel, m: ChainMotion) -> ChainConstraints:
     The norm of the row itself does not scale it: a row that no motion can violate consists of rounding errors.
     """
     b, n = model.distance.T
-    edges = np.stack([m.G[:, 1], m.G[:, 2], m.G[:, 2] - m.G[:, 1]], axis=1)[b, n]
-    D_edges = np.stack([m.DG[:, 1], m.DG[:, 2], m.DG[:, 2] - m.DG[:, 1]], axis=1)[b, n]
+    edges, D_edges = _edges(m.G)[b, n], _edges(m.DG)[b, n]
     k, left, right = model.rows.T
     s, Ds = np.concatenate([edges, m.S[k, left]]), np.concatenate([D_edges, m.DS[k, left]])
     t, Dt = np.concatenate([edges, m.S[k, right]]), np.concatenate([D_edges, m.DS[k, right]])

@@ -38,23 +38,6 @@ _FLAT = 1e-9
 """Relative volume of the tetrahedron of primary particles below which they count as coplanar."""
 
 
-def check_primary(primary: Array, where: str) -> None:
-    """Refuse four particles in one plane.
-
-    Parameters
-    ----------
-    primary : ndarray, shape (4, 3), m
-
-    Raises
-    ------
-    InvalidInput
-        If the particles are coplanar.
-    """
-    edges = primary[1:] - primary[0]
-    if abs(np.linalg.det(edges)) <= _FLAT * np.prod(np.linalg.norm(edges, axis=1)):
-        raise InvalidInput(f"{where}: primary particles", "they lie in one plane", "Place one of them off it.")
-
-
 def ten_particles(primary: Array) -> Array:
     """Return the positions of the primary particles and of the midpoints of `PAIRS`, shape (10, 3)."""
     return np.vstack([primary, [(primary[i] + primary[j]) / 2 for i, j in PAIRS]])
@@ -78,9 +61,12 @@ def particle_masses(body: Body, primary: Array) -> Array:
     InvalidInput
         If the four lie in one plane.
     """
-    check_primary(primary, f"body '{body.name}'")
+    edges = primary[1:] - primary[0]
+    if abs(np.linalg.det(edges)) <= _FLAT * np.prod(np.linalg.norm(edges, axis=1)):
+        where = f"body '{body.name}': primary particles"
+        raise InvalidInput(where, "they lie in one plane", "Place one of them off it.")
     # about particle 1, in units of the distances, so that the ten equations have similar size
-    length = float(np.max(np.linalg.norm(primary[1:] - primary[0], axis=1)))
+    length = float(np.max(np.linalg.norm(edges, axis=1)))
     xi = (ten_particles(primary) - primary[0]) / length
     c = (body.com - primary[0]) / length
     I_O = body.inertia / length**2 + body.mass * ((c @ c) * np.eye(3) - np.outer(c, c))

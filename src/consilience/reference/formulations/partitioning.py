@@ -41,7 +41,16 @@ def _largest(C: Array, first: int, columns: int) -> tuple[int, int]:
 
 @inner
 def _exchange(C: Array, k: int, row: int, column: int, order: Array) -> None:
-    """Move a pivot to (k, k) by exchanging rows and columns."""
+    """Move a pivot to (k, k) by exchanging rows and columns.
+
+    Parameters
+    ----------
+    C : ndarray, shape (q, n + 1)
+    k, row, column : int
+        Pivots found so far, row and column of the next one.
+    order : ndarray of int, shape (n,)
+        Order of the columns, updated.
+    """
     for c in range(C.shape[1]):
         C[k, c], C[row, c] = C[row, c], C[k, c]
     for r in range(C.shape[0]):
@@ -114,7 +123,13 @@ def basis(Q: Array, gamma: Array, limit: int) -> tuple[Array, Array]:
 
 @allocating
 def accelerations(model: Model, t: float, y: Array, turns: Array, ws: Workspace, a: Array) -> int:
-    """Compute accelerations (dv/dt, dw'/dt); parameters and return value as in `descriptor.accelerations`."""
+    """Compute accelerations (dv/dt, dw'/dt) in independent velocities; return the rank of the constraints.
+
+    Parameters
+    ----------
+    model, t, y, turns, ws, a
+        As in `descriptor.accelerations`.
+    """
     rotations(y, ws.A)
     forces.evaluate(model, t, y, turns, ws)
     constraints.evaluate(model, t, y, turns, ws)

@@ -49,8 +49,8 @@ from consilience.mechanism import (
     quaternion_from_rotation,
     rotation_from_quaternion,
 )
-from consilience.reference.bodies import forces
-from consilience.reference.bodies.arrays import flatten, pack, workspace
+from consilience.reference.bodies.arrays import P, R, W, pack
+from consilience.reference.formulations.body_terms import BodyTerms, Terms
 from consilience.reference.formulations.particle_chain import (
     VECTORS,
     ChainMotion,
@@ -112,8 +112,7 @@ class PointCoordinates:
             raise InvalidInput(refusal.feature, refusal.reason, "Choose another formulation.")
         self.mechanism = mechanism
         self.model = chain_model(mechanism)
-        self._flat = flatten(mechanism)
-        self._ws = workspace(self._flat)
+        self._terms = BodyTerms(mechanism)
 
     # ---------------------------------------------------------------- coordinates
 
@@ -127,8 +126,8 @@ class PointCoordinates:
         v = state.v_WB_W[:, None] + np.cross(state.w_WB_W[:, None], arms)
         own = [(b, n) for b in self.model.order for n in range(self.model.shared[b], 3)]
         pick = tuple(np.array(own, dtype=np.int64).reshape(-1, 2).T)
-        read, _ = self._read(state, np.zeros(len(self._flat.coordinate)))
-        return np.concatenate([r[pick].ravel(), v[pick].ravel(), read, np.zeros(len(self._flat.control))])
+        turns = self._turns(state, np.zeros(self._terms.turns))
+        return np.concatenate([r[pick].ravel(), v[pick].ravel(), turns, np.zeros(self._terms.integrals)])
 
     def state(self, u: Array) -> State:
         """Return the canonical state of u: poses from the triads of particles 1, 2, 4."""
@@ -161,8 +160,8 @@ class PointCoordinates:
             rows = constraint_rows(self.model, motion(self.model, x, rate))
             rate -= _least_norm(rows.D[:, :n_x], rows.D[:, n_x])
         settled = np.concatenate([x, rate, extra])
-        read = slice(2 * n_x, 2 * n_x + len(self._flat.coordinate))
-        settled[read], _ = self._read(self.state(settled), u[read])
+        turns = slice(2 * n_x, 2 * n_x + self._terms.turns)
+        settled[turns] = self._turns(self.state(settled), u[turns])
         return settled
 
     # ---------------------------------------------------------------- motion
@@ -171,9 +170,9 @@ class PointCoordinates:
         """Return ``du/dt`` at the time t, shape (n_u,)."""
         n_x = self.model.size
         m = motion(self.model, u[:n_x], u[n_x : 2 * n_x])
-        state = self._state(m.G, m.DG)
-        solution = self._solve(t, m, state, u[2 * n_x :])
-        return np.concatenate([u[n_x : 2 * n_x], solution.xdd, self._extra_rates(t, state, u[2 * n_x :])])
+        y, terms = self._evaluate(t, self._state(m.G, m.DG), u[2 * n_x :])
+        solution = self._solve(m, self._applied(y, terms))
+        return np.concatenate([u[n_x : 2 * n_x], solution.xdd, terms.turn_rates, terms.integral_rates])
 
     def accelerations(self, state: State, t: float = 0.0) -> tuple[Array, Array]:
         """Return a_WB_W of the body origins (m/s^2) and alpha_WB_W (rad/s^2), world axes, each shape (n_b, 3)."""
@@ -203,18 +202,19 @@ class PointCoordinates:
     def _at(self, state: State, t: float) -> _PointSolution:
         """Solve the equations at a state."""
         u, n_x = self.coordinates(state), self.model.size
-        return self._solve(t, motion(self.model, u[:n_x], u[n_x : 2 * n_x]), state, u[2 * n_x :])
+        applied = self._applied(*self._evaluate(t, state, u[2 * n_x :]))
+        return self._solve(motion(self.model, u[:n_x], u[n_x : 2 * n_x]), applied)
 
     # ---------------------------------------------------------------- equations
 
-    def _solve(self, t: float, m: ChainMotion, state: State, extra: Array) -> _PointSolution:
+    def _solve(self, m: ChainMotion, applied: Array) -> _PointSolution:
         """Solve ``A x'' = b + C lam``, ``Q x'' = gamma``; balance the outboard bodies of every tree joint."""
         model, n_x = self.model, self.model.size
         rows = constraint_rows(model, m)
         on_joints = multiplier_wrenches(model, m)
         rates = self._momentum_rates(m)
         cut = self._on_bodies(on_joints)
-        outside = self._applied(t, state, extra) - rates[..., -1]
+        outside = applied - rates[..., -1]
         balance = np.concatenate([rates[..., :n_x], -cut, -outside[..., None]], axis=2)  # [A | -C | -b]
         balance = np.tensordot(model.outboard, balance, 1)
         system = self._project(m, balance)
@@ -241,13 +241,13 @@ class PointCoordinates:
     def _project(self, m: ChainMotion, balance: Array) -> Array:
         """Project the balance on the momentum equations, each divided by its norm, shape (d, columns of `balance`)."""
         model = self.model
-        e, c = m.S[model.equation_joint, model.equation_vector], m.marks[model.equation_joint, 1, 0]
-        floating = model.equation_joint == len(model.outer)
-        c[floating] = m.G[model.equation_body[floating], 0]
+        body, joint, vector, angular = model.equation.T
+        e, c = m.S[joint, vector], m.marks[joint, 1, 0]
+        floating = joint == len(model.outer)
+        c[floating] = m.G[body[floating], 0]
         # e . (moment - c x force) about c, or e . force
-        moment = model.equation_moment[:, None]
-        onto = np.where(moment, np.hstack([np.cross(c, e), e]), np.hstack([e, np.zeros_like(e)]))
-        system = (onto[:, None] @ balance[model.equation_body])[:, 0]
+        onto = np.where(angular[:, None], np.hstack([np.cross(c, e), e]), np.hstack([e, np.zeros_like(e)]))
+        system = (onto[:, None] @ balance[body])[:, 0]
         return system / np.linalg.norm(system[:, : model.size], axis=1, keepdims=True)
 
     def _on_bodies(self, wrenches: Array) -> Array:
@@ -260,41 +260,26 @@ class PointCoordinates:
 
     # ---------------------------------------------------------------- applied forces, by the compiled kernels
 
-    def _applied(self, t: float, state: State, extra: Array) -> Array:
+    def _evaluate(self, t: float, state: State, extra: Array) -> tuple[Array, Terms]:
+        """Evaluate the terms of the bodies at a state; return the packed state, too."""
+        y = pack(self.mechanism, state)
+        self._terms.integrals_of(y)[:] = extra[self._terms.turns :]
+        return y, self._terms.evaluate(t, y, extra[: self._terms.turns], state.R_WB)
+
+    def _applied(self, y: Array, terms: Terms) -> Array:
         """Return applied forces and moments about the world origin, R and G of ATTIA, shape (n_b, 6).
 
         The gyroscopic term ``-w' x I' w'`` of the compiled torques is removed: particles have none.
         """
-        y, turns = self._packed(state, extra)
-        forces.evaluate(self._flat, t, y, turns, self._ws)
-        r, w = y[: len(self.mechanism.bodies), :3], y[: len(self.mechanism.bodies), 10:13]
-        wrench = self._ws.f.reshape(-1, 6)
-        Iw = np.einsum("bij,bj->bi", self._flat.inertia, w)
-        torque = np.einsum("bij,bj->bi", self._ws.A, wrench[:, 3:] + np.cross(w, Iw))
+        r, w = y[: len(self.mechanism.bodies), R], y[: len(self.mechanism.bodies), W]
+        wrench = terms.f.reshape(-1, 6)
+        Iw = np.einsum("bij,bj->bi", self._terms.inertia, w)
+        torque = np.einsum("bij,bj->bi", rotation_from_quaternion(y[: len(r), P]), wrench[:, 3:] + np.cross(w, Iw))
         return np.hstack([wrench[:, :3], torque + np.cross(r, wrench[:, :3])])
 
-    def _packed(self, state: State, extra: Array) -> tuple[Array, Array]:
-        """Return the packed state y and the turns; write the rotation matrices into the work arrays."""
-        n_b, n_c = len(self.mechanism.bodies), len(self._flat.coordinate)
-        y = pack(self.mechanism, state)
-        y[n_b:].reshape(-1)[: len(extra) - n_c] = extra[n_c:]
-        self._ws.A[:] = rotation_from_quaternion(state.quat_WB)
-        return y, extra[:n_c]
-
-    def _read(self, state: State, near: Array) -> tuple[Array, Array]:
-        """Return the joint coordinates that elements read, nearest to `near`, and their rates, each (n_c,)."""
-        y, _ = self._packed(state, near)
-        value, rate = np.empty(len(near)), np.empty(len(near))
-        forces.read(self._flat, y, self._ws.A, near, value, rate)
-        return value, rate
-
-    def _extra_rates(self, t: float, state: State, extra: Array) -> Array:
-        """Return the rates of the turns and of the integrals of controllers."""
-        y, turns = self._packed(state, extra)
-        errors = np.zeros_like(y)
-        forces.control_errors(self._flat, t, y, turns, self._ws, errors)
-        count, n_b = len(self._flat.control), len(self.mechanism.bodies)
-        return np.concatenate([self._read(state, turns)[1], errors[n_b:].reshape(-1)[:count]])
+    def _turns(self, state: State, near: Array) -> Array:
+        """Return the joint coordinates that elements read, angles within half a turn of `near`, shape (n_c,)."""
+        return self._terms.read(pack(self.mechanism, state), state.R_WB, near)
 
 
 def _least_squares(rows: Array, values: Array) -> Array:

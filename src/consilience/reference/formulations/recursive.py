@@ -257,7 +257,14 @@ def close_loops(B: Array, Q: Array, gamma: Array, a: Array, e: Array, size: floa
 
 @allocating
 def _cut_rows(tree: TreeModel, t: float, y: Array, turns: Array, ws: Workspace) -> tuple[Array, Array]:
-    """Evaluate Q, shape (q_cut, 6 n_b), and gamma of the cut rows; views of the workspace."""
+    """Evaluate Q, shape (q_cut, 6 n_b), and gamma of the cut rows; views of the workspace.
+
+    Parameters
+    ----------
+    tree : TreeModel
+    t, y, turns, ws
+        As in `constraints.evaluate`.
+    """
     constraints.evaluate(tree.cut, t, y, turns, ws)
     q = tree.cut_rows
     return ws.Q[:q], ws.gamma[:q]
@@ -282,7 +289,14 @@ def largest_row(model: Model, Q: Array) -> float:
 
 @allocating
 def accelerations(tree: TreeModel, model: Model, t: float, y: Array, turns: Array, ws: Workspace, a: Array) -> int:
-    """Compute (dv/dt, dw'/dt) by articulated bodies; other parameters and return value as in `descriptor`."""
+    """Compute accelerations (dv/dt, dw'/dt) by articulated bodies; return the rank of the constraints.
+
+    Parameters
+    ----------
+    tree : TreeModel
+    model, t, y, turns, ws, a
+        As in `descriptor.accelerations`.
+    """
     rotations(y, ws.A)
     forces.evaluate(model, t, y, turns, ws)
     links = kinematics(tree, model, y, ws.A)
@@ -305,7 +319,13 @@ def accelerations(tree: TreeModel, model: Model, t: float, y: Array, turns: Arra
 def composite_accelerations(
     tree: TreeModel, model: Model, t: float, y: Array, turns: Array, ws: Workspace, a: Array
 ) -> int:
-    """Compute (dv/dt, dw'/dt) by composite bodies; parameters and return value as in `accelerations`."""
+    """Compute accelerations (dv/dt, dw'/dt) by composite bodies; return the rank of the constraints.
+
+    Parameters
+    ----------
+    tree, model, t, y, turns, ws, a
+        As in `accelerations`.
+    """
     rotations(y, ws.A)
     forces.evaluate(model, t, y, turns, ws)
     links = kinematics(tree, model, y, ws.A)

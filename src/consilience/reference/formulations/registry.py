@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from importlib import import_module
+from types import ModuleType
 from typing import Any
 
 from consilience.engine import TrajectoryAnswer, Unsupported
 from consilience.errors import InvalidInput
 from consilience.mechanism import Mechanism
 from consilience.reference.formulations.protocol import Formulation
-
-_HOME = "consilience.reference"
 
 
 @dataclass(frozen=True)
@@ -25,23 +24,33 @@ class FormulationEntry:
     title : str
     source : str
         Source of the equations, by the keys of docs/formulations.md.
-    module : str
-        Module of `consilience.reference`.
     maker : str
-        Class or function of the module, called with a mechanism.
+        Class or function of `consilience.reference`, as ``module.function``, called with a mechanism; integrator of a
+        system of index 2 or 3.
     arguments : dict
         Further arguments of `maker`.
+    order : int or None
+        Order of an integrator with constant steps; None otherwise.
     """
 
     title: str
     source: str
-    module: str
     maker: str
-    arguments: dict[str, Any]
+    arguments: dict[str, Any] = field(default_factory=dict)
+    order: int | None = None
+
+    @property
+    def module(self) -> ModuleType:
+        """Module of `maker`, imported."""
+        return import_module(f"consilience.reference.{self.maker.rpartition('.')[0]}")
+
+    def load(self) -> Callable[..., Any]:
+        """Return `maker` with its further arguments."""
+        return partial(getattr(self.module, self.maker.rpartition(".")[2]), **self.arguments)
 
 
 def _kernel(name: str, title: str, source: str) -> FormulationEntry:
-    return FormulationEntry(title, source, "formulations.body_velocities", "KernelFormulation", {"name": name})
+    return FormulationEntry(title, source, "formulations.body_velocities.KernelFormulation", {"name": name})
 
 
 _ORIENTATIONS = {
@@ -55,16 +64,14 @@ _MASSES = {"": "symmetrised", "_plain": "plain"}
 
 
 def _form(name: str, title: str) -> FormulationEntry:
-    return FormulationEntry(title, "C4 (4.55)-(4.97)", "formulations.coordinates", "form", {"name": name})
+    return FormulationEntry(title, "C4 (4.55)-(4.97)", "formulations.coordinates.DescriptorForm", {"name": name})
 
 
 FORMULATIONS: dict[str, FormulationEntry] = {
     "relative": FormulationEntry(
         "minimal form in relative joint coordinates, articulated bodies",
         "C4 (4.99)-(4.110), Featherstone",
-        "tree.formulation",
-        "RelativeCoordinates",
-        {},
+        "tree.formulation.RelativeCoordinates",
     ),
     "descriptor": _kernel("descriptor", "descriptor form, Euler parameters", "MASS (36)-(39), C4 (4.84)-(4.97)"),
     "null_space": _kernel("null_space", "minimal form, null space by SVD", "C4 (4.99)-(4.110)"),
@@ -74,11 +81,9 @@ FORMULATIONS: dict[str, FormulationEntry] = {
     ),
     "articulated_body": _kernel("articulated_body", "recursive, articulated bodies", "C4 (4.99)-(4.110), Featherstone"),
     "composite_body": _kernel("composite_body", "recursive, composite bodies", "C4 (4.99)-(4.110), Featherstone"),
-    "lagrange": FormulationEntry(
-        "Lagrange, second kind", "C4 (4.111)-(4.116)", "formulations.lagrange", "Lagrange", {}
-    ),
+    "lagrange": FormulationEntry("Lagrange, second kind", "C4 (4.111)-(4.116)", "formulations.lagrange.Lagrange"),
     "point_coordinates": FormulationEntry(
-        "point coordinates", "ATTIA (1)-(25)", "formulations.point_coordinates", "PointCoordinates", {}
+        "point coordinates", "ATTIA (1)-(25)", "formulations.point_coordinates.PointCoordinates"
     ),
     **{
         f"descriptor_{kind}{suffix}": _form(f"descriptor_{kind}{suffix}", f"descriptor form in {title}, {mass}")
@@ -91,41 +96,17 @@ FORMULATIONS: dict[str, FormulationEntry] = {
 """Formulations of index 1 and minimal form, for every integrator."""
 
 
-@dataclass(frozen=True)
-class DaeSystem:
-    """Registered differential-algebraic system of index 2 or 3, with its own integrator.
-
-    Accelerations at an instant are those of index 1, from the hidden constraints ``Q a = gamma``.
-
-    Attributes
-    ----------
-    title, source : str
-    integrator : str
-        Function of `consilience.reference`, as ``module.function``.
-    arguments : dict
-        Further arguments of the integrator.
-    order : int or None
-        Order of a method with constant steps; None if a tolerance controls the steps.
-    """
-
-    title: str
-    source: str
-    integrator: str
-    arguments: dict[str, Any]
-    order: int | None = None
-
-
-SYSTEMS: dict[str, DaeSystem] = {
-    "descriptor_index_2": DaeSystem(
+SYSTEMS: dict[str, FormulationEntry] = {
+    "descriptor_index_2": FormulationEntry(
         "descriptor form of index 2 after Gear, Leimkuhler and Gupta; Radau IIA",
         "EXU",
         "formulations.dae_radau.integrate_dae",
         {"index": 2},
     ),
-    "descriptor_index_3": DaeSystem(
+    "descriptor_index_3": FormulationEntry(
         "descriptor form of index 3; Radau IIA", "EXU", "formulations.dae_radau.integrate_dae", {"index": 3}
     ),
-    "generalised_alpha": DaeSystem(
+    "generalised_alpha": FormulationEntry(
         "descriptor form of index 3 on the group of poses; generalised-alpha",
         "EXU",
         "formulations.dae_generalised_alpha.generalised_alpha",
@@ -133,14 +114,17 @@ SYSTEMS: dict[str, DaeSystem] = {
         order=2,
     ),
 }
-"""Formulations of index 2 and 3."""
+"""Formulations of index 2 and 3, each with an integrator of its own.
+
+Accelerations at an instant are those of index 1, from the hidden constraints ``Q a = gamma``.
+"""
 
 
 _SMOOTH = "a formulation has smooth equations of motion, without impacts"
 
 
 def entry(name: str) -> FormulationEntry:
-    """Return the entry of a formulation; of a `DaeSystem` that of its index-1 form.
+    """Return the entry of a formulation; of one of `SYSTEMS` that of its index-1 form.
 
     Raises
     ------
@@ -157,15 +141,12 @@ def entry(name: str) -> FormulationEntry:
 
 def system(name: str) -> Callable[..., TrajectoryAnswer]:
     """Return the integrator of a formulation of `SYSTEMS`: function of mechanism, state, times, tolerance or step."""
-    chosen = SYSTEMS[name]
-    module, function = chosen.integrator.rsplit(".", 1)
-    found: Callable[..., TrajectoryAnswer] = getattr(import_module(f"{_HOME}.{module}"), function)
-    return partial(found, **chosen.arguments)
+    return SYSTEMS[name].load()
 
 
 def unsupported(name: str, mechanism: Mechanism) -> tuple[Unsupported, ...]:
     """List the features of a mechanism that a formulation cannot represent, with reasons."""
-    found: tuple[Unsupported, ...] = import_module(f"{_HOME}.{entry(name).module}").unsupported(mechanism)
+    found: tuple[Unsupported, ...] = entry(name).module.unsupported(mechanism)
     return found + _impacts(mechanism)
 
 
@@ -194,6 +175,5 @@ def formulation(name: str, mechanism: Mechanism) -> Formulation:
     """
     chosen = entry(name)
     refuse_contacts(mechanism)
-    make = getattr(import_module(f"{_HOME}.{chosen.module}"), chosen.maker)
-    made: Formulation = make(mechanism, **chosen.arguments)
+    made: Formulation = chosen.load()(mechanism)
     return made

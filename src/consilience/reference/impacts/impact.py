@@ -150,8 +150,17 @@ def solve_impact(
     active = [n for n, m in enumerate(motions) if m.rate <= at_rest]
     contacts, motions = tuple(contacts[n] for n in active), [motions[n] for n in active]
     model, y, Q = constraint_rows(mechanism, state, time, turns)
-    response = _Response(mechanism, model, y, Q, contacts, motions)
-    law = _law(contacts, motions, response, at_rest)
+    response = _Response(model, Q, _contact_rows(mechanism, y, contacts, motions))
+    law = ClosedContacts(
+        names=tuple(c.name for c in contacts),
+        normal=np.array([m.normal for m in motions]).reshape(-1, 3),
+        friction=np.array([c.friction for c in contacts]),
+        target=np.array([c.restitution * max(-m.rate, 0.0) for c, m in zip(contacts, motions, strict=True)]),
+        before=np.array([m.velocity for m in motions]).reshape(-1, 3),
+        compliance=response.K @ response.K.T,
+        free_compliance=float(np.max(np.abs(response.load), initial=0.0)) ** 2,
+        at_rest=at_rest,
+    )
     modes, p, after = solve_modes(law, time)
     y[:, 7:13] += response.velocity_change(p.ravel()).reshape(-1, 6)
     state_after = State(state.p_WB, state.quat_WB, *unpack(mechanism, y)[2:])
@@ -181,22 +190,6 @@ def solve_impact(
     return record
 
 
-def _law(
-    contacts: tuple[Contact, ...], motions: list[ContactMotion], response: _Response, at_rest: float
-) -> ClosedContacts:
-    rate = np.array([m.rate for m in motions])
-    return ClosedContacts(
-        names=tuple(c.name for c in contacts),
-        normal=np.array([m.normal for m in motions]).reshape(-1, 3),
-        friction=np.array([c.friction for c in contacts]),
-        target=np.array([c.restitution for c in contacts]) * np.maximum(-rate, 0.0),
-        before=np.array([m.velocity for m in motions]).reshape(-1, 3),
-        compliance=response.K @ response.K.T,
-        free_compliance=float(np.max(np.abs(response.load), initial=0.0)) ** 2,
-        at_rest=at_rest,
-    )
-
-
 def velocity_scale(mechanism: Mechanism, state: State) -> float:
     """Return the largest speed of a body, rotation times the characteristic length included, m/s."""
     v, w = np.max(np.abs(state.v_WB_W)), np.max(np.abs(state.w_WB_W))
@@ -223,22 +216,13 @@ class _Response:
         ``J L^-T P``.
     """
 
-    def __init__(
-        self,
-        mechanism: Mechanism,
-        model: Model,
-        y: Array,
-        Q: Array,
-        contacts: tuple[Contact, ...],
-        motions: list[ContactMotion],
-    ) -> None:
+    def __init__(self, model: Model, Q: Array, J: Array) -> None:
         n_b = len(model.mass)
         self._inverse = np.zeros((6 * n_b, 6 * n_b))  # L^-1
         for b in range(n_b):
             o = 6 * b
             self._inverse[o : o + 3, o : o + 3] = np.eye(3) / np.sqrt(model.mass[b])
             self._inverse[o + 3 : o + 6, o + 3 : o + 6] = np.linalg.inv(model.inertia_factor[b])
-        J = _contact_rows(mechanism, y, contacts, motions)
         self.load = self._inverse @ J.T
         U, singular, Vt = np.linalg.svd(self._inverse @ Q.T, full_matrices=False)
         rank = int(np.sum(singular > RANK_TOLERANCE * singular[0])) if len(Q) else 0

@@ -71,42 +71,6 @@ class _Solved:
     consistent: bool
 
 
-@dataclass(frozen=True)
-class _ContactView:
-    """Quantities of one contact in the conditions of its mode."""
-
-    normal: float  # N
-    pt: Array
-    vt: Array  # after
-    vt_before: Array
-    excess: float  # vn+ - b
-    along: float  # d . vt+
-    beta: float  # -d . pt
-    cone: float  # mu N
-    p_slack: float
-    v_slack: float
-
-
-def _violations(view: _ContactView) -> dict[str, tuple[tuple[bool, str], ...]]:
-    """Return, for each mode, its conditions: violated or not, and the mode to try next.
-
-    ``first``: the preferred mode of the contact; ``beyond``: the mode if the contact cannot stick.
-    """
-    v, p = view.v_slack, view.p_slack
-    pulls = (view.normal < -p, "released")
-    outside = float(np.linalg.norm(view.pt)) > view.cone + p
-    pushes = float(view.pt @ view.vt_before) > p * v / _SLACK
-    return {
-        "released": ((view.excess < -v, "first"),),
-        "frictionless": (pulls,),
-        "sliding": (pulls, (view.along < -v, "sticking")),
-        "sticking": (pulls, (outside or pushes, "beyond")),
-        "halted": (pulls, (view.beta > view.cone + p, "sliding"), (view.beta < -p, "unopposed")),
-        "unopposed": (pulls, (view.along > v, "sliding")),
-        "starting": (pulls, (float(view.pt @ view.vt) > p * v / _SLACK, "sticking")),
-    }
-
-
 class _ModeTrial:
     """Closed contacts with tangential frames; solves for given modes."""
 
@@ -198,30 +162,29 @@ class _ModeTrial:
         parallel = float(np.max(np.abs(across(guess)))) <= _SLACK * scale
         return _Solved(solved.p, solved.after, solved.consistent and parallel)
 
-    def views(self, solved: _Solved) -> list[_ContactView]:
-        """Evaluate the quantities of the mode conditions of every contact."""
-        law, p, after = self.law, solved.p, solved.after
-        p_slack = _SLACK * float(np.max(np.abs(p)))
-        v_slack = _SLACK * max(float(np.max(np.abs(law.before))), float(np.max(np.abs(after))))
-        found = []
-        for k, n in enumerate(law.normal):
-            N, vn = float(n @ p[k]), float(n @ after[k])
-            pt, vt = p[k] - N * n, after[k] - vn * n
-            found.append(
-                _ContactView(
-                    normal=N,
-                    pt=pt,
-                    vt=vt,
-                    vt_before=self.vt_before[k],
-                    excess=vn - law.target[k],
-                    along=-float(self.t1[k] @ vt),
-                    beta=float(self.t1[k] @ pt),
-                    cone=float(law.friction[k]) * N,
-                    p_slack=p_slack,
-                    v_slack=v_slack,
-                )
-            )
-        return found
+    def conditions(self, k: int, mode: str, solved: _Solved) -> tuple[tuple[bool, str], ...]:
+        """Return the conditions of a mode of contact k: violated or not, and the mode to try next.
+
+        ``first``: the preferred mode of the contact; ``beyond``: the mode if the contact cannot stick.
+        """
+        law, n, p, after = self.law, self.law.normal[k], solved.p[k], solved.after[k]
+        p_slack = _SLACK * float(np.max(np.abs(solved.p)))
+        v_slack = _SLACK * max(float(np.max(np.abs(law.before))), float(np.max(np.abs(solved.after))))
+        N, vn = float(n @ p), float(n @ after)
+        pt, vt, cone = p - N * n, after - vn * n, float(law.friction[k]) * N
+        along, beta = -float(self.t1[k] @ vt), float(self.t1[k] @ pt)
+        least_power = p_slack * v_slack / _SLACK
+        pulls = (-p_slack > N, "released")
+        cannot_stick = float(np.linalg.norm(pt)) > cone + p_slack or float(pt @ self.vt_before[k]) > least_power
+        return {
+            "released": ((vn - law.target[k] < -v_slack, "first"),),
+            "frictionless": (pulls,),
+            "sliding": (pulls, (along < -v_slack, "sticking")),
+            "sticking": (pulls, (cannot_stick, "beyond")),
+            "halted": (pulls, (beta > cone + p_slack, "sliding"), (beta < -p_slack, "unopposed")),
+            "unopposed": (pulls, (along > v_slack, "sliding")),
+            "starting": (pulls, (float(pt @ vt) > least_power, "sticking")),
+        }[mode]
 
 
 def _unit(a: Array) -> Array:
@@ -236,12 +199,11 @@ def _at(vector: Array, k: int, count: int) -> Array:
 
 def _exchanges(trial: _ModeTrial, modes: tuple[str, ...], solved: _Solved) -> Iterator[tuple[int, str]]:
     """Yield contacts with a violated mode and the mode to try next; normal conditions before tangential ones."""
-    views = trial.views(solved)
     if not solved.consistent:
-        yield _loosened(trial, modes, views)
+        yield _loosened(trial, modes, solved)
     for wanted in (("released",), ("released", "first"), None):
-        for k, view in enumerate(views):
-            for violated, following in _violations(view)[modes[k]]:
+        for k, mode in enumerate(modes):
+            for violated, following in trial.conditions(k, mode, solved):
                 if violated and (wanted is None or following in wanted):
                     first, *_ = trial.choices(k)
                     beyond = "halted" if trial.slides[k] else "starting"
@@ -277,15 +239,15 @@ def solve_modes(law: ClosedContacts, time: float) -> tuple[tuple[str, ...], Arra
     )
 
 
-def _loosened(trial: _ModeTrial, modes: tuple[str, ...], views: list[_ContactView]) -> tuple[int, str]:
+def _loosened(trial: _ModeTrial, modes: tuple[str, ...], solved: _Solved) -> tuple[int, str]:
     """Choose the contact to loosen if the equations are inconsistent: friction first, then the largest gap rate."""
     for k, mode in enumerate(modes):
         if mode == "sticking":
             return k, "halted" if trial.slides[k] else "starting"
         if mode == "halted":
             return k, "unopposed"
-    held = [k for k, mode in enumerate(modes) if mode != "released"]
-    return max(held, key=lambda k: views[k].excess), "released"
+    law, held = trial.law, [k for k, mode in enumerate(modes) if mode != "released"]
+    return max(held, key=lambda k: float(law.normal[k] @ solved.after[k]) - law.target[k]), "released"
 
 
 def _by_exchange(trial: _ModeTrial) -> tuple[tuple[str, ...], Array, Array] | None:

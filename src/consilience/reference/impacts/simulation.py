@@ -25,7 +25,7 @@ from consilience.engine import TrajectoryAnswer
 from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import Array, Contact, Mechanism, State, characteristic_length, continuous_in_time
 from consilience.reference.bodies.canonical import sample_times
-from consilience.reference.impacts.geometry import check_contacts, contact_motion
+from consilience.reference.impacts.geometry import ContactMotion, check_contacts, contact_motion
 from consilience.reference.impacts.impact import AT_REST, Impact, solve_impact, velocity_scale
 from consilience.reference.impacts.stepper import Stepper
 
@@ -141,20 +141,15 @@ class _ImpactSimulation:
     def _closing(self, contact: Contact, nodes: Array, states: list[State]) -> float | None:
         """Return the first instant of the last step at which the gap of a contact falls through zero."""
 
-        def gap(t: float) -> float:
-            return contact_motion(self.mechanism, self.stepper.between(t), contact).gap
-
-        def rate(t: float) -> float:
-            return contact_motion(self.mechanism, self.stepper.between(t), contact).rate
+        def motion(t: float) -> ContactMotion:
+            return contact_motion(self.mechanism, self.stepper.between(t), contact)
 
         motions = [contact_motion(self.mechanism, s, contact) for s in states]
         points = [(float(t), m.gap, m.rate) for t, m in zip(nodes, motions, strict=True)]
-        for a, b in pairwise(_with_turning_points(points, gap, rate)):
+        for a, b in pairwise(_with_turning_points(points, motion)):
             falls_through = b[1] < -GRAZING * self._length or (b[1] <= 0.0 and b[2] < 0.0)
             if a[1] > 0.0 and falls_through:
-                return (
-                    float(scipy.optimize.brentq(gap, a[0], b[0], xtol=1e-15, rtol=1e-15)) if gap(b[0]) < 0.0 else b[0]
-                )
+                return _root(lambda t: motion(t).gap, a[0], b[0]) if motion(b[0]).gap < 0.0 else b[0]
             if a[1] <= 0.0 and b[1] < -TOUCHING * self._length:
                 self._rests(contact, a[0])
         return None
@@ -214,14 +209,19 @@ class _ImpactSimulation:
         )
 
 
+def _root(function: Callable[[float], float], start: float, end: float) -> float:
+    """Return the zero of a function between two times at which its signs differ."""
+    return float(scipy.optimize.brentq(function, start, end, xtol=1e-15, rtol=1e-15))
+
+
 def _with_turning_points(
-    points: list[tuple[float, float, float]], gap: Callable[[float], float], rate: Callable[[float], float]
+    points: list[tuple[float, float, float]], motion: Callable[[float], ContactMotion]
 ) -> list[tuple[float, float, float]]:
     """Insert the points (t, gap, rate) at which the rate changes sign, its value there exactly zero."""
     found = [points[0]]
     for a, b in pairwise(points):
-        if a[2] * b[2] < 0.0 and rate(a[0]) * rate(b[0]) < 0.0:
-            t = float(scipy.optimize.brentq(rate, a[0], b[0], xtol=1e-15, rtol=1e-15))
-            found.append((t, gap(t), 0.0))
+        if a[2] * b[2] < 0.0 and motion(a[0]).rate * motion(b[0]).rate < 0.0:
+            t = _root(lambda t: motion(t).rate, a[0], b[0])
+            found.append((t, motion(t).gap, 0.0))
         found.append(b)
     return found

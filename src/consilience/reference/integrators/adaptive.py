@@ -49,8 +49,9 @@ from consilience.reference.integrators.tableaus import (
     RADAU,
     RKF45,
     Collocation,
+    CollocationStep,
+    ExplicitStep,
     OneStep,
-    begin,
     difference_quotients,
     root_mean_square,
 )
@@ -99,10 +100,12 @@ class Motion:
 
 
 def _chart(formulation: Integrable) -> object:
+    """Return the chart of the coordinates; None for a formulation with a single chart."""
     return getattr(formulation, "chart", None)
 
 
 def _choose(formulation: Integrable, chart: object) -> None:
+    """Set the chart of the coordinates."""
     if chart is not None:
         cast(Any, formulation).chart = chart
 
@@ -201,7 +204,7 @@ def _one_step(run: _Integration, u: Array, method: OneStep) -> None:
             length = _length(run, h, target - t)
             if length < RESOLVED * max(1.0, abs(t)):
                 raise run.failure(t, TOO_SMALL)
-            with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is a failed step
+            with np.errstate(over="ignore", invalid="ignore"):  # a step that is not finite is rejected
                 end, error = method.attempt(t, u, f, length)
             if run.step is not None and np.isfinite(error):
                 error = 0.0
@@ -217,7 +220,7 @@ def _one_step(run: _Integration, u: Array, method: OneStep) -> None:
             after = float(target) if length == target - t else t + length
             u, f = _settled(run, method, (t, u, length), after, end)
             longer = length if 1.0 <= factor < method.least_growth else length * factor
-            h = max(h, longer) if length < h else longer  # a step cut short by a sample says little about the next
+            h = max(h, longer) if length < h else longer  # a sample that shortens a step does not shorten the next
             t = after
         run.sample(u)
 
@@ -225,7 +228,18 @@ def _one_step(run: _Integration, u: Array, method: OneStep) -> None:
 def _settled(
     run: _Integration, method: OneStep, start: tuple[float, Array, float], t: float, end: Array
 ) -> tuple[Array, Array]:
-    """Settle the end of a step and record its dense output; return settled coordinates and their derivative."""
+    """Settle the end of a step and record its dense output; return settled coordinates and their derivative.
+
+    Parameters
+    ----------
+    run : _Integration
+    method : OneStep
+    start : (float, ndarray, float)
+        Time, coordinates and length of the step.
+    t : float, s
+    end : ndarray, shape (n_u,)
+        Time and coordinates of the end of the step.
+    """
     formulation = run.formulation
     before = _chart(formulation)
     u = formulation.settle(t, end)
@@ -279,6 +293,7 @@ def _multistep(run: _Integration, u: Array) -> None:
 
 
 def _transposed(dense: Callable[[Array], Array]) -> StepPolynomial:
+    """Return the dense output of SciPy with one row for each time."""
     return lambda t: dense(t).T
 
 
@@ -345,6 +360,8 @@ def integrate(
         return run.motion()
     if tableau is None:
         _multistep(run, u)
+    elif isinstance(tableau, Explicit):
+        _one_step(run, u, ExplicitStep(tableau, run))
     else:
-        _one_step(run, u, begin(tableau, run.derivative, run.jacobian, run.tolerance, run.counters))
+        _one_step(run, u, CollocationStep(tableau, run))
     return run.motion()

@@ -45,8 +45,8 @@ class Nested:
 class Dense:
     """Dense output of all accepted steps.
 
-    Inside a step it is as smooth as its polynomial. At the end of a step it takes the value before settling, and jumps
-    by the change of the coordinates, or of the chart, in settling.
+    A polynomial within each step. At the end of a step the dense output has the value before settling, and jumps by the
+    change of the coordinates, or of the chart, in settling.
 
     Attributes
     ----------

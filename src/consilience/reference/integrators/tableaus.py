@@ -23,7 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from scipy.linalg import lu_factor, lu_solve
@@ -33,7 +33,19 @@ from consilience.reference.integrators.coefficients import Explicit
 from consilience.reference.integrators.dense import Nested
 
 Derivative = Callable[[float, Array], Array]
-Jacobian = Callable[[float, Array, Array], Array]
+
+
+class InitialValueProblem(Protocol):
+    """Right-hand side f of ``u' = f(t, u)``, bound on the scaled local error of a step, and counters to update."""
+
+    tolerance: float
+    counters: dict[str, int]
+
+    def derivative(self, t: float, u: Array) -> Array:
+        """Return f, shape (n_u,)."""
+
+    def jacobian(self, t: float, u: Array, f: Array) -> Array:
+        """Return the Jacobian of f, shape (n_u, n_u)."""
 
 
 def _quartic(b: Array, x: float) -> tuple[Array, Array]:
@@ -59,7 +71,7 @@ def _fehlberg() -> Explicit:
     A[5, :5] = [-8 / 27, 2, -3544 / 2565, 1859 / 4104, -11 / 40]
     fourth = np.array([25 / 216, 0, 1408 / 2565, 2197 / 4104, -1 / 5, 0])
     fifth = np.array([16 / 135, 0, 6656 / 12825, 28561 / 56430, -9 / 50, 2 / 55])
-    # where x (1 - x) (1 - 2 x) is largest, so that the derivative there says most about F_3
+    # x (1 - x) (1 - 2 x) is largest there: the derivative determines F_3 best
     x = 0.5 - np.sqrt(1 / 12)
     A_dense, D = _quartic(fifth, x)
     return Explicit(
@@ -120,6 +132,33 @@ RADAU = Collocation(
 )
 """Radau IIA of order 5 [EXU]."""
 
+
+class Splitting(NamedTuple):
+    """Eigenvalues and eigenvectors of the inverse of A, which split the equations of the three stages."""
+
+    A_inverse: Array  # (3, 3)
+    gamma: float  # real eigenvalue
+    pair: complex  # one of the complex pair of eigenvalues
+    T_real: Array  # (3,) eigenvectors
+    T_pair: Array
+    row_real: Array  # (3,) rows of the inverse of the eigenvectors
+    row_pair: Array
+
+    @classmethod
+    def of(cls, method: Collocation) -> Splitting:
+        """Return the splitting of a method of three stages."""
+        inverse = np.linalg.inv(method.A)
+        values, vectors = np.linalg.eig(inverse)
+        real, pair = int(np.argmin(np.abs(values.imag))), int(np.argmax(values.imag))
+        T = vectors[:, real].real, vectors[:, pair]
+        rows = np.linalg.inv(np.column_stack([T[0], T[1], T[1].conj()]))
+        return cls(inverse, float(values[real].real), complex(values[pair]), *T, rows[0].real, rows[1])
+
+    def back(self, real: Array, pair: Array) -> Array:
+        """Return the stages, shape (3, n), of the solutions of the real and of the complex system."""
+        return np.outer(self.T_real, real) + 2.0 * np.outer(self.T_pair, pair).real
+
+
 NEWTON_STEPS = 7
 """Iterations after which Newton's method counts as divergent (as in RADAU5)."""
 
@@ -144,11 +183,9 @@ class ExplicitStep:
 
     least_growth = 1.0
 
-    def __init__(self, method: Explicit, derivative: Derivative, tolerance: float, counters: dict[str, int]) -> None:
-        counters.update(rejected=0)
-        self.method = method
-        self._derivative = derivative
-        self._tolerance = tolerance
+    def __init__(self, method: Explicit, problem: InitialValueProblem) -> None:
+        problem.counters.update(rejected=0)
+        self.method, self._problem = method, problem
         self._k = np.empty(0)
 
     def restart(self) -> None:
@@ -161,9 +198,9 @@ class ExplicitStep:
         k = self._k = np.empty((s + 1 + d, len(u)))
         k[0] = f
         for i in range(1, s):
-            k[i] = self._derivative(t + method.c[i] * h, u + h * (method.A[i, :i] @ k[:i]))
+            k[i] = self._problem.derivative(t + method.c[i] * h, u + h * (method.A[i, :i] @ k[:i]))
         end = u + h * (method.b @ k[:s])
-        scale = self._tolerance * (1.0 + np.maximum(np.abs(u), np.abs(end)))
+        scale = self._problem.tolerance * (1.0 + np.maximum(np.abs(u), np.abs(end)))
         e = method.E @ k[:s] / scale
         error = h * root_mean_square(e[0])
         if len(e) == 2 and error > 0.0:
@@ -185,7 +222,7 @@ class ExplicitStep:
         s = len(method.b)
         k[s] = f_end
         for i, (c, a) in enumerate(zip(method.c_dense, method.A_dense, strict=True), start=s + 1):
-            k[i] = self._derivative(t + c * h, u + h * (a[:i] @ k[:i]))
+            k[i] = self._problem.derivative(t + c * h, u + h * (a[:i] @ k[:i]))
         return Nested(t, h, u, np.vstack([_hermite(u, end, h * k[0], h * f_end), h * (method.D @ k)]))
 
 
@@ -199,31 +236,14 @@ class CollocationStep:
     """Steps of a collocation method of three stages."""
 
     least_growth = 1.2
-    """A step that could grow by less keeps its length, and with it the factors."""
+    """Least growth of a step for which new factors are computed."""
 
-    def __init__(
-        self,
-        method: Collocation,
-        derivative: Derivative,
-        jacobian: Jacobian,
-        tolerance: float,
-        counters: dict[str, int],
-    ) -> None:
-        self.method = method
-        self._derivative = derivative
-        self._tolerance = tolerance
-        self._jacobian = jacobian
-        self._counters = counters
-        counters.update(rejected=0, jacobians=0, factorisations=0)
-        self._inverse = np.linalg.inv(method.A)
-        values, vectors = np.linalg.eig(self._inverse)
-        real, pair = int(np.argmin(np.abs(values.imag))), int(np.argmax(values.imag))
-        self._gamma, self._alpha = float(values[real].real), complex(values[pair])
-        self._T = vectors[:, real].real, vectors[:, pair]
-        rows = np.linalg.inv(np.column_stack([self._T[0], self._T[1], self._T[1].conj()]))
-        self._T_inverse = rows[0].real, rows[1]
+    def __init__(self, method: Collocation, problem: InitialValueProblem) -> None:
+        self.method, self._problem = method, problem
+        problem.counters.update(rejected=0, jacobians=0, factorisations=0)
+        self._split = Splitting.of(method)
         # Newton's error is kept well below that of the step, but not below rounding
-        self._newton = max(10 * np.finfo(float).eps / tolerance, min(0.03, np.sqrt(tolerance)))
+        self._newton = max(10 * np.finfo(float).eps / problem.tolerance, min(0.03, np.sqrt(problem.tolerance)))
         self.restart()
 
     def restart(self) -> None:
@@ -235,16 +255,16 @@ class CollocationStep:
         self._slow = False
 
     def _linearise(self, t: float, u: Array, f: Array) -> None:
-        self._J = self._jacobian(t, u, f)
+        self._J = self._problem.jacobian(t, u, f)
         self._fresh, self._slow, self._factors = True, False, None
-        self._counters["jacobians"] += 1
+        self._problem.counters["jacobians"] += 1
 
     def _factorise(self, h: float) -> tuple[Any, Any]:
-        # a length that differs by rounding asks for no new factors: they only steer Newton's method
+        # keep the factors if the length differs by rounding: only the convergence of Newton's method depends on them
         if self._factors is None or abs(self._factors[0] - h) > 1e-10 * h:
-            one = np.eye(len(self._J))
-            self._factors = h, lu_factor(self._gamma / h * one - self._J), lu_factor(self._alpha / h * one - self._J)
-            self._counters["factorisations"] += 2
+            one, split = np.eye(len(self._J)), self._split
+            self._factors = h, lu_factor(split.gamma / h * one - self._J), lu_factor(split.pair / h * one - self._J)
+            self._problem.counters["factorisations"] += 2
         return self._factors[1:]
 
     def attempt(self, t: float, u: Array, f: Array, h: float) -> tuple[Array, float]:
@@ -258,24 +278,23 @@ class CollocationStep:
         if Z is None:
             return u, np.inf
         end = u + Z[-1]
-        scale = self._tolerance * (1.0 + np.maximum(np.abs(u), np.abs(end)))
+        scale = self._problem.tolerance * (1.0 + np.maximum(np.abs(u), np.abs(end)))
         real = self._factorise(h)[0]
         self._f, self._Z = f, Z
         return end, root_mean_square(lu_solve(real, f + self.method.e @ Z / h) / scale)
 
     def _solve(self, t: float, u: Array, h: float) -> Array | None:
         """Solve for Z of a step by simplified Newton iteration, shape (3, n_u); None where it diverges."""
-        method, scale = self.method, self._tolerance * (1.0 + np.abs(u))
+        method, split, scale = self.method, self._split, self._problem.tolerance * (1.0 + np.abs(u))
         real, pair = self._factorise(h)
         Z: Array = np.zeros((3, len(u))) if self._last is None else self._last(t + method.c * h) - u
         before = 0.0
         for n in range(NEWTON_STEPS):
-            F = np.array([self._derivative(t + c * h, u + z) for c, z in zip(method.c, Z, strict=True)])
-            residual = F - self._inverse @ Z / h
+            F = np.array([self._problem.derivative(t + c * h, u + z) for c, z in zip(method.c, Z, strict=True)])
+            residual = F - split.A_inverse @ Z / h
             if not np.all(np.isfinite(residual)):
                 return None
-            w = lu_solve(real, self._T_inverse[0] @ residual), lu_solve(pair, self._T_inverse[1] @ residual)
-            change = np.outer(self._T[0], w[0]) + 2 * np.outer(self._T[1], w[1]).real
+            change = split.back(lu_solve(real, split.row_real @ residual), lu_solve(pair, split.row_pair @ residual))
             size = root_mean_square(change / scale)
             rate = size / before if before else 0.0
             if n and (rate >= 1.0 or rate ** (NEWTON_STEPS - 1 - n) * size > self._newton * (1.0 - rate)):
@@ -297,33 +316,9 @@ class CollocationStep:
         x = self.method.c[0]
         F = _hermite(u, end, h * self._f, h * f_end)
         slope = F[0] + (1 - 2 * x) * F[1] + x * (2 - 3 * x) * F[2]
-        quartic = (self._inverse[0] @ self._Z - slope) / (2 * x * (1 - x) * (1 - 2 * x))
+        quartic = (self._split.A_inverse[0] @ self._Z - slope) / (2 * x * (1 - x) * (1 - 2 * x))
         self._fresh, self._last = False, Nested(t, h, u, np.vstack([F, quartic]))
         return self._last
 
 
 OneStep = ExplicitStep | CollocationStep
-
-
-def begin(
-    method: Explicit | Collocation,
-    derivative: Derivative,
-    jacobian: Jacobian,
-    tolerance: float,
-    counters: dict[str, int],
-) -> OneStep:
-    """Return the stepper of a method.
-
-    Parameters
-    ----------
-    method : Explicit or Collocation
-    derivative, jacobian : callable
-        ``f(t, u)``, shape (n_u,), and its Jacobian ``J(t, u, f)``, shape (n_u, n_u).
-    tolerance : float
-        Bound on the scaled local error.
-    counters : dict
-        Updated: gains the counters of the method.
-    """
-    if isinstance(method, Explicit):
-        return ExplicitStep(method, derivative, tolerance, counters)
-    return CollocationStep(method, derivative, jacobian, tolerance, counters)

@@ -60,18 +60,10 @@ def _axis(link: Array, k: int, joint: Array, m: int, at: int) -> Vector:
 def _motion(link: Array, joint: Array, m: int) -> JointMotion:
     """Return the relative motion of the frames of a joint between placed links."""
     i, j = int(joint[m, LINK_I]), int(joint[m, LINK_J])
-    return motion_between(
-        i,
-        j,
-        _axis(link, i, joint, m, ARM_I),
-        _axis(link, j, joint, m, ARM_J),
-        load_vector(link, i, POSITION),
-        load_vector(link, j, POSITION),
-        load_vector(link, i, VELOCITY),
-        load_vector(link, j, VELOCITY),
-        load_vector(link, i, SPIN),
-        load_vector(link, j, SPIN),
-    )
+    s_i, s_j = _axis(link, i, joint, m, ARM_I), _axis(link, j, joint, m, ARM_J)
+    body_i = load_vector(link, i, POSITION), load_vector(link, i, VELOCITY), load_vector(link, i, SPIN)
+    body_j = load_vector(link, j, POSITION), load_vector(link, j, VELOCITY), load_vector(link, j, SPIN)
+    return motion_between(i, j, s_i, s_j, body_i, body_j)
 
 
 @fused

@@ -73,11 +73,10 @@ def _pack(packing: StatePacking, y: Array, A: Array, z: Array) -> None:
     by = fields_of(packing)
     links, spanning, model = by.links, by.spanning, by.model
     layout, direction, first_speed = links.layout, links.direction, links.first_speed
-    body_i, body_j, arm_i, arm_j = model.body_i, model.body_j, model.arm_i, model.arm_j
     _to_centres(links.com, y, A)
     for k in range(layout.shape[0]):
         n = spanning.joint[k]
-        m = joint_motion(body_i, body_j, arm_i, arm_j, y, A, n)
+        m = joint_motion(model, y, A, n)
         F, M = _frame(model.axes_i[n], A, m.i), _frame(model.axes_j[n], A, m.j)
         X = _components(F, M[0]), _components(F, M[1]), _components(F, M[2])
         p, v = _components(F, m.d), _components(F, sub(m.d_dot, cross(m.w_i, m.d)))
