@@ -61,9 +61,9 @@ report *arguments:
 kernels:
     {{ bin }}/python tests/kernels.py
 
-# forget all compiled kernels: after a change of a kernel that kernels of other files call
+# delete all compiled kernels, those of earlier sources too
 forget:
-    find src -name '*.nb[ic]' -delete
+    rm -rf src/consilience/reference/kernel/__pycache__
 
 # resolve all dependencies anew into requirements.lock (needs uv)
 lock:

@@ -1,6 +1,11 @@
 """A first run compiles with two processes: one answers, the other compiles what motions need."""
 
+import os
+import shutil
+import subprocess
+import sys
 from contextlib import contextmanager
+from pathlib import Path
 from threading import Event
 
 import pytest
@@ -9,21 +14,66 @@ from consilience.case import load_case
 from consilience.engine import Question, load_engine
 from consilience.engine.worker.client import Reply
 from consilience.engine.worker.requests import perform
+from consilience.reference.kernel.cache import SOURCES, digest, kernels_folder
+from consilience.reference.tree.explicit_rk import integrate
 from consilience.suite import suite, warm_up
+
+SOURCE = Path(suite.__file__).parents[1]
 
 
 def test_kernels_count_as_compiled_with_those_of_motions_or_without_a_compiler(monkeypatch, tmp_path):
     monkeypatch.delenv("NUMBA_DISABLE_JIT", raising=False)
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     assert not warm_up.compiled()
-    (tmp_path / "relative").mkdir()
-    (tmp_path / "relative" / "inertia.push-100.py311.nbi").touch()
+    folder = kernels_folder() / "tree"
+    folder.mkdir(parents=True)
+    (folder / "inertia.push-100.py311.nbi").touch()
     assert not warm_up.compiled()
-    (tmp_path / "relative" / "integrate.integrate-317.py311.nbi").touch()
+    function = integrate.py_func
+    file = f"{function.__module__.rpartition('.')[2]}.{function.__name__}-{function.__code__.co_firstlineno}.py311.nbi"
+    (folder / file).touch()
     assert warm_up.compiled()
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "another"))
     monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
     assert warm_up.compiled()
+
+
+HEAD = "from consilience.reference.kernel.compiled import inner, kernel\n"
+CALLEE = HEAD + "@inner\ndef times(x):\n    return {} * x\n"
+CALLER = HEAD + (
+    "from consilience.reference.tree.callee import times\n@kernel\ndef multiple(x):\n    return times(x)\n"
+)
+"""Two kernels in two files."""
+
+
+def test_a_kernel_never_runs_with_kernels_of_other_sources(tmp_path):
+    """A caller in a file that did not change is compiled anew when a kernel that it calls changes."""
+    source = tmp_path / "src" / "consilience"
+    shutil.copytree(SOURCE, source, ignore=shutil.ignore_patterns("__pycache__", "*.nb?"))
+    (source / "reference" / "tree" / "caller.py").write_text(CALLER)
+
+    def result():
+        environment = os.environ | {"PYTHONPATH": str(tmp_path / "src"), "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+        command = [sys.executable, "-c", "from consilience.reference.tree.caller import multiple; print(multiple(3.0))"]
+        return float(subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout)
+
+    (source / "reference" / "tree" / "callee.py").write_text(CALLEE.format(2))
+    assert result() == 6.0
+    (source / "reference" / "tree" / "callee.py").write_text(CALLEE.format(5))
+    assert result() == 15.0
+
+
+def test_the_same_sources_have_the_same_folder_of_kernels(tmp_path):
+    """Whatever their times; another source, or the name of one, changes the folder."""
+    for folder in SOURCES:
+        shutil.copytree(SOURCE / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__"))
+    assert digest(tmp_path) == digest(SOURCE)
+    changed = tmp_path / "another"
+    shutil.copytree(tmp_path / "reference", changed / "reference")
+    shutil.copytree(tmp_path / "mechanism", changed / "mechanism")
+    source = changed / "reference" / "kernel" / "vectors.py"
+    source.write_text(source.read_text() + "# another line\n")
+    assert digest(changed) != digest(SOURCE)
 
 
 def test_the_second_process_is_asked_for_all_compiled_motions_of_the_first_formulation(monkeypatch):

@@ -65,8 +65,8 @@ def test_an_engine_that_differs_is_ill_and_one_that_agrees_is_well():
 def test_a_cache_that_cannot_be_written_and_one_that_is_empty(tmp_path, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "new"))
     assert "compiles for a minute" in doctor._kernels().remedy
-    (tmp_path / "new").mkdir()
-    (tmp_path / "new" / "f.nbi").touch()
+    doctor.kernels_folder().mkdir(parents=True)
+    (doctor.kernels_folder() / "f.nbi").touch()
     assert doctor._kernels().state == "well"
     monkeypatch.setattr(doctor, "writable", lambda folder: False)
     assert "NUMBA_CACHE_DIR" in doctor._kernels().remedy

@@ -5,10 +5,17 @@
 a fresh installation compiles the kernels (a minute or two); later processes load them from the cache.
 """
 
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from consilience.errors import NumericalFailure
-from consilience.reference.formulations.registry import FORMULATIONS, SYSTEMS, formulation, unsupported
-from consilience.reference.solver import accelerations, simulate
-from consilience.reference.tree.forward_dynamics import ForwardDynamics
+
+if TYPE_CHECKING:
+    from consilience.reference.formulations.registry import FORMULATIONS, SYSTEMS, formulation, unsupported
+    from consilience.reference.solver import accelerations, simulate
+    from consilience.reference.tree.forward_dynamics import ForwardDynamics
 
 __all__ = [
     "FORMULATIONS",
@@ -20,3 +27,16 @@ __all__ = [
     "simulate",
     "unsupported",
 ]
+
+_MODULES = {
+    **dict.fromkeys(("FORMULATIONS", "SYSTEMS", "formulation", "unsupported"), "formulations.registry"),
+    **dict.fromkeys(("accelerations", "simulate"), "solver"),
+    "ForwardDynamics": "tree.forward_dynamics",
+}
+"""Modules of the names that import Numba, which takes longer than many commands need."""
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULES:
+        raise AttributeError(f"module 'consilience.reference' has no attribute '{name}'")
+    return getattr(import_module(f"consilience.reference.{_MODULES[name]}"), name)

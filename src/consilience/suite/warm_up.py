@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from pathlib import Path
 from threading import Thread
 
 from consilience.case import Case
@@ -17,15 +16,10 @@ from consilience.compare.judge import REFERENCE
 from consilience.engine import Question
 from consilience.engine.worker.client import Worker
 from consilience.engine.worker.requests import Plan, Request
+from consilience.reference.kernel.cache import kernels_folder
 
-_LAST = "integrate.integrate-*.nbi"
-"""Cache file of the kernel of a motion that is compiled last."""
-
-
-def kernels_folder() -> Path:
-    """Return the folder of Numba's cache for the kernels of the reference."""
-    named = os.environ.get("NUMBA_CACHE_DIR")
-    return Path(named) if named else Path(__file__).parents[1] / "reference"
+_LAST = "explicit_rk.integrate-*.nbi"
+"""Cache file of the kernel of a motion that is compiled last: module, function and line."""
 
 
 def compiled() -> bool:

@@ -31,10 +31,10 @@ from consilience.engine import (
     split_name,
 )
 from consilience.engine.worker.environments import cache_directory
+from consilience.reference.kernel.cache import kernels_folder
 from consilience.report.record import exit_code
 from consilience.report.statement import WRITERS, Statement
 from consilience.suite import Results, run_suite
-from consilience.suite.warm_up import kernels_folder
 
 GIBI = 2**30
 

@@ -13,34 +13,51 @@ way to the compiled one, including branches pruned there: it is for a few lines.
 bitcode once for its types, and leave the rest to its callers (`linking`). Only `kernel` generates machine code and the
 wrapper that unboxes arguments from Python.
 
-The arrays of a mechanism are passed as one address: see `mechanism_record`.
+The arrays of a mechanism are passed as one address: see `mechanism_record`. Compiled kernels are kept in the folder of
+`cache`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
-from numba import njit
+from numba import config, njit
 
+from consilience.reference.kernel.cache import kernels_folder
 from consilience.reference.kernel.linking import InnerCompiler
 
 _ALL: dict[str, Any] = {"cache": True, "fastmath": {"contract"}, "error_model": "numpy", "no_cfunc_wrapper": True}
 _INNER: dict[str, Any] = {**_ALL, "no_cpython_wrapper": True, "pipeline_class": InnerCompiler}
 
-kernel = njit(**_ALL, _nrt=False)
+
+def _decorator(**options: Any) -> Any:
+    """Return a decorator that compiles with some options, and caches in the folder of the kernels."""
+
+    def decorate(function: Callable[..., Any]) -> Any:
+        given, config.CACHE_DIR = config.CACHE_DIR, str(kernels_folder())  # other users of Numba keep their folder
+        try:
+            return njit(**options)(function)
+        finally:
+            config.CACHE_DIR = given
+
+    return decorate
+
+
+kernel = _decorator(**_ALL, _nrt=False)
 """Decorator of a kernel that makes no array and that Python calls."""
 
-inner = njit(**_INNER, _nrt=False)
+inner = _decorator(**_INNER, _nrt=False)
 """Decorator of a kernel that makes no array and that only kernels call; a call from Python would crash."""
 
-fused = njit(**_INNER, _nrt=False, forceinline=True)
+fused = _decorator(**_INNER, _nrt=False, forceinline=True)
 """`inner`, with the code inlined into the callers by LLVM."""
 
-inlined = njit(**_ALL, _nrt=False, inline="always")
+inlined = _decorator(**_ALL, _nrt=False, inline="always")
 """Decorator of a kernel of a few lines that makes no array and is copied where it is called."""
 
-threaded = njit(**_ALL, _nrt=False, nogil=True)
+threaded = _decorator(**_ALL, _nrt=False, nogil=True)
 """`kernel` that releases the global interpreter lock."""
 
-allocating = njit(**_ALL, _nrt=True)
+allocating = _decorator(**_ALL, _nrt=True)
 """Decorator of a kernel that makes arrays, or that calls a kernel which returns a new array."""

@@ -1,0 +1,35 @@
+"""Folder of the compiled kernels, named after a digest of the sources that kernels are made of.
+
+Numba compiles a kernel anew when the file of the kernel changes, but not when a kernel or a constant of another file
+does. With a folder for each state of the sources, a kernel never runs with kernels of another state.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from functools import cache
+from pathlib import Path
+
+_PACKAGE = Path(__file__).parents[2]
+
+_ROOMS = ("kernel", "bodies", "integrators", "tree", "formulations")
+
+SOURCES = ("mechanism", *(f"reference/{room}" for room in _ROOMS))
+"""Folders of kernels, and of the constants that kernels contain."""
+
+
+@cache
+def digest(package: Path) -> str:
+    """Return the digest of the sources of all kernels of a package."""
+    found = hashlib.sha256()
+    for folder in SOURCES:
+        for file in sorted((package / folder).glob("*.py")):
+            found.update(f"{folder}/{file.name}\n".encode() + file.read_bytes())
+    return found.hexdigest()[:16]
+
+
+def kernels_folder() -> Path:
+    """Return the folder of the compiled kernels, in NUMBA_CACHE_DIR or else beside this file; make nothing."""
+    named = os.environ.get("NUMBA_CACHE_DIR")
+    return (Path(named) if named else Path(__file__).parent / "__pycache__") / f"kernels-{digest(_PACKAGE)}"
