@@ -58,7 +58,7 @@ def torque_free_body():
 
 
 def pendulum():
-    """Swinging pendulum of 1 m, released at 1.2 rad."""
+    """Return a pendulum of 1 m, released at 1.2 rad, and its closed form."""
 
     def closed(t):
         sine, cosine, rate = swing(1.2, 1.0, 9.81, t)
