@@ -153,7 +153,7 @@ def test_a_tree_has_the_freedom_of_its_joints_and_nothing_redundant(name):
         ("loop_rod", 4, None, 4),
     ],
 )
-def test_loops(name, kutzbach, planar, freedom):
+def test_freedom_of_loops(name, kutzbach, planar, freedom):
     mechanism = LOOPS[name]
     for state in states_of(mechanism, 2):
         count = count_freedom(mechanism, state)
@@ -367,7 +367,7 @@ def test_double_pendulum_against_its_generalised_eigenproblem():
         assert np.max(np.abs(constraint_jacobian(mechanism, state) @ mode.ravel())) < 1e-12
 
 
-def test_four_bar_against_its_one_equation():
+def test_four_bar_against_its_equation_of_motion():
     mechanism, oracle = named_four_bar()
     found = linearise(mechanism, static_equilibrium(mechanism, initial_state(mechanism)))
     q = lowest_crank_angle(oracle)

@@ -383,7 +383,7 @@ def test_gears_racks_and_cams_follow_a_drive_over_full_turns():
         assert np.max(np.abs(np.hstack([a_free, alpha]) - a)) < 1e-9 * np.max(np.abs(a))
 
 
-def test_what_has_no_driven_motion_or_no_efforts_says_so():
+def test_mechanisms_without_a_driven_motion_or_efforts_are_refused():
     for name, message in (("rolling_ball", r"rolling 'contact'.*holds velocities"), ("skating", "skate 'edge'")):
         with pytest.raises(InvalidInput, match=message):
             kinematic_motion(ELEMENTS[name], {}, [0.0], initial_state(ELEMENTS[name]))
@@ -523,7 +523,7 @@ def test_three_links_hold_a_direction_as_well():
     assert angles_of(mechanism, state) == pytest.approx([q1, q2, direction - q1 - q2], abs=1e-10)
 
 
-def test_what_the_target_leaves_open_changes_least_from_the_guess():
+def test_free_coordinates_change_least_from_the_guess():
     """The free coordinates change least from the guess: against a constrained minimiser with closed-form poses."""
     mechanism, L, start, target = arm(0.8, 0.5, 0.3), np.array([0.8, 0.5, 0.3]), (0.2, 0.6, 0.5), (0.5, 0.9)
 
@@ -672,7 +672,7 @@ def test_long_steps_are_shortened_and_say_so():
     assert [i.residual for i in history[:5]] == pytest.approx([4.0, 3.0, 2.0, 1.0, 0.0], abs=1e-14)
 
 
-def test_what_cannot_be_assembled_keeps_its_history():
+def test_a_failed_assembly_keeps_its_history():
     mechanism = four_bar()
     found = assemble_with_history(mechanism, drawing_state(mechanism), {"j0": {"angle": 0.2}, "j3": {"angle": 2.0}})
     assert isinstance(found.failure, CannotAssemble)

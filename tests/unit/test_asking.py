@@ -85,7 +85,7 @@ def test_past_the_horizon_nothing_more_is_asked():
 
 
 @pytest.mark.parametrize("situation", [s for s in SITUATIONS if s.soft], ids=lambda s: s.name)
-def test_what_softness_says_is_not_heard_where_a_rule_is_final(situation: Situation):
+def test_softness_does_not_change_a_final_rule(situation: Situation):
     final = {rule.name for rule in RULES if rule.final}
     hard, soft = replace(situation, soft=False).judge(), situation.judge()
     assert (hard.rule in final) == (soft.rule in final)

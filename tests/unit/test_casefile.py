@@ -340,7 +340,7 @@ def test_a_ball_needs_no_axis(write):
     assert (ball.radius, ball.rounding) == (0.0, 0.1)
 
 
-def test_functions_reach_what_follows_them(write):
+def test_functions_of_time_reach_their_elements(write):
     """Every element has a function of its own, so that swapped functions show."""
     text = _nut("screw", "pitch = 0.02") + DRIVE + COUPLING.replace("ratio = -2.0", "ratio = -2.0\noffset = 0.5")
     text += FRICTION + CONTROL + COUPLING.replace("gear", "cam").replace("ratio = -2.0", "law = { polynomial = [7.0] }")
@@ -422,7 +422,7 @@ axis = [0.0, 0.0, 1.0]
 """
 
 
-def test_what_cannot_be_assembled_names_the_constraint_and_how_far(write):
+def test_a_failed_assembly_names_the_constraint_and_its_violation(write):
     # a door of 2 m and a strut of 1 m span the 3 m between their feet only if collinear
     text = changed("\n[initial]", STRUT + "\n[initial]")
     (case,) = load_file(write(text))

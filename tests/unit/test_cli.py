@@ -193,7 +193,7 @@ def children(process, least, within):
     return found
 
 
-def test_a_tag_or_a_group_chooses_cases_and_one_that_none_has_is_refused():
+def test_cases_are_chosen_by_tag_or_group_and_unknown_tags_are_refused():
     from consilience.cli.options import tagged_cases
 
     cases = [Namespace(name="a", group="joints", tags=("lumpy",)), Namespace(name="b", group="hard", tags=("tour",))]

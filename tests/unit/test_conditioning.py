@@ -91,7 +91,7 @@ def test_heavy_bodies_that_do_not_move_spoil_free_directions(ratio):
     assert mass_matrix_condition(mechanism, drawing_state(mechanism)) == pytest.approx(1.0)
 
 
-def test_all_are_those_of_the_matrices_they_stand_for():
+def test_condition_numbers_are_those_of_dense_matrices():
     """Condition numbers from dense matrices, assembled here, with the eigenvalues of NumPy."""
     mechanism = random_mechanism(3, 5, Recipe(plain=True))
     state = random_states(mechanism, initial_state(mechanism), 1, 7)[0]

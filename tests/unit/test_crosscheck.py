@@ -87,7 +87,7 @@ class Wrong:
 
 
 @pytest.mark.parametrize(("part", "quantity"), [("accelerations", "accelerations"), ("reactions", "reactions")])
-def test_one_that_is_wrong_is_found_and_not_those_that_agree(monkeypatch, part, quantity):
+def test_a_wrong_formulation_is_found_and_the_others_agree(monkeypatch, part, quantity):
     make = registry.formulation
     wrong = "null_space_qr"
 

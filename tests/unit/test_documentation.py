@@ -83,7 +83,7 @@ def of_ours(command: str) -> list[str]:
 
 
 @pytest.mark.parametrize(("page", "command"), COMMANDS)
-def test_every_command_is_one_there_is(page, command):
+def test_every_command_exists(page, command):
     words = of_ours(command)
     if words and words[0].startswith("--"):
         assert words[0] in ("--help", "--install-completion", "--show-completion")
@@ -96,7 +96,7 @@ def test_every_command_is_one_there_is(page, command):
         assert all((ROOT / script).exists() for script in scripts), f"{page}: {command}"
 
 
-def test_a_command_that_is_none_is_noticed():
+def test_a_command_that_does_not_exist_is_noticed():
     with pytest.raises(Exception, match="No such option: --nonsense"):
         parsed(["run", "--nonsense"])
     with pytest.raises(KeyError):
@@ -147,7 +147,7 @@ TOML = [block for block in BLOCKS if block.language == "toml"]
 
 
 @pytest.mark.parametrize("block", TOML, ids=lambda b: f"{b.page}:{b.line}")
-def test_toml_blocks_are_what_they_seem(block, tmp_path):
+def test_toml_blocks_are_valid_documents_of_their_kind(block, tmp_path):
     document = tomllib.loads(block.text)
     path = tmp_path / "block.toml"
     path.write_text(block.text)

@@ -114,7 +114,7 @@ def _axis(m, joint):
     return m.bodies[m.body_index[joint.predecessor]].drawing.R @ joint.F.R[:, 2]
 
 
-def test_it_is_assembled_possible_and_free_to_move(mechanisms):
+def test_random_mechanisms_are_assembled_possible_and_free_to_move(mechanisms):
     for m in mechanisms:
         state = drawing_state(m)
         assert np.max(np.abs(constraint_residual(m, state)), initial=0.0) < 1e-12, m.name
@@ -144,7 +144,7 @@ def test_the_number_of_bodies_can_be_asked_for():
 
 
 @pytest.mark.parametrize("seed", [1, 11, 12, 14])
-def test_states_can_be_drawn_from_it(seed):
+def test_random_states_are_consistent(seed):
     m = random_mechanism(seed)
     for state in random_states(m, initial_state(m), 2, seed):
         assert np.max(np.abs(constraint_residual(m, state)), initial=0.0) < 1e-11

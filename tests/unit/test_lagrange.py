@@ -137,7 +137,7 @@ def test_a_free_joint_has_no_reaction():
     np.testing.assert_allclose(np.hstack(formulation("single_free").reactions(state)), 0.0, atol=1e-13 * weight)
 
 
-def test_both_sides_of_the_tests_know_sprung_cut_joints():
+def test_forced_mechanisms_have_springs_on_cut_joints():
     """FORCED has springs on cut joints, whose coordinates come from the pose of M in F instead of from y."""
     sprung = {
         (mechanism.joints[k].kind, spring.coordinate)
@@ -373,7 +373,7 @@ def test_a_new_kind_with_known_rows_and_coordinates_needs_no_code(monkeypatch, r
 @pytest.mark.parametrize(
     "kind", [JointKind(("X", "Y", "D13", "D23", "pitch"), ("angle",)), JointKind(("X", "Y"), ("angle", "wander"))]
 )
-def test_a_kind_it_cannot_describe_is_refused_by_name(monkeypatch, kind):
+def test_an_unsupported_joint_kind_is_refused_by_name(monkeypatch, kind):
     monkeypatch.setitem(JOINT_KINDS, "odd", kind)
     base = chain("revolute", seed=61)
     joint = base.joints[0]

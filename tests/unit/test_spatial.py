@@ -94,7 +94,7 @@ def test_product_of_quaternions_is_the_product_of_matrices(seed):
     np.testing.assert_allclose(R, rotation_from_quaternion(p) @ rotation_from_quaternion(q), rtol=0, atol=2e-15)
 
 
-def test_units_of_the_quaternions_multiply_as_hamilton_carved_them():
+def test_quaternion_units_multiply_by_hamiltons_rules():
     one, i, j, k = np.eye(4)
     for a, b, ab in [(i, j, k), (j, k, i), (k, i, j), (i, i, -one), (j, j, -one), (k, k, -one), (one, k, k)]:
         np.testing.assert_array_equal(quaternion_product(a, b), ab)

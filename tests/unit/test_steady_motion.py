@@ -122,8 +122,8 @@ class Rotating:
 
     With the momentum p of the shaft constant, ``m b'' + c b' + U' = 0`` with ``m = J - h^2/I`` and
     ``U = V + p^2/(2 I)``: the term of first degree in b' of the Routhian is a total derivative (Routh, 1877). Parts:
-    mass, centre of mass and inertia as functions of b in axes of the shaft, and the rate of rotation of the part about
-    the hinge direction n by b'.
+    mass, centre of mass and inertia as functions of b in axes of the shaft, and the angle per b by which the part
+    turns about the hinge direction n.
     """
 
     def __init__(self, parts, gravity, n):

@@ -52,7 +52,7 @@ def plain(**changes):
     return cases_from_tables("plain", "plain.toml", PLAIN | changes)[0]
 
 
-def test_a_four_bar_has_three_rows_too_many_across_its_plane():
+def test_a_four_bar_has_three_redundant_rows_out_of_its_plane():
     (case,) = family_cases("four_bar")
     facts = anatomy(case.mechanism, case.initial_state)
     assert (facts.freedom, facts.rows, facts.redundant) == (1, 20, 3)
@@ -119,7 +119,7 @@ def test_a_weak_case_is_warned_about(doubt):
 
 
 @pytest.mark.parametrize("name", ["parallel_rods", "top", "four_bar", "spring_chain", "mass_ratio"])
-def test_a_good_case_is_not(name):
+def test_a_good_case_has_no_warnings(name):
     assert warnings(family_cases(name)[0]) == []
 
 
