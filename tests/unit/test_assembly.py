@@ -335,7 +335,7 @@ def test_a_free_joint_has_nothing_to_determine():
 
 
 def test_a_beam_clamped_at_both_ends_has_nothing_determined():
-    """The shares of two welds to the ground in the weight are not determined."""
+    """Equilibrium does not determine how two welds to the ground share the weight."""
     rng = np.random.default_rng(9)
     body = lumpy_body("b", rng)
     joints = tuple(drawn_joint(n, "rigid", {"b": body}, GROUND, "b", rng.normal(size=3), rotation(rng)) for n in "ab")

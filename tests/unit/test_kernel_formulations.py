@@ -1,4 +1,4 @@
-"""Formulations on compiled kernels: against dense NumPy, each other, closed forms, and the contract of the state u."""
+"""Formulations on compiled kernels: against dense NumPy, each other and closed forms; requirements on coordinates u."""
 
 import functools
 from dataclasses import replace
@@ -237,7 +237,7 @@ def test_dependent_columns_are_those_with_the_largest_pivots(q, n, rank):
     )
 
 
-# ---------------------------------------------------------------- contract of the state u
+# ---------------------------------------------------------------- requirements on the coordinates u
 
 
 @pytest.mark.parametrize("kernel", NAMES)

@@ -272,7 +272,7 @@ def test_joint_rates_are_the_rates_of_the_coordinates(name):
             np.testing.assert_allclose(rate, difference, rtol=1e-8, atol=1e-9)
 
 
-# expected position R, p of M in F, from the definition of each joint kind
+# expected rotation R and position p of M in F, from the definition of each joint kind
 COORDINATES = {
     "revolute": {"angle": 0.7},
     "prismatic": {"distance": -0.4},

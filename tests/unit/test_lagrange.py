@@ -138,7 +138,7 @@ def test_a_free_joint_has_no_reaction():
 
 
 def test_forced_mechanisms_have_springs_on_cut_joints():
-    """FORCED has springs on cut joints, whose coordinates come from the pose of M in F instead of from y."""
+    """FORCED has springs on cut joints, whose angles come from the pose of M in F, not from joint coordinates y."""
     sprung = {
         (mechanism.joints[k].kind, spring.coordinate)
         for mechanism in FORCED.values()

@@ -7,7 +7,7 @@ from pathlib import Path
 SOURCE = Path(__file__).parents[2] / "src" / "consilience"
 
 CORE = {"Answer", "Case", "Entry", "Frame", "Method", "Model", "Motion", "Record", "Run", "System", "Table", "Tree"}
-"""Nouns of the field and of the harness that private classes may not be called either."""
+"""Nouns of the field and of the harness: private classes must not use them as names either."""
 
 CONSTRUCTORS = {"TypeVar", "NewType", "ParamSpec", "NamedTuple", "TypedDict"}
 

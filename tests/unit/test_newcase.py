@@ -31,7 +31,7 @@ EXPLAINED = (
     "InstantTable",
     "PublishedTable",
 )
-"""Tables of the schema all of whose fields the starter names."""
+"""Tables of the schema; the starter names each of their fields."""
 
 LEFT_TO_THE_SCHEMA = {"drive", "coupling", "rolling", "skate", "contact", "variants", "pitch", "joint"}
 """Fields of these tables that the starter leaves to the schema."""

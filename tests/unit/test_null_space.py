@@ -50,7 +50,7 @@ UNCHANGING = {"a screw that is cut", "drives alone"}
 
 
 class InSpace:
-    """A mechanism on the spatial kernels; fronts set to NaN tell whether elimination was used instead of QR."""
+    """A mechanism on the spatial kernels; NaN left in the fronts of the QR shows that elimination was used."""
 
     def __init__(self, mechanism):
         self.mechanism = mechanism
@@ -120,7 +120,7 @@ def test_accelerations_are_those_of_the_dense_equations_and_of_the_fronts(name):
         size = np.max(np.abs(expected))
         bar = (1e-11 + 4 * EPS * mass_matrix_condition(mechanism, state)) * size
         assert np.max(np.abs(found - other)) < bar
-        # the dense equations also solve for multipliers: their condition counts
+        # the dense equations also solve for multipliers: their condition number counts
         bar += 4 * EPS * reaction_condition(mechanism, state) * size
         assert np.max(np.abs(found - expected)) < bar
 

@@ -134,7 +134,7 @@ def test_particle_3_follows_from_the_others(body_and_primary):
     np.testing.assert_allclose(constants @ particles.generators(turned), turned[2], rtol=0, atol=1e-13)
 
 
-# ---------------------------------------------------------------- sharing and counting
+# ---------------------------------------------------------------- shared particles, numbers of equations
 
 OWN = {"spherical": 2, "universal": 2, "revolute": 1, "rigid": 0, "prismatic": 3, "cylindrical": 3, "free": 3}
 

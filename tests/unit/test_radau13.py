@@ -40,7 +40,7 @@ def test_coefficients_integrate_powers():
 
 
 def test_eigenvectors_make_the_inverse_diagonal():
-    """The real part of ``OUT diag(f(lambda)) IN`` is f of the inverse of a: here the unit matrix, the inverse and a."""
+    """The real part of ``OUT diag(f(lambda)) IN`` is f(A^-1): here for the powers 0, 1 and -1."""
     assert LAMBDA[0].imag == 0.0
     for power, matrix in ((0, np.eye(STAGES)), (1, np.linalg.inv(A)), (-1, A)):
         np.testing.assert_allclose((OUT * LAMBDA**power @ IN).real, matrix, atol=1e-11)

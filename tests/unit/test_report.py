@@ -223,7 +223,7 @@ OBSERVABLES = [
 
 
 def probe(how, scale, **more):
-    """Return a run at another softness and the finest level, as the last of a method's runs."""
+    """Return a run of a method at another softness and the finest level; such runs follow all levels."""
     return run("swing", "soft", "trajectory", {**how, "softness": scale}, step=0.0025, **more)
 
 

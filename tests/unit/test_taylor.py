@@ -104,7 +104,7 @@ def test_samples_cost_no_steps_and_are_closed():
 
 
 def test_order_grows_with_the_digits():
-    """The last term of a geometric series of ratio x is x^p."""
+    """The order p makes the last term x^p of a geometric series of ratio x as small as the tolerance."""
     orders = [order_for(10.0**-digits) for digits in range(3, 15)]
     assert orders == sorted(orders)
     assert (orders[0], orders[-1]) == (6, 24)
