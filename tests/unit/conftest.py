@@ -1,1 +1,1 @@
-"""Single modules: each does what it says, by expected values that come from elsewhere than the module."""
+"""Unit tests: one module each, against expected values that do not come from that module."""

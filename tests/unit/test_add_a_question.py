@@ -1,4 +1,4 @@
-"""A question is one module and one row: the example of docs/add-a-question.md is asked, sent, kept, compared, shown."""
+"""A new question needs one module and one row: the example of docs/add-a-question.md in worker, store and report."""
 
 import re
 from contextlib import closing
@@ -27,7 +27,7 @@ CASE = load_case("double_pendulum")
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory):
-    """Names that the Python blocks of the page define, run in a folder of their own; the table is restored."""
+    """Run the Python blocks of the page in a temporary folder, yield the names they define, and restore the tables."""
     rows, answers = dict(questions._ROWS), dict(questions.ANSWERS)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(tmp_path_factory.mktemp("page"))
@@ -43,7 +43,7 @@ def page(tmp_path_factory):
 
 
 def words(line):
-    """A line without what is rounding: a difference below 1e-14, and the quantity that has it."""
+    """Return the line without quantities that are rounding: differences below 1e-14 and their names."""
     return re.sub(r"(linear|angular) momentum: difference [\d.]+e-1[4-9]", "momentum: difference", line)
 
 
@@ -69,7 +69,7 @@ def test_engines_are_told_apart(page):
 
 
 def test_the_job_and_the_answer_travel(page):
-    """Parameters and arrays arrive to the last bit in a worker, and the answer in the runner."""
+    """A worker gets parameters and arrays to the last bit, and the caller gets the answer to the last bit."""
     question, states, point = page["MOMENTUM"], states_of(CASE.mechanism, 3), np.array([0.1, 0.2, 0.3])
     engine, method = page["Toy"](), page["Toy"]().methods(CASE.mechanism, None)[0]
     (mechanism, first), (key, second) = RecentlySent().need(CASE.mechanism), RecentlySent().need(method)
@@ -99,7 +99,7 @@ def test_the_answer_is_kept_by_its_parameters(page, tmp_path):
     toy, info = InProcessEngine("toy", page["Toy"]()), EngineInfo("toy", "1.0", "1.0")
     with closing(Store(tmp_path)) as store:
         (first,) = ask_case(toy, CASE, [page["MOMENTUM"]], store=store, info=info)
-        toy._engine.momentum = None  # a second question would fail
+        toy._engine.momentum = None  # a second question to the engine would now fail
         (again,) = ask_case(toy, CASE, [page["MOMENTUM"]], store=store, info=info)
         keys = {
             store.key(info, Request(CASE.mechanism, page["MOMENTUM"], parameters={"point": np.full(3, x)}))

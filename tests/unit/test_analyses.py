@@ -1,4 +1,4 @@
-"""Analyses against closed forms, other ways to the same answer, and hand counts."""
+"""Freedom, equilibrium, linearisation and inverse dynamics against closed forms, other methods and counts by hand."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -52,13 +52,13 @@ def block(name="block", mass=2.0):
 
 
 def sliding(gravity=DOWN, **elements):
-    """One block on a vertical slide."""
+    """Return a mechanism of one block on a vertical slide."""
     joint = Joint("slide", "prismatic", GROUND, "block", ORIGIN, ORIGIN)
     return Mechanism("sliding", gravity, (block(),), (joint,), **elements)
 
 
 def parallel_double_pendulum(seed=11):
-    """Two lumpy bodies on parallel axes in a skew plane."""
+    """Return two lumpy bodies in a chain of two hinges with parallel axes, drawn in a skew plane."""
     rng = np.random.default_rng(seed)
     R = rotation(rng)
     bodies = {n: lumpy_body(n, rng) for n in ("upper", "lower")}
@@ -70,7 +70,7 @@ def parallel_double_pendulum(seed=11):
 
 
 def named_four_bar():
-    """Lumpy four-bar with the joint names of the oracle, and the oracle."""
+    """Return a lumpy four-bar with the joint names that the closed-form oracle expects, and the oracle."""
     mechanism = four_bar()
     names = ("crank_pivot", "crank_pin", "rocker_pin", "rocker_pivot")
     joints = tuple(replace(j, name=n) for j, n in zip(mechanism.joints, names, strict=True))
@@ -83,7 +83,7 @@ def potential(oracle, q):
 
 
 def lowest_crank_angle(oracle):
-    """Angle of least potential energy: a scan of the whole turn, then the root of the force."""
+    """Return the angle of least potential energy: a scan of the whole turn, then the root of the generalised force."""
     grid = np.linspace(-np.pi, np.pi, 721)
     best = grid[np.argmin([potential(oracle, q) for q in grid])]
     step = grid[1] - grid[0]
@@ -96,7 +96,7 @@ def angle_of(mechanism, state, joint):
 
 
 def axis_and_arm(mechanism, state):
-    """Axis of the first joint and the arm from it to the centre of mass of the first body, square to the axis."""
+    """Return the axis of the first joint, and the normal from the axis to the centre of mass of the first body."""
     frames = joint_frames(mechanism, state, mechanism.joints[0])
     axis = frames.U[:, 2]
     arm = centres_of_mass(mechanism, state)[0][0] - frames.s_i
@@ -153,7 +153,7 @@ def test_a_tree_has_the_freedom_of_its_joints_and_nothing_redundant(name):
         ("loop_rod", 4, None, 4),
     ],
 )
-def test_loops(name, kutzbach, planar, freedom):
+def test_freedom_of_loops(name, kutzbach, planar, freedom):
     mechanism = LOOPS[name]
     for state in states_of(mechanism, 2):
         count = count_freedom(mechanism, state)
@@ -164,7 +164,7 @@ def test_loops(name, kutzbach, planar, freedom):
 
 
 def gantry(*directions):
-    """Bodies on slides, one on another, along the directions given."""
+    """Return a chain of bodies on slides along the given directions."""
     frames = [Frame(np.zeros(3), rotation_with_z_axis(d)) for d in directions]
     names = [GROUND, *(f"b{n}" for n in range(len(directions)))]
     joints = tuple(Joint(f"j{n}", "prismatic", names[n], names[n + 1], f, f) for n, f in enumerate(frames))
@@ -230,7 +230,7 @@ def test_double_pendulum_hangs_with_both_moments_zero():
 def test_four_bar_rests_at_the_least_potential_of_a_scan(start):
     mechanism, oracle = named_four_bar()
     guess = initial_state(mechanism)
-    for angle in np.linspace(0.0, start, 9)[1:]:  # a long way round is walked, to stay on the branch
+    for angle in np.linspace(0.0, start, 9)[1:]:  # approach the angle in steps, to stay on the branch of the guess
         poses = {
             b.name: Frame(p, R)
             for b, p, R in zip(mechanism.bodies, guess.p_WB, rotation_from_quaternion(guess.quat_WB), strict=True)
@@ -245,7 +245,7 @@ def test_four_bar_rests_at_the_least_potential_of_a_scan(start):
 )
 def test_nothing_accelerates_at_an_equilibrium(name):
     mechanism = (TREES | LOOPS)[name]
-    if name == "long_chain":  # its slide has nothing to rest against
+    if name == "long_chain":  # without a spring, its slide has no equilibrium
         mechanism = replace(mechanism, joint_springs=(JointSpring("k", "j1", "distance", 50.0, 0.0, 0.1),))
     state = static_equilibrium(mechanism, initial_state(mechanism))
     a, alpha, _, _ = truth.solve(mechanism, state)
@@ -347,7 +347,7 @@ def test_double_pendulum_against_its_generalised_eigenproblem():
     one, two = plane.bodies()
     c = DoublePendulum(one.mass, two.mass, one.inertia, two.inertia, one.com - A, two.com - B, B - A, plane.gravity)
     first = c.mass_1 * c.arm_1 + c.mass_2 * c.link
-    # hanging: both first moments lie along gravity
+    # hanging equilibrium: the first moments of mass of both bodies are parallel to gravity
     link = c.link * abs(first) / first
     coupling = c.mass_2 * dot(link, abs(c.arm_2))
     M = np.array(
@@ -367,7 +367,7 @@ def test_double_pendulum_against_its_generalised_eigenproblem():
         assert np.max(np.abs(constraint_jacobian(mechanism, state) @ mode.ravel())) < 1e-12
 
 
-def test_four_bar_against_its_one_equation():
+def test_four_bar_against_its_equation_of_motion():
     mechanism, oracle = named_four_bar()
     found = linearise(mechanism, static_equilibrium(mechanism, initial_state(mechanism)))
     q = lowest_crank_angle(oracle)
@@ -426,7 +426,7 @@ SCALAR_TREES = {
 
 
 def as_loads(mechanism, state, efforts):
-    """The efforts as forces and torques on both sides of their joints, fixed in the world."""
+    """Return the mechanism with the efforts as world-fixed forces and torques on both bodies of each joint."""
     R = dict(zip(mechanism.body_index, [np.eye(3), *rotation_from_quaternion(state.quat_WB)], strict=True))
     p = dict(zip(mechanism.body_index, [np.zeros(3), *state.p_WB], strict=True))
     loads = []
@@ -446,7 +446,7 @@ def as_loads(mechanism, state, efforts):
 
 
 def rate_differences(mechanism, state, a, h):
-    """Joint accelerations as differences of the joint rates along a motion of the given body accelerations."""
+    """Return joint accelerations by central differences of joint rates along a motion with the body accelerations a."""
     v = np.hstack([state.v_WB_W, state.w_WB_W])
     rates = []
     for t in (h, -h):
@@ -493,7 +493,7 @@ def test_body_accelerations_ask_for_the_same_efforts(name):
         a = np.hstack([free.a_WB_W[0], free.alpha_WB_W[0]])
         efforts = [e for by in inverse_dynamics(mechanism, state, a).efforts.values() for e in by.values()]
         scale = max(np.max(np.abs(free.force_F)), np.max(np.abs(free.torque_F)))
-        assert np.max(np.abs(efforts)) < 1e-10 * scale  # free motion needs none
+        assert np.max(np.abs(efforts)) < 1e-10 * scale  # inverse dynamics of a free motion needs no effort
 
 
 def test_effort_of_a_pendulum():

@@ -1,4 +1,4 @@
-"""Driven motion, inverse kinematics and assembly history against closed forms and other ways to the same answer."""
+"""Driven motion, inverse kinematics and the history of assembly against closed forms and independent methods."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -55,7 +55,7 @@ DOWN = np.array([0.0, 0.0, -9.81])
 
 
 def swing(mean, amplitude, rate, phase=0.0):
-    """Drive ``mean + amplitude sin(rate t + phase)``."""
+    """Return the drive ``mean + amplitude sin(rate t + phase)``."""
 
     def drive(t):
         s, c = np.sin(rate * t + phase), np.cos(rate * t + phase)
@@ -92,7 +92,7 @@ def driven_one_freedom(name, times):
 
 @pytest.mark.parametrize("name", ONE_FREEDOM)
 def test_a_driven_loop_moves_as_its_closure_equations_say(name):
-    times = np.linspace(0.0, 2.0, 9)  # the slider-crank turns by 0.2 of a turn and more between the samples
+    times = np.linspace(0.0, 2.0, 9)  # the slider-crank turns by at least 0.2 of a turn between samples
     _, oracle, drive, motion = driven_one_freedom(name, times)
     asked = np.array([drive(t) for t in times])
     assert np.max(np.abs(motion.coordinates["crank_pivot"]["angle"] - asked[:, 0])) < 1e-12
@@ -126,7 +126,7 @@ DRIVEN_LOOPS = {
 
 
 def gentle(mechanism, state, joint, name):
-    """A drive through the present value of a joint coordinate."""
+    """Return a slow sinusoidal drive that starts from the present value of a joint coordinate."""
     target = mechanism.joints[mechanism.joint_index[joint]]
     value = joint_coordinates(target, relative_motion(mechanism, state, target))[name]
     return swing(float(value), 0.2, 1.7)
@@ -134,7 +134,7 @@ def gentle(mechanism, state, joint, name):
 
 @pytest.mark.parametrize("name", DRIVEN_LOOPS)
 def test_forces_that_replace_the_drives_make_the_same_motion(name):
-    """Forward dynamics of an independent solver under the efforts as loads: accelerations and reactions."""
+    """Drives replaced by loads: an independent solver of forward dynamics gives the same motion and reactions."""
     mechanism = replace(
         LOOPS[name],
         joint_springs=(JointSpring("k", mechanism_pin(LOOPS[name]), "angle", 3.0, 0.4, 0.2),),
@@ -161,7 +161,7 @@ def mechanism_pin(mechanism):
 
 
 def as_loads(mechanism, state, efforts):
-    """Scalar efforts as forces and torques on both sides of their joints, fixed in the world."""
+    """Return the mechanism with scalar efforts as world-fixed forces and torques on both bodies of each joint."""
     R = dict(zip(mechanism.body_index, [np.eye(3), *rotation_from_quaternion(state.quat_WB)], strict=True))
     p = dict(zip(mechanism.body_index, [np.zeros(3), *state.p_WB], strict=True))
     loads = []
@@ -201,7 +201,7 @@ def test_a_free_base_and_all_kinds_of_coordinates_can_be_driven():
     def place(t):
         return np.array([t, t**2, 0.3]), np.array([1.0, 2 * t, 0.0]), np.array([0.0, 2.0, 0.0])
 
-    def spin(t):  # about a fixed axis
+    def spin(t):  # rotation about a fixed axis
         return quaternion_from_rotation_vector(2.0 * t * axis), 2.0 * axis, np.zeros(3)
 
     drives = {("j0", "position"): place, ("j0", "orientation"): spin, ("j4", "orientation"): spin}
@@ -223,12 +223,12 @@ def test_a_free_base_and_all_kinds_of_coordinates_can_be_driven():
     power = sum(
         float(np.dot(np.ravel(efforts[j][c][2]), np.ravel(drives[j, c](motion.times[2])[1]))) for j, c in drives
     )
-    # virtual work: the power of the efforts is that of ``M a - f`` (Jourdain), taken from truth's own assembly
+    # Jourdain's principle: the power of the efforts equals that of ``M a - f``, assembled by the tests' own equations
     assert power == pytest.approx(power_needed(mechanism, motion.states[2], a), rel=1e-9)
 
 
 def power_needed(mechanism, state, a):
-    """``sum (m a_c - F).v_c + (I alpha + w x I w - T).w`` by bodies."""
+    """Return ``sum (m a_c - F).v_c + (I alpha + w x I w - T).w`` over the bodies."""
     R = rotation_from_quaternion(state.quat_WB)
     wrench = truth.applied_wrenches(mechanism, state)
     total = 0.0
@@ -268,10 +268,10 @@ def test_angles_and_their_springs_are_counted_over_full_turns():
     drives, times = {("crank_pivot", "angle"): turning(-9.0, start=7.0)}, np.linspace(0.0, 3.0, 4)
     start = initial_state(mechanism)
     plain, motion = (kinematic_motion(m, drives, times, start) for m in (mechanism, sprung))
-    angle = 7.0 - 9.0 * times  # three turns, samples further than a turn apart
+    angle = 7.0 - 9.0 * times  # three turns, with more than one turn between samples
     assert np.max(np.abs(motion.coordinates["crank_pivot"]["angle"] - angle)) < 1e-12
     sum_of_pins = angle + sum(motion.coordinates[j]["angle"] for j in ("crank_pin", "wrist_pin"))
-    assert np.ptp(sum_of_pins) < 1e-11  # the slider does not turn
+    assert np.ptp(sum_of_pins) < 1e-11  # the slider does not rotate
     with_spring, without = (
         driven_dynamics(m, x).efforts["crank_pivot"]["angle"] for m, x in ((sprung, motion), (mechanism, plain))
     )
@@ -283,7 +283,7 @@ def two_speeds(t):
 
 
 def power_mechanism():
-    """Driven by itself in two coordinates and by Python in the third; every force that depends on time acts on it."""
+    """Return a mechanism with two drives of its own and forces of every kind that depends on time."""
     base, loaded = ELEMENTS["driven"], ELEMENTS["powered"]
     wave = sine(2.0, 3.0, 0.4)
     return replace(
@@ -306,7 +306,7 @@ def counted(by_joint, k):
 
 
 def test_a_mechanism_that_drives_itself_moves_by_its_own_drives_under_forces_that_depend_on_time():
-    """Accelerations and reactions of an independent solver, which takes the drives as rows of its own."""
+    """Drives of the mechanism and drives from Python: accelerations and reactions of an independent solver."""
     mechanism = power_mechanism()
     mine = {("j1", "orientation"): spin, ("j2", "angle"): turning(0.7)}
     motion = kinematic_motion(mechanism, mine, [0.0, 0.2, 0.45], initial_state(mechanism))
@@ -317,7 +317,7 @@ def test_a_mechanism_that_drives_itself_moves_by_its_own_drives_under_forces_tha
     for k, (t, state) in enumerate(zip(motion.times, motion.states, strict=True)):
         efforts = counted(found.efforts, k)
         orientation = as_torque(mechanism, state, "j1", efforts.pop("j1")["orientation"])
-        free = replace(mechanism, drives=())  # the efforts take the place of all drives
+        free = replace(mechanism, drives=())  # the efforts replace all drives
         a, alpha, force, torque = truth.solve(as_loads(orientation(free), state, efforts), state, float(t))
         scale = max(np.max(np.abs(a)), np.max(np.abs(alpha)))
         assert np.max(np.abs(a - motion.a_WB_W[k])) < 1e-9 * scale
@@ -328,7 +328,7 @@ def test_a_mechanism_that_drives_itself_moves_by_its_own_drives_under_forces_tha
 
 
 def as_torque(mechanism, state, name, torque_F):
-    """Adds the torque of a driven orientation."""
+    """Return a function that adds the torque of a driven orientation to a mechanism."""
     joint = mechanism.joints[mechanism.joint_index[name]]
     torque = joint_frames(mechanism, state, joint).U @ torque_F
     loads = tuple(
@@ -351,12 +351,12 @@ def test_own_drives_and_the_same_functions_in_python_are_one_motion():
 
 
 def test_gears_racks_and_cams_follow_a_drive_over_full_turns():
-    """Couplings ``q = f(q_driver)`` and their first two derivatives; power in at the drive is power needed."""
+    """Couplings ``q = f(q_driver)`` and their first two derivatives; the power of the drive equals the power needed."""
     mechanism = replace(
         ELEMENTS["coupled"], drives=(Drive("motor", "j0", "angle", Function(np.array([0.0, 9.0, 1.0]))),)
     )
     start = initial_state(mechanism)
-    times = np.array([0.0, 0.4, 0.8])  # 1.2 turns, of the second gear three backwards
+    times = np.array([0.0, 0.4, 0.8])  # 1.2 turns of the first gear, three backward turns of the second
     motion = kinematic_motion(mechanism, {("j3", "angle"): turning(0.5)}, times, start)
     q0 = 9.0 * times + times**2
     cam = ELEMENTS["coupled"].couplings[2].law
@@ -372,7 +372,7 @@ def test_gears_racks_and_cams_follow_a_drive_over_full_turns():
         a = np.hstack([motion.a_WB_W[k], motion.alpha_WB_W[k]])
         power = found.efforts["j0"]["angle"][k] * (9.0 + 2.0 * times[k]) + found.efforts["j3"]["angle"][k] * 0.5
         assert power == pytest.approx(power_needed(mechanism, state, a), rel=1e-9)
-        efforts = counted(found.efforts, k)  # couplings replaced by what they exert on the four joints
+        efforts = counted(found.efforts, k)  # the couplings are replaced by their efforts on the four joints
         gears, rack, cam_force = (found.couplings[n][k] for n in ("gears", "rack", "cam"))
         efforts["j0"]["angle"] += 2.5 * gears - cam.at(q0[k])[1] * cam_force
         efforts["j1"] = {"angle": gears - 0.2 * rack}
@@ -383,7 +383,7 @@ def test_gears_racks_and_cams_follow_a_drive_over_full_turns():
         assert np.max(np.abs(np.hstack([a_free, alpha]) - a)) < 1e-9 * np.max(np.abs(a))
 
 
-def test_what_has_no_driven_motion_or_no_efforts_says_so():
+def test_mechanisms_without_a_driven_motion_or_efforts_are_refused():
     for name, message in (("rolling_ball", r"rolling 'contact'.*holds velocities"), ("skating", "skate 'edge'")):
         with pytest.raises(InvalidInput, match=message):
             kinematic_motion(ELEMENTS[name], {}, [0.0], initial_state(ELEMENTS[name]))
@@ -400,7 +400,7 @@ def test_what_has_no_driven_motion_or_no_efforts_says_so():
 
 
 def parallelogram():
-    """Lumpy planar linkage with parallel cranks: flat, and free to buckle, at every half turn."""
+    """Return a lumpy planar parallelogram linkage: flat, and at a bifurcation, at every half turn."""
     mechanism = four_bar()
     R = mechanism.joints[0].F.R
     p = [R @ np.array(x) for x in ([0, 0, 0], [0.3, 0.8, 0], [1.5, 0.8, 0], [1.2, 0, 0])]
@@ -469,8 +469,8 @@ def test_drives_that_do_not_fit_are_refused(mechanism, drives, error, message):
 
 
 def arm(*lengths):
-    """Planar arm with axes along y of the world, links along x when all angles are zero."""
-    along_y = rotation_with_z_axis([0.0, -1.0, 0.0], [1.0, 0.0, 0.0])  # turns lift x towards z
+    """Return a planar arm with hinges along y of the world and links along x at zero angles."""
+    along_y = rotation_with_z_axis([0.0, -1.0, 0.0], [1.0, 0.0, 0.0])  # positive angles turn x towards z
     bodies, joints, at, previous = [], [], 0.0, GROUND
     for n, length in enumerate(lengths):
         name = f"link{n}"
@@ -500,7 +500,7 @@ def posed(mechanism, *angles):
 def test_two_links_reach_a_point_with_the_elbow_on_the_side_of_the_guess(elbow):
     mechanism = arm(0.8, 0.5)
     x, z = 0.3, 0.9
-    cosine = (x * x + z * z - 0.8**2 - 0.5**2) / (2 * 0.8 * 0.5)  # law of cosines
+    cosine = (x * x + z * z - 0.8**2 - 0.5**2) / (2 * 0.8 * 0.5)  # by the law of cosines
     q2 = elbow * np.arccos(cosine)
     q1 = np.arctan2(z, x) - np.arctan2(0.5 * np.sin(q2), 0.8 + 0.5 * np.cos(q2))
     guess = posed(mechanism, 0.6, 0.7 * elbow)
@@ -523,15 +523,15 @@ def test_three_links_hold_a_direction_as_well():
     assert angles_of(mechanism, state) == pytest.approx([q1, q2, direction - q1 - q2], abs=1e-10)
 
 
-def test_what_the_target_leaves_open_changes_least_from_the_guess():
-    """Against a constrained minimiser in the joint angles, from the closed form of the poses."""
+def test_free_coordinates_change_least_from_the_guess():
+    """The free coordinates change least from the guess: against a constrained minimiser with closed-form poses."""
     mechanism, L, start, target = arm(0.8, 0.5, 0.3), np.array([0.8, 0.5, 0.3]), (0.2, 0.6, 0.5), (0.5, 0.9)
 
     def corners(q):
         s = np.cumsum(q)
         return np.vstack([np.zeros(2), np.cumsum(L[:, None] * np.column_stack([np.cos(s), np.sin(s)]), axis=0)])
 
-    def change(q):  # lengths are divided by the longest arm, 0.8 m
+    def change(q):  # lengths relative to the longest link, 0.8 m
         moved = (corners(q) - corners(start))[:3] / 0.8
         return np.sum(moved**2) + np.sum((np.cumsum(q) - np.cumsum(start)) ** 2)
 
@@ -582,7 +582,7 @@ IIWA_R = np.array(
     ]
 )
 IIWA_P = np.array([0.2970356451892219, 0.1727696964662288, 1.154681973689345])
-"""Pose of its last link at (60, 30, 60, 30, 60, 30, 60) degrees (MotionGenesis)."""
+"""Pose of the last link of the arm at (60, 30, 60, 30, 60, 30, 60) degrees (MotionGenesis)."""
 
 
 def iiwa():
@@ -610,7 +610,7 @@ def test_a_seven_axis_robot_reaches_its_published_pose():
     )
     assert np.max(np.abs(found.p_WB[6] - IIWA_P)) < 1e-10
     assert np.max(np.abs(rotation_from_quaternion(found.quat_WB[6]) - IIWA_R)) < 1e-10
-    assert np.max(np.abs(found.p_WB[2] - state.p_WB[2])) > 1e-3  # another of the poses its seventh axis leaves
+    assert np.max(np.abs(found.p_WB[2] - state.p_WB[2])) > 1e-3  # a redundant arm: another pose, same target
 
 
 @pytest.mark.parametrize("name", ["four_bar", "loop_spherical", "loop_rod", "branched", "floating_chain"])
@@ -651,7 +651,7 @@ def test_residuals_square_and_the_state_is_that_of_the_assembly(name):
 
 
 def test_one_newton_step_by_hand():
-    """A pin drawn apart by 0.3 m on one body: the first residual, its row, and the step that closes it."""
+    """A body drawn 0.3 m away from its pin: first residual, name of its row, and the step that closes the pin."""
     body = Body(
         "b", 1.0, np.array([0.1, 0.2, 0.3]), np.diag([0.1, 0.2, 0.25]), Frame(np.array([0.0, 0.3, 0.0]), np.eye(3))
     )
@@ -672,7 +672,7 @@ def test_long_steps_are_shortened_and_say_so():
     assert [i.residual for i in history[:5]] == pytest.approx([4.0, 3.0, 2.0, 1.0, 0.0], abs=1e-14)
 
 
-def test_what_cannot_be_assembled_keeps_its_history():
+def test_a_failed_assembly_keeps_its_history():
     mechanism = four_bar()
     found = assemble_with_history(mechanism, drawing_state(mechanism), {"j0": {"angle": 0.2}, "j3": {"angle": 2.0}})
     assert isinstance(found.failure, CannotAssemble)

@@ -1,4 +1,4 @@
-"""Parameters by path, and sensitivities against closed forms, complex steps and other routes to the same derivative."""
+"""Parameters by path; sensitivities against closed forms, complex steps and independent routes to the derivative."""
 
 import numpy as np
 import pytest
@@ -33,7 +33,7 @@ M, L, IYY, G, K = 2.0, 0.5, 0.2, 9.81, 50.0
 
 
 def pendulum():
-    """Swings about y of the world; centre of mass L below the pin, products of inertia that do no matter."""
+    """Return a pendulum about y of the world: centre of mass L below the pin, products of inertia without influence."""
     along_y = Frame(np.zeros(3), rotation_with_z_axis([0.0, 1.0, 0.0]))
     inertia = np.array([[0.15, 0.01, -0.02], [0.01, IYY, 0.03], [-0.02, 0.03, 0.25]])
     body = Body("bob", M, np.array([0.0, 0.0, -L]), inertia, ORIGIN)
@@ -53,7 +53,7 @@ def frequency(mechanism):
 
 
 def sound(found, expected, accuracy=1e-9):
-    """Derivatives are accurate, and no worse than a few times their estimated errors say."""
+    """Assert that derivatives are accurate, and that their errors are at most ten times the estimates."""
     expected = np.asarray(expected)
     scale = np.max(np.abs(expected))
     actual = np.abs(found.derivatives - expected)
@@ -76,7 +76,7 @@ def test_every_parameter_can_be_read_and_changed_and_nothing_else_changes(name):
     chosen = [p for p in paths if not p.startswith(("body.", "joint."))][::4] + list(paths[::23])
     for path in chosen:
         changed = with_parameter(mechanism, path, values[path] + 1e-6)
-        if ".turn[" in path:  # zero again in the frame that has turned; what turned shows in the rows it belongs to
+        if ".turn[" in path:  # a rotation increment: zero again in the rotated frame; joint rows show the change
             assert parameter(changed, path) == 0.0
             continue
         others = [p for p in paths[:: len(paths) // 25] if p != path]
@@ -86,7 +86,7 @@ def test_every_parameter_can_be_read_and_changed_and_nothing_else_changes(name):
 
 
 def test_counts_of_parameters():
-    """3 of gravity; a body 1 + 3 + 6 + 6, a joint 12, a rod one more, a spring 9, a joint spring 3, a load 6."""
+    """Counts: 3 for gravity, 16 for a body, 12 for a joint, 13 for a rod, 9 a spring, 3 a joint spring, 6 a load."""
     assert len(parameter_paths(pendulum())) == 3 + 16 + 12
     assert len(parameter_paths(LOOPS["loop_rod"])) == 3 + 3 * 16 + 4 * 12 + 1
     assert len(parameter_paths(ELEMENTS["single_screw"])) == 3 + 16 + 12 + 1
@@ -98,10 +98,10 @@ def test_counts_of_parameters():
 @pytest.mark.parametrize(
     ("name", "bodies", "expected"),
     [
-        # actuators: a sine 3, tables 9 + 9; histories of loads 3; frictions 3; controls 3, their targets 3 and 1
+        # actuators: a sine 3, tables 9 + 9; load histories 3; frictions 3; controls 3, with targets of 3 and 1
         ("powered", 4, (9 + 3) + 3 * (3 + 18) + 4 * (6 + 3) + 2 * 3 + (3 + 3) + (3 + 1)),
         ("driven", 3, (2 + 3) + 3),
-        ("coupled", 4, 2 + 2 + (13 + 12)),  # a periodic table has one ordinate less
+        ("coupled", 4, 2 + 2 + (13 + 12)),  # a periodic table has one ordinate less than an open one
         ("rolling_torus", 2, 3 + 3 + 3 + 3 + 2),
         ("skating", 2, 3 + 3),
     ],
@@ -189,7 +189,7 @@ def test_frequency_of_a_mass_on_a_spring():
 
 
 def test_static_deflection():
-    """The spring hangs from 1.5 m: ``z = 1.5 - L0 - m g/k``."""
+    """The spring hangs from the height 1.5 m: ``z = 1.5 - L0 - m g/k``."""
 
     def height(mechanism):
         return static_equilibrium(mechanism, initial_state(mechanism)).p_WB[0, 2]
@@ -207,7 +207,7 @@ def test_static_deflection():
 
 
 def quarter_period(mechanism):
-    """Time from rest at 2 rad to the lowest point, by Newton's method on simulated motion."""
+    """Return the time from rest at 2 rad to the lowest point, by Newton's method on simulated motions."""
     start = initial_state(mechanism, Initial({"pin": {"angle": 2.0}}))
     t = 0.6
     for _ in range(6):
@@ -217,7 +217,7 @@ def quarter_period(mechanism):
 
 
 def test_period_of_large_swings():
-    """``T/4 = K(sin(1 rad)) / w`` with w of the small ones: the derivatives are those of 1/w."""
+    """``T/4 = K(sin(1 rad)) / w`` with w of small oscillations: the relative derivatives are those of 1/w."""
     found = sensitivity(pendulum(), quarter_period, ["gravity[2]", "body.bob.com[2]"])
     J = IYY + M * L**2
     T = ellipk(np.sin(1.0) ** 2) * np.sqrt(J / (M * G * L))
@@ -226,7 +226,7 @@ def test_period_of_large_swings():
 
 
 def test_geometry_changes_the_assembled_pose():
-    """A weight on a rod of length 0.7 at 0.4 rad: the derivative to the length lies along the rod."""
+    """A body at the end of a rod of length 0.7, at 0.4 rad: the derivative by the length is parallel to the rod."""
 
     def end(mechanism):
         return initial_state(mechanism).p_WB[0]
@@ -271,7 +271,7 @@ def test_pins_of_a_redundant_loop_cannot_be_moved_one_by_one_out_of_its_plane():
 
 
 def swing_of(parameters, times, rate):
-    """Angle and rate of the pendulum from its one equation, for numbers that may be complex."""
+    """Return angle and rate of the pendulum by its scalar equation of motion, also for complex parameters."""
     mass, arm, gravity, inertia = parameters
     w2 = mass * gravity * arm / (inertia + mass * arm**2)
     start = np.array([1.2, rate], dtype=complex)
@@ -283,7 +283,7 @@ def swing_of(parameters, times, rate):
 def test_a_swinging_pendulum_against_complex_steps_in_its_one_equation():
     times = np.linspace(0.0, 1.2, 4)
     paths = ["body.bob.mass", "body.bob.com[2]", "gravity[2]", "body.bob.inertia[1,1]"]
-    signs = np.array([1.0, -1.0, -1.0, 1.0])  # the arm and the weight point down
+    signs = np.array([1.0, -1.0, -1.0, 1.0])  # com[2] and gravity[2] are minus arm and gravity
 
     def start(mechanism):
         return initial_state(mechanism, Initial({"pin": {"angle": 1.2}}, {"pin": {"angle": 0.7}}))
@@ -296,7 +296,7 @@ def test_a_swinging_pendulum_against_complex_steps_in_its_one_equation():
         assert np.max(np.abs(found.turn_W[n, :, 0, 1] - sign * angle)) < 1e-8 * np.max(np.abs(angle))
         assert np.max(np.abs(found.w_WB_W[n, :, 0, 1] - sign * rate)) < 1e-8 * np.max(np.abs(rate))
     assert np.max(found.drift) < 1e-8
-    assert np.max(np.abs(found.p_WB)) < 1e-9  # the origin is in the pin
+    assert np.max(np.abs(found.p_WB)) < 1e-9  # the body origin is at the pin
 
 
 def poses_and_velocities(mechanism, start, times):
@@ -332,7 +332,7 @@ def test_the_direct_route_agrees_with_differences_of_whole_motions(name):
 
 
 def test_springs_counted_over_turns_keep_their_count():
-    """A wheel that has turned three times against its spring: a linear oscillator, ``q = (w0/w) sin(w t)``."""
+    """A wheel that has made three turns against its torsion spring is a linear oscillator: ``q = (w0/w) sin(w t)``."""
     body = Body("wheel", M, np.zeros(3), np.diag([0.1, 0.2, 0.25]), ORIGIN)
     mechanism = Mechanism(
         "wheel",

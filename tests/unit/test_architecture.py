@@ -1,4 +1,4 @@
-"""The pages on architecture, glossary and decisions say what the code is."""
+"""Documentation of the architecture: pages, glossary and decisions agree with the code."""
 
 import ast
 import importlib
@@ -20,7 +20,7 @@ HEADINGS = ["Context", "Decision", "Consequences", "Evidence"]
 
 
 def loaded(path):
-    """A module of the site, which is no package."""
+    """Return a module of the site's scripts, which belong to no package."""
     spec = importlib.util.spec_from_file_location(path.stem, path)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
@@ -59,13 +59,13 @@ def test_every_room_is_drawn_and_described(package, captions, extra):
 
 
 def walk(title):
-    """Functions that a walk of the page names: file and qualified name."""
+    """Return file and qualified name of the functions in one walk-through of the page."""
     section = PAGE.split(f"## {title}")[1].split("\n## ")[0]
     return re.findall(r"^\| `([\w/]+\.py):([\w.]+)` \|", section, re.MULTILINE)
 
 
 def functions_of(path):
-    """Functions of a module, methods by their class."""
+    """Return the names of all functions of a module; methods as ``Class.method``."""
     found = set()
     for node in ast.parse(path.read_text(encoding="utf-8")).body:
         if isinstance(node, ast.FunctionDef):
@@ -90,14 +90,14 @@ def test_every_function_of_a_walk_exists(title, folder):
 
 
 TERMS = re.findall(r"^\| ([^|]+?) \| `([\w.]+)` \| [^|]+ \|$", GLOSSARY, re.MULTILINE)
-"""Terms with the class, function or module that each names."""
+"""Terms of the glossary, with the class, function or module that each names."""
 
 COMPLETE = ("consilience", "consilience.mechanism", "consilience.engine", "consilience.case", "consilience.compare")
-"""Packages whose classes all stand in the glossary."""
+"""Packages whose classes must all be in the glossary."""
 
 
 def resolved(name):
-    """What a dotted name below `consilience` stands for."""
+    """Return the object that a dotted name below `consilience` names."""
     parts = name.split(".")
     for n in range(len(parts), 0, -1):
         try:

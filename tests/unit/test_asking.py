@@ -1,4 +1,4 @@
-"""How many levels and softnesses an engine is asked: as many as its verdict needs, by errors of known order."""
+"""Number of levels and softnesses asked of an engine: as many as the verdict needs, for errors of known order."""
 
 from dataclasses import replace
 
@@ -23,7 +23,7 @@ THREE = [10, 20, 40]
 
 
 class Known:
-    """A worker whose motions have a known error; what it was asked is kept."""
+    """A worker whose motions have a known error; the worker records the requests."""
 
     engine = "known"
 
@@ -37,7 +37,7 @@ class Known:
 
 
 def asked(error, soft=False, yard=YARD, cpu=0.0):
-    """Substeps at the method's own softness, and what was asked at others."""
+    """Return the substeps asked at the method's own softness, and (substeps, softness) asked at others."""
     worker = Known(error, cpu)
     method = Method("m", Route.NATIVE, 2, tuple(THREE), softness=1.0 if soft else None)
     ladder = EngineCase(worker, CASE, Plan({}, {}, {}), reference_motion=yard).ladder
@@ -51,7 +51,7 @@ def test_three_levels_that_agree_are_enough():
 
 
 def test_a_level_that_will_agree_is_asked_and_no_other():
-    # 3.1e-8 at 40 substeps and 7.8e-9 at 80, asked 1e-8
+    # errors: 3.1e-8 at 40 substeps, 7.8e-9 at 80; the case asks for 1e-8
     assert asked(lambda h, s: 2e-2 * h**2, soft=True) == ([*THREE, 80], [])
 
 
@@ -85,7 +85,7 @@ def test_past_the_horizon_nothing_more_is_asked():
 
 
 @pytest.mark.parametrize("situation", [s for s in SITUATIONS if s.soft], ids=lambda s: s.name)
-def test_what_softness_says_is_not_heard_where_a_rule_is_final(situation: Situation):
+def test_softness_does_not_change_a_final_rule(situation: Situation):
     final = {rule.name for rule in RULES if rule.final}
     hard, soft = replace(situation, soft=False).judge(), situation.judge()
     assert (hard.rule in final) == (soft.rule in final)

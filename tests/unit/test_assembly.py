@@ -1,4 +1,4 @@
-"""Assembly: what is held is met, the rest moves as little as it can, and what contradicts is refused by name."""
+"""Assembly: held coordinates are met, the rest moves least, and contradictions are refused by name."""
 
 from dataclasses import replace
 
@@ -123,14 +123,14 @@ def test_a_loop_closes_when_one_angle_is_held_and_all_other_bodies_follow(make):
     assert_consistent(mechanism, state)
     assert coordinate(mechanism, state, first, "angle") == pytest.approx(0.25, abs=1e-12)
     assert rate(mechanism, state, first, "angle") == pytest.approx(2.0, abs=1e-12)
-    # one degree of freedom: the velocities are the null vector, scaled to the rate that is held
+    # one degree of freedom: the velocities are the null vector of Q, scaled to the held rate
     N = free_directions(mechanism, state)[:, 0]
     np.testing.assert_allclose(velocities(state), N * (velocities(state) @ N), rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("name", ["loop_universal", "loop_rod", "loop_spherical", "long_chain"])
 def test_a_disturbed_pose_moves_no_further_than_it_must(name):
-    """To first order the displacement is orthogonal to all free directions: nothing of it was for nothing."""
+    """To first order the displacement is orthogonal to all free directions: assembly adds no admissible motion."""
     mechanism = ALL[name]
     guess = drawing_state(mechanism)
     size = 1e-5
@@ -138,7 +138,7 @@ def test_a_disturbed_pose_moves_no_further_than_it_must(name):
     state = assemble_positions(mechanism, disturbed)
     turn = [
         2.0 * _vector_part(a, b) for a, b in zip(disturbed.quat_WB, state.quat_WB, strict=True)
-    ]  # rotation vectors, small
+    ]  # small rotation vectors
     step = np.hstack([state.p_WB - disturbed.p_WB, turn]).ravel()
     assert np.linalg.norm(step) > 0.1 * size
     along = free_directions(mechanism, state).T @ step
@@ -148,7 +148,7 @@ def test_a_disturbed_pose_moves_no_further_than_it_must(name):
 @pytest.mark.parametrize("size", [1e-6, 1e-4, 1e-2])
 @pytest.mark.parametrize("name", ["four_bar", "slider_crank"])
 def test_a_redundant_loop_moves_no_further_than_it_was_disturbed(name, size):
-    """Away from the manifold dependent rows look independent, but their small singular values pull no body away."""
+    """Dependent rows look independent off the constraint manifold; their small singular values must not move bodies."""
     mechanism = ALL[name]
     disturbed = move(drawing_state(mechanism), size * np.random.default_rng(2).normal(size=6 * len(mechanism.bodies)))
     state = assemble_positions(mechanism, disturbed)
@@ -157,14 +157,14 @@ def test_a_redundant_loop_moves_no_further_than_it_was_disturbed(name, size):
 
 
 def _vector_part(a, b):
-    """Vector part of ``b a^-1``: half the rotation vector in the world that takes a small turn from a to b."""
+    """Return the vector part of ``b a^-1``: half the small rotation vector, in world axes, from a to b."""
     R = rotation_from_quaternion(b) @ rotation_from_quaternion(a).T
     return quaternion_from_rotation(R)[1:]
 
 
 @pytest.mark.parametrize("name", ["four_bar", "loop_rod", "branched"])
 def test_velocities_change_no_more_than_they_must(name):
-    """The change is in the row space of Q: orthogonal to the free directions."""
+    """The change of the velocities lies in the row space of Q: orthogonal to the free directions."""
     mechanism = ALL[name]
     placed = initial_state(mechanism)
     rng = np.random.default_rng(5)
@@ -195,7 +195,7 @@ def test_a_pose_given_for_a_body_replaces_the_drawing_as_the_guess():
 
 
 def test_contradictory_rates_are_refused_and_the_joint_is_named():
-    """A four-bar has one freedom: two cranks cannot both turn as one likes."""
+    """A four-bar has one degree of freedom: the rates of its two cranks are not independent."""
     mechanism = four_bar()
     asked = Initial(rates={"j0": {"angle": 1.0}, "j3": {"angle": 100.0}})
     with pytest.raises(CannotAssemble, match=r"joint 'j\d', .*the held rates contradict the joints"):
@@ -211,21 +211,21 @@ def test_rates_that_agree_with_the_loop_may_be_held_twice():
 
 
 def test_an_angle_out_of_reach_is_refused_with_what_stays_violated():
-    """Crank 0.5, links 0.4 and 0.3 on a base of 1.0: at half a turn the gap of 1.5 cannot be closed."""
+    """Crank 0.5, links 0.4 and 0.3, base 1.0: at half a turn the gap is 1.5, more than both links reach."""
     rng = np.random.default_rng(7)
     corners = [np.array(p) for p in ([0.0, 0, 0], [0.5, 0.0, 0], [0.72, 0.2, 0], [1.0, 0.0, 0])]
     bodies = {n: lumpy_body(n, rng) for n in ("a", "b", "c")}
     names = [GROUND, *bodies, GROUND]
     joints = [drawn_joint(f"j{n}", "revolute", bodies, names[n], names[n + 1], corners[n], np.eye(3)) for n in range(4)]
     mechanism = Mechanism("short", np.zeros(3), tuple(bodies.values()), tuple(joints))
-    initial_state(mechanism)  # as drawn it closes
+    initial_state(mechanism)  # the loop closes in the drawing
     with pytest.raises(CannotAssemble, match=r"mechanism 'short': joint 'j\d', .*it stays violated by 0\.\d"):
         initial_state(mechanism, Initial({"j0": {"angle": np.pi}}))
 
 
 @pytest.mark.parametrize(("kind", "axis"), [("revolute", 0), ("prismatic", 2), ("rigid", 0)])
 def test_a_joint_that_closes_flipped_over_is_refused(kind, axis):
-    """D13 = D23 = 0 also hold with z reversed, and D12 = 0 with x reversed: half a turn about x, or about z."""
+    """D13 = D23 = 0 also hold with z reversed, D12 = 0 with x reversed: after half a turn about x, or about z."""
     mechanism = chain(kind, seed=94)
     body, joint = mechanism.bodies[0], mechanism.joints[0]
     half = rotation_from_quaternion(quaternion_from_rotation_vector(np.pi * joint.F.R[:, axis]))
@@ -246,7 +246,7 @@ def test_a_joint_that_closes_flipped_over_is_refused(kind, axis):
     ],
     ids=lambda x: "" if isinstance(x, str) else None,
 )
-def test_initial_conditions_of_nothing_are_refused(initial, message):
+def test_initial_conditions_of_unknown_joints_coordinates_and_bodies_are_refused(initial, message):
     with pytest.raises(InvalidInput, match=message):
         initial_state(chain("revolute", seed=95), initial)
 
@@ -275,19 +275,19 @@ def test_random_states_come_from_their_seed():
     one, same, other = (random_states(mechanism, start, 2, seed)[1] for seed in (1, 1, 2))
     np.testing.assert_array_equal(one.p_WB, same.p_WB)
     np.testing.assert_array_equal(one.v_WB_W, same.v_WB_W)
-    # of one freedom: walks of two steps of one length end at three places, and velocities are any
+    # with one freedom few poses are possible (walks of two equal steps have three ends); velocities are free
     assert np.max(np.abs(one.v_WB_W - other.v_WB_W)) > 1e-3
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_random_states_of_a_four_bar_stay_on_the_branch_they_start_on(seed):
-    """The side of the diagonal on which the coupler's pin lies changes only through a dead centre."""
+    """The coupler's pin changes sides of the diagonal only through a dead centre."""
     mechanism = four_bar()
     start = initial_state(mechanism)
 
     def side(state):
         points = [joint_frames(mechanism, state, j) for j in mechanism.joints]
-        b, c, d = (state.p_WB[k] + f.s_i for k, f in enumerate(points[1:]))  # pins on crank, coupler and rocker
+        b, c, d = (state.p_WB[k] + f.s_i for k, f in enumerate(points[1:]))  # pins of crank, coupler and rocker
         normal = mechanism.joints[0].F.R[:, 2]
         return np.sign(normal @ np.cross(d - b, c - b))
 
@@ -304,29 +304,29 @@ def test_all_reactions_of_a_tree_are_determined(name):
 
 
 def test_of_a_planar_four_bar_forces_in_the_plane_are_determined_and_nothing_else():
-    """Four revolutes about parallel z. In the plane 9 equations, 8 unknown forces, 1 freedom: Fx, Fy are determined.
-    Out of it 9 equations, 12 unknowns Fz, Mx, My: three open. Mz is zero at an ideal hinge, hence determined."""
+    """Four revolutes with parallel z. In the plane: 9 equations, 8 forces, 1 freedom, so Fx and Fy are determined.
+    Out of the plane: 9 equations, 12 unknowns Fz, Mx, My, three open. Mz is zero at an ideal hinge, so determined."""
     mechanism = four_bar()
     expected = np.array([True, True, False, False, False, True])
     for state in states_of(mechanism):
         np.testing.assert_array_equal(determinate_reactions(mechanism, state), np.tile(expected, (4, 1)))
 
 
-def test_with_the_last_hinge_cylindrical_its_axial_force_is_zero_and_one_sum_less_is_open():
-    """A cylindrical joint carries no Fz: with it all Fz follow one from the other, and only moments stay open."""
+def test_a_four_bar_with_a_cylindrical_joint_has_determinate_forces():
+    """A cylindrical joint transmits no Fz, so the Fz of all joints are determined; moments Mx, My stay open."""
     mechanism = four_bar(closing="cylindrical")
     found = determinate_reactions(mechanism, states_of(mechanism)[1])
-    assert found[:, [0, 1, 2, 5]].all()  # forces and the moment about the axis
+    assert found[:, [0, 1, 2, 5]].all()  # forces, and the moment about the axis
     assert not found[:, 3:5].all()
 
 
-def test_with_the_last_hinge_spherical_everything_but_a_row_of_axial_forces_is_settled():
-    """18 rows, rank 17: one self-stress, and it is not in the plane."""
+def test_a_four_bar_with_a_spherical_joint_has_one_state_of_self_stress():
+    """18 rows of rank 17: one state of self-stress, out of the plane."""
     mechanism = four_bar(closing="spherical")
     found = determinate_reactions(mechanism, states_of(mechanism)[1])
     assert found[:, [0, 1, 5]].all()
     assert not found.all()
-    assert found[3, 3:].all()  # a ball carries no moment
+    assert found[3, 3:].all()  # a spherical joint transmits no moment
 
 
 def test_a_free_joint_has_nothing_to_determine():
@@ -335,7 +335,7 @@ def test_a_free_joint_has_nothing_to_determine():
 
 
 def test_a_beam_clamped_at_both_ends_has_nothing_determined():
-    """Two welds to the ground share the weight as they like."""
+    """Equilibrium does not determine how two welds to the ground share the weight."""
     rng = np.random.default_rng(9)
     body = lumpy_body("b", rng)
     joints = tuple(drawn_joint(n, "rigid", {"b": body}, GROUND, "b", rng.normal(size=3), rotation(rng)) for n in "ab")

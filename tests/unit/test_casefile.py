@@ -1,4 +1,4 @@
-"""What a case file means, and what a reader is told who wrote one wrong: file, field, what is wrong, what is right."""
+"""Case files: meaning of every field, and error messages with file, field, fault and remedy."""
 
 import os
 import time
@@ -59,7 +59,7 @@ def test_the_drawing_is_read_in_world_axes(write):
     (case,) = load_file(write(GOOD))
     door, hinge = case.mechanism.bodies[0], case.mechanism.joints[0]
     assert case.name == "door"
-    assert np.array_equal(door.drawing.R @ [1, 0, 0], [0, 1, 0])  # (1, 1, 1, 1)/2 turns x into y, y into z
+    assert np.array_equal(door.drawing.R @ [1, 0, 0], [0, 1, 0])  # quaternion (1, 1, 1, 1)/2: x to y, y to z
     assert np.array_equal(door.com, [0.1, 0.2, 0.3])
     assert door.inertia[0, 1] == door.inertia[1, 0] == 0.01
     assert np.array_equal(hinge.F.p, [1, 0, 0])
@@ -71,7 +71,7 @@ def test_the_drawing_is_read_in_world_axes(write):
 def test_held_coordinates_and_rates_reach_the_state(write):
     (case,) = load_file(write(GOOD))
     assert np.allclose(case.initial_state.w_WB_W, [[0, 0, -1.0]], rtol=0, atol=1e-14)
-    turned = [1 - 2 * np.sin(0.3), 2 * np.cos(0.3), 3.0]  # (0, 2) from the hinge, turned by 0.3 rad
+    turned = [1 - 2 * np.sin(0.3), 2 * np.cos(0.3), 3.0]  # the vector (0, 2) from the hinge, turned by 0.3 rad
     assert np.allclose(case.initial_state.p_WB, [turned], rtol=0, atol=1e-14)
 
 
@@ -144,7 +144,7 @@ INVALID = {
 
 
 def _nut(kind, pitch="", axis=True):
-    """A second body on a joint of the kind asked, beside the door's hinge."""
+    """Return the case with a second body on a joint of the given kind, beside the door's hinge."""
     body = GOOD[GOOD.index("[[body]]") : GOOD.index("[[joint]]")].replace("door", "nut")
     drawn = "axis = [0.0, 0.0, 1.0]\n" if axis else ""
     joint = (
@@ -174,7 +174,7 @@ LINEAR = "polynomial = [0.0, 1.0]"
 
 
 def _with(text, old="", new="", base=GOOD):
-    """A case with more tables, a piece of them replaced."""
+    """Return the case with further tables, in which one piece of text may be replaced."""
     assert not old or text.count(old) == 1
     return base + "\n" + (text.replace(old, new) if old else text)
 
@@ -324,7 +324,7 @@ def test_a_screw_held_at_several_turns_advances_by_as_many_pitches(write):
 def test_elements_that_are_drawn_end_up_in_the_axes_of_their_bodies(write):
     (case,) = load_file(write(GOOD + "\n" + ROLLING + SKATE))
     (wheel,), (edge,) = case.mechanism.rollings, case.mechanism.skates
-    # the body's axes x, y, z are y, z, x of the world; it is drawn at (1, 2, 3)
+    # axes x, y, z of the body are y, z, x of the world; the body is drawn at (1, 2, 3)
     for point in (wheel.center, edge.point):
         assert np.allclose(point, [0.2, 0.3, 0.1], rtol=0, atol=1e-15)
     for direction in (wheel.axis, edge.lateral):
@@ -340,8 +340,8 @@ def test_a_ball_needs_no_axis(write):
     assert (ball.radius, ball.rounding) == (0.0, 0.1)
 
 
-def test_functions_reach_what_follows_them(write):
-    """Each element gets a function that no other has, so that none can be swapped."""
+def test_functions_of_time_reach_their_elements(write):
+    """Every element has a function of its own, so that swapped functions show."""
     text = _nut("screw", "pitch = 0.02") + DRIVE + COUPLING.replace("ratio = -2.0", "ratio = -2.0\noffset = 0.5")
     text += FRICTION + CONTROL + COUPLING.replace("gear", "cam").replace("ratio = -2.0", "law = { polynomial = [7.0] }")
     places = 'body = "door"\nvector = [0.0, 0.0, 1.0]\nframe = "world"\n'
@@ -422,8 +422,8 @@ axis = [0.0, 0.0, 1.0]
 """
 
 
-def test_what_cannot_be_assembled_names_the_constraint_and_how_far(write):
-    # a door of 2 m and a strut of 1 m span the 3 m between their feet only when they are in line
+def test_a_failed_assembly_names_the_constraint_and_its_violation(write):
+    # a door of 2 m and a strut of 1 m span the 3 m between their feet only if collinear
     text = changed("\n[initial]", STRUT + "\n[initial]")
     (case,) = load_file(write(text))
     with pytest.raises(CannotAssemble) as caught:
@@ -452,7 +452,7 @@ def test_initial_conditions_of_what_is_not_there(write, old, new, parts):
 
 
 def test_rates_that_contradict_the_joints(write):
-    # hinge, elbow and foot make a triangle of two bodies and the ground, which cannot move
+    # hinge, elbow and foot of two bodies and the ground form a rigid triangle
     text = changed("\n[initial]", STRUT.replace("[1.0, 3.0, 0.0]", "[2.5, 2.5, 0.0]") + "\n[initial]")
     (case,) = load_file(write(text.replace("joints = { hinge = { angle = 0.3 } }\n", "")))
     with pytest.raises(
@@ -467,7 +467,7 @@ def test_variants_stand_for_the_file(write):
     assert (slow.name, fast.name) == ("door-slow", "door-fast")
     assert slow.initial_state.w_WB_W[0, 2] == pytest.approx(-1.0)
     assert fast.initial_state.w_WB_W[0, 2] == pytest.approx(7.0)
-    assert fast.initial.coordinates == {}  # a variant's initial table replaces the file's as a whole
+    assert fast.initial.coordinates == {}  # the initial table of a variant replaces that of the file as a whole
 
 
 def test_library_by_name():
@@ -539,7 +539,7 @@ def test_what_would_keep_a_parser_busy_is_refused_at_once(write, lines, message)
     start = time.process_time()
     with pytest.raises(InvalidInput, match=message):
         load_file(write(lines + GOOD if "[[body]]" not in lines else GOOD + lines))
-    assert time.process_time() - start < 5.0  # what would hang takes minutes, not another factor
+    assert time.process_time() - start < 5.0  # a parser that hangs takes minutes
 
 
 def test_only_regular_files_are_read(tmp_path):
@@ -579,7 +579,7 @@ def test_a_message_shows_control_characters_and_ends():
 
 
 def test_a_long_chain_is_a_tree_whatever_its_length():
-    """Longer than Python's stack: a thousand bodies, each on the one before."""
+    """A chain of a thousand bodies is deeper than Python's recursion limit."""
     bodies = tuple(Body(f"b{n}", 1.0, np.zeros(3), np.eye(3), Frame(np.zeros(3), np.eye(3))) for n in range(1_000))
     still = Frame(np.zeros(3), np.eye(3))
     joints = tuple(

@@ -1,4 +1,4 @@
-"""Case files written and read again: the same mechanism, the same initial state, the same questions."""
+"""Case files that are written and read again: same mechanism, same initial state, same questions."""
 
 from dataclasses import fields, is_dataclass, replace
 
@@ -13,7 +13,7 @@ from consilience.errors import InvalidInput
 from consilience.mechanism import Frame, Initial
 
 ROUNDING = 1e-14
-"""Points and axes go to the drawing and back: products with a rotation matrix, of coordinates of some 10 m at most."""
+"""Points and axes are rotated to the drawing and back: rounding of products with coordinates of at most some 10 m."""
 
 
 def written_and_read(case, folder):
@@ -29,7 +29,7 @@ def a_case(mechanism, initial=None):
 
 
 def assert_same(found, expected, where):
-    """Everything of dataclasses, tuples and mappings, numbers up to rounding; the frames of a rod are its own."""
+    """Compare dataclasses, tuples and mappings recursively, numbers up to rounding; frames of rods may differ."""
     if isinstance(expected, dict):
         assert set(found) == set(expected), where
         for name in expected:
@@ -50,7 +50,7 @@ def assert_same(found, expected, where):
 
 
 def as_a_file_has_it(mechanism):
-    """A file has rods with z along them, no point of application for a torque, and forces first."""
+    """Return the mechanism in the file's conventions: rods along z, no point for a torque, forces before torques."""
     joints = (
         replace(j, F=Frame(j.F.p, np.eye(3)), M=Frame(j.M.p, np.eye(3))) if j.kind == "rod" else j
         for j in mechanism.joints
@@ -68,11 +68,11 @@ def test_a_random_mechanism_comes_back(seed, tmp_path):
 
 @pytest.mark.parametrize("case", shipped_cases(), ids=lambda c: c.name)
 def test_a_shipped_case_comes_back_whole(case, tmp_path):
-    """But for the random states: they hang on the last bit of a null space's basis."""
+    """Random states are not compared: they depend on the last bit of a null-space basis."""
     found = written_and_read(case, tmp_path)
     own = {"file": case.file, "group": case.group}
     assert_same(replace(found, **own, mechanism=replace(found.mechanism, name=case.mechanism.name)), case, "")
-    for name in ("p_WB", "R_WB", "v_WB_W", "w_WB_W"):  # a quaternion may come back with the other sign
+    for name in ("p_WB", "R_WB", "v_WB_W", "w_WB_W"):  # the quaternion may return with the opposite sign
         one, other = (getattr(c.initial_state, name) for c in (found, case))
         np.testing.assert_allclose(one, other, rtol=0, atol=1e-12, err_msg=name)
 

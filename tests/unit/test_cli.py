@@ -1,4 +1,4 @@
-"""The command line: exit codes, clear messages, nothing destroyed. Real processes, as a user starts them."""
+"""The command line in real processes: exit codes, clear messages, no file overwritten."""
 
 import csv
 import json
@@ -50,7 +50,7 @@ def consilience(*arguments, cwd):
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A folder with a good case and the report of the reference and one engine on it."""
+    """Make a folder with a valid case, and the report of the reference and one engine on the case."""
     path = tmp_path_factory.mktemp("cli")
     (path / "pendulum.toml").write_text(GOOD)
     done = consilience("run", "pendulum.toml", "-e", "pinocchio", "-o", "report", cwd=path)
@@ -146,7 +146,7 @@ def test_simulate_writes_the_same_motion_in_all_formats(folder):
         rows = list(csv.DictReader(handle))
     assert np.array_equal(np.array(document["quat_WB"]), arrays["quat_WB"])
     assert [float(r["bob.quat_WB.e2"]) for r in rows] == list(arrays["quat_WB"][:, 0, 2])
-    # energy integral of the pendulum about its pin, at the last sample
+    # energy of the pendulum about its pin, at the last sample
     angle = 2 * np.arctan2(arrays["quat_WB"][-1, 0, 2], arrays["quat_WB"][-1, 0, 0])
     speed = arrays["w_WB_W"][-1, 0, 1]
     mgl, inertia = 2.0 * 9.81 * 0.4, 0.12 + 2.0 * 0.4**2
@@ -167,7 +167,7 @@ def test_list_and_show_work_from_any_folder(tmp_path):
 
 
 def test_interrupt_stops_at_once_and_leaves_no_worker_behind(tmp_path):
-    # a run started in the background of a shell ignores Ctrl-C, and so would its children: here it is listened to
+    # background jobs of a shell ignore Ctrl-C, and so do their children: restore the default handler
     listening = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
     program = f"{listening}; from consilience.cli.main import main; main()"
     command = [sys.executable, "-c", program, "run", "double_pendulum", "four_bar", "slider_crank", "-o", "report"]
@@ -185,7 +185,7 @@ def test_interrupt_stops_at_once_and_leaves_no_worker_behind(tmp_path):
 
 
 def children(process, least, within):
-    """Descendants of a process, as soon as there are so many."""
+    """Return the descendants of a process, as soon as there are at least `least`."""
     until = time.monotonic() + within
     while len(found := psutil.Process(process).children(recursive=True)) < least:
         assert time.monotonic() < until, f"only {len(found)} workers"
@@ -193,7 +193,7 @@ def children(process, least, within):
     return found
 
 
-def test_a_tag_or_a_group_chooses_cases_and_one_that_none_has_is_refused():
+def test_cases_are_chosen_by_tag_or_group_and_unknown_tags_are_refused():
     from consilience.cli.options import tagged_cases
 
     cases = [Namespace(name="a", group="joints", tags=("lumpy",)), Namespace(name="b", group="hard", tags=("tour",))]

@@ -1,4 +1,4 @@
-"""The rules of the verdicts, each on answers made up for it: errors of known size and order on a known motion."""
+"""Rules of the verdicts, on invented answers: errors of known size and order added to a known motion."""
 
 from dataclasses import replace
 
@@ -40,11 +40,11 @@ EPS = np.finfo(float).eps
 MECHANISM = chain("free", seed=1)
 TIMES = np.linspace(0.0, 2.0, 41)
 SHAPE = np.sin(3 * TIMES) * TIMES / 2.0
-"""Errors over time: largest 0.73 at t = 1.7, zero at the start."""
+"""Shape of the errors over time: zero at the start, largest 0.73 at t = 1.7."""
 
 
 def motion(displacement=0.0, turn=0.0, sign=1.0):
-    """A body on the unit circle that turns as it goes; displaced along z and turned about x by that times `SHAPE`."""
+    """A body on the unit circle, turning at unit rate; `SHAPE` times the arguments is added along z and about x."""
     t, zero = TIMES, 0 * TIMES
     p = np.column_stack([np.cos(t), np.sin(t), displacement * SHAPE])[:, None]
     steady = [quaternion_from_rotation_vector([0, 0, x]) for x in t]
@@ -60,7 +60,7 @@ STEPS = (0.02, 0.01, 0.005)
 
 
 def judge(errors, order=2, digits=8, spread=0.0, turns=None):
-    """Verdict over levels whose errors along z (in units of the size of the motion) and about x are given."""
+    """Return the comparison for levels with given errors along z (relative to the size of the motion) and about x."""
     size = size_of_motion(MECHANISM, REFERENCE)
     method = Method("m", Route.NATIVE, order, (10, 20, 40)[: len(errors)])
     turns = turns or [0.0] * len(errors)
@@ -76,12 +76,12 @@ def powers(constant, order, plateau=0.0):
 
 
 def test_size_of_motion_is_the_widest_travel_along_an_axis():
-    """On the arc from 0 to 2 rad x goes from 1 to cos 2."""
+    """On the arc from 0 to 2 rad, x goes from 1 to cos 2: the largest extent along any axis."""
     assert size_of_motion(MECHANISM, REFERENCE) == pytest.approx(1 - np.cos(2.0), rel=1e-15)
 
 
 def test_origins_that_stay_where_they_are_are_measured_by_the_reach_of_the_bodies():
-    """Otherwise the rounding of an origin on a fixed axis would be a motion, and differ from itself by all of it."""
+    """Origins that do not move: the size of the bodies is the scale, else rounding would be a relative error of 1."""
     (body,), (joint,) = MECHANISM.bodies, MECHANISM.joints
     still = replace(REFERENCE, p_WB=1e-17 * np.random.default_rng(0).normal(size=(41, 1, 3)))
     size = size_of_motion(MECHANISM, still)
@@ -125,12 +125,12 @@ def test_richardson_limit_of_pure_powers_is_exact(order, sign):
     coarse, fine = motion(1e-3 * 2.0**order, 1e-5 * 2.0**order, sign), motion(1e-3, 1e-5)
     limit = richardson(coarse, fine, order)
     np.testing.assert_allclose(limit.p_WB, REFERENCE.p_WB, rtol=0, atol=1e-15)
-    assert np.max(difference_over_time(limit, REFERENCE, 1.0)) < 1e-8  # turns do not add up exactly: (2^P 1e-5)^2
+    assert np.max(difference_over_time(limit, REFERENCE, 1.0)) < 1e-8  # rotations do not add exactly: (2^P 1e-5)^2
     np.testing.assert_allclose(np.linalg.norm(limit.quat_WB, axis=-1), 1.0, rtol=0, atol=1e-15)
 
 
 def test_agrees_where_the_finest_level_has_the_digits_asked():
-    found = judge(powers(1e-4, 2), digits=8)  # finest 0.73 * 1e-4 * 2.5e-5 = 1.8e-9
+    found = judge(powers(1e-4, 2), digits=8)  # finest level: 0.73 * 1e-4 * 2.5e-5 = 1.8e-9
     assert found.verdict is Verdict.AGREES
     assert found.levels[-1].largest == pytest.approx(np.max(np.abs(SHAPE)) * 1e-4 * 0.005**2, rel=1e-6)
     assert found.digits == pytest.approx(-np.log10(found.levels[-1].largest))
@@ -159,12 +159,12 @@ def test_unresolved_where_the_order_is_not_the_declared_one():
     assert found.verdict is Verdict.UNRESOLVED
     assert "observed order 1.00, declared 2" in found.why
     change = 0.1 * 0.005 * np.max(np.abs(SHAPE))
-    assert found.band == pytest.approx(3.0 * change / (2.0**1 - 1.0), rel=1e-6)  # factor 3, observed order 1
+    assert found.band == pytest.approx(3.0 * change / (2.0**1 - 1.0), rel=1e-6)  # safety factor 3, observed order 1
 
 
 @pytest.mark.parametrize(("off", "verdict"), [(0.45, Verdict.DISCRETISATION), (0.55, Verdict.UNRESOLVED)])
 def test_the_window_of_the_order_is_a_half(off, verdict):
-    """Orders above the declared one: the limit is over-corrected, and lies within the band."""
+    """Orders above the declared one: the Richardson limit is over-corrected, but lies within the band."""
     assert judge(powers(1.0, 2 + off), order=2).verdict is verdict
 
 
@@ -181,7 +181,7 @@ def test_the_order_is_read_where_rounding_does_not_hide_it():
 
 
 def test_differs_in_the_model_where_the_levels_converge_to_something_else():
-    """A plateau: 2 h^2 towards a motion 1e-2 away. Among themselves the levels have their order, the limit is sharp."""
+    """Levels converge with order 2 to a motion 1e-2 away: order and Richardson limit are sharp, the limit is wrong."""
     found = judge(powers(2.0, 2, plateau=1e-2), order=2)
     assert found.self_order == pytest.approx(2.0, abs=1e-6)
     assert found.levels[-1].largest > 5e-3
@@ -204,7 +204,7 @@ def test_without_an_order_a_difference_is_one_of_the_model():
 def test_a_motion_that_blew_up_is_judged_and_warns_of_nothing():
     found = judge([1e200, 1e170, 1e160])
     assert (found.verdict, found.rule) == (Verdict.UNRESOLVED, "not asymptotic")
-    assert found.levels[-1].largest == np.inf  # its square is beyond the largest number
+    assert found.levels[-1].largest == np.inf  # the square of the error overflows
 
 
 def test_a_single_level_has_no_order_and_no_limit():
@@ -224,7 +224,7 @@ def test_levels_keep_their_step_cost_and_curve():
 
 
 def test_energy_is_recomputed_from_the_motion():
-    """Displaced by d along z the body has ``-m g_z d`` more, over the largest kinetic energy of the exact motion."""
+    """A displacement d along z adds ``-m g_z d``; energy errors are relative to the largest exact kinetic energy."""
     size, body, g = size_of_motion(MECHANISM, REFERENCE), MECHANISM.bodies[0], MECHANISM.gravity
     change = np.array(judge([0.05]).levels[0].energy) - np.array(judge([0.0]).levels[0].energy)
     quats = REFERENCE.quat_WB[:, 0]
@@ -262,7 +262,7 @@ INSTANTS = Instants(
 
 
 def shifted(name, by, index=(1, 0, 2)):
-    """The answer with one value shifted by a multiple of the largest component it is compared with."""
+    """Return the answer with one value shifted by a multiple of the largest component of its own scale."""
     value = getattr(ANSWER, name).copy()
     partner = {"a_WB_W": "alpha_WB_W", "alpha_WB_W": "a_WB_W", "force_F": "torque_F", "torque_F": "force_F"}.get(name)
     if partner is None:
@@ -315,7 +315,7 @@ def test_the_bar_of_accelerations_grows_with_the_condition_of_the_mass_matrix():
     bar = 1e-11 + 4 * EPS * 1e5
     assert instant(shifted("a_WB_W", 0.9 * bar), ill).verdict is Verdict.AGREES
     assert instant(shifted("a_WB_W", 1.2 * bar), ill).verdict is Verdict.MODEL
-    # of the state it belongs to, not of another
+    # the condition number of the same state counts, not that of another
     assert instant(shifted("a_WB_W", 0.9 * bar, index=(0, 0, 2)), ill).verdict is Verdict.MODEL
 
 
@@ -348,7 +348,7 @@ def test_a_method_without_reactions_is_judged_by_the_rest_and_says_so():
 
 
 def test_a_state_without_load_is_measured_by_the_others():
-    """At a state with reactions of rounding size only, rounding is no difference; at a hundredth of the rest it is."""
+    """Reactions at one state vanish up to rounding: differences of rounding size agree, larger ones do not."""
     quiet = ANSWER.force_F.copy(), ANSWER.torque_F.copy()
     for x in quiet:
         x[1] = 1e-16
@@ -425,7 +425,7 @@ def test_verdicts_stand_from_best_to_worst():
     ]
 
 
-VANISHING = {  # quantity, and the size against which rounding of it is seen
+VANISHING = {  # quantity -> scale of its rounding where the quantity vanishes
     ("a_WB_W", "alpha_WB_W"): lambda: INSTANTS.gravity,
     ("force_F", "torque_F"): lambda: INSTANTS.mass * np.max(np.abs(ANSWER.a_WB_W)),
     ("potential",): lambda: np.max(ANSWER.kinetic),
@@ -444,7 +444,7 @@ def test_rounding_of_a_quantity_that_vanishes_is_no_difference_and_more_is(names
 
 
 def test_at_a_state_without_load_the_other_states_give_the_scale():
-    """A rod at the moment of release carries nothing: rounding there is compared with later loads, or weights."""
+    """A rod carries no load at the instant of release: rounding is compared with other states, or with weights."""
     released = ANSWER.force_F.copy(), ANSWER.torque_F.copy()
     for array in released:
         array[0] = 0.0
@@ -460,7 +460,7 @@ def test_at_a_state_without_load_the_other_states_give_the_scale():
 
 
 def softened(by, scales, reference=ANSWER):
-    """The answer with accelerations off in proportion to the softness, one and then these."""
+    """Return the answers at softness 1, and at `scales`, with accelerations wrong by the function `by` of softness."""
     off = [replace(reference, a_WB_W=reference.a_WB_W + by(s) * INSTANTS.gravity) for s in (1.0, *scales)]
     return off[0], off[1:]
 

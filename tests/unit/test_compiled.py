@@ -1,4 +1,4 @@
-"""Kernels without reference counting leak no array."""
+"""Kernels without reference counting leak no array; inner kernels are not called from Python."""
 
 import ast
 import gc
@@ -25,7 +25,7 @@ TIMES = np.linspace(0.0, 0.05, 4)
 
 
 def alive():
-    """Return the number of arrays that kernels made and nobody freed."""
+    """Return the number of arrays that kernels have allocated and not freed."""
     gc.collect()
     stats = rtsys.get_allocation_stats()
     return stats.alloc - stats.free
@@ -36,14 +36,14 @@ def _counting():
     before = _nrt_python.memsys_stats_enabled()
     _nrt_python.memsys_enable_stats()
     gc.collect()
-    gc.freeze()  # what was there before is not searched at each count
+    gc.freeze()  # keep existing objects out of every collection below
     yield
     if not before:
         _nrt_python.memsys_disable_stats()
 
 
 def motions(mechanism, state):
-    """Yield calls of every compiled integrator, and of the accelerations of every formulation on kernels."""
+    """Yield calls of every compiled integrator, and of the accelerations of every compiled formulation."""
     for formulation in ("relative", "descriptor", "null_space"):
         yield lambda name=formulation: simulate(mechanism, state, TIMES, 1e-8, name)
     yield lambda: simulate(mechanism, state, TIMES, 1e-8, "relative", "gauss")
@@ -59,7 +59,7 @@ def motions(mechanism, state):
 def test_no_array_leaks(name):
     (state,) = states_of(MECHANISMS[name], 1)
     for call in motions(MECHANISMS[name], state):
-        call()  # compiled, constants made
+        call()  # compile, and allocate constants, before counting
         before = alive()
         for _ in range(3):
             call()
@@ -93,18 +93,18 @@ def marks(node):
 
 
 def module_of(path):
-    """Return the module of a file of the library."""
+    """Return the dotted module name of a file of the library."""
     parts = path.relative_to(ROOT).with_suffix("").parts
     return ".".join(parts[1:]) if parts[0] == "src" else ""
 
 
 def kernels_in(tree, kinds):
-    """Return the names of the kernels of some kinds in a module."""
+    """Return the names of a module's kernels with one of the given decorators."""
     return {node.name for node in tree.body if isinstance(node, ast.FunctionDef) and marks(node) & kinds}
 
 
 def named_by_python(tree, names, modules):
-    """Return the names, and attributes of modules, that uncompiled code reads."""
+    """Return the names, and the attributes of modules, that uncompiled code refers to."""
     found, todo = set(), [tree]
     while todo:
         node = todo.pop()
@@ -119,10 +119,10 @@ def named_by_python(tree, names, modules):
 
 
 def wrongly_named(folders):
-    """Yield inner kernels that uncompiled code names."""
+    """Yield inner kernels that uncompiled code refers to."""
     trees = {path: ast.parse(path.read_text()) for folder in folders for path in (ROOT / folder).rglob("*.py")}
     inner = {module_of(path): kernels_in(tree, {"inner", "fused"}) for path, tree in trees.items()}
-    assert sum(map(len, inner.values())) > 100  # there are such
+    assert sum(map(len, inner.values())) > 100  # the search must find kernels at all
     for path, tree in trees.items():
         names, modules = set(inner[module_of(path)]) if module_of(path) else set(), {}
         for node in ast.walk(tree):

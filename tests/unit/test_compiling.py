@@ -1,4 +1,4 @@
-"""A first run compiles with two processes: one answers, the other compiles what motions need."""
+"""A first run compiles in two processes: one answers, the other compiles the kernels of motions."""
 
 import os
 import shutil

@@ -1,4 +1,4 @@
-"""Condition numbers of the equations of motion: closed forms, and what they must not depend on."""
+"""Condition numbers of the equations of motion: closed forms, and invariance under units."""
 
 from dataclasses import replace
 
@@ -40,7 +40,7 @@ def joint(name, kind, i, j, bodies, at, axes=E):
 
 
 def straight_chain(count, length=1.0, mass=2.0, inertia=0.3):
-    """Equal bodies in a row along x, hinges along z at the ends of each, mass centres half way."""
+    """Return equal bodies in a row along x, hinges along z at both ends of each, mass centres half way."""
     bodies = tuple(body(f"b{n}", [(n + 0.5) * length, 0, 0], mass, inertia) for n in range(count))
     names = [GROUND, *(b.name for b in bodies)]
     joints = tuple(
@@ -52,7 +52,7 @@ def straight_chain(count, length=1.0, mass=2.0, inertia=0.3):
 
 @pytest.mark.parametrize("count", [1, 2, 5])
 def test_a_straight_chain_has_the_inertia_of_the_textbook(count):
-    """H_ij = sum over the bodies k behind both hinges of I + m r_ki r_kj, with r_ki = (k + 1/2 - i) length."""
+    """H_ij = sum of I + m r_ki r_kj over the bodies k outboard of both hinges, with r_ki = (k + 1/2 - i) length."""
     length, m, inertia = 0.8, 2.0, 0.3
     mechanism = straight_chain(count, length, m, inertia)
     H = np.zeros((count, count))
@@ -69,7 +69,7 @@ def test_the_longer_a_chain_the_worse_its_joint_coordinates_and_no_worse_its_con
     chains = [straight_chain(n) for n in (3, 6, 12, 24)]
     in_joints = [joint_space_condition(m, drawing_state(m)) for m in chains]
     ratios = np.array(in_joints[1:]) / in_joints[:-1]
-    assert np.all(ratios > 8.0)  # it grows with the fourth power
+    assert np.all(ratios > 8.0)  # growth with the fourth power of the number of bodies
     assert free_condition(chains[-1], drawing_state(chains[-1])) < 1e4 < in_joints[-1]
 
 
@@ -80,7 +80,7 @@ def test_a_chain_of_one_joint_is_as_well_conditioned_as_can_be():
 
 @pytest.mark.parametrize("ratio", [1.0, 1e3, 1e6])
 def test_heavy_bodies_that_do_not_move_spoil_free_directions(ratio):
-    """A body of unit inertia on a hinge through its mass centre, and a heavy one on the ground."""
+    """A body of unit inertia on a hinge through its mass centre, and a heavy body welded to the ground."""
     bodies = (body("light", [0, 0, 0], 1.0, 1.0), body("heavy", [0, 0, 0], ratio, ratio))
     joints = (
         joint("j", "revolute", GROUND, "light", bodies, np.zeros(3)),
@@ -91,8 +91,8 @@ def test_heavy_bodies_that_do_not_move_spoil_free_directions(ratio):
     assert mass_matrix_condition(mechanism, drawing_state(mechanism)) == pytest.approx(1.0)
 
 
-def test_all_are_those_of_the_matrices_they_stand_for():
-    """Independent account: the matrices themselves, dense, with the eigenvalues of NumPy."""
+def test_condition_numbers_are_those_of_dense_matrices():
+    """Condition numbers from dense matrices, assembled here, with the eigenvalues of NumPy."""
     mechanism = random_mechanism(3, 5, Recipe(plain=True))
     state = random_states(mechanism, initial_state(mechanism), 1, 7)[0]
     R = rotation_from_quaternion(state.quat_WB)
@@ -124,7 +124,7 @@ def test_the_flatter_a_linkage_the_worse_its_constraints(flat):
 
 @pytest.mark.parametrize("seed", [2, 5, 9])
 def test_units_do_not_matter_to_joints_and_constraints(seed):
-    """All masses a thousandfold: the same condition."""
+    """Multiplying all masses by 1000 changes no condition number."""
     mechanism = random_mechanism(seed, 4, Recipe(tuple(k for k in Recipe().kinds if k != "screw"), plain=True))
     heavier = replace(
         mechanism, bodies=tuple(replace(b, mass=1e3 * b.mass, inertia=1e3 * b.inertia) for b in mechanism.bodies)

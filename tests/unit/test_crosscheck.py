@@ -1,4 +1,4 @@
-"""The cross-check of all formulations: that they agree, and that it finds one that does not."""
+"""Cross-check of all formulations: the formulations agree, and a wrong one is found."""
 
 from dataclasses import replace
 
@@ -35,7 +35,7 @@ from consilience.reference.formulations.coordinates import VARIANTS
 from mechanisms import ELEMENTS, LOOPS, TREES, chain, drawn_joint, lumpy_body, rotation, states_of
 
 SEEDS = (1, 8, 12, 14, 18)
-"""A tree, planar and spherical linkages, loops, and elements of many kinds."""
+"""Seeds of a tree, planar and spherical linkages, loops, and elements of many kinds."""
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +57,7 @@ def test_all_formulations_agree_on_random_mechanisms(examinations):
 
 @pytest.mark.parametrize("mechanism", [*TREES.values(), *LOOPS.values(), *ELEMENTS.values()], ids=lambda m: m.name)
 def test_the_median_is_the_truth_of_plain_numpy(mechanism):
-    """The tests' own dense solution stands in for one formulation: it keeps the bar against all others."""
+    """The tests' own dense solution, added as one more formulation, stays within the bar."""
     state = states_of(mechanism, 1)
     names = ("descriptor", "articulated_body", "descriptor_euler_parameters")
     found = compare.compare(mechanism, state, names, 0)
@@ -72,7 +72,7 @@ def test_the_median_is_the_truth_of_plain_numpy(mechanism):
 
 
 class Wrong:
-    """A formulation with a part of its accelerations and reactions wrong."""
+    """A formulation with wrong accelerations or reactions."""
 
     def __init__(self, equations, accelerations=0.0, reactions=0.0):
         self.equations, self.error, self.reaction_error = equations, accelerations, reactions
@@ -87,7 +87,7 @@ class Wrong:
 
 
 @pytest.mark.parametrize(("part", "quantity"), [("accelerations", "accelerations"), ("reactions", "reactions")])
-def test_one_that_is_wrong_is_found_and_not_those_that_agree(monkeypatch, part, quantity):
+def test_a_wrong_formulation_is_found_and_the_others_agree(monkeypatch, part, quantity):
     make = registry.formulation
     wrong = "null_space_qr"
 
@@ -115,7 +115,7 @@ def test_an_answer_that_is_not_finite_is_no_agreement():
 
 
 def test_a_singular_orientation_is_an_exception_with_its_reason():
-    """Body axes along the world's: theta = 0, where Euler angles z-x-z fail."""
+    """Body axes parallel to those of the world: theta = 0, where Euler angles z-x-z are singular."""
     mechanism = chain("free", seed=3)
     (state,) = states_of(mechanism, 1)
     upright = replace(state, quat_WB=np.array([[1.0, 0.0, 0.0, 0.0]]))
@@ -125,13 +125,13 @@ def test_a_singular_orientation_is_an_exception_with_its_reason():
     assert (missing.seed, missing.state, missing.formulation) == (5, 0, "descriptor_euler_angles")
     assert missing.reason == "Euler angles z-x-z singular at theta"
     assert not missing.failure
-    (difference,) = found.differences  # no joint has a reaction to compare
+    (difference,) = found.differences  # a free joint has no reaction to compare
     assert difference.quantity == "accelerations"
     assert set(difference.distances) == {"descriptor", "descriptor_bryant_angles"}
 
 
 def test_saddle_points_near_a_singular_pose_are_an_exception_with_its_reason():
-    """A linkage drawn near a singular pose; orthogonal factors keep accelerations out of it."""
+    """A linkage near a singular pose: saddle-point systems lose digits, orthogonal factors do not."""
     mechanism = random_mechanism(2, 4, Recipe(plain=True, linkages=1.0, flat=1e-4))
     state = initial_state(mechanism)
     assert reaction_condition(mechanism, state) > compare.STEEP
@@ -143,7 +143,7 @@ def test_saddle_points_near_a_singular_pose_are_an_exception_with_its_reason():
 
 
 def test_reactions_that_equilibrium_leaves_open_are_not_compared():
-    """In a planar four-bar the least multipliers of all rows are not those of the rows of the cut joint."""
+    """In a planar four-bar, least-norm multipliers of all rows differ from those of the rows of the cut joint alone."""
     mechanism = LOOPS["four_bar"]
     states = states_of(mechanism, 2)
     names = ("descriptor", "lagrange", "point_coordinates")
@@ -154,7 +154,7 @@ def test_reactions_that_equilibrium_leaves_open_are_not_compared():
 
 
 class Broken:
-    """A formulation that cannot answer."""
+    """A formulation that raises an exception."""
 
     def accelerations(self, state, t=0.0):
         raise np.linalg.LinAlgError("Singular matrix")
@@ -174,7 +174,7 @@ def test_a_computation_that_breaks_down_is_a_failure(monkeypatch):
 
 @pytest.mark.parametrize(("error", "exempt"), [(1e-9, True), (1e-3, False)])
 def test_near_singular_coordinates_are_a_reason_for_rounding_but_not_for_errors(monkeypatch, error, exempt):
-    """Rodrigues parameters a few thousandths of a radian from a half turn; the tangent of half the angle is 500."""
+    """Rodrigues parameters 4 mrad before their singularity at a half turn; the tangent of half the angle is 500."""
     mechanism = chain("free", seed=3)
     (state,) = states_of(mechanism, 1)
     angle = np.pi - 4e-3
@@ -193,7 +193,7 @@ def test_near_singular_coordinates_are_a_reason_for_rounding_but_not_for_errors(
 
 
 def parallelogram(angle):
-    """Planar parallelogram, its crank at that angle to the base: at zero it could turn into an antiparallelogram."""
+    """Return a planar parallelogram with the given crank angle; at zero it can change into an antiparallelogram."""
     rng = np.random.default_rng(9)
     R, crank = rotation(rng), np.array([np.cos(angle), np.sin(angle), 0.0])
     base = np.array([2.0, 0.0, 0.0])
@@ -258,7 +258,7 @@ def test_formulations_follow_the_same_motion():
 
 
 def test_coordinates_that_fail_on_the_way_are_an_exception_with_its_reason(monkeypatch):
-    """The axes of the four-bar turn Bryant angles through beta = pi / 2; rotation vectors are singular nowhere."""
+    """Bryant angles of the four-bar pass through beta = pi / 2; rotation vectors meet no singularity."""
 
     def stopped(mechanism, state, times, tolerance, formulation="descriptor"):
         if formulation != "descriptor":
@@ -277,7 +277,7 @@ def test_coordinates_that_fail_on_the_way_are_an_exception_with_its_reason(monke
 
 
 def test_coordinates_that_fail_at_once_are_an_exception_with_its_reason():
-    """The arm starts with theta = 0."""
+    """The arm starts at theta = 0, where Euler angles are singular."""
     case = load_case("rotating_end_pendulum")
     found = follow(case.name, case.mechanism, case.initial_state, ("descriptor_euler_angles",), 0.2, 3)
     assert found.motions[0].exempt
@@ -309,7 +309,7 @@ def test_a_motion_that_is_wrong_is_found(monkeypatch, error, agrees):
 
 @pytest.mark.parametrize("error", [0.0, 1e-3])
 def test_gears_are_not_violated_after_full_turns(error):
-    """Two wheels, geared 1 to -0.1, over two turns of the first; the second off by a known angle at the end."""
+    """Two wheels geared 1 to -0.1 over two turns of the first; the last sample of the second has a known error."""
     mechanism = load_case("gear_pair").mechanism
     first = np.linspace(0.0, 4.0 * np.pi, 41)
     angles = np.stack([first, -0.1 * first + np.where(first == first[-1], error, 0.0)], axis=1)
@@ -320,7 +320,7 @@ def test_gears_are_not_violated_after_full_turns(error):
 
 
 def test_amplification_of_a_body_at_rest_in_space_is_the_time():
-    """A change of velocity d moves it by d t; nothing else grows as much."""
+    """A change d of the initial velocity displaces the body by d t; no other change grows as fast."""
     mechanism = replace(chain("free", seed=3), gravity=np.zeros(3))
     state = initial_state(mechanism)
     state = replace(state, p_WB=0.1 * state.p_WB)

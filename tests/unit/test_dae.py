@@ -1,4 +1,4 @@
-"""Integrators of the descriptor form as it stands: Radau IIA on index 2 and 3, generalised-alpha on index 3."""
+"""Integrators of the descriptor form as a DAE: Radau IIA on index 2 and 3, generalised-alpha on index 3."""
 
 import functools
 
@@ -48,7 +48,7 @@ def at(answer, k):
 
 
 def explicit(mechanism, state, times):
-    """Motion by an explicit method of order eight on the form of index 1, which has a test of its own."""
+    """Return the motion by an explicit method of order eight on the index-1 form, which has tests of its own."""
     one = DescriptorForm(mechanism, "descriptor_euler_parameters")
     motion = integrate(one, one.coordinates(state), times, 1e-13, "dop853")
     parts = (np.array([getattr(s, part) for s in motion.states]) for part in ("p_WB", "quat_WB", "v_WB_W", "w_WB_W"))
@@ -57,7 +57,7 @@ def explicit(mechanism, state, times):
 
 @functools.cache
 def reference(name, t):
-    """State and least-norm multipliers at t."""
+    """Return the state and the least-norm multipliers at the time t."""
     mechanism = ALL[name]
     state = at(explicit(mechanism, start(name), np.array([0.0, t])), 1)
     terms, y = BodyTerms(mechanism), pack(mechanism, state)
@@ -68,7 +68,7 @@ def reference(name, t):
 
 
 def errors(name, motion):
-    """Of poses, velocities and multipliers."""
+    """Return the largest errors of poses, velocities and multipliers."""
     state, lam = reference(name, round(motion.t, 12))
     p, quat, v, w = unpack(ALL[name], motion.y)
     return (
@@ -83,7 +83,7 @@ def orders(steps, found):
 
 
 def violations(mechanism, answer, k=-1):
-    """Largest ``|g|`` and ``|Q v - nu|`` by NumPy."""
+    """Return the largest ``|g|`` and ``|Q v - nu|``, computed by NumPy."""
     state, t = at(answer, k), answer.time[k]
     Q = constraint_jacobian(mechanism, state, t=t)
     rate = Q @ np.hstack([state.v_WB_W, state.w_WB_W]).ravel() - constraint_rates(mechanism, t)
@@ -91,7 +91,7 @@ def violations(mechanism, answer, k=-1):
 
 
 def differences(found, wanted):
-    """Of poses and of velocities."""
+    """Return the largest differences of poses and of velocities."""
     return (
         max(np.max(np.abs(found.p_WB - wanted.p_WB)), np.max(rotation_angle_between(found.quat_WB, wanted.quat_WB))),
         max(np.max(np.abs(found.v_WB_W - wanted.v_WB_W)), np.max(np.abs(found.w_WB_W - wanted.w_WB_W))),
@@ -111,7 +111,7 @@ def test_increments_are_those_of_the_exponential_map():
 
 @pytest.mark.parametrize("size", [1e-3, 0.049, 0.051, 0.5, 2.5])
 def test_rates_of_increments_give_the_angular_velocity_back(size):
-    """The pose ``q exp(xi(t))`` turns with w', by central differences; on both sides of the seam of the series."""
+    """``q exp(xi(t))`` has the angular velocity w', by central differences, on both sides of the switch to series."""
     rng = np.random.default_rng(2)
     xi, speeds, t = rng.normal(size=6), rng.normal(size=6), 1e-5
     xi[3:] *= size / np.linalg.norm(xi[3:])
@@ -128,7 +128,7 @@ def test_rates_of_increments_give_the_angular_velocity_back(size):
 # ---------------------------------------------------------------- Radau IIA
 
 ORDERS = {2: (5, 5, 3), 3: (5, 3, 2)}
-"""Of positions, speeds and multipliers [Hairer, Lubich & Roche 1989]."""
+"""Orders of positions, velocities and multipliers by index [Hairer, Lubich & Roche 1989]."""
 
 
 @pytest.mark.parametrize("index", ORDERS)
@@ -163,7 +163,7 @@ def test_index_3_keeps_positions_and_speeds_to_third_order(name):
     assert speeds < 1e-6
     g, rate = violations(mechanism, answer)
     assert g < 1e-12
-    assert 1e-12 < rate < 1e-6  # nothing holds it but the motion
+    assert 1e-12 < rate < 1e-6  # index 3 does not impose the velocity constraint
 
 
 def test_integrals_of_controllers_are_unknowns_of_radau():
@@ -197,7 +197,7 @@ def test_radau_refuses_what_makes_no_sense(change):
 @pytest.mark.parametrize("rho", [0.0, 0.8, 1.0])
 @pytest.mark.parametrize("name", ["four_bar", "rolling_torus", "driven"])
 def test_generalised_alpha_is_of_order_two_from_the_first_step_on(name, rho):
-    """In poses, velocities and multipliers; the latter two fall to order one if the start is not set right."""
+    """Order 2 of poses, velocities and multipliers; inconsistent starting values reduce the latter two to order 1."""
     steps, end, second = np.array([32, 48, 64]), [], []
     for n in steps:
         motion = GeneralisedAlpha(ALL[name], start(name), 0.0, SPAN / n, rho)
@@ -209,11 +209,11 @@ def test_generalised_alpha_is_of_order_two_from_the_first_step_on(name, rho):
         end.append(errors(name, motion))
     measured = [orders(steps, part) for part in np.array(end).T]
     np.testing.assert_allclose(measured, 2.0, atol=0.15)
-    assert orders(steps, np.array(second)[:, 2]) > 1.85  # more where the next order still has a part
+    assert orders(steps, np.array(second)[:, 2]) > 1.85  # above 2 where the next term of the error is not yet small
 
 
 def heavy_top():
-    """Top of Brüls & Cardona (2010): 15 kg, 1 m from its tip, spinning at 150 rad/s; the closed form beside it."""
+    """Return the top of Brüls & Cardona (2010): 15 kg, 1 m from its tip, 150 rad/s; with its closed form."""
     mass, length, gravity = 15.0, 1.0, 9.81
     inertia = np.diag([0.234375, 0.234375, 0.46875])
     still = Frame(np.zeros(3), np.eye(3))

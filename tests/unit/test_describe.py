@@ -1,4 +1,4 @@
-"""The page of a case names everything that acts on its mechanism."""
+"""The page of a case names every element that acts on its mechanism."""
 
 import dataclasses
 import re
@@ -101,7 +101,7 @@ def test_a_drawing_keeps_angles_and_puts_up_against_gravity():
     at = {letter: (r, row.index(letter)) for letter in "ABCDF" for r, row in enumerate(rows[:20]) if letter in row}
     assert at["B"][0] < at["A"][0]
     assert at["B"][1] == at["A"][1]
-    # a square: twice as many columns as rows, to a cell
+    # a square has twice as many columns as rows, within one cell
     assert at["D"][1] - at["B"][1] == pytest.approx(2 * (at["A"][0] - at["B"][0]), abs=2)
     assert rows[at["A"][0] + 1][at["A"][1]] == "▔"
 
@@ -147,7 +147,7 @@ def test_a_picture_is_svg_in_four_views_with_every_name(name):
 
 
 def test_views_are_those_of_third_angle_projection():
-    """A point to the right, up and towards the front: low in the view from above, to the left from the right."""
+    """A point to the right, up and in front: low in the view from above, on the left in the view from the right."""
     (case,) = family_cases("single_joint:kind=prismatic")
     figure = figure_of(case.mechanism, case.initial_state)
     right, up, toward = upright(figure.gravity)

@@ -1,4 +1,4 @@
-"""Descriptor forms in orientation coordinates against dense NumPy, the compiled solver and what the equations say."""
+"""Descriptor forms in orientation coordinates against dense NumPy, the compiled solver and closed forms."""
 
 import functools
 
@@ -36,7 +36,7 @@ def states(name):
 
 
 def solved(name):
-    """State, dense accelerations and reactions, and the bar for accelerations."""
+    """Yield state, dense accelerations and reactions, and the tolerance of accelerations."""
     mechanism = ALL[name]
     for s in states(name):
         yield s, truth.solve(mechanism, s), 1e-10 + 10 * EPS * mass_matrix_condition(mechanism, s)
@@ -82,7 +82,7 @@ def test_state_inverts_coordinates(name, variant):
 
 @pytest.mark.parametrize("orientation", ORIENTATIONS)
 def test_the_derivative_of_the_state_is_that_of_the_coordinates(orientation):
-    """Velocities and accelerations of the canonical state by central differences along ``x + t x' + t^2/2 x''``."""
+    """Velocities and accelerations of the canonical state are central differences along ``x + t x' + t^2/2 x''``."""
     mechanism, name = ALL["floating_chain"], f"descriptor_{orientation}"
     one = DescriptorForm(mechanism, name)
     state = states("floating_chain")[0]
@@ -109,7 +109,7 @@ def reference(name):
 
 
 def error_of(one, name, method="dop853", tolerance=1e-12):
-    """Largest error of poses and velocities over a second, and the motion."""
+    """Return the largest error of poses and velocities over one second, and the motion."""
     wanted = reference(name)
     motion = integrate(one, one.coordinates(states(name)[0]), wanted.time, tolerance, method)
     wrong = [np.max(rotation_angle_between(np.array([s.quat_WB for s in motion.states]), wanted.quat_WB))]
@@ -138,12 +138,12 @@ def test_a_loop_with_dependent_rows_moves_as_in_the_compiled_solver(variant):
     ],
 )
 def test_elements_are_carried_along_over_turns_and_charts(name, variant):
-    """Integrals of controllers, angles counted for couplings and springs, contacts and slip."""
+    """Controller integrals, counted angles, contacts and slip survive full turns and changes of chart."""
     assert error_of(DescriptorForm(ALL[name], variant), name)[0] < 1e-9
 
 
 def spinning():
-    """A lumpy body on a ball joint that turns at 13 rad/s."""
+    """Return a lumpy body on a ball joint, and a state in which it turns at 13 rad/s."""
     mechanism = chain("spherical", seed=60)
     rest = states_of(mechanism, 1)[0]
     axis = np.array([[0.7, -0.5, 0.51]])
@@ -174,7 +174,7 @@ def test_charts_are_exchanged_on_the_way_to_a_singularity(orientation, method, t
 
 
 def test_a_rotation_vector_is_exchanged_without_projection_too():
-    """No state is moved by it."""
+    """Replacing a rotation vector by its equivalent of less than half a turn changes no state."""
     mechanism, state = spinning()
     one = DescriptorForm(mechanism, "descriptor_rotation_vector")
     u = one.coordinates(state)
@@ -210,7 +210,7 @@ def test_a_singular_orientation_names_body_and_angle(orientation):
 
 
 def test_a_motion_into_gimbal_lock_ends_with_the_name_of_the_body():
-    """Turning about the second axis of Bryant angles from zero arrives at beta = pi/2 with no warning."""
+    """Rotation about the second Bryant axis from zero reaches gimbal lock at beta = pi/2."""
     mechanism = chain("free", seed=61)
     still = np.zeros((1, 3))
     state = State(still, np.array([[1.0, 0.0, 0.0, 0.0]]), still, np.array([[0.0, 1.0, 0.0]]))
@@ -236,7 +236,7 @@ def test_baumgarte_changes_nothing_at_consistent_states(name):
 
 @pytest.mark.parametrize("name", ["loop_universal", "driven"])
 def test_baumgarte_makes_violations_obey_a_damped_oscillator(name):
-    """``g'' + 2 alpha g' + beta^2 g = 0`` off the constraints, g by NumPy along ``x + t x' + t^2/2 x''``."""
+    """``g'' + 2 alpha g' + beta^2 g = 0`` off the manifold, with g by NumPy along ``x + t x' + t^2/2 x''``."""
     mechanism, rng = ALL[name], np.random.default_rng(5)
     one = DescriptorForm(mechanism, "descriptor_baumgarte")
     u, n_b = one.coordinates(states(name)[0]), len(mechanism.bodies)
@@ -262,7 +262,7 @@ def violation(mechanism, state, t):
 
 
 def test_drift_is_left_damped_or_removed():
-    """At a coarse tolerance over 3 s: index 1 alone drifts, Baumgarte holds it down, projection leaves rounding."""
+    """Coarse tolerance, 3 s: index 1 drifts, Baumgarte stabilisation limits the drift, projection leaves rounding."""
     mechanism, state = ALL["loop_universal"], states("loop_universal")[0]
     found = {}
     for kind in ("unprojected", "baumgarte", "euler_parameters"):

@@ -1,4 +1,4 @@
-"""``consilience doctor`` tells what is ill and how to mend it: one remedy for each thing that can be wrong."""
+"""``consilience doctor``: every fault of an installation is found and has one remedy."""
 
 import json
 import os

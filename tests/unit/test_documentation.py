@@ -1,4 +1,4 @@
-"""The documentation does what it says: blocks run or are marked, links lead somewhere, names are documented."""
+"""Documentation: code blocks run or are marked as not run, links resolve, public names have docstrings."""
 
 import ast
 import importlib
@@ -67,14 +67,14 @@ def test_every_mark_marks_something_and_has_a_reason():
 
 
 def parsed(words: list[str]) -> object:
-    """The context of a call of ours; raises what the command line would."""
+    """Return the click context of a `consilience` command; raise what the command line would raise."""
     name, *arguments = words
     command = command_of(name)
     return command.make_context(name, [a for a in arguments if a != "--help"], resilient_parsing="--help" in arguments)
 
 
 def of_ours(command: str) -> list[str]:
-    """Words after `consilience`, without environment, pipe and redirection; empty for other programs."""
+    """Return the words after `consilience`, without environment, pipe and redirection; empty for other programs."""
     words = shlex.split(command, comments=True)
     while words and re.fullmatch(r"[A-Z_]+=\S*", words[0]):
         words.pop(0)
@@ -83,7 +83,7 @@ def of_ours(command: str) -> list[str]:
 
 
 @pytest.mark.parametrize(("page", "command"), COMMANDS)
-def test_every_command_is_one_there_is(page, command):
+def test_every_command_exists(page, command):
     words = of_ours(command)
     if words and words[0].startswith("--"):
         assert words[0] in ("--help", "--install-completion", "--show-completion")
@@ -96,7 +96,7 @@ def test_every_command_is_one_there_is(page, command):
         assert all((ROOT / script).exists() for script in scripts), f"{page}: {command}"
 
 
-def test_a_command_that_is_none_is_noticed():
+def test_a_command_that_does_not_exist_is_noticed():
     with pytest.raises(Exception, match="No such option: --nonsense"):
         parsed(["run", "--nonsense"])
     with pytest.raises(KeyError):
@@ -131,7 +131,7 @@ PYTHON = [
     if any(b.language == "python" for b in blocks(page)) and not str(page.relative_to(ROOT)).startswith(RUN_ELSEWHERE)
 ]
 AFTER_A_RUN = {"docs/frames.md": 'frames.motions("first"', "docs/outputs.md": "results.csv"}
-"""Python blocks that read what commands above them wrote: the campaign runs them, test_frames.py their functions."""
+"""Blocks that read files written by commands above them, so not run here; test_frames.py tests their functions."""
 
 
 @pytest.mark.parametrize("page", PYTHON, ids=lambda p: p.name)
@@ -147,7 +147,7 @@ TOML = [block for block in BLOCKS if block.language == "toml"]
 
 
 @pytest.mark.parametrize("block", TOML, ids=lambda b: f"{b.page}:{b.line}")
-def test_toml_blocks_are_what_they_seem(block, tmp_path):
+def test_toml_blocks_are_valid_documents_of_their_kind(block, tmp_path):
     document = tomllib.loads(block.text)
     path = tmp_path / "block.toml"
     path.write_text(block.text)
@@ -165,7 +165,7 @@ def test_toml_blocks_are_what_they_seem(block, tmp_path):
 
 @pytest.fixture(scope="module")
 def example(tmp_path_factory):
-    """The module that docs/add-an-engine.md has the text of."""
+    """Import the module whose source docs/add-an-engine.md prints, and return its engine."""
     (block,) = [b for b in BLOCKS if b.file == "consilience_textbook.py"]
     assert len(block.text.splitlines()) <= 150
     path = tmp_path_factory.mktemp("example") / block.file
@@ -211,7 +211,7 @@ def test_the_page_counts_its_steps():
 
 
 def anchors(path: Path) -> set[str]:
-    """Anchors of the headings of a page, as GitHub and the site make them."""
+    """Return the anchors of a page's headings, as GitHub and the site generate them."""
     headings = re.findall(r"^#{1,6} (.+)$", path.read_text(encoding="utf-8"), re.MULTILINE)
     plain = (re.sub(r"[`*]|\[([^\]]*)\]\([^)]*\)", r"\1", heading) for heading in headings)
     return {re.sub(r"[^\w\- ]", "", heading.strip().lower()).replace(" ", "-") for heading in plain}
@@ -240,7 +240,7 @@ def test_every_link_leads_somewhere(page):
 
 
 GENERATED = ("explained", "library", "findings/index", "api/index")
-"""Pages that docs/site_pages.py writes; the build, whose warnings are errors, has the last word on them."""
+"""Pages that docs/site_pages.py generates; the site build, with warnings as errors, checks links to them."""
 
 
 def test_every_page_is_in_the_contents():
@@ -255,7 +255,7 @@ def test_every_page_is_in_the_contents():
     assert listed == there | {f"generated/{name}" for name in GENERATED}
 
 
-# ---------------------------------------------------------------- what pages say of the code
+# ---------------------------------------------------------------- statements of pages about the code
 
 
 CONVENTIONS = (ROOT / "docs" / "conventions.md").read_text(encoding="utf-8")
@@ -299,7 +299,7 @@ def modules() -> list[str]:
 
 
 def undocumented(name: str) -> list[str]:
-    """Public functions, classes, methods, properties of a module without a docstring; nested functions are private."""
+    """Return public functions, classes, methods, properties without a docstring; nested functions are private."""
     tree = ast.parse(Path(importlib.util.find_spec(name).origin).read_text(encoding="utf-8"))
     found = [] if ast.get_docstring(tree) else [name]
 

@@ -1,5 +1,7 @@
-"""Rows of screws, drives, couplings, rolling bodies and skates against differences; elements against closed forms of
-motions, drawn in a skew frame with centres of mass off the axes."""
+"""Rows of screws, drives, couplings, rolling bodies and skates against differences; motions against closed forms.
+
+Mechanisms are drawn in skew axes, with centres of mass off the joint axes.
+"""
 
 from dataclasses import replace
 
@@ -60,13 +62,13 @@ from mechanisms import ELEMENTS, PITCH, chain, drawn_joint, rotation, states_of
 
 BAR = 1e-10
 NOW = 0.37
-"""Time at which rows are looked at, s: not zero, so that a forgotten time shows."""
+"""Time at which rows are evaluated, s: not zero, so that a missing time argument shows."""
 
 # ---------------------------------------------------------------- rows
 
 
 def between() -> Mechanism:
-    """Every row between two moving bodies: screw, drive of a distance, gear, cam and screw geared to a turn."""
+    """Return a chain with every row between two moving bodies: screw, drive of a distance, gear, cam, geared screw."""
     base = chain("free", "revolute", "cylindrical", "screw", seed=51, backwards=(2,))
     profile = Function(np.array([0.1, 0.3, -0.2]), np.array([[0.3, 2.0, 0.4]]))
     return replace(
@@ -86,7 +88,7 @@ ROWS = {name: m for name, m in ELEMENTS.items() if name != "powered"} | {"betwee
 
 
 def scattered(mechanism, seed):
-    """A state near the drawing that no row holds in, moving; no angle is near half a turn from where it is counted."""
+    """Return a moving state near the drawing, off all constraints, with angles well away from half a turn."""
     rng = np.random.default_rng(seed)
     state = move(drawing_state(mechanism), 0.2 * rng.normal(size=6 * len(mechanism.bodies)))
     v, w = rng.normal(size=(2, len(mechanism.bodies), 3))
@@ -94,19 +96,19 @@ def scattered(mechanism, seed):
 
 
 def along(state, t):
-    """The state after the time t at constant velocities of the origins and constant angular velocities."""
+    """Return the state after the time t at constant velocities of the origins and constant angular velocities."""
     later = move(state, t * np.hstack([state.v_WB_W, state.w_WB_W]).ravel())
     return State(later.p_WB, later.quat_WB, state.v_WB_W, state.w_WB_W)
 
 
 def rate(f, h=1e-3):
-    """Eighth-order central difference at zero."""
+    """Return the derivative at zero by an eighth-order central difference."""
     weights = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
     return sum(w * (f(k * h) - f(-k * h)) for k, w in weights.items()) / h
 
 
 def compiled(mechanism, state, t):
-    """Workspace of the compiled rows, and the velocities (v of the centre of mass, w') they go with."""
+    """Return the workspace of the compiled rows, and the velocities (v of the centre of mass, w') in their columns."""
     model = flatten(mechanism)
     ws, y = workspace(model), pack(mechanism, state)
     rotations(y, ws.A)
@@ -135,7 +137,7 @@ def test_jacobian_in_each_of_the_six_directions_of_each_body(name, seed):
 
 @pytest.mark.parametrize("name", ROWS)
 def test_value_changes_with_the_velocity_and_the_rate_of_the_drive(name):
-    """``d value / dt = Q v - rate``, time running on."""
+    """``d value / dt = Q v - rate``, with explicit dependence on time."""
     mechanism, state = ROWS[name], scattered(ROWS[name], 5)
     v = np.hstack([state.v_WB_W, state.w_WB_W]).ravel()
     count = mechanism.holonomic_count
@@ -153,7 +155,7 @@ def test_value_changes_with_the_velocity_and_the_rate_of_the_drive(name):
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("name", ROWS)
 def test_gamma_is_what_the_velocities_alone_do_to_the_rate(name, seed):
-    """``d/dt (Q v - rate) = Q a - gamma`` for all rows, the non-holonomic ones included; here a = 0 at the origins."""
+    """``d/dt (Q v - rate) = Q a - gamma`` for all rows, the non-holonomic ones included; origins have a = 0."""
     mechanism, state = ROWS[name], scattered(ROWS[name], seed)
     v = np.hstack([state.v_WB_W, state.w_WB_W]).ravel()
 
@@ -169,13 +171,13 @@ def test_gamma_is_what_the_velocities_alone_do_to_the_rate(name, seed):
     bar = BAR * max(1.0, np.max(np.abs(expected)))
     np.testing.assert_allclose(constraint_gamma(mechanism, state, t=NOW), expected, rtol=0, atol=bar)
     ws, _ = compiled(mechanism, state, NOW)
-    a = rate(lambda h: compiled(mechanism, along(state, h), NOW)[1])  # centres of mass go round the origins
+    a = rate(lambda h: compiled(mechanism, along(state, h), NOW)[1])  # centres of mass accelerate, origins do not
     np.testing.assert_allclose(ws.gamma, ws.Q @ a - rate(rate_of_kernels), rtol=0, atol=bar)
 
 
 @pytest.mark.parametrize("name", [n for n, m in ROWS.items() if m.rollings])
 def test_the_slip_rows_are_the_velocity_of_the_lowest_point(name):
-    """The point of the torus farthest below, found by trial, and the velocity of the body there."""
+    """Slip rows give the velocity of the body at the lowest point of the torus, found by search."""
     mechanism, state = ROWS[name], scattered(ROWS[name], 8)
     (rolling,) = mechanism.rollings
     i = mechanism.body_index[rolling.body]
@@ -199,13 +201,13 @@ def test_the_slip_rows_are_the_velocity_of_the_lowest_point(name):
 
 _RNG = np.random.default_rng(77)
 S = rotation(_RNG)
-"""Skew axes in which the mechanisms below are drawn: x, y, z of the text are its columns."""
+"""Skew axes of the mechanisms below: x, y, z in their docstrings are the columns of S."""
 O = _RNG.normal(size=3)
 X, Y, Z = S.T
 
 
 def body(name, mass, com, moments, at=(0.0, 0.0, 0.0), seed=5):
-    """A body by its centre of mass and principal moments in the axes S from O, its own origin and axes elsewhere."""
+    """Return a body from its centre of mass and principal moments in axes S at O; its own frame is random."""
     rng = np.random.default_rng(seed)
     pose = Frame(O + S @ (np.array(at) + 0.2 * rng.normal(size=3)), rotation(rng))
     inertia = S @ np.diag(moments) @ S.T
@@ -214,7 +216,7 @@ def body(name, mass, com, moments, at=(0.0, 0.0, 0.0), seed=5):
 
 
 def built(bodies, joints, gravity=(0.0, 0.0, 0.0), **elements):
-    """Mechanism of joints ``(kind, predecessor, successor, at)`` with the axis Z, or ``(..., axes)``, drawn in S."""
+    """Return a mechanism drawn in S, of joints ``(kind, predecessor, successor, at)`` along Z, or ``(..., axes)``."""
     by_name = {b.name: b for b in bodies}
     made = [
         drawn_joint(f"j{n}", kind, by_name, i, j, O + S @ np.array(at), S @ np.array(axes[0]) if axes else S)
@@ -224,7 +226,7 @@ def built(bodies, joints, gravity=(0.0, 0.0, 0.0), **elements):
 
 
 def coordinate_of(mechanism, answer, joint, name, rates=False):
-    """Series of a joint coordinate, turns counted."""
+    """Return the time series of a joint coordinate, with full turns counted, or of its rate."""
     target = mechanism.joints[mechanism.joint_index[joint]]
     values = []
     for n in range(len(answer.time)):
@@ -244,7 +246,7 @@ def run(mechanism, times, **initial):
 
 
 def test_a_screw_advances_by_its_pitch_in_every_turn():
-    """(J + m (p/2 pi)^2) q'' = T - m g p/2 pi, gravity along the axis."""
+    """``(J + m (p/2 pi)^2) q'' = T - m g p/2 pi`` with gravity along the axis."""
     moments, mass, torque, g = np.array([0.3, 0.4, 0.5]), 2.0, 3.0, 4.0
     nut = body("nut", mass, (0.1, 0.2, 0.3), moments)
     load = Load("t", "torque", "nut", torque * Z, "world")
@@ -262,7 +264,7 @@ def test_a_screw_advances_by_its_pitch_in_every_turn():
 
 
 def gears(torque=6.0, ratio=-0.1):
-    """Chrono's shafts: J1 = 10, J2 = 100 kg m^2 about their axes, ratio -0.1, a torque of 6 N m on the first."""
+    """Return Chrono's example of shafts: J1 = 10, J2 = 100 kg m^2, ratio -0.1, torque 6 N m on the first."""
     one = body("one", 2.0, (0.3, 0.0, 0.2), (8.0, 7.0, 10.0 - 2.0 * 0.09), seed=1)
     two = body("two", 5.0, (1.0, 0.4, 0.0), (60.0, 70.0, 100.0 - 5.0 * 0.16), seed=2)
     return built(
@@ -274,7 +276,7 @@ def gears(torque=6.0, ratio=-0.1):
 
 
 def test_a_gear_pair_accelerates_as_chrono_s_shafts_do():
-    """T / (J1 + J2 r^2) over many turns; the turns of the driving gear are counted."""
+    """``q'' = T / (J1 + J2 r^2)`` over many turns, which the constraint has to count."""
     m = gears()
     expected = 6.0 / (10.0 + 100.0 * 0.1**2)
     found = accelerations(m, [initial_state(m)]).alpha_WB_W[0]
@@ -300,7 +302,7 @@ def test_gears_leave_the_torque_about_their_axes_out_of_the_joint_reactions():
 
 
 def test_rack_and_pinion():
-    """F / (m + J / R^2), the rack by R times the angle."""
+    """``x'' = F / (m + J / R^2)``, and the rack moves by R times the angle."""
     R, force, mass, J = 0.3, 5.0, 3.0, 0.7
     pinion = body("pinion", 2.0, (0, 0, 0.1), (0.5, 0.6, J), seed=3)
     rack = body("rack", mass, (0.3, 1.0, 0.2), (0.3, 0.4, 0.5), seed=4)
@@ -320,7 +322,7 @@ def test_rack_and_pinion():
 
 
 def test_a_follower_follows_its_cam_turn_after_turn():
-    """A cam driven at a constant speed: the distance is the profile, the force what accelerates the follower."""
+    """A cam at constant speed: the distance of the follower is the profile, the force its mass times acceleration."""
     w, mass = 7.0, 1.5
     x = np.linspace(0.0, 2 * np.pi, 25)
     profile = through(x, 0.2 * np.sin(x) ** 2 + 0.05 * np.cos(x), True)
@@ -345,7 +347,7 @@ def test_a_follower_follows_its_cam_turn_after_turn():
 
 
 def multipliers(mechanism, state, t):
-    """Multipliers of all rows; those of drives and couplings are efforts on the successor."""
+    """Return the multipliers of all rows; those of drives and couplings are efforts on the successor."""
     model = flatten(mechanism)
     ws, y, a = workspace(model), pack(mechanism, state), np.empty(6 * len(mechanism.bodies))
     turns = np.zeros(len(model.coordinate))
@@ -354,7 +356,7 @@ def multipliers(mechanism, state, t):
 
 
 def test_a_driven_pendulum_does_as_told_and_needs_the_torque_of_inverse_dynamics():
-    """q = f(t); torque J f'' + m g l sin f; none of it in the reaction of the joint."""
+    """``q = f(t)``; the drive torque is J f'' + m g l sin f, and no part of it is in the joint reaction."""
     mass, length, g, Jcm = 2.0, 0.7, 9.81, 0.5
     f = Function(np.array([0.1, 4.0, -0.3]), np.array([[0.4, 5.0, 0.2]]))
     bob = body("bob", mass, (length, 0, 0.1), (0.3, 0.4, Jcm))
@@ -374,7 +376,7 @@ def test_a_driven_pendulum_does_as_told_and_needs_the_torque_of_inverse_dynamics
 
 @pytest.mark.parametrize("k", [0.4, 2 / 3], ids=["solid", "shell"])
 def test_a_ball_rolls_down_an_incline(k):
-    """g sin(slope) / (1 + k) with I = k m R^2: 5/7 g sin(slope) for a solid one. The axes of the body are anyone's."""
+    """``a = g sin(slope) / (1 + k)`` with I = k m R^2, 5/7 g sin(slope) for a solid ball, for any body axes."""
     R, mass, slope, g = 0.25, 3.0, 0.4, 9.81
     ball = body("ball", mass, (0, 0, R), np.full(3, k * mass * R**2))
     contact = Rolling("r", "ball", ball.com, [1.0, 0, 0], 0.0, O, Z, R)
@@ -392,7 +394,7 @@ def test_a_ball_rolls_down_an_incline(k):
 def test_a_disc_rolls_steadily_in_a_circle(R, r):
     """Precession W about the normal n, tilt th of the axis a from n, w = W n + (w3 - W cos th) a.
 
-    With V = w3 (R + r sin th) - r W sin th cos th the speed of the centre, moments about it demand
+    With V = w3 (R + r sin th) - r W sin th cos th the speed of the centre, the balance of moments about it is
     W sin th (C w3 - A W cos th) = -m (V W (R sin th + r) + R g cos th)  [Newton and Euler; r = 0: Routh].
     """
     mass, g, W, th = 2.0, 9.81, 2.1, 1.2
@@ -401,7 +403,7 @@ def test_a_disc_rolls_steadily_in_a_circle(R, r):
     known = A * W**2 * s * c - mass * R * g * c + mass * W**2 * r * s * c * (R * s + r)
     w3 = known / (W * s * C + mass * W * (R * s + r) * (R + r * s))
     V = w3 * (R + r * s) - r * W * s * c
-    axis = np.array([s, 0, c])  # h is x, the tangent n x h is y; the centre moves with -V along y
+    axis = np.array([s, 0, c])  # h is along x, the tangent n x h along y; the centre has the velocity -V y
     disc = body("disc", mass, (0, 0, R * s + r), (1.0, 1.0, 1.0))
     inertia = S @ (A * np.eye(3) + (C - A) * np.outer(axis, axis)) @ S.T
     inertia = disc.drawing.R.T @ inertia @ disc.drawing.R
@@ -418,7 +420,7 @@ def test_a_disc_rolls_steadily_in_a_circle(R, r):
     assert np.max(np.abs(constraint_jacobian(m, state) @ np.concatenate([state.v_WB_W[0], w0]))) < 1e-13
     times = np.linspace(0, 5, 51)
     answer = simulate(m, state, times, 1e-13)
-    # round the vertical through the middle of the circle: velocity -V y at radius -V / W on x
+    # circle about the vertical through `middle`: the velocity -V y has the radius -V / W along x
     middle = O + S @ np.array([V / W, 0, R * s + r])
     for n, t in enumerate(times):
         about_n, about_a = (quaternion_from_rotation_vector(x) for x in (W * t * Z, spin * t * (S @ axis)))
@@ -430,7 +432,7 @@ def test_a_disc_rolls_steadily_in_a_circle(R, r):
 
 
 def sleigh(com, gravity):
-    """A sleigh on the plane z = 0 with its edge at O, the blade along x."""
+    """Return a Chaplygin sleigh on the plane z = 0, edge at O, blade along x."""
     mass, J = 2.0, 0.3
     b = body("sleigh", mass, (com, 0, 0), (0.2, 0.25, J))
     point = b.drawing.R.T @ (O - b.drawing.p)
@@ -439,7 +441,7 @@ def sleigh(com, gravity):
 
 
 def test_a_sleigh_on_an_incline_draws_a_cycloid_and_does_not_slide_down():
-    """x = g sin(a) sin^2(wt) / 2 w^2 down the slope, y = g sin(a) (wt - sin(2wt)/2) / 2 w^2 across [Neimark]."""
+    """``x = g sin(a) sin^2(wt) / 2 w^2`` downhill, ``y = g sin(a) (wt - sin(2wt)/2) / 2 w^2`` across [Neimark]."""
     slope, g, w = 0.5, 9.81, 2.3
     m, _, _ = sleigh(0.0, g * np.array([np.sin(slope), 0, -np.cos(slope)]))
     times = np.linspace(0, 6, 61)
@@ -452,7 +454,7 @@ def test_a_sleigh_on_an_incline_draws_a_cycloid_and_does_not_slide_down():
 
 
 def test_chaplygin_s_sleigh_turns_into_a_straight_run():
-    """u = u_m tanh(kt), turn rate w_m sech(kt), k = c w_m sqrt(m/J), u_m = w_m sqrt(J/m), J about the edge."""
+    """``u = u_m tanh(kt)``, turn rate ``w_m sech(kt)``, k = c w_m sqrt(m/J), u_m = w_m sqrt(J/m), J about the edge."""
     c, w_m = 0.25, 3.0
     m, mass, J = sleigh(c, (0, 0, -9.81))
     J = J + mass * c * c
@@ -470,13 +472,13 @@ def test_chaplygin_s_sleigh_turns_into_a_straight_run():
 
 
 def slider(mass=2.0, **elements):
-    """A body on a slide along Z."""
+    """Return a body on a slide along Z."""
     b = body("slider", mass, (0.2, -0.1, 0.3), (0.3, 0.4, 0.5))
     return built([b], [("prismatic", GROUND, "slider", (0, 0, 0))], **elements)
 
 
 def test_coulomb_friction_stops_a_slider_by_the_law_of_the_hyperbolic_tangent():
-    """m v' = -F tanh(v/s) has v = s asinh(sinh(v0/s) exp(-F t / m s)), from sliding into creeping."""
+    """``m v' = -F tanh(v/s)`` has v = s asinh(sinh(v0/s) exp(-F t / m s)), from sliding into creeping."""
     mass, F, s, v0 = 2.0, 3.0, 0.1, 2.0
     m = slider(mass, frictions=(Friction("f", "j0", "distance", 0.0, F, s),))
     times = np.linspace(0, 2, 81)
@@ -500,12 +502,12 @@ def test_viscous_friction_of_a_hinge_decays_exponentially():
 
 
 def test_a_controlled_slider_is_a_linear_system_of_third_order():
-    """m q'' = P e + I int e + D e', e = r - q; r = r0 + r1 t + a sin(w t + phi); exact by the matrix exponential."""
+    """``m q'' = P e + I int e + D e'``, e = r - q, r = r0 + r1 t + a sin(w t + phi); by the matrix exponential."""
     mass, P, I, D = 2.0, 30.0, 12.0, 5.0
     r0, r1, a, w, phi = 0.3, 0.2, 0.15, 4.0, 0.6
     target = Function(np.array([r0, r1]), np.array([[a, w, phi]]))
     m = slider(mass, controls=(Control("c", "j0", "distance", target, P, I, D),))
-    # z = (q, q', int e, 1, t, sin, cos)
+    # state z = (q, q', int e, 1, t, sin, cos) of the linear system
     A = np.zeros((7, 7))
     error = np.array([-1, 0, 0, r0, r1, a, 0])
     error_rate = np.array([0, -1, 0, r1, 0, 0, a * w])
@@ -522,7 +524,7 @@ def test_a_controlled_slider_is_a_linear_system_of_third_order():
 
 
 def _resonant(how, mass, k, a, w):
-    """The same forced oscillator by each element that can push."""
+    """Return the same forced oscillator, driven by the named kind of element."""
     push, spring = sine(a, w), JointSpring("k", "j0", "distance", k, 0.0, 0.0)
     if how == "joint spring":
         return slider(mass, joint_springs=(replace(spring, actuator=push),))
@@ -539,7 +541,7 @@ def _resonant(how, mass, k, a, w):
 
 @pytest.mark.parametrize("how", ["joint spring", "spring", "force", "force of the body"])
 def test_an_oscillator_forced_at_resonance_grows_without_bound(how):
-    """q = a (sin wt - wt cos wt) / 2 k at w = sqrt(k/m)."""
+    """``q = a (sin wt - wt cos wt) / 2 k`` at w = sqrt(k/m)."""
     mass, k, a = 2.0, 50.0, 1.2
     w = np.sqrt(k / mass)
     m = _resonant(how, mass, k, a, w)
@@ -550,7 +552,7 @@ def test_an_oscillator_forced_at_resonance_grows_without_bound(how):
 
 
 def test_a_torque_with_a_history_turns_a_wheel_by_its_integral():
-    """A pulse a sin(wt) on a free wheel: q = a (wt - sin wt) / J w^2."""
+    """A torque a sin(wt) on a free wheel: ``q = a (wt - sin wt) / J w^2``."""
     J, a, w = 0.5 + 2.0 * (0.2**2 + 0.1**2), 3.0, 2.0
     b = body("wheel", 2.0, (0.2, -0.1, 0.3), (0.3, 0.4, 0.5))
     load = Load("t", "torque", "wheel", a * Z, "world", history=sine(1.0, w))
@@ -564,7 +566,7 @@ def test_a_torque_with_a_history_turns_a_wheel_by_its_integral():
 
 
 def power_of_forces(mechanism, state, t):
-    """Power of everything but gravity, springs' stiffness, and constraints."""
+    """Return the power of all forces except gravity, elastic forces of springs, and constraint forces."""
     power = 0.0
     without = replace(mechanism, joint_springs=tuple(replace(s, stiffness=0.0) for s in mechanism.joint_springs))
     for joint, coordinate, effort in truth.joint_efforts(without, state, t):
@@ -586,7 +588,7 @@ def power_of_forces(mechanism, state, t):
 
 
 def rate_of_energy(mechanism, state, t):
-    """dT/dt from the accelerations the solver gives, dV/dt from differences along the velocities."""
+    """Return d(T + V)/dt: dT/dt from the solver's accelerations, dV/dt by differences along the velocities."""
     answer = accelerations(mechanism, [state], t=t)
     kinetic = 0.0
     for i, (b, inertia) in enumerate(zip(mechanism.bodies, world_inertias(mechanism, state), strict=True)):
@@ -600,7 +602,7 @@ def rate_of_energy(mechanism, state, t):
 
 @pytest.mark.parametrize("name", ELEMENTS)
 def test_energy_changes_by_the_power_of_drives_loads_and_friction(name):
-    """Constraints do work only where a drive moves them: its effort times the rate it asks for."""
+    """Among constraints only drives do work: effort times prescribed rate."""
     mechanism = ELEMENTS[name]
     state = initial_state(mechanism, t=NOW) if mechanism.drives else states_of(mechanism)[1]
     power = power_of_forces(mechanism, state, NOW)

@@ -1,4 +1,4 @@
-"""Energies along a motion against those of its states, one by one."""
+"""Energies along a motion against the energies of its single states."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ SEEDS = [seed for seed in range(60) if random_mechanism(seed).springs or random_
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_energies_are_those_of_the_states(seed):
-    """Random mechanisms with springs, and quaternions that are longer than one."""
+    """Random mechanisms with springs; quaternions are not of unit length."""
     mechanism = random_mechanism(seed)
     states = random_states(mechanism, drawing_state(mechanism), 4, seed)
     p, quat, v, w = (np.array([getattr(s, n) for s in states]) for n in ("p_WB", "quat_WB", "v_WB_W", "w_WB_W"))

@@ -1,4 +1,4 @@
-"""docs/equations.md: what it names exists, no equation number is missing."""
+"""docs/equations.md: all names in its tables exist, and no equation number of a source is missing."""
 
 import ast
 import re
@@ -14,12 +14,12 @@ ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "equations.md").read_text(encoding="utf-8")
 SOURCES = ("INTRO", "EXU", "C4", "ATTIA", "MASS")
 NUMBERED = {"C4": (1, 116), "ATTIA": (1, 25), "MASS": (1, 50), "EXU": (2, 3)}
-"""Numbered equations of the sources, first and last; C4 counts 4.1 to 4.116, INTRO none."""
+"""First and last equation number of the sources; C4 counts 4.1 to 4.116, INTRO has no numbers."""
 RANGE = re.compile(r"\((?:4\.)?(\d+)\)(?:-\((?:4\.)?(\d+)\))?")
 
 
 def tables():
-    """Cells of all rows, by the number of columns."""
+    """Return the cells of all table rows of the page."""
     lines = [line for line in PAGE.splitlines() if line.startswith("|") and not line.startswith(("| source", "|---"))]
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
 
@@ -31,7 +31,7 @@ TESTS = sorted({name for row in ROWS for name in re.findall(r"`([^`]+)`", row[3]
 
 
 def found(name):
-    """The object of a dotted name below `consilience`: the longest module, then attributes."""
+    """Return the object that a dotted name below `consilience` names: the longest module, then attributes."""
     parts = ["consilience", *name.split(".")]
     for n in range(len(parts) - 1, 0, -1):
         try:
@@ -51,7 +51,7 @@ def names_in(file):
 
 
 def numbers(cell, source):
-    """Numbers of the equations of a source that a first cell names."""
+    """Return the equation numbers of a source that the first cell of a row lists."""
     listed = set()
     for part in re.split(r", (?=[A-Z])", cell):
         if part.split()[0] == source:
@@ -67,7 +67,7 @@ def test_every_row_is_whole():
         assert all(part.split()[0] in SOURCES for part in re.split(r", (?=[A-Z])", row[0])), row[0]
         assert all(row)
     for row in ROWS:
-        for cell in row[2:]:  # nothing but names, so that nothing escapes the tests below
+        for cell in row[2:]:  # names only, so that the tests below see every entry
             assert re.fullmatch(r"`[^`]+`(, `[^`]+`)*", cell), cell
 
 

@@ -1,4 +1,4 @@
-"""``consilience explain`` knows what reports and traps name, says the same as the code, helps with typing errors."""
+"""``consilience explain``: covers every word of reports and mutants, agrees with the code, suggests near words."""
 
 import json
 import os
@@ -97,7 +97,7 @@ def test_entries_of_one_kind_have_different_names():
 
 
 def shown_on_a_terminal(tmp_path, **environment):
-    """What a terminal gets of an error message, which is red."""
+    """Return what a terminal receives of an error message, which is red where colours are on."""
     terminal, end = os.openpty()
     kept = {name: value for name, value in os.environ.items() if name not in ("NO_COLOR", "FORCE_COLOR")}
     command = [sys.executable, "-c", "from consilience.cli.main import main; main()", "explain", "nothing_like_this"]

@@ -1,4 +1,4 @@
-"""Families of cases: names, ranges, what is known in closed form, and what each is said to be."""
+"""Families of cases: names, ranges of parameters, closed-form values and documentation."""
 
 import tomllib
 from pathlib import Path
@@ -18,10 +18,10 @@ from consilience.mechanism import free_directions
 from consilience.reference import simulate
 
 KNOWN = {
-    "windows:count=1": 1e-8,  # the reference passes the pose in which all rods lie on a line, and loses digits there
+    "windows:count=1": 1e-8,  # passes the pose with all rods collinear, where the reference loses digits
     "windows": 1e-8,
     "parallel_rods": 1e-11,
-    "parallel_rods:rods=3,angle=2,seed=4": 1e-10,  # three hinges nearly on a line: ill-conditioned
+    "parallel_rods:rods=3,angle=2,seed=4": 1e-10,  # three hinges nearly collinear: ill-conditioned
     "scissor:stages=1": 1e-11,
     "scissor:angle=1,rate=-0.5": 1e-11,
     "four_bar": 1e-11,
@@ -43,7 +43,7 @@ KNOWN = {
         for seed in (1, 2)
     },
 }
-"""Members with values in closed form, and the error of the reference on them."""
+"""Members with closed-form values, and bounds for the error of the reference."""
 
 FREEDOM = {
     "windows:count=3": (1, 5 * 10 - 6 * 7 + 1),
@@ -59,7 +59,7 @@ FREEDOM = {
     "single_joint:kind=screw": (1, 0),
     "single_joint:kind=point_in_plane": (5, 0),
 }
-"""Degrees of freedom and dependent rows, counted by hand."""
+"""Degrees of freedom and number of dependent rows, counted by hand."""
 
 
 def motion(case):
@@ -160,7 +160,7 @@ def test_nothing_is_claimed_where_an_oscillation_is_not_small():
     assert not family_cases("mass_ratio:ratio=1e6,mode=fast,amplitude=0.01")[0].published
 
 
-# ---------------------------------------------------------------- the formulas, without any mechanism
+# ---------------------------------------------------------------- closed forms without a mechanism
 
 
 def integrated(rhs, start, times):
@@ -212,7 +212,7 @@ def test_elliptic_integral_is_inverted(m):
     "name", ["planar_chain:bodies=6,mode=2", "planar_chain:bodies=3,mode=3", "mass_ratio:ratio=50,mode=fast"]
 )
 def test_links_of_chains_move_like_beads(name):
-    """Frequency and shape from the matrices of beads on a thread, to which no polynomial belongs."""
+    """Frequency and shape from the matrices of a string of beads, an independent route to the family's polynomials."""
     table = family_table(name)[1]
     beads = np.array([1.0, 50.0]) if "ratio" in name else np.ones(len(table["body"]))
     length = 1.0 if "ratio" in name else 0.5

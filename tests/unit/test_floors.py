@@ -1,4 +1,4 @@
-"""The floors of the house: a room imports only from rooms below its own, engines stay out of `src`."""
+"""Import structure: a package imports only from packages on lower floors, and `src` names no engine."""
 
 import ast
 import re
@@ -17,9 +17,9 @@ FLOORS = (
     ("suite",),
     ("audit", "report"),
     ("cli", "pytest_plugin"),
-    ("__init__",),  # the names of the library are imported when they are first used
+    ("__init__",),  # imports public names lazily
 )
-"""Rooms of `src/consilience`, from the ground up."""
+"""Packages of `src/consilience`, floor by floor from the lowest."""
 
 REFERENCE = (
     ("kernel",),
@@ -30,25 +30,25 @@ REFERENCE = (
     ("analyses", "engine"),
     ("__init__",),
 )
-"""Rooms of `src/consilience/reference`, from the ground up."""
+"""Packages and modules of `src/consilience/reference`, floor by floor from the lowest."""
 
 NEVER = {"compare": {"reference"}, "report": {"reference"}, "audit": {"report"}}
-"""What a room does not import, though nothing circular would come of it: who judges does not know who answers."""
+"""Forbidden imports that would not be circular: comparison and report must not know who answers."""
 
 ADAPTER_ROOMS = {"consilience.mechanism", "consilience.engine", "consilience.engine.native", "consilience.errors"}
-"""What an adapter imports of ours: packages, no module inside one."""
+"""Packages of the library that an adapter may import, always as a package."""
 
 ENGINES = re.compile(r"\b(exudyn|pinocchio|mujoco|dart|dartpy)\b", re.IGNORECASE)
 
 
 def modules():
-    """Every file of `src/consilience`, by its dotted name below the package."""
+    """Yield every file of `src/consilience`, with its dotted name below the package."""
     for path in sorted(SOURCE.rglob("*.py")):
         yield path.relative_to(SOURCE).with_suffix("").parts, path
 
 
 def imported(path):
-    """Every module a file imports, at any depth of its syntax tree."""
+    """Return every module that a file imports, at any depth of its syntax tree."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
@@ -58,7 +58,7 @@ def imported(path):
 
 
 def arrows(package=()):
-    """What each room of a package imports from the others."""
+    """Return what each part of a package imports from the others."""
     found, depth = {}, len(package)
     for name, path in modules():
         if name[:depth] != package:
@@ -72,7 +72,7 @@ def arrows(package=()):
 
 
 def climbs(rooms, floors):
-    """Imports that do not lead down."""
+    """Return the imports that do not lead to a lower floor."""
     height = {room: n for n, floor in enumerate(floors) for room in floor}
     assert height.keys() == rooms.keys(), "every room has a floor, and every floor is built"
     return [f"{room} imports {t}" for room, targets in rooms.items() for t in targets if height[t] >= height[room]]
@@ -84,7 +84,7 @@ def test_a_room_imports_only_from_lower_floors():
     assert not climbs(arrows(("reference",)), REFERENCE)
     assert not {room: rooms[room] & never for room, never in NEVER.items() if rooms[room] & never}
     assert len(rooms) <= 12
-    # among files, too, there is no circle
+    # files must not import one another in a circle either
     names = {".".join(name).removesuffix(".__init__"): path for name, path in modules()}
     graph = {}
     for name, path in names.items():
@@ -96,7 +96,7 @@ def test_a_room_imports_only_from_lower_floors():
 
 
 def test_nothing_in_src_names_an_engine():
-    """Neither in an import nor in a string, a docstring included; adapters and engines are found, not known."""
+    """No import and no string, docstrings included, names an engine: adapters are discovered."""
     named = []
     for name, path in modules():
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
@@ -110,7 +110,7 @@ def test_nothing_in_src_names_an_engine():
 
 
 def test_an_adapter_imports_the_protocol_and_the_model_alone():
-    """`consilience.engine.native` for export and reading; the vocabulary of mutants in `mutants.py` alone."""
+    """Adapters may also import `consilience.engine.native`, and `mutants.py` the vocabulary of `audit.mutate`."""
     climbing, seen = [], 0
     for path in sorted((ROOT / "adapters").rglob("*.py")):
         rooms = ADAPTER_ROOMS | ({"consilience.audit.mutate"} if path.name == "mutants.py" else set())

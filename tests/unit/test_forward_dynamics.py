@@ -1,4 +1,4 @@
-"""Accelerations in joint coordinates: against dense equations and Pinocchio, one state and many."""
+"""Forward dynamics in joint coordinates against dense equations and Pinocchio, for one state and for many."""
 
 from dataclasses import replace
 
@@ -39,7 +39,7 @@ def test_body_accelerations_are_those_of_the_dense_equations(name):
         bar = 1e-12 + 4 * EPS * mass_matrix_condition(mechanism, state)
         found = dynamics.body_accelerations(*dynamics.coordinates(state))
         expected = np.hstack([a, alpha])
-        # rounding is relative to what adds up to them, gravity among it
+        # rounding is relative to the largest term, gravity included
         assert np.max(np.abs(np.hstack(found) - expected)) < bar * max(10.0, np.max(np.abs(expected)))
 
 
@@ -55,7 +55,7 @@ def test_a_state_comes_back_from_its_coordinates(name):
 
 
 def branched_tree(count, seed):
-    """Return a tree of random revolute and spherical joints, each body on a random earlier body."""
+    """Return a tree of random revolute and spherical joints, with each body on a random earlier one."""
     rng = np.random.default_rng(seed)
     bodies = {f"b{n}": lumpy_body(f"b{n}", rng) for n in range(count)}
     names, joints = [GROUND, *bodies], []
@@ -66,7 +66,7 @@ def branched_tree(count, seed):
 
 
 def pinocchio_model(mechanism, joints):
-    """Return the same tree in Pinocchio, each of its joints at M."""
+    """Return the same tree in Pinocchio, with each joint at frame M."""
     model, number, end = pin.Model(), {GROUND: 0}, {GROUND: pin.SE3.Identity()}
     model.gravity.linear = mechanism.gravity
     for name in joints:
@@ -83,7 +83,7 @@ def pinocchio_model(mechanism, joints):
 
 @pytest.mark.parametrize(("count", "seed"), [(2, 0), (7, 1), (20, 2), (60, 3)])
 def test_accelerations_are_those_of_pinocchio(count, seed):
-    """Pinocchio's ball has its quaternion scalar last and its angular velocity in axes of M."""
+    """In Pinocchio, quaternions of ball joints have the scalar last, and angular velocities are in axes of M."""
     mechanism = branched_tree(count, seed)
     dynamics = ForwardDynamics(mechanism)
     model = pinocchio_model(mechanism, dynamics.joints)

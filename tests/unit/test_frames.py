@@ -1,4 +1,4 @@
-"""Data frames of motions and reports: values, labels and units, each library for itself."""
+"""Data frames of motions and reports: values, labels and units in pandas, polars and xarray."""
 
 import numpy as np
 import pandas as pd
@@ -68,7 +68,7 @@ def test_xarray_has_axes_labels_and_units():
 
 @pytest.fixture
 def report(tmp_path):
-    """A report of one case with two motions of one engine, without any comparison."""
+    """Write a report of one case with two motions of one engine and no comparison; return its path."""
     from consilience.case import load_case
 
     case = load_case("double_pendulum")

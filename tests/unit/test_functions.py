@@ -1,5 +1,4 @@
-"""Functions given by data against closed forms, differences and the definition of a spline; the compiled ones against
-those of NumPy."""
+"""Functions of elements against closed forms, differences and the definition of a spline; compiled against NumPy."""
 
 from itertools import pairwise
 
@@ -22,7 +21,7 @@ HARMONICS = np.array([[0.8, 3.0, 0.4], [-0.5, 1.7, -2.1], [0.1, 11.0, 1.0]])
 OPEN = Table(KNOTS, VALUES)
 PERIODIC = Table(ROUND, PROFILE, periodic=True)
 
-# One array of all of them: a wrong offset reads the neighbour's numbers
+# all functions share one array in the kernels: a wrong offset reads data of a neighbour
 FUNCTIONS = {
     "table": Function(table=OPEN),
     "polynomial": Function(POLYNOMIAL),
@@ -43,7 +42,7 @@ def compiled(name, x):
 
 
 def derivative(f, x, h=1e-2):
-    """Eighth-order central difference."""
+    """Return the derivative by an eighth-order central difference."""
     weights = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
     return sum(w * (f(x + k * h) - f(x - k * h)) for k, w in weights.items()) / h
 
@@ -108,7 +107,7 @@ def test_a_curve_through_a_sine_comes_nearer_with_the_sixth_power_of_the_spacing
 
 @pytest.mark.parametrize("name", ["table", "periodic"])
 def test_derivatives_of_tables_by_differences_inside_the_pieces(name):
-    """Differences over a piece are exact but for rounding: there the curve is a polynomial of degree five."""
+    """Differences inside a piece are exact up to rounding: the piece is a polynomial of degree five."""
     f = FUNCTIONS[name]
     for left, right in f.table.pieces[:, :2]:
         middle, h = 0.5 * (left + right), 0.1 * (right - left)
@@ -120,7 +119,7 @@ def test_derivatives_of_tables_by_differences_inside_the_pieces(name):
 
 
 def _derivatives(row, x):
-    """Value and five derivatives of the polynomial of a piece."""
+    """Return value and five derivatives of the polynomial of a piece."""
     p = Polynomial(row[2:])
     return np.array([p(x - row[0]) if k == 0 else p.deriv(k)(x - row[0]) for k in range(6)])
 
@@ -137,7 +136,7 @@ def test_the_curve_is_smooth_to_the_fourth_derivative_at_its_knots(table):
         jump = _derivatives(after, after[0]) - _derivatives(before, before[1])
         assert np.all(np.abs(jump[:5]) < 1e-11 * size[:5])
         fifth.append(abs(jump[5]) / size[5])
-    assert max(fifth) > 1e-3  # and no further: a spline of degree five
+    assert max(fifth) > 1e-3  # the fifth derivative jumps: a spline of degree five
 
 
 def test_the_pieces_cover_the_table_without_gaps():
@@ -173,7 +172,7 @@ def test_outside_an_open_table_there_is_no_value():
 
 
 def _abscissas(function):
-    """Everywhere, and at the ends and knots, where the pieces change over."""
+    """Return points over the whole domain, and the ends and knots, where pieces meet."""
     table = function.table
     if table is None:
         return np.linspace(-7.0, 9.0, 33)
@@ -193,7 +192,7 @@ def test_compiled_functions_are_those_of_numpy(name):
 
 
 def _digits_lost(function, x):
-    """Powers and coefficients larger than their sum lose digits in either order of summation."""
+    """Return the loss of digits by cancellation: sum of the magnitudes of all terms, at least one."""
     parts = np.abs(function.polynomial) @ np.abs(x) ** np.arange(len(function.polynomial))
     return max(1.0, float(parts)) * (1.0 if function.table is None else _growth(function.table))
 

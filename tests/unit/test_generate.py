@@ -1,4 +1,4 @@
-"""Random mechanisms: assembled as drawn, possible, reproducible, and with everything a mechanism can have."""
+"""Random mechanisms: assembled in the drawing, physically possible, reproducible, with every element and joint kind."""
 
 from collections import Counter
 
@@ -82,7 +82,7 @@ def test_dependent_rows_occur_with_a_clear_rank(mechanisms):
 
 
 def test_planar_and_spherical_linkages_have_three_dependent_rows_and_move():
-    """A four-bar whose axes are parallel, or meet: 3 x 6 - 4 x 5 = -2, and yet it moves (Gruebler against Kutzbach)."""
+    """Four-bars with parallel or concurrent axes: 3 x 6 - 4 x 5 = -2 by Gruebler-Kutzbach, and still one freedom."""
     shapes = Counter()
     for seed in SEEDS:
         m = random_mechanism(seed, bodies=3)
@@ -97,7 +97,7 @@ def test_planar_and_spherical_linkages_have_three_dependent_rows_and_move():
 
 
 def _ring(m):
-    """Whether the joints lead through all bodies and back to the ground."""
+    """Return whether the joints form one loop through all bodies and the ground."""
     return all(count == 2 for count in Counter(b for j in m.joints for b in (j.predecessor, j.successor)).values())
 
 
@@ -114,7 +114,7 @@ def _axis(m, joint):
     return m.bodies[m.body_index[joint.predecessor]].drawing.R @ joint.F.R[:, 2]
 
 
-def test_it_is_assembled_possible_and_free_to_move(mechanisms):
+def test_random_mechanisms_are_assembled_possible_and_free_to_move(mechanisms):
     for m in mechanisms:
         state = drawing_state(m)
         assert np.max(np.abs(constraint_residual(m, state)), initial=0.0) < 1e-12, m.name
@@ -144,7 +144,7 @@ def test_the_number_of_bodies_can_be_asked_for():
 
 
 @pytest.mark.parametrize("seed", [1, 11, 12, 14])
-def test_states_can_be_drawn_from_it(seed):
+def test_random_states_are_consistent(seed):
     m = random_mechanism(seed)
     for state in random_states(m, initial_state(m), 2, seed):
         assert np.max(np.abs(constraint_residual(m, state)), initial=0.0) < 1e-11

@@ -1,4 +1,4 @@
-"""What `diff` and `trend` say of two reports: one really run, the other the same with a change that is stated."""
+"""`diff` and `trend` of two reports: one of a real run, the other a copy with a known change."""
 
 import copy
 import json
@@ -17,7 +17,7 @@ from consilience.suite import QUICK, run_suite
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    """Lines of a report of the reference and one engine."""
+    """Return the lines of a report of the reference and one engine."""
     folder = tmp_path_factory.mktemp("run")
     write_record(run_suite([load_case("double_pendulum")], ["pinocchio"], thoroughness=QUICK), 1.0, folder)
     return [json.loads(line) for line in (folder / "report.jsonl").read_text(encoding="utf-8").splitlines()]
@@ -25,7 +25,7 @@ def run(tmp_path_factory):
 
 @pytest.fixture
 def written(tmp_path, run):
-    """Write a report with changes to its lines, and read it."""
+    """Return a function that writes a report with changed lines and reads the file."""
 
     def writer(change=lambda _: None, name="report"):
         lines = copy.deepcopy(run)
@@ -98,7 +98,7 @@ def test_time_is_told_where_it_matters_and_on_one_machine_alone(written):
 
     fast, slow = written(of(0.2), "fast"), written(of(0.5), "slow")
     assert told(changes(fast, slow)) == [("time", "", "0.2 s", "0.5 s")]
-    assert changes(written(of(0.02), "short"), written(of(0.05), "shortish")) == []  # below what can be measured
+    assert changes(written(of(0.02), "short"), written(of(0.05), "shortish")) == []  # differences too short to measure
     assert [c.kind for c in changes(fast, written(of(0.5, "another"), "elsewhere"))] == ["version"]
 
 
@@ -206,6 +206,6 @@ def test_names_in_a_table_for_the_terminal_are_not_broken_while_there_is_room(mo
     assert max(map(len, shown.splitlines())) <= 80
     monkeypatch.setenv("COLUMNS", "30")
     narrow = WRITERS["text"](sheet)
-    assert "physical_pendulum-rotating" not in narrow  # broken, and not cut off
+    assert "physical_pendulum-rotating" not in narrow  # wrapped, not truncated
     letters = {letter for line in narrow.splitlines() for letter in line}
     assert "…" not in letters

@@ -1,4 +1,4 @@
-"""The impact equation against a dense solution of its own, its identities, and simulation with impacts."""
+"""Impact equations against a dense solution and identities of mechanics; simulation with impacts."""
 
 from dataclasses import replace
 from functools import cache
@@ -62,7 +62,7 @@ def turned_into(mechanism, state, body, vector_W):
 
 
 def contact_between(mechanism, state, kind, body, partner, rng, name="c", gap=0.0):
-    """A contact of the kind, at a random place of the body, closed up to `gap` at the state, with random law."""
+    """Return a contact at a random place of the body, with the given gap at the state, and random law."""
     centre = rng.normal(scale=0.3, size=3)
     at, _ = body_point(mechanism, state, body, centre)
     n = rotation(rng)[:, 0]
@@ -108,7 +108,7 @@ def hamilton(a, b):
 
 
 def dense_impact(mechanism, state, contacts, hit):
-    """Velocities of all body origins after, (n_b, 6), in the modes of `hit`, by one dense least-squares solve.
+    """Return velocities of all body origins after impact, (n_b, 6), in the modes of `hit`, by dense least squares.
 
     Unknowns are the velocities, the multipliers of all joint rows and the impulses of the contacts; mass matrix and
     joint rows are about the body origins and from the kinematics module, not from the reference solver.
@@ -162,7 +162,7 @@ def mass_matrix(mechanism, state):
 
 
 def point_rows(mechanism, state, contact):
-    """Relative velocity of the contact points from (v_WB_W, w_WB_W) of all bodies, column by column, and the normal."""
+    """Return the rows of the relative contact velocity over (v_WB_W, w_WB_W) of all bodies, and the normal."""
     motion = contact_motion(mechanism, state, contact)
     points = [
         (1.0, contact.body, in_body(mechanism, state, contact.body, motion.on_body)),
@@ -198,7 +198,7 @@ def random_contacts(mechanism, state, rng):
 
 
 def random_hits(name, count):
-    """Impacts of random contacts at random states; those that wedge the mechanism are left out and counted."""
+    """Yield impacts of random contacts at random states; wedged mechanisms are skipped, and their number is limited."""
     mechanism = MECHANISMS[name]
     wedged = 0
     for seed, state in enumerate(random_states_of(name, count)):
@@ -233,7 +233,7 @@ def test_impact_agrees_with_a_dense_solution_and_with_the_balance_of_momentum(na
 
 
 def joint_impulses(mechanism, state, hit):
-    """What the recorded joint impulses do to the bodies, about their origins."""
+    """Return the wrenches of the recorded joint impulses on the bodies, about their origins."""
     wrench = np.zeros((len(mechanism.bodies), 6))
     for joint, force_F, torque_F in zip(mechanism.joints, hit.force_F, hit.torque_F, strict=True):
         i, j = mechanism.body_index[joint.predecessor], mechanism.body_index[joint.successor]
@@ -302,7 +302,7 @@ def test_contact_without_sliding_before_sticks_or_slides_against_friction(seed, 
     state = states_of(mechanism)[seed]
     contact = replace(contact_between(mechanism, state, PointPlane, mechanism.bodies[0].name, GROUND, rng), friction=mu)
     motion = contact_motion(mechanism, state, contact)
-    straight = state.v_WB_W - motion.velocity - 1.5 * motion.normal  # the corner now falls along the normal
+    straight = state.v_WB_W - motion.velocity - 1.5 * motion.normal  # the corner now approaches along the normal
     state = State(state.p_WB, state.quat_WB, straight, state.w_WB_W)
     hit = solve_impact(mechanism, state, (contact,))
     vt = hit.velocity_after[0] - (hit.velocity_after[0] @ hit.directions[0]) * hit.directions[0]
@@ -321,7 +321,7 @@ def test_contact_without_sliding_before_sticks_or_slides_against_friction(seed, 
 
 
 def test_impulses_that_a_tree_determines_are_determined_and_match_reactions():
-    """In a tree without redundant rows every joint impulse follows from the momentum of the bodies behind it."""
+    """In a tree without redundant rows, joint impulses follow from the change of momentum outboard of the joint."""
     for mechanism, _, hit in random_hits("long_chain", 6):
         assert np.all(determinate_reactions(mechanism, hit.before))
         last = mechanism.joints[-1]
@@ -372,7 +372,7 @@ def test_twelve_corners_of_a_prism_that_lands_flat_act_as_one(friction):
 
 
 def test_restitution_that_differs_between_corners_is_met_where_it_asks_most():
-    """Two corners on a line of travel ask for 0.9 and 0.2 of the speed; a slide without turning can give only one."""
+    """Two corners of a slide that only translates have the coefficients 0.2 and 0.9: the larger one holds."""
     slide = Body("slide", 1.0, ZERO, np.diag([0.1, 0.1, 0.1]), AT_HOME)
     mechanism = Mechanism("m", ZERO, (slide,), (Joint("j", "prismatic", GROUND, "slide", AT_HOME, AT_HOME),))
     contacts = tuple(
@@ -394,7 +394,7 @@ def states_at(answer):
 
 @pytest.fixture(scope="module")
 def stopped_linkage():
-    """Four-bar linkage with a stop placed where a point of its coupler passes 0.437 s after release."""
+    """Return a four-bar with a stop that a point of its coupler reaches 0.437 s after release."""
     mechanism = four_bar()
     start = initial_state(mechanism)
     free = states_at(simulate(mechanism, start, np.array([0.0, 0.437])))[-1]
@@ -488,7 +488,7 @@ def test_equal_falls_make_one_simultaneous_impact_and_other_falls_another():
 def test_a_contact_thrown_together_by_an_impact_follows_at_the_same_instant():
     balls = [ball(n) for n in "abc"]
     contacts = tuple(SphereSphere(f"{p}{q}", p, ZERO, 0.1, q, ZERO, 0.1, 1.0) for p, q in ("ab", "bc"))
-    start = moving([[-0.2, 0, 0], ZERO, [0.2, 0, 0]], [2 * X, ZERO, 0.5 * X])  # b and c touch but separate
+    start = moving([[-0.2, 0, 0], ZERO, [0.2, 0, 0]], [2 * X, ZERO, 0.5 * X])  # b and c are in contact, but separating
     answer, impacts = simulate_with_impacts(floating(*balls), start, np.array([0.0, 1.0]), contacts)
     assert [(i.time, i.contacts) for i in impacts] == [(0.0, ("ab",)), (0.0, ("bc",))]
     np.testing.assert_allclose(answer.v_WB_W[-1], [ZERO, 0.5 * X, 2 * X], rtol=0, atol=1e-12)
@@ -519,7 +519,7 @@ def test_an_apex_that_just_touches_the_ceiling_is_no_impact():
 
 
 def test_turns_of_a_joint_spring_are_remembered_through_impacts():
-    """A rotor wound up by nearly two turns, and a ball that bounces beside it: neither knows of the other."""
+    """The angle of a wound-up rotor is counted on through the impacts of a ball without connection to the rotor."""
     rotor = Body("rotor", 1.0, ZERO, np.diag([0.1, 0.1, 0.15]), AT_HOME)
     joints = (
         Joint("axle", "revolute", GROUND, "rotor", AT_HOME, AT_HOME),

@@ -1,4 +1,4 @@
-"""What an import says and refuses, and which motions in a row are one joint."""
+"""Imports from URDF and MJCF: what is translated, reported and refused; joints in series merged into one."""
 
 import tomllib
 from itertools import pairwise
@@ -43,12 +43,12 @@ def test_motions_in_a_row_are_the_joint_they_make(kind):
 @pytest.mark.parametrize(
     "row",
     [
-        (("R", HERE, X), ("R", THERE, Y)),  # at right angles, but they do not meet
-        (("R", HERE, X), ("P", HERE, Y)),  # a slide across the hinge
-        (("P", HERE, X), ("P", THERE, X), ("R", HERE, Z)),  # twice along the same line
+        (("R", HERE, X), ("R", THERE, Y)),  # perpendicular, but not intersecting
+        (("R", HERE, X), ("P", HERE, Y)),  # a slide perpendicular to the hinge axis
+        (("P", HERE, X), ("P", THERE, X), ("R", HERE, Z)),  # two parallel slides
         (("P", HERE, X), ("P", HERE, Z), ("R", HERE, Z)),  # a slide out of the plane
-        (("R", HERE, X), ("R", HERE, SKEW), ("R", HERE, Z)),  # three axes in one plane
-        (("R", HERE, X), ("R", THERE, Y), ("R", HERE, Z)),  # not through one point
+        (("R", HERE, X), ("R", HERE, SKEW), ("R", HERE, Z)),  # three coplanar axes
+        (("R", HERE, X), ("R", THERE, Y), ("R", HERE, Z)),  # axes not through one point
         (("P", HERE, X), ("P", HERE, Y)),
     ],
 )
@@ -66,7 +66,7 @@ def test_a_slide_against_its_hinge_counts_backwards():
 
 
 def test_inertia_of_points_is_that_of_their_definition():
-    """Point masses: ``I = sum m (d^2 1 - d d^T)`` about their centre, in whatever groups they are added."""
+    """``I = sum m (d^2 1 - d d^T)`` of point masses about their centre, for any grouping of the points."""
     rng = np.random.default_rng(4)
     points, masses = rng.normal(size=(6, 3)), rng.uniform(0.5, 2.0, 6)
     groups = [

@@ -1,4 +1,4 @@
-"""Integrators on problems with closed forms: orders, dense output, settling, charts, counters, failures."""
+"""Integrators on problems with closed forms: orders, dense output, projection, charts, counters, failures."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ ONE_STEP = [name for name, tableau in METHODS.items() if tableau is not None]
 
 
 class Ode:
-    """A plain differential equation as a formulation: settling does nothing, the coordinates are the state."""
+    """An ordinary differential equation as a formulation: no projection, and the coordinates are the state."""
 
     def __init__(self, derivative):
         self.derivative = derivative
@@ -40,7 +40,7 @@ MOMENTS = np.array([1.0, 2.0, 3.5])
 
 
 def torque_free_body():
-    """Euler's equations, Jacobi elliptic functions [Landau & Lifshitz, Mechanics, section 37, I1 < I2 < I3]."""
+    """Euler's equations in Jacobi elliptic functions [Landau & Lifshitz, Mechanics, section 37, I1 < I2 < I3]."""
     I1, I2, I3 = MOMENTS
     twice_energy, momentum2 = 6.0, 17.0  # between 2 E I2 and 2 E I3
     a, b = twice_energy * I3 - momentum2, momentum2 - twice_energy * I1
@@ -58,7 +58,7 @@ def torque_free_body():
 
 
 def pendulum():
-    """Swinging pendulum of 1 m, released at 1.2 rad."""
+    """Return a pendulum of 1 m, released at 1.2 rad, and its closed form."""
 
     def closed(t):
         sine, cosine, rate = swing(1.2, 1.0, 9.81, t)
@@ -68,7 +68,7 @@ def pendulum():
 
 
 def driven():
-    """Time enters: u' = A u + f(t) with the solution (sin 2t, exp(-t) cos t)."""
+    """Return a system with explicit time: u' = A u + f(t) with the solution (sin 2t, exp(-t) cos t)."""
 
     def closed(t):
         t = np.asarray(t)
@@ -90,20 +90,20 @@ PROBLEMS = {"torque-free body": torque_free_body, "pendulum": pendulum, "driven"
 
 
 def order(sizes, errors):
-    """Return the exponent of the step size in the error, by least squares on logarithms."""
+    """Return the order: slope of log error over log step size by least squares."""
     return np.polyfit(np.log(sizes), np.log(errors), 1)[0]
 
 
 def errors_of(formulation, closed, method, step, span):
-    """Return the largest errors at the ends of steps and between them, for steps of constant length."""
+    """Return the largest errors at the ends of steps and between them, for a constant step size."""
     motion = integrate(formulation, closed(0.0), np.array([0.0, span]), 1e-12, method, step=step)
     ends, between = motion.dense.ends, np.linspace(0.0, span, 1013)
     return [np.max(np.abs(motion.dense(t) - closed(t))) for t in (ends, between)]
 
 
-# Numbers of steps over 3 s: short enough for the order to show, long enough for rounding not to. The pendulum has no
-# such range at the ends of the steps of dop853, nor the driven problem at those of tp86: their leading error is small
-# there, and the next order shows.
+# Numbers of steps over 3 s: inside the asymptotic range, above rounding. At the ends of the steps the pendulum by
+# dop853 and the driven problem by tp86 have no such range: their leading error term is small there, and the next
+# order shows.
 STEPS = {
     **{("rkf45", problem): (96, 120, 144, 192) for problem in PROBLEMS},
     **{("radau", problem): (48, 72, 96, 144) for problem in PROBLEMS},
@@ -153,7 +153,7 @@ def test_radau_is_collocation_at_the_nodes_of_radau():
 
 @pytest.mark.parametrize("k", [1, 2, 3, 4, 5])
 def test_the_formula_of_bdf_of_order_k_converges_with_order_k(k):
-    """SciPy's BDF held at order k with constant steps, from the history of the closed form."""
+    """SciPy's BDF at fixed order k and constant steps, started from exact values."""
     formulation, closed = torque_free_body()
 
     def error(count):
@@ -166,7 +166,7 @@ def test_the_formula_of_bdf_of_order_k_converges_with_order_k(k):
         solver.D[k + 1 :] = 0.0
         solver.order, solver.newton_tol = k, 1e-13 / big
         while solver.status == "running":
-            solver.n_equal_steps = 0  # the order is chosen anew after enough equal steps only
+            solver.n_equal_steps = 0  # keeps SciPy from changing the order after k + 1 equal steps
             solver.step()
         assert solver.order == k
         return np.max(np.abs(solver.y - closed(end)))
@@ -176,7 +176,7 @@ def test_the_formula_of_bdf_of_order_k_converges_with_order_k(k):
 
 
 def test_bdf_works_at_order_five_where_the_tolerance_is_tight():
-    """With step control a local error of order 6 makes the number of steps grow as tolerance^(-1/6)."""
+    """Error control with a local error of order 6 makes the number of steps grow as tolerance^(-1/6)."""
     formulation, closed = torque_free_body()
     tolerances, times = np.geomspace(1e-7, 1e-12, 6), np.array([0.0, 10.0])
     steps = [integrate(formulation, closed(0.0), times, tol, "bdf").counters["steps"] for tol in tolerances]
@@ -192,7 +192,7 @@ REACHED = {
     "radau": (1e-10, 1e-10),
     "bdf": (1e-13, 3e-9),
 }
-"""Tolerance, and the error over 5 s that the method is here to stay below."""
+"""By method: tolerance, and the bound for the error over 5 s."""
 
 
 @pytest.mark.parametrize("problem", PROBLEMS)
@@ -214,7 +214,7 @@ def test_accuracy_follows_the_tolerance_on_samples_and_between(method, problem):
 
 @pytest.mark.parametrize("method", ONE_STEP)
 def test_the_step_size_follows_the_problem(method):
-    """A narrow peak in the rate: small steps in the peak, some rejected before it, and long steps elsewhere."""
+    """A narrow peak in the derivative: short steps in the peak, rejected ones before it, long steps elsewhere."""
     width = 1e-3
     formulation = Ode(lambda t, u: np.array([width / (width**2 + (t - 1.0) ** 2)]))
     motion = integrate(formulation, np.array([0.0]), np.array([0.0, 2.0]), 1e-8, method)
@@ -228,7 +228,7 @@ def test_the_step_size_follows_the_problem(method):
 
 @pytest.mark.parametrize("method", ["radau", "bdf"])
 def test_implicit_methods_take_wide_steps_where_the_problem_is_stiff(method):
-    """u' = -1e6 (u - cos t) - sin t: an explicit method needs 3e5 steps a second."""
+    """``u' = -1e6 (u - cos t) - sin t``: an explicit method needs 3e5 steps a second."""
     formulation = Ode(lambda t, u: -1e6 * (u - np.cos(t)) - np.sin(t))
     motion = integrate(formulation, np.array([1.0]), np.array([0.0, 3.0]), 1e-8, method)
     assert motion.samples[-1, 0] == pytest.approx(np.cos(3.0), abs=1e-7)
@@ -236,7 +236,7 @@ def test_implicit_methods_take_wide_steps_where_the_problem_is_stiff(method):
 
 
 def test_radau_renews_its_jacobian_where_the_stiffness_changes():
-    """Van der Pol's equation, mu = 1000, through a relaxation: the value, and about the work, of SciPy's Radau."""
+    """Van der Pol's equation, mu = 1000, through a relaxation: value and work are about those of SciPy's Radau."""
     formulation = Ode(lambda t, u: np.array([u[1], 1000.0 * (1 - u[0] ** 2) * u[1] - u[0]]))
     motion = integrate(formulation, np.array([2.0, 0.0]), np.array([0.0, 1000.0]), 1e-6, "radau")
     other = solve_ivp(formulation.derivative, (0.0, 1000.0), [2.0, 0.0], method="Radau", rtol=1e-6, atol=1e-6)
@@ -275,7 +275,7 @@ def test_dense_output_is_one_function_of_time(method):
     assert dense(0.3).shape == (3,)
     np.testing.assert_array_equal(dense(shuffled), one_by_one)
     assert dense(np.empty(0)).shape == (0, 3)
-    # no jump at the ends of the steps beyond the tolerance, no kink in the one-step methods
+    # jumps between steps stay within the tolerance; one-step methods have none
     inner = dense.ends[1:-1]
     after = np.array([piece(np.array([t]))[0] for t, piece in zip(inner, dense.pieces[1:], strict=True)])
     np.testing.assert_allclose(after, dense(inner), atol=1e-15 if method in ONE_STEP else 1e-8)
@@ -294,11 +294,11 @@ def test_a_single_time_asks_for_no_step():
             motion.dense(0.0)
 
 
-# --- settling and charts
+# --- projection and charts
 
 
 class Circle(Ode):
-    """A point that moves on the unit circle at unit rate: without settling its norm drifts."""
+    """A point that moves on the unit circle at unit rate; without projection the norm drifts."""
 
     def __init__(self, settles):
         super().__init__(lambda t, u: np.array([-u[1], u[0]]))
@@ -312,17 +312,17 @@ class Circle(Ode):
 @pytest.mark.parametrize("method", METHODS)
 def test_every_accepted_step_is_settled_and_goes_on_from_there(method):
     times = np.linspace(0.0, 30.0, 31)
-    tolerance = 1e-4 if method == "tp86" else 1e-6  # whose steps are much better than its estimate of them
+    tolerance = 1e-4 if method == "tp86" else 1e-6  # the error estimate of tp86 is very conservative
     free = integrate(Circle(False), np.array([1.0, 0.0]), times, tolerance, method)
     formulation = Circle(True)
     settled = integrate(formulation, np.array([1.0, 0.0]), times, tolerance, method)
     radius = np.linalg.norm(settled.samples, axis=1) - 1
     assert np.max(np.abs(radius)) < 1e-15
     assert np.max(np.abs(np.linalg.norm(free.samples, axis=1) - 1)) > 1e-7
-    # in time order, at each end of a step; BDF settles the samples too
+    # projection happens in order of time, at the end of each step; BDF also projects samples
     assert np.all(np.diff(formulation.seen) >= 0)
     assert set(formulation.seen) == set(settled.dense.ends[1:]) | (set(times[1:]) if method == "bdf" else set())
-    # the dense output starts each step from a settled value, so its radius does not drift either
+    # dense output starts each step from a projected value: the radius does not drift between samples
     starts = np.array([p(np.array([t]))[0] for t, p in zip(settled.dense.ends, settled.dense.pieces, strict=False)])
     if method in ONE_STEP:
         assert np.max(np.abs(np.linalg.norm(starts, axis=1) - 1)) < 1e-15
@@ -334,7 +334,7 @@ def test_settling_keeps_the_order(method):
     closed = lambda t: np.stack([np.cos(t), np.sin(t)], axis=-1)  # noqa: E731
     sizes = 3.0 / np.array([24, 36, 48, 72] if method not in ("dop853", "tp86") else [6, 9, 12, 18])
     errors = [errors_of(Circle(True), closed, method, h, 3.0)[0] for h in sizes]
-    # even orders gain one: settling removes the radial part, which is all the leading error has
+    # even orders gain one: the leading error is radial, and projection removes it
     assert order(sizes, errors) > METHODS[method].order - 0.15
 
 
@@ -349,7 +349,7 @@ def test_bdf_keeps_its_order_and_its_cost_when_it_is_settled():
 
 
 class OverTheTop(Ode):
-    """A pendulum that rotates, in Rodrigues' parameter of its angle, singular at a half turn: two charts.
+    """A rotating pendulum in Rodrigues' parameter of its angle, which is singular at half a turn: two charts.
 
     ``phi = chart pi + 2 arctan(g)``, ``g' = (1 + g^2) w / 2``, ``w' = -9.81 sin(phi)``; the chart changes at |g| > 1.
     From hanging at w = 9: ``phi = 2 am(9 t / 2, k^2)`` with ``k = 2 sqrt(9.81) / 9``.
@@ -455,7 +455,7 @@ def test_invalid_arguments_are_refused(change, where):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_motion_that_grows_without_bound_fails_when_it_does(method):
-    formulation = Ode(lambda t, u: u**2)  # 1 / (1 - t)
+    formulation = Ode(lambda t, u: u**2)  # solution 1 / (1 - t)
     with pytest.raises(
         NumericalFailure, match=rf"{method}, tolerance 1e-06: at t = (1|0\.999\d*|1\.000\d*) s .*step size"
     ):

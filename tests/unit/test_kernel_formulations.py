@@ -1,4 +1,4 @@
-"""Formulations over compiled kernels: against dense NumPy, each other, closed forms, and what they promise of u."""
+"""Formulations on compiled kernels: against dense NumPy, each other and closed forms; requirements on coordinates u."""
 
 import functools
 from dataclasses import replace
@@ -41,13 +41,13 @@ EPS = np.finfo(float).eps
 
 
 def time_of(mechanism):
-    """An instant at which the sampled states are consistent: any, unless drives say where joints are at which time."""
+    """Return a time at which the sampled states are consistent: any time, unless drives prescribe joints."""
     return 0.0 if mechanism.drives else 0.37
 
 
 @functools.cache
 def expected(name):
-    """Three states of a mechanism, and their accelerations and reactions by dense NumPy."""
+    """Return three states of a mechanism, and their accelerations and reactions by dense NumPy."""
     mechanism = ALL[name]
     states = states_of(mechanism, 3)
     return states, [truth.solve(mechanism, s, time_of(mechanism)) for s in states]
@@ -55,7 +55,7 @@ def expected(name):
 
 @functools.cache
 def conditions(name):
-    """Condition number of the mass matrix, and which reactions equilibrium determines, in these states."""
+    """Return the condition number of the mass matrix and the determinate reactions at these states."""
     mechanism = ALL[name]
     return [(mass_matrix_condition(mechanism, s), determinate_reactions(mechanism, s)) for s in expected(name)[0]]
 
@@ -100,7 +100,7 @@ def test_a_free_joint_exerts_nothing(kernel):
 @pytest.mark.parametrize("kernel", NAMES)
 @pytest.mark.parametrize("name", LOOPS)
 def test_multipliers_have_least_norm_and_hold_the_momentum_balance(name, kernel):
-    """``sum F = d/dt (m v)`` body by body with all multipliers, and lam has no part in the null space of ``Q^T``."""
+    """``sum F = d/dt (m v)`` for every body with all multipliers; lam has no part in the null space of ``Q^T``."""
     mechanism = ALL[name]
     state = expected(name)[0][0]
     lam = formulation(name, kernel).multipliers(state)
@@ -122,7 +122,7 @@ def test_multipliers_have_least_norm_and_hold_the_momentum_balance(name, kernel)
 @pytest.mark.parametrize("kernel", NAMES)
 @pytest.mark.parametrize("name", ["long_chain", "four_bar", "powered"])
 def test_forces_from_python_are_those_of_loads(name, kernel):
-    """A force at a point and a torque, fixed in the world, once as loads, once as wrenches at the origins of bodies."""
+    """A world-fixed force at a point and a torque: once as loads, once as wrenches at the body origins."""
     mechanism, state = ALL[name], expected(name)[0][0]
     last, rng = mechanism.bodies[-1].name, np.random.default_rng(6)
     F, T, point = rng.normal(size=(3, 3))
@@ -154,7 +154,7 @@ def test_forces_of_another_shape_are_refused():
 
 
 def rows(name, n=1):
-    """Workspace with Q and gamma of a state."""
+    """Return the workspace with Q and gamma of a state."""
     mechanism = ALL[name]
     model = flatten(mechanism)
     ws, y = workspace(model), pack(mechanism, states_of(mechanism, 3)[n])
@@ -195,7 +195,7 @@ def test_qr_and_singular_values_give_the_same_space_and_the_same_least_norm(name
 
 @pytest.mark.parametrize("name", ALL)
 def test_as_many_velocities_are_independent_as_there_are_freedoms(name):
-    """Their rows of J are a unit matrix, and abar has nothing in them."""
+    """Coordinate partitioning: in the rows of independent velocities, J is a unit matrix and abar is zero."""
     ws = rows(name)
     J, abar = by_partitioning(ws)
     order = np.empty(J.shape[0], dtype=np.int64)
@@ -217,7 +217,7 @@ def test_rank_is_that_of_the_rows(name, kernel):
 
 @pytest.mark.parametrize(("q", "n", "rank"), [(5, 12, 5), (20, 18, 17), (17, 18, 9), (6, 6, 6), (4, 5, 0)])
 def test_dependent_columns_are_those_with_the_largest_pivots(q, n, rank):
-    """Against the definition: each pivot is the largest entry of the Schur complement of those before it."""
+    """By definition, each pivot is the largest entry of the Schur complement of the pivots before."""
     rng = np.random.default_rng(q + n)
     C = np.column_stack([rng.normal(size=(q, rank)) @ rng.normal(size=(rank, n)), np.zeros(q)])
     Q, gamma = C[:, :n].copy(), C[:, :n] @ rng.normal(size=n)
@@ -237,13 +237,13 @@ def test_dependent_columns_are_those_with_the_largest_pivots(q, n, rank):
     )
 
 
-# ---------------------------------------------------------------- what u promises
+# ---------------------------------------------------------------- requirements on the coordinates u
 
 
 @pytest.mark.parametrize("kernel", NAMES)
 @pytest.mark.parametrize("name", ["four_bar", "slider_crank", "powered", "rolling_torus"])
 def test_rows_that_depend_on_others_do_so_off_the_manifold_too(name, kernel):
-    """A stage is off by its error, 1e-6 here: without the rank of the settled state the four-bar would stand still."""
+    """Stages are off the manifold, here by 1e-6: if dependent rows counted as independent, the four-bar would lock."""
     mechanism, f = ALL[name], formulation(name, kernel)
     u = f.coordinates(expected(name)[0][0])
     exact = f.derivative(0.0, u)
@@ -301,7 +301,7 @@ def test_a_state_has_unit_quaternions_and_comes_back():
 
 @functools.cache
 def moved(name):
-    """A state, and the motion from it by the reference's own integrator."""
+    """Return a state, and the motion from it by the reference's own integrator."""
     state = states_of(ALL[name], 1)[0]
     return state, simulate(ALL[name], state, np.linspace(0.0, 1.0, 5), 1e-12)
 
@@ -322,7 +322,7 @@ def test_motion_is_that_of_the_reference(name, kernel):
 @pytest.mark.parametrize("kernel", NAMES)
 @pytest.mark.parametrize("method", ["dop853", "radau"])
 def test_a_torsion_spring_counts_its_turns(kernel, method):
-    """``I theta'' = -k (theta - rest)`` about an axis through the centre of mass, 30 rad wide: an exact cosine."""
+    """``I theta'' = -k (theta - rest)`` about an axis through the centre of mass: a cosine of 30 rad peak to peak."""
     rng = np.random.default_rng(90)
     body = lumpy_body("b", rng)
     at = body.drawing.p + body.drawing.R @ body.com
@@ -357,7 +357,7 @@ def test_an_unknown_kernel_is_refused_with_the_names():
 def test_a_spring_without_length_is_a_failure_and_not_a_number(kernel):
     bare = chain("revolute", "free", seed=91)
     state = initial_state(bare)
-    # from the centre of mass as it is packed: rounding would leave a little of the length
+    # the attachment must equal the packed centre of mass exactly: rounding would leave a length above zero
     r = pack(bare, state)[1, :3]
     mechanism = replace(bare, springs=(Spring("k", GROUND, "b1", r, bare.bodies[1].com, 10.0, 0.0, 0.5),))
     f = KernelFormulation(mechanism, kernel)

@@ -1,6 +1,8 @@
-"""Rows, coordinates and forces against finite differences of a moving mechanism, and the two sets of rows against each
-other: NumPy's on body origins and world angular velocity, the compiled ones on centres of mass and body angular
-velocity."""
+"""Constraint rows, coordinates and forces against finite differences of a moving mechanism.
+
+Rows exist twice: in NumPy on body origins and world angular velocity, compiled on centres of mass and body angular
+velocity. Both are compared.
+"""
 
 from dataclasses import replace
 
@@ -46,11 +48,11 @@ from mechanisms import ELEMENTS, GRAVITY, LOOPS, TREES, chain, drawn_joint, lump
 ALL = TREES | LOOPS | ELEMENTS
 SEEDS = range(4)
 H = 1e-4
-"""Step of the differences, s. Truncation goes with H^4, rounding with eps / H (first) and eps / H^2 (second)."""
+"""Step of the differences, s. Truncation error H^4, rounding eps / H (first) and eps / H^2 (second derivative)."""
 
 
 def first_difference(f):
-    """Fourth-order central difference at zero."""
+    """Return the first derivative at zero by a fourth-order central difference."""
     return (f(-2 * H) - 8 * f(-H) + 8 * f(H) - f(2 * H)) / (12 * H)
 
 
@@ -59,7 +61,7 @@ def second_difference(f, h=2e-3):
 
 
 def flying_pair(seed, kind="free"):
-    """Two lumpy bodies that fly apart and turn, joined in name only: no row is satisfied."""
+    """Return two lumpy bodies in free flight and a joint between them, none of whose rows is satisfied."""
     rng = np.random.default_rng(seed)
     bodies = {n: lumpy_body(n, rng) for n in ("i", "j")}
     F, M = (Frame(rng.normal(size=3), rotation(rng)) for _ in range(2))
@@ -70,7 +72,7 @@ def flying_pair(seed, kind="free"):
 
 
 def at(state, acceleration, t):
-    """State after the time t: origins on parabolas, orientations by the series of a constant angular acceleration.
+    """Return the state after the time t: parabolas of the origins, rotations of constant angular acceleration.
 
     The rotation vector of ``w(t) = w + alpha t`` is ``w t + alpha t^2/2 + (alpha x w) t^3/12 + O(t^4)`` [Magnus].
     """
@@ -115,7 +117,7 @@ def test_row_gamma_is_what_is_missing_of_the_second_rate(row, seed):
 
 @pytest.mark.parametrize("row", BASIC_CONSTRAINTS)
 def test_row_gamma_is_the_rate_of_the_jacobian_too(row):
-    """``gamma = -dQ/dt v``, a first difference and sharper."""
+    """``gamma = -dQ/dt v``: a first difference, more accurate than the second difference above."""
     mechanism, state, acceleration = flying_pair(9)
     joint = mechanism.joints[0]
     velocity = np.hstack([state.v_WB_W, state.w_WB_W]).ravel()
@@ -124,7 +126,7 @@ def test_row_gamma_is_the_rate_of_the_jacobian_too(row):
 
 
 def compiled(mechanism, state):
-    """Values, rows and gamma of the reference's kernels."""
+    """Return values, rows and gamma of the compiled kernels."""
     model = flatten(mechanism)
     ws, y = workspace(model), pack(mechanism, state)
     rotations(y, ws.A)
@@ -133,7 +135,7 @@ def compiled(mechanism, state):
 
 
 def change_of_columns(mechanism, state):
-    """``(v_B, w_W) = T (v_cm, w')`` and the part of the acceleration of B that T does not carry, shape (6 n_b,).
+    """Return T of ``(v_B, w_W) = T (v_cm, w')`` and the velocity terms of a_B that T leaves out, shape (6 n_b,).
 
     ``v_B = v_cm - w x c``, ``w = A w'``; hence ``a_B = a_cm - alpha x c - w x (w x c)``, ``alpha = A dw'/dt``.
     """
@@ -150,7 +152,7 @@ def change_of_columns(mechanism, state):
 
 
 def all_rows():
-    """A joint kind with all thirteen basic constraints, for these tests only."""
+    """Return a joint kind with all thirteen basic constraints."""
     return replace(JOINT_KINDS["free"], rows=BASIC_CONSTRAINTS)
 
 
@@ -176,7 +178,7 @@ def test_compiled_rows_are_those_of_numpy_in_a_mechanism(name):
     Q = constraint_jacobian(mechanism, state)
     held = mechanism.holonomic_count
     np.testing.assert_allclose(ws.value[:held], constraint_residual(mechanism, state), rtol=0, atol=1e-13)
-    np.testing.assert_array_equal(ws.value[held:], 0)  # non-holonomic rows have no value
+    np.testing.assert_array_equal(ws.value[held:], 0)  # the value of non-holonomic rows is zero by definition
     np.testing.assert_allclose(ws.Q, Q @ T, rtol=0, atol=1e-13)
     np.testing.assert_array_equal(ws.rate, constraint_rates(mechanism))
     assert np.any(ws.rate) == bool(mechanism.drives)
@@ -196,7 +198,7 @@ FORCED = {
 @pytest.mark.parametrize("name", FORCED)
 @pytest.mark.parametrize("n", range(3))
 def test_compiled_forces_are_the_wrenches_of_numpy(name, n):
-    """In the columns (v_cm, w'): force, torque about the centre of mass in body axes, less the gyroscopic torque."""
+    """Columns (v_cm, w'): force, torque about the centre of mass in body axes minus the gyroscopic torque."""
     mechanism, t = FORCED[name], 0.3 * n
     state = states_of(mechanism)[n]
     model = flatten(mechanism)
@@ -214,7 +216,7 @@ def test_compiled_forces_are_the_wrenches_of_numpy(name, n):
 
 @pytest.mark.parametrize("name", ALL)
 def test_inner_forces_add_up_to_nothing(name):
-    """What acts between bodies, in joints or not, leaves the balance of the whole alone: action and reaction."""
+    """Forces between bodies, in joints or not, have no resultant: action and reaction."""
     mechanism = ALL[name]
 
     def between_bodies(elements):
@@ -244,12 +246,12 @@ def _ends(joint):
 
 @pytest.mark.parametrize("name", ALL)
 def test_joint_rates_are_the_rates_of_the_coordinates(name):
-    """Along the steady motion of the state's own velocities; an orientation by the angular velocity it means."""
+    """Rates are derivatives along constant velocities of the bodies; orientations are compared by angular velocity."""
     mechanism = ALL[name]
     state = states_of(mechanism)[2]
     still = np.zeros((len(mechanism.bodies), 6))
     for joint in mechanism.joints:
-        # a steady motion leaves the joint at second order; the rates are those of the first
+        # constant velocities violate the joint at second order only; rates are of first order
         def coordinates(t, joint=joint):
             motion = relative_motion(mechanism, at(state, still, t), joint)
             return joint_coordinates(joint, motion)
@@ -270,7 +272,7 @@ def test_joint_rates_are_the_rates_of_the_coordinates(name):
             np.testing.assert_allclose(rate, difference, rtol=1e-8, atol=1e-9)
 
 
-# R and p of M in F, written down from the meaning of each kind
+# expected rotation R and position p of M in F, from the definition of each joint kind
 COORDINATES = {
     "revolute": {"angle": 0.7},
     "prismatic": {"distance": -0.4},
@@ -297,23 +299,23 @@ def test_free_directions_are_annihilated_by_the_rows_and_as_many_as_the_joints_l
     np.testing.assert_allclose(constraint_jacobian(mechanism, state) @ N, 0, atol=1e-13)
     np.testing.assert_allclose(N.T @ N, np.eye(N.shape[1]), rtol=0, atol=1e-13)
     by_theory = {
-        "four_bar": 1,  # planar linkages: one freedom, Kutzbach says -2
+        "four_bar": 1,  # one freedom by planar motion; -2 by the formula of Gruebler-Kutzbach
         "slider_crank": 1,
         "four_bar_spherical": 1,
         "four_bar_cylindrical": 1,
-        "loop_spherical": 2,  # 18 - (5 + 3 + 3 + 5): the coupler also turns about the line through its balls
+        "loop_spherical": 2,  # 18 - (5 + 3 + 3 + 5): the coupler spins about the line through its balls
         "loop_universal": 1,
         "loop_rod": 18 - (5 + 3 + 1 + 5),
     }
     joints = sum(JOINT_KINDS[j.kind].freedom for j in mechanism.joints)
-    # every drive and coupling takes one, a skate one sideways, a rolling body three: up and down, and two of slip
+    # each drive and coupling removes one freedom, a skate one, a rolling body three: the normal and two of slip
     elements = len(mechanism.drives) + len(mechanism.couplings) + len(mechanism.skates) + 3 * len(mechanism.rollings)
     assert N.shape[1] == by_theory.get(name, joints - elements)
 
 
 @pytest.mark.parametrize("name", ALL)
 def test_small_steps_along_free_directions_leave_the_joints_closed(name):
-    """The residual grows with the square of the step: the directions are tangents, those of slipping too."""
+    """Free directions, those of slip included, are tangents: the residual grows with the square of the step."""
     mechanism = ALL[name]
     state = states_of(mechanism)[0]
     N = free_directions(mechanism, state, holonomic=True)
@@ -326,7 +328,7 @@ def test_small_steps_along_free_directions_leave_the_joints_closed(name):
 
 
 def test_a_wrench_is_brought_into_the_one_convention():
-    """A force on the successor at some point is the same wrench, whoever says it and about whatever point."""
+    """A force at any point of the successor becomes the same wrench, whichever body and point it is stated for."""
     mechanism = chain("revolute", "universal", seed=83)
     state = states_of(mechanism)[0]
     joint = mechanism.joints[1]

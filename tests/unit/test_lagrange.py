@@ -56,7 +56,7 @@ EPS = np.finfo(float).eps
 
 
 def with_forces(mechanism: Mechanism, seed: int) -> Mechanism:
-    """All force elements; a cylindrical joint is sprung along its axis too."""
+    """Return the mechanism with all force elements; cylindrical joints have springs along and about the axis."""
     rng = np.random.default_rng(seed)
     extra = force_elements(list(mechanism.joints), [b.name for b in mechanism.bodies], rng)
     along = tuple(
@@ -68,7 +68,7 @@ def with_forces(mechanism: Mechanism, seed: int) -> Mechanism:
 
 
 def rod_along_x_of_its_frame() -> Mechanism:
-    """A single rod that lies along x of F, where two fixed axes x and y could not turn it in all directions."""
+    """Return a rod along x of F: fixed axes x and y would not span all its directions."""
     mechanism = chain("rod", seed=31)
     joint = mechanism.joints[0]
     turned = Frame(joint.F.p, joint.F.R @ elementary_rotation(1, -0.5 * np.pi))
@@ -76,7 +76,7 @@ def rod_along_x_of_its_frame() -> Mechanism:
 
 
 def two_hinges(stiffness: float = 2.0) -> Mechanism:
-    """Two sprung hinges on one axis, without gravity: all rows of the cut one follow from the other."""
+    """Return a body on two sprung coaxial hinges without gravity: all rows of the cut hinge are dependent."""
     rng = np.random.default_rng(9)
     bodies = {"b": lumpy_body("b", rng)}
     at, axes = rng.normal(size=3), rotation_from_quaternion(np.array([0.1, 0.7, -0.5, 0.5]))
@@ -96,7 +96,7 @@ FORCED = {
 }
 ALL = {**TREES, **LOOPS, **FORCED, "rod_along_x": rod_along_x_of_its_frame(), "two_hinges": two_hinges()}
 OPEN = [name for name, mechanism in ALL.items() if not spanning_tree(mechanism)[1]]
-CLOSED = [name for name in ALL if name not in (*OPEN, "two_hinges")]  # its cut joint cannot come apart
+CLOSED = [name for name in ALL if name not in (*OPEN, "two_hinges")]  # two coaxial hinges cannot come apart
 
 
 @functools.cache
@@ -137,8 +137,8 @@ def test_a_free_joint_has_no_reaction():
     np.testing.assert_allclose(np.hstack(formulation("single_free").reactions(state)), 0.0, atol=1e-13 * weight)
 
 
-def test_both_sides_of_the_tests_know_sprung_cut_joints():
-    """The angles and distances of springs come from y in tree joints, from the pose of M in F in cut joints."""
+def test_forced_mechanisms_have_springs_on_cut_joints():
+    """FORCED has springs on cut joints, whose angles come from the pose of M in F, not from joint coordinates y."""
     sprung = {
         (mechanism.joints[k].kind, spring.coordinate)
         for mechanism in FORCED.values()
@@ -166,7 +166,7 @@ def freedom(mechanism):
 
 
 def anywhere(name, rng):
-    """Coordinates of a tree in the midst of its charts, with random rates."""
+    """Return coordinates of a tree well inside its charts, with random rates."""
     n = freedom(ALL[name])
     u = formulation(name).coordinates(states(name)[0])
     u[: 2 * n] += rng.uniform(-0.7, 0.7, size=2 * n)
@@ -174,7 +174,7 @@ def anywhere(name, rng):
 
 
 def along(name, u, h=1e-5):
-    """States a little earlier and later on the tangent of the motion, and the span of time between them."""
+    """Return states just before and after on the tangent of the motion, and the time between them."""
     rate = formulation(name).derivative(0.0, u)
     return formulation(name).state(u - h * rate), formulation(name).state(u + h * rate), 2 * h
 
@@ -189,7 +189,7 @@ def test_any_coordinates_meet_the_tree_joints(name):
 
 @pytest.mark.parametrize("name", OPEN)
 def test_derivative_moves_the_state_with_its_velocities_and_the_accelerations_of_dense_numpy(name):
-    """Away from the centres of the charts, by central differences."""
+    """Away from the centres of the charts: velocities and accelerations are central differences of the state."""
     u = anywhere(name, np.random.default_rng(5))
     state = formulation(name).state(u)
     before, after, span = along(name, u)
@@ -204,7 +204,7 @@ def test_derivative_moves_the_state_with_its_velocities_and_the_accelerations_of
 
 
 def power(mechanism, state):
-    """Of all dampers and loads, by the definitions of the force elements."""
+    """Return the power of all dampers and loads, from the definitions of the force elements."""
     R, total = rotation_from_quaternion(state.quat_WB), 0.0
     for s in mechanism.springs:
         p_i, v_i = body_point(mechanism, state, s.predecessor, s.point_predecessor)
@@ -230,7 +230,7 @@ def test_energy_changes_by_the_power_of_dampers_and_loads(name):
         assert abs((after - before) / ends[2] - wanted) < 1e-7 * (abs(wanted) + kinetic_energy(mechanism, state))
 
 
-# ---------------------------------------------------------------- settling
+# ---------------------------------------------------------------- projection
 
 
 @pytest.mark.parametrize("name", CLOSED)
@@ -250,7 +250,7 @@ def test_settling_closes_the_loops(name):
 
 @pytest.mark.parametrize("name", CLOSED)
 def test_velocities_change_by_the_least_kinetic_energy(name):
-    """At the same pose ``T(before) = T(after) + T(change)``: the change is orthogonal to all possible motions."""
+    """At the same pose ``T(before) = T(after) + T(change)``: the change is M-orthogonal to admissible velocities."""
     mechanism, rng = ALL[name], np.random.default_rng(7)
     u = formulation(name).coordinates(states(name)[0])
     n = freedom(mechanism)
@@ -277,7 +277,7 @@ def test_a_new_chart_changes_the_numbers_and_not_the_motion(name):
     assert np.max(rotation_angle_between(before.quat_WB, after.quat_WB)) < 1e-13
     for one, other in zip(motion_of(before), motion_of(after), strict=True):
         np.testing.assert_allclose(one, other, rtol=0, atol=1e-12)
-    for one, other in zip(along(name, u)[:2], along(name, settled)[:2], strict=True):  # the accelerations too
+    for one, other in zip(along(name, u)[:2], along(name, settled)[:2], strict=True):  # the same accelerations, too
         np.testing.assert_allclose(one.w_WB_W, other.w_WB_W, rtol=0, atol=1e-8)
 
 
@@ -296,7 +296,7 @@ def test_a_chart_left_behind_is_named():
 
 
 def motion(chosen, state, times):
-    """States at the times, and how many charts were chosen on the way; DOP853 of SciPy, settled twenty times."""
+    """Return the states at the times, and the number of chart changes; SciPy's DOP853, projected at every sample."""
     u, changes, found = chosen.coordinates(state), 0, [state]
     for start, stop in itertools.pairwise(times):
         end = solve_ivp(chosen.derivative, (start, stop), u, "DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
@@ -333,7 +333,7 @@ def test_motion_is_that_of_the_descriptor_form(name, changes):
 
 
 def test_springs_of_tree_and_cut_joints_count_full_turns():
-    """Two hinges on one axis, both sprung: ``J theta'' = -2 k theta``, closed form, over a turn each way."""
+    """Two coaxial sprung hinges: ``J theta'' = -2 k theta`` in closed form, over more than a turn each way."""
     mechanism = two_hinges(stiffness=2.0)
     assert len(spanning_tree(mechanism)[1]) == 1
     body, hinge = mechanism.bodies[0], mechanism.joints[0]
@@ -341,7 +341,7 @@ def test_springs_of_tree_and_cut_joints_count_full_turns():
     arm = np.cross(axis, body.com - hinge.M.p)
     omega = np.sqrt(2 * 2.0 / (axis @ body.inertia @ axis + body.mass * arm @ arm))
     rest = initial_state(mechanism)
-    w = 8.0 * omega * hinge.F.R[:, 2]  # an amplitude of 8 rad
+    w = 8.0 * omega * hinge.F.R[:, 2]  # amplitude of 8 rad
     moving = State(rest.p_WB, rest.quat_WB, np.cross(w, rest.p_WB - at), w[None])
     times = np.linspace(0.0, 2 * np.pi / omega, 21)
     found, _ = motion(formulation("two_hinges"), moving, times)
@@ -373,7 +373,7 @@ def test_a_new_kind_with_known_rows_and_coordinates_needs_no_code(monkeypatch, r
 @pytest.mark.parametrize(
     "kind", [JointKind(("X", "Y", "D13", "D23", "pitch"), ("angle",)), JointKind(("X", "Y"), ("angle", "wander"))]
 )
-def test_a_kind_it_cannot_describe_is_refused_by_name(monkeypatch, kind):
+def test_an_unsupported_joint_kind_is_refused_by_name(monkeypatch, kind):
     monkeypatch.setitem(JOINT_KINDS, "odd", kind)
     base = chain("revolute", seed=61)
     joint = base.joints[0]

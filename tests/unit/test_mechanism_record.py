@@ -1,4 +1,4 @@
-"""Records: a field reads in a kernel as the field of the tuple does, and the arrays live as long as the record."""
+"""Records of arrays: kernels read the same fields as from the tuple, and arrays live as long as the record."""
 
 import gc
 from typing import Any, NamedTuple
@@ -31,7 +31,7 @@ class Outer(NamedTuple):
 
 
 def example():
-    """Return a tuple with fields of every type, no two numbers alike; one array is a view of another."""
+    """Return a tuple with fields of every type and all numbers different; one array is a view of another."""
     whole = np.arange(40.0).reshape(5, 8) + 100.0
     inside = Inner(np.arange(6, dtype=np.int64).reshape(2, 3) - 7, -12, 0.3, True)
     return Outer(np.array([0.1, -0.2]), inside, None, np.arange(24.0).reshape(2, 3, 4) * 1.7, whole[1::2, 2:7:2], False)
@@ -39,7 +39,7 @@ def example():
 
 @inner
 def read(record, nothing, out):
-    """Copy all numbers of the fields, one after the other; None is distinguished from a tuple."""
+    """Copy the numbers of all fields to `out` in order; a field that is None is pruned at compilation."""
     n = 0
     for i in range(record.first.shape[0]):
         out[n] = record.first[i]
@@ -51,7 +51,7 @@ def read(record, nothing, out):
     out[n], out[n + 1], out[n + 2], out[n + 3] = record.inner.count, record.inner.factor, record.inner.yes, record.no
     n += 4
     if nothing is not None:
-        out[n] = nothing.first[0]  # would not compile
+        out[n] = nothing.first[0]  # would not compile if this branch were kept
     for i in range(record.cube.shape[0]):
         for j in range(record.cube.shape[1]):
             for k in range(record.cube.shape[2]):
@@ -77,13 +77,13 @@ def read_array(words, out):
 
 @kernel
 def double(record):
-    """Write into an array: Python sees the change."""
+    """Write into an array of the record: the change shows in Python."""
     for i in range(record.first.shape[0]):
         record.first[i] *= 2.0
 
 
 def numbers(fields):
-    """Return the numbers that `read` has to find."""
+    """Return the numbers of all fields in the order of `read`."""
     inside = fields.inner
     parts = [fields.first, inside.table, [inside.count, inside.factor, inside.yes, fields.no], fields.cube, fields.part]
     return np.concatenate([np.ravel(part) for part in parts]).astype(float)
@@ -93,7 +93,7 @@ def numbers(fields):
 def test_every_field_reads_as_that_of_the_tuple(make, call):
     wanted = numbers(example())
     out = np.full(len(wanted) + 1, np.nan)
-    record = make(example())  # nothing else keeps the arrays
+    record = make(example())  # the record alone keeps the arrays alive
     gc.collect()
     rubbish = [np.full(40, 9.9) for _ in range(50)]
     assert call(record, out) == len(wanted)
@@ -142,7 +142,7 @@ def test_fields_that_no_kernel_can_read_are_refused(field):
 
 
 def test_only_kernels_that_python_calls_become_machine_code():
-    """The bitcode of the inner kernel is part of its caller, which returns the numbers above."""
+    """An inner kernel is kept as bitcode and compiled in its callers, which read the same numbers as above."""
     read_record(record_of(example()), np.empty(64))
     (of_kernel, *_), (of_inner, *_) = read_record.overloads.values(), read.overloads.values()
     assert isinstance(of_inner.library, InnerLibrary)

@@ -1,4 +1,4 @@
-"""One word, one class: no two public classes or type aliases of `src` share a name."""
+"""Class names: no two public classes or type aliases of `src` share a name."""
 
 import ast
 from collections import defaultdict
@@ -7,13 +7,13 @@ from pathlib import Path
 SOURCE = Path(__file__).parents[2] / "src" / "consilience"
 
 CORE = {"Answer", "Case", "Entry", "Frame", "Method", "Model", "Motion", "Record", "Run", "System", "Table", "Tree"}
-"""Nouns of the field and of the harness: a private class has another name, too."""
+"""Nouns of the field and of the harness: private classes must not use them as names either."""
 
 CONSTRUCTORS = {"TypeVar", "NewType", "ParamSpec", "NamedTuple", "TypedDict"}
 
 
 def is_type(value):
-    """Whether the value of an assignment is a type: `A | B`, `dict[str, A]`, `Annotated[...]`, `TypeVar(...)`."""
+    """Return whether an assigned value is a type: `A | B`, `dict[str, A]`, `Annotated[...]`, `TypeVar(...)`."""
     if isinstance(value, ast.BinOp) and isinstance(value.op, ast.BitOr):
         return all(is_type(side) or isinstance(side, ast.Name | ast.Constant) for side in (value.left, value.right))
     if isinstance(value, ast.Subscript):
@@ -22,7 +22,7 @@ def is_type(value):
 
 
 def defined(tree):
-    """Names of the classes and type aliases of a module."""
+    """Yield the names of the classes and type aliases of a module."""
     for node in tree.body:
         if isinstance(node, ast.ClassDef):
             yield node.name
@@ -33,13 +33,13 @@ def defined(tree):
 
 
 def is_name_of_a_type(name):
-    """Whether a name is in capitals as those of classes are; constants and type variables are in capitals alone."""
+    """Return whether a name is in CapWords: constants and type variables are in capitals alone."""
     word = name.lstrip("_")
     return word[:1].isupper() and word != word.upper()
 
 
 def homes():
-    """Modules by the class or alias that they define."""
+    """Return the modules that define each class or alias."""
     found = defaultdict(list)
     for path in sorted(SOURCE.rglob("*.py")):
         for name in defined(ast.parse(path.read_text(encoding="utf-8"))):

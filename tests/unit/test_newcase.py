@@ -1,4 +1,4 @@
-"""A new case file loads, runs and explains itself; nothing is overwritten."""
+"""New case files from the starter: load, run, explain their fields, and overwrite no file."""
 
 import re
 
@@ -31,14 +31,14 @@ EXPLAINED = (
     "InstantTable",
     "PublishedTable",
 )
-"""Tables of the schema of which the starter names every field."""
+"""Tables of the schema; the starter names each of their fields."""
 
 LEFT_TO_THE_SCHEMA = {"drive", "coupling", "rolling", "skate", "contact", "variants", "pitch", "joint"}
-"""Rarer fields of these tables."""
+"""Fields of these tables that the starter leaves to the schema."""
 
 
 def all_examples(name):
-    """The starter with every example taken in."""
+    """Return the starter text with all commented examples uncommented."""
     return starter_text(name).replace("#| ", "")
 
 

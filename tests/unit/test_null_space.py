@@ -1,4 +1,4 @@
-"""Linkages of few freedoms: accelerations and projection by elimination, against dense equations and the fronts."""
+"""Linkages of few freedoms: acceleration and projection by elimination, against dense equations and multifrontal QR."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ EPS = np.finfo(float).eps
 
 
 def library(name):
-    """Return the mechanism of a case, and states on its motion."""
+    """Return the mechanism of a case, and four states along its motion."""
     case = load_case(name)
     motion = simulate(case.mechanism, case.initial_state, np.linspace(0.0, 1.0, 4), 1e-12, "relative")
     return case.mechanism, [motion.state(n) for n in range(4)]
@@ -46,11 +46,11 @@ LINKAGES = {
 }
 
 UNCHANGING = {"a screw that is cut", "drives alone"}
-"""Linkages whose rows are the same in all poses."""
+"""Linkages with constant constraint rows."""
 
 
 class InSpace:
-    """A mechanism on the kernels of space; NaN in the fronts shows that elimination was used."""
+    """A mechanism on the spatial kernels; NaN left in the fronts of the QR shows that elimination was used."""
 
     def __init__(self, mechanism):
         self.mechanism = mechanism
@@ -59,13 +59,13 @@ class InSpace:
         self.placed, self.closure, self.spatial, self.elements, _ = map(record_of, arrays)
 
     def close(self, z, at_sample=AT_SAMPLE):
-        """Project z in place; return whether by elimination."""
+        """Project z in place; return whether elimination was used."""
         self.closure.qr.F[:] = np.nan
         close(self.closure, self.spatial, self.elements, None, 0.0, z, at_sample)
         return bool(np.all(np.isnan(self.closure.qr.F)))
 
     def accelerations(self, z):
-        """Return accelerations of the origins and angular accelerations, and whether by elimination."""
+        """Return accelerations of origins, angular accelerations, and whether elimination was used."""
         self.closure.qr.F[:] = np.nan
         differentiate(self.closure, self.spatial, self.elements, None, 0.0, z, np.empty_like(z))
         eliminated = bool(np.all(np.isnan(self.closure.qr.F)))
@@ -120,7 +120,7 @@ def test_accelerations_are_those_of_the_dense_equations_and_of_the_fronts(name):
         size = np.max(np.abs(expected))
         bar = (1e-11 + 4 * EPS * mass_matrix_condition(mechanism, state)) * size
         assert np.max(np.abs(found - other)) < bar
-        # the dense equations solve for multipliers
+        # the dense equations also solve for multipliers: their condition number counts
         bar += 4 * EPS * reaction_condition(mechanism, state) * size
         assert np.max(np.abs(found - expected)) < bar
 
@@ -136,9 +136,7 @@ def test_elimination_projects_the_error_of_a_step(name, size):
     closed = z.copy()
     for _ in range(3):
         z[:] = closed + size * rng.normal(size=len(z))
-        equations.closure.best[ELIMINATION_PIVOT] = (
-            1.01 * pivot
-        )  # not larger than it has been: the fronts would note that
+        equations.closure.best[ELIMINATION_PIVOT] = 1.01 * pivot  # larger than the pivot now, so that QR is not tried
         assert equations.close(z)
         found = equations.state()
         rates = constraint_jacobian(mechanism, found) @ np.hstack([found.v_WB_W, found.w_WB_W]).ravel()
@@ -148,7 +146,7 @@ def test_elimination_projects_the_error_of_a_step(name, size):
 
 @pytest.mark.parametrize("name", LINKAGES)
 def test_between_samples_only_a_velocity_residual_of_the_size_of_the_correction_remains(name):
-    """Between samples the projection leaves a velocity residual of the size of its correction alone."""
+    """Between samples, projection leaves a velocity residual of the size of the position correction."""
     mechanism, states = LINKAGES[name]()
     equations, rng = InSpace(mechanism), np.random.default_rng(3)
     z = pack_relative(equations.links, equations.tree, equations.model, states[-1])
@@ -164,7 +162,7 @@ def test_between_samples_only_a_velocity_residual_of_the_size_of_the_correction_
         left.append(rate)
         assert equations.close(z)
         assert max(equations.violation(z)) < 1e-12
-    assert (left[1] > 1e-12) == (name not in UNCHANGING)  # where it can be, it has been left
+    assert (left[1] > 1e-12) == (name not in UNCHANGING)  # constant rows leave no such residual
 
 
 @pytest.mark.parametrize(
@@ -185,7 +183,7 @@ def test_dependent_rows_and_velocity_rows_use_the_fronts(mechanism):
     "name", ["four_bar", "rsur_four_bar", "parallelogram", "double_pendulum", "acrobot", "bricard"]
 )
 def test_a_motion_does_not_depend_on_the_one_before(name):
-    """Work arrays are reused: the results are equal to the last bit."""
+    """Work arrays are reused; results are equal to the last bit."""
     case = load_case(name)
     times = np.linspace(0.0, 1.0, 5)
     first, _, again = (

@@ -1,4 +1,4 @@
-"""Orientation coordinates against complex-step differences of independently written rotation matrices.
+"""Orientation coordinates against complex-step derivatives of independently written rotation matrices.
 
 The rotations of the tests are matrix exponentials and Cayley transforms, which take complex arguments: their
 derivatives are exact to rounding, and no formula is shared with the module.
@@ -27,7 +27,7 @@ PI = np.pi
 
 
 def tilde(a):
-    """Skew matrix, also of complex vectors."""
+    """Return the skew matrix of a real or complex vector."""
     return np.array([[0, -a[2], a[1]], [a[2], 0, -a[0]], [-a[1], a[0], 0]])
 
 
@@ -37,7 +37,7 @@ def turns(axes, angles):
 
 
 def by_parameters(p):
-    """The definition of the turn: ``v -> p v p*`` with p as a matrix that multiplies from the left or the right."""
+    """Return the rotation by definition: ``v -> p v p*``, p as matrices of left and right multiplication."""
     left = np.block([[p[:1, None], -p[None, 1:]], [p[1:, None], p[0] * np.eye(3) + tilde(p[1:])]])
     right = np.block([[p[:1, None], -p[None, 1:]], [p[1:, None], p[0] * np.eye(3) - tilde(p[1:])]])
     return (left @ right.T)[1:, 1:]
@@ -53,7 +53,7 @@ INDEPENDENT = {
 
 
 def random_point(name, rng, size=2.0):
-    """Coordinates away from singularities, and rates that keep Euler parameters of unit length."""
+    """Return coordinates away from singularities, and rates that keep the norm of Euler parameters."""
     while True:
         x, x_dot = rng.uniform(-size, size, (2, ORIENTATIONS[name].size))
         if name == "euler_parameters":
@@ -64,14 +64,14 @@ def random_point(name, rng, size=2.0):
 
 
 def angular_velocity(name, x, x_dot):
-    """The vector of ``R' R^T`` by a complex step."""
+    """Return the vector of ``R' R^T`` by a complex step."""
     step = 1e-30
     spin = INDEPENDENT[name](x + 1j * step * x_dot).imag / step @ INDEPENDENT[name](x).real.T
     return np.array([spin[2, 1] - spin[1, 2], spin[0, 2] - spin[2, 0], spin[1, 0] - spin[0, 1]]) / 2
 
 
 def slope(f, t=0.0, step=2e-3):
-    """Derivative of f by central differences of order six."""
+    """Return the derivative of f by a sixth-order central difference."""
     odd = [f(t + k * step) - f(t - k * step) for k in (1, 2, 3)]
     return (45 * odd[0] - 9 * odd[1] + odd[2]) / (60 * step)
 
@@ -152,7 +152,7 @@ def test_angles_come_out_in_their_ranges():
 
 
 def motion(t):
-    """Unit Euler parameters along a smooth motion, that stays off every singularity."""
+    """Return unit Euler parameters along a smooth motion away from all singularities."""
     vector = np.array([0.9 + 0.4 * np.sin(1.1 * t), 0.7 * np.cos(0.6 * t), 0.5 + 0.5 * np.sin(0.8 * t + 1.0)])
     return quaternion_from_rotation_vector(vector)
 
@@ -226,7 +226,7 @@ def test_the_rotation_vector_describes_half_turns_and_no_turn():
 
 
 def pose_at(name, gap):
-    """Coordinates whose offending angle is `gap` short of the singular one, rad."""
+    """Return coordinates whose critical angle is `gap` (rad) short of the singular value."""
     return {
         "euler_angles": np.array([0.3, PI - gap, -0.7]),
         "bryant_angles": np.array([0.3, gap - PI / 2, -0.7]),
@@ -241,7 +241,7 @@ SLOPE_OF_DISTANCE = {
     "rodrigues_parameters": 0.5,
     "rotation_vector": 0.5 / PI,
 }
-"""Distance to the singularity for each rad that the angle is away from it."""
+"""Derivative of the distance to the singularity by the angle, 1/rad."""
 
 
 @pytest.mark.parametrize("name", SINGULAR_CHARTS)
@@ -298,7 +298,7 @@ def test_the_error_survives_the_way_out_of_a_process():
 
 @pytest.mark.parametrize("size", [0.0, 1e-300, 1e-160, 1e-12, 1e-8, 1e-5, 1e-3, 0.1])
 def test_small_rotation_vectors_are_exact_to_rounding(size):
-    """Against the first terms of the exponential: ``H = 1 + ~phi/2 + ~phi^2/6 + ~phi^3/24 + ..``."""
+    """First terms of the exponential: ``H = 1 + ~phi/2 + ~phi^2/6 + ~phi^3/24 + ..``."""
     chart, phi = ORIENTATIONS["rotation_vector"], size * RIGHT
     phi_dot, w = np.array([0.3, -1.2, 0.5]), np.array([1.0, 0.2, -0.7])
     S, S_dot = tilde(phi), tilde(phi_dot)
@@ -309,7 +309,7 @@ def test_small_rotation_vectors_are_exact_to_rounding(size):
         power = power @ S
         factor /= k + 1
         H = H + factor * power
-        h = h + factor * slope_of_power @ phi_dot if k > 1 else h  # phi' x phi' is zero, but not in floating point
+        h = h + factor * slope_of_power @ phi_dot if k > 1 else h  # phi' x phi' is exactly zero, its rounding is not
     np.testing.assert_allclose(chart.H(phi), H, rtol=0, atol=3e-16)
     np.testing.assert_allclose(chart.h(phi, phi_dot), h, rtol=0, atol=3e-16 * size)
     np.testing.assert_allclose(chart.rates(phi, w), np.linalg.solve(H, w), rtol=0, atol=1e-15)

@@ -1,4 +1,4 @@
-"""What is written of a run for other programs and papers, on a run whose every verdict is made up."""
+"""Outputs for programs and papers: JUnit, CSV, JSON, LaTeX, BibTeX and badges of a record of invented verdicts."""
 
 import csv
 import io
@@ -20,7 +20,7 @@ from records import LONG, case_of, comparison, quantity, record_of
 
 @pytest.fixture
 def record():
-    """All verdicts, one with a bad method beside a good one, one bad at the engine's defaults alone."""
+    """A record with every verdict, a bad method beside a good one, and a bad one at the engine's defaults only."""
     return record_of(
         [
             comparison("one", "alpha", "model"),
@@ -48,7 +48,7 @@ def test_the_worst_matched_method_decides_a_cell_and_defaults_do_not(record):
 
 def test_the_deciding_quantity_is_nearest_to_its_bar_and_nothing_compared_is_no_zero():
     case, c = case_of("one"), comparison("one", "alpha", "instant")
-    # 3e-13 of 1e-11 is nearer than 2e-13 of 1e-12 is not: 0.03 against 0.2
+    # nearness to the bar counts, not the bar: 3e-13 of 1e-11 is 0.03, 2e-13 of 1e-12 is 0.2
     assert deciding(c, case).name == "reactions"
     lost = c | {"quantities": [*c["quantities"], quantity("energy", None, 1e-12)]}
     assert (deciding(lost, case).name, deciding(lost, case).difference) == ("energy", None)
@@ -60,7 +60,7 @@ def test_the_deciding_quantity_is_nearest_to_its_bar_and_nothing_compared_is_no_
     assert (deciding(moving, case).difference, deciding(moving, case).bar) == (1e-6, 1e-8)
 
 
-# of Ant's schema (windyroad): what a suite must have, and the order of its children
+# required attributes of a suite in Ant's JUnit schema (windyroad)
 SUITE = {"name", "package", "id", "timestamp", "hostname", "tests", "failures", "errors", "time"}
 
 
@@ -104,7 +104,7 @@ def test_junit_says_what_the_exit_code_says_and_why(record):
     for part in ("other: differs: model", "because of instant", "reactions: difference 2e-13, bar 1e-12", "again: "):
         assert part in text
     assert "consilience run one -e alpha -q instant" in text
-    # what XML cannot hold is replaced, not dropped with the rest
+    # only characters that XML cannot hold are replaced
     assert (
         "core \N{REPLACEMENT CHARACTER}[31mdumped\N{REPLACEMENT CHARACTER}"
         in outcome["consilience.beta_1", "one[model]"][0].text
@@ -162,7 +162,7 @@ def test_latex_has_a_cell_for_each_question_and_engine_and_escapes_names(record)
 
 
 def entries(text):
-    """Entries of BibTeX by key: type and fields; whatever is not an entry must be a comment line."""
+    """Return BibTeX entries by key: type and fields; all other lines must be comments."""
     found = {}
     rest = re.sub(r"@(\w+)\{([^,{}\s]+),\n((?:  \w+ = \{.*\},\n)*)\}\n", lambda m: found.update({m[2]: m}) or "", text)
     assert not [line for line in rest.splitlines() if line and not line.startswith("%")], rest
@@ -202,12 +202,12 @@ REQUIRED = {
     "techreport": {"author", "title", "institution", "year"},
     "misc": {"title"},
 }
-"""Fields that BibTeX's standard styles demand, but for years of books in many editions."""
+"""Fields that BibTeX's standard styles demand, except years of books with many editions."""
 
 
 def test_the_literature_is_well_formed_and_every_pattern_finds_something():
     table = bibtex.literature()
-    assert {"gerstmayr2024", "roache1994"} <= set(table)  # that of an adapter, and our own
+    assert {"gerstmayr2024", "roache1994"} <= set(table)  # one of an adapter, one of our own
     sources = [source for case in shipped_cases() for source in case.sources]
     for key, entry in table.items():
         assert REQUIRED[entry["type"]] <= set(entry), key
@@ -271,7 +271,7 @@ def test_an_engine_that_is_missing_is_no_badge_of_agreement(record):
 
 
 def test_badges_can_be_read():
-    """WCAG 2: white text of this size needs a contrast of 4.5 to what is behind it."""
+    """WCAG 2: white text of this size needs a contrast of 4.5 to its background."""
     assert set(badge.COLOURS) == set(Verdict) == set(CODES)
     for colour in (*badge.COLOURS.values(), "#444444"):
         channels = [int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)]

@@ -1,4 +1,4 @@
-"""Plots for papers, on a run that is made up."""
+"""Plots for papers, from a record of invented runs."""
 
 import re
 from itertools import pairwise

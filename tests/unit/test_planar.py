@@ -1,4 +1,4 @@
-"""Mechanisms that move in parallel planes: their kernels against dense equations and the kernels of space."""
+"""Kernels for mechanisms in parallel planes, against dense equations and the spatial kernels."""
 
 from dataclasses import replace
 
@@ -35,12 +35,12 @@ EPS = np.finfo(float).eps
 
 
 def find_rank_of(equations, z):
-    """Select the rows at a state."""
+    """Select independent rows at a state."""
     find_rank(equations.closure, None, None, equations.planar, 0.0, z)
 
 
 class InPlane:
-    """A mechanism on the kernels of the plane."""
+    """A mechanism on the planar kernels."""
 
     def __init__(self, mechanism):
         self.mechanism = mechanism
@@ -96,7 +96,7 @@ def test_a_state_comes_back_from_its_coordinates(name):
 @pytest.mark.parametrize("size", [1e-4, 1e-7])
 @pytest.mark.parametrize("name", [n for n in PLANAR if n.startswith("closed")] + ["two_loops", "driven", "branches"])
 def test_projection_closes_open_loops(name, size):
-    """Twice, because regular factors are recognised by those before."""
+    """Projected twice: factors are recognised as regular by comparison with the factors before."""
     mechanism, rng = PLANAR[name], np.random.default_rng(5)
     equations = InPlane(mechanism)
     (state,) = states_of(mechanism, 1)
@@ -123,7 +123,7 @@ def test_motions_are_those_of_space_by_another_integrator(name):
 
 
 def tilted(mechanism, joint, angle):
-    """Return the mechanism with both frames of a joint rotated about its first axis."""
+    """Return the mechanism with both frames of a joint rotated about their first axis."""
     turn = rotation_from_quaternion(quaternion_from_rotation_vector(angle * np.array([1.0, 0.0, 0.0])))
     joints = [
         replace(j, F=replace(j.F, R=j.F.R @ turn), M=replace(j.M, R=j.M.R @ turn)) if j.name == joint else j
@@ -133,7 +133,7 @@ def tilted(mechanism, joint, angle):
 
 
 def raised(mechanism, joint, height):
-    """Return the mechanism with a joint's frame on its successor moved along its axis, which opens the loop by that."""
+    """Return the mechanism with frame M of a joint displaced along its axis, which opens the loop by `height`."""
     joints = [
         replace(j, M=replace(j.M, p=j.M.p + height * j.M.R[:, 2])) if j.name == joint else j for j in mechanism.joints
     ]

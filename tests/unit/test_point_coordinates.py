@@ -1,4 +1,4 @@
-"""Point coordinates: the ten particles by identities, the motion against dense NumPy, the solver and a closed form."""
+"""Point coordinates: ten-particle bodies by identities; motion against dense NumPy, the solver and a closed form."""
 
 import functools
 from dataclasses import replace
@@ -36,7 +36,7 @@ EPS = np.finfo(float).eps
 
 
 def tree_of_the_source(seed):
-    """Branched tree of the joints that the source treats, in a random order, some passed backwards."""
+    """Return a branched tree of the joint kinds in ATTIA, in random order, some of them backwards."""
     rng = np.random.default_rng(seed)
     bodies = {f"b{n}": lumpy_body(f"b{n}", rng) for n in range(5)}
     names = [GROUND, *bodies]
@@ -63,7 +63,7 @@ def formulation(name):
 
 
 def difference(found, wanted):
-    """Largest difference over the largest component wanted."""
+    """Return the largest difference over the largest expected component."""
     found, wanted = np.hstack(found), np.hstack(wanted)
     return np.max(np.abs(found - wanted)) / np.max(np.abs(wanted))
 
@@ -83,14 +83,14 @@ def test_ten_particles_have_the_mass_properties_of_the_body(body_and_primary):
     xi = particles.ten_particles(primary)
     c = xi - body.com
     inertia = np.einsum("k,kij->ij", m, np.array([-skew(a) @ skew(a) for a in c]))
-    size = np.sum(np.abs(m))  # masses of both signs: what rounding refers to
+    size = np.sum(np.abs(m))  # masses of both signs: rounding scales with the sum of their magnitudes
     assert abs(m.sum() - body.mass) < 1e-13 * size
     np.testing.assert_allclose(m @ c, 0.0, rtol=0, atol=1e-13 * size)
     np.testing.assert_allclose(inertia, body.inertia, rtol=0, atol=1e-13 * size)
 
 
 def test_masses_may_be_negative(body_and_primary):
-    """A body whose centre of mass is far from all its particles."""
+    """The centre of mass of the body is far from all its particles."""
     body, primary = body_and_primary
     assert np.min(particles.particle_masses(body, primary + 5.0)) < 0
 
@@ -105,7 +105,7 @@ def test_masses_do_not_depend_on_the_body_frame(body_and_primary):
 
 
 def test_primary_mass_matrix_is_that_of_affine_coordinates(body_and_primary):
-    """``X^T mu X = [[m, m c], [m c, J]]`` for ``X = [1 | xi]``: from the kinetic energy, without the ten equations."""
+    """``X^T mu X = [[m, m c], [m c, J]]`` for ``X = [1 | xi]`` by the kinetic energy, without the ten equations."""
     body, primary = body_and_primary
     mu = particles.primary_mass_matrix(particles.particle_masses(body, primary))
     second = 0.5 * np.trace(body.inertia) * np.eye(3) - body.inertia + body.mass * np.outer(body.com, body.com)
@@ -124,7 +124,7 @@ def test_coplanar_primary_particles_are_refused():
 
 
 def test_particle_3_follows_from_the_others(body_and_primary):
-    """In any pose; and lam is the height over the plane of the others [ATTIA (10.2), (12)]."""
+    """In any pose, particle 3 is a constant combination of the others and their normal [ATTIA (10.2), (12)]."""
     _, primary = body_and_primary
     basis = particles.generators(primary)
     constants = particles.combination(basis, primary[2:3])[0]
@@ -134,20 +134,20 @@ def test_particle_3_follows_from_the_others(body_and_primary):
     np.testing.assert_allclose(constants @ particles.generators(turned), turned[2], rtol=0, atol=1e-13)
 
 
-# ---------------------------------------------------------------- sharing and counting
+# ---------------------------------------------------------------- shared particles, numbers of equations
 
 OWN = {"spherical": 2, "universal": 2, "revolute": 1, "rigid": 0, "prismatic": 3, "cylindrical": 3, "free": 3}
 
 
 @pytest.mark.parametrize("kind", OWN)
 def test_joints_share_the_particles_of_the_source(kind):
-    """Spherical joints share one particle, revolute joints two; of 1, 2 and 4 the others are coordinates."""
+    """Spherical joints share one particle, revolute joints two; the rest of particles 1, 2 and 4 are coordinates."""
     assert PointCoordinates(chain("universal", kind, "revolute", seed=1)).model.size == 3 * (2 + OWN[kind] + 1)
 
 
 @pytest.mark.parametrize("name", ALL)
 def test_there_is_an_equation_for_every_coordinate(name):
-    """A tree has as many momentum equations as freedoms, and with its constraints as many as coordinates."""
+    """A tree has as many momentum equations as degrees of freedom; with its constraint rows, as many as coordinates."""
     model = formulation(name).model
     tree_rows = len(model.distance) + len(model.rows) - len(model.multiplied)
     assert len(model.equation) + tree_rows == model.size
@@ -217,7 +217,7 @@ def test_reactions_that_dependent_rows_leave_open_still_balance_every_body(name)
 @pytest.mark.parametrize("scale", [1e-3, 1e3])
 @pytest.mark.parametrize("name", ["branched", "four_bar", "loop_universal", "loop_rod"])
 def test_a_scaled_mechanism_moves_alike(name, scale):
-    """Lengths and gravity times L, masses times L^3: angular accelerations stay, others are times L (dimensions)."""
+    """Lengths and gravity times L, masses times L^3: same angular accelerations, linear ones times L."""
 
     def frame(drawn):
         return Frame(scale * drawn.p, drawn.R)
@@ -259,7 +259,7 @@ def test_bodies_that_cannot_move_have_no_coordinates():
     assert difference(f.reactions(state), truth.solve(mechanism, state)[2:]) < 1e-12
 
 
-# ---------------------------------------------------------------- settling
+# ---------------------------------------------------------------- projection
 
 
 @pytest.mark.parametrize("name", ["four_bar", "floating_chain", "loop_rod", "loop_universal"])
@@ -274,7 +274,7 @@ def test_settling_brings_constraints_back(name):
         rows = particle_chain.constraint_rows(f.model, particle_chain.motion(f.model, settled[:n], settled[n : 2 * n]))
         assert np.max(np.abs(rows.value)) < 1e-14
         assert np.max(np.abs(rows.D[:, n])) < 1e-13
-        # and back to the mechanism, not only to its particles: dense NumPy finds the joints closed
+        # the mechanism, too, is assembled: dense NumPy gives the same accelerations
         assert difference(f.accelerations(f.state(settled)), truth.solve(ALL[name], f.state(settled))[:2]) < 1e-9
 
 
@@ -282,7 +282,7 @@ def test_settling_brings_constraints_back(name):
 
 
 def motion_of(mechanism, state, duration, tolerance=1e-11):
-    """State after a time by Dormand and Prince, settled after each step, and the counted angles of joint springs."""
+    """Return the final state by DOP853 with projection after every step, and the counted angles of joint springs."""
     f = PointCoordinates(mechanism)
     solver = DOP853(f.derivative, 0.0, f.coordinates(state), duration, rtol=tolerance, atol=tolerance)
     while solver.status == "running":
@@ -321,7 +321,7 @@ def test_joint_springs_count_full_turns():
 
 
 def test_the_pendulum_with_a_rotating_end_is_that_of_the_source():
-    """Six particles, one fixed and two eliminated; the motion in closed form by elliptic functions."""
+    """Six particles: one fixed, two eliminated; the motion in closed form by elliptic functions."""
     case = load_case("rotating_end_pendulum")
     f = PointCoordinates(case.mechanism)
     assert f.model.shared.tolist() == [1, 2]

@@ -1,4 +1,4 @@
-"""Live progress has a line for each engine, with what it has done and the time that is left."""
+"""Live progress: a line for each engine, with finished work and remaining time."""
 
 import io
 

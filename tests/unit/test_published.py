@@ -1,4 +1,4 @@
-"""Values known from elsewhere: they reach the case, and a reference that contradicts them may not fail an engine."""
+"""Published values: reading them from cases and motions; a reference that contradicts them fails no engine."""
 
 from dataclasses import replace
 
@@ -30,7 +30,7 @@ def known(value, uncertainty=1e-10, observable="p_WB", component=0, time=1.0):
 
 
 def test_the_bar_is_the_sum_of_both_uncertainties():
-    """The body runs on the unit circle: x = cos t."""
+    """The body moves on the unit circle: x = cos t."""
     (found,) = against_published(MECHANISM, [known(np.cos(1.0) + 5e-10)], TRUE, SPREAD)
     assert found.difference == pytest.approx(5e-10, rel=1e-5)
     assert found.bar == pytest.approx(1e-10 + 1e-9 * Scales.of(MECHANISM, TRUE).size, rel=1e-9)
@@ -54,7 +54,7 @@ def test_only_the_known_components_of_a_vector_are_compared(tmp_path):
 
 
 def test_centre_of_mass_and_axes_follow_from_the_pose_of_a_lumpy_body():
-    """p + R c and v + w x R c by hand, of a pose and velocities drawn at random."""
+    """``p + R c`` and ``v + w x R c``, for a random pose and random velocities."""
     mechanism, rng = TREES["floating_chain"], np.random.default_rng(4)
     (state,) = states_of(mechanism, 1)
     motion = TrajectoryAnswer(np.zeros(1), *(x[None] for x in (state.p_WB, state.quat_WB, state.v_WB_W, state.w_WB_W)))
@@ -73,7 +73,7 @@ def test_centre_of_mass_and_axes_follow_from_the_pose_of_a_lumpy_body():
 
 
 def test_joint_coordinates_and_rates_are_read_and_angles_compared_modulo_full_turns():
-    """A planar joint whose held coordinates come back."""
+    """Coordinates and rates of a planar joint come back from the state that assembly finds for them."""
     mechanism = TREES["single_planar"]
     held = {"x": 0.3, "y": -0.2, "angle": 3.0}
     rates = {"x": 0.5, "y": 0.7, "angle": -1.1}
@@ -90,7 +90,7 @@ def test_joint_coordinates_and_rates_are_read_and_angles_compared_modulo_full_tu
 
 
 def test_values_of_the_start_are_accelerations_and_reactions():
-    """A lumpy body on a hinge, against the dense solution in maximal coordinates; one wrong value disputes."""
+    """A lumpy body on a hinge against the dense solution in maximal coordinates; one wrong value is a dispute."""
     mechanism = TREES["single_revolute"]
     (state,) = states_of(mechanism, 1)
     answer, instants = accelerations(mechanism, [state]), Instants.of(mechanism, [state])
@@ -143,7 +143,7 @@ def test_a_value_that_cannot_be_compared_is_refused(tmp_path, field, value, mess
 
 
 def written(tmp_path, fields):
-    """A case file with one expected value."""
+    """Write a case file with one expected value; return its path."""
     entry = {
         "body": '"bob"',
         "observable": '"p_WB"',

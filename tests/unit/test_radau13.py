@@ -1,4 +1,4 @@
-"""The implicit integrator for stiff motions: coefficients, motions, and detection of stiffness."""
+"""Radau IIA of order 13 for stiff motions: coefficients, motions, and detection of stiffness."""
 
 from dataclasses import replace
 
@@ -14,14 +14,14 @@ from mechanisms import LOOPS, TREES, chain, states_of
 
 KINDS = {name: TREES[name] for name in ("long_chain", "forced_chain")}
 KINDS |= {"linkage": LOOPS["four_bar"], "loop": LOOPS["loop_universal"], "flat": PLANAR["branched"]}
-"""One of each of the sets of kernels that motions are compiled from."""
+"""One mechanism for each specialised set of compiled kernels."""
 
 STIFFNESS, DAMPING = 4e5, 2e4
-"""Of a spring about or along the axis of a joint, N/m and N s/m: a kilogram settles in 0.1 ms, and then in 50 ms."""
+"""Of springs about or along joint axes, N/m and N s/m: time constants of 0.05 ms and 50 ms for 1 kg."""
 
 
 def stiff(mechanism):
-    """Return the mechanism with such springs in its joints instead of its own."""
+    """Return the mechanism with stiff springs in its joints, in place of its own joint springs."""
     held = [j for j in mechanism.joints if j.kind in ("revolute", "prismatic")]
     coordinate = {"revolute": "angle", "prismatic": "distance"}
     springs = [JointSpring(f"k_{j.name}", j.name, coordinate[j.kind], STIFFNESS, DAMPING, 0.1) for j in held]
@@ -40,14 +40,14 @@ def test_coefficients_integrate_powers():
 
 
 def test_eigenvectors_make_the_inverse_diagonal():
-    """``OUT diag(f(lambda)) IN``, its real part, is f of the inverse of a; here the identity, the inverse and a."""
+    """The real part of ``OUT diag(f(lambda)) IN`` is f(A^-1): here for the powers 0, 1 and -1."""
     assert LAMBDA[0].imag == 0.0
     for power, matrix in ((0, np.eye(STAGES)), (1, np.linalg.inv(A)), (-1, A)):
         np.testing.assert_allclose((OUT * LAMBDA**power @ IN).real, matrix, atol=1e-11)
 
 
 def test_the_estimate_measures_the_highest_power_alone():
-    """With ``f = c^k`` and ``Z = c^(k+1) / (k+1)``, it is zero up to the order of the stages."""
+    """With ``f = c^k`` and ``Z = c^(k+1) / (k+1)``, the estimate is zero for k below the number of stages."""
     for k in range(STAGES):
         assert abs(0.0**k + ESTIMATE @ C ** (k + 1) / (k + 1)) < 1e-11
     assert abs(ESTIMATE @ C ** (STAGES + 1) / (STAGES + 1)) > 1e-6
@@ -63,7 +63,7 @@ def test_the_dense_output_is_the_polynomial_through_the_stages():
 
 @pytest.mark.parametrize("name", KINDS)
 def test_motions_agree_with_those_of_the_explicit_method(name):
-    """Also at a coarse tolerance, where samples lie within steps."""
+    """Also at a coarse tolerance, where several samples lie within a step."""
     mechanism = KINDS[name]
     state = states_of(mechanism, 2)[1]
     times = np.linspace(0.0, 0.5, 26)
@@ -77,7 +77,7 @@ def test_motions_agree_with_those_of_the_explicit_method(name):
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-5, 1e-7, 1e-9, 1e-11])
 def test_a_slider_on_a_stiff_spring_follows_the_closed_form(tolerance):
-    """``m x'' + c x' + k (x - x0) = m g`` along the axis: two exponentials, with rates a thousand apart."""
+    """``m x'' + c x' + k (x - x0) = m g`` along the axis: two exponentials, whose rates differ by a factor of 1000."""
     mechanism = stiff(chain("prismatic", seed=4))
     (state,) = states_of(mechanism, 1)
     (joint,), (body,) = mechanism.joints, mechanism.bodies
@@ -98,7 +98,7 @@ def test_radau13_takes_stiff_mechanisms_alone(name):
     mechanism = KINDS[name]
     state, times = states_of(mechanism, 2)[1], np.linspace(0.0, 0.3, 7)
     soft, explicit = (simulate(mechanism, state, times, 1e-7, "relative", by) for by in (None, "tp86"))
-    if name in ("long_chain", "forced_chain", "loop"):  # of the others series are the default
+    if name in ("long_chain", "forced_chain", "loop"):  # planar mechanisms use Taylor series by default
         assert soft.counters == explicit.counters
     hard = stiff(mechanism)
     found, explicit = (simulate(hard, state, times, 1e-7, "relative", by) for by in (None, "tp86"))
@@ -111,7 +111,7 @@ def test_radau13_takes_stiff_mechanisms_alone(name):
 
 
 def test_the_stiff_governor_over_ten_seconds():
-    """Heights of the sleeve, integrated elsewhere in long double (remarks of the case)."""
+    """Heights of the sleeve, integrated independently in long double (remarks of the case)."""
     case = load_case("flyball_governor")
     motion = simulate(case.mechanism, case.initial_state, np.array([0.0, 0.5, 1.0, 10.0]), 1e-10, "relative")
     sleeve = [b.name for b in case.mechanism.bodies].index("sleeve")

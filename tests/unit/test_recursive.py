@@ -1,4 +1,4 @@
-"""The minimal form along a spanning tree against dense NumPy, the descriptor form, and its own other route."""
+"""Recursive minimal form on a spanning tree, against dense NumPy, the descriptor form, and between its two routes."""
 
 import functools
 import os
@@ -31,7 +31,7 @@ def states(name):
 
 
 def worst_ratio(mechanism, state, found, wanted):
-    """Largest difference over the largest acceleration, as a part of the bar for tests of accelerations."""
+    """Return the largest difference relative to the largest acceleration, in units of the tolerance."""
     found, wanted = np.hstack(found), np.hstack(wanted)
     bar = 1e-11 + 4 * EPS * mass_matrix_condition(mechanism, state)
     return np.max(np.abs(found - wanted)) / np.max(np.abs(wanted)) / bar
@@ -72,7 +72,7 @@ def test_rank_is_that_of_all_rows(name, route):
 
 
 def test_cut_joint_of_the_planar_four_bar_has_three_dependent_rows():
-    """Five rows on a tree of three freedoms that leave one: three of them say nothing new."""
+    """Five rows on a tree of three freedoms leave one freedom, so three rows depend on the others."""
     mechanism = four_bar()
     tree = flatten_tree(mechanism)
     assert (len(tree.direction), len(tree.cut.row_kind)) == (3, 5)
@@ -93,7 +93,7 @@ def test_every_joint_kind_has_as_many_directions_as_its_tree_rows_leave(kind):
 
 
 def links_at(mechanism, state):
-    """Links, Jacobian rows of the tree joints, and their gamma."""
+    """Return the links, the Jacobian rows of the tree joints, and their gamma."""
     model, tree, y = flatten(mechanism), flatten_tree(mechanism), pack(mechanism, state)
     ws = workspace(model)
     rotations(y, ws.A)
@@ -108,7 +108,7 @@ def links_at(mechanism, state):
 
 
 def as_solver(tree, A, acc):
-    """Motion of the links in the columns of Q: angular parts in body axes, bodies in their own order."""
+    """Return the motion of the links in the columns of Q: angular parts in body axes, original order of bodies."""
     a = np.empty((len(acc), 6))
     for k, b in enumerate(tree.body):
         a[b] = np.concatenate([acc[k, :3], A[b].T @ acc[k, 3:]])
@@ -117,7 +117,7 @@ def as_solver(tree, A, acc):
 
 @pytest.mark.parametrize("name", ALL)
 def test_the_recursion_meets_the_rows_of_the_tree_joints(name):
-    """``Q (J u + abar) = gamma`` for any u, though neither S nor c comes from the rows."""
+    """``Q (J u + abar) = gamma`` for any u, though neither S nor c is derived from the rows."""
     mechanism = ALL[name]
     rng = np.random.default_rng(1)
     for state in states(name):
@@ -165,7 +165,7 @@ def test_a_rod_that_closes_a_loop_is_a_cut_joint():
     assert tree.cut.row_target[0] == next(j.length for j in mechanism.joints if j.kind == "rod")
 
 
-# ---------------------------------------------------------------- long chains, and what they cost
+# ---------------------------------------------------------------- long chains and cost
 
 
 @pytest.mark.parametrize("route", TREE_KERNELS)
@@ -178,7 +178,7 @@ def test_fifty_links_agree_with_the_descriptor_form(route):
 
 
 def closed_chain(count):
-    """Chain of universal joints whose last link is held to the ground by a ball."""
+    """Return a chain of universal joints whose last link is fastened to the ground by a ball joint."""
     open_chain = chain(*["universal"] * count, seed=71)
     bodies = {b.name: b for b in open_chain.bodies}
     rng = np.random.default_rng(72)
@@ -187,10 +187,10 @@ def closed_chain(count):
 
 
 def lines_of(route, mechanism):
-    """Lines of Python executed by a route, run uncompiled.
+    """Return the number of lines of Python that a route executes uncompiled.
 
-    A line costs the same whatever the number of links, or goes once over the bodies. Left out is the QR of the loop
-    system, N rows by as many columns as rows are cut: linear in N as it stands, but it exchanges columns or not.
+    A line is work of fixed size, or one pass over the bodies. The QR of the loop system (N rows, as many columns as cut
+    rows, linear in N) is left out: the number of its column exchanges depends on the numbers.
     """
     state = states_of(mechanism, 1)[0]
     model, tree, y = flatten(mechanism), flatten_tree(mechanism), pack(mechanism, state)
@@ -213,7 +213,7 @@ def lines_of(route, mechanism):
 
 @functools.cache
 def line_counts(closed):
-    """Lines by route for 4, 8, 12 and 16 links, in a process without the compiler."""
+    """Return the lines of both routes for 4, 8, 12 and 16 links, counted in a process without the compiler."""
     program = (
         f"import test_recursive as t; make = t.closed_chain if {closed} else lambda n: t.chain(*['universal'] * n)\n"
         "for n in (4, 8, 12, 16): print(*(t.lines_of(route, make(n)) for route in t.TREE_KERNELS))"
@@ -227,7 +227,7 @@ def line_counts(closed):
 
 @pytest.mark.parametrize("closed", [False, True], ids=["open", "closed"])
 def test_articulated_bodies_cost_as_much_for_every_link(closed):
-    """Second differences over the number of links vanish; those of the composite route do not."""
+    """Second differences over the number of links are zero for articulated bodies, positive for composite bodies."""
     articulated, composite = line_counts(closed)
     assert np.all(np.diff(articulated) > 1000)
     assert np.all(np.diff(articulated, 2) == 0)

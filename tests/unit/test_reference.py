@@ -1,4 +1,4 @@
-"""The reference solver against dense NumPy, closed forms, and conservation laws it knows nothing of."""
+"""The reference solver against dense NumPy, closed forms, and conservation laws that the solver does not impose."""
 
 import functools
 from dataclasses import replace
@@ -69,7 +69,7 @@ ORIGIN = Frame(np.zeros(3), np.eye(3))
 
 @functools.cache
 def expected(name):
-    """States of a mechanism, and their accelerations and reactions by dense NumPy."""
+    """Return states of a mechanism, and their accelerations and reactions by dense NumPy."""
     states = states_of(ALL[name])
     return states, [truth.solve(ALL[name], s) for s in states]
 
@@ -142,7 +142,7 @@ def test_multipliers_satisfy_the_equations_and_have_least_norm(name):
 
 
 def test_three_multipliers_of_the_planar_four_bar_are_open():
-    """20 rows leave one freedom of 18: rank 17, so the null space of Q^T has dimension 3 and least norm matters."""
+    """20 rows on 18 velocities leave one freedom: rank 17, so the null space of Q^T has dimension 3."""
     model = flatten(LOOPS["four_bar"])
     ws = workspace(model)
     y = pack(LOOPS["four_bar"], states_of(LOOPS["four_bar"])[0])
@@ -174,7 +174,7 @@ def test_packing_a_state_and_unpacking_it_gives_it_back(name):
     r, v = centres_of_mass(mechanism, state)
     np.testing.assert_allclose(y[:n, 0:3], r, rtol=0, atol=1e-15 * 10)
     np.testing.assert_allclose(y[:n, 7:10], v, rtol=0, atol=1e-15 * 40)
-    assert y[n:].size == (13 if mechanism.controls else 0)  # their integrals
+    assert y[n:].size == (13 if mechanism.controls else 0)  # integrals of controllers
     assert np.all(y[n:] == 0)
     for found, wanted in zip(
         unpack(mechanism, y), (state.p_WB, state.quat_WB, state.v_WB_W, state.w_WB_W), strict=True
@@ -186,7 +186,7 @@ def test_packing_a_state_and_unpacking_it_gives_it_back(name):
 
 
 def matrix_of_rank(n, q, rank, seed):
-    """Random matrix with singular values between 0.5 and 2, and zeros."""
+    """Return a random matrix of given rank, with nonzero singular values between 0.5 and 2."""
     rng = np.random.default_rng(seed)
     U, V = np.linalg.qr(rng.normal(size=(n, n)))[0], np.linalg.qr(rng.normal(size=(q, q)))[0]
     return U[:, :rank] * rng.uniform(0.5, 2.0, size=rank) @ V[:, :rank].T
@@ -243,7 +243,7 @@ def test_least_norm_is_that_of_the_pseudo_inverse(n, q, rank):
 
 @functools.cache
 def rooted_trees(order):
-    """Rooted trees with that many nodes, each the sorted tuple of its subtrees [Butcher]."""
+    """Return the rooted trees of that order, each as the sorted tuple of its subtrees [Butcher]."""
 
     def forests(nodes, largest):
         if nodes == 0:
@@ -266,14 +266,14 @@ def density(tree):
 
 
 def weights(tree, A):
-    """Elementary weights of the stages, ``phi_i = prod over the subtrees of sum_j a_ij phi_j``."""
+    """Return the elementary weights of the stages, ``phi_i = prod over the subtrees of sum_j a_ij phi_j``."""
     return np.prod([A @ weights(t, A) for t in tree], axis=0) if tree else np.ones(len(A))
 
 
 PAIRS = {"dop853": DORMAND_PRINCE, "tp86": TSITOURAS}
 
 
-# 1, 1, 2, 4, 9, 20, 48, 115 trees [Hairer, Norsett, Wanner, table II.2.1]
+# numbers of rooted trees [Hairer, Norsett, Wanner, table II.2.1]
 @pytest.mark.parametrize(("order", "count"), list(enumerate([1, 1, 2, 4, 9, 20, 48, 115], start=1)))
 @pytest.mark.parametrize("pair", PAIRS.values(), ids=PAIRS)
 def test_pairs_of_order_eight_satisfy_every_order_condition(pair, order, count):
@@ -306,7 +306,7 @@ def test_error_estimates_are_differences_to_methods_of_their_order(pair, estimat
 
 
 def all_stages(pair):
-    """Stages of a step, its end, and those of the dense output."""
+    """Return the coefficients of all stages: those of the step, its end point, and those of the dense output."""
     s = len(pair.b)
     A = np.zeros((len(pair.D[0]), len(pair.D[0])))
     A[:s, :s], A[s, :s], A[s + 1 :] = pair.A, pair.b, pair.A_dense
@@ -314,7 +314,7 @@ def all_stages(pair):
 
 
 def dense_weights(pair, x):
-    """Weights of all stages in the dense output at the part x of a step, by its nested form."""
+    """Return the weights of all stages in the dense output at the fraction x of a step, from its nested form."""
     ends, step = np.eye(len(pair.D[0])), np.append(pair.b, np.zeros(len(pair.D[0]) - len(pair.b)))
     first, last = ends[0], ends[len(pair.b)]
     total = np.zeros(len(pair.D[0]))
@@ -337,7 +337,7 @@ def test_dense_outputs_satisfy_every_condition_of_order_seven(pair, x):
 
 
 def test_tp86_nodes_are_those_of_the_paper():
-    """Fractions as published, but c9 and the twelfth; c4 = 3/2 c3 [Tsitouras and Papakostas 1999, NEW8(6)]."""
+    """Published fractions, except c9 and c12, and c4 = 3/2 c3 [Tsitouras and Papakostas 1999, NEW8(6)]."""
     c4 = Fraction(12257, 79497)
     fractions = [0, Fraction(9, 142), c4 * 2 / 3, c4, *map(Fraction, ("50/129", "34/73", "23/148", "142/141"))]
     np.testing.assert_allclose(TSITOURAS.c[:8], [float(f) for f in fractions], rtol=0, atol=3e-14)
@@ -346,7 +346,7 @@ def test_tp86_nodes_are_those_of_the_paper():
 
 
 def test_dop853_nodes_are_those_of_the_book():
-    """Row sums: c4, c5 = (6 -+ sqrt 6)/30, c3 = 2/3 c4, c2 = 2/3 c3, then fractions [HNW section II.5, II.10]."""
+    """Row sums: c4, c5 = (6 -+ sqrt 6)/30, c3 = 2/3 c4, c2 = 2/3 c3, the others rational [HNW section II.5, II.10]."""
     c4, c5 = (6 - np.sqrt(6)) / 30, (6 + np.sqrt(6)) / 30
     fractions = [1 / 3, 1 / 4, 4 / 13, 127 / 195, 3 / 5, 6 / 7, 1]
     np.testing.assert_allclose(DORMAND_PRINCE.c, [0, 4 / 9 * c4, 2 / 3 * c4, c4, c5, *fractions], rtol=0, atol=3e-14)
@@ -372,8 +372,8 @@ def test_projection_brings_a_drifted_state_back(name):
     assert np.max(np.abs(constraint_residual(mechanism, state))) < 1e-14 * max(1.0, np.max(np.abs(y[:, :3])))
     rates = constraint_jacobian(mechanism, state) @ np.hstack([state.v_WB_W, state.w_WB_W]).ravel()
     assert np.max(np.abs(rates - constraint_rates(mechanism))) < 1e-14 * speed
-    np.testing.assert_array_equal(y[n:], drifted[n:])  # integrals of controllers are not its concern
-    assert 0 < np.max(np.abs(y - drifted)) < 1e-4  # it has moved, but not elsewhere
+    np.testing.assert_array_equal(y[n:], drifted[n:])  # projection does not change integrals of controllers
+    assert 0 < np.max(np.abs(y - drifted)) < 1e-4  # the state changes, but only slightly
 
 
 @pytest.mark.parametrize("name", ALL)
@@ -387,7 +387,7 @@ def test_projection_leaves_a_consistent_state_alone(name):
 
 
 def test_projection_moves_as_little_mass_as_it_can():
-    """The displacement has no part along the free directions in the mass metric: ``J^T M step = 0``."""
+    """The displacement is M-orthogonal to the free directions: ``J^T M step = 0``."""
     mechanism = LOOPS["loop_spherical"]
     model = flatten(mechanism)
     ws = workspace(model)
@@ -405,7 +405,7 @@ def test_projection_moves_as_little_mass_as_it_can():
 
 
 def hinged(kind, seed=31, gravity=(0.0, 0.0, 0.0), **elements):
-    """One lumpy body on a joint whose axis passes through its centre of mass."""
+    """Return a lumpy body on a joint whose axis passes through its centre of mass."""
     rng = np.random.default_rng(seed)
     body, R = lumpy_body("b", rng), rotation(rng)
     at = body.drawing.p + body.drawing.R @ body.com
@@ -414,7 +414,7 @@ def hinged(kind, seed=31, gravity=(0.0, 0.0, 0.0), **elements):
 
 
 def start(mechanism, angle=0.0, distance=0.0, rate=0.0, speed=0.0):
-    """State of the only body at a joint coordinate, written down from the drawing."""
+    """Return the state of the only body at given joint coordinates and rates, from the drawing."""
     body, joint = mechanism.bodies[0], mechanism.joints[0]
     axis = joint.F.R[:, 2]
     turn = joint.F.R @ elementary_rotation(2, angle) @ joint.F.R.T
@@ -425,7 +425,7 @@ def start(mechanism, angle=0.0, distance=0.0, rate=0.0, speed=0.0):
 
 
 def damped(t, x0, v0, omega, zeta):
-    """Free response of ``x'' + 2 zeta omega x' + omega^2 x = 0``, zeta < 1."""
+    """Return the free response of ``x'' + 2 zeta omega x' + omega^2 x = 0``, zeta < 1."""
     wd = omega * np.sqrt(1 - zeta**2)
     return np.exp(-zeta * omega * t) * (x0 * np.cos(wd * t) + (v0 + zeta * omega * x0) / wd * np.sin(wd * t))
 
@@ -433,7 +433,7 @@ def damped(t, x0, v0, omega, zeta):
 @pytest.mark.parametrize("zeta", [0.0, 0.1])
 @pytest.mark.parametrize("formulation", FORMULATIONS)
 def test_torsion_spring_wound_over_several_turns_is_an_exact_cosine(zeta, formulation):
-    """``I_axis theta'' = -k (theta - theta0) - c theta'`` about an axis through the centre of mass, 15 rad wide."""
+    """``I_axis theta'' = -k (theta - theta0) - c theta'``, axis through the centre of mass, amplitude 15 rad."""
     bare = hinged("revolute")
     body, joint = bare.bodies[0], bare.joints[0]
     axis = joint.M.R[:, 2]
@@ -451,14 +451,14 @@ def test_torsion_spring_wound_over_several_turns_is_an_exact_cosine(zeta, formul
 @pytest.mark.parametrize("element", ["joint_spring", "spring"])
 @pytest.mark.parametrize("formulation", FORMULATIONS)
 def test_mass_on_a_slide_with_spring_and_damper_under_gravity(element, formulation):
-    """``m x'' = m g.z - k (x - x0) - c x'``: a damped oscillation about the sagged position."""
+    """``m x'' = m g.z - k (x - x0) - c x'``: a damped oscillation about the static position."""
     bare = hinged("prismatic", gravity=GRAVITY)
     body, joint = bare.bodies[0], bare.joints[0]
     k, c, axis = 40.0, 1.5, joint.F.R[:, 2]
     if element == "joint_spring":
         neutral = 0.15
         mechanism = replace(bare, joint_springs=(JointSpring("k", "j", "distance", k, c, neutral),))
-    else:  # stretched along the slide from a point 2 m behind: length 2 + x
+    else:  # a spring along the slide, from a point 2 m behind the body: length 2 + x
         neutral = 0.15
         spring = Spring("k", GROUND, "b", joint.F.p - 2.0 * axis, joint.M.p, k, c, 2.0 + neutral)
         mechanism = replace(bare, springs=(spring,))
@@ -472,7 +472,7 @@ def test_mass_on_a_slide_with_spring_and_damper_under_gravity(element, formulati
 
 
 def free_body(*loads, gravity=(0.0, 0.0, 0.0)):
-    """A floating body, principal axes those of B, centre of mass off the origin."""
+    """Return a floating body with principal axes along those of B and its centre of mass off the origin."""
     inertia = np.diag([0.05, 0.08, 0.11])
     body = Body("b", 1.7, np.array([0.1, -0.2, 0.3]), inertia, ORIGIN)
     joint = drawn_joint("j", "free", {"b": body}, GROUND, "b", np.zeros(3), np.eye(3))
@@ -506,11 +506,11 @@ def test_a_thrown_body_keeps_its_momenta():
     np.testing.assert_allclose(linear, np.broadcast_to(linear[0], linear.shape), rtol=1e-12)
     np.testing.assert_allclose(angular, np.broadcast_to(angular[0], angular.shape), rtol=0, atol=1e-10)
     np.testing.assert_allclose(kinetic, kinetic[0], rtol=1e-11)
-    assert np.ptp(answer.w_WB_W[:, 0], axis=0).max() > 1.0  # it tumbles: nothing else of it is constant
+    assert np.ptp(answer.w_WB_W[:, 0], axis=0).max() > 1.0  # the motion is not trivial: the body tumbles
 
 
 def test_a_floating_chain_keeps_its_momenta_without_gravity():
-    """All joints of the chain are inner ones; joint reactions and springs add up to nothing."""
+    """All joints of the chain are between bodies: their reactions and springs have no resultant."""
     mechanism = replace(TREES["floating_chain"], gravity=np.zeros(3))
     answer = simulate(mechanism, states_of(mechanism)[1], np.linspace(0, 1, 11), 1e-13)
     along = states_along(answer)
@@ -556,7 +556,7 @@ def test_a_torque_about_a_principal_axis_winds_the_body_up_evenly(frame):
 
 
 def test_world_and_body_torques_part_once_the_body_has_turned():
-    """A quarter turn about x takes z' to -y: a torque about z' is then one about -y of the world."""
+    """After a quarter turn about x, z' is -y of the world: the torque about z' differs from that about z."""
     inertia = np.array([0.05, 0.08, 0.11])
     quarter = State(
         np.zeros((1, 3)), np.array([[np.sqrt(0.5), np.sqrt(0.5), 0, 0]]), np.zeros((1, 3)), np.zeros((1, 3))
@@ -567,7 +567,7 @@ def test_world_and_body_torques_part_once_the_body_has_turned():
         for frame in ("body", "world")
     ]
     np.testing.assert_allclose(alphas[0], [0, -0.6 / inertia[2], 0], rtol=0, atol=1e-14)
-    np.testing.assert_allclose(alphas[1], [0, 0, 0.6 / inertia[1]], rtol=0, atol=1e-14)  # z of the world is y' now
+    np.testing.assert_allclose(alphas[1], [0, 0, 0.6 / inertia[1]], rtol=0, atol=1e-14)  # z of the world is now y'
 
 
 # ---------------------------------------------------------------- energy
@@ -575,7 +575,7 @@ def test_world_and_body_torques_part_once_the_body_has_turned():
 
 CONSERVATIVE = [
     *("long_chain", "branched", "forced_chain", "four_bar", "loop_rod", "loop_universal"),
-    # constraints of elements that do not depend on time do no work, the non-holonomic ones included
+    # scleronomic constraints of elements do no work, the non-holonomic ones included
     *(name for name, m in ELEMENTS.items() if is_conservative(m)),
 ]
 
@@ -597,12 +597,12 @@ def test_energy_of_a_conservative_mechanism_is_constant(name, formulation):
     along = states_along(answer)
     kinetic = np.array([kinetic_energy(mechanism, s) for s in along])
     total = kinetic + [potential_energy(mechanism, s) + load_potentials(mechanism, s) for s in along]
-    assert np.ptp(kinetic) > 0.1 * np.max(kinetic)  # or nothing was exchanged
+    assert np.ptp(kinetic) > 0.1 * np.max(kinetic)  # the test needs an exchange of energy
     assert np.max(np.abs(total - total[0])) < 1e-11 * np.max(kinetic)
 
 
 def power(mechanism, state):
-    """Power of everything without a potential: dampers, torques, forces fixed in a body."""
+    """Return the power of forces without a potential: dampers, torques, forces fixed in a body."""
     total = 0.0
     for spring in mechanism.springs:
         (p_i, v_i), (p_j, v_j) = (
@@ -641,7 +641,7 @@ def test_energy_changes_by_the_work_of_dampers_and_loads(formulation):
     assert energy[1] - energy[0] == pytest.approx(work, rel=0, abs=1e-11 * max(map(abs, energy)))
 
 
-# ---------------------------------------------------------------- the integrator's promise
+# ---------------------------------------------------------------- control of the error
 
 
 @functools.cache
@@ -660,7 +660,7 @@ def test_error_is_proportional_to_the_tolerance():
 
 
 def test_steps_grow_with_the_eighth_root_of_the_tolerance():
-    """The error of a step that is controlled goes with h^8: four digits more cost ten to the half as many steps."""
+    """The controlled error of a step goes with h^8: a tolerance 10^-4 times smaller needs sqrt(10) as many steps."""
     coarse, fine = (swinging(t).counters["steps"] for t in (1e-8, 1e-12))
     assert fine / coarse == pytest.approx(10.0**0.5, rel=0.1)
 
@@ -719,7 +719,7 @@ def test_accelerations_refuse_an_unknown_formulation():
 
 
 def test_a_motion_that_grows_without_bound_is_a_failure_with_a_reason():
-    """A pushing spring at the centre of mass, L'' = 10^6 (L - 1): exp(1000 t) squared overflows at t = 0.35 s."""
+    """A spring of negative stiffness, L'' = 10^6 (L - 1): exp(1000 t) squared overflows at t = 0.35 s."""
     body = Body("b", 1.0, np.zeros(3), 0.1 * np.eye(3), ORIGIN)
     joint = drawn_joint("j", "free", {"b": body}, GROUND, "b", np.zeros(3), np.eye(3))
     spring = Spring("k", GROUND, "b", np.zeros(3), np.zeros(3), -1e6, 0.0, 1.0)

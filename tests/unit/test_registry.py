@@ -1,4 +1,4 @@
-"""Formulations by name: as a library, as engines of the harness, with other integrators and a Python callback."""
+"""Formulations by name: as a library, as engines of the harness, with other integrators and with a Python callback."""
 
 import numpy as np
 import pytest
@@ -149,7 +149,7 @@ def test_an_unknown_integrator_is_refused():
 
 
 def test_a_callback_acts_like_the_loads_it_stands_for():
-    """A following force off the centre and a torque in the world, once as loads, once from Python."""
+    """A following force off the centre and a world-fixed torque: once as loads, once from Python."""
     bare = chain("revolute", "spherical", "prismatic", seed=81)
     point, force, torque = np.array([0.2, -0.1, 0.3]), np.array([1.0, 2.0, -1.5]), np.array([0.4, -0.2, 0.7])
     loads = (Load("f", "force", "b1", force, "body", point), Load("m", "torque", "b2", torque, "world"))

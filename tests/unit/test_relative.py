@@ -1,4 +1,4 @@
-"""Relative joint coordinates against dense equations, motions of another formulation, and identities."""
+"""Relative form (joint coordinates) against dense equations, motions of another formulation, and identities."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ def relative(a, b):
 
 
 def violation(mechanism, state):
-    """Return the largest violation of the constraints on poses, and on velocities."""
+    """Return the largest violation of the constraints on poses, and of those on velocities."""
     rates = constraint_jacobian(mechanism, state) @ np.hstack([state.v_WB_W, state.w_WB_W]).ravel()
     rates = np.max(np.abs(rates - constraint_rates(mechanism)))
     return np.max(np.abs(constraint_residual(mechanism, state))), rates
@@ -77,7 +77,7 @@ def test_motions_are_those_of_the_null_space(name):
 
 @pytest.mark.parametrize("form", ["descriptor", "relative"])
 def test_redundant_rows_cost_no_digits_within_a_step(form):
-    """Of 14 rows 11 are independent; a new selection in each stage, off the manifold, costs the angle 1e-9."""
+    """Of 14 rows 11 are independent; selecting rows anew at every stage, off the manifold, would cost 1e-9 in angle."""
     case = load_case("hookes_joint_free")
     times = np.array([0.0, 0.5, 1.0])
     one, two = (simulate(case.mechanism, case.initial_state, times, 1e-12, f) for f in (form, "null_space"))
@@ -86,7 +86,7 @@ def test_redundant_rows_cost_no_digits_within_a_step(form):
 
 
 def test_steps_grow_fast_after_a_short_first_step():
-    """A rotation of constant acceleration, ``500 t^2`` rad, is exact at order eight: three steps suffice."""
+    """A rotation ``500 t^2`` rad is exact at order eight: three steps suffice."""
     case = load_case("seven_axis_arm_upright")
     times = np.linspace(0.0, 0.2, 6)
     motion = simulate(case.mechanism, case.initial_state, times, 1e-3, "relative")

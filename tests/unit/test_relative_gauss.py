@@ -1,4 +1,4 @@
-"""Collocation at Gauss points: coefficients by the powers that they integrate, motions against another integrator."""
+"""Gauss collocation in the relative form: coefficients by powers of c, motions against another integrator."""
 
 import numpy as np
 import pytest

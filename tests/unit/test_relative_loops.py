@@ -1,4 +1,4 @@
-"""Loops and samples of the relative form: structure of the factors, dense output, steps independent of samples."""
+"""Loops and samples of the relative form: sparsity of the factors, dense output, steps independent of samples."""
 
 from dataclasses import replace
 
@@ -57,7 +57,7 @@ def test_many_loops_have_the_accelerations_of_the_dense_equations(name):
 
 
 def test_work_on_a_row_of_loops_grows_linearly():
-    """Entries of the factors, and entries times columns, which the reflections touch."""
+    """Fill of the factors, and operations of the Householder reflections (entries times columns), are linear."""
     entries, touched = [], []
     for count in (20, 40, 80):
         group = loops_of(f"windows:count={count}").group
@@ -84,7 +84,7 @@ def test_every_direction_and_every_row_has_one_place(name):
 
 
 @pytest.mark.parametrize(("degree", "exact"), [(1, True), (4, True), (7, True), (8, False)])
-@pytest.mark.parametrize(("name", "rounding"), [("dop853", 1e-15), ("tp86", 2e-15)])  # weights to 528 and 830
+@pytest.mark.parametrize(("name", "rounding"), [("dop853", 1e-15), ("tp86", 2e-15)])  # largest weights 528 and 830
 def test_dense_output_is_exact_for_motions_up_to_degree_seven(name, rounding, degree, exact):
     h, x, method = 0.7, np.linspace(0.0, 1.0, 9), PAIRS[name]
     at = h * method.nodes
@@ -101,7 +101,7 @@ def test_dense_output_is_exact_for_motions_up_to_degree_seven(name, rounding, de
 
 @pytest.mark.parametrize(
     ("name", "span"),
-    # the arm whirls: by 1.5 s it has made 3e-10 of rounding, in every formulation and at any tolerance
+    # the whirling arm amplifies rounding to 3e-10 by 1.5 s, in every formulation and at any tolerance
     [("double_pendulum", 1.5), ("four_bar", 1.5), ("stewart_platform", 1.5), ("seven_axis_arm", 0.75)],
 )
 def test_samples_within_steps_are_as_good_as_the_ends_of_steps(name, span):
@@ -118,7 +118,7 @@ def test_samples_within_steps_are_as_good_as_the_ends_of_steps(name, span):
 
 @pytest.mark.parametrize("tolerance", [1e-12, 1e-13])
 def test_flat_poses_of_parallelograms_cost_no_digits(tolerance):
-    """The violation is the square of a coordinate: a violation of 1e-14 means an error of 3e-6 here."""
+    """The constraint is quadratic at a flat pose: a violation of 1e-14 means an error of 3e-6 in a coordinate."""
     case = load_case("n_four_bar_two-long")
     motion = simulate(case.mechanism, case.initial_state, np.array([0.0, 10.0]), tolerance, "relative")
     expected = [
@@ -133,7 +133,7 @@ def test_flat_poses_of_parallelograms_cost_no_digits(tolerance):
 @pytest.mark.parametrize("tolerance", [1e-7, 4e-9, 1e-9, 6e-12])
 @pytest.mark.parametrize("name", ["four_bar", "stewart_platform", "windows:count=3", "rolling_disc"])
 def test_samples_close_the_loops_to_rounding(name, tolerance):
-    """Where loops share bodies, for any order of the rows: other rows have entries in the fronts before."""
+    """Loops that share bodies, too, where fronts hold entries of other rows, in any order of elimination."""
     case = load_case(name)
     mechanism = case.mechanism
     motion = simulate(mechanism, case.initial_state, np.linspace(0.0, 1.0, 41), tolerance, "relative")
@@ -152,7 +152,7 @@ def test_samples_do_not_shorten_steps(name, method, more):
         for n in (2, 1001)
     )
     assert many["steps"] == few["steps"]
-    # so many evaluations more in a step with samples
+    # a step with samples needs a few more evaluations
     assert few["evaluations"] < many["evaluations"] <= few["evaluations"] + more * few["steps"] + 1
 
 
@@ -172,7 +172,7 @@ def pushed(push):
 
 
 def test_a_pulse_between_samples_is_not_passed_over():
-    """A force pulse of 0.1 s on 2 kg at rest: its impulse equals the momentum."""
+    """A force pulse of 0.1 s on 2 kg at rest: the momentum equals the impulse."""
     x = np.linspace(0.0, 6.0, 601)
     push = through(x, np.where((x > 3.0) & (x < 3.1), np.sin(np.pi * (x - 3.0) / 0.1) ** 6, 0.0))
     mechanism = pushed(push)
@@ -184,7 +184,7 @@ def test_a_pulse_between_samples_is_not_passed_over():
 
 
 def test_a_motion_may_end_where_a_table_ends():
-    """The eighth node of tp86 lies behind the end of a step, where the table has no value."""
+    """The eighth node of tp86 lies beyond the end of the step, where the table has no value."""
     x = np.linspace(0.0, 1.0, 21)
     mechanism = pushed(through(x, np.cos(x)))
     asked = (mechanism, initial_state(mechanism), np.array([0.0, 0.5, 1.0]), 1e-11, "relative")
@@ -199,7 +199,7 @@ def test_a_motion_may_end_where_a_table_ends():
     [("relative", "tp86", 0.5), ("relative", "dop853", 0.5), ("descriptor", "dop853", 10.0)],
 )
 def test_a_stage_that_overflows_rejects_the_step(formulation, integrator, span):
-    """The first attempts of a stiff motion at a loose tolerance lie so far off that their forces overflow."""
+    """First attempts at a loose tolerance take so long a step of a stiff motion that forces overflow."""
     case = load_case("flyball_governor")
     asked = (case.mechanism, case.initial_state, np.array([0.0, span]))
     loose, fine = simulate(*asked, 1e-4, formulation, integrator), simulate(*asked, 1e-10, "relative")
@@ -221,7 +221,7 @@ def test_the_default_integrator_is_taylor_in_a_plane_and_tp86_in_space_and_anoth
 
 
 def test_angles_that_no_element_reads_shorten_no_steps():
-    """The last link of the arm rotates by 500 t^2; with springs, however soft, turns are counted and steps limited."""
+    """The last link rotates by 500 t^2; joint springs, however soft, need counted turns, which limit the step."""
     case = load_case("seven_axis_arm_upright")
     springs = tuple(replace(s, stiffness=1e-30) for s in case.mechanism.joint_springs)
     found, counted = (

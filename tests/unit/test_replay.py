@@ -1,4 +1,4 @@
-"""What a page shows of a mechanism in motion is that mechanism, in that motion, fixed to the bodies that carry it."""
+"""Replays on pages: poses, differences, reactions and drift that a page shows are those of the motion."""
 
 import json
 import re
@@ -33,13 +33,13 @@ from mechanisms import chain, states_of
 
 
 def unpacked(text, bodies, width, frames):
-    """Numbers as the script of the page unpacks them: sums of 16-bit changes."""
+    """Decode numbers as the script of the page does: cumulative sums of 16-bit differences."""
     changes = np.frombuffer(b64decode(text), dtype="<i2").reshape(bodies, width, frames)
     return np.moveaxis(np.cumsum(changes, axis=-1, dtype=np.int16), -1, 0)
 
 
 def turning(count=200, rate=0.7, shift=0.0):
-    """Two bodies on circles that turn about skew axes; `shift` in m and rad sets them off."""
+    """Return two bodies on circles that turn about skew axes; `shift` adds a growing displacement, m and rad."""
     time = np.linspace(0.0, 4.0, count)
     axes = np.array([[0.6, 0.0, 0.8], [0.0, 1.0, 0.0]])
     p = np.stack([np.stack([np.cos(time + k), np.sin(time + k), 0.1 * time], axis=-1) for k in range(2)], axis=1)
@@ -63,7 +63,7 @@ def test_poses_come_back_to_sixteen_bits_and_do_not_change_their_sign():
 
 
 def test_a_difference_has_a_scale_of_its_own():
-    """1e-9 m and rad a second along known axes, too small for the poses themselves, come back to three digits."""
+    """A difference of 1e-9 m and rad per second, below the resolution of the poses, comes back to three digits."""
     reference, answer = turning(), turning(shift=1e-9)
     samples = chosen_samples(reference)
     found = encoded_difference(answer, reference, samples)
@@ -88,7 +88,7 @@ def test_frames_are_few_and_follow_what_turns_fast():
 
 @pytest.mark.parametrize("name", ["double_wishbone", "stewart_platform", "flyball_governor", "slider_crank"])
 def test_everything_drawn_is_fixed_to_the_body_that_carries_it(name):
-    """The scene of one state, in the poses of another, is the figure of the other."""
+    """Figure elements are fixed to bodies: the scene of one state, in the poses of another, is the other figure."""
     case = load_case(name)
     mechanism, state = case.mechanism, case.states[1]
     drawn = scene(mechanism, case.initial_state)
@@ -115,7 +115,7 @@ def pendulum():
 
 
 def hinged():
-    """A lumpy body on a skew hinge, at rest, twice."""
+    """Return a lumpy body on a skew hinge, at rest, with two samples."""
     mechanism = chain("revolute")
     state = states_of(mechanism)[1]
     still = np.zeros((2, *state.p_WB.shape))
@@ -127,7 +127,7 @@ def hinged():
 
 @pytest.mark.parametrize("speed", [0.0, 1.7])
 def test_reactions_of_a_pendulum_are_those_of_newton_and_euler(speed):
-    """About the hinge ``I alpha`` is the moment of the weight; the reaction is ``m (a_C - g)`` [any textbook]."""
+    """``I alpha`` about the hinge is the moment of the weight; the reaction is ``m (a_C - g)`` [any textbook]."""
     mechanism, state, answer = hinged()
     (body,), (joint,) = mechanism.bodies, mechanism.joints
     R = rotation_from_quaternion(state.quat_WB[0])
@@ -144,7 +144,7 @@ def test_reactions_of_a_pendulum_are_those_of_newton_and_euler(speed):
 
 
 def test_reactions_that_equilibrium_leaves_open_are_left_out():
-    """A planar four-bar at rest, pulled out of its plane: all that the hinges bear is what redundant rows share."""
+    """A planar four-bar at rest, loaded out of its plane: dependent rows carry the whole load."""
     case = load_case("four_bar")
     mechanism, state = replace(case.mechanism, gravity=np.array([0.0, -9.81, 0.0])), case.initial_state
     still = np.zeros((1, *state.p_WB.shape))
@@ -157,9 +157,9 @@ def test_reactions_that_equilibrium_leaves_open_are_left_out():
 def test_reactions_of_coupled_shafts_are_those_of_newton_and_euler(law):
     """An eccentric wheel, geared: ``T + s R = J_1 a``, ``-R = J_2 (s a + f'' w^2)``; its shaft bears m a_C alone.
 
-    Over more than a turn, which a law of another degree than one must count.
+    Over more than a turn: a nonlinear law needs counted turns.
     """
-    mechanism = load_case("gear_pair").mechanism  # torque of 6 N m on the first wheel; 10 and 100 kg m^2
+    mechanism = load_case("gear_pair").mechanism  # J = 10 and 100 kg m^2, torque of 6 N m on the first
     wheels = (replace(mechanism.bodies[0], com=np.array([0.2, 0.0, 0.0])), mechanism.bodies[1])
     mechanism = replace(mechanism, bodies=wheels, couplings=(replace(mechanism.couplings[0], law=law),))
     angle, rate = np.linspace(0.0, 7.5, 31), 1.3
@@ -188,13 +188,13 @@ def test_a_body_off_its_joint_drifts_by_as_much():
     mechanism, _, answer = hinged()
     off = answer.p_WB.copy()
     off[1] += [0.0, 0.0, 3e-4]
-    along = mechanism.joints[0].F.R.T @ [0.0, 0.0, 3e-4]  # on the ground: rows are along the axes of F
+    along = mechanism.joints[0].F.R.T @ [0.0, 0.0, 3e-4]  # joint rows use the axes of F, here on the ground
     moved = TrajectoryAnswer(answer.time, off, answer.quat_WB, answer.v_WB_W, answer.w_WB_W)
     assert drift_over_time(mechanism, moved, np.array([0, 1])) == pytest.approx([0.0, np.max(np.abs(along))], abs=1e-12)
 
 
 def runs_of(case, answer):
-    """Two levels by a matched method of an engine, one at its defaults, and the reference."""
+    """Return the runs of an engine at two matched levels and one at its defaults, and of the reference."""
 
     def run(engine, name, step, shift, profile=Profile.MATCHED):
         moved = answer.p_WB + np.linspace(0.0, shift, len(answer.time))[:, None, None]

@@ -1,4 +1,4 @@
-"""The pages say what the record says: verdicts, reasons, absent values as absent, and names as text."""
+"""Report pages: verdicts, reasons, missing values and names appear as the record has them."""
 
 import base64
 import gzip
@@ -138,7 +138,7 @@ MANIFEST = {"exact": ["joints"], "approximated": ["bodies of 1e-14 kg"]}
 
 
 def answered(name="swing", engine="good"):
-    """Runs and comparisons of an engine that answers everything, the reactions apart."""
+    """Return runs and comparisons of an engine that answers everything except reactions."""
     steps = (0.005, 0.0025, 0.00125)
     runs = [
         run(name, engine, "model", MODEL, answer={**ACCOUNT, "mass": 3.6}, manifest=MANIFEST),
@@ -188,7 +188,7 @@ def answered(name="swing", engine="good"):
 
 
 def troubled(name="swing"):
-    """An engine that crashes, one that cannot, one that differs, one whose difference is not finite."""
+    """Return four engines: one crashes, one has unsupported features, one differs, one has a non-finite difference."""
     crash = "the worker died: signal SIGSEGV"
     cannot = "rod: there is no such joint; spring: none either"
     runs = [
@@ -223,12 +223,12 @@ OBSERVABLES = [
 
 
 def probe(how, scale, **more):
-    """A run of a method at another softness, at the finest level, after all levels."""
+    """Return a run of a method at another softness and the finest level; such runs follow all levels."""
     return run("swing", "soft", "trajectory", {**how, "softness": scale}, step=0.0025, **more)
 
 
 def softened():
-    """An engine with soft constraints: matched, it is right; as it comes, it is not. The horizon lies at 3 s."""
+    """Return an engine with soft constraints: right with matched settings, wrong by default; the horizon is 3 s."""
     soft = {"softness": {"order": 1.03, "shift": 8.7e-4, "limit": 2.4e-9}}
     over_time = {"times": [0.0, 2.5, 5.0], "growth": [1.0, 1e6, 1e9], "horizon": 3.0, "reference_spread": 1e-13, **soft}
     missed = [quantity("accelerations", 2.2), quantity("reactions", 0.28, count=77, remark="86 values not determined")]
@@ -328,7 +328,7 @@ def hostile():
 
 
 class Structure(HTMLParser):
-    """Elements of a page: whether they nest, their identifiers, their links and their text."""
+    """Parsed page: nesting of elements, identifiers, links and text."""
 
     def __init__(self, text):
         super().__init__()
@@ -354,7 +354,7 @@ class Structure(HTMLParser):
 
 
 def whole(given, replays=None):
-    """Text of a page with everything that opens from it, as elements of its own."""
+    """Return the text of a page and of all pages packed into it, each as an element."""
     text = render_html(given, replays)
     opened = json.loads(unpacked(text, "pages"))
     return text + "".join(f'<div id="{name}">{html}</div>' for name, html in opened.items())
@@ -489,7 +489,7 @@ def test_the_page_is_sound_html_that_links_within_itself(name, request):
     given = request.getfixturevalue(name)
     structure = Structure(whole(given))
     assert structure.open == []
-    # only one page is open at a time: each may have a title of that name
+    # only one packed page is open at a time, so each may have this identifier
     ids = [name for name in structure.ids if name != "page-title"]
     assert len(set(ids)) == len(ids)
     links = [link.partition("?")[0] for link in structure.links]
@@ -541,7 +541,7 @@ def test_names_are_text_in_html(hostile):
 
 
 def unpacked(page, name):
-    """What lies packed in an element of the page, as its script unpacks it."""
+    """Return the decoded content of a packed element, as the script of the page decodes it."""
     found = re.search(rf'<script type="application/gzip" id="{name}">([A-Za-z0-9+/=]*)</script>', page).group(1)
     return gzip.decompress(base64.b64decode(found)).decode()
 
@@ -576,7 +576,7 @@ def test_markdown_has_the_matrix_the_reasons_and_the_orders(everything):
 
 
 def luminance(colour):
-    """Relative luminance of sRGB, as WCAG 2 defines it."""
+    """Return the relative luminance of an sRGB colour, as WCAG 2 defines it."""
     channels = [int(colour[n : n + 2], 16) / 255 for n in (1, 3, 5)]
     linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
@@ -605,7 +605,7 @@ def test_every_look_has_its_colours_and_no_two_share_a_symbol(everything):
 
 
 def results(*judged, missing=False):
-    """Results with comparisons of these verdicts and profiles."""
+    """Return results whose comparisons have these verdicts and profiles."""
     found = [Comparison("c", "e", Question.INSTANT, "m", Route.NATIVE, v, "", profile=p) for v, p in judged]
     return Results([], [], missing={"gone": "why"} if missing else {}, comparisons=found)
 
@@ -659,7 +659,7 @@ def test_what_a_user_of_the_defaults_gets_is_told_in_numbers(soft):
     assert (instant.first, motion.first, instant.count) == (True, False, 2)
     assert (instant.digits, instant.step, instant.finest) == ("0.0", wording.DASH, wording.DASH)
     assert instant.answer.cause == wording.CAUSES_BY_VERDICT[Verdict.MODEL]
-    # at the engine's own step: a third of the largest difference, as the largest comes past the horizon
+    # at the engine's own step; up to the horizon the largest difference is a third of that up to the end
     assert (motion.step, motion.digits) == ("0.002 s", "2.0")
     assert (motion.finest_step, motion.finest) == ("0.001 s", "0.7")
     assert motion.answer.cause == wording.CAUSES["softness"]
@@ -784,7 +784,7 @@ def test_a_method_without_reactions_has_no_open_ones_unless_all_are(counts, chip
 
 
 def test_the_record_counts_open_reactions_of_each_joint():
-    """A planar four-bar: out of its plane three rows depend on others, so no hinge knows its share of that load."""
+    """A planar four-bar: three dependent rows out of the plane, so the share of each hinge is not determined."""
     four_bar = load_case("four_bar")
     asked = Results([four_bar], [Question.INSTANT])
     (found,) = [line for line in lines(asked, 0.0) if line["record"] == "case"]
@@ -832,7 +832,7 @@ def test_work_and_steps_are_of_the_same_runs_and_defaults_are_hollow(soft):
     work, steps = (figures(soft)[f"{kind}.swing"]["data"] for kind in ("work", "steps"))
     assert [t["x"] for t in work] == [[0.1, 0.2], [0.1, 0.2]]
     assert [t["x"] for t in steps] == [[0.005, 0.0025], [0.002, 0.001]]
-    # a third of the largest: the largest comes past the horizon
+    # the largest difference up to the horizon is a third of that up to the end
     assert [t["y"] for t in work] == [t["y"] for t in steps] == [[2e-5, 1e-6], [0.01, 0.006667]]
     assert [t["marker"]["symbol"] for t in work] == ["circle", "square-open"]
     assert steps[0]["name"] == "weld, order 3.99"
@@ -841,7 +841,7 @@ def test_work_and_steps_are_of_the_same_runs_and_defaults_are_hollow(soft):
 def test_an_adaptive_method_stands_at_its_mean_step(everything):
     steps = figures(everything)["steps.swing"]["data"]
     adaptive = next(t for t in steps if t["name"] == "dopri")
-    assert adaptive["x"] == [0.005, 0.005]  # 5 s in 1000 steps
+    assert adaptive["x"] == [0.005, 0.005]  # mean step: 5 s in 1000 steps
     assert adaptive["text"] == ["tolerance 1e-08", "tolerance 1e-10"]
 
 
@@ -854,7 +854,7 @@ def test_anchors_are_fit_for_urls_and_differ_where_names_do():
 
 @pytest.mark.parametrize("kind", ["case", "cell", *OF_CASE])
 def test_a_cell_of_a_case_that_is_called_like_a_kind_of_element_has_an_address_of_its_own(kind):
-    cell = wording.cell_anchor(kind, "bar")  # the page or the figure of a case "bar" has the other
+    cell = wording.cell_anchor(kind, "bar")  # the page or the figure of a case "bar" has the plain anchor
     assert cell not in (wording.anchor(kind, "bar"), wording.cell_anchor("cell", f"{kind}.bar"))
     assert wording.cell_anchor("four_bar", "mujoco") == "four_bar.mujoco"
 

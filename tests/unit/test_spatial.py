@@ -1,4 +1,4 @@
-"""Rotations against algebra: SciPy's rotations, the matrix exponential, Rodrigues' formula and worked examples."""
+"""Rotations and frames against SciPy, the matrix exponential, Rodrigues' formula and worked examples."""
 
 import numpy as np
 import pytest
@@ -48,7 +48,7 @@ def test_skew_is_the_cross_product(seed):
 @pytest.mark.parametrize("seed", SEEDS)
 def test_matrix_of_a_quaternion_is_that_of_scipy(seed):
     q = random_quaternion(np.random.default_rng(seed))
-    expected = Rotation.from_quat(q[[1, 2, 3, 0]]).as_matrix()  # SciPy's scalar comes last
+    expected = Rotation.from_quat(q[[1, 2, 3, 0]]).as_matrix()  # SciPy has the scalar last
     np.testing.assert_allclose(rotation_from_quaternion(q), expected, rtol=0, atol=1e-15)
 
 
@@ -82,7 +82,7 @@ def test_quaternion_comes_back_from_its_matrix_whichever_component_is_largest(la
     q[largest] = 1.0
     q /= np.linalg.norm(q)
     back = quaternion_from_rotation(rotation_from_quaternion(q))
-    np.testing.assert_allclose(back, q, rtol=0, atol=4e-16)  # the largest component is positive in both
+    np.testing.assert_allclose(back, q, rtol=0, atol=4e-16)  # in both, the largest component is positive
     assert np.linalg.norm(back) == pytest.approx(1.0, abs=3e-16)
 
 
@@ -94,7 +94,7 @@ def test_product_of_quaternions_is_the_product_of_matrices(seed):
     np.testing.assert_allclose(R, rotation_from_quaternion(p) @ rotation_from_quaternion(q), rtol=0, atol=2e-15)
 
 
-def test_units_of_the_quaternions_multiply_as_hamilton_carved_them():
+def test_quaternion_units_multiply_by_hamiltons_rules():
     one, i, j, k = np.eye(4)
     for a, b, ab in [(i, j, k), (j, k, i), (k, i, j), (i, i, -one), (j, j, -one), (k, k, -one), (one, k, k)]:
         np.testing.assert_array_equal(quaternion_product(a, b), ab)
@@ -103,7 +103,7 @@ def test_units_of_the_quaternions_multiply_as_hamilton_carved_them():
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_rotation_vector_is_the_logarithm_of_the_matrix(seed):
-    phi = np.random.default_rng(seed).uniform(-1.8, 1.8, size=3)  # at most 3.12 < pi long
+    phi = np.random.default_rng(seed).uniform(-1.8, 1.8, size=3)  # length at most 3.12 < pi
     q = quaternion_from_rotation_vector(phi)
     np.testing.assert_allclose(rotation_from_quaternion(q), expm(skew(phi)), rtol=0, atol=1e-14)
     np.testing.assert_allclose(rotation_vector_from_quaternion(q), phi, rtol=0, atol=2e-15)
@@ -136,7 +136,7 @@ def test_elementary_rotation_is_the_exponential(axis, angle):
 )
 def test_angles_turn_about_the_carried_axes_as_in_scipy(function, sequence, seed):
     angles = np.random.default_rng(seed).uniform(-3, 3, size=3)
-    expected = Rotation.from_euler(sequence, angles).as_matrix()  # capital letters: carried axes
+    expected = Rotation.from_euler(sequence, angles).as_matrix()  # capital letters: body-fixed axes
     np.testing.assert_allclose(function(angles), expected, rtol=0, atol=1e-15)
 
 
@@ -213,7 +213,7 @@ def test_euler_parameter_matrix_turns_rates_into_body_angular_velocity(seed):
     G = euler_parameter_matrix(q)
     np.testing.assert_allclose(G @ G.T, np.eye(3), rtol=0, atol=1e-15)
     np.testing.assert_allclose(G @ q, np.zeros(3), rtol=0, atol=1e-15)
-    # a body that turns steadily with w': q(t) = q exp(w' t / 2)
+    # rotation at constant w': q(t) = q exp(w' t / 2)
     ahead, behind = (quaternion_product(q, quaternion_from_rotation_vector(s * h * w_body)) for s in (1, -1))
     rate = (ahead - behind) / (2 * h)
     np.testing.assert_allclose(0.5 * G.T @ w_body, rate, rtol=0, atol=1e-9)
@@ -238,7 +238,7 @@ def test_angle_between_orientations_works_on_stacks():
 
 
 def test_a_continuous_series_of_quaternions_is_what_signs_made_of_it():
-    """Two bodies turn steadily through two turns; random signs are put on the samples and must come off again."""
+    """Two bodies through two turns: random signs of the samples are removed."""
     angles = np.linspace(0.2, 4 * np.pi, 60)
     axes = np.array([[0.6, 0.0, 0.8], [0.0, -1.0, 0.0]])
     steady = np.array([[quaternion_from_rotation_vector(a * axis) for axis in axes] for a in angles])

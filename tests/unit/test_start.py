@@ -1,4 +1,4 @@
-"""The command line starts without the numerical libraries, and simulates with the reference in its own process."""
+"""Start of the command line without numerical libraries; `simulate` with the reference in the same process."""
 
 import json
 import subprocess

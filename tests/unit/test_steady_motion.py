@@ -31,11 +31,11 @@ G = 9.81
 
 MASS, ARM, J3, J_CENTRE = 1.7, 0.3, 0.021, 0.05
 J1 = J_CENTRE + MASS * ARM**2
-"""Moment of inertia across the axis, about the pivot."""
+"""Moment of inertia about an axis through the pivot, perpendicular to the axis of symmetry."""
 
 
 def top(theta):
-    """A symmetric top on a ball joint in a skew world, its body frame off axis; upright in the drawing at theta."""
+    """Return a symmetric top on a ball joint in a skew world, drawn at theta from the vertical, body frame off axis."""
     rng = np.random.default_rng(3)
     world, R_BM, p_M = rotation(rng), rotation(rng), np.array([0.05, -0.1, 0.2])
     axis = R_BM[:, 2]
@@ -47,12 +47,12 @@ def top(theta):
 
 
 def by_frequency(values):
-    """Eigenvalues in an order that rounding does not change."""
+    """Return the eigenvalues in an order that rounding does not change."""
     return sorted(values, key=lambda s: (round(float(np.imag(s)), 6), float(np.real(s))))
 
 
 def moving(found):
-    """Eigenvalues other than the zeros of cyclic coordinates, which rounding makes real or conjugate."""
+    """Return the eigenvalues without those of cyclic coordinates, which are zero up to rounding."""
     return found.eigenvalues[found.frequencies > 1e-4 * found.frequencies[-1]]
 
 
@@ -61,7 +61,7 @@ def spinning(mechanism, w_F):
 
 
 def axis_of(theta):
-    """Axis of the top in axes of F: the drawing turns it by 0.4 rad about z, then by theta about x."""
+    """Return the axis of the top in axes of F: rotated by 0.4 rad about z, then by theta about x, in the drawing."""
     return elementary_rotation(2, 0.4) @ elementary_rotation(0, theta) @ np.array([0.0, 0.0, 1.0])
 
 
@@ -81,7 +81,7 @@ def test_nutation_of_a_top_in_steady_precession(theta, precession):
     nutation = np.sqrt((a - precession * c) ** 2 + precession**2 - 2 * beta * c)
     assert found.frequencies[-1] == pytest.approx(nutation, rel=1e-8)
     assert abs(found.damping_ratios[-1]) < 1e-8
-    assert np.all(found.frequencies[:-1] < 1e-4 * nutation)  # precession and spin: two zeros each
+    assert np.all(found.frequencies[:-1] < 1e-4 * nutation)  # precession and spin: two zero eigenvalues each
     assert len(found.eigenvalues) in (3, 4, 5)
     assert found.stable
     assert found.coordinates == ("ball.orientation[0]", "ball.orientation[1]", "ball.orientation[2]")
@@ -89,7 +89,7 @@ def test_nutation_of_a_top_in_steady_precession(theta, precession):
 
 @pytest.mark.parametrize("factor", [0.5, 0.9, 1.1, 4.0])
 def test_a_sleeping_top_is_stable_if_it_spins_fast_enough(factor):
-    """``s^2 - i a s - m g l/J1 = 0`` for the axis: stable from a^2 = 4 m g l/J1 on."""
+    """The axis has ``s^2 - i a s - m g l/J1 = 0``, a = J3 w3/J1: stable from a^2 = 4 m g l/J1 on."""
     mechanism, _ = top(0.0)
     beta = MASS * G * ARM / J1
     a = 2.0 * np.sqrt(beta) * factor
@@ -101,14 +101,14 @@ def test_a_sleeping_top_is_stable_if_it_spins_fast_enough(factor):
 
 
 def test_nutation_shape():
-    """A fast top nearly free of gravity nutates in a circle: 90 degrees between its two directions."""
+    """Nutation of a fast top with little gravity is circular: phase of 90 degrees between the two tilts."""
     mechanism, _ = top(0.0)
     mechanism = replace(mechanism, gravity=1e-6 * mechanism.gravity)
     w = 100.0
     found = linearise_steady_motion(mechanism, spinning(mechanism, np.array([0.0, 0.0, w])), [("ball", "orientation")])
     x, y = found.shapes[-1][:2]
     assert found.frequencies[-1] == pytest.approx(J3 * w / J1, rel=1e-6)
-    assert y / x == pytest.approx(-1j, abs=1e-6)  # with the spin, counter-clockwise about z
+    assert y / x == pytest.approx(-1j, abs=1e-6)  # same sense as the spin: counter-clockwise about z
     assert (
         np.max(np.abs(constraint_jacobian(mechanism, spinning(mechanism, [0, 0, w])) @ found.modes[-1].ravel())) < 1e-9
     )
@@ -118,12 +118,12 @@ def test_nutation_shape():
 
 
 class Rotating:
-    """One angle b on a shaft that turns freely about z: ``T = I W^2/2 + h W b' + J b'^2/2``, V(b).
+    """Closed form of one angle b on a shaft that turns freely about z: ``T = I W^2/2 + h W b' + J b'^2/2``, V(b).
 
     With the momentum p of the shaft constant, ``m b'' + c b' + U' = 0`` with ``m = J - h^2/I`` and
     ``U = V + p^2/(2 I)``: the term of first degree in b' of the Routhian is a total derivative (Routh, 1877). Parts:
-    mass, centre of mass and inertia as functions of b seen from the shaft, and the turn of the part per b about the
-    hinge direction n.
+    mass, centre of mass and inertia as functions of b in axes of the shaft, and the angle per b by which the part
+    turns about the hinge direction n.
     """
 
     def __init__(self, parts, gravity, n):
@@ -144,7 +144,7 @@ class Rotating:
         return inertia, h, J, V
 
     def slope(self, b, speed):
-        """``dV/db - W^2 dI/db / 2``: zero in steady rotation at W."""
+        """Return ``dV/db - W^2 dI/db / 2``, which is zero in steady rotation at W."""
 
         def lagrangian(x):
             inertia, _, _, V = self.coefficients(x)
@@ -165,12 +165,12 @@ class Rotating:
 
 
 def derivative(f, x, h=4e-3):
-    """Central difference of the sixth order."""
+    """Return the derivative by a sixth-order central difference."""
     return sum(w * (f(x + k * h) - f(x - k * h)) for k, w in ((1, 45), (2, -9), (3, 1))) / (60 * h)
 
 
 def turned(body, hinge, R_hinge, axis_R, sign):
-    """Centre of mass and inertia of a body that turns by ``sign * b`` about an axis through `hinge`."""
+    """Return, as functions of b, centre of mass and inertia of a body turned by ``sign * b`` about an axis."""
     R0 = body.drawing.R
     arm = body.drawing.p + R0 @ body.com - hinge
 
@@ -181,7 +181,7 @@ def turned(body, hinge, R_hinge, axis_R, sign):
 
 
 def pendulum_on_a_shaft(damping=0.0):
-    """Lumpy arm, hinged across a lumpy shaft that turns freely about the vertical."""
+    """Return a lumpy arm, hinged across a lumpy shaft that turns freely about the vertical, and its closed form."""
     rng = np.random.default_rng(12)
     bodies = {n: lumpy_body(n, rng) for n in ("shaft", "arm")}
     hinge = np.array([0.2, 0.1, 0.3])
@@ -200,7 +200,7 @@ def pendulum_on_a_shaft(damping=0.0):
 
 
 def steady_angles(oracle, speed):
-    """All angles of the arm at which it rests on a shaft of that speed."""
+    """Return all angles of the arm in relative equilibrium on a shaft of that speed."""
     grid = np.linspace(-np.pi, np.pi, 400)
     slopes = np.array([oracle.slope(b, speed) for b in grid])
     return [
@@ -232,7 +232,7 @@ def test_a_lumpy_pendulum_on_a_free_shaft(speed, damping):
 
 
 def conical(length, inertia=1e-9):
-    """Small bob on a light arm at a universal joint whose first axis is the vertical."""
+    """Return a small bob on a light arm at a universal joint with a vertical first axis."""
     body = Body("bob", 1.0, np.array([0.0, 0.0, -length]), inertia * np.eye(3), ORIGIN)
     return Mechanism(
         "conical", np.array([0, 0, -G]), (body,), (Joint("u", "universal", GROUND, "bob", ORIGIN, ORIGIN),)
@@ -241,7 +241,7 @@ def conical(length, inertia=1e-9):
 
 @pytest.mark.parametrize("angle", [0.2, 0.8, 1.3])
 def test_a_conical_pendulum_vibrates_at_the_root_of_one_plus_three_cosines_squared(angle):
-    """``nu = W sqrt(1 + 3 cos^2)``, ``W^2 = g/(l cos)``, exact for a point (Landau and Lifshitz, section 14)."""
+    """``nu = W sqrt(1 + 3 cos^2)``, ``W^2 = g/(l cos)``, exact for a point mass (Landau and Lifshitz, section 14)."""
     mechanism = conical(0.5)
     W = np.sqrt(G / (0.5 * np.cos(angle)))
     state = initial_state(mechanism, Initial({"u": {"angle2": angle}}, {"u": {"angle1": W, "angle2": 0.0}}))
@@ -254,7 +254,7 @@ def test_a_conical_pendulum_vibrates_at_the_root_of_one_plus_three_cosines_squar
 
 
 def governor():
-    """Shaft, two arms, two links, sleeve: rhombus loops of lumpy bodies, redundant in their plane."""
+    """Return a governor of shaft, two arms, two links, sleeve: lumpy bodies, planar loops with redundant rows."""
     rng = np.random.default_rng(19)
     names = ("shaft", "arm_1", "arm_2", "link_1", "link_2", "sleeve")
     bodies = {n: lumpy_body(n, rng) for n in names}
@@ -315,7 +315,7 @@ def test_a_governor_of_lumpy_bodies(damping):
     assert found.A.shape == (4, 4)
 
 
-# ---------------------------------------------------------------- at rest, and refusals
+# ---------------------------------------------------------------- equilibrium, and refusals
 
 
 @pytest.mark.parametrize(
@@ -341,7 +341,7 @@ def test_motions_that_are_not_steady_say_how_far_they_are():
         linearise_steady_motion(mechanism, state_of(angle + 0.1), [("shaft", "angle")])
     with pytest.raises(NotSteady, match=r"'hinge\.angle' is not cyclic, but moves at 0\.5"):
         linearise_steady_motion(mechanism, state_of(angle, hinge=0.5), [("shaft", "angle")])
-    # a pendulum at its lowest point has no acceleration there, and a moment later it has
+    # a moving pendulum at its lowest point: the acceleration is zero at this instant only
     plane = Mechanism(
         "plane",
         np.array([0, 0, -G]),

@@ -1,4 +1,4 @@
-"""Taylor's method in the plane: coefficients, steps, and motions that other integrators take."""
+"""Taylor's method for planar mechanisms: coefficients, steps, and motions against other integrators."""
 
 import numpy as np
 import pytest
@@ -21,11 +21,11 @@ SERIES += ("closed_revolute", "closed_prismatic", "closed_point_on_line")
 
 
 LENGTHS = {1: 0.01, 2: 0.02, 3: 0.03, 5: 0.06, 8: 0.05}
-"""Length of a step, in units of the fastest rate, in which a series of some order is good to a few digits."""
+"""By order: length of a step, in units of the fastest rate, at which a few digits are correct."""
 
 
 def one_step(mechanism, state, h, order):
-    """Return the velocities of the bodies, stacked, after one step by a series of some order."""
+    """Return the velocities of all bodies after one step by a series of the given order."""
     prepared = _prepare(mechanism, False)
     working = prepared.working("taylor")
     z = pack_state(prepared.links, prepared.packing, state)
@@ -41,7 +41,7 @@ def one_step(mechanism, state, h, order):
 @pytest.mark.parametrize("order", LENGTHS)
 @pytest.mark.parametrize("name", SERIES)
 def test_the_error_of_a_step_has_the_order_of_the_series_plus_one(name, order):
-    """Against collocation in space: the error of speeds goes with the order plus one, or a term happens to be small."""
+    """Against Gauss collocation in space: the error of velocities goes with h^(order + 1), or better by chance."""
     mechanism = PLANAR[name]
     (state,) = states_of(mechanism, 1)
     rate = max(1.0, np.max(np.abs(state.w_WB_W)), np.max(np.abs(state.v_WB_W)))
@@ -62,7 +62,7 @@ def test_loops_are_closed_by_rows_of_every_kind():
 
 @pytest.mark.parametrize("tolerance", 10.0 ** -np.arange(3, 14.1, 0.5))
 def test_a_motion_from_rest_is_as_accurate_as_asked(tolerance):
-    """Every second coefficient is zero, and another one may be small at any order."""
+    """From rest every second coefficient is zero, and others may be small at any order."""
     case = load_case("chrono_double_pendulum")
     asked = case.mechanism, case.initial_state, np.linspace(0.0, 2.0, 3)
     found, fine = simulate(*asked, tolerance, "relative", "taylor"), simulate(*asked, 1e-14, "relative", "dop853")
@@ -104,7 +104,7 @@ def test_samples_cost_no_steps_and_are_closed():
 
 
 def test_order_grows_with_the_digits():
-    """The last term of a geometric series of ratio x is x^p."""
+    """The order p makes the last term x^p of a geometric series of ratio x as small as the tolerance."""
     orders = [order_for(10.0**-digits) for digits in range(3, 15)]
     assert orders == sorted(orders)
     assert (orders[0], orders[-1]) == (6, 24)
@@ -121,7 +121,7 @@ def test_another_integrator_takes_motions_through_poses_that_lose_rank():
 
 
 def test_an_abandoned_motion_does_not_change_the_next():
-    """Work arrays are reused: a motion before and one after are equal to the last bit."""
+    """Work arrays are reused: the motions before and after an abandoned one are equal to the last bit."""
     case = load_case("parallelogram")
     asked = case.mechanism, case.initial_state, np.linspace(0.0, 1.0, 5)
     before, left, after, again = (simulate(*asked, tol, "relative") for tol in (1e-10, 1e-12, 1e-10, 1e-12))
@@ -146,7 +146,7 @@ def test_a_motion_that_is_not_finite_is_no_answer():
 
 
 def test_a_series_that_ends_is_one_step():
-    """A body that slides down a plane: its series has three terms."""
+    """A body that slides down a plane has a series of three terms."""
     case = load_case("adams_prismatic_02")
     motion = simulate(case.mechanism, case.initial_state, np.linspace(0.0, 5.0, 11), 1e-12, "relative")
     assert motion.counters["steps"] == 1

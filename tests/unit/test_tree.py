@@ -1,4 +1,4 @@
-"""The tree of elementary joints is the mechanism: forward kinematics of the tree gives the poses back."""
+"""The tree of elementary joints: its forward kinematics reproduces the poses of the mechanism."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ ALL = TREES | LOOPS
 
 
 def forward_kinematics(tree, coords):
-    """World pose and twist (w, velocity of the link's origin) of every link."""
+    """Return world pose and twist (w, velocity of the link's origin) of every link."""
     result = []
     for link, c in zip(tree.links, coords, strict=True):
         R, p, w, v = (np.eye(3), np.zeros(3), np.zeros(3), np.zeros(3)) if link.parent < 0 else result[link.parent]
@@ -63,7 +63,7 @@ def test_links_stand_depth_first_and_carry_the_whole_mass(name):
     open_path = [-1]
     for i, link in enumerate(tree.links):
         while open_path[-1] != link.parent:
-            open_path.pop()  # IndexError here would mean: not depth first
+            open_path.pop()  # IndexError: the links are not in depth-first order
         open_path.append(i)
     for b, body in enumerate(mechanism.bodies):
         assert sum(link.mass for link in tree.links if link.body == b) == pytest.approx(body.mass, rel=1e-15)

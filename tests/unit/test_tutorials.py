@@ -1,7 +1,4 @@
-"""The tutorials run top to bottom, and every number printed in them is the one written beside it.
-
-The API page names what there is: every public name, its arguments, its fields.
-"""
+"""Tutorials run from top to bottom and print the numbers in their text; the API page lists all public names."""
 
 import ast
 import dataclasses
@@ -21,7 +18,7 @@ NAMES = ("intro", "exu", "c4", "attia", "mass")
 
 NUMBER = r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?"
 EXACT = 1e-9
-"""How near a float must be to a number written without a decimal point."""
+"""Tolerance for a float whose expected value is written without a decimal point."""
 
 
 def text_of(name):
@@ -29,7 +26,7 @@ def text_of(name):
 
 
 def script(text):
-    """The code blocks of a page as one script, on the lines they have in the page, so that errors point there."""
+    """Return the code blocks of a page as one script, on the same line numbers, so that errors point to the page."""
     lines, inside = [], False
     for line in text.splitlines():
         fence = line.startswith("```")
@@ -39,7 +36,7 @@ def script(text):
 
 
 def uncertainty(number):
-    """Half a unit in the last digit written."""
+    """Return half a unit in the last written digit."""
     mantissa, _, power = number.partition("e")
     if "." not in mantissa:
         return EXACT
@@ -47,7 +44,7 @@ def uncertainty(number):
 
 
 def mismatch(values, written):
-    """What is wrong with a result written in a page, or None."""
+    """Return how a result differs from the one written in a page, or None."""
     if bound := re.fullmatch(rf"< ({NUMBER})", written):
         worst = max(float(np.max(np.abs(np.asarray(value, dtype=float)))) for value in values)
         return None if worst < float(bound[1]) else f"{worst} is not below {bound[1]}"
@@ -67,7 +64,7 @@ def mismatch(values, written):
 
 
 def run(text, name):
-    """Execute the code of a page statement by statement and compare what it prints; the number of results compared."""
+    """Run a page statement by statement, compare what it prints, and return the number of results compared."""
     source = script(text)
     lines = source.splitlines()
     printed: list[tuple[object, ...]] = []
@@ -138,7 +135,7 @@ COMPLETE = ("consilience.reference", "consilience.reference.analyses", "consilie
 
 
 def entries():
-    """(module, entry as written, lines below it) of the API page: headings, and first cells of tables without any."""
+    """Yield (module, entry as written, lines below) of the API page: headings; first cells in sections without any."""
     for section in API.read_text(encoding="utf-8").split("\n## ")[1:]:
         title, _, body = section.partition("\n")
         parts = body.split("\n### ")
@@ -154,7 +151,7 @@ ENTRIES = list(entries())
 
 
 def first_cells(text):
-    """Names in the first column of tables."""
+    """Return the names in the first column of tables."""
     cells = re.findall(r"^\| ((?:`\w+`(?:, )?)+) \|", text, flags=re.MULTILINE)
     return [name for cell in cells for name in re.findall(r"`(\w+)`", cell)]
 
@@ -174,7 +171,7 @@ def test_the_api_page_is_true(module, written, below):
 
 
 def plain(signature):
-    """Arguments with defaults and without types, strings in double quotes, defaults that are made anew as dots."""
+    """Return arguments with defaults and without types: strings in double quotes, default factories as dots."""
     parts = [
         p.name if p.default is p.empty else f"{p.name}={p.default!r}".replace("'", '"').replace("<factory>", "...")
         for p in signature.parameters.values()

@@ -1,4 +1,4 @@
-"""Ladders, bands, horizon: on errors that are known, on motions that are known."""
+"""Ladders of levels, bands, horizon and coverage, for known errors and known motions."""
 
 from dataclasses import replace
 
@@ -58,19 +58,19 @@ def test_the_band_holds_the_true_error_and_is_not_wide(name):
     by_name = {e.name: e for e in found}
     true = np.max(OBSERVABLES["position"](answers[-1], TRUE, scales))
     assert true <= by_name["position"].band <= 20.0 * true
-    assert by_name["orientation"].change < 1e-7  # nothing turns but the motion itself
+    assert by_name["orientation"].change < 1e-7  # the errors displace and do not rotate
     assert by_name["orientation"].order is None
 
 
 @pytest.mark.parametrize(
     ("order", "declared", "expected"),
     [
-        (2.0, 2, 1.25 / 3.0),  # Roache: factor 1.25
-        (2.3, 2, 1.25 / 3.0),  # no more than the declared order
+        (2.0, 2, 1.25 / 3.0),  # at the declared order: Roache's safety factor 1.25
+        (2.3, 2, 1.25 / 3.0),  # the observed order counts up to the declared one
         (1.6, 2, 1.25 / (2.0**1.6 - 1.0)),
-        (1.4, 2, 3.0 / (2.0**1.4 - 1.0)),  # factor 3, the observed order
-        (0.1, 2, 3.0 / (2.0**0.5 - 1.0)),  # no less than a half
-        (5.0, 2, 3.0 / 3.0),  # no more than the declared one
+        (1.4, 2, 3.0 / (2.0**1.4 - 1.0)),  # far from the declared order: safety factor 3, observed order
+        (0.1, 2, 3.0 / (2.0**0.5 - 1.0)),  # the order counts from a half on
+        (5.0, 2, 3.0 / 3.0),  # and up to the declared one
         (None, 2, 3.0 / 3.0),
     ],
 )
@@ -99,7 +99,7 @@ def test_without_a_ladder_there_is_no_estimate():
         (2, lambda h: 5.0 * h**2, False),
         (4, lambda h: 0.1 * h, True),
         (2, lambda h: 0.5 * np.tanh(3e3 * h**2), True),
-        (2, lambda h: 1e-14 * h, False),  # rounding: no finer level would show an order
+        (2, lambda h: 1e-14 * h, False),  # rounding: finer levels would show no order
     ],
 )
 def test_levels_are_added_until_the_order_settles(order, error, more):
@@ -134,7 +134,7 @@ def test_displaced_states_are_near_and_consistent(mechanism):
 
 
 def test_growth_is_that_of_an_inverted_pendulum():
-    """A physical pendulum near its upper rest departs as cosh(k t), k^2 = m g l / J."""
+    """A physical pendulum near its upper equilibrium departs as cosh(k t), k^2 = m g l / J."""
     mechanism = TREES["single_revolute"]
     (body,), (joint,) = mechanism.bodies, mechanism.joints
     arm = body.com - joint.M.p
@@ -142,7 +142,7 @@ def test_growth_is_that_of_an_inverted_pendulum():
     across = arm - (arm @ axis) * axis
     inertia = axis @ body.inertia @ axis + body.mass * across @ across
     start = initial_state(mechanism)
-    # gravity straight against the arm of the drawing, so that the drawing is the upper rest
+    # gravity against the arm of the drawing: the drawing is the upper equilibrium
     up = across / np.linalg.norm(across)
     R = body.drawing.R
     upright = replace(mechanism, gravity=-9.81 * (R @ up), joint_springs=(), springs=(), loads=())
@@ -175,11 +175,11 @@ def test_samples_are_judged_up_to_the_digits_asked(digits):
 def test_the_uncertainty_of_the_reference_ends_judgement_only_where_the_motion_amplifies_it():
     spread = np.array([0.0, 1e-9, 1e-7, 1e-6])
     assert judged_samples(np.array([1.0, 10.0, 1e4, 1e5]), spread, 8) == 2
-    assert judged_samples(np.array([1.0, 2.0, 3.0, 4.0]), spread, 8) == 4  # this reference is just uncertain
+    assert judged_samples(np.array([1.0, 2.0, 3.0, 4.0]), spread, 8) == 4  # uncertainty without growth ends nothing
 
 
 def test_growth_goes_on_at_its_rate_where_differences_are_not_small_any_more():
-    """exp(8 t) until the difference is of the size of the motion, where it cannot grow any further."""
+    """Growth is extrapolated as exp(8 t) once differences reach the size of the motion and saturate."""
     true_growth = np.exp(8.0 * TIMES)
     wave = motion(np.minimum(1e-8 * true_growth, 0.3) * SIZE)
     found = growth(MECHANISM, TRUE, [wave])
@@ -203,7 +203,7 @@ def test_coverage_is_the_part_that_holds_and_the_median_width():
     assert coverage(found) == (0.75, 3.0)
     assert exit_code(found) == 1
     assert exit_code([trial(1.0, 2.0)] * 19 + [trial(1.0, 0.5)]) == 0
-    assert exit_code([trial(1.0, 50.0)] * 3) == 1  # holds, and says nothing
+    assert exit_code([trial(1.0, 50.0)] * 3) == 1  # every band holds, but all are too wide to be useful
     assert exit_code([Skipped("c", "e", "m", "no ladder of steps")]) == 3
 
 

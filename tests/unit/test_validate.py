@@ -1,4 +1,4 @@
-"""`consilience validate`: what a case holds and what engines will make of it, before anything runs."""
+"""`consilience validate`: contents of a case, and what engines will make of the case, before any run."""
 
 import json
 from dataclasses import replace
@@ -35,7 +35,7 @@ PLAIN = {
     ],
     "joint_spring": [{"name": "stiff", "joint": "slide", "coordinate": "distance", "stiffness": 8e4}],
 }
-"""A symmetric box on a stiff spring: 200 rad/s."""
+"""A symmetric box on a stiff spring: natural frequency 200 rad/s."""
 
 
 @pytest.fixture
@@ -52,21 +52,21 @@ def plain(**changes):
     return cases_from_tables("plain", "plain.toml", PLAIN | changes)[0]
 
 
-def test_a_four_bar_has_three_rows_too_many_across_its_plane():
+def test_a_four_bar_has_three_redundant_rows_out_of_its_plane():
     (case,) = family_cases("four_bar")
     facts = anatomy(case.mechanism, case.initial_state)
     assert (facts.freedom, facts.rows, facts.redundant) == (1, 20, 3)
     assert facts.dependent == dict.fromkeys(
         ("crank_pivot", "crank_pin", "rocker_pin", "rocker_pivot"), ("Z", "D13", "D23")
     )
-    # across the plane the loads may go either way round; in it they are determined
+    # loads out of the plane are statically indeterminate, in the plane determinate
     assert set(facts.undetermined.values()) == {("force z", "torque x", "torque y")}
     assert facts.residual < 1e-14
     assert facts.features == ("revolute joint",)
 
 
 def test_a_single_dependency_is_found_where_a_ball_closes_the_loop():
-    """Revolute joints but for one: 18 rows of rank 17; the ball takes part across the plane only."""
+    """Three revolutes and a spherical joint: 18 rows of rank 17; only the row Z of the spherical joint is dependent."""
     mechanism = family_cases("four_bar")[0].mechanism
     joints = (*mechanism.joints[:3], replace(mechanism.joints[3], kind="spherical"))
     mechanism = replace(mechanism, joints=joints)
@@ -119,7 +119,7 @@ def test_a_weak_case_is_warned_about(doubt):
 
 
 @pytest.mark.parametrize("name", ["parallel_rods", "top", "four_bar", "spring_chain", "mass_ratio"])
-def test_a_good_case_is_not(name):
+def test_a_good_case_has_no_warnings(name):
     assert warnings(family_cases(name)[0]) == []
 
 
@@ -143,7 +143,7 @@ def test_what_is_invalid_is_told_beside_what_is_not(files):
 
 def test_a_crash_of_an_engine_is_one_line_and_the_others_go_on(files, monkeypatch):
     monkeypatch.syspath_prepend(str(PLUGINS))
-    first = Path(files[0]).rename(Path(files[0]).with_name("first.toml"))  # what these engines trip over
+    first = Path(files[0]).rename(Path(files[0]).with_name("first.toml"))  # the test engines fail on this name
     (found,) = validate_cases([str(first)], ["honest", "broken_import", "cannot_plan"], limit=120.0)
     shown = text(found).splitlines()
     (line,) = [line for line in shown if line.startswith("  broken_import")]

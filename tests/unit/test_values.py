@@ -1,4 +1,4 @@
-"""The page of expected values: it shows what is missed, and its command ends accordingly."""
+"""Page of expected values: missed values are marked, and the exit code of the command shows them."""
 
 import json
 from dataclasses import replace
