@@ -1,4 +1,4 @@
-"""What frames have in common is written and read once, and nobody can tell: values, jobs and keys are as they were."""
+"""Cached forms of frames: header parts that repeat are written and read once, without any effect on values and keys."""
 
 import numpy as np
 import pytest
@@ -15,13 +15,13 @@ ONE, OTHER = list(MECHANISMS.values())[:2]
 
 
 def received(data):
-    """The one frame of some bytes."""
+    """The frame that some bytes hold."""
     (frame,) = read_frames(_Bytes(data))
     return frame
 
 
 class Repeats(Server):
-    """A worker that gives prepared answers, in turn."""
+    """A worker that returns prepared answers in turn."""
 
     def __init__(self, *answers):
         super().__init__()
@@ -55,7 +55,7 @@ def test_answers_that_are_alike_are_not_taken_for_one_another():
         assert frame.job == number
         value = codec.value_of(frame.header, frame.arrays)
         assert same(value, answer)
-        assert repr(value) == repr(answer)  # -0.0 is the same as 0.0 otherwise
+        assert repr(value) == repr(answer)  # unlike ==, repr tells -0.0 from 0.0
 
 
 def test_the_header_of_an_answer_like_an_earlier_one_is_not_written_again(monkeypatch):
