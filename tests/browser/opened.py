@@ -24,7 +24,7 @@ def chromium():
 
 
 def until(page, expression, seconds=20.0):
-    """Wait until an expression holds; Playwright's own waits evaluate strings, which the page's security policy forbids."""
+    """Wait until an expression holds; Playwright's own waits evaluate strings, which the page's policy forbids."""
     end = time.monotonic() + seconds
     while not page.evaluate(expression):
         if time.monotonic() > end:

@@ -1,4 +1,4 @@
-"""Expected values of the case library: each has a provenance that is checked, and the reference meets it."""
+"""Expected values of the case library: each has a checked origin, and the reference reproduces it."""
 
 import numpy as np
 import pytest
