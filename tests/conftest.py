@@ -56,7 +56,7 @@ def pytest_collection_modifyitems(config, items):
 
 
 def pytest_collection_finish(session):
-    """Freeze imported objects and collect garbage rarely: the default costs a twentieth of the time of the tests."""
+    """Freeze imported objects and collect garbage rarely: frequent collections of many objects slow the tests."""
     del session
     gc.collect()
     gc.freeze()

@@ -11,7 +11,7 @@ import pytest
 FINDINGS = Path(__file__).parents[2] / "reports" / "findings"
 NAMES = sorted(path.parent.name for path in FINDINGS.glob("*/show.py"))
 MODULES = {"exudyn": "exudyn", "pinocchio": "pin", "mujoco": "mujoco", "dartpy": "dartpy"}  # module: printed name
-LIMIT = 20.0  # s; the slowest script takes about two
+LIMIT = 20.0  # s, many times what the slowest script takes
 
 
 def imported(script):

@@ -1,4 +1,4 @@
-"""Random mechanisms with states for which a setting of an adapter is critical: each state once raised a false alarm."""
+"""Random mechanisms with states at which a setting of an adapter is critical: a poor setting raises a false alarm."""
 
 from __future__ import annotations
 

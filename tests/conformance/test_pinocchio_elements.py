@@ -376,7 +376,7 @@ def test_the_mass_matrix_under_a_mimic_needs_fresh_data():
     assert np.max(np.abs(np.array(pin.crba(geared, data, q)) - expected)) > 0.1
 
 
-def test_a_mimic_is_offered_where_it_says_all():
+def test_a_mimic_joint_is_offered_only_for_what_it_can_represent():
     """No mimic joint for loops, cams, driven joints, a slave of a slave, or trees with a ball joint."""
     engine, offered, to_third = PinocchioEngine(), set(), ("j0", "angle", "j2", "angle")
     slave_of_slave = Coupling("more", "j1", "angle", "j3", "distance", linear(0.4))

@@ -8,8 +8,7 @@ the first answer, sometimes after the last, while the report is written. The dat
 has, so that a repeated job ends the command with an error. The report must equal that of an undisturbed suite, and no
 process may be left.
 
-A round takes about 8 s of CPU time. Runners are forks of this process, which has imported everything: a new Python
-process would take as long as the suite.
+Runners are forks of this process, which has imported everything: a new Python process would take as long as the suite.
 """
 
 from __future__ import annotations

@@ -69,7 +69,7 @@ def test_two_versions_answer_and_their_environments_are_built_once(cache):
             assert reply.value.remarks.startswith("own environment: Python 3.")
             assert f"toy-engine {version}" in reply.value.remarks.replace("_", "-")
             assert "numpy 2" in reply.value.remarks
-            # equal to the last bit: SciPy is missing there, so the spline is computed here and sent
+            # equal to the last bit: the engine's environment lacks SciPy, so that the spline is computed here and sent
             assert worker.ask(ask).value.mass == law.jet(0.3)[2]
     built = sorted((cache / "consilience" / "environments").glob("*/consilience.json"))
     assert [file.parent.name.rpartition("-")[0] for file in built] == [f"toy-{version}" for version in VERSIONS]

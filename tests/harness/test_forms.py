@@ -47,7 +47,7 @@ ALIKE = [
 ]
 
 
-def test_answers_that_are_alike_are_not_taken_for_one_another():
+def test_similar_answers_are_not_confused():
     answers = [*ALIKE, *reversed(ALIKE)]
     server = Repeats(*answers)
     for number, answer in enumerate(answers):
@@ -61,7 +61,7 @@ def test_answers_that_are_alike_are_not_taken_for_one_another():
 def test_the_header_of_an_answer_like_an_earlier_one_is_not_written_again(monkeypatch):
     monkeypatch.setattr(
         "consilience.engine.worker.server._left_behind", lambda: False
-    )  # children of the process of the tests
+    )  # the test process may have children of its own
     server = Repeats(*ALIKE[:3])
     replies = [server.handle(received(job(Request(), None, None, 1)))]
     monkeypatch.setattr(codec, "encode", lambda answer: pytest.fail("it is written again"))
@@ -71,7 +71,7 @@ def test_the_header_of_an_answer_like_an_earlier_one_is_not_written_again(monkey
     assert same(codec.value_of(second.header, second.arrays), ALIKE[1])
 
 
-def test_what_is_read_by_a_remembered_form_is_nobody_elses():
+def test_values_of_a_cached_form_are_not_shared():
     data = pack({"value": codec.encode({"a": [1, {"b": (2, [3])}]})[0]})
     first, second = received(data), received(data)
     assert first.header is second.header
@@ -86,7 +86,7 @@ def kept(key, mechanism):
     return received(pack({"kind": "keep", "key": key, "value": tree}, arrays))
 
 
-def test_a_job_asked_again_is_about_what_is_held_now():
+def test_a_repeated_job_uses_the_mechanism_kept_last():
     server, asked = Asked(), received(job(Request(ONE), "key", None, 1))
     server.handle(kept("key", ONE))
     for _ in range(2):

@@ -65,7 +65,7 @@ def test_a_seed_is_a_case_and_the_case_is_its_file():
     assert len(one.case.states) == STATES
 
 
-def test_they_are_assembled_and_move(specimens):
+def test_random_mechanisms_are_assembled_and_move(specimens):
     for s in specimens:
         for state in s.case.states:
             assert np.max(np.abs(constraint_residual(s.case.mechanism, state)), initial=0.0) < 1e-11
@@ -151,14 +151,14 @@ def test_what_differs_from_the_reference_is_an_alarm(case, honest, question, fie
     assert found.why.startswith(quantity)
 
 
-def test_a_way_that_differs_from_another_is_told_once(case, honest):
+def test_a_method_that_differs_raises_one_alarm(case, honest):
     """One alarm, against the reference; the two methods are also compared, but add no second alarm."""
     found = entries_of(case, honest, honest[INSTANT], off(honest[INSTANT]))
     assert [(e.method, e.against) for e in found if e.verdict is Verdict.MODEL] == [("off", "reference"), ("i", "off")]
     assert [e.against for e in alarms(found)] == ["reference"]
 
 
-def test_ways_that_differ_are_an_alarm_where_there_is_no_reference(case, honest):
+def test_methods_that_differ_are_an_alarm_without_a_reference(case, honest):
     """Without an answer of the reference, the difference between two methods of the engine is the alarm."""
     sheets = {
         "reference": AnswerBatch((MethodAnswer(INSTANT, None, None, "lost"),)),
@@ -196,14 +196,14 @@ def test_the_defaults_are_judged_among_themselves_alone(case, honest):
     assert (found.method, found.against) == ("soft", "softer")
 
 
-def test_a_pair_has_the_bars_of_the_more_lenient_way(case, honest):
+def test_a_pair_has_the_bars_of_the_more_lenient_method(case, honest):
     rough = off(honest[INSTANT], "rough", 1e-9, route=Route.EXTRAPOLATED)
     assert not alarms(entries_of(case, honest, honest[INSTANT], rough))
     (found,) = alarms(entries_of(case, honest, off(honest[INSTANT], "rough", 1e-9)))
     assert found.method == "rough"
 
 
-def test_a_way_without_reactions_is_compared_in_the_rest(case, honest):
+def test_a_method_without_reactions_is_compared_in_the_rest(case, honest):
     bare = honest[INSTANT].answer
     bare = replace(bare, force_F=None, torque_F=None)
     without_them = replace(honest[INSTANT], answer=bare, method=Method("bare", Route.NATIVE))
@@ -374,7 +374,7 @@ def test_shrinking_finds_the_one_part_it_is_about(seed):
     assert found.bodies[0].mass == 2.0  # the simplest mass above 1 kg with one digit
 
 
-def test_what_does_not_show_again_is_kept_as_it_was():
+def test_a_disagreement_that_does_not_show_again_is_kept_as_it_was():
     text = specimen(3).text
     assert Shrinker(text, lambda _: False).shrink() == text
 
@@ -475,7 +475,7 @@ def synthetic(case, *entries):
     return campaign
 
 
-def test_exit_codes_are_those_of_the_house(case, honest):
+def test_exit_codes(case, honest):
     agrees, differs = (entries_of(case, honest, said)[0] for said in (honest[INSTANT], off(honest[INSTANT])))
     failed = replace(agrees, verdict=Verdict.FAILED)
     soft = replace(differs, profile=Profile.DEFAULT)

@@ -1,4 +1,4 @@
-"""Mutant engines, each with an error that adapters have made before: every error shows as a difference of the model.
+"""Mutant engines, each with an error that adapters are known to make: every error shows as a difference of the model.
 
 Off-centre masses, full inertia tensors and turned axes of the shipped lumpy cases make the errors visible.
 """

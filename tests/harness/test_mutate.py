@@ -76,7 +76,7 @@ def test_an_adapter_brings_mutants_of_its_own():
     found = table.table_of({"third": SimpleNamespace(MUTANTS=(own,))})
     assert found["own"].hosts == ("third",)
     assert found["gravity too large"].hosts == (NAME, "third")
-    assert found["lower triangle"].hosts == ()  # the mutant does not name the functions in which it solves
+    assert found["lower triangle"].hosts == ()  # without `SOLVER` an adapter does not say where it solves
     assert table.table_of({"third": SimpleNamespace(MUTANTS=(), SOLVER="x")})["lower triangle"].hosts == ("third",)
     with pytest.raises(ValueError, match="one name: own"):
         table.table_of({name: SimpleNamespace(MUTANTS=(own,)) for name in ("third", "fourth")})
@@ -182,7 +182,7 @@ def test_an_error_of_ours_is_no_evidence_about_an_engine(monkeypatch, name):
         verdicts(host(NAME), subject("revolute"), Question.INSTANT)
 
 
-def test_green_is_what_a_run_passes_over():
+def test_model_failed_and_unresolved_are_not_green():
     assert {v for v in Verdict if v not in GREEN} >= {Verdict.MODEL, Verdict.FAILED, Verdict.UNRESOLVED}
 
 

@@ -200,7 +200,7 @@ A_METHOD = codec.encode(METHOD)[0]
     ],
     ids=lambda tree: json.dumps(tree)[:60],
 )
-def test_a_value_that_is_none_is_refused(tree):
+def test_an_invalid_value_is_refused(tree):
     with pytest.raises(ProtocolError):
         told(tree)
 
@@ -268,7 +268,7 @@ def test_arrays_that_do_not_fill_the_body_are_refused(listed, body):
 
 
 @pytest.mark.parametrize("text", [b"", b"\xff", b"[]", b"5", b"{", b"{}", b'{"arrays":[]} x', b"9" * 5000])
-def test_a_header_that_is_none_is_refused(text):
+def test_an_invalid_header_is_refused(text):
     parsed, arrays = unpack(b'{"arrays":[]}', bytearray())
     assert parsed.entries == {}
     assert arrays == []

@@ -1,4 +1,4 @@
-"""Engines with one error of translation each; adapters have made every one of these errors.
+"""Engines with one error of translation each; adapters are known to make these errors.
 
 A mutant alters the mechanism or the states that it passes to the reference, or the answer that it gets back.
 """

@@ -1,9 +1,10 @@
 """Andrews' squeezer: a planar mechanism of seven bodies and a motor [Schiehlen 1990; Hairer & Wanner 1996, VII.7].
 
-Angles beta, theta, gamma, phi, delta, Omega, epsilon, ``e(a) = (cos a, sin a)``, ``n(a) = (sin a, -cos a)``: F = rr
-e(beta), E = F - d e(beta + theta) = B + ss n(gamma) = A + zt e(delta) + e n(phi + delta) = A + u n(epsilon) + zf
-e(Omega + epsilon), G = A + zt e(delta), H = A + u n(epsilon). Motion stays in the plane: the moments of inertia about
-axes in the plane have no effect and are set to the one about the normal.
+Angles beta, theta, gamma, phi, delta, Omega, epsilon, ``e(a) = (cos a, sin a)``, ``n(a) = (sin a, -cos a)``:
+F = rr e(beta), E = F - d e(beta + theta) = B + ss n(gamma) = A + zt e(delta) + e n(phi + delta)
+= A + u n(epsilon) + zf e(Omega + epsilon), G = A + zt e(delta), H = A + u n(epsilon).
+
+Moments of inertia about axes in the plane have no effect on a planar motion; they are set to the one about the normal.
 """
 
 import numpy as np

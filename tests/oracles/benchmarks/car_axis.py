@@ -1,8 +1,8 @@
 """Car axis: the rheonomic problem of the test set for initial value problems [Mazzia & Iavernaro 2003].
 
-The left wheel stays in the origin; the right wheel, at the distance L from it, follows a wavy road, ``yb = r sin(w
-t)``. Two point masses hang on springs of unit stiffness at the wheels. A rod of length L joins the masses, and the left
-mass stays on the line through the origin perpendicular to the axle:
+The left wheel stays in the origin; the right wheel, at the distance L from it, follows a wavy road,
+``yb = r sin(w t)``. Two point masses hang on springs of unit stiffness at the wheels. A rod of length L joins the
+masses, and the left mass stays on the line through the origin perpendicular to the axle:
 
     k l'' = f(l) + lam1 b + 2 lam2 (l - r) - k g y,     k r'' = f(r - b) - 2 lam2 (l - r) - k g y,
     l . b = 0,     |l - r| = L,     f(d) = (l0 - |d|) d / |d|.

@@ -14,7 +14,7 @@ def table(rows):
 
 
 def far(found, expected):
-    """Largest difference, relative to the largest expected magnitude, or to 1 if that is smaller."""
+    """Largest difference, relative to the largest expected magnitude or to 1, whichever is larger."""
     return np.max(np.abs(np.asarray(found) - expected)) / max(1.0, np.max(np.abs(expected)))
 
 

@@ -2,8 +2,8 @@
 
 Asymmetric body: in principal axes with moments I1, I2, I3, either increasing or decreasing, so that ``L^2 - 2 T I2``
 has the sign of ``I3 - I2``, the angular velocity is ``w = (A1 cn, A2 sn, A3 dn)`` of ``p t + u0``. The third axis is
-the polar axis of Euler angles about the constant angular momentum; the azimuth has the rate ``L (I1 w1^2 + I2 w2^2) /
-(I1^2 w1^2 + I2^2 w2^2)``, whose integral is an elliptic one of the third kind.
+the polar axis of Euler angles about the constant angular momentum; the azimuth has the rate
+``L (I1 w1^2 + I2 w2^2) / (I1^2 w1^2 + I2^2 w2^2)``, whose integral is an elliptic one of the third kind.
 """
 
 import numpy as np

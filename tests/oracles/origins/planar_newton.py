@@ -75,7 +75,7 @@ class PlanarNewton:
             gamma.append(g)
 
         def point(i, arm, direction, sign):
-            """columns of the component along `direction` of the position of a point of body i"""
+            """Columns of the component along `direction` of a point of body i."""
             if i < 0:
                 return []
             return [

@@ -1,9 +1,9 @@
 """Lagrange's equations in relative coordinates, derived from positions alone.
 
-A coordinate turns or shifts all bodies beyond its joint about or along the axis drawn in the world: a displacement ``x
--> R x + d``. The displacement of a body is the product of the displacements of the joints between the ground and the
-body; no other kinematics is used. The remaining joints close loops: equations ``c(q, t) = 0``. Energies are written in
-terms of positions; CasADi takes every derivative:
+A coordinate turns or shifts all bodies beyond its joint about or along the axis drawn in the world: a displacement
+``x -> R x + d``. The displacement of a body is the product of the displacements of the joints between the ground and
+the body; no other kinematics is used. The remaining joints close loops: equations ``c(q, t) = 0``. Energies are written
+in terms of positions; CasADi takes every derivative:
 
     d/dt T_v - T_q = Q + C^T lam,    C = c_q
 

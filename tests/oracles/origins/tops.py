@@ -1,8 +1,8 @@
 """Symmetric heavy top and spherical pendulum by Jacobi's functions, accurate also near the vertical.
 
 Rates included. Notation as in `oracles.closed_forms.heavy_top`. The distance ``d = 1 + u1`` of the lowest point from
-straight down is a root of its own equation, ``f(-1 + d) = d (2 - d)(a + b - b d) - (P + S - S d)^2``, because ``1 +
-u1`` loses its digits if d is small.
+straight down is a root of its own equation, ``f(-1 + d) = d (2 - d)(a + b - b d) - (P + S - S d)^2``, because
+``1 + u1`` loses its digits if d is small.
 """
 
 from dataclasses import dataclass
