@@ -99,7 +99,7 @@ def chain(*kinds: str, seed: int = 0, backwards: tuple[int, ...] = (), forces: b
 
 
 def force_elements(joints: list[Joint], bodies: list[str], rng: np.random.Generator) -> dict:
-    """A spring-damper from the ground to the last body, a spring on each one-axis joint, and one load of every kind."""
+    """Spring-dampers from the ground to the last body and on each one-axis joint, and one load of every kind."""
     springs = (Spring("s", GROUND, bodies[-1], rng.normal(size=3), rng.normal(scale=0.3, size=3), 12.0, 0.7, 0.4),)
     coordinate = {"revolute": "angle", "prismatic": "distance", "cylindrical": "angle"}
     joint_springs = tuple(
