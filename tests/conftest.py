@@ -1,4 +1,4 @@
-"""Options of all tests, the order in which files are tested, and kernels that are compiled before processes start."""
+"""Command-line options of the tests, order of test files, and compilation of kernels before worker processes start."""
 
 import gc
 import os
@@ -9,7 +9,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-# some hundred processes import the package: without bytecode files each would compile every module
+# Some hundred processes import the package: without bytecode files each process would compile every module.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 
@@ -39,7 +39,7 @@ def pytest_addoption(parser):
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_setupnodes(config, specs):
-    """Compile kernels before the processes of a whole run start, which would each compile the same ones."""
+    """Compile kernels before the worker processes of a whole run start; otherwise each process would compile them."""
     whole = config.args_source is config.ArgsSource.TESTPATHS and not config.option.keyword
     if whole and len(specs) > 1 and not config.option.collectonly:
         from kernels import compile_apart
@@ -49,14 +49,14 @@ def pytest_xdist_setupnodes(config, specs):
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(config, items):
-    """In processes side by side, test the longest files first."""
+    """With several worker processes, start with the slowest files."""
     if hasattr(config, "workerinput"):
         rank = {name: n for n, name in enumerate(LONGEST)}
         items.sort(key=lambda item: rank.get("/".join(item.path.parts[-2:]), len(rank)))
 
 
 def pytest_collection_finish(session):
-    """Collect garbage seldom, and not among what was imported: a twentieth of the time of the tests."""
+    """Freeze imported objects and collect garbage rarely: frequent collections of many objects slow the tests."""
     del session
     gc.collect()
     gc.freeze()
@@ -65,8 +65,8 @@ def pytest_collection_finish(session):
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config, log):
-    """Give whole files to processes: two processes with one file would build the same fixtures."""
+    """Give whole files to processes: two processes with the same file would both build its fixtures."""
     from xdist.scheduler import LoadFileScheduling
 
-    config.option.loadscopereorder = False  # the order is that of `LONGEST`
+    config.option.loadscopereorder = False  # keep the order of `LONGEST`
     return LoadFileScheduling(config, log)

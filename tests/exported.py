@@ -1,8 +1,8 @@
-"""Exported native models, run by the engine without our code, against the adapter.
+"""Exported native models: accelerations from the engine alone, in a process without our code, against the adapter.
 
-``python tests/exported.py ENGINE [CASE ...]`` writes a table of all shipped cases, at the initial state and at a random
-one, to standard output, and how many were written and the largest difference to standard error. Exit code 1 if one is
-larger than 1e-12.
+``python tests/exported.py ENGINE [CASE ...]`` writes a table of cases (default: all shipped ones), each at its initial
+state and at a random state, to standard output. The number of exported cases and the largest difference go to standard
+error. Exit code 1 if a difference exceeds 1e-12.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ BAR = 1e-12
 
 
 def run_alone(folder):
-    """What the script of a native model prints."""
+    """Run the script of a native model in a process of its own; return the results that the script prints."""
     done = subprocess.run(
         [sys.executable, "-W", "error", "-c", ALONE, str(folder / "run.py")],
         capture_output=True,
@@ -41,7 +41,7 @@ def run_alone(folder):
 
 
 def difference(case, engine_name, state, folder):
-    """Largest difference of accelerations of the exported model and of the adapter, relative to the largest."""
+    """Largest difference of accelerations between exported model and adapter, relative to the largest acceleration."""
     write_native(native_files(case, engine_name, state), folder)
     told = run_alone(folder)
     engine = load_engine(engine_name)
@@ -52,7 +52,7 @@ def difference(case, engine_name, state, folder):
 
 
 def main(arguments=None):
-    """Compare cases; exit code, 1 if a difference is too large."""
+    """Compare cases; return the exit code, 1 if a difference is too large."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("engine", help="such as mujoco")
     parser.add_argument("cases", nargs="*", help="such as four_bar; default: all")

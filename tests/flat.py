@@ -24,19 +24,19 @@ from mechanisms import GRAVITY, drawn_joint, lumpy_body, rotation
 
 
 def axes_for(kind, R, rng):
-    """Axes of a joint in the plane whose normal is the last column of R: its x axis, or its z, turned at random."""
+    """Axes of a joint that moves in the plane with the last column of R as normal; their free angle is random."""
     turn = rng.uniform(0.0, 2.0 * np.pi)
     sense = rng.choice([-1.0, 1.0])
     along = np.array([np.cos(turn), np.sin(turn), 0.0])
     z = np.array([0.0, 0.0, sense])
-    if kind == "prismatic":  # a slide lies in the plane, and its other axes anywhere about it
+    if kind == "prismatic":  # a slide moves along the plane; its other two axes are turned at random about the slide
         first = rotation_from_quaternion(quaternion_from_rotation_vector(turn * along)) @ np.cross(along, z)
         return R @ np.column_stack([first, np.cross(along, first), along])
     return R @ np.column_stack([along, np.cross(z, along), z])
 
 
 def flat_chain(*kinds, seed, backwards=(), parents=None, closing=()):
-    """Bodies in a skew plane, each on a joint in it, and joints that close loops: (kind, body, body)."""
+    """Chain of bodies that move in a skew plane; `closing` lists joints that close loops: (kind, body, body)."""
     rng = np.random.default_rng(seed)
     R = rotation(rng)
     bodies = {f"b{n}": lumpy_body(f"b{n}", rng) for n in range(len(kinds))}
@@ -59,7 +59,7 @@ def flat_chain(*kinds, seed, backwards=(), parents=None, closing=()):
 
 
 def powered(seed=3):
-    """Every force element, and a controller, on a chain."""
+    """A planar chain with every kind of force element and a controller."""
     base, rng = flat_chain("revolute", "prismatic", "revolute", seed=seed, backwards=(1,)), np.random.default_rng(seed)
     wave, at = sine(2.0, 3.0, 0.4), rng.normal(scale=0.3, size=(6, 3))
     return replace(
@@ -87,7 +87,7 @@ def powered(seed=3):
 
 
 def branches(seed=4):
-    """Three branches in planes of their own, with couplings between their coordinates, and one that slides alone."""
+    """Three branches, each in a plane of its own, with couplings between their coordinates; one branch only slides."""
     rng = np.random.default_rng(seed)
     bodies = {f"b{n}": lumpy_body(f"b{n}", rng) for n in range(4)}
     kinds = [("revolute", GROUND, "b0"), ("revolute", GROUND, "b1"), ("prismatic", "b1", "b2")]

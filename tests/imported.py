@@ -1,11 +1,11 @@
 """Imported models against the engine's own loading of the same file: accelerations at random states.
 
-Run it over robots that a package ships::
+Run on robot files that a package ships::
 
     python tests/imported.py FILE... > table.md
 
-What an import says it leaves out (limits, motors, contacts, rotor inertia, Coulomb friction) is off in the engine; what
-it keeps (damping of hinges and slides, springs, mimicking joints, loops) is on.
+Features that the import reports as left out (limits, motors, contacts, rotor inertia, Coulomb friction) are off in the
+engine; features that the import keeps (damping of hinges and slides, springs, mimicking joints, loops) are on.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ FORMULATION = "relative"
 
 
 def through_the_file(imported):
-    """The mechanism as a user has it: written, and read again."""
+    """Write the imported case to a file and read the file again, as a user does; return its mechanism."""
     (case,) = cases_from_tables(imported.case.name, "written", tomllib.loads(imported_text(imported)))
     return case.mechanism
 
@@ -62,7 +62,7 @@ class Urdf:
         }
 
     def sample(self, rng):
-        """Coordinates and velocities of a random state, mimicking joints where they belong."""
+        """Random coordinates and velocities; mimicking joints follow the joints that they mimic."""
         model, pin = self.model, self.pin
         q = pin.integrate(model, pin.neutral(model), rng.uniform(-1.0, 1.0, model.nv))
         v = rng.normal(size=model.nv)
@@ -81,7 +81,7 @@ class Urdf:
         return q, G @ np.delete(v, driven), G
 
     def _sorted(self):
-        """Drivers before what mimics them."""
+        """Mimicking joints in an order in which every driver comes before its followers."""
         done, rest = [], list(self.rows)
         while rest:
             names = [row[0] for row in rest]
@@ -105,7 +105,7 @@ class Urdf:
         return a
 
     def answer(self, rng):
-        """Poses, velocities and accelerations of the bodies of the case, by their names."""
+        """Poses, velocities and accelerations of the bodies of the case at a random state, by name."""
         pin, model, data = self.pin, self.model, self.data
         self.accelerations(*self.sample(rng))
         axes = pin.LOCAL_WORLD_ALIGNED
@@ -159,19 +159,19 @@ class Mjcf:
         model.tendon_armature[:] = 0.0
         model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
         self.model, self.data = model, mujoco.MjData(model)
-        self.reach = 0.1 if model.neq else 1.0  # a closed loop reaches only so far
+        self.reach = 0.1 if model.neq else 1.0  # far from the drawing loops cannot close
         names = {name_of(model, mujoco.mjtObj.mjOBJ_BODY, body): body for body in range(model.nbody)}
         self.bodies = {body: names[piece] for body, piece in imported.built.pieces.items()}
 
     def _rows(self):
-        """Jacobian and violation of all equalities."""
+        """Jacobian and violation of all equality constraints."""
         model, data = self.model, self.data
         self.mj.mj_forward(model, data)
         J = np.array(data.efc_J[: data.nefc * model.nv]).reshape(data.nefc, model.nv)
         return J, np.array(data.efc_pos[: data.nefc])
 
     def answer(self, rng):
-        """Poses, velocities and accelerations of the bodies of the case, by their names."""
+        """Poses, velocities and accelerations of the bodies of the case at a random state, by name."""
         mj, model, data = self.mj, self.model, self.data
         data.qpos[:] = model.qpos0
         mj.mj_integratePos(model, data.qpos, rng.uniform(-1.0, 1.0, model.nv) * self.reach, 1.0)
@@ -186,7 +186,7 @@ class Mjcf:
         mj.mj_forward(model, data)
         M = np.zeros((model.nv, model.nv))
         mj.mj_fullM(model, data, M)
-        # where equalities hold and do not move, the acceleration that MuJoCo asks of their rows is -J' v
+        # with equalities closed at position and velocity level, MuJoCo's reference acceleration of the rows is -J' v
         data.qacc[:], _ = solve_constrained(M, np.array(data.qfrc_smooth), J, np.array(data.efc_aref[: len(J)]))
         mj.mj_rnePostConstraint(model, data)
         found = {}
@@ -201,9 +201,10 @@ class Mjcf:
 
 
 def difference(path, free_base=False, states=3, formulation=FORMULATION):
-    """Largest difference of the accelerations of all bodies, relative to the largest, which counts as at least one.
+    """Largest relative difference of the accelerations of all bodies; also the largest joint violation, and the import.
 
-    Beside it the violation of the joints of the case by the states of the engine, and the import.
+    Accelerations are divided by the largest one, or by 1 if all are smaller. The violation is that of the joints of the
+    case at the states of the engine.
     """
     imported = import_model(path, free_base)
     kind = Mjcf if ElementTree.parse(path).getroot().tag == "mujoco" else Urdf

@@ -1,8 +1,8 @@
 """Compile the kernels that the tests use, once, in two processes: ``python tests/kernels.py``.
 
-Numba compiles a kernel for the types of its arguments at the first call and caches the result on disk, for all
-processes. Tests that run side by side would meet the same kernels at the same time, and each process compile its own.
-Here a process takes one set of types after another, and no set is given to two processes.
+Numba compiles a kernel for the types of its arguments at the first call and caches the machine code on disk for all
+processes. Test processes that run side by side would each compile the same kernels. Here each set of argument types is
+compiled by one process only.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ SETS = (*TYPES, "body coordinates", "recursive")
 
 
 def _motions(mechanism):
-    """One sample by every integrator, accelerations and reactions, in relative coordinates."""
+    """Run every integrator to one sample, accelerations and reactions, in joint coordinates."""
     from consilience.errors import InvalidInput
     from consilience.reference import formulation, simulate
     from consilience.reference.tree.solver import INTEGRATORS
@@ -40,12 +40,12 @@ def _motions(mechanism):
     equations.reactions(state)
     equations.settle(0.0, equations.coordinates(state))
     for integrator in INTEGRATORS:
-        with contextlib.suppress(InvalidInput):  # series do not follow every mechanism
+        with contextlib.suppress(InvalidInput):  # Taylor series do not support every mechanism
             simulate(mechanism, state, [0.0, 1e-3], 1e-9, "relative", integrator)
 
 
 def _body_coordinates(mechanism, names):
-    """Accelerations, reactions and a motion in body coordinates by each kernel."""
+    """Run accelerations, reactions and a motion in body coordinates with each kernel."""
     from consilience.reference import formulation, simulate
     from mechanisms import states_of
 
@@ -73,7 +73,7 @@ def compile_set(name):
 
 
 def compile_all(processes: int = 2) -> None:
-    """Compile every set; an error is left to the tests, which say more about it."""
+    """Compile every set; ignore errors, because the tests that use the kernel report them in more detail."""
     with ProcessPoolExecutor(processes, get_context("spawn")) as pool:
         for name, found in [(name, pool.submit(compile_set, name)) for name in SETS]:
             if found.exception() is not None:
@@ -81,7 +81,7 @@ def compile_all(processes: int = 2) -> None:
 
 
 def compile_apart() -> None:
-    """`compile_all` in a process of its own, as the caller may not be one that can be started again."""
+    """Run `compile_all` in a new process: the calling process cannot always be spawned again by multiprocessing."""
     environment = os.environ | {"OMP_NUM_THREADS": "1"}
     subprocess.run([sys.executable, str(Path(__file__))], env=environment, check=False)
 

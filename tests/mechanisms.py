@@ -54,7 +54,7 @@ def is_conservative(mechanism: Mechanism) -> bool:
 
 
 def lumpy_body(name: str, rng: np.random.Generator) -> Body:
-    """Mass near 1 kg, inertia of a random cloud of points (so that it is a possible one), centre of mass off-centre."""
+    """Body with mass near 1 kg, off-centre mass, and the inertia of a random cloud of points, hence a physical one."""
     points = rng.normal(scale=0.3, size=(8, 3))
     masses = rng.uniform(0.1, 0.3, size=8)
     com = masses @ points / masses.sum()
@@ -64,7 +64,7 @@ def lumpy_body(name: str, rng: np.random.Generator) -> Body:
 
 
 def drawn_joint(name: str, kind: str, bodies: dict[str, Body], i: str, j: str, at, axes, to=None) -> Joint:
-    """Joint from a frame in the world of the drawing."""
+    """Joint with given origin and axes in the world of the drawing."""
     ground = Frame(np.zeros(3), np.eye(3))
     start = ground if i == GROUND else bodies[i].drawing
     end = ground if j == GROUND else bodies[j].drawing
@@ -99,7 +99,7 @@ def chain(*kinds: str, seed: int = 0, backwards: tuple[int, ...] = (), forces: b
 
 
 def force_elements(joints: list[Joint], bodies: list[str], rng: np.random.Generator) -> dict:
-    """A spring-damper from the ground to the last body, one on each one-axis joint, and one load of every kind."""
+    """Spring-dampers from the ground to the last body and on each one-axis joint, and one load of every kind."""
     springs = (Spring("s", GROUND, bodies[-1], rng.normal(size=3), rng.normal(scale=0.3, size=3), 12.0, 0.7, 0.4),)
     coordinate = {"revolute": "angle", "prismatic": "distance", "cylindrical": "angle"}
     joint_springs = tuple(
@@ -114,7 +114,7 @@ def force_elements(joints: list[Joint], bodies: list[str], rng: np.random.Genera
 
 
 def four_bar(seed: int = 5, closing: str = "revolute") -> Mechanism:
-    """Planar four-bar in a skew plane with lumpy bodies; the last joint is of the kind asked."""
+    """Planar four-bar in a skew plane with lumpy bodies; the last joint is of kind `closing`."""
     rng = np.random.default_rng(seed)
     R = rotation(rng)
     corners = [R @ np.array(p) for p in ([0, 0, 0], [0.3, 0.8, 0], [1.6, 1.1, 0], [1.4, 0, 0])]
@@ -128,7 +128,7 @@ def four_bar(seed: int = 5, closing: str = "revolute") -> Mechanism:
 
 
 def slider_crank(seed: int = 6) -> Mechanism:
-    """Three revolutes and a prismatic joint in a skew plane, lumpy bodies."""
+    """Slider-crank in a skew plane with lumpy bodies: three revolutes and a prismatic joint."""
     rng = np.random.default_rng(seed)
     R = rotation(rng)
     corners = [R @ np.array(p) for p in ([0, 0, 0], [0.3, 0.4, 0], [1.3, 0.1, 0])]
@@ -144,13 +144,13 @@ def slider_crank(seed: int = 6) -> Mechanism:
 
 
 def spatial_loop(seed: int = 7, coupler: str = "spherical") -> Mechanism:
-    """Revolute, spherical, `coupler`, revolute: a spatial loop without dependent rows."""
+    """Spatial loop without dependent rows: revolute, spherical, `coupler`, revolute."""
     rng = np.random.default_rng(seed)
     bodies = {n: lumpy_body(n, rng) for n in ("a", "b", "c")}
     p = [np.array(x) for x in ([0.0, 0, 0], [0.2, 0.5, 0.3], [1.0, 0.7, 0.8], [1.3, -0.2, 0.1])]
     axes = [rotation(rng) for _ in p]
     to = p[2] if coupler != "rod" else None
-    if coupler == "rod":  # the coupler body hangs on the first ball, the rod leads on to the last body
+    if coupler == "rod":  # the coupler body hangs on the first ball joint; the rod connects it to the last body
         end = p[2] + np.array([0.2, 0.1, -0.4])
         z = (end - p[2]) / np.linalg.norm(end - p[2])
         x = np.cross(z, [0, 0, 1.0])
@@ -185,7 +185,7 @@ def branched(seed: int = 8) -> Mechanism:
 
 
 def powered(seed: int = 30) -> Mechanism:
-    """A chain with every force element that is not constant: actuators, histories, friction, controls."""
+    """A chain with every force element that is not constant: actuators, time functions, friction, controls."""
     base = chain("revolute", "prismatic", "cylindrical", "spherical", seed=seed, forces=True)
     wave = sine(2.0, 3.0, 0.4)
     table = through(np.linspace(-1.0, 4.0, 9), [0.3, 1.0, -0.5, 0.2, 0.9, 1.4, 0.1, -0.7, 0.5])
@@ -204,7 +204,7 @@ def powered(seed: int = 30) -> Mechanism:
 
 
 def driven(seed: int = 31) -> Mechanism:
-    """A chain with two driven coordinates: one angle and one distance follow functions of time."""
+    """A chain with two drives: one on an angle and one on a distance."""
     base = chain("revolute", "spherical", "cylindrical", seed=seed)
     drives = (
         Drive("turn", "j0", "angle", Function(np.array([0.2, 1.5]), np.array([[0.3, 4.0, 0.1]]))),
@@ -226,7 +226,7 @@ def coupled(seed: int = 32) -> Mechanism:
 
 
 def rolling(seed: int = 33, radius: float = 0.4, rounding: float = 0.07) -> Mechanism:
-    """A lumpy torus (disc, ball) with a pendulum on it, rolling on a skew plane."""
+    """A lumpy body that rolls as a torus (disc or ball in the limits) on a skew plane and carries a pendulum."""
     rng = np.random.default_rng(seed)
     base = chain("free", "revolute", seed=seed)
     normal = rotation(rng)[:, 2]
@@ -237,7 +237,7 @@ def rolling(seed: int = 33, radius: float = 0.4, rounding: float = 0.07) -> Mech
 
 
 def skating(seed: int = 34) -> Mechanism:
-    """A body on a skew plane with a knife edge, and a pendulum on it."""
+    """A body with a knife edge that moves on a skew plane and carries a pendulum."""
     base = chain("planar", "revolute", seed=seed)
     M = base.joints[0].M
     lateral = M.R @ np.array([np.cos(0.3), np.sin(0.3), 0.0])

@@ -1,7 +1,7 @@
-"""A newcomer's path, timed: the commands of three pages, in the environment that runs this script.
+"""A newcomer's path, timed: the commands of three documentation pages, in the environment that runs this script.
 
-``.venv/bin/python tests/newcomer.py [--before S]`` in an environment with Consilience alone, whose installation took
-S seconds.
+``.venv/bin/python tests/newcomer.py [--before S]`` in an environment with Consilience alone; S is the time in s that
+its installation took.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def main() -> None:
     for what, page, limit in PATHS:
         start = time.monotonic() - (before if page == "docs/start.md" else 0.0)
         with tempfile.TemporaryDirectory() as folder:
-            # the example engine is installed here; the environment of the start page is the one that runs this
+            # commands of the start page that make the environment are skipped: this script runs in that environment
             wrong += execute(ROOT / page, Path(folder), skip_marked=page == "docs/start.md")
         took = time.monotonic() - start
         print(f"{what}: {took:.0f} s, {'longer than' if took > limit else 'within'} {limit:.0f} s", flush=True)

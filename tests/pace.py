@@ -1,7 +1,7 @@
 """Deadlines of tests, in proportion to the speed of the machine.
 
-A deadline is meant for a fast machine that does nothing else. A slow one gets more time, and time during which the
-machine stood still does not count.
+A deadline is stated for a fast, idle machine. A slow machine gets proportionally more time, and pauses in which the
+whole machine stood still do not count.
 """
 
 import math
@@ -25,7 +25,7 @@ def slowness():
 
 
 def soon(condition, within=2.0):
-    """Return whether a condition comes true within a deadline in s; see the module for what counts."""
+    """Return whether a condition becomes true within a deadline in s, scaled as the module describes."""
     left, last = within * slowness(), time.monotonic()
     while not condition():
         if left <= 0.0:

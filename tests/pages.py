@@ -1,7 +1,7 @@
-"""Code blocks of the documentation, and which of them are executed.
+"""Execution of the code blocks of the documentation.
 
-``python tests/pages.py [PAGE ...]`` executes every block of the pages from top to bottom, each page in a folder of its
-own, as a reader would: minutes, with engines. `tests/unit/test_documentation.py` has the short version.
+``python tests/pages.py [PAGE ...]`` executes all blocks of each page from top to bottom in a folder of its own, as a
+reader would; this takes minutes, with engines. `tests/unit/test_documentation.py` has the short version.
 """
 
 from __future__ import annotations
@@ -121,12 +121,12 @@ class Block:
 
     @property
     def commands(self) -> list[str]:
-        """Commands of a shell block, one a line."""
+        """Commands of a shell block, one per line."""
         return [line for line in self.text.splitlines() if line.strip()]
 
     @property
     def file(self) -> str:
-        """File name in the first line, or an empty string."""
+        """File name in the first line of the block, or an empty string."""
         found = re.match(r"# ([\w./-]+\.(?:toml|py))$", self.text.partition("\n")[0])
         return found[1] if found else ""
 
@@ -143,19 +143,19 @@ def blocks(page: Path) -> list[Block]:
 
 
 def mark(page: str, text: str) -> str:
-    """Return why a command or block is not executed; an empty string if it is."""
+    """Return why a command or block is not executed; an empty string if it is executed."""
     return next((why for (where, start), why in MARKED.items() if where == page and text.startswith(start)), "")
 
 
 def environment(folder: Path) -> dict[str, str]:
-    """Return environment variables with which commands find this environment's `consilience`, `python` and `pytest`."""
+    """Return environment variables by which commands find `consilience`, `python`, `pytest` of this environment."""
     programs = folder / ".programs"
     programs.mkdir(exist_ok=True)
     for name, module in (("consilience", "consilience.cli.main"), ("pytest", "")):
         call = f"from {module} import main; main()" if module else "import sys, pytest; sys.exit(pytest.main())"
         (programs / name).write_text(f'#!/bin/sh\nexec {shlex.quote(sys.executable)} -c "{call}" "$@"\n')
         (programs / name).chmod(0o755)
-    # a script and no link: Python looks for packages beside the path it is called by
+    # a script, not a symbolic link: Python looks for packages beside the path by which it is called
     (programs / "python").write_text(f'#!/bin/sh\nexec {shlex.quote(sys.executable)} "$@"\n')
     (programs / "python").chmod(0o755)
     return os.environ | {"PATH": f"{programs}:{Path(sys.executable).parent}:{os.environ['PATH']}", "COLUMNS": "120"}

@@ -1,4 +1,4 @@
-"""Records of runs that were never made: what a comparison, a run and a case look like in `report.jsonl`."""
+"""Synthetic records of comparisons, runs and cases, as they stand in `report.jsonl`."""
 
 from consilience.compare import Verdict
 from consilience.report.record import Record
@@ -25,7 +25,7 @@ def level(step, difference, energy=(0.0, 1e-9, -2e-9)):
 
 
 def comparison(case, engine, question, verdict=Verdict.AGREES, **more):
-    """A comparison as the record has it; motions have two levels, the finest 1e-6 and past the horizon 0.5."""
+    """Record of a comparison. A motion has two levels; the finer is off by 1e-6 before the horizon and 0.5 after it."""
     moving = question == "trajectory" and verdict not in (Verdict.FAILED, Verdict.UNSUPPORTED)
     plain = {
         "record": "comparison",

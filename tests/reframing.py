@@ -1,4 +1,4 @@
-"""The same mechanism with other frames on its bodies."""
+"""Mechanisms and states with other body frames: the same physics in other numbers."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -25,7 +25,7 @@ def inverse(frame: Frame) -> Frame:
 
 
 def reframed(mechanism: Mechanism, body: str, new: Frame, **changes) -> Mechanism:
-    """Everything fixed to `body` expressed in a frame that is `new` in the old one; the body itself is not touched."""
+    """The same mechanism, all data of `body` expressed in the frame `new`, which is given in the old body frame."""
     back = inverse(new)
 
     def point(name, p):
@@ -59,12 +59,12 @@ def reframed(mechanism: Mechanism, body: str, new: Frame, **changes) -> Mechanis
 
 
 def symmetric(matrix: Array) -> Array:
-    """The symmetric part of a matrix, which rounding alone kept from being it."""
+    """Symmetric part of a matrix that is symmetric up to rounding."""
     return 0.5 * (matrix + matrix.T)
 
 
 def in_frames(mechanism: Mechanism, frames: Sequence[Frame]) -> Mechanism:
-    """The mechanism with the frames of its bodies replaced by others, given in the old ones."""
+    """The same mechanism with other body frames, given in the old ones."""
     second = mechanism
     for body, new in zip(mechanism.bodies, frames, strict=True):
         second = reframed(second, body.name, new)
@@ -76,12 +76,12 @@ def in_frames(mechanism: Mechanism, frames: Sequence[Frame]) -> Mechanism:
 
 
 def arms(state: State, frames: Sequence[Frame]) -> Array:
-    """From the old origins to the new ones, world axes, shape (n_b, 3), m."""
+    """Vectors from the old to the new body origins, world axes, shape (n_b, 3), m."""
     return np.einsum("bij,bj->bi", rotation_from_quaternion(state.quat_WB), np.array([x.p for x in frames]))
 
 
 def state_in_frames(state: State, frames: Sequence[Frame]) -> State:
-    """The state of `in_frames` that is this one of the mechanism."""
+    """The same state for the mechanism that `in_frames` returns."""
     r = arms(state, frames)
     quats = quaternion_product(state.quat_WB, quaternion_from_rotation([x.R for x in frames]))
     return State(state.p_WB + r, quats, state.v_WB_W + np.cross(state.w_WB_W, r), state.w_WB_W)

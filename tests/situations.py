@@ -1,6 +1,6 @@
-"""Situations whose cause is known: errors of known size, order and softness on a known motion, and the right verdict.
+"""Synthetic motions with errors of known size, order and softness, and the verdict that each must get.
 
-A body runs on the unit circle and turns as it goes. What is wrong with an engine's motion is displaced along z by a
+The true motion: a body runs on the unit circle and rotates. The error of the engine is a displacement along z, a
 function of the step h, the softness s and the time.
 """
 
@@ -27,7 +27,7 @@ STEPS = (0.02, 0.01, 0.005)
 
 
 def motion(displacement: object = 0.0) -> TrajectoryAnswer:
-    """The motion, displaced along z, in units of its size."""
+    """The true motion, displaced along z; the displacement is relative to the size of the motion."""
     t = TIMES
     p = np.column_stack([np.cos(t), np.sin(t), displacement * np.ones_like(t)])[:, None]
     quat = np.array([quaternion_from_rotation_vector([0, 0, x]) for x in t])[:, None]
@@ -44,7 +44,7 @@ Error = Callable[[float, float], object]
 
 @dataclass(frozen=True)
 class Situation:
-    """One labelled situation."""
+    """One error with its known cause and the right verdict."""
 
     name: str
     error: Error
@@ -64,7 +64,7 @@ class Situation:
     velocity_slope: float = 0.0
 
     def judge(self) -> Comparison:
-        """The verdict of the rules."""
+        """Verdict of the rules on this error."""
         levels = {"tolerances": self.steps} if self.tolerances else {"substeps": (10, 20, 40)[: len(self.steps)]}
         method = Method(
             "m", Route.NATIVE, self.order, profile=self.profile, softness=1.0 if self.soft else None, **levels
@@ -86,12 +86,12 @@ class Situation:
 
 
 def late(onset: float, order: int) -> Error:
-    """An error that appears late and grows like a power of the step."""
+    """An error that appears after `onset` and is proportional to a power of the step."""
     return lambda h, _: np.where(onset < TIMES, 1e-2 * (h / 0.005) ** order, 1e-12) * SHAPE
 
 
 def noise(size: float) -> Error:
-    """Rounding: another one at every step size."""
+    """Rounding error: different at every step size."""
     return lambda h, s: size * np.random.default_rng(int(1e6 * h + s)).normal(size=len(TIMES))
 
 

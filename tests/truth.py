@@ -1,6 +1,7 @@
 """Accelerations and reactions in dense maximal coordinates, in plain NumPy: slow, short, independent of the solver.
 
-Newton-Euler per body about the body *origin*, constraint rows from `mechanism.constraints`, one least-squares solve.
+Newton-Euler equations of each body about its *origin*, constraint rows from `mechanism.constraints`, one least-squares
+solution.
 """
 
 from __future__ import annotations
@@ -70,7 +71,7 @@ def applied_wrenches(mechanism: Mechanism, state: State, t: float = 0.0) -> np.n
 
 
 def joint_efforts(mechanism: Mechanism, state: State, t: float):
-    """Joint, coordinate and effort on the successor of every spring, friction and control of a joint."""
+    """Joint, coordinate and effort on the successor, for every spring, friction element and controller on a joint."""
     for s in mechanism.joint_springs:
         q, rate = joint_spring_motion(mechanism, state, s.joint, s.coordinate)
         actuator = s.actuator.at(t)[0] if s.actuator else 0.0
@@ -85,7 +86,7 @@ def joint_efforts(mechanism: Mechanism, state: State, t: float):
 
 
 def solve(mechanism: Mechanism, state: State, t: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """a_WB_W, alpha_WB_W, force_F, torque_F of a consistent state (least-norm multipliers where not unique)."""
+    """Return a_WB_W, alpha_WB_W, force_F, torque_F at a consistent state; least-norm multipliers where not unique."""
     n = len(mechanism.bodies)
     R = rotation_from_quaternion(state.quat_WB)
     inertias = world_inertias(mechanism, state)

@@ -11,17 +11,17 @@ from importlib import import_module
 from pathlib import Path
 
 for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ[_variable] = "1"  # read when the libraries are imported
+    os.environ[_variable] = "1"  # libraries read the variable when they are imported
 
 BENCHMARKS = ("accuracy", "limit", "evaluation", "growth", "anatomy", "trajectories", "processes", "overhead")
 """Modules of this folder, each with ``run(short)``, which yields tables; or one of `scripts.SCRIPTS`."""
 
 FOLDER = Path(__file__).parent
-sys.path.append(str(FOLDER.parent))  # the oracles
+sys.path.append(str(FOLDER.parent))  # for modules of the oracles
 
 
 def main() -> int:
-    """Run the chosen benchmarks, print each table when it is done, and write its part of the page."""
+    """Run the chosen benchmarks; print each table when it is finished, and write its part of the page."""
     known = [name for name in BENCHMARKS if (FOLDER / f"{name}.py").exists()]
     parser = argparse.ArgumentParser(prog="python tests/benchmarks", description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"one of {', '.join(known)}; default: all")
@@ -45,7 +45,7 @@ def main() -> int:
             print(table.markdown(), flush=True)
             tables.append(table)
         print(f"{name}: {time.perf_counter() - start:.0f} s", file=sys.stderr, flush=True)
-        if output is not None and tables:  # after each, so that an interrupted run leaves what it has
+        if output is not None and tables:  # after each benchmark, so that an interrupted run keeps its results
             old = output.read_text(encoding="utf-8") if output.exists() else ""
             output.write_text(page({name: block(name, tables, chosen.short)}, BENCHMARKS, old), encoding="utf-8")
     return 0

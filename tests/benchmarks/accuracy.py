@@ -1,4 +1,4 @@
-"""Time for a motion to an accuracy: the reference against the fastest route of any engine that reaches it."""
+"""CPU time for a motion of given accuracy: the reference against the fastest route of any engine to that accuracy."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Outcome:
     samples: dict[float, dict[str, Sample]] = field(default_factory=dict)
 
     def worth(self, target: float) -> float:
-        """CPU time in s beyond which a run is of no interest any more; it only ever gets shorter."""
+        """CPU time in s beyond which a run cannot matter; it decreases as results come in."""
         best = self.best[target]
         known = [PATIENCE * f.cpu for name, f in best.items() if name != "reference"]
         known += [HOPELESS * best["reference"].cpu] if "reference" in best else []
@@ -78,7 +78,7 @@ def _chosen(short: bool) -> Iterator[Case]:
 
 
 def _truth(case: Case) -> Array | None:
-    """Return positions at the samples, or None where two formulations do not agree on them closely enough."""
+    """Return positions at the samples, or None if two formulations differ too much."""
     try:
         one, two = (simulate(case.mechanism, case.initial_state, case.times, tol, form).p_WB for form, tol in TRUTHS)
     except ConsilienceError:
@@ -101,7 +101,7 @@ def _faster(found: Found, best: dict[str, Found], group: str) -> None:
 
 
 def _known(case: Case) -> tuple[Case, Array] | None:
-    """Return the case over 5 s, or over its own duration where that is too long or sensitive; its true positions."""
+    """Return the case and its true positions over 5 s, or over its own duration if 5 s is too long or too sensitive."""
     for span in (SPAN, case.duration):
         if span == case.duration or SHORTEST * span <= case.duration:
             of_span = with_observable_origins(over(case, span))
@@ -142,7 +142,7 @@ def _row(outcome: Outcome, target: float, group: str) -> list[str]:
 
 
 def run(short: bool) -> Iterator[Table]:
-    """Yield one table for each accuracy; after an interrupt, of the cases so far."""
+    """Yield one table for each accuracy; after an interrupt, with the cases measured so far."""
     columns = ("case", "kind", "bodies", "over", "reference", "of it translation", "how", "engine", "how")
     columns += ("engine / reference", "without translation")
     abouts = {
@@ -183,7 +183,7 @@ def run(short: bool) -> Iterator[Table]:
 
 
 def _measure(case: Case, tables: Mapping[tuple[float, str], Table], rounds: int) -> bool:
-    """Add the rows of a case; return False if it is too sensitive."""
+    """Add the rows of a case; return False if its motion is too sensitive."""
     start, known = time.perf_counter(), _known(case)
     if known is None:
         return False

@@ -1,8 +1,9 @@
-"""Where the time of the reference goes: the parts of one evaluation, the projection after a step, and a motion of 5 s.
+"""Parts of the CPU time of the reference: one evaluation, the projection after a step, and a motion of 5 s.
 
     python tests/benchmarks/anatomy.py [case ...]
 
-The time of a part is the time of an evaluation up to its end less that up to its beginning, the least of some runs.
+The time of a part is the time of an evaluation up to the end of the part, less the time up to its beginning; both are
+the least of several runs.
 """
 
 import sys
@@ -47,7 +48,7 @@ DURATION, TOLERANCE = 5.0, 1e-10
 
 @inlined
 def push(closure, spatial, elements, planar, z):
-    """Set inertias (in a plane placing does this) and force biases."""
+    """Set inertias and force biases; in a plane, placing the links has set the inertias."""
     if spatial is not None:
         rigid_inertias(closure.link)
         if elements is not None and not elements.gravity_only:
@@ -70,8 +71,8 @@ def sweep(closure, spatial, planar):
 
 @inlined
 def along(closure, spatial, planar, small):
-    """Compute the accelerations of the tree without loops."""
-    if spatial is not None:  # noqa: SIM102 - Numba prunes `is not None` alone
+    """Compute the accelerations of the tree with its loops open."""
+    if spatial is not None:  # noqa: SIM102 - Numba prunes only `is not None` branches
         if small:
             bias_accelerations(closure)
     if not small:
@@ -80,7 +81,7 @@ def along(closure, spatial, planar, small):
 
 @inlined
 def close(closure, spatial, planar, small):
-    """Add the effect of the rows to the accelerations of the tree."""
+    """Add the effect of the loop rows to the accelerations of the tree."""
     loop_acceleration_residual(closure, spatial, planar)
     if spatial is not None:  # noqa: SIM102 - as above
         if small:
@@ -96,7 +97,7 @@ def close(closure, spatial, planar, small):
 
 @kernel
 def up_to(depth, closure, spatial, elements, planar, z, n):
-    """Run the first parts of an evaluation n times."""
+    """Run an evaluation up to part `depth`, n times."""
     group, qr, small = closure.loops.group, closure.qr, False
     if spatial is not None:
         small = closure.best[ELIMINATION_PIVOT] > 0.0 and has_few_freedoms(
@@ -124,7 +125,7 @@ def whole(run, z, dz, n):
 
 @kernel
 def step_end(run, z, apart, target, n):
-    """Project, n times, a state slightly off the constraint manifold that is not a sample."""
+    """Project a state slightly off the constraint manifold, n times, at the end of a step without a sample."""
     for _ in range(n):
         for k in range(z.shape[0]):
             target[k] = z[k] + apart[k]
@@ -132,7 +133,7 @@ def step_end(run, z, apart, target, n):
 
 
 def least(calls, count):
-    """Return the least CPU time of each of some calls, taken in turns, in microseconds for one of `count`."""
+    """Return the least CPU time of each call in microseconds, divided by `count`; the calls take turns."""
     found = []
     for _ in range(REPEATS):
         found.append([])

@@ -2,8 +2,8 @@
 
     python tests/benchmarks/evaluation.py [pinocchio] [growth] [batch] [memory]
 
-Spatial chains of revolute joints about skew axes, bodies with full inertia. Both sides are called from Python, warm, in
-turns; ratios are medians of the turns, with the quartiles in brackets.
+Spatial chains of revolute joints about skew axes, bodies with full inertia. Both programs are called from Python, warm,
+in turns; ratios are medians over the turns, with quartiles in brackets.
 """
 
 import multiprocessing
@@ -40,13 +40,13 @@ def timed(call, count):
 
 
 def in_turns(calls, turns=TURNS):
-    """Return the time of a call in s in each turn, shape (turns, n)."""
+    """Return the time in s of each call in each turn, shape (turns, n)."""
     counts = [max(1, int(SLICE / max(timed(call, 1) for _ in range(3)))) for call in calls]
     return np.array([[timed(call, count) for call, count in zip(calls, counts, strict=True)] for _ in range(turns)])
 
 
 def pinocchio_model(mechanism):
-    """Return the chain as a model of Pinocchio, each joint at M."""
+    """Return the chain as a Pinocchio model; each joint frame is at M."""
     model, end = pin.Model(), pin.SE3.Identity()
     model.gravity.linear = mechanism.gravity
     for n, (joint, body) in enumerate(zip(mechanism.joints, mechanism.bodies, strict=True)):
@@ -62,7 +62,7 @@ def spatial_chain(count):
 
 
 def against_pinocchio():
-    """Compare with `aba`, which writes into its data: the reference into a given array, and into a new one."""
+    """Compare with `aba`, which reuses its output arrays: the reference into a given array, and into a new one."""
     print("| bodies | ours, us | into a new array, us | aba, us | ratio | of the new array | difference |")
     print("|---|---|---|---|---|---|---|")
     for count in (2, 10, 50, 200):
@@ -97,7 +97,7 @@ def growth():
 
 def batch():
     case = load_case("seven_axis_arm")
-    # without its joint springs: elements take the slower way through the general kernel
+    # without joint springs: force elements use the slower, general kernel
     dynamics, states = ForwardDynamics(replace(case.mechanism, joint_springs=())), 100_000
     rng = np.random.default_rng(0)
     q, v = rng.normal(size=(states, dynamics.n_q)), rng.normal(size=(states, dynamics.n_v))
@@ -112,7 +112,7 @@ def batch():
 
 
 def _scaling(call):
-    """Return the work of two independent processes of one thread each, relative to one, in each turn."""
+    """Return the throughput of two independent single-threaded processes relative to one process, in each turn."""
     context = multiprocessing.get_context("fork")
     both = np.empty(7)
     for n in range(len(both)):

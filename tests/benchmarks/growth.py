@@ -1,8 +1,8 @@
-"""Growth of the cost of loops: one evaluation, one projection and the size of the factors, from 10 to 200 loops.
+"""Growth of the cost of loops, from 10 to 200 loops: one evaluation, one projection, and the size of the factors.
 
     python tests/benchmarks/growth.py [family]
 
-Prints ratios to the smallest mechanism and the exponents between neighbours, each from the least time of some runs.
+Prints ratios to the smallest mechanism and the exponents between neighbours, from the least times of several runs.
 """
 
 import sys
@@ -18,7 +18,7 @@ REPEATS = 7
 
 
 def least(call, count):
-    """Return the CPU time of a call in s: the least mean of some runs."""
+    """Return the CPU time of a call in s: the least of the mean times of several runs."""
     found = []
     for _ in range(REPEATS):
         began = time.process_time()

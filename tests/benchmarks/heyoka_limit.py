@@ -1,7 +1,7 @@
-"""Time of heyoka for minimal equations written by hand: the limit for a trajectory of a pendulum and a linkage.
+"""Time of heyoka for minimal equations written by hand: a lower limit for motions of a pendulum and a linkage.
 
-`trajectories.py` runs this in a Python that has heyoka; constants are passed in, and times out, as JSON. Planar vectors
-are pairs (along, across) of expressions; the equations are those of `tests/oracles`.
+`trajectories.py` runs this file with a Python that has heyoka; constants come in, and times go out, as JSON. Vectors in
+the plane are pairs (along, across) of expressions; the equations are those of `tests/oracles`.
 """
 
 import json
@@ -91,7 +91,7 @@ SYSTEMS = {"physical_pendulum-large": pendulum, "double_pendulum": double_pendul
 
 
 def main():
-    """Print for every system its last state, and the least time in s of a run with all samples."""
+    """Print, for every system, its final state and the least time in s of a run with all samples."""
     out = {}
     for name, given in json.load(sys.stdin).items():
         solver = hy.taylor_adaptive(SYSTEMS[name](given["constants"]), given["start"], tol=given["tolerance"])

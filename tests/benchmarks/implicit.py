@@ -1,4 +1,4 @@
-"""Radau IIA of order 13, as in the reference, in NumPy, for the accelerations of an engine."""
+"""Radau IIA of order 13 in NumPy, with the reference's step control, for the accelerations of an engine."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def _jacobian(derivative: Derivative, t: float, y: Array, f: Array, size: Array)
 def _step(
     derivative: Derivative, t: float, h: float, y: Array, f: Array, J: Array, Z: Array, size: Array, tolerance: float
 ) -> tuple[Array, float, float]:
-    """Return stages, error over the tolerance (infinite where the iterations diverge), and convergence rate."""
+    """Return stages, error over the tolerance (infinite if the Newton iterations diverge), and convergence rate."""
     systems = [lu_factor(shift / h * np.eye(len(y)) - J, check_finite=False) for shift in LAMBDA]
     last, rate = np.inf, 0.0
     for left in range(MOST_ITERATIONS, 0, -1):
@@ -49,7 +49,7 @@ def _step(
 
 
 def radau13(derivative: Derivative, y: Array, times: Array, tolerance: float) -> Array:
-    """Integrate by Radau IIA of seven stages with the step control of the reference; return y at the times.
+    """Integrate by Radau IIA with seven stages and the step control of the reference; return y at the times.
 
     Raises
     ------

@@ -1,9 +1,9 @@
-"""Cost of an engine in a process of its own: small jobs in the worker and in this process, in alternating blocks.
+"""Cost of a worker process: small jobs in the worker and in this process, in alternating blocks.
 
     python tests/benchmarks/isolation.py [ENGINE]...
 
-The cost is the time of a job less the CPU time of the engine in its worker. The last column is all CPU time of both
-processes less that of the engine, which depends least on other load of the machine.
+The cost is the time of a job minus the CPU time of the engine in the worker. The last column is the CPU time of both
+processes minus that of the engine, which is least affected by other load on the machine.
 """
 
 import statistics
@@ -22,7 +22,7 @@ CASES = ("double_pendulum", "four_bar")
 
 
 def requests_of(engine, case):
-    """Return small jobs: the engine's name, a mass, accelerations at one state."""
+    """Yield small jobs: the engine's name, a mass, accelerations at one state."""
     mechanism, states = case.mechanism, case.states[:1]
     yield "info", Request()
     for question in (Question.MODEL, Question.INSTANT):
@@ -42,14 +42,14 @@ def cpu_of(process):
 
 
 def measured(here, worker, request):
-    """Return medians in ms of the time here, the time in the worker and the cost; least cost; CPU time of the cost."""
+    """Return medians in ms of time here, time in the worker and cost; the least cost; the cost in CPU time."""
     near, far, own = [], [], []
     for _ in range(WARM):
         worker.ask(request)
     (there,) = psutil.Process().children()
     before, spent_here = cpu_of(there), 0.0
     for _ in range(ROUNDS):
-        # in blocks: a runner whose worker has the engine does not load the engine's code between two jobs
+        # in blocks: a runner with workers does not load the engine's code into its caches between two jobs
         near += [spent(lambda r: perform(here, r), request)[0] for _ in range(BLOCK)]
         start = time.process_time()
         for _ in range(BLOCK):

@@ -42,7 +42,7 @@ class Minimal:
     system : list of (variable, derivative)
     start : ndarray
     positions : callable
-        p_WB, shape (n_t, n_b, 3), of the state at samples, shape (n_t, n).
+        From states at the samples, shape (n_t, n), to p_WB, shape (n_t, n_b, 3).
     """
 
     system: list[tuple[Any, Any]]
@@ -117,7 +117,7 @@ def _components(r: Pair, s: Pair, v: Pair) -> Pair:
 
 
 def linkage(case: Case) -> Minimal:
-    """Return ``J q'' + h q'^2 = Q`` in the crank angle; two circles close the loop (see `oracles.four_bar`)."""
+    """Return ``J q'' + h q'^2 = Q`` in the crank angle; loop closure by two circles as in `oracles.four_bar`."""
     plane = Plane(case.mechanism, "crank_pivot")
     A, B0, C0, D = (plane.pin(name) for name in ("crank_pivot", "crank_pin", "rocker_pin", "rocker_pivot"))
     coupler, rocker = C0 - B0, C0 - D
@@ -132,7 +132,7 @@ def linkage(case: Case) -> Minimal:
     down = -1.0 * crank[0], -1.0 * crank[1]
     i_r, i_s = _left(r), _left(s)
     against = -1.0 * i_s[0], -1.0 * i_s[1]
-    b_q, c_q = _components(i_r, against, (crank[1], down[0]))  # of -i crank
+    b_q, c_q = _components(i_r, against, (crank[1], down[0]))  # right side: -i crank
     bend = tuple(crank[n] + r[n] * b_q**2.0 - s[n] * c_q**2.0 for n in range(2))
     b_qq, c_qq = _components(i_r, against, bend)
     turns = [(crank, B0 - A, (0.0, 0.0), (0.0, 0.0), 1.0, 0.0, A)]
@@ -161,7 +161,7 @@ CASES = {"physical_pendulum-rotating": pendulum, "double_pendulum": double, "fou
 
 
 def _taylor(minimal: Minimal, times: Array, tolerances: tuple[float, ...]) -> Route:
-    """Return a run of heyoka; the first run compiles the equations, and only propagation is timed."""
+    """Return a route by heyoka; its first run compiles the equations, and only the propagation is timed."""
 
     @cache
     def compiled(tolerance: float) -> Any:
@@ -181,7 +181,7 @@ def _first(route: Route, truth: Array) -> Any:
 
 
 def run(short: bool) -> Iterator[Table]:
-    """Yield one table; empty, with the reason, without heyoka."""
+    """Yield one table; without heyoka an empty table that says so."""
     about = "Bar: 5. heyoka propagates hand-written minimal equations, compiled before the clock starts. The reference "
     about += "takes the case as it is, a spatial mechanism, and translates it within the call."
     table = Table(f"The limit: 5 s of motion to {TARGET:.0e} m against heyoka", about, ())

@@ -1,4 +1,4 @@
-"""Cases whose body origins show rotation: the tip of a top and the centre of mass of a free body do not."""
+"""Cases with body origins whose motion shows rotation, unlike the tip of a top or the centre of mass of a free body."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ STILL = 1e-6
 
 
 def _aside(body: Body) -> Frame:
-    """Return a frame at a radius of gyration from the centre of mass, off the axes of any symmetry."""
+    """Return a frame one radius of gyration from the centre of mass, off possible axes of symmetry."""
     radius = np.sqrt(np.trace(body.inertia) / (2.0 * body.mass))
     return Frame(body.com + radius * np.array([2.0, 3.0, 6.0]) / 7.0, np.eye(3))
 
 
 def with_observable_origins(case: Case) -> Case:
-    """Return the case, with other origins on its bodies if all of them rest or fall freely."""
+    """Return the case; if all body origins rest or fall freely, with other body frames."""
     motion, t = simulate(case.mechanism, case.initial_state, case.times, 1e-6, "relative"), case.times[:, None, None]
     rest = motion.p_WB[0]
     fall = rest + t * motion.v_WB_W[0] + 0.5 * t**2 * case.mechanism.gravity
@@ -31,5 +31,5 @@ def with_observable_origins(case: Case) -> Case:
     frames = [_aside(body) for body in case.mechanism.bodies]
     state = state_in_frames(case.initial_state, frames)
     moved = replace(case, mechanism=in_frames(case.mechanism, frames))
-    vars(moved)["initial_state"] = state  # its own would be assembled from values in the old frames
+    vars(moved)["initial_state"] = state  # otherwise the state is assembled from values for the old frames
     return moved

@@ -1,4 +1,4 @@
-"""Overhead of the harness: a suite of cases against the time that the engines spend on their answers.
+"""Overhead of the harness: CPU time of a suite beyond the time that the engines spend on their answers.
 
     python tests/benchmarks overhead
     python tests/benchmarks/overhead.py [--tag TAG] [CASE]...
@@ -43,7 +43,7 @@ CASES = (
 
 @dataclass
 class Asked:
-    """Jobs of workers: their number, CPU time in s of the engines and of both sides without the engines."""
+    """Jobs of workers: number, CPU time in s of the engines, and CPU time of runner and workers without the engines."""
 
     jobs: int = 0
     engines: float = 0.0
@@ -56,7 +56,7 @@ def _cpu(*who: int) -> float:
 
 @contextmanager
 def _asked() -> Iterator[Asked]:
-    """Count the jobs of workers in this context; workers have ended when it ends."""
+    """Count the jobs of workers that run in this context; all workers must have ended at its end."""
     found, ask, before = Asked(), Worker.ask, _cpu(resource.RUSAGE_CHILDREN)
 
     def counted(worker: Worker, request: Request) -> Reply:
@@ -128,7 +128,7 @@ def main() -> None:
     parser.add_argument("names", nargs="*", metavar="CASE")
     parser.add_argument("--tag", help="cases of this tag")
     chosen = parser.parse_args()
-    os.environ["OMP_NUM_THREADS"] = "1"  # of the workers
+    os.environ["OMP_NUM_THREADS"] = "1"  # for the workers
     cases = [case for name in chosen.names for case in load_cases(name)]
     cases += [case for case in shipped_cases() if chosen.tag in case.tags]
     print(measured(cases or [load_case(name) for name in CASES]).markdown())

@@ -1,4 +1,4 @@
-"""Whole processes: the command line, and its first run with an empty cache of compiled kernels."""
+"""Whole processes: the command line, warm and with an empty cache of compiled kernels."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ ANNOUNCED = "compiling"
 
 
 def _process(arguments: list[str], folder: Path, environment: Mapping[str, str]) -> tuple[float, float, str]:
-    """Return wall time and CPU time in s, and the text of the error channel."""
+    """Return wall time and CPU time in s, and the text on standard error."""
     before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     done = subprocess.run(
         [sys.executable, *arguments], cwd=folder, env=environment, capture_output=True, text=True, check=True
@@ -46,7 +46,7 @@ def _quartiles(values: list[float]) -> str:
 
 
 def run(short: bool) -> Iterator[Table]:
-    """Yield one table. Byte code is kept, as in an installation, in a separate folder."""
+    """Yield one table. Bytecode is kept in a separate folder, as in an installation."""
     columns = ("process", "wall time", "CPU time", "bar")
     table = Table("The command line as a whole process", "From the start of Python to its end.", columns)
     with tempfile.TemporaryDirectory() as name:

@@ -1,4 +1,4 @@
-"""DART: `World.step` extrapolated, and its accelerations under integrators of high order."""
+"""Routes by DART: `World.step` extrapolated, and its accelerations with integrators of high order."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def _origins(model) -> Array:
 
 
 def _stepped(case: Case) -> Route:
-    """Run the semi-implicit Euler method of `World.step`, of order one."""
+    """Route by the semi-implicit Euler method of `World.step`, of order one."""
     stepping = stepper(case.mechanism, case.initial_state)
     start = from_state(stepping.model, case.initial_state)
     stepping.reduction = ERROR_REDUCTION_TRAJECTORY
@@ -46,7 +46,7 @@ def _stepped(case: Case) -> Route:
 
 
 def _high_order(case: Case) -> Iterator[Route]:
-    """Integrate accelerations in joint coordinates by methods of high order, for skeletons without rotation vectors."""
+    """Routes by methods of high order on accelerations in joint coordinates, for skeletons without rotation vectors."""
     model = build(case.mechanism)
     skeleton, forces, start = model.skeleton, Forces(model), from_state(model, case.initial_state)
     n = skeleton.getNumDofs()

@@ -1,4 +1,4 @@
-"""Exudyn: kinematic trees by its explicit methods, rigid bodies with constraints by its implicit ones, extrapolated."""
+"""Routes by Exudyn: explicit methods on kinematic trees; implicit ones, extrapolated, on bodies with constraints."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ SMALLEST_STEP = 1e-6
 
 
 def _fixed(case: Case, system: Any, sensors: list[Any], integration: Integration) -> Route:
-    """Run over all samples with constant steps; positions are read from the sensors at the end."""
+    """Route with constant steps over all samples; positions are read from the sensors at the end."""
 
     def run(count: int) -> Array:
         solve(system, integration, case.times, case.sample / count)
@@ -45,7 +45,7 @@ def _fixed(case: Case, system: Any, sensors: list[Any], integration: Integration
 
 
 def _adaptive(case: Case, model: Any) -> Route:
-    """Run DOPRI5 with Exudyn's step control, from sample to sample."""
+    """Route by DOPRI5 with Exudyn's step control, from sample to sample."""
     system, data = model.system, model.system.systemData
     initial, current = exu.ConfigurationType.Initial, exu.ConfigurationType.Current
     sensors = [four[0] for four in model.sensors]

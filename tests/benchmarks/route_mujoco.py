@@ -1,4 +1,4 @@
-"""MuJoCo: its RK4 in bulk, raw and extrapolated, and its accelerations under integrators of high order."""
+"""Routes by MuJoCo: its RK4, plain and extrapolated, and its accelerations with integrators of high order."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from consilience_mujoco.translate import Translation, translate
 
 
 def _quaternions(model) -> list[tuple[int, int]]:
-    """Return the places in qpos and qvel of each quaternion and its angular velocity, in axes of the body."""
+    """Return the indices in qpos and qvel of each quaternion and of its angular velocity, in body axes."""
     first = {mujoco.mjtJoint.mjJNT_BALL: 0, mujoco.mjtJoint.mjJNT_FREE: 3}
     return [
         (int(model.jnt_qposadr[j]) + first[kind], int(model.jnt_dofadr[j]) + first[kind])
@@ -37,8 +37,8 @@ class Motion:
     Parameters
     ----------
     cut : bool
-        Cut dependent constraint rows to their rank, by a callback in Python at every stage, as the adapter does. Planar
-        loops get by without: there the dependent rows are empty.
+        Reduce dependent constraint rows to their rank, by a callback in Python at every stage, as the adapter does.
+        Planar loops need no reduction: their dependent rows are zero.
     """
 
     def __init__(self, case: Case, translation: Translation, cut: bool) -> None:
@@ -53,7 +53,7 @@ class Motion:
             self.rank = rank if rank < rows else None
 
     def steps(self, count: int) -> Array:
-        """MuJoCo's integrator, as many steps as a sample interval has in one call."""
+        """Integrate with MuJoCo's integrator, `count` steps for each sample interval in one call."""
         model, data = self.translation.model, self.translation.data
         model.opt.timestep = self.times[1] / count
         mujoco.mj_resetData(model, data)
@@ -67,7 +67,7 @@ class Motion:
         return np.array(motion)
 
     def high_order(self, integrator: Integrator, tolerance: float) -> Array:
-        """The accelerations of `mj_forward` under an integrator of high order."""
+        """Integrate the accelerations of `mj_forward` by a method of high order."""
         model, data = self.translation.model, self.translation.data
         nq, turning = model.nq, _quaternions(model)
         plain = np.array([k for k in range(nq) if not any(q <= k < q + 4 for q, _ in turning)], dtype=int)
@@ -90,7 +90,7 @@ class Motion:
             return integrator(derivative, np.concatenate([self.q, self.v]), self.times, tolerance)[:, :nq]
 
     def positions(self, motion: Array) -> Array:
-        """Origins of the bodies."""
+        """Return the origins of the bodies."""
         t, found = self.translation, []
         for q in motion:
             t.data.qpos[:] = q

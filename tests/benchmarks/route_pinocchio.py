@@ -1,4 +1,4 @@
-"""Pinocchio has no integrator: its accelerations under integrators of high order."""
+"""Routes by Pinocchio, which has no integrator: its accelerations with integrators of high order."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ BAUMGARTE = pin.BaumgarteCorrectorParameters(100.0, 20.0)
 
 
 def _accelerations(translation: Translation, elements: Elements):
-    """Return the engine's fastest call, without the adapter where no force has to be added."""
+    """Return Pinocchio's fastest function, without the adapter unless forces or rows must be added."""
     model, data = translation.model, translation.data
     held = bool(translation.welds or elements.rows.count)
     zero = np.zeros(model.nv)
@@ -46,7 +46,7 @@ def _accelerations(translation: Translation, elements: Elements):
 
 
 def routes(case: Case) -> Iterator[Route]:
-    """Return the routes of a case; none where controllers have integrals."""
+    """Return the routes of a case; none for cases with controllers, whose integrals are not implemented here."""
     if PinocchioEngine().unsupported(case.mechanism, Question.TRAJECTORY) or case.mechanism.controls:
         return
     translation = suited(translate(case.mechanism), case.initial_state)

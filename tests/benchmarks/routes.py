@@ -1,4 +1,4 @@
-"""Routes by which an engine reaches an accuracy: a run at a level, its positions, levels from coarse to fine."""
+"""Routes to a motion of given accuracy: a run at a level, its positions, and levels from coarse to fine."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class Route:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """The coarsest level of a route that reaches an accuracy, and the CPU time of one run in s."""
+    """Coarsest level of a route that reaches an accuracy, and the CPU time of one run in s."""
 
     route: Route
     level: float
@@ -78,23 +78,23 @@ def over(case: Case, span: float) -> Case:
 
 
 def steps(case: Case) -> list[int]:
-    """Return steps between samples, from coarse to fine: `STEPS`, where there is room for at least one."""
+    """Return numbers of steps between samples, from coarse to fine: `STEPS` scaled to the interval, at least one."""
     return sorted({max(1, round(per_second * case.sample)) for per_second in STEPS})
 
 
 def setup(case: Case, formulation: str) -> Callable[[], object]:
-    """Return a call of the reference for the first sample alone: its time before and after the integration."""
+    """Return a call of the reference for the first sample alone: the time of all work but the integration."""
     return lambda: simulate(case.mechanism, case.initial_state, case.times[:1], 1e-6, formulation)
 
 
 def weights(counts: Sequence[int], orders: Sequence[int]) -> Array:
-    """Return weights that remove terms ``h^p`` of given orders from results with several numbers of steps."""
+    """Return weights that remove the terms ``h^p`` of the given orders from results with several numbers of steps."""
     system = np.vstack([np.ones(len(counts)), *(np.array(counts, dtype=float) ** -p for p in orders)])
     return np.linalg.solve(system, np.eye(len(counts))[0])
 
 
 def extrapolated(route: Route, counts: Sequence[int], orders: Sequence[int]) -> Route:
-    """Return the Richardson extrapolation of a route over steps: `counts` times the level, one order less each."""
+    """Return the Richardson extrapolation of a route over `counts` times the level; each count removes one order."""
     factors = weights(counts, orders)
 
     def run(level: float) -> list[Any]:
@@ -121,7 +121,7 @@ def dop853(derivative: Callable[[float, Array], Array], y: Array, times: Array, 
     motion = [y]
     for t in times[1:]:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # it warns and says by its code that it has given up
+            warnings.simplefilter("ignore")  # a warning accompanies the return code, which is checked
             motion.append(solver.integrate(t))
         if not solver.successful():
             raise RuntimeError(f"dop853 gave up at {solver.t} s")
@@ -179,7 +179,7 @@ HIGH_ORDER = {"DOP853": dop853, "TP86": tp86, "RADAU13": radau13}
 def sweep(
     route: Route, truth: Array, targets: Sequence[float], worth: Callable[[float], float]
 ) -> Iterator[tuple[float, Found]]:
-    """Return, for each accuracy from coarse to fine, the coarsest level that reaches it.
+    """Return, for each accuracy from coarse to fine, the coarsest level of a route that reaches the accuracy.
 
     Parameters
     ----------

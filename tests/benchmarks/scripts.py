@@ -1,4 +1,4 @@
-"""Benchmarks that print their own tables: each part runs in a process of its own, its output becomes a section."""
+"""Benchmarks that print their own tables: each part runs in a new process, and its output becomes a section."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ FOLDER = Path(__file__).parent
 
 @dataclass(frozen=True)
 class Section:
-    """A part of the page as printed."""
+    """A part of the page, as printed."""
 
     title: str
     text: str

@@ -1,4 +1,4 @@
-"""CPU times of several ways to do the same work, side by side in one run."""
+"""CPU times of several ways to do the same work, measured side by side in one run."""
 
 from __future__ import annotations
 
@@ -39,18 +39,18 @@ class Ratio:
 
 
 def ratio(numerator: Sample, denominator: Sample) -> Ratio:
-    """Return the ratio of two samples, from neighbouring runs, so that slow periods affect both."""
+    """Return the ratio of two samples round by round, so that slow periods of the machine affect both."""
     low, median, high = np.percentile(np.array(numerator.times) / np.array(denominator.times), (25, 50, 75))
     return Ratio(float(median), float(low), float(high))
 
 
 def less(whole: Sample, part: Sample) -> Sample:
-    """Return a sample less another one, round by round."""
+    """Return the difference of two samples, round by round."""
     return Sample(tuple(w - p for w, p in zip(whole.times, part.times, strict=True)))
 
 
 def race(contenders: Mapping[str, Callable[[], object]], rounds: int = ROUNDS) -> dict[str, Sample]:
-    """Return the CPU time of each contender, warm, in turns; each round begins with another contender."""
+    """Return the CPU time of each contender, warm, in turns; each round starts with another contender."""
     repeats = {}
     for name, work in contenders.items():
         work()

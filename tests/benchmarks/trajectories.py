@@ -1,11 +1,12 @@
-"""Work and precision of trajectories by the reference: evaluations and time to reach an accuracy, case by case.
+"""Work and precision of trajectories by the reference: evaluations and CPU time for a given accuracy, case by case.
 
     python tests/benchmarks/trajectories.py [--heyoka PYTHON] [case ...]
 
-For each case of the library, over 5 s in 101 samples: the loosest tolerance that gives the position of every body to
-1e-6, 1e-9 and 1e-12 m at every sample, the evaluations, and the CPU time of the fastest of some runs of `simulate`. The
-true motion is a run of another integrator at 1e-14; for Taylor's method coefficients are counted as evaluations. With a
-Python that has heyoka, the same motion of minimal equations written by hand is listed beside it.
+For each case of the library, over 5 s in 101 samples: the loosest tolerance at which every body position at every
+sample is accurate to 1e-6, 1e-9 and 1e-12 m, the evaluations, and the CPU time of the fastest of several runs of
+`simulate`. The true motion is that of another integrator at a tolerance of 1e-14. For Taylor's method, coefficients
+count as evaluations. With a Python that has heyoka, its time for the same motion by minimal equations written by hand
+is listed too.
 """
 
 import argparse
@@ -41,12 +42,12 @@ SAMPLES, DURATION, REPEATS = 101, 5.0, 5
 
 
 def times_of(case):
-    """Return samples over five seconds, or over the whole motion where it is shorter."""
+    """Return samples over five seconds, or over the whole motion if that is shorter."""
     return np.linspace(0.0, min(DURATION, case.duration), SAMPLES)
 
 
 def work(case):
-    """Return error, evaluations and seconds for each tolerance."""
+    """Return error, evaluations and CPU time in s for each tolerance."""
     times = times_of(case)
     right = simulate(case.mechanism, case.initial_state, times, 1e-14, "relative", "dop853").p_WB
     for tolerance in TOLERANCES:
@@ -116,7 +117,7 @@ CONSTANTS = {
 
 
 def limit(python, names):
-    """Return the results of `heyoka_limit.py` for the cases that it has, at a tolerance of 1e-12."""
+    """Return the results of `heyoka_limit.py` at a tolerance of 1e-12, for the cases that it supports."""
     jobs = {}
     for name in set(names) & set(CONSTANTS):
         case = load_case(name)

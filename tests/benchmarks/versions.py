@@ -1,10 +1,10 @@
-"""Versions of MuJoCo side by side: only the sparse Newton solver of 4.0.0 differs.
+"""Versions of MuJoCo side by side: only the sparse Newton solver of 4.0.0 gives other results.
 
     python tests/benchmarks/versions.py
 
-A branched tree of six bodies, locked by two loops. At MuJoCo's own softness the problem has one solution, whatever the
-path of computation; the sparse path of 4.0.0 gives another one (`reports/findings/mujoco_sparse_newton`). Builds the
-environments if there are none.
+A branched tree of six bodies, locked by two loops. With MuJoCo's own softness the problem has one solution, whatever
+solver computes it; the sparse Newton solver of 4.0.0 gives another (`reports/findings/mujoco_sparse_newton`). Missing
+environments are built.
 """
 
 import sys

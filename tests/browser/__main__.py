@@ -1,8 +1,8 @@
-"""A report as users meet it: ``python tests/browser REPORT.html [-o FOLDER]`` opens it in headless Chromium.
+"""A report in a browser, used as readers use it: ``python tests/browser REPORT.html [-o FOLDER]``, headless Chromium.
 
-Every filter, cell, plot, replay and copy button is used, axe-core looks at every kind of page in light and dark, and
-screenshots are left to be looked at. Needs the extra `browser`, and Chromium from the system. Exit code 1 if anything
-is wrong.
+Every filter, cell, plot, replay and copy button is used, axe-core checks every kind of page in light and dark, and
+screenshots are left for inspection. Needs the extra `browser`, and Chromium from the system. Exit code 1 if anything
+fails.
 """
 
 import argparse
@@ -28,7 +28,7 @@ CHECKS = (checks.opens, filters, checks.drill_down, checks.plots, checks.replay,
 
 
 def pages(view):
-    """One page of each kind, by a name for its screenshot."""
+    """One page of each kind, by the name of its screenshot."""
     worst = view.remarkable[0][0] if view.remarkable else view.cells[0]
     moving = next((c for c in view.cells if c.figures), view.cells[0])
     found = {"matrix": "", "filtered": "#?verdict=agrees", "cell": f"#{moving.anchor}", "worst": f"#{worst.anchor}"}
@@ -37,7 +37,7 @@ def pages(view):
 
 
 def accessible(window, report, view):
-    """Every kind of page in light, dark and narrow windows."""
+    """Check accessibility of every kind of page in light, dark and narrow windows."""
     for scheme, width in (("light", 1280), ("dark", 1280), ("light", NARROW)):
         opened = window(report, width, 900, scheme)
         for name, fragment in pages(view).items():
@@ -53,7 +53,7 @@ def accessible(window, report, view):
 
 
 def screenshots(window, report, view, folder):
-    """Light, dark, narrow and as printed."""
+    """Take screenshots: light, dark, narrow and as printed."""
     folder.mkdir(parents=True, exist_ok=True)
     for kind, width, scheme in WINDOWS:
         opened = window(report, width, 900, scheme)

@@ -1,4 +1,4 @@
-"""What a report has to do in a browser: each check is a generator of what it found wrong."""
+"""Checks of a report in a browser; each check is a generator of the errors that it finds."""
 
 import json
 import statistics
@@ -11,7 +11,7 @@ SIZE = 10e6
 
 
 def opens(opened, view, told):
-    """First view in time, size, and nothing asked of the network."""
+    """The first view: loading time, size, and no network request."""
     page, seen, ready = opened.page, [], []
     for _ in range(LOADS):
         opened.go()
@@ -28,7 +28,7 @@ def opens(opened, view, told):
 
 
 def drill_down(opened, view, told):
-    """Every cell opens to its layers in order, with verdicts, numbers, manifest, settings and command."""
+    """Every cell opens its layers in order: verdicts, numbers, manifest, settings and command."""
     opened.go()
     page, layers, settings, gauges = opened.page, 0, 0, 0
     for cell in view.cells:
@@ -63,7 +63,7 @@ def drill_down(opened, view, told):
 
 
 def plots(opened, view, told):
-    """Every kind of plot is drawn; all pages of cases, and a cell of each."""
+    """Every kind of plot is drawn, on all case pages and for one cell each."""
     opened.go()
     drawn, kinds = 0, set()
     for case in view.cases:
@@ -83,7 +83,7 @@ def plots(opened, view, told):
 
 
 def replay(opened, view, told):
-    """A case in motion plays, stops, follows its sliders, shows and hides ghosts, and is seen from four sides."""
+    """A replay plays, stops, follows its sliders, shows and hides ghosts, and has four views."""
     opened.go()
     page, tried = opened.page, 0
     for case in view.cases:
@@ -94,14 +94,14 @@ def replay(opened, view, told):
         page.wait_for_selector("#page .replay canvas")
         tried += 1
         if tried > 3:
-            continue  # each has been made without an error: three are handled
+            continue  # every case loads without an error: three are operated
         frame = "Number(document.querySelector('.replay').dataset.frame)"
         time = "Number(document.getElementById('replay-time').value)"
         page.click("#page .replay button:text-is('play')")
         until(page, f"{frame} > 1")
         page.click("#page .replay button:text-is('pause')")
         held = page.evaluate(time)
-        until(page, f"Math.abs({frame} - {time}) < 0.01")  # what is drawn is what the slider says, sooner or later
+        until(page, f"Math.abs({frame} - {time}) < 0.01")  # the drawn frame must reach the time of the slider
         page.wait_for_timeout(300)
         if page.evaluate(time) != held:
             yield f"{case.name}: it goes on after a pause"
@@ -112,14 +112,14 @@ def replay(opened, view, told):
             "above": lambda: page.click("text=from above"),
             "right": lambda: page.click("text=from the right"),
         }
-        if page.locator("#replay-factor").count():  # there is an engine to compare with
+        if page.locator("#replay-factor").count():  # an engine exists for comparison
             acts["enlarged"] = lambda: slide(page, "factor", 1)
             acts["no ghosts"] = lambda: [box.uncheck() for box in page.locator(".replay input[type=checkbox]").all()]
         for name, act in acts.items():
             act()
             page.wait_for_timeout(300)
             pictures[name] = page.locator(".replay canvas").screenshot()
-        if len(set(pictures.values())) < len(pictures) - 1:  # what agrees to the last bit has no difference to enlarge
+        if len(set(pictures.values())) < len(pictures) - 1:  # bitwise equal answers leave no difference to magnify
             yield f"{case.name}: a control of the replay changes nothing"
     told(f"{tried} replays made, {min(tried, 3)} handled")
     if not tried:
@@ -127,7 +127,7 @@ def replay(opened, view, told):
 
 
 def slide(page, name, value):
-    """Move a slider as a user would."""
+    """Move a slider as a user does."""
     page.evaluate(
         "([id, v]) => { const e = document.getElementById(id); e.value = v; e.dispatchEvent(new Event('input')); }",
         [f"replay-{name}", str(value)],
@@ -135,7 +135,7 @@ def slide(page, name, value):
 
 
 def copying(opened, view, told):
-    """Every kind of copy button puts its command where it can be pasted."""
+    """Every kind of copy button copies its command to the clipboard."""
     opened.go()
     page = opened.page
     anchors = [view.cells[0].anchor, view.cells[-1].anchor, view.cases[0].anchor, "about"]
@@ -152,7 +152,7 @@ def copying(opened, view, told):
 
 
 def keyboard(opened, view, told):
-    """The matrix by arrow keys, a cell by Enter, back by Escape to where one was; all filters by Tab."""
+    """Arrow keys move in the matrix, Enter opens a cell, Escape returns to the same cell; Tab reaches all filters."""
     page = opened.go()
     first = view.cases[0]
     page.focus(f'td.cell a[href="#{first.cells[0].anchor}"]')

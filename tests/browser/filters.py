@@ -1,4 +1,4 @@
-"""Filters of the matrix against what the record says, computed here by other code than the page's."""
+"""Filters of the matrix against the record, evaluated here by code other than the page's."""
 
 from itertools import combinations
 
@@ -11,7 +11,7 @@ BOX = "[...document.querySelectorAll(`input[name=${k}]`)].find(b => b.value === 
 
 
 def tests_of(view):
-    """What each value of each filter asks of a cell."""
+    """Predicates on cells for each value of each filter."""
     tags = {case.name: set(case.tags) for case in view.cases}
     return {
         "verdict": {look.key: lambda c, look=look: c.look is look for look in LOOKS.values()},
@@ -22,7 +22,7 @@ def tests_of(view):
 
 
 def compared(opened, cells, asked, what):
-    """Whether the page shows the cells that hold something, and their cases."""
+    """Check that the page shows exactly the cells that satisfy a predicate, and their cases."""
     found, expected = opened.matched(), [c for c in cells if all(test(c) for test in asked)]
     if found != len(expected):
         yield f"{what}: {found} cells, {len(expected)} in the record"
@@ -31,7 +31,7 @@ def compared(opened, cells, asked, what):
 
 
 def filters(opened, view, told):
-    """Every filter alone and kinds of filters in pairs, against the record; the address brings them back."""
+    """Every filter alone and pairs of kinds of filters, against the record; the page address restores them."""
     cells = [c for c in view.cells if c.engine != "reference"]
     kinds = tests_of(view)
     yield from alone(opened, cells, kinds)
@@ -51,7 +51,7 @@ def filters(opened, view, told):
 
 
 def alone(opened, cells, kinds):
-    """Each filter, and the number beside it."""
+    """Each filter alone, and the number of cells that the page shows beside it."""
     page = opened.go()
     page.evaluate("document.querySelectorAll('#filters details').forEach((d) => { d.open = true; })")
     until(page, "[...document.querySelectorAll('.count')].every((c) => c.textContent !== '')")
@@ -69,7 +69,7 @@ def alone(opened, cells, kinds):
 
 
 def search(opened, view):
-    """A part of a name, and everything again."""
+    """Search for a part of a name, then clear the search."""
     page = opened.go()
     part = view.cases[0].name[:4].lower()
     page.fill("#find", part)
@@ -82,12 +82,12 @@ def search(opened, view):
 
 
 def tick(page, kind, value):
-    """Click the box of a filter, and wait until the address has it."""
+    """Click the box of a filter, and wait until the page address contains the filter."""
     page.evaluate(f"([k, v]) => {BOX}.click()", [kind, value])
 
 
 def lone(opened, view, cells):
-    """Only one engine differs."""
+    """The filter for cases in which only one engine differs."""
     page = opened.go()
     tick(page, "lone", "1")
     expected = []

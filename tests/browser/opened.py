@@ -1,4 +1,4 @@
-"""A report in headless Chromium: what the browser said and asked for is kept, and fails the check that caused it."""
+"""A report in headless Chromium: console messages and requests are kept, and fail the check that caused them."""
 
 import shutil
 import time
@@ -14,7 +14,7 @@ SOFTWARE = ("--no-sandbox", "--enable-unsafe-swiftshader", "--use-angle=swiftsha
 
 
 def chromium():
-    """Path of the system's Chromium: the one Playwright would download is not needed."""
+    """Path of the system's Chromium, so that Playwright's own need not be downloaded."""
     found = next((path for name in NAMES if (path := shutil.which(name))), None)
     if found is None:
         raise SystemExit(
@@ -24,7 +24,7 @@ def chromium():
 
 
 def until(page, expression, seconds=20.0):
-    """Wait until an expression holds; Playwright's own waiting evaluates strings in the page, which it forbids."""
+    """Wait until an expression holds; Playwright's own waits evaluate strings, which the page's policy forbids."""
     end = time.monotonic() + seconds
     while not page.evaluate(expression):
         if time.monotonic() > end:
@@ -43,7 +43,7 @@ class Opened:
         page.on("request", self._request)
 
     def _note(self, message):
-        # the software renderer tells that it is slow where pixels are read back for a screenshot
+        # the software renderer warns that reading pixels back for a screenshot is slow
         if "GPU stall due to ReadPixels" not in message.text:
             self.trouble.append(f"console {message.type}: {message.text}")
 
@@ -52,7 +52,7 @@ class Opened:
             self.trouble.append(f"request: {request.url[:200]}")
 
     def go(self, fragment=""):
-        """Load the report from its file, at a fragment of its address."""
+        """Load the report from its file, at a fragment of the address."""
         self.page.goto("about:blank")
         self.page.goto(f"{self.address}{fragment}")
         until(self.page, "document.getElementById('shown').textContent !== ''")
@@ -61,27 +61,27 @@ class Opened:
         return self.page
 
     def turn(self, fragment, heading="#page h2"):
-        """Go to another page without loading."""
+        """Go to another page of the report without reloading."""
         self.page.evaluate("(to) => { location.hash = to; }", fragment)
         self.page.wait_for_selector(heading)
 
     def rows(self):
-        """Cases that are shown."""
+        """Cases that the matrix shows."""
         return self.page.eval_on_selector_all(
             "table.matrix tbody tr:not([hidden])", "all => all.map(r => r.dataset.name)"
         )
 
     def matched(self):
-        """Number of cells that match the filters, as the page tells."""
+        """Number of cells that match the filters, as the page states."""
         return int(self.page.inner_text("#shown").split(" cases, ")[1].split(" ")[0])
 
     def violations(self):
-        """What axe-core finds, in lines."""
+        """Violations that axe-core finds, one line each."""
         found = Axe().run(self.page).response["violations"]
         return [f"{v['id']}: {v['help']}: {n['target']} {n['html'][:160]}" for v in found for n in v["nodes"][:3]]
 
     def plots_drawn(self):
-        """Wait until all plots of the page are drawn; how many there are."""
+        """Wait until all plots of the page are drawn; return their number."""
         until(
             self.page, "[...document.querySelectorAll('#page [data-figure]')].every(p => p.querySelector('.main-svg'))"
         )
@@ -90,7 +90,7 @@ class Opened:
 
 @contextmanager
 def browser(path=None):
-    """Chromium, and a function that opens a report in a window of its own."""
+    """Chromium, and a function that opens a report in a new window."""
     with sync_playwright() as playwright:
         program = playwright.chromium.launch(executable_path=str(path or chromium()), args=list(SOFTWARE))
 

@@ -1,4 +1,4 @@
-"""Every installed engine answers correctly, or says what it cannot represent.
+"""Conformance: every installed engine answers correctly, or states what it cannot represent.
 
 Tests that take `engine` or `engine_name` are run for each installed engine, or for those of ``--engine``. A difference
 that the adapter's ``known_differences.toml`` lists is a strict xfail with the reason that stands there.

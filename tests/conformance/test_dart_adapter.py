@@ -1,4 +1,4 @@
-"""The conversions and guards of DART's adapter, one by one; the rows of its README name these tests."""
+"""Conversions and guards of the DART adapter; the rows of its README name the tests of this file."""
 
 import dataclasses
 
@@ -51,14 +51,14 @@ def matched(engine, mechanism, question):
 
 
 def placed(mechanism):
-    """Skeleton of a mechanism and one of its random states, sent."""
+    """Skeleton of a mechanism, with one of its random states set."""
     model, state = build(mechanism), states_of(mechanism)[1]
     send(model, from_state(model, state))
     return model, state
 
 
 def ball_at(rotvec, w):
-    """One body on a ball joint whose frames are the world's and the body's: state of given rotation and rate."""
+    """One body on a ball joint with F in the world frame and M in the body frame: state of given rotation and rate."""
     rng = np.random.default_rng(4)
     body = dataclasses.replace(lumpy_body("b", rng), drawing=HERE)
     mechanism = Mechanism("ball", G, (body,), (Joint("j", "spherical", GROUND, "b", HERE, HERE),))
@@ -67,7 +67,7 @@ def ball_at(rotvec, w):
 
 
 def bricard():
-    """Six revolutes along the edges of a cube: six times five rows, of which one depends on the others."""
+    """Bricard's mechanism, six revolutes along the edges of a cube: one of its thirty constraint rows is dependent."""
     rng = np.random.default_rng(1)
     p = [np.array(x, float) for x in ((0, 0, 0), (1, 0, 0), (1, 1, 0), (1, 1, 1), (0, 1, 1), (0, 0, 1))]
     bodies = {f"b{i}": lumpy_body(f"b{i}", rng) for i in range(5)}
@@ -94,7 +94,7 @@ def test_a_free_joint_has_rotation_vector_then_origin_and_world_rates():
     np.testing.assert_allclose(q[3:], state.p_WB[0] - arm, atol=1e-13)
     np.testing.assert_allclose(v[:3], state.w_WB_W[0], atol=1e-13)
     np.testing.assert_allclose(v[3:], state.v_WB_W[0] - np.cross(state.w_WB_W[0], arm), atol=1e-13)
-    # and DART means by these numbers what we do
+    # DART interprets the numbers as the harness does
     np.testing.assert_allclose(model.nodes[0].getAngularVelocity(), state.w_WB_W[0], atol=1e-13)
     np.testing.assert_allclose(model.nodes[0].getLinearVelocity(frame.p), state.v_WB_W[0], atol=1e-13)
 
@@ -136,7 +136,7 @@ def test_small_angles_of_a_ball_joint_are_sent_as_nearly_a_full_turn():
     model, expected = build(mechanism), rotation_from_quaternion(state.quat_WB[0])
     send(model, from_state(model, state))
     np.testing.assert_allclose(model.nodes[0].getWorldTransform().rotation(), expected, atol=5e-15)
-    model.skeleton.setPositions(rotvec)  # the trap itself: if this agrees one day, the detour can go
+    model.skeleton.setPositions(rotvec)  # without the detour; if these agree one day, the detour can go
     assert np.max(np.abs(model.nodes[0].getWorldTransform().rotation() - expected)) > 1e-11
 
 
@@ -276,7 +276,7 @@ def test_a_state_that_is_not_finite_is_an_error(engine, capfd):
     model.skeleton.setPositions([np.nan])
     with pytest.raises(FloatingPointError):
         read(model)
-    np.testing.assert_array_equal(model.nodes[0].getRelativeTransform().rotation()[2, :2], 0.0)  # the trap itself
+    np.testing.assert_array_equal(model.nodes[0].getRelativeTransform().rotation()[2, :2], 0.0)  # DART hides the NaN
     capfd.readouterr()
 
 
@@ -293,7 +293,7 @@ def test_massless_links_cost_no_accuracy_and_no_noise(capfd):
 
 
 def test_the_mass_matrix_checks_the_articulated_bodies(engine):
-    # behind ball joints and a large mass ratio articulated bodies lose more digits than the mass matrix
+    # behind ball joints and a large mass ratio, the articulated-body algorithm loses more digits than the mass matrix
     mechanism = chain("revolute", "prismatic", "spherical", "revolute", "spherical", seed=3)
     tip = mechanism.bodies[-1]
     heavy = dataclasses.replace(tip, mass=1e6 * tip.mass, inertia=1e6 * tip.inertia)
@@ -320,7 +320,7 @@ def test_an_overconstrained_spatial_loop(engine):
     native, runge_kutta = matched(engine, mechanism, Question.TRAJECTORY)
     times = np.linspace(0.0, 0.4, 9)
     p = [engine.trajectory(mechanism, states[0], times, native, 0.05 / n).p_WB for n in native.substeps]
-    # without error reduction drift locks this loop, and the differences do not halve
+    # without error reduction this loop drifts and locks, and the differences do not halve
     assert np.max(np.abs(p[1] - p[0])) < 1e-3
     assert np.max(np.abs(p[1] - p[0])) / np.max(np.abs(p[2] - p[1])) == pytest.approx(2.0, abs=0.1)
     reference = simulate(mechanism, states[0], times, 1e-12).p_WB

@@ -1,6 +1,7 @@
 """Elements beyond constant forces in DART: trees and loops, lumpy bodies, skew frames.
 
-Accelerations and reactions against `truth`, motions against the reference solver, single effects against closed forms.
+Accelerations and reactions are compared with `truth`, motions with the reference solver, single effects with closed
+forms.
 """
 
 import dataclasses
@@ -57,7 +58,7 @@ CAM = through(np.linspace(0.0, 2 * np.pi, 13), 0.2 * np.sin(np.linspace(0.0, 2 *
 
 
 def powered_loop(base):
-    """A loop with every force element that is not constant, on its first and on its closing joint."""
+    """A loop with every force element that is not constant, on its first joint and on its closing joint."""
     first, last = base.joints[0].name, base.joints[-1]
     coordinate = "distance" if last.kind == "prismatic" else "angle"
     rng = np.random.default_rng(60)
@@ -83,7 +84,7 @@ def driven_loop(base, joint, coordinate, motion):
 
 
 def geared_loop(seed=61):
-    """A four-bar whose crank turns a flywheel by a gear pair, and whose rocker pushes a rack by a cam."""
+    """A four-bar whose crank drives a flywheel by a gear pair, and whose rocker drives a rack by a cam."""
     base, rng = LOOPS["four_bar"], np.random.default_rng(seed)
     new = {"wheel": lumpy_body("wheel", rng), "rack": lumpy_body("rack", rng)}
     joints = tuple(
@@ -99,7 +100,7 @@ def geared_loop(seed=61):
 
 
 def screw_loop(kinds):
-    """The spatial loop of revolute, two balls and revolute with other kinds in some places."""
+    """The loop of revolute, two spherical joints and revolute, with some joints replaced by other kinds."""
     base = LOOPS["loop_spherical"]
     joints = (
         dataclasses.replace(j, kind=kinds.get(j.name, j.kind), pitch=PITCH if kinds.get(j.name) == "screw" else 0.0)
@@ -113,7 +114,7 @@ def edge(body):
 
 
 def worked(base, joint):
-    """Friction and control beside what there is."""
+    """The same mechanism with friction and a controller added on a joint."""
     return dataclasses.replace(
         base,
         name=f"worked_{base.name}",
@@ -123,7 +124,7 @@ def worked(base, joint):
 
 
 def backward():
-    """Joints passed from successor to predecessor, each with an element on it."""
+    """Joints that the tree passes from successor to predecessor, each with an element."""
     base = chain("revolute", "cylindrical", "screw", seed=78, backwards=(1, 2))
     return dataclasses.replace(
         base,
@@ -210,7 +211,7 @@ def test_motions_lead_to_the_reference_with_the_declared_order(engine, name):
 
 
 def rotor(**elements):
-    """One body of unit inertia that turns about the world's z without gravity."""
+    """One body of unit inertia that turns about the world's z axis without gravity."""
     body = Body("b", 1.0, np.zeros(3), np.eye(3), HERE)
     joint = Joint("j", "revolute", GROUND, "b", HERE, HERE)
     return Mechanism("rotor", np.zeros(3), (body,), (joint,), **elements)
@@ -222,7 +223,7 @@ def turning(mechanism, rate):
 
 
 def test_friction_far_too_steep_for_the_step_brakes_without_chatter(engine):
-    # w' = -F tanh(w / v) has sinh(w / v) = sinh(w0 / v) exp(-F t / v); a step here is ten of its time constants
+    # w' = -F tanh(w / v) has sinh(w / v) = sinh(w0 / v) exp(-F t / v); the step is ten time constants
     mechanism = rotor(frictions=(Friction("f", "j", "angle", 0.0, 2.0, 0.002),))
     start, times = turning(mechanism, 1.0), np.linspace(0.0, 0.6, 7)
     native = matched(engine, mechanism, Question.TRAJECTORY)[0]
@@ -266,7 +267,7 @@ def test_a_drive_of_a_step_keeps_its_position_to_second_order(engine):
     native = matched(engine, mechanism, Question.TRAJECTORY)[0]
     answer = engine.trajectory(mechanism, start, times, native, h)
     angle = [rotation_vector_from_quaternion(q[0])[2] for q in answer.quat_WB]
-    # e+ = h^2 f'' / 2 + e / 2 settles at h^2 f''
+    # the error recursion e+ = h^2 f'' / 2 + e / 2 converges to h^2 f''
     assert np.max(np.abs(angle - 0.8 * np.sin(4.0 * times))) < 1.1 * h**2 * 0.8 * 4.0**2
 
 
@@ -280,7 +281,7 @@ def test_full_turns_of_a_drive_are_only_a_name(engine):
 
 
 def test_a_cam_is_read_over_full_turns(engine):
-    profile = Function(np.array([0.0, 0.1, 0.02]))  # not periodic: a lost turn would show
+    profile = Function(np.array([0.0, 0.1, 0.02]))  # not periodic, so that a lost turn shows
     base = chain("revolute", "prismatic", seed=77)
     mechanism = dataclasses.replace(
         base,
@@ -350,7 +351,7 @@ def test_what_neither_stepping_nor_runge_kutta_can_move_is_refused_by_name(engin
 
 
 def mimicking(multiplier):
-    """Two equal rotors, the second DART's own coupler of the first."""
+    """Two equal rotors, the second coupled to the first by DART's own coupler."""
     skeleton = dartpy.dynamics.Skeleton("pair")
     joints = []
     for _ in range(2):
@@ -371,8 +372,8 @@ def mimicking(multiplier):
 
 
 def test_the_coupler_of_dart_is_no_gear_pair():
-    # two rotors at matching speeds go on as they are; DART's coupler holds the second for a step and hands its
-    # momentum to the first, and swings more and more where the second one outweighs the first
+    # at matching speeds neither rotor should accelerate; DART's coupler stops the second for a step and passes its
+    # momentum to the first, and oscillates with growing amplitude if the second outweighs the first
     for multiplier, grows in ((0.5, False), (2.0, True)):
         world, skeleton = mimicking(multiplier)
         skeleton.setVelocities([1.0, multiplier])

@@ -1,7 +1,7 @@
-"""One suite over all engines: every joint kind, trees and loops, lumpy bodies, skew frames.
+"""All engines on every joint kind and element: trees and loops, lumpy bodies, skew frames.
 
 Expected values are those of `truth`, a dense NumPy solution in maximal coordinates that shares no dynamics with any
-engine. What an engine cannot represent it must say (`unsupported`), and then it is not asked.
+engine. A mechanism that an engine cannot represent must be declared `unsupported`; such questions are not asked.
 """
 
 import functools
@@ -31,7 +31,7 @@ from mechanisms import ELEMENTS, LOOPS, TREES, states_of
 ALL = TREES | LOOPS
 EPS = np.finfo(float).eps
 
-# native solvers of constraints at velocity level cannot do better; each has its reason in the adapter's README
+# native velocity-level solvers cannot be more accurate; the README of the adapter states why
 NATIVE_SOLVER_BAR = {"dart": {Route.EXTRAPOLATED: 1e-8}}
 
 
@@ -112,7 +112,7 @@ def test_instant(engine, engine_name, name):
             if answer.force_F is not None:
                 expected, known = np.hstack([force, torque]), determinate_reactions(mechanism, state)
                 found = np.hstack([answer.force_F[n], answer.torque_F[n]])
-                if np.max(np.abs(expected[known])) > 1e-6:  # else the only joints are free ones
+                if np.max(np.abs(expected[known])) > 1e-6:  # zero if all joints are free joints
                     assert relative(found[known], expected[known]) < max(1e-10, 10 * bar), method.name
             T, V = kinetic_energy(mechanism, state), potential_energy(mechanism, state)
             assert answer.kinetic[n] == pytest.approx(T, rel=1e-12)
@@ -121,7 +121,7 @@ def test_instant(engine, engine_name, name):
 
 @functools.cache
 def motion(name, duration=0.4, sample=0.05):
-    """Trajectory of the truth by DOP853 on poses and velocities of all bodies."""
+    """Motion of `truth`: DOP853 on poses and velocities of all bodies."""
     mechanism = ALL[name]
     start = states_of(mechanism)[0]
     n = len(mechanism.bodies)
@@ -153,7 +153,7 @@ def error(answer, states):
 
 
 def ladder(engine, mechanism, start, times, method):
-    """Motions at the levels of a method, and at finer ones until its order has settled, as a suite asks for them."""
+    """Motions at the levels of a method, and at finer levels until the observed order has settled, as in a suite."""
     steps = [(times[1] - times[0]) / n for n in method.substeps] or list(method.tolerances)
     answers = [engine.trajectory(mechanism, start, times, method, step) for step in steps]
     while method.substeps and len(steps) < MOST_LEVELS and needs_another_level(answers, method, steps):

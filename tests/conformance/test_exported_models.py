@@ -1,4 +1,4 @@
-"""Native models that an adapter writes, run by the engine alone in a process of their own."""
+"""Native models that adapters export, run by the engine alone in a new process."""
 
 from xml.etree import ElementTree
 
@@ -92,7 +92,7 @@ def test_exudyn_goes_on_with_a_script_and_holds_what_is_held(tmp_path, name):
     text = exporter("exudyn")(name, mechanism, start)["run.py"]
     write_native({"run.py": text.partition("if __name__")[0] + GO_ON}, tmp_path)
     q, q_t = np.array(exported.run_alone(tmp_path))
-    quaternions = q[:, 3:] + [1.0, 0.0, 0.0, 0.0]  # lengths of one to the solver's tolerance
+    quaternions = q[:, 3:] + [1.0, 0.0, 0.0, 0.0]  # unit length to the tolerance of Exudyn's solver
     turned = rotation_from_quaternion
     w = [turned(e) @ (2.0 * euler_parameter_matrix(e) @ e_t) for e, e_t in zip(quaternions, q_t[:, 3:], strict=True)]
     quaternions /= np.linalg.norm(quaternions, axis=1)[:, None]

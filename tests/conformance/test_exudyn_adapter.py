@@ -1,4 +1,4 @@
-"""Conventions and traps of the Exudyn adapter: one test for each row of its README."""
+"""Conventions and pitfalls of the Exudyn adapter: one test for each row of its README."""
 
 from itertools import pairwise
 
@@ -95,7 +95,7 @@ def test_inertia_is_about_the_origin_in_exudyns_order():
 
 @pytest.mark.parametrize("name", ALL)
 def test_joints_hold_the_same_motions(name):
-    """Equal row spaces of the Jacobians, and equal convective terms."""
+    """Exudyn's and the package's constraint Jacobians have equal row spaces; the convective terms are equal."""
     mechanism = ALL[name]
     state = states_of(mechanism)[3]
     found = Terms(build(mechanism, state)).equations(state)
@@ -111,13 +111,13 @@ def test_joints_hold_the_same_motions(name):
 @pytest.mark.parametrize("kind", ["rigid", "revolute", "prismatic"])
 @pytest.mark.parametrize("ground_first", [True, False])
 def test_a_hanging_body_is_held_up(exudyn_engine, kind, ground_first):
-    """A body at rest, its centre of mass off the joint: the reaction on the successor carries its weight."""
+    """A body at rest, its centre of mass off the joint: the reaction on the successor carries the weight."""
     com = np.array([0.2, 0.0, 0.0])
     body = Body("b", 2.0, com, np.diag([0.3, 0.4, 0.5]), Frame(np.zeros(3), np.eye(3)))
     here = Frame(np.zeros(3), np.eye(3))
     ends = (GROUND, "b") if ground_first else ("b", GROUND)
     g = np.array([0.0, -10.0, 0.0])
-    # the effort of 1.5 N along the free axis is no reaction, but the joint must turn it onto the centre of mass
+    # the spring's 1.5 N along the free axis is no reaction, but its moment about the centre of mass is one
     springs = (JointSpring("k", "j", "distance", 5.0, 0.0, 0.3),) if kind == "prismatic" else ()
     mechanism = Mechanism("m", g, (body,), (Joint("j", kind, *ends, here, here),), joint_springs=springs)
     state = initial_state(mechanism)
@@ -133,7 +133,7 @@ def test_a_hanging_body_is_held_up(exudyn_engine, kind, ground_first):
 
 
 def test_native_torque_output_is_not_the_documented_torque(exudyn_engine):
-    """Documented: torque in the frame of marker 0. Should this fail, Exudyn has changed, and the README with it."""
+    """The documentation says torque in the frame of marker 0. If this fails, Exudyn has changed: update the README."""
     mechanism = TREES["single_revolute"]
     state = states_of(mechanism)[0]
     answer = exudyn_engine.instant(mechanism, [state], exudyn_engine.methods(mechanism, Question.INSTANT)[0])
@@ -145,7 +145,7 @@ def test_native_torque_output_is_not_the_documented_torque(exudyn_engine):
 
 
 def test_potential_energy_is_zero_at_the_world_origin(exudyn_engine):
-    """Gravity counts from the world's origin, springs in full, constant forces not at all."""
+    """Potential energy: gravity relative to the world's origin, plus springs; constant forces do not count."""
     base = TREES["forced_chain"]
     state = states_of(base)[1]
     pushed = Load("more", "force", "b3", np.array([3.0, 4.0, 5.0]), "world", np.array([0.1, 0.2, 0.3]))
@@ -174,7 +174,7 @@ def limit(engine, mechanism, state, times, method):
 
 
 def test_joint_springs_count_full_turns(exudyn_engine):
-    """The coordinates of a kinematic tree know no half turn: the torsional springs must agree with them past it."""
+    """Kinematic trees have unbounded angles: torsional springs on rigid bodies must agree beyond half a turn."""
     mechanism, state = turning()
     times = np.linspace(0.0, 1.0, 21)
     methods = exudyn_engine.methods(mechanism, Question.TRAJECTORY)
@@ -184,7 +184,7 @@ def test_joint_springs_count_full_turns(exudyn_engine):
 
 
 def test_instants_do_not_remember_turns(exudyn_engine):
-    """The same state asked twice, another one with the angle on the far side between: the same answer."""
+    """Another state, with the angle beyond half a turn, asked in between does not change the answer."""
     mechanism, state = turning()
     beyond = initial_state(mechanism, Initial(coordinates={"j0": {"angle": -2.5}, "j1": {"angle": 3.0}}))
     method = exudyn_engine.methods(mechanism, Question.INSTANT)[0]
@@ -220,7 +220,7 @@ def test_only_trees_of_one_axis_joints_become_kinematic_trees():
 
 
 def bricard():
-    """Six revolutes along the edges of a cube: over-constrained in space, one degree of freedom."""
+    """Bricard's mechanism, six revolutes along the edges of a cube: over-constrained, one degree of freedom."""
     corners = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (1, 1, 1), (0, 1, 1), (0, 0, 1)], float)
     rng = np.random.default_rng(0)
     bodies = {f"b{n}": lumpy_body(f"b{n}", rng) for n in range(5)}
@@ -250,7 +250,7 @@ def test_dependent_rows_are_left_out_and_named(exudyn_engine, mechanism, count):
 
 
 def test_the_over_constrained_mechanism_does_not_lock(exudyn_engine):
-    """With all rows TrapezoidalIndex2 locks or stops; with independent rows energy is held to second order."""
+    """With all rows TrapezoidalIndex2 locks or stops; with independent rows the energy error is of second order."""
     mechanism = bricard()
     state = initial_state(mechanism, Initial(rates={"j0": {"angle": 1.0}}))
     times = np.linspace(0.0, 1.0, 11)
@@ -273,7 +273,7 @@ def test_exudyn_stops_at_dependent_rows_and_the_failure_says_where():
 
 
 def test_lost_rank_on_the_way_is_a_failure(exudyn_engine):
-    """The same number of axes, but dependent ones: out of the plane instead of in it."""
+    """As many axes as the independent ones, but dependent: axes out of the plane instead of axes in it."""
     mechanism = LOOPS["four_bar"]
     state = states_of(mechanism)[0]
     times = np.linspace(0.0, 0.1, 3)
@@ -312,7 +312,7 @@ def test_nothing_is_written_or_printed(exudyn_engine, tmp_path, monkeypatch, cap
 
 
 def test_long_grids_are_sampled_on_time(exudyn_engine):
-    """Sums of rounded steps must not miss or double a sample."""
+    """Accumulated rounding of steps must not skip or repeat a sample."""
     body = Body("b", 1.0, np.array([0.1, 0.2, 0.3]), np.diag([0.3, 0.4, 0.5]), Frame(np.zeros(3), np.eye(3)))
     rng = np.random.default_rng(2)
     axis = Frame(np.array([0.1, 0, 0]), rotation(rng))
@@ -326,7 +326,7 @@ def test_long_grids_are_sampled_on_time(exudyn_engine):
 
 
 def test_large_models_are_solved_by_the_sparse_solver_to_the_same_motion(exudyn_engine):
-    """Seven bodies and more: the same equations by other linear algebra; defaults stay Exudyn's."""
+    """From seven bodies on the matched methods use the sparse solver; Exudyn's defaults are kept."""
     mechanism = chain("revolute", "spherical", "revolute", "universal", "revolute", "cylindrical", "revolute", seed=5)
     start, times, held = states_of(mechanism)[0], np.linspace(0.0, 0.2, 5), full_axes(mechanism)
     methods = {m.name: m for m in exudyn_engine.methods(mechanism, Question.TRAJECTORY)}
@@ -340,7 +340,7 @@ def test_large_models_are_solved_by_the_sparse_solver_to_the_same_motion(exudyn_
 
 
 def test_shortened_steps_that_miss_samples_are_said_to_be_so(exudyn_engine):
-    """At its defaults Exudyn halves a step whose Newton iteration fails; all later samples are half a step late."""
+    """By default Exudyn halves a step whose Newton iteration fails; all later samples are then half a step late."""
     case = load_case("mass_ratio")
     methods = exudyn_engine.methods(case.mechanism, Question.TRAJECTORY)
     (defaults,) = (method for method in methods if method.profile is Profile.DEFAULT)

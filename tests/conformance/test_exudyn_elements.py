@@ -1,4 +1,4 @@
-"""Elements in Exudyn: trees and loops, lumpy bodies, skew frames, against truth and reference."""
+"""Elements in Exudyn: trees and loops, lumpy bodies, skew frames, compared with `truth` and the reference."""
 
 from dataclasses import replace
 
@@ -63,7 +63,7 @@ CURVE = through(np.linspace(-7.0, 7.0, 15), 0.3 * np.sin(np.linspace(-2.0, 3.0, 
 
 
 def powered_tree() -> Mechanism:
-    """A tree of one-axis joints, one passed backwards, with every law in every joint."""
+    """A tree of one-axis joints, one of them passed backwards, with every force law on every joint."""
     base = chain("revolute", "prismatic", "revolute", "cylindrical", seed=71, backwards=(1, 2), forces=True)
     return replace(
         base,
@@ -115,7 +115,7 @@ def screw_loop() -> Mechanism:
 
 
 def screw_jack() -> Mechanism:
-    """A spindle that turns, a nut that slides on the same axis, and the thread between them, which closes the loop."""
+    """A revolute spindle, a nut that slides on the same axis, and a screw joint between them, which closes the loop."""
     rng = np.random.default_rng(76)
     bodies = {name: lumpy_body(name, rng) for name in ("spindle", "nut")}
     at, axes = rng.normal(size=3), rotation(rng)
@@ -126,7 +126,7 @@ def screw_jack() -> Mechanism:
 
 
 def wheelset() -> Mechanism:
-    """Two wheels that turn about one axle and roll on a skew plane: neither slips along the axle, once too often."""
+    """Two wheels on one axle roll on a skew plane: both forbid slip along the axle, so that one row is redundant."""
     rng = np.random.default_rng(77)
     bodies = {name: lumpy_body(name, rng) for name in ("axle", "left", "right")}
     R = rotation(rng)
@@ -194,7 +194,7 @@ def test_instants_are_right_to_rounding(exudyn_engine, name):
 
 
 def turning() -> Mechanism:
-    """Angles of several turns: a cam that is not periodic, a spring, friction and a controller read them."""
+    """Angles of several turns, read by a cam that is not periodic, a spring, friction and a controller."""
     base = chain("revolute", "revolute", "prismatic", seed=79, backwards=(1,))
     law = through(np.linspace(-4.0, 20.0, 13), 0.2 * np.sin(0.3 * np.linspace(-4.0, 20.0, 13)))
     return replace(
@@ -220,7 +220,7 @@ def turned_screw() -> Mechanism:
 
 
 def start_of(mechanism: Mechanism) -> State:
-    """Start of a motion: the turned screw is more than two turns from its drawing, everything else near its own."""
+    """Initial state: the turned screw starts more than two turns from its drawing, other mechanisms near theirs."""
     if mechanism.name == "turned_screw":
         return initial_state(mechanism, Initial(coordinates={"j0": {"angle": 14.0}}, rates={"j0": {"angle": 3.0}}))
     if mechanism.name == "turning":
@@ -233,7 +233,7 @@ MOVING |= {name: ELEMENTS[name] for name in ("backward_screw", "coupled", "rolli
 
 
 def errors(answer, reference):
-    """Largest error of the poses, and of the velocities."""
+    """Largest errors of poses and of velocities."""
     angle = np.max(rotation_angle_between(answer.quat_WB, reference.quat_WB))
     v, w = np.abs(answer.v_WB_W - reference.v_WB_W), np.abs(answer.w_WB_W - reference.w_WB_W)
     return max(np.max(np.abs(answer.p_WB - reference.p_WB)), angle), max(np.max(v), np.max(w))
@@ -252,7 +252,7 @@ def test_motions_find_the_reference_with_their_order(exudyn_engine, name):
         coarse, fine = (errors(exudyn_engine.trajectory(mechanism, state, times, method, h), expected) for h in steps)
         assert fine[0] < 0.02, method.name
         assert fine[1] < 50 * fine[0] + 1e-4, method.name
-        if coarse[0] > 1e-13:  # all that moves may be driven, and held to rounding by a method of index 3
+        if coarse[0] > 1e-13:  # if all moving bodies are driven, a method of index 3 is exact up to rounding
             assert np.log2(coarse[0] / fine[0]) == pytest.approx(method.order, abs=0.15), (method.name, coarse, fine)
 
 
@@ -309,7 +309,7 @@ def test_beyond_its_table_a_function_ends_the_motion(exudyn_engine, what):
 
 
 def test_implicit_solvers_step_first_order_equations_with_order_one():
-    """Why integrals of controllers are no ObjectGenericODE1. Should this fail, Exudyn has changed, and the README."""
+    """Hence the adapter integrates controllers without ObjectGenericODE1. If this fails, update the README."""
     found = []
     for steps in (40, 80):
         system = exu.SystemContainer().AddSystem()
@@ -327,7 +327,7 @@ def test_implicit_solvers_step_first_order_equations_with_order_one():
 
 @pytest.mark.parametrize(("name", "wrong"), [("driven_loop", True), ("wheelset", True), ("coupled_loop", False)])
 def test_exudyns_initial_accelerations_leave_out_what_drives_and_slip_add(name, wrong):
-    """The README's trap; poses keep their order (`test_motions_find_the_reference_with_their_order`)."""
+    """The README describes the error; poses keep their order (`test_motions_find_the_reference_with_their_order`)."""
     mechanism, state = OWN[name], states_of(OWN[name])[0]
     system = build(mechanism, state, independent_axes(mechanism)).system
     exu.MainSolverImplicitSecondOrder().InitializeSolver(system, simulation_settings(SETTINGS))
@@ -337,7 +337,7 @@ def test_exudyns_initial_accelerations_leave_out_what_drives_and_slip_add(name, 
 
 @pytest.mark.parametrize("skew", [False, True])
 def test_the_relative_rotation_marker_needs_frames_that_differ_by_the_rotation(skew):
-    """Why drives and couplings are rows of the adapter: in skew axes Exudyn's marker is off by a constant."""
+    """Hence the adapter forms the rows of drives and couplings: in skew axes Exudyn's marker has a constant error."""
     rng = np.random.default_rng(81)
     body = lumpy_body("b", rng)
     axes = rotation(rng)

@@ -1,4 +1,4 @@
-"""Every finding still shows: its script, which uses the engine alone, exits with 0 and prints the versions it saw."""
+"""Scripts of findings: each uses the engine alone, still shows the finding (exit code 0) and prints engine versions."""
 
 import re
 import subprocess
@@ -10,12 +10,12 @@ import pytest
 
 FINDINGS = Path(__file__).parents[2] / "reports" / "findings"
 NAMES = sorted(path.parent.name for path in FINDINGS.glob("*/show.py"))
-MODULES = {"exudyn": "exudyn", "pinocchio": "pin", "mujoco": "mujoco", "dartpy": "dartpy"}  # module, name in print
-LIMIT = 20.0  # s; the slowest takes about two
+MODULES = {"exudyn": "exudyn", "pinocchio": "pin", "mujoco": "mujoco", "dartpy": "dartpy"}  # module: printed name
+LIMIT = 20.0  # s, many times what the slowest script takes
 
 
 def imported(script):
-    """Engines that a script imports, by the name of the module."""
+    """Engine modules that a script imports."""
     return re.findall(rf"^import ({'|'.join(MODULES)})\b", script, re.MULTILINE)
 
 

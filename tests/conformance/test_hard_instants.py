@@ -1,4 +1,4 @@
-"""Random mechanisms at whose states a setting of an adapter matters: each was once a false alarm."""
+"""Random mechanisms with states at which a setting of an adapter is critical: a poor setting raises a false alarm."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every engine on every case of the library: it answers within the bars, or says what it cannot represent and why."""
+"""Every engine on every case of the library: answers are within the bars, or the refusal names feature and reason."""
 
 import functools
 from dataclasses import replace
@@ -28,7 +28,7 @@ def reference(name, question):
 
 
 def refused(engine, case, question):
-    """Whether an engine refuses; then it says what of the case and why."""
+    """Whether an engine refuses a question; every refusal must name the feature and the reason."""
     reasons = engine.unsupported(case.mechanism, question)
     assert all(r.feature and r.reason for r in reasons)
     return bool(reasons)
@@ -62,7 +62,7 @@ def test_instant_agrees_or_is_refused_or_differs_for_a_known_reason(engine, engi
 
 
 def test_engines_represent_most_of_the_library(engine, engine_name):
-    """The share that was asked of all engines together holds for each of them, but for what the table says."""
+    """Each engine represents the share of the library that is required of all engines together."""
     counts = {
         question: sum(not refused(engine, case, question) for case in CASES.values())
         for question in (Question.INSTANT, Question.TRAJECTORY)

@@ -1,4 +1,4 @@
-"""Conventions and traps of the MuJoCo adapter: one test for each row of its README."""
+"""Conventions and pitfalls of the MuJoCo adapter: one test for each row of its README."""
 
 from dataclasses import replace
 
@@ -73,7 +73,7 @@ def ask(engine, mechanism, state, question, method):
 
 
 def one_body(kind, *, backwards=False, inertia=None, **elements):
-    """A lumpy body on the ground by one joint in a skew frame, away from both origins."""
+    """A lumpy body on one joint to the ground, in a skew frame away from both origins."""
     rng = np.random.default_rng(12)
     body = lumpy_body("b", rng)
     if inertia is not None:
@@ -147,7 +147,7 @@ def test_a_rigid_support_carries_the_weight(mujoco_engine, backwards):
 @pytest.mark.parametrize(("kind", "coordinate"), [("revolute", "angle"), ("cylindrical", "distance")])
 def test_springs_of_a_joint_act_by_its_own_coordinate_and_are_no_reaction(mujoco_engine, kind, coordinate, backwards):
     springs = (
-        JointSpring("k", "j", coordinate, 30.0, 2.0, 1.1),  # a rest of 1.1 degrees would show
+        JointSpring("k", "j", coordinate, 30.0, 2.0, 1.1),  # 1.1 taken as degrees would show
         JointSpring("l", "j", coordinate, 11.0, 0.3, -0.7),
     )
     mechanism = one_body(kind, backwards=backwards, joint_springs=springs)
@@ -185,7 +185,7 @@ def test_laminae_compile_and_inertia_keeps_its_axes(mujoco_engine, size):
         inertia = R @ np.diag([a, b, a + b]) @ R.T
         inertia = (inertia + inertia.T) / 2
         moments, _ = principal_inertia(inertia)
-        assert moments[0] + moments[1] >= moments[2]  # else MuJoCo's compiler refuses
+        assert moments[0] + moments[1] >= moments[2]  # otherwise MuJoCo's compiler refuses the inertia
         mechanism = one_body("revolute", inertia=inertia)
         state = states_of(mechanism)[0]
         answer = mujoco_engine.model(mechanism, state, mujoco_engine.methods(mechanism, Question.MODEL)[0])
@@ -221,7 +221,7 @@ def test_load_actuators_do_what_the_applied_wrench_does(kind, frame):
     np.testing.assert_allclose(loaded.data.qacc, by_hand.data.qacc, rtol=1e-12)
     mujoco.mj_rnePostConstraint(by_hand.model, by_hand.data)
     mujoco.mj_rnePostConstraint(loaded.model, loaded.data)
-    assert not np.allclose(loaded.data.cfrc_int[1:], by_hand.data.cfrc_int[1:])  # actuators are not counted
+    assert not np.allclose(loaded.data.cfrc_int[1:], by_hand.data.cfrc_int[1:])  # without actuators
     evaluate_bodies(loaded)
     np.testing.assert_allclose(loaded.data.cfrc_int[1:], by_hand.data.cfrc_int[1:], atol=1e-11)
     assert not np.any(loaded.data.xfrc_applied)
@@ -339,7 +339,7 @@ def test_samples_belong_to_the_end_of_the_step(mujoco_engine):
     found = mujoco_engine.trajectory(mechanism, states_of(mechanism)[0], np.array([0.0, h]), method, h)
     mean = (found.v_WB_W[0] + found.v_WB_W[1]) / 2
     np.testing.assert_allclose((found.p_WB[1] - found.p_WB[0]) / h, mean, atol=0.01 * np.max(np.abs(mean)))
-    assert np.max(np.abs(found.p_WB[1] - found.p_WB[0])) > 1e-3  # stale fields would repeat the start
+    assert np.max(np.abs(found.p_WB[1] - found.p_WB[0])) > 1e-3  # old fields would repeat the start
 
 
 def test_euler_takes_damping_explicitly(mujoco_engine):

@@ -1,4 +1,4 @@
-"""Screws and elements beyond constant forces in MuJoCo: on trees and in loops, against `truth` and the reference."""
+"""Screws and elements beyond constant forces in MuJoCo: trees and loops, compared with `truth` and the reference."""
 
 import functools
 from dataclasses import replace
@@ -69,7 +69,7 @@ def with_screw(mechanism, k):
 
 
 def backward():
-    """Every element on joints that the tree passes backwards."""
+    """Every element, on joints that the tree passes from successor to predecessor."""
     return replace(
         chain("revolute", "screw", "cylindrical", seed=50, backwards=(1, 2)),
         couplings=(
@@ -97,7 +97,7 @@ def backward_forces():
 
 
 def powered_crank():
-    """Slider-crank with a control on either end, one of them on the joint that closes, friction and an actuator."""
+    """Slider-crank with controllers on its first and on its closing joint, friction and an actuator."""
     return replace(
         slider_crank(),
         controls=(
@@ -110,14 +110,14 @@ def powered_crank():
 
 
 def two_wheels():
-    """A body that rolls as a torus carries another that does."""
+    """A body that rolls as a torus carries a second body that rolls as a torus."""
     torus = ELEMENTS["rolling_torus"].rollings[0]
     smaller = replace(torus, name="second", body="b2", radius=0.3, rounding=0.03)
     return replace(chain("free", "revolute", "revolute", seed=61), rollings=(torus, smaller))
 
 
 def two_trees():
-    """A cam between two bodies on the ground: MuJoCo has each in a tree, and an island, of its own."""
+    """A cam couples two bodies on the ground: each is a tree, and a constraint island, of its own in MuJoCo."""
     rng = np.random.default_rng(70)
     bodies = {n: lumpy_body(n, rng) for n in ("cam", "follower")}
     joints = (
@@ -129,7 +129,7 @@ def two_trees():
 
 
 def skate_behind_a_ball_and_a_slide():
-    """MuJoCo's `mj_jacDot` is wrong there (`reports/findings/mujoco_ball_then_slide`)."""
+    """A mechanism for which MuJoCo's `mj_jacDot` is wrong (`reports/findings/mujoco_ball_then_slide`)."""
     edge = Skate("edge", "b2", np.array([0.1, 0.2, 0.3]), np.array([1.0, 0.3, 0.2]))
     return replace(chain("revolute", "point_on_line", "revolute", seed=3, backwards=(1,)), skates=(edge,))
 
@@ -171,7 +171,7 @@ def relative(a, b):
 
 
 def soft_error(method, mechanism, state):
-    """Error of a regularisation of 1e-4 times the factor, relative to the inverse inertia the constraints see."""
+    """Expected error of a regularisation of 1e-4 times the factor, relative to the inverse inertia of the rows."""
     factor = max((x for name, x in method.settings.items() if "invweight0" in name), default=0.0)
     return 1e-4 * factor * reaction_condition(mechanism, state)
 
@@ -264,12 +264,12 @@ def test_softness_of_every_row_is_linear(engine, name):
 
 
 def test_a_loop_with_dependent_rows_keeps_the_order_and_the_energy(engine):
-    """A Hooke joint between two bearings: six rows of rank three, which contradict one another off the manifold."""
+    """Hooke's joint between two bearings: six rows of rank three, inconsistent off the constraint manifold."""
     rng = np.random.default_rng(72)
     bodies = {n: lumpy_body(n, rng) for n in ("in", "out")}
     turned = rotation(rng)
     across = turned @ np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
-    beside = turned @ np.array([[1.0, 0.0, 0.0], [0.0, 0.8, -0.6], [0.0, 0.6, 0.8]])  # z at an angle to the other's
+    beside = turned @ np.array([[1.0, 0.0, 0.0], [0.0, 0.8, -0.6], [0.0, 0.6, 0.8]])  # z at an angle to the other shaft
     joints = (
         drawn_joint("a", "revolute", bodies, GROUND, "in", turned @ np.array([0.0, 0.0, -0.5]), turned),
         drawn_joint("cross", "universal", bodies, "in", "out", np.zeros(3), across),
@@ -288,13 +288,13 @@ def test_a_loop_with_dependent_rows_keeps_the_order_and_the_energy(engine):
 
 
 def hard_default(engine, mechanism, state):
-    """Accelerations by MuJoCo's default gains, with next to no softness."""
+    """Accelerations with MuJoCo's default gains and almost no softness."""
     (plain, *_) = [m for m in engine.methods(mechanism, Question.INSTANT) if m.profile is Profile.DEFAULT]
     answer = engine.instant(mechanism, [state], replace(plain, softness=1e-8))
     return answer.a_WB_W[0], answer.alpha_WB_W[0]
 
 
-WIDTH, TIME = 0.95, 0.02  # the last impedance of `solimp` and the time constant of `solref`, of damping ratio one
+WIDTH, TIME = 0.95, 0.02  # last impedance of `solimp`; time constant of `solref`, whose damping ratio is one
 B, K = 2.0 / (WIDTH * TIME), 1.0 / (WIDTH * TIME) ** 2
 
 
@@ -333,7 +333,7 @@ def test_bodies_off_the_plane_and_slipping_edges_are_pulled_back_by_mujocos_gain
 
 
 def wound(**elements):
-    """Two lumpy bodies that turn about axes of the ground, and one that slides along another."""
+    """Two lumpy bodies on revolute joints to the ground, and one on a prismatic joint."""
     rng = np.random.default_rng(71)
     bodies = {n: lumpy_body(n, rng) for n in ("a", "b", "c")}
     kinds = {"a": "revolute", "b": "revolute", "c": "prismatic"}
@@ -377,7 +377,7 @@ def test_angles_are_counted_over_full_turns(engine, name):
 
 
 def test_full_turns_between_coupled_angles_do_not_pull(engine):
-    """At 2 rad of the pinion the gear is at -4.9 rad, which as a hinge of MuJoCo is at 1.38."""
+    """At 2 rad of the pinion the gear is at -4.9 rad, which MuJoCo's hinge represents as 1.38 rad."""
     mechanism = WOUND["coupling"]
     state = initial_state(mechanism, Initial(coordinates={"j0": {"angle": 2.0}}, rates={"j0": {"angle": 1.0}}))
     assert relative(hard_default(engine, mechanism, state)[0], truth.solve(mechanism, state)[0]) < 1e-6
@@ -388,7 +388,7 @@ def test_the_turns_of_a_screw_are_those_of_its_displacement(engine):
     mechanism = replace(chain("screw", seed=35), joint_springs=(spring,))
     start = initial_state(mechanism)
     axis = mechanism.bodies[0].drawing.R @ mechanism.joints[0].M.R[:, 2]
-    moved = replace(start, p_WB=start.p_WB + 3 * PITCH * axis)  # three turns on, with the same orientation
+    moved = replace(start, p_WB=start.p_WB + 3 * PITCH * axis)  # three turns further, same orientation
     found = engine.instant(mechanism, [start, moved], engine.methods(mechanism, Question.INSTANT)[0])
     for n, state in enumerate((start, moved)):
         assert relative(found.a_WB_W[n], truth.solve(mechanism, state)[0]) < 1e-11
@@ -438,7 +438,7 @@ def test_the_callback_is_mujocos_only_while_it_is_asked(engine):
 
 
 def test_routes_say_who_states_and_who_solves(engine):
-    """Forces are MuJoCo's own; of constraints the settings say what the callback puts into them."""
+    """Forces are MuJoCo's own; the settings name the constraint rows that the callback of the adapter adds."""
     puts = {"powered": None, "single_screw": None, "driven": "efc_aref", "coupled_loop": "efc_aref"}
     puts |= {"coupled": "efc_aref, efc_J", "rolling_disc": "efc_aref, efc_J", "skating": "efc_aref, efc_J"}
     for name, expected in puts.items():

@@ -1,4 +1,4 @@
-"""Conversions and guards of the Pinocchio adapter; each test fails if the conversion it names is broken."""
+"""Conversions and guards of the Pinocchio adapter; each test fails if the conversion in its name is wrong."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -40,7 +40,7 @@ HEAVY = np.array([0.0, 0.0, -9.0])
 
 
 def one_body(kind, gravity=NO_GRAVITY, com=(0.2, -0.1, 0.4), backward=False, F=AT_ORIGIN, M=AT_ORIGIN, **more):
-    """A lumpy body on one joint whose frames lie at the origins of ground and body."""
+    """A lumpy body on one joint; F lies at the origin of the ground, M at the origin of the body."""
     inertia = np.array([[0.5, 0.02, -0.03], [0.02, 0.6, 0.05], [-0.03, 0.05, 0.7]])
     body = Body("body", 2.0, np.array(com), inertia, AT_ORIGIN)
     ends = ("body", GROUND) if backward else (GROUND, "body")
@@ -114,11 +114,11 @@ def test_inertia_is_about_the_centre_of_mass_in_axes_of_the_link():
 
 
 def test_accelerations_are_classical_and_of_the_body_origin():
-    # without gravity a body spins uniformly about z: its origin, 0.3 m off the axis, is only pulled inwards
+    # without gravity a body rotates uniformly about z: its origin, 0.3 m off the axis, has a centripetal acceleration
     mechanism = one_body("revolute", com=(0.3, 0, 0), M=Frame(np.array([0.3, 0, 0]), np.eye(3)))
     balanced = replace(mechanism, bodies=(replace(mechanism.bodies[0], inertia=np.diag([0.5, 0.6, 0.7])),))
     found = answer(balanced, state_of_one((-0.3, 0, 0), v=(0, -0.6, 0), w=(0, 0, 2)))
-    np.testing.assert_allclose(found.a_WB_W[0, 0], [1.2, 0, 0], atol=1e-14)  # spatial acceleration would be zero
+    np.testing.assert_allclose(found.a_WB_W[0, 0], [1.2, 0, 0], atol=1e-14)  # the spatial acceleration would be zero
     np.testing.assert_allclose(found.alpha_WB_W[0, 0], 0, atol=1e-14)
 
 
@@ -142,7 +142,7 @@ def test_a_hanging_weight_is_held_up_on_the_successor(kind, backward):
         kind, HEAVY, (0, 0, -0.7), backward, F, AT_ORIGIN if kind == "spherical" else Frame(F.p * 0, F.R)
     )
     found = answer(mechanism, state_of_one(F.p))
-    up = -18.0 if backward else 18.0  # backwards the successor is the ground, which the weight pulls down
+    up = -18.0 if backward else 18.0  # reversed, the successor is the ground, which the weight pulls down
     axes = mechanism.joints[0].F.R
     np.testing.assert_allclose(axes @ found.force_F[0, 0], [0, 0, up], atol=1e-13)
     np.testing.assert_allclose(found.torque_F[0, 0], 0, atol=1e-13)
@@ -228,7 +228,7 @@ def test_dependent_rows_need_the_proximal_settings():
             tau = np.zeros(t.model.nv)
             a = pin.constraintDynamics(t.model, t.data, q, v, tau, *loops, pin.ProximalSettings())
             default.append(np.max(np.abs(J @ a - gamma)))
-    assert not np.all(np.isfinite(default))  # the factorisation meets a pivot that is rounding noise, of either sign
+    assert not np.all(np.isfinite(default))  # the factorisation meets a pivot at rounding level, of either sign
     assert max(ours) < 1e-11
 
 
@@ -283,7 +283,7 @@ def test_the_angle_of_a_joint_spring_counts_full_turns(backward):
 
 
 def rod_along(direction, backward):
-    """A body on a rod that leaves the ground along `direction` in the axes of F, swinging, with the lump below."""
+    """A body on a rod that leaves the ground along `direction` in axes of F, in motion, its centre of mass below."""
     mechanism = one_body("rod", HEAVY, (0.1, 0.2, -0.3), backward)
     d = np.array(direction) / np.linalg.norm(direction)
     return mechanism, state_of_one(0.5 * d, TURN if not backward else (1, 0, 0, 0), np.cross([0.2, 0.5, 0.3], d))

@@ -1,6 +1,7 @@
-"""Elements that Pinocchio does not have, as its adapter forms them, and screws, which it has; on trees and loops.
+"""Elements that the Pinocchio adapter adds to Pinocchio, and screws, which Pinocchio has; on trees and loops.
 
-Accelerations and reactions against `truth`, motions against the reference solver: neither shares code with the adapter.
+Accelerations and reactions are compared with `truth`, motions with the reference solver; neither shares code with the
+adapter.
 """
 
 from dataclasses import replace
@@ -63,14 +64,14 @@ def powered_loop() -> Mechanism:
 
 
 def driven_backwards() -> Mechanism:
-    """Drives of joints that the tree passes from the successor to the predecessor, and a force beside a drive."""
+    """Drives on joints that the tree passes from successor to predecessor, and a force on a driven joint."""
     base = chain("revolute", "cylindrical", "prismatic", seed=61, backwards=(0, 1), forces=True)
     drives = (Drive("turn", "j0", "angle", BUMP), Drive("push", "j1", "distance", sine(0.2, 5.0, 0.3)))
     return replace(base, drives=drives)
 
 
 def geared() -> Mechanism:
-    """Linear couplings, driving and driven joints passed both ways, a driver behind what it drives, and forces."""
+    """Linear couplings of joints passed either way, one with its driver further out in the tree, and forces."""
     base = chain("revolute", "revolute", "prismatic", "cylindrical", seed=62, backwards=(1, 3), forces=True)
     couplings = (
         Coupling("gears", "j0", "angle", "j1", "angle", linear(-2.5, 0.1)),
@@ -89,7 +90,7 @@ def screw_loop() -> Mechanism:
 
 
 def tied(mechanism: Mechanism, body: str) -> Mechanism:
-    """A rod from a body to the ground, which closes a loop."""
+    """The same mechanism with a rod from a body to the ground, which closes a loop."""
     rod = LOOPS["loop_rod"].joints[2]
     drawn = next(b for b in mechanism.bodies if b.name == body).drawing
     at, end = drawn.p + drawn.R @ rod.M.p, drawn.p + drawn.R @ rod.M.p + np.array([0.3, -0.9, 0.4])
@@ -182,7 +183,7 @@ def difference(a, b):
 
 
 def leads_to_the_reference(mechanism, state, times, substeps, bar):
-    """Positions on two levels have the declared order; on the finer one they are within `bar`, velocities near it."""
+    """Check the order of the positions on two levels, and errors on the finer level: positions below `bar`."""
     expected = simulate(mechanism, state, times, 1e-12)
     answers = [trajectory(mechanism, state, times, n) for n in substeps]
     (coarse, _), (fine, velocities) = (difference(answer, expected) for answer in answers)
@@ -204,7 +205,7 @@ def test_the_clock_starts_at_the_first_sample():
 
 
 def test_a_table_may_end_with_the_motion():
-    """Sums of steps run over the end by their rounding, as 0.1 three times does; a table has no value there."""
+    """Accumulated steps can pass the final time by rounding, as three times 0.1 does; a table has no value there."""
     mechanism, times = chain("revolute", seed=4), np.linspace(0.0, 0.3, 4)
     history = through(np.linspace(0.0, times[-1], 8), np.cos(np.linspace(0.0, 9.0, 8)))
     load = Load("push", "torque", "b0", [1.0, 2.0, 3.0], "world", history=history)
@@ -215,7 +216,7 @@ def test_a_table_may_end_with_the_motion():
 
 @pytest.mark.parametrize("name", ["driven_crank", "driven_rocker"])
 def test_a_drive_is_followed_for_seconds(name):
-    """Held at the level of accelerations: positions drift no more than the method errs."""
+    """Drives are constrained at acceleration level: the drift of positions is of the order of the integrator."""
     mechanism, times = MECHANISMS[name], np.linspace(0.0, 3.0, 31)
     (state,) = states_of(mechanism, 1)
     drift = []
@@ -227,7 +228,7 @@ def test_a_drive_is_followed_for_seconds(name):
 
 
 def test_a_coupling_counts_full_turns():
-    """The law bends, so that a turn more is another ratio; two turns and a half."""
+    """The law is nonlinear, so that a lost turn changes the ratio; the motion covers two and a half turns."""
     mechanism = replace(
         chain("revolute", "cylindrical", seed=71, backwards=(0,)),
         gravity=np.zeros(3),
@@ -240,7 +241,7 @@ def test_a_coupling_counts_full_turns():
 
 
 def test_a_screw_has_the_turns_of_its_displacement():
-    """Started one turn and three quarters away from the drawing; the spring pulls it back all the way."""
+    """The screw starts 1.75 turns from the drawing; the spring pulls it back all the way."""
     for backwards in ((), (0,)):
         base = chain("screw", seed=72, backwards=backwards)
         spring = JointSpring("k", "j0", "angle", 3.0, 0.2, 0.1)
@@ -287,7 +288,7 @@ def test_routes_say_who_forms_the_rows():
 
 
 def test_defaults_do_for_independent_rows_and_fail_on_dependent_ones():
-    """`forwardDynamics` neither regularises nor looks: with dependent rows its answer is wrong, or no number."""
+    """`forwardDynamics` neither regularises nor checks: with dependent rows its result is wrong or NaN."""
     engine, error = PinocchioEngine(), {}
     for name in ("driven", "coupled", "rolling_torus", "driven_spatial", "driven_crank", "driven_slider"):
         mechanism, error[name] = MECHANISMS[name], []
@@ -341,7 +342,7 @@ def test_forward_dynamics_refuse_a_mimic():
 
 
 def geared_mass_matrix(middle):
-    """Mass matrix of a hinge, another joint and a hinge that mimics the first, and what the full model makes of it."""
+    """Mass matrix of hinge, `middle` joint and mimicking hinge: by `crba`, and projected from the full model."""
     model, joint = pin.Model(), 0
     for n, kind in enumerate((pin.JointModelRZ, middle, pin.JointModelRZ)):
         joint = model.addJoint(joint, kind(), pin.SE3(np.eye(3), np.array([1.0, 0.2 * n, 0.1])), f"j{n}")
@@ -362,7 +363,7 @@ def test_the_mass_matrix_under_a_mimic_is_wrong_across_a_ball():
 
 
 def test_the_mass_matrix_under_a_mimic_needs_fresh_data():
-    """`crba` adds to what its data holds where a joint hangs on the one that mimics: the second call is wrong."""
+    """`crba` adds to the old content of its data if a joint follows the mimicking one: the second call is wrong."""
     model, joint = pin.Model(), 0
     for n in range(3):
         joint = model.addJoint(joint, pin.JointModelRZ(), pin.SE3(np.eye(3), np.array([1.0, 0.2 * n, 0.0])), f"j{n}")
@@ -375,8 +376,8 @@ def test_the_mass_matrix_under_a_mimic_needs_fresh_data():
     assert np.max(np.abs(np.array(pin.crba(geared, data, q)) - expected)) > 0.1
 
 
-def test_a_mimic_is_offered_where_it_says_all():
-    """Not on loops, not for a cam, not beside a drive, not for a slave of a slave, not with a ball."""
+def test_a_mimic_joint_is_offered_only_for_what_it_can_represent():
+    """No mimic joint for loops, cams, driven joints, a slave of a slave, or trees with a ball joint."""
     engine, offered, to_third = PinocchioEngine(), set(), ("j0", "angle", "j2", "angle")
     slave_of_slave = Coupling("more", "j1", "angle", "j3", "distance", linear(0.4))
     drive = Drive("turn", "j3", "distance", WAVE)

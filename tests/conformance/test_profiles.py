@@ -1,7 +1,7 @@
-"""Profiles and softness: what an engine gives out of the box, and how its regularisation moves what it gives.
+"""Profiles and softness: results with an engine's default settings, and the effect of its regularisation.
 
-Expected values are facts of the engines read from the engines themselves (steps, softness), the equations that soft
-constraints obey, and the dense solution of `truth`.
+Expected values: facts that are read from the engines (steps, softness), the equations of soft constraints, and the
+dense solution of `truth`.
 """
 
 from dataclasses import replace
@@ -22,7 +22,7 @@ HINGED = ("four_bar", "slider_crank")
 HARD = {"exudyn", "pinocchio", "reference"}
 HERE = Frame(np.zeros(3), np.eye(3))
 
-# what a default method may name: files, sampling, what an engine cannot do at all, how steps become an acceleration
+# settings that a default method may name: files, sampling, missing features, how steps become an acceleration
 ALLOWED = {
     "exudyn": {"solution.file.write", "solution.sensors.writePeriod", "constraint equations left out"},
     "dart": {"step"},
@@ -30,7 +30,7 @@ ALLOWED = {
 
 
 def own_step(name):
-    """Time step of an engine that is told none, in s."""
+    """Time step in s that an engine uses unless told otherwise."""
     if name == "mujoco":
         mujoco = pytest.importorskip("mujoco")
         return mujoco.MjSpec().compile().opt.timestep
@@ -89,7 +89,7 @@ def test_only_soft_constraints_have_a_softness(engine, engine_name, name):
 
 @pytest.mark.parametrize("name", ["double_pendulum", "spatial_pendulum"])
 def test_on_a_tree_the_defaults_lead_where_the_matched_settings_lead(engine, engine_name, name):
-    """Same order, same limit: on a tree nothing but the step stands between the profiles."""
+    """Same order, same limit: on a tree the profiles differ in the step only."""
     case = CASES[name]
     defaults = of_profile(engine, case.mechanism, Question.TRAJECTORY, Profile.DEFAULT)
     if not defaults:
@@ -123,7 +123,7 @@ def mujoco_engine():
 
 
 def parallelogram(angle, length=1.0):
-    """Three slender rods of 1 kg; crank and rocker at an angle to the horizontal, the coupler stays horizontal."""
+    """Three slender rods of 1 kg; crank and rocker at an angle to the horizontal, the coupler horizontal."""
     c, s = length * np.cos(angle), length * np.sin(angle)
     turned = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, length]]) / length
     inertia = np.diag([1e-4, 1.0, 1.0]) * length**2 / 12.0
@@ -145,7 +145,7 @@ def parallelogram(angle, length=1.0):
 
 
 def test_stock_welds_let_a_parallelogram_accelerate_wrongly(mujoco_engine):
-    """At rest ``(2 m l^2 / 3 + m l^2) alpha = -(m l + m l) g cos``, the coupler does not turn."""
+    """At rest ``(2 m l^2 / 3 + m l^2) alpha = -(m l + m l) g cos``, because the coupler does not rotate."""
     angle = 2.4
     mechanism = parallelogram(angle)
     exact = -2.0 * 9.81 * np.cos(angle) / (5.0 / 3.0)
@@ -153,9 +153,9 @@ def test_stock_welds_let_a_parallelogram_accelerate_wrongly(mujoco_engine):
     matched, _, stock, *_ = mujoco_engine.methods(mechanism, Question.INSTANT)
     found = {m.profile: mujoco_engine.instant(mechanism, [state], m).alpha_WB_W[0, 0, 2] for m in (matched, stock)}
     assert found[Profile.MATCHED] == pytest.approx(exact, rel=1e-12)
-    # the halves of a split body are lighter than what a connect holds, and the weld sees more of the softness
+    # the halves of a split body are lighter than the bodies of a connect constraint, so that softness has more effect
     assert found[Profile.DEFAULT] / exact - 1.0 == pytest.approx(-0.049, abs=1e-3)
-    # plain MJCF with a connect, nothing of ours
+    # plain MJCF with a connect constraint, without the adapter
     import mujoco
 
     degrees = np.degrees(angle)
@@ -173,7 +173,7 @@ def test_stock_welds_let_a_parallelogram_accelerate_wrongly(mujoco_engine):
 
 
 def soft_solution(translation, factor):
-    """``M a = f + J^T lam, J a + factor R lam = aref`` with MuJoCo's terms at the state of its data, by NumPy."""
+    """Solve ``M a = f + J^T lam, J a + factor R lam = aref`` in NumPy with MuJoCo's terms at the state of its data."""
     import mujoco
 
     from consilience_mujoco.evaluate import constraint_jacobian
@@ -201,7 +201,7 @@ def test_the_softness_of_mujoco_scales_its_regularisation(mujoco_engine, name):
             accelerations(mujoco_engine, mechanism, [state], replace(stock, softness=softness))
             found = mujoco_engine._last[1].data.qacc
             np.testing.assert_allclose(found, expected, atol=1e-9 * np.max(np.abs(expected)))
-    # harder, the error falls in proportion; softer, it may saturate: the welds hardly hold
+    # with less softness the error is proportional to it; with more, it may saturate: the welds hardly hold
     errors = [
         relative(accelerations(mujoco_engine, mechanism, states, replace(stock, softness=s)), exact)
         for s in (1.0, 1e-3, 5e-4)
@@ -222,7 +222,7 @@ def test_the_matched_welds_stay_at_rounding_whatever_their_softness(mujoco_engin
 
 @pytest.mark.parametrize("name", LOOPS)
 def test_one_soft_problem_has_one_solution_by_every_code_path(mujoco_engine, name):
-    """Newton or CG, dense or sparse: the same welds, so the same answer."""
+    """Newton or CG, dense or sparse: the problem of the soft welds is the same, hence the answer."""
     mechanism = LOOPS[name]
     states = states_of(mechanism)
     stock, *others = of_profile(mujoco_engine, mechanism, Question.INSTANT, Profile.DEFAULT)
@@ -250,12 +250,12 @@ def test_stock_welds_lead_elsewhere_and_tuned_ones_do_not(mujoco_engine, name):
     tuned = run[Profile.MATCHED, 80].p_WB
     coarse, fine = (np.max(np.abs(run[Profile.DEFAULT, n].p_WB - tuned)) for n in (50, 100))
     assert fine > 1e-3
-    assert fine > 0.6 * coarse  # half the step does not halve it
+    assert fine > 0.6 * coarse  # half the step does not halve the difference
 
 
 @pytest.mark.parametrize(("first", "right"), [("HINGE", True), ("BALL", False)])
 def test_a_slide_behind_a_ball_has_a_wrong_jacobian_derivative_in_mujoco(mujoco_engine, first, right):
-    """The trap itself, in MuJoCo alone: the acceleration of Coriolis, halved. Once it is right the refusal can go."""
+    """MuJoCo alone: half of the Coriolis acceleration is missing. Once it is right, the adapter need not refuse."""
     import mujoco
 
     spec = mujoco.MjSpec()
@@ -264,7 +264,7 @@ def test_a_slide_behind_a_ball_has_a_wrong_jacobian_derivative_in_mujoco(mujoco_
     body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[1.0, 0.0, 0.0])
     model = spec.compile()
     data = mujoco.MjData(model)
-    data.qvel[-2:] = 1.0  # a slide along x at 1 m/s on what turns about z at 1 rad/s: 2 w x v = (0, 2, 0)
+    data.qvel[-2:] = 1.0  # a slide along x at 1 m/s on a body that turns about z at 1 rad/s: 2 w x v = (0, 2, 0)
     mujoco.mj_forward(model, data)
     dJ, dJ_turning = np.zeros((3, model.nv)), np.zeros((3, model.nv))
     mujoco.mj_jacDot(model, data, dJ, dJ_turning, np.zeros(3), 1)
@@ -273,7 +273,7 @@ def test_a_slide_behind_a_ball_has_a_wrong_jacobian_derivative_in_mujoco(mujoco_
 
 
 def loop_over(kind, backwards, seed=3):
-    """A revolute, a joint of a kind, a revolute, and a ball that closes the loop with the ground."""
+    """A loop: revolute, a joint of the given kind, revolute, and a ball joint that closes the loop with the ground."""
     base = chain("revolute", kind, "revolute", seed=seed, backwards=(1,) if backwards else ())
     bodies = {body.name: body for body in base.bodies}
     ball = drawn_joint("ball", "spherical", bodies, GROUND, "b2", np.array([0.3, -0.4, 0.8]), np.eye(3))
@@ -300,7 +300,7 @@ def test_loops_over_a_slide_behind_a_ball_are_refused(mujoco_engine, kind, backw
 
 
 def test_a_loop_that_hangs_as_a_whole_behind_such_a_joint_is_right(mujoco_engine):
-    """Both ends of the weld have the same error."""
+    """Both ends of the weld have the same error, which cancels."""
     base = chain("revolute", "point_on_line", "revolute", "revolute", seed=8, backwards=(1,))
     bodies = {body.name: body for body in base.bodies}
     ball = drawn_joint("ball", "spherical", bodies, "b1", "b3", np.array([0.3, -0.4, 0.8]), np.eye(3))
@@ -329,7 +329,7 @@ def dart_engine():
 
 
 def with_scaled_velocity_term(mechanism, state, factor):
-    """Accelerations where the welds hold ``J a = -factor dJ/dt v``, with DART's terms and the harness's solve."""
+    """Accelerations if the welds fulfil ``J a = -factor dJ/dt v``: DART's terms, solved by the harness."""
     from consilience_dart.constraints import weld_terms
     from consilience_dart.dynamics import body_accelerations, impose
     from consilience_dart.loads import Forces
@@ -350,7 +350,7 @@ def with_scaled_velocity_term(mechanism, state, factor):
 
 @pytest.mark.parametrize("name", LOOPS)
 def test_the_error_reduction_of_dart_adds_half_of_itself_to_the_velocity_term(dart_engine, name):
-    """``J a = -(1 + softness reduction / 2) dJ/dt v`` with DART's reduction of 0.01: `consilience_dart.stepping`."""
+    """With DART's reduction of 0.01: ``J a = -(1 + softness reduction / 2) dJ/dt v`` (`consilience_dart.stepping`)."""
     mechanism = LOOPS[name]
     (stock,) = of_profile(dart_engine, mechanism, Question.INSTANT, Profile.DEFAULT)
     states = states_of(mechanism)[:2]
@@ -366,7 +366,7 @@ def test_the_error_reduction_of_dart_adds_half_of_itself_to_the_velocity_term(da
 
 @pytest.mark.parametrize("name", HINGED)
 def test_the_gap_of_dart_along_a_motion_is_that_of_its_error_reduction(dart_engine, name):
-    """A drift of h^2 a step, of which a part is removed: the gap is ``h^2 / reduction`` times something."""
+    """Steps add a drift of order h^2 and remove a fraction of the gap; the gap is proportional to h^2 / reduction."""
     case = CASES[name]
     times = case.times[:11]
     matched = dart_engine.methods(case.mechanism, Question.TRAJECTORY)[0]
@@ -379,7 +379,7 @@ def test_the_gap_of_dart_along_a_motion_is_that_of_its_error_reduction(dart_engi
     coarse, _, fine = matched.substeps
     start = gap(1.0, coarse)
     for softness in (0.5, 2.0, 4.0):
-        reduction = 1.0 - 0.5 ** (1.0 / softness)  # half the error goes in a step, or in so many
+        reduction = 1.0 - 0.5 ** (1.0 / softness)  # half of the gap is removed in `softness` steps
         assert gap(softness, coarse) / start == pytest.approx(0.5 / reduction, rel=0.04)
     assert start / gap(1.0, fine) == pytest.approx(16.0, rel=0.02)
 
@@ -444,7 +444,7 @@ def test_kinematic_tree_and_rigid_bodies_accelerate_alike(kinds):
 
 
 def test_defaults_of_exudyn_stop_at_dependent_rows():
-    """Why the default profile leaves them out as the matched one does."""
+    """Hence the adapter leaves out dependent rows in the default profile, too."""
     pytest.importorskip("exudyn")
     from consilience_exudyn.library import QUIET
     from consilience_exudyn.maximal import build, full_axes
@@ -474,5 +474,5 @@ def test_defaults_of_pinocchio_do_for_independent_rows_and_fail_on_dependent_one
         assert relative(both, true_accelerations(LOOPS[name], states)) < 1e-11
     planar = [(CASES[n].mechanism, CASES[n].states) for n in HINGED]
     planar += [(LOOPS[n], states_of(LOOPS[n])) for n in ("four_bar", "slider_crank", "four_bar_cylindrical")]
-    # the factorisation meets a pivot that is rounding noise, of either sign
+    # the factorisation meets a pivot at rounding level, of either sign
     assert any(defects(default(m, states), Question.INSTANT, m, len(states)) for m, states in planar)

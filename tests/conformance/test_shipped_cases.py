@@ -1,4 +1,4 @@
-"""Every engine on the cases with a full oracle: bars of `model` and `instant`, and the order of each integrator."""
+"""Every engine on the cases with a full oracle: bars of `model` and `instant`, order of each integrator."""
 
 import functools
 
@@ -46,7 +46,7 @@ def reference_motion(name):
 
 
 def matched(engine, case, question):
-    """Methods translated to mean what the case means; what defaults do is another question."""
+    """Methods of the matched profile; default settings are tested in `test_profiles`."""
     found = [m for m in engine.methods(case.mechanism, question) if m.profile is Profile.MATCHED]
     assert found
     return found

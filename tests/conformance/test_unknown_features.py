@@ -1,4 +1,4 @@
-"""What is added to the model one day is refused by every adapter, by name, until somebody translates it there."""
+"""Joint kinds and elements that no adapter translates yet: every adapter refuses them by name."""
 
 import json
 import subprocess

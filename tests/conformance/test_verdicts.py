@@ -1,4 +1,4 @@
-"""What the suite says about real engines, where their documentation and order tell what it must say."""
+"""Verdicts of the suite on real engines, where documentation and order of the engine imply the verdict."""
 
 from dataclasses import replace
 
@@ -11,8 +11,8 @@ from consilience.suite import run_suite
 
 AGREES, STEPS, SOFT = Verdict.AGREES, Verdict.DISCRETISATION, Verdict.REGULARISATION
 
-# engine, question, method: verdict, and the order it rests on. Loops are welds in MuJoCo, soft by its documentation
-# ("Solver parameters"), and held by error reduction in DART; DART steps by the semi-implicit Euler method
+# engine, question, method: verdict, and the order that implies it. Loops are welds in MuJoCo, soft by its
+# documentation ("Solver parameters"); in DART error reduction closes them, and steps are semi-implicit Euler steps
 EXPECTED = {
     ("mujoco", Question.INSTANT, "mj_forward"): (AGREES, None),
     ("mujoco", Question.INSTANT, "mj_forward, defaults"): (SOFT, None),
@@ -48,7 +48,7 @@ def test_the_verdict_is_the_one_foretold(comparisons, key):
 
 
 def test_stock_loops_come_apart_and_tuned_ones_do_not(comparisons):
-    """Welds of impedance 0.9 give way under the loads of the linkage; joints here are in m."""
+    """Welds of impedance 0.9 yield under the loads of the linkage; joint gaps in m."""
     stock = comparisons["mujoco", Question.TRAJECTORY, "Euler, defaults"].levels[-1]
     tuned = comparisons["mujoco", Question.TRAJECTORY, "RK4"].levels[-1]
     assert stock.residual > 1e-4

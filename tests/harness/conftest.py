@@ -1,7 +1,7 @@
 """The harness against engines that crash, hang, lie or flood, and against suites that are killed.
 
-The miniature engines of `plugins` are installed while these tests run, and only then. They are found as any third
-party's are: a folder on the path with a ``.dist-info`` that names entry points.
+The miniature engines of `plugins` are installed only while these tests run. They are found as those of third parties: a
+folder on the path with a ``.dist-info`` that names entry points.
 """
 
 import sys

@@ -1,15 +1,14 @@
-"""Kill a suite at random instants and resume it, again and again: nothing finished is done twice, nothing is lost.
+"""Kill a suite at random instants and resume it, repeatedly: no finished job is repeated, no answer is lost.
 
     python tests/harness/kills.py --kills 200
 
-Each round starts a suite of 204 jobs in an empty folder, kills the runner, one of its workers, or both, and lets the
-same command finish. It is killed once a random number of answers is kept and a random time after that; some before the
-first answer, some after the last, while the report is written. The database refuses an answer it has already, so that a
-finished job that is done again ends the command with an error; the report must say what that of an undisturbed suite
-says, and no process may be left.
+Each round starts a suite of 204 jobs in an empty folder, kills the runner, one of its workers, or both, and runs the
+same command again to its end. The kill comes a random time after a random number of answers is kept: sometimes before
+the first answer, sometimes after the last, while the report is written. The database refuses an answer that it already
+has, so that a repeated job ends the command with an error. The report must equal that of an undisturbed suite, and no
+process may be left.
 
-A round takes about 8 s of CPU time. Runners are forks of this process, which has imported everything: to start Python
-anew would take as long as the suite.
+Runners are forks of this process, which has imported everything: a new Python process would take as long as the suite.
 """
 
 from __future__ import annotations
@@ -61,7 +60,7 @@ SHORT = ("single_revolute", "-e", "mujoco", "--quick", "-q", "model", "-q", "ins
 
 
 def start(suite: Suite, folder: Path) -> ForkProcess:
-    """The suite, at work."""
+    """Start the suite in a forked process."""
     process = multiprocessing.get_context("fork").Process(target=_run, args=(suite, folder))
     process.start()
     return process
@@ -76,19 +75,19 @@ def _run(suite: Suite, folder: Path) -> None:
 
 
 def refuse_repeats(folder: Path) -> None:
-    """Let the database refuse what it has already."""
+    """Let the database refuse an answer that it already has."""
     Store(folder).close()
     with sqlite3.connect(folder / FILE) as connection:
         connection.execute(_NO_REPEATS)
 
 
 def finish(suite: Suite, folder: Path) -> None:
-    """Let the suite end.
+    """Run the suite to its end.
 
     Raises
     ------
     RuntimeError
-        If it reports an error.
+        The suite reported an error.
     """
     process = start(suite, folder)
     process.join(600)
@@ -98,7 +97,7 @@ def finish(suite: Suite, folder: Path) -> None:
 
 
 def timeless(value: object) -> object:
-    """A record without times."""
+    """Copy of a record without times."""
     if isinstance(value, dict):
         return {name: timeless(item) for name, item in value.items() if name not in TIMED}
     return [timeless(item) for item in value] if isinstance(value, list) else value
@@ -111,20 +110,20 @@ def report(folder: Path) -> list[object]:
 
 
 def answers(folder: Path) -> int:
-    """How many answers are kept."""
+    """Number of answers in the database."""
     with sqlite3.connect(folder / FILE) as connection:
         return int(connection.execute("SELECT COUNT(*) FROM answers").fetchone()[0])
 
 
 def disturb(suite: Suite, folder: Path, after: int, delay: float, target: str, chance: float) -> list[psutil.Process]:
-    """Start the suite and kill a part of it; processes that outlived it.
+    """Start the suite and kill the target; return workers that outlived the runner.
 
     Parameters
     ----------
     after, delay : int and float, s
-        Answers that are waited for, and time after them.
+        The kill comes `delay` after the database holds `after` answers.
     target : str
-        Of `TARGETS`.
+        One of `TARGETS`.
     chance : float
         Chooses the worker, between 0 and 1.
     """
@@ -145,7 +144,7 @@ def disturb(suite: Suite, folder: Path, after: int, delay: float, target: str, c
 
 
 def _is_dead(process: psutil.Process) -> bool:
-    """Whether it has ended, buried or not: who buries orphans is the system's affair, and it may take its time."""
+    """Whether a process has ended; a zombie counts, because only the system reaps orphans, at a time of its choice."""
     try:
         return process.status() == psutil.STATUS_ZOMBIE
     except psutil.NoSuchProcess:
@@ -153,7 +152,7 @@ def _is_dead(process: psutil.Process) -> bool:
 
 
 def campaign(suite: Suite, kills: int, seed: int, room: Path) -> list[str]:
-    """What went wrong, in words; nothing if all is well."""
+    """Run the rounds; return a description of every violation."""
     choose = random.Random(seed)
     whole = room / "whole"
     begun = time.monotonic()
@@ -165,12 +164,12 @@ def campaign(suite: Suite, kills: int, seed: int, room: Path) -> list[str]:
 
     def note(words: str) -> None:
         wrong.append(words)
-        print(f"WRONG: {words}", flush=True)  # at once: a campaign may be stopped
+        print(f"WRONG: {words}", flush=True)  # print at once: a campaign may be stopped
 
     for n in range(kills):
         folder, target = room / str(n), TARGETS[n % len(TARGETS)]
         refuse_repeats(folder)
-        after = choose.randint(-jobs // 10, jobs + jobs // 10)  # before 0: while engines start; beyond: while it writes
+        after = choose.randint(-jobs // 10, jobs + jobs // 10)  # < 0: engines start; > jobs: report
         delay = choose.uniform(0.0, 0.1 if 0 < after < jobs else 2.0)
         left = disturb(suite, folder, min(after, jobs), delay, target, choose.random())
         kept = answers(folder)
@@ -189,7 +188,7 @@ def campaign(suite: Suite, kills: int, seed: int, room: Path) -> list[str]:
 
 
 if __name__ == "__main__":
-    for module in ("suite", "report.pages", "report.record", "case.library"):  # once, for all forks
+    for module in ("suite", "report.pages", "report.record", "case.library"):  # import before the forks
         import_module(f"consilience.{module}")
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     options.add_argument("--kills", type=int, default=200)

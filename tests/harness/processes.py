@@ -1,4 +1,4 @@
-"""Processes that descend from a test, wherever they have gone: all inherit a variable of its environment."""
+"""Find the processes that descend from a test, daemons included: all inherit an environment variable."""
 
 import psutil
 
@@ -6,7 +6,7 @@ MARK = "CONSILIENCE_TEST_MARK"
 
 
 def marked(value):
-    """Pids of the living processes with this value of the variable."""
+    """PIDs of the living processes with this value of the variable."""
     found = []
     for process in psutil.process_iter():
         try:

@@ -1,4 +1,4 @@
-"""Every situation of a known cause gets the right verdict, by the right rule; and the rules are those of the docs."""
+"""Rules of verdicts: every situation of known cause gets its verdict by its rule, and the docs list the same rules."""
 
 from pathlib import Path
 

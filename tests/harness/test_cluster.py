@@ -1,4 +1,4 @@
-"""On a Dask cluster of two workers, one of them killed on the way, a command finds what it finds on one machine."""
+"""Commands on a Dask cluster of two workers, one of them killed during the run, give the results of one machine."""
 
 import json
 import sqlite3
@@ -22,7 +22,7 @@ FUZZ = ("fuzz", "-n", str(2 * SHARD + 8), *ENGINES, "--effort", "0")
 
 @pytest.fixture(scope="module")
 def cluster(tmp_path_factory):
-    """Address of the scheduler, and the workers, which start again when they die."""
+    """Address of the scheduler, and the nannies, which restart Dask workers that die."""
     folder = tmp_path_factory.mktemp("cluster")
     file, processes = folder / "scheduler.json", []
 
@@ -62,7 +62,7 @@ def done(process):
 
 
 def kill(nanny):
-    """Kill a Dask worker as a machine fails: at once, its engines with it."""
+    """Kill a Dask worker and its engines at once, as when a machine fails."""
     (worker,) = [child for child in psutil.Process(nanny.pid).children() if "spawn_main" in " ".join(child.cmdline())]
     engines = worker.children()
     worker.kill()
@@ -97,7 +97,7 @@ def test_a_fuzz_on_a_cluster_that_loses_a_worker_finds_what_it_finds_here(cluste
     done(start(*FUZZ, "-o", str(here)))
     running = start(*FUZZ, "-o", str(there), "--scheduler", address)
     until = time.monotonic() + 300.0
-    while not psutil.Process(workers[1].pid).children(recursive=True)[1:]:  # it has engines, so it is at work
+    while not psutil.Process(workers[1].pid).children(recursive=True)[1:]:  # engines run, so jobs have begun
         assert time.monotonic() < until
         time.sleep(0.05)
     kill(workers[1])
@@ -110,7 +110,7 @@ def test_a_fuzz_on_a_cluster_that_loses_a_worker_finds_what_it_finds_here(cluste
 def test_no_engine_stays_on_the_cluster_when_a_command_has_ended(cluster):
     _, workers = cluster
     for nanny in workers:
-        assert len(psutil.Process(nanny.pid).children(recursive=True)) <= 2  # a Dask worker, and multiprocessing's own
+        assert len(psutil.Process(nanny.pid).children(recursive=True)) <= 2  # Dask worker, resource tracker
 
 
 @pytest.mark.parametrize("address", ["127.0.0.1:9", "nonsense://x"])

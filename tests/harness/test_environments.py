@@ -1,4 +1,4 @@
-"""Engines in environments of their own: two versions side by side, built once, small; clear words where it fails."""
+"""Engines in environments of their own: two versions side by side, built once, small; clear errors where that fails."""
 
 import ast
 import os
@@ -24,7 +24,7 @@ VERSIONS = ("1.0", "2.5")
 
 
 def wheel(folder, version):
-    """A distribution with one module, as small as they come."""
+    """Build a minimal distribution with one module."""
     info = f"toy_engine-{version}.dist-info"
     with zipfile.ZipFile(folder / f"toy_engine-{version}-py3-none-any.whl", "w") as file:
         file.writestr("toy_engine.py", f"VERSION = '{version}'\n")
@@ -37,7 +37,7 @@ def wheel(folder, version):
 
 @pytest.fixture(scope="module")
 def cache(tmp_path_factory):
-    """A cache of its own, and the two versions where pip finds them; NumPy comes from wherever pip gets it."""
+    """An empty cache of environments, and a folder where pip finds both versions; NumPy comes from pip's own index."""
     folder = tmp_path_factory.mktemp("cache")
     for version in VERSIONS:
         wheel(folder, version)
@@ -69,7 +69,7 @@ def test_two_versions_answer_and_their_environments_are_built_once(cache):
             assert reply.value.remarks.startswith("own environment: Python 3.")
             assert f"toy-engine {version}" in reply.value.remarks.replace("_", "-")
             assert "numpy 2" in reply.value.remarks
-            # to the last bit: the spline is made here and sent, because SciPy is not there
+            # equal to the last bit: the engine's environment lacks SciPy, so that the spline is computed here and sent
             assert worker.ask(ask).value.mass == law.jet(0.3)[2]
     built = sorted((cache / "consilience" / "environments").glob("*/consilience.json"))
     assert [file.parent.name.rpartition("-")[0] for file in built] == [f"toy-{version}" for version in VERSIONS]
@@ -115,7 +115,7 @@ def test_what_cannot_be_had_is_said(cache, engine, said):
 
 
 def test_without_a_network_it_says_so(cache, monkeypatch):
-    """An index that refuses the connection, and no other place to find it."""
+    """The package index refuses the connection, and there is no other source."""
     for name, value in {
         "PIP_INDEX_URL": "http://127.0.0.1:9/simple",
         "PIP_EXTRA_INDEX_URL": "",
@@ -135,7 +135,7 @@ def test_without_a_network_it_says_so(cache, monkeypatch):
 
 
 def imported(path):
-    """Modules that a file imports when it is imported: not inside functions, not for type checkers."""
+    """Modules that are imported when a file is imported: not those in functions or for type checkers."""
     for node in ast.parse(path.read_text(encoding="utf-8")).body:
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
@@ -170,7 +170,7 @@ def test_an_adapter_needs_its_engine_and_the_worker_side(engine):
         for module in imported(file):
             first = module.partition(".")[0]
             if file.name == "mutants.py" and module.startswith("consilience.audit.mutate"):
-                continue  # only the campaign imports it, in the environment of the harness
+                continue  # only the mutation campaign imports this file, in the environment of the harness
             if first == "consilience":
                 assert module in KNOWN or module.rpartition(".")[0] in KNOWN
             else:
@@ -178,7 +178,7 @@ def test_an_adapter_needs_its_engine_and_the_worker_side(engine):
 
 
 def test_a_worker_of_its_own_environment_imports_nothing_heavy():
-    """In this environment, where everything could be imported by mistake."""
+    """Checked in this environment, where heavy packages are installed and could be imported by mistake."""
     heavy = "{'numba', 'scipy', 'pydantic', 'psutil'} & set(sys.modules)"
     heavy = f"import sys, consilience.engine.worker.server; print({heavy})"
     done = subprocess.run([sys.executable, "-c", heavy], capture_output=True, text=True, check=True)

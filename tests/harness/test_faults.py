@@ -1,4 +1,4 @@
-"""An engine that fails is one failed run with its evidence; the suite goes on. Nothing it does harms the harness."""
+"""A failing engine gives one failed run with its evidence; the suite goes on, and the harness is unharmed."""
 
 import re
 from dataclasses import replace
@@ -19,7 +19,7 @@ MEMORY = 1536 * 2**20
 
 INSTANT, TRAJECTORY = Question.INSTANT, Question.TRAJECTORY
 
-# engine: the question of the case `first` it fails at, and the evidence (a pattern) that must be in the reason
+# engine: the question at which it fails for the case `first`, and a pattern of the evidence in the reason
 FAULTS = {
     "aborts": (INSTANT, "the worker died: signal SIGABRT"),
     "is_killed": (INSTANT, "the worker died: signal SIGKILL"),
@@ -37,7 +37,7 @@ FAULTS = {
     "silent": (INSTANT, "no method"),
     "stepless": (TRAJECTORY, "level"),
 }
-# the same of the methods of one engine, `liar`
+# the same for the methods of the engine `liar`
 LIES = {
     "raises": (INSTANT, "RuntimeError: the Jacobian is singular at body 2"),
     "gives_nan": (INSTANT, "a_WB_W has 1 values that are not finite"),
@@ -49,7 +49,7 @@ LIES = {
     "stops_early": (TRAJECTORY, r"time has shape \(4,\), not \(5,\)"),
     "gives_long_quaternions": (TRAJECTORY, "quat_WB"),
 }
-# what could take more down than a run is asked alone, in a suite of its own
+# faults that could break more than one run: each is asked in a suite of its own
 UNRULY = {
     "raises_two_parts": (INSTANT, "7: no licence"),
     "gives_ragged": (INSTANT, "force_F"),
@@ -81,17 +81,17 @@ def cases():
 
 @pytest.fixture(scope="module")
 def results(cases):
-    """One suite over many engines at once: none may spoil another's runs, nor leave a process."""
+    """One suite over many engines: no engine may spoil the runs of another or leave a process behind."""
     names = ["honest", *FAULTS, "liar", *MISSING, "selective", "cannot_plan", "chatters"]
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv(MARK, "faults")
-        found = run_suite(cases, names, jobs=3, limit=600.0, memory=MEMORY)  # the first job compiles
+        found = run_suite(cases, names, jobs=3, limit=600.0, memory=MEMORY)  # the first job compiles kernels
     assert not marked("faults")
     return found
 
 
 def verdict(results, engine, case, question, method=None):
-    """The one comparison of these; without a method there must be but one of all methods."""
+    """The only comparison of engine, case and question; of several methods, name one."""
     key = (engine, case, question)
     (found,) = [c for c in results.comparisons if (c.engine, c.case, c.question) == key and method in (None, c.method)]
     return found
@@ -200,7 +200,7 @@ def test_an_engine_prints_nothing_into_the_terminal_of_the_caller(cases, capfd):
 
 
 def test_a_hang_is_stopped_at_the_limit_and_the_next_question_answered(cases):
-    """The engine is deaf to SIGTERM; its limit is long enough for a slow start, short enough to wait for."""
+    """The engine ignores SIGTERM; the limit allows for a slow start and is short enough to wait for."""
     limit = 10.0 * slowness()
     results = run_suite(cases[:1], ["hangs"], [Question.INSTANT, Question.TRAJECTORY], limit=limit)
     found = verdict(results, "hangs", "first", INSTANT)
@@ -210,7 +210,7 @@ def test_a_hang_is_stopped_at_the_limit_and_the_next_question_answered(cases):
 
 
 def test_a_suite_without_a_reference_answer_is_unresolved(cases, monkeypatch):
-    """`reference` shadowed by an engine that dies: nothing may agree with nothing."""
+    """`reference` is shadowed by an engine that dies: without a reference answer no engine may agree."""
     monkeypatch.setattr("consilience.suite.suite.REFERENCE", "aborts")
     results = run_suite(cases[:1], ["honest"], [INSTANT])
     assert verdict(results, "aborts", "first", INSTANT).verdict is Verdict.FAILED

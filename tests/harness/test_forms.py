@@ -1,4 +1,4 @@
-"""What frames have in common is written and read once, and nobody can tell: values, jobs and keys are as they were."""
+"""Cached forms of frames: header parts that repeat are written and read once, without any effect on values and keys."""
 
 import numpy as np
 import pytest
@@ -15,13 +15,13 @@ ONE, OTHER = list(MECHANISMS.values())[:2]
 
 
 def received(data):
-    """The one frame of some bytes."""
+    """The frame that some bytes hold."""
     (frame,) = read_frames(_Bytes(data))
     return frame
 
 
 class Repeats(Server):
-    """A worker that gives prepared answers, in turn."""
+    """A worker that returns prepared answers in turn."""
 
     def __init__(self, *answers):
         super().__init__()
@@ -47,7 +47,7 @@ ALIKE = [
 ]
 
 
-def test_answers_that_are_alike_are_not_taken_for_one_another():
+def test_similar_answers_are_not_confused():
     answers = [*ALIKE, *reversed(ALIKE)]
     server = Repeats(*answers)
     for number, answer in enumerate(answers):
@@ -55,13 +55,13 @@ def test_answers_that_are_alike_are_not_taken_for_one_another():
         assert frame.job == number
         value = codec.value_of(frame.header, frame.arrays)
         assert same(value, answer)
-        assert repr(value) == repr(answer)  # -0.0 is the same as 0.0 otherwise
+        assert repr(value) == repr(answer)  # unlike ==, repr tells -0.0 from 0.0
 
 
 def test_the_header_of_an_answer_like_an_earlier_one_is_not_written_again(monkeypatch):
     monkeypatch.setattr(
         "consilience.engine.worker.server._left_behind", lambda: False
-    )  # children of the process of the tests
+    )  # the test process may have children of its own
     server = Repeats(*ALIKE[:3])
     replies = [server.handle(received(job(Request(), None, None, 1)))]
     monkeypatch.setattr(codec, "encode", lambda answer: pytest.fail("it is written again"))
@@ -71,7 +71,7 @@ def test_the_header_of_an_answer_like_an_earlier_one_is_not_written_again(monkey
     assert same(codec.value_of(second.header, second.arrays), ALIKE[1])
 
 
-def test_what_is_read_by_a_remembered_form_is_nobody_elses():
+def test_values_of_a_cached_form_are_not_shared():
     data = pack({"value": codec.encode({"a": [1, {"b": (2, [3])}]})[0]})
     first, second = received(data), received(data)
     assert first.header is second.header
@@ -86,7 +86,7 @@ def kept(key, mechanism):
     return received(pack({"kind": "keep", "key": key, "value": tree}, arrays))
 
 
-def test_a_job_asked_again_is_about_what_is_held_now():
+def test_a_repeated_job_uses_the_mechanism_kept_last():
     server, asked = Asked(), received(job(Request(ONE), "key", None, 1))
     server.handle(kept("key", ONE))
     for _ in range(2):

@@ -1,6 +1,6 @@
-"""Fuzzing: what is drawn, how it is judged, that a crash costs one mechanism, and that what is found is shrunk.
+"""Fuzzing: random mechanisms, how answers are judged, how crashes are contained, and how findings are shrunk.
 
-The planted disagreements are the mutants and faults of `plugins`; every one of them says what it does there.
+The planted disagreements are the mutants and faults of `plugins`, whose docstrings describe them.
 """
 
 import json
@@ -44,7 +44,7 @@ def specimens():
     return [specimen(seed) for seed in SEEDS]
 
 
-# ------------------------------------------------------------------ what is drawn
+# ------------------------------------------------------------------ random mechanisms
 
 
 def test_every_sort_occurs_as_often_as_it_should(specimens):
@@ -65,7 +65,7 @@ def test_a_seed_is_a_case_and_the_case_is_its_file():
     assert len(one.case.states) == STATES
 
 
-def test_they_are_assembled_and_move(specimens):
+def test_random_mechanisms_are_assembled_and_move(specimens):
     for s in specimens:
         for state in s.case.states:
             assert np.max(np.abs(constraint_residual(s.case.mechanism, state)), initial=0.0) < 1e-11
@@ -90,12 +90,12 @@ def test_the_extremes_are_extreme(specimens):
     assert not set.union(*(set(m.features) for m in by_sort["all elements"])) <= known
 
 
-# ------------------------------------------------------------------ how it is judged
+# ------------------------------------------------------------------ judgement of answers
 
 
 @pytest.fixture(scope="module")
 def case():
-    """A mechanism whose torques weigh as much as its forces: an error in either is far above its bar."""
+    """A mechanism with torques as large as its forces, so that an error in either is far above its bar."""
     return specimen(33).case
 
 
@@ -116,7 +116,7 @@ def honest(case):
 
 
 def off(said, name="off", by=1e-6, field="a_WB_W", **method):
-    """The same answer but for one field, of another method."""
+    """The same answer under another method name, with one field changed."""
     changed = replace(said.answer, **{field: getattr(said.answer, field) * (1.0 + by)})
     return replace(said, method=replace(said.method, name=name, **method), answer=changed)
 
@@ -151,15 +151,15 @@ def test_what_differs_from_the_reference_is_an_alarm(case, honest, question, fie
     assert found.why.startswith(quantity)
 
 
-def test_a_way_that_differs_from_another_is_told_once(case, honest):
-    """Against the reference; the pair is compared, too, and says nothing more."""
+def test_a_method_that_differs_raises_one_alarm(case, honest):
+    """One alarm, against the reference; the two methods are also compared, but add no second alarm."""
     found = entries_of(case, honest, honest[INSTANT], off(honest[INSTANT]))
     assert [(e.method, e.against) for e in found if e.verdict is Verdict.MODEL] == [("off", "reference"), ("i", "off")]
     assert [e.against for e in alarms(found)] == ["reference"]
 
 
-def test_ways_that_differ_are_an_alarm_where_there_is_no_reference(case, honest):
-    """Without an answer of the reference the engine's own difference is what remains."""
+def test_methods_that_differ_are_an_alarm_without_a_reference(case, honest):
+    """Without an answer of the reference, the difference between two methods of the engine is the alarm."""
     sheets = {
         "reference": AnswerBatch((MethodAnswer(INSTANT, None, None, "lost"),)),
         "x": AnswerBatch((honest[INSTANT], off(honest[INSTANT]))),
@@ -196,14 +196,14 @@ def test_the_defaults_are_judged_among_themselves_alone(case, honest):
     assert (found.method, found.against) == ("soft", "softer")
 
 
-def test_a_pair_has_the_bars_of_the_more_lenient_way(case, honest):
+def test_a_pair_has_the_bars_of_the_more_lenient_method(case, honest):
     rough = off(honest[INSTANT], "rough", 1e-9, route=Route.EXTRAPOLATED)
     assert not alarms(entries_of(case, honest, honest[INSTANT], rough))
     (found,) = alarms(entries_of(case, honest, off(honest[INSTANT], "rough", 1e-9)))
     assert found.method == "rough"
 
 
-def test_a_way_without_reactions_is_compared_in_the_rest(case, honest):
+def test_a_method_without_reactions_is_compared_in_the_rest(case, honest):
     bare = honest[INSTANT].answer
     bare = replace(bare, force_F=None, torque_F=None)
     without_them = replace(honest[INSTANT], answer=bare, method=Method("bare", Route.NATIVE))
@@ -213,7 +213,7 @@ def test_a_way_without_reactions_is_compared_in_the_rest(case, honest):
 
 
 def test_bars_grow_with_the_condition_and_no_further(case, honest, monkeypatch):
-    """A difference of 1e-9 is too much at a condition of one and rounding at 1e7: 4 eps cond = 9e-9."""
+    """A difference of 1e-9 is an error at a condition number of 1 and rounding at 1e7: 4 eps cond = 9e-9."""
     said = off(honest[INSTANT], by=1e-9)
     verdicts = []
     for kappa in (1.0, 1e7):
@@ -263,7 +263,7 @@ def task(name, seed):
     ],
 )
 def test_a_fault_costs_its_mechanism_and_no_other(engine, evidence):
-    """The faults show at the mechanism called ``first``, which is in the middle of the message."""
+    """The faults show at the mechanism called ``first``, which stands in the middle of the message."""
     tasks = [task("a", 1), task("first", 2), task("b", 3)]
     limit = 12.0 * slowness()
     with EngineStream(engine, limit) as member:
@@ -285,12 +285,12 @@ def test_what_is_declared_unsupported_is_said_and_not_asked():
     assert not asked.unsupported
 
 
-# ------------------------------------------------------------------ smaller and simpler
+# ------------------------------------------------------------------ shrinking
 
 
 @pytest.fixture(scope="module")
 def drawn(specimens):
-    """Tables and mechanisms of short ones of every sort."""
+    """Case tables and mechanisms of short specimens."""
     short = [s for s in specimens if len(s.case.mechanism.bodies) <= 8][:20]
     return [(tomllib.loads(s.text), s.case.mechanism) for s in short]
 
@@ -313,7 +313,7 @@ def test_any_part_can_go_and_what_is_left_is_assembled(drawn):
             smaller = read_text(table_text(new), "smaller").mechanism
             assert names(new, "body") == [n for n in names(table, "body") if Part("body", n) not in gone]
             residual = constraint_residual(replace(smaller, drives=(), couplings=()), drawing_state(smaller))
-            # a rolling body may have been lifted from its plane by going over to the body it hung on
+            # a rolling body that now hangs on another body may have left its plane: skip the rows of rolling
             assert np.max(np.abs(residual[: len(residual) - len(smaller.rollings)]), initial=0.0) < 1e-9
             left[len(smaller.bodies)] += 1
     assert sum(left.values()) > 40
@@ -358,7 +358,7 @@ def test_the_simplest_choices_are_simple():
 
 @pytest.mark.parametrize("seed", [3, 5])
 def test_shrinking_finds_the_one_part_it_is_about(seed):
-    """Synthetic disagreement: the mechanism has a joint of a certain kind, and one body heavier than a kilogram."""
+    """Synthetic disagreement: the mechanism has a joint of the given kind, and one body heavier than 1 kg."""
     s = specimen(seed)
     kind = s.case.mechanism.joints[-1].kind
 
@@ -371,10 +371,10 @@ def test_shrinking_finds_the_one_part_it_is_about(seed):
     assert shows(shrinker.text)
     assert len(found.bodies) == 1
     assert len(found.joints) <= 2
-    assert found.bodies[0].mass == 2.0  # what is above one with one digit
+    assert found.bodies[0].mass == 2.0  # the simplest mass above 1 kg with one digit
 
 
-def test_what_does_not_show_again_is_kept_as_it_was():
+def test_a_disagreement_that_does_not_show_again_is_kept_as_it_was():
     text = specimen(3).text
     assert Shrinker(text, lambda _: False).shrink() == text
 
@@ -386,7 +386,7 @@ def test_shrinking_stops_when_its_time_is_over():
 
 
 def test_a_disagreement_that_shows_only_sometimes_is_kept_as_it_was():
-    """After the first look nothing shows any more: Hypothesis has no example to start from, and that is no error."""
+    """The disagreement shows only once: Hypothesis then has no example to start from, which must not raise an error."""
     asked = []
 
     def shows(text):
@@ -431,7 +431,7 @@ def test_a_planted_disagreement_is_found_and_shrunk_to_three_bodies_at_most(camp
 
 
 def test_the_smallest_cases_show_it_again(campaign):
-    """As the commands in their first lines would: by the suite, from the files alone."""
+    """As the commands in the first lines of the files: by a suite that reads the files alone."""
     _, findings, folder = campaign
     chosen = [next(f for f in findings if (f.entry.engine, f.entry.verdict) == (e, Verdict.MODEL)) for e in PLANTED]
     for f in chosen:
@@ -475,7 +475,7 @@ def synthetic(case, *entries):
     return campaign
 
 
-def test_exit_codes_are_those_of_the_house(case, honest):
+def test_exit_codes(case, honest):
     agrees, differs = (entries_of(case, honest, said)[0] for said in (honest[INSTANT], off(honest[INSTANT])))
     failed = replace(agrees, verdict=Verdict.FAILED)
     soft = replace(differs, profile=Profile.DEFAULT)

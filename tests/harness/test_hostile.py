@@ -1,7 +1,4 @@
-"""Case files and reports are data: mutants of real ones are refused in a sentence or work, and nothing else happens.
-
-The long campaign is ``python tests/hostile/campaign.py`` (docs/runs.md).
-"""
+"""Mutated case files and reports are either refused with one sentence or accepted; they have no other effect."""
 
 import copy
 import io
@@ -154,7 +151,7 @@ def test_a_report_that_was_cut_off_anywhere_is_never_taken_for_a_whole_one(repor
     for at in {0, 1, *ends[:-1], *(end + 1 for end in ends[:-1]), *(end + 40 for end in ends[:-1]), len(raw) - 2}:
         with pytest.raises(ConsilienceError):
             read_record(_with(fresh(tmp_path / "r"), raw[:at]))
-    # lines that were lost in between, and a report whose end is another's
+    # a report with lines lost in the middle, and a report with the end of another report
     rows = raw.splitlines(keepends=True)
     for k in range(1, len(rows) - 1):
         with pytest.raises(ConsilienceError, match=r"cut off|contradicts"):
@@ -212,7 +209,7 @@ def test_lines_that_contradict_one_another_are_refused(change, message, report, 
 
 
 def test_whole_numbers_of_any_size_are_rendered(report, tmp_path):
-    """Found by the fuzzer: the figures took them for objects, and NumPy refused."""
+    """Figures must take integers too large for int64 as numbers, not as NumPy objects."""
     lines = copy.deepcopy(report[1])
     _huge_integers(lines)
     assert swallow_report(jsonl_bytes(lines), tmp_path)

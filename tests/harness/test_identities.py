@@ -1,4 +1,4 @@
-"""Identities that hold whatever the truth is: an honest engine obeys them all, and each can catch one that errs."""
+"""Identities of mechanics: a correct engine fulfils all of them; each identity detects some engine with an error."""
 
 import ast
 import json
@@ -35,7 +35,7 @@ def case_of(mechanism, states=2, rates=None):
 
 
 def asked(engine):
-    """The engine in this process, at settings that match; what it raises is a failed reply, as from a worker."""
+    """The engine in this process at matched settings; an exception becomes a failed reply, as in a worker."""
 
     def ask(request):
         try:
@@ -51,7 +51,7 @@ def asked(engine):
 
 
 def outcomes(engine, mechanism, states=2, rates=None):
-    """Finding of each identity, of the headline method."""
+    """Finding of each identity for the headline method."""
     found = {}
     for finding in check_case(asked(engine), "test", case_of(mechanism, states, rates), states):
         found.setdefault(finding.identity, finding)
@@ -62,7 +62,7 @@ def violated(findings):
     return {name for name, finding in findings.items() if finding.outcome is IdentityOutcome.VIOLATED}
 
 
-# ---------------------------------------------------------------- an honest engine
+# ---------------------------------------------------------------- a correct engine
 
 CHOSEN = [
     *LOOPS,
@@ -95,11 +95,11 @@ def test_what_does_not_apply_says_why():
             assert why in findings[identity].remark
 
 
-# ---------------------------------------------------------------- engines that err
+# ---------------------------------------------------------------- engines with one error
 
 
 class Crooked:
-    """The honest engine with one error: in the mechanism it is told, in its answers about it, or in its motions."""
+    """The honest engine with one error: in the mechanism that it is given, in its answers, or in its motions."""
 
     def __init__(self, mechanism=None, instant=None, trajectory=None):
         self._honest = load_engine("honest")
@@ -132,7 +132,7 @@ def about_the_origin(body):
 
 
 def of_body(index, **factors):
-    """One body with some of its numbers times a factor."""
+    """One body with some of its numbers multiplied by factors."""
 
     def change(m):
         body = m.bodies[index]
@@ -148,7 +148,7 @@ def damped(m):
 
 
 def last_joint_loose(m):
-    """The last joint of the loop holds its bodies in the plane only."""
+    """The last joint of the loop constrains its bodies to the plane only."""
     return replace(m, joints=tuple(replace(j, kind="point_in_plane") if j.name == "j3" else j for j in m.joints))
 
 
@@ -197,7 +197,7 @@ def along(**shift):
 
 TWIST = np.eye(3) + 1e-3 * skew([1.0, 2.0, -1.0])
 
-# engine that errs: the error, and identities that must be violated
+# engine: its error, and the identities that it must violate
 PLANTED = {
     "inertia about the origin": (
         {"mechanism": each_body(about_the_origin)},
@@ -262,7 +262,7 @@ PLANTED = {
 
 @cache
 def subject():
-    """A loop of lumpy bodies with an arm on its coupler and springs on two joints: every identity applies."""
+    """A loop of lumpy bodies with an arm on its coupler and springs on two joints, so that every identity applies."""
     base, rng = four_bar(), np.random.default_rng(91)
     arm = lumpy_body("arm", rng)
     bodies = {b.name: b for b in (*base.bodies, arm)}
@@ -276,7 +276,7 @@ MOVING = {"j0": {"angle": 1.5}, "shoulder": {"angle1": -2.0, "angle2": 1.0}}
 
 @pytest.fixture(scope="module")
 def judged():
-    """Identities that each erring engine violates."""
+    """Identities that each engine with an error violates."""
     return {name: violated(outcomes(Crooked(**error), subject(), 1, MOVING)) for name, (error, _) in PLANTED.items()}
 
 
@@ -306,7 +306,7 @@ def test_errors_of_motions_do_not_touch_what_is_asked_at_instants(judged):
 
 @pytest.mark.parametrize("size", [1e-3, 1e-6, 1e-9])
 def test_a_mass_that_is_slightly_wrong_is_caught(size):
-    """Bars follow rounding: an error of nine digits below a mass is far above them."""
+    """The bars follow rounding error: a mass error in the ninth digit is far above them."""
     mechanism = TREES["long_chain"]
     findings = outcomes(Crooked(mechanism=of_body(0, mass=1.0 + size)), mechanism, states=1)
     assert {"mobility inverse of the mass matrix", "forward after inverse"} <= violated(findings)
@@ -323,7 +323,7 @@ def test_an_answer_that_is_wrong_by_orders_does_not_widen_its_own_bar():
     assert {"constraints on accelerations", "balance of each body"} <= violated(wrong)
 
 
-# ---------------------------------------------------------------- the neutral equations and the bars
+# ---------------------------------------------------------------- the solution without an engine, and the bars
 
 
 @pytest.mark.parametrize("name", ["long_chain", "four_bar", "powered", "coupled", "rolling_torus", "driven"])
@@ -410,7 +410,7 @@ def app():
 
 
 def test_the_command_checks_engines_in_workers_and_writes_what_it_found(app, tmp_path):
-    """An honest engine, one whose reactions have the wrong sign, one that does not start, one that trips over."""
+    """Engines: an honest one, one with reactions of wrong sign, one that does not start, one that fails to plan."""
     target = tmp_path / "found.json"
     engines = ["honest", "reaction_sign", "cannot_start"]
     options = [part for name in engines for part in ("-e", name)]

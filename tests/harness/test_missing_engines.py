@@ -1,4 +1,4 @@
-"""An adapter whose engine is not installed says how to get the engine; everything else goes on without it."""
+"""An adapter whose engine is not installed names the installation command; everything else works without the engine."""
 
 import json
 import os
@@ -33,7 +33,7 @@ FILES = {
 
 @pytest.fixture(scope="module")
 def consilience(tmp_path_factory):
-    """The command line in an environment with that adapter; arguments in, finished process out."""
+    """Run the command line in an environment with such an adapter: arguments in, finished process out."""
     folder = tmp_path_factory.mktemp("adapter")
     for name, text in FILES.items():
         path = folder / name
@@ -106,7 +106,7 @@ def test_an_extra_of_ours_has_the_distribution_that_the_adapter_names(engine):
     (requirement,) = EXTRAS[engine]
     assert requirement.partition("==")[0] == engine_distribution(point)
     assert not lacks_engine(point)
-    # as a wheel has them: an extra that names other extras is written out
+    # written as in the metadata of a wheel, where an extra that names other extras is written out
     all_of_them = [f"{one}; extra == 'engines'" for name in ENGINES for one in EXTRAS[name]]
     requires = ["numpy>=2.0", *all_of_them, f"{requirement}; extra == '{engine}'"]
     distribution = SimpleNamespace(name="consilience", requires=requires)

@@ -1,6 +1,6 @@
-"""Errors of translation that adapters have made before: each must show as a difference of the model.
+"""Mutant engines, each with an error that adapters are known to make: every error shows as a difference of the model.
 
-The shipped lumpy cases are there to make them show: off-centre masses, full inertia tensors, turned axes.
+Off-centre masses, full inertia tensors and turned axes of the shipped lumpy cases make the errors visible.
 """
 
 from dataclasses import replace
@@ -14,7 +14,7 @@ from consilience.suite import run_suite
 
 CASES = ("double_pendulum", "slider_crank")
 
-# mutant: the question and the first quantity that give it away
+# mutant: the question and the first quantity that detect it
 CAUGHT = {
     "transposed_rotation": (Question.MODEL, "centre of mass"),
     "quaternion_order": (Question.MODEL, "centre of mass"),
@@ -30,7 +30,7 @@ CAUGHT = {
     "reaction_axes": (Question.INSTANT, "reactions"),
     "reaction_point": (Question.INSTANT, "reactions"),
 }
-# a model that is read back wrong moves wrong: these must show in the equations too, whatever `model` says
+# mutants with a wrong model must also give wrong accelerations, whatever their answer to `model`
 WRONG_EQUATIONS = [name for name, (question, _) in CAUGHT.items() if question is Question.MODEL]
 
 
@@ -39,7 +39,7 @@ def comparisons():
     cases = [replace(load_case(name), instants=3) for name in CASES]
     results = run_suite(
         cases, ["honest", *CAUGHT], [Question.MODEL, Question.INSTANT], jobs=3, limit=400.0
-    )  # the first job compiles
+    )  # the first job compiles kernels
     assert not results.missing
     return {(c.engine, c.case, c.question): c for c in results.comparisons if c.method == "descriptor"}
 
@@ -59,7 +59,7 @@ def test_every_mutant_is_caught_where_it_errs(comparisons, mutant, case):
     found = comparisons[mutant, case, question]
     assert found.verdict is Verdict.MODEL
     assert found.why.startswith(f"{quantity}: difference ")
-    assert max(q.difference for q in found.quantities) > 1e-4  # in the first digits, not by luck at the bar
+    assert max(q.difference for q in found.quantities) > 1e-4  # in the first digits, not just above the bar
 
 
 @pytest.mark.parametrize("case", CASES)

@@ -1,7 +1,7 @@
-"""`consilience mutate`: what is planted acts as it says, goes again, is caught; correct adapters are left alone.
+"""`consilience mutate`: each mutant acts as described, is removed again and is caught; correct adapters pass.
 
 The expected numbers are closed forms: an armature of a part e of the inertia divides the acceleration of a hinge by
-1 + e, gravity too large by e makes everything that falls from rest faster by e.
+1 + e; gravity too large by a part e makes every acceleration from rest larger by a part e.
 """
 
 import json
@@ -47,13 +47,13 @@ def subject(*kinds, seed=1, rest=False):
 
 
 def differences(name, magnitude, engine, about):
-    """Differences by quantity of a mutant at `instant`, headline method."""
+    """Differences by quantity of a mutant at `instant`, for the headline method."""
     with MUTANTS[name].plant(host(engine), magnitude) as mutant:
         found = verdicts(mutant, about, Question.INSTANT)[0]
     return {q.name: q.difference for q in found.quantities}
 
 
-# ---------------------------------------------------------------- the table
+# ---------------------------------------------------------------- the table of mutants
 
 
 def test_every_trap_is_planted_or_has_a_reason():
@@ -76,7 +76,7 @@ def test_an_adapter_brings_mutants_of_its_own():
     found = table.table_of({"third": SimpleNamespace(MUTANTS=(own,))})
     assert found["own"].hosts == ("third",)
     assert found["gravity too large"].hosts == (NAME, "third")
-    assert found["lower triangle"].hosts == ()  # it does not say where it solves
+    assert found["lower triangle"].hosts == ()  # without `SOLVER` an adapter does not say where it solves
     assert table.table_of({"third": SimpleNamespace(MUTANTS=(), SOLVER="x")})["lower triangle"].hosts == ("third",)
     with pytest.raises(ValueError, match="one name: own"):
         table.table_of({name: SimpleNamespace(MUTANTS=(own,)) for name in ("third", "fourth")})
@@ -121,7 +121,7 @@ def test_a_seam_is_put_back_after_an_error():
             pass
 
 
-# ---------------------------------------------------------------- what is planted acts as it says
+# ---------------------------------------------------------------- effect of a mutant
 
 
 @pytest.mark.parametrize("engine", ["mujoco", "pinocchio"])
@@ -129,7 +129,7 @@ def test_a_seam_is_put_back_after_an_error():
 def test_an_armature_divides_the_acceleration_of_a_hinge(engine, e):
     name = {"mujoco": "armature, MuJoCo", "pinocchio": "armature, Pinocchio"}[engine]
     about = subject("revolute", rest=True)
-    # at rest, both accelerations are along one vector: the relative difference is 1 - 1/(1 + e)
+    # at rest, the two accelerations are parallel: the relative difference is 1 - 1/(1 + e)
     assert differences(name, e, engine, about)["accelerations"] == pytest.approx(e / (1.0 + e), rel=1e-9)
 
 
@@ -158,7 +158,7 @@ def test_without_an_error_a_mutated_engine_is_its_host(engine):
         assert {c.verdict for c in found} == {Verdict.AGREES}
 
 
-# ---------------------------------------------------------------- the judge and the campaign
+# ---------------------------------------------------------------- judgement and campaign
 
 
 def test_what_an_adapter_raises_is_a_failed_comparison():
@@ -182,7 +182,7 @@ def test_an_error_of_ours_is_no_evidence_about_an_engine(monkeypatch, name):
         verdicts(host(NAME), subject("revolute"), Question.INSTANT)
 
 
-def test_green_is_what_a_run_passes_over():
+def test_model_failed_and_unresolved_are_not_green():
     assert {v for v in Verdict if v not in GREEN} >= {Verdict.MODEL, Verdict.FAILED, Verdict.UNRESOLVED}
 
 
@@ -221,7 +221,7 @@ def test_what_takes_too_long_is_noticed_and_named():
 def short():
     chosen = plan.mutants_named([])
     tasks, alarms = plan.short(chosen, list(HOSTS))
-    return run_campaign(tasks, list(HOSTS[1:]), alarms, jobs=os.cpu_count() or 2, limit=600.0)  # the first one compiles
+    return run_campaign(tasks, list(HOSTS[1:]), alarms, jobs=os.cpu_count() or 2, limit=600.0)  # first task compiles
 
 
 def test_the_short_campaign_catches_every_mutant_and_nothing_else(short):
@@ -246,7 +246,7 @@ def test_a_mutant_that_does_not_fit_is_not_judged(monkeypatch):
     lost = replace(MUTANTS["armature, MuJoCo"], plant=seams.inside(("translate", "no_such_name", lambda f, e: f)))
     other = seams.on_result(
         consilience_mujoco.mutants._damping
-    )  # of a translation, which principal_inertia does not give
+    )  # `_damping` needs a result with a `model`, which principal_inertia does not return
     late = replace(lost, plant=seams.inside(("translate", "principal_inertia", other)))
     for mutant, words in ((lost, "no_such_name"), (late, "has no attribute 'model'")):
         monkeypatch.setitem(MUTANTS, mutant.name, mutant)

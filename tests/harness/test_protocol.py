@@ -1,4 +1,4 @@
-"""Frames and values: what is sent is what arrives, to the last bit, and nothing else can arrive."""
+"""Frames and values of the wire protocol: a value arrives unchanged to the last bit, everything else is refused."""
 
 import json
 from dataclasses import fields, is_dataclass, replace
@@ -23,7 +23,7 @@ LAST = next(reversed(MECHANISMS))
 
 
 def sent(value):
-    """The value after its way over the wire."""
+    """The value after packing and unpacking."""
     tree, arrays = codec.encode(value)
     data = pack({"value": tree}, arrays)
     header, body, *_ = read_prefix(data)
@@ -33,7 +33,7 @@ def sent(value):
 
 
 def same(a, b):
-    """Whether two values are of one type and equal to the last bit."""
+    """Whether two values have the same type and are equal to the last bit."""
     if type(a) is not type(b):
         return False
     if isinstance(a, np.ndarray):
@@ -130,7 +130,7 @@ def test_a_job_arrives_to_the_last_bit(asked):
 
 
 class Asked(Server):
-    """A worker that keeps what it is asked."""
+    """A worker that keeps its requests."""
 
     def _perform(self, request):
         self.request = request
@@ -156,7 +156,7 @@ def test_what_no_message_can_hold_is_refused(value):
         codec.encode({"answer": [value]})
 
 
-# ---------------------------------------------------------------- what a broken worker may send
+# ---------------------------------------------------------------- frames of a broken worker
 
 
 def told(tree, *arrays):
@@ -200,14 +200,14 @@ A_METHOD = codec.encode(METHOD)[0]
     ],
     ids=lambda tree: json.dumps(tree)[:60],
 )
-def test_a_value_that_is_none_is_refused(tree):
+def test_an_invalid_value_is_refused(tree):
     with pytest.raises(ProtocolError):
         told(tree)
 
 
 @pytest.mark.parametrize("missing", ["unsupported", "methods"])
 def test_a_plan_that_is_silent_about_a_question_is_refused(missing):
-    """Found by the fuzzer of the wire: it ended the runner."""
+    """Such a plan must not end the runner."""
     says = {"unsupported": dict.fromkeys(Question, ()), "methods": dict.fromkeys(Question, ()), "manifest": Manifest()}
     assert isinstance(sent(Plan(**says)), Plan)
     del says[missing][Question.INSTANT]
@@ -268,7 +268,7 @@ def test_arrays_that_do_not_fill_the_body_are_refused(listed, body):
 
 
 @pytest.mark.parametrize("text", [b"", b"\xff", b"[]", b"5", b"{", b"{}", b'{"arrays":[]} x', b"9" * 5000])
-def test_a_header_that_is_none_is_refused(text):
+def test_an_invalid_header_is_refused(text):
     parsed, arrays = unpack(b'{"arrays":[]}', bytearray())
     assert parsed.entries == {}
     assert arrays == []
@@ -277,7 +277,7 @@ def test_a_header_that_is_none_is_refused(text):
 
 
 def test_every_single_byte_changed_is_refused_or_a_value():
-    """A frame of a plan with an array, each byte of it replaced: never another exception, never another size."""
+    """Each byte of a frame replaced in turn: the frame is refused or read, without any other exception or size."""
     refused = {question: (Unsupported("f", "r"),) for question in Question}
     tree, arrays = codec.encode(Plan(refused, {Question.MODEL: (METHOD,)}, Manifest(("exact",))))
     data = pack({"kind": "reply", "value": tree}, [*arrays, np.arange(3.0)])

@@ -1,11 +1,11 @@
-"""The pytest plug-in on engines that are right, wrong, dead, unable or missing, and on a real one."""
+"""The pytest plug-in on engines that are right, wrong, dead, unable or missing, and on a real engine."""
 
 import os
 import shlex
 import sys
 from pathlib import Path
 
-# imported once, here: what a run within a test imports is forgotten after it, and Hypothesis takes its plug-in seconds
+# imported once here: a pytest run within a test forgets its imports, and the plug-in of Hypothesis takes seconds
 import hypothesis  # noqa: F401
 import pytest
 
@@ -16,7 +16,7 @@ pytest_plugins = "pytester"
 
 PLUGINS = Path(__file__).parent / "plugins"
 
-# faults of the miniature engines show on a case of the name `first`
+# the miniature engines show their faults on a case called `first`
 CASE = """
 title = "Lumpy pendulum"
 sources = ["test"]
@@ -58,7 +58,7 @@ reason = "the first body floats"
 
 @pytest.fixture
 def project(pytester, monkeypatch):
-    """A project with a case; the miniature engines are installed for it."""
+    """A project folder with a case, in which the miniature engines are installed."""
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(PLUGINS), *sys.path[1:]]))
     monkeypatch.delenv("PYTEST_ADDOPTS", raising=False)
     folder = pytester.path / "cases" / "mine"
@@ -69,7 +69,7 @@ def project(pytester, monkeypatch):
 
 
 def ask(project, *arguments, engines=("honest",)):
-    """Run pytest, quickly: here, not in a process of its own, as importing takes longer than asking."""
+    """Run pytest in this process: a new process would spend more time on imports than on the test."""
     chosen = [part for name in engines for part in ("--consilience-engine", name)]
     return project.runpytest_inprocess(*chosen, "--consilience-effort", "quick", "-rA", *arguments)
 
@@ -147,7 +147,7 @@ def test_right_wrong_dead_unable_and_missing_engines(project):
 
 
 def test_the_command_of_a_failure_fails_alone_and_alike(project):
-    """The motion alone is chosen, and is still judged with what the engine says before it integrates."""
+    """Only the trajectory is selected, and it is still judged with the model answer of the engine."""
     result = ask(project, "cases", "-k", "trajectory", engines=("centre_of_mass_lost",))
     result.stdout.fnmatch_lines(["  cause    The accelerations are already others, before anything is integrated."])
     (again,) = {line.split("again", 1)[1].strip() for line in result.outlines if line.startswith("  again ")}

@@ -1,4 +1,4 @@
-"""What is answered is kept: a suite that ends early loses the jobs in flight, and asks for nothing twice."""
+"""The store keeps answers: an interrupted suite loses only the jobs in flight, and no job is repeated."""
 
 import logging
 import re
@@ -38,7 +38,7 @@ def cases():
 
 @pytest.fixture
 def performed(monkeypatch):
-    """Jobs that a worker was given, in order, and what became of them."""
+    """Jobs that a worker was given, in order, and their outcomes."""
     jobs = []
     perform = EngineCase._perform
 
@@ -53,7 +53,7 @@ def performed(monkeypatch):
 
 
 def told(results):
-    """What a report is made of."""
+    """The parts of the results from which a report is made."""
     return [repr(run) for run in results.runs], [repr(c) for c in results.comparisons]
 
 
@@ -79,7 +79,7 @@ def test_a_run_that_is_interrupted_goes_on_where_it_was(cases, tmp_path, perform
     before, answered = len(performed), [job[-1] for job in performed].count(Status.ANSWERED)
     assert 0 < answered < expected
     resumed = run_suite(cases, ["honest"], store=Store(tmp_path / "cut"))
-    # displaced motions have the same name, level and step: they are told apart by where they start
+    # displaced motions share name, level and step, and differ only in their initial state
     assert len(performed) - before <= expected - answered + 1
     for found, told_whole in zip(resumed.runs, whole.runs, strict=True):
         assert (found.engine, found.case, found.status) == (told_whole.engine, told_whole.case, Status.ANSWERED)
@@ -132,7 +132,7 @@ OTHER = {
 def test_a_key_is_that_of_the_content(tmp_path, other):
     store = Store(tmp_path)
     key = store.key(INFO, request())
-    assert store.key(INFO, request()) == key  # built anew, the same numbers
+    assert store.key(INFO, request()) == key  # a new object with the same numbers
     assert store.key(*other(request())) != key
 
 
@@ -188,7 +188,7 @@ def test_a_verbose_run_says_who_does_what_on_a_line_each(cases, tmp_path, capsys
 
 
 def test_suites_that_are_killed_go_on_and_say_the_same():
-    """The short version of a campaign: the runner, a worker, both."""
+    """Short version of the campaign `kills`: the runner, a worker, or both are killed."""
     command = [sys.executable, str(Path(__file__).parent / "kills.py"), "--kills", "3", "--short"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=600, check=False)
     assert done.stdout.splitlines()[-1] == "3 kills, 0 wrong", done.stdout + done.stderr

@@ -1,4 +1,4 @@
-"""Workers under attack: each fault is one failed reply with its evidence, the next job is answered, nothing is left."""
+"""Workers under attack: one failed reply with its evidence, an answer to the next job, and no process left behind."""
 
 import re
 import signal
@@ -28,7 +28,7 @@ LIMIT = 2.0
 MEMORY = 400 * 2**20
 METHOD = Method("zero", Route.NATIVE)
 
-# engine: evidence (a pattern) in the reason
+# engine: pattern of the evidence in the reason
 ATTACKS = {
     "loops": "^no answer within {limit} s; the worker was stopped$",
     "loops_in_c": "^no answer within {limit} s; the worker was stopped$",
@@ -57,7 +57,7 @@ SURVIVES = {"asks_for_too_much", "nests"}
 
 @pytest.fixture
 def marked(monkeypatch):
-    """Pids of the living processes that descend from this test."""
+    """PIDs of the living processes that descend from this test."""
     mark = uuid.uuid4().hex
     monkeypatch.setenv(MARK, mark)
     return lambda: marked_by(mark)
@@ -75,7 +75,7 @@ FIRST, OTHER = mechanism_of("first"), mechanism_of("other", 4)
 
 
 def gone(find):
-    """Whether nothing is left, at once or soon: the dead are buried by others."""
+    """Whether no process is left, now or soon: the system reaps ended processes with a delay."""
     return soon(lambda: not find())
 
 
@@ -134,7 +134,7 @@ def test_a_failed_job_can_be_done_again_from_its_bytes(tmp_path, marked):
     file.write_bytes(reply.job)
     command = [sys.executable, "-c", REPLAY, str(file)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
-    assert "AssertionError: no socket is open" in done.stdout  # the attack again, in a process that has no wire
+    assert "AssertionError: no socket is open" in done.stdout  # the attack repeated, in a process without a socket
 
 
 REPLAY = textwrap.dedent(
@@ -154,17 +154,17 @@ def test_an_engine_that_closes_its_output_is_answered_for():
         assert worker.ask(instant_of(OTHER)).returned
 
 
-# ---------------------------------------------------------------- mechanisms are remembered
+# ---------------------------------------------------------------- mechanisms are sent once
 
 
 def distinct(worker, mechanism):
-    """How many mechanisms of this name the engine has seen."""
+    """Number of mechanisms of this name that the engine has been given."""
     reply = worker.ask(Request(mechanism, Question.MODEL, METHOD, states_of(mechanism, 1)))
     return reply.value.freedom
 
 
 def test_a_mechanism_is_sent_once():
-    """By content: the same drawn twice is the same."""
+    """Mechanisms are compared by content: a second, equal mechanism is not sent."""
     with Worker("zero") as worker:
         assert [distinct(worker, OTHER) for _ in range(3)] == [1, 1, 1]
         assert distinct(worker, mechanism_of("other", 4)) == 1
@@ -187,7 +187,7 @@ def test_an_engine_cannot_write_into_the_mechanism_it_is_lent():
     assert reply.reason == "ValueError: assignment destination is read-only"
 
 
-# ---------------------------------------------------------------- the end
+# ---------------------------------------------------------------- end of workers
 
 
 def test_an_idle_worker_that_is_killed_is_replaced(marked):
@@ -245,7 +245,7 @@ RUNNER = textwrap.dedent(
 
 @pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
 def test_workers_die_with_the_runner(end, marked, tmp_path):
-    """Killed at once, it can tell nobody; and one of them is in native code that lets no Python run."""
+    """A killed runner cannot stop its workers; one worker is in native code that holds the GIL."""
     here = str(Path(__file__).parent)
     script = tmp_path / "runner.py"
     script.write_text(RUNNER.format(path=[here, f"{here}/plugins", *(p for p in sys.path if p)]))
@@ -272,11 +272,11 @@ COMMANDS = {
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_ctrl_c_ends_a_command_within_two_seconds_and_leaves_nothing(command, marked, tmp_path, monkeypatch):
-    """All other engines may be busy, too: the reference is."""
+    """Ctrl-C arrives while the engine blocks; the reference may be at work as well."""
     stuck = tmp_path / "stuck"
     monkeypatch.setenv("CONSILIENCE_TEST_STUCK", str(stuck))
     path = [str(Path(__file__).parent / "plugins"), *(p for p in sys.path if p)]
-    # a shell that runs tests in the background has them ignore Ctrl-C, and their children would
+    # a shell that runs tests in the background lets them and their children ignore Ctrl-C
     listening = "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler)"
     program = f"{listening}; sys.path[:0] = {path!r}; from consilience.cli.main import main; main()"
     with subprocess.Popen(

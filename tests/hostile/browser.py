@@ -1,8 +1,9 @@
-"""Is hostile text inert in a real browser? ``python tests/hostile/browser.py [--browser chromium]``
+"""Hostile text in a real browser must stay inert: ``python tests/hostile/browser.py [--browser chromium]``
 
-Renders a report with each payload in every text of a case, an engine and a message, opens it in a headless Chromium,
-unfolds and clicks whatever there is, and looks whether the payload ran. A page that holds the payload as it is shows
-that the look is sharp. Exit code 1 if a payload ran in a report, or did not in the other page.
+Renders a report with each payload in every text of a case, an engine and a message, opens the report in headless
+Chromium, unfolds and clicks every control, and checks whether the payload ran. A control page that embeds the payload
+unescaped shows that the check can detect a payload. Exit code 1 if a payload ran in a report or did not run in the
+control page.
 """
 
 import argparse
@@ -36,7 +37,7 @@ addEventListener("load", () => setTimeout(() => {
 
 
 def ran(browser, page, folder):
-    """Whether a payload of a page runs."""
+    """Whether the payload of a page ran."""
     file = folder / "page.html"
     file.write_text(page.replace("</body>", f"{PROBE}</body>"), encoding="utf-8")
     flags = ("--headless", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=20000", "--dump-dom")
@@ -50,7 +51,7 @@ def ran(browser, page, folder):
 
 
 def main():
-    """Open every page."""
+    """Check every page."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--browser", default="chromium")
     browser = parser.parse_args().browser

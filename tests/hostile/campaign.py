@@ -76,7 +76,7 @@ def main():
     code = 0
     try:
         campaign()
-    except Exception as error:  # noqa: BLE001 (whatever it is, it is the finding)
+    except Exception as error:  # noqa: BLE001 (every exception is a finding)
         print(f"{type(error).__name__}: {error}\nthe input: {folder / 'finding'}")
         import traceback
 

@@ -1,7 +1,7 @@
-"""Mutations of what the project reads: of tables, key by key and value by value, and of text, byte by byte.
+"""Mutations of inputs: of tables, key by key and value by value, and of text, byte by byte.
 
-A mutant is a seed and a few steps ``(kind, place, choice)``, all whole numbers or names: Hypothesis shrinks it to the
-fewest steps that still show the fault, and the same steps make the same mutant again.
+A mutant is a seed and a few steps ``(kind, place, choice)``, all whole numbers or names: Hypothesis shrinks them to the
+fewest steps that still show the fault, and the same steps give the same mutant again.
 """
 
 import copy
@@ -84,7 +84,7 @@ NUMBERS = (
 
 
 def deep(depth, leaf=1.0):
-    """A list in a list in a list."""
+    """A list nested `depth` levels deep."""
     for _ in range(depth):
         leaf = [leaf]
     return leaf
@@ -94,7 +94,7 @@ OTHERS = (True, False, None, [], {}, [[]], [{}], [1.0, 2.0], [1.0] * 3, [1.0] * 
 
 
 def places(value, found=None):
-    """Every container with every key or index in it, outer ones first."""
+    """Every container with each of its keys or indices, outer containers first."""
     found = [] if found is None else found
     keys = value.keys() if isinstance(value, dict) else range(len(value)) if isinstance(value, list) else ()
     for key in list(keys):
@@ -104,7 +104,7 @@ def places(value, found=None):
 
 
 def numeric_neighbour(value, choice):
-    """A number near the old one, or far along its direction: what bounds and tolerances are about."""
+    """A number near the old one, to test tolerances, or of another magnitude, to test bounds."""
     factors = (-1.0, 0.0, 1.0 + 1e-12, 1.0 + 1e-6, 0.5, 2.0, 10.0, 1e3, 1e-3, 1e6, 1e-6, 1e12, 1e-12, 1e25, 1e-25)
     return value * factors[choice % len(factors)] if abs(value) < 1e300 else -value
 
@@ -170,7 +170,7 @@ TABLE_STEPS = {
 
 
 def change(root, kind, place, choice):
-    """One step on tables or records, in place."""
+    """Apply one step to tables or records, in place."""
     every = places(root)
     if every:
         TABLE_STEPS[kind](*every[place % len(every)], choice, every)
@@ -243,14 +243,14 @@ TEXT_KINDS = tuple(TEXT_STEPS)
 
 
 def changed_bytes(raw, steps):
-    """A mutant of a file as it lies on the disk; places are spread over all of it."""
+    """A mutant of the bytes of a file; places are spread over the whole file."""
     for kind, place, choice in steps:
         raw = TEXT_STEPS[kind](raw, place * 7919 % (len(raw) + 1), choice)
     return raw
 
 
 def toml_bytes(tables):
-    """TOML of any tables; what TOML cannot say (None, lone surrogates) becomes text of it."""
+    """TOML of any tables; values that TOML cannot hold (None, lone surrogates) become text."""
     return "".join(f"{_quoted(k)} = {_toml(v)}\n" for k, v in tables.items()).encode("utf-8", "replace")
 
 
@@ -275,7 +275,7 @@ def _toml(value):
 
 
 def jsonl_bytes(records):
-    """JSON Lines of any records, with the words Python has for numbers that JSON has not."""
+    """JSON Lines of any records, with Python's words for numbers that JSON lacks (NaN, Infinity)."""
     return "".join(_json(record) + "\n" for record in records).encode("utf-8", "surrogatepass")
 
 

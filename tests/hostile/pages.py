@@ -1,4 +1,4 @@
-"""What a page may hold: the elements of its template, and of the data nothing but text."""
+"""Checks of rendered pages: only the elements of the template, and data only as text."""
 
 import gzip
 import json
@@ -26,7 +26,7 @@ SVG_TAGS = {"svg", "title", "rect", "text", "g", "polyline", "circle", "path", "
 
 
 class Elements(HTMLParser):
-    """Elements, attributes and scripts of a page, as a browser takes it apart."""
+    """Elements, attributes and scripts of a page, as parsed by a browser."""
 
     def __init__(self, page):
         super().__init__(convert_charrefs=True)
@@ -61,13 +61,13 @@ class Elements(HTMLParser):
 
 
 def opened(page):
-    """What opens from a page, by its anchor, as the script of the page unpacks it."""
+    """Contents of the unfolded parts of a page by anchor, unpacked as the script of the page does."""
     pack = re.search(r'<script type="application/gzip" id="pages">([A-Za-z0-9+/=]*)</script>', page)[1]
     return json.loads(gzip.decompress(b64decode(pack)))
 
 
 def check_html(page, script):
-    """Fail where data has become more than text; `script` is the page's own."""
+    """Fail where data has become more than text; `script` is the page's own script."""
     found = Elements(page)
     assert found.tags <= TAGS, found.tags - TAGS
     assert found.attributes <= ATTRIBUTES, found.attributes - ATTRIBUTES
@@ -85,7 +85,7 @@ def check_html(page, script):
 
 
 def check_markdown(page):
-    """Fail where data has become an element, a link, a mention or a row of its own."""
+    """Fail where data has become an element, a link, a mention or a table row."""
     assert set(re.findall(r"<[^>]{0,40}>?", page)) <= {"<br>"}
     assert not re.search(r"(?<!\\)\]\(|(?<!\\)!\[", page)
     assert not re.search(r"\w://|www\.|@", page)
@@ -96,12 +96,12 @@ def check_markdown(page):
 
 
 def check_svg(picture):
-    """Fail where a picture is no XML, or holds what a drawing does not need."""
+    """Fail where a picture is not XML or holds elements that a drawing does not need."""
     for element in ElementTree.fromstring(picture).iter():
         assert element.tag.removeprefix("{http://www.w3.org/2000/svg}") in SVG_TAGS, element.tag
         assert not [name for name in element.attrib if name.startswith("on") or "href" in name]
 
 
 def check_terminal(text):
-    """Fail where text would steer a terminal."""
+    """Fail where text contains control sequences of a terminal."""
     assert not re.search("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\ud800-\udfff]", text), repr(text)[:300]

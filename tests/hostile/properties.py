@@ -1,4 +1,4 @@
-"""What has to hold of every input, however it came about: it is refused in a sentence, or everything works with it."""
+"""Properties of every input, however mutated: the input is refused with one sentence, or every command accepts it."""
 
 import copy
 import io
@@ -35,34 +35,34 @@ CHOICES = st.integers(0, 1_000)
 
 
 def steps(kinds, most=4):
-    """A few steps of mutation."""
+    """Strategy of a few steps of mutation."""
     return st.lists(st.tuples(st.sampled_from(kinds), PLACES, CHOICES), min_size=1, max_size=most)
 
 
 def case_seeds():
-    """Shipped case files: bytes and tables."""
+    """Shipped case files, as bytes and as tables."""
     found = [path.read_bytes() for path in case_files() if path.stat().st_size < SMALL]
     return [(raw, tomllib.loads(raw.decode())) for raw in found]
 
 
 def report_seed(folder):
-    """A record of one case, really run on the reference and one engine that needs no other program."""
+    """Record of one case, run on the reference and on one engine that needs no other program."""
     write_record(run_suite([load_case("double_pendulum")], ["mujoco"], thoroughness=QUICK), 1.0, folder)
     return read_seed(folder)
 
 
 def read_seed(folder):
-    """A record, as bytes and line by line."""
+    """A record file as bytes, and line by line."""
     raw = (folder / "report.jsonl").read_bytes()
     return raw, [json.loads(line) for line in raw.splitlines()]
 
 
 def mutants(seeds, write):
-    """Strategy of inputs: mutated tables written out, a mutated file, or the one after the other."""
+    """Strategy of inputs: mutated tables written out, a mutated file, or both mutations in turn."""
     whole = st.sampled_from(range(len(seeds)))
     return st.one_of(
         st.tuples(whole, steps(TABLE_KINDS)).map(lambda t: write(changed_tables(seeds[t[0]][1], t[1]))),
-        # numbers alone: most of these pass every check of form, and reach the mechanics
+        # mutations of numbers alone pass most checks of form and reach the mechanics
         st.tuples(whole, steps(("number",), 2)).map(lambda t: write(changed_tables(seeds[t[0]][1], t[1]))),
         st.tuples(whole, steps(TEXT_KINDS)).map(lambda t: changed_bytes(seeds[t[0]][0], t[1])),
         st.tuples(whole, steps(TABLE_KINDS, 2), steps(TEXT_KINDS, 2)).map(
@@ -72,21 +72,21 @@ def mutants(seeds, write):
 
 
 def case_mutants():
-    """Strategy of case files."""
+    """Strategy of mutated case files."""
     return mutants(case_seeds(), toml_bytes)
 
 
 def report_mutants(seed):
-    """Strategy of records."""
+    """Strategy of mutated records."""
     return mutants([seed], jsonl_bytes)
 
 
 def swallow_case(raw, folder):
-    """Do with a case file what the commands do before an engine runs; whether it was accepted."""
+    """Process a case file as the commands do before an engine runs; return whether it was accepted."""
     path = folder / "input.toml"
     path.write_bytes(raw)
     with watched(folder), warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # overflow in numbers nobody has: what counts is how it ends
+        warnings.simplefilter("ignore")  # extreme numbers overflow; only the outcome matters
         try:
             for case in load_file(path)[:1]:
                 _use(QUICK.case(case))
@@ -105,7 +105,7 @@ def _use(case: Case):
 
 
 def warm(report=None, folder=None):
-    """Let everything be imported and every template compiled, which no input may cause later."""
+    """Import all modules and compile all templates, so that no later input causes file access."""
     import_everything()
     if report is None:
         for case in [c for path in case_files() if path.stat().st_size < SMALL for c in load_file(path)[:1]]:
@@ -122,7 +122,7 @@ SCRIPT = html.environment().get_template("script.js.j2").render()
 
 
 def swallow_report(raw, folder, other=None):
-    """Do with a record what the commands do; whether it was accepted."""
+    """Process a record as the commands do; return whether it was accepted."""
     own = folder / "report"
     own.mkdir(exist_ok=True)
     (own / "report.jsonl").write_bytes(raw)
@@ -145,7 +145,7 @@ def swallow_report(raw, folder, other=None):
 
 
 def fresh(folder):
-    """An empty folder of that name."""
+    """Make an empty folder of that name."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     return folder
@@ -159,7 +159,7 @@ NAMES = ("case", "engine", "method", "name")
 
 
 def hostile_everywhere(records, payload):
-    """The report with a payload in every text, in every name and in every key that may be chosen."""
+    """The report with a payload in every text, every name and every freely chosen key."""
     lines = copy.deepcopy(records)
     names = {"reference": "reference"}
 

@@ -1,4 +1,4 @@
-"""What a process does while it reads an input: files it touches, programs it starts, code it runs, time it takes."""
+"""Watch a process while it reads an input: files that it touches, programs that it starts, code that it runs, time."""
 
 import os
 import pkgutil
@@ -31,11 +31,11 @@ NEVER = (
 
 
 class Breach(Exception):
-    """An input made the process do what no input may."""
+    """An input caused an action that no input may cause."""
 
 
 class Hang(Exception):
-    """An input took too long."""
+    """Processing of an input took too long."""
 
 
 _folder = None
@@ -44,12 +44,12 @@ _seen = []
 
 def _inside(path):
     if isinstance(path, int):
-        return True  # a file that is open already
+        return True  # a file descriptor that is already open
     return Path(os.fsdecode(path)).resolve().is_relative_to(_folder)
 
 
 def _installed(name):
-    """Whether code comes from a file of ours or of a package, and not from data."""
+    """Whether code comes from a file of the project or of a package, not from data."""
     return Path(name).is_absolute() and Path(name).exists() and not Path(name).is_relative_to(_folder)
 
 
@@ -72,7 +72,7 @@ def _look(event, arguments):
 
 @cache
 def import_everything():
-    """Import all our modules and what they import late: that is no deed of an input, whichever comes first."""
+    """Import all modules of the project and their late imports, so that these are not attributed to an input."""
     for module in pkgutil.walk_packages(consilience.__path__, "consilience."):
         if not module.name.endswith("__main__"):
             import_module(module.name)
@@ -88,7 +88,7 @@ def _late(_number, _frame):
 
 @contextmanager
 def watched(folder, limit=LIMIT):
-    """Raise `Breach` for what happens inside that no input may cause, `Hang` for what takes too long."""
+    """Raise `Breach` for actions in this context that no input may cause, `Hang` after the time limit."""
     global _folder, _hooked  # noqa: PLW0603 (an audit hook stays until the process ends)
     if not _hooked:
         sys.addaudithook(_look)

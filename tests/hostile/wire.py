@@ -1,7 +1,7 @@
-"""Hostile frames: what a broken worker sends to the runner, and what may reach a worker.
+"""Hostile frames: messages of a broken worker to the runner, and messages to a worker.
 
-An input is what comes over the socket after a first byte that says to whom. The runner's side goes on with a value as
-`run` and `fuzz` do: it looks for defects, plans, keeps, judges.
+An input is the bytes of the socket after a first byte that names the receiver. The runner processes a received value as
+`run` and `fuzz` do: it checks for defects, plans, keeps and judges.
 """
 
 import json
@@ -50,7 +50,7 @@ def _case():
 
 
 class Still:
-    """An engine that knows all answers: nothing moves."""
+    """An engine that answers every question; nothing moves."""
 
     def info(self):
         return EngineInfo("still", "1.0", "1.0", "remarks")
@@ -93,7 +93,7 @@ def _server():
 
 
 def _obeyed(raw):
-    """What a worker answers to frames."""
+    """Replies of a worker to frames."""
     server, replies = _server(), b""
     for frame in read_frames(_Bytes(raw)):
         replies += server.handle(frame) or b""
@@ -101,7 +101,7 @@ def _obeyed(raw):
 
 
 def _taken_apart(raw):
-    """Frames as tables: number of the job, CPU time, the header, and the body in hexadecimal digits."""
+    """Frames as tables: number of the job, CPU time, header, and body in hexadecimal digits."""
     found = []
     while raw:
         *_, n, m, job, cpu = PREFIX.unpack(raw[: PREFIX.size])
@@ -127,7 +127,7 @@ def _put_together(tables):
             data = _json(body).encode("utf-8", "surrogatepass")
         try:
             prefix = PREFIX.pack(MAGIC, VERSION, len(text), len(data), job, cpu)
-        except (struct.error, OverflowError):  # no such numbers can be sent
+        except (struct.error, OverflowError):  # numbers outside the range of the format cannot be sent
             prefix = PREFIX.pack(MAGIC, VERSION, len(text), len(data), 0, float("nan"))
         raw += prefix + text + data
     return raw
@@ -172,7 +172,7 @@ def wire_mutants(steps):
 
 
 class _Answers:
-    """A worker that gives one value to whatever it is asked; a plan if that is needed and the value is none."""
+    """A worker that answers every job with one value; for a plan, a valid plan if the value is not a plan."""
 
     engine = "still"
 
@@ -186,7 +186,7 @@ class _Answers:
 
 
 def _received(raw, folder):
-    """Do with a reply what the runner does; whether there was a value in it."""
+    """Process a reply as the runner does; return whether it held a value."""
     coming = Incoming()
     if not coming.add(raw):
         raise ConnectionResetError
@@ -209,7 +209,7 @@ def _received(raw, folder):
 
 
 def swallow_wire(raw, folder):
-    """Do with frames what runner and workers do; whether they were accepted."""
+    """Process frames as runner and workers do; return whether they were accepted."""
     to, frames_ = raw[:1], raw[1:]
     try:
         with watched(folder), warnings.catch_warnings():
@@ -221,10 +221,10 @@ def swallow_wire(raw, folder):
 
 
 def warm_wire(folder):
-    """Let everything be imported, and see that what is not mutated is accepted."""
+    """Import all modules, and check that unmutated frames are accepted."""
     import_everything()
     for to, raw, tables in wire_seeds():
-        with suppress(Breach):  # types are looked up once
+        with suppress(Breach):  # the first lookup of types imports modules
             swallow_wire(to + raw, folder)
         assert swallow_wire(to + raw, folder)
         assert _taken_apart(_put_together(tables)) == tables

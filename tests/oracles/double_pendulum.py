@@ -1,4 +1,4 @@
-"""Double pendulum: Lagrange's equations of the plane, in the two angles out of the drawing."""
+"""Planar double pendulum: Lagrange's equations in two absolute angles, counted from the drawing."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from oracles.planar import Plane, dot, held
 
 @dataclass(frozen=True)
 class DoublePendulum:
-    """Constants, vectors of the plane as complex numbers at zero angles.
+    """Constants of the pendulum; vectors in the plane are complex numbers at zero angles.
 
     Attributes
     ----------
@@ -30,7 +30,7 @@ class DoublePendulum:
     gravity: complex
 
     def rhs(self, y):
-        """Derivative of (angle 1, angle 2, rate 1, rate 2), angles absolute."""
+        """Derivative of (angle 1, angle 2, rate 1, rate 2); angles are absolute."""
         turn_1, turn_2 = np.exp(1j * y[0]), np.exp(1j * y[1])
         z = self.mass_2 * self.link * turn_1 * np.conj(self.arm_2 * turn_2)
         A = self.inertia_1 + self.mass_1 * abs(self.arm_1) ** 2 + self.mass_2 * abs(self.link) ** 2
@@ -46,7 +46,7 @@ class DoublePendulum:
         return integrate(self.rhs, start, times)
 
     def energy(self, y):
-        """Kinetic plus potential energy, the potential zero at the first joint."""
+        """Kinetic plus potential energy; the potential is zero at the first joint."""
         turn_1, turn_2 = np.exp(1j * y[:, 0]), np.exp(1j * y[:, 1])
         v1 = 1j * self.arm_1 * turn_1 * y[:, 2]
         v2 = 1j * self.link * turn_1 * y[:, 2] + 1j * self.arm_2 * turn_2 * y[:, 3]
@@ -58,7 +58,7 @@ class DoublePendulum:
 
 
 def pendulum(case):
-    """Constants of a case with the joints shoulder and elbow, and its start."""
+    """Constants and initial state of a case with the joints shoulder and elbow."""
     plane = Plane(case.mechanism, "shoulder")
     A, B = plane.pin("shoulder"), plane.pin("elbow")
     one, two = plane.bodies()

@@ -1,4 +1,4 @@
-"""Four-bar linkage: loop closure by intersecting two circles, then one equation for the crank."""
+"""Four-bar linkage: loop closure by intersection of two circles, then one equation of motion for the crank."""
 
 import numpy as np
 
@@ -16,12 +16,12 @@ def linkage(case):
     def motions(q):
         crank = (B0 - A) * np.exp(1j * q)
         B = A + crank
-        # C = B + z (D - B), with |C - B| and |C - D| the lengths of coupler and rocker
+        # C = B + z (D - B); |C - B| and |C - D| are the lengths of coupler and rocker
         f2 = abs(D - B) ** 2
         along = (abs(coupler) ** 2 - abs(rocker) ** 2 + f2) / (2 * f2)
         z = along + 1j * branch * np.sqrt(abs(coupler) ** 2 / f2 - along**2)
         r, s = z * (D - B), (z - 1) * (D - B)
-        # B + r = D + s, differentiated twice
+        # first and second derivative of B + r = D + s
         B_q, B_qq = 1j * crank, -crank
         b_q, c_q = components(1j * r, -1j * s, -B_q)
         b_qq, c_qq = components(1j * r, -1j * s, -B_qq + r * b_q**2 - s * c_q**2)

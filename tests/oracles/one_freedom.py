@@ -1,8 +1,8 @@
-"""Planar mechanisms of one degree of freedom, reduced to one equation in the angle of their crank.
+"""Planar mechanisms of one degree of freedom: one equation of motion in the crank angle.
 
-With every position a function of the angle ``q``, Lagrange's equation is ``J q'' + h q'^2 = Q``: ``J`` the effective
+With every position a function of the angle ``q``, Lagrange's equation is ``J q'' + h q'^2 = Q``: ``J`` is the effective
 moment of inertia ``sum m c_q.c_q + I a_q^2``, ``h = J_q / 2`` and ``Q = sum m g.c_q``, where ``c`` are the centres of
-mass, ``a`` the angles of the bodies and the index means the derivative with respect to ``q``.
+mass, ``a`` the angles of the bodies, and the index is the derivative with respect to ``q``.
 """
 
 from dataclasses import dataclass
@@ -15,15 +15,16 @@ from oracles.planar import dot, held
 
 @dataclass(frozen=True)
 class Motion:
-    """One body as a function of the crank's angle: a point of it, its turn, and two derivatives of each.
+    """One body as a function of the crank angle: position of one of its points, rotation, and two derivatives of each.
 
     Attributes
     ----------
     drawn : complex
-        The point in the drawing.
+        Position of the point in the drawing.
     anchor, anchor_q, anchor_qq : complex ndarray
+        Position of the point, and derivatives.
     turn : complex ndarray
-        ``exp(i a)``, ``a`` the angle out of the drawing.
+        ``exp(i a)``, ``a`` the angle relative to the drawing.
     a_q, a_qq : ndarray
     """
 
@@ -36,13 +37,13 @@ class Motion:
     a_qq: np.ndarray
 
     def com_derivatives(self, body):
-        """First and second derivative of the centre of mass."""
+        """First and second derivative of the centre of mass with respect to q."""
         arm = self.turn * (body.com - self.drawn)
         return self.anchor_q + 1j * self.a_q * arm, self.anchor_qq + (1j * self.a_qq - self.a_q**2) * arm
 
 
 class OneFreedom:
-    """A loop whose closure `motions(q)` gives the `Motion` of each body."""
+    """A planar loop; `motions(q)` closes the loop and gives the `Motion` of each body."""
 
     def __init__(self, plane, motions):
         self.plane = plane
@@ -50,7 +51,7 @@ class OneFreedom:
         self.bodies = list(plane.bodies())
 
     def coefficients(self, q):
-        """J, h and Q."""
+        """Coefficients J, h and Q."""
         J = h = Q = 0.0
         for body, motion in zip(self.bodies, self.motions(q), strict=True):
             c_q, c_qq = motion.com_derivatives(body)
@@ -69,7 +70,7 @@ class OneFreedom:
         return integrate(rhs, start, times, longest=0.004)
 
     def energy(self, y):
-        """Kinetic and potential energy, the potential zero at the world's origin."""
+        """Kinetic and potential energy; the potential is zero at the world's origin."""
         J, _, _ = self.coefficients(y[:, 0])
         height = 0.0
         for body, motion in zip(self.bodies, self.motions(y[:, 0]), strict=True):

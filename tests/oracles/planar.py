@@ -1,7 +1,7 @@
-"""A mechanism whose points all move parallel to one plane, as complex numbers in that plane.
+"""Planar mechanisms in complex numbers, from the drawing alone.
 
-Everything comes from the drawing: poses of the bodies and the points where the joints were drawn. Nothing of the
-package's assembly or kinematics is used.
+All points move parallel to one plane. Data are the drawn poses of the bodies and the drawn points of the joints; the
+package's assembly and kinematics are not used.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ def drawn_frame(mechanism, joint):
 
 
 def held(case, joint):
-    """Angle and rate at which the case holds a joint at the start; zero where it holds none."""
+    """Initial angle and rate at which the case holds a joint; zero where it holds none."""
     return (
         float(case.initial.coordinates.get(joint, {}).get("angle", 0.0)),
         float(case.initial.rates.get(joint, {}).get("angle", 0.0)),
@@ -28,7 +28,7 @@ def held(case, joint):
 
 @dataclass(frozen=True)
 class PlanarBody:
-    """A body as the plane sees it.
+    """Mass, inertia and drawn centre of mass of a body in the plane.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class PlanarBody:
 
 
 class Plane:
-    """The plane of a mechanism: normal to the axis of its revolute joint `name`, through the world's origin."""
+    """The plane perpendicular to the axis of the revolute joint `name`, through the world's origin."""
 
     def __init__(self, mechanism, name):
         self.mechanism = mechanism
@@ -56,11 +56,11 @@ class Plane:
                 assert np.allclose(drawn_frame(mechanism, joint)[1][:, 2], self.normal, rtol=0, atol=1e-15)
 
     def flat(self, vector):
-        """Projection of a vector of the world."""
+        """Components in the plane of a vector in world axes."""
         return complex(self.e1 @ vector, self.e2 @ vector)
 
     def pin(self, name):
-        """Where a joint was drawn."""
+        """Drawn position of a joint in the plane."""
         return self.flat(drawn_frame(self.mechanism, self.mechanism.joints[self.mechanism.joint_index[name]])[0])
 
     def bodies(self):

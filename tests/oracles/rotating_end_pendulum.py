@@ -1,10 +1,10 @@
 """Symmetric gyrostat on a ball joint, released horizontally: Jacobi elliptic functions and integrals.
 
-Both bodies are the same about every axis through their centres of mass, which lie on the line of the bearing through
-the ball. Then the axial spins of arm and rotor are constant (neither gravity nor a joint has a moment about the line),
-and the unit vector ``e`` along the line moves as that of a symmetric top with transverse inertia ``It`` about the
-ball and constant axial momentum ``Ls``. With ``u = cos(theta)`` the component of ``e`` upward, energy and the
-momentum about the vertical, both zero for a release at rest from ``u = 0``, give
+Each body has equal moments of inertia about every axis through its centre of mass, and both centres of mass lie on the
+bearing's line through the ball joint. Then the axial spins of arm and rotor are constant (neither gravity nor a joint
+has a moment about the line), and the unit vector ``e`` along the line moves as that of a symmetric top with transverse
+inertia ``It`` about the ball joint and constant axial momentum ``Ls``. Let ``u = cos(theta)`` be the upward component
+of ``e``. Energy and vertical angular momentum, both zero for a release at rest from ``u = 0``, give
 
     phi' = -b u / (1 - u^2),   u'^2 = a u (u^2 - (b^2 / a) u - 1) = a u (u - u1)(u - u3),   u1 <= u <= 0 < u3
 
@@ -36,7 +36,7 @@ def incomplete_third(n, amplitude, m):
 
 @dataclass(frozen=True)
 class Gyrostat:
-    """Constants: transverse inertia about the ball, axial momentum, moment of weight ``m g l``."""
+    """Constants: transverse inertia about the ball joint, axial momentum, moment of the weight ``m g l``."""
 
     transverse: float
     axial_momentum: float
@@ -93,7 +93,7 @@ def trajectory(case, times):
     e = drawn_frame(mechanism, mechanism.joints[mechanism.joint_index["bearing"]])[1][:, 2]
     u, phi, psi = gyrostat(case).solve(times)
     up = -mechanism.gravity / np.linalg.norm(mechanism.gravity)
-    level = np.column_stack([e, np.cross(up, e), up])  # axes of the start: along the pendulum, sideways, up
+    level = np.column_stack([e, np.cross(up, e), up])  # initial axes: along the pendulum, sideways, up
     sine = np.sqrt(1 - u * u)
     c, s, zero = np.cos(phi), np.sin(phi), np.zeros_like(u)
     # meridian frame: down the meridian, along the parallel, along e
@@ -111,7 +111,7 @@ def trajectory(case, times):
 
 
 def _placed(body, ball, meridian, start, angle):
-    """Poses of a body that is turned by `angle` about e from where the meridian frame has carried it."""
+    """Poses of a body that is turned by `angle` about e relative to the meridian frame."""
     c, s, zero = np.cos(angle), np.sin(angle), np.zeros_like(angle)
     about_e = np.stack([c, -s, zero, s, c, zero, zero, zero, zero + 1], axis=-1).reshape(-1, 3, 3)
     turn = meridian @ about_e @ start.T

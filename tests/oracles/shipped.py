@@ -1,4 +1,4 @@
-"""Which oracle answers which shipped case."""
+"""Oracles by the name of the shipped case."""
 
 import functools
 
@@ -18,6 +18,6 @@ TRAJECTORIES = {
 
 @functools.cache
 def answer(name):
-    """The case and its motion on its own time grid: p_WB (n_t, n_b, 3) and R_WB (n_t, n_b, 3, 3)."""
+    """The case and the oracle's motion on the time grid of the case: p_WB (n_t, n_b, 3) and R_WB (n_t, n_b, 3, 3)."""
     case = load_case(name)
     return case, *TRAJECTORIES[name](case, case.times)

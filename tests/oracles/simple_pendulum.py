@@ -1,4 +1,4 @@
-"""Pendulum released at rest, any amplitude: Jacobi elliptic functions [Landau & Lifshitz, Mechanics, section 11].
+"""Pendulum released at rest from any amplitude: Jacobi elliptic functions [Landau & Lifshitz, Mechanics, section 11].
 
 With ``phi`` from hanging, ``k = sin(amplitude / 2)`` and ``w = sqrt(g / L)``: ``sin(phi / 2) = k sn(K + w t)``, so
 ``cos(phi / 2) = dn(K + w t)`` and ``phi' = 2 k w cn(K + w t)``.
@@ -14,7 +14,7 @@ def swing(amplitude, length, gravity, times):
     """sin(phi), cos(phi) and phi' of a pendulum released at rest at phi = `amplitude`, each shape (n_t,)."""
     k, w = np.sin(amplitude / 2), np.sqrt(gravity / length)
     K = ellipk(k * k)
-    # whole periods are taken off first: the error of sn grows with its argument
+    # subtract whole periods first: the error of sn grows with its argument
     sn, cn, dn, _ = ellipj(K + np.mod(w * np.asarray(times), 4 * K), k * k)
     return 2 * k * sn * dn, 1 - 2 * (k * sn) ** 2, 2 * k * w * cn
 
@@ -51,6 +51,6 @@ def trajectory(case, times):
 
 
 def _moment(body, start, spin):
-    """``(w.I w) / (w.w)^2``, zero without spin."""
+    """Quotient ``(w.I w) / (w.w)^2`` for the spin w; zero without spin."""
     rate2 = spin @ spin
     return float(spin @ start.R @ body.inertia @ start.R.T @ spin) / rate2**2 if rate2 else 0.0

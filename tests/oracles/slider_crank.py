@@ -1,4 +1,4 @@
-"""Slider-crank: loop closure by intersecting a circle with the line of the slide, then one equation for the crank."""
+"""Slider-crank: loop closure by intersection of a circle with the slide's line, then one equation for the crank."""
 
 import numpy as np
 
@@ -18,12 +18,12 @@ def linkage(case):
     def motions(q):
         crank = (B0 - A) * np.exp(1j * q)
         B = A + crank
-        # C = C0 + s u, with |C - B| the length of the rod
+        # C = C0 + s u; |C - B| is the length of the rod
         to_B = (B - C0) * np.conj(u)
         s = to_B.real + branch * np.sqrt(abs(rod) ** 2 - to_B.imag**2)
         C = C0 + s * u
         r = C - B
-        # B + r = C0 + s u, differentiated twice
+        # first and second derivative of B + r = C0 + s u
         B_q, B_qq = 1j * crank, -crank
         b_q, s_q = components(1j * r, -u, -B_q)
         b_qq, s_qq = components(1j * r, -u, -B_qq + r * b_q**2)

@@ -1,9 +1,9 @@
 """Chain of revolute joints: Lagrange's equations in the joint angles, differentiated by complex step.
 
 Kinetic energy ``T = q'.M(q) q' / 2`` from the Jacobians of the bodies, potential energy ``V(q)``; then
-``M q'' = -M' q' + d(q'.M q' / 2)/dq - dV/dq``. All derivatives of M and V with respect to q are taken by complex
-step, ``df/dq = Im f(q + i h) / h`` with h so small that nothing is truncated: no cross product of two angular
-velocities, no Coriolis formula is written down anywhere.
+``M q'' = -M' q' + d(q'.M q' / 2)/dq - dV/dq``. All derivatives of M and V with respect to q are complex steps,
+``df/dq = Im f(q + i h) / h`` with h so small that the truncation error vanishes: no cross product of two angular
+velocities and no Coriolis term is written by hand.
 """
 
 import numpy as np
@@ -28,7 +28,7 @@ def _cross(a, b):
 
 
 class Chain:
-    """Bodies hung one on another by revolute joints, in order from the ground."""
+    """Bodies in a chain of revolute joints, in order from the ground."""
 
     def __init__(self, mechanism):
         self.bodies = mechanism.bodies
@@ -40,7 +40,7 @@ class Chain:
         self.inertias = [b.drawing.R @ b.inertia @ b.drawing.R.T for b in self.bodies]
 
     def displacements(self, q):
-        """Rotation (n, 3, 3) and translation (n, 3) that carry each body out of the drawing; `q` is (n, joints)."""
+        """Rotation (n, 3, 3) and translation (n, 3) of each body from the drawing; `q` is (n, joints)."""
         R, t, placed = np.eye(3), np.zeros(3), []
         for n, (pin, axis) in enumerate(zip(self.pins, self.axes, strict=True)):
             pin_now = R @ pin + t
@@ -70,7 +70,7 @@ class Chain:
         q, rates = np.split(y, 2)
         steps = np.vstack([np.zeros(len(q)), np.eye(len(q))])
         M, V = self.mass_matrix_and_potential(q + 1j * STEP * steps)
-        M_q, V_q = M[1:].imag / STEP, V[1:].imag / STEP  # first index: the angle
+        M_q, V_q = M[1:].imag / STEP, V[1:].imag / STEP  # first index: the angle of differentiation
         M_rate = np.einsum("kij,k,j", M_q, rates, rates)
         return np.concatenate(
             [rates, np.linalg.solve(M[0].real, -M_rate + 0.5 * np.einsum("kij,i,j->k", M_q, rates, rates) - V_q)]

@@ -1,4 +1,4 @@
-"""Expected values of the case library: each has a provenance that is checked, and the reference meets it."""
+"""Expected values of the case library: each has a checked origin, and the reference reproduces it."""
 
 import numpy as np
 import pytest
@@ -33,7 +33,7 @@ def test_every_case_expects_something_of_known_origin(name):
         assert len(ORIGINS.get(name, ())) >= (2 if "computed" in kinds else 1)
 
 
-def test_no_origin_is_of_a_case_that_does_not_exist():
+def test_every_origin_belongs_to_a_case():
     assert set(ORIGINS) <= set(CASES)
 
 

@@ -1,4 +1,4 @@
-"""Closed forms: each obeys its own equation of motion, and the reference solver follows it to 1e-10."""
+"""Closed forms: each fulfils its own equation of motion, and the reference solver agrees to 1e-10."""
 
 import numpy as np
 import pytest
@@ -34,7 +34,7 @@ def moved(plain, state, seed, times=TIMES):
 
 
 def difference(function, times, h=4e-3):
-    """First derivative, eighth order."""
+    """First derivative by central differences of eighth order."""
     weights = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 4 / 5, -1 / 5, 4 / 105, -1 / 280]) / h
     return np.tensordot(weights, np.array([function(times + k * h) for k in (-4, -3, -2, -1, 1, 2, 3, 4)]), 1)
 
@@ -63,7 +63,7 @@ def test_pendulum_obeys_its_equation(start):
 
 
 def lumpy_pendulum(rng):
-    """Physical pendulum about a tilted axis; its drawing hangs in equilibrium. Natural frequency, axis."""
+    """A physical pendulum about a tilted axis, drawn in equilibrium; its natural frequency and axis."""
     turn = rotation(rng)
     inertia = turn @ np.diag([0.3, 0.2, 0.15]) @ turn.T
     axis, gravity = np.array([0.6, 0.0, 0.8]), np.array([1.0, 2.0, -9.0])
@@ -100,8 +100,8 @@ def test_small_oscillation_of_the_physical_pendulum():
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("k", [0.001, 0.4])
 def test_small_oscillations_of_the_double_pendulum(k, seed):
-    # equal bodies, arms and links, with k = I / (m l^2): M = m l^2 [2 + k, 1; 1, 1 + k], K = m g l [2, 0; 0, 1]. As k
-    # goes to zero the squares go to (2 -+ sqrt 2) g / l; a body must have some inertia
+    # equal bodies, arms and links, with k = I / (m l^2): M = m l^2 [2 + k, 1; 1, 1 + k], K = m g l [2, 0; 0, 1]. For
+    # k -> 0 the squared frequencies tend to (2 -+ sqrt 2) g / l; k = 0 is excluded because a body needs some inertia
     g, l, m = 9.81, 0.8, 1.3
     own = k * m * l**2 * np.ones(3)
     bodies = [body("upper", m, -l * Z, own, at=(0, 0, 0)), body("lower", m, -2 * l * Z, own, at=-l * Z)]
@@ -133,7 +133,7 @@ def test_oscillator_obeys_its_equation(c):
 @pytest.mark.parametrize("element", ["joint spring", "spring"])
 @pytest.mark.parametrize("c", DAMPING.values(), ids=DAMPING)
 def test_mass_on_a_slide(c, element, seed):
-    # along a slide inclined to gravity; the point spring lies on the axis and never shortens to nothing
+    # a slide inclined to gravity; the point spring lies on its axis and keeps a length above zero
     axis, gravity = np.array([2.0, -1.0, 2.0]) / 3, np.array([1.0, 2.0, -9.0])
     slider = body("slider", 1.3, (0.3, 0.2, -0.1), np.diag([0.2, 0.3, 0.25]) + 0.02, at=(0.1, 0.1, 0.1))
     if element == "spring":
@@ -153,7 +153,7 @@ def test_mass_on_a_slide(c, element, seed):
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("c", [0.0, 0.05, 3.0], ids=["none", "under", "over"])
 def test_damped_torsion_over_full_turns(c, seed):
-    # no gravity; the body's centre of mass is off the axis. Without damping it turns over three times and more each way
+    # no gravity; centre of mass off the axis. Without damping the body makes more than three full turns each way
     axis = np.array([2.0, 3.0, 6.0]) / 7
     inertia = np.diag([0.2, 0.3, 0.25]) + 0.02
     arm = np.array([0.3, 0.1, -0.2])
@@ -197,7 +197,7 @@ def test_driven_crank_closes_and_differentiates(crank):
 
 
 def driven(crank):
-    """The mechanism of lumpy bodies in its drawing, the crank driven."""
+    """Slider-crank of lumpy bodies in its drawing, with a driven crank."""
     wrist = crank.piston([0.0])[0][0] * X + crank.offset * Y
     pin = crank.crank * (np.cos(crank.start) * X + np.sin(crank.start) * Y)
     inertia = np.array([[0.2, 0.02, -0.01], [0.02, 0.3, 0.03], [-0.01, 0.03, 0.25]])
@@ -235,7 +235,7 @@ def test_driven_crank(crank, seed):
         found = accelerations(plain, [state], t=times[n])
         assert far(found.a_WB_W[0, piston], acceleration[n] * X) < BAR
         assert far(found.alpha_WB_W[0, plain.body_index["rod"]], turning_faster[n] * Z) < BAR
-        # along the slide the wrist pin alone accelerates the piston
+        # along the slide only the wrist pin acts on the piston
         force = joint_frames(plain, state, wrist).U @ found.force_F[0, plain.joint_index["wrist"]]
         assert force[0] == pytest.approx(1.7 * (acceleration[n] - 2.0), abs=1e-8)
 
@@ -282,7 +282,7 @@ def test_symmetric_body_obeys_euler(w0):
 
 
 def thrown(moments, w0, axes=None, gravity=(1.0, 2.0, -9.0)):
-    """A free body with its drawing in `axes`, and its state with the angular velocity w0 in body axes."""
+    """A free body with principal axes `axes` in the drawing, and its state with angular velocity w0 in body axes."""
     R = np.eye(3) if axes is None else axes
     thing = body("b", 1.6, (0.2, 0.1, 0.5), moments, R=R)
     plain = mechanism("free", gravity, [thing], [("f", "free", GROUND, "b", (0, 0, 0), np.eye(3))])
@@ -290,7 +290,7 @@ def thrown(moments, w0, axes=None, gravity=(1.0, 2.0, -9.0)):
 
 
 def on_the_parabola(plain, times):
-    """Positions of the centre of mass of what `thrown` throws."""
+    """Positions of the centre of mass of the body of `thrown`."""
     t = times[:, None]
     return plain.bodies[0].drawing.p + np.array([-2.0, 1.5, 8.0]) * t + plain.gravity * t * t / 2
 
@@ -300,7 +300,7 @@ def on_the_parabola(plain, times):
 def test_asymmetric_body_in_flight(w0, seed):
     plain, state = thrown((1.0, 2.0, 2.5), w0)
     top, motion = Asymmetric((1.0, 2.0, 2.5), w0), moved(plain, state, seed)
-    # the separatrix of the rotation near the middle axis magnifies an error at the start 100-fold in a half-period
+    # near the separatrix (rotation about the middle axis) an initial error grows 100-fold in a half-period
     bar = 100 * BAR if w0 == SPINS["near the middle"] else BAR
     assert far(motion.p[:, 0], on_the_parabola(plain, TIMES)) < BAR
     assert far(motion.turn("b"), top.orientations(TIMES)) < bar
@@ -329,7 +329,7 @@ TOPS = {
 
 
 def zxz_spin(angles, rates):
-    """Angular velocities in world axes of Euler angles and their rates."""
+    """Angular velocities in world axes from Euler angles and their rates."""
     phi, theta, _ = angles.T
     line = np.column_stack([np.cos(phi), np.sin(phi), np.zeros_like(phi)])
     axis = np.column_stack([np.sin(phi) * np.sin(theta), -np.cos(phi) * np.sin(theta), np.cos(theta)])
@@ -355,7 +355,7 @@ def test_heavy_top_keeps_its_momenta_and_obeys_lagrange(top):
 
 
 def spinning(transverse, axial, weight_moment, angles, rates):
-    """Mechanism and state of a top about the world origin."""
+    """Mechanism and state of a top on a ball joint at the world origin."""
     mass, g = 4.0, 9.81
     arm = weight_moment / (mass * g)
     R = rotation_from_euler_zxz(angles)
@@ -389,4 +389,4 @@ def test_steady_precession(seed):
 def test_steady_spin_balances_lagrange():
     top = HeavyTop(0.35, 0.12, 4.1, (0.0, 1.0, 0.0), (2.5, 0.0, steady_spin(0.35, 0.12, 4.1, 2.5, 1.0)))
     _, _, _, _, (u1, u2, _) = top.constants()
-    assert (u1, u2) == pytest.approx((np.cos(1.0), np.cos(1.0)), abs=1e-7)  # a double root: half the digits
+    assert (u1, u2) == pytest.approx((np.cos(1.0), np.cos(1.0)), abs=1e-7)  # a double root has half the digits

@@ -1,4 +1,4 @@
-"""Impacts against closed forms of textbook mechanics: bouncing, collisions, rough planes, stops, rows of balls."""
+"""Impacts against closed forms: bouncing, collisions, rough planes, stops, several simultaneous contacts."""
 
 import numpy as np
 import pytest
@@ -47,7 +47,7 @@ def floor(body, radius, restitution, friction=0.0, center=ZERO, normal=Z):
 
 
 def bounce(height, g, s, t):
-    """Height and velocity of a dropped ball by the geometric series, and the times and speeds of its impacts."""
+    """Height and velocity of a bouncing ball by the geometric series; times and speeds of its impacts."""
     times, speeds = [np.sqrt(2 * height / g)], [np.sqrt(2 * height * g)]
     while times[-1] <= t[-1]:
         speeds.append(s * speeds[-1])
@@ -68,7 +68,7 @@ def bounce(height, g, s, t):
 @pytest.mark.parametrize("s", [1.0, 0.8, 0.5])
 def test_spinning_lumpy_body_with_a_sphere_about_its_centre_of_mass_bounces_in_a_geometric_series(s):
     rng = np.random.default_rng(1)
-    R, g = rotation(rng), 9.81  # the world is skew: its "up" is the last column of R
+    R, g = rotation(rng), 9.81  # skew world: "up" is the last column of R
     body = lumpy_body("b", rng)
     mechanism = floating(body, gravity=-g * R[:, 2])
     A, w = rotation(rng), np.array([1.0, -2.0, 1.5])
@@ -158,7 +158,7 @@ def test_a_ball_that_hits_a_free_plate_off_its_centre_turns_it():
 def test_ball_with_backspin_slides_below_and_sticks_above_two_sevenths(fraction):
     m, r, s, fall = 0.6, 0.15, 0.7, 2.0
     v, w = np.array([1.5, -0.8, -fall]), np.array([3.0, -12.0, 5.0])
-    slip = np.array([v[0] - r * w[1], v[1] + r * w[0], 0.0])  # v + w x (-r z)
+    slip = np.array([v[0] - r * w[1], v[1] + r * w[0], 0.0])  # slip of the contact point, v + w x (-r z)
     mu = fraction * (2 / 7) * np.linalg.norm(slip) / ((1 + s) * fall)
     hit = solve_impact(floating(ball("b", m, r)), state([[0, 0, r]], [v], [w]), (floor("b", r, s, mu),))
     N = m * (1 + s) * fall
@@ -178,7 +178,7 @@ I_ROD = M_ROD * A_ROD**2 / 3
 
 
 def rod(angle, v, w, s, mu):
-    """Impact of the lower end of a rod (half-length 0.5 m) inclined by `angle`; motion in the plane xz."""
+    """Impact of the lower end of a rod (half-length 0.5 m) inclined by `angle`; motion in the xz plane."""
     body = Body("rod", M_ROD, ZERO, np.diag([1e-3 * I_ROD, I_ROD, I_ROD]), AT_HOME)
     along = np.array([np.cos(angle), 0, np.sin(angle)])
     R = np.column_stack([along, Y, np.cross(along, Y)])
@@ -189,7 +189,7 @@ def rod(angle, v, w, s, mu):
 
 
 def compliance_of_rod(rx, rz):
-    """Change of the tip's velocity per impulse (x, z): turning is about y, ``dw = (rz px - rx pz) / I``."""
+    """Change of the tip's velocity per unit impulse (x, z); the rod turns about y, ``dw = (rz px - rx pz) / I``."""
     return np.eye(2) / M_ROD + np.array([[rz**2, -rx * rz], [-rx * rz, rx**2]]) / I_ROD
 
 
@@ -213,7 +213,7 @@ def test_smooth_rod_dropped_obliquely_turns_by_the_closed_form(angle):
 @pytest.mark.parametrize("angle", [0.4, 1.0, 2.2])
 def test_rough_rod_dropped_without_sliding_sticks_above_its_critical_friction_and_else_starts_to_slide(angle, fraction):
     s, fall = 0.5, 2.0
-    # tangential over normal impulse of a tip that sticks
+    # ratio of tangential to normal impulse of a tip that sticks
     critical = np.sin(angle) * np.cos(angle) / (1 / 3 + np.sin(angle) ** 2)
     mu = fraction * abs(critical)
     hit, rx, rz = rod(angle, -fall * Z, ZERO, s, mu)
@@ -228,7 +228,7 @@ def test_rough_rod_dropped_without_sliding_sticks_above_its_critical_friction_an
     assert hit.energy_after <= hit.energy_before
 
 
-# slip before, friction -> mode; the normal impulse on the tip drives it towards -x at this angle
+# initial slip, friction -> mode; at this angle the normal impulse drives the tip towards -x
 @pytest.mark.parametrize(
     ("slip", "mu", "mode"),
     [(-4.0, 0.2, "sliding"), (6.0, 0.1, "sliding"), (1.4, 0.9, "sticking"), (0.5, 0.9, "unopposed")],
@@ -238,7 +238,7 @@ def test_rod_that_slides_before_obeys_the_law_of_the_source_until_friction_would
     v = np.array([slip, 0, -fall])
     hit, rx, rz = rod(angle, v, ZERO, s, mu)
     C = compliance_of_rod(rx, rz)
-    rest = np.array([-slip, (1 + s) * fall])  # change of (x, z) velocity of a stuck tip
+    rest = np.array([-slip, (1 + s) * fall])  # change of velocity (x, z) of a tip that sticks
     if mode == "sticking":
         px, pz = np.linalg.solve(C, rest)
     else:
@@ -256,10 +256,10 @@ def test_rod_that_slides_before_obeys_the_law_of_the_source_until_friction_would
 
 
 def pendulum(h):
-    """Rod-like body of mass 2, centre 0.4 m from the pivot, swinging about y; a stop at the distance h."""
+    """Rod-like body of mass 2 that swings about y, centre of mass 0.4 m from the pivot; a stop at the distance h."""
     inertia = np.diag([0.05, 0.06, 0.03])
     body = Body("arm", 2.0, np.array([0.4, 0, 0]), inertia, AT_HOME)
-    turn = np.column_stack([Z, X, Y])  # z of the joint is y of the world, its x is z, its y is x
+    turn = np.column_stack([Z, X, Y])  # joint axes z, x, y along y, z, x of the world
     joint = Joint("pivot", "revolute", GROUND, "arm", Frame(ZERO, turn), Frame(ZERO, turn))
     stop = PointPlane("stop", "arm", np.array([h, 0, 0]), GROUND, ZERO, X, 0.6)
     return Mechanism("pendulum", -9.81 * Z, (body,), (joint,)), stop
@@ -273,12 +273,12 @@ def test_pendulum_at_a_stop_reverses_by_s_and_its_pivot_feels_nothing_at_the_cen
     mechanism, stop = pendulum(h)
     answer, impacts = simulate_with_impacts(mechanism, state([ZERO], [ZERO]), np.array([0.0, 0.7]), (stop,))
     hit = impacts[0]
-    w = np.sqrt(2 * 2.0 * 9.81 * 0.4 / I_PIVOT)  # from horizontal to hanging, about +y
+    w = np.sqrt(2 * 2.0 * 9.81 * 0.4 / I_PIVOT)  # falls from horizontal to hanging, about +y
     np.testing.assert_allclose(hit.before.w_WB_W[0], [0, w, 0], rtol=0, atol=BAR)
     np.testing.assert_allclose(hit.after.w_WB_W[0], [0, -0.6 * w, 0], rtol=0, atol=BAR)
     N = 1.6 * I_PIVOT * w / h
     assert abs(hit.normal[0] - N) < BAR
-    # along the world's x, which is y of F: m dv = N + R, dv = +1.6 w 0.4 as the hanging arm moves towards -x before
+    # along the world's x, which is y of F: m dv = N + R; dv = +1.6 w 0.4, since the arm moves towards -x before impact
     pivot = 2.0 * 0.4 * 1.6 * w - N
     np.testing.assert_allclose(hit.force_F[0], [0, pivot, 0], rtol=0, atol=BAR)
     np.testing.assert_allclose(hit.torque_F[0], ZERO, rtol=0, atol=BAR)
@@ -305,7 +305,7 @@ def test_three_touching_balls_share_the_impact_as_the_simultaneous_law_says(s):
     mechanism, initial, contacts = row_of_balls(0.0, s)
     answer, (hit,) = simulate_with_impacts(mechanism, initial, np.array([0.0, 1.0]), contacts)
     assert abs(hit.time - 0.4) < BAR
-    share = (1 + s) / 3  # p_ab = 2 m v (1 + s) / 3, p_bc half of it; at s = 1: -1/3, 2/3, 2/3
+    share = (1 + s) / 3  # p_ab = 2 m v (1 + s) / 3, p_bc half of it; speeds at s = 1: -1/3, 2/3, 2/3
     np.testing.assert_allclose(answer.v_WB_W[-1] / 2.0, [(1 - 2 * share) * X, share * X, share * X], rtol=0, atol=BAR)
     np.testing.assert_allclose(hit.normal, [0.5 * 2 * 2.0 * share, 0.5 * 2.0 * share], rtol=0, atol=BAR)
 
@@ -332,7 +332,7 @@ def test_box_that_lands_flat_on_four_corners_bounces_without_turning():
 
 
 def test_a_contact_that_would_have_to_pull_is_released():
-    """A beam at rest on two corners, its one end struck from above: beyond the centre of percussion the other lifts."""
+    """A beam rests on two corners and is struck from above beyond one of them: the other corner lifts."""
     m, inertia, a = 1.0, 0.02, 0.3
     beam = Body("beam", m, ZERO, np.diag([0.01, inertia, inertia]), AT_HOME)
     hammer = ball("hammer", 0.5, 0.05)
@@ -343,7 +343,7 @@ def test_a_contact_that_would_have_to_pull_is_released():
     )
     x = 0.5  # the hammer strikes outside the right corner
     hit = solve_impact(floating(beam, hammer), state([ZERO, [x, 0, 0.05]], [ZERO, -2 * Z]), contacts)
-    # beam pivots about the right corner: one coordinate w, lever x - a of the blow
+    # the beam pivots about the right corner: one coordinate w, lever arm x - a of the blow
     pivot = inertia + m * a**2
     N = 1.5 * 2.0 / (1 / 0.5 + (x - a) ** 2 / pivot)
     w = N * (x - a) / pivot

@@ -1,4 +1,4 @@
-"""The integrated oracles' own conserved quantities, at their own coordinates and to their own accuracy."""
+"""Oracles that are integrated numerically: conserved quantities and derivatives, to the accuracy of each oracle."""
 
 import numpy as np
 import pytest

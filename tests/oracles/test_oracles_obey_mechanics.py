@@ -1,7 +1,7 @@
-"""Every oracle, whatever its method, moves as Newton and Euler say, keeps its joints closed and its energy constant.
+"""Every oracle fulfils the Newton-Euler equations, keeps its joints closed and its energy constant.
 
-Velocities and accelerations are differences of the oracle's poses in time, of eighth order; the equations are those
-of `truth`, which the oracles do not use.
+Velocities and accelerations are differences of eighth order of the oracle's poses in time; the equations are those of
+`truth`, which no oracle uses.
 """
 
 import functools
@@ -28,14 +28,14 @@ SECOND = np.array([-1 / 560, 8 / 315, -1 / 5, 8 / 5, -205 / 72, 8 / 5, -1 / 5, 8
 
 
 def axial(tensors):
-    """Vector of the antisymmetric part."""
+    """Axial vector of the antisymmetric part."""
     A = (tensors - np.swapaxes(tensors, -1, -2)) / 2
     return np.stack([A[..., 2, 1], A[..., 0, 2], A[..., 1, 0]], axis=-1)
 
 
 @functools.cache
 def moving(name):
-    """The case, and (state, a_WB_W, alpha_WB_W) at the centres."""
+    """The case, and (state, a_WB_W, alpha_WB_W) at the times `CENTRES`."""
     case = load_case(name)
     times = (np.array(CENTRES)[:, None] + H * np.arange(-4, 5)).ravel()
     p, R = TRAJECTORIES[name](case, times)

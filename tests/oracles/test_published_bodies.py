@@ -1,8 +1,8 @@
 """The reference solver on published pendulums, tops and free bodies.
 
-A value that was printed with its problem is compared to the digits it carries. Where a problem was published without
-a trajectory, the tables here were computed elsewhere from its definition, and are never used alone: each is compared
-with a closed form or with equations in few coordinates, integrated in `oracles.benchmarks`, and so is the solver.
+A printed value is compared to all its digits. Where a problem was published without a trajectory, the tables here were
+computed from its definition independently. Both the solver and these tables are also compared with a closed form or
+with equations in few coordinates, integrated in `oracles.benchmarks`.
 """
 
 import numpy as np
@@ -20,7 +20,7 @@ from oracles.test_published_values import A01
 
 
 def point_mass():
-    """On a massless rod; what the body's own inertia is does not matter, since it does not turn."""
+    """Point mass on a massless rod; the body does not rotate, so that its inertia has no effect."""
     rod = np.column_stack([Y, Z, X])
     return mechanism(
         "a01", -9.81 * Y, [body("mass", 1, -X, (0.1, 0.2, 0.25))], [("rod", "rod", GROUND, "mass", 0 * X, rod, -X)]
@@ -28,7 +28,7 @@ def point_mass():
 
 
 def equivalent_body():
-    """A body on a pin whose centre of oscillation, J / (m l) = 1 m from the pin, moves as the mass does."""
+    """Body on a pin with reduced length J / (m l) = 1 m: it swings as the point mass does."""
     return mechanism(
         "a01", -9.81 * Y, [body("mass", 2, -0.4 * X, 3 * (2 * 0.24,))], [("pin", "revolute", GROUND, "mass", 0 * X, Z)]
     )
@@ -42,13 +42,13 @@ def test_a01_simple_pendulum(make):
         found = np.column_stack([motion.point("mass", -X)[:, :2], motion.point_velocity("mass", -X)])
         expected = np.array(list(A01.values()))
         assert far(found[:, :2], expected[:, :2]) < BAR
-        # the speed is |phi'| on a radius of 1 m
+        # at a radius of 1 m the speed equals |phi'|
         assert far(np.linalg.norm(found[:, 2:], axis=1), np.abs(expected[:, 2])) < BAR
 
 
 # --- heavy top ------------------------------------------------------------------------------------------------------
 
-# centre of mass, angular velocity in world axes; integrated elsewhere in long double [Bruels, Cardona & Arnold 2012]
+# centre of mass, angular velocity in world axes; computed independently in long double [Bruels, Cardona & Arnold 2012]
 HEAVY_TOP = [
     (0.2, 0.605550561377119770, 0.598957681794919158, -0.523983027430003185,
      86.3716932570613419, 92.4316581220029613, -80.7944509109773862),
@@ -80,7 +80,7 @@ def heavy_top_equations(times):
     side, along, weight = 15.234375, 0.46875, 15 * 9.81
 
     def rhs(y):
-        # plain numbers: an array for each vector would take most of the time
+        # plain numbers: NumPy's overhead for small arrays would take most of the time
         p, a, b, c, u, v, w = y.tolist()
         norm = p * p + a * a + b * b + c * c
         # the vertical in body axes, and the moment of the weight at the end of y
@@ -114,7 +114,7 @@ def test_heavy_top(topped):
     R, w = heavy_top_equations(times)
     assert far(topped.R[1:, 0], R) < 2 * BAR
     assert far(topped.spin("top")[1:], np.einsum("tij,tj->ti", R, w)) < BAR
-    # height of the centre of mass, in closed form; the azimuth is lost where the axis passes through straight down
+    # height of the centre of mass in closed form; no azimuth, which is undetermined where the axis passes straight down
     angles = (np.pi, np.pi / 2, 0.0)
     top = HeavyTop(15.234375, 0.46875, 15 * 9.81, angles, (-4.61538, 0.0, 150.0))
     assert far(found[:, 2], np.cos(top.solve(times)[:, 1])) < BAR
@@ -125,15 +125,15 @@ def test_heavy_top_against_printed_values(topped):
     assert topped.point("top", Y)[-1] - Y == pytest.approx(
         (-0.150416985652933, -1.724164450779749, -0.673023460701136), abs=2e-6
     )
-    # Exudyn's: 12 digits at 2 s; at 0.01 s from a coarse step
+    # from Exudyn: 12 digits at 2 s; at 0.01 s from a coarse step
     assert topped.spin("top")[-1, 1] == pytest.approx(-106.163804143, abs=1e-8)
     assert topped.spin("top")[0, 1] == pytest.approx(149.8473939540758, rel=1e-7)
 
 
 # --- free bodies ----------------------------------------------------------------------------------------------------
 
-# quaternion, angular velocity in body axes: evaluated elsewhere; of Drake's symmetric body, of OSRF's box and of the
-# intermediate axis
+# quaternion, angular velocity in body axes; computed independently for Drake's symmetric body, OSRF's box and
+# a rotation about the intermediate axis
 KANE = [
     (1, -0.670395090985309167, -0.374160606343273625, -0.603126566220264944, -0.216362214268076944,
      -3.03862037694336302, 0.725800389104727928, 5),
@@ -185,7 +185,7 @@ def test_asymmetric_free_body(moments, w0, rates, quats):
     asked, orientations = table(quats)
     rows = np.searchsorted(times, asked)
     top = Asymmetric(moments, w0)
-    # near the separatrix an error at the start, of rounding, grows by two orders in every half-period
+    # near the separatrix an initial error, at rounding level, grows 100-fold in every half-period
     assert far(top.rates(times), expected) < 3e-12
     assert apart(top.orientations(times)[rows], orientations) < 3e-12
     plain = free(12.0, moments, -9.8 * Z)

@@ -1,8 +1,8 @@
-"""The reference solver on published four-bars: one, in rows of windows, in and out of equilibrium.
+"""The reference solver on published four-bars: single ones, rows of windows, in and out of equilibrium.
 
-A value that was printed with its problem is compared to the digits it carries. Where a problem was published without
-a trajectory, the tables here were computed elsewhere from its definition, and are never used alone: each is compared
-with a closed form or with equations in few coordinates, integrated in `oracles.benchmarks`, and so is the solver.
+A printed value is compared to all its digits. Where a problem was published without a trajectory, the tables here were
+computed from its definition independently. Both the solver and these tables are also compared with a closed form or
+with equations in few coordinates, integrated in `oracles.benchmarks`.
 """
 
 from types import SimpleNamespace
@@ -19,7 +19,7 @@ from oracles.benchmarks.compare import BAR, far, table, turned
 
 # --- A02: N four-bars -----------------------------------------------------------------------------------------------
 
-# theta, theta', and the end B0 of the first rod
+# theta, theta', and position of the end B0 of the first rod
 A02 = {
     1: [(10, 31.9147412977380, 1.96693471944032, 0.478385057760970, 0.878150178791209)],
     2: [
@@ -38,7 +38,7 @@ def test_a02_closed_form(count):
     assert far(np.column_stack([theta, rate, np.sin(theta), np.cos(theta)]), expected) < 1e-13
 
 
-# end B0 of the first of 40 windows: the library's own result file, computed with ADAMS, whose steps leave 3e-6
+# end B0 of the first of 40 windows: result file of the library, computed with ADAMS, whose steps leave errors of 3e-6
 A02_FILE = [
     (11.5, -0.335638, 0.941991),
     (12.0, 0.221098, 0.975252),
@@ -46,7 +46,7 @@ A02_FILE = [
     (17.0, -0.989581, 0.143979),
     (20.0, 0.410902, 0.911679),
 ]
-# end B0 of the first of 2 windows and its velocity at 10 s, from steps of 1.25e-4 of Exudyn: six digits are right
+# end B0 of the first of 2 windows and its velocity at 10 s; Exudyn with steps of 1.25e-4: six digits are right
 A02_EXUDYN = ((0.3284573768, 0.9445187937), (1.423050003, -0.4948670827))
 
 
@@ -57,7 +57,7 @@ def test_a02_closed_form_against_the_library_s_file():
 
 
 def a02_errors(count, times):
-    """Largest errors of the ends and of the rates of all upright rods against the closed form."""
+    """Largest errors, against the closed form, of the ends and of the rates of all upright rods."""
     plain, state = windows.windows(count)
     theta, rate = windows.angle(count, times)
     motion = run(plain, state, times)
@@ -77,12 +77,12 @@ def test_a02_windows(count):
 
 @pytest.mark.parametrize("count", [1, 2])
 def test_a02_windows_through_flat_poses(count):
-    # near 0.73 s all rods lie on one line for the first time: N + 1 degrees of freedom in place of one
+    # near 0.73 s all rods are collinear for the first time: a singular pose with N + 1 degrees of freedom, not one
     assert max(a02_errors(count, np.array([1.0, 2.0]))) < BAR
 
 
 def test_a02_windows_to_the_end():
-    # ten seconds pass through ten flat poses, and each costs digits; Exudyn's own are 1e-6 from the closed form
+    # ten seconds pass ten singular poses, and each costs digits; Exudyn's own results are 1e-6 from the closed form
     plain, state = windows.windows(2)
     times = np.array([5.0, 10.0])
     theta, rate = windows.angle(2, times)
@@ -97,8 +97,8 @@ def test_a02_windows_to_the_end():
 
 # --- pendulums and four-bars of other projects ----------------------------------------------------------------------
 
-# two angles from x and their rates; slider, angle and their rates: Project Chrono's equations, integrated elsewhere to
-# 18 digits
+# two angles from x and their rates; slider, angle and their rates; equations of Project Chrono, integrated
+# independently to 18 digits
 CHRONO_DOUBLE = [
     (0.5, -0.769181566831688478, -0.213179908033865019, -2.89966987704458644, -1.06951203013420581),
     (1, -2.22720283996553233, -1.48968770110750401, -1.94959746087621001, -3.94804270979394147),
@@ -113,7 +113,7 @@ CHRONO_SLIDER = [
     (5, -0.504537462593491689, -2.16114924596010914, -1.37978849375287438, -0.873267630490025902),
     (10, 0.127713965889685427, -1.62677891000383473, -0.568458638222927936, 2.94575657309170043),
 ]
-# angle of the shoulder from hanging, relative angle of the elbow, rates; Drake's parameters, integrated elsewhere
+# angle of the shoulder from hanging, relative elbow angle, rates; Drake's parameters, integrated independently
 ACROBOT = [
     (0.5, 0.358240811872682, 0.906898477825872, -1.13506332251141, -2.59722732681958),
     (1, -0.280495837451974, -0.477891543034082, -4.32982027775226, 3.49790935543272),
@@ -150,7 +150,7 @@ def test_acrobot():
     assert far(planar.acrobot_solve((1.0, 1.0, 0.0, 0.0), times), expected) < 1e-11
     plain = planar.acrobot()
     motion = run(plain, started(plain, coordinates={"shoulder": 1.0, "elbow": 1.0}), times)
-    # both turn about y: cosine and sine stand in the first and third row
+    # both links turn about y: cosine and sine stand in the first and third row
     angles = np.arctan2(motion.R[:, :, 0, 2], motion.R[:, :, 0, 0])
     found = np.column_stack([angles, motion.w[:, :, 1]])
     absolute = expected @ np.array([[1, 1, 0, 0], [0, 1, 0, 0], [0, 0, 1, 1], [0, 0, 0, 1.0]])
@@ -158,7 +158,7 @@ def test_acrobot():
     assert far(found[:, 2:], absolute[:, 2:]) < BAR
 
 
-# crank and rocker angle and their rates, released at rest, and at 0.5 rad/s; integrated elsewhere
+# crank and rocker angle and their rates, released at rest, and started at 0.5 rad/s; integrated independently
 FOUR_BAR = {
     0.0: [
         (0.5, 1.710334452143, 1.566686637758, 0.183090399661, 0.124675970210),
@@ -224,7 +224,7 @@ def test_drake_four_bar():
 
 
 def test_drake_four_bar_equilibrium():
-    # printed: 75.52 and 104.48 degrees; exactly arctan(sqrt 15)
+    # printed rounded: 75.52 and 104.48 degrees; exactly arctan(sqrt 15)
     plain = planar.drake_four_bar()
     R = rotation_from_quaternion(static_equilibrium(plain, started(plain, coordinates={"crank_pivot": 0.3})).quat_WB)
     angles = np.arctan2(-R[:, 2, 0], R[:, 0, 0])

@@ -1,8 +1,8 @@
 """The reference solver on published single joints, and inverse dynamics of a published arm.
 
-A value that was printed with its problem is compared to the digits it carries. Where a problem was published without
-a trajectory, the tables here were computed elsewhere from its definition, and are never used alone: each is compared
-with a closed form or with equations in few coordinates, integrated in `oracles.benchmarks`, and so is the solver.
+A printed value is compared to all its digits. Where a problem was published without a trajectory, the tables here were
+computed from its definition independently. Both the solver and these tables are also compared with a closed form or
+with equations in few coordinates, integrated in `oracles.benchmarks`.
 """
 
 import numpy as np
@@ -19,8 +19,8 @@ from oracles.integrate import integrate
 # --- Project Chrono's joints ----------------------------------------------------------------------------------------
 
 CHRONO_TIMES = np.array([0.5, 1.0, 2.0, 3.5, 5.0])
-# centre of mass at 5 s, and where printed the angular velocity; evaluated elsewhere, and within 5e-6 of files that
-# Project Chrono computed with ADAMS
+# centre of mass at 5 s, and angular velocity where printed; computed independently, and within 5e-6 of ADAMS
+# result files of Project Chrono
 CHRONO = {
     "Revolute_01": ((-1.9996838688835, 0, -0.0355587475452), (0, 0.4124360654751, 0)),
     "Revolute_02": ((1.2099605074076, 3.4063990517149, 1.5936009482851), (0, 1.8340986528578, 1.8340986528578)),
@@ -42,7 +42,7 @@ def test_chrono_pendulum(case):
             assert far(motion.spin("rod")[-1], np.array(spin)) < BAR
 
 
-# centre of mass of Universal_03 and its angular velocity, integrated elsewhere; ADAMS's own file is 8e-4 off
+# centre of mass and angular velocity of Universal_03, integrated independently; ADAMS's own file is 8e-4 off
 UNIVERSAL = [
     (1, -0.63624922138, -0.61408089100, -1.79390400735),
     (2, -1.39997092834, -1.36073938566, -0.43413099881),
@@ -70,7 +70,7 @@ def test_chrono_torsion_spring():
     times = np.array([0.5, 1.0, 5.0])
     motion = run(plain, started(plain), times)
     angle, rate = chrono_joints.torsion_motion(times).T
-    # evaluated elsewhere, 8 decimals
+    # computed independently, 8 decimals
     assert angle == pytest.approx((0.15082832, 0.07128263, 0.09781871), abs=5e-9)
     assert far(motion.p[:, 0], 2 * np.column_stack([np.cos(angle), 0 * angle, -np.sin(angle)])) < BAR
     assert far(motion.spin("rod"), rate[:, None] * Y) < BAR
@@ -78,8 +78,8 @@ def test_chrono_torsion_spring():
 
 def test_chrono_springs_to_the_centre_of_mass():
     times = np.array([0.5, 1.0, 5.0])
-    # free length zero, released where the spring has no length: z'' = -g - 10 z - 0.5 z'. The direction of a spring of
-    # no length is undefined, so that this starts a short fall later
+    # free length zero, released where the spring has length zero: z'' = -g - 10 z - 0.5 z'. The direction of a spring
+    # of length zero is undefined, so that the simulation starts after a short fall
     w = np.sqrt(10 - 0.0625)
     middle = -chrono_joints.G / 10
 
@@ -99,7 +99,7 @@ def test_chrono_springs_to_the_centre_of_mass():
 
 
 def test_chrono_swinging_spring():
-    # polar coordinates: a point on a spring of 2 m, k = 100, c = 5, from level
+    # polar coordinates: a point mass on a spring of 2 m, k = 100, c = 5, released level
     def rhs(y):
         l, angle, l_dot, rate = y
         along = l * rate**2 + chrono_joints.G * np.cos(angle) - 100 * (l - 2) - 5 * l_dot
@@ -113,7 +113,7 @@ def test_chrono_swinging_spring():
 
 
 def test_chrono_distance_at_the_centre_of_mass():
-    # a simple pendulum of 2 m from level, in closed form
+    # closed form of a simple pendulum of 2 m, released level
     times = CHRONO_TIMES
     plain = chrono_joints.distance(2 * Y, np.eye(3))
     motion = run(plain, started(plain), times)
@@ -126,14 +126,14 @@ def test_chrono_distance_at_the_end():
     times = np.array([1.0, 2.0, 3.0, 3.5, 5.0])
     plain = chrono_joints.distance(4 * Y, chrono_joints.turned(Z, -90))
     motion = run(plain, started(plain), times)
-    # files of Project Chrono computed with ADAMS, 7 digits
+    # result files of Project Chrono from ADAMS, 7 digits
     adams = [(1.588488, -3.670108), (-3.933407, -0.6840368), (-3.560198, -1.820738), (-0.5504151, -3.960353)]
     assert far(motion.p[:4, 0, 1:], np.array(adams)) < 6e-7
-    # evaluated elsewhere, 11 decimals
+    # computed independently, 11 decimals
     expected = [(0, 1.58848777941, -3.67010774355), (0, 3.95575937986, -0.30158652672)]
     assert far(motion.p[[0, 4], 0], np.array(expected)) < BAR
     assert motion.spin("rod")[[0, 4], 0] == pytest.approx((-3.06249111477, -0.63031604099), abs=2e-10)
-    # a double pendulum whose first link, the massless rod, has no inertia; in the plane of y and z
+    # a double pendulum in the yz plane whose first link, the massless rod, has no inertia
     two = double_pendulum.DoublePendulum(0.0, 1.0, 0.0, 0.1, 0j, 2 + 0j, 2 + 0j, -1j * chrono_joints.G)
     a, b, _, rate = two.solve(np.zeros(4), times).T
     r = 2 * np.exp(1j * a) + 2 * np.exp(1j * b)
@@ -156,7 +156,7 @@ def arm_torques(plain, q, v, a):
 
 
 def test_iiwa_kinematics():
-    # printed with 16 digits in a test of Drake, from MotionGenesis
+    # printed with 16 digits in a test of Drake; computed with MotionGenesis
     plain = iiwa.arm(9.81)
     zero = np.zeros(7)
     state = arm_state(plain, IIWA_Q, zero)
@@ -184,7 +184,7 @@ def test_iiwa_last_joint_accelerated():
 def test_iiwa_moving():
     v, a = np.array([0.1, -0.2, 0.3, -0.4, 0.5, -0.6, 0.7]), np.array([1, -1, 0.5, -0.5, 0.25, -0.25, 2])
     found = arm_torques(iiwa.arm(9.81), IIWA_Q, v, a)
-    # evaluated elsewhere with Pinocchio, 9 digits
+    # computed with Pinocchio, 9 digits
     printed = (0.867426635, -37.6151598, -5.56805039, -4.71607774, 0.441057618, 0.0541491531, 0.00399311188)
     assert found == pytest.approx(printed, rel=2e-9)
     assert far(found, iiwa.torques(IIWA_Q, v, a, 9.81)) < 1e-13

@@ -1,8 +1,8 @@
-"""The reference solver on published linkages: squeezer, Bricard's, governor, spatial slider-crank.
+"""The reference solver on published linkages: squeezer, Bricard's mechanism, governor, spatial slider-crank.
 
-A value that was printed with its problem is compared to the digits it carries. Where a problem was published without
-a trajectory, the tables here were computed elsewhere from its definition, and are never used alone: each is compared
-with a closed form or with equations in few coordinates, integrated in `oracles.benchmarks`, and so is the solver.
+A printed value is compared to all its digits. Where a problem was published without a trajectory, the tables here were
+computed from its definition independently. Both the solver and these tables are also compared with a closed form or
+with equations in few coordinates, integrated in `oracles.benchmarks`.
 """
 
 import numpy as np
@@ -17,8 +17,8 @@ from oracles.benchmarks.compare import BAR, far, table, turned
 
 # --- A03: Andrews' squeezer -----------------------------------------------------------------------------------------
 
-# at t = 0.03: the test set for initial value problems prints 16 digits, of which about 10 are right (its own solver
-# and ours of long double differ by 1.4e-9 rad in beta, and by 6e-8 of the smallest rate)
+# at t = 0.03: the test set for initial value problems prints 16 digits, of which about 10 are right (its solver and
+# an integration in long double differ by 1.4e-9 rad in beta, and by 6e-8 of the smallest rate)
 PUBLISHED_Q = (
     15.81077119629904, -15.75637105984298, 0.04082224013073101, -0.5347301163226948,
     0.5244099658805304, 0.5347301163226948, 1.048080741042263,
@@ -36,7 +36,7 @@ PUBLISHED_LAMBDA = (
     31.45271365475927, 22.64249232082739, 11.61740700019673,
 )  # fmt: skip
 
-# beta, theta, gamma, phi, delta, epsilon integrated elsewhere in long double, at two tolerances
+# beta, theta, gamma, phi, delta, epsilon integrated independently in long double, at two tolerances
 ANDREWS = [
     (0.01, 2.16011313153152650, -1.88336423110704432, 0.158516758001226693,
      -0.328641075174670306, 0.525154774797729461, 1.06842720463240115),
@@ -75,7 +75,7 @@ def forces_at_E(plain, state):
 
 def test_a03_start(squeezed):
     plain, start, _ = squeezed
-    # printed with 28 digits; reproduced from other equations to 9
+    # printed with 28 digits; 9 of them confirmed by other equations
     answer, lam = forces_at_E(plain, start)
     expected = np.array([14222.4439199541138705911625887, -10666.8329399655854029433719415, 0, 0, 0, 0, 0])
     assert far(andrews.COMBINE @ answer.alpha_WB_W[0, :, 2], expected) < 1e-12
@@ -91,7 +91,7 @@ def test_a03_against_the_published_end(squeezed):
     assert np.max(error / np.abs(PUBLISHED_RATES)) < 6e-8
     state = motion.state(-1)
     answer, lam = forces_at_E(plain, state)
-    # the reference's velocities carry 8 digits, its accelerations 6
+    # the velocities of the test set carry 8 digits, its accelerations 6
     assert far(andrews.COMBINE @ answer.alpha_WB_W[0, :, 2], np.array(PUBLISHED_ACCELERATIONS)) < 2e-7
     assert far(lam, np.array(PUBLISHED_LAMBDA)) < 1e-7
 
@@ -106,14 +106,14 @@ def test_a03_against_long_double(squeezed):
 
 def test_a03_energy(squeezed):
     plain, start, motion = squeezed
-    # the motor's work is 0.033 N m times beta's travel, which the angle modulo a turn leaves open by whole turns
+    # the motor's work is 0.033 N m times the travel of beta, which an angle modulo a turn leaves open by whole turns
     energy = [kinetic_energy(plain, s) + potential_energy(plain, s) for s in (start, motion.state(-1))]
     assert energy[1] - energy[0] == pytest.approx(0.033 * (PUBLISHED_Q[0] - andrews.START[0]), abs=1e-10)
 
 
 # --- A04: Bricard's mechanism ---------------------------------------------------------------------------------------
 
-# P3 (the end of the second rod), x and z of the end of the first, rate of the crank; integrated elsewhere
+# P3 (end of the second rod), x and z of the end of the first rod, rate of the crank; integrated independently
 BRICARD = [
     (0.25, 0.940056968341, -0.998308063961, -0.058146448137, 0.998092502259, -0.061736188202, 0.498589214617),
     (0.5, 0.774717808039, -0.979815047656, -0.199906158953, 0.968283679107, -0.249853390562, 1.033553666309),
@@ -160,7 +160,7 @@ def test_a04_bricard(one_crank):
 
 # --- A05: flyball governor ------------------------------------------------------------------------------------------
 
-# s, s', beta, beta', omega, integrated elsewhere in long double
+# s, s', beta, beta', omega, integrated independently in long double
 GOVERNOR = [
     (0.05, 0.506100897243677845, 0.243219012062343474,
      0.516486931214894961, -0.280681576012405720, 6.23504021598127205),
@@ -176,8 +176,8 @@ GOVERNOR = [
 
 
 def test_a05_governor():
-    # the dampers' time constant is 4e-5 s: stability bounds the steps of an explicit integrator, so that any tolerance
-    # leaves rounding, and a second is long enough
+    # the dampers' time constant is 4e-5 s: stability limits the steps of an explicit integrator, so that at any
+    # tolerance the error is rounding; a second is long enough
     times, expected = table(GOVERNOR)
     equations = governor.solve(times)
     assert far(equations, expected) < 1e-11
@@ -199,7 +199,7 @@ def test_a05_governor():
 
 # --- spatial slider-crank -------------------------------------------------------------------------------------------
 
-# slider position and velocity, crank angle and rate, integrated elsewhere
+# slider position and velocity, crank angle and rate, integrated independently
 SLIDER_CRANK = [
     (0.1, 0.226787188553, 0.305277006935, 0.560031482093, 5.828888134655),
     (0.5, 0.184952629778, -0.004560290657, 5.583762553282, 14.408160810041),
@@ -231,7 +231,7 @@ def test_spatial_slider_crank():
     assert far(found[0], slider) < BAR
     assert np.max(np.abs(turned(found[2], q))) < BAR
     assert far(found[3], rate) < BAR
-    # the table was integrated at 1e-12, which leaves 6e-10
+    # the table was integrated at a tolerance of 1e-12, which leaves an error of 6e-10
     assert far(np.column_stack(found[:2]), expected[:, :2]) < 1e-9
     assert np.max(np.abs(turned(found[2], expected[:, 2]))) < 1e-9
     assert far(found[3], expected[:, 3]) < 1e-9

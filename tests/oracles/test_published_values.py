@@ -1,4 +1,4 @@
-"""Oracles against numbers computed elsewhere from published definitions; those of A01 agree with published results."""
+"""Oracles against values computed independently from published definitions; A01 also against published results."""
 
 import numpy as np
 import pytest
@@ -10,8 +10,8 @@ from oracles.planar import held
 from oracles.shipped import TRAJECTORIES
 from oracles.simple_pendulum import swing
 
-# x, y and angular velocity of problem A01 of the IFToMM library. The library's own result file, printed to 6 digits,
-# agrees with them to that rounding over 2000 s; the further digits are an independent evaluation
+# x, y and angular velocity of problem A01 of the IFToMM library. Over 2000 s the result file of the library, printed
+# to 6 digits, agrees to that rounding; the further digits come from an independent evaluation
 A01 = {
     0.5: (-0.391048791550546, -0.920369948785192, 4.249430361256138),
     1.0: (0.986291751131875, -0.165010853125541, 1.799309016907079),
@@ -32,12 +32,12 @@ def test_pendulum_a01():
 
 
 def test_pendulum_period():
-    # evaluated elsewhere in higher precision
+    # computed independently in higher precision
     assert 4 * ellipk(0.5) / np.sqrt(9.81) == pytest.approx(2.36784194757623744930, rel=1e-15)
 
 
 # crank and rocker angle from x toward z, and their rates, of the four-bar of RigidBodyDynamics.jl's tests, crank
-# started at 0.5 rad/s. The tests publish no trajectory: these values were integrated elsewhere, at two tolerances
+# started at 0.5 rad/s. The tests publish no trajectory: these values were integrated independently at two tolerances
 FOUR_BAR = {
     0.5: (2.052084586088, 1.794731895228, 1.271685983740, 0.823861498720),
     1.0: (-2.840060364400, 2.422082792650, 5.113775574560, 0.926318468205),
@@ -65,8 +65,8 @@ def test_four_bar_consistent_start_rates():
     assert 0.5 * rocker.a_q == pytest.approx(0.3412625200261742, abs=1e-14)
 
 
-# angles from the horizontal and their rates of two equal links, m = l = J = 1, g = 10, released at rest: the ODE of a
-# unit test of Project Chrono, integrated elsewhere to 18 digits
+# angles from the horizontal and their rates of two equal links, m = l = J = 1, g = 10, released at rest: the ODE of
+# a unit test of Project Chrono, integrated independently to 18 digits
 DOUBLE_PENDULUM = {
     0.5: (-0.769181566831688478, -0.213179908033865019, -2.89966987704458644, -1.06951203013420581),
     1.0: (-2.22720283996553233, -1.48968770110750401, -1.94959746087621001, -3.94804270979394147),

@@ -1,5 +1,4 @@
-"""The reference solver on published vehicles: drives and rolling. The car axis of the test set for initial value
-problems, and the Whipple bicycle."""
+"""The reference solver on published vehicles: the car axis (drives) and the Whipple bicycle (rolling)."""
 
 import numpy as np
 import pytest
@@ -19,8 +18,8 @@ from oracles.benchmarks.compare import BAR, far
 
 # --- car axis -------------------------------------------------------------------------------------------------------
 
-# at 3 s: left and right mass, their velocities, multipliers of the wheels' line and of the rod. Printed with 18 and
-# more digits by the test set; solved elsewhere from its equations, the positions came to 2e-13, the velocities to 5e-12
+# at 3 s: left and right mass, their velocities, multipliers of the line and of the rod. Printed with 18 and more
+# digits by the test set; an independent solution differs by 2e-13 in positions and 5e-12 in velocities
 CAR_POINTS = ((0.493455784275402809122e-1, 0.496989460230171153861), (1.04174252488542151681, 0.373911027265361256927))
 CAR_VELOCITIES = (
     (-0.770583684040972357970e-1, 0.744686658723778553466e-2),
@@ -61,7 +60,7 @@ M = np.array([(80.81722, 2.31941332208709), (2.31941332208709, 0.29784188199686)
 C1 = np.array([(0, 33.86641391492494), (-0.85035641456978, 1.68540397397560)])
 K0 = np.array([(-80.95, -2.59951685249872), (-2.59951685249872, -0.80329488458618)])
 K2 = np.array([(0, 76.59734589573222), (0, 2.65431523794604)])
-# eigenvalues: v, castering, capsize, weave (real and imaginary part); 1/s
+# speed v; eigenvalues of castering, capsize and weave (real and imaginary part); 1/s
 EIGENVALUES = [
     (1, -7.11008014637442, -3.13423125066578, 3.52696170990070, 0.80774027519931),
     (2, -8.67387984831735, -3.07158645641514, 2.68234517512745, 1.68066296590675),
@@ -79,7 +78,7 @@ WEAVE_SPEED, WEAVE_FREQUENCY, CAPSIZE_SPEED = 4.29238253634111, 3.43503384866144
 
 
 def eigenvalues(in_angles, in_rates):
-    """Of lean and steer, from the linear parts of their accelerations, by their real parts."""
+    """Eigenvalues of lean and steer from the linear parts of their accelerations, sorted by real part."""
     return np.sort_complex(np.linalg.eigvals(np.block([[np.zeros((2, 2)), np.eye(2)], [in_angles, in_rates]])))
 
 
@@ -87,7 +86,7 @@ def eigenvalues(in_angles, in_rates):
 def test_bicycle_linear_equations(speed):
     in_torques, in_angles, in_rates = bicycle.response(speed)
     mass = np.linalg.inv(in_torques)
-    # of the largest entry: rounding of the differences
+    # relative to the largest entry: rounding of the differences
     assert far(mass, M) < 1e-12
     assert far(-mass @ in_angles, bicycle.G * K0 + speed**2 * K2) < 1e-12
     assert far(-mass @ in_rates, speed * C1) < 1e-12
@@ -107,7 +106,7 @@ def test_bicycle_eigenvalues_at_rest():
 
 
 def test_bicycle_stability_limits():
-    # the bicycle is stable between the speed at which the weave stops growing and the one at which it starts to capsize
+    # the bicycle is stable between the speed where weave stops growing and the speed where capsize sets in
     weave = eigenvalues(*bicycle.response(WEAVE_SPEED)[1:])
     assert weave[np.argmax(weave.imag)] == pytest.approx(1j * WEAVE_FREQUENCY, abs=1e-11)
     capsize = eigenvalues(*bicycle.response(CAPSIZE_SPEED)[1:])
@@ -115,7 +114,7 @@ def test_bicycle_stability_limits():
 
 
 def test_bicycle_follows_its_linear_equations():
-    # pushed so little that the third order of what follows, all there is beside the first, is rounding
+    # by symmetry the first nonlinear term is of third order; the push is small enough to make that term rounding
     plain, push, times = bicycle.bicycle(), 1e-5, np.linspace(0, 3, 7)
     speed = 5.0
     inverse = np.linalg.inv(M)
@@ -126,7 +125,7 @@ def test_bicycle_follows_its_linear_equations():
     assert np.max(np.abs(np.column_stack(bicycle.lean_and_steer(motion.R)) - expected)) < 2e-9 * push
 
 
-# Basu-Mandal, Chatterjee & Papadopoulos 2007: one state far from upright, of the same bicycle, and its accelerations
+# Basu-Mandal, Chatterjee & Papadopoulos 2007: a state of the same bicycle far from upright, and its accelerations
 LEAN, STEER, PITCH = 0.6206670416476966, -0.2311385135743, 0.3300446174593725
 RATES = {"lean": -0.6068425835418, "steer": -0.4859824687093, "yaw": -0.7830033527065, "pitch": 0.0119185528069}
 SPINS = (-8.912989661489, -8.0133620584155)
@@ -139,7 +138,7 @@ def test_bicycle_far_from_upright():
     speed = -SPINS[0] * bicycle.REAR
     state = bicycle.state(plain, speed, LEAN, STEER, RATES["lean"], RATES["steer"])
     R, w = rotation_from_quaternion(state.quat_WB), state.w_WB_W
-    # their pitch is that of the steer axis
+    # their pitch angle is that of the steer axis
     assert np.arctan2(*(R[0].T @ np.cross(X, R[0] @ Y))[[0, 2]]) == pytest.approx(bicycle.TILT - PITCH, abs=1e-12)
     assert w[0, 1] / np.cos(LEAN) == pytest.approx(RATES["pitch"], abs=1e-12)
     assert w[0, 2] - np.tan(LEAN) * w[0, 1] == pytest.approx(RATES["yaw"], abs=1e-12)
@@ -151,7 +150,7 @@ def test_bicycle_far_from_upright():
     assert np.sum((alpha[2:] - alpha[:2]) * axles, axis=1) == pytest.approx(SPIN_ACCELERATIONS, abs=1e-11)
 
 
-# speed and lean rate at the start: the manoeuvres of the IFToMM library
+# initial speed and lean rate: the manoeuvres of the IFToMM library
 @pytest.mark.parametrize(("speed", "lean_rate"), [(4.0, 0.05), (4.6, 0.5), (8.0, 0.05)])
 def test_bicycle_manoeuvre(speed, lean_rate):
     plain, times = bicycle.bicycle(), np.linspace(0, 5, 26)
@@ -159,12 +158,12 @@ def test_bicycle_manoeuvre(speed, lean_rate):
     motion = run(plain, start, times)
     states = [motion.state(n) for n in range(len(times))]
     energies = [kinetic_energy(plain, s) + potential_energy(plain, s) for s in states]
-    # the library's score, in percent, asks for 1e-3
+    # the library's score, in percent, requires 1e-3
     assert 100 * np.ptp(energies) / energies[0] < 1e-10
     assert max(np.max(np.abs(constraint_residual(plain, s))) for s in states) < 1e-13
     slips = [constraint_jacobian(plain, s) @ np.hstack([s.v_WB_W, s.w_WB_W]).ravel() for s in states]
     assert np.max(np.abs(slips)) < 1e-13
-    # on a sloping road across the world, with other body frames, by another formulation
+    # the same on a sloping road in a turned world, with other body frames and another formulation
     other = run_disguised(plain, start, times[-1:], seed=5, formulation="null_space")
     assert far(motion.p[-1:], other.p) < BAR
     assert far(motion.R[-1:], other.R) < BAR

@@ -1,4 +1,4 @@
-"""What the reference must reach on the cases with a full oracle, by identities and by its second formulation."""
+"""Accuracy of the reference on the cases with a full oracle, by identities and by its second formulation."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The closed form of the gyrostat: its integrals, its momenta, and its cusps."""
+"""The closed form of the gyrostat: its elliptic integrals, momenta, energy and cusps."""
 
 import numpy as np
 import pytest

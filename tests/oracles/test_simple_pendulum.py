@@ -1,4 +1,4 @@
-"""The closed form of the pendulum satisfies its equation of motion and keeps its energy."""
+"""The closed form of the pendulum fulfils its equation of motion and its initial conditions."""
 
 import numpy as np
 import pytest

@@ -1,1 +1,1 @@
-"""One mechanism described in two ways: the descriptions differ, the physics does not."""
+"""One mechanism in two descriptions: the descriptions differ, accelerations, reactions and motions must not."""

@@ -1,7 +1,7 @@
-"""One mechanism described twice: the descriptions differ, the physics must not.
+"""Twins: two descriptions of one mechanism must give the same accelerations, reactions and motions.
 
-A twin is a second mechanism, the map that takes a state of the first to the same state of the second, and the map
-that takes accelerations of the first to those of the second. Accelerations must agree to 1e-11, motions to 1e-9.
+A twin is a second mechanism with two maps: of a state of the first mechanism to the same state of the second, and of
+accelerations of the first to those of the second. Accelerations must agree to 1e-11, motions to 1e-9.
 """
 
 from collections.abc import Callable
@@ -47,7 +47,7 @@ class Twin:
 
 
 def rotated_world(mechanism: Mechanism) -> Twin:
-    """World axes turned and its origin moved: gravity, loads and the drawing with them."""
+    """World axes turned and the world origin moved; gravity, loads and the drawing are transformed with them."""
     new = Frame(np.array([0.3, -0.7, 1.1]), TURN)  # the new world in the old one
     back = inverse(new)
     turned = reframed(mechanism, GROUND, new)
@@ -68,7 +68,7 @@ def rotated_world(mechanism: Mechanism) -> Twin:
 
 
 def moved_origins(mechanism: Mechanism) -> Twin:
-    """Every body's frame moved and turned in the body."""
+    """The frame of every body moved and turned in the body."""
     rng = np.random.default_rng(52)
     offsets = [Frame(rng.normal(scale=0.4, size=3), rotation(rng)) for _ in mechanism.bodies]
 
@@ -102,7 +102,7 @@ FORCE, TORQUE = M * L / T**2, M * L**2 / T**2
 
 
 def other_units(mechanism: Mechanism) -> Twin:
-    """A third of a metre, two seconds, a seventh of a kilogram as units."""
+    """Other units: a third of a metre, two seconds, a seventh of a kilogram."""
 
     def frame(f):
         return Frame(L * f.p, f.R)
@@ -152,9 +152,9 @@ Z_TO_X = np.array([[0.0, 0, 1], [0, -1, 0], [1, 0, 0]])  # columns z, -y, x: exc
 
 
 def swapped(mechanism: Mechanism) -> Twin:
-    """Predecessor and successor of every joint exchanged; coordinates change sign, so do rests of joint springs.
+    """Predecessor and successor of every joint exchanged; coordinates and the rests of joint springs change sign.
 
-    The first axis of a universal joint is z of F, the second x of M: with the sides their parts are exchanged.
+    A universal joint turns about z of F, then about x of M: an exchange of the sides also exchanges these axes.
     """
     joints = []
     for j in mechanism.joints:
@@ -169,7 +169,7 @@ DESCRIPTIONS = (rotated_world, moved_origins, reordered, other_units, swapped)
 
 
 def merged(mechanism: Mechanism) -> Twin:
-    """The two bodies of the rigid joint made one: masses add, inertias by the parallel axis theorem."""
+    """The two bodies of the rigid joint merged: masses add, inertias add by the parallel axis theorem."""
     (joint,) = (j for j in mechanism.joints if j.kind == "rigid")
     a, b = (mechanism.bodies[mechanism.body_index[n]] for n in (joint.predecessor, joint.successor))
     pose = compose(joint.F, inverse(joint.M))  # of b in a
@@ -288,7 +288,7 @@ def wrench_in_world(mechanism, state, answer, n, k):
 
 @pytest.mark.parametrize("name", two_sided(TREES))
 def test_reactions_of_exchanged_sides_are_action_and_reaction(name):
-    """All reactions of a tree are determined. The wrench turns round and is one wrench about one point of the world."""
+    """All reactions of a tree are determined. Reversed, the wrench has the opposite sign about the same world point."""
     twin = swapped(TREES[name])
     states = states_of(twin.first, 3)
     one, two = accelerations(twin.first, states), accelerations(twin.second, states)
@@ -333,7 +333,7 @@ def doubled(kind: str) -> tuple[tuple[str, np.ndarray, np.ndarray], ...]:
 @pytest.mark.parametrize("formulation", FORMULATIONS)
 @pytest.mark.parametrize("kind", ["revolute", "prismatic", "rigid", "cylindrical", "spherical"])
 def test_a_joint_is_what_two_joints_together_allow(kind, formulation):
-    """The pair is redundant or not; the motion it leaves is that of the one joint."""
+    """The pair of joints may be redundant; together they allow the same motion as the single joint."""
     first = chain("revolute", kind, "universal", seed=54)
     joint = first.joints[1]
     parts = [
@@ -345,7 +345,7 @@ def test_a_joint_is_what_two_joints_together_allow(kind, formulation):
 
 
 def test_six_rods_hold_a_body_as_a_weld_does():
-    """Six rods in general position: six independent rows, and none of them is a row of the weld."""
+    """Six rods in general position: six independent rows, none of them equal to a row of the weld."""
     rng = np.random.default_rng(55)
     bodies = {n: lumpy_body(n, rng) for n in ("a", "b")}
     hinge = drawn_joint("hinge", "revolute", bodies, GROUND, "a", rng.normal(size=3), rotation(rng))
@@ -363,7 +363,10 @@ def test_six_rods_hold_a_body_as_a_weld_does():
 
 @pytest.mark.parametrize("closing", ["spherical", "cylindrical"])
 def test_a_planar_linkage_moves_the_same_whatever_holds_it_in_its_plane(closing):
-    """Three parallel hinges keep all bodies in the plane: the fourth may be a ball or a sleeve. In-plane forces too."""
+    """Three parallel hinges keep all bodies in the plane, so that the fourth joint may be a ball or a sleeve.
+
+    Reaction forces in the plane agree as well.
+    """
     twin = Twin(four_bar(), four_bar(closing=closing), lambda s: s)
     assert_same_accelerations(twin, "descriptor")
     states = states_of(twin.first, 3)

@@ -1,3 +1,3 @@
-"""An adapter whose engine is not there."""
+"""An adapter whose engine cannot be imported."""
 
 raise ImportError("libengine.so.3: cannot open shared object file")

@@ -1,4 +1,4 @@
-"""Engines with one fault each: it shows at the question `instant` or `trajectory` of the mechanism ``first`` only."""
+"""Engines with one fault each, shown only at the question `instant` or `trajectory` of the mechanism ``first``."""
 
 import ctypes
 import os
@@ -15,11 +15,11 @@ from wild_engines import ATTACKS
 
 from consilience.engine import Question, Unsupported
 
-resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # what crashes here on purpose leaves no core file behind
+resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # intentional crashes here leave no core files
 
 
 class FaultyEngine(HonestEngine):
-    """`fault` turns the right answer into what the engine does instead."""
+    """An engine whose function `fault` replaces the right answer."""
 
     def __init__(self, question, fault):
         super().__init__()
@@ -36,7 +36,7 @@ class FaultyEngine(HonestEngine):
 
 
 class TwoPartError(Exception):
-    """Cannot be built again from its message alone, as pickle tries."""
+    """An exception that pickle cannot rebuild: pickle passes the message alone to the constructor."""
 
     def __init__(self, code, detail):
         super().__init__(f"{code}: {detail}")
@@ -57,7 +57,7 @@ def _abort(_):
 
 
 def _sleep(_):
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # native code deaf to polite signals
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # stands for native code that ignores SIGTERM
     time.sleep(10_000)
 
 
@@ -124,7 +124,7 @@ LIES = {
 
 
 class Liar(HonestEngine):
-    """One method for every fault an answer may have, and an honest one before and after them."""
+    """An engine with one method for each kind of malformed answer, and an honest method before and after them."""
 
     def methods(self, mechanism, question):
         (honest,) = super().methods(mechanism, question)
@@ -147,7 +147,7 @@ hangs = partial(FaultyEngine, Question.INSTANT, _sleep)
 
 
 class Selective(HonestEngine):
-    """Declares what it cannot do."""
+    """Declares one mechanism unsupported."""
 
     def unsupported(self, mechanism, question):
         if question is Question.INSTANT and mechanism.name == "first":
@@ -156,7 +156,7 @@ class Selective(HonestEngine):
 
 
 class Silent(HonestEngine):
-    """Says it can, and offers no way to do it."""
+    """Declares a mechanism supported, but offers no method for it."""
 
     def methods(self, mechanism, question):
         if question is Question.INSTANT and mechanism.name == "first":
@@ -165,7 +165,7 @@ class Silent(HonestEngine):
 
 
 class Stepless(HonestEngine):
-    """Offers a trajectory on no level at all."""
+    """Offers a trajectory method without levels."""
 
     def methods(self, mechanism, question):
         found = super().methods(mechanism, question)
@@ -175,7 +175,7 @@ class Stepless(HonestEngine):
 
 
 class CannotPlan(HonestEngine):
-    """Trips over a mechanism before it is asked anything about it."""
+    """Raises while it plans a mechanism, before a question is asked."""
 
     def methods(self, mechanism, question):
         if mechanism.name == "first":
@@ -184,14 +184,14 @@ class CannotPlan(HonestEngine):
 
 
 class CannotStart(HonestEngine):
-    """Is there, but will not run."""
+    """Can be imported, but raises when it is constructed."""
 
     def __init__(self):
         raise OSError("no licence server")
 
 
 class Anonymous(HonestEngine):
-    """Does not say what it is."""
+    """Returns a string in place of `EngineInfo`."""
 
     def info(self):
         return "version 3"

@@ -1,4 +1,4 @@
-"""An engine that borrows the reference's answers: right in all it says, under a name of its own."""
+"""An engine that returns the reference's answers, all correct, under a name of its own."""
 
 from consilience.engine import EngineInfo, Method, Question, Route
 from consilience.reference.engine import ReferenceEngine

@@ -1,6 +1,6 @@
-"""Engines that are right but for one error of translation, each an error that adapters have made before.
+"""Engines with one error of translation each; adapters are known to make these errors.
 
-Each alters the mechanism or the states it hands to the reference, or the answer it gets back.
+A mutant alters the mechanism or the states that it passes to the reference, or the answer that it gets back.
 """
 
 from dataclasses import replace
@@ -14,7 +14,7 @@ from consilience.mechanism import GROUND, Body, Frame, Load, State, joint_frames
 
 
 class MutantEngine(HonestEngine):
-    """`mechanism`, `state` and `instant` are what the engine makes of a mechanism, a state and an answer."""
+    """The functions `mechanism`, `state` and `instant` alter a mechanism, a state and an answer."""
 
     def __init__(self, mechanism=lambda m: m, state=lambda s: s, instant=lambda m, s, a: a):
         super().__init__()
@@ -36,7 +36,7 @@ def _each_body(change):
 
 
 def _about_the_origin(body: Body) -> Body:
-    """Inertia about B where the one about the centre of mass belongs."""
+    """Inertia about B in place of the inertia about the centre of mass."""
     S = skew(body.com)
     return replace(body, inertia=body.inertia - body.mass * S @ S)
 
@@ -48,18 +48,18 @@ def _without_product(body: Body) -> Body:
 
 
 def _turned_frames(mechanism):
-    """Joint frames on the successors transposed: components taken from the body to the frame and not back."""
+    """Joint frames on the successors transposed: components are taken from the body to the frame, not back."""
     joints = tuple(replace(j, M=Frame(j.M.p, j.M.R.T)) for j in mechanism.joints)
     return replace(mechanism, joints=joints)
 
 
 def _scalar_last(state: State) -> State:
-    """(e0, e1, e2, e3) read as (x, y, z, w)."""
+    """Quaternion (e0, e1, e2, e3) read as (x, y, z, w)."""
     return replace(state, quat_WB=state.quat_WB[:, [3, 0, 1, 2]])
 
 
 def _conjugate(state: State) -> State:
-    """``R_BW`` where ``R_WB`` belongs."""
+    """``R_BW`` in place of ``R_WB``."""
     return replace(state, quat_WB=state.quat_WB * [1.0, -1.0, -1.0, -1.0])
 
 
@@ -84,7 +84,7 @@ def _wrong_sign(mechanism, states, answer):
 
 
 def _other_sign_of_one(mechanism, states, answer):
-    """Only the reaction of the second joint is the one on its predecessor."""
+    """The reaction of the second joint alone has the opposite sign: the reaction on the predecessor."""
     force, torque = answer.force_F.copy(), answer.torque_F.copy()
     force[:, 1] *= -1.0
     torque[:, 1] *= -1.0
@@ -98,17 +98,17 @@ def _in_world_axes(mechanism, states, answer):
 
 
 def _about_the_centre_of_mass(mechanism, states, answer):
-    """Torque of the reaction about the successor's centre of mass and not about M."""
+    """Torque of the reaction about the successor's centre of mass, not about M."""
     arms = np.zeros_like(answer.torque_F)
     for k, joint in enumerate(mechanism.joints):
         if joint.successor != GROUND:
             body = mechanism.bodies[mechanism.body_index[joint.successor]]
-            arms[:, k] = joint.M.R.T @ (joint.M.p - body.com)  # axes of M: near enough for a mistake
+            arms[:, k] = joint.M.R.T @ (joint.M.p - body.com)  # in axes of M, not of F: a mutant need not be exact
     return replace(answer, torque_F=answer.torque_F + np.cross(arms, answer.force_F))
 
 
 def _at_the_centre_of_mass(mechanism, states, answer):
-    """Accelerations of the centres of mass and not of the origins."""
+    """Accelerations of the centres of mass, not of the origins."""
     a = answer.a_WB_W.copy()
     for n, state in enumerate(states):
         R = rotation_from_quaternion(state.quat_WB)

@@ -1,6 +1,6 @@
 """Engines that attack their worker, each at the question `instant` of the mechanism ``first`` only.
 
-They need no solver, so that they start at once: every answer is zero.
+Every regular answer is zero: without a solver the engines start at once.
 """
 
 import ctypes
@@ -27,7 +27,7 @@ from consilience.engine.worker import wire
 
 
 class ZeroEngine:
-    """Answers in the right form, and remembers every mechanism it has been asked about."""
+    """Answers zeros in the right form, and keeps every mechanism that was asked about."""
 
     def __init__(self):
         self.seen = []
@@ -72,7 +72,7 @@ class WildEngine(ZeroEngine):
 
 
 def _wire():
-    """The socket of the protocol, which the worker has tried to put out of reach."""
+    """The socket of the protocol, found although the worker hides it from engines."""
     for number in sorted(int(name) for name in os.listdir("/proc/self/fd")):
         try:
             return socket.socket(fileno=os.dup(number))
@@ -112,7 +112,7 @@ def _leave_a_child(away):
 
 
 def _leave_a_grandchild():
-    """Its own session, its parent gone: a daemon."""
+    """Start a daemon: a process with a session of its own whose parent has ended."""
     child = os.fork()
     if child == 0:
         os.setsid()
@@ -138,7 +138,7 @@ def _both(first, second):
 
 
 def _loop():
-    while True:  # and nothing grows: it is the time that runs out
+    while True:  # memory does not grow: only the time limit ends this loop
         pass
 
 
@@ -172,7 +172,7 @@ starts_a_crash = _crash
 
 
 class Nester(ZeroEngine):
-    """An answer that contains itself."""
+    """Returns an answer that contains itself."""
 
     def instant(self, mechanism, states, method):
         if mechanism.name != "first":
@@ -186,7 +186,7 @@ nests = Nester
 
 
 class Scribbler(ZeroEngine):
-    """Writes into the mechanism it has been lent."""
+    """Writes into the mechanism that the worker lends to it."""
 
     def instant(self, mechanism, states, method):
         mechanism.bodies[0].com[0] = 7.0
@@ -194,7 +194,7 @@ class Scribbler(ZeroEngine):
 
 
 class Stuck(ZeroEngine):
-    """Says that it is stuck, in a file, and is."""
+    """Writes a file as a sign that it was called, then blocks for ever."""
 
     def unsupported(self, mechanism, question):
         Path(os.environ["CONSILIENCE_TEST_STUCK"]).write_text("stuck")

@@ -3,7 +3,8 @@
 Angles beta, theta, gamma, phi, delta, Omega, epsilon, ``e(a) = (cos a, sin a)``, ``n(a) = (sin a, -cos a)``:
 F = rr e(beta), E = F - d e(beta + theta) = B + ss n(gamma) = A + zt e(delta) + e n(phi + delta)
 = A + u n(epsilon) + zf e(Omega + epsilon), G = A + zt e(delta), H = A + u n(epsilon).
-Motion stays in the plane: moments of inertia out of it do not matter, and are those in the plane.
+
+Moments of inertia about axes in the plane have no effect on a planar motion; they are set to the one about the normal.
 """
 
 import numpy as np
@@ -38,7 +39,7 @@ PINS = {
 
 
 def points(q):
-    """Centres of mass "1" to "7", pins and the end D of the spring, as plane vectors."""
+    """Centres of mass "1" to "7", pins, and the end D of the spring, as vectors in the plane."""
     beta, theta, gamma, phi, delta, Omega, epsilon = q
 
     def e(a):
@@ -65,7 +66,7 @@ def points(q):
 
 
 def squeezer():
-    """The mechanism drawn at its start."""
+    """The mechanism, drawn in its initial pose."""
     at = {name: np.append(p, 0.0) for name, p in points(START).items()}
     bodies = [body(str(i + 1), MASSES[i], at[str(i + 1)], 3 * [MOMENTS[i]]) for i in range(7)]
     joints = [(name, "revolute", *pair, at[name], Z) for name, pair in PINS.items()]
@@ -74,7 +75,7 @@ def squeezer():
     return mechanism("squeezer", np.zeros(3), bodies, joints, springs=(spring,), loads=(motor,))
 
 
-# the seven angles and their rates are combinations of the turns of bodies 1, 2, 3, 4, 5, 6, 7
+# the seven angles and their rates are linear combinations of the rotation angles of bodies 1 to 7
 COMBINE = np.array(
     [
         [1, 0, 0, 0, 0, 0, 0],
@@ -89,6 +90,6 @@ COMBINE = np.array(
 
 
 def angles(motion):
-    """The seven angles, modulo a turn, and their rates, each shape (n_t, 7)."""
+    """The seven angles, modulo a full turn, and their rates, each shape (n_t, 7)."""
     turns = np.array([np.arctan2(motion.turn(str(i))[:, 1, 0], motion.turn(str(i))[:, 0, 0]) for i in range(1, 8)])
     return np.array(START) + turns.T @ COMBINE.T, motion.w[:, :, 2] @ COMBINE.T

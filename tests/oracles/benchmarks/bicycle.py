@@ -50,7 +50,7 @@ ROLLINGS = (
 
 
 def bicycle(lean_torque=0.0, steer_torque=0.0):
-    """The mechanism; a constant torque about x on the rear frame, and one about the steer axis between the frames."""
+    """The mechanism; constant torques act on the rear frame about x, and between the frames about the steer axis."""
     plain = mechanism("bicycle", G * Z, BODIES, JOINTS, rollings=ROLLINGS)
     return replace(
         plain,
@@ -64,7 +64,7 @@ def _about(axis, angle):
 
 
 def _pose(lean, steer, pitch):
-    """Rotations of both frames, and centres of both wheels from the rear one."""
+    """Rotations of both frames, and the vector between the wheel centres, rear to front."""
     B = _about(X, lean) @ _about(Y, pitch)
     H = B @ _about(STEER_AXIS, steer)
     hub = BODIES[3].drawing.p
@@ -72,12 +72,12 @@ def _pose(lean, steer, pitch):
 
 
 def _above(axis, radius):
-    """Height of the centre of a wheel on the ground."""
+    """Height of the centre of a wheel above the ground; the wheel touches the ground."""
     return radius * np.sqrt(1 - axis[2] ** 2)
 
 
 def _pitch(lean, steer):
-    """Pitch at which both wheels stand on the ground."""
+    """Pitch angle at which both wheels touch the ground."""
 
     def gap(pitch):
         B, H, reach = _pose(lean, steer, pitch)
@@ -87,7 +87,7 @@ def _pitch(lean, steer):
 
 
 def state(plain, speed, lean=0.0, steer=0.0, lean_rate=0.0, steer_rate=0.0):
-    """Heading along x, the rear wheel spinning at speed / radius in the frame."""
+    """State heading along x; the rear wheel spins at speed / radius relative to its frame."""
     B, H, reach = _pose(lean, steer, _pitch(lean, steer))
     rear = -_above(B @ Y, REAR) * Z
     steered = rear + B @ (STEER_POINT + REAR * Z)
@@ -102,7 +102,7 @@ def state(plain, speed, lean=0.0, steer=0.0, lean_rate=0.0, steer_rate=0.0):
 
 
 def _rates(placed):
-    """Rows that give lean rate (heading along x), steer rate and spin of the rear wheel in its frame."""
+    """Rows that map velocities to lean rate (heading along x), steer rate and spin of the rear wheel in its frame."""
     B = rotation_from_quaternion(placed.quat_WB[0])
     rows = np.zeros((3, 4, 6))
     rows[0, 0, 3:] = X
@@ -135,9 +135,10 @@ def lean_and_steer_accelerations(plain, states):
 
 
 def response(speed):
-    """Linear parts of phi'' and delta'', upright and straight: in torques (2, 2), angles (2, 2), their rates (2, 2).
+    """Linear parts of phi'' and delta'', upright and straight: in torques, angles and their rates, each shape (2, 2).
 
-    In torques they are linear. In the others they are odd by symmetry; differences at four steps leave the ninth order.
+    phi'' and delta'' are linear in the torques, and odd in angles and rates by symmetry. Central differences at four
+    step sizes leave an error of ninth order.
     """
     plain, columns = bicycle(), []
     upright = state(plain, speed)

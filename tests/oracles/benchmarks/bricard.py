@@ -1,6 +1,7 @@
 """Bricard's mechanism: problem A04 of the IFToMM library. Six revolutes, thirty joint equations of rank 29.
 
-Five rods of 1 m and 1 kg, square section 0.1 m, between the points below; the axes at the points are Y Z X Y Z X.
+Five rods of 1 m and 1 kg, square section 0.1 m, between the points below; the joint axes at the points are
+Y, Z, X, Y, Z, X.
 """
 
 import numpy as np
@@ -22,7 +23,7 @@ def bricard():
 
 
 def _chain(angles):
-    """Points (6, 3) and rotations (7, 3, 3) of the chain, each joint turned by its angle out of the drawing."""
+    """Points (6, 3) and rotations (7, 3, 3) of the chain; each joint angle counts from the drawing."""
     p, R, points, rotations = np.zeros(3), np.eye(3), [np.zeros(3)], [np.eye(3)]
     for i, a in enumerate(angles):
         R = R @ elementary_rotation(AXES[i], a)
@@ -34,7 +35,7 @@ def _chain(angles):
 
 
 def _close(crank, angles):
-    """Angles of all joints at a crank angle, by Newton's method from a guess."""
+    """Angles of all joints at a crank angle, by Newton's method from an initial guess."""
     angles = np.concatenate([[crank], angles[1:]])
     for _ in range(8):
         p, R = _chain(angles)
@@ -49,7 +50,7 @@ def _close(crank, angles):
 
 
 def reduced():
-    """The mechanism in its crank angle, from -0.02 to pi + 0.02, about +y out of the drawing."""
+    """The mechanism reduced to its crank angle: from -0.02 to pi + 0.02, about +y from the drawing."""
     state = {"angles": np.zeros(6)}
 
     def sample(crank):
@@ -58,7 +59,7 @@ def reduced():
             state["angles"] = _close(step, state["angles"])
         p, R = _chain(state["angles"])
         along = [np.argmax(np.abs(POINTS[i + 1] - POINTS[i])) for i in range(5)]
-        # axes of each rod: its own direction first
+        # axes of each rod, its longitudinal axis first
         turned = np.array([np.roll(R[i + 1], -along[i], axis=1) for i in range(5)])
         return (p[1:] + p[:-1]) / 2, turned
 

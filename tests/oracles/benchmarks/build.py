@@ -1,4 +1,4 @@
-"""Mechanisms drawn in the world, and the same mechanism in disguise: other axes, other origins, the same motion."""
+"""Mechanisms drawn in the world, and disguises: the same mechanism with other axes and origins."""
 
 from dataclasses import dataclass, replace
 
@@ -24,7 +24,7 @@ X, Y, Z = np.eye(3)
 
 
 def body(name, mass, com, inertia, at=None, R=None):
-    """Body of centre of mass `com` in the world of the drawing.
+    """Body whose centre of mass `com` is given in the world of the drawing.
 
     Parameters
     ----------
@@ -42,10 +42,10 @@ def body(name, mass, com, inertia, at=None, R=None):
 
 
 def thin_rod(name, mass, ends, moment, thickness=0.0, lateral=None):
-    """Rod between two points, its transverse moment about the centre of mass and, along its axis, `thickness`.
+    """Rod between two points; `moment` is its transverse moment about the centre of mass, `thickness` the axial moment.
 
-    The body's x axis runs along the rod. A planar problem leaves the axial moment open: it has no effect there and
-    is set to the transverse one, unless given.
+    The body's x axis runs along the rod. In a planar problem the axial moment has no effect; unless given, it is set to
+    the transverse moment.
     """
     ends = np.asarray(ends, dtype=float)
     along = ends[1] - ends[0]
@@ -69,7 +69,7 @@ def damper(joint, damping, stiffness=0.0, rest=0.0, coordinate="angle"):
 
 
 def started(mechanism, rates=None, coordinates=None, velocities=None):
-    """Consistent state out of the drawing; scalars hold the one coordinate of a joint."""
+    """Consistent state near the drawing; a scalar is the value of a joint with one coordinate."""
 
     def named(values):
         names = {"revolute": "angle", "prismatic": "distance"}
@@ -82,7 +82,7 @@ def started(mechanism, rates=None, coordinates=None, velocities=None):
 
 
 def placed(mechanism, velocities):
-    """State of the drawing with given velocities of origin and angular velocities, not projected."""
+    """State in the pose of the drawing with the given velocities of origins and angular velocities, not projected."""
     frames = [b.drawing for b in mechanism.bodies]
     v, w = (np.array([velocities[b.name][k] for b in mechanism.bodies], dtype=float) for k in (0, 1))
     return State(np.array([f.p for f in frames]), quaternion_from_rotation([f.R for f in frames]), v, w)
@@ -90,7 +90,7 @@ def placed(mechanism, velocities):
 
 @dataclass(frozen=True)
 class Motion:
-    """Poses and velocities of all bodies at the asked times: p, v, w (n_t, n_b, 3) and R (n_t, n_b, 3, 3)."""
+    """Poses and velocities of all bodies at the sample times: p, v, w (n_t, n_b, 3) and R (n_t, n_b, 3, 3)."""
 
     mechanism: Mechanism
     p: np.ndarray
@@ -99,7 +99,7 @@ class Motion:
     w: np.ndarray
 
     def point(self, name, drawn):
-        """World positions (n_t, 3) of the point of a body that is at `drawn` in the drawing."""
+        """World positions (n_t, 3) of the point of a body that is drawn at the world position `drawn`."""
         i = self.mechanism.body_index[name]
         drawing = self.mechanism.bodies[i].drawing
         return self.p[:, i] + self.R[:, i] @ (drawing.R.T @ (np.asarray(drawn, dtype=float) - drawing.p))
@@ -109,7 +109,7 @@ class Motion:
         return self.v[:, i] + np.cross(self.w[:, i], self.point(name, drawn) - self.p[:, i])
 
     def turn(self, name):
-        """Rotations (n_t, 3, 3) out of the drawing, in world axes."""
+        """Rotations (n_t, 3, 3) of a body relative to the drawing, in world axes."""
         i = self.mechanism.body_index[name]
         return self.R[:, i] @ self.mechanism.bodies[i].drawing.R.T
 
@@ -121,7 +121,7 @@ class Motion:
 
 
 def run(mechanism, state, times, tolerance=1e-13, formulation="descriptor"):
-    """Motion by the reference solver; the state holds at time zero, which need not be among the times."""
+    """Motion by the reference solver from a state at time zero; the times need not include zero."""
     times = np.asarray(times, dtype=float)
     first = int(times[0] > 0)
     answer = simulate(mechanism, state, np.concatenate([np.zeros(first), times]), tolerance, formulation)
@@ -131,7 +131,7 @@ def run(mechanism, state, times, tolerance=1e-13, formulation="descriptor"):
 
 
 class Disguise:
-    """A mechanism in a turned and shifted world, with other body frames and joint frames turned about their axes."""
+    """The same mechanism in a turned and shifted world, with other body frames and with turned joint frames."""
 
     def __init__(self, mechanism, seed):
         rng = np.random.default_rng(seed)
@@ -181,7 +181,7 @@ class Disguise:
 
     @staticmethod
     def _rolls(joint, rng):
-        """Rotations of F and M in themselves that leave the joint, and the angle of a one-axis joint, as they are."""
+        """Rotations of the frames F and M that leave the joint, and the angle of a one-axis joint, unchanged."""
         a, b = rng.uniform(-2, 2, size=2)
         about_z = np.array([[np.cos(a), -np.sin(a), 0], [np.sin(a), np.cos(a), 0], [0, 0, 1.0]])
         if joint.kind == "universal":
@@ -206,7 +206,7 @@ class Disguise:
         return Frame(self._point(name, frame.p), axes @ frame.R @ roll)
 
     def state(self, state):
-        """The same state of the disguised mechanism."""
+        """The same state for the disguised mechanism."""
         new = [self.frames[b.name] for b in self.plain.bodies]
         R = rotation_from_quaternion(state.quat_WB)
         arms = np.array([R_i @ f.p for R_i, f in zip(R, new, strict=True)])
@@ -220,7 +220,7 @@ class Disguise:
         )
 
     def undo(self, motion):
-        """Motion of the plain mechanism from that of the disguised one."""
+        """Motion of the original mechanism from the motion of the disguised one."""
         new_p = np.array([self.frames[b.name].p for b in self.plain.bodies])
         new_R = np.array([self.frames[b.name].R for b in self.plain.bodies])
         R = self.world.R.T @ motion.R @ np.swapaxes(new_R, 1, 2)
@@ -235,6 +235,6 @@ def _even(tensor):
 
 
 def run_disguised(mechanism, state, times, seed, tolerance=1e-13, formulation="descriptor"):
-    """As `run`, by way of the disguised mechanism."""
+    """As `run`, but simulates the disguised mechanism."""
     disguise = Disguise(mechanism, seed)
     return disguise.undo(run(disguise.mechanism, disguise.state(state), times, tolerance, formulation))

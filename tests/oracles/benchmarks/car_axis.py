@@ -1,8 +1,8 @@
 """Car axis: the rheonomic problem of the test set for initial value problems [Mazzia & Iavernaro 2003].
 
-The right wheel follows a wavy road, ``yb = r sin(w t)``, at the distance L from the left one in the origin. Two point
-masses hang on unit springs to the wheels; a rod of length L joins them, and the left one stays on the line through the
-origin across the wheels' axle:
+The left wheel stays in the origin; the right wheel, at the distance L from it, follows a wavy road,
+``yb = r sin(w t)``. Two point masses hang on springs of unit stiffness at the wheels. A rod of length L joins the
+masses, and the left mass stays on the line through the origin perpendicular to the axle:
 
     k l'' = f(l) + lam1 b + 2 lam2 (l - r) - k g y,     k r'' = f(r - b) - 2 lam2 (l - r) - k g y,
     l . b = 0,     |l - r| = L,     f(d) = (l0 - |d|) d / |d|.
@@ -23,7 +23,7 @@ UPRIGHT = np.column_stack([Z, X, Y])
 
 
 def _axle_by_carriage():
-    """A carriage driven up and down carries the far end of the axle, which slides on it: yb is exact."""
+    """Drive of the axle by a carriage that moves up and down and on which the axle's end slides; yb is exact."""
     carriage = body("carriage", 0.7, (1.3, -0.2, 0.1), (0.2, 0.3, 0.25))
     joints = [
         ("lift", "prismatic", GROUND, "carriage", X, UPRIGHT),
@@ -33,7 +33,7 @@ def _axle_by_carriage():
 
 
 def _axle_by_angle(order=15):
-    """The axle's angle, arcsin(r / L sin(w t)), driven by its Fourier series, whose terms fall like (r / 2 L)^n."""
+    """Drive of the axle's angle by the Fourier series of arcsin(r / L sin(w t)); its terms fall like (r / 2 L)^n."""
     x = 2 * np.pi * (np.arange(64) + 0.5) / 64
     angle = np.arcsin(AMPLITUDE / LENGTH * np.sin(x))
     odd = np.arange(1, order + 1, 2)
@@ -45,9 +45,9 @@ MAKES = {"carriage": _axle_by_carriage, "angle": _axle_by_angle}
 
 
 def car_axis(how):
-    """The mechanism with its axle driven one of two ways, and its state at the start.
+    """The mechanism, its axle driven in one of the two ways above, and its initial state.
 
-    The axle's motion is prescribed, so that its mass does not matter, nor does the inertia of the points.
+    The motion of the axle is prescribed: its mass has no effect, nor has the inertia of the point masses.
     """
     axle = body("axle", 0.4, (0.3, 0.1, -0.2), (0.05, 0.04, 0.06), at=0 * X)
     points = [body(name, MASS, at, 3 * (1e-5,)) for name, at in (("left", FREE * Y), ("right", LENGTH * X + FREE * Y))]

@@ -42,9 +42,10 @@ def pendulum(case, **forces):
 
 
 def pendulum_motion(case, times):
-    """Centres of mass (n_t, 3) and angular velocities (n_t, 3): a fall along the axis, a pendulum about it.
+    """Centres of mass (n_t, 3) and angular velocities (n_t, 3): free fall along the axis, a pendulum about the axis.
 
-    A ball joint is a pendulum about the horizontal line square to the rod: what starts in a plane at rest stays there.
+    A ball joint acts as a revolute joint about the horizontal line perpendicular to the rod: released at rest, the rod
+    stays in its vertical plane.
     """
     kind, at, R = PLACES[case]
     gravity, t = -G * Z, np.asarray(times)[:, None]
@@ -57,7 +58,7 @@ def pendulum_motion(case, times):
     if kind == "prismatic" or size < 1e-12:
         return at + fall + 2 * across, np.zeros((len(t), 3))
     down = pull / size
-    # from level, the angle from `down` falls from a quarter turn; it is about `sense` that it grows
+    # the rod starts level: the angle from `down` starts at pi / 2 and decreases
     moment = 4 + 0.1
     angle, rate = Pendulum(np.sqrt(2 * size / moment), np.pi / 2, 0.0).solve(times)
     r = 2 * (np.sin(angle)[:, None] * across + np.cos(angle)[:, None] * down)
@@ -65,15 +66,15 @@ def pendulum_motion(case, times):
 
 
 def universal(case):
-    """A rod that hangs 2 m along -z of the cross; one axis x of R on the ground, the other y of R on the rod."""
+    """A rod that hangs 2 m along -z of the cross; joint axes: x of R on the ground, y of R on the rod."""
     R = UNIVERSALS[case]
-    frame = np.column_stack([R[:, 1], R[:, 2], R[:, 0]])  # z of the joint frame on the ground, x on the rod
+    frame = np.column_stack([R[:, 1], R[:, 2], R[:, 0]])  # z of the joint frame is fixed to the ground, x to the rod
     rod = body("rod", 1, -2 * R[:, 2], (0.1, 0.1, 0.04), R=R)
     return mechanism(case, -G * Z, [rod], [("joint", "universal", GROUND, "rod", HERE, frame)])
 
 
 def universal_motion(case, times):
-    """Centres of mass and angular velocities from Lagrange's equations in the angles a, b: ``R Rx(a) Ry(b)``.
+    """Centres of mass and angular velocities by Lagrange's equations in the angles a, b of ``R Rx(a) Ry(b)``.
 
     ``T = A (a'^2 cos^2 b + b'^2) / 2 + C a'^2 sin^2 b / 2``; the centre of mass is at -2 m along the rod's z axis.
     """
@@ -84,7 +85,7 @@ def universal_motion(case, times):
     def rhs(y):
         a, b, a_dot, b_dot = y
         ca, sa, cb, sb = np.cos(a), np.sin(a), np.cos(b), np.sin(b)
-        # potential 2 (gx sin b - gy sin a cos b + gz cos a cos b)
+        # V = 2 (gx sin b - gy sin a cos b + gz cos a cos b)
         V_a = 2 * (-gy * ca * cb - gz * sa * cb)
         V_b = 2 * (gx * cb + gy * sa * sb - gz * ca * sb)
         inertia = A * cb * cb + C * sb * sb
@@ -98,12 +99,12 @@ def universal_motion(case, times):
 
 
 def torsion():
-    """Revolute_01 with a torsion spring of 200 N m/rad and 10 N m s/rad."""
+    """Mechanism of test Revolute_01 with a torsion spring of 200 N m/rad and 10 N m s/rad."""
     return pendulum("Revolute_01", joint_springs=(JointSpring("k", "joint", "angle", 200.0, 10.0, 0.0),))
 
 
 def torsion_motion(times):
-    """Angle downward from level and its rate, shape (n_t, 2)."""
+    """Angle below the horizontal and its rate, shape (n_t, 2)."""
 
     def rhs(y):
         return np.array([y[1], (2 * G * np.cos(y[0]) - 200 * y[0] - 10 * y[1]) / 4.1])
@@ -112,14 +113,14 @@ def torsion_motion(times):
 
 
 def held_by_spring(start, stiffness, damping, length):
-    """A free rod with a spring from the origin to its centre of mass, which starts at `start`."""
+    """A free rod with a spring from the origin to its centre of mass; the centre of mass starts at `start`."""
     spring = Spring("k", GROUND, "rod", HERE, HERE, stiffness, damping, length)
     joints = [("f", "free", GROUND, "rod", HERE, np.eye(3))]
     return mechanism("spring", -G * Z, [body("rod", 1, start, ROD)], joints, springs=(spring,))
 
 
 def distance(com, R):
-    """A rod held by a massless rod from the origin to its point at (0, 2, 0)."""
+    """A rod, and a massless rod (constant distance) from the origin to the point of the rod drawn at (0, 2, 0)."""
     at = np.column_stack([X, -Z, Y])
     return mechanism(
         "distance", -G * Z, [body("rod", 1, com, ROD, R=R)], [("link", "rod", GROUND, "rod", HERE, at, 2 * Y)]

@@ -1,4 +1,4 @@
-"""Differences of what was found from what was published."""
+"""Differences between computed and published values."""
 
 import numpy as np
 
@@ -14,15 +14,15 @@ def table(rows):
 
 
 def far(found, expected):
-    """Largest difference, of the largest expected magnitude or of one."""
+    """Largest difference, relative to the largest expected magnitude or to 1, whichever is larger."""
     return np.max(np.abs(np.asarray(found) - expected)) / max(1.0, np.max(np.abs(expected)))
 
 
 def turned(found, expected):
-    """Difference of angles modulo a turn."""
+    """Difference of angles modulo a full turn."""
     return (np.asarray(found) - expected + np.pi) % (2 * np.pi) - np.pi
 
 
 def apart(R, quats):
-    """Largest angle between rotations and quaternions."""
+    """Largest rotation angle between rotation matrices and quaternions."""
     return np.max(rotation_angle_between(quaternion_from_rotation(R), quats))

@@ -1,7 +1,7 @@
 """Stiff flyball governor: problem A05 of the IFToMM library.
 
-By symmetry three coordinates: slider height s, angle beta of both rods below the horizontal, and the shaft's turn,
-whose momentum ``Iz(beta) omega`` is constant. With l the length of the springs and ``f = k (l - l0) + c l'``:
+By symmetry three coordinates: slider height s, angle beta of both rods below the horizontal, and angle of the shaft,
+whose angular momentum ``Iz(beta) omega`` is constant. With l the length of the springs and ``f = k (l - l0) + c l'``:
 ``ms s'' = -ms g - 2 f l_s``, ``2 Ih beta'' = Iz_beta omega^2 / 2 + 2 g cos(beta) (mr / 2 + mt) - 2 f l_beta``.
 """
 
@@ -22,7 +22,7 @@ START = (0.5, 0.0, np.pi / 6, 0.0, 2 * np.pi)
 
 
 def _rod(name, side):
-    """A rod with the point mass at its tip, as one body, and its midpoint."""
+    """A rod and the point mass at its tip as one body, and the midpoint of the rod."""
     e = np.array([side * np.cos(np.pi / 6), 0.0, -np.sin(np.pi / 6)])
     hinge = np.array([side * 0.05, 0.0, 1.0])
     com = hinge + (ROD * 0.5 + TIP) / (ROD + TIP) * e
@@ -32,7 +32,7 @@ def _rod(name, side):
 
 
 def governor():
-    """The mechanism and its state at the start."""
+    """The mechanism and its initial state."""
     shaft = body("shaft", SHAFT, 0.5 * Z, (ACROSS, ACROSS, ALONG))
     slider = body("slider", SLIDER, 0.5 * Z, 3 * (CUBE,))
     bodies, springs = [shaft, slider], []
@@ -55,7 +55,7 @@ def solve(times):
     Ih = ACROSS + ROD * 0.25 + TIP
 
     def Iz(c, s):
-        """With the cosine and sine of beta; and its slope in beta."""
+        """Moment of inertia about the shaft from cosine and sine of beta, and its derivative with respect to beta."""
         each = ROD * (0.05 + 0.5 * c) ** 2 + ACROSS * c * c + ALONG * s * s + TIP * (0.05 + c) ** 2
         value = ALONG + CUBE + 2 * each
         slope = -2 * s * (ROD * (0.05 + 0.5 * c) + 2 * (ACROSS - ALONG) * c + 2 * TIP * (0.05 + c))

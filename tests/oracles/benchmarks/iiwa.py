@@ -1,4 +1,4 @@
-"""Arm of seven joints: the KUKA LBR iiwa as in a benchmark of Drake, and its dynamics by Newton and Euler's laws."""
+"""Seven-axis arm: the KUKA LBR iiwa of a benchmark of Drake, and its inverse dynamics by Newton and Euler's laws."""
 
 import numpy as np
 
@@ -28,7 +28,7 @@ INERTIAS = np.array(
         (0.001, 0.001, 0.001),
     ]
 )
-# quarter turns about x, y, z of the parent (roll, pitch, yaw) and the origin in the parent
+# rotation in the parent in quarter turns about x, y, z (roll, pitch, yaw), and origin in the parent
 JOINTS = (
     ((0, 0, 0), (0, 0, 0.1575)),
     ((1, 0, 2), (0, 0, 0.2025)),
@@ -58,7 +58,7 @@ def arm(gravity):
 
 
 def torques(q, v, a, gravity):
-    """Torques about the joint axes, all vectors in the world: motions outward, then moments inward."""
+    """Torques about the joint axes: an outward pass for motions, an inward pass for moments, all in world axes."""
     p, R, w, alpha, acceleration = np.zeros(3), np.eye(3), np.zeros(3), np.zeros(3), gravity * Z
     axes, origins, forces, moments, centres = [], [], [], [], []
     for n, joint in enumerate(JOINTS):

@@ -1,4 +1,7 @@
-"""Planar pendulums and four-bars of other projects' tests. Moments of inertia out of the plane do not matter."""
+"""Planar pendulums and four-bars from the tests of other projects.
+
+Moments of inertia about axes in the plane have no effect.
+"""
 
 import numpy as np
 
@@ -8,14 +11,14 @@ from oracles.integrate import integrate
 
 
 def double_pendulum():
-    """Two links of m = l = J = 1, centres of mass in the middle, drawn along x; g = 10. Project Chrono."""
+    """Two links with m = l = J = 1, centres of mass in the middle, drawn along x; g = 10. From Project Chrono."""
     bodies = [body("one", 1, X / 2, (1, 1, 1), at=0 * X), body("two", 1, 1.5 * X, (1, 1, 1), at=X)]
     joints = [("top", "revolute", GROUND, "one", 0 * X, Z), ("mid", "revolute", "one", "two", X, Z)]
     return mechanism("double_pendulum", -10 * Y, bodies, joints)
 
 
 def slider_pendulum():
-    """A 1 kg slider on a spring of 10 N/m, along x, with one such link on it, drawn along x. Project Chrono."""
+    """A 1 kg slider along x, on a spring of 10 N/m, with a link of `double_pendulum` along x. Project Chrono."""
     bodies = [body("slider", 1, 0 * X, (1, 1, 1)), body("link", 1, X / 2, (1, 1, 1), at=0 * X)]
     joints = [("slide", "prismatic", GROUND, "slider", 0 * X, X), ("pin", "revolute", "slider", "link", 0 * X, Z)]
     spring = damper("slide", 0.0, stiffness=10.0, coordinate="distance")
@@ -23,7 +26,7 @@ def slider_pendulum():
 
 
 def slider_pendulum_solve(times):
-    """x, angle from x, and their rates, shape (n_t, 4), released at rest from zero."""
+    """Slider position, link angle from x, and their rates, shape (n_t, 4); released at rest with both zero."""
 
     def rhs(y):
         x, phi, _, rate = y
@@ -59,7 +62,7 @@ def acrobot_solve(start, times):
 
 
 def _loop(name, gravity, axis, corners, masses, moments):
-    """Four-bar of uniform rods through the corners crank pivot, crank pin, rocker pin, rocker pivot."""
+    """Four-bar of uniform rods; corners: crank pivot, crank pin, rocker pin, rocker pivot."""
     names = ("crank", "coupler", "rocker")
     ends = ((corners[0], corners[1]), (corners[1], corners[2]), (corners[3], corners[2]))
     bodies = [thin_rod(*row) for row in zip(names, masses, ends, moments, strict=True)]
@@ -83,5 +86,5 @@ def drake_four_bar():
     A = np.arctan(np.sqrt(15.0))
     P, D = 4 * (np.cos(A) * X - np.sin(A) * Z), -2 * X
     Q = D + 4 * (-np.cos(A) * X - np.sin(A) * Z)
-    moment = 29.0 + 7 / 15  # 29.4666667 in print
+    moment = 29.0 + 7 / 15  # printed rounded, as 29.4666667
     return _loop("drake_four_bar", -9.81 * Z, Y, (0 * X, P, Q, D), 3 * (20.0,), 3 * (moment,))

@@ -1,4 +1,4 @@
-"""A mechanism of one degree of freedom from its poses alone: ``J q'' + J_q q'^2 / 2 + V_q = 0``.
+"""Mechanisms of one degree of freedom from their poses alone: ``J q'' + J_q q'^2 / 2 + V_q = 0``.
 
 Poses are sampled at Chebyshev points of the coordinate and differentiated as polynomials, so that neither velocities
 nor constraint equations are needed: ``J = sum m c_q . c_q + w . I w``, w the vector of ``R^T R_q``, and
@@ -13,17 +13,19 @@ from oracles.integrate import integrate
 
 
 class Reduced:
-    """
+    """Equation of motion in one coordinate, from sampled poses.
+
     Parameters
     ----------
     sample : callable
-        ``sample(q)`` gives centres of mass (n_b, 3) and rotations (n_b, 3, 3), with q running up the interval.
+        ``sample(q)`` gives centres of mass (n_b, 3) and rotations (n_b, 3, 3); q is the coordinate.
     masses : array_like, shape (n_b,)
     inertias : array_like, shape (n_b, 3)
         Principal moments in the axes of the rotations.
     interval : tuple of float
+        Range of the coordinate.
     degree : int
-        Of the polynomials; chosen so that their last coefficients are rounding.
+        Of the polynomials; their last coefficients must be at rounding level.
     """
 
     def __init__(self, sample, masses, inertias, gravity, interval, degree):

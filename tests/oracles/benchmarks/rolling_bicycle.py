@@ -1,7 +1,7 @@
-"""Whipple bicycle: Lagrange's equations in nine coordinates with Voss's and Hamel's multipliers, by CasADi.
+"""Whipple bicycle: Lagrange's equations with multipliers (Voss, Hamel) in nine coordinates, derived by CasADi.
 
-Coordinates: centre of the rear wheel x, y, z; yaw, lean, pitch of the rear frame, ``Rz Rx Ry``; steer; turns of both
-wheels. The material point of each wheel that is lowest stands still, three rows a wheel, ``A q' = 0``:
+Coordinates: centre of the rear wheel x, y, z; yaw, lean, pitch of the rear frame, ``Rz Rx Ry``; steer; rotation angles
+of both wheels. The lowest material point of each wheel has zero velocity, three rows per wheel, ``A q' = 0``:
 
     d/dt T_v - T_q + V_q = A^T lam,        A q'' = -A' q'
 """
@@ -59,7 +59,7 @@ class Equations:
         self.read = ca.Function("read", [q, v], [poses, rate(poses), B])
 
     def start(self, speed, lean_rate):
-        """Upright and straight ahead: every rate that is not zero, from the rows."""
+        """Coordinates and rates of the upright bicycle, straight ahead; rates from the rolling constraints."""
         q, v = np.zeros(9), np.zeros(9)
         q[2] = -bicycle.REAR
         v[4], v[7] = lean_rate, -speed / bicycle.REAR

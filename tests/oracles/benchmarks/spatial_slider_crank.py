@@ -1,7 +1,8 @@
 """Spatial slider-crank: IFToMM library [Haug 1989, section 12.2].
 
-Crank 0.08 m about x at A, rod 0.3 m, slider on the x axis; a ball at B, a universal joint at C with one axis along x
-in the slider and the other square to the rod. The printed inertias are read as 4e-4 about the rod's own axis.
+Crank 0.08 m about x at A, rod 0.3 m, slider on the x axis. A ball joint at B; a universal joint at C with one axis
+along x in the slider and the other perpendicular to the rod. The printed inertia of 4e-4 is taken about the rod's own
+axis.
 """
 
 import numpy as np
@@ -23,13 +24,13 @@ def poses(theta):
     C = np.sqrt(0.3**2 - B @ B) * X
     along = (C - B) / 0.3
     square = np.cross(X, along)
-    across = square / np.sqrt(square @ square)  # not the norm, which would take the magnitude of a complex number
+    across = square / np.sqrt(square @ square)  # no np.linalg.norm: it takes magnitudes of complex numbers
     rod = np.column_stack([along, across, np.cross(along, across)])
     return np.array([(A + B) / 2, (B + C) / 2, C]), np.array([crank, rod, np.eye(3)])
 
 
 def slider_crank():
-    """The mechanism and its state at the start, the crank upright and turning at 6 rad/s."""
+    """The mechanism and its initial state: the crank upright and turning at 6 rad/s."""
     (crank, rod, slider), R = poses(0.0)
     B, C = A + 0.08 * Z, slider
     rows = zip(("crank", "rod", "slider"), MASSES, (crank, rod, slider), INERTIAS, R, strict=True)
@@ -46,10 +47,10 @@ def slider_crank():
 
 
 def solve(times):
-    """Crank angle over full turns and its rate, shape (n_t, 2), from the energy: ``theta' = sqrt(2 (E - V) / J)``.
+    """Crank angle with full turns counted, and its rate, shape (n_t, 2), from energy: ``theta' = sqrt(2 (E - V) / J)``.
 
-    The crank never stops, so that ``dt / d theta`` is a periodic function, whose Fourier series is integrated term by
-    term. Derivatives of the poses by theta are complex steps, exact to rounding.
+    The crank never stops, so that ``dt / d theta`` is a periodic function of theta; its Fourier series is integrated
+    term by term. Derivatives of the poses by theta are complex steps, exact to rounding.
     """
 
     def energies(theta):

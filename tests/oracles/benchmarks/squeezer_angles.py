@@ -1,4 +1,4 @@
-"""Andrews' squeezer in the seven angles of its publications, in the plane: Lagrange's equations with six multipliers.
+"""Andrews' squeezer in the seven angles of its publications: planar Lagrange equations with six multipliers.
 
 Angles and letters are those of `oracles.benchmarks.andrews`; derivatives are taken by CasADi.
 """
@@ -32,7 +32,7 @@ class Equations:
             H + 0.00579 * e(Omega + epsilon),
             ca.DM(A) + 0.01228 * n(epsilon) - 0.00449 * e(epsilon),
         )
-        turns = ca.DM(np.linalg.inv(COMBINE)) @ v  # rates of the bodies
+        turns = ca.DM(np.linalg.inv(COMBINE)) @ v  # angular velocities of the bodies
         T = 0
         for c, m, moment, turn in zip(centres, MASSES, MOMENTS, ca.vertsplit(turns), strict=True):
             T += m * ca.sumsqr(ca.jtimes(c, q, v)) / 2 + moment * turn**2 / 2
@@ -49,7 +49,7 @@ class Equations:
         self.closure = ca.Function("closure", [q], [closure, rows])
 
     def start(self, beta):
-        """The pose at an angle of the crank near that of the test set."""
+        """Consistent angles at a crank angle near that of the test set."""
         q = np.array([beta, *START[1:]])
         for _ in range(8):
             value, G = (np.array(x) for x in self.closure(q))
@@ -57,7 +57,7 @@ class Equations:
         return q
 
     def solve(self, beta, times):
-        """Angles and rates from rest, shape (n_t, 14)."""
+        """Angles and rates, released at rest, shape (n_t, 14)."""
 
         def rhs(_, y):
             M, f, G, gamma = (np.array(x) for x in self.terms(*np.split(y, 2)))

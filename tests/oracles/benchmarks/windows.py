@@ -1,8 +1,8 @@
 """N-four-bar mechanism: problem A02 of the IFToMM library [Bayo & Avello 1994].
 
-N windows of slender rods, 1 m and 1 kg, the N + 1 upright ones pinned to the ground at (i, 0). On the branch of the
-parallelograms all upright rods turn alike, and with theta from upright ``theta'' = c sin(theta)``,
-``c = g ((N + 1) / 2 + N) / ((N + 1) / 3 + N)``: a pendulum that hangs at theta = pi.
+N windows (four-bars side by side) of slender rods, 1 m and 1 kg; the N + 1 upright rods are pinned to the ground at
+(i, 0). While all windows are parallelograms, all upright rods have one angle theta from upright, with
+``theta'' = c sin(theta)``, ``c = g ((N + 1) / 2 + N) / ((N + 1) / 3 + N)``: a pendulum that hangs at theta = pi.
 """
 
 import numpy as np
@@ -13,7 +13,7 @@ from oracles.closed_forms.pendulum import Pendulum
 
 
 def windows(count):
-    """The mechanism upright, and its state with the upper end of the first rod moving at 1 m/s along x."""
+    """The mechanism, drawn upright, and its initial state: the upper end of the first rod moves at 1 m/s along x."""
     bodies, joints, velocities = [], [], {}
     for i in range(count + 1):
         bodies.append(thin_rod(f"up{i}", 1.0, (i * X, i * X + Y), 1 / 12))
@@ -29,7 +29,7 @@ def windows(count):
 
 
 def angle(count, times):
-    """theta, over full turns, and its rate."""
+    """theta, with full turns counted, and its rate."""
     c = 9.81 * ((count + 1) / 2 + count) / ((count + 1) / 3 + count)
     phi, rate = Pendulum(np.sqrt(c), -np.pi, 1.0).solve(times)
     return phi + np.pi, rate

@@ -1,4 +1,4 @@
-"""Slider-crank whose crank turns at a constant speed: kinematics in closed form.
+"""Slider-crank with a crank of constant speed: kinematics in closed form.
 
 Crank r, connecting rod l, slide along x at the offset e: with the crank angle theta = theta0 + w t
 
@@ -6,7 +6,7 @@ Crank r, connecting rod l, slide along x at the offset e: with the crank angle t
     s' = -r w (sin(theta) + h cos(theta) / u),
     s'' = -r w^2 (cos(theta) + (r cos(theta)^2 - h sin(theta)) / u + r h^2 cos(theta)^2 / u^3),
 
-beta the angle of the rod from x.
+beta is the angle of the rod from x.
 """
 
 from dataclasses import dataclass

@@ -1,9 +1,9 @@
 """Rigid body without torque: symmetric [Kane, Likins & Levinson 1983] and asymmetric [Landau & Lifshitz, section 37].
 
-Asymmetric, in principal axes of moments I1, I2, I3, either increasing or decreasing, so that ``L^2 - 2 T I2`` has the
-sign of ``I3 - I2``: ``w = (A1 cn, A2 sn, A3 dn)`` of ``p t + u0``. With the third axis as polar axis of Euler angles
-about the fixed momentum, the azimuth has the rate ``L (I1 w1^2 + I2 w2^2) / (I1^2 w1^2 + I2^2 w2^2)``: the integral is
-an elliptic one of the third kind.
+Asymmetric body: in principal axes with moments I1, I2, I3, either increasing or decreasing, so that ``L^2 - 2 T I2``
+has the sign of ``I3 - I2``, the angular velocity is ``w = (A1 cn, A2 sn, A3 dn)`` of ``p t + u0``. The third axis is
+the polar axis of Euler angles about the constant angular momentum; the azimuth has the rate
+``L (I1 w1^2 + I2 w2^2) / (I1^2 w1^2 + I2^2 w2^2)``, whose integral is an elliptic one of the third kind.
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ from oracles.rotating_end_pendulum import incomplete_third
 
 
 def symmetric(transverse, axial, w0, times):
-    """Quaternions (n_t, 4) relative to the start and angular velocities (n_t, 3), body axes, axis of symmetry z."""
+    """Quaternions (n_t, 4) relative to time zero and angular velocities (n_t, 3), body axes; z is the symmetry axis."""
     t = np.asarray(times, dtype=float)
     wx, wy, wz = w0
     s = (1 - axial / transverse) * wz
@@ -28,7 +28,7 @@ def symmetric(transverse, axial, w0, times):
 
 
 def _order(moments, w):
-    """Right-handed axes (columns) such that I1, I2, I3 are monotonic, the rotation is about the third and w3 > 0."""
+    """Right-handed principal axes (columns) with monotonic I1, I2, I3, rotation about the third axis, and w3 > 0."""
     momentum2, energy2 = np.sum((moments * w) ** 2), np.sum(moments * w**2)
     axes = np.eye(3)[:, np.argsort(moments)]
     if momentum2 < energy2 * np.sort(moments)[1]:
@@ -54,7 +54,7 @@ class Asymmetric:
         I1, I2, I3 = self.I = self.axes.T**2 @ moments
         w1, w2, _ = w = self.axes.T @ w
         self.L = float(np.sqrt(np.sum((self.I * w) ** 2)))
-        # squares of momenta and energies written without the difference that cancels
+        # 2 T I3 - L^2 and L^2 - 2 T I1, written as sums to avoid cancellation
         low = I2 * (I3 - I2) * w2**2 + I1 * (I3 - I1) * w1**2  # 2 T I3 - L^2
         high = I2 * (I2 - I1) * w2**2 + I3 * (I3 - I1) * w[2] ** 2  # L^2 - 2 T I1
         A1, A3 = np.sqrt(low / (I1 * (I3 - I1))), np.sqrt(high / (I3 * (I3 - I1)))
@@ -73,17 +73,17 @@ class Asymmetric:
         return self._at(times)[1] @ self.axes.T
 
     def _azimuth(self, am):
-        """Azimuth about the momentum as a function of the amplitude."""
+        """Azimuth about the angular momentum as a function of the amplitude."""
         (a, b, _), (I1, I2, _) = self.A**2, self.I
-        # (c0 + c1 s^2) / (d0 + d1 s^2), s = sn
+        # integral of (c0 + c1 s^2) / (d0 + d1 s^2), s = sn
         c0, c1, d0, d1 = I1 * a, I2 * b - I1 * a, I1**2 * a, I2**2 * b - I1**2 * a
         whole = c1 / d1
         third = incomplete_third(-d1 / d0, am, self.m)
         return self.L / self.p * (whole * ellipkinc(am, self.m) + (c0 / d0 - whole) * third)
 
     def _frames(self, am, w):
-        """Rotations of the principal axes relative to axes of which the third is along the momentum."""
-        l = self.I * w / self.L  # the fixed direction in body axes
+        """Rotations of the principal axes relative to a frame with its third axis along the angular momentum."""
+        l = self.I * w / self.L  # direction of the angular momentum in body axes
         azimuth = self._azimuth(am)
         flat = np.hypot(l[:, 0], l[:, 1])
         # rows: body components of the horizontal e3 x l, of l x (e3 x l), of l
@@ -94,7 +94,7 @@ class Asymmetric:
         return about @ rows
 
     def orientations(self, times):
-        """Rotations R (n_t, 3, 3), body components to components in the body axes of time zero."""
+        """Rotations R (n_t, 3, 3): they take components in body axes to components in the body axes of time zero."""
         am, w = self._at(times)
         start = self._frames(*self._at(np.zeros(1)))[0]
         return self.axes @ start.T @ self._frames(am, w) @ self.axes.T

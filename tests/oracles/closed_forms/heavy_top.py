@@ -5,7 +5,7 @@ With ``u = cos(theta)``, theta from upward, ``P = p_phi / I1``, ``S = p_psi / I1
     u'^2 = f(u) = (1 - u^2)(a - b u) - (P - S u)^2,   u = u1 + (u2 - u1) sn^2(q t + const),   q^2 = b (u3 - u1) / 4
     phi' = (P - S u) / (1 - u^2),   psi' = p_psi / I3 - phi' u
 
-u1 <= u2 <= u3 the roots of f. Azimuth and spin are elliptic integrals of the third kind.
+u1 <= u2 <= u3 are the roots of f. Azimuth and spin are elliptic integrals of the third kind.
 """
 
 from dataclasses import dataclass
@@ -19,12 +19,12 @@ from oracles.rotating_end_pendulum import incomplete_third
 
 @dataclass(frozen=True)
 class HeavyTop:
-    """Moments about the fixed point, moment of weight m g l, and Euler angles (z x z) and rates at the start.
+    """Moments about the fixed point, moment of weight m g l, and initial Euler angles (z x z) and rates.
 
     Attributes
     ----------
     angles, rates : tuple of float
-        (phi, theta, psi), and their derivatives.
+        (phi, theta, psi), and their derivatives, at time zero.
     """
 
     transverse: float
@@ -34,7 +34,7 @@ class HeavyTop:
     rates: tuple
 
     def constants(self):
-        """a, b, P, S and the roots."""
+        """Constants a, b, P, S and the roots of f."""
         phi_dot, theta_dot, psi_dot = self.rates
         u = np.cos(self.angles[1])
         spin = self.axial * (psi_dot + phi_dot * u)
@@ -61,7 +61,7 @@ class HeavyTop:
         return am, am0, sn, q, m
 
     def solve(self, times):
-        """Euler angles (n_t, 3), phi and psi over full turns."""
+        """Euler angles (n_t, 3); phi and psi count full turns."""
         times = np.asarray(times, dtype=float)
         _, _, P, S, (u1, u2, _) = self.constants()
         am, am0, sn, q, m = self._amplitudes(times)
@@ -80,5 +80,5 @@ class HeavyTop:
 
 
 def steady_spin(transverse, axial, weight_moment, precession, tilt):
-    """Relative spin psi' that keeps a top at a tilt while it precesses at a rate; moments about the fixed point."""
+    """Relative spin psi' at which a top precesses steadily at a given rate and tilt; moments about the fixed point."""
     return weight_moment / (axial * precession) + (transverse - axial) / axial * precession * np.cos(tilt)

@@ -17,5 +17,5 @@ def oscillator(mass, damping, stiffness, start, rate, times):
         c, s = np.ones_like(t), t
     decay = np.exp(-d * t)
     x = decay * (start * c + (rate + d * start) * s)
-    # c' = -square s, s' = c
+    # derivatives: c' = -square s, s' = c
     return x, decay * (rate * c - (d * rate + (d * d + square) * start) * s)

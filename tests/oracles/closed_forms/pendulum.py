@@ -1,7 +1,8 @@
-"""Pendulum of any energy, swinging or turning over: ``phi'' = -w^2 sin(phi)`` [Landau & Lifshitz, section 11].
+"""Pendulum of any energy: ``phi'' = -w^2 sin(phi)`` [Landau & Lifshitz, section 11].
 
-With ``m = (phi'^2 / 2 + w^2 (1 - cos phi)) / (2 w^2)``: it swings where m < 1, ``sin(phi / 2) = k sin(am(u | m))``,
-``k^2 = m``, ``u = w t + u0``; and turns over where m > 1, ``phi / 2 = am(k u | 1 / m)``.
+With ``m = (phi'^2 / 2 + w^2 (1 - cos phi)) / (2 w^2)``: the pendulum swings if m < 1, with
+``sin(phi / 2) = k sin(am(u | m))``, ``k^2 = m``, ``u = w t + u0``, and turns over if m > 1, with
+``phi / 2 = am(k u | 1 / m)``.
 """
 
 from dataclasses import dataclass
@@ -11,7 +12,7 @@ from scipy.special import ellipj, ellipk, ellipkinc
 
 
 def amplitude(u, m):
-    """Jacobi's amplitude, and sn, cn, dn, of any argument; whole periods are taken off first to keep the digits."""
+    """Jacobi's amplitude, sn, cn and dn of any argument; whole periods are subtracted first to keep the digits."""
     period = 4 * ellipk(m)
     turns = np.floor(u / period)
     sn, cn, dn, am = ellipj(u - turns * period, m)
@@ -20,7 +21,7 @@ def amplitude(u, m):
 
 @dataclass(frozen=True)
 class Pendulum:
-    """Natural frequency at small amplitude (rad/s), and angle from hanging and rate at the start."""
+    """Natural frequency at small amplitude (rad/s), and initial angle from hanging and rate."""
 
     frequency: float
     angle: float
@@ -28,11 +29,11 @@ class Pendulum:
 
     @property
     def parameter(self):
-        """m: below one it swings, above it turns over."""
+        """Parameter m: the pendulum swings if m < 1 and turns over if m > 1."""
         return (self.rate / (2 * self.frequency)) ** 2 + np.sin(self.angle / 2) ** 2
 
     def solve(self, times):
-        """Angle, over full turns, and rate, each shape (n_t,)."""
+        """Angle, with full turns counted, and rate, each shape (n_t,)."""
         w, m = self.frequency, self.parameter
         k = np.sqrt(m)
         if m > 1:
@@ -46,6 +47,6 @@ class Pendulum:
 
     @property
     def period(self):
-        """Of a swing, or of one turn."""
+        """Period of a swing, or of one full turn."""
         m = self.parameter
         return 4 * ellipk(m) / self.frequency if m < 1 else 2 * ellipk(1 / m) / np.sqrt(m) / self.frequency

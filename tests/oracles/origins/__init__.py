@@ -1,4 +1,4 @@
-"""Where the expected values of the case library come from: equations that share nothing with the reference solver."""
+"""Origins of the expected values of the case library: equations that share no code with the reference solver."""
 
 import importlib
 import pkgutil
@@ -13,7 +13,7 @@ Origin = Callable[[Case, Sequence[Published]], np.ndarray]
 
 
 def all_origins() -> dict[str, tuple[Origin, ...]]:
-    """Origins of every case, by its name: one of a closed form, two of what no source prints."""
+    """Origins by case name: one for a closed form, two for values that are computed and not published."""
     found: dict[str, tuple[Origin, ...]] = {}
     for module in pkgutil.iter_modules(__path__):
         own = getattr(importlib.import_module(f"{__name__}.{module.name}"), "ORIGINS", {})

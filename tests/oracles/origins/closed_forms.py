@@ -1,7 +1,7 @@
-"""Origins of the cases in closed form: bodies whose centre of mass and turn are known functions of time.
+"""Origins in closed form: centre of mass and rotation of each body are known functions of time.
 
-Every formula is checked against its own differential equation in `oracles.test_closed_forms` or stated where it is
-used. Only what a formula needs is read from the case: masses, drawing, initial values.
+Every formula is checked against its own differential equation in `oracles.test_closed_forms`, or stated in place. Only
+the data that a formula needs are read from the case: masses, drawing, initial values.
 """
 
 import numpy as np
@@ -19,11 +19,11 @@ from oracles.planar import drawn_frame, held
 
 
 def physical_pendulum(case):
-    """Only the parts of gravity and of the arm across the hinge count."""
+    """Only the components of gravity and of the arm perpendicular to the hinge axis have an effect."""
     (body,) = case.mechanism.bodies
     u, J, arm = about_hinge(case, "hinge")
     pull = case.mechanism.gravity - (case.mechanism.gravity @ u) * u
-    drawn = np.arctan2(u @ np.cross(pull, arm), pull @ arm)  # from hanging
+    drawn = np.arctan2(u @ np.cross(pull, arm), pull @ arm)  # angle from hanging
     angle, rate = held(case, "hinge")
     frequency = np.sqrt(body.mass * np.linalg.norm(pull) * np.linalg.norm(arm) / J)
     pendulum = Pendulum(frequency, drawn + angle, rate)
@@ -36,7 +36,7 @@ def physical_pendulum(case):
 
 
 def spherical_pendulum(case):
-    """A symmetric top without axial momentum carries the centre of mass; the body tumbles as if it were free."""
+    """The centre of mass moves as that of a symmetric top without axial momentum; about it the body rotates freely."""
     (body,) = case.mechanism.bodies
     rod = case.mechanism.joints[0]
     assert not np.any(body.com)
@@ -54,7 +54,7 @@ def spherical_pendulum(case):
 
 
 def conical_pendulum(case):
-    """Steady turning about the vertical; the moment of the weight about the ball is ``w x I w``."""
+    """Steady rotation about the vertical; the moment of the weight about the ball joint equals ``w x I w``."""
     (body,) = case.mechanism.bodies
     g = -case.mechanism.gravity[2]
     pivot = drawn_frame(case.mechanism, joint_of(case, "ball"))[0]
@@ -75,7 +75,7 @@ def conical_pendulum(case):
 
 
 def _tumbling(body, w):
-    """Turn out of the drawing and angular velocity of a torque-free body from its angular velocity in the drawing."""
+    """Rotation and angular velocity of a torque-free body that starts in the drawing with angular velocity `w`."""
     moments, V = np.linalg.eigh(body.inertia)
     V = V * np.array([1.0, 1.0, np.linalg.det(V)])
     A = body.drawing.R @ V  # principal axes in the drawing
@@ -101,7 +101,7 @@ def _tumbling(body, w):
 
 
 def thrown(case):
-    """A free body: a parabola of the centre of mass, and the rotation without torque."""
+    """A free body: the centre of mass moves on a parabola, the body rotates without torque."""
     (body,) = case.mechanism.bodies
     v, w = (np.asarray(x, dtype=float) for x in case.initial.velocities[body.name])
     c, g = drawn_com(body), case.mechanism.gravity
@@ -111,7 +111,7 @@ def thrown(case):
 
 
 def steady_precession(case):
-    """A symmetric top at a constant tilt; its spin fits its precession."""
+    """A symmetric top that precesses steadily at a constant tilt."""
     (body,) = case.mechanism.bodies
     g, pivot = -case.mechanism.gravity[2], drawn_frame(case.mechanism, joint_of(case, "tip"))[0]
     w = np.asarray(case.initial.rates["tip"]["orientation"])
@@ -137,7 +137,7 @@ def steady_precession(case):
 
 
 def heavy_top(case):
-    """Released in the plane of the horizon."""
+    """A heavy top, released with its axis horizontal."""
     (body,) = case.mechanism.bodies
     pivot = drawn_frame(case.mechanism, joint_of(case, "ball"))[0]
     w = np.asarray(case.initial.rates["ball"]["orientation"])
@@ -155,11 +155,11 @@ def heavy_top(case):
 
 
 def spring_chain(case):
-    """Masses on one line, springs and dampers between neighbours, damping in proportion to stiffness: its modes."""
+    """Masses on a line with springs and dampers between neighbours; modes, as damping is proportional to stiffness."""
     m = case.mechanism
     u = drawn_frame(m, m.joints[0])[1][:, 2]
     n = len(m.bodies)
-    stretch = np.eye(n) - np.eye(n, k=-1)  # of each spring, from the displacements
+    stretch = np.eye(n) - np.eye(n, k=-1)  # elongation of each spring from the displacements
     k = np.array([s.stiffness for s in m.springs])
     beta = m.springs[0].damping / k[0]
     assert np.allclose([s.damping for s in m.springs], beta * k, rtol=1e-15)
@@ -189,13 +189,13 @@ def spring_chain(case):
 
 
 def _polynomial_turn(coefficients, angle, rate):
-    """Angle and rate from the coefficients of the angular acceleration."""
+    """Angle and angular velocity; the angular acceleration is a polynomial in time."""
     speed = np.polynomial.Polynomial(coefficients).integ(1, k=[rate])
     return lambda t: (speed.integ(1, k=[angle])(t), speed(t))
 
 
 def gears(case):
-    """Two shafts, a ratio r, and a torque on the first: ``(J1 + r^2 J2) q'' = tau(t)``."""
+    """Two shafts with gear ratio r, a torque on the first: ``(J1 + r^2 J2) q'' = tau(t)``."""
     m = case.mechanism
     (coupling,), (load,) = m.couplings, m.loads
     ratio = coupling.law.at(1.0)[0] - coupling.law.at(0.0)[0]
@@ -212,7 +212,7 @@ def gears(case):
 
 
 def rack_and_pinion(case):
-    """Constant torque and weight against viscous friction: the rate decays to that at which they balance."""
+    """Constant torque and weight against viscous friction: the rate decays exponentially to its steady value."""
     m = case.mechanism
     (coupling,), (load,), (friction,) = m.couplings, m.loads, m.frictions
     radius = coupling.law.at(1.0)[0] - coupling.law.at(0.0)[0]
@@ -247,7 +247,7 @@ def cam(case):
 
 
 def cam_reactions(case):
-    """Reactions of both joints at the start, about and in axes of F; the efforts about and along z are not theirs."""
+    """Reactions of both joints at the start, in axes of F; without the drive's torque and the cam's force along z."""
     m = case.mechanism
     (drive,), (coupling,) = m.drives, m.couplings
     start, speed = drive.motion.polynomial
@@ -267,11 +267,11 @@ def cam_reactions(case):
     return found
 
 
-# --- planes ---------------------------------------------------------------------------------------------------------
+# --- contact planes and rolling -------------------------------------------------------------------------------------
 
 
 def incline(case):
-    """A parabola of the centre of mass in the plane, and a constant rate about its normal."""
+    """The centre of mass moves on a parabola in the plane; the rate about the normal is constant."""
     (body,) = case.mechanism.bodies
     at, U = drawn_frame(case.mechanism, joint_of(case, "contact"))
     n = U[:, 2]
@@ -286,7 +286,7 @@ def incline(case):
 
 
 def incline_reactions(case):
-    """Normal force, and the moment about the origin of M that makes the block turn about the normal alone."""
+    """Normal force, and the moment about the origin of M that lets the block turn about the normal alone."""
     (body,) = case.mechanism.bodies
     at, U = drawn_frame(case.mechanism, joint_of(case, "contact"))
     c, _, turn, spin = incline(case)[0](0.0)
@@ -298,7 +298,7 @@ def incline_reactions(case):
 
 
 def rolling_disc(case):
-    """Steady rolling in a circle: with the tilt theta of the axis e, the precession W and the axial rate w3,
+    """Steady rolling of a disc in a circle: with the tilt theta of the axis e, the precession W and the axial rate w3,
     ``(C + m a^2) w3 W sin(theta) = A W^2 sin(theta) cos(theta) - m g a cos(theta)``.
 
     From the moment of the contact force ``m (a w3 W h + g z)`` about the centre, h the level part of e.
@@ -330,7 +330,7 @@ def rolling_disc(case):
 
 
 def with_reactions(moving, reactions):
-    """Origin of a motion, and of reactions at its start by joint and observable."""
+    """Origin from a motion, and from reactions at the start by joint and observable."""
 
     def values(case, published):
         motion, first = origin(moving), reactions(case)

@@ -1,4 +1,4 @@
-"""Origins of the examples of the source documents: formulas, and equations in the plane or in joint angles by hand."""
+"""Origins of the examples of the source documents: formulas, and hand-written equations in planes or joint angles."""
 
 import numpy as np
 
@@ -15,7 +15,7 @@ X, Y, Z = np.eye(3)
 
 
 def _origin(solve):
-    """Origin from ``solve(case, times)``, a dictionary of (body or joint, observable) with arrays, time first."""
+    """Origin from ``solve(case, times)``: a dictionary from (body or joint, observable) to arrays, time first."""
 
     def values(case, known):
         times = np.array(sorted({0.0, *(k.time for k in known)}))
@@ -32,7 +32,7 @@ def _origin(solve):
 
 
 def _manipulator(case, times):
-    """Hand ``l2 e(theta2) + l3 e(theta3)``, as complex numbers x + i z; the force of the shoulder at the start."""
+    """Position of the hand ``l2 e(theta2) + l3 e(theta3)`` as complex x + i z; force of the shoulder at the start."""
     t = times
     two, rate_2 = 0.3 + 1.2 * t, 1.2
     three, rate_3, second_3 = 1 - 0.7 * t**2, -1.4 * t, -1.4
@@ -46,7 +46,7 @@ def _manipulator(case, times):
     elbow = -0.5 * rate_2**2 * e2
 
     def acceleration(arm):
-        """Of a point of the fore link that is off the elbow by `arm` at theta3 = 0."""
+        """Acceleration of a point of the fore link; `arm` is its position from the elbow at theta3 = 0."""
         return elbow + arm * e3 * (1j * second_3 - rate_3**2)
 
     upper, fore = case.mechanism.bodies
@@ -63,7 +63,7 @@ def _manipulator(case, times):
 
 
 def _block(case, times):
-    """``m x'' = F``, and the balance of forces and moments."""
+    """``m x'' = F`` along the slide, and equilibrium of forces and moments."""
     mechanism = case.mechanism
     (body,), (push,), (guide,) = mechanism.bodies, mechanism.loads, mechanism.joints
     F = push.vector @ X
@@ -84,7 +84,7 @@ def _block(case, times):
 
 
 def _excavator(case, times):
-    """The law of cosines in the triangle of both eyes and the foot, and its derivative."""
+    """Law of cosines in the triangle of the foot and both eyes of the cylinder, and its derivative."""
     a, b = 0.6, 1.5
     s, rate = 0.15 * times**2 - 0.05 * times**3, 0.3 * times - 0.15 * times**2
     L = np.hypot(a, b) + s
@@ -120,7 +120,7 @@ def _bodies(linkage, q, rate):
 
 
 def _welded(case):
-    """The linkage of `four_bar` behind a base that stays where it is."""
+    """The linkage of `four_bar` on a base that is fixed to the ground."""
     linkage = four_bar.linkage(case)
 
     def motions(q):
@@ -133,14 +133,14 @@ def _welded(case):
 def _pin_forces(linkage, q, rate):
     """Forces in the plane on the successors of the four pins, from Newton's and Euler's laws for the three links.
 
-    Nine equations for eight components: the ninth holds if the accelerations are right.
+    Nine equations for eight components: the nine are consistent only if the accelerations are correct.
     """
     J, h, Q = linkage.coefficients(q)
     second = (Q - h * rate**2) / J
     plane = linkage.plane
     pins = [plane.pin(name) for name in PINS]
     links = list(zip(linkage.bodies, linkage.motions(q), strict=True))[-3:]
-    # on each link: pins and the signs of their forces
+    # for each link: its pins, with the signs of their forces on the link
     held = (((0, 1), (1, -1)), ((1, 1), (2, -1)), ((2, 1), (3, 1)))
     A, b = np.zeros((9, 8)), np.zeros(9)
     for n, ((body, motion), hands) in enumerate(zip(links, held, strict=True)):
@@ -148,7 +148,7 @@ def _pin_forces(linkage, q, rate):
         needed = body.mass * (c_q * second + c_qq * rate**2 - plane.gravity)
         b[3 * n : 3 * n + 3] = needed.real, needed.imag, body.inertia * (motion.a_q * second + motion.a_qq * rate**2)
         for pin, sign in hands:
-            arm = pins[pin] - body.com  # the start is the drawing
+            arm = pins[pin] - body.com  # the initial pose is the drawing
             A[3 * n : 3 * n + 3, 2 * pin : 2 * pin + 2] = sign * np.array([(1, 0), (0, 1), (-arm.imag, arm.real)])
     forces, residual, rank, _ = np.linalg.lstsq(A, b, rcond=None)
     assert rank == 8
@@ -160,7 +160,7 @@ PINS = ("crank_pivot", "crank_pin", "rocker_pin", "rocker_pivot")
 
 
 def _free_four_bar(case, times):
-    """Lagrange's equation of the crank."""
+    """Lagrange's equation in the crank angle."""
     linkage = _welded(case)
     start = np.array([0.0, case.initial.rates["crank_pivot"]["angle"]])
     q, rate = linkage.solve(start, times).T
@@ -172,7 +172,7 @@ def _free_four_bar(case, times):
 
 
 def _in_joint(plane, name, force):
-    """A force in the plane in axes of the joint as drawn; what is not a component in the plane is unknown."""
+    """A force in the plane, in axes of the joint as drawn; components along the normal are unknown (NaN)."""
     mechanism = plane.mechanism
     _, axes = drawn_frame(mechanism, mechanism.joints[mechanism.joint_index[name]])
     found = axes.T @ (force[0] * plane.e1 + force[1] * plane.e2)
@@ -181,20 +181,20 @@ def _in_joint(plane, name, force):
 
 
 def _driven_four_bar(case, times):
-    """Two circles."""
+    """Crank angle as driven, and loop closure by intersection of two circles."""
     linkage = four_bar.linkage(case)
     return _bodies(linkage, 0.5 * np.sin(4 * times), 2 * np.cos(4 * times))
 
 
 def _drake(case, times):
-    """Lagrange's equation of the crank; at rest it is in equilibrium."""
+    """Lagrange's equation in the crank angle; without an initial rate the linkage is in equilibrium."""
     linkage = four_bar.linkage(case)
     start = np.array([0.0, case.initial.rates["crank_pivot"]["angle"]])
     q, rate = linkage.solve(start, times).T if start[1] else np.zeros((2, len(times)))
     found = _bodies(linkage, q, rate)
     found |= {("crank_pivot", "angle"): q, ("crank_pivot", "angle_rate"): rate}
     found |= {(name, "alpha_WB_W"): np.zeros((len(times), 3)) for name in "ABC"}
-    # at rest: moments of A about its pivot, weights of A and half of B; axes x and -z
+    # equilibrium: moments of A about its pivot from the weights of A and half of B; axes x and -z
     weight = 20 * 9.81
     found["crank_pivot", "force_F"] = np.tile([-weight / np.sqrt(15), -1.5 * weight, np.nan], (len(times), 1))
     return found
@@ -204,7 +204,7 @@ def _drake(case, times):
 
 
 def _chrono_double(case, times):
-    """Absolute angles from x."""
+    """Double pendulum in absolute angles from x."""
     two = DoublePendulum(1.0, 1.0, 1.0, 1.0, 0.5 + 0j, 0.5 + 0j, 1.0 + 0j, -10j)
     a, b, rate_a, rate_b = two.solve(np.zeros(4), times).T
     zero = 0 * a
@@ -228,7 +228,7 @@ def _chrono_slider(case, times):
 
 
 def _robot(case, times):
-    """Lagrange's equations in the joint angles by complex step; the controllers' integrals are states of their own."""
+    """Lagrange's equations in joint angles by complex step; integrals of the controllers are additional states."""
     chain = spatial_pendulum.Chain(case.mechanism)
     controls = case.mechanism.controls
     P, I, D = (np.array([getattr(c, name) for c in controls]) for name in ("proportional", "integral", "derivative"))

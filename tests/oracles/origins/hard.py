@@ -1,4 +1,4 @@
-"""Origins of the group `hard`."""
+"""Origins of the cases of group `hard`."""
 
 import numpy as np
 
@@ -12,16 +12,16 @@ from oracles.planar import Plane
 
 
 class Row:
-    """A row of equal links in a plane, in the links' absolute angles: pin n is at the sum of the links before it.
+    """A planar row of equal links in their absolute angles: pin n is at the sum of the links before it.
 
-    M_jl = sum_n m Re(conj(b_nj) b_nl) + I, with b_nj the velocity of the centre of mass n for a unit rate of link j;
-    a ring closes with the sum of all links, two equations.
+    M_jl = sum_n m Re(conj(b_nj) b_nl) + I, with b_nj the velocity of the centre of mass n for a unit rate of link j. A
+    ring adds two closure equations: the sum of all links is zero.
     """
 
     def __init__(self, mechanism, ring):
         self.plane, self.ring, n = Plane(mechanism, "pin_1"), ring, len(mechanism.bodies)
         pins = np.array([self.plane.pin(f"pin_{k + 1}") for k in range(n)])
-        # the last link of a chain ends nowhere: its length has no effect
+        # beyond the last link of a chain there is no pin: its length has no effect
         self.link = np.roll(pins, -1) - pins
         self.index = {b.name: k for k, b in enumerate(mechanism.bodies)}
         bodies = list(self.plane.bodies())
@@ -35,7 +35,7 @@ class Row:
         arms = self.before * (self.link * turn) + np.diag(self.center * turn)
         B = 1j * arms
         M = (B.conj().T @ (self.mass[:, None] * B)).real + np.diag(self.inertia)
-        weight = self.plane.gravity + arms @ w**2  # less the centripetal acceleration
+        weight = self.plane.gravity + arms @ w**2  # gravity minus centripetal acceleration
         f = (B.conj().T @ (self.mass * weight)).real
         if not self.ring:
             return np.linalg.solve(M, f)
@@ -45,7 +45,7 @@ class Row:
         return np.linalg.solve(K, np.concatenate([f, [gamma.real, gamma.imag]]))[: len(a)]
 
     def values(self, case, published):
-        """Values at the start, at rest."""
+        """Values at the start; the mechanism is at rest."""
         assert all(known.at_start for known in published)
         assert not case.initial.coordinates
         assert not case.initial.rates
@@ -68,7 +68,7 @@ def row(ring):
 
 
 def _five_bars(case, known):
-    """The platform does not turn: a compound pendulum, and the time is a quadrature over its angle."""
+    """The platform translates only: equation of a compound pendulum; time is a quadrature over its angle."""
     m = case.mechanism
     _, normal = axis_of(case, "pivot_1")
     J, pull = 0.0, np.zeros(3)
@@ -93,7 +93,7 @@ def _five_bars(case, known):
     if known.time == 0:
         q, speed = first, rate
     else:
-        # up to the turning point and back, by the substitution q = middle + half sin(s), which is regular there
+        # q = middle + half sin(s) makes the quadrature regular at the turning points, so that it can pass them
         energy = rate**2 / 2 + potential(first)
         middle = np.arctan2(side, down)
         half = np.arccos(-energy * J / np.hypot(down, side))

@@ -1,4 +1,4 @@
-"""Origins of the problems of the IFToMM library: their equations in one to three coordinates."""
+"""Origins of problems of the IFToMM library: their equations in one to three coordinates."""
 
 from functools import cache
 
@@ -12,7 +12,7 @@ from oracles.test_published_vehicles import C1, K0, K2, M
 
 
 def _table(case, published, solve):
-    """Values from ``solve(case, times)``, a dictionary of (body or joint, observable) with arrays, time first."""
+    """Values from ``solve(case, times)``: a dictionary from (body or joint, observable) to arrays, time first."""
     times = np.array(sorted({known.time for known in published}))
     found = solve(case, times)
     rows = [np.searchsorted(times, known.time) for known in published]
@@ -29,7 +29,7 @@ def _origin(solve):
 
 
 def _windows(case, times):
-    """A02: all upright bars turn by theta about -z, and the upper ones only translate."""
+    """A02: all upright bars turn by theta about -z; the upper bars translate."""
     count = len(case.mechanism.bodies) // 2
     theta, rate = windows.angle(count, times)
     zero, s, c = 0 * theta, np.sin(theta), np.cos(theta)
@@ -43,7 +43,7 @@ def _windows(case, times):
 
 
 def _bricard(case, times):
-    """A04: one equation in the angle of the crank; origins of the rods are their first ends."""
+    """A04: one equation in the crank angle; each rod has its origin at its first end."""
     one = bricard.reduced()
     q, rate = one.solve(np.zeros(2), times).T
     middles = one.centre(q)
@@ -55,7 +55,7 @@ def _bricard(case, times):
 
 
 def _governor(case, times):
-    """A05: symmetric equations; the hinges turn downwards."""
+    """A05: equations of the symmetric mechanism; positive hinge angles point down."""
     s, v, beta, beta_rate, omega = governor.solve(times).T
     zero = 0 * s
     found = {
@@ -70,7 +70,7 @@ def _governor(case, times):
 
 
 def _slider_crank(case, times):
-    """The crank's motion from the energy alone."""
+    """Crank motion from conservation of energy."""
     theta, rate = spatial_slider_crank.solve(times).T
     slider = np.array([spatial_slider_crank.poses(angle)[0][2] for angle in theta])
     return {
@@ -82,13 +82,13 @@ def _slider_crank(case, times):
 
 
 def _manoeuvre(case):
-    """Speed and rate of lean at the start."""
+    """Initial speed and lean rate."""
     rates = case.initial.rates
     return -bicycle.REAR * rates["rear_hub"]["angle"], rates["ride"]["orientation"][0]
 
 
 def _linear_bicycle(case, times):
-    """The linear equations of Meijaard and others, with their printed coefficients."""
+    """Linear equations of Meijaard et al. with their printed coefficients."""
     speed, lean_rate = _manoeuvre(case)
     stiffness = bicycle.G * K0 + speed**2 * K2
     A = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.linalg.solve(M, np.hstack([stiffness, speed * C1]))]])
@@ -101,7 +101,7 @@ _equations = cache(rolling_bicycle.Equations)
 
 
 def _bicycle(case, times):
-    """Lagrange's equations with multipliers of the rolling wheels."""
+    """Lagrange's equations with multipliers of the rolling constraints."""
     y = _equations().solve(*_manoeuvre(case), times)
     poses, rates, B = (
         np.array([x.full() for x in out])

@@ -1,4 +1,4 @@
-"""Closed forms of motions with impacts: parabolas, straight lines, and a swing that starts anew."""
+"""Motions with impacts in closed form: parabolas, uniform motion, and a pendulum that rebounds from a stop."""
 
 import numpy as np
 from scipy.special import ellipj, ellipk
@@ -7,7 +7,7 @@ from consilience.mechanism import rotation_from_quaternion
 
 
 def _bouncing(case, t):
-    """Centre of mass and its velocity: parabolas along the normal, uniform motion across it."""
+    """Position and velocity of the centre of mass: parabolas along the normal, uniform motion tangentially."""
     (body,), (contact,) = case.mechanism.bodies, case.mechanism.contacts
     start = case.initial_state
     arm = rotation_from_quaternion(start.quat_WB[0]) @ body.com
@@ -46,7 +46,7 @@ def _colliding(case, t):
 
 
 def _swing(case, t):
-    """Angle of the links and its rate: down as sn, and up again from the stop with a part of the speed."""
+    """Angle and rate of the links: a pendulum (sn) down to the stop, then upward at the speed after the impact."""
     left, _, coupler = case.mechanism.bodies
     g, l, (contact,) = 9.81, 0.6, case.mechanism.contacts
     inertia = 2 * (left.inertia[1, 1] + left.mass * (l / 2) ** 2) + coupler.mass * l**2

@@ -1,4 +1,4 @@
-"""Origins of the problems of the test set for initial value problems."""
+"""Origins of problems of the test set for initial value problems."""
 
 from functools import cache
 
@@ -13,7 +13,7 @@ _PINS = {name: n for n, name in enumerate(("O", "F", "B", "G", "A_5", "H", "A_7"
 
 
 def _squeezer(case, published):
-    """The angles of the pins are those of the publications, less their values at the start of the test set."""
+    """Joint angles are the published angles minus their initial values in the test set."""
     times = np.array(sorted({known.time for known in published}))
     beta = START[0] + case.initial.coordinates.get("O", {}).get("angle", 0.0)
     y = _equations().solve(beta, times)

@@ -27,12 +27,12 @@ COMPUTED = (lagrange.values, newton_euler.values)
 
 
 def _picked(published, motion):
-    """Values in the order asked, from what `motion` gives for each observable at a time."""
+    """Expected values in the order of `published`; `motion(time)` gives each observable."""
     return np.array([motion(known.time)[known.observable][known.component] for known in published])
 
 
 def _chrono(name):
-    """A pendulum of Project Chrono, a fall along its axis, or both; origin of the body at its centre of mass."""
+    """Pendulum, fall along the axis, or both, of Project Chrono; body origin at the centre of mass."""
 
     def values(case, published):
         def motion(t):
@@ -45,7 +45,7 @@ def _chrono(name):
 
 
 def _chrono_slide(case, published):
-    """A fall from rest along (0, 1, 1)."""
+    """Fall from rest along (0, 1, 1)."""
     axis = np.array([0.0, 1.0, 1.0]) / np.sqrt(2)
     start = np.array([3.0, 2.0, 3.0])
 
@@ -57,7 +57,7 @@ def _chrono_slide(case, published):
 
 
 def _chrono_distance(case, published):
-    """A simple pendulum of 2 m from level, in the plane of y and z."""
+    """Simple pendulum of 2 m in the yz plane, released at the level of its pivot."""
 
     def motion(t):
         angle, rate = (x[0] for x in Pendulum(np.sqrt(chrono_joints.G / 2), np.pi / 2, 0.0).solve([t]))
@@ -68,7 +68,7 @@ def _chrono_distance(case, published):
 
 
 def _chrono_oscillator(case, published):
-    """A mass that falls from the free length of a damped vertical spring."""
+    """A mass on a damped vertical spring, released at the free length."""
     middle = -chrono_joints.G / 10
 
     def motion(t):

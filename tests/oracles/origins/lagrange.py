@@ -1,12 +1,12 @@
 """Origin of a mechanism without loops: Lagrange's equations in joint coordinates, from positions alone, by CasADi.
 
-Every body is carried out of the drawing joint by joint. With ``c`` its centre of mass, ``R`` its turn and
-``J = tr(I) / 2 - I`` the second moments of its mass, ``T = m c'.c' / 2 + tr(R' J R'^T) / 2``. All derivatives are
-CasADi's: no angular velocity, no constraint row and no gyroscopic term is written down anywhere.
+Every body is displaced from the drawing joint by joint. With ``c`` its centre of mass, ``R`` its rotation and
+``J = tr(I) / 2 - I`` the second moments of its mass, ``T = m c'.c' / 2 + tr(R' J R'^T) / 2``. CasADi takes all
+derivatives: no angular velocity, constraint row or gyroscopic term is written by hand.
 
-Orientations are ``R0 Rx(a) Ry(b) Rz(c)`` with the initial orientation R0, good while ``|b|`` stays well below a quarter
-turn: early in the motion. Reactions are the change of momentum and moment of momentum of all that a joint carries, less
-gravity.
+Orientations are ``R0 Rx(a) Ry(b) Rz(c)`` with the initial orientation R0: accurate while ``|b|`` stays well below a
+quarter turn, hence early in the motion. Reactions are the rates of change of linear and angular momentum of all bodies
+beyond the joint, minus gravity.
 """
 
 from dataclasses import dataclass, field
@@ -33,7 +33,7 @@ def _turn(axis, angle):
 
 @dataclass
 class _Coordinates:
-    """Symbols, and the values and rates they start from."""
+    """Symbols of the coordinates, and initial values and rates."""
 
     q: list = field(default_factory=list)
     start: list = field(default_factory=list)
@@ -50,7 +50,7 @@ class _Coordinates:
 
 
 class _Asked:
-    """What a case holds a joint at; zero where it holds nothing."""
+    """Values and rates at which a case holds a joint; zero where it holds none."""
 
     def __init__(self, case, joint, coordinates):
         self.joint, self.all = joint.name, coordinates
@@ -83,7 +83,7 @@ def _screw(asked, joint):
     return _turn(2, angle), _along(joint.pitch * angle / (2 * np.pi))
 
 
-# M relative to F: turn and shift
+# rotation and displacement of M relative to F
 MOTIONS = {
     "revolute": lambda a, j: (_turn(2, a.scalar("angle")), ca.SX.zeros(3)),
     "prismatic": lambda a, j: (ca.SX.eye(3), _along(a.scalar("distance"))),
@@ -101,7 +101,7 @@ MOTIONS = {
 
 
 def _on_rod(case, joint, coordinates):
-    """Turn and shift out of the drawing of a body that a rod holds from the ground; it starts at a given pose."""
+    """Rotation and displacement from the drawing of a body on a rod to the ground; its initial pose is given."""
     body = case.mechanism.bodies[case.mechanism.body_index[joint.successor]]
     pose = case.initial.poses.get(body.name, body.drawing)
     v, w = (np.asarray(x, dtype=float) for x in case.initial.velocities.get(body.name, (np.zeros(3), np.zeros(3))))
@@ -117,7 +117,7 @@ def _on_rod(case, joint, coordinates):
 
 
 def _displacements(case, coordinates):
-    """Turn and shift out of the drawing of every body, by name."""
+    """Rotation and displacement of every body from the drawing, by name."""
     mechanism = case.mechanism
     placed = {GROUND: (ca.SX.eye(3), ca.SX.zeros(3))}
     for joint in mechanism.joints:
@@ -166,7 +166,7 @@ class Tree:
             drawn = p if name == GROUND else (b := m.bodies[m.body_index[name]]).drawing.p + b.drawing.R @ p
             return turn @ drawn + shift
 
-        # stretch, stiffness, damping of what stores and loses energy
+        # elongation, stiffness and damping of each element that stores or dissipates energy
         stretches = [
             (
                 ca.norm_2(point(s.successor, s.point_successor) - point(s.predecessor, s.point_predecessor))
@@ -201,13 +201,13 @@ class Tree:
         self.seconds = ca.Function("seconds", [q, v, a], [ca.horzcat(*x) for x in zip(*seconds, strict=True)])
 
     def accelerations(self, y):
-        """Second derivatives of the coordinates."""
+        """Accelerations of the coordinates."""
         q, v = np.split(y, 2)
         M, rhs = self.equations(q, v)
         return np.linalg.solve(np.array(M), np.array(rhs).ravel())
 
     def motion(self, times):
-        """Poses and velocities."""
+        """Poses and velocities of the bodies."""
 
         def rhs(y):
             return np.concatenate([np.split(y, 2)[1], self.accelerations(y)])
@@ -245,7 +245,7 @@ class Tree:
         return p[:, i] + R[i] @ frame.p, R[i] @ frame.R
 
     def _carried(self, joint):
-        """Numbers of the bodies beyond a joint."""
+        """Indices of the bodies beyond a joint."""
         beyond = {joint.successor}
         for other in self.mechanism.joints:
             if other.predecessor in beyond:
@@ -254,19 +254,19 @@ class Tree:
 
 
 def _apart(side_by_side):
-    """Matrices (..., n, 3, 3) that stand side by side in (..., 3, 3 n)."""
+    """Matrices (..., n, 3, 3) from matrices side by side, (..., 3, 3 n)."""
     count = side_by_side.shape[-1] // 3
     return np.stack(np.split(side_by_side, count, axis=-1), axis=-3)
 
 
 def _axial(tilde):
-    """Vector of the skew part of a matrix."""
+    """Axial vector of the antisymmetric part of a matrix."""
     odd = (tilde - np.swapaxes(tilde, -1, -2)) / 2
     return np.stack([odd[..., 2, 1], odd[..., 0, 2], odd[..., 1, 0]], axis=-1)
 
 
 def values(case, published):
-    """Values of a case, in the order asked."""
+    """Expected values of a case, in the order of `published`."""
     tree = Tree(case)
     motion = tree.motion(sorted({0.0, *(known.time for known in published)}))
     start = tree.first() if any(known.at_start for known in published) else None

@@ -1,4 +1,4 @@
-"""Origins of the group `mechanisms`: closed forms of each linkage; of the rest, two sets of equations."""
+"""Origins of the group `mechanisms`: closed forms of each linkage; two independent sets of equations for the rest."""
 
 import numpy as np
 from scipy.integrate import quad, solve_ivp
@@ -13,7 +13,7 @@ from oracles.planar import drawn_frame
 
 
 def closed(form, other):
-    """Origin that takes what has a closed form from `form` and what is computed from `other`."""
+    """Origin that combines closed forms (`form`) and computed values (`other`), as each value states."""
 
     def origin(case, published):
         exact = [form(case, known) for known in published if known.origin == "closed form"]
@@ -63,7 +63,7 @@ class Hooke:
         return self.ratio(angle) ** 2 / self.c * (1 - self.c**2) * np.sin(2 * angle)
 
     def value(self, known, angle, rate):
-        """Of the output shaft, or the input's angle, when the input is at `angle` and turns at the steady `rate`."""
+        """Value on the output shaft, or angle of the input, with the input at `angle` and at constant `rate`."""
         turn, spin = self.output(angle), self.ratio(angle) * rate * self.axis
         arm = self.body.drawing.p - self.at
         if known.of == "input_bearing":
@@ -86,7 +86,7 @@ def _hooke_driven(case, known):
 
 
 def _hooke_free(case, known):
-    """Kinetic energy is constant, ``(J1 + J2 r^2) rate^2``: the time is a quadrature over the angle."""
+    """Kinetic energy is constant, ``(J1 + J2 r^2) rate^2``: time is a quadrature over the angle."""
     joint = Hooke(case)
     J = [
         moment_of_inertia(body, *axis_of(case, bearing))
@@ -110,7 +110,7 @@ def _hooke_free(case, known):
 
 
 def _straight_line(case, known):
-    """The pen stays on the line across OC at (L^2 - l^2) / (2 OC) from O."""
+    """The pen moves on a line perpendicular to OC, at (L^2 - l^2) / (2 OC) from O."""
     O, _ = axis_of(case, "O_a")
     C, P, A = (axis_of(case, name)[0] for name in ("crank_pivot", "P_a", "A_inner"))
     distance = ((A - O) @ (A - O) - (P - A) @ (P - A)) / (2 * np.linalg.norm(C - O))
@@ -123,7 +123,7 @@ def _straight_line(case, known):
 
 
 def _parallelogram(case, known):
-    """The coupler does not turn: a compound pendulum, and the time is a quadrature over its angle."""
+    """The coupler translates only: equation of a compound pendulum; time is a quadrature over its angle."""
     m = case.mechanism
     A, normal = axis_of(case, "crank_pivot")
     pins = {"crank": A, "coupler": axis_of(case, "crank_pin")[0], "follower": axis_of(case, "follower_pivot")[0]}
@@ -135,7 +135,7 @@ def _parallelogram(case, known):
         out = out - normal * (normal @ out)
         J += moment_of_inertia(body, pins[body.name], normal) if turning else body.mass * arm @ arm
         pull += body.mass * out
-    work = m.gravity @ pull, m.gravity @ np.cross(normal, pull)  # done by gravity up to the angle q, less constant
+    work = m.gravity @ pull, m.gravity @ np.cross(normal, pull)  # work of gravity up to the angle q, minus a constant
     start = case.initial.rates["crank_pivot"]["angle"]
 
     def speed(q):
@@ -157,7 +157,7 @@ def _parallelogram(case, known):
 
 
 def angle_after(time, slowness):
-    """Angle whose quadrature of the inverse speed is the time."""
+    """Angle at which the integral of `slowness`, the inverse speed, equals the time."""
     if time == 0:
         return 0.0
 
@@ -174,7 +174,7 @@ def angle_after(time, slowness):
 
 
 def _scissor_lift(case, known):
-    """The foot is ``d = l cos(a)`` long, each stage ``l sin(a)`` high."""
+    """The foot is ``d = l cos(a)`` long; each stage is ``l sin(a)`` high."""
     at = {name: axis_of(case, name)[0] for name in ("foot_1", "foot_2", "head_4", "pin_right")}
     base = at["foot_2"] - at["foot_1"]
     drawn = np.linalg.norm(base)
@@ -186,7 +186,7 @@ def _scissor_lift(case, known):
     body = case.mechanism.bodies[case.mechanism.body_index[known.of]]
     turn = np.arccos(d / length) - np.arccos(drawn / length)
     turning = -rate / np.sqrt(length**2 - d**2) * np.cross(along, up)
-    # cross(along, up) is the normal: a positive turn about it lifts `along` toward `up`
+    # cross(along, up) is the normal: a positive rotation about it moves `along` toward `up`
     value = {
         ("platform", "p_WB"): at["foot_1"] + high * up,
         ("platform", "v_WB_W"): -4 * d * rate / high * up,
@@ -202,7 +202,7 @@ def _scissor_lift(case, known):
 
 
 def _cart_pole(case, known):
-    """Florian's equations (21) and (22) without friction; the angle counts from upright, toward the push."""
+    """Florian's equations (21) and (22) without friction; the angle counts from upright, positive toward the push."""
     cart, pole = case.mechanism.bodies
     (push,) = case.mechanism.loads
     force, mass, length = np.linalg.norm(push.vector), cart.mass + pole.mass, pole.com[2]
@@ -240,9 +240,9 @@ def _crane(case, published):
         R, u = rotation(q[2], q[3]), turned(ex, ey, q[2])
         r, I = R @ r0, R @ I0 @ R.T
         axes, w = np.array([ey, u]), v[2] * ey + v[3] * u
-        along = np.array([ex, ey, np.cross(ey, r), np.cross(u, r)])  # velocity of the centre for unit rates
+        along = np.array([ex, ey, np.cross(ey, r), np.cross(u, r)])  # velocity of the centre of mass for unit rates
         spins = np.array([np.zeros(3), np.zeros(3), *axes])
-        alpha = v[2] * v[3] * np.cross(ey, u)  # what is left without second derivatives
+        alpha = v[2] * v[3] * np.cross(ey, u)  # the part of the angular acceleration without second derivatives
         a = np.cross(alpha, r) + np.cross(w, np.cross(w, r))
         M = load.mass * along @ along.T + spins @ I @ spins.T
         M[[0, 1], [0, 1]] += mass
@@ -277,7 +277,7 @@ def _crane(case, published):
 
 
 def _arm(case, published):
-    """Accelerations at the start from the inverse dynamics, the torques being linear in them."""
+    """Initial accelerations by inverse dynamics, because the torques are linear in the accelerations."""
     q, v = (
         np.array([by[f"j{n}"]["angle"] for n in range(1, 8)]) for by in (case.initial.coordinates, case.initial.rates)
     )
@@ -297,7 +297,7 @@ def _arm(case, published):
 
 
 def _spinning_end(case, known):
-    """Torque over moment of inertia; nothing else moves."""
+    """Angular acceleration of the last joint: torque over moment of inertia; nothing else moves."""
     last = case.mechanism.bodies[-1]
     alpha = case.mechanism.joint_springs[-1].actuator.at(0.0)[0] / last.inertia[2, 2]
     turn = alpha * known.time**2 / 2

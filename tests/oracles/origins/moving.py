@@ -1,4 +1,4 @@
-"""Bodies whose centre of mass and turn out of the drawing are known functions of time, read off as a case asks."""
+"""Bodies whose centre of mass and rotation are known functions of time, evaluated as expected values of a case."""
 
 from collections.abc import Callable
 
@@ -19,7 +19,7 @@ def about(axis, angle):
 
 
 def origin(moving):
-    """Origin from a function that makes one `Moving` for each body of a case."""
+    """Origin from `moving(case)`, which returns one `Moving` for each body."""
 
     def values(case, published):
         mechanism, found = case.mechanism, []
@@ -51,12 +51,12 @@ def drawn_com(body):
 
 
 def drawn_inertia(body):
-    """About the centre of mass, in the world of the drawing."""
+    """Inertia about the centre of mass, in the world axes of the drawing."""
     return body.drawing.R @ body.inertia @ body.drawing.R.T
 
 
 def hinged(case, joint, angle) -> Moving:
-    """A body that a revolute joint turns out of the drawing; `angle(t)` gives angle and rate."""
+    """A body that a revolute joint rotates from the drawing; `angle(t)` gives angle and rate."""
     body = case.mechanism.bodies[case.mechanism.body_index[joint_of(case, joint).successor]]
     pin, U = drawn_frame(case.mechanism, joint_of(case, joint))
     u = U[:, 2]
@@ -71,7 +71,7 @@ def hinged(case, joint, angle) -> Moving:
 
 
 def sliding(case, joint, distance) -> Moving:
-    """A body that a prismatic joint shifts out of the drawing; `distance(t)` gives distance and rate."""
+    """A body that a prismatic joint displaces from the drawing; `distance(t)` gives distance and rate."""
     body = case.mechanism.bodies[case.mechanism.body_index[joint_of(case, joint).successor]]
     u = drawn_frame(case.mechanism, joint_of(case, joint))[1][:, 2]
 
@@ -83,7 +83,7 @@ def sliding(case, joint, distance) -> Moving:
 
 
 def about_hinge(case, joint):
-    """Axis, moment of inertia about it, and arm of the centre of mass across it in the drawing."""
+    """Axis, moment of inertia about the axis, and perpendicular arm of the centre of mass, in the drawing."""
     body = case.mechanism.bodies[case.mechanism.body_index[joint_of(case, joint).successor]]
     pin, U = drawn_frame(case.mechanism, joint_of(case, joint))
     u, arm = U[:, 2], drawn_com(body) - pin

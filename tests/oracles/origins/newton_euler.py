@@ -1,7 +1,7 @@
-"""Origin of any case: Newton-Euler in maximal coordinates (`truth`), integrated by SciPy's DOP853, drift removed.
+"""Origin of any case: Newton-Euler in maximal coordinates (`truth`), by SciPy's DOP853, projected on the constraints.
 
-It costs seconds per simulated second, so what is computed with it is asked early in the motion. It counts no turns and
-keeps no integral of a controller.
+Each simulated second costs seconds, so that values from this origin are asked early in the motion. Turns are not
+counted, and integrals of controllers are not computed.
 """
 
 from itertools import pairwise
@@ -47,7 +47,7 @@ def _derivative(t, y, mechanism):
 
 
 def _on_constraints(mechanism, state, t):
-    """The nearest state that obeys the joints, by Newton's method with the pseudo-inverse; few steps: it is near."""
+    """Nearest state on the constraints: Newton's method with the pseudo-inverse; few steps, as drift is small."""
     n = len(mechanism.bodies)
     holonomic = mechanism.holonomic_count
     p, quat = state.p_WB.copy(), state.quat_WB.copy()
@@ -84,7 +84,7 @@ _MOTIONS = {}
 
 
 def values(case, published):
-    """Values of a case, in the order asked."""
+    """Expected values of a case, in the order of `published`."""
     mechanism = case.mechanism
     times = tuple(sorted({0.0, *(known.time for known in published)}))
     if (case.name, times) not in _MOTIONS:

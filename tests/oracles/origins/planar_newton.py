@@ -1,4 +1,4 @@
-"""Newton and Euler's laws in a plane: each body a centre of mass and an angle, each pin two equations.
+"""Newton-Euler equations in a plane: each body has a centre of mass and an angle, each pin two constraint equations.
 
     m c'' = F,  I a'' = T,    pins: c_i + turn_i arm_i = c_j + turn_j arm_j
 
@@ -21,11 +21,12 @@ _SPARSE_FROM = 60  # equations
 
 
 class PlanarNewton:
-    """
+    """Equations of a planar mechanism.
+
     Parameters
     ----------
     pin : str
-        A revolute joint, whose axis is the normal of the plane.
+        Name of a revolute joint; its axis is the normal of the plane.
     """
 
     def __init__(self, mechanism, pin):
@@ -50,7 +51,7 @@ class PlanarNewton:
         return joint.kind, self._body(joint.predecessor), self._body(joint.successor), self.plane.flat(at), along
 
     def _state(self, y):
-        """Centres, angles and their rates; a last row for the ground."""
+        """Centres of mass, angles and their rates; the last entry is the ground."""
         x, v = y.reshape(2, self.count, 3)
         return (
             np.append(x[:, 0] + 1j * x[:, 1], 0),
@@ -60,11 +61,11 @@ class PlanarNewton:
         )
 
     def _arm(self, i, point, angle):
-        """From the centre of a body to one of its points, turned; from the origin for the ground."""
+        """Vector from the centre of mass (ground: from the origin) to a point of a body, turned by the body's angle."""
         return np.exp(1j * angle[i]) * (point - (self.drawn[i] if i >= 0 else 0))
 
     def rows(self, t, y):
-        """Equations of the joints and drives: values, entries (row, column, number), gamma."""
+        """Constraint equations of joints and drives: residuals, entries (row, column, number), gamma."""
         c, a, cd, ad = self._state(y)
         value, entries, gamma = [], [], []
 
@@ -93,7 +94,7 @@ class PlanarNewton:
                 continue
             across = 1j * np.exp(1j * a[i]) * along  # fixed in the predecessor
             rate = cd[j] + 1j * ad[j] * s - cd[i] - 1j * ad[i] * r
-            # d/dt conj(across) apart, twice: across turns with the predecessor
+            # second derivative of Re(conj(across) apart); `across` rotates with the predecessor
             columns = point(j, s, across, 1) + point(i, r, across, -1)
             columns += [(3 * i + 2, (np.conj(1j * across) * apart).real)] if i >= 0 else []
             g = (np.conj(across) * turning + 2 * np.conj(1j * ad[i] * across) * rate).real
@@ -107,7 +108,7 @@ class PlanarNewton:
         return np.array(value), entries, np.array(gamma)
 
     def _coordinate(self, name, y):
-        """Columns, value, rate and the part of the second derivative without accelerations."""
+        """Columns, value, rate of a joint coordinate, and the part of its second derivative without accelerations."""
         c, a, cd, ad = self._state(y)
         kind, i, j, at, along = self.by_name[name]
         if kind == "revolute":
@@ -115,7 +116,7 @@ class PlanarNewton:
             return columns, a[j] - a[i], ad[j] - ad[i], 0.0
         assert i < 0, "sliding on the ground only"
         arm = self._arm(j, at, a)
-        columns = [(3 * j, along.real), (3 * j + 1, along.imag)]  # it does not turn
+        columns = [(3 * j, along.real), (3 * j + 1, along.imag)]  # a slide does not rotate
         return columns, (np.conj(along) * (c[j] + arm - at)).real, (np.conj(along) * cd[j]).real, 0.0
 
     def forces(self, y, t):
@@ -172,7 +173,7 @@ class PlanarNewton:
         return free + C.T @ lam / w
 
     def start(self, held, rated):
-        """Consistent start: coordinates of joints held, nearest to the drawing otherwise."""
+        """Consistent initial state: joint coordinates held as given, everything else nearest to the drawing."""
         y = np.zeros(6 * self.count)
         half = 3 * self.count
         y[0:half:3], y[1:half:3] = self.drawn.real, self.drawn.imag
@@ -263,7 +264,7 @@ class PlanarNewton:
 
 
 def planar(pin):
-    """Origin: Newton and Euler's laws in the plane across the axis of a revolute joint."""
+    """Origin: Newton-Euler equations in the plane perpendicular to the axis of a revolute joint."""
     build = cache(lambda mechanism: PlanarNewton(mechanism, pin))
 
     def origin(case, published):

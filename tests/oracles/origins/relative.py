@@ -1,13 +1,13 @@
 """Lagrange's equations in relative coordinates, derived from positions alone.
 
-A coordinate turns or shifts everything behind its joint, as it was drawn in the world, about or along the axis as it
-was drawn: a displacement ``x -> R x + d``. The displacement of a body is the product of those of the joints between
-the ground and it, and that is all the kinematics there is. Joints left over close loops: equations ``c(q, t) = 0``.
-Energies are written down from positions; every derivative is taken by CasADi:
+A coordinate turns or shifts all bodies beyond its joint about or along the axis drawn in the world: a displacement
+``x -> R x + d``. The displacement of a body is the product of the displacements of the joints between the ground and
+the body; no other kinematics is used. The remaining joints close loops: equations ``c(q, t) = 0``. Energies are written
+in terms of positions; CasADi takes every derivative:
 
     d/dt T_v - T_q = Q + C^T lam,    C = c_q
 
-Nothing of the package's kinematics, assembly, constraint rows or forces is used; only the data of the case.
+The package's kinematics, assembly, constraint rows and forces are not used; only the data of the case are.
 """
 
 from functools import cache
@@ -19,7 +19,7 @@ from scipy.integrate import solve_ivp
 from consilience.mechanism import GROUND
 from oracles.planar import drawn_frame
 
-_COORDINATES = {  # of a displacement: turns (R) and shifts (T) along x, y, z of the drawn frame, in their order
+_COORDINATES = {  # displacements: turns (R) and shifts (T) along x, y, z of the drawn frame, in order
     "revolute": (("angle", "R", 2),),
     "prismatic": (("distance", "T", 2),),
     "cylindrical": (("distance", "T", 2), ("angle", "R", 2)),
@@ -33,7 +33,7 @@ _VECTORS = {"position": ("x", "y", "z"), "orientation": ("wx", "wy", "wz")}
 
 
 def _turn(axis, point, angle):
-    """Displacement that turns about an axis through a point."""
+    """Displacement by a rotation about an axis through a point."""
     K = ca.skew(ca.DM(axis))
     R = ca.SX.eye(3) + ca.sin(angle) * K + (1 - ca.cos(angle)) * K @ K
     return R, ca.DM(point) - R @ ca.DM(point)
@@ -50,7 +50,7 @@ def _inverse(displacement):
 
 
 def _scalars(name, value):
-    """Coordinates that a held coordinate of a case stands for: an orientation as drawn, or an angular velocity."""
+    """Scalar coordinates of a held vector of a case: an orientation equal to the drawing's, or an angular velocity."""
     if name not in _VECTORS:
         return [(name, value)]
     if len(value) == 4:  # a quaternion
@@ -60,7 +60,7 @@ def _scalars(name, value):
 
 
 def _value(function, x):
-    """A function of a case file in CasADi."""
+    """A function of a case file as a CasADi expression."""
     assert function.table is None
     return sum((c * x**k for k, c in enumerate(function.polynomial)), start=ca.SX(0)) + sum(
         a * ca.sin(w * x + phi) for a, w, phi in function.harmonics
@@ -68,13 +68,14 @@ def _value(function, x):
 
 
 class Relative:
-    """
+    """Lagrange's equations of a mechanism with some joints cut.
+
     Parameters
     ----------
     mechanism : Mechanism
     cut : sequence of str
-        Joints that close loops. The others, in their order, must reach every body, but for bodies that hang on rods
-        alone: those move freely, and their rods are equations.
+        Joints that close loops. The others, in their order, must connect every body to the ground, except bodies that
+        only rods hold: these have six free coordinates, and their rods are loop equations.
     """
 
     def __init__(self, mechanism, cut=()):
@@ -158,13 +159,13 @@ class Relative:
         return ca.vertcat(*rows) if rows else ca.SX(0, 1)
 
     def _spin(self, body):
-        """Angular velocity in the axes of the drawing, turned with the body."""
+        """Angular velocity of a body, in the drawing's axes turned with the body."""
         R = self.moved[body][0]
         rate = ca.reshape(ca.jtimes(ca.vec(R), self.q, self.v), 3, 3)
         return ca.inv_skew(R.T @ rate)
 
     def _efforts(self):
-        """Generalised forces of everything but gravity, and the errors that controllers integrate."""
+        """Generalised forces except gravity, and the errors that the controllers integrate."""
         m, q, v, t, Q = self.mechanism, self.q, self.v, self.t, ca.SX.zeros(self.q.numel())
         for s in m.springs:
             ends = []
@@ -235,7 +236,7 @@ class Relative:
         n, k = len(M), len(C)
         if not k:
             return np.linalg.solve(M, f)[:, 0], integrands[:, 0]
-        # freedom of the loops first, then Lagrange's equations along it: dependent equations do no harm
+        # Lagrange's equations projected on the free directions of the loops, so that dependent equations do no harm
         U, S, Vt = np.linalg.svd(C)
         rank = int(np.sum(1e-9 * S[0] < S))
         particular = Vt[:rank].T @ ((U[:, :rank].T @ gamma) / S[:rank, None])
@@ -246,7 +247,7 @@ class Relative:
         return a[:, 0], integrands[:, 0]
 
     def start(self, initial):
-        """Coordinates and rates at time zero: held ones as the case holds them, the others by the loops."""
+        """Coordinates and rates at time zero: as the case holds them, the others from the loop equations."""
         q, v = np.zeros(len(self.names)), np.zeros(len(self.names))
         held, rated = {}, {}
         for values, found in ((initial.coordinates, held), (initial.rates, rated)):
@@ -266,7 +267,7 @@ class Relative:
         loose = [n for n in range(len(q)) if n not in rated]
         _, C, c_t = (np.array(x) for x in self.loop(0.0, q, v))
         if len(C):
-            # counted here, where the loops close: in between, dependent equations look independent
+            # rank at the closed pose: off the closed pose dependent equations look independent
             self.rank = int(np.linalg.matrix_rank(C, tol=1e-9 * np.linalg.norm(C)))
             v[loose] = np.linalg.lstsq(C[:, loose], -c_t[:, 0] - C @ v, rcond=1e-10)[0]
         return q, v
@@ -291,7 +292,7 @@ class Relative:
                     rtol=tolerance,
                     atol=tolerance,
                     t_eval=[time],
-                    first_step=min(1e-3, time - now),  # its own guess may leave every pose of the loops
+                    first_step=min(1e-3, time - now),  # SciPy's own may leave the poses where loops close
                     max_step=0.02,
                 )
                 assert solution.success, solution.message
@@ -300,7 +301,7 @@ class Relative:
         return np.array(samples)
 
     def values(self, case, published):
-        """The asked values, in their order."""
+        """Expected values, in the order of `published`."""
         times = sorted({p.time for p in published})
         rows = dict(zip(times, self.motion(case.initial, times), strict=True))
         return np.array([self._value(p, rows[p.time]) for p in published])
@@ -331,7 +332,7 @@ class Relative:
 
 
 def lagrange(*cut):
-    """Origin: Lagrange's equations, with these joints cut to open the loops."""
+    """Origin: Lagrange's equations, with the named joints cut to open the loops."""
     build = cache(lambda mechanism: Relative(mechanism, cut))
 
     def origin(case, published):

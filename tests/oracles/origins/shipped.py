@@ -1,4 +1,4 @@
-"""Origins of the cases whose whole motion has an oracle."""
+"""Origins of the cases for which an oracle gives the whole motion."""
 
 from functools import partial
 

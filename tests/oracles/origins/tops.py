@@ -1,9 +1,8 @@
-"""Symmetric heavy top and spherical pendulum in Jacobi's functions, with their rates, also where the axis all but
-passes through the vertical.
+"""Symmetric heavy top and spherical pendulum by Jacobi's functions, accurate also near the vertical.
 
-In the notation of `oracles.closed_forms.heavy_top`. The distance ``d = 1 + u1`` of the lowest point from straight down
-is found for itself, from ``f(-1 + d) = d (2 - d)(a + b - b d) - (P + S - S d)^2``, since ``1 + u1`` would lose its
-digits where d is small.
+Rates included. Notation as in `oracles.closed_forms.heavy_top`. The distance ``d = 1 + u1`` of the lowest point from
+straight down is a root of its own equation, ``f(-1 + d) = d (2 - d)(a + b - b d) - (P + S - S d)^2``, because
+``1 + u1`` loses its digits if d is small.
 """
 
 from dataclasses import dataclass
@@ -18,9 +17,10 @@ from oracles.rotating_end_pendulum import incomplete_third
 
 
 def third_of_large_negative(n, amplitude, m):
-    """``Pi(n; amplitude | m)`` for large negative n, from one between m and 1 [Abramowitz & Stegun 17.7.15-17].
+    """``Pi(n; amplitude | m)`` for large negative n [Abramowitz & Stegun 17.7.15-17].
 
-    Carlson's forms of Pi(n) itself are a difference of two numbers that is smaller than either by ``sqrt(-n)``.
+    Computed from an integral with n between m and 1. Carlson's form of Pi(n) itself is a difference of two numbers and
+    loses a factor ``sqrt(-n)`` of accuracy.
     """
     turns = np.round(amplitude / np.pi)
     N, rest = (m - n) / (1 - n), (1 - m) / (1 - n)  # rest = 1 - N
@@ -90,7 +90,7 @@ def _axis(angles):
 
 
 def _turning(angles, rates):
-    """Angular velocity in the world."""
+    """Angular velocity in world axes."""
     phi = angles[0]
     line = np.array([np.cos(phi), np.sin(phi), 0.0])
     return rates[0] * np.array([0.0, 0.0, 1.0]) + rates[1] * line + rates[2] * _axis(angles)
@@ -104,7 +104,7 @@ def _start(e, e_dot):
 
 
 def heavy(mass, inertia, c, w, g):
-    """Turn and angular velocity at a time of a top with the centre of mass c from the fixed point."""
+    """Rotation and angular velocity of a heavy top at a time; c is its centre of mass from the fixed point."""
     l = np.linalg.norm(c)
     e = c / l
     axial = e @ inertia @ e
@@ -122,7 +122,7 @@ def heavy(mass, inertia, c, w, g):
 
 
 def spherical(arm, v, g):
-    """Arm and velocity at a time of a point on a rod: a top without axial momentum."""
+    """Arm and velocity at a time of a point mass on a rod: a top without axial momentum."""
     l = np.linalg.norm(arm)
     (phi, theta), (phi_dot, theta_dot) = _start(arm / l, v / l)
     top = HeavyTop(l**2, 1.0, g * l, (phi, theta, 0.0), (phi_dot, theta_dot, -phi_dot * arm[2] / l))

@@ -1,4 +1,4 @@
-"""An adapter of an engine that exists in two versions, neither of them here."""
+"""An adapter of an engine that exists in two versions, neither of them installed in this environment."""
 
 import sys
 from importlib.metadata import version
@@ -24,6 +24,6 @@ class ToyEngine:
         return Manifest()
 
     def model(self, mechanism, state, method):
-        """The second derivative of a cam's profile, which takes a spline of SciPy's."""
+        """The mass is the second derivative of a cam's profile, whose spline SciPy computes in the harness."""
         bend = mechanism.couplings[0].law.jet(0.3)[2]
         return ModelAnswer(bend, np.zeros(3), np.zeros((3, 3)), 1)
