@@ -15,7 +15,6 @@ from consilience.case import load_case
 from consilience.reference import simulate
 from consilience.reference.kernel.compiled import inlined, kernel
 from consilience.reference.kernel.mechanism_record import fields_of, record_array, record_of
-from consilience.reference.tree import records
 from consilience.reference.tree.arrays import ELIMINATION_PIVOT, KernelArguments, flatten_relative, tree_system
 from consilience.reference.tree.articulated import gravity_biases, inward_sweep, rigid_inertias
 from consilience.reference.tree.dynamics import _element_biases, factorise_rows
@@ -88,7 +87,7 @@ def close(closure, spatial, planar, small):
             elimination, link = spatial.elimination, closure.link
             rows, freedoms, _ = eliminate_rows(closure, elimination)
             solve_reduced(elimination, rows, freedoms, link, closure.free, closure.u, 1.0)
-            add_link_accelerations(link, records.ACCELERATION, freedoms, elimination.V, elimination.G)
+            add_link_accelerations(link, freedoms, elimination.V, elimination.G)
     if not small:
         factorise_rows(closure, spatial, planar)
         add_row_forces(closure)

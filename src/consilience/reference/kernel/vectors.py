@@ -11,7 +11,7 @@ from consilience.reference.kernel.compiled import inlined, inner
 Vector = tuple[float, float, float]
 
 
-@inlined
+@inner
 def load(a: Array) -> Vector:
     """Return the first three entries of an array."""
     return a[0], a[1], a[2]
@@ -27,6 +27,12 @@ def column(R: Array, k: int) -> Vector:
 def store(a: Array, v: Vector, factor: float) -> None:
     """Compute ``a[:3] = factor v``."""
     a[0], a[1], a[2] = factor * v[0], factor * v[1], factor * v[2]
+
+
+@inner
+def put(a: Array, v: Vector) -> None:
+    """Set the first three entries of an array."""
+    a[0], a[1], a[2] = v
 
 
 @inlined

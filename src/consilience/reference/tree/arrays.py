@@ -23,8 +23,8 @@ elements : TreeElements or None
     Force elements and rows of other constraints than joints; None without them, and in a plane.
 planar : PlanarArrays or None
     Arrays of the kernels of a plane; None in space.
-link, free : ndarray, shapes (n_b + 1, LINK_WIDTH) and (N, FREE_WIDTH)
-    The tables of links (last row: the ground) and of free directions, columns by `records` or `plane`.
+link, free : ndarray of records, shapes (n_b + 1,) and (N,)
+    The links (last: the ground) and the free directions: LINK and FREE of `records`, or PLANAR_LINK and PLANAR_FREE.
 layout : ndarray of int, shape (n_b, 9)
     Topology of the tree: columns PARENT to FREE_END.
 loops, qr : Loops and MultifrontalQR
@@ -53,11 +53,12 @@ import numpy as np
 from consilience.mechanism import Array, Mechanism
 from consilience.reference.bodies.arrays import Model, Workspace, all_rows, flatten, workspace
 from consilience.reference.bodies.spanning_tree import TreeModel, flatten_tree
+from consilience.reference.kernel.functions import Functions
 from consilience.reference.kernel.mechanism_record import record_of
-from consilience.reference.tree import records
 from consilience.reference.tree.cut_joints import CutJoints, cut_joints
 from consilience.reference.tree.loop_groups import Loops, MultifrontalQR, find_loop_groups, multifrontal_arrays
-from consilience.reference.tree.plane import PlanarArrays
+from consilience.reference.tree.records import FREE as FREE_DIRECTION
+from consilience.reference.tree.records import LINK, constants_of
 from consilience.reference.tree.reduced import EliminationArrays, elimination_arrays
 
 DISTANCE, ANGLE, SPEED, SPIN, INTEGRAL = range(5)
@@ -77,7 +78,7 @@ class TreeLinks(NamedTuple):
     """Spanning tree of n_b links, each behind its parent, with N free directions."""
 
     layout: Array  # (n_b, 9)
-    constants: Array  # (n_b, 31) columns INBOARD_FRAME to CONSTANTS_END of `records`
+    constants: Array  # (n_b, 31) of `records.constants_of`
     direction: Array  # (N, 3) frame of the axis, F (0) or M (1); its number; displacement (0) or rotation (1)
     kind: Array  # (n_z,) DISTANCE to INTEGRAL
     first_speed: int  # index of the first speed in z
@@ -95,8 +96,8 @@ class TreeArrays(NamedTuple):
 
     layout: Array
     kind: Array
-    link: Array  # (n_b + 1, LINK_WIDTH) links and, last, the ground: see `records`
-    free: Array  # (N, FREE_WIDTH) free directions
+    link: Array  # (n_b + 1,) links and, last, the ground: see `records`
+    free: Array  # (N,) free directions
     y: Array  # (n_b + n_e, 13) bodies as in `reference.bodies`, then integrals of controllers
     A: Array  # (n_b, 3, 3) rotation matrices
     first_speed: int
@@ -115,6 +116,16 @@ class SpatialArrays(NamedTuple):
     inertia_factor: Array
     joints: CutJoints
     elimination: EliminationArrays
+
+
+class PlanarArrays(NamedTuple):
+    """Arrays that only kernels of a plane read; vectors in the axes e_1, e_2, n of `planar_detection`."""
+
+    body: Array  # (n_b, 20) body, height along n, axes of the body at zero in e_1, e_2, n; e_1, e_2, n in the world
+    row_table: Array  # (n_f,) of PLANAR_ROW: rows of joints, then joint coordinates that elements read
+    driven: Array  # (m, 3) drives and couplings: row, row of the driver (-1: time), function
+    force_table: Array  # (m,) of PLANAR_FORCE
+    functions: Functions
 
 
 class LoopClosure(NamedTuple):
@@ -209,7 +220,7 @@ def flatten_relative(mechanism: Mechanism) -> tuple[TreeLinks, TreeModel, Model]
 
 
 def link_constants(tree: TreeModel, model: Model) -> Array:
-    """Return the constants of the links, shape (n_b, 31): columns INBOARD_FRAME to CONSTANTS_END of `records`."""
+    """Return the constants of the links, shape (n_b, 31), as in `records.constants_of`."""
     forward = tree.sign > 0
     on_i, on_j = model.axes_i[tree.joint], model.axes_j[tree.joint]
     arm_i, arm_j = model.arm_i[tree.joint], model.arm_j[tree.joint]
@@ -230,26 +241,25 @@ def link_constants(tree: TreeModel, model: Model) -> Array:
     return np.hstack(parts)
 
 
-def link_table(links: TreeLinks, gravity: Array) -> Array:
-    """Return the table of links and ground, shape (n_b + 1, LINK_WIDTH), with constants alone."""
-    table = np.zeros((len(links.layout) + 1, records.LINK_WIDTH))
-    rows, layout = table[:-1], links.layout
-    rows[:, records.PARENT] = layout[:, PARENT]
-    rows[:, records.REVOLUTE] = (layout[:, TRANSLATIONS] == 0) & (layout[:, ROTATIONS] == 1)
-    rows[:, records.SENSE] = 2.0 * layout[:, FORWARD] - 1.0
-    rows[:, records.COORDINATE : records.LAST + 1] = layout[:, COORDINATE:]
-    rows[:, records.INBOARD_FRAME : records.CONSTANTS_END] = links.constants
-    table[-1, records.GRAVITY : records.GRAVITY + 3] = gravity
-    table[-1, records.COORDINATE] = links.first_speed
-    table[-1, [records.X, records.X + 4, records.X + 8]] = 1.0
-    return table
+def link_records(links: TreeLinks, gravity: Array) -> Array:
+    """Return the links and, last, the ground, LINK of shape (n_b + 1,), with constants alone."""
+    found, layout = np.zeros(len(links.layout) + 1, LINK), links.layout
+    for field, column in (("parent", PARENT), ("first", FREE), ("last", FREE_END), ("coordinate", COORDINATE)):
+        found[field][:-1] = layout[:, column]
+    found["translations"][:-1], found["rotations"][:-1] = layout[:, TRANSLATIONS], layout[:, ROTATIONS]
+    found["is_revolute"][:-1] = (layout[:, TRANSLATIONS] == 0) & (layout[:, ROTATIONS] == 1)
+    found["sense"][:-1] = 2.0 * layout[:, FORWARD] - 1.0
+    constants_of(found)[:-1] = links.constants
+    ground = found[-1]
+    ground["inboard_axes"][0], ground["coordinate"], ground["axes"] = gravity, links.first_speed, np.eye(3)
+    return found
 
 
-def free_table(links: TreeLinks) -> Array:
-    """Return the table of free directions, shape (N, FREE_WIDTH)."""
-    table = np.zeros((len(links.direction), records.FREE_WIDTH))
-    table[:, records.AXIS] = 3 * links.direction[:, 0] + links.direction[:, 1]
-    return table
+def free_records(links: TreeLinks) -> Array:
+    """Return the free directions, FREE of shape (N,)."""
+    found = np.zeros(len(links.direction), FREE_DIRECTION)
+    found["axis"] = 3 * links.direction[:, 0] + links.direction[:, 1]
+    return found
 
 
 def tree_arrays(links: TreeLinks, length: float, link: Array, free: Array, controllers: int) -> TreeArrays:
@@ -261,7 +271,7 @@ def tree_arrays(links: TreeLinks, length: float, link: Array, free: Array, contr
     length : float, m
         Characteristic length of the mechanism.
     link, free : ndarray
-        Tables of links and free directions; see the module.
+        Records of links and free directions; see the module.
     controllers : int
         Number of integrals, which y has rows of 13 numbers for.
     """
@@ -300,8 +310,8 @@ def loop_closure(tree: TreeArrays, loops: Loops, position_rows: int, width: int)
 def tree_system(mechanism: Mechanism, links: TreeLinks, spanning: TreeModel, model: Model) -> TreeSystem:
     """Return the arrays of a mechanism in space; those that kernels write are new."""
     cut = spanning.cut
-    table = link_table(links, mechanism.gravity)
-    tree = tree_arrays(links, model.length, table, free_table(links), len(mechanism.controls))
+    link, free = link_records(links, mechanism.gravity), free_records(links)
+    tree = tree_arrays(links, model.length, link, free, len(mechanism.controls))
     closure = loop_closure(tree, links.loops, links.position_rows, 6)
     elimination = elimination_arrays(len(closure.value), tree.layout, len(tree.free))
     spatial = SpatialArrays(tree.y, tree.A, model.mass, model.inertia_factor, cut_joints(spanning, model), elimination)

@@ -12,11 +12,11 @@ from consilience.reference.bodies import forces
 from consilience.reference.bodies.joint_rows import coordinate
 from consilience.reference.kernel.compiled import fused, inlined, inner, kernel
 from consilience.reference.kernel.functions import evaluate as function_at
-from consilience.reference.tree import records
 from consilience.reference.tree.arrays import (
     ELIMINATION_PIVOT,
     LoopClosure,
     Planar,
+    PlanarArrays,
     Spatial,
     SpatialArrays,
     TreeElements,
@@ -50,7 +50,6 @@ from consilience.reference.tree.loop_rows import mark_active_rows
 from consilience.reference.tree.multifrontal import KEEP_ORDER, factorise, rank_threshold
 from consilience.reference.tree.planar import place_planar_links, planar_inward_sweep, planar_outward_sweep
 from consilience.reference.tree.planar_rows import add_force_biases, planar_coordinate_rates
-from consilience.reference.tree.plane import PlanarArrays
 
 
 @inlined
@@ -127,7 +126,7 @@ def _solve_by_elimination(closure: LoopClosure, spatial: SpatialArrays) -> bool:
         found = least >= REGULAR_PIVOT * closure.best[ELIMINATION_PIVOT]
         if found:
             solve_reduced(elimination, rows, freedoms, link, closure.free, closure.u, 1.0)
-            add_link_accelerations(link, records.ACCELERATION, freedoms, elimination.V, elimination.G)
+            add_link_accelerations(link, freedoms, elimination.V, elimination.G)
     return found
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 from consilience.mechanism import Array
 from consilience.reference.bodies import constraints
 from consilience.reference.kernel.compiled import inlined
-from consilience.reference.tree import records
 from consilience.reference.tree.arrays import LoopClosure, Planar, Spatial, TreeElements
 from consilience.reference.tree.articulated import articulated_inertias, outward_sweep, rigid_inertias
 from consilience.reference.tree.few_freedoms import ONE_TARGET, link_motions, solve_rows, store_targets
@@ -155,7 +154,7 @@ def loop_acceleration_residual(closure: LoopClosure, spatial: Spatial, planar: P
 def bias_accelerations(closure: LoopClosure) -> None:
     """Compute the accelerations of the links for u = 0."""
     closure.u[:] = 0.0
-    link_motions(closure.link, closure.free, closure.u, 1.0, closure.link, records.ACCELERATION)
+    link_motions(closure.link, closure.free, closure.u, 1.0, closure.link)
 
 
 @inlined

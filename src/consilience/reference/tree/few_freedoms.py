@@ -16,9 +16,8 @@ import numpy as np
 
 from consilience.mechanism import RANK_TOLERANCE, Array
 from consilience.reference.kernel.compiled import fused, inner, kernel
-from consilience.reference.kernel.vectors import Vector, add, cross, dot, scale, sub
-from consilience.reference.tree import records
-from consilience.reference.tree.inertia import Six, symmetric_times
+from consilience.reference.kernel.vectors import Vector, add, cross, dot, load, put, scale, sub
+from consilience.reference.tree.inertia import load_six, symmetric_times
 from consilience.reference.tree.kinematics import load_vector, store_vector
 from consilience.reference.tree.loop_groups import ACTIVE, ROW, TOUCHED, Loops, MultifrontalQR
 from consilience.reference.tree.reduced import EliminationArrays
@@ -27,7 +26,7 @@ FREEDOMS = 6
 """Largest number f of independent directions."""
 
 ONE_TARGET, TWO_TARGETS = np.array([1, 2])
-"""Numbers of right sides, as NumPy integers: see `records`."""
+"""Numbers of right sides, as NumPy integers: Numba compiles a kernel anew for each Python integer in a call."""
 
 REGULAR_PIVOT = 0.01
 """Ratio of the least pivot to its largest value so far below which the fronts are used instead. A smaller ratio loses
@@ -189,56 +188,46 @@ def add_homogeneous(J: Array, rows: int, solved: Array, independent: Array, G: A
 
 
 @inner
-def link_motions(link: Array, free: Array, u: Array, velocity_terms: float, table: Array, at: int) -> None:
+def link_motions(link: Array, free: Array, u: Array, velocity_terms: float, motion: Array) -> None:
     """Compute the motions of placed links for speeds or accelerations u of the free directions.
 
     Parameters
     ----------
     link, free, u, velocity_terms : see `arrays`
-    table : ndarray, shape (n_b + 1, >= at + 6)
-        Overwritten in the columns `at` to `at` + 5; its last row is the motion of the ground.
-    at : int
+    motion : ndarray of `records.LINK` or `records.MOTION`, shape (n_b + 1,)
+        The field acceleration is overwritten; its last row is the motion of the ground.
     """
     for k in range(link.shape[0] - 1):
-        p = int(link[k, records.PARENT])
-        angular = load_vector(table, p, at + 3)
-        linear = add(load_vector(table, p, at), cross(angular, load_vector(link, k, records.OFFSET)))
-        linear = add(linear, scale(velocity_terms, load_vector(link, k, records.VELOCITY_PRODUCT)))
-        angular = add(angular, scale(velocity_terms, load_vector(link, k, records.VELOCITY_PRODUCT + 3)))
-        for n in range(int(link[k, records.FIRST]), int(link[k, records.LAST])):
-            linear = add(linear, scale(u[n], load_vector(free, n, records.S)))
-            angular = add(angular, scale(u[n], load_vector(free, n, records.S + 3)))
-        store_vector(table, k, at, linear)
-        store_vector(table, k, at + 3, angular)
+        p = link[k].parent
+        angular = load(motion[p].acceleration[1])
+        linear = add(load(motion[p].acceleration[0]), cross(angular, load(link[k].offset)))
+        linear = add(linear, scale(velocity_terms, load(link[k].velocity_product[0])))
+        angular = add(angular, scale(velocity_terms, load(link[k].velocity_product[1])))
+        for n in range(link[k].first, link[k].last):
+            linear = add(linear, scale(u[n], load(free[n].s[0])))
+            angular = add(angular, scale(u[n], load(free[n].s[1])))
+        put(motion[k].acceleration[0], linear)
+        put(motion[k].acceleration[1], angular)
 
 
 @fused
 def _subspace_at_origin(links: Array, free: Array, at: Array) -> None:
     """Compute the motions s of the free directions, shape (N, 6), at the centre of mass of the first link."""
-    O = load_vector(links, 0, records.POSITION)
+    O = load(links[0].position)
     for k in range(links.shape[0] - 1):
-        away = sub(load_vector(links, k, records.POSITION), O)
-        for n in range(int(links[k, records.FIRST]), int(links[k, records.LAST])):
-            spin = load_vector(free, n, records.S + 3)
-            store_vector(at, n, 0, sub(load_vector(free, n, records.S), cross(spin, away)))
+        away = sub(load(links[k].position), O)
+        for n in range(links[k].first, links[k].last):
+            spin = load(free[n].s[1])
+            store_vector(at, n, 0, sub(load(free[n].s[0]), cross(spin, away)))
             store_vector(at, n, 3, spin)
-
-
-@inner
-def _inertia(link: Array, k: int) -> Six:
-    """Return the rotational inertia of a link about its centre of mass, world axes."""
-    at = records.ARTICULATED + 15
-    return link[k, at], link[k, at + 1], link[k, at + 2], link[k, at + 3], link[k, at + 4], link[k, at + 5]
 
 
 @inner
 def _inertial_wrench(link: Array, k: int, velocity_terms: float) -> tuple[Vector, Vector]:
     """Return force and torque ``I a + p`` of a link."""
-    a, alpha = load_vector(link, k, records.ACCELERATION), load_vector(link, k, records.ACCELERATION + 3)
-    force = add(scale(link[k, records.MASS], a), scale(velocity_terms, load_vector(link, k, records.BIAS)))
-    return force, add(
-        symmetric_times(_inertia(link, k), alpha), scale(velocity_terms, load_vector(link, k, records.BIAS + 3))
-    )
+    a, alpha = load(link[k].acceleration[0]), load(link[k].acceleration[1])
+    force = add(scale(link[k].mass, a), scale(velocity_terms, load(link[k].bias[0])))
+    return force, add(symmetric_times(load_six(link[k].J), alpha), scale(velocity_terms, load(link[k].bias[1])))
 
 
 @fused
@@ -249,7 +238,8 @@ def _reduced_forces(link: Array, freedoms: int, V: Array, G: Array) -> None:
     for k in range(link.shape[0] - 1):
         force, torque = _inertial_wrench(link, k, 0.0)
         for e in range(freedoms):
-            G[e, freedoms] -= dot(load_vector(V[e], k, 0), force) + dot(load_vector(V[e], k, 3), torque)
+            v = V[e, k].acceleration
+            G[e, freedoms] -= dot(load(v[0]), force) + dot(load(v[1]), torque)
 
 
 @fused
@@ -259,34 +249,25 @@ def _reduced_equations(link: Array, freedoms: int, V: Array, G: Array, velocity_
         for d in range(freedoms + 1):
             G[e, d] = 0.0
     for k in range(link.shape[0] - 1):
-        m, I = link[k, records.MASS], _inertia(link, k)
+        m, I = link[k].mass, load_six(link[k].J)
         force, torque = _inertial_wrench(link, k, velocity_terms)
         for e in range(freedoms):
-            v, w = load_vector(V[e], k, 0), load_vector(V[e], k, 3)
+            v, w = load(V[e, k].acceleration[0]), load(V[e, k].acceleration[1])
             x, y = scale(m, v), symmetric_times(I, w)
             G[e, freedoms] -= dot(v, force) + dot(w, torque)
             for d in range(e + 1):
-                G[e, d] += dot(load_vector(V[d], k, 0), x) + dot(load_vector(V[d], k, 3), y)
+                G[e, d] += dot(load(V[d, k].acceleration[0]), x) + dot(load(V[d, k].acceleration[1]), y)
 
 
 @fused
-def add_link_accelerations(link: Array, at: int, freedoms: int, V: Array, G: Array) -> None:
-    """Add ``sum V_e alpha_e`` to the accelerations of the links.
-
-    Parameters
-    ----------
-    link : see `arrays`
-    at : int
-        First of the columns that are updated.
-    freedoms : int
-    V, G : ndarray
-        Fields of `reduced.EliminationArrays`.
-    """
+def add_link_accelerations(link: Array, freedoms: int, V: Array, G: Array) -> None:
+    """Add ``sum V_e alpha_e``, of `reduced.EliminationArrays`, to the accelerations of the links."""
     for e in range(freedoms):
         alpha = G[e, freedoms]
         for k in range(link.shape[0] - 1):
-            for r in range(V.shape[2]):
-                link[k, at + r] += alpha * V[e, k, r]
+            for part in range(2):
+                for r in range(3):
+                    link[k].acceleration[part, r] += alpha * V[e, k].acceleration[part, r]
 
 
 @inner
@@ -321,7 +302,7 @@ def solve_rows(
         Number of right sides that J holds behind the directions.
     """
     group, touched, order, state, W, J = loops.group, loops.touched, qr.order, qr.state, qr.W, elimination.J
-    rows, count, O = 0, free.shape[0], load_vector(links, 0, records.POSITION)
+    rows, count, O = 0, free.shape[0], load(links[0].position)
     _subspace_at_origin(links, free, elimination.S_origin)
     for g in range(group.shape[0]):
         for number in range(group[g, ROW], group[g, ROW] + state[g, ACTIVE]):
@@ -332,7 +313,7 @@ def solve_rows(
                 k = touched[row, slot]
                 if k < 0:
                     continue
-                away = sub(load_vector(links, k, records.POSITION), O)
+                away = sub(load(links[k].position), O)
                 force = W[row, slot, 0], W[row, slot, 1], W[row, slot, 2]
                 torque = add((W[row, slot, 3], W[row, slot, 4], W[row, slot, 5]), cross(away, force))
                 for n in range(count):
@@ -359,9 +340,9 @@ def solve_reduced(
     """
     for e in range(freedoms):
         homogeneous_solution(elimination.J, rows, elimination.solved, elimination.independent[e], u)
-        link_motions(link, free, u, 0.0, elimination.V[e], 0)
+        link_motions(link, free, u, 0.0, elimination.V[e])
     particular_solution(elimination.J, rows, elimination.solved, u)
-    link_motions(link, free, u, velocity_terms, link, records.ACCELERATION)
+    link_motions(link, free, u, velocity_terms, link)
     _reduced_equations(link, freedoms, elimination.V, elimination.G, velocity_terms)
     _cholesky(elimination.G, freedoms)
     _cholesky_solve(elimination.G, freedoms)
@@ -383,7 +364,7 @@ def solve_reduced_again(
     for row in range(rows):
         elimination.J[row, u.shape[0]] = elimination.J[row, u.shape[0] + 1]
     particular_solution(elimination.J, rows, elimination.solved, u)
-    link_motions(link, free, u, 0.0, link, records.ACCELERATION)
+    link_motions(link, free, u, 0.0, link)
     _reduced_forces(link, freedoms, elimination.V, elimination.G)
     _cholesky_solve(elimination.G, freedoms)
     add_homogeneous(elimination.J, rows, elimination.solved, elimination.independent, elimination.G, freedoms, u)

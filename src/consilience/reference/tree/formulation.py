@@ -30,7 +30,6 @@ from consilience.reference.tree.arrays import (
 from consilience.reference.tree.dynamics import count_turns, loop_derivative
 from consilience.reference.tree.kinematics import fill_euler_parameters, place_bodies, place_links_and_bodies
 from consilience.reference.tree.projection import AT_SAMPLE, find_rank, project
-from consilience.reference.tree.records import ACCELERATION
 from consilience.reference.tree.state import pack_relative
 
 
@@ -159,7 +158,7 @@ class RelativeCoordinates:
         A, y = self._space.A, self._space.y
         fill_euler_parameters(A, y)
         a = np.empty((len(self.mechanism.bodies), 6))
-        a[self._links.layout[:, BODY]] = self._rest.link[:-1, ACCELERATION : ACCELERATION + 6]
+        a[self._links.layout[:, BODY]] = self._rest.link["acceleration"][:-1].reshape(-1, 6)
         a[:, 3:] = np.einsum("bji,bj->bi", A, a[:, 3:])
         if not np.all(np.isfinite(a)):
             raise NumericalFailure(f"reference, {self.name}: the accelerations are not finite")

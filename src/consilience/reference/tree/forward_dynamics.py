@@ -26,14 +26,14 @@ from consilience.reference.tree.arrays import (
     TreeArrays,
     TreeElements,
     flatten_relative,
-    link_table,
+    link_records,
     tree_system,
 )
 from consilience.reference.tree.articulated import tree_accelerations
 from consilience.reference.tree.dynamics import accelerations, count_turns
 from consilience.reference.tree.kinematics import fill_euler_parameters, place_bodies, place_links_and_bodies
 from consilience.reference.tree.projection import find_rank
-from consilience.reference.tree.records import ACCELERATION, CONSTANTS_END, COORDINATE, INBOARD_FRAME
+from consilience.reference.tree.records import constants_of
 from consilience.reference.tree.state import pack_relative
 
 
@@ -41,20 +41,33 @@ from consilience.reference.tree.state import pack_relative
 def _tree_accelerations_at(link: Array, free: Array, q: Array, v: Array, out: Array) -> bool:
     """Compute the accelerations of a tree; return False if the numbers of coordinates are wrong."""
     n = free.shape[0]
-    if len(q) != link[link.shape[0] - 1, COORDINATE] or len(v) != n or len(out) != n:
+    if len(q) != link[link.shape[0] - 1].coordinate or len(v) != n or len(out) != n:
         return False
     tree_accelerations(link, free, q, v, out)
     return True
 
 
 @threaded
-def _tree_accelerations_each(link: Array, free: Array, constants: Array, q: Array, v: Array, out: Array) -> None:
-    """Compute the accelerations of a tree at each row of q and v, with row i of the constants if there are any."""
+def _tree_accelerations_each(
+    link: Array, free: Array, own: Array, constants: Array, q: Array, v: Array, out: Array
+) -> None:
+    """Compute the accelerations of a tree at each row of q and v.
+
+    Parameters
+    ----------
+    link, free : see `arrays`
+    own : ndarray, shape (n_b + 1, 31)
+        The view `constants_of` the links.
+    constants : ndarray, shape (n, n_b + 1, 31)
+        Constants of the tree at row i; empty to keep those of the links.
+    q, v, out : ndarray, shapes (n, n_q), (n, n_v), (n, n_v)
+        Coordinates, speeds, accelerations; `out` is overwritten.
+    """
     for i in range(q.shape[0]):
         if constants.shape[0]:
             for k in range(link.shape[0]):
                 for n in range(constants.shape[2]):
-                    link[k, INBOARD_FRAME + n] = constants[i, k, n]
+                    own[k, n] = constants[i, k, n]
         tree_accelerations(link, free, q[i], v[i], out[i])
 
 
@@ -190,7 +203,7 @@ class ForwardDynamics:
         place_bodies(self._links.layout, self._link, y, A)
         fill_euler_parameters(A, y)
         a = np.empty((len(self.mechanism.bodies), 6))
-        a[self._links.layout[:, BODY]] = self._link[:-1, ACCELERATION : ACCELERATION + 6]
+        a[self._links.layout[:, BODY]] = self._link["acceleration"][:-1].reshape(-1, 6)
         if not np.all(np.isfinite(a)):
             raise NumericalFailure("forward dynamics: the accelerations are not finite")
         a[:, 3:] = np.einsum("bji,bj->bi", A, a[:, 3:])
@@ -223,7 +236,7 @@ class ForwardDynamics:
         if q.ndim != 2 or q.shape[1] != self.n_q or v.shape != (len(q), self.n_v):
             raise InvalidInput("q, v", f"shapes {q.shape}, {v.shape}", f"Give (n, {self.n_q}) and (n, {self.n_v}).")
         constants = np.empty((0, 0, 0)) if parameters is None else np.ascontiguousarray(parameters, dtype=float)
-        wanted = (len(q), len(self.mechanism.bodies) + 1, CONSTANTS_END - INBOARD_FRAME)
+        wanted = (len(q), *constants_of(self._link).shape)
         if parameters is not None and (not self._is_tree or constants.shape != wanted):
             raise InvalidInput("parameters", f"shape {constants.shape}", f"Give what parameters() answers, {wanted}.")
         out = np.empty(v.shape)
@@ -273,7 +286,7 @@ class ForwardDynamics:
         )
         if not same:
             raise InvalidInput(other.name, f"its tree is not that of {self.mechanism.name}", "Change numbers only.")
-        return link_table(links, other.gravity)[:, INBOARD_FRAME:CONSTANTS_END]
+        return constants_of(link_records(links, other.gravity))
 
     def _checked(self, q: Array, v: Array) -> tuple[Array, Array]:
         q, v = np.array(q, dtype=float), np.array(v, dtype=float)
@@ -292,7 +305,7 @@ class ForwardDynamics:
         if self._is_tree:
             # the constants of parameter sets must not stay in the table
             link = tree.link.copy() if len(constants) else tree.link
-            _tree_accelerations_each(link, tree.free, constants, q, v, out)
+            _tree_accelerations_each(link, tree.free, constants_of(link), constants, q, v, out)
             return
         _accelerations_each(*others, float(t), q, v, np.zeros(len(self._links.kind)), out)
 

@@ -9,8 +9,7 @@ from __future__ import annotations
 
 from consilience.mechanism import Array
 from consilience.reference.kernel.compiled import inner
-from consilience.reference.kernel.vectors import Vector, add, dot
-from consilience.reference.tree.records import ARTICULATED
+from consilience.reference.kernel.vectors import Vector, add, dot, load
 
 Six = tuple[float, float, float, float, float, float]
 Nine = tuple[float, float, float, float, float, float, float, float, float]
@@ -59,37 +58,22 @@ def rotate_inertia(X: Columns, J: Six) -> Six:
 
 
 @inner
+def columns(A: Array) -> Columns:
+    """Return a matrix that is stored column by column."""
+    return load(A[0]), load(A[1]), load(A[2])
+
+
+@inner
+def load_six(a: Array) -> Six:
+    """Return six numbers."""
+    return a[0], a[1], a[2], a[3], a[4], a[5]
+
+
+@inner
 def load_inertia(link: Array, k: int) -> Inertia:
     """Return the articulated inertia of a link."""
-    return (
-        (
-            link[k, ARTICULATED],
-            link[k, ARTICULATED + 1],
-            link[k, ARTICULATED + 2],
-            link[k, ARTICULATED + 3],
-            link[k, ARTICULATED + 4],
-            link[k, ARTICULATED + 5],
-        ),
-        (
-            link[k, ARTICULATED + 6],
-            link[k, ARTICULATED + 7],
-            link[k, ARTICULATED + 8],
-            link[k, ARTICULATED + 9],
-            link[k, ARTICULATED + 10],
-            link[k, ARTICULATED + 11],
-            link[k, ARTICULATED + 12],
-            link[k, ARTICULATED + 13],
-            link[k, ARTICULATED + 14],
-        ),
-        (
-            link[k, ARTICULATED + 15],
-            link[k, ARTICULATED + 16],
-            link[k, ARTICULATED + 17],
-            link[k, ARTICULATED + 18],
-            link[k, ARTICULATED + 19],
-            link[k, ARTICULATED + 20],
-        ),
-    )
+    H = link[k].H
+    return load_six(link[k].M), (H[0], H[1], H[2], H[3], H[4], H[5], H[6], H[7], H[8]), load_six(link[k].J)
 
 
 @inner
@@ -97,10 +81,10 @@ def add_inertia(link: Array, k: int, I: Inertia) -> None:
     """Add to the articulated inertia of a link."""
     M, H, J = I
     for n in range(6):
-        link[k, ARTICULATED + n] += M[n]
-        link[k, ARTICULATED + 15 + n] += J[n]
+        link[k].M[n] += M[n]
+        link[k].J[n] += J[n]
     for n in range(9):
-        link[k, ARTICULATED + 6 + n] += H[n]
+        link[k].H[n] += H[n]
 
 
 @inner

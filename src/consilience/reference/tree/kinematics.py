@@ -16,11 +16,10 @@ import numpy as np
 from consilience.mechanism import Array
 from consilience.reference.bodies.motion import ZERO
 from consilience.reference.kernel.compiled import fused, inner, kernel
-from consilience.reference.kernel.vectors import Vector, add, column, cross, dot, scale, sub
-from consilience.reference.tree import records as col
+from consilience.reference.kernel.vectors import Vector, add, column, cross, dot, load, put, scale, sub
 from consilience.reference.tree.arrays import BODY, FREE, ROTATIONS, TRANSLATIONS
 from consilience.reference.tree.arrays import COORDINATE as FIRST_COORDINATE
-from consilience.reference.tree.inertia import Columns, matrix_times
+from consilience.reference.tree.inertia import Columns, columns, matrix_times
 
 
 @inner
@@ -58,12 +57,6 @@ def store_vector(table: Array, k: int, at: int, a: Vector) -> None:
 
 
 @inner
-def load_matrix(table: Array, k: int, at: int) -> Columns:
-    """Return a 3 x 3 matrix of a row by its columns."""
-    return load_vector(table, k, at), load_vector(table, k, at + 3), load_vector(table, k, at + 6)
-
-
-@inner
 def _transposed(A: Columns) -> Columns:
     return (A[0][0], A[1][0], A[2][0]), (A[0][1], A[1][1], A[2][1]), (A[0][2], A[1][2], A[2][2])
 
@@ -84,65 +77,65 @@ def _store_motion(
 
     With arms to P: ``w = w_p + spin``, ``v + w x s = v_p + w_p x s_p + speed``; c is quadratic in the joint speeds.
     """
-    w_p = load_vector(link, p, col.SPIN)
+    w_p = load(link[p].spin)
     w = add(w_p, spin)
     carried = sub(cross(w_p, s_p), cross(w, s))
     step = sub(s_p, s)
     for n in range(3):
-        store_vector(link, k, col.X + 3 * n, outboard[n])
-    store_vector(link, k, col.OFFSET, step)
-    store_vector(link, k, col.POSITION, add(load_vector(link, p, col.POSITION), step))
-    store_vector(link, k, col.VELOCITY, add(load_vector(link, p, col.VELOCITY), add(carried, speed)))
-    store_vector(link, k, col.SPIN, w)
+        put(link[k].axes[n], outboard[n])
+    put(link[k].offset, step)
+    put(link[k].position, add(load(link[p].position), step))
+    put(link[k].velocity, add(load(link[p].velocity), add(carried, speed)))
+    put(link[k].spin, w)
     linear = sub(cross(w_p, cross(w_p, s_p)), cross(w, cross(w, s)))
-    store_vector(link, k, col.VELOCITY_PRODUCT, add(add(linear, c[0]), cross(s, c[1])))
-    store_vector(link, k, col.VELOCITY_PRODUCT + 3, c[1])
+    put(link[k].velocity_product[0], add(add(linear, c[0]), cross(s, c[1])))
+    put(link[k].velocity_product[1], c[1])
 
 
 @inner
 def _place_revolute(link: Array, free: Array, k: int, q: Array, v: Array) -> None:
     """Place a link on a revolute joint; both senses of the joint differ only in sign."""
-    p, n, sign = int(link[k, col.PARENT]), int(link[k, col.FIRST]), link[k, col.SENSE]
-    base, angle, u = load_matrix(link, p, col.X), sign * q[int(link[k, col.COORDINATE])], sign * v[n]
+    p, n, sign = link[k].parent, link[k].first, link[k].sense
+    base, angle, u = columns(link[p].axes), sign * q[link[k].coordinate], sign * v[n]
     x, y, e = (
-        matrix_times(base, load_vector(link, k, col.INBOARD_FRAME)),
-        matrix_times(base, load_vector(link, k, col.INBOARD_FRAME + 3)),
-        matrix_times(base, load_vector(link, k, col.INBOARD_FRAME + 6)),
+        matrix_times(base, load(link[k].inboard_axes[0])),
+        matrix_times(base, load(link[k].inboard_axes[1])),
+        matrix_times(base, load(link[k].inboard_axes[2])),
     )
     c, s = np.cos(angle), np.sin(angle)
     outboard = add(scale(c, x), scale(s, y)), sub(scale(c, y), scale(s, x)), e
-    s_p = matrix_times(base, load_vector(link, k, col.ARM_PARENT))
-    s_k = matrix_times(outboard, load_vector(link, k, col.ARM))
-    store_vector(free, n, col.S, scale(sign, cross(s_k, e)))
-    store_vector(free, n, col.S + 3, scale(sign, e))
-    e_dot = cross(load_vector(link, p, col.SPIN), e)
+    s_p = matrix_times(base, load(link[k].parent_arm))
+    s_k = matrix_times(outboard, load(link[k].arm))
+    put(free[n].s[0], scale(sign, cross(s_k, e)))
+    put(free[n].s[1], scale(sign, e))
+    e_dot = cross(load(link[p].spin), e)
     _store_motion(link, k, p, outboard, s_p, s_k, ZERO, scale(u, e), (ZERO, scale(u, e_dot)))
 
 
 @inner
 def _axis(free: Array, n: int, F: Columns, M: Columns) -> Vector:
     """Return the axis of a free direction in the world."""
-    number = int(free[n, col.AXIS])
+    number = free[n].axis
     return F[number] if number < 3 else M[number - 3]
 
 
 @inner
 def _place_joint(link: Array, free: Array, k: int, q: Array, v: Array) -> None:
     """Place a link on a joint of any kind."""
-    p, first, last, sign = int(link[k, col.PARENT]), int(link[k, col.FIRST]), int(link[k, col.LAST]), link[k, col.SENSE]
-    at, along = int(link[k, col.COORDINATE]), int(link[k, col.N_TRANSLATIONS])
-    base, turned = load_matrix(link, p, col.X), _joint_rotation(q, at + along, int(link[k, col.N_ROTATIONS]))
+    p, first, last, sign = link[k].parent, link[k].first, link[k].last, link[k].sense
+    at, along = link[k].coordinate, link[k].translations
+    base, turned = columns(link[p].axes), _joint_rotation(q, at + along, link[k].rotations)
     if sign < 0.0:
         turned = _transposed(turned)
     inboard = (
-        matrix_times(base, load_vector(link, k, col.INBOARD_FRAME)),
-        matrix_times(base, load_vector(link, k, col.INBOARD_FRAME + 3)),
-        matrix_times(base, load_vector(link, k, col.INBOARD_FRAME + 6)),
+        matrix_times(base, load(link[k].inboard_axes[0])),
+        matrix_times(base, load(link[k].inboard_axes[1])),
+        matrix_times(base, load(link[k].inboard_axes[2])),
     )
     outboard = matrix_times(inboard, turned[0]), matrix_times(inboard, turned[1]), matrix_times(inboard, turned[2])
     F, M = (inboard, outboard) if sign > 0.0 else (outboard, inboard)
-    s_p = matrix_times(base, load_vector(link, k, col.ARM_PARENT))
-    s_k = matrix_times(outboard, load_vector(link, k, col.ARM))
+    s_p = matrix_times(base, load(link[k].parent_arm))
+    s_k = matrix_times(outboard, load(link[k].arm))
     displacement, speed, spin = ZERO, ZERO, ZERO
     for n in range(first, last):
         e, u = _axis(free, n, F, M), sign * v[n]
@@ -155,32 +148,32 @@ def _place_joint(link: Array, free: Array, k: int, q: Array, v: Array) -> None:
         s_p = add(s_p, displacement)
     else:
         s_k = add(s_k, displacement)
-    w_p = load_vector(link, p, col.SPIN)
+    w_p = load(link[p].spin)
     # F moves with the predecessor, M with the successor
     w_F, w_M = (w_p, add(w_p, spin)) if sign > 0.0 else (add(w_p, spin), w_p)
     linear, angular = ZERO, ZERO
     for n in range(first, last):
         e, u = _axis(free, n, F, M), sign * v[n]
-        e_dot = cross(w_F if free[n, col.AXIS] < 3.0 else w_M, e)
+        e_dot = cross(w_F if free[n].axis < 3 else w_M, e)
         if n - first < along:
             linear = add(linear, scale(2.0 * u, e_dot))
-            store_vector(free, n, col.S, scale(sign, e))
-            store_vector(free, n, col.S + 3, ZERO)
+            put(free[n].s[0], scale(sign, e))
+            put(free[n].s[1], ZERO)
         else:
             angular = add(angular, scale(u, e_dot))
-            store_vector(free, n, col.S, scale(sign, cross(s_k, e)))
-            store_vector(free, n, col.S + 3, scale(sign, e))
+            put(free[n].s[0], scale(sign, cross(s_k, e)))
+            put(free[n].s[1], scale(sign, e))
     _store_motion(link, k, p, outboard, s_p, s_k, speed, spin, (linear, angular))
 
 
 @fused
 def place_links(link: Array, free: Array, q: Array, v: Array) -> None:
-    """Fill columns X to OFFSET of all links, and S of all directions, at coordinates q and speeds v.
+    """Fill the fields axes to offset of all links, and s of all directions, at coordinates q and speeds v.
 
     q may be longer than the coordinates: a whole state z will do.
     """
     for k in range(link.shape[0] - 1):
-        if link[k, col.REVOLUTE] == 1.0:
+        if link[k].is_revolute:
             _place_revolute(link, free, k, q, v)
         else:
             _place_joint(link, free, k, q, v)
@@ -190,11 +183,11 @@ def place_links(link: Array, free: Array, q: Array, v: Array) -> None:
 def place_bodies(layout: Array, link: Array, y: Array, A: Array) -> None:
     """Fill y (except Euler parameters) and A of all bodies from placed links."""
     for k in range(layout.shape[0]):
-        b, base, w = layout[k, BODY], load_matrix(link, k, col.X), load_vector(link, k, col.SPIN)
-        store_vector(y, b, 0, load_vector(link, k, col.POSITION))
-        store_vector(y, b, 7, load_vector(link, k, col.VELOCITY))
+        b, base, w = layout[k, BODY], columns(link[k].axes), load(link[k].spin)
+        store_vector(y, b, 0, load(link[k].position))
+        store_vector(y, b, 7, load(link[k].velocity))
         for n in range(3):
-            axis = matrix_times(base, load_vector(link, k, col.AXES + 3 * n))
+            axis = matrix_times(base, load(link[k].body_axes[n]))
             y[b, 10 + n] = dot(axis, w)
             A[b, 0, n], A[b, 1, n], A[b, 2, n] = axis
 

@@ -23,21 +23,8 @@ from consilience.reference.bodies.joint_rows import (
 from consilience.reference.kernel.compiled import fused, inner, kernel
 from consilience.reference.kernel.vectors import Vector, dot, load, rotate, rotate_back, scale, store
 from consilience.reference.tree.arrays import BODY
-from consilience.reference.tree.cut_joints import (
-    ARM_I,
-    ARM_J,
-    AXES_I,
-    AXES_J,
-    FIRST_ROW,
-    LAST_ROW,
-    LINK_I,
-    LINK_J,
-    PITCH,
-)
-from consilience.reference.tree.inertia import matrix_times
-from consilience.reference.tree.kinematics import load_matrix, load_vector
+from consilience.reference.tree.inertia import columns, matrix_times
 from consilience.reference.tree.loop_groups import ACTIVE, ROW, TOUCHED
-from consilience.reference.tree.records import ACCELERATION, POSITION, SPIN, VELOCITY, X
 
 
 @kernel
@@ -51,39 +38,38 @@ def mark_active_rows(group: Array, order: Array, state: Array, active: Array) ->
 
 
 @fused
-def _axis(link: Array, k: int, joint: Array, m: int, at: int) -> Vector:
-    """Return an axis of a joint frame on a link, in the world."""
-    return matrix_times(load_matrix(link, k, X), load_vector(joint, m, at))
+def _axis(link: Array, k: int, axis: Array) -> Vector:
+    """Return an axis or arm of a joint frame on a link, in the world."""
+    return matrix_times(columns(link[k].axes), load(axis))
 
 
 @fused
 def _motion(link: Array, joint: Array, m: int) -> JointMotion:
     """Return the relative motion of the frames of a joint between placed links."""
-    i, j = int(joint[m, LINK_I]), int(joint[m, LINK_J])
-    s_i, s_j = _axis(link, i, joint, m, ARM_I), _axis(link, j, joint, m, ARM_J)
-    body_i = load_vector(link, i, POSITION), load_vector(link, i, VELOCITY), load_vector(link, i, SPIN)
-    body_j = load_vector(link, j, POSITION), load_vector(link, j, VELOCITY), load_vector(link, j, SPIN)
+    i, j = joint[m].i, joint[m].j
+    s_i, s_j = _axis(link, i, joint[m].arm_i), _axis(link, j, joint[m].arm_j)
+    body_i = load(link[i].position), load(link[i].velocity), load(link[i].spin)
+    body_j = load(link[j].position), load(link[j].velocity), load(link[j].spin)
     return motion_between(i, j, s_i, s_j, body_i, body_j)
 
 
 @fused
 def _product(link: Array, joint: Array, n: int, motion: JointMotion, one: int, two: int) -> Row:
     """Return the row of the product of two axes of a joint."""
-    return product_row(
-        _axis(link, motion.i, joint, n, AXES_I + 3 * one), _axis(link, motion.j, joint, n, AXES_J + 3 * two), motion
-    )
+    u, w = _axis(link, motion.i, joint[n].axes_i[one]), _axis(link, motion.j, joint[n].axes_j[two])
+    return product_row(u, w, motion)
 
 
 @inner
 def _row(link: Array, joint: Array, n: int, motion: JointMotion, kind: int) -> Row:
     """Return a row of a joint by its number in `reference.bodies.arrays.ROWS`."""
     if kind < 3:
-        return displacement_row(_axis(link, motion.i, joint, n, AXES_I + 3 * kind), motion)
+        return displacement_row(_axis(link, motion.i, joint[n].axes_i[kind]), motion)
     if kind == 3:
         return distance_row(motion)
     if kind < 13:
         return _product(link, joint, n, motion, (kind - 4) // 3, (kind - 4) % 3)
-    pitch, z = joint[n, PITCH], displacement_row(_axis(link, motion.i, joint, n, AXES_I + 6), motion)
+    pitch, z = joint[n].pitch, displacement_row(_axis(link, motion.i, joint[n].axes_i[2]), motion)
     cos, sin = _product(link, joint, n, motion, 0, 0), _product(link, joint, n, motion, 1, 0)
     return row_of_screw(z, row_of_angle(cos, sin, motion, TURN * z.value / pitch), pitch)
 
@@ -105,7 +91,7 @@ def evaluate_joint_rows(
     """
     for m in range(joint.shape[0]):
         motion = _motion(link, joint, m)
-        for n in range(int(joint[m, FIRST_ROW]), int(joint[m, LAST_ROW])):
+        for n in range(joint[m].first_row, joint[m].last_row):
             if not active[n]:
                 continue
             row = _row(link, joint, m, motion, kinds[n])
@@ -154,7 +140,14 @@ def acceleration_residual(touched: Array, W: Array, links: Array, gamma: Array, 
     target : ndarray, shape (q,)
         Overwritten: the residual.
     """
-    _residual(touched, W, links, ACCELERATION, ACCELERATION + 3, gamma, target)
+    for row in range(touched.shape[0]):
+        total = gamma[row]
+        for n in range(TOUCHED):
+            link = touched[row, n]
+            if link >= 0:
+                total -= dot(load(W[row, n, 0:3]), load(links[link].acceleration[0]))
+                total -= dot(load(W[row, n, 3:6]), load(links[link].acceleration[1]))
+        target[row] = total
 
 
 @inner
@@ -166,19 +159,13 @@ def velocity_residual(touched: Array, W: Array, links: Array, rate: Array, targe
     touched, W, links, target : see `acceleration_residual`
     rate : ndarray, shape (q,)
     """
-    _residual(touched, W, links, VELOCITY, SPIN, rate, target)
-
-
-@fused
-def _residual(touched: Array, W: Array, links: Array, linear: int, angular: int, given: Array, target: Array) -> None:
-    """Compute ``given - Q x`` for motions x of the links in columns `linear` and `angular`."""
     for row in range(touched.shape[0]):
-        total = given[row]
+        total = rate[row]
         for n in range(TOUCHED):
             link = touched[row, n]
             if link >= 0:
-                total -= dot(load(W[row, n, 0:3]), load_vector(links, link, linear))
-                total -= dot(load(W[row, n, 3:6]), load_vector(links, link, angular))
+                total -= dot(load(W[row, n, 0:3]), load(links[link].velocity))
+                total -= dot(load(W[row, n, 3:6]), load(links[link].spin))
         target[row] = total
 
 

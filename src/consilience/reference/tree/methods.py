@@ -15,7 +15,7 @@ from consilience.reference.integrators.coefficients import DORMAND_PRINCE, STAGE
 from consilience.reference.integrators.tsitouras import TSITOURAS
 
 BEGIN, SECOND, END = np.array([0, 1, STAGES])
-"""First two stages, and the stage at the end of a step, as NumPy integers: see `records`."""
+"""First two stages, and the stage at the end of a step, as NumPy integers: see `few_freedoms.ONE_TARGET`."""
 
 
 class RungeKuttaPair(NamedTuple):

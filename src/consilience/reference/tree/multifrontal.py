@@ -17,7 +17,7 @@ import numpy as np
 
 from consilience.mechanism import RANK_TOLERANCE, Array
 from consilience.reference.kernel.compiled import fused, inner
-from consilience.reference.kernel.vectors import add, cross, dot, scale
+from consilience.reference.kernel.vectors import add, cross, dot, load, scale
 from consilience.reference.tree.arrays import FREE, FREE_END, PARENT
 from consilience.reference.tree.kinematics import load_vector, store_vector
 from consilience.reference.tree.loop_groups import (
@@ -37,7 +37,6 @@ from consilience.reference.tree.loop_groups import (
     USED,
     VECTOR_START,
 )
-from consilience.reference.tree.records import INVERSE_ROOT, JOINT_FORCE, OFFSET, PIVOT, S, U
 
 PIVOTING, KEEP_ORDER = np.array([True, False])
 """Whether `factorise` exchanges columns."""
@@ -93,7 +92,7 @@ def whitened_responses(
     """
     clear_fronts(group, state, F)
     for n in range(free.shape[0]):
-        free[n, INVERSE_ROOT] = 1.0 / np.sqrt(free[n, PIVOT])
+        free[n].inverse_root = 1.0 / np.sqrt(free[n].pivot)
     largest = 0.0
     for g in range(group.shape[0]):
         first, last = group[g, PATH], group[g, PATH_END]
@@ -127,16 +126,16 @@ def _whitened_column(
         k = path[m]
         p, force, torque = layout[k, PARENT], load_vector(wrench, k, 0), load_vector(wrench, k, 3)
         for n in range(layout[k, FREE_END] - 1, layout[k, FREE] - 1, -1):
-            root, f = free[n, INVERSE_ROOT], owner[n, 0]
-            white = root * (dot(load_vector(free, n, S), force) + dot(load_vector(free, n, S + 3), torque))
+            root, f = free[n].inverse_root, owner[n, 0]
+            white = root * (dot(load(free[n].s[0]), force) + dot(load(free[n].s[1]), torque))
             factor = -white * root
-            force = add(force, scale(factor, load_vector(free, n, U)))
-            torque = add(torque, scale(factor, load_vector(free, n, U + 3)))
+            force = add(force, scale(factor, load(free[n].U[0])))
+            torque = add(torque, scale(factor, load(free[n].U[1])))
             total += white * white
             F[group[f, FRONT_START] + (column - state[f, START]) * group[f, FRONT_ROWS] + owner[n, 1]] = white
         if p >= 0:
             store_vector(wrench, p, 0, add(load_vector(wrench, p, 0), force))
-            moved = add(torque, cross(load_vector(links, k, OFFSET), force))
+            moved = add(torque, cross(load(links[k].offset), force))
             store_vector(wrench, p, 3, add(load_vector(wrench, p, 3), moved))
     return total
 
@@ -291,7 +290,7 @@ def least_norm_forces(
     target : ndarray, shape (q,)
         Residual of the rows.
     free : see `arrays`
-        Column JOINT_FORCE is updated.
+        The field joint_force is updated.
     """
     _forward(group, order, state, F, target, y)
     for g in range(group.shape[0] - 1, -1, -1):
@@ -306,7 +305,7 @@ def least_norm_forces(
         _reflect_back(group, state, F, tau, x, g, rows)
         for n in range(count):
             direction = own_directions[group[g, OWN] + n]
-            free[direction, JOINT_FORCE] += x[shelf + n] / free[direction, INVERSE_ROOT]
+            free[direction].joint_force += x[shelf + n] / free[direction].inverse_root
 
 
 @fused

@@ -10,15 +10,13 @@ link from there rotates them by theta.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from consilience.mechanism import Array, Mechanism
 from consilience.reference.bodies.arrays import ANGLE, Model, all_rows
 from consilience.reference.bodies.spanning_tree import TreeModel
-from consilience.reference.tree import plane as col
-from consilience.reference.tree import records
 from consilience.reference.tree.arrays import (
     BODY,
     FORWARD,
@@ -26,13 +24,30 @@ from consilience.reference.tree.arrays import (
     FREE_END,
     ROTATIONS,
     TRANSLATIONS,
+    PlanarArrays,
     TreeLinks,
     TreeSystem,
+    link_records,
     loop_closure,
     tree_arrays,
 )
 from consilience.reference.tree.loop_groups import find_loop_groups
-from consilience.reference.tree.plane import PlanarArrays
+from consilience.reference.tree.records import (
+    AXIS_DISPLACEMENT,
+    AXIS_PRODUCT,
+    CONTROL,
+    FRICTION,
+    JOINT_ANGLE,
+    JOINT_SPRING,
+    LOAD,
+    PLANAR_FORCE,
+    PLANAR_FREE,
+    PLANAR_LINK,
+    PLANAR_ROW,
+    ROD_LENGTH,
+    SPRING,
+    new_record,
+)
 
 _ROUNDING_ANGLE = 1e-13
 """Sine of an angle that counts as rounding."""
@@ -59,16 +74,13 @@ def _zero_pose(links: TreeLinks) -> _ZeroPose:
     n = len(links.layout)
     X, position = np.tile(np.eye(3), (n + 1, 1, 1)), np.zeros((n + 1, 3))
     R, arms, link = np.tile(np.eye(3), (n + 1, 1, 1)), np.zeros((2, n, 3)), np.full(n + 1, -1)
-    at = records.INBOARD_FRAME
-    for k, row in enumerate(links.constants):
-        p = links.layout[k, 0]
-        near, axes = (row[m - at : m - at + 9].reshape(3, 3).T for m in (records.INBOARD_FRAME, records.AXES))
-        X[k] = X[p] @ near
-        arms[0, k] = X[p] @ row[records.ARM_PARENT - at : records.ARM - at]
-        arms[1, k] = X[k] @ row[records.ARM - at : records.MASS - at]
+    for k, given in enumerate(link_records(links, np.zeros(3))[:-1]):
+        p = given.parent
+        X[k] = X[p] @ given.inboard_axes.T
+        arms[0, k] = X[p] @ given.parent_arm
+        arms[1, k] = X[k] @ given.arm
         position[k] = position[p] + arms[0, k] - arms[1, k]
-        # each row of AXES holds an axis of the body, in axes of the link
-        R[k] = X[k] @ axes
+        R[k] = X[k] @ given.body_axes.T
         link[links.layout[k, BODY]] = k
     return _ZeroPose(X[:-1], arms[0], arms[1], position, R, link)
 
@@ -120,31 +132,31 @@ def _orthogonal_to(axes: Array) -> Array:
     return np.asarray(np.linalg.svd(np.vstack([np.zeros((3, 3)), axes]))[2][2])
 
 
-def _link_table(links: TreeLinks, mechanism: Mechanism, model: Model, zero: _ZeroPose, bases: Array) -> Array:
+def _link_records(links: TreeLinks, mechanism: Mechanism, model: Model, zero: _ZeroPose, bases: Array) -> Array:
     layout, flat = links.layout, bases[:, :2]
-    table = np.zeros((len(layout) + 1, col.PLANAR_WIDTH))
-    rows = table[:-1]
-    rows[:, col.PARENT], rows[:, col.SENSE] = layout[:, 0], 2.0 * layout[:, FORWARD] - 1.0
-    rows[:, col.FIRST], rows[:, col.LAST] = layout[:, FREE], layout[:, FREE_END]
+    found = np.zeros(len(layout) + 1, PLANAR_LINK)
+    rows = found[:-1]
+    rows["parent"], rows["sense"] = layout[:, 0], 2.0 * layout[:, FORWARD] - 1.0
+    rows["first"], rows["last"] = layout[:, FREE], layout[:, FREE_END]
     axis = np.einsum("ki,ki->k", zero.joint[:, :, 2], bases[:, 2])
-    rows[:, col.ROTATION_SENSE] = rows[:, col.SENSE] * layout[:, ROTATIONS] * np.sign(axis)
-    rows[:, col.ARM_PARENT : col.ARM_PARENT + 2] = np.einsum("kij,kj->ki", flat, zero.arm_parent)
-    rows[:, col.ARM : col.ARM + 2] = np.einsum("kij,kj->ki", flat, zero.arm)
+    rows["rotation_sense"] = rows["sense"] * layout[:, ROTATIONS] * np.sign(axis)
+    rows["parent_arm"] = np.einsum("kij,kj->ki", flat, zero.arm_parent)
+    rows["arm"] = np.einsum("kij,kj->ki", flat, zero.arm)
     body = layout[:, BODY]
-    rows[:, col.MASS] = model.mass[body]
+    rows["mass"] = model.mass[body]
     normals = np.einsum("kij,ki->kj", zero.R[:-1], bases[:, 2])
-    rows[:, col.INERTIA] = np.einsum("ki,kij,kj->k", normals, model.inertia[body], normals)
-    rows[:, col.WEIGHT : col.WEIGHT + 2] = rows[:, col.MASS, None] * (flat @ mechanism.gravity)
-    table[-1, col.COS] = 1.0
-    return table
+    rows["inertia"] = np.einsum("ki,kij,kj->k", normals, model.inertia[body], normals)
+    rows["weight"] = rows["mass"][:, None] * (flat @ mechanism.gravity)
+    found["turn"][-1] = 1.0, 0.0
+    return found
 
 
-def _free_table(links: TreeLinks, zero: _ZeroPose, bases: Array) -> Array:
-    table = np.zeros((len(links.direction), col.FREE_WIDTH))
+def _free_records(links: TreeLinks, zero: _ZeroPose, bases: Array) -> Array:
+    found = np.zeros(len(links.direction), PLANAR_FREE)
     for k, row in enumerate(links.layout):
         first, last = row[FREE], row[FREE] + row[TRANSLATIONS]
-        table[first:last, col.DIRECTION : col.DIRECTION + 2] = _axes(links, zero, k, first, last) @ bases[k, :2].T
-    return table
+        found["direction"][first:last] = _axes(links, zero, k, first, last) @ bases[k, :2].T
+    return found
 
 
 def _common_basis(bases: Array, i: int, j: int) -> Array:
@@ -159,7 +171,7 @@ class _RowCollector:
 
     def __init__(self, links: TreeLinks, spanning: TreeModel, model: Model, zero: _ZeroPose, bases: Array) -> None:
         self.links, self.spanning, self.model, self.zero, self.bases = links, spanning, model, zero, bases
-        self.rows: list[Array] = []
+        self.rows: list[Any] = []
 
     def _holds(self, value: float) -> bool:
         if abs(value) > ROUNDING_LENGTH * max(1.0, self.model.length):
@@ -175,9 +187,8 @@ class _RowCollector:
         R_i, R_j = self.zero.R[i], self.zero.R[j]
         arm_i, arm_j = R_i @ model.arm_i[joint], R_j @ model.arm_j[joint]
         height = float((self.zero.position[j] + arm_j - self.zero.position[i] - arm_i) @ normal)
-        row = np.zeros(col.ROW_WIDTH)
-        row[col.LINK_I], row[col.LINK_J] = i, j
-        row[col.ARM_I : col.ARM_I + 2], row[col.ARM_J : col.ARM_J + 2] = flat @ arm_i, flat @ arm_j
+        row = new_record(PLANAR_ROW)
+        row.i, row.j, row.arm_i, row.arm_j = i, j, flat @ arm_i, flat @ arm_j
         if kind < 3:
             u, w, level = R_i @ model.axes_i[joint][:, kind], normal, height
         elif kind == 3:
@@ -187,14 +198,14 @@ class _RowCollector:
             level = float(w @ normal)
         else:
             raise _NotPlanar
-        row[col.AXIS_I : col.AXIS_I + 2], row[col.AXIS_J : col.AXIS_J + 2] = flat @ u, flat @ w
+        row.axis_i, row.axis_j = flat @ u, flat @ w
         # the component along the normal is constant
-        row[col.TARGET] = target - level * float(u @ normal)
-        row[col.KIND] = col.AXIS_DISPLACEMENT if kind < 3 else col.ROD_LENGTH if kind == 3 else col.AXIS_PRODUCT
+        row.target = target - level * float(u @ normal)
+        row.kind = AXIS_DISPLACEMENT if kind < 3 else ROD_LENGTH if kind == 3 else AXIS_PRODUCT
         if kind == 3:
-            row[col.AXIS_J] = height
+            row.normal_distance = height
         elif min(np.linalg.norm(flat @ u), 1.0 if kind < 3 else np.linalg.norm(flat @ w)) <= _ROUNDING_ANGLE:
-            return self._holds(row[col.TARGET])
+            return self._holds(row.target)
         self.rows.append(row)
         return True
 
@@ -209,62 +220,56 @@ class _RowCollector:
         link = np.flatnonzero(self.spanning.joint == joint)
         if not len(link) or self.links.layout[link[0], ROTATIONS] != 1:
             raise _NotPlanar
-        row = np.zeros(col.ROW_WIDTH)
-        row[col.KIND] = col.JOINT_ANGLE
-        row[col.LINK_I], row[col.LINK_J] = (self.zero.link[b[joint]] for b in (self.model.body_i, self.model.body_j))
-        row[col.ANGLE_INDEX] = self.links.layout[link[0], FREE_END] - 1
-        row[col.ANGLE_SENSE] = np.sign(self.zero.joint[link[0], :, 2] @ self.bases[link[0], 2])
+        row = new_record(PLANAR_ROW)
+        row.kind = JOINT_ANGLE
+        row.i, row.j = (self.zero.link[b[joint]] for b in (self.model.body_i, self.model.body_j))
+        row.angle_index = self.links.layout[link[0], FREE_END] - 1
+        row.angle_sense = np.sign(self.zero.joint[link[0], :, 2] @ self.bases[link[0], 2])
         self.rows.append(row)
 
 
-def _springs(model: Model, zero: _ZeroPose, bases: Array) -> list[Array]:
+def _springs(model: Model, zero: _ZeroPose, bases: Array) -> list[Any]:
     rows = []
     for n, bodies in enumerate(model.spring_body):
         links = zero.link[bodies]
         basis = _common_basis(bases, *links.tolist())
         arms = [zero.R[k] @ arm for k, arm in zip(links, model.spring_arm[n], strict=True)]
         apart = zero.position[links[1]] + arms[1] - zero.position[links[0]] - arms[0]
-        row = np.zeros(col.FORCE_WIDTH)
-        row[[col.FORCE_KIND, col.FORCE_I, col.FORCE_J, col.FUNCTION]] = col.SPRING, *links, model.spring_function[n]
-        row[col.LAW : col.LAW + 3], row[col.NORMAL_DISTANCE] = model.spring_law[n], apart @ basis[2]
-        row[col.FORCE_ARM_I : col.FORCE_ARM_I + 2], row[col.FORCE_ARM_J : col.FORCE_ARM_J + 2] = (
-            basis[:2] @ a for a in arms
-        )
+        row = new_record(PLANAR_FORCE)
+        row.kind, (row.i, row.j), row.function = SPRING, links, model.spring_function[n]
+        row.law, row.normal_distance = model.spring_law[n], apart @ basis[2]
+        row.arm_i, row.arm_j = (basis[:2] @ a for a in arms)
         rows.append(row)
     return rows
 
 
-def _loads(model: Model, zero: _ZeroPose, bases: Array) -> list[Array]:
+def _loads(model: Model, zero: _ZeroPose, bases: Array) -> list[Any]:
     rows = []
     for n, body in enumerate(model.load_body):
         link, (torque, along) = zero.link[body], model.load_kind[n]
         basis = bases[link]
         vector = basis @ (zero.R[link] @ model.load_vector[n] if along else model.load_vector[n])
-        row = np.zeros(col.FORCE_WIDTH)
-        row[[col.FORCE_KIND, col.FORCE_J, col.FUNCTION, col.BODY_FIXED]] = col.LOAD, link, model.load_function[n], along
-        row[col.LAW : col.LAW + 3] = (0.0, 0.0, vector[2]) if torque else (vector[0], vector[1], 0.0)
-        row[col.FORCE_ARM_J : col.FORCE_ARM_J + 2] = basis[:2] @ zero.R[link] @ model.load_arm[n]
+        row = new_record(PLANAR_FORCE)
+        row.kind, row.j, row.function, row.body_fixed = LOAD, link, model.load_function[n], along
+        row.law = (0.0, 0.0, vector[2]) if torque else (vector[0], vector[1], 0.0)
+        row.arm_j = basis[:2] @ zero.R[link] @ model.load_arm[n]
         rows.append(row)
     return rows
 
 
-def _joint_forces(model: Model, first: int, first_integral: int) -> list[Array]:
+def _joint_forces(model: Model, first: int, first_integral: int) -> list[Any]:
     """Return springs, friction and controls of joints; `first` is the row of the first joint coordinate."""
     given = [
+        *((JOINT_SPRING, c, 0, f, law) for (c, f), law in zip(model.joint_spring, model.joint_spring_law, strict=True)),
+        *((FRICTION, c, 0, -1, law) for c, law in zip(model.friction, model.friction_law, strict=True)),
         *(
-            (col.JOINT_SPRING, c, 0, f, law)
-            for (c, f), law in zip(model.joint_spring, model.joint_spring_law, strict=True)
-        ),
-        *((col.FRICTION, c, 0, -1, law) for c, law in zip(model.friction, model.friction_law, strict=True)),
-        *(
-            (col.CONTROL, c, first_integral + n, f, law)
+            (CONTROL, c, first_integral + n, f, law)
             for n, ((c, f), law) in enumerate(zip(model.control, model.control_law, strict=True))
         ),
     ]
-    rows = np.zeros((len(given), col.FORCE_WIDTH))
+    rows = np.zeros(len(given), PLANAR_FORCE)
     for row, (kind, coordinate, at, function, law) in zip(rows, given, strict=True):
-        row[[col.FORCE_KIND, col.FORCE_I, col.FORCE_J, col.FUNCTION]] = kind, first + coordinate, at, function
-        row[col.LAW : col.LAW + 3] = law
+        row.kind, row.i, row.j, row.function, row.law = kind, first + coordinate, at, function, law
     return list(rows)
 
 
@@ -302,12 +307,12 @@ def planar_system(mechanism: Mechanism, links: TreeLinks, spanning: TreeModel, m
     axes = (bases @ zero.R[:-1]).reshape(-1, 9), bases.reshape(-1, 9)
     planar = PlanarArrays(
         body=np.column_stack([links.layout[:, BODY], height, *axes]),
-        row_table=np.array(collector.rows).reshape(-1, col.ROW_WIDTH),
+        row_table=np.array(collector.rows, PLANAR_ROW),
         driven=np.array(driven, dtype=np.int64).reshape(-1, 3),
-        force_table=np.array(efforts).reshape(-1, col.FORCE_WIDTH),
+        force_table=np.array(efforts, PLANAR_FORCE),
         functions=model.functions,
     )
-    tables = _link_table(links, mechanism, model, zero, bases), _free_table(links, zero, bases)
-    tree = tree_arrays(links, model.length, *tables, len(mechanism.controls))
+    link, free = _link_records(links, mechanism, model, zero, bases), _free_records(links, zero, bases)
+    tree = tree_arrays(links, model.length, link, free, len(mechanism.controls))
     loops = find_loop_groups(links.layout, len(links.direction), cut)
     return TreeSystem(tree, loop_closure(tree, loops, all_rows(cut), 3), None, None, planar)

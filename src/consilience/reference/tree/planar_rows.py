@@ -17,10 +17,20 @@ from consilience.reference.bodies.joint_rows import full_turns
 from consilience.reference.kernel import functions
 from consilience.reference.kernel.compiled import fused, inner, kernel
 from consilience.reference.kernel.functions import Functions
-from consilience.reference.tree import plane as col
+from consilience.reference.kernel.vectors import load
+from consilience.reference.tree.arrays import PlanarArrays
 from consilience.reference.tree.loop_groups import TOUCHED
-from consilience.reference.tree.planar import Pair, PlanarVector, load_pair, load_triple, planar_power, rotate_pair
-from consilience.reference.tree.plane import PlanarArrays
+from consilience.reference.tree.planar import Pair, PlanarVector, pair, planar_power, rotate_pair
+from consilience.reference.tree.records import (
+    AXIS_DISPLACEMENT,
+    AXIS_PRODUCT,
+    CONTROL,
+    FRICTION,
+    JOINT_ANGLE,
+    JOINT_SPRING,
+    LOAD,
+    SPRING,
+)
 
 
 class PlanarRow(NamedTuple):
@@ -49,12 +59,12 @@ def _dot(a: Pair, b: Pair) -> float:
 def _between(link: Array, i: int, j: int, s_i: Pair, s_j: Pair) -> tuple[Pair, Pair, Pair]:
     """Return distance vector, velocity, and acceleration for constant w, from a point of i to a point of j."""
     r_i, r_j, v_i, v_j = (
-        load_pair(link, i, col.POSITION),
-        load_pair(link, j, col.POSITION),
-        load_pair(link, i, col.VELOCITY),
-        load_pair(link, j, col.VELOCITY),
+        pair(link[i].position),
+        pair(link[j].position),
+        pair(link[i].velocity),
+        pair(link[j].velocity),
     )
-    w_i, w_j = link[i, col.SPIN], link[j, col.SPIN]
+    w_i, w_j = link[i].spin, link[j].spin
     return (
         (r_j[0] + s_j[0] - r_i[0] - s_i[0], r_j[1] + s_j[1] - r_i[1] - s_i[1]),
         (v_j[0] - w_j * s_j[1] - v_i[0] + w_i * s_i[1], v_j[1] + w_j * s_j[0] - v_i[1] - w_i * s_i[0]),
@@ -65,34 +75,28 @@ def _between(link: Array, i: int, j: int, s_i: Pair, s_j: Pair) -> tuple[Pair, P
 @inner
 def evaluate_row(row_table: Array, n: int, link: Array, z: Array) -> PlanarRow:
     """Evaluate a row at placed links."""
-    kind, i, j = row_table[n, col.KIND], int(row_table[n, col.LINK_I]), int(row_table[n, col.LINK_J])
-    w_i, w_j = link[i, col.SPIN], link[j, col.SPIN]
-    if kind == col.JOINT_ANGLE:
-        about = row_table[n, col.ANGLE_SENSE]
-        angle = z[int(row_table[n, col.ANGLE_INDEX])]
+    kind, i, j = row_table[n].kind, row_table[n].i, row_table[n].j
+    w_i, w_j = link[i].spin, link[j].spin
+    if kind == JOINT_ANGLE:
+        about = row_table[n].angle_sense
+        angle = z[row_table[n].angle_index]
         return PlanarRow(angle, about * (w_j - w_i), 0.0, i, j, (0.0, 0.0, -about), (0.0, 0.0, about))
-    turn_i, turn_j = load_pair(link, i, col.COS), load_pair(link, j, col.COS)
-    u, w = (
-        rotate_pair(turn_i, load_pair(row_table, n, col.AXIS_I)),
-        rotate_pair(turn_j, load_pair(row_table, n, col.AXIS_J)),
-    )
-    apart, target = w_j - w_i, row_table[n, col.TARGET]
-    if kind == col.AXIS_PRODUCT:
+    turn_i, turn_j = pair(link[i].turn), pair(link[j].turn)
+    u, w = (rotate_pair(turn_i, pair(row_table[n].axis_i)), rotate_pair(turn_j, pair(row_table[n].axis_j)))
+    apart, target = w_j - w_i, row_table[n].target
+    if kind == AXIS_PRODUCT:
         product, torque = _dot(u, w), _cross(u, w)
         gamma = product * apart * apart
         return PlanarRow(product - target, -torque * apart, gamma, i, j, (0.0, 0.0, torque), (0.0, 0.0, -torque))
-    s_i, s_j = (
-        rotate_pair(turn_i, load_pair(row_table, n, col.ARM_I)),
-        rotate_pair(turn_j, load_pair(row_table, n, col.ARM_J)),
-    )
+    s_i, s_j = (rotate_pair(turn_i, pair(row_table[n].arm_i)), rotate_pair(turn_j, pair(row_table[n].arm_j)))
     d, v, c = _between(link, i, j, s_i, s_j)
     reach = s_i[0] + d[0], s_i[1] + d[1]
-    if kind == col.AXIS_DISPLACEMENT:
+    if kind == AXIS_DISPLACEMENT:
         rate = _dot(u, v) + w_i * _cross(u, d)
         gamma = w_i * w_i * _dot(u, d) - 2.0 * w_i * _cross(u, v) - _dot(u, c)
         value = _dot(u, d) - target
         return PlanarRow(value, rate, gamma, i, j, (-u[0], -u[1], -_cross(reach, u)), (u[0], u[1], _cross(s_j, u)))
-    h = row_table[n, col.AXIS_J]
+    h = row_table[n].normal_distance
     L = np.sqrt(_dot(d, d) + h * h)
     e = d[0] / L, d[1] / L
     rate = _dot(e, v)
@@ -185,7 +189,7 @@ def _driven_row(
         gamma[row] = q.gamma - slope * driver.gamma + bend * driver.rate * driver.rate
         _add_wrench(touched, W, row, driver.i, -slope, driver.on_i)
         _add_wrench(touched, W, row, driver.j, -slope, driver.on_j)
-    turning = row_table[driven[n, 0], col.KIND] == col.JOINT_ANGLE
+    turning = row_table[driven[n, 0]].kind == JOINT_ANGLE
     value[row] = (full_turns(q.value, f) if turning else q.value) - f
 
 
@@ -200,7 +204,13 @@ def planar_acceleration_residual(touched: Array, W: Array, link: Array, gamma: A
     target : ndarray, shape (q,)
         Overwritten: the residual.
     """
-    _residual(touched, W, link, col.ACCELERATION, gamma, target)
+    for row in range(touched.shape[0]):
+        total = gamma[row]
+        for n in range(TOUCHED):
+            k = touched[row, n]
+            if k >= 0:
+                total -= planar_power(load(W[row, n]), load(link[k].acceleration))
+        target[row] = total
 
 
 @inner
@@ -214,18 +224,13 @@ def planar_velocity_residual(touched: Array, W: Array, link: Array, rate: Array,
     target : ndarray, shape (q,)
         Overwritten: the residual.
     """
-    _residual(touched, W, link, col.VELOCITY, rate, target)
-
-
-@fused
-def _residual(touched: Array, W: Array, link: Array, at: int, given: Array, target: Array) -> None:
-    """Compute ``given - Q x`` for motions x of the links from column `at` on."""
     for row in range(touched.shape[0]):
-        total = given[row]
+        total = rate[row]
         for n in range(TOUCHED):
             k = touched[row, n]
             if k >= 0:
-                total -= planar_power((W[row, n, 0], W[row, n, 1], W[row, n, 2]), load_triple(link, k, at))
+                v = link[k].velocity
+                total -= planar_power(load(W[row, n]), (v[0], v[1], link[k].spin))
         target[row] = total
 
 
@@ -239,7 +244,7 @@ def largest_planar_row(touched: Array, W: Array, link: Array) -> float:
             k = touched[row, n]
             if k >= 0:
                 x, y, torque = W[row, n, 0], W[row, n, 1], W[row, n, 2]
-                total += (x * x + y * y) / link[k, col.MASS] + torque * torque / link[k, col.INERTIA]
+                total += (x * x + y * y) / link[k].mass + torque * torque / link[k].inertia
         largest = max(largest, np.sqrt(total))
     return largest
 
@@ -252,19 +257,19 @@ def _add_to_bias(link: Array, k: int, factor: float, wrench: PlanarVector) -> No
     """Add a wrench to the bias of a link that is not the ground."""
     if k >= 0:
         for r in range(3):
-            link[k, col.BIAS + r] -= factor * wrench[r]
+            link[k].bias[r] -= factor * wrench[r]
 
 
 @inner
 def _spring(force_table: Array, n: int, link: Array, actuator: float) -> None:
     """Apply ``F = (k (L - L0) + c L' - f(t)) e`` to the predecessor, its opposite to the successor."""
-    i, j, h = int(force_table[n, col.FORCE_I]), int(force_table[n, col.FORCE_J]), force_table[n, col.NORMAL_DISTANCE]
-    s_i = rotate_pair(load_pair(link, i, col.COS), load_pair(force_table, n, col.FORCE_ARM_I))
-    s_j = rotate_pair(load_pair(link, j, col.COS), load_pair(force_table, n, col.FORCE_ARM_J))
+    i, j, h = force_table[n].i, force_table[n].j, force_table[n].normal_distance
+    s_i = rotate_pair(pair(link[i].turn), pair(force_table[n].arm_i))
+    s_j = rotate_pair(pair(link[j].turn), pair(force_table[n].arm_j))
     d, v, _ = _between(link, i, j, s_i, s_j)
     L = np.sqrt(_dot(d, d) + h * h)
     e = d[0] / L, d[1] / L
-    stiffness, damping, free_length = load_triple(force_table, n, col.LAW)
+    stiffness, damping, free_length = load(force_table[n].law)
     force = stiffness * (L - free_length) + damping * _dot(e, v) - actuator
     _add_to_bias(link, i, force, (e[0], e[1], _cross(s_i, e)))
     _add_to_bias(link, j, -force, (e[0], e[1], _cross(s_j, e)))
@@ -273,15 +278,12 @@ def _spring(force_table: Array, n: int, link: Array, actuator: float) -> None:
 @inner
 def _load(force_table: Array, n: int, link: Array, factor: float) -> None:
     """Apply a force and a torque to a link, in axes of the world or of the link."""
-    k = int(force_table[n, col.FORCE_J])
-    x, y, torque = load_triple(force_table, n, col.LAW)
-    turn = load_pair(link, k, col.COS)
-    force = rotate_pair(turn, (x, y)) if force_table[n, col.BODY_FIXED] else (x, y)
+    k = force_table[n].j
+    x, y, torque = load(force_table[n].law)
+    turn = pair(link[k].turn)
+    force = rotate_pair(turn, (x, y)) if force_table[n].body_fixed else (x, y)
     _add_to_bias(
-        link,
-        k,
-        factor,
-        (force[0], force[1], torque + _cross(rotate_pair(turn, load_pair(force_table, n, col.FORCE_ARM_J)), force)),
+        link, k, factor, (force[0], force[1], torque + _cross(rotate_pair(turn, pair(force_table[n].arm_j)), force))
     )
 
 
@@ -291,9 +293,9 @@ def _joint_force(kind: float, law: PlanarVector, q: PlanarRow, given: PlanarVect
 
     `given` holds value and rate of the element's function of time.
     """
-    if kind == col.JOINT_SPRING:
+    if kind == JOINT_SPRING:
         return given[0] - law[0] * (q.value - law[2]) - law[1] * q.rate
-    if kind == col.FRICTION:
+    if kind == FRICTION:
         return friction_effort(law, q.rate)
     return law[0] * (given[0] - q.value) + law[1] * integral + law[2] * (given[1] - q.rate)
 
@@ -303,17 +305,17 @@ def add_force_biases(planar: PlanarArrays, link: Array, t: float, z: Array) -> N
     """Add the force elements to the biases of placed links."""
     row_table, force_table = planar.row_table, planar.force_table
     for n in range(force_table.shape[0]):
-        kind, given = force_table[n, col.FORCE_KIND], (0.0, 0.0, 0.0)
-        if force_table[n, col.FUNCTION] >= 0.0:
-            given = functions.evaluate(planar.functions, int(force_table[n, col.FUNCTION]), t)
-        if kind == col.SPRING:
+        kind, given = force_table[n].kind, (0.0, 0.0, 0.0)
+        if force_table[n].function >= 0:
+            given = functions.evaluate(planar.functions, force_table[n].function, t)
+        if kind == SPRING:
             _spring(force_table, n, link, given[0])
-        elif kind == col.LOAD:
-            _load(force_table, n, link, given[0] if force_table[n, col.FUNCTION] >= 0.0 else 1.0)
+        elif kind == LOAD:
+            _load(force_table, n, link, given[0] if force_table[n].function >= 0 else 1.0)
         else:
-            q = evaluate_row(row_table, int(force_table[n, col.FORCE_I]), link, z)
-            integral = z[int(force_table[n, col.FORCE_J])] if kind == col.CONTROL else 0.0
-            found = _joint_force(kind, load_triple(force_table, n, col.LAW), q, given, integral)
+            q = evaluate_row(row_table, force_table[n].i, link, z)
+            integral = z[force_table[n].j] if kind == CONTROL else 0.0
+            found = _joint_force(kind, load(force_table[n].law), q, given, integral)
             _add_to_bias(link, q.i, found, q.on_i)
             _add_to_bias(link, q.j, found, q.on_j)
 
@@ -330,7 +332,7 @@ def planar_coordinate_rates(planar: PlanarArrays, link: Array, first_speed: int,
         dz[n] = z[first_speed + n]
     force_table = planar.force_table
     for n in range(force_table.shape[0]):
-        if force_table[n, col.FORCE_KIND] == col.CONTROL:
-            target = functions.evaluate(planar.functions, int(force_table[n, col.FUNCTION]), t)[0]
-            q = evaluate_row(planar.row_table, int(force_table[n, col.FORCE_I]), link, z)
-            dz[int(force_table[n, col.FORCE_J])] = target - q.value
+        if force_table[n].kind == CONTROL:
+            target = functions.evaluate(planar.functions, force_table[n].function, t)[0]
+            q = evaluate_row(planar.row_table, force_table[n].i, link, z)
+            dz[force_table[n].j] = target - q.value

@@ -39,7 +39,6 @@ from consilience.reference.tree.few_freedoms import REGULAR_PIVOT
 from consilience.reference.tree.kinematics import displace, normalise
 from consilience.reference.tree.loop_groups import ACTIVE, RANK, ROW, ROW_END, USED
 from consilience.reference.tree.multifrontal import PIVOTING, factorise, rank_threshold
-from consilience.reference.tree.records import JOINT_FORCE
 
 _SINGULAR_PIVOT = 1e-4
 """Ratio of the least independent pivot to its largest value below which a pose counts as singular."""
@@ -55,7 +54,7 @@ _SINGULAR_VIOLATION = 1e-11
 def _least_norm_displacements(closure: LoopClosure, spatial: Spatial, planar: Planar) -> None:
     """Compute the displacements u of least M-norm that change the rows by the target of the fronts."""
     for n in range(closure.free.shape[0]):
-        closure.free[n, JOINT_FORCE] = 0.0
+        closure.free[n].joint_force = 0.0
     add_row_forces(closure)
     sweep_accelerations(closure, spatial, planar, 0.0)
 

@@ -1,39 +1,163 @@
-"""Columns of the two tables that the sweeps along the tree read and write in space.
+"""Records of links and free directions, in space and in a plane: one row of an array each.
 
-A row holds all numbers of a link, or of a free direction: a kernel pays for each array argument, and the numbers of a
-link lie side by side in memory. Matrices stand column by column, integers as floats.
-
-Columns are NumPy integers, because Numba compiles a kernel anew for each Python integer literal in a call.
+Numba reads a field as ``link[k].parent``. Matrices stand column by column; a motion or wrench in space has two rows,
+the linear and the angular part. The last link of an array is the ground.
 """
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
-PARENT, REVOLUTE, SENSE, COORDINATE, N_TRANSLATIONS, N_ROTATIONS, FIRST, LAST = np.arange(8)
-"""Columns of a link: parent (-1: the ground, the last row), whether its joint is revolute, +1 or -1 where the tree
-passes the joint from successor to predecessor, first coordinate, number of displacements, number of rotations (3:
-ball), first free direction and the one behind the last.
-"""
+from consilience.mechanism import Array
 
-INBOARD_FRAME, ARM_PARENT, ARM, MASS, INERTIA, AXES, CONSTANTS_END = np.array([8, 17, 20, 23, 24, 30, 39])
-"""Constants of a link, whose axes are those of the joint frame on it: axes of the joint frame on the parent and the arm
-to it from the parent's centre of mass, in axes of the parent; the arm from the centre of mass to the joint frame, mass,
-inertia (xx, xy, xz, yy, yz, zz) and the axes of the body, in axes of the link.
-"""
 
-GRAVITY = INBOARD_FRAME
-"""The row of the ground holds gravity at INBOARD_FRAME, and the number of coordinates at COORDINATE."""
+def _records(*fields: tuple[Any, ...]) -> np.dtype[Any]:
+    """Return the type of records whose fields Python, too, reads as attributes."""
+    return np.dtype((np.record, list(fields)), align=True)
 
-X, POSITION, VELOCITY, SPIN = np.array([40, 49, 52, 55])
-"""Placed link, in world axes: its axes, position of the centre of mass, velocity, angular velocity."""
 
-VELOCITY_PRODUCT, OFFSET, ARTICULATED, BIAS, ACCELERATION, LINK_WIDTH = np.array([58, 64, 67, 88, 94, 104])
-"""Accelerations c quadratic in velocities, offset d from the parent's centre of mass, articulated inertia I^A (upper
-triangle of M, H row by row, upper triangle of J: `inertia`), articulated bias p^A, acceleration; number of columns.
-"""
+def new_record(kind: np.dtype[Any]) -> Any:
+    """Return a record of zeros."""
+    return np.zeros(1, kind)[0]
 
-AXIS, PIVOT, S, U, JOINT_FORCE, INVERSE_ROOT, FREE_WIDTH = np.array([0, 1, 2, 8, 14, 15, 16])
-"""Columns of a free direction: its axis (0 to 2 of F, 3 to 5 of M), D, s, U, remaining joint force r, ``1 / sqrt(D)``
-(where loops are closed); number of columns. Symbols as in `articulated`.
-"""
+
+_INT, _MOTION, _MATRIX = np.int64, (float, (2, 3)), (float, (3, 3))
+
+_TREE = (
+    ("parent", _INT),  # link; -1: the ground
+    ("first", _INT),  # first free direction of the joint to the parent, and the one behind its last
+    ("last", _INT),
+    ("sense", float),  # +1, or -1 where the tree passes the joint from successor to predecessor
+)
+
+LINK = _records(
+    *_TREE,
+    ("is_revolute", _INT),
+    ("coordinate", _INT),  # first coordinate; of the ground, the number of coordinates
+    ("translations", _INT),  # number of displacements
+    ("rotations", _INT),  # number of rotations; 3: ball
+    # constants, in axes of the link: those of the joint frame on the link
+    ("inboard_axes", *_MATRIX),  # of the joint frame on the parent, in axes of the parent; of the ground, gravity first
+    ("parent_arm", float, 3),  # from the centre of mass of the parent to that joint frame, in axes of the parent, m
+    ("arm", float, 3),  # from the centre of mass to the joint frame, m
+    ("mass", float),  # kg
+    ("inertia", float, 6),  # xx, xy, xz, yy, yz, zz, kg m^2
+    ("body_axes", *_MATRIX),
+    # placed link, in world axes
+    ("axes", *_MATRIX),
+    ("position", float, 3),  # of the centre of mass
+    ("velocity", float, 3),
+    ("spin", float, 3),  # angular velocity
+    ("velocity_product", *_MOTION),  # acceleration c quadratic in velocities
+    ("offset", float, 3),  # d, from the parent's centre of mass
+    # articulated inertia I^A = [M H; H^T J], bias p^A, acceleration
+    ("M", float, 6),
+    ("H", float, 9),
+    ("J", float, 6),
+    ("bias", *_MOTION),
+    ("acceleration", *_MOTION),
+)
+"""Link of a tree in space. Symbols as in `articulated`."""
+
+_FIRST_CONSTANT, _CONSTANTS = 8, 31
+"""Number of 8-byte words before inboard_axes, each a scalar; number of floats from inboard_axes to body_axes."""
+
+
+def constants_of(link: Array) -> Array:
+    """Return a view of the fields of LINK that describe a mechanism in numbers, shape (n_b + 1, 31)."""
+    return link.view(float).reshape(len(link), -1)[:, _FIRST_CONSTANT : _FIRST_CONSTANT + _CONSTANTS]
+
+
+MOTION = _records(("acceleration", *_MOTION))
+"""Motion of a link, for a speed or an acceleration of a free direction."""
+
+FREE = _records(
+    ("axis", _INT),  # 0 to 2 of frame F, 3 to 5 of frame M
+    ("pivot", float),  # D
+    ("s", *_MOTION),
+    ("U", *_MOTION),
+    ("joint_force", float),  # remaining joint force r
+    ("inverse_root", float),  # 1 / sqrt(D), where loops are closed
+)
+"""Free direction of a tree in space. Symbols as in `articulated`."""
+
+CUT_JOINT = _records(
+    ("i", _INT),  # links of predecessor and successor; -1: the ground
+    ("j", _INT),
+    ("first_row", _INT),  # first constraint row, and the one behind the last
+    ("last_row", _INT),
+    ("pitch", float),  # m/rad
+    ("arm_i", float, 3),  # from the centres of mass to the joint frames, in axes of the links, m
+    ("arm_j", float, 3),
+    ("axes_i", *_MATRIX),  # of the joint frames, in axes of the links
+    ("axes_j", *_MATRIX),
+)
+"""Joint that closes loops, in space."""
+
+PLANAR_LINK = _records(
+    *_TREE,
+    ("rotation_sense", float),  # sense of the joint angle about the normal; 0: no rotation
+    # constants
+    ("parent_arm", float, 2),
+    ("arm", float, 2),
+    ("mass", float),
+    ("inertia", float),
+    ("weight", float, 2),
+    # placed link
+    ("turn", float, 2),  # cosine and sine of the angle
+    ("position", float, 2),
+    ("velocity", float, 2),
+    ("spin", float),
+    ("velocity_product", float, 2),
+    ("offset", float, 2),
+    ("articulated", float, 6),  # xx, xy, yy, x and y with the angle, moment
+    ("bias", float, 3),
+    ("acceleration", float, 3),
+)
+"""Link of a tree in a plane, in the axes e_1, e_2, n of `planar_detection`; fields as in LINK."""
+
+PLANAR_FREE = _records(
+    ("direction", float, 2),  # axis of a displacement
+    ("pivot", float),
+    ("s", float, 3),
+    ("U", float, 3),
+    ("joint_force", float),
+    ("inverse_root", float),
+)
+"""Free direction of a tree in a plane; fields as in FREE."""
+
+AXIS_DISPLACEMENT, AXIS_PRODUCT, ROD_LENGTH, JOINT_ANGLE = range(4)
+"""Kinds of rows: displacement along an axis of i; product of an axis of i and one of j; distance; joint angle."""
+
+PLANAR_ROW = _records(
+    ("kind", _INT),
+    ("i", _INT),  # links
+    ("j", _INT),
+    ("arm_i", float, 2),  # from their centres of mass
+    ("arm_j", float, 2),
+    ("axis_i", float, 2),
+    ("axis_j", float, 2),
+    ("normal_distance", float),  # of the ends of a rod, along the normal
+    ("target", float),  # value that the row holds
+    ("angle_index", _INT),  # index of a joint angle in z, and its sense about the normal
+    ("angle_sense", float),
+)
+"""Constraint row, or joint coordinate that elements read, in a plane."""
+
+SPRING, LOAD, JOINT_SPRING, FRICTION, CONTROL = range(5)
+"""Kinds of force elements."""
+
+PLANAR_FORCE = _records(
+    ("kind", _INT),
+    ("i", _INT),  # link of a spring; row of a joint coordinate
+    ("j", _INT),  # link; index of an integral in z
+    ("function", _INT),  # function of time; -1: none
+    ("law", float, 3),  # constants of the law; of a load: force and torque
+    ("arm_i", float, 2),  # from the centres of mass
+    ("arm_j", float, 2),
+    ("normal_distance", float),  # of the ends of a spring, along the normal
+    ("body_fixed", _INT),  # whether a load turns with its body
+)
+"""Force element in a plane."""

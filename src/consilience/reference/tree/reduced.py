@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from consilience.mechanism import Array
+from consilience.reference.tree.records import MOTION
 
 DIRECTIONS = 24
 """Largest number of free directions of a tree whose rows are eliminated by `few_freedoms`."""
@@ -20,7 +21,7 @@ class EliminationArrays(NamedTuple):
     J: Array  # (q, N + 2) rows in the free directions, and one or two right sides
     solved: Array  # (q,) direction that a row is solved for, -1 for a dependent row
     independent: Array  # (N,) the first f entries are the independent directions
-    V: Array  # (N, n_b + 1, 6) motions of the links for the columns of T; the ground is last
+    V: Array  # (N, n_b + 1) of MOTION: motions of the links for the columns of T; the ground is last
     G: Array  # (N, N + 1) reduced mass matrix and forces
 
 
@@ -39,6 +40,6 @@ def elimination_arrays(rows: int, layout: Array, directions: int) -> Elimination
         J=np.zeros((rows, directions + 2)),
         solved=np.zeros(rows, dtype=np.int64),
         independent=np.zeros(directions, dtype=np.int64),
-        V=np.zeros((directions, len(layout) + 1, 6)),
+        V=np.zeros((directions, len(layout) + 1), dtype=MOTION),
         G=np.zeros((directions, directions + 1)),
     )

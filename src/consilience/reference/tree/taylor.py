@@ -22,14 +22,13 @@ from consilience.reference.integrators import step_control
 from consilience.reference.integrators.step_control import EVALUATIONS, STEPS
 from consilience.reference.kernel.compiled import fused, inner, kernel
 from consilience.reference.kernel.mechanism_record import fields_of
-from consilience.reference.tree.arrays import KernelArguments, LoopClosure, TreeArrays, TreeSystem
+from consilience.reference.tree.arrays import KernelArguments, LoopClosure, PlanarArrays, TreeArrays, TreeSystem
 from consilience.reference.tree.dynamics import factorise_rows
 from consilience.reference.tree.either import add_row_forces, evaluate_rows, loop_acceleration_residual
 from consilience.reference.tree.explicit_rk import UNSUITABLE
 from consilience.reference.tree.loop_rows import mark_active_rows
 from consilience.reference.tree.multifrontal import multipliers
 from consilience.reference.tree.planar import planar_inward_sweep, planar_outward_sweep
-from consilience.reference.tree.plane import PlanarArrays
 from consilience.reference.tree.projection import AT_SAMPLE
 from consilience.reference.tree.step_control import component_sizes, next_sample, step_length
 from consilience.reference.tree.system import begin_motion, end_step, project_state, record_sample

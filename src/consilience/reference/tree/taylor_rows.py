@@ -13,9 +13,9 @@ import numpy as np
 
 from consilience.mechanism import Array
 from consilience.reference.kernel.compiled import fused
-from consilience.reference.tree import plane as col
-from consilience.reference.tree.planar import load_pair
+from consilience.reference.tree.planar import Pair, pair
 from consilience.reference.tree.planar_detection import ROUNDING_LENGTH
+from consilience.reference.tree.records import AXIS_DISPLACEMENT, AXIS_PRODUCT
 from consilience.reference.tree.taylor_series import FX, FY, LARGEST_ORDER, SN, C, add_moment
 
 PIN, LOCK, LINE = np.arange(3)
@@ -29,42 +29,38 @@ class RowSeries(NamedTuple):
     """Coefficients of q rows by order, the last index."""
 
     kind: Array  # (q,)
-    row_table: Array  # (q, ROW_WIDTH) of `plane.PlanarArrays`
+    row_table: Array  # (q,) of `records.PLANAR_ROW`
     coef: Array  # (q, ROW_SLOTS, LARGEST_ORDER + 3)
 
 
 def knows_rows(row_table: Array) -> bool:
-    """Return whether all rows, shape (q, ROW_WIDTH), are of these kinds."""
-    return bool(np.all(np.isin(row_table[:, col.KIND], (col.AXIS_PRODUCT, col.AXIS_DISPLACEMENT))))
+    """Return whether all rows are of these kinds."""
+    return bool(np.all(np.isin(row_table["kind"], (AXIS_PRODUCT, AXIS_DISPLACEMENT))))
 
 
 def row_series(row_table: Array, length: float) -> RowSeries:
     """Return new arrays of the rows of a mechanism of some length, m."""
-    kinds = np.where(row_table[:, col.KIND] == col.AXIS_PRODUCT, LOCK, LINE)
-    ends = [col.LINK_I, col.LINK_J, *range(col.ARM_I, col.AXIS_I)]
+    kinds, ends = np.where(row_table["kind"] == AXIS_PRODUCT, LOCK, LINE), ["i", "j", "arm_i", "arm_j"]
     for n in range(len(row_table) - 1):
         one, two = row_table[n], row_table[n + 1]
-        across = one[col.AXIS_I] * two[col.AXIS_I + 1] - one[col.AXIS_I + 1] * two[col.AXIS_I]
-        together = (
-            np.array_equal(one[ends], two[ends])
-            and max(abs(one[col.TARGET]), abs(two[col.TARGET])) <= ROUNDING_LENGTH * length
-        )
-        if together and one[col.KIND] == two[col.KIND] == col.AXIS_DISPLACEMENT and abs(across) > 0.5:
+        across = one.axis_i[0] * two.axis_i[1] - one.axis_i[1] * two.axis_i[0]
+        together = one[ends] == two[ends] and max(abs(one.target), abs(two.target)) <= ROUNDING_LENGTH * length
+        if together and one.kind == two.kind == AXIS_DISPLACEMENT and abs(across) > 0.5:
             kinds[n : n + 2] = PIN
     return RowSeries(kinds, row_table, np.zeros((len(row_table), int(ROW_SLOTS), LARGEST_ORDER + 3)))
 
 
 @fused
-def _arm(coef: Array, k: int, row_table: Array, n: int, at: int, m: int) -> tuple[float, float]:
+def _arm(coef: Array, k: int, arm: Array, m: int) -> Pair:
     """Return the coefficient of order m of an arm or axis of a link."""
-    a, c, s = load_pair(row_table, n, at), coef[k, C, m], coef[k, SN, m]
+    a, c, s = pair(arm), coef[k, C, m], coef[k, SN, m]
     return c * a[0] - s * a[1], s * a[0] + c * a[1]
 
 
 @fused
 def _between_arms(coef: Array, i: int, j: int, row_table: Array, n: int, m: int) -> tuple[float, float]:
     """Return the coefficient of order m of the arm on j less the arm on i."""
-    s_i, s_j = _arm(coef, i, row_table, n, col.ARM_I, m), _arm(coef, j, row_table, n, col.ARM_J, m)
+    s_i, s_j = _arm(coef, i, row_table[n].arm_i, m), _arm(coef, j, row_table[n].arm_j, m)
     return s_j[0] - s_i[0], s_j[1] - s_i[1]
 
 
@@ -89,24 +85,24 @@ def begin_rows(kind: Array, row_table: Array, row_coef: Array, link: Array, coef
     """
     for n in range(kind.shape[0]):
         if kind[n] == LINE:
-            i, j = int(row_table[n, col.LINK_I]), int(row_table[n, col.LINK_J])
+            i, j = row_table[n].i, row_table[n].j
             for m in range(2):
-                at = col.POSITION + 2 * m  # m = 1: VELOCITY
-                r_i, r_j, d = load_pair(link, i, at), load_pair(link, j, at), _between_arms(coef, i, j, row_table, n, m)
+                r_i, r_j = (link[i].velocity, link[j].velocity) if m else (link[i].position, link[j].position)
+                d = _between_arms(coef, i, j, row_table, n, m)
                 d = d[0] + r_j[0] - r_i[0], d[1] + r_j[1] - r_i[1]
-                _put_line(row_coef, n, m, _arm(coef, i, row_table, n, col.AXIS_I, m), d)
+                _put_line(row_coef, n, m, _arm(coef, i, row_table[n].axis_i, m), d)
 
 
 @fused
 def _add_row_force(row_table: Array, n: int, coef: Array, m: int, x: float, y: float) -> None:
     """Add a force on link j, and its opposite on link i, to the series F and P."""
-    i, j = int(row_table[n, col.LINK_I]), int(row_table[n, col.LINK_J])
+    i, j = row_table[n].i, row_table[n].j
     coef[j, FX, m] -= x
     coef[j, FY, m] -= y
     coef[i, FX, m] += x
     coef[i, FY, m] += y
-    add_moment(coef, j, m, load_pair(row_table, n, col.ARM_J), -x, -y)
-    add_moment(coef, i, m, load_pair(row_table, n, col.ARM_I), x, y)
+    add_moment(coef, j, m, pair(row_table[n].arm_j), -x, -y)
+    add_moment(coef, i, m, pair(row_table[n].arm_i), x, y)
 
 
 @fused
@@ -134,7 +130,7 @@ def known_row_forces(
             for a in range(m + 1):
                 turn += row_coef[n, DX, a] * row_coef[n, HY, m - a] - row_coef[n, DY, a] * row_coef[n, HX, m - a]
             _add_row_force(row_table, n, coef, m, x, y)
-            torque[int(row_table[n, col.LINK_I])] += turn
+            torque[row_table[n].i] += turn
 
 
 @fused
@@ -155,11 +151,11 @@ def known_row_accelerations(
     for n in range(kind.shape[0]):
         gamma[n] = 0.0
         if active[n] and kind[n] != LOCK:
-            i, j = int(row_table[n, col.LINK_I]), int(row_table[n, col.LINK_J])
+            i, j = row_table[n].i, row_table[n].j
             d = _between_arms(coef, i, j, row_table, n, m + 2)
             total = W[n, 1, 0] * d[0] + W[n, 1, 1] * d[1]
             if kind[n] == LINE:
-                _put_line(row_coef, n, m + 2, _arm(coef, i, row_table, n, col.AXIS_I, m + 2), d)
+                _put_line(row_coef, n, m + 2, _arm(coef, i, row_table[n].axis_i, m + 2), d)
                 for a in range(1, m + 3):
                     total += (
                         row_coef[n, UX, a] * row_coef[n, DX, m + 2 - a]
@@ -196,14 +192,14 @@ def row_forces(
     for n in range(kind.shape[0]):
         if not active[n] or kind[n] == LOCK:
             continue
-        i, j = int(row_table[n, col.LINK_I]), int(row_table[n, col.LINK_J])
+        i, j = row_table[n].i, row_table[n].j
         x, y = W[n, 1, 0] * lam[n], W[n, 1, 1] * lam[n]
         if kind[n] == LINE:
             row_coef[n, LAM, m] = lam[n]
             row_coef[n, HX, m] += x
             row_coef[n, HY, m] += y
-            a_i, a_j = load_pair(link, i, col.ACCELERATION), load_pair(link, j, col.ACCELERATION)
+            a_i, a_j = pair(link[i].acceleration), pair(link[j].acceleration)
             d = _between_arms(coef, i, j, row_table, n, m + 2)
             d = d[0] + scale * (a_j[0] - a_i[0]), d[1] + scale * (a_j[1] - a_i[1])
-            _put_line(row_coef, n, m + 2, _arm(coef, i, row_table, n, col.AXIS_I, m + 2), d)
+            _put_line(row_coef, n, m + 2, _arm(coef, i, row_table[n].axis_i, m + 2), d)
         _add_row_force(row_table, n, coef, m, x, y)

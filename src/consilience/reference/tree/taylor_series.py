@@ -26,18 +26,16 @@ import numpy as np
 
 from consilience.mechanism import Array
 from consilience.reference.kernel.compiled import fused
-from consilience.reference.tree import plane as col
+from consilience.reference.kernel.vectors import load, put
+from consilience.reference.tree.inertia import load_six
 from consilience.reference.tree.planar import (
     Pair,
     PlanarVector,
     inertia_times,
-    load_pair,
-    load_planar_inertia,
-    load_triple,
+    pair,
     planar_power,
+    put_pair,
     rotate_pair,
-    store_pair,
-    store_triple,
 )
 
 C, SN, W, FX, FY, PX, PY, SLOTS = np.arange(8)
@@ -74,38 +72,38 @@ def begin_series(link: Array, free: Array, coef: Array, q: Array, first_speed: i
         Overwritten: reciprocals of the pivots D.
     """
     for k in range(link.shape[0] - 1):
-        c, s = load_pair(link, k, col.COS)
-        w = link[k, col.SPIN]
+        c, s = pair(link[k].turn)
+        w = link[k].spin
         coef[k, C, 0], coef[k, SN, 0], coef[k, W, 0] = c, s, w
         coef[k, C, 1], coef[k, SN, 1] = -w * s, w * c
     for n in range(q.shape[0]):
         q[n, 0], q[n, 1] = z[n], z[first_speed + n]
-        inverse[n] = 1.0 / free[n, col.PIVOT]
+        inverse[n] = 1.0 / free[n].pivot
 
 
 @fused
 def _carrier(link: Array, k: int) -> int:
     """Return the link that carries the axes of the displacements of a joint."""
-    return int(link[k, col.PARENT]) if link[k, col.SENSE] > 0.0 else k
+    return link[k].parent if link[k].sense > 0.0 else k
 
 
 @fused
 def _translations_end(link: Array, k: int) -> int:
     """Return the index behind the displacements of a joint."""
-    return int(link[k, col.LAST]) - (1 if link[k, col.ROTATION_SENSE] != 0.0 else 0)
+    return link[k].last - (1 if link[k].rotation_sense != 0.0 else 0)
 
 
 @fused
 def _slide_forces(link: Array, free: Array, coef: Array, q: Array, k: int, m: int, joint_force: Array) -> None:
     """Add the known part of P at a sliding joint, and compute the known joint force along it."""
-    b, sense = _carrier(link, k), link[k, col.SENSE]
+    b, sense = _carrier(link, k), link[k].sense
     along = across = 0.0
     for j in range(1, m + 1):
         c, s, x, y = coef[b, C, j], coef[b, SN, j], coef[k, FX, m - j], coef[k, FY, m - j]
         along += c * x + s * y
         across += c * y - s * x
-    for n in range(int(link[k, col.FIRST]), _translations_end(link, k)):
-        d = load_pair(free, n, col.DIRECTION)
+    for n in range(link[k].first, _translations_end(link, k)):
+        d = pair(free[n].direction)
         joint_force[n] = -sense * (d[0] * along + d[1] * across)
         x = y = 0.0
         for j in range(1, m + 1):
@@ -153,11 +151,11 @@ def known_forces(link: Array, free: Array, coef: Array, q: Array, m: int, joint_
             coef[k, slot, m] = 0.0
     if m == 0:
         for k in range(link.shape[0] - 1):
-            coef[k, FX, 0], coef[k, FY, 0] = -link[k, col.WEIGHT], -link[k, col.WEIGHT + 1]
+            coef[k, FX, 0], coef[k, FY, 0] = -link[k].weight[0], -link[k].weight[1]
     for n in range(free.shape[0]):
         joint_force[n] = 0.0
     for k in range(link.shape[0] - 1):
-        if _translations_end(link, k) > int(link[k, col.FIRST]):
+        if _translations_end(link, k) > link[k].first:
             _slide_forces(link, free, coef, q, k, m, joint_force)
 
 
@@ -191,32 +189,32 @@ def known_rotations(link: Array, free: Array, coef: Array, q: Array, m: int, tor
     """
     scale = (m + 1.0) * (m + 2.0)
     for k in range(link.shape[0] - 1):
-        p = int(link[k, col.PARENT])
-        store_triple(link, k, col.BIAS, (coef[k, FX, m], coef[k, FY, m], torque[k] + _advance_direction(coef, k, m)))
+        p = link[k].parent
+        put(link[k].bias, (coef[k, FX, m], coef[k, FY, m], torque[k] + _advance_direction(coef, k, m)))
         e_p, e = (coef[p, C, m + 2], coef[p, SN, m + 2]), (coef[k, C, m + 2], coef[k, SN, m + 2])
-        s_p, s = rotate_pair(e_p, load_pair(link, k, col.ARM_PARENT)), rotate_pair(e, load_pair(link, k, col.ARM))
+        s_p, s = rotate_pair(e_p, pair(link[k].parent_arm)), rotate_pair(e, pair(link[k].arm))
         x, y = s_p[0] - s[0], s_p[1] - s[1]
         behind = _translations_end(link, k)
-        if behind > int(link[k, col.FIRST]):
-            b, sense = _carrier(link, k), link[k, col.SENSE]
-            for n in range(int(link[k, col.FIRST]), behind):
+        if behind > link[k].first:
+            b, sense = _carrier(link, k), link[k].sense
+            for n in range(link[k].first, behind):
                 c = s_n = 0.0
                 for j in range(m + 2):
                     c += q[n, j] * coef[b, C, m + 2 - j]
                     s_n += q[n, j] * coef[b, SN, m + 2 - j]
-                away = rotate_pair((c, s_n), load_pair(free, n, col.DIRECTION))
+                away = rotate_pair((c, s_n), pair(free[n].direction))
                 x, y = x + sense * away[0], y + sense * away[1]
-        store_pair(link, k, col.VELOCITY_PRODUCT, (scale * x, scale * y))
+        put_pair(link[k].velocity_product, (scale * x, scale * y))
 
 
 @fused
 def _carried(link: Array, free: Array, inverse: Array, k: int) -> PlanarVector:
     """Return the wrench on the parent due to the velocity products of a link, with the link's directions free."""
-    c = load_pair(link, k, col.VELOCITY_PRODUCT)
+    c = pair(link[k].velocity_product)
     c = c[0], c[1], 0.0
-    x = inertia_times(load_planar_inertia(link, k), c)
-    for n in range(int(link[k, col.LAST]) - 1, int(link[k, col.FIRST]) - 1, -1):
-        u = load_triple(free, n, col.U)
+    x = inertia_times(load_six(link[k].articulated), c)
+    for n in range(link[k].last - 1, link[k].first - 1, -1):
+        u = load(free[n].U)
         part = planar_power(u, c) * inverse[n]
         x = x[0] - part * u[0], x[1] - part * u[1], x[2] - part * u[2]
     return x
@@ -226,20 +224,20 @@ def _carried(link: Array, free: Array, inverse: Array, k: int) -> PlanarVector:
 def sweep_biases(link: Array, free: Array, joint_force: Array, inverse: Array) -> None:
     """Compute the remaining joint forces from the biases and from known joint forces, articulated inertias swept."""
     for k in range(link.shape[0] - 2, -1, -1):
-        f = load_triple(link, k, col.BIAS)
-        for n in range(int(link[k, col.LAST]) - 1, int(link[k, col.FIRST]) - 1, -1):
-            left = joint_force[n] - planar_power(load_triple(free, n, col.S), f)
-            free[n, col.JOINT_FORCE] = left
-            u = load_triple(free, n, col.U)
+        f = load(link[k].bias)
+        for n in range(link[k].last - 1, link[k].first - 1, -1):
+            left = joint_force[n] - planar_power(load(free[n].s), f)
+            free[n].joint_force = left
+            u = load(free[n].U)
             left *= inverse[n]
             f = f[0] + left * u[0], f[1] + left * u[1], f[2] + left * u[2]
-        p = int(link[k, col.PARENT])
+        p = link[k].parent
         if p >= 0:
-            x, d = _carried(link, free, inverse, k), load_pair(link, k, col.OFFSET)
+            x, d = _carried(link, free, inverse, k), pair(link[k].offset)
             a, b = f[0] + x[0], f[1] + x[1]
-            link[p, col.BIAS] += a
-            link[p, col.BIAS + 1] += b
-            link[p, col.BIAS + 2] += f[2] + x[2] + d[0] * b - d[1] * a
+            link[p].bias[0] += a
+            link[p].bias[1] += b
+            link[p].bias[2] += f[2] + x[2] + d[0] * b - d[1] * a
 
 
 @fused
@@ -257,24 +255,20 @@ def next_order(link: Array, free: Array, coef: Array, q: Array, inverse: Array, 
     """
     one, two = 1.0 / (m + 1.0), 1.0 / (m + 2.0)
     for k in range(link.shape[0] - 1):
-        a, d, c = (
-            load_triple(link, int(link[k, col.PARENT]), col.ACCELERATION),
-            load_pair(link, k, col.OFFSET),
-            load_pair(link, k, col.VELOCITY_PRODUCT),
-        )
+        a, d, c = (load(link[link[k].parent].acceleration), pair(link[k].offset), pair(link[k].velocity_product))
         a = a[0] - a[2] * d[1] + c[0], a[1] + a[2] * d[0] + c[1], a[2]
-        for n in range(int(link[k, col.FIRST]), int(link[k, col.LAST])):
-            s = load_triple(free, n, col.S)
-            u = (free[n, col.JOINT_FORCE] - planar_power(a, load_triple(free, n, col.U))) * inverse[n]
+        for n in range(link[k].first, link[k].last):
+            s = load(free[n].s)
+            u = (free[n].joint_force - planar_power(a, load(free[n].U))) * inverse[n]
             q[n, m + 2] = u * one * two
             a = a[0] + u * s[0], a[1] + u * s[1], a[2] + u * s[2]
-        store_triple(link, k, col.ACCELERATION, a)
+        put(link[k].acceleration, a)
         w = one * a[2]
         coef[k, W, m + 1] = w
         coef[k, C, m + 2] -= two * w * coef[k, SN, 0]
         coef[k, SN, m + 2] += two * w * coef[k, C, 0]
-        coef[k, FX, m] += link[k, col.MASS] * a[0]
-        coef[k, FY, m] += link[k, col.MASS] * a[1]
+        coef[k, FX, m] += link[k].mass * a[0]
+        coef[k, FY, m] += link[k].mass * a[1]
 
 
 @fused
@@ -289,14 +283,14 @@ def joint_forces(link: Array, free: Array, coef: Array, q: Array, m: int) -> Non
     m : int
     """
     for k in range(link.shape[0] - 2, -1, -1):
-        p, x, y = int(link[k, col.PARENT]), coef[k, FX, m], coef[k, FY, m]
-        add_moment(coef, k, m, load_pair(link, k, col.ARM), -x, -y)
-        add_moment(coef, p, m, load_pair(link, k, col.ARM_PARENT), x, y)
+        p, x, y = link[k].parent, coef[k, FX, m], coef[k, FY, m]
+        add_moment(coef, k, m, pair(link[k].arm), -x, -y)
+        add_moment(coef, p, m, pair(link[k].parent_arm), x, y)
         coef[p, FX, m] += x
         coef[p, FY, m] += y
         behind = _translations_end(link, k)
-        if behind > int(link[k, col.FIRST]):
-            b, sense = _carrier(link, k), link[k, col.SENSE]
-            for n in range(int(link[k, col.FIRST]), behind):
+        if behind > link[k].first:
+            b, sense = _carrier(link, k), link[k].sense
+            for n in range(link[k].first, behind):
                 away = sense * q[n, 0]
-                add_moment(coef, b, m, load_pair(free, n, col.DIRECTION), away * x, away * y)
+                add_moment(coef, b, m, pair(free[n].direction), away * x, away * y)
