@@ -25,8 +25,8 @@ planar : PlanarArrays or None
     Arrays of the kernels of a plane; None in space.
 link, free : ndarray of records, shapes (n_b + 1,) and (N,)
     The links (last: the ground) and the free directions: LINK and FREE of `records`, or PLANAR_LINK and PLANAR_FREE.
-layout : ndarray of int, shape (n_b, 9)
-    Topology of the tree: columns PARENT to FREE_END.
+layout : ndarray of LAYOUT, shape (n_b,)
+    Topology of the tree.
 loops, qr : Loops and MultifrontalQR
     See `loop_groups`; their arrays group, touched, path, own_directions, owner and W, wrench, F, tau, x, y, order,
     state, active, target are arguments of their own in inner kernels.
@@ -57,18 +57,11 @@ from consilience.reference.kernel.functions import Functions
 from consilience.reference.kernel.mechanism_record import record_of
 from consilience.reference.tree.cut_joints import CutJoints, cut_joints
 from consilience.reference.tree.loop_groups import Loops, MultifrontalQR, find_loop_groups, multifrontal_arrays
-from consilience.reference.tree.records import FREE as FREE_DIRECTION
-from consilience.reference.tree.records import LINK, constants_of
+from consilience.reference.tree.records import FREE, LAYOUT, LINK, constants_of
 from consilience.reference.tree.reduced import EliminationArrays, elimination_arrays
 
 DISTANCE, ANGLE, SPEED, SPIN, INTEGRAL = range(5)
 """Kinds of the components of z; a relative tolerance refers to the size of a kind."""
-
-PARENT, PARENT_BODY, BODY, FORWARD, COORDINATE, TRANSLATIONS, ROTATIONS, FREE, FREE_END = range(9)
-"""Columns of `TreeLinks.layout`: parent link (-1: ground), body of the parent, body of the link, whether the tree
-passes the joint from predecessor to successor, first coordinate, numbers of displacements and of rotations (3: ball),
-first free direction and the one behind the last.
-"""
 
 LARGEST_RANK, LEAST_FRONT_PIVOT, ELIMINATION_PIVOT = np.array([0, 1, 2])
 """Entries of `LoopClosure.best`: largest rank so far, its largest least pivot in the fronts, and in `few_freedoms`."""
@@ -77,7 +70,7 @@ LARGEST_RANK, LEAST_FRONT_PIVOT, ELIMINATION_PIVOT = np.array([0, 1, 2])
 class TreeLinks(NamedTuple):
     """Spanning tree of n_b links, each behind its parent, with N free directions."""
 
-    layout: Array  # (n_b, 9)
+    layout: Array  # (n_b,) of LAYOUT
     constants: Array  # (n_b, 31) of `records.constants_of`
     direction: Array  # (N, 3) frame of the axis, F (0) or M (1); its number; displacement (0) or rotation (1)
     kind: Array  # (n_z,) DISTANCE to INTEGRAL
@@ -196,12 +189,12 @@ def flatten_relative(mechanism: Mechanism) -> tuple[TreeLinks, TreeModel, Model]
         along = last - first - turns
         parent = int(tree.parent[k])
         carrier = -1 if parent < 0 else int(tree.body[parent])
-        rows.append([parent, carrier, int(body), bool(tree.sign[k] > 0), len(kinds), along, turns, first, last])
+        rows.append((parent, carrier, int(body), bool(tree.sign[k] > 0), len(kinds), along, turns, first, last))
         kinds += [DISTANCE] * along + [ANGLE] * (turns if turns < 3 else 4)
         speed_kinds += [SPEED] * along + [SPIN] * turns
     elements = (mechanism.springs, mechanism.joint_springs, mechanism.loads, mechanism.frictions, mechanism.controls)
     cut = tree.cut
-    layout = np.array(rows, dtype=np.int64)
+    layout = np.array(rows, LAYOUT)
     links = TreeLinks(
         layout=layout,
         constants=link_constants(tree, model),
@@ -244,11 +237,11 @@ def link_constants(tree: TreeModel, model: Model) -> Array:
 def link_records(links: TreeLinks, gravity: Array) -> Array:
     """Return the links and, last, the ground, LINK of shape (n_b + 1,), with constants alone."""
     found, layout = np.zeros(len(links.layout) + 1, LINK), links.layout
-    for field, column in (("parent", PARENT), ("first", FREE), ("last", FREE_END), ("coordinate", COORDINATE)):
-        found[field][:-1] = layout[:, column]
-    found["translations"][:-1], found["rotations"][:-1] = layout[:, TRANSLATIONS], layout[:, ROTATIONS]
-    found["is_revolute"][:-1] = (layout[:, TRANSLATIONS] == 0) & (layout[:, ROTATIONS] == 1)
-    found["sense"][:-1] = 2.0 * layout[:, FORWARD] - 1.0
+    for field in ("parent", "coordinate", "translations", "rotations"):
+        found[field][:-1] = layout[field]
+    found["first"][:-1], found["last"][:-1] = layout["free"], layout["free_end"]
+    found["is_revolute"][:-1] = (layout["translations"] == 0) & (layout["rotations"] == 1)
+    found["sense"][:-1] = 2.0 * layout["forward"] - 1.0
     constants_of(found)[:-1] = links.constants
     ground = found[-1]
     ground["inboard_axes"][0], ground["coordinate"], ground["axes"] = gravity, links.first_speed, np.eye(3)
@@ -257,7 +250,7 @@ def link_records(links: TreeLinks, gravity: Array) -> Array:
 
 def free_records(links: TreeLinks) -> Array:
     """Return the free directions, FREE of shape (N,)."""
-    found = np.zeros(len(links.direction), FREE_DIRECTION)
+    found = np.zeros(len(links.direction), FREE)
     found["axis"] = 3 * links.direction[:, 0] + links.direction[:, 1]
     return found
 

@@ -17,7 +17,6 @@ from __future__ import annotations
 from consilience.mechanism import Array
 from consilience.reference.kernel.compiled import fused, inner, kernel
 from consilience.reference.kernel.vectors import add, cross, load, put, rotate, scale
-from consilience.reference.tree.arrays import BODY
 from consilience.reference.tree.inertia import (
     add_inertia,
     columns,
@@ -60,7 +59,7 @@ def gravity_biases(link: Array) -> None:
 def force_biases(layout: Array, f: Array, A: Array, link: Array) -> None:
     """Set the biases of the links from the generalised forces (world, body axes) of the bodies."""
     for k in range(layout.shape[0]):
-        b = layout[k, BODY]
+        b = layout[k].body
         at = 6 * b
         put(link[k].bias[0], (-f[at], -f[at + 1], -f[at + 2]))
         put(link[k].bias[1], scale(-1.0, rotate(A[b], (f[at + 3], f[at + 4], f[at + 5]))))

@@ -45,7 +45,6 @@ from consilience.reference.tree.few_freedoms import (
     solve_reduced,
 )
 from consilience.reference.tree.kinematics import coordinate_rates
-from consilience.reference.tree.loop_groups import ACTIVE, USED
 from consilience.reference.tree.loop_rows import mark_active_rows
 from consilience.reference.tree.multifrontal import KEEP_ORDER, factorise, rank_threshold
 from consilience.reference.tree.planar import place_planar_links, planar_inward_sweep, planar_outward_sweep
@@ -57,7 +56,7 @@ def factorise_rows(closure: LoopClosure, spatial: Spatial, planar: Planar) -> No
     """Factorise the responses of the tree to the active rows, articulated inertias swept."""
     group, qr = closure.loops.group, closure.qr
     for g in range(group.shape[0]):
-        qr.state[g, USED] = qr.state[g, ACTIVE]
+        qr.state[g].used = qr.state[g].active
     smallest = rank_threshold(closure.row_norm[0], row_responses(closure, spatial, planar))
     factorise(group, qr.order, qr.state, qr.F, qr.tau, smallest, KEEP_ORDER)
 

@@ -19,7 +19,7 @@ from consilience.reference.kernel.compiled import fused, inner, kernel
 from consilience.reference.kernel.vectors import Vector, add, cross, dot, load, put, scale, sub
 from consilience.reference.tree.inertia import load_six, symmetric_times
 from consilience.reference.tree.kinematics import load_vector, store_vector
-from consilience.reference.tree.loop_groups import ACTIVE, ROW, TOUCHED, Loops, MultifrontalQR
+from consilience.reference.tree.loop_groups import TOUCHED, Loops, MultifrontalQR
 from consilience.reference.tree.reduced import EliminationArrays
 
 FREEDOMS = 6
@@ -39,7 +39,7 @@ def count_active_rows(group: Array, state: Array) -> int:
     """Return the number of active rows."""
     rank = 0
     for g in range(group.shape[0]):
-        rank += state[g, ACTIVE]
+        rank += state[g].active
     return rank
 
 
@@ -282,7 +282,7 @@ def store_targets(group: Array, order: Array, state: Array, target: Array, J: Ar
     """
     row = 0
     for g in range(group.shape[0]):
-        for number in range(group[g, ROW], group[g, ROW] + state[g, ACTIVE]):
+        for number in range(group[g].row, group[g].row + state[g].active):
             J[row, column] = target[order[number]]
             row += 1
 
@@ -305,7 +305,7 @@ def solve_rows(
     rows, count, O = 0, free.shape[0], load(links[0].position)
     _subspace_at_origin(links, free, elimination.S_origin)
     for g in range(group.shape[0]):
-        for number in range(group[g, ROW], group[g, ROW] + state[g, ACTIVE]):
+        for number in range(group[g].row, group[g].row + state[g].active):
             row = order[number]
             for n in range(count):
                 J[rows, n] = 0.0

@@ -18,15 +18,7 @@ from consilience.reference.bodies.joint_rows import coordinate
 from consilience.reference.bodies.mass_metric import mass_matrix
 from consilience.reference.kernel.compiled import kernel
 from consilience.reference.kernel.mechanism_record import record_of
-from consilience.reference.tree.arrays import (
-    BODY,
-    LoopClosure,
-    Planar,
-    Spatial,
-    TreeElements,
-    flatten_relative,
-    tree_system,
-)
+from consilience.reference.tree.arrays import LoopClosure, Planar, Spatial, TreeElements, flatten_relative, tree_system
 from consilience.reference.tree.dynamics import count_turns, loop_derivative
 from consilience.reference.tree.kinematics import fill_euler_parameters, place_bodies, place_links_and_bodies
 from consilience.reference.tree.projection import AT_SAMPLE, find_rank, project
@@ -158,7 +150,7 @@ class RelativeCoordinates:
         A, y = self._space.A, self._space.y
         fill_euler_parameters(A, y)
         a = np.empty((len(self.mechanism.bodies), 6))
-        a[self._links.layout[:, BODY]] = self._rest.link["acceleration"][:-1].reshape(-1, 6)
+        a[self._links.layout["body"]] = self._rest.link["acceleration"][:-1].reshape(-1, 6)
         a[:, 3:] = np.einsum("bji,bj->bi", A, a[:, 3:])
         if not np.all(np.isfinite(a)):
             raise NumericalFailure(f"reference, {self.name}: the accelerations are not finite")

@@ -19,7 +19,6 @@ from consilience.reference.bodies.canonical import at_origins
 from consilience.reference.kernel.compiled import kernel, threaded
 from consilience.reference.kernel.mechanism_record import record_of
 from consilience.reference.tree.arrays import (
-    BODY,
     LoopClosure,
     Spatial,
     SpatialArrays,
@@ -203,7 +202,7 @@ class ForwardDynamics:
         place_bodies(self._links.layout, self._link, y, A)
         fill_euler_parameters(A, y)
         a = np.empty((len(self.mechanism.bodies), 6))
-        a[self._links.layout[:, BODY]] = self._link["acceleration"][:-1].reshape(-1, 6)
+        a[self._links.layout["body"]] = self._link["acceleration"][:-1].reshape(-1, 6)
         if not np.all(np.isfinite(a)):
             raise NumericalFailure("forward dynamics: the accelerations are not finite")
         a[:, 3:] = np.einsum("bji,bj->bi", A, a[:, 3:])

@@ -17,8 +17,6 @@ from consilience.mechanism import Array
 from consilience.reference.bodies.motion import ZERO
 from consilience.reference.kernel.compiled import fused, inner, kernel
 from consilience.reference.kernel.vectors import Vector, add, column, cross, dot, load, put, scale, sub
-from consilience.reference.tree.arrays import BODY, FREE, ROTATIONS, TRANSLATIONS
-from consilience.reference.tree.arrays import COORDINATE as FIRST_COORDINATE
 from consilience.reference.tree.inertia import Columns, columns, matrix_times
 
 
@@ -183,7 +181,7 @@ def place_links(link: Array, free: Array, q: Array, v: Array) -> None:
 def place_bodies(layout: Array, link: Array, y: Array, A: Array) -> None:
     """Fill y (except Euler parameters) and A of all bodies from placed links."""
     for k in range(layout.shape[0]):
-        b, base, w = layout[k, BODY], columns(link[k].axes), load(link[k].spin)
+        b, base, w = layout[k].body, columns(link[k].axes), load(link[k].spin)
         store_vector(y, b, 0, load(link[k].position))
         store_vector(y, b, 7, load(link[k].velocity))
         for n in range(3):
@@ -214,8 +212,8 @@ def place_links_and_bodies(
 def coordinate_rates(layout: Array, first_speed: int, z: Array, dz: Array) -> None:
     """Fill the rates of the coordinates; of Euler parameters ``p' = 1/2 (0, w) p`` with w in axes of F."""
     for k in range(layout.shape[0]):
-        along, about = layout[k, TRANSLATIONS], layout[k, ROTATIONS]
-        at, n = layout[k, FIRST_COORDINATE], first_speed + layout[k, FREE]
+        along, about = layout[k].translations, layout[k].rotations
+        at, n = layout[k].coordinate, first_speed + layout[k].free
         for m in range(along):
             dz[at + m] = z[n + m]
         at, n = at + along, n + along
@@ -235,8 +233,8 @@ def coordinate_rates(layout: Array, first_speed: int, z: Array, dz: Array) -> No
 def displace(layout: Array, z: Array, u: Array) -> None:
     """Add small displacements u along the free directions to the coordinates; Euler parameters stay unit."""
     for k in range(layout.shape[0]):
-        along, about = layout[k, TRANSLATIONS], layout[k, ROTATIONS]
-        at, n = layout[k, FIRST_COORDINATE], layout[k, FREE]
+        along, about = layout[k].translations, layout[k].rotations
+        at, n = layout[k].coordinate, layout[k].free
         for m in range(along):
             z[at + m] += u[n + m]
         at, n = at + along, n + along
@@ -257,8 +255,8 @@ def displace(layout: Array, z: Array, u: Array) -> None:
 def normalise(layout: Array, z: Array) -> None:
     """Divide the Euler parameters of all balls by their norm."""
     for k in range(layout.shape[0]):
-        if layout[k, ROTATIONS] == 3:
-            at = layout[k, FIRST_COORDINATE] + layout[k, TRANSLATIONS]
+        if layout[k].rotations == 3:
+            at = layout[k].coordinate + layout[k].translations
             norm = np.sqrt(z[at] ** 2 + z[at + 1] ** 2 + z[at + 2] ** 2 + z[at + 3] ** 2)
             for n in range(4):
                 z[at + n] /= norm

@@ -15,18 +15,7 @@ import scipy
 
 from consilience.mechanism import Array
 from consilience.reference.bodies.arrays import Model, all_rows
-
-ROW, ROW_END, PATH, PATH_END, OWN, OWN_END, LAST_REACHED, FRONT_ROWS, FRONT_START, VECTOR_START = range(10)
-"""Columns of `Loops.group`: first constraint row of the group and the one behind its last; the same for its parts of
-`Loops.path` and `Loops.own_directions`; last group with entries in its front; largest number of rows of the front;
-first entry of the front in `MultifrontalQR.F`; first of its rows in `MultifrontalQR.tau` and `MultifrontalQR.x`.
-"""
-
-ACTIVE, USED, START, RANK, CARRIED, COMPRESSED = range(6)
-"""Columns of `MultifrontalQR.state`: number of independent rows of a group, found by a projection; columns of the group
-in the present factors, the first of them and their rank; rows of a front that come from the front before; reflections
-that only reduce the number of rows passed on.
-"""
+from consilience.reference.tree.records import FRONT, GROUP
 
 TOUCHED = 4
 """Largest number of links that a row acts on: those of the two joints of a coupling."""
@@ -35,7 +24,7 @@ TOUCHED = 4
 class Loops(NamedTuple):
     """G groups of q rows in the order of elimination; N free directions."""
 
-    group: Array  # (G, 10)
+    group: Array  # (G,) of GROUP
     touched: Array  # (q, 4) links that a row acts on, -1 for none
     path: Array  # links between the links of a group and the ground, outermost first
     own_directions: Array  # directions at which a group is the first to have entries
@@ -52,7 +41,7 @@ class MultifrontalQR(NamedTuple):
     x: Array  # a vector in the rows of the fronts
     y: Array  # (q,) a vector in the columns of the fronts
     order: Array  # (q,) rows, group by group, independent rows first
-    state: Array  # (G + 1, 6) columns ACTIVE to COMPRESSED
+    state: Array  # (G + 1,) of FRONT
     active: Array  # (q,) 1 where a row is to be evaluated
     target: Array  # (q,) residual of the rows
 
@@ -60,7 +49,7 @@ class MultifrontalQR(NamedTuple):
 def _touched(layout: Array, cut: Model) -> Array:
     """Return the links that each row acts on, shape (q, 4)."""
     link = np.full(len(cut.mass) + 1, -1)
-    link[layout[:, 2]] = np.arange(len(layout))
+    link[layout["body"]] = np.arange(len(layout))
     ends = [[int(link[i]), int(link[j])] for i, j in zip(cut.body_i, cut.body_j, strict=True)]
     joint_of = cut.coordinate[:, 0]
     rows = [ends[k] for k in range(len(ends)) for _ in range(cut.first_row[k], cut.first_row[k + 1])]
@@ -80,7 +69,7 @@ def _path(layout: Array, links: Array) -> list[int]:
         link = tip
         while link >= 0 and link not in found:
             found.add(link)
-            link = int(layout[link, 0])
+            link = int(layout[link].parent)
     return sorted(found, reverse=True)
 
 
@@ -89,8 +78,7 @@ def find_loop_groups(layout: Array, free: int, cut: Model) -> Loops:
 
     Parameters
     ----------
-    layout : ndarray of int, shape (n_b, 9)
-        Layout of `TreeLinks`.
+    layout : ndarray of `records.LAYOUT`, shape (n_b,)
     free : int
         Number N of free directions.
     cut : Model
@@ -100,21 +88,18 @@ def find_loop_groups(layout: Array, free: int, cut: Model) -> Loops:
     ends = [n for n in range(1, len(touched)) if set(touched[n]) != set(touched[n - 1])]
     ranges = list(zip([0, *ends], [*ends, len(touched)], strict=True)) if len(touched) else []
     paths = [_path(layout, touched[first]) for first, _ in ranges]
-    directions = [[n for k in path for n in range(layout[k, 7], layout[k, 8])] for path in paths]
+    directions = [[n for k in path for n in range(layout[k].free, layout[k].free_end)] for path in paths]
     order = _elimination_order(directions, free)
-    group = np.zeros((len(ranges), 10), dtype=np.int64)
+    group = np.zeros(len(ranges), GROUP)
     owner, last = np.full((free, 2), -1), np.zeros(free, dtype=np.int64)
     path, own_directions = list[int](), list[int]()
     for g, n in enumerate(order):
         new = [m for m in directions[n] if owner[m, 0] < 0]
         owner[new, 0], owner[new, 1], last[directions[n]] = g, np.arange(len(new)), g
-        group[g, :6] = (
-            *ranges[n],
-            len(path),
-            len(path) + len(paths[n]),
-            len(own_directions),
-            len(own_directions) + len(new),
-        )
+        one = group[g]
+        one.row, one.row_end = ranges[n]
+        one.path, one.path_end = len(path), len(path) + len(paths[n])
+        one.own, one.own_end = len(own_directions), len(own_directions) + len(new)
         path += paths[n]
         own_directions += new
     _front_sizes(group, own_directions, last)
@@ -135,31 +120,29 @@ def _elimination_order(directions: list[list[int]], free: int) -> list[int]:
 
 
 def _front_sizes(group: Array, own_directions: list[int], last: Array) -> None:
-    """Fill in the columns LAST_REACHED to VECTOR_START of the groups."""
+    """Fill in the fields last_reached to vector_start of the groups."""
     reach = height = at = shelf = 0
     for g, row in enumerate(group):
         kept = min(height, _columns(group, g, reach)) if reach >= g else 0
-        reach = max([reach, g, *(int(last[n]) for n in own_directions[row[OWN] : row[OWN_END]])])
-        height = kept + int(row[OWN_END] - row[OWN])
-        row[LAST_REACHED:] = reach, height, at, shelf
+        reach = max([reach, g, *(int(last[n]) for n in own_directions[row.own : row.own_end])])
+        height = kept + int(row.own_end - row.own)
+        row.last_reached, row.front_rows, row.front_start, row.vector_start = reach, height, at, shelf
         at += height * _columns(group, g, reach)
         shelf += height
 
 
 def _columns(group: Array, first: int, last: int) -> int:
     """Return the number of constraint rows of consecutive groups."""
-    return int(np.sum(group[first : last + 1, ROW_END] - group[first : last + 1, ROW]))
+    return int(np.sum(group["row_end"][first : last + 1] - group["row"][first : last + 1]))
 
 
 def multifrontal_arrays(loops: Loops, bodies: int, width: int) -> MultifrontalQR:
     """Return new arrays for a factorisation; a wrench has `width` components."""
     G, q = len(loops.group), len(loops.touched)
-    rows = int(np.sum(loops.group[:, FRONT_ROWS]))
-    size = sum(
-        int(row[FRONT_ROWS]) * _columns(loops.group, g, int(row[LAST_REACHED])) for g, row in enumerate(loops.group)
-    )
-    state = np.zeros((G + 1, 6), dtype=np.int64)
-    state[:-1, ACTIVE] = loops.group[:, ROW_END] - loops.group[:, ROW]
+    rows = int(np.sum(loops.group["front_rows"]))
+    size = sum(int(one.front_rows) * _columns(loops.group, g, one.last_reached) for g, one in enumerate(loops.group))
+    state = np.zeros(G + 1, FRONT)
+    state["active"][:-1] = loops.group["row_end"] - loops.group["row"]
     return MultifrontalQR(
         W=np.zeros((q, TOUCHED, width)),
         wrench=np.zeros((bodies, width)),

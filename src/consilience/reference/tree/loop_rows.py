@@ -22,9 +22,8 @@ from consilience.reference.bodies.joint_rows import (
 )
 from consilience.reference.kernel.compiled import fused, inner, kernel
 from consilience.reference.kernel.vectors import Vector, dot, load, rotate, rotate_back, scale, store
-from consilience.reference.tree.arrays import BODY
 from consilience.reference.tree.inertia import columns, matrix_times
-from consilience.reference.tree.loop_groups import ACTIVE, ROW, TOUCHED
+from consilience.reference.tree.loop_groups import TOUCHED
 
 
 @kernel
@@ -33,7 +32,7 @@ def mark_active_rows(group: Array, order: Array, state: Array, active: Array) ->
     for n in range(active.shape[0]):
         active[n] = 0
     for g in range(group.shape[0]):
-        for n in range(group[g, ROW], group[g, ROW] + state[g, ACTIVE]):
+        for n in range(group[g].row, group[g].row + state[g].active):
             active[order[n]] = 1
 
 
@@ -121,7 +120,7 @@ def wrenches_of_rows(touched: Array, layout: Array, Q: Array, A: Array, W: Array
         for n in range(TOUCHED):
             link = touched[row, n]
             if link >= 0:
-                b = layout[link, BODY]
+                b = layout[link].body
                 at = 6 * b
                 store(W[row, n, 0:3], load(Q[row, at : at + 3]), 1.0)
                 store(W[row, n, 3:6], rotate(A[b], load(Q[row, at + 3 : at + 6])), 1.0)
@@ -188,7 +187,7 @@ def largest_row(mass: Array, inertia_factor: Array, touched: Array, layout: Arra
         for n in range(TOUCHED):
             link = touched[row, n]
             if link >= 0:
-                b = layout[link, BODY]
+                b = layout[link].body
                 force, torque = load(W[row, n, 0:3]), rotate_back(A[b], load(W[row, n, 3:6]))
                 L = inertia_factor[b]
                 w0 = torque[0] / L[0, 0]

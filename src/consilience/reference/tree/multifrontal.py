@@ -18,25 +18,8 @@ import numpy as np
 from consilience.mechanism import RANK_TOLERANCE, Array
 from consilience.reference.kernel.compiled import fused, inner
 from consilience.reference.kernel.vectors import add, cross, dot, load, scale
-from consilience.reference.tree.arrays import FREE, FREE_END, PARENT
 from consilience.reference.tree.kinematics import load_vector, store_vector
-from consilience.reference.tree.loop_groups import (
-    CARRIED,
-    COMPRESSED,
-    FRONT_ROWS,
-    FRONT_START,
-    LAST_REACHED,
-    OWN,
-    OWN_END,
-    PATH,
-    PATH_END,
-    RANK,
-    ROW,
-    START,
-    TOUCHED,
-    USED,
-    VECTOR_START,
-)
+from consilience.reference.tree.loop_groups import TOUCHED
 
 PIVOTING, KEEP_ORDER = np.array([True, False])
 """Whether `factorise` exchanges columns."""
@@ -46,10 +29,10 @@ PIVOTING, KEEP_ORDER = np.array([True, False])
 def clear_fronts(group: Array, state: Array, F: Array) -> None:
     """Number the columns in use, and set their entries to zero."""
     for g in range(group.shape[0]):
-        state[g + 1, START] = state[g, START] + state[g, USED]
+        state[g + 1].start = state[g].start + state[g].used
     for g in range(group.shape[0]):
-        at = group[g, FRONT_START]
-        for n in range(at, at + (state[group[g, LAST_REACHED] + 1, START] - state[g, START]) * group[g, FRONT_ROWS]):
+        at = group[g].front_start
+        for n in range(at, at + (state[group[g].last_reached + 1].start - state[g].start) * group[g].front_rows):
             F[n] = 0.0
 
 
@@ -95,11 +78,11 @@ def whitened_responses(
         free[n].inverse_root = 1.0 / np.sqrt(free[n].pivot)
     largest = 0.0
     for g in range(group.shape[0]):
-        first, last = group[g, PATH], group[g, PATH_END]
-        for column in range(state[g, USED]):
-            row = order[group[g, ROW] + column]
+        first, last = group[g].path, group[g].path_end
+        for column in range(state[g].used):
+            row = order[group[g].row + column]
             _store_row(touched, row, W, path, first, last, wrench)
-            place = state[g, START] + column
+            place = state[g].start + column
             total = _whitened_column(path, first, last, layout, group, owner, state, place, wrench, links, free, F)
             largest = max(largest, total)
     return largest
@@ -124,15 +107,15 @@ def _whitened_column(
     total = 0.0
     for m in range(first, last):
         k = path[m]
-        p, force, torque = layout[k, PARENT], load_vector(wrench, k, 0), load_vector(wrench, k, 3)
-        for n in range(layout[k, FREE_END] - 1, layout[k, FREE] - 1, -1):
+        p, force, torque = layout[k].parent, load_vector(wrench, k, 0), load_vector(wrench, k, 3)
+        for n in range(layout[k].free_end - 1, layout[k].free - 1, -1):
             root, f = free[n].inverse_root, owner[n, 0]
             white = root * (dot(load(free[n].s[0]), force) + dot(load(free[n].s[1]), torque))
             factor = -white * root
             force = add(force, scale(factor, load(free[n].U[0])))
             torque = add(torque, scale(factor, load(free[n].U[1])))
             total += white * white
-            F[group[f, FRONT_START] + (column - state[f, START]) * group[f, FRONT_ROWS] + owner[n, 1]] = white
+            F[group[f].front_start + (column - state[f].start) * group[f].front_rows + owner[n, 1]] = white
         if p >= 0:
             store_vector(wrench, p, 0, add(load_vector(wrench, p, 0), force))
             moved = add(torque, cross(load(links[k].offset), force))
@@ -182,7 +165,7 @@ def _exchange(F: Array, one: int, two: int, count: int) -> None:
 @inner
 def _pivot_longest(group: Array, order: Array, state: Array, F: Array, g: int, row: int, rows: int) -> None:
     """Exchange column number `row` of a front with the longest column behind it in its group."""
-    at, height, used = group[g, FRONT_START], group[g, FRONT_ROWS], state[g, USED]
+    at, height, used = group[g].front_start, group[g].front_rows, state[g].used
     best, longest = row, -1.0
     for c in range(row, used):
         total = _square(F, at + c * height + row, at + c * height + rows)
@@ -190,14 +173,14 @@ def _pivot_longest(group: Array, order: Array, state: Array, F: Array, g: int, r
             best, longest = c, total
     if best == row:
         return
-    first = group[g, ROW]
+    first = group[g].row
     order[first + row], order[first + best] = order[first + best], order[first + row]
     _exchange(F, at + row * height, at + best * height, rows)
     # fronts before also hold rows of R in these columns; the vectors of reflections below them stay
     f = g - 1
-    while f >= 0 and group[f, LAST_REACHED] >= g:
-        start = group[f, FRONT_START] + (state[g, START] - state[f, START]) * group[f, FRONT_ROWS]
-        _exchange(F, start + row * group[f, FRONT_ROWS], start + best * group[f, FRONT_ROWS], state[f, RANK])
+    while f >= 0 and group[f].last_reached >= g:
+        start = group[f].front_start + (state[g].start - state[f].start) * group[f].front_rows
+        _exchange(F, start + row * group[f].front_rows, start + best * group[f].front_rows, state[f].rank)
         f -= 1
 
 
@@ -217,11 +200,11 @@ def factorise(group: Array, order: Array, state: Array, F: Array, tau: Array, sm
     """
     least = np.inf
     for g in range(state.shape[0]):
-        state[g, CARRIED] = 0
+        state[g].carried = 0
     for g in range(group.shape[0]):
-        at, height, shelf = group[g, FRONT_START], group[g, FRONT_ROWS], group[g, VECTOR_START]
-        rows = group[g, OWN_END] - group[g, OWN] + state[g, CARRIED]
-        own, columns = state[g, USED], state[group[g, LAST_REACHED] + 1, START] - state[g, START]
+        at, height, shelf = group[g].front_start, group[g].front_rows, group[g].vector_start
+        rows = group[g].own_end - group[g].own + state[g].carried
+        own, columns = state[g].used, state[group[g].last_reached + 1].start - state[g].start
         rank = 0
         while rank < min(own, rows):
             if pivoting:
@@ -234,7 +217,7 @@ def factorise(group: Array, order: Array, state: Array, F: Array, tau: Array, sm
             least = min(least, norm)
             tau[shelf + rank] = _reflect(F, at, height, rank, rows, rank, columns, norm)
             rank += 1
-        state[g, RANK] = rank
+        state[g].rank = rank
         _pass_remainder(group, state, F, tau, g, rank, rows, own, columns)
     return least
 
@@ -244,9 +227,9 @@ def _pass_remainder(
     group: Array, state: Array, F: Array, tau: Array, g: int, rank: int, rows: int, own: int, columns: int
 ) -> None:
     """Copy the remainder of a front into the next one, reduced where it has more rows than columns."""
-    at, height, shelf = group[g, FRONT_START], group[g, FRONT_ROWS], group[g, VECTOR_START]
+    at, height, shelf = group[g].front_start, group[g].front_rows, group[g].vector_start
     behind, left = columns - own, rows - rank
-    state[g, COMPRESSED] = 0
+    state[g].compressed = 0
     if behind == 0:
         return
     if left > behind:
@@ -256,13 +239,13 @@ def _pass_remainder(
             tau[shelf + rank + c] = 0.0
             if norm > 0.0:
                 tau[shelf + rank + c] = _reflect(F, at, height, rank + c, rows, own + c, columns, norm)
-        state[g, COMPRESSED] = left = behind
-    state[g + 1, CARRIED] = left
-    to, tall = group[g + 1, FRONT_START], group[g + 1, FRONT_ROWS]
-    own_directions = group[g + 1, OWN_END] - group[g + 1, OWN]
+        state[g].compressed = left = behind
+    state[g + 1].carried = left
+    to, tall = group[g + 1].front_start, group[g + 1].front_rows
+    own_directions = group[g + 1].own_end - group[g + 1].own
     for c in range(behind):
         # below the diagonal a reduced front holds only the vectors of its reflections
-        full = min(left, c + 1) if state[g, COMPRESSED] else left
+        full = min(left, c + 1) if state[g].compressed else left
         for n in range(left):
             F[to + c * tall + own_directions + n] = F[at + (own + c) * height + rank + n] if n < full else 0.0
 
@@ -294,17 +277,17 @@ def least_norm_forces(
     """
     _forward(group, order, state, F, target, y)
     for g in range(group.shape[0] - 1, -1, -1):
-        shelf, count = group[g, VECTOR_START], group[g, OWN_END] - group[g, OWN]
-        rows, rank = count + state[g, CARRIED], state[g, RANK]
+        shelf, count = group[g].vector_start, group[g].own_end - group[g].own
+        rows, rank = count + state[g].carried, state[g].rank
         for k in range(rows):
-            x[shelf + k] = y[state[g, START] + k] if k < rank else 0.0
+            x[shelf + k] = y[state[g].start + k] if k < rank else 0.0
         if g + 1 < group.shape[0]:
-            back = group[g + 1, VECTOR_START] + group[g + 1, OWN_END] - group[g + 1, OWN]
-            for n in range(state[g + 1, CARRIED]):
+            back = group[g + 1].vector_start + group[g + 1].own_end - group[g + 1].own
+            for n in range(state[g + 1].carried):
                 x[shelf + rank + n] = x[back + n]
         _reflect_back(group, state, F, tau, x, g, rows)
         for n in range(count):
-            direction = own_directions[group[g, OWN] + n]
+            direction = own_directions[group[g].own + n]
             free[direction].joint_force += x[shelf + n] / free[direction].inverse_root
 
 
@@ -312,14 +295,14 @@ def least_norm_forces(
 def _forward(group: Array, order: Array, state: Array, F: Array, target: Array, y: Array) -> None:
     """Solve ``R^T y = target``."""
     for g in range(group.shape[0]):
-        for column in range(state[g, USED]):
-            y[state[g, START] + column] = target[order[group[g, ROW] + column]]
+        for column in range(state[g].used):
+            y[state[g].start + column] = target[order[group[g].row + column]]
     for g in range(group.shape[0]):
-        at, height, start = group[g, FRONT_START], group[g, FRONT_ROWS], state[g, START]
-        for k in range(state[g, RANK]):
+        at, height, start = group[g].front_start, group[g].front_rows, state[g].start
+        for k in range(state[g].rank):
             value = y[start + k] / F[at + k * height + k]
             y[start + k] = value
-            for c in range(k + 1, state[group[g, LAST_REACHED] + 1, START] - start):
+            for c in range(k + 1, state[group[g].last_reached + 1].start - start):
                 y[start + c] -= F[at + c * height + k] * value
 
 
@@ -337,22 +320,22 @@ def multipliers(group: Array, order: Array, state: Array, F: Array, y: Array, la
     for n in range(lam.shape[0]):
         lam[n] = 0.0
     for g in range(group.shape[0] - 1, -1, -1):
-        at, height, start = group[g, FRONT_START], group[g, FRONT_ROWS], state[g, START]
-        for k in range(state[g, USED] - 1, -1, -1):
-            value = y[start + k] if k < state[g, RANK] else 0.0
-            for c in range(k + 1, state[group[g, LAST_REACHED] + 1, START] - start if k < state[g, RANK] else 0):
+        at, height, start = group[g].front_start, group[g].front_rows, state[g].start
+        for k in range(state[g].used - 1, -1, -1):
+            value = y[start + k] if k < state[g].rank else 0.0
+            for c in range(k + 1, state[group[g].last_reached + 1].start - start if k < state[g].rank else 0):
                 value -= F[at + c * height + k] * y[start + c]
-            y[start + k] = value / F[at + k * height + k] if k < state[g, RANK] else 0.0
-            lam[order[group[g, ROW] + k]] = y[start + k]
+            y[start + k] = value / F[at + k * height + k] if k < state[g].rank else 0.0
+            lam[order[group[g].row + k]] = y[start + k]
 
 
 @fused
 def _reflect_back(group: Array, state: Array, F: Array, tau: Array, x: Array, g: int, rows: int) -> None:
     """Compute ``x <- H x`` for one front."""
-    shelf, rank, used = group[g, VECTOR_START], state[g, RANK], state[g, USED]
-    for k in range(rank + state[g, COMPRESSED] - 1, -1, -1):
+    shelf, rank, used = group[g].vector_start, state[g].rank, state[g].used
+    for k in range(rank + state[g].compressed - 1, -1, -1):
         column = k if k < rank else used + k - rank
-        at = group[g, FRONT_START] + column * group[g, FRONT_ROWS]
+        at = group[g].front_start + column * group[g].front_rows
         s = x[shelf + k]
         for n in range(k + 1, rows):
             s += F[at + n] * x[shelf + n]

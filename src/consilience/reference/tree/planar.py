@@ -12,9 +12,8 @@ import numpy as np
 from consilience.mechanism import Array
 from consilience.reference.kernel.compiled import fused, inner, kernel
 from consilience.reference.kernel.vectors import load, put
-from consilience.reference.tree.arrays import FREE, FREE_END, PARENT
 from consilience.reference.tree.inertia import load_six
-from consilience.reference.tree.loop_groups import FRONT_ROWS, FRONT_START, PATH, PATH_END, ROW, START, TOUCHED, USED
+from consilience.reference.tree.loop_groups import TOUCHED
 from consilience.reference.tree.multifrontal import clear_fronts
 
 Pair = tuple[float, float]
@@ -221,21 +220,21 @@ def planar_responses(
         free[n].inverse_root = 1.0 / np.sqrt(free[n].pivot)
     largest = 0.0
     for g in range(group.shape[0]):
-        first, last = group[g, PATH], group[g, PATH_END]
-        for number in range(state[g, USED]):
-            row, column, total = order[group[g, ROW] + number], state[g, START] + number, 0.0
+        first, last = group[g].path, group[g].path_end
+        for number in range(state[g].used):
+            row, column, total = order[group[g].row + number], state[g].start + number, 0.0
             _store_row(touched, row, W, path, first, last, wrench)
             for m in range(first, last):
                 k = path[m]
-                p, f = layout[k, PARENT], load(wrench[k])
-                for n in range(layout[k, FREE_END] - 1, layout[k, FREE] - 1, -1):
+                p, f = layout[k].parent, load(wrench[k])
+                for n in range(layout[k].free_end - 1, layout[k].free - 1, -1):
                     x, root = load(free[n].U), free[n].inverse_root
                     white = planar_power(load(free[n].s), f) * root
                     factor = white * root
                     f = f[0] - factor * x[0], f[1] - factor * x[1], f[2] - factor * x[2]
                     total += white * white
                     h = owner[n, 0]
-                    F[group[h, FRONT_START] + (column - state[h, START]) * group[h, FRONT_ROWS] + owner[n, 1]] = white
+                    F[group[h].front_start + (column - state[h].start) * group[h].front_rows + owner[n, 1]] = white
                 if p >= 0:
                     d = pair(links[k].offset)
                     wrench[p, 0] += f[0]

@@ -18,12 +18,6 @@ from consilience.mechanism import Array, Mechanism
 from consilience.reference.bodies.arrays import ANGLE, Model, all_rows
 from consilience.reference.bodies.spanning_tree import TreeModel
 from consilience.reference.tree.arrays import (
-    BODY,
-    FORWARD,
-    FREE,
-    FREE_END,
-    ROTATIONS,
-    TRANSLATIONS,
     PlanarArrays,
     TreeLinks,
     TreeSystem,
@@ -81,7 +75,7 @@ def _zero_pose(links: TreeLinks) -> _ZeroPose:
         arms[1, k] = X[k] @ given.arm
         position[k] = position[p] + arms[0, k] - arms[1, k]
         R[k] = X[k] @ given.body_axes.T
-        link[links.layout[k, BODY]] = k
+        link[links.layout[k].body] = k
     return _ZeroPose(X[:-1], arms[0], arms[1], position, R, link)
 
 
@@ -105,12 +99,12 @@ def _plane_bases(links: TreeLinks, zero: _ZeroPose) -> Array:
     root = np.arange(count)
     along, about = [np.zeros((0, 3)) for _ in range(count)], [np.zeros((0, 3)) for _ in range(count)]
     for k, row in enumerate(layout):
-        if row[ROTATIONS] > 1:
+        if row.rotations > 1:
             raise _NotPlanar
-        root[k] = k if row[0] < 0 else root[row[0]]
-        middle = row[FREE] + row[TRANSLATIONS]
-        along[root[k]] = np.vstack([along[root[k]], _axes(links, zero, k, row[FREE], middle)])
-        about[root[k]] = np.vstack([about[root[k]], _axes(links, zero, k, middle, row[FREE_END])])
+        root[k] = k if row.parent < 0 else root[row.parent]
+        middle = row.free + row.translations
+        along[root[k]] = np.vstack([along[root[k]], _axes(links, zero, k, row.free, middle)])
+        about[root[k]] = np.vstack([about[root[k]], _axes(links, zero, k, middle, row.free_end)])
     found = list[Array]()
     bases = np.zeros((count, 3, 3))
     # branches with rotations first: a branch that only slides may lie in one of their planes
@@ -136,13 +130,13 @@ def _link_records(links: TreeLinks, mechanism: Mechanism, model: Model, zero: _Z
     layout, flat = links.layout, bases[:, :2]
     found = np.zeros(len(layout) + 1, PLANAR_LINK)
     rows = found[:-1]
-    rows["parent"], rows["sense"] = layout[:, 0], 2.0 * layout[:, FORWARD] - 1.0
-    rows["first"], rows["last"] = layout[:, FREE], layout[:, FREE_END]
+    rows["parent"], rows["sense"] = layout["parent"], 2.0 * layout["forward"] - 1.0
+    rows["first"], rows["last"] = layout["free"], layout["free_end"]
     axis = np.einsum("ki,ki->k", zero.joint[:, :, 2], bases[:, 2])
-    rows["rotation_sense"] = rows["sense"] * layout[:, ROTATIONS] * np.sign(axis)
+    rows["rotation_sense"] = rows["sense"] * layout["rotations"] * np.sign(axis)
     rows["parent_arm"] = np.einsum("kij,kj->ki", flat, zero.arm_parent)
     rows["arm"] = np.einsum("kij,kj->ki", flat, zero.arm)
-    body = layout[:, BODY]
+    body = layout["body"]
     rows["mass"] = model.mass[body]
     normals = np.einsum("kij,ki->kj", zero.R[:-1], bases[:, 2])
     rows["inertia"] = np.einsum("ki,kij,kj->k", normals, model.inertia[body], normals)
@@ -154,7 +148,7 @@ def _link_records(links: TreeLinks, mechanism: Mechanism, model: Model, zero: _Z
 def _free_records(links: TreeLinks, zero: _ZeroPose, bases: Array) -> Array:
     found = np.zeros(len(links.direction), PLANAR_FREE)
     for k, row in enumerate(links.layout):
-        first, last = row[FREE], row[FREE] + row[TRANSLATIONS]
+        first, last = row.free, row.free + row.translations
         found["direction"][first:last] = _axes(links, zero, k, first, last) @ bases[k, :2].T
     return found
 
@@ -218,12 +212,12 @@ class _RowCollector:
                 raise _NotPlanar
             return
         link = np.flatnonzero(self.spanning.joint == joint)
-        if not len(link) or self.links.layout[link[0], ROTATIONS] != 1:
+        if not len(link) or self.links.layout[link[0]].rotations != 1:
             raise _NotPlanar
         row = new_record(PLANAR_ROW)
         row.kind = JOINT_ANGLE
         row.i, row.j = (self.zero.link[b[joint]] for b in (self.model.body_i, self.model.body_j))
-        row.angle_index = self.links.layout[link[0], FREE_END] - 1
+        row.angle_index = self.links.layout[link[0]].free_end - 1
         row.angle_sense = np.sign(self.zero.joint[link[0], :, 2] @ self.bases[link[0], 2])
         self.rows.append(row)
 
@@ -306,7 +300,7 @@ def planar_system(mechanism: Mechanism, links: TreeLinks, spanning: TreeModel, m
     height = np.einsum("ki,ki->k", zero.position[:-1], bases[:, 2])
     axes = (bases @ zero.R[:-1]).reshape(-1, 9), bases.reshape(-1, 9)
     planar = PlanarArrays(
-        body=np.column_stack([links.layout[:, BODY], height, *axes]),
+        body=np.column_stack([links.layout["body"], height, *axes]),
         row_table=np.array(collector.rows, PLANAR_ROW),
         driven=np.array(driven, dtype=np.int64).reshape(-1, 3),
         force_table=np.array(efforts, PLANAR_FORCE),

@@ -37,7 +37,6 @@ from consilience.reference.tree.either import (
 )
 from consilience.reference.tree.few_freedoms import REGULAR_PIVOT
 from consilience.reference.tree.kinematics import displace, normalise
-from consilience.reference.tree.loop_groups import ACTIVE, RANK, ROW, ROW_END, USED
 from consilience.reference.tree.multifrontal import PIVOTING, factorise, rank_threshold
 
 _SINGULAR_PIVOT = 1e-4
@@ -66,12 +65,12 @@ def _factorise_all_rows(
     """Factorise the responses to all rows; return rank, least pivot, and the squared norm that counted as dependent."""
     group, qr = closure.loops.group, closure.qr
     for g in range(group.shape[0]):
-        qr.state[g, USED] = group[g, ROW_END] - group[g, ROW]
+        qr.state[g].used = group[g].row_end - group[g].row
     smallest = max(smallest, rank_threshold(closure.row_norm[0], row_responses(closure, spatial, planar)))
     least = factorise(group, qr.order, qr.state, qr.F, qr.tau, smallest, PIVOTING)
     rank = 0
     for g in range(group.shape[0]):
-        rank += qr.state[g, RANK]
+        rank += qr.state[g].rank
     return rank, least, smallest
 
 
@@ -80,7 +79,7 @@ def _set_active_rows(closure: LoopClosure, rank: int) -> None:
     """Make the rows that are independent in the present factors active until the next projection."""
     state = closure.qr.state
     for g in range(state.shape[0]):
-        state[g, ACTIVE] = state[g, RANK]
+        state[g].active = state[g].rank
     closure.rank_limit[0] = rank
 
 

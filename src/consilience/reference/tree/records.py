@@ -25,6 +25,19 @@ def new_record(kind: np.dtype[Any]) -> Any:
 
 _INT, _MOTION, _MATRIX = np.int64, (float, (2, 3)), (float, (3, 3))
 
+LAYOUT = _records(
+    ("parent", _INT),  # link; -1: the ground
+    ("parent_body", _INT),
+    ("body", _INT),
+    ("forward", _INT),  # whether the tree passes the joint from predecessor to successor
+    ("coordinate", _INT),  # first coordinate
+    ("translations", _INT),  # number of displacements
+    ("rotations", _INT),  # number of rotations; 3: ball
+    ("free", _INT),  # first free direction, and the one behind the last
+    ("free_end", _INT),
+)
+"""Place of a link in the tree."""
+
 _TREE = (
     ("parent", _INT),  # link; -1: the ground
     ("first", _INT),  # first free direction of the joint to the parent, and the one behind its last
@@ -161,3 +174,27 @@ PLANAR_FORCE = _records(
     ("body_fixed", _INT),  # whether a load turns with its body
 )
 """Force element in a plane."""
+
+GROUP = _records(
+    ("row", _INT),  # first constraint row, and the one behind the last
+    ("row_end", _INT),
+    ("path", _INT),  # its part of `Loops.path`
+    ("path_end", _INT),
+    ("own", _INT),  # its part of `Loops.own_directions`
+    ("own_end", _INT),
+    ("last_reached", _INT),  # last group with entries in the front
+    ("front_rows", _INT),  # largest number of rows of the front
+    ("front_start", _INT),  # first entry of the front in `MultifrontalQR.F`
+    ("vector_start", _INT),  # first of its rows in `MultifrontalQR.tau` and `MultifrontalQR.x`
+)
+"""Group of rows that close loops: see `loop_groups`."""
+
+FRONT = _records(
+    ("active", _INT),  # number of independent rows of the group, found by a projection
+    ("used", _INT),  # columns of the group in the present factors
+    ("start", _INT),  # the first of these columns
+    ("rank", _INT),  # their rank
+    ("carried", _INT),  # rows of the front that come from the front before
+    ("compressed", _INT),  # reflections that only reduce the number of rows passed on
+)
+"""State of the factorisation of a front: see `multifrontal`."""

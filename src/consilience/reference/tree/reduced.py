@@ -32,8 +32,8 @@ def elimination_arrays(rows: int, layout: Array, directions: int) -> Elimination
         layout = layout[:0]
     moves = np.zeros((len(layout) + 1, directions), dtype=np.int64)
     for k, row in enumerate(layout):
-        moves[k] = moves[row[0]]  # the ground is the last row, all zero
-        moves[k, row[7] : row[8]] = 1
+        moves[k] = moves[row.parent]  # the ground is the last row, all zero
+        moves[k, row.free : row.free_end] = 1
     return EliminationArrays(
         moves=moves,
         S_origin=np.zeros((directions, 6)),

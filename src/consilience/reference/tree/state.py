@@ -18,7 +18,7 @@ from consilience.reference.bodies.spanning_tree import TreeModel
 from consilience.reference.kernel.compiled import inner, kernel
 from consilience.reference.kernel.mechanism_record import fields_of, record_array
 from consilience.reference.kernel.vectors import Vector, add, column, cross, dot, load, rotate, rotate_back, store, sub
-from consilience.reference.tree.arrays import COORDINATE, FREE, ROTATIONS, TRANSLATIONS, TreeLinks
+from consilience.reference.tree.arrays import TreeLinks
 from consilience.reference.tree.inertia import Columns
 from consilience.reference.tree.kinematics import euler_parameters
 
@@ -81,11 +81,11 @@ def _pack(packing: StatePacking, y: Array, A: Array, z: Array) -> None:
         X = _components(F, M[0]), _components(F, M[1]), _components(F, M[2])
         p, v = _components(F, m.d), _components(F, sub(m.d_dot, cross(m.w_i, m.d)))
         w = _components(F, sub(m.w_j, m.w_i))
-        at, free, about = layout[k, COORDINATE], layout[k, FREE], layout[k, ROTATIONS]
-        for r in range(layout[k, TRANSLATIONS]):
+        at, free, about = layout[k].coordinate, layout[k].free, layout[k].rotations
+        for r in range(layout[k].translations):
             axis = direction[free + r, 1]
             z[at + r], z[first_speed + free + r] = p[axis], v[axis]
-        at, free = at + layout[k, TRANSLATIONS], first_speed + free + layout[k, TRANSLATIONS]
+        at, free = at + layout[k].translations, first_speed + free + layout[k].translations
         if about == 3:
             e = euler_parameters(X)
             z[at], z[at + 1], z[at + 2], z[at + 3] = e

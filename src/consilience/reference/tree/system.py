@@ -22,7 +22,6 @@ from consilience.reference.tree.kinematics import (
     place_links,
     place_links_and_bodies,
 )
-from consilience.reference.tree.loop_groups import ACTIVE
 from consilience.reference.tree.planar import place_planar_bodies, place_planar_links
 from consilience.reference.tree.projection import AT_SAMPLE, project
 from consilience.reference.tree.step_control import next_sample
@@ -190,10 +189,10 @@ def _keep_rows(closure: LoopClosure | None, order: Array, chosen: Array, back: b
     if closure is not None:
         if back:
             assign(closure.qr.order, order)
-            assign(closure.qr.state[:, ACTIVE], chosen)
+            assign(closure.qr.state["active"], chosen)
         else:
             assign(order, closure.qr.order)
-            assign(chosen, closure.qr.state[:, ACTIVE])
+            assign(chosen, closure.qr.state["active"])
 
 
 @inlined
