@@ -8,11 +8,11 @@ from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import constraint_jacobian, constraint_rates, constraint_residual
 from consilience.reference import simulate
 from consilience.reference.bodies.canonical import canonical_motion
+from consilience.reference.tree.records import LARGEST_ORDER
 from consilience.reference.tree.solver import _prepare
 from consilience.reference.tree.state import pack_state
 from consilience.reference.tree.taylor import integrate_taylor, order_for
 from consilience.reference.tree.taylor_rows import LINE, LOCK, PIN
-from consilience.reference.tree.taylor_series import LARGEST_ORDER
 from flat import PLANAR
 from mechanisms import states_of
 

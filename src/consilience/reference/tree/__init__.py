@@ -8,8 +8,8 @@ The files in reading order:
 
 ====================  =================================================================================
 arrays                the state z, the arrays of the kernels, and their common arguments
-records               columns of the tables of links and of free directions in space
-cut_joints            table of the joints that close loops
+records               records of links, free directions, joints, rows, forces, groups and series
+cut_joints            joints that close loops
 loop_groups           groups of rows that close loops, in the order of their elimination
 kinematics            positions and velocities of links and bodies, outward along the tree
 inertia               articulated inertias as tuples
@@ -18,7 +18,6 @@ loop_rows             rows of cut joints as wrenches on links; their residuals
 multifrontal          QR of the whitened responses of the tree to the rows, front by front
 reduced               arrays of `few_freedoms`
 few_freedoms          elimination of the rows where few freedoms are left
-plane                 columns of the tables in a plane
 planar_detection      mechanisms that move in parallel planes
 planar                sweeps and responses in a plane
 planar_rows           rows and force elements in a plane

@@ -198,3 +198,15 @@ FRONT = _records(
     ("compressed", _INT),  # reflections that only reduce the number of rows passed on
 )
 """State of the factorisation of a front: see `multifrontal`."""
+
+LARGEST_ORDER = 32
+"""Highest order of a Taylor series."""
+
+COEFFICIENTS = LARGEST_ORDER + 3
+"""Number of coefficients of a series, by order."""
+
+LINK_SERIES = _records(*((part, float, COEFFICIENTS) for part in ("c", "s", "w", "F_x", "F_y", "P_x", "P_y")))
+"""Taylor coefficients of a link: real and imaginary parts of e, w, of F, and of P (`taylor_series`)."""
+
+ROW_SERIES = _records(*((part, float, COEFFICIENTS) for part in ("lam", "u_x", "u_y", "d_x", "d_y", "h_x", "h_y")))
+"""Taylor coefficients of a row: multiplier; of a line also the axis u, the vector d, and the force (`taylor_rows`)."""

@@ -30,6 +30,7 @@ from consilience.reference.tree.loop_rows import mark_active_rows
 from consilience.reference.tree.multifrontal import multipliers
 from consilience.reference.tree.planar import planar_inward_sweep, planar_outward_sweep
 from consilience.reference.tree.projection import AT_SAMPLE
+from consilience.reference.tree.records import LARGEST_ORDER
 from consilience.reference.tree.step_control import component_sizes, next_sample, step_length
 from consilience.reference.tree.system import begin_motion, end_step, project_state, record_sample
 from consilience.reference.tree.taylor_rows import (
@@ -42,7 +43,6 @@ from consilience.reference.tree.taylor_rows import (
     row_series,
 )
 from consilience.reference.tree.taylor_series import (
-    LARGEST_ORDER,
     Series,
     begin_series,
     joint_forces,

@@ -15,14 +15,11 @@ from consilience.mechanism import Array
 from consilience.reference.kernel.compiled import fused
 from consilience.reference.tree.planar import Pair, pair
 from consilience.reference.tree.planar_detection import ROUNDING_LENGTH
-from consilience.reference.tree.records import AXIS_DISPLACEMENT, AXIS_PRODUCT
-from consilience.reference.tree.taylor_series import FX, FY, LARGEST_ORDER, SN, C, add_moment
+from consilience.reference.tree.records import AXIS_DISPLACEMENT, AXIS_PRODUCT, ROW_SERIES
+from consilience.reference.tree.taylor_series import add_moment
 
 PIN, LOCK, LINE = np.arange(3)
 """Kinds of rows."""
-
-LAM, UX, UY, DX, DY, HX, HY, ROW_SLOTS = np.arange(8)
-"""Series of a row: multiplier; of a line also the axis u, the vector d, and the force."""
 
 
 class RowSeries(NamedTuple):
@@ -30,7 +27,7 @@ class RowSeries(NamedTuple):
 
     kind: Array  # (q,)
     row_table: Array  # (q,) of `records.PLANAR_ROW`
-    coef: Array  # (q, ROW_SLOTS, LARGEST_ORDER + 3)
+    coef: Array  # (q,) of ROW_SERIES
 
 
 def knows_rows(row_table: Array) -> bool:
@@ -47,13 +44,13 @@ def row_series(row_table: Array, length: float) -> RowSeries:
         together = one[ends] == two[ends] and max(abs(one.target), abs(two.target)) <= ROUNDING_LENGTH * length
         if together and one.kind == two.kind == AXIS_DISPLACEMENT and abs(across) > 0.5:
             kinds[n : n + 2] = PIN
-    return RowSeries(kinds, row_table, np.zeros((len(row_table), int(ROW_SLOTS), LARGEST_ORDER + 3)))
+    return RowSeries(kinds, row_table, np.zeros(len(row_table), ROW_SERIES))
 
 
 @fused
 def _arm(coef: Array, k: int, arm: Array, m: int) -> Pair:
     """Return the coefficient of order m of an arm or axis of a link."""
-    a, c, s = pair(arm), coef[k, C, m], coef[k, SN, m]
+    a, c, s = pair(arm), coef[k].c[m], coef[k].s[m]
     return c * a[0] - s * a[1], s * a[0] + c * a[1]
 
 
@@ -67,8 +64,8 @@ def _between_arms(coef: Array, i: int, j: int, row_table: Array, n: int, m: int)
 @fused
 def _put_line(row_coef: Array, n: int, m: int, u: tuple[float, float], d: tuple[float, float]) -> None:
     """Store the coefficients of axis and vector of a line."""
-    row_coef[n, UX, m], row_coef[n, UY, m] = u
-    row_coef[n, DX, m], row_coef[n, DY, m] = d
+    row_coef[n].u_x[m], row_coef[n].u_y[m] = u
+    row_coef[n].d_x[m], row_coef[n].d_y[m] = d
 
 
 @fused
@@ -97,10 +94,10 @@ def begin_rows(kind: Array, row_table: Array, row_coef: Array, link: Array, coef
 def _add_row_force(row_table: Array, n: int, coef: Array, m: int, x: float, y: float) -> None:
     """Add a force on link j, and its opposite on link i, to the series F and P."""
     i, j = row_table[n].i, row_table[n].j
-    coef[j, FX, m] -= x
-    coef[j, FY, m] -= y
-    coef[i, FX, m] += x
-    coef[i, FY, m] += y
+    coef[j].F_x[m] -= x
+    coef[j].F_y[m] -= y
+    coef[i].F_x[m] += x
+    coef[i].F_y[m] += y
     add_moment(coef, j, m, pair(row_table[n].arm_j), -x, -y)
     add_moment(coef, i, m, pair(row_table[n].arm_i), x, y)
 
@@ -124,11 +121,11 @@ def known_row_forces(
         if kind[n] == LINE and active[n]:
             x = y = turn = 0.0
             for a in range(1, m + 1):
-                x += row_coef[n, UX, a] * row_coef[n, LAM, m - a]
-                y += row_coef[n, UY, a] * row_coef[n, LAM, m - a]
-            row_coef[n, HX, m], row_coef[n, HY, m] = x, y
+                x += row_coef[n].u_x[a] * row_coef[n].lam[m - a]
+                y += row_coef[n].u_y[a] * row_coef[n].lam[m - a]
+            row_coef[n].h_x[m], row_coef[n].h_y[m] = x, y
             for a in range(m + 1):
-                turn += row_coef[n, DX, a] * row_coef[n, HY, m - a] - row_coef[n, DY, a] * row_coef[n, HX, m - a]
+                turn += row_coef[n].d_x[a] * row_coef[n].h_y[m - a] - row_coef[n].d_y[a] * row_coef[n].h_x[m - a]
             _add_row_force(row_table, n, coef, m, x, y)
             torque[row_table[n].i] += turn
 
@@ -158,8 +155,8 @@ def known_row_accelerations(
                 _put_line(row_coef, n, m + 2, _arm(coef, i, row_table[n].axis_i, m + 2), d)
                 for a in range(1, m + 3):
                     total += (
-                        row_coef[n, UX, a] * row_coef[n, DX, m + 2 - a]
-                        + row_coef[n, UY, a] * row_coef[n, DY, m + 2 - a]
+                        row_coef[n].u_x[a] * row_coef[n].d_x[m + 2 - a]
+                        + row_coef[n].u_y[a] * row_coef[n].d_y[m + 2 - a]
                     )
             gamma[n] = -scale * total
 
@@ -195,9 +192,9 @@ def row_forces(
         i, j = row_table[n].i, row_table[n].j
         x, y = W[n, 1, 0] * lam[n], W[n, 1, 1] * lam[n]
         if kind[n] == LINE:
-            row_coef[n, LAM, m] = lam[n]
-            row_coef[n, HX, m] += x
-            row_coef[n, HY, m] += y
+            row_coef[n].lam[m] = lam[n]
+            row_coef[n].h_x[m] += x
+            row_coef[n].h_y[m] += y
             a_i, a_j = pair(link[i].acceleration), pair(link[j].acceleration)
             d = _between_arms(coef, i, j, row_table, n, m + 2)
             d = d[0] + scale * (a_j[0] - a_i[0]), d[1] + scale * (a_j[1] - a_i[1])

@@ -37,26 +37,21 @@ from consilience.reference.tree.planar import (
     put_pair,
     rotate_pair,
 )
-
-C, SN, W, FX, FY, PX, PY, SLOTS = np.arange(8)
-"""Series of a link: real and imaginary parts of e, w, of F, and of P."""
-
-LARGEST_ORDER = 32
-"""Highest order of a series."""
+from consilience.reference.tree.records import COEFFICIENTS, LINK_SERIES
 
 
 class Series(NamedTuple):
     """Coefficients by order, the last index; N free directions."""
 
-    link: Array  # (n_b + 1, SLOTS, LARGEST_ORDER + 3); the ground is last
-    q: Array  # (N, LARGEST_ORDER + 3) coordinates
+    link: Array  # (n_b + 1,) of LINK_SERIES; the ground is last
+    q: Array  # (N, COEFFICIENTS) coordinates
 
 
 def series_arrays(links: int, directions: int) -> Series:
     """Return new arrays of series."""
-    link = np.zeros((links + 1, int(SLOTS), LARGEST_ORDER + 3))
-    link[-1, C, 0] = 1.0
-    return Series(link, np.zeros((directions, LARGEST_ORDER + 3)))
+    link = np.zeros(links + 1, LINK_SERIES)
+    link[-1].c[0] = 1.0
+    return Series(link, np.zeros((directions, COEFFICIENTS)))
 
 
 @fused
@@ -74,8 +69,8 @@ def begin_series(link: Array, free: Array, coef: Array, q: Array, first_speed: i
     for k in range(link.shape[0] - 1):
         c, s = pair(link[k].turn)
         w = link[k].spin
-        coef[k, C, 0], coef[k, SN, 0], coef[k, W, 0] = c, s, w
-        coef[k, C, 1], coef[k, SN, 1] = -w * s, w * c
+        coef[k].c[0], coef[k].s[0], coef[k].w[0] = c, s, w
+        coef[k].c[1], coef[k].s[1] = -w * s, w * c
     for n in range(q.shape[0]):
         q[n, 0], q[n, 1] = z[n], z[first_speed + n]
         inverse[n] = 1.0 / free[n].pivot
@@ -99,7 +94,7 @@ def _slide_forces(link: Array, free: Array, coef: Array, q: Array, k: int, m: in
     b, sense = _carrier(link, k), link[k].sense
     along = across = 0.0
     for j in range(1, m + 1):
-        c, s, x, y = coef[b, C, j], coef[b, SN, j], coef[k, FX, m - j], coef[k, FY, m - j]
+        c, s, x, y = coef[b].c[j], coef[b].s[j], coef[k].F_x[m - j], coef[k].F_y[m - j]
         along += c * x + s * y
         across += c * y - s * x
     for n in range(link[k].first, _translations_end(link, k)):
@@ -107,8 +102,8 @@ def _slide_forces(link: Array, free: Array, coef: Array, q: Array, k: int, m: in
         joint_force[n] = -sense * (d[0] * along + d[1] * across)
         x = y = 0.0
         for j in range(1, m + 1):
-            x += q[n, j] * coef[k, FX, m - j]
-            y += q[n, j] * coef[k, FY, m - j]
+            x += q[n, j] * coef[k].F_x[m - j]
+            y += q[n, j] * coef[k].F_y[m - j]
         add_moment(coef, b, m, d, sense * x, sense * y)
 
 
@@ -126,8 +121,8 @@ def add_moment(coef: Array, k: int, m: int, a: Pair, x: float, y: float) -> None
     x, y : float, N
         Force.
     """
-    coef[k, PX, m] += a[0] * x + a[1] * y
-    coef[k, PY, m] += a[0] * y - a[1] * x
+    coef[k].P_x[m] += a[0] * x + a[1] * y
+    coef[k].P_y[m] += a[0] * y - a[1] * x
 
 
 @fused
@@ -147,11 +142,10 @@ def known_forces(link: Array, free: Array, coef: Array, q: Array, m: int, joint_
     """
     for k in range(link.shape[0]):
         torque[k] = 0.0
-        for slot in range(FX, SLOTS):
-            coef[k, slot, m] = 0.0
+        coef[k].F_x[m] = coef[k].F_y[m] = coef[k].P_x[m] = coef[k].P_y[m] = 0.0
     if m == 0:
         for k in range(link.shape[0] - 1):
-            coef[k, FX, 0], coef[k, FY, 0] = -link[k].weight[0], -link[k].weight[1]
+            coef[k].F_x[0], coef[k].F_y[0] = -link[k].weight[0], -link[k].weight[1]
     for n in range(free.shape[0]):
         joint_force[n] = 0.0
     for k in range(link.shape[0] - 1):
@@ -164,13 +158,13 @@ def _advance_direction(coef: Array, k: int, m: int) -> float:
     """Compute e of order m + 2 without the unknown acceleration of order m; return the known part of ``Im(e* P)``."""
     x = y = one = two = 0.0
     for j in range(m + 1):
-        w = coef[k, W, j]
-        x += w * coef[k, SN, m + 1 - j]
-        y += w * coef[k, C, m + 1 - j]
-        one += coef[k, C, j] * coef[k, PY, m - j]
-        two += coef[k, SN, j] * coef[k, PX, m - j]
+        w = coef[k].w[j]
+        x += w * coef[k].s[m + 1 - j]
+        y += w * coef[k].c[m + 1 - j]
+        one += coef[k].c[j] * coef[k].P_y[m - j]
+        two += coef[k].s[j] * coef[k].P_x[m - j]
     factor = 1.0 / (m + 2.0)
-    coef[k, C, m + 2], coef[k, SN, m + 2] = -factor * x, factor * y
+    coef[k].c[m + 2], coef[k].s[m + 2] = -factor * x, factor * y
     return one - two
 
 
@@ -190,8 +184,8 @@ def known_rotations(link: Array, free: Array, coef: Array, q: Array, m: int, tor
     scale = (m + 1.0) * (m + 2.0)
     for k in range(link.shape[0] - 1):
         p = link[k].parent
-        put(link[k].bias, (coef[k, FX, m], coef[k, FY, m], torque[k] + _advance_direction(coef, k, m)))
-        e_p, e = (coef[p, C, m + 2], coef[p, SN, m + 2]), (coef[k, C, m + 2], coef[k, SN, m + 2])
+        put(link[k].bias, (coef[k].F_x[m], coef[k].F_y[m], torque[k] + _advance_direction(coef, k, m)))
+        e_p, e = (coef[p].c[m + 2], coef[p].s[m + 2]), (coef[k].c[m + 2], coef[k].s[m + 2])
         s_p, s = rotate_pair(e_p, pair(link[k].parent_arm)), rotate_pair(e, pair(link[k].arm))
         x, y = s_p[0] - s[0], s_p[1] - s[1]
         behind = _translations_end(link, k)
@@ -200,8 +194,8 @@ def known_rotations(link: Array, free: Array, coef: Array, q: Array, m: int, tor
             for n in range(link[k].first, behind):
                 c = s_n = 0.0
                 for j in range(m + 2):
-                    c += q[n, j] * coef[b, C, m + 2 - j]
-                    s_n += q[n, j] * coef[b, SN, m + 2 - j]
+                    c += q[n, j] * coef[b].c[m + 2 - j]
+                    s_n += q[n, j] * coef[b].s[m + 2 - j]
                 away = rotate_pair((c, s_n), pair(free[n].direction))
                 x, y = x + sense * away[0], y + sense * away[1]
         put_pair(link[k].velocity_product, (scale * x, scale * y))
@@ -264,11 +258,11 @@ def next_order(link: Array, free: Array, coef: Array, q: Array, inverse: Array, 
             a = a[0] + u * s[0], a[1] + u * s[1], a[2] + u * s[2]
         put(link[k].acceleration, a)
         w = one * a[2]
-        coef[k, W, m + 1] = w
-        coef[k, C, m + 2] -= two * w * coef[k, SN, 0]
-        coef[k, SN, m + 2] += two * w * coef[k, C, 0]
-        coef[k, FX, m] += link[k].mass * a[0]
-        coef[k, FY, m] += link[k].mass * a[1]
+        coef[k].w[m + 1] = w
+        coef[k].c[m + 2] -= two * w * coef[k].s[0]
+        coef[k].s[m + 2] += two * w * coef[k].c[0]
+        coef[k].F_x[m] += link[k].mass * a[0]
+        coef[k].F_y[m] += link[k].mass * a[1]
 
 
 @fused
@@ -283,11 +277,11 @@ def joint_forces(link: Array, free: Array, coef: Array, q: Array, m: int) -> Non
     m : int
     """
     for k in range(link.shape[0] - 2, -1, -1):
-        p, x, y = link[k].parent, coef[k, FX, m], coef[k, FY, m]
+        p, x, y = link[k].parent, coef[k].F_x[m], coef[k].F_y[m]
         add_moment(coef, k, m, pair(link[k].arm), -x, -y)
         add_moment(coef, p, m, pair(link[k].parent_arm), x, y)
-        coef[p, FX, m] += x
-        coef[p, FY, m] += y
+        coef[p].F_x[m] += x
+        coef[p].F_y[m] += y
         behind = _translations_end(link, k)
         if behind > link[k].first:
             b, sense = _carrier(link, k), link[k].sense
