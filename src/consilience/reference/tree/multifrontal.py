@@ -2,7 +2,7 @@
 
 The response to row n is the column ``B_n = D^(-1/2) S^T q`` of whitened joint forces, q being the wrenches of a unit
 multiplier carried to the ground. Front g holds the directions that group g is the first to move and the rows passed on
-by the front before; its columns are those of group g and of all groups up to LAST_REACHED. Householder reflections
+by the front before; its columns are those of group g and of all groups up to last_reached. Householder reflections
 [Golub and Van Loan, Matrix Computations, section 5.2] triangularise the columns of the group, then, where more rows
 than columns remain, the columns behind; the remainder passes to the next front. This is the multifrontal method [Davis,
 Direct Methods for Sparse Linear Systems, 2006, section 5.4] on a chain of fronts: the cost grows with the number of
