@@ -19,7 +19,6 @@ from consilience.reference.tree.arrays import ELIMINATION_PIVOT, KernelArguments
 from consilience.reference.tree.articulated import gravity_biases, inward_sweep, rigid_inertias
 from consilience.reference.tree.dynamics import _element_biases, factorise_rows
 from consilience.reference.tree.either import (
-    add_row_forces,
     bias_accelerations,
     eliminate_rows,
     evaluate_rows,
@@ -29,6 +28,7 @@ from consilience.reference.tree.either import (
 )
 from consilience.reference.tree.few_freedoms import add_link_accelerations, has_few_freedoms, solve_reduced
 from consilience.reference.tree.loop_rows import mark_active_rows
+from consilience.reference.tree.multifrontal import least_norm_forces
 from consilience.reference.tree.planar import planar_inward_sweep
 from consilience.reference.tree.planar_detection import planar_system
 from consilience.reference.tree.planar_rows import add_force_biases
@@ -90,7 +90,7 @@ def close(closure, spatial, planar, small):
             add_link_accelerations(link, freedoms, elimination.V, elimination.G)
     if not small:
         factorise_rows(closure, spatial, planar)
-        add_row_forces(closure)
+        least_norm_forces(closure)
         sweep_accelerations(closure, spatial, planar, 1.0)
 
 

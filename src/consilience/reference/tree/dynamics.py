@@ -29,7 +29,6 @@ from consilience.reference.tree.articulated import (
     tree_accelerations,
 )
 from consilience.reference.tree.either import (
-    add_row_forces,
     bias_accelerations,
     eliminate_rows,
     evaluate_rows,
@@ -46,7 +45,7 @@ from consilience.reference.tree.few_freedoms import (
 )
 from consilience.reference.tree.kinematics import coordinate_rates
 from consilience.reference.tree.loop_rows import mark_active_rows
-from consilience.reference.tree.multifrontal import KEEP_ORDER, factorise, rank_threshold
+from consilience.reference.tree.multifrontal import KEEP_ORDER, factorise, least_norm_forces, rank_threshold
 from consilience.reference.tree.planar import place_planar_links, planar_inward_sweep, planar_outward_sweep
 from consilience.reference.tree.planar_rows import add_force_biases, planar_coordinate_rates
 
@@ -99,7 +98,7 @@ def _solve_articulated(closure: LoopClosure, spatial: Spatial, planar: Planar) -
     if closure.loops.group.shape[0] > 0:
         loop_acceleration_residual(closure, spatial, planar)
         factorise_rows(closure, spatial, planar)
-        add_row_forces(closure)
+        least_norm_forces(closure)
         sweep_accelerations(closure, spatial, planar, 1.0)
 
 

@@ -19,7 +19,7 @@ from consilience.reference.tree.loop_rows import (
     velocity_residual,
     wrenches_of_rows,
 )
-from consilience.reference.tree.multifrontal import least_norm_forces, whitened_responses
+from consilience.reference.tree.multifrontal import whitened_responses
 from consilience.reference.tree.planar import (
     place_planar_links,
     planar_inward_sweep,
@@ -66,7 +66,7 @@ def evaluate_rows(
     touched, W, active = closure.loops.touched, closure.qr.W, closure.qr.active
     value, gamma = closure.value, closure.gamma
     if planar is not None:
-        evaluate_planar_rows(planar, touched, active, closure.link, t, z, W, value, gamma, closure.rate)
+        evaluate_planar_rows(planar, closure, t, z)
     if spatial is not None:
         if elements is not None and elements.other_rows:
             constraints.evaluate(elements.cut, t, spatial.y, elements.turns, elements.rows)
@@ -79,22 +79,12 @@ def evaluate_rows(
 @inlined
 def row_responses(closure: LoopClosure, spatial: Spatial, planar: Planar) -> float:
     """Fill the fronts with the whitened responses to the rows in use; return the largest squared norm of a column."""
-    loops, layout, qr, link, free = closure.loops, closure.layout, closure.qr, closure.link, closure.free
-    group, touched, path, owner = loops.group, loops.touched, loops.path, loops.owner
-    order, state, W, wrench, F, largest = qr.order, qr.state, qr.W, qr.wrench, qr.F, 0.0
+    largest = 0.0
     if spatial is not None:
-        largest = whitened_responses(group, touched, path, owner, order, state, layout, W, wrench, F, link, free)
+        largest = whitened_responses(closure)
     if planar is not None:
-        largest = planar_responses(group, touched, path, owner, order, state, layout, W, wrench, F, link, free)
+        largest = planar_responses(closure)
     return largest
-
-
-@inlined
-def add_row_forces(closure: LoopClosure) -> None:
-    """Add the joint forces of least norm for the target of the fronts (`least_norm_forces`)."""
-    loops, qr = closure.loops, closure.qr
-    group, order, state = loops.group, qr.order, qr.state
-    least_norm_forces(group, loops.own_directions, order, state, qr.F, qr.tau, qr.x, qr.y, qr.target, closure.free)
 
 
 @inlined

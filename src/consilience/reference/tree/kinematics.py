@@ -61,20 +61,24 @@ def _transposed(A: Columns) -> Columns:
 
 @inner
 def _store_motion(
-    link: Array,
-    k: int,
-    p: int,
-    outboard: Columns,
-    s_p: Vector,
-    s: Vector,
-    speed: Vector,
-    spin: Vector,
-    c: tuple[Vector, Vector],
+    link: Array, k: int, outboard: Columns, s_p: Vector, s: Vector, joint: tuple[Vector, Vector, Vector, Vector]
 ) -> None:
     """Store the motion of a link, from the motion of its parent and of its joint.
 
-    With arms to P: ``w = w_p + spin``, ``v + w x s = v_p + w_p x s_p + speed``; c is quadratic in the joint speeds.
+    With arms to P: ``w = w_p + spin``, ``v + w x s = v_p + w_p x s_p + speed``.
+
+    Parameters
+    ----------
+    link : see `arrays`
+    k : int
+    outboard : Columns
+        Axes of the link.
+    s_p, s : Vector, m
+        Arms from the centres of mass of parent and link.
+    joint : tuple of Vector
+        Of the joint: speed, spin, and linear and angular acceleration quadratic in the joint speeds.
     """
+    p, (speed, spin, c, c_angular) = link[k].parent, joint
     w_p = load(link[p].spin)
     w = add(w_p, spin)
     carried = sub(cross(w_p, s_p), cross(w, s))
@@ -86,8 +90,8 @@ def _store_motion(
     put(link[k].velocity, add(load(link[p].velocity), add(carried, speed)))
     put(link[k].spin, w)
     linear = sub(cross(w_p, cross(w_p, s_p)), cross(w, cross(w, s)))
-    put(link[k].velocity_product[0], add(add(linear, c[0]), cross(s, c[1])))
-    put(link[k].velocity_product[1], c[1])
+    put(link[k].velocity_product[0], add(add(linear, c), cross(s, c_angular)))
+    put(link[k].velocity_product[1], c_angular)
 
 
 @inner
@@ -107,7 +111,7 @@ def _place_revolute(link: Array, free: Array, k: int, q: Array, v: Array) -> Non
     put(free[n].s[0], scale(sign, cross(s_k, e)))
     put(free[n].s[1], scale(sign, e))
     e_dot = cross(load(link[p].spin), e)
-    _store_motion(link, k, p, outboard, s_p, s_k, ZERO, scale(u, e), (ZERO, scale(u, e_dot)))
+    _store_motion(link, k, outboard, s_p, s_k, (ZERO, scale(u, e), ZERO, scale(u, e_dot)))
 
 
 @inner
@@ -161,7 +165,7 @@ def _place_joint(link: Array, free: Array, k: int, q: Array, v: Array) -> None:
             angular = add(angular, scale(u, e_dot))
             put(free[n].s[0], scale(sign, cross(s_k, e)))
             put(free[n].s[1], scale(sign, e))
-    _store_motion(link, k, p, outboard, s_p, s_k, speed, spin, (linear, angular))
+    _store_motion(link, k, outboard, s_p, s_k, (speed, spin, linear, angular))
 
 
 @fused

@@ -18,6 +18,7 @@ import numpy as np
 from consilience.mechanism import RANK_TOLERANCE, Array
 from consilience.reference.kernel.compiled import fused, inner
 from consilience.reference.kernel.vectors import add, cross, dot, load, scale
+from consilience.reference.tree.arrays import LoopClosure
 from consilience.reference.tree.kinematics import load_vector, store_vector
 from consilience.reference.tree.loop_groups import TOUCHED
 
@@ -50,30 +51,14 @@ def _store_row(touched: Array, row: int, W: Array, path: Array, first: int, last
 
 
 @inner
-def whitened_responses(
-    group: Array,
-    touched: Array,
-    path: Array,
-    owner: Array,
-    order: Array,
-    state: Array,
-    layout: Array,
-    W: Array,
-    wrench: Array,
-    F: Array,
-    links: Array,
-    free: Array,
-) -> float:
+def whitened_responses(closure: LoopClosure) -> float:
     """Fill the fronts with the responses of the tree to the rows in use; return the largest squared norm of a column.
 
-    Parameters
-    ----------
-    group, touched, path, owner, order, state, W, wrench, F : see `loop_groups.Loops`, `loop_groups.MultifrontalQR`
-    layout, free : see `arrays`
-    links : ndarray
-        Table of the links, articulated inertias swept.
+    Articulated inertias are swept.
     """
-    clear_fronts(group, state, F)
+    loops, qr, free = closure.loops, closure.qr, closure.free
+    group, state, order = loops.group, qr.state, qr.order
+    clear_fronts(group, state, qr.F)
     for n in range(free.shape[0]):
         free[n].inverse_root = 1.0 / np.sqrt(free[n].pivot)
     largest = 0.0
@@ -81,34 +66,21 @@ def whitened_responses(
         first, last = group[g].path, group[g].path_end
         for column in range(state[g].used):
             row = order[group[g].row + column]
-            _store_row(touched, row, W, path, first, last, wrench)
-            place = state[g].start + column
-            total = _whitened_column(path, first, last, layout, group, owner, state, place, wrench, links, free, F)
-            largest = max(largest, total)
+            _store_row(loops.touched, row, qr.W, loops.path, first, last, qr.wrench)
+            largest = max(largest, _whitened_column(closure, first, last, state[g].start + column))
     return largest
 
 
 @fused
-def _whitened_column(
-    path: Array,
-    first: int,
-    last: int,
-    layout: Array,
-    group: Array,
-    owner: Array,
-    state: Array,
-    column: int,
-    wrench: Array,
-    links: Array,
-    free: Array,
-    F: Array,
-) -> float:
+def _whitened_column(closure: LoopClosure, first: int, last: int, column: int) -> float:
     """Fill a column of the fronts with the whitened joint forces of wrenches on a path; return the squared norm."""
+    loops, qr, link, free = closure.loops, closure.qr, closure.link, closure.free
+    path, group, owner, state, wrench, F = loops.path, loops.group, loops.owner, qr.state, qr.wrench, qr.F
     total = 0.0
     for m in range(first, last):
         k = path[m]
-        p, force, torque = layout[k].parent, load_vector(wrench, k, 0), load_vector(wrench, k, 3)
-        for n in range(layout[k].free_end - 1, layout[k].free - 1, -1):
+        p, force, torque = link[k].parent, load_vector(wrench, k, 0), load_vector(wrench, k, 3)
+        for n in range(link[k].last - 1, link[k].first - 1, -1):
             root, f = free[n].inverse_root, owner[n, 0]
             white = root * (dot(load(free[n].s[0]), force) + dot(load(free[n].s[1]), torque))
             factor = -white * root
@@ -118,7 +90,7 @@ def _whitened_column(
             F[group[f].front_start + (column - state[f].start) * group[f].front_rows + owner[n, 1]] = white
         if p >= 0:
             store_vector(wrench, p, 0, add(load_vector(wrench, p, 0), force))
-            moved = add(torque, cross(load(links[k].offset), force))
+            moved = add(torque, cross(load(link[k].offset), force))
             store_vector(wrench, p, 3, add(load_vector(wrench, p, 3), moved))
     return total
 
@@ -218,15 +190,14 @@ def factorise(group: Array, order: Array, state: Array, F: Array, tau: Array, sm
             tau[shelf + rank] = _reflect(F, at, height, rank, rows, rank, columns, norm)
             rank += 1
         state[g].rank = rank
-        _pass_remainder(group, state, F, tau, g, rank, rows, own, columns)
+        _pass_remainder(group, state, F, tau, g, rows, columns)
     return least
 
 
 @fused
-def _pass_remainder(
-    group: Array, state: Array, F: Array, tau: Array, g: int, rank: int, rows: int, own: int, columns: int
-) -> None:
+def _pass_remainder(group: Array, state: Array, F: Array, tau: Array, g: int, rows: int, columns: int) -> None:
     """Copy the remainder of a front into the next one, reduced where it has more rows than columns."""
+    rank, own = state[g].rank, state[g].used
     at, height, shelf = group[g].front_start, group[g].front_rows, group[g].vector_start
     behind, left = columns - own, rows - rank
     state[g].compressed = 0
@@ -251,31 +222,14 @@ def _pass_remainder(
 
 
 @inner
-def least_norm_forces(
-    group: Array,
-    own_directions: Array,
-    order: Array,
-    state: Array,
-    F: Array,
-    tau: Array,
-    x: Array,
-    y: Array,
-    target: Array,
-    free: Array,
-) -> None:
+def least_norm_forces(closure: LoopClosure) -> None:
     """Add ``sqrt(D) zeta`` to the joint forces, zeta of least norm in ``B^T zeta = target`` on independent rows.
 
     ``R^T y = target`` from the first front to the last, then ``zeta = H [y; 0]`` backwards.
-
-    Parameters
-    ----------
-    group, own_directions, order, state, F, tau, x, y : see `loop_groups.Loops`, `loop_groups.MultifrontalQR`
-    target : ndarray, shape (q,)
-        Residual of the rows.
-    free : see `arrays`
-        The field joint_force is updated.
     """
-    _forward(group, order, state, F, target, y)
+    qr, free, group, own_directions = closure.qr, closure.free, closure.loops.group, closure.loops.own_directions
+    state, x, y = qr.state, qr.x, qr.y
+    _forward(group, qr.order, state, qr.F, qr.target, y)
     for g in range(group.shape[0] - 1, -1, -1):
         shelf, count = group[g].vector_start, group[g].own_end - group[g].own
         rows, rank = count + state[g].carried, state[g].rank
@@ -285,7 +239,7 @@ def least_norm_forces(
             back = group[g + 1].vector_start + group[g + 1].own_end - group[g + 1].own
             for n in range(state[g + 1].carried):
                 x[shelf + rank + n] = x[back + n]
-        _reflect_back(group, state, F, tau, x, g, rows)
+        _reflect_back(group, state, qr.F, qr.tau, x, g, rows)
         for n in range(count):
             direction = own_directions[group[g].own + n]
             free[direction].joint_force += x[shelf + n] / free[direction].inverse_root

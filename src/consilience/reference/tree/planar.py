@@ -12,6 +12,7 @@ import numpy as np
 from consilience.mechanism import Array
 from consilience.reference.kernel.compiled import fused, inner, kernel
 from consilience.reference.kernel.vectors import load, put
+from consilience.reference.tree.arrays import LoopClosure
 from consilience.reference.tree.inertia import load_six
 from consilience.reference.tree.loop_groups import TOUCHED
 from consilience.reference.tree.multifrontal import clear_fronts
@@ -192,29 +193,13 @@ def _store_row(touched: Array, row: int, W: Array, path: Array, first: int, last
 
 
 @inner
-def planar_responses(
-    group: Array,
-    touched: Array,
-    path: Array,
-    owner: Array,
-    order: Array,
-    state: Array,
-    layout: Array,
-    W: Array,
-    wrench: Array,
-    F: Array,
-    links: Array,
-    free: Array,
-) -> float:
+def planar_responses(closure: LoopClosure) -> float:
     """Fill the fronts with the responses of the tree to the rows in use; return the largest squared norm of a column.
 
-    Parameters
-    ----------
-    group, touched, path, owner, order, state, W, wrench, F : see `loop_groups.Loops`, `loop_groups.MultifrontalQR`
-    layout, free : see `arrays`
-    links : ndarray
-        Table of the links, articulated inertias swept.
+    Articulated inertias are swept.
     """
+    loops, qr, link, free = closure.loops, closure.qr, closure.link, closure.free
+    group, owner, path, state, wrench, F = loops.group, loops.owner, loops.path, qr.state, qr.wrench, qr.F
     clear_fronts(group, state, F)
     for n in range(free.shape[0]):
         free[n].inverse_root = 1.0 / np.sqrt(free[n].pivot)
@@ -222,12 +207,12 @@ def planar_responses(
     for g in range(group.shape[0]):
         first, last = group[g].path, group[g].path_end
         for number in range(state[g].used):
-            row, column, total = order[group[g].row + number], state[g].start + number, 0.0
-            _store_row(touched, row, W, path, first, last, wrench)
+            row, column, total = qr.order[group[g].row + number], state[g].start + number, 0.0
+            _store_row(loops.touched, row, qr.W, path, first, last, wrench)
             for m in range(first, last):
                 k = path[m]
-                p, f = layout[k].parent, load(wrench[k])
-                for n in range(layout[k].free_end - 1, layout[k].free - 1, -1):
+                p, f = link[k].parent, load(wrench[k])
+                for n in range(link[k].last - 1, link[k].first - 1, -1):
                     x, root = load(free[n].U), free[n].inverse_root
                     white = planar_power(load(free[n].s), f) * root
                     factor = white * root
@@ -236,7 +221,7 @@ def planar_responses(
                     h = owner[n, 0]
                     F[group[h].front_start + (column - state[h].start) * group[h].front_rows + owner[n, 1]] = white
                 if p >= 0:
-                    d = pair(links[k].offset)
+                    d = pair(link[k].offset)
                     wrench[p, 0] += f[0]
                     wrench[p, 1] += f[1]
                     wrench[p, 2] += f[2] + d[0] * f[1] - d[1] * f[0]

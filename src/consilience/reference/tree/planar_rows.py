@@ -16,9 +16,8 @@ from consilience.reference.bodies.forces import friction_effort
 from consilience.reference.bodies.joint_rows import full_turns
 from consilience.reference.kernel import functions
 from consilience.reference.kernel.compiled import fused, inner, kernel
-from consilience.reference.kernel.functions import Functions
-from consilience.reference.kernel.vectors import load
-from consilience.reference.tree.arrays import PlanarArrays
+from consilience.reference.kernel.vectors import load, put
+from consilience.reference.tree.arrays import LoopClosure, PlanarArrays
 from consilience.reference.tree.loop_groups import TOUCHED
 from consilience.reference.tree.planar import Pair, PlanarVector, pair, planar_power, rotate_pair
 from consilience.reference.tree.records import (
@@ -104,12 +103,6 @@ def evaluate_row(row_table: Array, n: int, link: Array, z: Array) -> PlanarRow:
     return PlanarRow(L - target, rate, gamma, i, j, (-e[0], -e[1], -_cross(s_i, e)), (e[0], e[1], _cross(s_j, e)))
 
 
-@fused
-def _store_wrench(W: Array, row: int, at: int, a: PlanarVector) -> None:
-    """Store a wrench of a row."""
-    W[row, at, 0], W[row, at, 1], W[row, at, 2] = a
-
-
 @inner
 def _add_wrench(touched: Array, W: Array, row: int, link: int, factor: float, wrench: PlanarVector) -> None:
     """Add a wrench on a link, which both coordinates of a coupling may act on."""
@@ -120,60 +113,29 @@ def _add_wrench(touched: Array, W: Array, row: int, link: int, factor: float, wr
 
 
 @fused
-def evaluate_planar_rows(
-    planar: PlanarArrays,
-    touched: Array,
-    active: Array,
-    link: Array,
-    t: float,
-    z: Array,
-    W: Array,
-    value: Array,
-    gamma: Array,
-    rate: Array,
-) -> None:
+def evaluate_planar_rows(planar: PlanarArrays, closure: LoopClosure, t: float, z: Array) -> None:
     """Evaluate the active rows: first those of joints, then those of drives and couplings.
 
-    Parameters
-    ----------
-    planar, active, link, t, z : see `arrays`
-    touched, W : see `loop_groups.Loops`, `loop_groups.MultifrontalQR`
-        W is overwritten.
-    value, gamma, rate : ndarray, shape (q,)
-        Overwritten: violations, and right sides of ``Q a = gamma`` and ``Q v = rate``.
+    Violations, wrenches, and the right sides of ``Q a = gamma`` and ``Q v = rate`` are overwritten.
     """
-    row_table, driven = planar.row_table, planar.driven
-    first = active.shape[0] - driven.shape[0]
+    link, row_table, active, W = closure.link, planar.row_table, closure.qr.active, closure.qr.W
+    first = active.shape[0] - planar.driven.shape[0]
     for n in range(first):
         if active[n]:
             found = evaluate_row(row_table, n, link, z)
-            value[n], gamma[n] = found.value, found.gamma
-            _store_wrench(W, n, 0, found.on_i)
-            _store_wrench(W, n, 1, found.on_j)
-    for n in range(driven.shape[0]):
-        if active[first + n]:
-            _driven_row(
-                planar.row_table, driven, planar.functions, touched, n, first + n, link, t, z, W, value, gamma, rate
-            )
+            closure.value[n], closure.gamma[n] = found.value, found.gamma
+            put(W[n, 0], found.on_i)
+            put(W[n, 1], found.on_j)
+    for row in range(first, active.shape[0]):
+        if active[row]:
+            _driven_row(planar, closure, row, row - first, t, z)
 
 
 @inner
-def _driven_row(
-    row_table: Array,
-    driven: Array,
-    given: Functions,
-    touched: Array,
-    n: int,
-    row: int,
-    link: Array,
-    t: float,
-    z: Array,
-    W: Array,
-    value: Array,
-    gamma: Array,
-    rate: Array,
-) -> None:
-    """Evaluate ``q - f(t) = 0`` or ``q - f(q_driver) = 0``."""
+def _driven_row(planar: PlanarArrays, closure: LoopClosure, row: int, n: int, t: float, z: Array) -> None:
+    """Evaluate row `row`, drive or coupling n: ``q - f(t) = 0`` or ``q - f(q_driver) = 0``."""
+    row_table, driven, link = planar.row_table, planar.driven, closure.link
+    touched, W, gamma = closure.loops.touched, closure.qr.W, closure.gamma
     q, by = evaluate_row(row_table, driven[n, 0], link, z), driven[n, 1]
     for at in range(TOUCHED):
         for r in range(3):
@@ -181,16 +143,16 @@ def _driven_row(
     _add_wrench(touched, W, row, q.i, 1.0, q.on_i)
     _add_wrench(touched, W, row, q.j, 1.0, q.on_j)
     if by < 0:
-        f, slope, bend = functions.evaluate(given, driven[n, 2], t)
-        gamma[row], rate[row] = q.gamma + bend, slope
+        f, slope, bend = functions.evaluate(planar.functions, driven[n, 2], t)
+        gamma[row], closure.rate[row] = q.gamma + bend, slope
     else:
         driver = evaluate_row(row_table, by, link, z)
-        f, slope, bend = functions.evaluate(given, driven[n, 2], driver.value)
+        f, slope, bend = functions.evaluate(planar.functions, driven[n, 2], driver.value)
         gamma[row] = q.gamma - slope * driver.gamma + bend * driver.rate * driver.rate
         _add_wrench(touched, W, row, driver.i, -slope, driver.on_i)
         _add_wrench(touched, W, row, driver.j, -slope, driver.on_j)
     turning = row_table[driven[n, 0]].kind == JOINT_ANGLE
-    value[row] = (full_turns(q.value, f) if turning else q.value) - f
+    closure.value[row] = (full_turns(q.value, f) if turning else q.value) - f
 
 
 @inner

@@ -28,7 +28,6 @@ from consilience.reference.tree.closing import (
     row_violation,
 )
 from consilience.reference.tree.either import (
-    add_row_forces,
     articulate_tree,
     loop_velocity_residual,
     place_state,
@@ -37,7 +36,7 @@ from consilience.reference.tree.either import (
 )
 from consilience.reference.tree.few_freedoms import REGULAR_PIVOT
 from consilience.reference.tree.kinematics import displace, normalise
-from consilience.reference.tree.multifrontal import PIVOTING, factorise, rank_threshold
+from consilience.reference.tree.multifrontal import PIVOTING, factorise, least_norm_forces, rank_threshold
 
 _SINGULAR_PIVOT = 1e-4
 """Ratio of the least independent pivot to its largest value below which a pose counts as singular."""
@@ -54,7 +53,7 @@ def _least_norm_displacements(closure: LoopClosure, spatial: Spatial, planar: Pl
     """Compute the displacements u of least M-norm that change the rows by the target of the fronts."""
     for n in range(closure.free.shape[0]):
         closure.free[n].joint_force = 0.0
-    add_row_forces(closure)
+    least_norm_forces(closure)
     sweep_accelerations(closure, spatial, planar, 0.0)
 
 

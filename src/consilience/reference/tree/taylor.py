@@ -24,10 +24,10 @@ from consilience.reference.kernel.compiled import fused, inner, kernel
 from consilience.reference.kernel.mechanism_record import fields_of
 from consilience.reference.tree.arrays import KernelArguments, LoopClosure, PlanarArrays, TreeArrays, TreeSystem
 from consilience.reference.tree.dynamics import factorise_rows
-from consilience.reference.tree.either import add_row_forces, evaluate_rows, loop_acceleration_residual
+from consilience.reference.tree.either import evaluate_rows, loop_acceleration_residual
 from consilience.reference.tree.explicit_rk import UNSUITABLE
 from consilience.reference.tree.loop_rows import mark_active_rows
-from consilience.reference.tree.multifrontal import multipliers
+from consilience.reference.tree.multifrontal import least_norm_forces, multipliers
 from consilience.reference.tree.planar import planar_inward_sweep, planar_outward_sweep
 from consilience.reference.tree.projection import AT_SAMPLE
 from consilience.reference.tree.records import LARGEST_ORDER
@@ -140,12 +140,12 @@ def _solve_order(
         planar_outward_sweep(link, free, closure.u, 1.0)
         known_row_accelerations(rows.kind, rows.row_table, rows.coef, qr.active, qr.W, coef, m, closure.gamma)
         loop_acceleration_residual(closure, None, planar)
-        add_row_forces(closure)
+        least_norm_forces(closure)
         multipliers(closure.loops.group, qr.order, qr.state, qr.F, qr.y, scratch.lam)
     next_order(link, free, coef, q, scratch.inverse, m)
     if closure is not None:
         qr, rows = closure.qr, scratch.rows
-        row_forces(rows.kind, rows.row_table, rows.coef, qr.active, qr.W, link, coef, m, scratch.lam)
+        row_forces(rows, qr.active, qr.W, link, coef, m, scratch.lam)
     joint_forces(link, free, coef, q, m)
 
 

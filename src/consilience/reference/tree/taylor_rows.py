@@ -162,29 +162,22 @@ def known_row_accelerations(
 
 
 @fused
-def row_forces(
-    kind: Array,
-    row_table: Array,
-    row_coef: Array,
-    active: Array,
-    W: Array,
-    link: Array,
-    coef: Array,
-    m: int,
-    lam: Array,
-) -> None:
+def row_forces(rows: RowSeries, active: Array, W: Array, link: Array, coef: Array, m: int, lam: Array) -> None:
     """Add the forces of the multipliers of order m to F and P, and complete the series of lines.
 
     Parameters
     ----------
-    kind, row_table, row_coef, coef : see `begin_rows`
-        row_coef and coef are updated.
+    rows : RowSeries
+        Its coefficients are updated.
     active, W : see `loop_groups.MultifrontalQR`
     link : see `arrays`
+    coef : ndarray
+        Field link of `taylor_series.Series`; updated.
     m : int
     lam : ndarray, shape (q,)
         Multipliers of order m.
     """
+    kind, row_table, row_coef = rows.kind, rows.row_table, rows.coef
     scale = 1.0 / ((m + 1.0) * (m + 2.0))
     for n in range(kind.shape[0]):
         if not active[n] or kind[n] == LOCK:
