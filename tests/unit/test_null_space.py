@@ -11,8 +11,7 @@ from consilience.reference import simulate
 from consilience.reference.bodies.arrays import unpack
 from consilience.reference.bodies.canonical import at_origins
 from consilience.reference.kernel.mechanism_record import record_of
-from consilience.reference.tree import records
-from consilience.reference.tree.arrays import BODY, ELIMINATION_PIVOT, flatten_relative, tree_system
+from consilience.reference.tree.arrays import ELIMINATION_PIVOT, flatten_relative, tree_system
 from consilience.reference.tree.few_freedoms import REGULAR_PIVOT
 from consilience.reference.tree.formulation import close, differentiate
 from consilience.reference.tree.kinematics import fill_euler_parameters, place_bodies, place_links_and_bodies
@@ -73,7 +72,7 @@ class InSpace:
         place_bodies(self.links.layout, link, y, A)
         fill_euler_parameters(A, y)
         a = np.empty((len(self.mechanism.bodies), 6))
-        a[self.links.layout[:, BODY]] = link[:-1, records.ACCELERATION : records.ACCELERATION + 6]
+        a[self.links.layout["body"]] = link["acceleration"][:-1].reshape(-1, 6)
         a[:, 3:] = np.einsum("bji,bj->bi", A, a[:, 3:])
         return np.hstack(at_origins(self.mechanism, y, a.ravel())), eliminated
 

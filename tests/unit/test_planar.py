@@ -25,7 +25,6 @@ from consilience.reference.tree.formulation import close, differentiate
 from consilience.reference.tree.kinematics import fill_euler_parameters
 from consilience.reference.tree.planar import place_planar_bodies
 from consilience.reference.tree.planar_detection import planar_system
-from consilience.reference.tree.plane import ACCELERATION
 from consilience.reference.tree.projection import AT_SAMPLE, find_rank
 from consilience.reference.tree.state import pack_relative
 from flat import PLANAR, flat_chain
@@ -59,7 +58,7 @@ class InPlane:
         fill_euler_parameters(placed.A, placed.y)
         a = np.empty((len(self.mechanism.bodies), 6))
         for row, found in zip(self.planar.body, closure.link, strict=False):
-            basis, acceleration = row[11:].reshape(3, 3), found[ACCELERATION : ACCELERATION + 3]
+            basis, acceleration = row[11:].reshape(3, 3), found["acceleration"]
             b = int(row[0])
             a[b, :3], a[b, 3:] = acceleration[:2] @ basis[:2], placed.A[b].T @ basis[2] * acceleration[2]
         return at_origins(self.mechanism, placed.y, a.ravel())

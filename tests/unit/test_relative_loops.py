@@ -27,7 +27,6 @@ from consilience.mechanism.conditioning import mass_matrix_condition
 from consilience.reference import NumericalFailure, formulation, simulate
 from consilience.reference.tree.arrays import flatten_relative
 from consilience.reference.tree.dense_output import dense_output, interpolate
-from consilience.reference.tree.loop_groups import FRONT_ROWS, LAST_REACHED, OWN, OWN_END, ROW, ROW_END
 from consilience.reference.tree.methods import END, PAIRS
 
 MANY_LOOPS = (
@@ -61,10 +60,10 @@ def test_work_on_a_row_of_loops_grows_linearly():
     entries, touched = [], []
     for count in (20, 40, 80):
         group = loops_of(f"windows:count={count}").group
-        rows = group[:, ROW_END] - group[:, ROW]
-        columns = np.array([rows[g : reach + 1].sum() for g, reach in enumerate(group[:, LAST_REACHED])])
-        entries.append(np.sum(group[:, FRONT_ROWS] * columns))
-        touched.append(np.sum(group[:, FRONT_ROWS] * columns * rows))
+        rows = group["row_end"] - group["row"]
+        columns = np.array([rows[g : reach + 1].sum() for g, reach in enumerate(group["last_reached"])])
+        entries.append(np.sum(group["front_rows"] * columns))
+        touched.append(np.sum(group["front_rows"] * columns * rows))
     for work in (entries, touched):
         growth = np.diff(np.log2(work))
         assert np.all(growth < 1.1), growth
@@ -74,13 +73,13 @@ def test_work_on_a_row_of_loops_grows_linearly():
 def test_every_direction_and_every_row_has_one_place(name):
     links = flatten_relative(load_case(name).mechanism)[0]
     loops = links.loops
-    rows = sorted(n for row in loops.group for n in range(row[ROW], row[ROW_END]))
+    rows = sorted(n for row in loops.group for n in range(row["row"], row["row_end"]))
     assert rows == list(range(len(loops.touched)))
     for g, row in enumerate(loops.group):
-        for place, n in enumerate(loops.own_directions[row[OWN] : row[OWN_END]]):
+        for place, n in enumerate(loops.own_directions[row["own"] : row["own_end"]]):
             assert tuple(loops.owner[n]) == (g, place)
     assert len(loops.own_directions) == len(set(loops.own_directions.tolist()))
-    assert np.all(np.diff(loops.group[:, LAST_REACHED]) >= 0)
+    assert np.all(np.diff(loops.group["last_reached"]) >= 0)
 
 
 @pytest.mark.parametrize(("degree", "exact"), [(1, True), (4, True), (7, True), (8, False)])
