@@ -15,7 +15,9 @@ from consilience.case import load_case
 from consilience.reference import simulate
 from consilience.reference.kernel.compiled import inlined, kernel
 from consilience.reference.kernel.mechanism_record import fields_of, record_array, record_of
-from consilience.reference.tree.arrays import ELIMINATION_PIVOT, KernelArguments, flatten_relative, tree_system
+from consilience.reference.kernel.operation import address_of
+from consilience.reference.steppers.motion import DERIVATIVE, END_STEP, Kernel, ask
+from consilience.reference.tree.arrays import ELIMINATION_PIVOT, flatten_relative, tree_system
 from consilience.reference.tree.articulated import gravity_biases, inward_sweep, rigid_inertias
 from consilience.reference.tree.dynamics import _element_biases, factorise_rows
 from consilience.reference.tree.either import (
@@ -32,9 +34,8 @@ from consilience.reference.tree.multifrontal import least_norm_forces
 from consilience.reference.tree.planar import planar_inward_sweep
 from consilience.reference.tree.planar_detection import planar_system
 from consilience.reference.tree.planar_rows import add_force_biases
-from consilience.reference.tree.projection import AT_SAMPLE
 from consilience.reference.tree.state import pack_relative
-from consilience.reference.tree.system import end_step, state_derivative
+from consilience.reference.tree.system import serve, system_record
 
 CASES = ("four_bar", "slider_crank", "manipulator", "spatial_slider_crank", "rssr_four_bar", "furuta_pendulum")
 PARTS = ("placing", "inertias, forces", "rows", "tree", "closing", "rates")
@@ -119,7 +120,7 @@ def up_to(depth, closure, spatial, elements, planar, z, n):
 def whole(run, z, dz, n):
     """Run an evaluation n times."""
     for _ in range(n):
-        state_derivative(fields_of(run), 0.0, z, dz)
+        ask(fields_of(run), DERIVATIVE, 0.0, z, dz)
 
 
 @kernel
@@ -128,7 +129,7 @@ def step_end(run, z, apart, target, n):
     for _ in range(n):
         for k in range(z.shape[0]):
             target[k] = z[k] + apart[k]
-        end_step(fields_of(run), 0.0, target, not AT_SAMPLE)
+        ask(fields_of(run), END_STEP, 0.0, target, target[:0])
 
 
 def least(calls, count):
@@ -148,7 +149,8 @@ def row(case):
     links, spanning, model = flatten_relative(case.mechanism)
     given = case.mechanism, links, spanning, model
     system = planar_system(*given) or tree_system(*given)
-    arrays, run = tuple(map(record_of, system)), record_array(KernelArguments(*system, None))
+    arrays, held = tuple(map(record_of, system)), record_of(system_record(system, False))
+    run = record_array(Kernel(serve.address(held), address_of(held)))
     z = pack_relative(links, spanning, model, case.initial_state)
     dz, target = np.zeros_like(z), z.copy()
     step_end(run, z, dz, target, 1)

@@ -8,8 +8,20 @@ import numpy as np
 from scipy.linalg import lu_factor, lu_solve
 
 from consilience.mechanism import Array
-from consilience.reference.tree.radau13 import DIFFERENCE_STEP, MOST_ITERATIONS, NEWTON_TOLERANCE, SAFETY, SLOWEST_RATE
-from consilience.reference.tree.radau_coefficients import ESTIMATE, IN, LAMBDA, OUT, STAGES, A, C
+from consilience.reference.steppers.radau13 import (
+    DIFFERENCE_STEP,
+    ESTIMATE,
+    IN,
+    LAMBDA,
+    MOST_ITERATIONS,
+    NEWTON_TOLERANCE,
+    OUT,
+    SAFETY,
+    SLOWEST_RATE,
+    STAGES,
+    A,
+    C,
+)
 
 Derivative = Callable[[float, Array], Array]
 _WEIGHTS = np.linalg.inv(np.vander(np.append(0.0, C), STAGES + 1, increasing=True))

@@ -15,7 +15,7 @@ from consilience.engine import Question, load_engine
 from consilience.engine.worker.client import Reply
 from consilience.engine.worker.requests import perform
 from consilience.reference.kernel.cache import SOURCES, digest, kernels_folder
-from consilience.reference.tree.explicit_rk import integrate
+from consilience.reference.steppers.driver import integrate
 from consilience.suite import suite, warm_up
 
 SOURCE = Path(suite.__file__).parents[1]

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from consilience.reference.kernel.compiled import inner, kernel
-from consilience.reference.kernel.linking import InnerLibrary
-from consilience.reference.kernel.mechanism_record import MechanismRecord, fields_of, record_array, record_of
+from consilience.reference.kernel.mechanism_record import fields_of, record_array, record_of
+from consilience.reference.kernel.operation import Operation, address_of, call
 
 pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
 
@@ -141,10 +141,37 @@ def test_fields_that_no_kernel_can_read_are_refused(field):
         record_of(example()._replace(first=field))
 
 
-def test_only_kernels_that_python_calls_become_machine_code():
-    """An inner kernel is kept as bitcode and compiled in its callers, which read the same numbers as above."""
-    read_record(record_of(example()), np.empty(64))
-    (of_kernel, *_), (of_inner, *_) = read_record.overloads.values(), read.overloads.values()
-    assert isinstance(of_inner.library, InnerLibrary)
-    assert not isinstance(of_kernel.library, InnerLibrary)
-    assert isinstance(record_of(example()), MechanismRecord)
+def linear(record, request, t, z, out):
+    """Compute ``out = request factor z + t``; return the sum of a field."""
+    for n in range(z.shape[0]):
+        out[n] = request * record.inner.factor * z[n] + t
+    return record.first[0] + record.first[1]
+
+
+@kernel
+def ask_twice(words, z, out):
+    """Call a kernel by its address, and again with what it returned."""
+    record = fields_of(words)
+    found = call(record.count, record.record, 2, 0.5, z, out)
+    return call(record.count, record.record, -1, found, out, z)
+
+
+class Addresses(NamedTuple):
+    count: Any
+    record: Any
+
+
+def test_a_kernel_called_by_address_reads_its_record_and_writes_its_arrays():
+    operation, held = Operation(linear), record_of(example())
+    z, out = np.array([1.0, -2.0, 4.0]), np.empty(3)
+    found = ask_twice(record_array(Addresses(operation.address(held), address_of(held))), z, out)
+    assert found == pytest.approx(-0.1)
+    np.testing.assert_allclose(out, [1.1, -0.7, 2.9], rtol=1e-15)
+    np.testing.assert_allclose(z, -0.3 * out - 0.1, rtol=1e-15)
+
+
+def test_an_operation_is_compiled_once_for_each_type_of_record():
+    operation = Operation(linear)
+    one, same = record_of(example()), record_of(example()._replace(no=True))
+    other = record_of(example()._replace(nothing=np.zeros(1)))
+    assert operation.address(one) == operation.address(same) != operation.address(other)

@@ -8,7 +8,7 @@ import pytest
 from consilience.case import load_case
 from consilience.mechanism import JointSpring
 from consilience.reference import simulate
-from consilience.reference.tree.radau_coefficients import ESTIMATE, IN, LAMBDA, NESTED, OUT, STAGES, A, B, C
+from consilience.reference.steppers.radau13 import ESTIMATE, IN, LAMBDA, NESTED, OUT, STAGES, A, B, C
 from flat import PLANAR
 from mechanisms import LOOPS, TREES, chain, states_of
 

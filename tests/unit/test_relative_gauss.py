@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from consilience.reference import simulate
-from consilience.reference.tree.gauss import DIFFERENCE, STAGES, A, B, C
+from consilience.reference.steppers.gauss import DIFFERENCE, STAGES, A, B, C
 from mechanisms import LOOPS, TREES, states_of
 
 

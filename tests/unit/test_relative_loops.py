@@ -25,9 +25,9 @@ from consilience.mechanism import (
 )
 from consilience.mechanism.conditioning import mass_matrix_condition
 from consilience.reference import NumericalFailure, formulation, simulate
+from consilience.reference.integrators.coefficients import STAGES
+from consilience.reference.steppers.explicit import PAIRS, dense_output, interpolate
 from consilience.reference.tree.arrays import flatten_relative
-from consilience.reference.tree.dense_output import dense_output, interpolate
-from consilience.reference.tree.methods import END, PAIRS
 
 MANY_LOOPS = (
     "windows:count=6",
@@ -88,7 +88,7 @@ def test_dense_output_is_exact_for_motions_up_to_degree_seven(name, rounding, de
     h, x, method = 0.7, np.linspace(0.0, 1.0, 9), PAIRS[name]
     at = h * method.nodes
     K = (degree * at ** (degree - 1))[:, None]
-    assert at[END] == h
+    assert at[STAGES] == h
     z, end, F = np.zeros(1), np.array([h**degree]), np.empty((7, 1))
     interpolate(method.dense, z, end, K, h, F)
     found = np.empty((len(x), 1))

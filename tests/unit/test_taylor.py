@@ -8,10 +8,11 @@ from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import constraint_jacobian, constraint_rates, constraint_residual
 from consilience.reference import simulate
 from consilience.reference.bodies.canonical import canonical_motion
+from consilience.reference.steppers.driver import Request, counts_of, run
 from consilience.reference.tree.records import LARGEST_ORDER
 from consilience.reference.tree.solver import _prepare
 from consilience.reference.tree.state import pack_state
-from consilience.reference.tree.taylor import integrate_taylor, order_for
+from consilience.reference.tree.taylor import order_for
 from consilience.reference.tree.taylor_rows import LINE, LOCK, PIN
 from flat import PLANAR
 from mechanisms import states_of
@@ -29,11 +30,10 @@ def one_step(mechanism, state, h, order):
     prepared = _prepare(mechanism, False)
     working = prepared.working("taylor")
     z = pack_state(prepared.links, prepared.packing, state)
-    motion, counters = np.empty((2, *working.arrays.tree.y.shape)), np.zeros(3, dtype=np.int64)
-    anything = 1e60
-    asked = z, np.array([0.0, h]), anything, order, np.inf
-    assert not integrate_taylor(working.run, *asked, motion, counters)
-    assert counters[0] == 1
+    motion, tolerance = np.empty((2, *working.system.tree.y.shape)), np.exp((1.9 - order) / 0.7)
+    assert order_for(tolerance) == order
+    assert not run(working.integration, Request(z, np.array([0.0, h]), tolerance, np.inf), motion, False)
+    assert counts_of(working.integration)["steps"] == 1
     _, _, v, w = canonical_motion(prepared.links.com, motion)
     return np.hstack([v[-1], w[-1]])
 
@@ -54,7 +54,9 @@ def test_the_error_of_a_step_has_the_order_of_the_series_plus_one(name, order):
 
 
 def test_loops_are_closed_by_rows_of_every_kind():
-    kinds = {name: set(_prepare(PLANAR[name], False).working("taylor").arrays.scratch.rows.kind) for name in SERIES}
+    kinds = {
+        name: set(_prepare(PLANAR[name], False).working("taylor").integration.held[1].rows.kind) for name in SERIES
+    }
     assert kinds["closed_revolute"] == {PIN}
     assert kinds["closed_prismatic"] == {LINE, LOCK}
     assert kinds["closed_point_on_line"] == {LINE}

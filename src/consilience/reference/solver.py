@@ -11,10 +11,11 @@ from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import Array, Mechanism, State, continuous_in_time, kinetic_energy, potential_energy
 from consilience.reference.bodies.arrays import flatten, pack, workspace
 from consilience.reference.bodies.canonical import canonical_motion, sample_times
-from consilience.reference.bodies.forces import count_turns
-from consilience.reference.formulations import compiled_choice, compiled_dop853, registry
+from consilience.reference.formulations import compiled_choice, registry
 from consilience.reference.formulations.body_velocities import AppliedForces, KernelFormulation, kernel_names
+from consilience.reference.formulations.compiled_motion import body_integration
 from consilience.reference.integrators.step_control import STATUS
+from consilience.reference.steppers.driver import Request, counts_of, run
 from consilience.reference.tree.solver import INTEGRATORS, simulate_relative
 
 
@@ -104,18 +105,13 @@ def _compiled(mechanism: Mechanism, state: State, times: Array, tolerance: float
     """
     model = flatten(mechanism)
     ws, y = workspace(model), pack(mechanism, state)
+    integration = body_integration(formulation, model, ws, len(mechanism.bodies), len(y))
     motion = np.empty((len(times), *y.shape))
-    counters = np.zeros(3, dtype=np.int64)
-    number, turns = compiled_choice.FORMULATIONS[formulation], np.zeros(len(model.coordinate))
-    count_turns(model, y, ws, turns)
-    scratch = compiled_dop853.dop853_scratch(model, y)
-    status = compiled_dop853.integrate(number, model, y, times, float(tolerance), turns, ws, motion, counters, scratch)
+    status = run(integration, Request(y.ravel(), times, float(tolerance), np.inf), motion, False)
     if status:
         raise NumericalFailure(f"reference, {formulation}, tolerance {tolerance:g}: {STATUS[status]}")
     p, quat, v, w = canonical_motion(np.array([b.com for b in mechanism.bodies]), motion)
-    names = ("steps", "rejected", "evaluations")
-    counts: dict[str, int | float] = dict(zip(names, counters.tolist(), strict=True))
-    return TrajectoryAnswer(times, p, quat, v, w, counts)
+    return TrajectoryAnswer(times, p, quat, v, w, counts_of(integration))
 
 
 def accelerations(

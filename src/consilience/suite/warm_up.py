@@ -18,7 +18,7 @@ from consilience.engine.worker.client import Worker
 from consilience.engine.worker.requests import Plan, Request
 from consilience.reference.kernel.cache import kernels_folder
 
-_LAST = "explicit_rk.integrate-*.nbi"
+_LAST = "driver.integrate-*.nbi"
 """Cache file of the kernel of a motion that is compiled last: module, function and line."""
 
 

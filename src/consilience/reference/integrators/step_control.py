@@ -12,15 +12,16 @@ from consilience.reference.kernel.compiled import inner
 SAFETY, SMALLEST, LARGEST = 0.9, 0.2, 6.0
 """Safety factor and bounds of the change of the step size."""
 
+UNSUITABLE = 3
+"""Status of a motion that another integrator has to take. A series with fewer rows would leave the loops open."""
+
 STATUS = {
     0: "finished",
     1: "the step size fell below what the time resolves: the motion runs into a singular pose or grows without bound",
     2: "the accelerations are not finite",
+    UNSUITABLE: "the loops pass a pose in which their rows lose rank, and series do not lead through it",
 }
 """Meaning of the status of a compiled integrator."""
-
-STEPS, REJECTED, EVALUATIONS = 0, 1, 2
-"""Entries of the counters."""
 
 
 @inner

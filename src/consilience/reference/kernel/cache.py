@@ -13,7 +13,7 @@ from pathlib import Path
 
 _PACKAGE = Path(__file__).parents[2]
 
-_ROOMS = ("kernel", "bodies", "integrators", "tree", "formulations")
+_ROOMS = ("kernel", "bodies", "integrators", "steppers", "tree", "formulations")
 
 SOURCES = ("mechanism", *(f"reference/{room}" for room in _ROOMS))
 """Folders of kernels, and of the constants that kernels contain."""

@@ -9,9 +9,9 @@ Floating point. Of the fast modes only ``contract`` is on: a product and a sum m
 Results may therefore differ in the last bits on a machine without fused multiply-add.
 
 Compilation time grows with the code that is copied and with wrappers. `inlined` copies a kernel into each kernel on the
-way to the compiled one, including branches pruned there: it is for a few lines. `inner` and `fused` compile a kernel to
-bitcode once for its types, and leave the rest to its callers (`linking`). Only `kernel` generates machine code and the
-wrapper that unboxes arguments from Python.
+way to the compiled one, including branches pruned there: it is for a few lines. `inner` and `fused` compile a kernel
+once for its types, for its callers. Only `kernel` has the wrapper that unboxes arguments from Python. A kernel that is
+called by address (`operation`) is compiled once, whatever calls it.
 
 The arrays of a mechanism are passed as one address: see `mechanism_record`. Compiled kernels are kept in the folder of
 `cache`.
@@ -20,28 +20,35 @@ The arrays of a mechanism are passed as one address: see `mechanism_record`. Com
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
-from numba import config, njit
+from numba import cfunc, config, njit
 
 from consilience.reference.kernel.cache import kernels_folder
-from consilience.reference.kernel.linking import InnerCompiler
 
 _ALL: dict[str, Any] = {"cache": True, "fastmath": {"contract"}, "error_model": "numpy", "no_cfunc_wrapper": True}
-_INNER: dict[str, Any] = {**_ALL, "no_cpython_wrapper": True, "pipeline_class": InnerCompiler}
+_INNER: dict[str, Any] = {**_ALL, "no_cpython_wrapper": True}
+
+
+def _cached(decorate: Callable[..., Any], function: Callable[..., Any]) -> Any:
+    """Return a function decorated by Numba, its machine code cached in the folder of the kernels."""
+    given, config.CACHE_DIR = config.CACHE_DIR, str(kernels_folder())  # other users of Numba keep their folder
+    try:
+        return decorate(function)
+    finally:
+        config.CACHE_DIR = given
 
 
 def _decorator(**options: Any) -> Any:
-    """Return a decorator that compiles with some options, and caches in the folder of the kernels."""
+    """Return a decorator that compiles with some options."""
+    return partial(_cached, njit(**options))
 
-    def decorate(function: Callable[..., Any]) -> Any:
-        given, config.CACHE_DIR = config.CACHE_DIR, str(kernels_folder())  # other users of Numba keep their folder
-        try:
-            return njit(**options)(function)
-        finally:
-            config.CACHE_DIR = given
 
-    return decorate
+def compile_operation(function: Callable[..., Any], signature: Any) -> Any:
+    """Compile a kernel for a signature; return the C function of Numba, which has an address."""
+    options = {name: _ALL[name] for name in ("cache", "fastmath", "error_model")}
+    return _cached(cfunc(signature, _nrt=False, **options), function)
 
 
 kernel = _decorator(**_ALL, _nrt=False)

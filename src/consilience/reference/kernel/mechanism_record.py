@@ -5,7 +5,8 @@ mechanism has about 150 arrays. A record stores the fields once, as words of eig
 its address, shape and strides, a number as itself, a nested tuple as its words in place, None as nothing. Kernels pass
 the address of the words and load a field where it is used; the loads are marked invariant for LLVM.
 
-In a kernel a field of a record reads like a field of the tuple: ``closure.qr.W``.
+In a kernel a field of a record reads like a field of the tuple, ``closure.qr.W``: to Numba a record is a named tuple
+with another representation.
 
 Numba asks Python for the type of an unknown object, which takes microseconds. For frequent calls `record_array` wraps
 the words in a NumPy array, whose type Numba knows; the kernel then calls `fields_of`.
@@ -20,13 +21,9 @@ from functools import lru_cache
 from typing import Any, TypeVar, cast
 
 import numpy as np
-from llvmlite import ir
 from numba import config, typeof, types
-from numba.core import cgutils
-from numba.core.typing.templates import AttributeTemplate
 from numba.extending import (
     NativeValue,
-    infer_getattr,
     intrinsic,
     lower_getattr_generic,
     models,
@@ -35,7 +32,6 @@ from numba.extending import (
     typeof_impl,
     unbox,
 )
-from numba.np.arrayobj import make_array, populate_array
 
 _WORD = 8
 """Bytes of a word."""
@@ -48,20 +44,25 @@ _RECORD_TYPES: dict[str, RecordType] = {}
 _NUMBERS = (types.int64, types.float64, types.boolean)
 
 
-class RecordType(types.Type):  # type: ignore[misc]
-    """Numba type of a record: names and types of the fields, and the word at which each begins.
+class RecordType(types.NamedTuple):  # type: ignore[misc]
+    """Numba type of a record: a named tuple, of whose fields this class knows the words.
 
     The name is a short digest, because symbols of kernels contain the names of all argument types.
     """
 
-    def __init__(self, name: str, fields: tuple[tuple[str, types.Type], ...]) -> None:
-        self.fields = dict(fields)
+    def __init__(self, kind: type, fields: tuple[types.Type, ...]) -> None:
+        self.types, self.count, self.fields, self.instance_class = fields, len(fields), kind._fields, kind  # type: ignore[attr-defined]
         self.begins, self.words = {}, 0
-        for field, kind in fields:
-            self.begins[field] = self.words
-            self.words += _word_count(kind)
-        digest = hashlib.sha256(repr(fields).encode()).hexdigest()[:12]
-        super().__init__(name=f"{name}.{digest}")
+        for name, field in zip(self.fields, fields, strict=True):
+            self.begins[name] = self.words
+            self.words += _word_count(field)
+        digest = hashlib.sha256(repr((self.fields, fields)).encode()).hexdigest()[:12]
+        types.Type.__init__(self, name=f"{kind.__name__}.{digest}")
+
+    @property
+    def key(self) -> str:
+        """Return the name, by which types are compared."""
+        return str(self.name)
 
 
 def _word_count(kind: types.Type) -> int:
@@ -71,15 +72,16 @@ def _word_count(kind: types.Type) -> int:
 
 
 @lru_cache(maxsize=256)
-def _record_type(name: str, fields: tuple[str, ...], kinds: tuple[types.Type, ...]) -> RecordType:
-    return RecordType(name, tuple(zip(fields, kinds, strict=True)))
+def _record_type(kind: type, fields: tuple[types.Type, ...]) -> RecordType:
+    return RecordType(kind, fields)
 
 
-def _type_of(value: Any) -> types.Type:
+def type_of(value: Any) -> types.Type:
+    """Return the Numba type of a record, of a named tuple as a record, or of a field."""
     if isinstance(value, MechanismRecord):
         return value.numba_type
     if isinstance(value, tuple):
-        return _record_type(type(value).__name__, type(value)._fields, tuple(map(_type_of, value)))  # type: ignore[attr-defined]
+        return _record_type(type(value), tuple(map(type_of, value)))
     kind = typeof(value)
     if not (kind in _NUMBERS or isinstance(kind, types.Array | types.NoneType)):
         raise TypeError(f"{kind} cannot be held: give arrays, int, float, bool, None, or named tuples of them")
@@ -93,7 +95,7 @@ def record_array(value: T) -> T:
     """
     if config.DISABLE_JIT:
         return value
-    kind = _type_of(value)
+    kind = type_of(value)
     memory: Any = (c_int64 * kind.words)(*_words(value))
     memory.kept = value
     _RECORD_TYPES[kind.name] = kind
@@ -110,8 +112,8 @@ def _open(context: Any, words: types.Array) -> tuple[Any, Any]:
     (name,) = words.dtype.fields
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        array = make_array(words)(context, builder, arguments[0])
-        return builder.bitcast(array.data, cgutils.voidptr_t)
+        array = context.make_array(words)(context, builder, arguments[0])
+        return builder.bitcast(array.data, context.get_value_type(types.voidptr))
 
     return _RECORD_TYPES[name](words), generate
 
@@ -149,7 +151,7 @@ class MechanismRecord:
     __slots__ = ("_memory", "_tuple", "address", "numba_type")
 
     def __init__(self, fields: tuple[Any, ...]) -> None:
-        self.numba_type = _type_of(fields)
+        self.numba_type = type_of(fields)
         self._tuple, self._memory = fields, np.array(list(_words(fields)), dtype=np.int64)
         self.address = self._memory.ctypes.data
 
@@ -188,53 +190,47 @@ def _unbox(kind: RecordType, value: Any, c: Any) -> NativeValue:
     number = c.pyapi.object_getattr_string(value, "address")
     address = c.pyapi.long_as_voidptr(number)
     c.pyapi.decref(number)
-    return NativeValue(address, is_error=cgutils.is_not_null(c.builder, c.pyapi.err_occurred()))
-
-
-@infer_getattr
-class _Fields(AttributeTemplate):  # type: ignore[misc]
-    """Types of the fields of a record for Numba."""
-
-    key = RecordType
-
-    def generic_resolve(self, kind: RecordType, field: str) -> types.Type | None:
-        return kind.fields.get(field)
+    return NativeValue(address, is_error=c.pyapi.c_api_error())
 
 
 @lower_getattr_generic(RecordType)
 def _field(context: Any, builder: Any, kind: RecordType, address: Any, field: str) -> Any:
     """Generate the instructions that load a field."""
-    wanted, first = kind.fields[field], kind.begins[field]
+    wanted, first = kind.types[kind.fields.index(field)], kind.begins[field]
+
+    def place(n: int) -> Any:
+        return builder.gep(address, [context.get_constant(types.int64, _WORD * (first + n))])
 
     def load(n: int, as_type: Any) -> Any:
-        place = builder.gep(address, [ir.Constant(ir.IntType(64), _WORD * (first + n))])
-        word = builder.load(builder.bitcast(place, as_type.as_pointer()), align=_WORD)
+        word = builder.load(builder.bitcast(place(n), as_type.as_pointer()), align=_WORD)
         word.set_metadata("invariant.load", builder.module.add_metadata([]))
         return word
 
     if isinstance(wanted, RecordType):
-        return builder.gep(address, [ir.Constant(ir.IntType(64), _WORD * first)])
+        return place(0)
     if isinstance(wanted, types.NoneType):
         return context.get_dummy_value()
     if isinstance(wanted, types.Array):
         return _array(context, builder, wanted, load)
     if wanted == types.boolean:
-        return builder.trunc(load(0, ir.IntType(64)), ir.IntType(1))
+        return builder.trunc(load(0, context.get_value_type(types.int64)), context.get_value_type(types.boolean))
     return load(0, context.get_value_type(wanted))
 
 
 def _array(context: Any, builder: Any, kind: types.Array, load: Any) -> Any:
     """Generate an array without ownership from the words that `load` returns."""
-    array = make_array(kind)(context, builder)
-    item, size = context.get_data_type(kind.dtype), context.get_value_type(types.intp)
+    array, size = context.make_array(kind)(context, builder), context.get_value_type(types.intp)
+    item, lengths = context.get_data_type(kind.dtype), types.UniTuple(types.intp, kind.ndim)
     shape = [load(1 + n, size) for n in range(kind.ndim)]
     strides = [load(1 + kind.ndim + n, size) for n in range(kind.ndim)]
-    populate_array(
-        array,
-        data=load(0, item.as_pointer()),
-        shape=cgutils.pack_array(builder, shape, size),
-        strides=cgutils.pack_array(builder, strides, size),
-        itemsize=context.get_constant(types.intp, context.get_abi_sizeof(item)),
-        meminfo=None,
+    array.meminfo, array.parent = array.meminfo.type(None), array.parent.type(None)
+    array.nitems = shape[0]
+    for length in shape[1:]:
+        array.nitems = builder.mul(array.nitems, length)
+    array.itemsize = context.get_constant(types.intp, context.get_abi_sizeof(item))
+    array.data = load(0, item.as_pointer())
+    array.shape, array.strides = (
+        context.make_tuple(builder, lengths, shape),
+        context.make_tuple(builder, lengths, strides),
     )
     return array._getvalue()

@@ -46,7 +46,7 @@ Numba prunes a branch ``if spatial is not None`` but not ``is None``: hence one 
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -55,13 +55,11 @@ from consilience.reference.bodies.arrays import Model, Workspace, all_rows, flat
 from consilience.reference.bodies.spanning_tree import TreeModel, flatten_tree
 from consilience.reference.kernel.functions import Functions
 from consilience.reference.kernel.mechanism_record import record_of
+from consilience.reference.steppers.motion import ANGLE, DISTANCE, INTEGRAL, SPEED, SPIN
 from consilience.reference.tree.cut_joints import CutJoints, cut_joints
 from consilience.reference.tree.loop_groups import Loops, MultifrontalQR, find_loop_groups, multifrontal_arrays
 from consilience.reference.tree.records import FREE, LAYOUT, LINK, constants_of
 from consilience.reference.tree.reduced import EliminationArrays, elimination_arrays
-
-DISTANCE, ANGLE, SPEED, SPIN, INTEGRAL = range(5)
-"""Kinds of the components of z; a relative tolerance refers to the size of a kind."""
 
 LARGEST_RANK, LEAST_FRONT_PIVOT, ELIMINATION_PIVOT = np.array([0, 1, 2])
 """Entries of `LoopClosure.best`: largest rank so far, its largest least pivot in the fronts, and in `few_freedoms`."""
@@ -166,17 +164,6 @@ class TreeSystem(NamedTuple):
     spatial: Spatial
     elements: TreeElements | None
     planar: Planar
-
-
-class KernelArguments(NamedTuple):
-    """Record of the arguments of an integrator; see the module."""
-
-    tree: TreeArrays
-    closure: LoopClosure | None
-    spatial: Spatial
-    elements: TreeElements | None
-    planar: Planar
-    scratch: Any  # work arrays of the integrator, a named tuple
 
 
 def flatten_relative(mechanism: Mechanism) -> tuple[TreeLinks, TreeModel, Model]:

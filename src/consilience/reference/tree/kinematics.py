@@ -294,9 +294,10 @@ def fill_euler_parameters(A: Array, y: Array) -> None:
 
 
 @inner
-def copy_sample(A: Array, y: Array, motion: Array) -> None:
-    """Copy the placed bodies, with their Euler parameters, into one sample of a motion."""
+def copy_sample(A: Array, y: Array, sample: Array) -> None:
+    """Copy the placed bodies, with their Euler parameters, into one sample, shape (13 (n_b + n_e),)."""
     fill_euler_parameters(A, y)
+    width = y.shape[1]
     for b in range(y.shape[0]):
-        for n in range(y.shape[1]):
-            motion[b, n] = y[b, n]
+        for n in range(width):
+            sample[width * b + n] = y[b, n]

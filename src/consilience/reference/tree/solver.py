@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import lru_cache, partial
-from typing import Any, NamedTuple
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,10 +12,12 @@ from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import Array, Mechanism, State
 from consilience.reference.bodies.arrays import Model
 from consilience.reference.bodies.canonical import canonical_motion
+from consilience.reference.integrators.step_control import STATUS, UNSUITABLE
 from consilience.reference.kernel.mechanism_record import record_array
+from consilience.reference.steppers import explicit, gauss, radau13
+from consilience.reference.steppers.driver import Integration, Request, Stepper, counts_of, new_integration, run
+from consilience.reference.tree import taylor
 from consilience.reference.tree.arrays import (
-    KernelArguments,
-    LoopClosure,
     TreeLinks,
     TreeSystem,
     flatten_relative,
@@ -24,13 +25,9 @@ from consilience.reference.tree.arrays import (
     tree_system,
     with_own_arrays,
 )
-from consilience.reference.tree.explicit_rk import UNSUITABLE, explicit_scratch, integrate
-from consilience.reference.tree.gauss import gauss_scratch, integrate_gauss
-from consilience.reference.tree.methods import PAIRS
 from consilience.reference.tree.planar_detection import planar_system
-from consilience.reference.tree.radau13 import integrate_radau, radau_scratch
 from consilience.reference.tree.state import StatePacking, pack_state
-from consilience.reference.tree.taylor import STATUS, has_series, integrate_taylor, order_for, taylor_scratch
+from consilience.reference.tree.system import SystemRecord, serve, system_record
 
 _RESOLUTION = 3.0
 """Longest step, in points of a table or as part of the period of a harmonic, that misses no feature of a function."""
@@ -53,8 +50,8 @@ def longest_step(model: Model) -> float:
 class _WorkingArrays(NamedTuple):
     """Arrays that one motion writes."""
 
-    arrays: KernelArguments
-    run: KernelArguments  # its record array
+    system: SystemRecord
+    integration: Integration
     persistent_arrays: list[tuple[Array, Array]]  # arrays to reset, and their initial values
 
 
@@ -75,11 +72,11 @@ class _PreparedMechanism(NamedTuple):
             taken = self.idle[integrator].pop()
         except IndexError:
             arrays = with_own_arrays(self.tree_system)
-            tree, closing, spatial, elements, planar = arrays
-            closure = None if self.tree_alone else closing
-            scratch = INTEGRATORS[integrator].scratch(np.zeros(len(self.links.kind)), arrays, closure)
-            run = KernelArguments(tree, closure, spatial, elements, planar, scratch)
-            return _WorkingArrays(run, record_array(run), persistent_arrays(arrays, self.tree_system))
+            system = system_record(arrays, self.tree_alone)
+            given = (system,) if integrator == "taylor" else ()
+            scales = arrays.tree.kind, arrays.tree.length
+            integration = new_integration(INTEGRATORS[integrator], *scales, (serve, system), *given)
+            return _WorkingArrays(system, integration, persistent_arrays(arrays, self.tree_system))
         for array, first in taken.persistent_arrays:
             array[...] = first
         return taken
@@ -95,8 +92,8 @@ def _prepare(mechanism: Mechanism, in_space: bool) -> _PreparedMechanism:
     arrays = None if in_space else planar_system(mechanism, links, spanning, model)
     arrays = arrays or tree_system(mechanism, links, spanning, model)
     tree_alone = links.bare_tree if arrays.planar is None else not len(arrays.closure.loops.group)
-    explicit = "dop853" if len(model.functions.pieces) else "tp86"
-    default_integrators = (*(["taylor"] if has_series(arrays, tree_alone) else []), explicit, "radau13")
+    pair = "dop853" if len(model.functions.pieces) else "tp86"
+    default_integrators = (*(["taylor"] if taylor.has_series(arrays, tree_alone) else []), pair, "radau13")
     idle: dict[str, list[_WorkingArrays]] = {name: [] for name in INTEGRATORS}
     return _PreparedMechanism(
         links,
@@ -109,35 +106,7 @@ def _prepare(mechanism: Mechanism, in_space: bool) -> _PreparedMechanism:
     )
 
 
-class _MotionRequest(NamedTuple):
-    """Arguments of a motion, and the arrays that it fills: bodies at the samples, and counters."""
-
-    z: Array
-    times: Array
-    tolerance: float
-    longest: float  # longest step, s
-    motion: Array
-    counters: Array
-
-
-class _Integrator(NamedTuple):
-    """How an integrator is called."""
-
-    scratch: Callable[[Array, TreeSystem, LoopClosure | None], Any]
-    run: Callable[..., int]  # arguments: run, those of _MotionRequest, stop_if_stiff; returns the status
-
-
-def _run_taylor(run: KernelArguments, z: Array, times: Array, tolerance: float, *others: Any) -> int:
-    """Integrate by Taylor's method, which does not stop."""
-    return integrate_taylor(run, z, times, tolerance, order_for(tolerance), *others[:-1])
-
-
-INTEGRATORS = {
-    "taylor": _Integrator(taylor_scratch, _run_taylor),
-    **{name: _Integrator(partial(explicit_scratch, pair), integrate) for name, pair in PAIRS.items()},
-    "radau13": _Integrator(radau_scratch, integrate_radau),
-    "gauss": _Integrator(gauss_scratch, integrate_gauss),
-}
+INTEGRATORS: dict[str, Stepper] = taylor.STEPPERS | explicit.STEPPERS | radau13.STEPPERS | gauss.STEPPERS
 """Compiled integrators of the relative form; ``taylor`` serves planar mechanisms without elements."""
 
 
@@ -166,28 +135,26 @@ def simulate_relative(
     if integrator == "taylor" and "taylor" not in prepared.default_integrators:
         why = "it is for mechanisms that move in parallel planes by gravity alone, without drives, couplings and rods"
         raise InvalidInput("integrator", f"taylor cannot follow {mechanism.name}: {why}", "Use tp86, or leave it out.")
-    request = pack_state(prepared.links, prepared.packing, state), times, float(tolerance)
+    z = pack_state(prepared.links, prepared.packing, state)
+    request = Request(z, times, float(tolerance), prepared.longest)
     names = prepared.default_integrators if integrator is None else (integrator,)
     for name in names:
-        status, motion, counters = _run(prepared, name, *request, name != names[-1])
+        status, motion, counters = _run(prepared, name, request, name != names[-1])
         if status != UNSUITABLE:
             break
     if status:
         raise NumericalFailure(f"reference, relative, {name}, tolerance {tolerance:g}: {STATUS[status]}")
     p, quat, v, w = canonical_motion(prepared.links.com, motion)
-    labels = ("steps", "rejected", "evaluations")
-    counts: dict[str, int | float] = dict(zip(labels, counters.tolist(), strict=True))
-    return TrajectoryAnswer(times, p, quat, v, w, counts)
+    return TrajectoryAnswer(times, p, quat, v, w, counters)
 
 
 def _run(
-    prepared: _PreparedMechanism, name: str, z: Array, times: Array, tolerance: float, stop_if_stiff: bool
-) -> tuple[int, Array, Array]:
-    """Integrate from the state z; return status, bodies at the samples, and counters."""
+    prepared: _PreparedMechanism, name: str, request: Request, stop_if_stiff: bool
+) -> tuple[int, Array, dict[str, int | float]]:
+    """Integrate; return status, bodies at the samples, and counters."""
     working = prepared.working(name)
-    motion, counters = np.empty((len(times), *working.arrays.tree.y.shape)), np.zeros(3, dtype=np.int64)
-    request = _MotionRequest(z.copy(), times, tolerance, prepared.longest, motion, counters)
-    status = INTEGRATORS[name].run(working.run, *request, stop_if_stiff)
+    motion = np.empty((len(request.times), *working.system.tree.y.shape))
+    status = run(working.integration, request, motion, stop_if_stiff)
     if status in (0, UNSUITABLE):  # a failure may leave NaN in the arrays
         prepared.idle[name].append(working)
-    return status, motion, counters
+    return status, motion, counts_of(working.integration)

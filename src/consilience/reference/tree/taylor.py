@@ -12,27 +12,24 @@ the polynomial of a step.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
 from consilience.mechanism import Array
-from consilience.reference.integrators import step_control
-from consilience.reference.integrators.step_control import EVALUATIONS, STEPS
-from consilience.reference.kernel.compiled import fused, inner, kernel
-from consilience.reference.kernel.mechanism_record import fields_of
-from consilience.reference.tree.arrays import KernelArguments, LoopClosure, PlanarArrays, TreeArrays, TreeSystem
+from consilience.reference.integrators.step_control import UNSUITABLE
+from consilience.reference.kernel.compiled import fused, inlined, inner, kernel
+from consilience.reference.kernel.operation import Operation
+from consilience.reference.steppers.driver import Stepper
+from consilience.reference.steppers.motion import ATTEMPT, INTERPOLATE, PREPARE, Motion, component_sizes
+from consilience.reference.tree.arrays import LoopClosure, PlanarArrays, TreeArrays, TreeSystem
 from consilience.reference.tree.dynamics import factorise_rows
 from consilience.reference.tree.either import evaluate_rows, loop_acceleration_residual
-from consilience.reference.tree.explicit_rk import UNSUITABLE
 from consilience.reference.tree.loop_rows import mark_active_rows
 from consilience.reference.tree.multifrontal import least_norm_forces, multipliers
-from consilience.reference.tree.planar import planar_inward_sweep, planar_outward_sweep
-from consilience.reference.tree.projection import AT_SAMPLE
+from consilience.reference.tree.planar import place_planar_links, planar_inward_sweep, planar_outward_sweep
 from consilience.reference.tree.records import LARGEST_ORDER
-from consilience.reference.tree.step_control import component_sizes, next_sample, step_length
-from consilience.reference.tree.system import begin_motion, end_step, project_state, record_sample
+from consilience.reference.tree.system import SystemRecord
 from consilience.reference.tree.taylor_rows import (
     RowSeries,
     begin_rows,
@@ -59,24 +56,21 @@ RADIUS_COEFFICIENTS = 4
 LAST_TERM = 0.01
 """The last term of the series, as part of the tolerance; motions are then about as accurate as by other integrators."""
 
-STATUS = {
-    **step_control.STATUS,
-    UNSUITABLE: "the loops pass a pose in which their rows lose rank, and series do not lead through it",
-}
-"""Meaning of the status of `integrate_taylor`. A series with fewer rows would leave the loops open."""
 
+class TaylorArrays(NamedTuple):
+    """Record of the kernels of Taylor's method."""
 
-class TaylorScratch(NamedTuple):
-    """Work arrays of an integration."""
-
+    motion: Motion
+    tree: TreeArrays
+    closure: LoopClosure | None
+    planar: PlanarArrays
     series: Series
     rows: RowSeries
     inverse: Array  # (N,) reciprocals of the pivots D
     along: Array  # (N,) known joint forces
     torque: Array  # (n_b + 1,) known torques on the links that P does not contain
     lam: Array  # (q,) multipliers of an order
-    end: Array  # (n_z,) state at the end of a step, or at a sample
-    size: Array  # (5,) sizes of the kinds of components
+    rank: Array  # (1,) rank of the rows in the first state
 
 
 def has_series(arrays: TreeSystem, tree_alone: bool) -> bool:
@@ -87,65 +81,68 @@ def has_series(arrays: TreeSystem, tree_alone: bool) -> bool:
     return tree_alone or knows_rows(planar.row_table)
 
 
-def taylor_scratch(z: Array, arrays: TreeSystem, closure: LoopClosure | None) -> TaylorScratch:
-    """Return work arrays for a motion from the state z of a mechanism that has series."""
-    planar, n = arrays.planar, len(arrays.tree.free)
+def taylor_arrays(motion: Motion, system: SystemRecord) -> TaylorArrays:
+    """Return the record for a motion of a mechanism that has series."""
+    tree, closure, _, _, planar, _ = system
     assert planar is not None
-    return TaylorScratch(
-        series=series_arrays(len(arrays.tree.layout), n),
-        rows=row_series(planar.row_table if closure is not None else planar.row_table[:0], arrays.tree.length),
+    n = len(tree.free)
+    return TaylorArrays(
+        *(motion, tree, closure, planar),
+        series=series_arrays(len(tree.layout), n),
+        rows=row_series(planar.row_table if closure is not None else planar.row_table[:0], tree.length),
         inverse=np.zeros(n),
         along=np.zeros(n),
-        torque=np.zeros(len(arrays.tree.link)),
+        torque=np.zeros(len(tree.link)),
         lam=np.zeros(0 if closure is None else len(closure.value)),
-        end=np.empty(len(z)),
-        size=np.empty(5),
+        rank=np.zeros(1, dtype=np.int64),
     )
 
 
+@kernel
 def order_for(tolerance: float) -> int:
     """Return the order of the series for a tolerance."""
-    return min(LARGEST_ORDER, math.ceil(1.0 - 0.7 * math.log(tolerance)))
+    return int(min(LARGEST_ORDER, np.ceil(1.0 - 0.7 * np.log(tolerance))))
 
 
 @fused
 def _begin_step(
-    tree: TreeArrays, closure: LoopClosure | None, planar: PlanarArrays, scratch: TaylorScratch, t: float, z: Array
+    tree: TreeArrays, closure: LoopClosure | None, planar: PlanarArrays, arrays: TaylorArrays, t: float, z: Array
 ) -> None:
-    """Factorise the matrices common to all orders, and begin the series, at a state where the links are placed."""
+    """Factorise the matrices common to all orders, and begin the series."""
+    place_planar_links(tree.link, tree.free, z, z[tree.first_speed :])
     planar_inward_sweep(tree.link, tree.free, False)
-    begin_series(tree.link, tree.free, scratch.series.link, scratch.series.q, tree.first_speed, z, scratch.inverse)
+    begin_series(tree.link, tree.free, arrays.series.link, arrays.series.q, tree.first_speed, z, arrays.inverse)
     if closure is not None:
-        loops, qr, rows = closure.loops, closure.qr, scratch.rows
+        loops, qr, rows = closure.loops, closure.qr, arrays.rows
         mark_active_rows(loops.group, qr.order, qr.state, qr.active)
         evaluate_rows(closure, None, None, planar, t, z)
         factorise_rows(closure, None, planar)
-        begin_rows(rows.kind, rows.row_table, rows.coef, closure.link, scratch.series.link)
+        begin_rows(rows.kind, rows.row_table, rows.coef, closure.link, arrays.series.link)
 
 
 @fused
 def _solve_order(
-    tree: TreeArrays, closure: LoopClosure | None, planar: PlanarArrays, scratch: TaylorScratch, m: int
+    tree: TreeArrays, closure: LoopClosure | None, planar: PlanarArrays, arrays: TaylorArrays, m: int
 ) -> None:
     """Solve for the accelerations of order m, and compute the coefficients that follow from them."""
-    link, free, coef, q = tree.link, tree.free, scratch.series.link, scratch.series.q
-    known_forces(link, free, coef, q, m, scratch.along, scratch.torque)
+    link, free, coef, q = tree.link, tree.free, arrays.series.link, arrays.series.q
+    known_forces(link, free, coef, q, m, arrays.along, arrays.torque)
     if closure is not None:
-        qr, rows = closure.qr, scratch.rows
-        known_row_forces(rows.kind, rows.row_table, rows.coef, qr.active, coef, m, scratch.torque)
-    known_rotations(link, free, coef, q, m, scratch.torque)
-    sweep_biases(link, free, scratch.along, scratch.inverse)
+        qr, rows = closure.qr, arrays.rows
+        known_row_forces(rows.kind, rows.row_table, rows.coef, qr.active, coef, m, arrays.torque)
+    known_rotations(link, free, coef, q, m, arrays.torque)
+    sweep_biases(link, free, arrays.along, arrays.inverse)
     if closure is not None:
-        qr, rows = closure.qr, scratch.rows
+        qr, rows = closure.qr, arrays.rows
         planar_outward_sweep(link, free, closure.u, 1.0)
         known_row_accelerations(rows.kind, rows.row_table, rows.coef, qr.active, qr.W, coef, m, closure.gamma)
         loop_acceleration_residual(closure, None, planar)
         least_norm_forces(closure)
-        multipliers(closure.loops.group, qr.order, qr.state, qr.F, qr.y, scratch.lam)
-    next_order(link, free, coef, q, scratch.inverse, m)
+        multipliers(closure.loops.group, qr.order, qr.state, qr.F, qr.y, arrays.lam)
+    next_order(link, free, coef, q, arrays.inverse, m)
     if closure is not None:
-        qr, rows = closure.qr, scratch.rows
-        row_forces(rows, qr.active, qr.W, link, coef, m, scratch.lam)
+        qr, rows = closure.qr, arrays.rows
+        row_forces(rows, qr.active, qr.W, link, coef, m, arrays.lam)
     joint_forces(link, free, coef, q, m)
 
 
@@ -190,76 +187,40 @@ def _evaluate_series(q: Array, first_speed: int, order: int, h: float, z: Array)
         z[n], z[first_speed + n] = value, rate
 
 
-@inner
-def _integrate(
-    system: KernelArguments,
-    z: Array,
-    times: Array,
-    tolerance: float,
-    order: int,
-    longest: float,
-    motion: Array,
-    counters: Array,
-) -> int:
-    """Integrate as `integrate_taylor`, compiled for each combination of arrays that are None."""
-    tree, closure, planar, scratch = system.tree, system.closure, system.planar, system.scratch
-    t, last, sample = times[0], times[-1], 1
-    q, end = scratch.series.q, scratch.end
-    allowed = (LAST_TERM * tolerance) ** (1.0 / order)
-    begin_motion(system, t, z, motion, counters)
-    rank = _rank(closure)
-    while sample < times.shape[0]:
-        _begin_step(tree, closure, planar, scratch, t, z)
-        for m in range(order):
-            _solve_order(tree, closure, planar, scratch, m)
-        counters[EVALUATIONS] += order
-        component_sizes(tree.kind, tree.length, z, scratch.size)
-        h = _radius(tree.kind, q, tree.first_speed, order, scratch.size) * allowed
-        if not h > 0.0:
-            return 2
-        step = step_length(min(h, longest), last - t)
-        if not step >= 1e-14 * max(1.0, abs(t)):
-            return 1
-        counters[STEPS] += 1
-        after = last if step == last - t else t + step
-        left = next_sample(times, sample, after)
-        for n in range(sample, left):
-            _evaluate_series(q, tree.first_speed, order, times[n] - t, end)
-            project_state(system, times[n], end, AT_SAMPLE)
-            record_sample(system, motion[n])
-        _evaluate_series(q, tree.first_speed, order, step, z)
-        t, sample, at_sample = after, left, left < times.shape[0] and times[left] == after
-        end_step(system, t, z, at_sample)
-        if _rank(closure) != rank:
-            return UNSUITABLE
-        if at_sample:
-            record_sample(system, motion[sample])
-            sample += 1
-    return 0
+@inlined
+def _prepare(arrays: TaylorArrays, t: float, z: Array) -> None:
+    """Compute the series at a new state, and propose a step."""
+    motion, tree, closure, planar = arrays.motion, arrays.tree, arrays.closure, arrays.planar
+    run = motion.run[0]
+    if run.h == 0.0:
+        arrays.rank[0] = _rank(closure)
+    elif arrays.rank[0] != _rank(closure):
+        run.status = UNSUITABLE
+        return
+    order = order_for(run.tolerance)
+    _begin_step(tree, closure, planar, arrays, t, z)
+    for m in range(order):
+        _solve_order(tree, closure, planar, arrays, m)
+    run.evaluations += order
+    component_sizes(motion.kind, motion.length, z, motion.size)
+    radius = _radius(motion.kind, arrays.series.q, tree.first_speed, order, motion.size)
+    run.h = radius * (LAST_TERM * run.tolerance) ** (1.0 / order)
+    if not run.h > 0.0:
+        run.status = 2
 
 
-@kernel
-def integrate_taylor(
-    run: KernelArguments,
-    z: Array,
-    times: Array,
-    tolerance: float,
-    order: int,
-    longest: float,
-    motion: Array,
-    counters: Array,
-) -> int:
-    """Integrate from ``times[0]`` and record the bodies at all sample times.
+@Operation
+def step(arrays: TaylorArrays, request: int, t: float, z: Array, out: Array) -> float:
+    """Answer the requests of the driver: see `motion.PREPARE`. No step is rejected; the series is the dense output."""
+    run = arrays.motion.run[0]
+    if request == PREPARE:
+        _prepare(arrays, t, z)
+    elif request != INTERPOLATE:
+        run.factor = 1.0
+        after = run.step if request == ATTEMPT else t
+        _evaluate_series(arrays.series.q, arrays.tree.first_speed, order_for(run.tolerance), after, out)
+    return 0.0
 
-    Parameters
-    ----------
-    run, z, times, tolerance, longest, motion, counters : see `explicit_rk.integrate`
-    order : int
-        Order of the series, at most LARGEST_ORDER.
 
-    Returns
-    -------
-    int
-        Key of STATUS.
-    """
-    return _integrate(fields_of(run), z, times, tolerance, order, longest, motion, counters)
+STEPPERS = {"taylor": Stepper(taylor_arrays, step)}
+"""The method by its name; for mechanisms that have series."""

@@ -1,0 +1,76 @@
+"""Kernels that other kernels call by address, all with one signature: ``f(record, request, t, z, out) -> float``.
+
+A kernel that names another one contains its machine code, for each type of its arguments. An integrator that named the
+kernels of a mechanism would be compiled with them for each type of mechanism; it is given their addresses instead, and
+is compiled once. A call by address takes about two nanoseconds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from llvmlite import ir
+from numba import config, types
+from numba.extending import intrinsic, overload
+
+from consilience.mechanism import Array
+from consilience.reference.kernel.compiled import compile_operation
+from consilience.reference.kernel.mechanism_record import RecordType, type_of
+
+_VECTOR = types.Array(types.float64, 1, "C")
+
+_OTHERS = types.int64, types.float64, _VECTOR, _VECTOR
+"""Types of the arguments behind the record."""
+
+
+class Operation:
+    """A kernel called by address.
+
+    Parameters
+    ----------
+    function : callable
+        ``f(record, request, t, z, out)`` with a record of `mechanism_record`, the number of what is asked, a time in
+        s, and arrays of one dimension, which are read or overwritten; returns a float.
+    """
+
+    def __init__(self, function: Callable[[Any, int, float, Array, Array], float]) -> None:
+        self.function, self.__doc__ = function, function.__doc__
+        self._compiled: dict[RecordType, Any] = {}
+
+    def address(self, record: Any) -> Any:
+        """Return the address of the kernel for the type of a record; the function itself where Numba is disabled."""
+        if config.DISABLE_JIT:
+            return self.function
+        kind = type_of(record)
+        if kind not in self._compiled:
+            signature = types.float64(kind, *_OTHERS)
+            self._compiled[kind] = compile_operation(self.function, signature)
+        return self._compiled[kind].address
+
+
+def address_of(record: Any) -> Any:
+    """Return the address of a record of `record_of`; the tuple itself where Numba is disabled."""
+    return record if config.DISABLE_JIT else record.address
+
+
+def call(operation: Any, record: Any, request: int, t: float, z: Array, out: Array) -> float:
+    """Call, in a kernel, an operation with a record, both given by their addresses."""
+    return float(operation(record, request, t, z, out))
+
+
+@intrinsic
+def _call(context: Any, operation: Any, record: Any, request: Any, t: Any, z: Any, out: Any) -> tuple[Any, Any]:
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        function, record, *others = values
+        address = context.get_value_type(types.voidptr)
+        kinds = [address, *map(context.get_value_type, signature.args[2:])]
+        pointer = ir.FunctionType(context.get_value_type(signature.return_type), kinds).as_pointer()
+        return builder.call(builder.inttoptr(function, pointer), [builder.inttoptr(record, address), *others])
+
+    return types.float64(operation, record, *_OTHERS), generate
+
+
+@overload(call, inline="always")
+def _call_by_address(operation, record, request, t, z, out):  # type: ignore[no-untyped-def] # Numba compares this line
+    return lambda operation, record, request, t, z, out: _call(operation, record, request, t, z, out)  # noqa: PLW0108
