@@ -42,9 +42,10 @@ REFERENCE_CAPTIONS = {
     "engine": "as an engine",
     "formulations": "equations by name",
     "impacts": "contacts",
-    "integrators": "coefficients, steps",
+    "integrators": "tables, methods",
     "kernel": "compiled ground",
     "solver": "simulate",
+    "steppers": "compiled steps",
     "tree": "joint coordinates",
 }
 """The same for the rooms of `reference`."""

@@ -38,6 +38,22 @@ def test_kernels_count_as_compiled_with_those_of_motions_or_without_a_compiler(m
     assert warm_up.compiled()
 
 
+def test_the_library_announces_compilation_once(tmp_path):
+    code = "import consilience as cs, consilience.reference as r; cs.simulate, r.simulate, r.formulation"
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    environment.pop("NUMBA_DISABLE_JIT", None)
+
+    def said():
+        command = [sys.executable, "-c", code]
+        return subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stderr
+
+    (line,) = said().splitlines()
+    assert line.startswith("compiling the reference solver")
+    assert str(tmp_path) in line
+    (tmp_path / f"kernels-{digest(SOURCE)}" / "kernel.nbi").touch()
+    assert said() == ""
+
+
 HEAD = "from consilience.reference.kernel.compiled import inner, kernel\n"
 CALLEE = HEAD + "@inner\ndef times(x):\n    return {} * x\n"
 CALLER = HEAD + (

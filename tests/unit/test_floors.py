@@ -24,6 +24,7 @@ FLOORS = (
 REFERENCE = (
     ("kernel",),
     ("bodies", "integrators"),
+    ("steppers",),
     ("formulations", "tree"),
     ("solver",),
     ("impacts",),

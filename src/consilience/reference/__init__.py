@@ -11,6 +11,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from consilience.errors import NumericalFailure
+from consilience.reference.kernel.cache import announce_compilation
 
 if TYPE_CHECKING:
     from consilience.reference.formulations.registry import FORMULATIONS, SYSTEMS, formulation, unsupported
@@ -39,4 +40,5 @@ _MODULES = {
 def __getattr__(name: str) -> Any:
     if name not in _MODULES:
         raise AttributeError(f"module 'consilience.reference' has no attribute '{name}'")
+    announce_compilation()
     return getattr(import_module(f"consilience.reference.{_MODULES[name]}"), name)

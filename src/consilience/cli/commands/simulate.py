@@ -15,31 +15,14 @@ from consilience.cli.options import CaseName, EngineName, JobLimit, chosen_engin
 
 @contextmanager
 def _reference_in_this_process() -> Iterator[None]:
-    """Let Ctrl-C end compiled kernels of the reference, and say which kernel is being compiled."""
-    from numba.core.event import Event, Listener, install_listener
+    """Say whether kernels of the reference are to be compiled, and let Ctrl-C end them."""
+    from consilience.reference.kernel.cache import announce_compilation
 
-    from consilience.cli.terminal import err
-
-    class CompilationListener(Listener):  # type: ignore[misc]
-        kernels = 0
-
-        def on_start(self, event: Event) -> None:
-            """Show the kernel that is compiled; before the first one, announce that compilation takes a while."""
-            if self.kernels == 0:
-                err.print("compiling the reference solver for this machine: about a minute, the first time only")
-                status.start()
-            self.kernels += 1
-            status.update(f"kernel {self.kernels}: {event.data['dispatcher'].__name__}")
-
-        def on_end(self, event: Event) -> None: ...
-
-    status = err.status("")
+    announce_compilation()
     before = signal.signal(signal.SIGINT, signal.SIG_DFL)
     try:
-        with install_listener("numba:compile", CompilationListener()):
-            yield
+        yield
     finally:
-        status.stop()
         signal.signal(signal.SIGINT, before)
 
 

@@ -7,6 +7,7 @@ does. With a folder for each state of the sources, a kernel never runs with kern
 from __future__ import annotations
 
 import hashlib
+import logging
 import os
 from functools import cache
 from pathlib import Path
@@ -33,3 +34,13 @@ def kernels_folder() -> Path:
     """Return the folder of the compiled kernels, in NUMBA_CACHE_DIR or else beside this file; make nothing."""
     named = os.environ.get("NUMBA_CACHE_DIR")
     return (Path(named) if named else Path(__file__).parent / "__pycache__") / f"kernels-{digest(_PACKAGE)}"
+
+
+@cache
+def announce_compilation() -> None:
+    """Log, once in a process, that kernels are to be compiled, where none of these sources are in the folder."""
+    if os.environ.get("NUMBA_DISABLE_JIT", "0") == "0" and not kernels_folder().exists():
+        what = (
+            "compiling the reference solver for this machine, the first time only: a minute or two in all; kept in %s"
+        )
+        logging.getLogger("consilience").warning(what, kernels_folder())

@@ -9,34 +9,24 @@ The files in reading order:
 ====================  =================================================================================
 arrays                the state z, the arrays of the kernels, and their common arguments
 records               records of links, free directions, joints, rows, forces, groups and series
-cut_joints            joints that close loops
-loop_groups           groups of rows that close loops, in the order of their elimination
+loop_groups           groups of rows that close loops, in the order of their elimination, and their arrays
 kinematics            positions and velocities of links and bodies, outward along the tree
 inertia               articulated inertias as tuples
 articulated           articulated-body algorithm: inward and outward sweep
-loop_rows             rows of cut joints as wrenches on links; their residuals
+loop_rows             joints that close loops; their rows as wrenches on links; their residuals
 multifrontal          QR of the whitened responses of the tree to the rows, front by front
-reduced               arrays of `few_freedoms`
 few_freedoms          elimination of the rows where few freedoms are left
 planar_detection      mechanisms that move in parallel planes
 planar                sweeps and responses in a plane
 planar_rows           rows and force elements in a plane
 either                calls of the kernels of space or of a plane
 dynamics              accelerations and state derivative
-closing               projection of a state by elimination
 projection            projection of a state, selection of independent rows
 state                 state z of a canonical state
-step_control          component sizes and step lengths
-methods               the explicit Runge-Kutta pairs
-dense_output          polynomial between the ends of a step
 system                a mechanism as integrators see it: derivative, projection, samples
-explicit_rk           integrator: explicit pairs of order 8
-gauss                 integrator: collocation of order 16
-radau_coefficients    coefficients of Radau IIA of order 13
-radau13               integrator: Radau IIA of order 13
 taylor_series         Taylor coefficients of a planar tree
 taylor_rows           Taylor coefficients of its loop closures
-taylor                integrator: Taylor's method
+taylor                stepper of `steppers`: Taylor's method
 forward_dynamics      accelerations at one state, many states, many parameter sets
 solver                motions of a mechanism, from canonical states to canonical states
 formulation           the form behind the protocol of all formulations

@@ -31,7 +31,7 @@ loops, qr : Loops and MultifrontalQR
     See `loop_groups`; their arrays group, touched, path, own_directions, owner and W, wrench, F, tau, x, y, order,
     state, active, target are arguments of their own in inner kernels.
 elimination : EliminationArrays
-    See `reduced`.
+    See `loop_groups`.
 t, z, dz, u : float, ndarrays of shapes (n_z,), (n_z,), (N,)
     Time in s, state, its derivative, accelerations (or displacements) of the free directions.
 first_speed : int
@@ -56,10 +56,16 @@ from consilience.reference.bodies.spanning_tree import TreeModel, flatten_tree
 from consilience.reference.kernel.functions import Functions
 from consilience.reference.kernel.mechanism_record import record_of
 from consilience.reference.steppers.motion import ANGLE, DISTANCE, INTEGRAL, SPEED, SPIN
-from consilience.reference.tree.cut_joints import CutJoints, cut_joints
-from consilience.reference.tree.loop_groups import Loops, MultifrontalQR, find_loop_groups, multifrontal_arrays
+from consilience.reference.tree.loop_groups import (
+    EliminationArrays,
+    Loops,
+    MultifrontalQR,
+    elimination_arrays,
+    find_loop_groups,
+    multifrontal_arrays,
+)
+from consilience.reference.tree.loop_rows import CutJoints, cut_joints
 from consilience.reference.tree.records import FREE, LAYOUT, LINK, constants_of
-from consilience.reference.tree.reduced import EliminationArrays, elimination_arrays
 
 LARGEST_RANK, LEAST_FRONT_PIVOT, ELIMINATION_PIVOT = np.array([0, 1, 2])
 """Entries of `LoopClosure.best`: largest rank so far, its largest least pivot in the fronts, and in `few_freedoms`."""

@@ -12,6 +12,7 @@ from consilience.reference.tree.arrays import LoopClosure, Planar, Spatial, Tree
 from consilience.reference.tree.articulated import articulated_inertias, outward_sweep, rigid_inertias
 from consilience.reference.tree.few_freedoms import ONE_TARGET, link_motions, solve_rows, store_targets
 from consilience.reference.tree.kinematics import place_bodies, place_links
+from consilience.reference.tree.loop_groups import EliminationArrays
 from consilience.reference.tree.loop_rows import (
     acceleration_residual,
     evaluate_joint_rows,
@@ -32,7 +33,6 @@ from consilience.reference.tree.planar_rows import (
     planar_acceleration_residual,
     planar_velocity_residual,
 )
-from consilience.reference.tree.reduced import EliminationArrays
 
 
 @inlined

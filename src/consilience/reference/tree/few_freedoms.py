@@ -19,8 +19,7 @@ from consilience.reference.kernel.compiled import fused, inner, kernel
 from consilience.reference.kernel.vectors import Vector, add, cross, dot, load, put, scale, sub
 from consilience.reference.tree.inertia import load_six, symmetric_times
 from consilience.reference.tree.kinematics import load_vector, store_vector
-from consilience.reference.tree.loop_groups import TOUCHED, Loops, MultifrontalQR
-from consilience.reference.tree.reduced import EliminationArrays
+from consilience.reference.tree.loop_groups import TOUCHED, EliminationArrays, Loops, MultifrontalQR
 
 FREEDOMS = 6
 """Largest number f of independent directions."""
@@ -261,7 +260,7 @@ def _reduced_equations(link: Array, freedoms: int, V: Array, G: Array, velocity_
 
 @fused
 def add_link_accelerations(link: Array, freedoms: int, V: Array, G: Array) -> None:
-    """Add ``sum V_e alpha_e``, of `reduced.EliminationArrays`, to the accelerations of the links."""
+    """Add ``sum V_e alpha_e``, of `loop_groups.EliminationArrays`, to the accelerations of the links."""
     for e in range(freedoms):
         alpha = G[e, freedoms]
         for k in range(link.shape[0] - 1):

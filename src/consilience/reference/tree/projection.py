@@ -1,8 +1,9 @@
 """Projection of a state z onto the constraint manifold, and selection of independent rows, in space or in a plane.
 
 Coordinates by Newton's method, ``J u = -g(z)``, then speeds, ``J du' = rate - Q v``, both of least M-norm [MASS,
-"assembling during integration"]. The rank is found where the constraints hold and kept until the next projection:
-docs/formulations.md, "Constraints along a motion".
+"assembling during integration"]. Where few freedoms are left, in space, by elimination (`few_freedoms`); where that is
+singular or does not close the loops, and elsewhere, by the fronts (`multifrontal`). The rank is found where the
+constraints hold and kept until the next projection: docs/formulations.md, "Constraints along a motion".
 """
 
 from __future__ import annotations
@@ -10,31 +11,38 @@ from __future__ import annotations
 import numpy as np
 
 from consilience.mechanism import Array
-from consilience.reference.kernel.compiled import inlined, inner, kernel
+from consilience.reference.kernel.compiled import fused, inlined, inner, kernel
 from consilience.reference.tree.arrays import (
+    ELIMINATION_PIVOT,
     LARGEST_RANK,
     LEAST_FRONT_PIVOT,
     LoopClosure,
     Planar,
     Spatial,
+    SpatialArrays,
     TreeElements,
 )
-from consilience.reference.tree.closing import (
-    NEGLIGIBLE,
-    NEWTON_STEPS,
-    largest_entry,
-    project_by_elimination,
-    record_pivot,
-    row_violation,
-)
+from consilience.reference.tree.articulated import rigid_inertias
 from consilience.reference.tree.either import (
     articulate_tree,
+    eliminate_rows,
+    evaluate_rows,
     loop_velocity_residual,
+    measure_largest_row,
     place_state,
     row_responses,
     sweep_accelerations,
 )
-from consilience.reference.tree.few_freedoms import REGULAR_PIVOT
+from consilience.reference.tree.few_freedoms import (
+    REGULAR_PIVOT,
+    TWO_TARGETS,
+    count_active_rows,
+    has_few_freedoms,
+    solve_reduced,
+    solve_reduced_again,
+    solve_rows,
+    store_targets,
+)
 from consilience.reference.tree.kinematics import displace, normalise
 from consilience.reference.tree.multifrontal import PIVOTING, factorise, least_norm_forces, rank_threshold
 
@@ -46,6 +54,114 @@ AT_SAMPLE = np.array([True])[0]
 
 _SINGULAR_VIOLATION = 1e-11
 """Largest violation of rows that are left out near a singular pose."""
+
+
+NEWTON_STEPS = 3
+"""Largest number of Newton steps."""
+
+NEGLIGIBLE = 1e-9
+"""Correction, rad or m, whose square is lost in rounding: another Newton step would change nothing."""
+
+
+@inner
+def largest_entry(x: Array, count: int) -> float:
+    """Return the largest magnitude of the first entries of an array."""
+    found = 0.0
+    for n in range(count):
+        found = max(found, abs(x[n]))
+    return found
+
+
+@inner
+def row_violation(
+    closure: LoopClosure, spatial: Spatial, elements: TreeElements | None, planar: Planar, t: float, z: Array
+) -> float:
+    """Evaluate all rows at the placed links; return the largest violation over the length of the mechanism.
+
+    Parameters
+    ----------
+    closure, spatial, elements, planar, t, z : see `arrays`
+    """
+    closure.qr.active[:] = 1
+    evaluate_rows(closure, spatial, elements, planar, t, z)
+    measure_largest_row(closure, spatial, planar)
+    return largest_entry(closure.value, closure.position_rows) / max(1.0, closure.length)
+
+
+@inlined
+def _is_regular(closure: LoopClosure, spatial: SpatialArrays) -> bool:
+    """Return whether elimination may project: few freedoms, and only position rows, all independent so far.
+
+    Dependent rows are excluded because their independent subset is selected anew after each step.
+    """
+    group, state, count = closure.loops.group, closure.qr.state, closure.qr.W.shape[0]
+    return (
+        has_few_freedoms(group, state, spatial.elimination.independent)
+        and count_active_rows(group, state) == count
+        and closure.best[LARGEST_RANK] == count
+        and closure.position_rows == count
+    )
+
+
+@inlined
+def record_pivot(closure: LoopClosure, spatial: SpatialArrays) -> None:
+    """Record the least pivot of the rows once."""
+    if closure.best[ELIMINATION_PIVOT] == 0.0 and _is_regular(closure, spatial):
+        closure.best[ELIMINATION_PIVOT] = eliminate_rows(closure, spatial.elimination)[2]
+
+
+@inner
+def _is_regular_pivot(least: float, best: Array) -> bool:
+    """Return whether the least pivot is about as large as it has been."""
+    return REGULAR_PIVOT * best[ELIMINATION_PIVOT] <= least <= best[ELIMINATION_PIVOT]
+
+
+@fused
+def project_by_elimination(
+    closure: LoopClosure, spatial: SpatialArrays, elements: TreeElements | None, t: float, z: Array, at_sample: bool
+) -> bool:
+    """Project coordinates and speeds together, as `projection.project`; return whether the loops are closed.
+
+    Speeds are projected with the Jacobian of the pose before its correction u; the error is O(u v). At a sample another
+    step removes this error, elsewhere the next time step does. Returns False, with z as close as it came, where the
+    rows are not `_is_regular` or the least pivot is not `_is_regular_pivot`.
+
+    Parameters
+    ----------
+    closure, spatial, elements, t, z, at_sample : see `arrays`
+    """
+    loops, qr, elimination = closure.loops, closure.qr, spatial.elimination
+    link, free, u = closure.link, closure.free, closure.u
+    group, order, state, value, target = loops.group, qr.order, qr.state, closure.value, qr.target
+    if closure.best[ELIMINATION_PIVOT] == 0.0 or not _is_regular(closure, spatial):
+        return False
+    closed = False
+    for _ in range(NEWTON_STEPS + 1):
+        rigid_inertias(link)
+        row_violation(closure, spatial, elements, None, t, z)
+        loop_velocity_residual(closure, spatial, None)
+        store_targets(group, order, state, target, elimination.J, u.shape[0] + 1)
+        for row in range(target.shape[0]):
+            target[row] = -value[row]
+        store_targets(group, order, state, target, elimination.J, u.shape[0])
+        rows, freedoms, least = solve_rows(loops, qr, elimination, link, free, TWO_TARGETS)
+        if not _is_regular_pivot(least, closure.best):
+            # the fronts, which project instead, then update their largest least pivot, too
+            closure.best[ELIMINATION_PIVOT] = max(closure.best[ELIMINATION_PIVOT], least)
+            return False
+        solve_reduced(elimination, rows, freedoms, link, free, u, 0.0)
+        displace(closure.layout, z, u)
+        last = closed or not at_sample
+        closed = largest_entry(u, u.shape[0]) < NEGLIGIBLE
+        solve_reduced_again(elimination, rows, freedoms, link, free, u)
+        for n in range(u.shape[0]):
+            z[closure.first_speed + n] += u[n]
+        done = closed and last
+        if at_sample or elements is not None or not done:
+            place_state(closure, spatial, elements, None, z)
+        if done:
+            return True
+    return False
 
 
 @inner
