@@ -39,8 +39,7 @@ def kernels_folder() -> Path:
 @cache
 def announce_compilation() -> None:
     """Log, once in a process, that kernels are to be compiled, where none of these sources are in the folder."""
-    if os.environ.get("NUMBA_DISABLE_JIT", "0") == "0" and not kernels_folder().exists():
-        what = (
-            "compiling the reference solver for this machine, the first time only: a minute or two in all; kept in %s"
-        )
-        logging.getLogger("consilience").warning(what, kernels_folder())
+    folder = kernels_folder()
+    if os.environ.get("NUMBA_DISABLE_JIT", "0") == "0" and next(folder.rglob("*.nbi"), None) is None:
+        what = "compiling the reference solver for this machine: a minute or two, the first time only; kept in %s"
+        logging.getLogger("consilience").warning(what, folder)
