@@ -16,7 +16,6 @@ import numpy as np
 from consilience.mechanism import (
     BASIC_CONSTRAINTS,
     Array,
-    Coupling,
     Function,
     Joint,
     Mechanism,
@@ -24,6 +23,7 @@ from consilience.mechanism import (
     plane_axes,
     rotation_from_quaternion,
 )
+from consilience.reference.bodies import records
 from consilience.reference.kernel.functions import Functions, flatten_functions
 from consilience.reference.kernel.mechanism_record import record_of
 
@@ -55,58 +55,37 @@ class Model(NamedTuple):
     first_row: Array  # (n_j + 1,)
     row_kind: Array  # (q,) index into ROWS
     row_target: Array  # (q,)
-    coordinate: Array  # (n_c, 2) joint, ANGLE or DISTANCE
+    coordinate: Array  # (n_c,) of COORDINATE
     counted: Array  # (n_c,) true for an angle whose full turns are counted
     functions: Functions
-    spring_body: Array  # (n, 2)
-    spring_arm: Array  # (n, 2, 3)
-    spring_law: Array  # (n, 3) k, c, L0
-    spring_function: Array  # (n,) actuator, -1 for none
-    joint_spring: Array  # (n, 2) coordinate; actuator, -1 for none
-    joint_spring_law: Array  # (n, 3) k, c, rest
-    friction: Array  # (n,) coordinate
-    friction_law: Array  # (n, 3) viscous, Coulomb, speed
-    control: Array  # (n, 2) coordinate, target
-    control_law: Array  # (n, 3) P, I, D
-    load_body: Array  # (n,)
-    load_kind: Array  # (n, 2) 0 force or 1 torque; 0 world or 1 body
-    load_vector: Array  # (n, 3)
-    load_arm: Array  # (n, 3)
-    load_function: Array  # (n,) history, -1 for none
-    drive: Array  # (n, 2) coordinate, function
-    coupling: Array  # (n, 3) coordinate, that of the driver, function
-    rolling_body: Array  # (n,)
-    rolling_arm: Array  # (n, 3) centre
-    rolling_axis: Array  # (n, 3)
-    rolling_plane: Array  # (n, 3, 3) normal and two directions in the plane, as rows
-    rolling_point: Array  # (n, 3)
-    rolling_radii: Array  # (n, 2) R, r
-    skate_body: Array  # (n,)
-    skate_arm: Array  # (n, 3)
-    skate_lateral: Array  # (n, 3)
+    spring: Array  # the rest are records of `bodies.records`: (n,) of SPRING
+    joint_spring: Array
+    friction: Array
+    control: Array
+    load: Array
+    drive: Array
+    coupling: Array
+    rolling: Array
+    skate: Array
 
 
 def holonomic_rows(model: Model) -> int:
     """Count the rows at position level."""
-    return len(model.row_kind) + len(model.drive) + len(model.coupling) + len(model.rolling_body)
+    return len(model.row_kind) + len(model.drive) + len(model.coupling) + len(model.rolling)
 
 
 def all_rows(model: Model) -> int:
     """Count all rows, the non-holonomic ones included."""
-    return holonomic_rows(model) + 2 * len(model.rolling_body) + len(model.skate_body)
+    return holonomic_rows(model) + 2 * len(model.rolling) + len(model.skate)
 
 
-def _table(rows: list[list[float]], width: int) -> Array:
-    return np.array(rows, dtype=float).reshape(-1, width)
-
-
-def _vectors(rows: list[Array] | list[list[Array]], *shape: int) -> Array:
+def _vectors(rows: list[Array], *shape: int) -> Array:
     """Return vectors as an array of shape (n, *shape, 3)."""
     return np.array(rows, dtype=float).reshape(-1, *shape, 3)
 
 
-def _indices(rows: list[int] | list[list[int]], *width: int) -> Array:
-    return np.array(rows, dtype=np.int64).reshape(-1, *width)
+def _indices(rows: list[int]) -> Array:
+    return np.array(rows, dtype=np.int64)
 
 
 class _Numbers:
@@ -121,14 +100,9 @@ class _Numbers:
         key = (self.joints[joint], _COORDINATES[name])
         return self.coordinates.setdefault(key, len(self.coordinates))
 
-    def pair(self, element: Any, function: Function | None) -> list[int]:
-        """Return the indices of the joint coordinate of an element and of its function."""
-        return [self.coordinate(element.joint, element.coordinate), self.function(function)]
-
-    def triple(self, coupling: Coupling) -> list[int]:
-        """Return the indices of both coordinates of a coupling and of its law."""
-        first = self.coordinate(coupling.joint, coupling.coordinate)
-        return [first, self.coordinate(coupling.driver_joint, coupling.driver_coordinate), self.function(coupling.law)]
+    def of(self, element: Any) -> int:
+        """Return the index of the joint coordinate of an element."""
+        return self.coordinate(element.joint, element.coordinate)
 
     def function(self, function: Function | None) -> int:
         if function is None:
@@ -160,42 +134,49 @@ def _arm(mechanism: Mechanism, body: str, point: Array) -> Array:
 
 
 def _force_arrays(mechanism: Mechanism, number: _Numbers) -> dict[str, Array]:
-    index, springs, loads = mechanism.body_index, mechanism.springs, mechanism.loads
-    arm_i = [_arm(mechanism, s.predecessor, s.point_predecessor) for s in springs]
-    arm_j = [_arm(mechanism, s.successor, s.point_successor) for s in springs]
+    index, of, function = mechanism.body_index, number.of, number.function
+    springs = [
+        (
+            *(index[s.predecessor], index[s.successor]),
+            *(_arm(mechanism, s.predecessor, s.point_predecessor), _arm(mechanism, s.successor, s.point_successor)),
+            *(s.stiffness, s.damping, s.free_length, function(s.actuator)),
+        )
+        for s in mechanism.springs
+    ]
+    joint_springs = [(of(s), function(s.actuator), s.stiffness, s.damping, s.rest) for s in mechanism.joint_springs]
+    frictions = [(of(f), f.viscous, f.coulomb, f.speed) for f in mechanism.frictions]
+    controls = [(of(c), function(c.target), c.proportional, c.integral, c.derivative) for c in mechanism.controls]
+    loads = [
+        (
+            *(index[a.body], a.kind == "torque", a.frame == "body"),
+            *(a.vector, _arm(mechanism, a.body, a.point), function(a.history)),
+        )
+        for a in mechanism.loads
+    ]
     return {
-        "spring_body": _indices([[index[s.predecessor], index[s.successor]] for s in springs], 2),
-        "spring_arm": _vectors([list(ends) for ends in zip(arm_i, arm_j, strict=True)], 2),
-        "spring_law": _table([[s.stiffness, s.damping, s.free_length] for s in springs], 3),
-        "spring_function": _indices([number.function(s.actuator) for s in springs]),
-        "joint_spring": _indices([number.pair(s, s.actuator) for s in mechanism.joint_springs], 2),
-        "joint_spring_law": _table([[s.stiffness, s.damping, s.rest] for s in mechanism.joint_springs], 3),
-        "friction": _indices([number.coordinate(f.joint, f.coordinate) for f in mechanism.frictions]),
-        "friction_law": _table([[f.viscous, f.coulomb, f.speed] for f in mechanism.frictions], 3),
-        "control": _indices([number.pair(c, c.target) for c in mechanism.controls], 2),
-        "control_law": _table([[c.proportional, c.integral, c.derivative] for c in mechanism.controls], 3),
-        "load_body": _indices([index[load.body] for load in loads]),
-        "load_kind": _indices([[int(load.kind == "torque"), int(load.frame == "body")] for load in loads], 2),
-        "load_vector": _vectors([load.vector for load in loads]),
-        "load_arm": _vectors([_arm(mechanism, load.body, load.point) for load in loads]),
-        "load_function": _indices([number.function(load.history) for load in loads]),
+        "spring": np.array(springs, records.SPRING),
+        "joint_spring": np.array(joint_springs, records.JOINT_SPRING),
+        "friction": np.array(frictions, records.FRICTION),
+        "control": np.array(controls, records.CONTROL),
+        "load": np.array(loads, records.LOAD),
     }
 
 
 def _constraint_arrays(mechanism: Mechanism, number: _Numbers) -> dict[str, Array]:
-    index, rollings, skates = mechanism.body_index, mechanism.rollings, mechanism.skates
+    index, of, function = mechanism.body_index, number.of, number.function
+    couplings = [
+        (of(c), number.coordinate(c.driver_joint, c.driver_coordinate), function(c.law)) for c in mechanism.couplings
+    ]
+    rollings = [
+        (*(index[r.body], _arm(mechanism, r.body, r.center), r.axis), *(plane_axes(r), r.point, r.radius, r.rounding))
+        for r in mechanism.rollings
+    ]
+    skates = [(index[s.body], _arm(mechanism, s.body, s.point), s.lateral) for s in mechanism.skates]
     return {
-        "drive": _indices([number.pair(d, d.motion) for d in mechanism.drives], 2),
-        "coupling": _indices([number.triple(c) for c in mechanism.couplings], 3),
-        "rolling_body": _indices([index[r.body] for r in rollings]),
-        "rolling_arm": _vectors([_arm(mechanism, r.body, r.center) for r in rollings]),
-        "rolling_axis": _vectors([r.axis for r in rollings]),
-        "rolling_plane": _vectors([plane_axes(r) for r in rollings], 3),
-        "rolling_point": _vectors([r.point for r in rollings]),
-        "rolling_radii": _table([[r.radius, r.rounding] for r in rollings], 2),
-        "skate_body": _indices([index[s.body] for s in skates]),
-        "skate_arm": _vectors([_arm(mechanism, s.body, s.point) for s in skates]),
-        "skate_lateral": _vectors([s.lateral for s in skates]),
+        "drive": np.array([(of(d), function(d.motion)) for d in mechanism.drives], records.DRIVE),
+        "coupling": np.array(couplings, records.COUPLING),
+        "rolling": np.array(rollings, records.ROLLING),
+        "skate": np.array(skates, records.SKATE),
     }
 
 
@@ -206,10 +187,10 @@ def _length(joints: tuple[Joint, ...], arrays: dict[str, Array]) -> float:
 
 def _counted(coordinate: Array, elements: dict[str, Array]) -> Array:
     """Mark the angles whose value is read; actuators and friction read rates alone."""
-    springs = elements["joint_spring"][elements["joint_spring_law"][:, 0] != 0.0]
-    readers = springs[:, :1], elements["control"][:, :1], elements["drive"][:, :1], elements["coupling"][:, :2]
-    read = np.concatenate([coordinates.ravel() for coordinates in readers])
-    return np.isin(np.arange(len(coordinate)), read) & (coordinate[:, 1] == ANGLE)
+    springs, couplings = elements["joint_spring"], elements["coupling"]
+    readers = springs[springs["stiffness"] != 0.0], elements["control"], elements["drive"], couplings
+    read = np.concatenate([*(reader["coordinate"] for reader in readers), couplings["driver"]])
+    return np.isin(np.arange(len(coordinate)), read) & (coordinate["kind"] == ANGLE)
 
 
 def flatten(mechanism: Mechanism) -> Model:
@@ -218,7 +199,7 @@ def flatten(mechanism: Mechanism) -> Model:
     joints = _joint_arrays(mechanism)
     elements = {**_force_arrays(mechanism, number), **_constraint_arrays(mechanism, number)}
     inertia = np.array([b.inertia for b in mechanism.bodies])
-    coordinate = _indices([list(key) for key in number.coordinates], 2)
+    coordinate = np.array(list(number.coordinates), records.COORDINATE)
     return record_of(
         Model(
             gravity=np.array(mechanism.gravity),

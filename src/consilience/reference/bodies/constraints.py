@@ -51,8 +51,8 @@ def _drives(model: Model, t: float, y: Array, ws: Workspace, first: int) -> int:
         Index of the first row.
     """
     for n in range(model.drive.shape[0]):
-        f, f_dot, f_ddot = functions.evaluate(model.functions, model.drive[n, 1], t)
-        q = coordinate(model, y, ws.A, model.drive[n, 0], f)
+        f, f_dot, f_ddot = functions.evaluate(model.functions, model.drive[n].motion, t)
+        q = coordinate(model, y, ws.A, model.drive[n].coordinate, f)
         ws.value[first + n] = q.value - f
         ws.rate[first + n] = f_dot
         ws.gamma[first + n] = q.row.gamma + f_ddot
@@ -72,9 +72,10 @@ def _couplings(model: Model, y: Array, turns: Array, ws: Workspace, first: int) 
         Index of the first row.
     """
     for n in range(model.coupling.shape[0]):
-        driver = coordinate(model, y, ws.A, model.coupling[n, 1], turns[model.coupling[n, 1]])
-        f, slope, bend = functions.evaluate(model.functions, model.coupling[n, 2], driver.value)
-        q = coordinate(model, y, ws.A, model.coupling[n, 0], f)
+        coupling = model.coupling[n]
+        driver = coordinate(model, y, ws.A, coupling.driver, turns[coupling.driver])
+        f, slope, bend = functions.evaluate(model.functions, coupling.law, driver.value)
+        q = coordinate(model, y, ws.A, coupling.coordinate, f)
         ws.value[first + n] = q.value - f
         ws.gamma[first + n] = q.row.gamma - slope * driver.row.gamma + bend * driver.rate**2
         place(ws.Q, first + n, ws.A, q.i, q.j, 1.0, q.row)
@@ -91,11 +92,11 @@ def _rolling_contact(model: Model, y: Array, A: Array, k: int) -> tuple[float, V
         m = n - (n . a) a,    mu = |m| (1 of a ball),    rho = -R m / mu - r n,
         height = n . (p + s - point) - R mu - r,    arm = s + rho,    bias = w x (w x s) + w x rho'.
     """
-    b = model.rolling_body[k]
-    R, r = model.rolling_radii[k]
+    rolling = model.rolling[k]
+    b, R, r = rolling.body, rolling.radius, rolling.rounding
     p, _, w = motion(y, A, b)
-    s, a = arm(A, b, load(model.rolling_arm[k])), arm(A, b, load(model.rolling_axis[k]))
-    n = load(model.rolling_plane[k, 0])
+    s, a = arm(A, b, load(rolling.arm)), arm(A, b, load(rolling.axis))
+    n = load(rolling.plane[0])
     a_dot = cross(w, a)
     m = sub(n, scale(dot(n, a), a))
     m_dot = scale(-1.0, add(scale(dot(n, a_dot), a), scale(dot(n, a), a_dot)))
@@ -103,32 +104,33 @@ def _rolling_contact(model: Model, y: Array, A: Array, k: int) -> tuple[float, V
     mu_dot = dot(m, m_dot) / mu
     rho = sub(scale(-R / mu, m), scale(r, n))
     rho_dot = scale(-R / mu, sub(m_dot, scale(mu_dot / mu, m)))
-    height = dot(n, sub(add(p, s), load(model.rolling_point[k]))) - R * mu - r
+    height = dot(n, sub(add(p, s), load(rolling.point))) - R * mu - r
     return height, add(s, rho), add(cross(w, cross(w, s)), cross(w, rho_dot))
 
 
 @inlined
 def _rollings(model: Model, y: Array, ws: Workspace, first: int) -> int:
     """Write the contact rows, then two slip rows, of all rolling bodies: n and two directions in the plane."""
-    count = model.rolling_body.shape[0]
+    count = model.rolling.shape[0]
     for k in range(count):
         height, s, bias = _rolling_contact(model, y, ws.A, k)
         for axis in range(3):
             row = first + k if axis == 0 else first + count + 2 * k + axis - 1
-            direction = load(model.rolling_plane[k, axis])
+            direction = load(model.rolling[k].plane[axis])
             ws.value[row] = height if axis == 0 else 0.0
             ws.gamma[row] = -dot(direction, bias)
-            add_coefficients(ws.Q, row, ws.A, model.rolling_body[k], 1.0, direction, cross(s, direction))
+            add_coefficients(ws.Q, row, ws.A, model.rolling[k].body, 1.0, direction, cross(s, direction))
     return first + 3 * count
 
 
 @inlined
 def _skates(model: Model, y: Array, ws: Workspace, first: int) -> None:
     """Write the rows of skates, ``l . (v + w x s) = 0``."""
-    for n in range(model.skate_body.shape[0]):
-        b = model.skate_body[n]
+    for n in range(model.skate.shape[0]):
+        skate = model.skate[n]
+        b = skate.body
         _, v, w = motion(y, ws.A, b)
-        s, lateral = arm(ws.A, b, load(model.skate_arm[n])), arm(ws.A, b, load(model.skate_lateral[n]))
+        s, lateral = arm(ws.A, b, load(skate.arm)), arm(ws.A, b, load(skate.lateral))
         ws.value[first + n] = 0.0
         sideways = dot(cross(w, lateral), add(v, cross(w, s)))
         ws.gamma[first + n] = -(sideways + dot(lateral, cross(w, cross(w, s))))

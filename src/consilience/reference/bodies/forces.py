@@ -78,20 +78,19 @@ def _joint_elements(model: Model, t: float, y: Array, turns: Array, ws: Workspac
         As in `constraints.evaluate`.
     """
     for n in range(model.joint_spring.shape[0]):
-        c = model.joint_spring[n, 0]
-        q = coordinate(model, y, ws.A, c, turns[c])
-        stiffness, damping, rest = load(model.joint_spring_law[n])
-        actuator = _factor(model, model.joint_spring[n, 1], t, 0.0)
-        _add_effort(ws.f, ws.A, q, actuator - stiffness * (q.value - rest) - damping * q.rate)
+        spring = model.joint_spring[n]
+        q = coordinate(model, y, ws.A, spring.coordinate, turns[spring.coordinate])
+        actuator = _factor(model, spring.actuator, t, 0.0)
+        _add_effort(ws.f, ws.A, q, actuator - spring.stiffness * (q.value - spring.rest) - spring.damping * q.rate)
     for n in range(model.friction.shape[0]):
-        c = model.friction[n]
+        c, law = model.friction[n].coordinate, model.friction[n]
         q = coordinate(model, y, ws.A, c, turns[c])
-        _add_effort(ws.f, ws.A, q, friction_effort(load(model.friction_law[n]), q.rate))
+        _add_effort(ws.f, ws.A, q, friction_effort((law.viscous, law.coulomb, law.speed), q.rate))
     for n in range(model.control.shape[0]):
-        c = model.control[n, 0]
-        q = coordinate(model, y, ws.A, c, turns[c])
-        target, target_rate, _ = functions.evaluate(model.functions, model.control[n, 1], t)
-        P, I, D = load(model.control_law[n])
+        control = model.control[n]
+        q = coordinate(model, y, ws.A, control.coordinate, turns[control.coordinate])
+        target, target_rate, _ = functions.evaluate(model.functions, control.target, t)
+        P, I, D = control.proportional, control.integral, control.derivative
         integral = y[model.mass.shape[0] + n // 13, n % 13]
         _add_effort(ws.f, ws.A, q, P * (target - q.value) + I * integral + D * (target_rate - q.rate))
 
@@ -108,8 +107,8 @@ def control_errors(model: Model, t: float, y: Array, turns: Array, ws: Workspace
         Its rows after those of the bodies are overwritten.
     """
     for n in range(model.control.shape[0]):
-        c = model.control[n, 0]
-        target = functions.evaluate(model.functions, model.control[n, 1], t)[0]
+        c = model.control[n].coordinate
+        target = functions.evaluate(model.functions, model.control[n].target, t)[0]
         q = coordinate(model, y, ws.A, c, turns[c])
         dy[model.mass.shape[0] + n // 13, n % 13] = target - q.value
 
@@ -152,18 +151,18 @@ def _springs(model: Model, t: float, y: Array, A: Array, f: Array) -> None:
     f : ndarray, shape (6 n_b,)
         Generalised forces, added to.
     """
-    for n in range(model.spring_body.shape[0]):
-        i, j = model.spring_body[n, 0], model.spring_body[n, 1]
-        s_i, s_j = arm(A, i, load(model.spring_arm[n, 0])), arm(A, j, load(model.spring_arm[n, 1]))
+    for n in range(model.spring.shape[0]):
+        spring = model.spring[n]
+        i, j = spring.i, spring.j
+        s_i, s_j = arm(A, i, load(spring.arm_i)), arm(A, j, load(spring.arm_j))
         r_i, v_i, w_i = motion(y, A, i)
         r_j, v_j, w_j = motion(y, A, j)
         d = sub(add(r_j, s_j), add(r_i, s_i))
         L = np.sqrt(dot(d, d))
         e = scale(1.0 / L, d)
         rate = dot(e, sub(add(v_j, cross(w_j, s_j)), add(v_i, cross(w_i, s_i))))
-        stiffness, damping, free_length = load(model.spring_law[n])
-        actuator = _factor(model, model.spring_function[n], t, 0.0)
-        force = scale(stiffness * (L - free_length) + damping * rate - actuator, e)
+        actuator = _factor(model, spring.actuator, t, 0.0)
+        force = scale(spring.stiffness * (L - spring.rest) + spring.damping * rate - actuator, e)
         _push(f, A, i, force, s_i, ZERO)
         _push(f, A, j, scale(-1.0, force), s_j, ZERO)
 
@@ -171,15 +170,16 @@ def _springs(model: Model, t: float, y: Array, A: Array, f: Array) -> None:
 @inlined
 def _loads(model: Model, t: float, A: Array, f: Array) -> None:
     """Add forces and torques fixed in the world or in a body."""
-    for n in range(model.load_body.shape[0]):
-        b = model.load_body[n]
-        vector = scale(_factor(model, model.load_function[n], t, 1.0), load(model.load_vector[n]))
-        if model.load_kind[n, 1] == 1:
+    for n in range(model.load.shape[0]):
+        applied = model.load[n]
+        b = applied.body
+        vector = scale(_factor(model, applied.history, t, 1.0), load(applied.vector))
+        if applied.on_body:
             vector = arm(A, b, vector)
-        if model.load_kind[n, 0] == 0:
-            _push(f, A, b, vector, arm(A, b, load(model.load_arm[n])), ZERO)
-        else:
+        if applied.is_torque:
             _push(f, A, b, ZERO, ZERO, vector)
+        else:
+            _push(f, A, b, vector, arm(A, b, load(applied.arm)), ZERO)
 
 
 @kernel
@@ -195,9 +195,9 @@ def evaluate(model: Model, t: float, y: Array, turns: Array, ws: Workspace) -> N
         w = load(y[b, 10:13])
         accumulate(ws.f[6 * b : 6 * b + 3], scale(model.mass[b], gravity))
         accumulate(ws.f[6 * b + 3 : 6 * b + 6], scale(-1.0, cross(w, rotate(model.inertia[b], w))))
-    if model.spring_body.shape[0]:
+    if model.spring.shape[0]:
         _springs(model, t, y, ws.A, ws.f)
     if turns.shape[0]:
         _joint_elements(model, t, y, turns, ws)
-    if model.load_body.shape[0]:
+    if model.load.shape[0]:
         _loads(model, t, ws.A, ws.f)

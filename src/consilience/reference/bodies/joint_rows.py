@@ -219,9 +219,9 @@ def coordinate(model: Model, y: Array, A: Array, n: int, near: float) -> Coordin
     n : int
     near : float, rad
     """
-    k = model.coordinate[n, 0]
+    k = model.coordinate[n].joint
     m = joint_motion(model, y, A, k)
-    if model.coordinate[n, 1] == DISTANCE:
+    if model.coordinate[n].kind == DISTANCE:
         row = basic_row(model, A, m, k, _Z)
         # the velocities of the centres of mass enter only through those of the frames' origins
         rate = dot(row.e, m.d_dot) + dot(cross(m.w_i, row.e), m.d)

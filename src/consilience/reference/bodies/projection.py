@@ -94,7 +94,7 @@ def project(model: Model, t: float, y: Array, turns: Array, ws: Workspace) -> No
     if ws.Q.shape[0] == 0:
         return
     rows = ws.Q.shape[0]
-    holonomic = rows - 2 * model.rolling_body.shape[0] - model.skate_body.shape[0]
+    holonomic = rows - 2 * model.rolling.shape[0] - model.skate.shape[0]
     last = False
     for step in range(_POSITION_STEPS + 1):
         rotations(y, ws.A)

@@ -198,7 +198,7 @@ def flatten_relative(mechanism: Mechanism) -> tuple[TreeLinks, TreeModel, Model]
         gravity_only=not any(elements),
         bare_tree=not any(elements) and not tree.cut_rows,
         other_rows=int(tree.cut_rows - len(cut.row_kind)),
-        position_rows=all_rows(cut) - 2 * len(cut.rolling_body) - len(cut.skate_body),
+        position_rows=all_rows(cut) - 2 * len(cut.rolling) - len(cut.skate),
         loops=find_loop_groups(layout, len(speed_kinds), cut),
         com=np.array([body.com for body in mechanism.bodies]),
     )

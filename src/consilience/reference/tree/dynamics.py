@@ -154,8 +154,8 @@ def _control_errors(elements: TreeElements, y: Array, A: Array, t: float, dz: Ar
     """Compute the derivatives of the integrals of controllers."""
     model, turns, first = elements.model, elements.turns, elements.first_integral
     for n in range(model.control.shape[0]):
-        target = function_at(model.functions, model.control[n, 1], t)[0]
-        c = model.control[n, 0]
+        target = function_at(model.functions, model.control[n].target, t)[0]
+        c = model.control[n].coordinate
         dz[first + n] = target - coordinate(model, y, A, c, turns[c]).value
 
 

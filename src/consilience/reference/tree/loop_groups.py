@@ -51,11 +51,12 @@ def _touched(layout: Array, cut: Model) -> Array:
     link = np.full(len(cut.mass) + 1, -1)
     link[layout["body"]] = np.arange(len(layout))
     ends = [[int(link[i]), int(link[j])] for i, j in zip(cut.body_i, cut.body_j, strict=True)]
-    joint_of = cut.coordinate[:, 0]
+    joint_of = cut.coordinate["joint"]
+    rolling = cut.rolling["body"]
     rows = [ends[k] for k in range(len(ends)) for _ in range(cut.first_row[k], cut.first_row[k + 1])]
-    rows += [ends[joint_of[c]] for c in cut.drive[:, 0]]
-    rows += [ends[joint_of[one]] + ends[joint_of[two]] for one, two in cut.coupling[:, :2]]
-    rows += [[int(link[b])] for b in [*cut.rolling_body, *np.repeat(cut.rolling_body, 2), *cut.skate_body]]
+    rows += [ends[joint_of[c]] for c in cut.drive["coordinate"]]
+    rows += [ends[joint_of[one]] + ends[joint_of[two]] for one, two, _ in cut.coupling]
+    rows += [[int(link[b])] for b in [*rolling, *np.repeat(rolling, 2), *cut.skate["body"]]]
     table = np.full((all_rows(cut), TOUCHED), -1)
     for row, links in enumerate(rows):
         table[row, : len(links)] = [n if n not in links[:at] else -1 for at, n in enumerate(links)]

@@ -224,14 +224,14 @@ class _RowCollector:
 
 def _springs(model: Model, zero: _ZeroPose, bases: Array) -> list[Any]:
     rows = []
-    for n, bodies in enumerate(model.spring_body):
-        links = zero.link[bodies]
+    for spring in model.spring:
+        links = zero.link[[spring.i, spring.j]]
         basis = _common_basis(bases, *links.tolist())
-        arms = [zero.R[k] @ arm for k, arm in zip(links, model.spring_arm[n], strict=True)]
+        arms = [zero.R[k] @ arm for k, arm in zip(links, (spring.arm_i, spring.arm_j), strict=True)]
         apart = zero.position[links[1]] + arms[1] - zero.position[links[0]] - arms[0]
         row = new_record(PLANAR_FORCE)
-        row.kind, (row.i, row.j), row.function = SPRING, links, model.spring_function[n]
-        row.law, row.normal_distance = model.spring_law[n], apart @ basis[2]
+        row.kind, (row.i, row.j), row.function = SPRING, links, spring.actuator
+        row.law, row.normal_distance = (spring.stiffness, spring.damping, spring.rest), apart @ basis[2]
         row.arm_i, row.arm_j = (basis[:2] @ a for a in arms)
         rows.append(row)
     return rows
@@ -239,14 +239,14 @@ def _springs(model: Model, zero: _ZeroPose, bases: Array) -> list[Any]:
 
 def _loads(model: Model, zero: _ZeroPose, bases: Array) -> list[Any]:
     rows = []
-    for n, body in enumerate(model.load_body):
-        link, (torque, along) = zero.link[body], model.load_kind[n]
+    for load in model.load:
+        link, along = zero.link[load.body], load.on_body
         basis = bases[link]
-        vector = basis @ (zero.R[link] @ model.load_vector[n] if along else model.load_vector[n])
+        vector = basis @ (zero.R[link] @ load.vector if along else load.vector)
         row = new_record(PLANAR_FORCE)
-        row.kind, row.j, row.function, row.body_fixed = LOAD, link, model.load_function[n], along
-        row.law = (0.0, 0.0, vector[2]) if torque else (vector[0], vector[1], 0.0)
-        row.arm_j = basis[:2] @ zero.R[link] @ model.load_arm[n]
+        row.kind, row.j, row.function, row.body_fixed = LOAD, link, load.history, along
+        row.law = (0.0, 0.0, vector[2]) if load.is_torque else (vector[0], vector[1], 0.0)
+        row.arm_j = basis[:2] @ zero.R[link] @ load.arm
         rows.append(row)
     return rows
 
@@ -254,12 +254,9 @@ def _loads(model: Model, zero: _ZeroPose, bases: Array) -> list[Any]:
 def _joint_forces(model: Model, first: int, first_integral: int) -> list[Any]:
     """Return springs, friction and controls of joints; `first` is the row of the first joint coordinate."""
     given = [
-        *((JOINT_SPRING, c, 0, f, law) for (c, f), law in zip(model.joint_spring, model.joint_spring_law, strict=True)),
-        *((FRICTION, c, 0, -1, law) for c, law in zip(model.friction, model.friction_law, strict=True)),
-        *(
-            (CONTROL, c, first_integral + n, f, law)
-            for n, ((c, f), law) in enumerate(zip(model.control, model.control_law, strict=True))
-        ),
+        *((JOINT_SPRING, c, 0, f, law) for c, f, *law in model.joint_spring),
+        *((FRICTION, c, 0, -1, law) for c, *law in model.friction),
+        *((CONTROL, c, first_integral + n, f, law) for n, (c, f, *law) in enumerate(model.control)),
     ]
     rows = np.zeros(len(given), PLANAR_FORCE)
     for row, (kind, coordinate, at, function, law) in zip(rows, given, strict=True):
@@ -276,7 +273,7 @@ def planar_system(mechanism: Mechanism, links: TreeLinks, spanning: TreeModel, m
         None if a link may move out of the plane or rolls, or an element reads the turns of a joint that closes a loop.
     """
     try:
-        if len(model.rolling_body) or len(model.skate_body):
+        if len(model.rolling) or len(model.skate):
             return None
         zero = _zero_pose(links)
         bases = _plane_bases(links, zero)

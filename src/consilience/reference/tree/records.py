@@ -11,11 +11,7 @@ from typing import Any
 import numpy as np
 
 from consilience.mechanism import Array
-
-
-def _records(*fields: tuple[Any, ...]) -> np.dtype[Any]:
-    """Return the type of records whose fields Python, too, reads as attributes."""
-    return np.dtype((np.record, list(fields)), align=True)
+from consilience.reference.bodies.records import INT, record_type
 
 
 def new_record(kind: np.dtype[Any]) -> Any:
@@ -23,34 +19,34 @@ def new_record(kind: np.dtype[Any]) -> Any:
     return np.zeros(1, kind)[0]
 
 
-_INT, _MOTION, _MATRIX = np.int64, (float, (2, 3)), (float, (3, 3))
+_MOTION, _MATRIX = (float, (2, 3)), (float, (3, 3))
 
-LAYOUT = _records(
-    ("parent", _INT),  # link; -1: the ground
-    ("parent_body", _INT),
-    ("body", _INT),
-    ("forward", _INT),  # whether the tree passes the joint from predecessor to successor
-    ("coordinate", _INT),  # first coordinate
-    ("translations", _INT),  # number of displacements
-    ("rotations", _INT),  # number of rotations; 3: ball
-    ("free", _INT),  # first free direction, and the one behind the last
-    ("free_end", _INT),
+LAYOUT = record_type(
+    ("parent", INT),  # link; -1: the ground
+    ("parent_body", INT),
+    ("body", INT),
+    ("forward", INT),  # whether the tree passes the joint from predecessor to successor
+    ("coordinate", INT),  # first coordinate
+    ("translations", INT),  # number of displacements
+    ("rotations", INT),  # number of rotations; 3: ball
+    ("free", INT),  # first free direction, and the one behind the last
+    ("free_end", INT),
 )
 """Place of a link in the tree."""
 
 _TREE = (
-    ("parent", _INT),  # link; -1: the ground
-    ("first", _INT),  # first free direction of the joint to the parent, and the one behind its last
-    ("last", _INT),
+    ("parent", INT),  # link; -1: the ground
+    ("first", INT),  # first free direction of the joint to the parent, and the one behind its last
+    ("last", INT),
     ("sense", float),  # +1, or -1 where the tree passes the joint from successor to predecessor
 )
 
-LINK = _records(
+LINK = record_type(
     *_TREE,
-    ("is_revolute", _INT),
-    ("coordinate", _INT),  # first coordinate; of the ground, the number of coordinates
-    ("translations", _INT),  # number of displacements
-    ("rotations", _INT),  # number of rotations; 3: ball
+    ("is_revolute", INT),
+    ("coordinate", INT),  # first coordinate; of the ground, the number of coordinates
+    ("translations", INT),  # number of displacements
+    ("rotations", INT),  # number of rotations; 3: ball
     # constants, in axes of the link: those of the joint frame on the link
     ("inboard_axes", *_MATRIX),  # of the joint frame on the parent, in axes of the parent; of the ground, gravity first
     ("parent_arm", float, 3),  # from the centre of mass of the parent to that joint frame, in axes of the parent, m
@@ -83,11 +79,11 @@ def constants_of(link: Array) -> Array:
     return link.view(float).reshape(len(link), -1)[:, _FIRST_CONSTANT : _FIRST_CONSTANT + _CONSTANTS]
 
 
-MOTION = _records(("acceleration", *_MOTION))
+MOTION = record_type(("acceleration", *_MOTION))
 """Motion of a link, for a speed or an acceleration of a free direction."""
 
-FREE = _records(
-    ("axis", _INT),  # 0 to 2 of frame F, 3 to 5 of frame M
+FREE = record_type(
+    ("axis", INT),  # 0 to 2 of frame F, 3 to 5 of frame M
     ("pivot", float),  # D
     ("s", *_MOTION),
     ("U", *_MOTION),
@@ -96,11 +92,11 @@ FREE = _records(
 )
 """Free direction of a tree in space. Symbols as in `articulated`."""
 
-CUT_JOINT = _records(
-    ("i", _INT),  # links of predecessor and successor; -1: the ground
-    ("j", _INT),
-    ("first_row", _INT),  # first constraint row, and the one behind the last
-    ("last_row", _INT),
+CUT_JOINT = record_type(
+    ("i", INT),  # links of predecessor and successor; -1: the ground
+    ("j", INT),
+    ("first_row", INT),  # first constraint row, and the one behind the last
+    ("last_row", INT),
     ("pitch", float),  # m/rad
     ("arm_i", float, 3),  # from the centres of mass to the joint frames, in axes of the links, m
     ("arm_j", float, 3),
@@ -109,7 +105,7 @@ CUT_JOINT = _records(
 )
 """Joint that closes loops, in space."""
 
-PLANAR_LINK = _records(
+PLANAR_LINK = record_type(
     *_TREE,
     ("rotation_sense", float),  # sense of the joint angle about the normal; 0: no rotation
     # constants
@@ -131,7 +127,7 @@ PLANAR_LINK = _records(
 )
 """Link of a tree in a plane, in the axes e_1, e_2, n of `planar_detection`; fields as in LINK."""
 
-PLANAR_FREE = _records(
+PLANAR_FREE = record_type(
     ("direction", float, 2),  # axis of a displacement
     ("pivot", float),
     ("s", float, 3),
@@ -144,17 +140,17 @@ PLANAR_FREE = _records(
 AXIS_DISPLACEMENT, AXIS_PRODUCT, ROD_LENGTH, JOINT_ANGLE = range(4)
 """Kinds of rows: displacement along an axis of i; product of an axis of i and one of j; distance; joint angle."""
 
-PLANAR_ROW = _records(
-    ("kind", _INT),
-    ("i", _INT),  # links
-    ("j", _INT),
+PLANAR_ROW = record_type(
+    ("kind", INT),
+    ("i", INT),  # links
+    ("j", INT),
     ("arm_i", float, 2),  # from their centres of mass
     ("arm_j", float, 2),
     ("axis_i", float, 2),
     ("axis_j", float, 2),
     ("normal_distance", float),  # of the ends of a rod, along the normal
     ("target", float),  # value that the row holds
-    ("angle_index", _INT),  # index of a joint angle in z, and its sense about the normal
+    ("angle_index", INT),  # index of a joint angle in z, and its sense about the normal
     ("angle_sense", float),
 )
 """Constraint row, or joint coordinate that elements read, in a plane."""
@@ -162,40 +158,40 @@ PLANAR_ROW = _records(
 SPRING, LOAD, JOINT_SPRING, FRICTION, CONTROL = range(5)
 """Kinds of force elements."""
 
-PLANAR_FORCE = _records(
-    ("kind", _INT),
-    ("i", _INT),  # link of a spring; row of a joint coordinate
-    ("j", _INT),  # link; index of an integral in z
-    ("function", _INT),  # function of time; -1: none
+PLANAR_FORCE = record_type(
+    ("kind", INT),
+    ("i", INT),  # link of a spring; row of a joint coordinate
+    ("j", INT),  # link; index of an integral in z
+    ("function", INT),  # function of time; -1: none
     ("law", float, 3),  # constants of the law; of a load: force and torque
     ("arm_i", float, 2),  # from the centres of mass
     ("arm_j", float, 2),
     ("normal_distance", float),  # of the ends of a spring, along the normal
-    ("body_fixed", _INT),  # whether a load turns with its body
+    ("body_fixed", INT),  # whether a load turns with its body
 )
 """Force element in a plane."""
 
-GROUP = _records(
-    ("row", _INT),  # first constraint row, and the one behind the last
-    ("row_end", _INT),
-    ("path", _INT),  # its part of `Loops.path`
-    ("path_end", _INT),
-    ("own", _INT),  # its part of `Loops.own_directions`
-    ("own_end", _INT),
-    ("last_reached", _INT),  # last group with entries in the front
-    ("front_rows", _INT),  # largest number of rows of the front
-    ("front_start", _INT),  # first entry of the front in `MultifrontalQR.F`
-    ("vector_start", _INT),  # first of its rows in `MultifrontalQR.tau` and `MultifrontalQR.x`
+GROUP = record_type(
+    ("row", INT),  # first constraint row, and the one behind the last
+    ("row_end", INT),
+    ("path", INT),  # its part of `Loops.path`
+    ("path_end", INT),
+    ("own", INT),  # its part of `Loops.own_directions`
+    ("own_end", INT),
+    ("last_reached", INT),  # last group with entries in the front
+    ("front_rows", INT),  # largest number of rows of the front
+    ("front_start", INT),  # first entry of the front in `MultifrontalQR.F`
+    ("vector_start", INT),  # first of its rows in `MultifrontalQR.tau` and `MultifrontalQR.x`
 )
 """Group of rows that close loops: see `loop_groups`."""
 
-FRONT = _records(
-    ("active", _INT),  # number of independent rows of the group, found by a projection
-    ("used", _INT),  # columns of the group in the present factors
-    ("start", _INT),  # the first of these columns
-    ("rank", _INT),  # their rank
-    ("carried", _INT),  # rows of the front that come from the front before
-    ("compressed", _INT),  # reflections that only reduce the number of rows passed on
+FRONT = record_type(
+    ("active", INT),  # number of independent rows of the group, found by a projection
+    ("used", INT),  # columns of the group in the present factors
+    ("start", INT),  # the first of these columns
+    ("rank", INT),  # their rank
+    ("carried", INT),  # rows of the front that come from the front before
+    ("compressed", INT),  # reflections that only reduce the number of rows passed on
 )
 """State of the factorisation of a front: see `multifrontal`."""
 
@@ -205,8 +201,8 @@ LARGEST_ORDER = 32
 COEFFICIENTS = LARGEST_ORDER + 3
 """Number of coefficients of a series, by order."""
 
-LINK_SERIES = _records(*((part, float, COEFFICIENTS) for part in ("c", "s", "w", "F_x", "F_y", "P_x", "P_y")))
+LINK_SERIES = record_type(*((part, float, COEFFICIENTS) for part in ("c", "s", "w", "F_x", "F_y", "P_x", "P_y")))
 """Taylor coefficients of a link: real and imaginary parts of e, w, of F, and of P (`taylor_series`)."""
 
-ROW_SERIES = _records(*((part, float, COEFFICIENTS) for part in ("lam", "u_x", "u_y", "d_x", "d_y", "h_x", "h_y")))
+ROW_SERIES = record_type(*((part, float, COEFFICIENTS) for part in ("lam", "u_x", "u_y", "d_x", "d_y", "h_x", "h_y")))
 """Taylor coefficients of a row: multiplier; of a line also the axis u, the vector d, and the force (`taylor_rows`)."""

@@ -36,8 +36,9 @@ _RESOLUTION = 3.0
 def longest_step(model: Model) -> float:
     """Return the longest step, s, that cannot pass over a feature of a function of time."""
     functions, longest = model.functions, np.inf
-    of_time = [*model.drive[:, 1], *model.spring_function, *model.joint_spring[:, 1], *model.load_function]
-    for n in {*of_time, *model.control[:, 1]} - {-1}:
+    springs = *model.spring["actuator"], *model.joint_spring["actuator"]
+    of_time = {*model.drive["motion"], *springs, *model.load["history"], *model.control["target"]}
+    for n in of_time - {-1}:
         _, harmonic, piece = functions.first[n]
         _, harmonic_end, piece_end = functions.first[n + 1]
         for w in functions.harmonics[harmonic:harmonic_end, 1]:
