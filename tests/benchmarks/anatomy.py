@@ -17,7 +17,7 @@ from consilience.reference.kernel.compiled import inlined, kernel
 from consilience.reference.kernel.mechanism_record import fields_of, record_array, record_of
 from consilience.reference.kernel.operation import address_of
 from consilience.reference.steppers.motion import DERIVATIVE, END_STEP, Kernel, ask
-from consilience.reference.tree.arrays import ELIMINATION_PIVOT, flatten_relative, tree_system
+from consilience.reference.tree.arrays import flatten_relative, tree_system
 from consilience.reference.tree.articulated import gravity_biases, inward_sweep, rigid_inertias
 from consilience.reference.tree.dynamics import _element_biases, factorise_rows
 from consilience.reference.tree.either import (
@@ -100,7 +100,7 @@ def up_to(depth, closure, spatial, elements, planar, z, n):
     """Run an evaluation up to part `depth`, n times."""
     group, qr, small = closure.loops.group, closure.qr, False
     if spatial is not None:
-        small = closure.best[ELIMINATION_PIVOT] > 0.0 and has_few_freedoms(
+        small = closure.best[0].elimination_pivot > 0.0 and has_few_freedoms(
             group, qr.state, spatial.elimination.independent
         )
     for _ in range(n):

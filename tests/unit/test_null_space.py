@@ -10,8 +10,9 @@ from consilience.mechanism.conditioning import mass_matrix_condition, reaction_c
 from consilience.reference import simulate
 from consilience.reference.bodies.arrays import unpack
 from consilience.reference.bodies.canonical import at_origins
+from consilience.reference.bodies.records import LARGEST
 from consilience.reference.kernel.mechanism_record import record_of
-from consilience.reference.tree.arrays import ELIMINATION_PIVOT, flatten_relative, tree_system
+from consilience.reference.tree.arrays import flatten_relative, tree_system
 from consilience.reference.tree.few_freedoms import REGULAR_PIVOT
 from consilience.reference.tree.formulation import close, differentiate
 from consilience.reference.tree.kinematics import fill_euler_parameters, place_bodies, place_links_and_bodies
@@ -105,13 +106,13 @@ def test_accelerations_are_those_of_the_dense_equations_and_of_the_fronts(name):
     equations = InSpace(mechanism)
     for state in states:
         z = pack_relative(equations.links, equations.tree, equations.model, state)
-        equations.closure.best[:] = 0.0
+        equations.closure.best[:] = np.zeros(1, LARGEST)
         assert not equations.close(z)
-        pivot = equations.closure.best[ELIMINATION_PIVOT]
+        pivot = equations.closure.best[0].elimination_pivot
         assert pivot > 0.0
         found, eliminated = equations.accelerations(z)
         assert eliminated
-        equations.closure.best[ELIMINATION_PIVOT] = 1.01 * pivot / REGULAR_PIVOT
+        equations.closure.best[0].elimination_pivot = 1.01 * pivot / REGULAR_PIVOT
         other, eliminated = equations.accelerations(z)
         assert not eliminated
         a, alpha, _, _ = truth.solve(mechanism, state)
@@ -131,11 +132,11 @@ def test_elimination_projects_the_error_of_a_step(name, size):
     equations, rng = InSpace(mechanism), np.random.default_rng(2)
     z = pack_relative(equations.links, equations.tree, equations.model, states[-1])
     assert not equations.close(z)
-    pivot = equations.closure.best[ELIMINATION_PIVOT]
+    pivot = equations.closure.best[0].elimination_pivot
     closed = z.copy()
     for _ in range(3):
         z[:] = closed + size * rng.normal(size=len(z))
-        equations.closure.best[ELIMINATION_PIVOT] = 1.01 * pivot  # larger than the pivot now, so that QR is not tried
+        equations.closure.best[0].elimination_pivot = 1.01 * pivot  # larger than the pivot now, so that QR is not tried
         assert equations.close(z)
         found = equations.state()
         rates = constraint_jacobian(mechanism, found) @ np.hstack([found.v_WB_W, found.w_WB_W]).ravel()
@@ -150,10 +151,10 @@ def test_between_samples_only_a_velocity_residual_of_the_size_of_the_correction_
     equations, rng = InSpace(mechanism), np.random.default_rng(3)
     z = pack_relative(equations.links, equations.tree, equations.model, states[-1])
     assert not equations.close(z)
-    pivot, closed, left = equations.closure.best[ELIMINATION_PIVOT], z.copy(), []
+    pivot, closed, left = equations.closure.best[0].elimination_pivot, z.copy(), []
     for size in (1e-12, 1e-10):
         z[:] = closed + size * rng.normal(size=len(z))
-        equations.closure.best[ELIMINATION_PIVOT] = 1.01 * pivot
+        equations.closure.best[0].elimination_pivot = 1.01 * pivot
         assert equations.close(z, ~AT_SAMPLE)
         position, rate = equations.violation(z)
         assert position < 1e-13
@@ -175,7 +176,7 @@ def test_dependent_rows_and_velocity_rows_use_the_fronts(mechanism):
         z = pack_relative(equations.links, equations.tree, equations.model, state)
         for _ in range(2):
             equations.close(z)
-            assert equations.closure.best[ELIMINATION_PIVOT] == 0.0
+            assert equations.closure.best[0].elimination_pivot == 0.0
 
 
 @pytest.mark.parametrize(

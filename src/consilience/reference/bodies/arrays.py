@@ -249,7 +249,7 @@ class Workspace(NamedTuple):
     tau: Array  # (min(6 n_b, q),)
     pivot: Array  # (q,)
     limit: Array  # (1,) upper limit of the rank: the rank of the last projection, or q
-    best: Array  # (2,) largest rank of any projection, and the largest value of its smallest pivot
+    best: Array  # (1,) of LARGEST
     norms: Array  # (q,)
     z: Array  # (6 n_b,)
 
@@ -270,7 +270,7 @@ def workspace(model: Model) -> Workspace:
             tau=np.zeros(min(n, q)),
             pivot=np.zeros(q, dtype=np.int64),
             limit=np.array([q], dtype=np.int64),
-            best=np.zeros(2),
+            best=np.zeros(1, records.LARGEST),
             norms=np.zeros(q),
             z=np.zeros(n),
         )

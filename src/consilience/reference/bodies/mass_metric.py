@@ -70,7 +70,7 @@ def factorise(model: Model, ws: Workspace) -> int:
 @inner
 def factorise_as_projected(model: Model, ws: Workspace) -> int:
     """Factorise B with the independent rows of the last projection, in its order, if that projection lost rank."""
-    if ws.best[0] == 0.0 or ws.limit[0] == ws.Q.shape[0]:
+    if ws.best[0].rank == 0 or ws.limit[0] == ws.Q.shape[0]:
         return factorise(model, ws)
     for k in range(ws.limit[0]):
         assign(ws.z, ws.Q[ws.pivot[k]])

@@ -72,13 +72,13 @@ def effective_rank(B: Array, best: Array, rank: int, violation: float) -> int:
     if rank == 0:
         return rank
     least = abs(B[rank - 1, rank - 1])
-    if rank > best[0]:
-        best[0], best[1] = rank, least
-    elif rank == best[0]:
-        best[1] = max(best[1], least)
+    if rank > best[0].rank:
+        best[0].rank, best[0].pivot = rank, least
+    elif rank == best[0].rank:
+        best[0].pivot = max(best[0].pivot, least)
     if violation > _PASSING_VIOLATION:
         return rank
-    while rank > 1 and abs(B[rank - 1, rank - 1]) < _PASSING * best[1]:
+    while rank > 1 and abs(B[rank - 1, rank - 1]) < _PASSING * best[0].pivot:
         rank -= 1
     return rank
 

@@ -6,17 +6,14 @@ ground, body -1, has the world's axes and origin. A function is an index into `k
 
 from __future__ import annotations
 
-from typing import Any
+from consilience.reference.kernel.record_type import INT, record_type
 
-import numpy as np
-
-
-def record_type(*fields: tuple[Any, ...]) -> np.dtype[Any]:
-    """Return the type of records whose fields Python, too, reads as attributes."""
-    return np.dtype((np.record, list(fields)), align=True)
-
-
-INT = np.int64
+LARGEST = record_type(
+    ("rank", INT),
+    ("pivot", float),  # the least pivot of a factorisation with that rank
+    ("elimination_pivot", float),  # the same of an elimination
+)
+"""Largest rank of the constraint rows so far, and the largest value of its least pivot."""
 
 COORDINATE = record_type(
     ("joint", INT),

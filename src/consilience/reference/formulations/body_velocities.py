@@ -198,9 +198,9 @@ class KernelFormulation:
         if self.forces is not None:
             self._ws.external[:] = self._external(self.forces, t, y)
         # the row order of the last projection is not part of u: choose independent rows anew
-        found, self._ws.best[0] = self._ws.best[0], 0.0
+        found, self._ws.best[0].rank = self._ws.best[0].rank, 0
         rank = self._kernel(*self._tree, self.model, t, y, turns, self._ws, a)
-        self._ws.best[0] = found
+        self._ws.best[0].rank = found
         return a, rank
 
     def _external(self, forces: AppliedForces, t: float, y: Array) -> Array:

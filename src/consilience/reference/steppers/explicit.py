@@ -26,6 +26,7 @@ from consilience.reference.integrators.step_control import LARGEST, UNSUITABLE, 
 from consilience.reference.integrators.tsitouras import TSITOURAS
 from consilience.reference.kernel.compiled import inlined, inner, kernel
 from consilience.reference.kernel.operation import Operation
+from consilience.reference.kernel.record_type import INT, record_type
 from consilience.reference.kernel.vectors import assign
 from consilience.reference.steppers.driver import Stepper
 from consilience.reference.steppers.motion import (
@@ -49,7 +50,7 @@ LARGEST_FIRST = 1e4
 SAFETY = 0.8
 """Safety factor of the step size, chosen for few rejected steps."""
 
-_STIFFNESS = np.dtype((np.record, [("step", np.float64), ("count", np.int64), ("knows_end", np.int64)]))
+_STIFFNESS = record_type(("step", float), ("count", INT), ("knows_end", INT))
 """Length of the last step, zero once looked at; stiff steps so far; whether K holds the derivative at the end."""
 
 

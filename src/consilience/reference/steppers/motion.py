@@ -13,32 +13,28 @@ import numpy as np
 from consilience.mechanism import Array
 from consilience.reference.kernel.compiled import inlined, inner
 from consilience.reference.kernel.operation import call
+from consilience.reference.kernel.record_type import INT, record_type
 
 DISTANCE, ANGLE, SPEED, SPIN, INTEGRAL = range(5)
 """Kinds of the components of z; a relative tolerance refers to the size of a kind."""
 
-RUN = np.dtype(
-    (
-        np.record,
-        [
-            ("t", np.float64),  # start of the step, s
-            ("step", np.float64),  # its length, s
-            ("h", np.float64),  # proposed length of the next step, s; zero before the first
-            ("before", np.float64),  # length of the step before, s; infinite in the first
-            ("span", np.float64),  # time that is left, s
-            ("tolerance", np.float64),
-            ("factor", np.float64),  # change of the step size that the stepper asks for
-            ("most", np.float64),  # largest change that is allowed: 1 after a rejected step
-            ("stop_if_stiff", np.int64),
-            ("status", np.int64),  # key of `step_control.STATUS`, set by a stepper that cannot go on
-            ("failure", np.int64),  # status if the steps become too short
-            ("steps", np.int64),
-            ("rejected", np.int64),
-            ("evaluations", np.int64),
-        ],
-    )
+RUN = record_type(
+    ("t", float),  # start of the step, s
+    ("step", float),  # its length, s
+    ("h", float),  # proposed length of the next step, s; zero before the first
+    ("before", float),  # length of the step before, s; infinite in the first
+    ("span", float),  # time that is left, s
+    ("tolerance", float),
+    ("factor", float),  # change of the step size that the stepper asks for
+    ("most", float),  # largest change that is allowed: 1 after a rejected step
+    ("stop_if_stiff", INT),
+    ("status", INT),  # key of `step_control.STATUS`, set by a stepper that cannot go on
+    ("failure", INT),  # status if the steps become too short
+    ("steps", INT),
+    ("rejected", INT),
+    ("evaluations", INT),
 )
-
+"""Scalars of a run."""
 
 BEGIN, DERIVATIVE, END_STEP, SAMPLE = range(4)
 """Requests to the kernel of a mechanism, ``f(record, request, t, z, out)``:

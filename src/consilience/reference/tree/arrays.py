@@ -52,6 +52,7 @@ import numpy as np
 
 from consilience.mechanism import Array, Mechanism
 from consilience.reference.bodies.arrays import Model, Workspace, all_rows, flatten, workspace
+from consilience.reference.bodies.records import LARGEST
 from consilience.reference.bodies.spanning_tree import TreeModel, flatten_tree
 from consilience.reference.kernel.functions import Functions
 from consilience.reference.kernel.mechanism_record import record_of
@@ -66,9 +67,6 @@ from consilience.reference.tree.loop_groups import (
 )
 from consilience.reference.tree.loop_rows import CutJoints, cut_joints
 from consilience.reference.tree.records import FREE, LAYOUT, LINK, constants_of
-
-LARGEST_RANK, LEAST_FRONT_PIVOT, ELIMINATION_PIVOT = np.array([0, 1, 2])
-"""Entries of `LoopClosure.best`: largest rank so far, its largest least pivot in the fronts, and in `few_freedoms`."""
 
 
 class TreeLinks(NamedTuple):
@@ -120,7 +118,7 @@ class PlanarArrays(NamedTuple):
 
     body: Array  # (n_b, 20) body, height along n, axes of the body at zero in e_1, e_2, n; e_1, e_2, n in the world
     row_table: Array  # (n_f,) of PLANAR_ROW: rows of joints, then joint coordinates that elements read
-    driven: Array  # (m, 3) drives and couplings: row, row of the driver (-1: time), function
+    driven: Array  # (m,) of DRIVEN
     force_table: Array  # (m,) of PLANAR_FORCE
     functions: Functions
 
@@ -141,7 +139,7 @@ class LoopClosure(NamedTuple):
     rate: Array  # (q,) right side of Q v = rate
     u: Array  # (N,) accelerations, or displacements, of the free directions
     rank_limit: Array  # (1,) rank of the rows from the last projection
-    best: Array  # (3,) LARGEST_RANK to ELIMINATION_PIVOT
+    best: Array  # (1,) of LARGEST
     row_norm: Array  # (1,) largest row, `loop_rows.largest_row`; zero before it is known
 
 
@@ -288,7 +286,7 @@ def loop_closure(tree: TreeArrays, loops: Loops, position_rows: int, width: int)
         rate=rate,
         u=np.zeros(len(tree.free)),
         rank_limit=np.array([q], dtype=np.int64),
-        best=np.zeros(3),
+        best=np.zeros(1, LARGEST),
         row_norm=np.zeros(1),
     )
 

@@ -12,15 +12,7 @@ from consilience.reference.bodies import forces
 from consilience.reference.bodies.joint_rows import coordinate
 from consilience.reference.kernel.compiled import fused, inlined, inner, kernel
 from consilience.reference.kernel.functions import evaluate as function_at
-from consilience.reference.tree.arrays import (
-    ELIMINATION_PIVOT,
-    LoopClosure,
-    Planar,
-    PlanarArrays,
-    Spatial,
-    SpatialArrays,
-    TreeElements,
-)
+from consilience.reference.tree.arrays import LoopClosure, Planar, PlanarArrays, Spatial, SpatialArrays, TreeElements
 from consilience.reference.tree.articulated import (
     force_biases,
     gravity_biases,
@@ -114,14 +106,14 @@ def _solve_by_elimination(closure: LoopClosure, spatial: SpatialArrays) -> bool:
     link, group, elimination = closure.link, closure.loops.group, spatial.elimination
     found = (
         group.shape[0] > 0
-        and closure.best[ELIMINATION_PIVOT] > 0.0
+        and closure.best[0].elimination_pivot > 0.0
         and has_few_freedoms(group, closure.qr.state, elimination.independent)
     )
     if found:
         bias_accelerations(closure)
         loop_acceleration_residual(closure, spatial, None)
         rows, freedoms, least = eliminate_rows(closure, elimination)
-        found = least >= REGULAR_PIVOT * closure.best[ELIMINATION_PIVOT]
+        found = least >= REGULAR_PIVOT * closure.best[0].elimination_pivot
         if found:
             solve_reduced(elimination, rows, freedoms, link, closure.free, closure.u, 1.0)
             add_link_accelerations(link, freedoms, elimination.V, elimination.G)

@@ -91,7 +91,7 @@ def _accelerations_each(
         if elements is not None:
             elements.turns[:] = 0.0
             count_turns(elements, spatial.y, spatial.A)
-        closure.best[:] = 0.0
+        closure.best[0].rank, closure.best[0].pivot, closure.best[0].elimination_pivot = 0, 0.0, 0.0
         find_rank(closure, spatial, elements, None, t, z)
         accelerations(closure, spatial, elements, None, t, z)
         for n in range(v.shape[1]):

@@ -17,6 +17,7 @@ import numpy as np
 from consilience.mechanism import Array, Mechanism
 from consilience.reference.bodies.arrays import ANGLE, Model, all_rows
 from consilience.reference.bodies.spanning_tree import TreeModel
+from consilience.reference.kernel.record_type import new_record
 from consilience.reference.tree.arrays import (
     PlanarArrays,
     TreeLinks,
@@ -30,6 +31,7 @@ from consilience.reference.tree.records import (
     AXIS_DISPLACEMENT,
     AXIS_PRODUCT,
     CONTROL,
+    DRIVEN,
     FRICTION,
     JOINT_ANGLE,
     JOINT_SPRING,
@@ -40,7 +42,6 @@ from consilience.reference.tree.records import (
     PLANAR_ROW,
     ROD_LENGTH,
     SPRING,
-    new_record,
 )
 
 _ROUNDING_ANGLE = 1e-13
@@ -292,14 +293,14 @@ def planar_system(mechanism: Mechanism, links: TreeLinks, spanning: TreeModel, m
         first_row=np.array(first, dtype=np.int64), row_kind=cut.row_kind[kept], row_target=cut.row_target[kept]
     )
     count = len(kept)
-    driven = [[count + c, -1, f] for c, f in model.drive] + [[count + c, count + d, f] for c, d, f in model.coupling]
+    driven = [(count + c, -1, f) for c, f in model.drive] + [(count + c, count + d, f) for c, d, f in model.coupling]
     efforts += _joint_forces(model, count, links.first_integral)
     height = np.einsum("ki,ki->k", zero.position[:-1], bases[:, 2])
     axes = (bases @ zero.R[:-1]).reshape(-1, 9), bases.reshape(-1, 9)
     planar = PlanarArrays(
         body=np.column_stack([links.layout["body"], height, *axes]),
         row_table=np.array(collector.rows, PLANAR_ROW),
-        driven=np.array(driven, dtype=np.int64).reshape(-1, 3),
+        driven=np.array(driven, DRIVEN),
         force_table=np.array(efforts, PLANAR_FORCE),
         functions=model.functions,
     )

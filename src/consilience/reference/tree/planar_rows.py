@@ -136,22 +136,22 @@ def _driven_row(planar: PlanarArrays, closure: LoopClosure, row: int, n: int, t:
     """Evaluate row `row`, drive or coupling n: ``q - f(t) = 0`` or ``q - f(q_driver) = 0``."""
     row_table, driven, link = planar.row_table, planar.driven, closure.link
     touched, W, gamma = closure.loops.touched, closure.qr.W, closure.gamma
-    q, by = evaluate_row(row_table, driven[n, 0], link, z), driven[n, 1]
+    q, by = evaluate_row(row_table, driven[n].row, link, z), driven[n].driver
     for at in range(TOUCHED):
         for r in range(3):
             W[row, at, r] = 0.0
     _add_wrench(touched, W, row, q.i, 1.0, q.on_i)
     _add_wrench(touched, W, row, q.j, 1.0, q.on_j)
     if by < 0:
-        f, slope, bend = functions.evaluate(planar.functions, driven[n, 2], t)
+        f, slope, bend = functions.evaluate(planar.functions, driven[n].law, t)
         gamma[row], closure.rate[row] = q.gamma + bend, slope
     else:
         driver = evaluate_row(row_table, by, link, z)
-        f, slope, bend = functions.evaluate(planar.functions, driven[n, 2], driver.value)
+        f, slope, bend = functions.evaluate(planar.functions, driven[n].law, driver.value)
         gamma[row] = q.gamma - slope * driver.gamma + bend * driver.rate * driver.rate
         _add_wrench(touched, W, row, driver.i, -slope, driver.on_i)
         _add_wrench(touched, W, row, driver.j, -slope, driver.on_j)
-    turning = row_table[driven[n, 0]].kind == JOINT_ANGLE
+    turning = row_table[driven[n].row].kind == JOINT_ANGLE
     closure.value[row] = (full_turns(q.value, f) if turning else q.value) - f
 
 

@@ -12,16 +12,7 @@ import numpy as np
 
 from consilience.mechanism import Array
 from consilience.reference.kernel.compiled import fused, inlined, inner, kernel
-from consilience.reference.tree.arrays import (
-    ELIMINATION_PIVOT,
-    LARGEST_RANK,
-    LEAST_FRONT_PIVOT,
-    LoopClosure,
-    Planar,
-    Spatial,
-    SpatialArrays,
-    TreeElements,
-)
+from consilience.reference.tree.arrays import LoopClosure, Planar, Spatial, SpatialArrays, TreeElements
 from consilience.reference.tree.articulated import rigid_inertias
 from consilience.reference.tree.either import (
     articulate_tree,
@@ -98,7 +89,7 @@ def _is_regular(closure: LoopClosure, spatial: SpatialArrays) -> bool:
     return (
         has_few_freedoms(group, state, spatial.elimination.independent)
         and count_active_rows(group, state) == count
-        and closure.best[LARGEST_RANK] == count
+        and closure.best[0].rank == count
         and closure.position_rows == count
     )
 
@@ -106,14 +97,14 @@ def _is_regular(closure: LoopClosure, spatial: SpatialArrays) -> bool:
 @inlined
 def record_pivot(closure: LoopClosure, spatial: SpatialArrays) -> None:
     """Record the least pivot of the rows once."""
-    if closure.best[ELIMINATION_PIVOT] == 0.0 and _is_regular(closure, spatial):
-        closure.best[ELIMINATION_PIVOT] = eliminate_rows(closure, spatial.elimination)[2]
+    if closure.best[0].elimination_pivot == 0.0 and _is_regular(closure, spatial):
+        closure.best[0].elimination_pivot = eliminate_rows(closure, spatial.elimination)[2]
 
 
 @inner
 def _is_regular_pivot(least: float, best: Array) -> bool:
     """Return whether the least pivot is about as large as it has been."""
-    return REGULAR_PIVOT * best[ELIMINATION_PIVOT] <= least <= best[ELIMINATION_PIVOT]
+    return REGULAR_PIVOT * best[0].elimination_pivot <= least <= best[0].elimination_pivot
 
 
 @fused
@@ -133,7 +124,7 @@ def project_by_elimination(
     loops, qr, elimination = closure.loops, closure.qr, spatial.elimination
     link, free, u = closure.link, closure.free, closure.u
     group, order, state, value, target = loops.group, qr.order, qr.state, closure.value, qr.target
-    if closure.best[ELIMINATION_PIVOT] == 0.0 or not _is_regular(closure, spatial):
+    if closure.best[0].elimination_pivot == 0.0 or not _is_regular(closure, spatial):
         return False
     closed = False
     for _ in range(NEWTON_STEPS + 1):
@@ -147,7 +138,7 @@ def project_by_elimination(
         rows, freedoms, least = solve_rows(loops, qr, elimination, link, free, TWO_TARGETS)
         if not _is_regular_pivot(least, closure.best):
             # the fronts, which project instead, then update their largest least pivot, too
-            closure.best[ELIMINATION_PIVOT] = max(closure.best[ELIMINATION_PIVOT], least)
+            closure.best[0].elimination_pivot = max(closure.best[0].elimination_pivot, least)
             return False
         solve_reduced(elimination, rows, freedoms, link, free, u, 0.0)
         displace(closure.layout, z, u)
@@ -207,14 +198,14 @@ def _select_rows(closure: LoopClosure, spatial: Spatial, planar: Planar, violati
     therefore left out, as in the pose itself, as long as the motion satisfies them. A linkage that comes near such a
     pose and turns back violates them; they then become active again.
     """
-    best = closure.best
+    best = closure.best[0]
     rank, least, smallest = _factorise_all_rows(closure, spatial, planar, 0.0)
-    if rank > best[LARGEST_RANK]:
-        best[LARGEST_RANK], best[LEAST_FRONT_PIVOT] = rank, least
-    elif rank == best[LARGEST_RANK]:
-        best[LEAST_FRONT_PIVOT] = max(best[LEAST_FRONT_PIVOT], least)
-    if violation <= _SINGULAR_VIOLATION and least < _SINGULAR_PIVOT * best[LEAST_FRONT_PIVOT]:
-        singular = (_SINGULAR_PIVOT * best[LEAST_FRONT_PIVOT]) ** 2
+    if rank > best.rank:
+        best.rank, best.pivot = rank, least
+    elif rank == best.rank:
+        best.pivot = max(best.pivot, least)
+    if violation <= _SINGULAR_VIOLATION and least < _SINGULAR_PIVOT * best.pivot:
+        singular = (_SINGULAR_PIVOT * best.pivot) ** 2
         fewer = _factorise_all_rows(closure, spatial, planar, singular)[0]
         if fewer:
             rank = fewer
@@ -226,10 +217,10 @@ def _select_rows(closure: LoopClosure, spatial: Spatial, planar: Planar, violati
 @inner
 def _accept_factors(closure: LoopClosure, rank: int, least: float) -> bool:
     """Keep the factors of a pose that differs by rounding, if they have the full rank and a regular least pivot."""
-    best = closure.best
-    if rank != best[LARGEST_RANK] or least < REGULAR_PIVOT * best[LEAST_FRONT_PIVOT]:
+    best = closure.best[0]
+    if rank != best.rank or least < REGULAR_PIVOT * best.pivot:
         return False
-    best[LEAST_FRONT_PIVOT] = max(best[LEAST_FRONT_PIVOT], least)
+    best.pivot = max(best.pivot, least)
     _set_active_rows(closure, rank)
     return True
 

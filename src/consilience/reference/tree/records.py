@@ -6,18 +6,8 @@ the linear and the angular part. The last link of an array is the ground.
 
 from __future__ import annotations
 
-from typing import Any
-
-import numpy as np
-
 from consilience.mechanism import Array
-from consilience.reference.bodies.records import INT, record_type
-
-
-def new_record(kind: np.dtype[Any]) -> Any:
-    """Return a record of zeros."""
-    return np.zeros(1, kind)[0]
-
+from consilience.reference.kernel.record_type import INT, record_type
 
 _MOTION, _MATRIX = (float, (2, 3)), (float, (3, 3))
 
@@ -170,6 +160,13 @@ PLANAR_FORCE = record_type(
     ("body_fixed", INT),  # whether a load turns with its body
 )
 """Force element in a plane."""
+
+DRIVEN = record_type(
+    ("row", INT),  # row of the coordinate
+    ("driver", INT),  # row of the coordinate that drives it; -1: time
+    ("law", INT),  # function
+)
+"""Drive or coupling in a plane."""
 
 GROUP = record_type(
     ("row", INT),  # first constraint row, and the one behind the last

@@ -41,9 +41,9 @@ def longest_step(model: Model) -> float:
     for n in of_time - {-1}:
         _, harmonic, piece = functions.first[n]
         _, harmonic_end, piece_end = functions.first[n + 1]
-        for w in functions.harmonics[harmonic:harmonic_end, 1]:
+        for w in functions.harmonics[harmonic:harmonic_end]["frequency"]:
             longest = min(longest, 2.0 * np.pi / (_RESOLUTION * abs(w)) if w else np.inf)
-        for left, right in functions.pieces[piece:piece_end, :2]:
+        for left, right, _ in functions.pieces[piece:piece_end]:
             longest = min(longest, _RESOLUTION * (right - left))
     return float(longest)
 
