@@ -120,7 +120,7 @@ def _solve_by_elimination(closure: LoopClosure, spatial: SpatialArrays) -> bool:
     return found
 
 
-@fused
+@inlined
 def accelerations(
     closure: LoopClosure, spatial: Spatial, elements: TreeElements | None, planar: Planar, t: float, z: Array
 ) -> None:

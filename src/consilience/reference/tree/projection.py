@@ -288,7 +288,7 @@ def _project_by_factorisation(
     place_state(closure, spatial, elements, planar, z)
 
 
-@inner
+@inlined
 def project(
     closure: LoopClosure,
     spatial: Spatial,
