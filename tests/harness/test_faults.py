@@ -14,6 +14,8 @@ from harness.processes import MARK, marked
 from mechanisms import chain
 from pace import slowness
 
+pytestmark = pytest.mark.usefixtures("answers_kept")
+
 MEMORY = 1536 * 2**20
 """Of an engine in bytes: what the honest ones need, and what is soon eaten."""
 
