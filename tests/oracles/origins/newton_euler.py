@@ -12,13 +12,7 @@ from scipy.integrate import solve_ivp
 import truth
 from consilience.case import read_motion, read_start
 from consilience.engine import InstantAnswer, TrajectoryAnswer
-from consilience.mechanism import (
-    State,
-    constraint_jacobian,
-    constraint_rates,
-    constraint_residual,
-    quaternion_product,
-)
+from consilience.mechanism import State, constraint_jacobian, constraint_rates, constraint_residual, quaternion_product
 
 TOLERANCE = 1e-11
 
