@@ -35,6 +35,7 @@ frame where its coordinate is zero; the inertia of a link is about its centre of
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -237,6 +238,7 @@ def _chain(mechanism: Mechanism, k: int, backward: bool, parent_frame: Frame, na
     return links
 
 
+@lru_cache(maxsize=32)  # adapters, and the condition at each state, ask for the tree of the same mechanism
 def to_elementary_tree(mechanism: Mechanism) -> Tree:
     """Return the elementary tree of a mechanism, with welds for its loops.
 
