@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -281,4 +282,10 @@ ELEMENTS = {
 
 
 def states_of(mechanism: Mechanism, count: int = 5, seed: int = 3) -> list[State]:
-    return random_states(mechanism, initial_state(mechanism), count, seed)
+    """Consistent random states; assembled once, because many tests ask for those of the same mechanism."""
+    return list(_states(mechanism, count, seed))
+
+
+@lru_cache(maxsize=1024)
+def _states(mechanism: Mechanism, count: int, seed: int) -> tuple[State, ...]:
+    return tuple(random_states(mechanism, initial_state(mechanism), count, seed))

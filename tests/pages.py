@@ -15,6 +15,7 @@ import sys
 import tempfile
 import time
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 from markdown_it import MarkdownIt
@@ -131,15 +132,16 @@ class Block:
         return found[1] if found else ""
 
 
-def blocks(page: Path) -> list[Block]:
+@cache
+def blocks(page: Path) -> tuple[Block, ...]:
     """Return the code blocks of a page in order; indented blocks have no language."""
     name = str(page.relative_to(ROOT))
     tokens = MarkdownIt("commonmark").parse(page.read_text(encoding="utf-8"))
-    return [
+    return tuple(
         Block(name, token.map[0] + 1, token.info.strip(), token.content)
         for token in tokens
         if token.type in ("fence", "code_block")
-    ]
+    )
 
 
 def mark(page: str, text: str) -> str:

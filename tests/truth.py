@@ -15,6 +15,7 @@ from consilience.mechanism import (
     body_point,
     constraint_gamma,
     constraint_jacobian,
+    cross,
     joint_frames,
     joint_spring_motion,
     rotation_from_quaternion,
@@ -36,7 +37,7 @@ def applied_wrenches(mechanism: Mechanism, state: State, t: float = 0.0) -> np.n
         if body != GROUND:
             i = mechanism.body_index[body]
             wrench[i, :3] += force
-            wrench[i, 3:] += np.asarray(torque) + np.cross(point_W - state.p_WB[i], force)
+            wrench[i, 3:] += np.asarray(torque) + cross(point_W - state.p_WB[i], force)
 
     for i, body in enumerate(mechanism.bodies):
         push(body.name, body.mass * mechanism.gravity, state.p_WB[i] + R[i] @ body.com)
@@ -85,22 +86,30 @@ def joint_efforts(mechanism: Mechanism, state: State, t: float):
         yield c.joint, c.coordinate, c.proportional * (target - q) + c.derivative * (target_rate - rate)
 
 
-def solve(mechanism: Mechanism, state: State, t: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return a_WB_W, alpha_WB_W, force_F, torque_F at a consistent state; least-norm multipliers where not unique."""
+def accelerations(mechanism: Mechanism, state: State, t: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Return accelerations (a_WB_W, alpha_WB_W) of each body, shape (n_b, 6), and the multipliers of all rows."""
     n = len(mechanism.bodies)
     R = rotation_from_quaternion(state.quat_WB)
     inertias = world_inertias(mechanism, state)
     M, f = np.zeros((6 * n, 6 * n)), applied_wrenches(mechanism, state, t).ravel()
     for i, body in enumerate(mechanism.bodies):
-        c, w, b = R[i] @ body.com, state.w_WB_W[i], slice(6 * i, 6 * i + 6)
+        c, w = R[i] @ body.com, state.w_WB_W[i]
         C = skew(c)
         I_origin = inertias[i] - body.mass * C @ C
-        M[b, b] = np.block([[body.mass * np.eye(3), -body.mass * C], [body.mass * C, I_origin]])
-        f[b] -= np.concatenate([body.mass * np.cross(w, np.cross(w, c)), np.cross(w, I_origin @ w)])
+        first, last = slice(6 * i, 6 * i + 3), slice(6 * i + 3, 6 * i + 6)
+        M[first, first], M[last, last] = body.mass * np.eye(3), I_origin
+        M[first, last], M[last, first] = -body.mass * C, body.mass * C
+        f[first] -= body.mass * cross(w, cross(w, c))
+        f[last] -= cross(w, I_origin @ w)
     Q, gamma = constraint_jacobian(mechanism, state, t=t), constraint_gamma(mechanism, state, t=t)
     inverse = np.linalg.inv(M)
     lam = np.linalg.lstsq(Q @ inverse @ Q.T, gamma - Q @ inverse @ f, rcond=1e-9)[0] if len(Q) else np.zeros(0)
-    a = (inverse @ (f + Q.T @ lam)).reshape(n, 6)
+    return (inverse @ (f + Q.T @ lam)).reshape(n, 6), lam
+
+
+def solve(mechanism: Mechanism, state: State, t: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return a_WB_W, alpha_WB_W, force_F, torque_F at a consistent state; least-norm multipliers where not unique."""
+    a, lam = accelerations(mechanism, state, t)
     forces, torques, start = [], [], 0
     for joint in mechanism.joints:
         frames = joint_frames(mechanism, state, joint)
@@ -109,7 +118,7 @@ def solve(mechanism: Mechanism, state: State, t: float = 0.0) -> tuple[np.ndarra
         on_successor = sum(
             (m * row_jacobian(frames, r)[6:] for m, r in zip(rows, joint.rows, strict=True)), np.zeros(6)
         )
-        force, torque = on_successor[:3], on_successor[3:] - np.cross(frames.s_j, on_successor[:3])
+        force, torque = on_successor[:3], on_successor[3:] - cross(frames.s_j, on_successor[:3])
         forces.append(frames.U.T @ force)
         torques.append(frames.U.T @ torque)
     return a[:, :3], a[:, 3:], np.array(forces), np.array(torques)

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from consilience.engine import ModelAnswer, numerical_rank, solve_constrained
-from consilience.mechanism import GROUND, Array, State, reaction_in_F
+from consilience.mechanism import GROUND, Array, State, cross, reaction_in_F
 from consilience_mujoco.actuators import load_name, load_wrench
 from consilience_mujoco.callback import first_rows
 from consilience_mujoco.messages import EngineWarningError
@@ -120,7 +120,7 @@ def _apply(translation: Translation, body: int, force: Array, torque: Array, poi
     """
     data = translation.data
     data.xfrc_applied[body, :3] += force
-    data.xfrc_applied[body, 3:] += torque + np.cross(point - data.xipos[body], force)
+    data.xfrc_applied[body, 3:] += torque + cross(point - data.xipos[body], force)
 
 
 def accelerations(translation: Translation) -> tuple[Array, Array]:
@@ -174,7 +174,7 @@ def _without(
                 torque -= effort
             else:
                 force -= effort
-                torque -= np.cross(data.xanchor[joint] - point, effort)
+                torque -= cross(data.xanchor[joint] - point, effort)
 
 
 def reactions(translation: Translation, state: State) -> tuple[Array, Array]:

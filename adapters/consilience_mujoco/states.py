@@ -14,6 +14,7 @@ from consilience.mechanism import (
     Link,
     State,
     coordinates,
+    cross,
     full_turns,
     quaternion_from_rotation,
     rotation_from_quaternion,
@@ -33,7 +34,7 @@ def _free(link: Link, _: Coordinate, state: State) -> tuple[Any, Any]:
     """Origin and its velocity in world axes, quaternion, angular velocity in axes of the link."""
     R_WL = rotation_from_quaternion(state.quat_WB[link.body]) @ link.body_frame.R.T
     arm, w = R_WL @ link.body_frame.p, state.w_WB_W[link.body]
-    position, velocity = state.p_WB[link.body] - arm, state.v_WB_W[link.body] - np.cross(w, arm)
+    position, velocity = state.p_WB[link.body] - arm, state.v_WB_W[link.body] - cross(w, arm)
     return np.concatenate([position, quaternion_from_rotation(R_WL)]), np.concatenate([velocity, R_WL.T @ w])
 
 

@@ -14,6 +14,8 @@ from harness.processes import MARK, marked
 from mechanisms import chain
 from pace import slowness
 
+pytestmark = pytest.mark.usefixtures("answers_kept")
+
 MEMORY = 1536 * 2**20
 """Of an engine in bytes: what the honest ones need, and what is soon eaten."""
 
@@ -201,7 +203,7 @@ def test_an_engine_prints_nothing_into_the_terminal_of_the_caller(cases, capfd):
 
 def test_a_hang_is_stopped_at_the_limit_and_the_next_question_answered(cases):
     """The engine ignores SIGTERM; the limit allows for a slow start and is short enough to wait for."""
-    limit = 10.0 * slowness()
+    limit = 6.0 * slowness()
     results = run_suite(cases[:1], ["hangs"], [Question.INSTANT, Question.TRAJECTORY], limit=limit)
     found = verdict(results, "hangs", "first", INSTANT)
     assert found.verdict is Verdict.FAILED

@@ -35,7 +35,7 @@ WRONG_EQUATIONS = [name for name, (question, _) in CAUGHT.items() if question is
 
 
 @pytest.fixture(scope="module")
-def comparisons():
+def comparisons(answers_kept):
     cases = [replace(load_case(name), instants=3) for name in CASES]
     results = run_suite(
         cases, ["honest", *CAUGHT], [Question.MODEL, Question.INSTANT], jobs=3, limit=400.0

@@ -13,6 +13,7 @@ import consilience.pytest_plugin.items
 import consilience.reference.engine  # noqa: F401
 
 pytest_plugins = "pytester"
+pytestmark = pytest.mark.usefixtures("answers_kept")
 
 PLUGINS = Path(__file__).parent / "plugins"
 

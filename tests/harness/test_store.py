@@ -21,6 +21,8 @@ from consilience.suite.engine_runs import EngineCase
 from consilience.suite.store import FILE, StoredAnswer, StoreError
 from mechanisms import chain, states_of
 
+pytestmark = pytest.mark.usefixtures("answers_kept")
+
 INFO = EngineInfo("mujoco", "4.0.0", "1")
 
 

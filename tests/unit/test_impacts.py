@@ -197,19 +197,21 @@ def random_contacts(mechanism, state, rng):
     return tuple(contacts)
 
 
+@cache
 def random_hits(name, count):
-    """Yield impacts of random contacts at random states; wedged mechanisms are skipped, and their number is limited."""
-    mechanism = MECHANISMS[name]
+    """Impacts of random contacts at random states; wedged mechanisms are skipped, and their number is limited."""
+    mechanism, hits = MECHANISMS[name], []
     wedged = 0
     for seed, state in enumerate(random_states_of(name, count)):
         contacts = random_contacts(mechanism, state, np.random.default_rng(seed))
         if not contacts:
             continue
         try:
-            yield mechanism, contacts, solve_impact(mechanism, state, contacts)
+            hits.append((mechanism, contacts, solve_impact(mechanism, state, contacts)))
         except NumericalFailure:
             wedged += 1
     assert wedged <= count // 4
+    return hits
 
 
 @pytest.mark.parametrize("name", MECHANISMS)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from difflib import get_close_matches
+from functools import cache
 from pathlib import Path
 
 from consilience.case.case import Case
@@ -35,7 +36,14 @@ def shipped_cases() -> list[Case]:
 
 
 def _shipped(path: Path) -> list[Case]:
-    return [replace(case, group=path.parent.name) for case in load_file(path)]
+    return list(_read(path, path.stat().st_mtime_ns))
+
+
+@cache
+def _read(path: Path, written: int) -> tuple[Case, ...]:
+    """Read a shipped file once for each time at which it was written: who asks again gets the assembled states, too."""
+    del written
+    return tuple(replace(case, group=path.parent.name) for case in load_file(path))
 
 
 def cases_like(incomplete: str) -> list[str]:

@@ -6,8 +6,11 @@ mechanism, states and a method, never a case: expected values cannot reach it.
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
+from functools import lru_cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from types import ModuleType
@@ -118,7 +121,22 @@ def engines_like(incomplete: str) -> list[str]:
 
 def installed() -> dict[str, EntryPoint]:
     """Return the entry points of all installed engines by name; no engine is imported."""
+    # the files of all distributions are read again only when a folder on the path has changed
+    return dict(_points(*(_written(folder or os.curdir) for folder in sys.path)))
+
+
+@lru_cache(maxsize=4)
+def _points(*path: tuple[str, int]) -> dict[str, EntryPoint]:
+    del path
     return {point.name: point for point in sorted(entry_points(group=GROUP), key=lambda p: p.name)}
+
+
+def _written(folder: str) -> tuple[str, int]:
+    """Return a folder and the time of its last change, in ns; zero if there is no such folder."""
+    try:
+        return folder, os.stat(folder).st_mtime_ns
+    except OSError:
+        return folder, 0
 
 
 def load_engine(name: str) -> Engine:

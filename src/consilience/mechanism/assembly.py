@@ -165,12 +165,17 @@ def row_names(mechanism: Mechanism, held: HeldCoordinates, velocities: bool) -> 
 
 def linear_system(mechanism: Mechanism, state: State, held: HeldCoordinates, t: float) -> tuple[Array, Array]:
     """Return residual and Jacobian of all holonomic rows and held coordinates at the time t."""
-    residuals = [constraint_residual(mechanism, state, t)]
-    jacobians = [constraint_jacobian(mechanism, state, t=t)[: mechanism.holonomic_count]]
-    for joint, coordinate, target in held:
-        residuals.append(held_error(mechanism, state, joint, coordinate, target))
-        jacobians.append(scatter(mechanism, joint, held_rows(mechanism, state, joint, coordinate)))
-    return np.concatenate(residuals), np.vstack(jacobians)
+    return _residual(mechanism, state, held, t), _jacobian(mechanism, state, held, t)
+
+
+def _residual(mechanism: Mechanism, state: State, held: HeldCoordinates, t: float) -> Array:
+    errors = [held_error(mechanism, state, joint, coordinate, target) for joint, coordinate, target in held]
+    return np.concatenate([constraint_residual(mechanism, state, t), *errors])
+
+
+def _jacobian(mechanism: Mechanism, state: State, held: HeldCoordinates, t: float) -> Array:
+    rows = [scatter(mechanism, joint, held_rows(mechanism, state, joint, name)) for joint, name, _ in held]
+    return np.vstack([constraint_jacobian(mechanism, state, t=t)[: mechanism.holonomic_count], *rows])
 
 
 def assemble_positions(
@@ -193,19 +198,19 @@ def assemble_positions(
     """
     held = held or []
     state = guess
-    residual, jacobian = linear_system(mechanism, state, held, t)
+    residual = _residual(mechanism, state, held, t)
     error = largest_residual(residual)
     for _ in range(MAX_ITERATIONS):
         if error == 0.0:
             break
-        step = np.linalg.lstsq(jacobian, -residual, rcond=RANK_TOLERANCE)[0]
+        step = np.linalg.lstsq(_jacobian(mechanism, state, held, t), -residual, rcond=RANK_TOLERANCE)[0]
         # beyond a radian or so the linear model is meaningless
         step *= min(1.0, 1.0 / max(largest_residual(step), 1e-300))
         trial = move(state, step)
-        trial_residual, trial_jacobian = linear_system(mechanism, trial, held, t)
+        trial_residual = _residual(mechanism, trial, held, t)
         if error < CONVERGED and largest_residual(trial_residual) >= error:
             break
-        state, residual, jacobian, error = trial, trial_residual, trial_jacobian, largest_residual(trial_residual)
+        state, residual, error = trial, trial_residual, largest_residual(trial_residual)
     if error > CONVERGED * max(1.0, largest_residual(state.p_WB)):
         worst = int(np.argmax(np.abs(residual)))
         raise CannotAssemble(

@@ -50,8 +50,9 @@ def constraint_residual(mechanism: Mechanism, state: State, t: float = 0.0, angl
     """
     values = []
     for joint in mechanism.joints:
-        frames = joint_frames(mechanism, state, joint)
-        values += [row_value(frames, row) - row_target(joint, row) for row in joint.rows]
+        if joint.rows:
+            frames = joint_frames(mechanism, state, joint)
+            values += [row_value(frames, row) - row_target(joint, row) for row in joint.rows]
     values += [row.value for row in holonomic_rows(mechanism, state, t, angles or {})]
     return np.array(values)
 

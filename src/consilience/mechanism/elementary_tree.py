@@ -35,6 +35,7 @@ frame where its coordinate is zero; the inertia of a link is about its centre of
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -43,7 +44,7 @@ from consilience.errors import InvalidInput
 from consilience.mechanism.constraints import RelativeMotion, relative_motion
 from consilience.mechanism.model import GROUND, Frame, Joint, Mechanism, State
 from consilience.mechanism.spanning_tree import spanning_tree
-from consilience.mechanism.spatial import Array, elementary_rotation, quaternion_from_rotation
+from consilience.mechanism.spatial import Array, cross, elementary_rotation, quaternion_from_rotation
 
 ElementaryJoint = Literal["R", "P", "S", "F", "W"]
 
@@ -237,6 +238,7 @@ def _chain(mechanism: Mechanism, k: int, backward: bool, parent_frame: Frame, na
     return links
 
 
+@lru_cache(maxsize=32)  # adapters, and the condition at each state, ask for the tree of the same mechanism
 def to_elementary_tree(mechanism: Mechanism) -> Tree:
     """Return the elementary tree of a mechanism, with welds for its loops.
 
@@ -325,17 +327,18 @@ def coordinates(mechanism: Mechanism, tree: Tree, state: State) -> list[Coordina
 
 def _chain_coordinates(chain: str, motion: RelativeMotion) -> list[Coordinate]:
     """Coordinates of the chain of one joint, from the motion of its end frame relative to its start frame."""
+    if chain == "rod":
+        return _rod_coordinates(motion)
     R, p, v, w = motion.R, motion.p, motion.v, motion.w
     angle = Coordinate(q=float(np.arctan2(R[1, 0], R[0, 0])), rate=float(w[2]))
+    if chain == "revolute":
+        return [angle]  # of the most frequent joint, nothing else is computed
     slide = [Coordinate(q=float(p[n]), rate=float(v[n])) for n in range(3)]
     quat, w_link = quaternion_from_rotation(R), R.T @ w
     ball = Coordinate(quat=quat, w=w_link)
-    p_seen, v_seen = R.T @ p, R.T @ (v - np.cross(w, p))  # in the axes of the end frame
+    p_seen, v_seen = R.T @ p, R.T @ (v - cross(w, p))  # in the axes of the end frame
     seen = [Coordinate(q=float(p_seen[n]), rate=float(v_seen[n])) for n in range(3)]
-    if chain == "rod":
-        return _rod_coordinates(motion)
     return {
-        "revolute": [angle],
         "prismatic": [slide[2]],
         "cylindrical": [slide[2], angle],
         "universal": [angle, Coordinate(q=float(np.arctan2(R[2, 1], R[2, 2])), rate=float(R[:, 0] @ w))],

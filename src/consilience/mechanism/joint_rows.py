@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -55,12 +56,12 @@ class JointFrames:
     w_j: Array
     pitch: float = 0.0
 
-    @property
+    @cached_property
     def d_dot(self) -> Array:
         """Velocity of the origin of M relative to that of F, in world axes."""
         return self.v_j + cross(self.w_j, self.s_j) - self.v_i - cross(self.w_i, self.s_i)
 
-    @property
+    @cached_property
     def centripetal(self) -> Array:
         """Part of the relative acceleration of the origins of F and M that is quadratic in the angular velocities."""
         w_i, w_j = self.w_i, self.w_j
@@ -157,7 +158,8 @@ def row_jacobians(frames: JointFrames, rows: Sequence[str]) -> Array:
             found.append([0.0, 0.0, 0.0, x, y, z, 0.0, 0.0, 0.0, -x, -y, -z])
         elif row in "XYZ":
             u = U["XYZ".index(row)]
-            found.append([-u[0], -u[1], -u[2], *(-x for x in plain_cross(arm, u)), *u, *plain_cross(s_j, u)])
+            x, y, z = plain_cross(arm, u)
+            found.append([-u[0], -u[1], -u[2], -x, -y, -z, *u, *plain_cross(s_j, u)])
         elif row == "L":
             e = frames.d / np.linalg.norm(frames.d)
             found.append([*-e, *-cross(frames.s_i, e), *e, *cross(frames.s_j, e)])
@@ -169,20 +171,20 @@ def row_jacobians(frames: JointFrames, rows: Sequence[str]) -> Array:
 
 def row_gamma(frames: JointFrames, row: str) -> float:
     """Return gamma of a basic constraint."""
-    w_i, w_j, d_dot = frames.w_i, frames.w_j, frames.d_dot
+    w_i, w_j = frames.w_i, frames.w_j
     if row[0] == "D":
         u, w = frames.U[:, int(row[1]) - 1], frames.W[:, int(row[2]) - 1]
         u_dot, w_dot = cross(w_i, u), cross(w_j, w)
         return -float(cross(w_i, u_dot) @ w + 2 * u_dot @ w_dot + u @ cross(w_j, w_dot))
     if row == "L":
         L = np.linalg.norm(frames.d)
-        e = frames.d / L
+        e, d_dot = frames.d / L, frames.d_dot
         return -float((d_dot @ d_dot - (e @ d_dot) ** 2) / L + e @ frames.centripetal)
     if row == "H":
         return row_gamma(frames, "Z") - frames.pitch / TURN * coordinate_gamma(frames, "angle")
     u = frames.U[:, "XYZ".index(row)]
     u_dot = cross(w_i, u)
-    return -float(cross(w_i, u_dot) @ frames.d + 2 * u_dot @ d_dot + u @ frames.centripetal)
+    return -float(cross(w_i, u_dot) @ frames.d + 2 * u_dot @ frames.d_dot + u @ frames.centripetal)
 
 
 def row_target(joint: Joint, row: str) -> float:

@@ -343,7 +343,8 @@ class State:
         n = len(self.p_WB)
         for name, width in (("p_WB", 3), ("quat_WB", 4), ("v_WB_W", 3), ("w_WB_W", 3)):
             object.__setattr__(self, name, fixed_array(getattr(self, name), (n, width)))
-        if n and np.max(np.abs(np.linalg.norm(self.quat_WB, axis=1) - 1.0)) > 1e-12:
+        lengths = np.sqrt((self.quat_WB * self.quat_WB).sum(axis=1))
+        if n and abs(lengths - 1.0).max() > 1e-12:
             raise InvalidInput("state: quat_WB", "a quaternion is not unit", "Normalise it before building a state.")
 
     @cached_property

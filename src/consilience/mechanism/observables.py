@@ -21,9 +21,9 @@ from consilience.mechanism.constraints import (
     null_space,
     relative_motion,
 )
-from consilience.mechanism.joint_rows import joint_frames, row_jacobian
+from consilience.mechanism.joint_rows import joint_frames, row_jacobians
 from consilience.mechanism.model import GROUND, Joint, Mechanism, State
-from consilience.mechanism.spatial import Array, cross, skew
+from consilience.mechanism.spatial import Array, crosses, skew
 
 _DETERMINED_TOLERANCE = 1e-6
 """Largest reaction, in the null space of ``Q^T``, of a component that counts as determined: far above the rounding of a
@@ -59,7 +59,7 @@ def _masses(mechanism: Mechanism) -> Array:
 def centres_of_mass(mechanism: Mechanism, motion: BodyMotion) -> tuple[Array, Array]:
     """Return positions and velocities of the bodies' centres of mass, each shape (..., n_b, 3), world axes."""
     arms = np.einsum("...bij,bj->...bi", motion.R_WB, np.array([b.com for b in mechanism.bodies]))
-    return motion.p_WB + arms, motion.v_WB_W + np.cross(motion.w_WB_W, arms)
+    return motion.p_WB + arms, motion.v_WB_W + crosses(motion.w_WB_W, arms)
 
 
 def world_inertias(mechanism: Mechanism, motion: BodyMotion) -> Array:
@@ -88,7 +88,7 @@ def body_point(mechanism: Mechanism, motion: BodyMotion, body: str, point: Array
         return point, np.zeros(3)
     i = mechanism.body_index[body]
     arm = motion.R_WB[..., i, :, :] @ point
-    return motion.p_WB[..., i, :] + arm, motion.v_WB_W[..., i, :] + np.cross(motion.w_WB_W[..., i, :], arm)
+    return motion.p_WB[..., i, :] + arm, motion.v_WB_W[..., i, :] + crosses(motion.w_WB_W[..., i, :], arm)
 
 
 def joint_spring_motion(mechanism: Mechanism, state: State, joint: str, coordinate: str) -> tuple[float, float]:
@@ -168,7 +168,7 @@ def angular_momentum(mechanism: Mechanism, state: State) -> Array:
     """Return the angular momentum about the world origin in kg m^2/s, shape (3,)."""
     r, v = centres_of_mass(mechanism, state)
     spin = np.einsum("bij,bj->i", world_inertias(mechanism, state), state.w_WB_W)
-    return np.cross(r, _masses(mechanism)[:, None] * v).sum(axis=0) + spin
+    return crosses(r, _masses(mechanism)[:, None] * v).sum(axis=0) + spin
 
 
 def mass_matrix(mechanism: Mechanism, state: State) -> Array:
@@ -186,13 +186,10 @@ def mass_matrix(mechanism: Mechanism, state: State) -> Array:
 def reaction_map(mechanism: Mechanism, state: State, joint: Joint) -> Array:
     """Return the wrench on the successor per multiplier: force and torque at the origin of M, axes of F, (6, rows)."""
     frames = joint_frames(mechanism, state, joint)
-    columns = []
-    for row in joint.rows:
-        coefficients = row_jacobian(frames, row)[6:]
-        force = coefficients[:3]
-        torque = coefficients[3:] - cross(frames.s_j, force)
-        columns.append(np.concatenate([frames.U.T @ force, frames.U.T @ torque]))
-    return np.array(columns).T.reshape(6, len(joint.rows))
+    coefficients = row_jacobians(frames, joint.rows)
+    force = coefficients[:, 6:9]
+    torque = coefficients[:, 9:] - crosses(frames.s_j, force)
+    return np.concatenate([frames.U.T @ force.T, frames.U.T @ torque.T])
 
 
 def determinate_reactions(mechanism: Mechanism, state: State) -> NDArray[np.bool_]:

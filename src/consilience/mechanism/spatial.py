@@ -31,7 +31,7 @@ def fixed_array(value: ArrayLike, shape: tuple[int, ...]) -> Array:
     a = np.array(value, dtype=float)
     if a.shape != shape:
         raise InvalidInput("array", f"shape {a.shape}", f"Give an array of shape {shape}.")
-    if not np.all(np.isfinite(a)):
+    if not np.isfinite(a).all():
         raise InvalidInput("array", "a component is not finite", "Give finite numbers.")
     a.setflags(write=False)
     return a
@@ -46,6 +46,14 @@ def skew(a: ArrayLike) -> Array:
 def cross(a: Array, b: Array) -> Array:
     """Return the vector product of two vectors of shape (3,), for which `numpy.cross` is several times slower."""
     return np.array(plain_cross(a.tolist(), b.tolist()))
+
+
+def crosses(a: Array, b: Array) -> Array:
+    """Return the vector products of arrays of vectors, shape (..., 3); `numpy.cross` is several times slower."""
+    found = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    for k, (i, j) in enumerate(((1, 2), (2, 0), (0, 1))):
+        found[..., k] = a[..., i] * b[..., j] - a[..., j] * b[..., i]
+    return found
 
 
 def plain_cross(a: Sequence[float], b: Sequence[float]) -> list[float]:
@@ -116,17 +124,15 @@ def quaternion_from_rotation(R: ArrayLike) -> Array:
 
 def quaternion_product(p: ArrayLike, q: ArrayLike) -> Array:
     """Return Hamilton's product: the rotation ``q`` followed by ``p``, ``R(p q) = R(p) @ R(q)``."""
-    p0, p1, p2, p3 = np.moveaxis(np.asarray(p, dtype=float), -1, 0)
-    q0, q1, q2, q3 = np.moveaxis(np.asarray(q, dtype=float), -1, 0)
-    return np.stack(
-        [
-            p0 * q0 - p1 * q1 - p2 * q2 - p3 * q3,
-            p0 * q1 + p1 * q0 + p2 * q3 - p3 * q2,
-            p0 * q2 - p1 * q3 + p2 * q0 + p3 * q1,
-            p0 * q3 + p1 * q2 - p2 * q1 + p3 * q0,
-        ],
-        axis=-1,
-    )
+    p, q = np.asarray(p, dtype=float), np.asarray(q, dtype=float)
+    p0, p1, p2, p3 = (p[..., k] for k in range(4))
+    q0, q1, q2, q3 = (q[..., k] for k in range(4))
+    product = np.empty(np.broadcast_shapes(p.shape, q.shape))
+    product[..., 0] = p0 * q0 - p1 * q1 - p2 * q2 - p3 * q3
+    product[..., 1] = p0 * q1 + p1 * q0 + p2 * q3 - p3 * q2
+    product[..., 2] = p0 * q2 - p1 * q3 + p2 * q0 + p3 * q1
+    product[..., 3] = p0 * q3 + p1 * q2 - p2 * q1 + p3 * q0
+    return product
 
 
 def quaternion_from_rotation_vector(phi: ArrayLike) -> Array:

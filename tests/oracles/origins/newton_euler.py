@@ -12,14 +12,7 @@ from scipy.integrate import solve_ivp
 import truth
 from consilience.case import read_motion, read_start
 from consilience.engine import InstantAnswer, TrajectoryAnswer
-from consilience.mechanism import (
-    State,
-    constraint_jacobian,
-    constraint_rates,
-    constraint_residual,
-    euler_parameter_matrix,
-    rotation_from_quaternion,
-)
+from consilience.mechanism import State, constraint_jacobian, constraint_rates, constraint_residual, quaternion_product
 
 TOLERANCE = 1e-11
 
@@ -35,15 +28,14 @@ def _pack(state):
 
 
 def _quaternion_rates(quat, w_W):
-    body = np.einsum("bji,bj->bi", rotation_from_quaternion(quat), w_W)
-    return np.array([0.5 * euler_parameter_matrix(q).T @ w for q, w in zip(quat, body, strict=True)])
+    return 0.5 * quaternion_product(np.hstack([np.zeros((len(quat), 1)), w_W]), quat)
 
 
 def _derivative(t, y, mechanism):
     state = _unpack(y, len(mechanism.bodies))
-    a, alpha, _, _ = truth.solve(mechanism, state, t)
+    a, _ = truth.accelerations(mechanism, state, t)
     rates = _quaternion_rates(state.quat_WB, state.w_WB_W)
-    return np.concatenate([state.v_WB_W.ravel(), rates.ravel(), a.ravel(), alpha.ravel()])
+    return np.concatenate([state.v_WB_W.ravel(), rates.ravel(), a[:, :3].ravel(), a[:, 3:].ravel()])
 
 
 def _on_constraints(mechanism, state, t):
