@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from consilience.engine import TrajectoryAnswer
+from consilience.engine import TrajectoryAnswer, steps_per_sample
 from consilience.mechanism import RANK_TOLERANCE, Array, State, continuous_in_time, quaternion_from_rotation
 from consilience_exudyn.kinematic_tree import KinematicTree
 from consilience_exudyn.library import SETTINGS, exu, simulation_settings
@@ -40,7 +40,7 @@ def solve(system: Any, integration: Integration, times: Array, step: float) -> i
         Newton's iteration fails, a matrix is singular, or the run stops before the end.
     """
     interval = float(times[1] - times[0])
-    steps = (len(times) - 1) * round(interval / step)
+    steps = (len(times) - 1) * steps_per_sample(times, step)
     settings = simulation_settings(integration.settings)
     settings.solution.sensors.writePeriod = interval
     settings.timeIntegration.startTime = float(times[0])

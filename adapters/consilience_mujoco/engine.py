@@ -22,10 +22,13 @@ from consilience.engine import (
     Unsupported,
     beyond,
     feature_names,
+    steps_per_sample,
+    suited_rods,
     without_screws,
 )
 from consilience.mechanism import Array, Mechanism, State, Tree, continuous_in_time, to_elementary_tree
 from consilience_mujoco.callback import answering
+from consilience_mujoco.charts import advance
 from consilience_mujoco.evaluate import (
     accelerations,
     check_solved,
@@ -111,7 +114,7 @@ class MujocoEngine:
 
     def model(self, mechanism: Mechanism, state: State, method: Method) -> ModelAnswer:
         """Return mass properties and freedom of the compiled model at a state."""
-        translation = self._prepare(mechanism, method)
+        translation = self._prepare(mechanism, state, method)
         with warnings_raise(), answering(translation):
             set_state(translation, state)
             mujoco.mj_forward(translation.model, translation.data)
@@ -119,10 +122,10 @@ class MujocoEngine:
 
     def instant(self, mechanism: Mechanism, states: Sequence[State], method: Method) -> InstantAnswer:
         """Return accelerations, joint reactions and energies at consistent states."""
-        translation = self._prepare(mechanism, method)
         rows: list[tuple[Any, ...]] = []
-        with warnings_raise(), answering(translation):
-            for state in states:
+        for state in states:
+            translation = self._prepare(mechanism, state, method)
+            with warnings_raise(), answering(translation):
                 set_state(translation, state)
                 mujoco.mj_forward(translation.model, translation.data)
                 if method.route is Route.HARNESS_SOLVE:
@@ -130,7 +133,8 @@ class MujocoEngine:
                 if method.profile is Profile.MATCHED:
                     check_solved(translation)
                 evaluate_bodies(translation)
-                rows.append((*accelerations(translation), *reactions(translation, state), *energies(translation)))
+                wrenches = reactions(mechanism, translation, state)
+                rows.append((*accelerations(translation), *wrenches, *energies(translation)))
         return InstantAnswer(*(np.array(column) for column in zip(*rows, strict=True)))
 
     def trajectory(
@@ -143,22 +147,20 @@ class MujocoEngine:
         mechanism, state, times, method, step
             As in `consilience.engine.Engine.trajectory`.
         """
-        translation = self._prepare(mechanism, method)
-        model, data = translation.model, translation.data
-        interval = float(times[1] - times[0])
-        steps = round(interval / step)
-        model.opt.timestep = interval / steps
-        checked = bool(model.neq) and method.profile is Profile.MATCHED
+        translation = self._prepare(mechanism, state, method)
+        steps = steps_per_sample(times, step)
+        translation.model.opt.timestep = float(times[1] - times[0]) / steps
+        checked = bool(translation.model.neq) and method.profile is Profile.MATCHED
         rank = self._cut(translation, state) if checked else None
         samples = []
         set_state(translation, state)
         for n in range(len(times)):
-            with warnings_raise(), answering(translation, rank):
-                if n > 0:
-                    data.time = times[n - 1]  # MuJoCo's clock sums up steps and their rounding errors
-                    mujoco.mj_step(model, data, steps)
-                if checked:
-                    mujoco.mj_forward(model, data)
+            if n > 0:
+                translation.data.time = times[n - 1]  # MuJoCo's clock sums up steps and their rounding errors
+                translation = advance(translation, steps, rank)
+            if checked:
+                with warnings_raise(), answering(translation, rank):
+                    mujoco.mj_forward(translation.model, translation.data)
                     check_solved(translation)
             samples.append(poses_and_velocities(translation))
         p, quat, v, w = (np.array(column) for column in zip(*samples, strict=True))
@@ -174,10 +176,11 @@ class MujocoEngine:
         rank, rows = constraint_rank(translation)
         return rank if rank < rows else None
 
-    def _prepare(self, mechanism: Mechanism, method: Method) -> Translation:
-        """Compiled model of a mechanism with the settings of a method; the last one is kept."""
-        if self._compiled is None or self._compiled.mechanism is not mechanism:
-            self._compiled, self._last = translate(mechanism), None
+    def _prepare(self, mechanism: Mechanism, state: State, method: Method) -> Translation:
+        """Compiled model, with the settings of a method, whose rods are far from singular; the last one is kept."""
+        suited = suited_rods(mechanism, state)
+        if self._compiled is None or self._compiled.mechanism is not suited:
+            self._compiled, self._last = translate(suited), None
         if self._last is None or self._last[0] != method:
             self._last = method, configured(self._compiled, method)
         return self._last[1]

@@ -29,11 +29,14 @@ from consilience.engine.protocol import (
     load_engine,
     require_installed,
     split_name,
+    steps_per_sample,
 )
 from consilience.engine.questions import Answer, Question, defects, load_named
+from consilience.engine.rods import ROD_MARGIN, rod_turn, rods_of, suited_rods, turned_rods
 
 __all__ = [
     "ELEMENTARY",
+    "ROD_MARGIN",
     "Answer",
     "Engine",
     "EngineInfo",
@@ -64,8 +67,13 @@ __all__ = [
     "numerical_rank",
     "pip_requirement",
     "require_installed",
+    "rod_turn",
+    "rods_of",
     "runge_kutta_4",
     "solve_constrained",
     "split_name",
+    "steps_per_sample",
+    "suited_rods",
+    "turned_rods",
     "without_screws",
 ]
