@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from consilience.engine import TrajectoryAnswer, steps_per_sample
+from consilience.engine import TrajectoryAnswer, require_stable, steps_per_sample
 from consilience.mechanism import RANK_TOLERANCE, Array, Mechanism, State, continuous_in_time, quaternion_from_rotation
 from consilience_exudyn.kinematic_tree import KinematicTree
 from consilience_exudyn.library import SETTINGS, exu, simulation_settings
@@ -200,6 +200,7 @@ def tree_answer(model: KinematicTree, times: Array, step: float) -> TrajectoryAn
     steps = solve(model.system, RUNGE_KUTTA, times, step)
     series = [[stored(model.system, sensor, times) for sensor in four] for four in model.sensors]
     p, R, v, w = (np.stack([body[n] for body in series], axis=1) for n in range(4))
+    require_stable(p, step)
     R_WB = R.reshape(*R.shape[:2], 3, 3) @ model.R_LB
     return TrajectoryAnswer(
         time=times.copy(),

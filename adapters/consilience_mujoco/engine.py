@@ -41,7 +41,7 @@ from consilience_mujoco.evaluate import (
 )
 from consilience_mujoco.manifest import manifest
 from consilience_mujoco.messages import warnings_raise
-from consilience_mujoco.methods import configured, evaluations, methods
+from consilience_mujoco.methods import STIFF, configured, evaluations, methods
 from consilience_mujoco.rows import count_rows
 from consilience_mujoco.states import poses_and_velocities, set_state
 from consilience_mujoco.translate import Translation, slides_behind_balls, springs_cancel, springs_on, translate
@@ -106,7 +106,14 @@ class MujocoEngine:
 
     def methods(self, mechanism: Mechanism, question: Question) -> tuple[Method, ...]:
         """Return the methods that answer the question, the headline method first."""
-        return methods(question, count_rows(mechanism, self._tree(mechanism)))
+        return methods(question, count_rows(mechanism, self._tree(mechanism)), self._stiff(mechanism))
+
+    def _stiff(self, mechanism: Mechanism) -> bool:
+        """Whether a joint's damper decays faster than `STIFF`, in the drawing."""
+        if not (mechanism.joint_springs or mechanism.frictions):
+            return False
+        model = self._compile(mechanism).model
+        return float(np.max(model.dof_damping * model.dof_invweight0, initial=0.0)) > STIFF
 
     def manifest(self, mechanism: Mechanism) -> Manifest:
         """Return the features that the translation keeps exact, and those that it approximates."""
@@ -176,11 +183,15 @@ class MujocoEngine:
         rank, rows = constraint_rank(translation)
         return rank if rank < rows else None
 
+    def _compile(self, mechanism: Mechanism) -> Translation:
+        """Compiled model of a mechanism; the last one is kept."""
+        if self._compiled is None or self._compiled.mechanism is not mechanism:
+            self._compiled, self._last = translate(mechanism), None
+        return self._compiled
+
     def _prepare(self, mechanism: Mechanism, state: State, method: Method) -> Translation:
         """Compiled model, with the settings of a method, whose rods are far from singular; the last one is kept."""
-        suited = suited_rods(mechanism, state)
-        if self._compiled is None or self._compiled.mechanism is not suited:
-            self._compiled, self._last = translate(suited), None
+        compiled = self._compile(suited_rods(mechanism, state))
         if self._last is None or self._last[0] != method:
-            self._last = method, configured(self._compiled, method)
+            self._last = method, configured(compiled, method)
         return self._last[1]
