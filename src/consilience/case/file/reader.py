@@ -26,7 +26,7 @@ from consilience.case.file.schema import (
     VariantTable,
 )
 from consilience.case.file.values import LARGEST, Orientation
-from consilience.case.published import OF_A_JOINT, Published, has_coordinate
+from consilience.case.published import ACCELERATIONS, OF_A_JOINT, REACTIONS, Published, has_coordinate
 from consilience.errors import InvalidInput
 from consilience.mechanism import (
     GROUND,
@@ -174,6 +174,11 @@ def _published(mechanism: Mechanism, tables: list[PublishedTable], span: Traject
             raise InvalidInput(
                 f"{where}.time", f"{table.time:g} s is no sample of the trajectory", "Choose a time of its grid."
             )
+        if table.time and table.observable in (*ACCELERATIONS, *REACTIONS):
+            integrating = [c.name for c in mechanism.controls if c.integral]
+            if integrating:
+                what = f"{table.observable} at {table.time:g} s depends on the integral of control '{integrating[0]}'"
+                raise InvalidInput(f"{where}.observable", what, "Expect positions or velocities, or give the time 0.")
         for k, value in table.components().items():
             stated = table.model_dump(include={"observable", "time", "uncertainty", "source", "origin", "second"})
             yield Published(of=of, component=k, value=value, **stated)
