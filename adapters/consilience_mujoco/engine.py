@@ -80,6 +80,7 @@ class MujocoEngine:
         refused = beyond(mechanism, FEATURES, "MuJoCo")
         if refused:
             return refused
+        reason = f"MuJoCo takes no mass and no principal moment of {mujoco.mjMINVAL:g} or less (mjMINVAL)"
         tendons = [
             Unsupported(f"spring '{s.name}': free length {s.free_length} m", "a tendon has no negative rest length")
             for s in mechanism.springs
@@ -92,6 +93,11 @@ class MujocoEngine:
             )
             for link in self._tree(mechanism).links
             if springs_cancel(springs_on(mechanism, link))
+        ]
+        joints += [
+            Unsupported(f"body '{mechanism.bodies[link.body].name}': {least:g} kg or kg m^2", reason)
+            for link in self._tree(mechanism).links
+            if link.body >= 0 and (least := min(link.mass, np.linalg.eigvalsh(link.inertia)[0])) <= mujoco.mjMINVAL
         ]
         if question is Question.MODEL:
             return (*tendons, *joints)

@@ -384,3 +384,16 @@ def test_a_stiff_damper_gets_an_implicit_method():
         engine.trajectory(mechanism, state, times, rk4, 0.05 / rk4.substeps[-1])
     soft = replace(mechanism, joint_springs=(replace(damper, damping=1.0),))
     assert "implicitfast" not in [m.name for m in engine.methods(soft, Question.TRAJECTORY)]
+
+
+@pytest.mark.parametrize(("mass", "moment"), [(1e-16, 1.0), (1.0, 1e-15)])
+def test_bodies_below_the_bound_of_mujoco_are_unsupported(mass, moment):
+    base = TREES["single_revolute"]
+    inertia = np.diag([moment, 1.1 * moment, 1.2 * moment])
+    mechanism = replace(base, bodies=(replace(base.bodies[0], mass=mass, inertia=inertia),))
+    for question in Question:
+        (refusal,) = MujocoEngine().unsupported(mechanism, question)
+        assert refusal.feature == f"body 'b0': {min(mass, moment):g} kg or kg m^2"
+        assert "1e-15" in refusal.reason
+    with pytest.raises(ValueError, match="mjMINVAL"):
+        translate(mechanism)

@@ -6,7 +6,7 @@ The mechanism is drawn in the world in an assembled pose. A joint is one frame o
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -212,6 +212,13 @@ def _mechanism(name: str, table: CaseTable) -> Mechanism:
     )
 
 
+def _rod_axis(at: Sequence[float], to: Sequence[float], where: str) -> list[float]:
+    axis = [b - a for a, b in zip(at, to, strict=True)]
+    if not any(axis):
+        raise InvalidInput(f"{where}: to", "the ends of the rod coincide", "Draw the two ends of the rod apart.")
+    return axis
+
+
 def _joint_axes(j: JointTable) -> Array:
     """Axes of F and M in the world of the drawing."""
     where = f"joint '{j.name}'"
@@ -221,7 +228,7 @@ def _joint_axes(j: JointTable) -> Array:
             raise InvalidInput(f"{where}: to", "the field is missing", "Give the other end of the rod in the drawing.")
         if j.axis is not None:
             raise InvalidInput(f"{where}: axis", "a rod has none", "Remove it: z of F is along the rod as drawn.")
-        axis = [b - a for a, b in zip(j.at, j.to, strict=True)]
+        axis = _rod_axis(j.at, j.to, where)
     elif j.to is not None:
         raise InvalidInput(f"{where}: to", f"a {j.kind} joint has none", "Remove it: only a rod has a second end.")
     if axis is None:
