@@ -44,7 +44,14 @@ from consilience_mujoco.messages import warnings_raise
 from consilience_mujoco.methods import STIFF, configured, evaluations, methods
 from consilience_mujoco.rows import count_rows
 from consilience_mujoco.states import poses_and_velocities, set_state
-from consilience_mujoco.translate import Translation, slides_behind_balls, springs_cancel, springs_on, translate
+from consilience_mujoco.translate import (
+    Translation,
+    principal_inertia,
+    slides_behind_balls,
+    springs_cancel,
+    springs_on,
+    translate,
+)
 
 FEATURES = feature_names(
     joints="revolute, prismatic, cylindrical, universal, spherical, planar, rigid, rod, free, screw, "
@@ -97,7 +104,7 @@ class MujocoEngine:
         joints += [
             Unsupported(f"body '{mechanism.bodies[link.body].name}': {least:g} kg or kg m^2", reason)
             for link in self._tree(mechanism).links
-            if link.body >= 0 and (least := min(link.mass, np.linalg.eigvalsh(link.inertia)[0])) <= mujoco.mjMINVAL
+            if link.body >= 0 and (least := min(link.mass, principal_inertia(link.inertia)[0][0])) <= mujoco.mjMINVAL
         ]
         if question is Question.MODEL:
             return (*tendons, *joints)
